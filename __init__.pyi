@@ -13,6 +13,7 @@ from .acquisition import find_presses as find_presses
 from .acquisition import high_pass as high_pass
 from .acquisition import load_press as load_press
 from .acquisition import load_study as load_study
+from .acquisition import look as look
 from .acquisition import record as record
 from .acquisition import recover as recover
 from .acquisition import representative as representative
@@ -49,6 +50,7 @@ from .calibration import check_feeling as check_feeling
 from .calibration import drive_for as drive_for
 from .calibration import examine as examine
 from .calibration import examine_each as examine_each
+from .calibration import examine_loop as examine_loop
 from .calibration import fit as fit
 from .calibration import learn as learn
 from .calibration import linear_sweep as linear_sweep
@@ -70,6 +72,7 @@ from .exchange import export_file as export_file
 from .exchange import import_press as import_press
 from .exchange import import_response as import_response
 from .exchange import is_response_file as is_response_file
+from .exchange import load as load
 from .exchange.catalogue import Entry as Entry
 from .exchange.catalogue import list_files as list_files
 from .exchange.processing import Processed as Processed
@@ -109,10 +112,14 @@ from .instruments import Unattended as Unattended
 from .instruments import levels as levels
 from .instruments import load_rig_file as load_rig_file
 from .instruments import log_entries as log_entries
+from .instruments import mask as mask
 from .instruments import open_rig as open_rig
+from .instruments import played as played
+from .instruments import recorded as recorded
 from .instruments import reset_lockout as reset_lockout
 from .instruments import rig_schema as rig_schema
 from .instruments import silent as silent
+from .instruments import tape_rig as tape_rig
 from .instruments import watch_live as watch_live
 from .mocks.participant import ParticipantModel as ParticipantModel
 from .mocks.participant import SimulatedParticipant as SimulatedParticipant

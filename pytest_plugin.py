@@ -97,7 +97,7 @@ class Rigs:
             settings = dict(plant)
             # A plant's name is a key like any other; an object replaces the plant.
             given = None if isinstance(plant.get("plant"), str) else settings.pop("plant", None)
-            return instruments.open_rig(file, simulate=simulate, simulation=settings, plant=given)  # type: ignore[arg-type]
+            return instruments.open_rig(file, simulate=simulate, simulation=settings, plant=given)
         self._hold()
         try:
             return instruments.open_rig(file)

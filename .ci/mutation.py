@@ -76,6 +76,8 @@ TESTS: dict[str, tuple[str, ...]] = {
     ),
     "experiments/contact/area.py": ("tests/experiments/contact/test_area_by_hand.py",),
     "calibration/drive/check.py": (f"{DRIVE}verdict_by_hand.py", f"{DRIVE}check.py"),
+    "calibration/drive/checked.py": (f"{DRIVE}verdict_by_hand.py", f"{DRIVE}check.py"),
+    "calibration/drive/verdict.py": (f"{DRIVE}verdict_by_hand.py",),
     "calibration/drive/agreement.py": (f"{DRIVE}verdict_by_hand.py",),
 }
 """The tests that have to notice a change of each module: those that are run in a minute at most."""

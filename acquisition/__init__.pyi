@@ -26,6 +26,7 @@ from .recording import verify as verify
 from .session import Study as Study
 from .session import StudyProgress as StudyProgress
 from .session import load_study as load_study
+from .session import look as look
 from .session import open_part as open_part
 from .session import record as record
 from .session import run_study as run_study

@@ -12,6 +12,7 @@ import os
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -69,9 +70,7 @@ def main(words: Sequence[str] | None = None) -> list[Row]:
                         found[method].setdefault(name, []).append(result)
         for method in METHODS:
             tell(world, method, found[method])
-            errors = {
-                name: [100 * one.wideband_nrmse for one in each] for name, each in found[method].items()
-            }
+            errors = {name: [100 * one.error for one in each] for name, each in found[method].items()}
             paper, *own = errors
             rows += [
                 Row(
@@ -135,17 +134,17 @@ def tell(world: str, method: str, found: Found) -> None:
     """Rows in Markdown: the mean over the tables, and the worst error."""
     for name, results in found.items():
         mean = {
-            metric: float(np.mean([getattr(result, metric) for result in results]))
-            for metric in ("wideband_nrmse", "nrmse", "outside", "wideband_floor", "envelope_correlation")
+            metric: float(np.mean([attrgetter(metric)(result) for result in results]))
+            for metric in ("whole.root", "within.root", "outside.root", "whole.floor", "envelope_correlation")
         }
-        worst = max(result.wideband_nrmse for result in results)
+        worst = max(result.error for result in results)
         predicted = float(np.mean([result.drive.predicted_error for result in results]))
         scale = float(np.mean([result.drive.scale for result in results]))
         verdicts = ", ".join(sorted({result.verdict for result in results}))
         print(
-            f"| {world} | {method} | {name} | {mean['wideband_nrmse']:.1%} ({worst:.1%}) | "
-            f"{mean['nrmse']:.1%} | "
-            f"{mean['outside']:.1%} | {mean['wideband_floor']:.1%} | {predicted:.1%} | "
+            f"| {world} | {method} | {name} | {mean['whole.root']:.1%} ({worst:.1%}) | "
+            f"{mean['within.root']:.1%} | "
+            f"{mean['outside.root']:.1%} | {mean['whole.floor']:.1%} | {predicted:.1%} | "
             f"{mean['envelope_correlation']:.3f} | {scale:.3f} | {verdicts} |",
             flush=True,
         )

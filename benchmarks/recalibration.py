@@ -288,7 +288,7 @@ def tried(
     took = time.process_time() - began
     if os.environ.get("VERBOSE"):
         print("\n".join(f"    {sentence}" for sentence in told))
-    remains = f"{max(check.wideband_nrmse for check in after):.1%}" if after else ""
+    remains = f"{max(check.error for check in after):.1%}" if after else ""
     cells = (condition.name, condition.cause, f"{worst:.1%}", kind, remains, f"{took:.0f}")
     return kind, f"| {' | '.join(cells)} |", worst > TOLERANCE
 

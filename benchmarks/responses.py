@@ -63,7 +63,7 @@ def estimates(seeds: Sequence[int]) -> list[Row]:
             prepare(rig, "button")
             quick, peak = Multisine(), rig.limits.peak
             capture = excite(rig, quick, "A", peak)
-            drive, velocity = capture.volts[0], rig.vibrometer.to_velocity(capture.volts[1])
+            drive, velocity = capture.volts[0], rig.vibrometer.to_si(capture.volts[1])
             one = quick.samples(capture.rate_hz)
             last = len(quick.volts(capture.rate_hz, peak))
 

@@ -14,6 +14,7 @@ from .drive import play_button as play_button
 from .examination import Finding as Finding
 from .examination import examine as examine
 from .examination import examine_each as examine_each
+from .examination import examine_loop as examine_loop
 from .map import VibrationMap as VibrationMap
 from .map import map_plan as map_plan
 from .map import measure_map as measure_map

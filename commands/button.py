@@ -85,7 +85,7 @@ def make(
             opened, press, loaded, method=method, iterations=iterations, progress=steps
         )
         made.save(out)
-    show.print_contents(contents.file_contents(out), as_json)
+    show.print_made(contents.file_contents(out), out, as_json)
     return 0 if made.passed else 1
 
 
@@ -117,5 +117,5 @@ def check(file: Path, out: Path | None, plays: int, rig: ChosenRig, as_json: boo
     ):
         result = haploop.play_button(opened, loaded, plays=plays, progress=steps)
         result.save(out)
-    show.print_contents(contents.check_contents(result, loaded.press, out), as_json)
+    show.print_made(contents.check_contents(result, loaded.press, out), out, as_json)
     return 0 if result.passed else 1

@@ -13,7 +13,7 @@ from ..reports import contents, outputs
 from ..reports import show as display
 from ..terminal.progress import Steps, print_json, print_line
 from . import front as haploop
-from .options import COLUMNS, JSON, PATH, PICTURE, RIG, ChosenRig, on_rig, on_table
+from .options import COLUMNS, JSON, PATH, PICTURE, RIG, TAPE, ChosenRig, on_rig, on_table
 
 if TYPE_CHECKING:
     from ..calibration import History
@@ -166,7 +166,7 @@ def recalibrate(
     2 invalid request, file or configuration; 3 something is broken. After 1, 2 and 3 the active
     calibration is unchanged.
     """
-    history = _history(rig.name, calibrations)
+    history = _history(rig.name or str(rig.simulate).removeprefix(TAPE), calibrations)
     history.active()
     with rig.opened() as opened, Steps() as steps:
         on_table(opened, laser_at)

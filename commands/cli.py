@@ -26,12 +26,15 @@ from .record import record, represent
 from .serve import serve
 from .study import study
 from .table import calibrate, check
+from .tape import tape
 from .twin import twin
 
 __all__ = ["cli", "main"]
 
 
-@click.group(cls=Commands, no_args_is_help=True, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(
+    "haploop", cls=Commands, no_args_is_help=True, context_settings={"help_option_names": ["-h", "--help"]}
+)
 @click.version_option(package_name="haploop", message="haploop %(version)s")
 def cli() -> None:
     """Measure physical buttons and reproduce them as verified digital ones.
@@ -41,35 +44,15 @@ def cli() -> None:
     """
 
 
-for command in (
-    demo,
-    record,
-    study,
-    represent,
-    recover,
-    verify,
-    show,
-    report,
-    list_command,
-    calibrate,
-    check,
-    map_command,
-    button,
-    experiment,
-    analyse,
-    recalibrate,
-    calibrations,
-    export,
-    import_,
-    live,
-    serve,
-    doctor,
-    log,
-    reset,
-    schema,
-    twin,
-):
-    cli.add_command(command)
+cli.sections = {
+    "Make a button, in this order": (doctor, record, represent, calibrate, button, show, report, demo),
+    "Look": (live, list_command, serve, check, map_command, export, import_),
+    "People": (study, experiment, analyse),
+    "Maintain": (recalibrate, calibrations, verify, recover, log, reset, schema, tape, twin),
+}
+for commands in cli.sections.values():
+    for command in commands:
+        cli.add_command(command)
 show_examples(cli)
 
 

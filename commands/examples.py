@@ -51,6 +51,8 @@ EXAMPLES = {
     "study represent": "haploop study represent latch --study pilot --out latch.h5",
     "study run": "haploop study run --study pilot --participant P01",
     "study status": "haploop study status --study pilot",
+    "tape mask": "haploop tape mask day.tape mail.tape --hide Smith",
+    "tape show": "haploop tape show day.tape",
     "twin all": "haploop twin all --rig haptable --press latch",
     "twin ni": "haploop twin ni --rig haptable",
     "twin ofv": "haploop twin ofv --rig bench",
@@ -92,6 +94,12 @@ COURSES = {
         "haploop study run --study pilot --participant P01",
         "haploop study status --study pilot",
         "haploop study process --study pilot --out processed",
+    ),
+    "tape": (
+        "haploop doctor --rig lab.toml --tape day.tape",
+        "haploop tape show day.tape",
+        "haploop tape mask day.tape mail.tape",
+        "haploop doctor --simulate tape:mail.tape",
     ),
     "twin": ("haploop twin all --rig haptable --press latch",),
 }

@@ -11,6 +11,7 @@ import click
 
 from ..reports import contents
 from ..reports import show as display
+from ..terminal.browser import open_page
 from ..terminal.progress import SIMULATED, Steps, note, print_json, print_line
 from . import front as haploop
 from .options import COLUMNS, JSON, PATH, PLOT
@@ -71,14 +72,15 @@ def list_command(where: Sequence[str], folders: Sequence[Path], rebuild: bool, a
     "--out", "-o", type=PATH, default=Path("report.html"), show_default=True, help="HTML file to write."
 )
 @click.option("--pdf", is_flag=True, help="Also write the whole report as a PDF.")
+@click.option("--no-open", is_flag=True, help="Do not open the report in a browser.")
 @JSON
-def report(paths: Sequence[Path], out: Path, pdf: bool, as_json: bool) -> int:
+def report(paths: Sequence[Path], out: Path, pdf: bool, no_open: bool, as_json: bool) -> int:
     """Write a report with verdicts, figures and captions.
 
     PATH is a recording, a representative press, a calibration, a drive, a check, a digital button, the
     folder of a vibration map, a study (its study.toml or its folder), a folder of such files, or a table of
-    `haploop experiment export` (CSV). OUT is one HTML file that needs no other file; the folder OUT-figures
-    beside it holds each figure as PDF and SVG.
+    `haploop experiment export` (CSV). OUT is one HTML file that needs no other file, and is opened in a
+    browser; the folder OUT-figures beside it holds each figure as PDF and SVG.
     """
     if out.suffix.lower() not in (".html", ".htm"):
         raise haploop.ConfigurationError(f"{out} has the wrong file type: use a name that ends with .html.")
@@ -102,6 +104,8 @@ def report(paths: Sequence[Path], out: Path, pdf: bool, as_json: bool) -> int:
         print_line(f"PDF: {made.pdf}")
     if made.figures:
         print_line(f"Figures as PDF and SVG: {made.figures[0].parent}")
+    if not no_open:
+        open_page(made.html)
     return 0
 
 

@@ -22,7 +22,7 @@ __all__ = ["live"]
     type=FiniteRange(min=0),
     default=0.0,
     metavar="SECONDS",
-    help="Wait this long for a command that uses the rig.",
+    help="Wait this long for a command that uses the rig, and do not open it.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object a line for each block.")
 @click.option(
@@ -31,20 +31,29 @@ __all__ = ["live"]
     help="Send the samples as a Lab Streaming Layer stream; with --wait, of one command after another.",
 )
 def live(rig: str, simulate: Mode | None, wait: float, as_json: bool, lsl: bool) -> None:
-    """Show the levels of a running recording or play.
+    """Show what the sensors read, now or in a running recording or play.
 
-    Run it in a second terminal, with the rig file of the command that records or plays. Mean, rms and peak
-    are those of the newest block, in SI units; rms and peak are taken about the mean. The recording is not
-    affected: a view that is too slow misses blocks, and counts them.
+    Alone, it opens the rig and shows its sensors until Ctrl-C; nothing is played or recorded. In a second
+    terminal, with the rig file of a command that records or plays, it shows what that command acquires. Mean,
+    rms and peak are those of the newest block, in SI units; rms and peak are taken about the mean. A
+    recording is not affected: a view that is too slow misses blocks, and counts them.
     """
-    from ..exchange.live import find, show_json, show_meter, stream  # noqa: PLC0415
-    from ..instruments import load_rig_file  # noqa: PLC0415
+    from contextlib import ExitStack  # noqa: PLC0415
+
+    from ..exchange.live import find, looking, show_json, show_meter, stream  # noqa: PLC0415
+    from ..instruments import ConfigurationError, load_rig_file  # noqa: PLC0415
 
     file = load_rig_file(rig)
     if lsl:
         stream(file, simulate, wait)
         return
-    with find(file, simulate, wait) as tap:
+    with ExitStack() as stack:
+        try:
+            tap = stack.enter_context(find(file, simulate, wait))
+        except ConfigurationError:
+            if wait:
+                raise
+            tap = stack.enter_context(looking(file, simulate))
         if as_json:
             show_json(tap)
         else:

@@ -21,22 +21,38 @@ __all__ = ["doctor", "log", "reset", "schema"]
     metavar="KG",
     help="Known mass for the force sensor test.",
 )
+@click.option(
+    "--loop",
+    metavar="CHANNEL",
+    help="Measure the DAQ's output by a cable to this channel, and nothing else (sound cards).",
+)
+@click.option(
+    "--volts",
+    type=FiniteRange(1e-3, 100),
+    metavar="RMS",
+    help="With --loop: what a voltmeter at the output showed.",
+)
 @on_rig()
 @JSON
-def doctor(mass: float, rig: ChosenRig, as_json: bool) -> int:
+def doctor(mass: float, loop: str | None, volts: float | None, rig: ChosenRig, as_json: bool) -> int:
     """Test all instruments of a rig.
 
     Checks that each instrument is present, wired and set as the rig file says.
 
     Exit codes: 0 no finding is red, 1 at least one is red, 3 an instrument cannot be opened.
     """
+    if volts is not None and loop is None:
+        raise haploop.ConfigurationError("--volts needs --loop: name the channel that the cable leads to.")
     missing = False
     with rig.reserved() as file:
         simulated = (rig.simulate or file.simulate) is not None
         try:
             with rig.open(file) as opened, Steps() as steps:
                 simulated = opened.simulated
-                findings = haploop.examine(opened, mass, steps)
+                if loop is not None:
+                    findings = haploop.examine_loop(opened, loop, volts, steps)
+                else:
+                    findings = haploop.examine(opened, mass, steps)
         except haploop.HaploopError as error:
             # Once the rig has opened, the only error here is an unconfirmed safe state: report that one.
             if rig.state.rig_opened:
@@ -52,7 +68,7 @@ def doctor(mass: float, rig: ChosenRig, as_json: bool) -> int:
 @click.option(
     "--last", type=click.IntRange(1), default=20, show_default=True, help="Number of entries to show."
 )
-@on_rig()
+@on_rig(opens=False)
 @JSON
 def log(last: int, rig: ChosenRig, as_json: bool) -> None:
     """Show the audit log of a rig.
@@ -68,7 +84,7 @@ def log(last: int, rig: ChosenRig, as_json: bool) -> None:
 @click.option(
     "--reason", required=True, help="Cause of the trip and what was done about it; stored in the audit log."
 )
-@on_rig()
+@on_rig(opens=False)
 def reset(reason: str, rig: ChosenRig) -> None:
     """Clear the lockout after a limit trip.
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
+from click.core import ParameterSource
 
 from .. import instruments
 from ..reports import outputs
@@ -21,6 +22,7 @@ from . import front as haploop
 if TYPE_CHECKING:
     from ..instruments import Rig, RigFile
     from ..instruments.driver import Mode
+    from ..instruments.tape import Player
 
 __all__ = [
     "ATTEMPTS",
@@ -56,12 +58,7 @@ RIG = click.option(
     metavar="FILE",
     help="Rig file, or the name of a shipped rig.",
 )
-SIMULATE = click.option(
-    "--simulate",
-    type=click.Choice(["twin", "wire"]),
-    help="Simulate the rig. twin: simulated instruments in process. wire: the real drivers talk to simulated "
-    "devices.",
-)
+
 JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON object on standard output.")
 COLUMNS = click.option(
     "--columns",
@@ -124,6 +121,42 @@ class NewFile(click.Path):
         return path
 
 
+TAPE = "tape:"
+"""See `haploop.instruments.driver.TAPE`, which takes a fifth of a second to import."""
+
+
+class _Simulation(click.ParamType):  # type: ignore[type-arg, unused-ignore]  # not generic before 8.3
+    """twin, wire, or a tape."""
+
+    name = "twin|wire|tape:FILE"
+
+    def __init__(self, tapes: bool) -> None:
+        self._tapes = tapes
+        self._known = "twin, wire or tape:FILE" if tapes else "twin or wire"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """Convert a value; raise click.BadParameter for another word."""
+        if value not in ("twin", "wire") and not (self._tapes and value.startswith(TAPE) and value != TAPE):
+            self.fail(f"{value!r} is not {self._known}.", param, ctx)
+        return str(value)
+
+
+_SIMULATED = (
+    "Simulate the rig. twin: simulated instruments in process. wire: the real drivers talk to simulated "
+)
+SIMULATE = click.option("--simulate", type=_Simulation(False), metavar="MODE", help=_SIMULATED + "devices.")
+_SIMULATE = click.option(
+    "--simulate",
+    type=_Simulation(True),
+    metavar="MODE",
+    help=_SIMULATED + "devices. tape:FILE: they talk to a tape, on the rig that it holds.",
+)
+_TAPE = click.option(
+    "--tape",
+    type=NewFile(".tape"),
+    metavar="FILE.tape",
+    help="Record every call between haploop and the devices, to be played back by --simulate tape:FILE.tape.",
+)
 NEW = NewFile()
 PICTURE = NewFile(".png", ".pdf", ".svg")
 PLOT = click.option("--plot", type=PICTURE, metavar="OUT.png", help="Also draw a figure (PNG, PDF, SVG).")
@@ -168,13 +201,15 @@ AVERAGE = average_option()
 class ChosenRig:
     """The rig that a command was told to use, and how it is simulated."""
 
-    name: str
-    """Path of a rig file, or the name of a shipped rig."""
+    name: str | None
+    """Path of a rig file, or the name of a shipped rig; None for the rig on the tape."""
     simulate: Mode | None
     state: CommandState
 
     def load(self) -> RigFile:
         """Read the rig file."""
+        if self.name is None:
+            return haploop.tape_rig(str(self.simulate).removeprefix(TAPE))
         return haploop.load_rig_file(self.name)
 
     @contextmanager
@@ -195,9 +230,7 @@ class ChosenRig:
         with haploop.open_rig(file, simulate=self.simulate) as opened, published(opened):
             self.state.rig_opened = True
             if opened.simulated:
-                seed = opened.file.simulation.seed
-                world = f"{opened.mode}, seed {seed}" if opened.mode else "by its DAQ cards"
-                note(f"Everything here is simulated ({world}).")
+                note(f"Everything here is simulated ({_world(opened)}).")
             yield opened
 
     @contextmanager
@@ -207,20 +240,56 @@ class ChosenRig:
             yield opened
 
 
-def on_rig(option: Callable[[Any], Any] = RIG) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Options --rig, as `option` has it, and --simulate: the command gets a `ChosenRig` as `rig`."""
+def on_rig(
+    option: Callable[[Any], Any] = RIG, opens: bool = True
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Options --rig, as `option` has it, and --simulate: the command gets a `ChosenRig` as `rig`.
+
+    A command that opens the rig records its session on a tape, or plays one.
+    """
 
     def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
-        @SIMULATE
-        @click.pass_obj
+        @click.pass_context
         @wraps(command)
-        def chosen(state: CommandState, /, *, rig: str, simulate: Mode | None, **others: Any) -> Any:
-            return command(rig=ChosenRig(rig, simulate, state), **others)
+        def chosen(
+            ctx: click.Context, /, *, rig: str, simulate: Mode | None, tape: Path | None = None, **others: Any
+        ) -> Any:
+            with _session(simulate, tape) as player:
+                own = player is not None and ctx.get_parameter_source("rig") is ParameterSource.DEFAULT
+                chosen = ChosenRig(None if own else rig, simulate, ctx.obj)
+                return command(rig=chosen, **others)
 
-        decorated: Callable[..., Any] = option(chosen)
+        decorated: Callable[..., Any] = option(_SIMULATE(_TAPE(chosen)) if opens else SIMULATE(chosen))
         return decorated
 
     return decorate
+
+
+@contextmanager
+def _session(simulate: Mode | None, tape: Path | None) -> Iterator[Player | None]:
+    """Record or play the session of a command; give what plays."""
+    if simulate is not None and simulate.startswith(TAPE):
+        if tape is not None:
+            raise click.UsageError("A session that is played back is on a tape already: leave out --tape.")
+        with haploop.played(simulate.removeprefix(TAPE)) as player:
+            if not player.whole:
+                note(f"{player.path} was cut off: it holds its first {player.calls} calls.")
+            yield player
+            note(f"{player.answered} of the tape's {player.calls} calls were asked for.")
+    elif tape is not None:
+        with haploop.recorded(tape) as recorder:
+            try:
+                yield None
+            finally:
+                note(f"{tape} holds {recorder.calls} calls.")
+    else:
+        yield None
+
+
+def _world(rig: Rig) -> str:
+    if rig.mode is None:
+        return "by its DAQ cards"
+    return rig.mode if rig.mode.startswith(TAPE) else f"{rig.mode}, seed {rig.file.simulation.seed}"
 
 
 def on_table(rig: Rig, point: str) -> None:

@@ -5,5 +5,6 @@ from .formats import export_file as export_file
 from .importing import import_press as import_press
 from .importing import import_response as import_response
 from .importing import is_response_file as is_response_file
+from .loading import load as load
 from .press_rows import COLUMNS as COLUMNS
 from .press_rows import press_table as press_table

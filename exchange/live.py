@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
@@ -12,8 +13,10 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from ..acquisition import look
 from ..instruments import (
     ConfigurationError,
+    HaploopError,
     InstrumentError,
     LiveBlock,
     RealClock,
@@ -21,13 +24,14 @@ from ..instruments import (
     RigFile,
     Tap,
     levels,
+    open_rig,
     watch_live,
 )
 from ..instruments.driver import Mode
 from ..terminal.progress import note
 from .lsl import Outlets, send
 
-__all__ = ["find", "published", "show_json", "show_meter", "stream"]
+__all__ = ["find", "looking", "published", "show_json", "show_meter", "stream"]
 
 _REFRESH = 0.5
 """Seconds of one wait for a block; the loop then checks whether the rig was closed."""
@@ -61,6 +65,34 @@ def find(file: RigFile, simulate: Mode | None, wait: float) -> Tap:
                 waiting = True
                 note(f"Waiting for a command that uses the rig {file.name}.")
             clock.sleep(_RETRY)
+
+
+@contextmanager
+def looking(file: RigFile, simulate: Mode | None) -> Iterator[Tap]:
+    """Open a rig that no program uses, and look at its sensors while this lasts: a tap on what they show.
+
+    Raises as `open_rig` does; a failure while looking ends the tap, and is raised by whoever takes from it.
+    """
+    wanted = threading.Event()
+    wanted.set()
+    with open_rig(file, simulate, real_time=True) as rig, published(rig):
+        tap = rig.tap()
+
+        def work() -> None:
+            try:
+                look(rig, wanted.is_set)
+            except HaploopError as error:
+                tap.close(error)
+            else:
+                tap.close()
+
+        thread = threading.Thread(target=work, name="haploop-look")
+        thread.start()
+        try:
+            yield tap
+        finally:
+            wanted.clear()
+            thread.join()
 
 
 def stream(file: RigFile, simulate: Mode | None, wait: float) -> None:

@@ -170,7 +170,7 @@ def map_responses(path: Path) -> Responses:
             level=plan.level,
             levels=none,
             level_gain=none.astype(np.complex128),
-            velocity_range=np.inf,
+            pickup_range=np.inf,
             excitation="vibration map: the modes fitted to all of its points",
             source="map",
             rig=plan.rig,
@@ -311,7 +311,7 @@ def _drive_about(drive: Drive) -> About:
 
 
 def _check_about(check: Check) -> About:
-    error: About = {"wideband_nrmse": check.wideband_nrmse} if np.isfinite(check.wideband_nrmse) else {}
+    error: About = {"error": check.error} if np.isfinite(check.error) else {}
     return {**_drive_about(check.drive), "verdict": check.verdict, **error}
 
 

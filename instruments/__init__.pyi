@@ -49,6 +49,7 @@ from .rig import log_entries as log_entries
 from .rig import open_rig as open_rig
 from .rig import reset_lockout as reset_lockout
 from .rig import rig_schema as rig_schema
+from .rig import tape_rig as tape_rig
 from .safety import reserve as reserve
 from .safety import who as who
 from .sensors import AnalogChannel as AnalogChannel
@@ -59,4 +60,7 @@ from .sensors import Sensor as Sensor
 from .sensors import Sensors as Sensors
 from .sensors import Switch as Switch
 from .sensors import Transfer as Transfer
+from .tape import mask as mask
+from .tape import played as played
+from .tape import recorded as recorded
 from .vibrometer import Vibrometer as Vibrometer

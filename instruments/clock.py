@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -12,6 +13,9 @@ __all__ = ["Clock", "RealClock"]
 class Clock(ABC):
     """Monotonic time. Nothing else in the product calls the time module."""
 
+    real = False
+    """True when time passes by itself: what is to happen meanwhile needs a thread."""
+
     @abstractmethod
     def now(self) -> float:
         """Seconds since an arbitrary origin; never goes back."""
@@ -19,6 +23,10 @@ class Clock(ABC):
     @abstractmethod
     def sleep(self, duration: float) -> None:
         """Return when `duration` seconds have passed on this clock; at once when it is not positive."""
+
+    def wait(self, event: threading.Event, duration: float) -> bool:
+        """Wait for an event, at most `duration` seconds; return True when it is set."""
+        return event.wait(duration)
 
     @abstractmethod
     def hold(self, until: Callable[[], object]) -> None:
@@ -33,6 +41,8 @@ class Clock(ABC):
 
 class RealClock(Clock):
     """The machine's monotonic clock."""
+
+    real = True
 
     def now(self) -> float:
         """See `Clock.now`."""

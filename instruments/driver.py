@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection
-from typing import Any, Literal, Protocol
+from typing import Any, Protocol
 
 from pydantic import BaseModel
 
@@ -12,9 +12,12 @@ from .clock import Clock
 from .config import Device, validate
 from .frozen import frozen_fields
 
-__all__ = ["Driver", "Mode", "Simulation", "hardware_of", "one_name", "settings_of"]
+__all__ = ["TAPE", "Driver", "Mode", "Simulation", "hardware_of", "is_arithmetic", "one_name", "settings_of"]
 
-Mode = Literal["twin", "wire"]
+Mode = str
+"""How a rig is simulated: "twin", "wire", or "tape:FILE"."""
+TAPE = "tape:"
+"""Beginning of a mode that plays a tape."""
 
 
 class Driver(Protocol):
@@ -27,9 +30,15 @@ class Driver(Protocol):
         """Connect, change no output, and return an implementation of the role."""
 
     # Optional:
+    # arithmetic: bool = True
+    #     It talks to no hardware: a simulated rig uses it as it is. Any other driver needs a twin or a wire
+    #     to be simulated.
     # def hardware(self, settings: Any) -> Collection[str]
     #     Names of the hardware that no other program may use meanwhile: a card, a port. It may ask the
     #     instrument for its serial number. Without it, two rigs with this driver exclude each other.
+    # taped = True
+    #     Every call to the device passes through `haploop.instruments.tape.taped_line()`. Without it the
+    #     instrument is on no tape, and a tape is not played to it.
     # What is opened then has `pieces`, the same names as it knows itself: a rig is not opened when they are
     # others. Without them `hardware` is asked again.
 
@@ -49,8 +58,15 @@ def one_name(address: str) -> str:
     return address.lower().replace("localhost", "127.0.0.1")
 
 
+def is_arithmetic(driver: Driver) -> bool:
+    """True when a driver says that it talks to no hardware."""
+    return getattr(driver, "arithmetic", False) is True
+
+
 def hardware_of(name: str, driver: Driver, settings: Any) -> frozenset[str]:
     """Names of the pieces of hardware that a driver would use with these settings."""
+    if is_arithmetic(driver):
+        return frozenset()
     named: Collection[str] = getattr(driver, "hardware", lambda _settings: (name,))(settings)
     return frozenset(named)
 

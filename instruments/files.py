@@ -17,8 +17,7 @@ import os
 import re
 import secrets
 import sys
-import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass, field
@@ -38,6 +37,7 @@ __all__ = [
     "make_folder",
     "new_file",
     "os_error_text",
+    "paths_of",
     "private_files",
     "publish",
     "reserved",
@@ -69,6 +69,11 @@ def private_files() -> Iterator[None]:
         _private.reset(token)
 
 
+def paths_of(given: str | os.PathLike[str] | Iterable[str | os.PathLike[str]]) -> list[Path]:
+    """Several paths, or a single one: a string is a path and not its letters."""
+    return [Path(given)] if isinstance(given, str | os.PathLike) else [Path(one) for one in given]
+
+
 def check_destination(path: Path) -> None:
     """Create the folder. Raises ConfigurationError for a destination that exists or cannot be written.
 
@@ -77,9 +82,14 @@ def check_destination(path: Path) -> None:
     """
     try:
         make_folder(path.parent)
-        with tempfile.TemporaryFile(dir=path.parent):
+        with _part_of(path):  # under the longest name that it will have
             pass
     except OSError as error:
+        if error.errno == errno.ENAMETOOLONG:
+            raise ConfigurationError(
+                f"{path.name[:20]}... has {len(path.name)} characters, which is too long a name for a file: "
+                "choose a shorter one."
+            ) from None
         raise ConfigurationError(
             f"The folder {path.parent} cannot be written ({os_error_text(error)}): choose another folder."
         ) from None

@@ -8,6 +8,7 @@ from typing import Self
 import numpy as np
 
 from .arrays import FloatArray
+from .coil import Coil
 from .errors import LimitError
 
 __all__ = ["Limits", "sounding"]
@@ -15,6 +16,9 @@ __all__ = ["Limits", "sounding"]
 _SUSTAINED = 1.0
 """Window of the average current (s), placed where a drive draws most: silence elsewhere must not hide a
 burst."""
+_REPEATED = 0.8
+"""Share of a coil's power that `headroom` plans for a drive that is repeated without a pause: drives of other
+shapes may come between."""
 _ROUNDING = 1e-9
 """Relative tolerance for rounding errors."""
 
@@ -32,11 +36,17 @@ class Limits:
     slew: float = np.inf
     """Largest slew rate (V/s)."""
     current_peak: float = np.inf
-    """Largest C dv/dt (A)."""
+    """Largest current (A): C dv/dt of patches, the current of a coil."""
     current_average: float = np.inf
-    """Largest mean of C |dv/dt| / 2 (A) over any second: charge that the amplifier delivers."""
+    """Largest mean (A) over any second: of C |dv/dt| / 2, the charge that the amplifier delivers, or of a
+    coil's |current|."""
     capacitance: float = 0.0
     """Total capacitance of the connected patches (F)."""
+    coil: Coil | None = None
+    """The connected coil."""
+    power: float = np.inf
+    """Largest dissipation of the coil (W), smoothed by its thermal time constant; a limiter keeps the heat of
+    earlier plays."""
     max_duration: float = np.inf
     """Longest drive (s), from its first sample that is not zero to its last."""
     duty: float = 1.0
@@ -50,11 +60,13 @@ class Limits:
         """Return the stricter of the two values of each limit."""
         return replace(
             self,
+            coil=self.coil or other.coil,
             **{
                 f.name: (max if f.name in ("min", "capacitance") else min)(
                     getattr(self, f.name), getattr(other, f.name)
                 )
                 for f in fields(self)
+                if f.name != "coil"
             },
         )
 
@@ -66,17 +78,20 @@ class Limits:
     def headroom(self, drive: FloatArray, rate_hz: float) -> tuple[float, str]:
         """Return the largest factor that keeps (samples,) V within these limits, and which one binds.
 
-        The limits are those of voltage, slew rate and current. The factor is infinite for a drive of zeros.
+        The limits are those of voltage, slew rate, current, and power (as if the drive were repeated for
+        ever). The factor is infinite for a drive of zeros.
         """
-        steps = np.abs(np.diff(drive, prepend=0.0, append=0.0)) * rate_hz
-        current = self.capacitance * steps
-        average = _averages(current, round(_SUSTAINED * rate_hz)) / 2
-        rows = (
+        steps, current, average = self._drawn(drive, rate_hz)
+        rows = [
             (np.abs(drive).max(), self.peak, f"{self.peak:.1f} V at the patch"),
             (steps.max(), self.slew, f"{self.slew:.3g} V/s at the patch"),
             (current.max(), self.current_peak, f"{self.current_peak:.3g} A into the patch"),
             (average.max(), self.current_average, f"{self.current_average:.3g} A on average into the patch"),
-        )
+        ]
+        if self.coil is not None:
+            # Its factor is of volts, whose square heats.
+            heat = np.sqrt(self.coil.for_ever(drive, rate_hz))
+            rows.append((heat, np.sqrt(_REPEATED * self.power), f"{self.power:.3g} W in the coil"))
         factors = [(limit / float(value), binding) for value, limit, binding in rows if value > 0]
         return min(factors, default=(np.inf, ""))
 
@@ -97,11 +112,16 @@ class Limits:
                 f"{self.max:g} V and {self.peak_to_peak:g} V from peak to peak."
             )
 
-    def check(self, drive: FloatArray, rate_hz: float, whose: str = "the rig") -> None:
+    def heat(self, drive: FloatArray, rate_hz: float) -> float:
+        """What a drive alone leaves of the coil's smoothed dissipation at its end (W); 0 without a coil."""
+        return 0.0 if self.coil is None else float(self.coil.heat(drive, rate_hz)[-1])
+
+    def check(self, drive: FloatArray, rate_hz: float, whose: str = "the rig", warm: float = 0.0) -> None:
         """Refuse a drive ((samples,) V at the patch) that breaks any limit.
 
         Zeros before and after it are not part of the drive. `whose` names the owner of these limits
-        in the error. Raises LimitError with the limit, the excess and the sample.
+        in the error; `warm` (W) is left in the coil from earlier plays. Raises LimitError with the limit, the
+        excess and the sample.
         """
         if not isinstance(drive, np.ndarray) or drive.dtype.kind != "f":
             raise LimitError("A drive is a numpy array of real numbers, in volts at the patch.")
@@ -113,9 +133,8 @@ class Limits:
         ends = np.abs(drive[[0, -1]])
         first, stop = sounding(drive)
         drive = drive[first:stop]
-        steps = np.abs(np.diff(drive, prepend=0.0, append=0.0)) * rate_hz
-        current = self.capacitance * steps
-        average = _averages(current, round(_SUSTAINED * rate_hz)) / 2
+        steps, current, average = self._drawn(drive, rate_hz)
+        heat = np.zeros(1) if self.coil is None else self.coil.heat(drive, rate_hz, warm)
         # Phrase, value, limit, unit, sample of the worst value, and the sign of the comparison.
         rows = (
             ("falls to", drive.min(), self.min, "V", int(drive.argmin()), -1),
@@ -124,6 +143,7 @@ class Limits:
             ("slews at", steps.max(), self.slew, "V/s", int(steps.argmax()), 1),
             ("draws a peak of", current.max(), self.current_peak, "A", int(current.argmax()), 1),
             ("draws on average", average.max(), self.current_average, "A", int(average.argmax()), 1),
+            ("heats the coil to", heat.max(), self.power, "W", int(heat.argmax()), 1),
             ("lasts", len(drive) / rate_hz, self.max_duration, "s", len(drive) - 1, 1),
             ("has an offset of", abs(drive.mean()), self.max_offset, "V", 0, 1),
             ("starts or ends at", ends.max(), self.max_end, "V", int(ends.argmax()) * (len(drive) - 1), 1),
@@ -136,6 +156,16 @@ class Limits:
                     f"The drive {what} {float(value):.4g} {unit} at sample {first + sample}, {beyond:.3g} "
                     f"{unit} beyond the {limit:.4g} {unit} of {whose}."
                 )
+
+    def _drawn(self, drive: FloatArray, rate_hz: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Magnitudes of the slew rate (V/s), of the current (A), and of its mean over each second (A)."""
+        steps = np.abs(np.diff(drive, prepend=0.0, append=0.0)) * rate_hz
+        second = round(_SUSTAINED * rate_hz)
+        if self.coil is not None:
+            current = np.abs(self.coil.current(drive, rate_hz))
+            return steps, current, _averages(current, second)
+        current = self.capacitance * steps
+        return steps, current, _averages(current, second) / 2
 
 
 def sounding(drive: FloatArray) -> tuple[int, int]:

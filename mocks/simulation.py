@@ -8,7 +8,7 @@ from typing import Any
 from ..instruments import entry_points
 from ..instruments.clock import Clock
 from ..instruments.config import Device, RigFile
-from ..instruments.driver import Driver, Mode, settings_of
+from ..instruments.driver import Driver, Mode, is_arithmetic, settings_of
 from ..instruments.errors import ConfigurationError
 from .clock import RealTimeClock, VirtualClock
 from .plant import KINDS, Faults, OnLine, Plant, PlantSource, Truth
@@ -23,8 +23,8 @@ class Simulation:
     Twins are found by the driver's name among the entry points `haploop.twins`; each is called
     with the driver's settings and the plant. Wires, among `haploop.wires`, are called with the same
     arguments and return a context manager whose value replaces settings of the real driver, such as
-    its address. A driver with neither talks to no hardware (an amplifier is arithmetic) and is used
-    unchanged.
+    its address. A driver with neither is refused, unless it says that it is arithmetic: it would open what
+    is really there.
     """
 
     fault_kinds = KINDS
@@ -70,6 +70,11 @@ class Simulation:
             )
         if mode == "wire" and wires:
             address = self.serve(device.driver, settings)
+            if not address:
+                raise ConfigurationError(
+                    f"The wire of {device.driver!r} replaces no setting of its driver, which would open the "
+                    "real instrument: ask the author of the wire."
+                )
             if disturbed:
 
                 def disturbance(request: str) -> ReplyFault | None:
@@ -81,6 +86,13 @@ class Simulation:
             return driver.open(settings.model_copy(update=address), self.clock)
         if device.driver in entry_points.installed(entry_points.TWINS):
             return entry_points.load(entry_points.TWINS, device.driver)(settings, self.plant)
+        if not is_arithmetic(driver):
+            remedy = "simulate as wire" if wires else f"install or write a twin of {device.driver!r}"
+            raise ConfigurationError(
+                f"The {role} of {self._file.name!r} cannot be simulated: its driver {device.driver!r} has no "
+                f"{mode}, and would open the real instrument. Leave it out of the rig file, or {remedy} "
+                "(docs/how-to/adding-an-instrument.md)."
+            )
         return driver.open(settings, self.clock)
 
     def serve(self, driver: str, settings: Any) -> dict[str, Any]:

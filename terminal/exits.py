@@ -12,26 +12,21 @@ import signal
 import sys
 import textwrap
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from types import FrameType
+from types import FrameType, MappingProxyType
 from typing import Any, NoReturn, cast
 
 import click
 
 from ..instruments import HaploopError
 from ..instruments.signals import STOPPING, uninterrupted
+from .usage import usage_sentence
 
 __all__ = ["CommandState", "Commands", "usable_streams"]
 
-_NUMBERS = {
-    "is not a valid integer range": "is not a whole number",
-    "is not a valid integer": "is not a whole number",
-    "is not a valid float range": "is not a number",
-    "is not a valid float": "is not a number",
-}
 INTERNAL_ERROR = 70
 """A bug in haploop: EX_SOFTWARE of sysexits."""
 
@@ -53,7 +48,22 @@ class CommandState:
 
 
 class Commands(click.Group):
-    """A command group that reports every failure as one sentence and an exit code."""
+    """A command group that reports every failure as one sentence and an exit code.
+
+    Its help shows the commands in `sections`, each with the commands that belong together, in their order.
+    """
+
+    sections: Mapping[str, Sequence[click.Command]] = MappingProxyType({})
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the commands of each section below its title."""
+        width = max((len(name) for name in self.commands), default=0)
+        for title, commands in self.sections.items():
+            with formatter.section(title):
+                limit = formatter.width - formatter.current_indent - 2 - width
+                formatter.write_dl(
+                    [(f"{one.name:{width}}", one.get_short_help_str(limit)) for one in commands]
+                )
 
     def main(self, *args: Any, **extra: Any) -> NoReturn:
         """Run a command, and exit as the module describes."""
@@ -76,10 +86,7 @@ class Commands(click.Group):
                 if error.ctx
                 else self._named((args[0] if args else extra.get("args")) or sys.argv[1:])
             )
-            said = error.format_message().rstrip(".")
-            for click_says, meant in _NUMBERS.items():
-                said = said.replace(click_says, meant)
-            self._fail(f"{said}. Try '{command} --help'.", 2)
+            self._fail(usage_sentence(error, command), 2)
         except click.ClickException as error:
             self._fail(error.format_message(), 2)
         except HaploopError as error:

@@ -116,7 +116,7 @@ def uff(folder: Path) -> tuple[Path, Callable[[], Any]]:
     response = Response(
         patch="A", point="3", frequencies=f, velocity=H, deviation=np.abs(H), coherence=np.full(len(f), 0.9),
         path=np.ones(len(f), complex), noise=empty, distortion=np.zeros((0, 0)), repeats=1, level=1.0,
-        levels=empty, level_gain=empty.astype(complex), velocity_range=1.0, excitation="made", source="test",
+        levels=empty, level_gain=empty.astype(complex), pickup_range=1.0, excitation="made", source="test",
         rig="rig", rig_file="", simulated=True, created="now",
     )  # fmt: skip
     write_uff(path, [response])

@@ -10,8 +10,8 @@ Assumptions: the vertical acceleration shows the events, and the sensor's stated
 the contact, or the snap without one, marks the same event in each press; presses unlike the others are few.
 What breaks them: events that come in another order or not in each press (an average of two kinds of press is
 neither); an axis that points down or is disturbed in all presses alike, which no comparison between presses
-shows; a slow accelerometer, unless its low-pass is undone, and then its noise. Source: the paper, figure 5; Petitjean et
-al., Pattern Recognition 44(3), 2011.
+shows; a slow accelerometer, unless its low-pass is undone, and then its noise. Source: the paper, figure 5;
+Petitjean et al., Pattern Recognition 44(3), 2011.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ import scipy
 
 from ...instruments import ConfigurationError, DataError, LinearSensor
 from ...instruments.arrays import ComplexArray, FloatArray
-from ...instruments.files import check_destination, private_files
+from ...instruments.files import check_destination, paths_of, private_files
 from ...instruments.notebook import InNotebook
 from .. import hdf5
 from ..recording import Recording
@@ -187,14 +187,17 @@ def high_pass(acceleration: FloatArray, rate_hz: float, cutoff_hz: float = 10.0)
     )
 
 
-def load_press(files: Sequence[str | Path], method: AverageMethod = "automatic") -> Representative:
+def load_press(
+    files: str | Path | Sequence[str | Path], method: AverageMethod = "automatic"
+) -> Representative:
     """The press that one file of a representative press holds, or the average of recordings' presses.
 
     Raises DataError for a file of another kind, and the errors of `representative`.
     """
-    if len(files) == 1 and hdf5.kind_of(files[0]) == _KIND:
-        return Representative.load(files[0])
-    return representative([Recording.open(file) for file in files], method=method)
+    paths = paths_of(files)
+    if len(paths) == 1 and hdf5.kind_of(paths[0]) == _KIND:
+        return Representative.load(paths[0])
+    return representative([Recording.open(path) for path in paths], method=method)
 
 
 def representative(

@@ -5,16 +5,19 @@ upside down, of which all that is recorded is the negative of the truth; another
 zero, or a wire that is off.
 Hum stands in the rest as lines at the mains' harmonics, and so in the press: its rms over that of the press's
 motion is the relative error of one press. No warp removes it, and an average only slowly, because it has
-another phase in each press. A sensor of bandwidth B cannot come and go within 1 / (4 B): what does so in one
-or two samples is a spike of the electronics. A load along z strains all gauges that have a weight in Fz: the
-wire of one that does not move is off, and the force is short by its part. A strain gauge creeps: a part of
-the load is still read after the finger has left, and fades.
+another phase in each press. A fan, a motor and a shaken table have no lines that are known: they are all that
+the accelerometer shows at rest, and presses are aligned by them. A sensor of bandwidth B cannot come and go
+within 1 / (4 B): what does so in one or two samples is a spike of the electronics. A load along z strains all
+gauges that have a weight in Fz: the wire of one that does not move is off, and the force is short by its
+part. A strain gauge creeps: a part of the load is still read after the finger has left, and fades.
 
-Assumed: no motor starts in the rest, z is vertical, the finger presses within the circle of the gauges. The
-polarity is not told by the motion: a click may start up or down.
+Assumed: no motor starts between a press and its rest, z is vertical, the finger presses within the circle of
+the gauges. The polarity is not told by the motion: a click may start up or down.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 import scipy
@@ -35,6 +38,9 @@ _NAMES = {
 _LOUD = 0.15
 """Hum over a press's motion (rms) from which the press is refused: with 0.25, r of a representative press was
 0.96 to 0.99, and with 0.08 it was 0.993 or more (on five simulated rigs)."""
+_SHAKEN, _RESTLESS = 0.3, 0.2
+"""The same of whatever else is shown at rest, from which the press is refused, and told: the noise of the
+simulated accelerometer is up to 0.14 of a press. With a fan of 0.6 to 1.0, r was 0.5 to 0.84."""
 _SLOW = 0.05
 """s: a motion slower than this is no click, nor gravity's change as the cap tilts."""
 _SPIKE, _ABOVE = 10.0, 0.5
@@ -84,6 +90,12 @@ def signal_fault(recording: Recording, rest: slice, press: slice, still: FloatAr
             return (
                 f"the {called} has {hum[1]}, {hum[0]:.0%} of the press's motion; check its ground and cable"
             )
+        shaken = _shaken((still, recording.vertical[rest]), motion, recording.rate_hz)
+        if shaken and shaken[0] > _SHAKEN:
+            return (
+                f"the {called} shows {shaken[1]}, {shaken[0]:.0%} of the press's motion; look for a fan or "
+                "a motor nearby, and check its cable"
+            )
         slow = source == "acceleration" and sensor.bandwidth_hz < recording.rate_hz / 4
         if slow and (count := _spikes(still, motion)):
             return (
@@ -103,7 +115,7 @@ def signal_fault(recording: Recording, rest: slice, press: slice, still: FloatAr
 
 
 def doubt(recording: Recording, rest: slice, press: slice, still: FloatArray) -> str:
-    """A clause on what is doubtful in a press that counts: hum, x and y, creep; empty without.
+    """A clause on what is doubtful in a press that counts: hum, noise, x and y, creep; empty without.
 
     The recording ends with hands off, after this press.
     """
@@ -111,8 +123,13 @@ def doubt(recording: Recording, rest: slice, press: slice, still: FloatArray) ->
     doubts: list[str] = []
     if sensor and (wrong := fault_at_rest(sensor, _volts(recording, sensor.channels)[:, rest])):
         doubts.append(f"accelerometer: {wrong.removesuffix('.')}")
-    if recording.motion and (hum := _hum(still, recording.vertical[press], recording.rate_hz)):
-        doubts.append(f"the {_NAMES[recording.motion]} has {hum[1]}, {hum[0]:.0%} of the press")
+    if recording.motion:
+        called, motion = _NAMES[recording.motion], recording.vertical[press]
+        if hum := _hum(still, motion, recording.rate_hz):
+            doubts.append(f"the {called} has {hum[1]}, {hum[0]:.0%} of the press")
+        shaken = _shaken((still, recording.vertical[rest]), motion, recording.rate_hz)
+        if shaken and shaken[0] > _RESTLESS:
+            doubts.append(f"the {called} shows {shaken[1]}, {shaken[0]:.0%} of the press")
     force = recording.sensors.force
     if force is None or force.ac_coupled:
         return "; ".join(doubts)
@@ -133,9 +150,27 @@ def _hum(still: FloatArray, motion: FloatArray, rate_hz: float) -> tuple[float, 
     hum = mains_hum(still, rate_hz)
     if hum is None:
         return None
-    fast = motion - scipy.ndimage.uniform_filter1d(motion, max(1, round(_SLOW * rate_hz)))
-    power = max(float(np.mean(fast**2)) - hum.rms**2, hum.rms**2 / 100)
-    return hum.rms / float(np.sqrt(power)), f"mains hum, {hum.rms:.2g} m/s² rms at {hum.mains_hz:g} Hz"
+    return _over(hum.rms, motion, rate_hz), f"mains hum, {hum.rms:.2g} m/s² rms at {hum.mains_hz:g} Hz"
+
+
+def _shaken(rests: Sequence[FloatArray], motion: FloatArray, rate_hz: float) -> tuple[float, str] | None:
+    """As `_hum`, for all that an acceleration shows in the loudest of rests; None for rests too short."""
+    edge = round(_SLOW * rate_hz)
+    found = [_fast(rest, rate_hz)[edge:-edge] for rest in rests if len(rest) > 4 * edge > 0]
+    if not found:
+        return None
+    rms = max(float(np.sqrt(np.mean(fast**2))) for fast in found)
+    return _over(rms, motion, rate_hz), f"{rms:.2g} m/s² rms at rest"
+
+
+def _over(rms: float, motion: FloatArray, rate_hz: float) -> float:
+    """An rms (m/s^2) at rest over that of a press's own motion."""
+    power = float(np.mean(_fast(motion, rate_hz) ** 2)) - rms**2
+    return rms / float(np.sqrt(max(power, rms**2 / 100))) if rms else 0.0
+
+
+def _fast(signal: FloatArray, rate_hz: float) -> FloatArray:
+    return np.asarray(signal - scipy.ndimage.uniform_filter1d(signal, max(1, round(_SLOW * rate_hz))))
 
 
 def _spikes(still: FloatArray, motion: FloatArray) -> int:

@@ -1,5 +1,6 @@
 """Recording sessions: from the DAQ's stream to a study of many sessions."""
 
+from .looking import look
 from .recorder import record
 from .study import (
     Study,
@@ -15,6 +16,7 @@ __all__ = [
     "Study",
     "StudyProgress",
     "load_study",
+    "look",
     "open_part",
     "record",
     "run_study",

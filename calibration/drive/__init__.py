@@ -1,7 +1,9 @@
 """Drives: inversion, the drive's waveform, the check, learning, the digital button."""
 
+from .agreement import SharedPower
 from .button import DigitalButton, build_button, play_button
-from .check import Check, check
+from .check import check
+from .checked import Check
 from .drive import BAND, Drive, Method, drive_for, modulate
 from .feeling import check_feeling
 from .learning import Iteration, Learning, learn
@@ -15,6 +17,7 @@ __all__ = [
     "Iteration",
     "Learning",
     "Method",
+    "SharedPower",
     "build_button",
     "check",
     "check_feeling",

@@ -9,6 +9,7 @@ noise: it makes the power negative, or its deviation vanish (`dependence`).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy
@@ -20,6 +21,8 @@ __all__ = [
     "SharedPower",
     "dependence",
     "error_spectra",
+    "finite",
+    "followed",
     "lines_inside",
     "odd_play",
     "plays_needed",
@@ -83,6 +86,19 @@ class SharedPower:
         reach = _quantile(self.plays) * self.deviation
         return float(np.sqrt(max(self.value - reach, 0.0))), float(np.sqrt(max(self.value + reach, 0.0)))
 
+    def summary(self) -> dict[str, Any]:
+        """Plain values for JSON: root, interval and floor; NaN becomes null."""
+        return {
+            "error": finite(self.root),
+            "interval": [finite(edge) for edge in self.interval],
+            "floor": finite(self.floor),
+        }
+
+
+def finite(value: float) -> float | None:
+    """The value for JSON, which has no NaN."""
+    return float(value) if np.isfinite(value) else None
+
 
 def error_spectra(accelerations: FloatArray, target: FloatArray) -> ComplexArray:
     """(plays, lines) of the differences of (plays, samples) from the target, whose power is one.
@@ -91,6 +107,13 @@ def error_spectra(accelerations: FloatArray, target: FloatArray) -> ComplexArray
     """
     wanted = _lines(target)
     return np.asarray((_lines(accelerations) - wanted) / np.linalg.norm(wanted))
+
+
+def followed(missed: ComplexArray, target: FloatArray) -> tuple[float, float]:
+    """Share of the target in the motion, from `error_spectra`, and the standard error of that."""
+    wanted = _lines(target)
+    shares = 1 + (missed @ wanted.conj()).real / float(np.linalg.norm(wanted))
+    return abs(float(shares.mean())), float(shares.std(ddof=1) / np.sqrt(len(shares)))
 
 
 def lines_inside(band: tuple[float, float], samples: int, rate_hz: float) -> BoolArray:

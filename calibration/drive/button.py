@@ -12,7 +12,8 @@ from ...instruments import ConfigurationError, Rig
 from ...instruments.notebook import InNotebook
 from ...instruments.progress import Progress, silent
 from ..model import Calibration
-from .check import Check, check
+from .check import check
+from .checked import Check
 from .drive import Drive, Method, drive_for
 from .learning import Learning, learn
 
@@ -39,7 +40,7 @@ class DigitalButton(InNotebook):
 
     def __repr__(self) -> str:
         simulated = ", simulated" if self.simulated else ""
-        error = f"error {100 * self.check.wideband_nrmse:.1f} %"
+        error = f"error {100 * self.check.error:.1f} %"
         return f"<DigitalButton {self.press.button}: {self.check.verdict}, {error}{simulated}>"
 
     @property

@@ -13,6 +13,7 @@ from ...acquisition import hdf5
 from ...instruments import DataError, Limits
 from ...instruments.arrays import FloatArray
 from ...instruments.notebook import InNotebook
+from ...instruments.vibrometer import DERIVATIVE, shown
 from ..model import Calibration
 from ..response import Response
 from ..spectra import band_window, fade, resample, third_octaves
@@ -236,14 +237,15 @@ def drive_for(
     length = len(grid.window)
     played = resample(np.pad(linear_volts, (0, length * grid.oversampling - len(linear_volts))), length)
     omega = 2j * np.pi * np.maximum(grid.frequencies, 1.0)
-    velocity = scipy.fft.irfft(scipy.fft.rfft(played) * plan.gain / omega, length)
-    range_scale = _RANGE_USED * response.velocity_range / float(np.abs(velocity).max())
+    shown_by = scipy.fft.rfft(played) * plan.gain * omega ** (DERIVATIVE[response.pickup] - 1)
+    seen = scipy.fft.irfft(shown_by, length)
+    range_scale = _RANGE_USED * response.pickup_range / float(np.abs(seen).max())
     scale = min(limit / float(np.abs(linear_volts).max()), range_scale)
     volts, scale = _within(limits, calibration, linear_volts, smooth, scale)
     if scale < range_scale:
         _, by = actuation.headroom(calibration, volts, limits)
     else:
-        by = f"{_RANGE_USED:.0%} of the vibrometer's {response.velocity_range * 1e3:g} mm/s"
+        by = f"{_RANGE_USED:.0%} of the vibrometer's {shown(response.pickup, response.pickup_range)}"
     return Drive(
         button=press.button,
         patch=response.patch,

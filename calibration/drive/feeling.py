@@ -10,7 +10,7 @@ import scipy
 
 from ...instruments.arrays import FloatArray
 from ..perception import Feeling, feeling_of
-from .check import Check
+from .checked import Check
 from .drive import BEFORE
 
 if TYPE_CHECKING:

@@ -20,11 +20,11 @@ from ...instruments.arrays import FloatArray
 from ...instruments.progress import Progress, part_of, silent
 from ..model import Calibration, even_order
 from ..response import measure_both_signs, prepare
-from .agreement import SharedPower, dependence, error_spectra, lines_inside, shared_power
-from .check import LEAST_MOVED, UNSEEN
+from .agreement import SharedPower, dependence, error_spectra, followed, lines_inside, shared_power
 from .correction import ResponseEstimate
 from .drive import Drive
 from .playing import Played, play_by_turns, refuse_foreign, target_of
+from .verdict import LEAST_MOVED, UNSEEN, one_factor
 
 __all__ = ["Iteration", "Learning", "learn"]
 
@@ -39,6 +39,9 @@ in noise."""
 _MOTION_SIGNIFICANCE = 5.0
 """Standard deviations above zero of the plays' common motion, required to call it a motion."""
 _LEAST_STEP = 0.25
+_FACTOR = 0.1
+"""Distance of a factor over the whole motion from one, from which nothing is learnt: `gain` of
+`[recalibration]`, which adopts none either."""
 _DISTURBED = "Something periodic disturbs the laser in step with the plays"
 
 
@@ -63,21 +66,6 @@ class Iteration:
     """True when there is evidence that noise is not independent from play to play: its errors are wrong."""
 
     @property
-    def nrmse(self) -> float:
-        """Error within the band, without the plays' noise."""
-        return self.within.root
-
-    @property
-    def floor(self) -> float:
-        """Standard error of the mean of the plays, within the band."""
-        return self.within.floor
-
-    @property
-    def wideband_nrmse(self) -> float:
-        """Error of the whole motion, without the plays' noise."""
-        return self.whole.root
-
-    @property
     def measured(self) -> FloatArray:
         """(samples,) m/s^2: mean of the plays."""
         return np.asarray(self.accelerations.mean(axis=0))
@@ -88,7 +76,7 @@ class Learning:
     """Every drive that was tried; the first is the initial one.
 
     `best` is the number of the iteration whose drive is `drive`. `first_again` and `best_again` are the
-    errors (nrmse, within the band) of first and best in the final replay, alternately, after the last
+    errors within the band of first and best in the final replay, alternately, after the last
     iteration: plays that had no part in the selection. Without an improvement they are those of the first
     iteration.
     """
@@ -122,10 +110,11 @@ def learn(
 ) -> Learning:
     """Improve a drive by playing it: `plays` plays, then up to `iterations` corrections of as many.
 
-    It ends when the error reaches the plays' noise, when the expected improvement of a correction is
-    below that noise, or when smaller steps bring no improvement; at once, when a signal left its range or
-    the surface did not follow. The target stays unchanged. The result is the first drive, unless another
-    was closer to the target by more than the noise of plays that had no part in its selection.
+    It ends when the error reaches the plays' noise, when the expected improvement of a correction is below
+    that noise, or when smaller steps bring no improvement; at once, when a signal left its range, the surface
+    did not follow, or most of the error is one factor, as a laser that is askew makes it. The target stays
+    unchanged. The result is the first drive, unless another was closer to the target by more than the noise
+    of plays that had no part in its selection.
     `progress` is called with the plays done and their largest possible number.
 
     Raises ConfigurationError for fewer than three plays, or a drive of another calibration or rig, and
@@ -155,6 +144,7 @@ def learn(
     stopped = (
         _unlearnable(outcome, target_of(drive, outcome.rate_hz))
         or (f"{first.reason}. Nothing can be learnt from these plays." if first.disturbed else "")
+        or _of_the_laser(first, target_of(drive, outcome.rate_hz))
         or _ended(tried, best, step, iterations)
     )
     if not stopped:
@@ -188,9 +178,9 @@ def learn(
     chosen = drive
     if best:
         # The whole motion errs by no less than the band: noise outside may say so.
-        error = max(best_again.wideband_nrmse, best_again.nrmse)
+        error = max(best_again.whole.root, best_again.within.root)
         chosen = replace(drive, volts=tried[best].volts, predicted_error=error)
-    return Learning(tuple(tried), best, first_again.nrmse, best_again.nrmse, stopped, chosen)
+    return Learning(tuple(tried), best, first_again.within.root, best_again.within.root, stopped, chosen)
 
 
 def _informed(rig: Rig, drive: Drive, calibration: Calibration) -> ResponseEstimate:
@@ -235,16 +225,31 @@ def _unlearnable(played: Played, target: FloatArray) -> str:
     if played.overload:
         return f"{played.overload} Nothing can be learnt from these plays."
     moved = shared_power(played.accelerations[:, : len(target)].astype(np.complex128))
+    least, reach = LEAST_MOVED**2 * float(target @ target), _MOTION_SIGNIFICANCE * moved.deviation
     # Written so that NaN is refused too.
-    enough = moved.value >= LEAST_MOVED**2 * float(target @ target)
-    if enough and moved.value > _MOTION_SIGNIFICANCE * moved.deviation:
+    if moved.value >= least and moved.value > reach:
         return ""
+    if moved.value + reach >= least:
+        return (
+            "The plays' noise hides whether the surface follows the drive: the laser does not see the "
+            "surface, or something disturbs it. Nothing can be learnt from these plays."
+        )
     return f"The surface did not follow the drive: {UNSEEN}. Nothing can be learnt from these plays."
+
+
+def _of_the_laser(first: Iteration, target: FloatArray) -> str:
+    """Reason not to learn an error that a laser's scale makes as well; empty when there is none."""
+    missed = error_spectra(first.accelerations[:, : len(target)], target)
+    said = one_factor(first.whole, followed(missed, target), _FACTOR)
+    return said and (
+        f"{said} Nothing is learnt, because a wrong scale would make the drive wrong by it: aim the laser "
+        "square to the surface; if the factor stays, calibrate the patch anew."
+    )
 
 
 def _ended(tried: list[Iteration], best: int, step: float, iterations: int) -> str:
     """Reason to end learning before another correction is planned; empty to continue."""
-    if tried[best].nrmse <= tried[best].floor:
+    if tried[best].within.root <= tried[best].within.floor:
         return "The error within the band is below the plays' noise."
     if step < _LEAST_STEP:
         return "Smaller steps brought no improvement."

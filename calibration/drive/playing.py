@@ -140,7 +140,7 @@ def _acceleration(rig: Rig, capture: Capture, top: float, factor: int, rest: int
     It begins with `rest` samples without a drive, from which the laser's offset is taken.
     """
     laser = capture.channels.index(rig.vibrometer.channel)
-    velocity = rig.vibrometer.to_velocity(capture.volts[laser])
+    velocity = rig.vibrometer.to_si(capture.volts[laser])
     velocity = velocity - velocity[:rest].mean()
     edge = round(_EDGE * capture.rate_hz)
     samples = scipy.fft.next_fast_len(-(-len(velocity) // factor), real=True)

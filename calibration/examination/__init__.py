@@ -2,5 +2,6 @@
 
 from .examine import examine, examine_each
 from .finding import Finding, Status
+from .loop_check import examine_loop
 
-__all__ = ["Finding", "Status", "examine", "examine_each"]
+__all__ = ["Finding", "Status", "examine", "examine_each", "examine_loop"]

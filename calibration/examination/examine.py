@@ -15,9 +15,12 @@ from ...instruments import ConfigurationError, HaploopError, InstrumentError, Ri
 from ...instruments.driver import Mode
 from ...instruments.operator import UnansweredError
 from ...instruments.progress import Progress, silent
+from ...instruments.relay import LOST
 from ...instruments.rig import UNPROVED
+from ...instruments.vibrometer import Vibrometer, shown
 from .camera_check import check_camera
 from .finding import Finding, Status
+from .ghost_check import check_ghosts
 from .patch_check import check_patches
 from .sensor_check import (
     cards,
@@ -48,6 +51,7 @@ def examine(rig: Rig, mass: float = 0.5, progress: Progress = silent) -> list[Fi
         ("Identities", "rig", True, lambda: _identities(rig)),
         ("Settings", "rig", True, lambda: _settings(rig)),
         ("Noise floor", "daq", True, lambda: check_noise(rig)),
+        ("Ghosts", "daq", True, lambda: check_ghosts(rig, list(cards(rig).values()))),
         ("Force sensor", "force", rig.sensors.force is not None, lambda: check_force(rig, mass)),
         ("Accelerometer", "acceleration", rig.sensors.acceleration is not None, lambda: check_gravity(rig)),
         ("Camera", "camera", rig.has("camera"), lambda: check_camera(rig)),
@@ -79,6 +83,15 @@ def examine(rig: Rig, mass: float = 0.5, progress: Progress = silent) -> list[Fi
             if held
             else Finding("Safe state", "rig", "green", "The output is zero and every relay channel is open.")
         )
+    elif _is_direct(rig):
+        read = rig.daq.outputs_read()
+        how = (
+            "is zero, read back"
+            if read
+            else "was set to zero, and is not read back: this card cannot, or its driver does not"
+        )
+        sentence = f"The output {how}; the actuator stays connected."
+        findings.append(Finding("Safe state", "rig", "green", sentence))
     return findings
 
 
@@ -112,13 +125,17 @@ def examine_each(
 
 def _has_table(rig: Rig) -> bool:
     file = rig.file
-    parts = (file.table, file.amplifier, file.relay, file.vibrometer, file.sensors.drive)
-    return all(part is not None for part in parts)
+    parts = (file.table, file.actuator, file.amplifier, file.vibrometer, file.sensors.drive)
+    return all(part is not None for part in parts) and (file.relay is not None or _is_direct(rig))
+
+
+def _is_direct(rig: Rig) -> bool:
+    return rig.file.wiring == "direct" and rig.has("relay")
 
 
 def _identities(rig: Rig) -> Iterator[Finding]:
     for role, instrument in rig.instruments.items():
-        if role == "operator":
+        if role == "operator" or (role == "relay" and rig.file.relay is None):
             continue
         sentence = f"{_identity(rig, role)} responds."
         if role == "amplifier":
@@ -137,6 +154,8 @@ def _identity(rig: Rig, role: str) -> str:
 def _settings(rig: Rig) -> Iterator[Finding]:
     if rig.file.vibrometer is not None:
         yield _vibrometer_settings(rig)
+        if rig.vibrometer.mass:
+            yield _loaded(rig.vibrometer)
     if _has_table(rig):
         yield _limits(rig)
     for role, device in rig.file.devices.items():
@@ -148,6 +167,8 @@ def _settings(rig: Rig) -> Iterator[Finding]:
             yield Finding("Ratings", role, "yellow", sentence)
     if rig.file.amplifier is not None:
         yield from _provable(rig)
+    if _is_direct(rig):
+        yield from _without_relay(rig)
     if rig.file.relay is not None and math.isfinite(rig.relay.dead_man):
         sentence = (
             f"If this program is killed or loses power, the relay box opens by itself after "
@@ -160,6 +181,21 @@ def _settings(rig: Rig) -> Iterator[Finding]:
     elif _has_table(rig):
         sentence = f"The rig is not locked out; its audit log is in {rig.audit.folder}."
         yield Finding("Lockout", "rig", "green", sentence)
+
+
+def _without_relay(rig: Rig) -> Iterator[Finding]:
+    """What is lost without a relay, and what a voltage that stays would do to a coil."""
+    actuator, peak = rig.actuator, rig.limits.peak
+    sentence = LOST
+    held = actuator.held_watts(peak)
+    if actuator.watts is not None and held > actuator.watts:
+        sentence += (
+            f" A drive of up to {peak:g} V that stays would make the coil dissipate {held:.3g} W, and it "
+            f"takes {actuator.watts:g} W: put a thermal fuse in series, or a capacitor."
+        )
+    if actuator.protected_by:
+        sentence += f" The rig file says what protects it: {actuator.protected_by}."
+    yield Finding("No relay", "amplifier", "yellow", sentence)
 
 
 def _provable(rig: Rig) -> Iterator[Finding]:
@@ -187,17 +223,20 @@ def _limits(rig: Rig) -> Finding:
     sentence = (
         f"A drive may reach {limits.peak:g} V about zero, slew {limits.slew:g} V/s, draw "
         f"{limits.current_peak:g} A and last {limits.max_duration:g} s, {limits.duty:.0%} of a minute: the "
-        "strictest of amplifier, relay, patch and rig."
+        f"strictest of amplifier{'' if rig.file.relay is None else ', relay'}, actuator and rig."
     )
     aborts = [f"{1.1 * limits.peak if abort.drive is None else abort.drive:.3g} V at the patch"]
     aborts += [f"{abort.velocity:g} m/s of the surface"] if abort.velocity is not None else []
+    aborts += [f"{abort.displacement:g} m of the surface"] if abort.displacement is not None else []
+    aborts += [f"{abort.acceleration:g} m/s² of the surface"] if abort.acceleration is not None else []
     aborts += [f"{abort.force:g} N on the force sensor"] if abort.force is not None else []
     return Finding("Limits", "amplifier", "green", f"{sentence} A play is stopped at {', '.join(aborts)}.")
 
 
 def _vibrometer_settings(rig: Rig) -> Finding:
     vibrometer = rig.vibrometer
-    settings = f"{vibrometer.range * 1e3:g} mm/s full scale ({vibrometer.scale * 1e3:g} mm/s per V)"
+    full, per_volt = (shown(vibrometer.quantity, value) for value in (vibrometer.range, vibrometer.scale))
+    settings = f"{full} full scale ({per_volt} per V)"
     if vibrometer.declared is not None:
         try:
             rig.confirm_settings()
@@ -206,9 +245,8 @@ def _vibrometer_settings(rig: Rig) -> Finding:
             return Finding("Settings", "vibrometer", "yellow", sentence)
         except InstrumentError:
             sentence = (
-                "The settings differ from the rig file, so every velocity would be scaled wrongly: set the "
-                f"range to {vibrometer.range * 1e3:g} mm/s and the filters as prompted, or correct "
-                "[vibrometer]."
+                f"The settings differ from the rig file, so every {vibrometer.quantity} would be scaled "
+                f"wrongly: set the range to {full} and the filters as prompted, or correct [vibrometer]."
             )
             return Finding("Settings", "vibrometer", "red", sentence)
         return Finding("Settings", "vibrometer", "green", f"The operator confirms {settings}.")
@@ -229,6 +267,15 @@ def _vibrometer_settings(rig: Rig) -> Finding:
         return Finding("Settings", "vibrometer", status, sentence)
     seen = "" if level is None else f"; signal level {level:.0%}"
     return Finding("Settings", "vibrometer", "green", f"The instrument reports {settings}{seen}.")
+
+
+def _loaded(pickup: Vibrometer) -> Finding:
+    sentence = (
+        f"The {pickup.identity} adds {pickup.mass * 1e3:g} g to the table where it is glued: a mode falls by "
+        "half of the ratio of this to the mass that moves there. Calibrate, make buttons and check with it "
+        "in place, and do not move it in between."
+    )
+    return Finding("Mass", "vibrometer", "yellow", sentence)
 
 
 def _relay(rig: Rig) -> Iterator[Finding]:

@@ -19,6 +19,7 @@ import scipy
 
 from ...instruments import Aim, Capture, HaploopError, InstrumentError, Rig
 from ...instruments.arrays import BoolArray, ComplexArray, FloatArray
+from ...instruments.vibrometer import shown
 from ..response import linear_sweep
 from .finding import Finding
 
@@ -26,6 +27,8 @@ __all__ = ["check_patches"]
 
 _LEVEL = 10.0
 """V at the patch."""
+_ALLOWED, _WEAKEST = 0.98, 0.01
+"""Share of what limits of current and heat allow, and the weakest sweep (V) that is tried on a coil."""
 _DURATION, _TAIL = 0.3, 0.15
 _STOP_HZ = 625.0
 _BAND = (30.0, 610.0)
@@ -104,6 +107,8 @@ def check_patches(rig: Rig) -> Iterator[Finding]:
             )
             yield Finding(f"Patch {patch}", "table", "red", sentence)
     known = [p for p in rig.table.patch_places if p in seen]
+    if rig.file.relay is None:
+        return
     yield _wiring({k: a.in_phase for k, a in answers.of.items()}, known)
 
 
@@ -112,10 +117,13 @@ def _measure(rig: Rig) -> _Answers:
     patches = [p for p in rig.table.patches if p in rig.relay.patches]
     known = [p for p in patches if p in places]
     points = {p: str(rig.table.nearest(places[p])) for p in known} if len(known) > 1 else {"": "button"}
-    level = min(_LEVEL, rig.limits.peak)
-    sweep = linear_sweep(rig.table.rate_hz, _DURATION, _STOP_HZ, level)
-    # A player's latency is found from its drive on the monitor, but open channels show none: play silence.
-    silent = rig.file.player is not None
+    rate_hz, level = rig.table.rate_hz, min(_LEVEL, rig.limits.peak)
+    factor, _ = rig.limits.headroom(linear_sweep(rate_hz, _DURATION, _STOP_HZ, level), rate_hz)
+    level *= min(1.0, _ALLOWED * factor) if factor < 1 else 1.0
+    sweep = linear_sweep(rate_hz, _DURATION, _STOP_HZ, level)
+    # A player's latency is found from its drive on the monitor, but open channels show none: play silence. So
+    # without a relay, where nothing is open.
+    silent = rig.file.player is not None or rig.file.relay is None
     of: dict[tuple[str, str], _Answer] = {}
     refused: dict[str, str] = {}
     silence: _Answer | None = None
@@ -128,6 +136,10 @@ def _measure(rig: Rig) -> _Answers:
         for patch in (p for p in patches if p not in refused):
             try:
                 of[place, patch] = _play(rig, sweep, (patch,))
+                while of[place, patch].problem and rig.actuator.kind == "coil" and level > _WEAKEST:
+                    # A coil may move the table much more than a patch does, and how much is not known yet.
+                    level, sweep = level / 4, sweep / 4
+                    of[place, patch] = _play(rig, sweep, (patch,))
             except HaploopError as error:
                 refused[patch] = str(error)
     assert silence is not None, "there is a point"
@@ -147,7 +159,7 @@ def _play(rig: Rig, sweep: FloatArray, patches: tuple[str, ...], silent: bool = 
     f = np.asarray(f[inside])
     commanded = _spectrum(sweep, samples, inside)
     drive = _spectrum(sensor.to_si(capture.volts[:1])[0], samples, inside)
-    velocity = _spectrum(rig.vibrometer.to_velocity(capture.volts[1]), samples, inside)
+    velocity = _spectrum(rig.vibrometer.to_si(capture.volts[1]), samples, inside)
     # The laser's delay and the card's skew rotate the phase: both are removed.
     skew = np.exp(-2j * np.pi * f * (capture.delays[1] - capture.delays[0]))
     velocity = np.asarray(velocity / rig.vibrometer.response(f) * skew)
@@ -165,10 +177,11 @@ def _spectrum(signal: FloatArray, samples: int, inside: BoolArray) -> ComplexArr
 
 
 def _overload(rig: Rig, capture: Capture) -> str | None:
-    fastest = float(np.abs(rig.vibrometer.to_velocity(capture.volts[1])).max())
+    fastest = float(np.abs(rig.vibrometer.to_si(capture.volts[1])).max())
     if capture.overload[1] or fastest > rig.vibrometer.range:
         return (
-            f"The velocity reached the end of the {rig.vibrometer.range * 1e3:g} mm/s range at {_LEVEL:g} V: "
+            f"The {rig.vibrometer.quantity} reached the end of the "
+            f"{shown(rig.vibrometer.quantity, rig.vibrometer.range)} range at {_LEVEL:g} V: "
             "there is too little light (focus the laser, or use reflective tape), or the range is too small."
         )
     if capture.overload[0]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 import scipy
@@ -43,20 +43,15 @@ _PRESS_BAND = (15.0, 100.0)
 """Band (Hz) in which the snap appears in both force and acceleration."""
 
 
-def cards(rig: Rig) -> dict[str, list[str]]:
-    """The measured channels of each card; one card for a DAQ whose channels name no terminals."""
+def cards(rig: Rig) -> Mapping[str, Sequence[str]]:
+    """The measured channels of each card."""
     sensors = rig.sensors
     measured = [*sensors.of_presses.values(), *([sensors.drive] if sensors.drive else [])]
     names = [channel for sensor in measured for channel in sensor.channels]
     names += [extra.channel for extra in sensors.extra.values() if extra.channel not in names]
     if rig.file.vibrometer is not None:
         names.append(rig.vibrometer.channel)
-    channels = rig.file.daq.settings.get("channels", {})
-    groups: dict[str, list[str]] = {}
-    for name in names:
-        terminal = str(channels.get(name, {}).get("terminal", "")) if isinstance(channels, dict) else ""
-        groups.setdefault(terminal.partition("/")[0], []).append(name)
-    return groups
+    return rig.daq.cards(names)
 
 
 def check_noise(rig: Rig) -> Iterator[Finding]:
@@ -139,8 +134,8 @@ def check_force(rig: Rig, mass: float) -> Iterator[Finding]:
     if sensor.ac_coupled:
         sentence = (
             "Not tested with a mass: the force sensor is AC-coupled "
-            f"({sensor.transfer.high_pass_hz[0]:.2g} Hz), and what is constant fades. Compare its sensitivity "
-            "with its certificate."
+            f"({sensor.transfer.high_pass_hz[0]:.2g} Hz), and what is constant fades. Compare its "
+            "sensitivity with its certificate."
         )
         yield Finding("Known mass", "force", "yellow", sentence)
         return
@@ -251,7 +246,10 @@ def check_clock(rig: Rig) -> Iterator[Finding]:
         f"later {abs(after) * 1e3:.1f} ms apart"
     )
     if max(abs(before), abs(after)) > _APART or abs(after - before) > _DRIFTED:
-        what = "the cards run on clocks of their own. Check the RTSI cable and its entry in NI MAX."
+        what = (
+            "the cards run on clocks of their own. Check the cable between them (of NI cards: RTSI, and its "
+            "entry in NI MAX)."
+        )
         yield Finding("One clock", "daq", "red", f"{measured}: {what}")
     else:
         drift = _DRIFTED / _BETWEEN_PRESSES * 1e6

@@ -150,10 +150,14 @@ class MapFolder:
     def create(cls, path: Path, plan: MapPlan) -> MapFolder:
         """Begin a map, or continue an existing one.
 
-        Raises ConfigurationError when the folder holds something else, or a map of another plan.
+        A plan of which nothing was measured or skipped gives way to another. Raises ConfigurationError when
+        the folder holds something else, or a map of another plan.
         """
         if (path / _PLAN).is_file():
             there = cls.open(path)
+            if there.plan != plan and [one.name for one in path.iterdir()] == [_PLAN]:
+                (path / _PLAN).unlink()
+                return cls.create(path, plan)
             for field in dataclasses.fields(MapPlan):
                 old, new = getattr(there.plan, field.name), getattr(plan, field.name)
                 if old != new:

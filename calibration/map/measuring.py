@@ -65,7 +65,12 @@ def map_plan(
         if value is not None and not 0 < value < np.inf:
             raise ConfigurationError(f"A map cannot have {name} = {value}: use a number of {unit} above 0.")
     parallel = rig.limits_for(1 if rig.amplifier.inputs else len(names))
-    most = _SHARE * min(rig.limits.peak, parallel.peak)
+    peak = min(rig.limits.peak, parallel.peak)
+    if level is not None and level > peak:
+        raise ConfigurationError(
+            f"A map cannot have level = {level:g}: the limits of the rig {rig.name!r} allow {peak:.4g} V "
+            "about zero."
+        )
     tests = [chosen[round(k * (len(chosen) - 1) / 2)] for k in range(3)] if len(names) > 1 else []
     return MapPlan(
         rig=rig.name,
@@ -76,7 +81,7 @@ def map_plan(
         points=tuple(map(str, chosen)),
         patches=names,
         together=several if together is None else together,
-        level=most if level is None else level,
+        level=_SHARE * peak if level is None else level,
         rate_hz=table.rate_hz,
         low=15.0,
         high=625.0,
@@ -194,7 +199,7 @@ class _Player:
                 rows.append((number, patch))
             laser = capture.channels.index(rig.vibrometer.channel)
             paths = Channels(capture.rate_hz, 0.0, float(capture.delays[laser]), rig.vibrometer.response)
-            speed = rig.vibrometer.to_velocity(capture.volts[laser])[: len(self._all)]
+            speed = rig.vibrometer.to_si(capture.volts[laser])[: len(self._all)]
             velocity = paths.velocity(scipy.fft.rfft(speed)[self._lines], self._f)
             if not self._follows(velocity, name):
                 source = f"patch {name}" if name in drive else "the patches"

@@ -1,6 +1,7 @@
 """Rational models of responses, and the calibration that contains response and model."""
 
-from .calibration import Calibration, calibrate, calibrate_keeping
+from .calibrating import calibrate, calibrate_keeping
+from .calibration import Calibration
 from .even_order import even_order
 from .model import Model, Resonance, fit
 from .uncertainty import standard_deviation

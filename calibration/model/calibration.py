@@ -2,29 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from ...acquisition import hdf5
-from ...instruments import ConfigurationError, Rig, RigFile
+from ...instruments import ConfigurationError, RigFile
 from ...instruments.notebook import InNotebook
-from ...instruments.progress import Progress, silent
-from ..response import (
-    SWEEP,
-    Excitation,
-    Hysteresis,
-    Response,
-    Waveforms,
-    distortion,
-    fit_hysteresis,
-    measure_above,
-    measure_both_signs,
-    measure_response,
-)
-from .even_order import even_order
+from ..response import Hysteresis, Response, fit_hysteresis
 from .model import Model, fit
 
-__all__ = ["Calibration", "calibrate", "calibrate_keeping"]
+__all__ = ["Calibration"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,52 +70,3 @@ class Calibration(InNotebook):
     def load(cls, path: str | Path) -> Calibration:
         """Read what `save` wrote. Raises DataError, one sentence, for anything else."""
         return hdf5.restore(cls, hdf5.read(path, "calibration"), path)
-
-
-def calibrate(
-    rig: Rig,
-    patch: str = "A",
-    point: str = "button",
-    progress: Progress = silent,
-    *,
-    excitation: Excitation = SWEEP,
-) -> Calibration:
-    """Measure the response of a patch at a point, fit a model to it, and measure the response above its band.
-
-    Both kinds of excitation measure the patch's hysteresis as well.
-
-    `progress` is called with the seconds measured. Raises what `measure_response` and `fit` raise.
-    """
-    found = Calibration.of(measure_response(rig, patch, point, progress, excitation=excitation))
-    return examined(rig, found, progress)
-
-
-def calibrate_keeping(
-    rig: Rig,
-    patch: str = "A",
-    point: str = "button",
-    progress: Progress = silent,
-    *,
-    excitation: Excitation = SWEEP,
-) -> tuple[Calibration, Waveforms]:
-    """`calibrate`, and the volts of every play that it was computed from, of which it can be computed again.
-
-    Raises what `calibrate` raises.
-    """
-    with rig.captures() as captures:
-        found = calibrate(rig, patch, point, progress, excitation=excitation)
-    return found, Waveforms.of(rig, captures, found.digest, patch, point)
-
-
-def examined(rig: Rig, calibration: Calibration, progress: Progress = silent) -> Calibration:
-    """Add to a calibration the patch's even order, the distortion left, and the response above its band.
-
-    To be called after its response was measured, with the laser still at the point. Raises what
-    `measure_response` raises.
-    """
-    patch, point = calibration.response.patch, calibration.response.point
-    both = measure_both_signs(rig, patch, point, progress)
-    law = replace(calibration.hysteresis, even=even_order(calibration, both))
-    above = measure_above(rig, patch, point, law, progress)
-    left = distortion(rig, patch, point, law, both)
-    return replace(calibration, hysteresis=law, above=above, distortion=left)

@@ -10,16 +10,12 @@ After Pintelon and Schoukens, System Identification, 2012, chapter 3 (even and o
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import scipy
 
 from ...instruments.arrays import ComplexArray, FloatArray
 from ..response import BothSigns, even_terms, rows, terms_of
-
-if TYPE_CHECKING:
-    from .calibration import Calibration
+from .calibration import Calibration
 
 __all__ = ["even_order"]
 

@@ -22,6 +22,7 @@ from .measuring import (
     overloaded,
     plausible,
     prepare,
+    quick_level,
     quick_response,
     response_from,
 )
@@ -61,6 +62,7 @@ __all__ = [
     "plan_excitation",
     "plausible",
     "prepare",
+    "quick_level",
     "quick_response",
     "read_uff",
     "read_uff_sets",

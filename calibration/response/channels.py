@@ -22,7 +22,8 @@ _CORNERS = (300.0, 3e5)
 class Channels:
     """Sampling delays (s) of drive monitor and laser after the clock's edge, and the laser's response.
 
-    `laser` returns the response (lines,) of the vibrometer's output at frequencies (Hz), delay included.
+    `laser` returns the response (lines,) from the surface's velocity to what the vibrometer shows, at
+    frequencies (Hz), delay included.
     """
 
     rate_hz: float

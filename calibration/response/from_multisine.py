@@ -44,7 +44,8 @@ def from_multisine(
 ) -> tuple[FrfEstimate, Hysteresis]:
     """Estimate the response on the excited lines, from signals that begin with the multisine.
 
-    `commanded` is (samples,) V; `drive` (V) and `velocity` (m/s) are as sampled, at least as long.
+    `commanded` is (samples,) V; `drive` (V) and `velocity` (what the pick-up shows) are as sampled, and
+    as long.
     The patch's `hysteresis` is found together with the table's modes in the same signals, unless it is
     given; the response is that to a sine of `hysteresis.level` volts. Modes explain resonances that a
     local method cannot resolve, and the local rational method estimates what they leave. `local_only` leaves

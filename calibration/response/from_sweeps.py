@@ -49,8 +49,8 @@ def from_sweeps(
     """Estimate the response by dividing spectra of whole records, ringing included: without leakage.
 
     `commanded` is (samples,) V, one sweep at the full level; `drives` (plays, samples) V and
-    `velocities` (plays, samples) m/s are as sampled: `sweep.repeats` plays at that level, then one
-    at each of `sweep.shares`.
+    `velocities` (plays, samples), what the pick-up shows, are as sampled: `sweep.repeats` plays at that
+    level, then one at each of `sweep.shares`.
     """
     rate_hz, repeats = channels.rate_hz, sweep.repeats
     samples = drives.shape[1]
@@ -87,8 +87,10 @@ def from_sweeps(
     scatter = np.maximum(residual / power - removed, _STAYS * residual / power)
     left_in = _left_in(np.maximum(removed - residual / power, 0.0), sweep.stop_hz - f)
     variance = scatter + left_in
-    cut_off = _cut_off(velocities[:repeats].mean(axis=0), rate_hz, length, lines, residual / repeats)
-    variance += cut_off / (power / repeats)
+    # What is compared there is what the pick-up shows, of which a velocity has this much power on each line.
+    shown = np.abs(channels.laser(f)) ** 2
+    cut_off = _cut_off(velocities[:repeats].mean(axis=0), rate_hz, length, lines, shown * residual / repeats)
+    variance += cut_off / shown / (power / repeats)
     variance += _drift(H, f, y / x, residual / power * repeats, len(drives))
     alone = [residual / np.abs(a) ** 2 + left_in for a in X[repeats:]]
     variance += _of_shape(H, smaller, level_gain, alone)

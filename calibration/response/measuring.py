@@ -11,6 +11,7 @@ import numpy as np
 from ...instruments import Aim, Capture, ConfigurationError, DataError, InstrumentError, Rig
 from ...instruments.arrays import FloatArray
 from ...instruments.progress import Progress, part_of, silent
+from ...instruments.vibrometer import shown
 from ..background import LONGEST_REST, Record, rests, without_tones
 from .channels import Channels
 from .excitation import Excitation, LinearSweep, Multisine
@@ -18,7 +19,7 @@ from .from_multisine import from_multisine
 from .from_sweeps import from_sweeps
 from .hysteresis import Hysteresis
 from .response import LINEAR, Response
-from .settling import refuse_silent_drive, settle
+from .settling import full_level, refuse_silent_drive, settle
 
 if TYPE_CHECKING:
     from .estimate import FrfEstimate
@@ -35,6 +36,7 @@ __all__ = [
     "overloaded",
     "plausible",
     "prepare",
+    "quick_level",
     "quick_response",
     "response_from",
 ]
@@ -83,7 +85,9 @@ def measure_response(
     drive does not reach the patch; DataError when the point does not follow the patch;
     ConfigurationError for a rig that lacks an instrument.
     """
-    peak = rig.limits.peak if level is None else level
+    peak = level
+    if peak is None:
+        peak = full_level(rig, lambda peak: excitation.volts(rig.table.rate_hz, peak))
     prepare(rig, point)
     if isinstance(excitation, Multisine):
         return plausible(_known(rig, patch, point, excitation, peak, hysteresis, progress, within))
@@ -114,7 +118,7 @@ def measure_above(
 
 @dataclass(frozen=True, eq=False)
 class BothSigns:
-    """A multisine and its negative, each from rest: (2, samples) V at the patch, and m/s, as sampled."""
+    """A multisine and its negative, each from rest: (2, samples) V at the patch, and what is shown."""
 
     volts: FloatArray
     velocity: FloatArray
@@ -131,7 +135,7 @@ def measure_both_signs(rig: Rig, patch: str, point: str, progress: Progress = si
     for number, sign in enumerate((1.0, -1.0)):
         settle(rig, patch, progress)
         tell = part_of(progress, _doing(patch, point), number * QUICK.duration, 2 * QUICK.duration)
-        captures.append(excite(rig, QUICK, patch, sign * rig.limits.peak, tell))
+        captures.append(excite(rig, QUICK, patch, sign * quick_level(rig), tell))
         _refuse_overload(rig, captures[-1])
     volts, velocity, channels = zip(*(_signals(rig, capture, patch) for capture in captures), strict=True)
     own = slice(QUICK.samples(rig.table.rate_hz))
@@ -149,7 +153,7 @@ def distortion(rig: Rig, patch: str, point: str, hysteresis: Hysteresis, both: B
         rig,
         both.captures[0],
         QUICK,
-        rig.limits.peak,
+        quick_level(rig),
         patch=patch,
         point=point,
         hysteresis=hysteresis,
@@ -172,6 +176,11 @@ def quick_response(
     See `measure_response`.
     """
     return measure_response(rig, patch, point, progress, excitation=QUICK, level=level, hysteresis=hysteresis)
+
+
+def quick_level(rig: Rig) -> float:
+    """Largest peak (V) of the quick multisine that the rig's limits allow."""
+    return full_level(rig, lambda peak: QUICK.volts(rig.table.rate_hz, peak))
 
 
 def excite(rig: Rig, multisine: Multisine, patch: str, peak: float, progress: Progress = silent) -> Capture:
@@ -233,10 +242,10 @@ def prepare(rig: Rig, point: str) -> None:
 def overloaded(rig: Rig, capture: Capture) -> str | None:
     """Sentence on a signal out of range in a capture of drive monitor and laser, with a remedy; or None."""
     laser = capture.channels.index(rig.vibrometer.channel)
-    fastest = float(np.abs(rig.vibrometer.to_velocity(capture.volts[laser])).max())
+    fastest = float(np.abs(rig.vibrometer.to_si(capture.volts[laser])).max())
     if capture.overload[laser] or fastest > rig.vibrometer.range:
         return (
-            f"The laser left its range of {rig.vibrometer.range * 1e3:g} mm/s: "
+            f"The laser left its range of {shown(rig.vibrometer.quantity, rig.vibrometer.range)}: "
             "choose a larger range, or a lower level."
         )
     if capture.overload.any():
@@ -349,7 +358,8 @@ def _response(
         level=gain * peak if hysteresis is None else hysteresis.level,
         levels=gain * peak * np.array(shares),
         level_gain=found.level_gain,
-        velocity_range=rig.vibrometer.range,
+        pickup_range=rig.vibrometer.range,
+        pickup=rig.vibrometer.quantity,
         excitation=excitation,
         source="measured",
         rig=rig.name,
@@ -361,7 +371,7 @@ def _response(
 
 
 def _signals(rig: Rig, capture: Capture, patch: str) -> tuple[FloatArray, FloatArray, Channels]:
-    """(samples,) V at a patch, (samples,) m/s of the laser's output, and how they were sampled."""
+    """(samples,) V at a patch, (samples,) SI of the laser's output, and how they were sampled."""
     drive = capture.channels.index(rig.monitor(patch))
     laser = capture.channels.index(rig.vibrometer.channel)
     divider = rig.sensors.drive
@@ -370,7 +380,7 @@ def _signals(rig: Rig, capture: Capture, patch: str) -> tuple[FloatArray, FloatA
         capture.rate_hz, float(capture.delays[drive]), float(capture.delays[laser]), rig.vibrometer.response
     )
     volts = divider.to_si(capture.volts[[drive]])[0]
-    return volts, rig.vibrometer.to_velocity(capture.volts[laser]), channels
+    return volts, rig.vibrometer.to_si(capture.volts[laser]), channels
 
 
 def _doing(patch: str, point: str) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 
 from ...instruments import DataError
 from ...instruments.arrays import ComplexArray, FloatArray
+from ...instruments.vibrometer import Quantity
 from .hysteresis import Hysteresis
 
 __all__ = ["LINEAR", "Response"]
@@ -52,8 +53,8 @@ class Response:
     level_gain: ComplexArray
     """(levels,): the response to these over the response at `level`, one number for all lines: the
     patch's hysteresis, which makes it differ from one."""
-    velocity_range: float
-    """The vibrometer's full scale (m/s): a drive must stay within it to be checked."""
+    pickup_range: float
+    """Full scale of the vibrometer (SI, of `pickup`): a drive must stay within it to be checked."""
     excitation: str
     """Excitation and its duration, in a sentence."""
     source: str
@@ -67,6 +68,8 @@ class Response:
     scatter: FloatArray = field(default_factory=lambda: np.zeros(0))
     """(lines,) m/s per V: the part of `deviation` that differs from line to line, which a fit averages. The
     rest is common to neighbouring lines: the law's misfit, drift, what the lines do not resolve."""
+    pickup: Quantity = "velocity"
+    """What the vibrometer shows."""
     hysteresis: Hysteresis = LINEAR
     """The law that a multisine's response was computed with; that of sweeps follows from `level_gain`."""
 

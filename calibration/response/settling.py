@@ -7,6 +7,8 @@ decay of the surface is then measured, not assumed.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import scipy
 
@@ -14,13 +16,15 @@ from ...instruments import Capture, InstrumentError, Rig
 from ...instruments.arrays import FloatArray
 from ...instruments.progress import Progress, silent
 
-__all__ = ["RESOLVED", "refuse_silent_drive", "ringing_of", "run_down", "settle"]
+__all__ = ["RESOLVED", "full_level", "refuse_silent_drive", "ringing_of", "run_down", "settle"]
 
 _HZ, _CYCLES = 40.0, 16
 """Frequency (Hz) and number of cycles of the run-down, below a table's first mode. After it the first play
 differs from the fifth by 0.4 % of its target; with half the cycles by 0.7 % (measured)."""
 _MARGIN = 0.999
 """Level of the run-down over the limit: a player's own rate may overshoot by some millionths."""
+_ALLOWED = 0.98
+"""Share that is played of what a limit other than that of the volts allows."""
 _TAIL = 0.5
 """Time (s) recorded after the run-down, at first."""
 _LONGEST = 16.0
@@ -46,6 +50,16 @@ def run_down(rate_hz: float, peak: float) -> FloatArray:
     return np.asarray(volts * (peak / np.abs(volts).max()))
 
 
+def full_level(rig: Rig, shape: Callable[[float], FloatArray]) -> float:
+    """Largest peak (V) that the rig's limits allow for a waveform, whose volts `shape` makes for a peak.
+
+    The volts bind on most rigs; a coil's heat, or the amplifier's current, may bind before.
+    """
+    peak = rig.limits.peak
+    factor, _ = rig.limits.headroom(shape(peak), rig.table.rate_hz)
+    return float(peak * (1.0 if factor > 1 - 1e-6 else _ALLOWED * factor))
+
+
 def settle(rig: Rig, patch: str, progress: Progress = silent) -> float:
     """Erase a patch's memory and wait until the surface is at rest; returns the time that took (s).
 
@@ -53,7 +67,8 @@ def settle(rig: Rig, patch: str, progress: Progress = silent) -> float:
     not come to rest, and what `Rig.excite` raises.
     """
     rate_hz = rig.table.rate_hz
-    volts, tail, waited = run_down(rate_hz, _MARGIN * rig.limits.peak), _TAIL, 0.0
+    peak = full_level(rig, lambda peak: run_down(rate_hz, peak))
+    volts, tail, waited = run_down(rate_hz, _MARGIN * peak), _TAIL, 0.0
     before = np.inf
     while tail <= _LONGEST:
         capture = rig.excite(volts, (patch,), (rig.vibrometer.channel, rig.monitor(patch)), tail)
@@ -61,7 +76,7 @@ def settle(rig: Rig, patch: str, progress: Progress = silent) -> float:
         progress("Settle", waited, waited, "s")
         if volts.any():
             refuse_silent_drive(_gain(rig, capture, volts), patch)
-        ringing = ringing_of(rig.vibrometer.to_velocity(capture.volts[0])[len(volts) :], rate_hz)
+        ringing = ringing_of(rig.vibrometer.to_si(capture.volts[0])[len(volts) :], rate_hz)
         # Written so that NaN passes: what follows the settling judges it. So does what goes on and on, such
         # as a fan whose speed wanders: it is no ringing.
         if not ringing > RESOLVED * rig.vibrometer.range or (tail >= _LONG and ringing > _STAYS * before):

@@ -245,7 +245,7 @@ def _response(
         level=1.0,
         levels=np.zeros(0),
         level_gain=np.zeros(0, dtype=np.complex128),
-        velocity_range=np.inf,
+        pickup_range=np.inf,
         excitation=str(function["id2"]).strip(),
         source=source,
         rig=rig.name if rig else str(function["id4"]).strip(),

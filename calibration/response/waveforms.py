@@ -10,6 +10,7 @@ import numpy as np
 
 from ...acquisition import hdf5
 from ...instruments import Capture, Rig
+from ...instruments.vibrometer import Quantity
 
 __all__ = ["Waveforms"]
 
@@ -38,11 +39,15 @@ class Waveforms:
     laser: str
     """Channel of the vibrometer."""
     laser_scale: float
-    """Velocity over volts of that channel (m/s per V)."""
+    """SI over volts of that channel: m/s, m or m/s^2 per V."""
     laser_bandwidth_hz: float
     """Corner of the vibrometer's output (Hz; one pole)."""
+    laser_high_pass_hz: float
+    """Corner of its high-pass (Hz; one pole); 0 without."""
     laser_delay: float
     """Delay of the vibrometer's output (s)."""
+    laser_quantity: Quantity
+    """What it shows."""
     simulated: bool
 
     @classmethod
@@ -60,7 +65,9 @@ class Waveforms:
             laser=rig.vibrometer.channel,
             laser_scale=rig.vibrometer.scale,
             laser_bandwidth_hz=rig.vibrometer.bandwidth_hz,
+            laser_high_pass_hz=rig.vibrometer.high_pass_hz,
             laser_delay=rig.vibrometer.delay,
+            laser_quantity=rig.vibrometer.quantity,
             simulated=rig.simulated,
         )
 

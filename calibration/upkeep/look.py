@@ -16,6 +16,7 @@ from ..response import (
     excite,
     plausible,
     prepare,
+    quick_level,
     response_from,
     settle,
 )
@@ -132,7 +133,7 @@ def _measured(rig: Rig, place: Place, laser: LaserAtRest, progress: Progress) ->
         # Spikes and hum hide that the surface has come to rest; the patch's memory is erased all the same.
         if not (laser.spikes or laser.hum or laser.tones_hz):
             raise
-    peak = rig.limits.peak
+    peak = quick_level(rig)
     tell = part_of(progress, f"Measure patch {patch} at the {point} point", 0, QUICK.duration)
     capture, spikes = without_spikes(rig, excite(rig, QUICK, patch, peak, tell))
     return plausible(response_from(rig, capture, QUICK, peak, patch=patch, point=point)), spikes

@@ -312,7 +312,7 @@ def _turn(history: History, active: Generation, buttons: Mapping[str, DigitalBut
 
 
 def _margin(check: Check) -> float:
-    return check.tolerance - check.wideband_nrmse
+    return check.tolerance - check.error
 
 
 def _played(
@@ -333,7 +333,7 @@ def _played(
         return _with(replace(outcome, kind="broken"), f"{name}: {error}")
     outcome = replace(outcome, before={name: found})
     if found.passed:
-        return _with(outcome, f"{told}: its error is {found.wideband_nrmse:.1%}, and it passes.")
+        return _with(outcome, f"{told}: its error is {found.error:.1%}, and it passes.")
     reasons = " ".join(found.reasons)
     if disturbed and look.laser and look.laser.hides(found.drive):
         return _with(
@@ -429,9 +429,9 @@ def _disturbed_in_check(buttons: Mapping[str, DigitalButton]) -> list[str]:
     Written so that NaN is told too.
     """
     return [
-        f"{name}: tones of {button.check.background:.0%} of the target disturbed the laser in its check."
+        f"{name}: tones of {button.check.tones.share:.0%} of the target disturbed the laser in its check."
         for name, button in buttons.items()
-        if not button.check.background <= MATTERS
+        if not button.check.tones.share <= MATTERS
     ]
 
 

@@ -12,9 +12,11 @@ from ...instruments import Capture, Rest, Rig
 from ...instruments.arrays import BoolArray, FloatArray, IntArray
 from ...instruments.mains import Hum, mains_hum
 from ...instruments.sensors import fault_at_rest
+from ...instruments.vibrometer import Vibrometer
 from ..background import Record, steady, tones_in, tones_of
 from ..drive import BAND, Drive
 from ..response import RESOLVED, ringing_of
+from ..spectra import fade
 
 __all__ = [
     "MATTERS",
@@ -52,6 +54,8 @@ _PATIENCE, _RINGS = 8, RESOLVED / 10
 """Records until the surface has come to rest, and rms velocity over the range that still rings."""
 _FAINT = RESOLVED / 2
 """Amplitude of a tone, over the range, up to which it is not told."""
+_EDGE, _LOWEST = 0.05, 10.0
+"""Fade (s) and lowest frequency (Hz) where what is shown is brought to velocity."""
 MATTERS = 0.1
 """Acceleration that the laser shows at rest, over that of a target, above which it can fail a check."""
 
@@ -134,17 +138,18 @@ def laser_at_rest(rig: Rig) -> LaserAtRest:
     for _ in range(_PATIENCE):
         capture = _captured(rig, (rig.vibrometer.channel,), rate_hz, _LASER_REST)
         calm, spikes = without_spikes(rig, capture)
-        velocity = rig.vibrometer.to_velocity(capture.volts[0])
-        quiet = rig.vibrometer.to_velocity(calm.volts[0])
-        if not ringing_of(quiet, rate_hz) > _RINGS * rig.vibrometer.range:
+        shown = rig.vibrometer.to_si(calm.volts[0])
+        if not ringing_of(shown, rate_hz) > _RINGS * rig.vibrometer.range:
             break
+    velocity = _velocity(rig.vibrometer, rig.vibrometer.to_si(capture.volts[0]), rate_hz)
+    quiet = _velocity(rig.vibrometer, shown, rate_hz)
     f, power = scipy.signal.welch(quiet, rate_hz, nperseg=round(rate_hz / 10))
     inside = (f >= BAND[0]) & (f <= BAND[1])
     factor = max(1, round(rate_hz / _SLOW / 2.5))
-    half = len(quiet) // factor // 2
+    half = len(shown) // factor // 2
     # In two halves, because what still rings is no tone.
     halves = slice(0, half), slice(half, 2 * half)
-    slow = [Record(scipy.signal.resample_poly(quiet, 1, factor), halves)]
+    slow = [Record(scipy.signal.resample_poly(shown, 1, factor), halves)]
     tones = tones_in(slow, rate_hz / factor)
     if len(tones):
         loud = np.abs(tones_of(slow[0], tones, rate_hz / factor)) > _FAINT * rig.vibrometer.range
@@ -159,6 +164,15 @@ def laser_at_rest(rig: Rig) -> LaserAtRest:
         tones_hz=tuple(tones.tolist()),
         shaking=_in_band(velocity, rate_hz),
     )
+
+
+def _velocity(pickup: Vibrometer, shown: FloatArray, rate_hz: float) -> FloatArray:
+    """Velocity (m/s) of (samples,) that a pick-up shows: as it is, or above the lowest frequencies only."""
+    if pickup.quantity == "velocity":
+        return shown
+    f = np.asarray(scipy.fft.rfftfreq(len(shown), 1 / rate_hz))
+    spectrum = scipy.fft.rfft((shown - shown.mean()) * fade(len(shown), *(round(_EDGE * rate_hz),) * 2))
+    return np.asarray(scipy.fft.irfft(np.where(f < _LOWEST, 0.0, spectrum / pickup.response(f)), len(shown)))
 
 
 def without_spikes(rig: Rig, capture: Capture) -> tuple[Capture, int]:
@@ -176,7 +190,7 @@ def without_spikes(rig: Rig, capture: Capture) -> tuple[Capture, int]:
     volts = capture.volts.copy()
     volts[laser] = _filled(volts[laser], hit, groups, capture.rate_hz)
     overload = capture.overload.copy()
-    fastest = float(np.abs(rig.vibrometer.to_velocity(volts[laser])).max())
+    fastest = float(np.abs(rig.vibrometer.to_si(volts[laser])).max())
     overload[laser] &= fastest > 0.98 * rig.vibrometer.range
     return replace(capture, volts=volts, overload=overload), count
 

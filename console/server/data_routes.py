@@ -41,6 +41,7 @@ from ...instruments.arrays import FloatArray
 from ...reports.contents import experiment_contents
 from ...reports.figures import activation_time, trend
 from ..data_folder import DataFolder, store_of
+from .lab import lab
 
 __all__ = ["data_routes"]
 
@@ -76,6 +77,7 @@ def data_routes(data: DataFolder) -> list[Route]:
         return Route(path, answer)
 
     return [
+        route("/api/lab", lab),
         route("/api/files", _files),
         route("/api/catalogue", _catalogue),
         route("/api/presses", _presses),
@@ -329,7 +331,7 @@ def _button(data: DataFolder, asked: Mapping[str, str]) -> Any:
     feeling = check_feeling(check, button.press)
     drive = check.drive
     recorded = _recorded(button.press, check)
-    low, high = check.octaves_hz[0], check.octaves_hz[-1]
+    low, high = check.octaves.hz[0], check.octaves.hz[-1]
     begin, end = _loud(check.target)
     step = max(1, round(check.rate_hz / _SHOWN_HZ))
     return {
@@ -347,12 +349,12 @@ def _button(data: DataFolder, asked: Mapping[str, str]) -> Any:
         "target": np.round(check.target[begin:end:step], 4),
         "measured": np.round(check.measured[begin:end:step], 4),
         "drive": np.round(np.interp(_times(begin, end, step, check.rate_hz), _clock(drive), drive.volts), 3),
-        "octaves_hz": check.octaves_hz,
+        "octaves_hz": check.octaves.hz,
         "recorded_db": third_octaves(recorded, check.rate_hz, low * 0.99, high * 1.01)[1],
         "drive_db": third_octaves(drive.volts, drive.rate_hz, low * 0.99, high * 1.01)[1],
-        "target_db": check.target_db,
-        "measured_db": check.measured_db,
-        "floor_db": check.floor_db,
+        "target_db": check.octaves.target_db,
+        "measured_db": check.octaves.measured_db,
+        "floor_db": check.octaves.floor_db,
         "checks": [
             name
             for name in _files(data, {})["checks"]

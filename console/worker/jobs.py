@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import shutil
+import threading
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
@@ -19,6 +20,7 @@ from ...acquisition import (
     Recording,
     file_name,
     load_study,
+    look,
     record,
     representative,
     run_study,
@@ -78,6 +80,8 @@ class Tools:
     progress: Progress
     on_verdict: Callable[[str, str, PressVerdict], None]
     stimuli: Stimuli
+    looking: threading.Event
+    """Set while the sensors are looked at, and cleared to end that."""
 
 
 @dataclass(frozen=True)
@@ -133,6 +137,16 @@ def _notes(tools: Tools, given: object) -> str:
     reason = preflight.get("override")
     notes = clean(given or "", "The notes")
     return " ".join(filter(None, (notes, f"Preflight overridden: {reason}" if reason else "")))
+
+
+def _look(tools: Tools, _wanted: Mapping[str, Any]) -> Work:
+    tools.looking.set()
+
+    def work(rig: Rig) -> dict[str, Any]:
+        look(rig, tools.looking.is_set)
+        return {}
+
+    return work
 
 
 def _record(tools: Tools, wanted: Mapping[str, Any]) -> Work:
@@ -390,6 +404,7 @@ def _safe(_tools: Tools, _wanted: Mapping[str, Any]) -> Work:
 
 
 JOBS: dict[str, Job] = {
+    "look": Job(_look, lambda _: "Look at the sensors"),
     "preflight": Job(_preflight, lambda _: "Preflight"),
     "record": Job(_record, lambda p: f"Record {p.get('button')} by {p.get('participant')}", gated=True),
     "study": Job(_study, lambda p: f"Study {p.get('study')}", gated=True),

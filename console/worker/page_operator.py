@@ -8,7 +8,18 @@ from collections.abc import Sequence
 from dataclasses import asdict
 
 from ...instruments import InstrumentError, Operator
-from ...instruments.operator import Aim, Place, Press, Remove, Request, Rest, TakeTarget, Target
+from ...instruments.operator import (
+    Aim,
+    Cable,
+    Place,
+    Press,
+    Remove,
+    Request,
+    Rest,
+    TakeTarget,
+    Target,
+    Uncable,
+)
 from .board import Board
 
 __all__ = ["PageOperator"]
@@ -53,7 +64,7 @@ class PageOperator(Operator):
         if (
             self._person is not None
             and self._board["auto"]
-            and isinstance(request, Aim | Place | Remove | Rest | TakeTarget | Target)
+            and isinstance(request, Aim | Cable | Place | Remove | Rest | TakeTarget | Target | Uncable)
         ):
             self._show(request, asks=False)
             return self._person.confirm(request)
@@ -101,9 +112,11 @@ class PageOperator(Operator):
         """Write a note into the recording."""
         self._notes.append(text)
 
-    def press(self) -> bool:
-        """Let the simulated participant press now; False when no press is waited for."""
+    def press(self, looking: bool = False) -> bool:
+        """Let the simulated participant press now; False when no press is waited for, nor `looking`."""
         request, self._waiting = self._waiting, None
+        if looking:
+            request = Press("push", "P01", 1, 1)
         if request is None or self._person is None:
             return False
         self._person.tell(request)

@@ -96,7 +96,10 @@ class Worker:
             lambda: self._add("safe", {}),
         )
         self._stimuli = Stimuli(self.board, self._abandoned)
-        self._tools = Tools(self.board, data, file, self._progress, self._verdict, self._stimuli)
+        self._looking = threading.Event()
+        self._tools = Tools(
+            self.board, data, file, self._progress, self._verdict, self._stimuli, self._looking
+        )
 
     def run(self) -> None:
         """Run jobs until `end`, or until nobody has asked for the snapshot for long. In the main thread."""
@@ -151,6 +154,7 @@ class Worker:
             "let_go": lambda _: self.board.set(held=None),
             "present": self._stimuli.present,
             "release": lambda _: self._stimuli.release(),
+            "leave": lambda _: self._looking.clear(),
             "end": lambda _: self.end(),
         }
         if name not in commands:
@@ -244,12 +248,15 @@ class Worker:
             }
             if job.gated:
                 self.board.set(session=None)
+            if kind != "look":
+                self._looking.clear()
             self.board.set(job=shown, progress=None)
             self._jobs.put((number, kind, work, job.needs_rig, stops))
         return number
 
     def _refuse_busy(self, kind: str, wanted: Mapping[str, Any]) -> None:
-        if self._busy:
+        # Whoever looks gives way: the job waits until the rig is closed.
+        if self._busy and not (kind != "look" and self.board["job"]["kind"] == "look"):
             raise ConfigurationError(_busy(self.board["job"]["title"]))
         self._refuse_taken(kind, wanted)
 
@@ -286,7 +293,8 @@ class Worker:
         self._operator.note(text)
 
     def _press(self, _: Mapping[str, Any]) -> None:
-        if self._operator is None or not self._operator.press():
+        looking = (self.board["job"] or {}).get("kind") == "look"
+        if self._operator is None or not self._operator.press(looking):
             raise ConfigurationError("No press of the simulated participant is waited for.")
 
     # The main thread
@@ -299,7 +307,7 @@ class Worker:
                 if kind != "safe":
                     self._stopping.refuse_after(stops)
                 self._running = number
-            self._show_job(state="running")
+            self._show_job(number, state="running")
             outcome = self._outcome(kind, work, needs_rig)
         except ConfigurationError as error:
             outcome = ("stopped", str(error), {})
@@ -308,7 +316,7 @@ class Worker:
             with uninterrupted():
                 if needs_rig and kind != "safe":
                     self._forget_settings(kind)
-                self._finish(*outcome)
+                self._finish(number, *outcome)
 
     def _outcome(self, kind: str, work: Work, needs_rig: bool) -> tuple[str, str, dict[str, Any]]:
         """Do a job, and return its state, sentence and result. Raises KeyboardInterrupt."""
@@ -322,7 +330,7 @@ class Worker:
             sentence = f"Internal error in haploop ({type(error).__name__}: {error}). Please report it."
             return "failed", sentence, {}
 
-    def _finish(self, state: str, sentence: str, result: dict[str, Any]) -> None:
+    def _finish(self, number: int, state: str, sentence: str, result: dict[str, Any]) -> None:
         self.board.set(request=None, run=None, live=None, progress=None, paused=False)
         with self._changing:
             self._running = 0
@@ -330,7 +338,7 @@ class Worker:
             # STOP met a job before it had opened the rig, or one that has no use for it.
             unread = waits and not len(self._jobs)
             now = datetime.now(UTC).isoformat()
-            self._show_job(state=state, sentence=sentence, result=result, ended=now)
+            self._show_job(number, state=state, sentence=sentence, result=result, ended=now)
         if unread:
             self._add("safe", {})
 
@@ -372,8 +380,9 @@ class Worker:
         finally:
             self._rig = self._operator = None
 
-    def _show_job(self, **values: Any) -> None:
-        self.board.change("job", lambda job: {**job, **values})
+    def _show_job(self, number: int, **values: Any) -> None:
+        # Another job may wait already for the end of a look.
+        self.board.change("job", lambda job: {**job, **values} if job["number"] == number else job)
 
     def _progress(self, doing: str, done: float, total: float, unit: str) -> None:
         self.board.set(progress={"doing": doing, "done": float(done), "total": float(total), "unit": unit})

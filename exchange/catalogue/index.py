@@ -20,6 +20,7 @@ from pathlib import Path
 from platformdirs import user_cache_path
 
 from ...instruments.errors import ConfigurationError
+from ...instruments.files import paths_of
 from ...instruments.progress import Progress, silent
 from ..workers import worker_pool
 from .entry import Entry, entry_of
@@ -39,8 +40,8 @@ _NAMES = [field.name for field in fields(Entry)]
 
 
 def list_files(
-    folders: Sequence[str | Path] = (".",),
-    where: Sequence[str] = (),
+    folders: str | Path | Sequence[str | Path] = ".",
+    where: str | Sequence[str] = (),
     *,
     rebuild: bool = False,
     index: str | Path | None = None,
@@ -54,10 +55,10 @@ def list_files(
 
     Raises ConfigurationError for a folder that is not there, or an impossible condition.
     """
-    sql, values = condition(where)
+    sql, values = condition([where] if isinstance(where, str) else where)
     seen: dict[str, str] = {}
-    for folder in folders:
-        path = Path(folder).resolve()
+    for folder in paths_of(folders):
+        path = folder.resolve()
         if not path.is_dir():
             raise ConfigurationError(f"There is no folder {folder}: check the name.")
         seen |= _look(path)

@@ -120,6 +120,6 @@ def _noted(one: VerifiedButton) -> dict[str, Any]:
         "digest": one.button.digest,
         "button": one.button.press.button,
         "verified": one.date,
-        "error": one.check.wideband_nrmse,
+        "error": one.check.error,
         "left_out": one.left_out,
     }

@@ -1,4 +1,4 @@
-"""PI E-413.D2 piezo amplifier: no digital interface, so its driver is arithmetic and limits.
+"""PI E-413.D2 piezo amplifier: an analog amplifier with its figures filled in.
 
 Gain 50 is the paper's; the ranges and currents are estimates (docs/hardware.md, "Amplifier"), to be
 overridden in the rig file by the lab's data sheet.
@@ -6,17 +6,14 @@ overridden in the rig file by the lab's data sheet.
 
 from __future__ import annotations
 
-from types import MappingProxyType
-from typing import Self
+from typing import Annotated, Self
 
-from pydantic import BaseModel, ConfigDict, model_validator
+from pydantic import Field, model_validator
 
-from ..arrays import FloatArray
-from ..bounded import Negative, Positive
+from ..bounded import Positive
 from ..clock import Clock
 from ..config import RatingSource, require_source
-from ..limits import Limits
-from .role import Amplifier
+from .analog import AnalogAmplifier, AnalogSettings
 
 __all__ = ["E413"]
 
@@ -25,20 +22,16 @@ _OWN = {"min": -100.0, "max": 400.0, "gain": 50.0, "current_peak": 0.1, "current
 """The product's own figures: V, V, V per V, A, A."""
 
 
-class E413(Amplifier):
+class E413(AnalogAmplifier):
     """See `Amplifier`."""
 
     own_gain = _OWN["gain"]
 
-    class Settings(BaseModel):
+    class Settings(AnalogSettings):
         """The `[amplifier]` table of a rig file."""
 
-        model_config = ConfigDict(frozen=True, extra="forbid")
-
-        input: str | dict[str, str]
-        """Name of the output that feeds it; names by patch when it has a channel for each patch."""
         gain: Positive = _OWN["gain"]
-        min: Negative = _OWN["min"]
+        min: Annotated[float, Field(lt=0, allow_inf_nan=False)] = _OWN["min"]
         max: Positive = _OWN["max"]
         current_peak: Positive = _OWN["current_peak"]
         current_average: Positive = _OWN["current_average"]
@@ -52,27 +45,10 @@ class E413(Amplifier):
                     require_source("E-413.D2", key, value, own, self.rating_source)
             return self
 
-    def __init__(self, settings: Settings) -> None:
-        self.identity = "E-413.D2"
-        self.input = settings.input if isinstance(settings.input, str) else ""
-        self.inputs = MappingProxyType(dict(settings.input) if isinstance(settings.input, dict) else {})
-        self._settings = settings
-
-    @staticmethod
-    def hardware(settings: Settings) -> tuple[str, ...]:
-        """See `Driver.hardware`: none, because it is driven through the DAQ."""
-        return ()
+    def __init__(self, settings: AnalogSettings) -> None:
+        super().__init__(settings, "E-413.D2")
 
     @classmethod
-    def open(cls, settings: Settings, clock: Clock) -> Self:
+    def open(cls, settings: AnalogSettings, clock: Clock) -> Self:
         """Return the amplifier; there is nothing to connect to."""
         return cls(settings)
-
-    def limits(self, patches: int) -> Limits:
-        """See `Amplifier.limits`; a channel's current does not depend on how many patches share it."""
-        s = self._settings
-        return Limits(min=s.min, max=s.max, current_peak=s.current_peak, current_average=s.current_average)
-
-    def to_input(self, drive: FloatArray) -> FloatArray:
-        """See `Amplifier.to_input`."""
-        return drive / self._settings.gain

@@ -20,6 +20,7 @@ from ..clock import Clock
 from ..driver import one_name
 from ..errors import InstrumentError
 from ..extras import optional
+from ..tape import Proxied, TapedLine, taped_line
 from .role import Camera, Frame
 
 __all__ = ["OpenCvCamera"]
@@ -32,6 +33,8 @@ _ARRIVALS = 600
 
 class OpenCvCamera(Camera):
     """See `Camera`."""
+
+    taped = True
 
     class Settings(BaseModel):
         """The `[camera]` table of a rig file."""
@@ -67,7 +70,9 @@ class OpenCvCamera(Camera):
     @classmethod
     def open(cls, settings: Settings, clock: Clock) -> Self:
         """Open the camera. Raises ConfigurationError without OpenCV, InstrumentError without a camera."""
-        return cls(settings, clock, optional("cv2", "camera", "The driver opencv"))
+        line = taped_line()
+        library = None if line.playing else optional("cv2", "camera", "The driver opencv")
+        return cls(settings, clock, _Taped(line, library) if line.taped else library)
 
     def start(self) -> None:
         """See `Camera.start`. A video file begins again."""
@@ -126,7 +131,9 @@ class OpenCvCamera(Camera):
 
     def _open(self) -> None:
         library, settings = self._library, self._settings
-        if self._file and not Path(str(settings.source)).is_file():
+        # A tape has the frames, and needs no file.
+        needed = self._file and not getattr(library, "playing", False)
+        if needed and not Path(str(settings.source)).is_file():
             raise InstrumentError(f"There is no video file {settings.source}: check 'source' in [camera].")
         if isinstance(settings.source, str) and not self._file:
             limits = [library.CAP_PROP_OPEN_TIMEOUT_MSEC, _OPENED_IN]
@@ -148,3 +155,20 @@ class OpenCvCamera(Camera):
                 f"{self.identity} gives {rate:g} frames/s, not {settings.rate_hz:g}: change 'rate_hz' "
                 "in [camera]."
             )
+
+
+class _Taped:
+    """OpenCV on a line that a tape listens to or answers: the part of it that the driver uses."""
+
+    def __init__(self, line: TapedLine, library: Any) -> None:
+        self._line, self._library = line, library
+        self.playing = line.playing
+
+    def __getattr__(self, name: str) -> Any:
+        """A constant."""
+        return self._line.call(name, lambda: getattr(self._library, name))
+
+    def VideoCapture(self, *opened: Any) -> Any:  # noqa: N802  as OpenCV calls it
+        """Open a camera, file or stream."""
+        made = self._line.call("VideoCapture", lambda: self._library.VideoCapture(*opened), *opened)
+        return Proxied(self._line, made, one_of_many=True)

@@ -1,5 +1,7 @@
 """Files that describe a rig: the rig file and the force sensor's calibration file."""
 
+from .actuator import Actuator
+from .contradictions import lacks, range_of
 from .model_file import load_model
 from .ratings import RatingSource, require_source
 from .rig_file import (
@@ -18,6 +20,7 @@ from .validation import told, validate, validate_kind
 
 __all__ = [
     "AbortLimits",
+    "Actuator",
     "Device",
     "RatingSource",
     "Recalibration",
@@ -26,10 +29,12 @@ __all__ = [
     "TableSettings",
     "fault_kinds",
     "key_lines",
+    "lacks",
     "load_model",
     "load_rig_file",
     "parse_toml",
     "place",
+    "range_of",
     "read_text",
     "require_source",
     "roles",

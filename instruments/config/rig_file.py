@@ -26,7 +26,9 @@ from ..errors import ConfigurationError
 from ..frozen import FrozenDict, frozen
 from ..limits import Limits
 from ..sensors import Sensors
+from .actuator import Actuator
 from .ati_cal import read_ati_cal
+from .contradictions import contradictions
 from .frf_file import read_frf
 from .toml_lines import Places, key_lines, parse_toml, place, read_text
 from .validation import validate, validate_kind
@@ -72,9 +74,7 @@ class TableSettings(_Section):
     columns: Annotated[int, Field(ge=1)] = 12
     button_point: Annotated[int, Field(ge=0)]
     patches: tuple[str, ...] = ("A", "B", "C", "D")
-    patch_capacitance: Positive
-    patch_min: Negative
-    patch_max: Positive
+    """Names of its driven places; what drives them is in `[actuator]`."""
     rate_hz: Positive = 50_000.0
     """Sample rate of drives and of the vibrometer: ten times the recording's, so that the steps of
     the drive lie far above the table's band."""
@@ -126,6 +126,10 @@ class AbortLimits(_Section):
     """Largest voltage at the patch (V); None: a tenth beyond `rig.limits`."""
     velocity: Positive | None = None
     """Largest surface velocity at the laser (m/s), within the vibrometer's range; None: not tested."""
+    displacement: Positive | None = None
+    """The same (m) where the vibrometer shows displacement."""
+    acceleration: Positive | None = None
+    """The same (m/s^2) where an accelerometer is the vibrometer."""
     force: Positive | None = None
     """Largest change of the normal force during a play (N); None: not tested. A limit needs the
     force sensor's channels sampled at the table's rate, which the card must support."""
@@ -211,6 +215,9 @@ class RigFile(_Section):
     player: Device | None = None
     operator: Device = Device(driver="console")
     table: TableSettings | None = None
+    actuator: Actuator | None = None
+    wiring: Literal["relay", "direct"] = "relay"
+    """direct: one actuator on one amplifier, always connected (docs/explanation/safety.md)."""
     sensors: Sensors = Sensors()
     limits: DriveLimits = DriveLimits()
     abort: AbortLimits = AbortLimits()
@@ -261,13 +268,17 @@ def load_rig_file(path: str | Path) -> RigFile:
     Raises ConfigurationError, which names the file, the line, the key, and what was expected.
     """
     raw, places = _raw(Path(path), ())
+    _take_monitor(raw)
     where = partial(place, places)
     file = validate(RigFile, raw, where, also=roles())
     drivers = entry_points.installed(entry_points.DRIVERS)
+    settings = {}
     for role, device in file.devices.items():
         if device.driver in drivers:
             driver = entry_points.driver_class(device.driver, role)
-            validate(driver.Settings, device.settings, where, (role,))
+            settings[role] = validate(driver.Settings, device.settings, where, (role,))
+    for location, clause in contradictions(file, settings):
+        raise ConfigurationError(f"{where(location)}: {'.'.join(map(str, location))}: {clause}.")
     if file.simulation.plant in entry_points.installed(entry_points.PLANTS):
         plant = entry_points.plant_class(file.simulation.plant)
         validate(plant, file.simulation.settings, where, ("simulation",), SimulationSettings.model_fields)
@@ -313,10 +324,20 @@ def _read_beside(raw: dict[str, Any], path: Path) -> None:
             table.update(read_ati_cal(path.parent / table["calibration"]).table)
 
 
-def _merged(base: dict[str, Any], own: dict[str, Any], above: str = "") -> dict[str, Any]:
-    """Merge `own` over `base`, table by table.
+def _take_monitor(raw: dict[str, Any]) -> None:
+    """Make an amplifier's monitor the drive monitor, in place of what the file or its base has."""
+    amplifier = raw.get("amplifier")
+    monitor = amplifier.get("monitor") if isinstance(amplifier, dict) else None
+    if isinstance(monitor, dict) and {"channel", "scale"} <= set(monitor):
+        drive = {"channels": [monitor["channel"]], "ratio": monitor["scale"]}
+        sensors = raw.get("sensors", {})
+        raw["sensors"] = {**sensors, "drive": drive} if isinstance(sensors, dict) else sensors
 
-    A table with another driver or plant replaces the base's, and so does a sensor's with its own channels.
+
+def _merged(base: dict[str, Any], own: dict[str, Any], above: str = "") -> dict[str, Any]:
+    """Merge `own` over `base`, table by table; one with another driver, plant or kind replaces the base's.
+
+    So does a sensor's with its own channels. `false` in place of a table takes the base's away.
     """
     both = {
         key: _merged(base[key], value, key)
@@ -325,9 +346,15 @@ def _merged(base: dict[str, Any], own: dict[str, Any], above: str = "") -> dict[
         and isinstance(base.get(key), dict)
         and value.get("driver") in (None, base[key].get("driver"))
         and value.get("plant") in (None, base[key].get("plant", "table"))
+        and value.get("kind") in (None, base[key].get("kind"))
         and not (above == "sensors" and "channels" in value)
     }
-    return {**base, **own, **both}
+    away = {key for key, value in own.items() if value is False and isinstance(base.get(key), dict)}
+    if "patches" in own:
+        # Places of patches that this table does not have would be an error that nobody wrote.
+        base = {key: value for key, value in base.items() if key != "patch_places"}
+        both.pop("patch_places", None)
+    return {key: value for key, value in {**base, **own, **both}.items() if key not in away}
 
 
 def fault_kinds() -> Mapping[str, type[BaseModel]]:

@@ -30,7 +30,7 @@ class AmplifierConformance(Conformance):
     def test_more_patches_never_widen_a_limit(self, amplifier: Amplifier) -> None:
         """Several patches in parallel ask for more current: no limit grows with them."""
         one, four = amplifier.limits(1), amplifier.limits(4)
-        for field in fields(one):
+        for field in (f for f in fields(one) if f.name != "coil"):  # the actuator's
             ratio = getattr(one, field.name), getattr(four, field.name)
             wider = ratio[1] < ratio[0] if field.name in ("min", "capacitance") else ratio[1] > ratio[0]
             assert not wider, f"{field.name} is {ratio[0]:g} for one patch and {ratio[1]:g} for four"
@@ -45,14 +45,14 @@ class AmplifierConformance(Conformance):
                 limits.check(drive, 1000.0)
 
     def test_input_is_the_drive_over_the_gain(self, amplifier: Amplifier) -> None:
-        """`to_input` is linear with a gain above zero, so zero drive is zero input; shape is kept."""
+        """`to_input` is linear with a gain that is not zero, so zero drive is zero input; shape is kept."""
         drive = np.linspace(-1, 1, 101)
         before = drive.copy()
         volts = amplifier.to_input(drive)
         assert volts.shape == drive.shape
         assert np.array_equal(drive, before), "the drive itself was changed"
         gain = 1 / amplifier.to_input(np.ones(1))[0]
-        assert np.isfinite(gain) and gain > 0
+        assert np.isfinite(gain) and gain != 0
         assert np.allclose(volts * gain, drive)
         assert amplifier.to_input(np.zeros(3)).tolist() == [0, 0, 0]
 

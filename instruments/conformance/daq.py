@@ -38,6 +38,8 @@ class DaqConformance(Conformance):
     """An output, and the channel that it is wired to."""
     loop_gain: ClassVar[float] = 1.0
     """Volts at the channel per volt at the output."""
+    ac_coupled: ClassVar[bool] = False
+    """True when the outputs lose a mean, and refuse a waveform that has one."""
     tolerance: ClassVar[float] = 0.02
     """Largest difference between the volts read and those at the channel (V)."""
     optional: ClassVar = {
@@ -102,13 +104,14 @@ class DaqConformance(Conformance):
             assert [b.first for b in blocks] == [0, 30]
 
     def test_a_stream_says_how_it_samples(self, daq: Daq) -> None:
-        """The real rate is near the one asked for; delays lie within a period, ranges above zero."""
+        """The real rate is near the one asked for; delays end within a period, ranges lie above zero."""
         with daq.stream(self.channels, self.rate_hz, 50, 50) as stream:
             count = len(self.channels)
             assert stream.channels == tuple(self.channels)
             assert stream.rate_hz == pytest.approx(self.rate_hz, rel=0.01)
             assert np.shape(stream.delays) == np.shape(stream.full_scale) == (count,)
-            assert np.all(stream.delays >= 0) and np.all(stream.delays < 1 / stream.rate_hz)
+            # A digital filter makes a sample older than its edge.
+            assert np.all(np.isfinite(stream.delays)) and np.all(stream.delays < 1 / stream.rate_hz)
             assert np.all(stream.full_scale > 0)
             (block,) = self.in_time(lambda: list(stream))
         assert np.all(np.abs(block.volts) <= 1.1 * stream.full_scale[:, np.newaxis])
@@ -178,6 +181,8 @@ class DaqConformance(Conformance):
     @pytest.mark.requires("outputs", "loop")
     def test_an_output_holds_its_last_sample_until_the_stream_is_closed(self, daq: Daq) -> None:
         """After its last sample an output keeps that value; when the stream closes it is zero."""
+        if self.ac_coupled:
+            pytest.skip("an AC-coupled output holds no voltage")
         output, channel = self.loop
         wave = np.linspace(0, self.played, 50)
         with daq.stream([channel], self.rate_hz, 50, 150, {output: wave}) as stream:
@@ -189,7 +194,7 @@ class DaqConformance(Conformance):
     def test_an_exception_leaves_the_output_at_zero(self, daq: Daq) -> None:
         """Leaving a stream by an exception stops what plays and leaves zero volts."""
         output, channel = self.loop
-        wave = np.full(1000, self.played)
+        wave = self._loud(1000)
         with (
             pytest.raises(ZeroDivisionError),
             daq.stream([channel], self.rate_hz, 20, 1000, {output: wave}) as stream,
@@ -202,7 +207,7 @@ class DaqConformance(Conformance):
     def test_zero_stops_what_plays(self, daq: Daq) -> None:
         """`zero` writes zero volts even during a play, which counts for nothing then; again too."""
         output, channel = self.loop
-        wave = np.full(1000, self.played)
+        wave = self._loud(1000)
         with daq.stream([channel], self.rate_hz, 20, 1000, {output: wave}) as stream:
             blocks = iter(stream)
             next(blocks)
@@ -269,7 +274,15 @@ class DaqConformance(Conformance):
         assert fault.fired, f"the fault {kind!r} never fired"
 
     def _wave(self, samples: int) -> FloatArray:
-        return np.random.default_rng(_SEED).uniform(-self.played, self.played, samples)
+        wave = np.random.default_rng(_SEED).uniform(-self.played, self.played, samples)
+        if self.ac_coupled:
+            wave -= wave.mean()
+            wave *= self.played / np.abs(wave).max()
+        return wave
+
+    def _loud(self, samples: int) -> FloatArray:
+        """The largest voltage, held; of alternating sign where a held one is lost."""
+        return np.asarray(self.played * np.tile([1.0, -1.0 if self.ac_coupled else 1.0], samples // 2))
 
     def _lag(self, volts: FloatArray, wave: FloatArray) -> int:
         """Samples by which `wave` is late in `volts`; -1 when it is not found there.

@@ -46,10 +46,10 @@ class VibrometerConformance(Conformance):
         assert 0.1 <= volts <= 50, f"full scale would be {volts:g} V: are both in SI units?"
 
     def test_volts_become_metres_per_second(self, vibrometer: Vibrometer) -> None:
-        """`to_velocity` multiplies by the scale, keeps any shape, and leaves its argument alone."""
+        """`to_si` multiplies by the scale, keeps any shape, and leaves its argument alone."""
         for shape in ((), (7,), (2, 5)):
             volts = np.full(shape, 0.25)
-            velocity = vibrometer.to_velocity(volts)
+            velocity = vibrometer.to_si(volts)
             assert np.shape(velocity) == shape
             assert np.allclose(velocity, 0.25 * vibrometer.scale)
             assert np.all(volts == 0.25)

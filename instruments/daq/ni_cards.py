@@ -13,7 +13,7 @@ from ..errors import ConfigurationError, HaploopError, InstrumentError
 from ..signals import uninterrupted
 from .ni_errors import translated, understood
 from .ni_sessions import Sessions
-from .ni_settings import device_of
+from .ni_settings import NiSettings, device_of
 
 __all__ = ["Card", "Plan", "believed", "find_cards", "numbers_of"]
 
@@ -96,6 +96,8 @@ class Plan:
     """The tasks of a stream: (device of the clock, channel names), the master's first."""
 
     inputs: tuple[tuple[str, tuple[str, ...]], ...]
+    counters: tuple[tuple[str, str], ...]
+    """(device of the clock, channel name) of each channel that counts."""
     output: str | None
     cards: Mapping[str, Card]
 
@@ -106,27 +108,41 @@ class Plan:
         Raises ConfigurationError for outputs of several cards.
         """
         homes: dict[str, list[str]] = {}
+        counters = {name: t for name, t in channels.items() if "ctr" in t.partition("/")[2].lower()}
         for name, terminal in channels.items():
+            if name in counters:
+                continue
             homes.setdefault(cards[device_of(terminal)].home, []).append(name)
         playing = {cards[device_of(terminal)].home for terminal in outputs.values()}
         if len(playing) > 1:
             raise ConfigurationError(
                 f"The outputs {', '.join(outputs)} lie on several cards: one card must play them together."
             )
+        if not homes:
+            raise ConfigurationError(
+                f"{', '.join(counters)} counts on the clock of analog inputs: stream one of those beside it."
+            )
         preferred = next(iter(playing), None)
         master = preferred if preferred in homes else next(iter(homes))
         order = [master, *(home for home in homes if home != master)]
-        return cls(tuple((home, tuple(homes[home])) for home in order), preferred, cards)
+        counting = tuple((cards[device_of(terminal)].home, name) for name, terminal in counters.items())
+        return cls(tuple((home, tuple(homes[home])) for home in order), counting, preferred, cards)
 
     @property
     def master(self) -> str:
         """Device whose sample clock all tasks use."""
         return self.inputs[0][0]
 
-    def delays(self, task: Any) -> list[float]:
-        """Delay of each channel's conversion after the clock edge (s), in the task's order."""
+    def scanning(self, names: Iterable[str], settings: NiSettings) -> list[Card]:
+        """Cards that convert these channels one after the other."""
+        used = dict.fromkeys(device_of(settings.channels[name].terminal) for name in names)
+        return [self.cards[device] for device in used if not self.cards[device].simultaneous]
+
+    def conversions(self, task: Any) -> tuple[list[float], list[str]]:
+        """Delay of each channel's conversion after the clock edge (s), in the task's order; its product."""
         before: dict[str, int] = {}
-        delays = []
+        delays: list[float] = []
+        products: list[str] = []
         for channel in task.ai_channels:
             name = device_of(channel.physical_channel.name)
             card = next((card for key, card in self.cards.items() if key.lower() == name.lower()), None)
@@ -138,7 +154,8 @@ class Plan:
                 timing = task.timing if card.home == card.name else task.timing[card.name]
                 interval = 1 / believed(card.name, "convert rate (Hz)", float(timing.ai_conv_rate), 1.0, 1e9)
             delays.append(index * interval)
-        return delays
+            products.append(card.product)
+        return delays, products
 
 
 def believed(device: str, what: str, value: float, low: float, high: float) -> float:
@@ -158,7 +175,8 @@ def _card(device: Any, name: str) -> Card:
         serial=int(device.serial_num),
         simulated=bool(device.is_simulated),
         home=str(device.compact_daq_chassis_device.name) if _is_module(device) else name,
-        simultaneous=bool(device.ai_simultaneous_sampling_supported),
+        # A module without inputs has no such property.
+        simultaneous=len(device.ai_physical_chans) > 0 and bool(device.ai_simultaneous_sampling_supported),
         reads_outputs=device.product_category in _READ_OUTPUTS,
         unipolar=len(device.ao_physical_chans) > 0 and min(device.ao_voltage_rngs, default=-1.0) >= 0,
         numbers=_numbers(device),

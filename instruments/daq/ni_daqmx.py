@@ -38,6 +38,8 @@ __all__ = ["NiDaq"]
 class NiDaq(Daq):
     """See `Daq`."""
 
+    taped = True
+
     class Settings(NiSettings):
         """The `[daq]` table of a rig file."""
 
@@ -118,10 +120,19 @@ class NiDaq(Daq):
             self._streams.append(stream)
         return stream
 
+    def cards(self, channels: Sequence[str]) -> Mapping[str, Sequence[str]]:
+        """See `Daq.cards`."""
+        groups: dict[str, list[str]] = {}
+        for name in channels:
+            channel = self._settings.channels.get(name)
+            groups.setdefault(device_of(channel.terminal) if channel else "", []).append(name)
+        return groups
+
     def clear_left(self) -> None:
         """See `Daq.clear_left`."""
-        names = {name for card in self._cards.values() for name in (card.name, card.home)}
-        purposes = ("input", "output", "outputs")
+        names = dict.fromkeys(name for card in self._cards.values() for name in (card.name, card.home))
+        counted = [name for name, channel in self._settings.channels.items() if channel.counter]
+        purposes = ("input", "output", "outputs", *(f"counter {name}" for name in counted))
         self._sessions.clear_left(f"{n} {purpose}" for n in names for purpose in purposes)
 
     def zero(self) -> None:

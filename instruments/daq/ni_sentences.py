@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from ..errors import ConfigurationError, InstrumentError
 
-__all__ = ["CONFIGURATION", "SENTENCES", "cut_off", "first_line", "refused"]
+__all__ = ["CONFIGURATION", "SENTENCES", "cut_off", "first_line", "other_rate", "refused", "zeroed"]
 
 
 def refused(device: str, code: int, said: str) -> InstrumentError | ConfigurationError:
@@ -37,6 +37,14 @@ def zeroed(device: str) -> InstrumentError:
     return InstrumentError(
         f"{device} was set to zero by this program while it played: the waveform was not played whole, and "
         "what was measured is not used."
+    )
+
+
+def other_rate(device: str, rate_hz: float, asked: float) -> ConfigurationError:
+    """The error for a card that has not the rate that was asked for."""
+    return ConfigurationError(
+        f"{device} would sample at {rate_hz:g} Hz, and {asked:g} Hz were asked for: choose a rate that it "
+        f"has, such as {rate_hz:.10g}."
     )
 
 

@@ -25,6 +25,7 @@ from nidaqmx.system import System
 from ..clock import RealClock
 from ..errors import InstrumentError
 from ..signals import uninterrupted
+from ..tape import Failure, TapedLine, taped_line
 
 __all__ = ["Sessions"]
 
@@ -38,11 +39,14 @@ _LOOK = 0.25
 _SLICE = 0.1
 """Longest delay of Ctrl-C meanwhile (s)."""
 _SILENCE = 15.0
-"""Time for a device server to answer a call (s); a read includes the wait for its block."""
+"""Time for a device server to answer a call, beyond what the call itself waits (s)."""
 
 
 class _Deadline(grpc.UnaryUnaryClientInterceptor):  # type: ignore[misc]
     """Sets a deadline on each call: nidaqmx sets none, and would wait for ever for a silent server.
+
+    A call that waits for samples, or for the end of a task, says how long: the server has that time and the
+    usual one for its answer.
 
     Ctrl-C comes after the call: within, it leaves grpc's lock locked, and every later call hangs.
     """
@@ -51,8 +55,10 @@ class _Deadline(grpc.UnaryUnaryClientInterceptor):  # type: ignore[misc]
         self._seconds = seconds
 
     def intercept_unary_unary(self, continuation: Any, details: Any, request: Any) -> Any:
+        waits = getattr(request, "timeout", 0.0) or getattr(request, "time_to_wait", 0.0)
+        seconds = self._seconds + max(0.0, waits if isinstance(waits, float) else 0.0)
         with uninterrupted():
-            return continuation(details._replace(timeout=self._seconds), request)
+            return continuation(details._replace(timeout=seconds), request)
 
 
 class _Version(grpc.UnaryUnaryClientInterceptor):  # type: ignore[misc]
@@ -113,14 +119,23 @@ class _Calls(grpc.Channel):  # type: ignore[misc]
 class Sessions:
     """Makes tasks on the device server at the other end of `channel`, or here when it is None."""
 
-    def __init__(self, channel: grpc.Channel | None) -> None:
-        self._channel = channel
+    def __init__(self, channel: grpc.Channel | None, line: TapedLine | None = None) -> None:
+        self._channel, self._line = channel, line or TapedLine(None, "")
+        self._at_server = channel is not None
 
     @classmethod
     def at(cls, server: str | None) -> Self:
         """Use the device server at host:port, or this computer. Raises InstrumentError without an answer."""
+        line = taped_line()
+        channel = line.call("connect", lambda: cls._connected(server), failures=(Failure(InstrumentError),))
+        made = cls(None if line.playing else channel, line)
+        made._at_server = channel is not None
+        return made
+
+    @staticmethod
+    def _connected(server: str | None) -> grpc.Channel | None:
         if server is None:
-            return cls(None)
+            return None
         plain, channel = _connecting(server, _SILENCE)
         ready: Any = None
         try:
@@ -139,7 +154,7 @@ class Sessions:
                     RealClock().sleep(_LOOK)
                 channel.close()
             raise
-        return cls(channel)
+        return channel
 
     @classmethod
     def asking(cls, server: str | None, patience: float) -> Self:
@@ -148,12 +163,12 @@ class Sessions:
 
     def system(self) -> System:
         """The system, which lists the devices."""
-        return System.local() if self._channel is None else System.remote(self._options(""))
+        return System.local() if self._is_local else System.remote(self._options(""))
 
     def task(self, purpose: str) -> Any:
         """Create a task, a context that clears it. Each purpose has one task at a time."""
-        if self._channel is None:
-            return nidaqmx.Task()
+        if not self._at_server:
+            return nidaqmx.Task() if self._is_local else nidaqmx.Task(grpc_options=self._options(""))
         try:
             return self._new(_name(purpose))
         except DaqError as error:
@@ -165,7 +180,7 @@ class Sessions:
 
     def clear_left(self, purposes: Iterable[str]) -> None:
         """Clear the tasks of these purposes that another program has left on the server."""
-        if self._channel is None:
+        if not self._at_server:
             return
         for name in map(_name, purposes):
             # Refused where none is left, which is the normal case.
@@ -184,8 +199,22 @@ class Sessions:
 
     def _options(
         self, name: str, behaviour: SessionInitializationBehavior = SessionInitializationBehavior.AUTO
-    ) -> GrpcSessionOptions:
-        return GrpcSessionOptions(self._channel, name, initialization_behavior=behaviour)
+    ) -> Any:
+        def options() -> GrpcSessionOptions | None:
+            if self._channel is None:
+                return None
+            return GrpcSessionOptions(self._channel, name, initialization_behavior=behaviour)
+
+        if not self._line.taped:
+            return options()
+        from .ni_taped import interpreter_on  # noqa: PLC0415
+
+        return interpreter_on(self._line, options, {_name(""): "haploop: "})
+
+    @property
+    def _is_local(self) -> bool:
+        """True for NI's driver on this computer, without a tape."""
+        return not self._at_server and not self._line.taped
 
 
 def _connecting(server: str, patience: float) -> tuple[grpc.Channel, grpc.Channel]:

@@ -11,24 +11,22 @@ from contextlib import AbstractContextManager, ExitStack
 from typing import Any, Protocol
 
 import numpy as np
-from nidaqmx.constants import AcquisitionType, TerminalConfiguration
-from nidaqmx.stream_readers import AnalogMultiChannelReader
+from nidaqmx.constants import AcquisitionType
+from nidaqmx.stream_readers import AnalogMultiChannelReader, CounterReader
 
 from ..arrays import FloatArray
+from ..clock import RealClock
 from ..errors import ConfigurationError, InstrumentError
 from .ni_cards import Plan, believed
+from .ni_filters import filter_delay
+from .ni_inputs import add_counter, add_input, factor
 from .ni_outputs import NiOutputs
-from .ni_sentences import cut_off, zeroed
+from .ni_sentences import cut_off, other_rate, zeroed
 from .ni_settings import NiSettings
 from .role import Block, Stream
 
 __all__ = ["NiStream"]
 
-_CONFIGS = {
-    "diff": TerminalConfiguration.DIFF,
-    "rse": TerminalConfiguration.RSE,
-    "nrse": TerminalConfiguration.NRSE,
-}
 _LATE = 5.0
 """Delay beyond which a block counts as lost (s)."""
 _BEYOND = 2.0
@@ -37,6 +35,10 @@ _SAME = 1e-6
 """Largest relative difference between the rates that cards on one clock report."""
 _AFTER = 1.0
 """Time for an output to report its last sample, when the inputs have delivered theirs (s)."""
+_PAUSE = 0.02
+"""Time between two looks at it (s)."""
+_PLAYED = 1e-3
+"""Largest relative difference from the rate that a waveform was made for."""
 _COUNTED = 1.0
 """Interval at which the cards' sample counts are compared (s)."""
 _APART = 0.5
@@ -86,8 +88,10 @@ class NiStream(Stream):
         self._daq, self._plan = daq, plan
         self._block, self._samples = block, samples
         order = [name for _, names in plan.inputs for name in names]
+        order += [name for _, name in plan.counters]
         self._rows = [order.index(name) for name in channels]
         self._inputs: list[Any] = []
+        self._counters: list[Any] = []
         self._player: Any = None
         self._outputs: NiOutputs | None = None
         self._length = self._played = 0
@@ -109,39 +113,51 @@ class NiStream(Stream):
                             f"{home} would sample at {own:g} Hz on the clock of {plan.master}, which runs at "
                             f"{self.rate_hz:g} Hz: choose a rate that both cards have."
                         )
-                    # Some cards have few rates, and choose the next one.
-                    if not rate_hz / 2 < self.rate_hz < 2 * rate_hz:
-                        raise ConfigurationError(
-                            f"{home} would sample at {self.rate_hz:g} Hz, and {rate_hz:g} Hz were asked for: "
-                            "choose a rate that it has."
-                        )
-                    delays += plan.delays(task)
+                    self._refuse_other_rate(home, rate_hz, play)
                     listed = list(task.ai_channels)
                     if len(listed) != len(names):
                         raise InstrumentError(
                             f"{home} lists {len(listed)} channels and was given {len(names)}: try again."
                         )
-                    for channel in listed:
-                        high = believed(home, "range (V)", float(channel.ai_rng_high), 1e-3, 1e3)
+                    delays += self._delays(task, names)
+                    for name, channel in zip(names, listed, strict=True):
+                        unit = factor(daq.settings.channels[name])
+                        high = believed(home, "range (V)", unit * float(channel.ai_rng_high), 1e-3, 1e3)
                         bits = believed(home, "resolution (bits)", float(channel.ai_resolution), 8, 32)
                         ranges.append(high)
                         widths.append(2 * high / 2.0**bits)
-            self.delays = np.array(delays)[self._rows]
-            self.full_scale = np.array(ranges)[self._rows]
-            # One code below full scale, midway between two codes.
-            self._end = (np.array(ranges) - 1.5 * np.array(widths))[:, np.newaxis]
-            self._beyond = _BEYOND * np.array(ranges)[:, np.newaxis]
-            self._readers = []
-            for task in self._inputs:
-                reader = AnalogMultiChannelReader(task.in_stream)
-                reader.verify_array_shape = False  # The shape is known; a check costs a call per read.
-                self._readers.append(reader)
+            for home, name in plan.counters:
+                with daq.talking_to(home):
+                    self._counters.append(self._counter(home, name))
+                delays.append(0.0)
+                ranges.append(daq.settings.channels[name].range)
+                widths.append(0.0)
+            self._measure(np.array(delays), np.array(ranges), np.array(widths))
             if play:
                 self._arm_player(play)
+            for (home, _), task in zip(plan.counters, self._counters, strict=True):
+                with daq.talking_to(home):
+                    task.start()
             for (home, _), task in reversed(list(zip(plan.inputs, self._inputs, strict=True))):
                 with daq.talking_to(home):
                     task.start()
             undo.pop_all()
+
+    def _measure(self, delays: FloatArray, ranges: FloatArray, widths: FloatArray) -> None:
+        """Note how the channels convert, (channels,) in the tasks' order, and make the readers."""
+        self.delays = delays[self._rows]
+        self.full_scale = ranges[self._rows]
+        # One code below full scale, midway between two codes.
+        self._end = (ranges - 1.5 * widths)[:, np.newaxis]
+        self._beyond = _BEYOND * ranges[:, np.newaxis]
+        self._readers = []
+        for task in self._inputs:
+            reader = AnalogMultiChannelReader(task.in_stream)
+            reader.verify_array_shape = False  # The shape is known; a check costs a call per read.
+            self._readers.append(reader)
+        self._units = np.array(
+            [factor(self._daq.settings.channels[name]) for _, names in self._plan.inputs for name in names]
+        )[:, np.newaxis]
 
     @property
     def homes(self) -> tuple[str, ...]:
@@ -181,10 +197,10 @@ class NiStream(Stream):
         self._daq.forget(self)
         with ExitStack() as every:
             # Release each, even when another one cannot be reached.
-            for task in self._inputs:
+            for task in (*self._inputs, *self._counters):
                 every.enter_context(self._daq.talking_to(self._plan.master))
                 every.callback(task.close)
-            self._inputs = []
+            self._inputs, self._counters = [], []
             every.callback(self._free)
 
     def stopped(self, outputs: NiOutputs) -> None:
@@ -203,13 +219,7 @@ class NiStream(Stream):
         task = self._daq.task(f"{home} input")
         self._inputs.append(task)
         for name in names:
-            channel = settings.channels[name]
-            task.ai_channels.add_ai_voltage_chan(
-                channel.terminal,
-                terminal_config=_CONFIGS[channel.config],
-                min_val=-channel.range,
-                max_val=channel.range,
-            )
+            add_input(task, settings.channels[name])
         source = "" if home == self._plan.master else f"/{self._plan.master}/ai/SampleClock"
         kept = max(int(settings.buffer_s * rate_hz), 2 * self._block)
         if self._samples is None:
@@ -222,7 +232,42 @@ class NiStream(Stream):
             task.timing.cfg_samp_clk_timing(
                 rate_hz, source, sample_mode=AcquisitionType.FINITE, samps_per_chan=self._samples
             )
+        if settings.ai_conv_rate is not None:
+            for card in self._plan.scanning(names, settings):
+                timing = task.timing if card.home == card.name else task.timing[card.name]
+                timing.ai_conv_rate = settings.ai_conv_rate
         return task
+
+    def _counter(self, home: str, name: str) -> Any:
+        """Create the task of a counter that counts on the master's sample clock."""
+        task = self._daq.task(f"{home} counter {name}")
+        add_counter(task, self._daq.settings.channels[name])
+        finite = self._samples is not None
+        task.timing.cfg_samp_clk_timing(
+            self.rate_hz,
+            f"/{self._plan.master}/ai/SampleClock",
+            sample_mode=AcquisitionType.FINITE if finite else AcquisitionType.CONTINUOUS,
+            samps_per_chan=self._samples or max(2 * self._block, round(self.rate_hz)),
+        )
+        return task
+
+    def _delays(self, task: Any, names: tuple[str, ...]) -> list[float]:
+        """Delays of a task's channels after the clock edge (s): of the multiplexer less those of filters."""
+        conversions, products = self._plan.conversions(task)
+        own = (self._daq.settings.channels[name].filter_delay for name in names)
+        return [
+            late - (filter_delay(product, self.rate_hz) if given is None else given)
+            for late, product, given in zip(conversions, products, own, strict=True)
+        ]
+
+    def _refuse_other_rate(self, home: str, asked: float, play: dict[str, FloatArray]) -> None:
+        """Refuse a rate far from what was asked: some cards have few, and choose the next one.
+
+        A waveform that is played along keeps its length only at the very rate that it was made for.
+        """
+        near = abs(self.rate_hz / asked - 1) <= _PLAYED if play else asked / 2 < self.rate_hz < 2 * asked
+        if not near:
+            raise other_rate(home, self.rate_hz, asked)
 
     def _arm_player(self, play: dict[str, FloatArray]) -> None:
         """Load the waveforms; they begin with the master's first sample."""
@@ -248,9 +293,25 @@ class NiStream(Stream):
                     "has ended before its time."
                 )
             volts.append(part)
+        if volts:
+            volts = [np.concatenate(volts) * self._units]
+        for (home, name), task in zip(self._plan.counters, self._counters, strict=True):
+            counted = np.full(count, np.nan)
+            with self._daq.talking_to(home):
+                got = CounterReader(task.in_stream).read_many_sample_double(counted, count, timeout)
+            if got != count:
+                raise InstrumentError(
+                    f"{home} delivered {got} of {count} counts of {name} from sample {first} on: the "
+                    "acquisition has ended before its time."
+                )
+            volts.append(counted[np.newaxis])
         # Once a second: each card is asked for its count by a call of its own, which costs as much as a read.
         second = round(_COUNTED * self.rate_hz)
-        if len(volts) > 1 and self._samples is None and (first + count) // second > first // second:
+        if (
+            len(self._plan.inputs) > 1
+            and self._samples is None
+            and (first + count) // second > first // second
+        ):
             self._refuse_drift()
         return np.concatenate(volts)
 
@@ -264,13 +325,24 @@ class NiStream(Stream):
         with self._daq.talking_to(output):
             # The task's own error, such as an underflow, is raised here.
             done = task.is_task_done()
-            if not done and end >= self._length:
-                task.wait_until_done(_AFTER)
-                done = True
-            played = int(task.out_stream.total_samp_per_chan_generated) if done else end
-        if played < self._whole and done:
+            if not done and end < self._whole:
+                self._played = end
+                return
+            # Whether it was played whole its samples say: old cards are done a clock pulse later, which the
+            # inputs' clock never gives (NI-DAQmx Device Considerations, E Series and AO Series).
+            played = self._generated(task, 0.0 if done else _AFTER)
+        if played < self._whole:
             raise cut_off(output, played)
         self._played = end
+
+    def _generated(self, task: Any, patience: float) -> int:
+        """Samples that a play has put out; its last may be late by `patience` (s)."""
+        for _ in range(1 + round(patience / _PAUSE)):
+            played = int(task.out_stream.total_samp_per_chan_generated)
+            if played >= self._whole:
+                break
+            RealClock().sleep(_PAUSE)
+        return played
 
     @property
     def _whole(self) -> int:

@@ -10,7 +10,7 @@ from typing import Self, final
 
 import numpy as np
 
-from ..arrays import BoolArray, FloatArray
+from ..arrays import BoolArray, ComplexArray, FloatArray
 from ..interlock import Interlocked
 
 __all__ = ["Block", "Capture", "Daq", "Stream"]
@@ -62,7 +62,8 @@ class Stream(ABC):
     """Actual sample rate of the hardware (Hz)."""
     delays: FloatArray
     """(channels,) delay of each channel's sampling after the clock edge (s): a multiplexed card samples
-    its channels one after the other."""
+    its channels one after the other, and the digital filter of a delta-sigma converter delivers what was
+    before the edge, which is negative here."""
     full_scale: FloatArray
     """(channels,) V: the input range, as +- full scale."""
 
@@ -115,6 +116,8 @@ class Daq(Interlocked, ABC):
     """Product names and serial numbers, as the cards themselves report them."""
     simulated = False
     """True when a card reports that it is simulated."""
+    declared: str | None = None
+    """Settings that only a person can check, as a sentence to confirm; None when there are none."""
 
     @final
     def stream(
@@ -156,6 +159,21 @@ class Daq(Interlocked, ABC):
 
         The caller must hold the hardware's lock, which proves that no running program uses it.
         """
+
+    def cards(self, channels: Sequence[str]) -> Mapping[str, Sequence[str]]:
+        """`channels` by the name of the card that samples them, for tests of each card and of their clock.
+
+        A DAQ of one card need not override this: the name is then empty.
+        """
+        return {"": channels}
+
+    def response(self, channel: str, frequencies: FloatArray) -> ComplexArray:
+        """Frequency response of a channel's input at `frequencies` (Hz): of an AC coupling, a high-pass."""
+        return np.ones(len(frequencies), dtype=np.complex128)
+
+    def output_response(self, output: str, frequencies: FloatArray) -> ComplexArray:
+        """Frequency response of an output at `frequencies` (Hz), as `response` of an input."""
+        return np.ones(len(frequencies), dtype=np.complex128)
 
     @abstractmethod
     def zero(self) -> None:

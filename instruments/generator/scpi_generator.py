@@ -163,6 +163,8 @@ RIGOL = Dialect(
 class ScpiGenerator(Generator):
     """See `Generator`. A subclass adds its family's dialect."""
 
+    taped = True
+
     dialect: Dialect
 
     class Settings(BaseModel):

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from ..errors import DataError
 from ..sensors import Sensors
+from ..vibrometer import QUANTITIES, Quantity
 from .tap import LiveBlock, Run
 
 __all__ = ["PREFIX", "TOKEN", "frame_of", "header_of", "lengths_of", "volts_of"]
@@ -74,7 +75,7 @@ def header_of(text: bytes) -> tuple[dict[str, Any], Run]:
             tuple(str(name) for name in header["channels"]),
             float(header["rate_hz"]),
             Sensors.model_validate(header["sensors"]),
-            None if laser is None else (str(laser[0]), float(laser[1])),
+            None if laser is None else _laser(laser),
             int(header["number"]),
         )
         for key in ("first", "samples", "dropped"):
@@ -82,9 +83,15 @@ def header_of(text: bytes) -> tuple[dict[str, Any], Run]:
                 raise ValueError(key)
         if len(header["overload"]) != len(run.channels) or not 0 < run.rate_hz < float("inf"):
             raise ValueError("overload")
-    except (ArithmeticError, LookupError, TypeError, ValueError, RecursionError) as error:
+    except (ArithmeticError, LookupError, StopIteration, TypeError, ValueError, RecursionError) as error:
         raise DataError(_foreign(f"its header cannot be read ({type(error).__name__})")) from None
     return header, run
+
+
+def _laser(told: Any) -> tuple[str, float, Quantity]:
+    """Raises ValueError, or another error of a wrong shape."""
+    channel, scale, name = told
+    return str(channel), float(scale), next(q for q in QUANTITIES if q == name)
 
 
 def volts_of(header: dict[str, Any], run: Run, volts: bytes | npt.NDArray[np.uint8]) -> LiveBlock:

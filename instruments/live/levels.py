@@ -8,9 +8,11 @@ import numpy as np
 
 from ..arrays import FloatArray
 from ..sensors import Sensor
+from ..vibrometer import UNITS
 from .tap import LiveBlock, Run
 
 __all__ = ["Level", "levels", "quantities", "signals"]
+
 
 Quantities = tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...], FloatArray]
 """Names, units, channels and (quantities, samples) values."""
@@ -69,9 +71,9 @@ def quantities(run: Run, volts: FloatArray) -> list[Quantities]:
             row = volts[[run.channels.index(extra.channel)]]
             found.append(((extra.name or name,), (extra.unit,), (extra.channel,), extra.to_si(row)))
     if run.laser is not None and run.laser[0] in run.channels:
-        channel, scale = run.laser
+        channel, scale, quantity = run.laser
         row = volts[[run.channels.index(channel)]]
-        found.append((("velocity",), ("m/s",), (channel,), scale * row))
+        found.append(((quantity,), (UNITS[quantity],), (channel,), scale * row))
     return found
 
 

@@ -18,6 +18,7 @@ from ..clock import Clock, RealClock
 from ..daq import Block
 from ..inbox import Inbox
 from ..sensors import Sensors
+from ..vibrometer import Quantity
 
 __all__ = ["Feed", "LiveBlock", "Run", "Tap"]
 
@@ -31,15 +32,15 @@ class Run:
     rig: str
     simulated: bool
     doing: str
-    """"record" or "play"."""
+    """"record", "play" or "look"."""
     about: str
-    """Path of the recording, or the patches that are played."""
+    """Path of the recording, the patches that are played, or empty."""
     channels: tuple[str, ...]
     rate_hz: float
     sensors: Sensors
     """Sensors of the rig, which turn volts of `channels` into SI."""
-    laser: tuple[str, float] | None
-    """Channel of the vibrometer and its scale (m/s per V)."""
+    laser: tuple[str, float, Quantity] | None
+    """Channel of the vibrometer, its scale (SI per V), and what it shows."""
     number: int = 0
     """Number of the recording or play since the rig was opened, from 1."""
 

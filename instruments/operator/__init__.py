@@ -2,6 +2,7 @@
 
 from .role import (
     Aim,
+    Cable,
     ConfirmSettings,
     Consent,
     Operator,
@@ -15,11 +16,13 @@ from .role import (
     Target,
     Touch,
     UnansweredError,
+    Uncable,
 )
 from .unattended import Unattended
 
 __all__ = [
     "Aim",
+    "Cable",
     "ConfirmSettings",
     "Consent",
     "Operator",
@@ -34,4 +37,5 @@ __all__ = [
     "Touch",
     "UnansweredError",
     "Unattended",
+    "Uncable",
 ]

@@ -11,6 +11,7 @@ from ..errors import InstrumentError
 
 __all__ = [
     "Aim",
+    "Cable",
     "ConfirmSettings",
     "Consent",
     "Operator",
@@ -24,6 +25,7 @@ __all__ = [
     "Target",
     "Touch",
     "UnansweredError",
+    "Uncable",
 ]
 
 
@@ -129,6 +131,30 @@ class Remove:
 
 
 @dataclass(frozen=True)
+class Cable:
+    """Unplug the amplifier's input, and connect an output of the DAQ to one of its channels instead."""
+
+    output: str
+    channel: str
+
+    def __str__(self) -> str:
+        return (
+            f"Switch the amplifier off and unplug its input. Then connect the output {self.output} to the "
+            f"input {self.channel} by a cable."
+        )
+
+
+@dataclass(frozen=True)
+class Uncable:
+    """Take the cable of `Cable` away, and plug the amplifier's input in again."""
+
+    output: str
+
+    def __str__(self) -> str:
+        return f"Take the cable away, and connect the output {self.output} to the amplifier's input again."
+
+
+@dataclass(frozen=True)
 class Touch:
     """Press the touch surface once, with the finger that the camera sees: touch `number` of `of`."""
 
@@ -161,7 +187,19 @@ class TakeTarget:
 
 
 Request = (
-    Touch | Target | TakeTarget | Press | Rest | Consent | Ready | Aim | ConfirmSettings | Place | Remove
+    Touch
+    | Target
+    | TakeTarget
+    | Press
+    | Rest
+    | Consent
+    | Ready
+    | Aim
+    | Cable
+    | Uncable
+    | ConfirmSettings
+    | Place
+    | Remove
 )
 
 

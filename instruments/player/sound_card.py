@@ -1,4 +1,4 @@
-"""A sound card's line output through PortAudio, the paper's signal path (optional: sounddevice).
+"""A sound card's line output beside a DAQ of another make, the paper's signal path.
 
 The output is AC-coupled, and its volume is the operating system's, which cannot be read here
 (docs/hardware.md, "Sound card"). So volts at full scale are declared, from a loop-back calibration; a
@@ -7,11 +7,10 @@ waveform is refused rather than clipped; and an underflow is a failed play, neve
 
 from __future__ import annotations
 
-import importlib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from fractions import Fraction
-from typing import Annotated, Any, Literal, Protocol, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 import scipy
@@ -20,48 +19,22 @@ from pydantic import BaseModel, ConfigDict, Field
 from ..arrays import ComplexArray, FloatArray
 from ..bounded import Positive
 from ..clock import Clock
-from ..errors import ConfigurationError, InstrumentError, LimitError
+from ..errors import InstrumentError, LimitError
+from ..portaudio import LEAD, Audio, AudioStream, found, high_pass, load, refuse_mean
+from ..tape import taped_line
+from ..taped_audio import on_tape
 from .role import Player
 
-__all__ = ["Audio", "AudioStream", "SoundCard", "at_rate"]
+__all__ = ["SoundCard", "at_rate"]
 
-
-_MEAN = 0.01
-"""Largest mean over the peak: an AC-coupled output removes the mean, as a slow sag."""
-_LEAD = 0.05
-"""Silence before a waveform (s), in which a sleeping card unmutes (estimate; docs/hardware.md,
-"Sound card")."""
 _GUARD = 0.02
 """Silence after a waveform (s), so that resampling rings there and not into the start."""
 
 
-class AudioStream(Protocol):
-    """The used part of `sounddevice.OutputStream`."""
-
-    def start(self) -> object:
-        """Start calling back for samples."""
-
-    def close(self, ignore_errors: bool) -> object:
-        """Stop at once, drop waiting samples, and release the device."""
-
-
-class Audio(Protocol):
-    """The used part of the module `sounddevice`, which the twin replaces."""
-
-    CallbackStop: type[Exception]
-    CallbackAbort: type[Exception]
-    PortAudioError: type[Exception]
-
-    @property
-    def OutputStream(self) -> Callable[..., AudioStream]:  # noqa: N802  as sounddevice calls it
-        """Opens a device; its keyword arguments are the driver's own."""
-
-    def query_devices(self, device: int | str | None, kind: str) -> Any:
-        """Return the device's name and capabilities, as a mapping."""
-
-
 class SoundCard(Player):
     """See `Player`. Resamples to the card's rate by FFT, which is exact for band-limited drives."""
+
+    taped = True
 
     class Settings(BaseModel):
         """The `[player]` table of a rig file."""
@@ -89,17 +62,11 @@ class SoundCard(Player):
         """Query the device's name; nothing is opened. Raises InstrumentError."""
         self.audio = audio
         self.output = settings.output
-        self.max_latency = settings.max_latency + _LEAD
+        self.max_latency = settings.max_latency + LEAD
         self._settings = settings
         self._device = None if settings.device == "" else settings.device
         self._stream: AudioStream | None = None
-        try:
-            self.identity = str(audio.query_devices(self._device, "output")["name"])
-        except (audio.PortAudioError, ValueError) as error:
-            raise InstrumentError(
-                f"There is no sound output {settings.device or 'by default'!r} ({error}): plug the card in, "
-                "or set 'device' in [player] to one that `python -m sounddevice` lists."
-            ) from None
+        self.identity, _ = found(audio, settings.device, "output", "[player]")
         self.declared = (
             f"{self.identity}: is its volume where full scale was measured to be "
             f"{settings.volts_per_full_scale:g} V peak, and are its effects and other programs' sounds off?"
@@ -113,15 +80,8 @@ class SoundCard(Player):
     @classmethod
     def open(cls, settings: Settings, clock: Clock) -> Self:
         """Find the device. Raises ConfigurationError without sounddevice, InstrumentError."""
-        try:
-            audio: Any = importlib.import_module("sounddevice")
-        except (ImportError, OSError) as error:
-            # Without PortAudio itself, importing sounddevice is an OSError.
-            raise ConfigurationError(
-                f"A sound card is played through sounddevice and PortAudio, which do not load ({error}): "
-                "pip install haploop[sound], and on Linux the distribution's PortAudio."
-            ) from None
-        return cls(settings, clock, audio)
+        line = taped_line()
+        return cls(settings, clock, on_tape(line, None if line.playing else load()))
 
     @contextmanager
     def _play(self, volts: FloatArray, rate_hz: float) -> Iterator[None]:
@@ -160,10 +120,7 @@ class SoundCard(Player):
 
     def response(self, frequencies: FloatArray) -> ComplexArray:
         """See `Player.response`: one real zero at 0 Hz, one real pole."""
-        if not self._settings.high_pass_hz:
-            return np.ones(len(frequencies), dtype=np.complex128)
-        f = 1j * frequencies
-        return np.asarray(f / (f + self._settings.high_pass_hz))
+        return high_pass(frequencies, self._settings.high_pass_hz)
 
     def stop(self) -> None:
         """See `Player.stop`."""
@@ -193,13 +150,8 @@ class SoundCard(Player):
                 f"A waveform of {peak:.4g} V peak was refused: {self.identity} may put out {most:g} V "
                 "('highest' and 'volts_per_full_scale' in [player])."
             )
-        mean = float(volts.mean())
-        if abs(mean) > _MEAN * peak:
-            raise LimitError(
-                f"A waveform with a mean of {mean:.2g} V at a peak of {peak:.2g} V was refused: a sound "
-                "card's output is AC-coupled, so take the mean off."
-            )
-        lead = np.zeros(round(_LEAD * settings.rate_hz))
+        refuse_mean(volts)
+        lead = np.zeros(round(LEAD * settings.rate_hz))
         scaled = np.clip(resampled / settings.volts_per_full_scale, -1.0, 1.0)
         return np.concatenate([lead, scaled])
 

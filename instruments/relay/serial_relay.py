@@ -24,6 +24,7 @@ from ..bounded import Timeout
 from ..clock import Clock
 from ..driver import one_name
 from ..errors import ConfigurationError, InstrumentError
+from ..tape import Failure, taped_line
 from ..transport import serial_trouble
 from .board import BoardSettings, ChannelRelay, ChannelState
 
@@ -33,6 +34,7 @@ DIGITS = "0123456789ABCDEFGHIJKLMNOPQRSTUV"
 """Channel numbers in the board's notation."""
 PROMPT = b">"
 _LONGEST_ANSWER = 256
+_FAILURES = (Failure(TimeoutError), Failure(ConnectionError), Failure(ConfigurationError))
 
 
 def answer_in(received: bytes, command: str) -> str:
@@ -49,6 +51,8 @@ def answer_in(received: bytes, command: str) -> str:
 
 class SerialRelay(ChannelRelay):
     """See `Relay` and `ChannelRelay`."""
+
+    taped = True
 
     class Settings(BoardSettings):
         """The `[relay]` table of a rig file."""
@@ -93,6 +97,7 @@ class _Board:
         self._settings = settings
         self._channels: Collection[int] = settings.patches.values()
         self._port: serial.SerialBase | None = None
+        self._line = taped_line()
         version = self._ask("ver")
         if not version:
             raise self._wrong("ver", "nothing")
@@ -132,22 +137,20 @@ class _Board:
 
     def _ask(self, command: str) -> str:
         try:
-            if self._port is None:
-                self._port = self._opened()
-                # An empty command terminates one that another program has sent in part.
-                self._exchange(self._port, "")
-            return answer_in(self._exchange(self._port, command), command)
+            received = self._line.call("ask", lambda: self._received(command), command, failures=_FAILURES)
+            if not received.endswith(PROMPT):
+                raise ValueError(f"{received[:60].decode('ascii', 'replace')!r} and no prompt")
+            return answer_in(received, command)
         except TimeoutError:
             self.release()
             raise InstrumentError(
                 f"{self.identity} did not answer {command!r} within {self._settings.timeout:g} s: "
                 "is it switched on, and is that its port?"
             ) from None
-        except OSError as error:  # the base of pyserial's errors
+        except ConnectionError as error:
             self.release()
             raise InstrumentError(
-                f"{self.identity} cannot be talked to ({serial_trouble(error)}): plug it in, or correct "
-                "'port' in [relay]."
+                f"{self.identity} cannot be talked to ({error}): plug it in, or correct 'port' in [relay]."
             ) from None
         except ValueError as error:
             self.release()
@@ -162,15 +165,25 @@ class _Board:
                 f"'port' in [relay] cannot be {s.port!r}: {serial_trouble(error)}."
             ) from None
 
+    def _received(self, command: str) -> bytes:
+        """Reply to a command up to the prompt, within two time-outs; raises TimeoutError, ConnectionError."""
+        try:
+            if self._port is None:
+                self._port = self._opened()
+                # An empty command terminates one that another program has sent in part.
+                self._exchange(self._port, "")
+            return self._exchange(self._port, command)
+        except TimeoutError:
+            raise
+        except OSError as error:  # the base of pyserial's errors
+            raise ConnectionError(serial_trouble(error)) from None
+
     def _exchange(self, port: serial.SerialBase, command: str) -> bytes:
-        """Send a command and return the reply up to the prompt, within two time-outs."""
         port.reset_input_buffer()
         port.write(f"{command}\r".encode("ascii"))
         received: bytes = port.read_until(PROMPT, _LONGEST_ANSWER)
         if not received:
             raise TimeoutError
-        if not received.endswith(PROMPT):
-            raise ValueError(f"{received[:60].decode('ascii', 'replace')!r} and no prompt")
         return received
 
     def _wrong(self, command: str, answer: str) -> InstrumentError:

@@ -27,6 +27,7 @@ from ..clock import Clock, RealClock
 from ..config import RatingSource, require_source, told
 from ..driver import one_name
 from ..errors import ConfigurationError, InstrumentError
+from ..tape import Failure, taped_line
 from .board import BoardSettings, ChannelRelay, ChannelState, read_back
 
 __all__ = ["Yocto"]
@@ -55,6 +56,8 @@ def _address(hub: str) -> str:
 
 class Yocto(ChannelRelay):
     """See `Relay` and `ChannelRelay`."""
+
+    taped = True
 
     class Settings(BoardSettings):
         """The `[relay]` table of a rig file."""
@@ -246,6 +249,7 @@ class _Hub:
         self.url = url
         self._timeout = timeout
         self._host = urlsplit(url).netloc
+        self._line = taped_line()
 
     def json(self, path: str) -> dict[str, Any]:
         """Get the JSON object at a path. Raises InstrumentError."""
@@ -263,22 +267,14 @@ class _Hub:
 
     def get(self, path: str) -> bytes:
         """Get the body at a path, complete within the deadline. Raises InstrumentError."""
-        parts = urlsplit(self.url)
-        request = f"GET {path} HTTP/1.1\r\nHost: {self._host}\r\nConnection: close\r\n\r\n"
-        clock = RealClock()
-        deadline = clock.now() + self._timeout
+        body: bytes
         try:
-            with socket.create_connection((parts.hostname, parts.port), self._timeout) as link:
-                link.sendall(request.encode("ascii"))
-                reader = cast(socket.socket, _Deadlined(link, clock, deadline))
-                with HTTPResponse(reader) as response:
-                    response.begin()
-                    status, body = response.status, response.read(_LONGEST_REPLY)
+            status, body = self._line.call("GET", lambda: self._got(path), path, failures=_FAILURES)
         except TimeoutError:
             raise InstrumentError(
                 f"The hub {self.url} did not answer within {self._timeout:g} s: is it running?"
             ) from None
-        except (OSError, HTTPException, ValueError) as error:
+        except ConnectionError as error:
             # The error may quote the hub's reply, which can be anything.
             reason = " ".join(str(error).split())[:200] or type(error).__name__
             raise InstrumentError(
@@ -294,6 +290,27 @@ class _Hub:
                 f"The hub {self.url} answered {path} with status {status}: is the module plugged in?"
             )
         return body
+
+    def _got(self, path: str) -> tuple[int, bytes]:
+        """Status and body. Raises TimeoutError, ConnectionError."""
+        parts = urlsplit(self.url)
+        request = f"GET {path} HTTP/1.1\r\nHost: {self._host}\r\nConnection: close\r\n\r\n"
+        clock = RealClock()
+        deadline = clock.now() + self._timeout
+        try:
+            with socket.create_connection((parts.hostname, parts.port), self._timeout) as link:
+                link.sendall(request.encode("ascii"))
+                reader = cast(socket.socket, _Deadlined(link, clock, deadline))
+                with HTTPResponse(reader) as response:
+                    response.begin()
+                    return response.status, response.read(_LONGEST_REPLY)
+        except TimeoutError:
+            raise
+        except (OSError, HTTPException, ValueError) as error:
+            raise ConnectionError(str(error) or type(error).__name__) from None
+
+
+_FAILURES = (Failure(TimeoutError), Failure(ConnectionError))
 
 
 class _Deadlined(RawIOBase):

@@ -5,5 +5,15 @@ from .json_schema import rig_schema
 from .logbook import log_entries, reset_lockout
 from .opening import hardware, open_rig
 from .rig import Rig
+from .taping import tape_rig
 
-__all__ = ["UNPROVED", "Rig", "hardware", "log_entries", "open_rig", "reset_lockout", "rig_schema"]
+__all__ = [
+    "UNPROVED",
+    "Rig",
+    "hardware",
+    "log_entries",
+    "open_rig",
+    "reset_lockout",
+    "rig_schema",
+    "tape_rig",
+]

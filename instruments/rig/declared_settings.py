@@ -17,7 +17,7 @@ class DeclaredSettings:
 
     def confirm(self, rig: Instruments) -> None:
         """See `Rig.confirm_settings`."""
-        declared = {rig.vibrometer.identity: rig.vibrometer.declared}
+        declared = {rig.vibrometer.identity: rig.vibrometer.declared, rig.daq.identity: rig.daq.declared}
         if rig.feeds_amplifier("player"):
             declared[rig.player.identity] = rig.player.declared
         for identity, sentence in declared.items():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from contextlib import closing
+from contextlib import AbstractContextManager, closing
 from pathlib import Path
 from typing import Any
 
@@ -13,17 +13,21 @@ from .. import entry_points
 from ..clock import RealClock
 from ..config import Device, RigFile, SimulationSettings, load_rig_file, validate
 from ..daq import Daq
-from ..driver import Driver, Mode, Simulation, hardware_of, settings_of
+from ..driver import TAPE, Driver, Mode, Simulation, hardware_of, settings_of
 from ..errors import ConfigurationError, HaploopError, InstrumentError
+from ..operator import Operator
+from ..relay import DirectWire
 from ..reported_scales import compare_scales
 from ..safety import hold
+from ..tape import Player, Recorder, current
 from .rig import Rig
+from .taping import PlayedWorld, TapedOperator, check_recordable, is_of_hardware, recording
 
 __all__ = ["hardware", "open_rig", "simulated_file"]
 
 
 def open_rig(
-    rig: str | Path | RigFile,
+    rig: str | Path | RigFile | None = None,
     simulate: Mode | None = None,
     simulation: Mapping[str, Any] | None = None,
     *,
@@ -33,18 +37,26 @@ def open_rig(
     """Open every instrument of a rig; use it as a context.
 
     `rig` is a rig file's path, the bare name of a rig that haploop ships, or a loaded file.
-    `simulate` replaces every driver by its twin, or connects the drivers to their wires; None: as
+    `simulate` replaces every driver by its twin ("twin"), connects the drivers to their wires ("wire"), or
+    to a tape of a session ("tape:FILE", which holds a rig too: `rig` may be None); None: as
     the file says, which for a lab's rig is the hardware. `simulation`
     overrides keys of the file's `[simulation]` table; `plant` replaces its plant by an object
     (docs/how-to/adding-a-plant.md). With `real_time`, a
     simulated rig takes as long as hardware does, for a person who acts on it. Connecting changes no
-    output. Hardware is locked while it is open: no other program, and no other rig of this one, can open
-    it.
+    output, but of a rig without a relay: there they are set to zero, and held. Hardware is locked while it is
+    open: no other program, and no other rig of this one, can open it.
 
     Raises ConfigurationError, and InstrumentError when an instrument is missing or in use.
     """
+    if simulate is not None and simulate.startswith(TAPE):
+        return _played(rig, simulate, bool(simulation) or plant is not None)
+    if rig is None:
+        raise ConfigurationError("Name a rig file: only a tape holds a rig.")
     file = rig if isinstance(rig, RigFile) else load_rig_file(rig)
     mode = simulate or file.simulate
+    if mode not in (None, "twin", "wire"):
+        raise ConfigurationError(f"A rig is simulated as twin, wire or tape:FILE, not as {mode!r}.")
+    deck = current()
     world: Simulation | None = None
     if mode is not None:
         file = simulated_file(file, simulation or {}, plant)
@@ -56,8 +68,28 @@ def open_rig(
         )
     pieces = hardware(file, mode)
     opened = Rig(file, world.clock if world else RealClock(), world, mode, pieces)
+    if isinstance(deck, Recorder):
+        check_recordable(file, mode)
+        deck.begin(file.model_dump_json(), mode, opened.clock)
+    return _complete(opened, closing(world) if world else hold(pieces, f"The rig {file.name!r}"))
+
+
+def _played(rig: str | Path | RigFile | None, mode: Mode, simulated: bool) -> Rig:
+    """Open a rig on a tape: that of the session, or another for this rig alone."""
+    if simulated:
+        raise ConfigurationError("A tape is played as it is: it takes no plant, and no setting of one.")
+    path = Path(mode.removeprefix(TAPE))
+    session = current()
+    player = session if isinstance(session, Player) and session.path == path else Player(path)
+    world = PlayedWorld(player)
+    file = world.file if rig is None else rig if isinstance(rig, RigFile) else load_rig_file(rig)
+    return _complete(Rig(file, world.clock, world, mode, hardware(file, mode)), closing(world))
+
+
+def _complete(opened: Rig, holding: AbstractContextManager[object]) -> Rig:
+    """Open the instruments of a rig."""
     try:
-        opened.holding(closing(world) if world else hold(pieces, f"The rig {file.name!r}"))
+        opened.holding(holding)
         _connect(opened)
     except BaseException:
         opened.close()
@@ -128,10 +160,13 @@ def _connect(rig: Rig) -> None:
     """Open each instrument that the rig file names."""
     for role, device, driver in _drivers(rig.file):
         try:
-            if rig.simulation and rig.mode:
-                instrument = rig.simulation.instrument(role, device, driver, rig.mode)
-            else:
-                instrument = driver.open(settings_of(driver, device, role, rig.name), rig.clock)
+            with recording(rig, role, device, driver) as (opener, line):
+                if rig.simulation and rig.mode:
+                    instrument = rig.simulation.instrument(role, device, opener, rig.mode)
+                else:
+                    instrument = opener.open(settings_of(driver, device, role, rig.name), rig.clock)
+                if isinstance(instrument, Operator) and line.taped:
+                    instrument = TapedOperator(instrument, line)
         except HaploopError:
             raise
         except (Exception, SystemExit) as error:
@@ -154,9 +189,11 @@ def _connect(rig: Rig) -> None:
                 f"The {role} of the rig {rig.name!r} is another one than a moment ago, or answers only now: "
                 "open the rig again."
             )
-        if isinstance(instrument, Daq) and not rig.simulation:
+        if isinstance(instrument, Daq) and (not rig.simulation or is_of_hardware(rig.simulation)):
             # The lock proves that no running program on this computer uses it.
             instrument.clear_left()
+    if rig.file.wiring == "direct" and rig.has("amplifier"):
+        rig.adopt("relay", DirectWire(rig.table.patches))
     rig.complete()
 
 

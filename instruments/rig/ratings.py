@@ -1,4 +1,4 @@
-"""Limits of the drive at a patch, from the amplifier, the relay, the patch and the rig file."""
+"""Limits of the drive at a patch, from the amplifier, the relay, the actuator and the rig file."""
 
 from __future__ import annotations
 
@@ -16,13 +16,11 @@ _VOLTS = (-100.0, -1.0, 1.0, 50.0, 400.0)
 
 def ratings(rig: Instruments, patches: int) -> dict[str, Limits]:
     """Collect the limits for `patches` patches in parallel, by owner."""
-    table = rig.table
-    patch = Limits(min=table.patch_min, max=table.patch_max, capacitance=patches * table.patch_capacitance)
     relay = Limits(min=-rig.relay.rating, max=rig.relay.rating)
     return {
         "the amplifier": rig.amplifier.limits(patches),
         "the relay": relay,
-        "the patch": patch,
+        "the actuator": rig.actuator.limits(patches),
         "the rig file's [limits]": rig.file.limits.limits(),
     }
 

@@ -59,8 +59,10 @@ class Rig(Instruments, InNotebook):
         self.mode = mode
         self.hardware = frozenset(hardware)
         """Pieces of hardware that one rig may use at a time, and on which a lockout is set."""
-        self.audit = Audit(file, state_folder(file, mode is not None), mode is not None)
-        self._outputs = Outputs(self._roles)
+        own = getattr(simulation, "state", None)  # of a tape, whose plays are nobody's acts
+        self.audit = Audit(file, own or state_folder(file, mode is not None), mode is not None)
+        direct = file.table.patches if file.wiring == "direct" and file.amplifier and file.table else ()
+        self._outputs = Outputs(self._roles, direct)
         self._lockouts = lockouts_folder(self.audit.folder, mode is not None)
         # A simulated rig's world is new at each opening: nothing was played in it.
         counted = None if mode is not None else self._lockouts
@@ -99,6 +101,7 @@ class Rig(Instruments, InNotebook):
         with suppress(ConfigurationError):  # it has no table, or nothing to play on
             self._limiter.kept.note(figures(self))
         self.audit.note("opened", instruments={r: getattr(i, "identity", "") for r, i in self._roles.items()})
+        self._limiter.begin()
         self._stack.callback(self.audit.note_at_last, "closed")
         self._stack.callback(self._limiter.wait_for_play)
         self._stack.callback(self.make_safe)
@@ -163,7 +166,8 @@ class Rig(Instruments, InNotebook):
         self, doing: str, about: str, channels: Collection[str], rate_hz: float
     ) -> Callable[[Block], None]:
         """Begin a run for live views. Returns the function that publishes each block, and never waits."""
-        laser = (self.vibrometer.channel, self.vibrometer.scale) if self.has("vibrometer") else None
+        shown = self.vibrometer if self.has("vibrometer") else None
+        laser = None if shown is None else (shown.channel, shown.scale, shown.quantity)
         names, simulated = tuple(channels), self.simulated
         return self._feed.begin(Run(self.name, simulated, doing, about, names, rate_hz, self.sensors, laser))
 

@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import Any, Literal, TypeVar
 
 from ..amplifier import Amplifier
-from ..config import RigFile, TableSettings
+from ..config import Actuator, RigFile, TableSettings
 from ..daq import Daq
 from ..entry_points import role_class
 from ..errors import ConfigurationError
@@ -47,6 +47,16 @@ class Instruments(Frozen):
         if self.file.table is None:
             raise ConfigurationError(f"The rig {self.name!r} has no [table]; this step needs one.")
         return self.file.table
+
+    @property
+    def actuator(self) -> Actuator:
+        """What drives each patch. Raises ConfigurationError for a rig that has none."""
+        if self.file.actuator is None:
+            raise ConfigurationError(
+                f"The rig {self.name!r} has no [actuator]; this step needs one: write what is glued to the "
+                "table, and what it takes."
+            )
+        return self.file.actuator
 
     @property
     def instruments(self) -> Mapping[str, Any]:

@@ -56,11 +56,12 @@ class AbortMonitor:
             self._quantities.append(
                 _Quantity("the drive", drive.channels, lambda v: _volts(drive.to_si(v), abort.drive, limits))
             )
-        most = abort.velocity
-        if vibrometer is not None and most is not None:
-            scale = vibrometer.scale
+        moving = None if vibrometer is None else getattr(abort, vibrometer.quantity)
+        if vibrometer is not None and moving is not None:
+            to_si, most, unit = vibrometer.to_si, float(moving), vibrometer.unit
+            name = f"the {vibrometer.quantity}"
             self._quantities.append(
-                _Quantity("the velocity", (vibrometer.channel,), lambda v: _beyond(scale * v[0], most, "m/s"))
+                _Quantity(name, (vibrometer.channel,), lambda v: _beyond(to_si(v[0]), most, unit))
             )
         newton = abort.force
         if force is not None and newton is not None:
@@ -146,5 +147,7 @@ def _beyond(measured: FloatArray, most: float, unit: str) -> str:
     if not len(beyond):
         return ""
     worst = float(size[beyond].max())
-    quantity = {"V": "", "m/s": "the surface moved at ", "N": "the finger was pressed with "}[unit]
+    quantity = {"V": "", "m/s": "the surface moved at ", "N": "the finger was pressed with "}.get(
+        unit, "the surface moved by " if unit == "m" else "the surface accelerated with "
+    )
     return f"{quantity}{worst:.4g} {unit}, and [abort] allows {most:g} {unit}"

@@ -25,10 +25,12 @@ from ..clock import Clock
 from ..errors import DataError, InstrumentError, LimitError
 from ..generator import Waveform
 from ..limits import Limits, sounding
+from ..relay import LOST
 from .audit import Audit
 from .deadline import DEADLINE
 from .duty import MINUTE, Span, clear_old, count_plays, plays_of
 from .figures import Kept
+from .heat import Heat
 from .lockout import Lockout, lock_out, lockout_of
 from .outputs import Outputs, Standing
 from .watch import Watch
@@ -51,6 +53,14 @@ class _Permit:
     rate_hz: float
     volts: Mapping[str, FloatArray]
     waveforms: Mapping[str, Waveform]
+
+
+@dataclass(frozen=True)
+class _Heating:
+    """What a play leaves of the coil's smoothed dissipation at its end (W), besides what it found."""
+
+    limits: Limits
+    own: float
 
 
 def combined(ratings: Ratings) -> Limits:
@@ -97,7 +107,8 @@ class Limiter:
         self._playing: set[str] = set()
         """Outputs that have started: each starts once, because a restart would cut its drive off."""
         self._played: deque[tuple[float, float]] = deque()
-        self._watch = Watch(clock, self.authorise_renewal)
+        self._heat = Heat(clock, hardware, counted)
+        self._watch = Watch(clock, self.authorise_renewal, goes_on=bool(outputs.direct))
         self.kept = Kept()
         """What the limits rest on, as it was when the rig was opened."""
 
@@ -112,6 +123,7 @@ class Limiter:
         """Take over what other programs have played on this hardware, once the rig has its lock."""
         if self._counted is None:
             return
+        self._heat.recall()
         now = self._clock.now()
         clear_old(self._counted, now)
         self._played.extend(plays_of(self._counted, self._hardware, now))
@@ -120,9 +132,24 @@ class Limiter:
         """Log that the gain from an amplifier's input is not proved. Raises DataError for a full disk."""
         self._audit.note("unproved", input=source, why=why)
 
+    def begin(self) -> None:
+        """Bring an actuator that no relay parts from the amplifier to zero volts, and watch it from now on.
+
+        Raises InstrumentError when its outputs are not known to be at zero.
+        """
+        outputs = self._outputs()
+        if outputs is None or not outputs.direct:
+            return
+        self._audit.note("connected", patches=sorted(outputs.direct), found=outputs.found(), why=LOST)
+        self._known(Outputs.rest)
+        self._watch.begin()
+
     def end(self) -> None:
         """Authorise nothing any more: the rig is being closed."""
         self._process = None
+        outputs = self._outputs()
+        if outputs is not None and outputs.direct:
+            self._watch.end()
 
     def lock_out(self, why: str) -> None:
         """Refuse every play on this hardware until `haploop reset`."""
@@ -153,6 +180,7 @@ class Limiter:
         held_to = ratings(len(patches) if len(drives) == 1 else 1)
         own = {output: np.array(drive) for output, drive in drives.items()}
         with self.refusals_noted():
+            self._refuse_elsewhere(patches, any(drive.any() for drive in own.values()))
             for drive in own.values():
                 self._check(drive, rate_hz, held_to)
             if len({len(drive) for drive in own.values()}) > 1:
@@ -168,11 +196,13 @@ class Limiter:
                 for at_output in volts.values():
                     made, made_hz = rendered(at_output, rate_hz)
                     self._check(gain * made, made_hz, held_to, **free)
+        strictest = combined(held_to)
+        heat = _Heating(strictest, max(strictest.heat(drive, rate_hz) for drive in own.values()))
         peak = max(float(np.abs(drive).max()) for drive in own.values())
         digest = hashlib.sha256(b"".join(drive.tobytes() for drive in own.values())).hexdigest()
         permit = _Permit(frozenset(patches), rate_hz, volts, {})
         output = ", ".join(own)
-        with self._lasting(permit, seconds, output=output, peak=peak, rate_hz=rate_hz, sha256=digest):
+        with self._lasting(permit, seconds, heat, output=output, peak=peak, rate_hz=rate_hz, sha256=digest):
             yield volts
 
     @contextmanager
@@ -192,10 +222,16 @@ class Limiter:
         """
         gain = 1 / float(amplifier.to_input(np.ones(1))[0])
         at_output = waveform.scaled(1 / gain)
-        seconds = self.check_waveform(waveform, rest, amplifier, ratings(len(patches)))
+        held_to = ratings(len(patches))
+        with self.refusals_noted():
+            self._refuse_elsewhere(patches, True)
+        seconds = self.check_waveform(waveform, rest, amplifier, held_to)
         permit = _Permit(frozenset(patches), 0.0, {}, {output: at_output})
         peak = gain * at_output.amplitude
-        with self._lasting(permit, seconds, output=output, peak=peak, waveform=str(at_output)):
+        volts, rate_hz = at_output.sampled(rest)
+        strictest = combined(held_to)
+        heat = _Heating(strictest, strictest.heat(gain * np.asarray(volts, dtype=np.float64), rate_hz))
+        with self._lasting(permit, seconds, heat, output=output, peak=peak, waveform=str(at_output)):
             yield at_output
 
     def check(self, drive: FloatArray, rate_hz: float, ratings: Ratings) -> None:
@@ -258,6 +294,9 @@ class Limiter:
 
     def switched(self, patches: frozenset[str]) -> None:
         """See `Interlock.switched`: outside a play, what is closed is watched, and the outputs are held."""
+        outputs = self._outputs()
+        if outputs is not None and outputs.direct:
+            return  # always connected: the watch goes on
         watched = self._watch.on
         self._watch.end()
         if self._permit is not None or self._process != os.getpid():
@@ -265,7 +304,6 @@ class Limiter:
         if patches:
             self._watch.begin()
             return
-        outputs = self._outputs()
         if outputs is not None and watched:
             self._tripping(outputs.left)
 
@@ -351,23 +389,31 @@ class Limiter:
         if lockout is not None:
             raise LimitError(lockout.sentence)
         strictest = combined(ratings)
+        warm = self._heat.left(strictest)
         try:
             left = {"max_duration": strictest.max_duration - longer, **waived}
-            replace(strictest, **left).check(drive, rate_hz)
+            replace(strictest, **left).check(drive, rate_hz, warm=warm)  # type: ignore[arg-type]
         except LimitError as error:
             # The owner of the limit is looked up only for the message.
             for whose, rating in ratings.items():
-                own = {
-                    "max_duration": rating.max_duration - longer,
-                    **waived,
-                    "capacitance": strictest.capacitance,
-                }
+                own = {"max_duration": rating.max_duration - longer, **waived}
+                load = replace(rating, capacitance=strictest.capacitance, coil=strictest.coil)
                 try:
-                    replace(rating, **own).check(drive, rate_hz, whose)
+                    replace(load, **own).check(drive, rate_hz, whose, warm)  # type: ignore[arg-type]
                 except LimitError as named:
                     if str(named).removesuffix(f"{whose}.") == str(error).removesuffix("the rig."):
                         raise named from None
             raise
+
+    def _refuse_elsewhere(self, patches: Collection[str], volts: bool) -> None:
+        """Refuse volts for other patches than the one that no relay parts from the amplifier."""
+        outputs = self._outputs()
+        direct = outputs.direct if outputs is not None else frozenset()
+        if direct and volts and frozenset(patches) != direct:
+            raise LimitError(
+                f"What is played reaches {', '.join(sorted(direct))} in any case, because no relay lies "
+                "between: name exactly that patch, or play zero volts."
+            )
 
     def _check_duty(self, seconds: float, ratings: Ratings) -> None:
         """Refuse a drive that would exceed the duty in the minute that ends with it."""
@@ -400,7 +446,7 @@ class Limiter:
             raise
 
     @contextmanager
-    def _lasting(self, permit: _Permit, seconds: float, **about: object) -> Iterator[None]:
+    def _lasting(self, permit: _Permit, seconds: float, heat: _Heating, **about: object) -> Iterator[None]:
         with self._lock:
             if self._permit is not None:
                 raise LimitError("A drive is being played: wait until it has ended before the next one.")
@@ -412,6 +458,7 @@ class Limiter:
         try:
             self._audit.note("played", patches=sorted(permit.patches), seconds=seconds, **about)
             self._count((begun, begun + seconds))
+            self._heat.count(heat.limits, heat.own, seconds)
             yield
         except BaseException as error:
             if self._playing:
@@ -424,6 +471,9 @@ class Limiter:
             self._player = 0
             self._playing.clear()
             self._idle.set()
+            outputs = self._outputs()
+            if outputs is not None and outputs.direct and self._process == os.getpid():
+                self._watch.begin()
             with suppress(DataError):  # the play is counted, at its full length
                 self._count()
 

@@ -7,7 +7,7 @@ reserved, so that no other program can write to them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from typing import Any
 
@@ -25,10 +25,15 @@ class Standing(InstrumentError):  # noqa: N818
 
 
 class Outputs:
-    """The outputs of a rig's instruments, by role; `instruments` may grow until the rig is open."""
+    """The outputs of a rig's instruments, by role; `instruments` may grow until the rig is open.
 
-    def __init__(self, instruments: Mapping[str, Any]) -> None:
+    `direct` are patches that no relay parts from the amplifier: for them the outputs stay reserved as long as
+    the rig is open.
+    """
+
+    def __init__(self, instruments: Mapping[str, Any], direct: Collection[str] = ()) -> None:
         self._instruments = instruments
+        self.direct = frozenset(direct)
         self._let_through = False
         """True once a contact was allowed to close."""
 
@@ -44,6 +49,7 @@ class Outputs:
         """
         self.no_sweep()
         player, daq = self._wired("player"), self._instruments["daq"]
+        then = "The actuator is always connected, and" if self.direct else "The relay stays open, because"
         try:
             try:
                 if player is not None:
@@ -52,16 +58,21 @@ class Outputs:
                 standing = self._standing()
             except HaploopError as error:
                 raise InstrumentError(
-                    "The relay stays open, because an output that leads to it is not known to be at zero "
-                    f"volts: {error}"
+                    f"{then} an output that leads to it is not known to be at zero volts: {error}"
                 ) from error
             if standing:
-                raise InstrumentError(f"The relay stays open, because {standing}")
+                raise InstrumentError(f"{then} {standing}")
             self._let_through = True
         except InstrumentError:
-            with suppress(HaploopError):
-                daq.let_go()
+            if not self.direct:
+                with suppress(HaploopError):
+                    daq.let_go()
             raise
+
+    def found(self) -> dict[str, float]:
+        """Volts on outputs that are not at zero, as far as they can be read. Raises InstrumentError."""
+        read = self._instruments["daq"].outputs_read()
+        return {name: float(volts) for name, volts in read.items() if not abs(volts) <= _ZERO}
 
     def watch(self) -> None:
         """Look whether the outputs that lead to a closed contact still rest, and are still reserved.
@@ -82,13 +93,16 @@ class Outputs:
             raise Standing(f"A patch was connected, and may have got volts: {error}") from error
 
     def left(self) -> None:
-        """Free the outputs, once no contact is closed. Raises InstrumentError when one is not at zero.
+        """Free the outputs, once no contact is closed: not those of an actuator that always is.
+
+        Raises InstrumentError when one is not at zero.
 
         It is Standing when a contact has been closed meanwhile.
         """
-        let_through, self._let_through = self._let_through, False
+        let_through, self._let_through = self._let_through, bool(self.direct)
         standing = self._standing()
-        self._instruments["daq"].let_go()
+        if not self.direct:
+            self._instruments["daq"].let_go()
         if standing and let_through:
             raise Standing(f"A patch may have got volts before its contact opened, because {standing}")
         if standing:

@@ -11,7 +11,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from ..clock import Clock, RealClock
+from ..clock import Clock
 from ..relay import Relay
 from .deadline import DEADLINE
 
@@ -32,7 +32,7 @@ class Renewal:
     def __init__(self, relay: Relay, clock: Clock) -> None:
         self._relay = relay
         self._clock = clock
-        self._own = isinstance(clock, RealClock) and relay.dead_man < threading.TIMEOUT_MAX
+        self._own = clock.real and relay.dead_man < threading.TIMEOUT_MAX
         self._ended = threading.Event()
         self._failure: Exception | None = None
         self._seen = clock.now()
@@ -61,7 +61,7 @@ class Renewal:
             raise self._failure
 
     def _renew(self) -> None:
-        while not self._ended.wait(self._relay.dead_man / _OFTEN):
+        while not self._clock.wait(self._ended, self._relay.dead_man / _OFTEN):
             if self._clock.now() - self._seen <= _ALIVE * self._relay.dead_man:
                 try:
                     self._relay.renew()

@@ -10,7 +10,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 
-from ..clock import Clock, RealClock
+from ..clock import Clock
 from ..errors import HaploopError
 from .deadline import DEADLINE
 
@@ -18,23 +18,29 @@ __all__ = ["Watch"]
 
 _OFTEN = 0.2
 """Interval of the looks (s)."""
+_SELDOM = 60.0
+"""Longest interval (s) of looks that fail again and again: each is logged."""
 
 
 class Watch:
-    """Calls `look` while a contact is closed, until it raises HaploopError: by then it has opened it."""
+    """Calls `look` while a contact is closed. What raises HaploopError has opened it, and ends the watch.
 
-    def __init__(self, clock: Clock, look: Callable[[], None]) -> None:
+    One that `goes_on` looks on after that, at intervals that double: no contact can be opened.
+    """
+
+    def __init__(self, clock: Clock, look: Callable[[], None], goes_on: bool = False) -> None:
         self.on = False
         """True while a contact is closed outside a play."""
-        self._real = isinstance(clock, RealClock)
+        self._clock = clock
         self._look = look
+        self._goes_on = goes_on
         self._ended = threading.Event()
         self._thread: threading.Thread | None = None
 
     def begin(self) -> None:
         """Start to look."""
         self.on = True
-        if self._real:
+        if self._clock.real:
             self._ended = threading.Event()
             self._thread = threading.Thread(
                 target=self._run, args=(self._ended,), name="watch of a closed contact", daemon=True
@@ -50,8 +56,13 @@ class Watch:
             thread.join(DEADLINE)
 
     def _run(self, ended: threading.Event) -> None:
-        while not ended.wait(_OFTEN):
+        often = _OFTEN
+        while not self._clock.wait(ended, often):
             try:
                 self._look()
             except HaploopError:
-                return
+                if not self._goes_on:
+                    return
+                often = min(2 * often, _SELDOM)
+            else:
+                often = _OFTEN

@@ -8,6 +8,7 @@ from typing import Protocol
 
 from ..clock import Clock, RealClock
 from ..errors import InstrumentError
+from ..tape import Failure, taped_line
 
 __all__ = ["Line", "Port", "TextLine"]
 
@@ -47,6 +48,13 @@ class Port(ABC):
         """Close the port, in any state; raises nothing."""
 
 
+class _NotOpenedError(ConnectionError):
+    """The port cannot be opened."""
+
+
+_FAILURES = (Failure(_NotOpenedError), Failure(ConnectionError))
+
+
 class TextLine:
     """See `Line`. `connect` opens the port when it is first needed.
 
@@ -62,32 +70,31 @@ class TextLine:
         self._timeout = timeout
         self._clock: Clock = RealClock()
         self._port: Port | None = None
+        self._line = taped_line()
 
     def send(self, text: str) -> None:
         """See `Line.send`."""
-        port = self._opened()
+        data = text.encode("ascii") + b"\n"
         try:
-            port.send(text.encode("ascii") + b"\n")
+            self._line.call("send", lambda: self._opened().send(data), data, failures=_FAILURES)
+        except _NotOpenedError as error:
+            raise InstrumentError(f"{self._name} cannot be opened ({error}).") from None
         except ConnectionError as error:
             raise self._failed(f"cannot be sent {text!r} ({error}): check its cable and power") from None
 
     def receive(self, asked: str) -> str:
         """See `Line.receive`."""
-        port = self._opened()
-        deadline = self._clock.now() + self._timeout
-        reply = b""
-        while not reply.endswith(b"\n"):
-            left = deadline - self._clock.now()
-            if left <= 0:
-                raise self._failed(self._late(asked, reply))
-            if len(reply) > _LONGEST:
-                raise self._failed(
-                    f"answered {asked!r} with {_LONGEST} bytes and no end: check {self._settings}"
-                )
-            try:
-                reply += port.receive(left)
-            except ConnectionError as error:
-                raise self._failed(f"was lost after {asked!r} ({error}): check its cable and power") from None
+        reply: bytes
+        try:
+            reply = self._line.call("receive", self._received, failures=_FAILURES)
+        except _NotOpenedError as error:
+            raise InstrumentError(f"{self._name} cannot be opened ({error}).") from None
+        except ConnectionError as error:
+            raise self._failed(f"was lost after {asked!r} ({error}): check its cable and power") from None
+        if len(reply) > _LONGEST:
+            raise self._failed(f"answered {asked!r} with {_LONGEST} bytes and no end: check {self._settings}")
+        if not reply.endswith(b"\n"):
+            raise self._failed(self._late(asked, reply))
         try:
             text = reply.decode("ascii").strip()
         except UnicodeDecodeError:
@@ -104,12 +111,24 @@ class TextLine:
         if port is not None:
             port.close()
 
+    def _received(self) -> bytes:
+        """Bytes up to a line's end, or those that came before the deadline, or too many."""
+        port = self._opened()
+        deadline = self._clock.now() + self._timeout
+        reply = b""
+        while not reply.endswith(b"\n") and len(reply) <= _LONGEST:
+            left = deadline - self._clock.now()
+            if left <= 0:
+                break
+            reply += port.receive(left)
+        return reply
+
     def _opened(self) -> Port:
         if self._port is None:
             try:
                 self._port = self._connect()
             except ConnectionError as error:
-                raise InstrumentError(f"{self._name} cannot be opened ({error}).") from None
+                raise _NotOpenedError(*error.args) from None
         return self._port
 
     def _failed(self, sentence: str) -> InstrumentError:

@@ -1,5 +1,5 @@
-"""Laser vibrometers: the role, and its drivers."""
+"""Pick-ups of the table's motion: the role, and its drivers."""
 
-from .role import Vibrometer
+from .role import DERIVATIVE, QUANTITIES, UNITS, Quantity, Vibrometer, shown
 
-__all__ = ["Vibrometer"]
+__all__ = ["DERIVATIVE", "QUANTITIES", "UNITS", "Quantity", "Vibrometer", "shown"]

@@ -42,6 +42,8 @@ _LOOK = 0.5
 class Ofv5000(Vibrometer):
     """See `Vibrometer`."""
 
+    taped = True
+
     class Settings(BaseModel):
         """The `[vibrometer]` table of a rig file."""
 

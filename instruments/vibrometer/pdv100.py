@@ -1,4 +1,4 @@
-"""Polytec PDV-100: set by hand and read through its analog output, so its settings are declared.
+"""Polytec PDV-100: an analog vibrometer with its figures filled in; its settings are declared.
 
 The scale of the 20 mm/s range and the 1.1 ms delay were found; the other ranges and the filters
 are estimates (docs/hardware.md, "PDV-100").
@@ -6,12 +6,11 @@ are estimates (docs/hardware.md, "PDV-100").
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict
 
-from ..clock import Clock
-from .role import Vibrometer
+from .analog import AnalogVibrometer
 
 __all__ = ["Pdv100"]
 
@@ -32,8 +31,10 @@ _DELAY = 1.1e-3
 """Delay of the output (s; docs/hardware.md, "PDV-100")."""
 
 
-class Pdv100(Vibrometer):
+class Pdv100(AnalogVibrometer):
     """See `Vibrometer`."""
+
+    taped = True
 
     class Settings(BaseModel):
         """The `[vibrometer]` table of a rig file."""
@@ -46,30 +47,13 @@ class Pdv100(Vibrometer):
         low_pass_hz: Literal[1000, 5000, 22000] = 5000
 
     def __init__(self, settings: Settings) -> None:
-        self.identity = "PDV-100"
-        self.channel = settings.channel
-        self.range = settings.range
-        self.scale = settings.range / _FULL_SCALE
-        self.bandwidth_hz = float(settings.low_pass_hz)
-        self.delay = _DELAY
-        self.declared = (
-            f"PDV-100: is the range {settings.range * 1e3:g} mm/s, the low-pass filter "
-            f"{settings.low_pass_hz / 1e3:g} kHz and the high-pass filter off?"
+        filled_in = AnalogVibrometer.Settings(
+            channel=settings.channel,
+            scale=settings.range / _FULL_SCALE,
+            range=settings.range,
+            bandwidth_hz=settings.low_pass_hz,
+            delay=_DELAY,
+            name="PDV-100",
+            source='docs/hardware.md, "PDV-100"',
         )
-
-    @staticmethod
-    def hardware(settings: Settings) -> tuple[str, ...]:
-        """See `Driver.hardware`: none, because it is measured through the DAQ."""
-        return ()
-
-    @classmethod
-    def open(cls, settings: Settings, clock: Clock) -> Self:
-        """Return the vibrometer; there is nothing to connect to."""
-        return cls(settings)
-
-    def signal_level(self) -> float | None:
-        """Return None: the level is shown only on its display."""
-        return None
-
-    def close(self) -> None:
-        """Do nothing: there is no connection."""
+        super().__init__(filled_in)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import zlib
+from typing import Protocol
 
 import numpy as np
 
 from ...instruments.arrays import BoolArray, FloatArray
-from .products import Product, code_width
 
-__all__ = ["LOST", "STOPPED", "convert", "noise_of", "put_out"]
+__all__ = ["LOST", "STOPPED", "Converters", "code_width", "convert", "noise_of", "put_out"]
 
 LOST = {
     "overrun": -200279,
@@ -23,6 +23,26 @@ STOPPED = {
 """NI's error for each `how` of `haploop.mocks.plant.PlayStopped`; "stopped" is none."""
 
 
+class Converters(Protocol):
+    """The converters of a card: those of an NI product, or of any other card."""
+
+    @property
+    def ai_bits(self) -> int:
+        """Resolution of the inputs."""
+
+    @property
+    def ai_noise(self) -> float:
+        """Noise in a range of +-10 V (V rms), scaled with the range."""
+
+    @property
+    def ao_bits(self) -> int:
+        """Resolution of the outputs."""
+
+    @property
+    def ao_range(self) -> float:
+        """Full scale of the outputs (+- V)."""
+
+
 def noise_of(seed: int, device: str, acquisition: int) -> np.random.Generator:
     """Create the noise generator of a device's `acquisition`-th start (from 0) on a plant with `seed`.
 
@@ -32,7 +52,7 @@ def noise_of(seed: int, device: str, acquisition: int) -> np.random.Generator:
 
 
 def convert(
-    volts: FloatArray, full_scale: FloatArray, product: Product, noise: np.random.Generator
+    volts: FloatArray, full_scale: FloatArray, product: Converters, noise: np.random.Generator
 ) -> tuple[FloatArray, BoolArray]:
     """Convert the true `volts` at a card's terminals to the volts that it reports, and find overloads.
 
@@ -57,8 +77,13 @@ def convert(
     return codes, overload
 
 
-def put_out(volts: FloatArray, product: Product) -> FloatArray:
+def put_out(volts: FloatArray, product: Converters) -> FloatArray:
     """Round `volts` (of any shape) to the codes of a card's output, and clip them to its range."""
     end = 2.0 ** (product.ao_bits - 1)
     width = product.ao_range / end
     return np.asarray(np.clip(np.rint(volts / width), -end, end - 1) * width)
+
+
+def code_width(product: Converters, full_scale: FloatArray) -> FloatArray:
+    """Return the volts per code of input ranges of +-`full_scale` (V, any shape)."""
+    return full_scale / 2.0 ** (product.ai_bits - 1)

@@ -7,16 +7,24 @@ replaced by the data sheet of the lab's own card.
 from __future__ import annotations
 
 import tomllib
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from ...instruments.arrays import FloatArray
+from pydantic import TypeAdapter, ValidationError
+
+from ...instruments.daq.ni_settings import Channel
 from ...instruments.errors import ConfigurationError
 
-__all__ = ["PRODUCTS", "Product", "code_width", "convert_interval", "input_range"]
+__all__ = ["PRODUCTS", "Product", "convert_interval", "described", "input_range"]
 
-Family = Literal["E Series", "M Series", "X Series", "C Series", "Digital I/O", "CompactDAQ Chassis"]
+Family = Literal[
+    "E Series", "M Series", "X Series", "AO Series", "USB DAQ", "mioDAQ", "myDAQ", "DSA", "SC Express",
+    "C Series", "TestScale", "Digital I/O", "CompactDAQ Chassis", "TestScale Chassis",
+]  # fmt: skip
+Configuration = Literal["rse", "nrse", "diff", "pseudodiff"]
 
 _PADDING = 10e-6
 """Padding that the driver adds between two channels of a multiplexed card (s; docs/hardware.md, "Conversion
@@ -34,7 +42,25 @@ class Product:
     ai_single_ended: int = 0
     """Number of single-ended analog inputs."""
     ai_differential: int = 0
-    """Number of differential inputs; on a multiplexed card i is paired with i + 8 in each bank of 16."""
+    """Number of differential inputs; where there are single-ended ones, i is paired with i + half a bank."""
+    ai_bank: int = 16
+    """Number of inputs in a bank, whose first half are the positive ends of differential inputs."""
+    ai_names: tuple[str, ...] = ()
+    """Names of the inputs; empty means ai0, ai1, and so on."""
+    ai_configs: tuple[Configuration, ...] = ()
+    """Terminal configurations; empty means all that follow from the numbers of inputs. The first that an
+    input takes is its default."""
+    ai_couplings: tuple[Literal["ac", "dc"], ...] = ("dc",)
+    ai_excitation: tuple[float, ...] = ()
+    """Currents of an IEPE supply (A); empty without one."""
+    ai_bridge_excitation: tuple[float, ...] = ()
+    """Voltages of a bridge's supply (V); empty without one."""
+    ai_measures: tuple[str, ...] = ()
+    """What the inputs measure, by NI's names (`UsageTypeAI`); empty means voltage and the like."""
+    ai_timebase_hz: float = 0.0
+    """Master timebase of a delta-sigma converter, which samples at this / 256 / n; 0 for any other."""
+    ai_rate_least_hz: float = 0.0
+    """Lowest sample rate; 0 for that of the timebase's divider."""
     ai_ranges: tuple[float, ...] = ()
     """Input ranges as +- full scale (V), widest first."""
     ai_bits: int = 16
@@ -55,10 +81,13 @@ class Product:
     """True when the outputs go from 0 V to `ao_range`."""
     ao_bits: int = 16
     ao_rate_hz: float = 0.0
+    """Most updates per second; 0 where a program times them."""
     ao_fifo: int = 8191
     """Size of the card's own output buffer (samples; docs/hardware.md, "PCIe-6321 (X Series)")."""
     ports: tuple[int, ...] = ()
     """Number of digital lines of each port; only port 0 can be clocked."""
+    port_ways: tuple[Literal["in", "out", "both"], ...] = ()
+    """Direction of each port's lines; empty means both."""
     counters: int = 0
     counter_bits: int = 32
     slots: int = 0
@@ -68,21 +97,83 @@ class Product:
     estimates: tuple[str, ...] = ()
     """Fields whose figures are estimates though the row has a source."""
 
+    @property
+    def ends_late(self) -> bool:
+        """True when a finite output on an external clock needs one pulse more than samples to be done.
 
-def _read(text: str) -> dict[str, Product]:
-    """Return the products that a table in TOML describes, by name.
+        NI-DAQmx Device Considerations, "Timing Considerations" for E Series and AO Series devices.
+        """
+        return self.family in ("E Series", "AO Series")
+
+    @property
+    def delta_sigma(self) -> bool:
+        """True when the inputs have delta-sigma converters with a timebase, which give the rates."""
+        return self.ai_timebase_hz > 0
+
+    def configurations(self, channel: int) -> tuple[Configuration, ...]:
+        """Terminal configurations that input `channel` takes, its default first."""
+        paired = not self.ai_single_ended or channel % self.ai_bank < self.ai_bank // 2
+        listed: tuple[Configuration, ...] = self.ai_configs or (
+            ("diff",) if not self.ai_single_ended else ("diff", "rse", "nrse")
+        )
+        return tuple(config for config in listed if paired or config != "diff")
+
+    def unfit(self, channel: Channel) -> str | None:
+        """Say why a channel of a rig file does not fit the product, in a sentence; None when it fits."""
+        tail = channel.terminal.partition("/")[2].lower()
+        if channel.counter is not None:
+            number = int("".join(c for c in tail if c.isdecimal()))
+            return None if number < self.counters else f"a {self.name} has {self.counters} counters."
+        count = max(self.ai_single_ended, self.ai_differential)
+        names = list(self.ai_names) or [f"ai{i}" for i in range(count)]
+        if tail not in names:
+            own = f"inputs {names[0]} to {names[-1]}" if names else "no inputs"
+            return f"a {self.name} has {own}, no {tail}."
+        number = int(tail.removeprefix("ai")) if tail.startswith("ai") else 0
+        has: dict[str, tuple[object, tuple[object, ...]]] = {
+            "configuration": (channel.config, ("default", *self.configurations(number))),
+            "coupling": (channel.coupling, (None, *self.ai_couplings)),
+            "excitation (A)": (channel.excitation, (None, *self.ai_excitation)),
+            "bridge excitation (V)": (
+                channel.bridge and channel.bridge_excitation, (None, *self.ai_bridge_excitation)
+            ),
+        }  # fmt: skip
+        for what, (asked, taken) in has.items():
+            if asked not in taken:
+                listed = ", ".join(str(value) for value in taken if value is not None) or "none"
+                return f"{tail} of a {self.name} has the {what} {listed}, not {asked}."
+        if channel.bridge is None and self.ai_measures and "VOLTAGE" not in self.ai_measures:
+            return f"a {self.name} does not measure volts: say what its inputs supply (bridge)."
+        return None
+
+    def sample_rate(self, asked: float) -> float:
+        """Sample rate that a delta-sigma converter takes for one that is asked: the next higher of its own.
+
+        NI knowledge base, "Calculate the Input Delay on NI-9237". Any other takes what is asked.
+        """
+        if not self.delta_sigma:
+            return asked
+        fastest = self.ai_timebase_hz / 256
+        return fastest / max(1, int(fastest / asked * (1 + 1e-9)))
+
+
+def _read(
+    rows: Mapping[str, Mapping[str, Any]], others: Mapping[str, Mapping[str, Any]]
+) -> dict[str, Product]:
+    """Return the products that `rows` describe, by name; a row can be like one of `others`.
 
     Raises ConfigurationError with one sentence that names the product and what is missing or wrong.
     """
-    rows: dict[str, dict[str, Any]] = tomllib.loads(text)
     products: dict[str, Product] = {}
     for name, row in rows.items():
         figures = dict(row)
         like = figures.pop("like", None)
-        if like is not None and like not in rows:
+        model = rows.get(like) or others.get(like, {})
+        if like is not None and not model:
             raise ConfigurationError(f"The product {name!r} is like {like!r}, which is not in the table.")
-        taken = {key: value for key, value in rows.get(like, {}).items() if key not in _OWN}
-        figures = taken | figures
+        if "like" in model:
+            raise ConfigurationError(f"The product {name!r} is like {like!r}, which is like another itself.")
+        figures = {key: value for key, value in model.items() if key not in _OWN} | figures
         unknown = figures.keys() - _FIELDS
         missing = [key for key in ("family", "source") if key not in figures]
         missing += [key for key in _ASKED["ai"] if _inputs(figures) and key not in figures]
@@ -97,8 +188,18 @@ def _read(text: str) -> dict[str, Product]:
                 f"The product {name!r} is of the family {figures['family']!r}; there are {families}."
             )
         lists = {key: tuple(value) for key, value in figures.items() if isinstance(value, list)}
-        products[name] = Product(name=name, **(figures | lists))
+        products[name] = _checked(Product(name=name, **(figures | lists)))
     return products
+
+
+def _checked(product: Product) -> Product:
+    """Return `product`. Raises ConfigurationError for a figure of a wrong kind."""
+    try:
+        return _KIND.validate_python(asdict(product), strict=False)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise ConfigurationError(f"The product {product.name!r}: {where}: {first['msg']}.") from None
 
 
 def _inputs(figures: dict[str, Any]) -> bool:
@@ -113,8 +214,26 @@ _FIELDS = {item.name for item in fields(Product)} - {"name"}
 _ASKED = {"ai": ("ai_ranges", "ai_rate_hz", "ai_rate_single_hz"), "ao": ("ao_range", "ao_rate_hz")}
 """Fields that a product with analog inputs, and one with analog outputs, cannot be without."""
 
-PRODUCTS: dict[str, Product] = _read(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+_KIND = TypeAdapter(Product)
+_TABLE: dict[str, dict[str, Any]] = tomllib.loads(
+    Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")
+)
+
+PRODUCTS: dict[str, Product] = _read(_TABLE, {})
 """Products that twin and wire simulate, by the driver's names."""
+
+
+def described(rows: Mapping[str, Mapping[str, Any]]) -> dict[str, Product]:
+    """Return the products that `rows` describe, in the form of the table, and those of other packages and the
+    table; the first of these that has a name counts.
+
+    A package adds products by an entry point of the group `haploop.ni_products`: a mapping of such rows.
+    Raises ConfigurationError with one sentence that names the product and what is missing or wrong.
+    """
+    found = dict(PRODUCTS)
+    for entry in entry_points(group="haploop.ni_products"):
+        found |= _read(entry.load(), _TABLE)
+    return found | _read(rows, _TABLE)
 
 
 def convert_interval(product: Product, rate_hz: float, channels: int) -> float:
@@ -135,8 +254,3 @@ def convert_interval(product: Product, rate_hz: float, channels: int) -> float:
 def input_range(product: Product, full_scale: float) -> float | None:
     """Return the narrowest input range (+- V) that contains +-`full_scale`, or None."""
     return min((r for r in product.ai_ranges if r >= full_scale * (1 - 1e-9)), default=None)
-
-
-def code_width(product: Product, full_scale: FloatArray) -> FloatArray:
-    """Return the volts per code of input ranges of +-`full_scale` (V, any shape)."""
-    return full_scale / 2.0 ** (product.ai_bits - 1)

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
 from ...instruments.arrays import FloatArray
+from ...instruments.bounded import NotNegative, Positive
 from ...instruments.config import RigFile
-from ..plant import OnCards, PerEventFault, PlayStopped, SamplesLost, ScheduledFault
+from ..plant import FaultSettings, OnCards, PerEventFault, PlayStopped, SamplesLost, ScheduledFault
 
-__all__ = ["ClockDrift", "DaqOverflow", "DaqOverrun", "PlayCutOff", "RtsiMissing"]
+__all__ = ["ClockDrift", "DaqOverflow", "DaqOverrun", "PlayCutOff", "RtsiMissing", "SourceImpedance"]
+
+_MULTIPLEXER = 100e-12
+"""Capacitance of a card's multiplexer and amplifier (F; estimate: X Series inputs have 100 pF)."""
 
 
 class RtsiMissing(OnCards):
@@ -55,6 +61,47 @@ class ClockDrift(ScheduledFault, OnCards):
         if late[-1] > 0:
             self.mark(float(times[-1]))
         return late
+
+
+class SourceImpedance(OnCards):
+    """A source of high impedance behind a multiplexer: the channel before it is seen in it, as a ghost.
+
+    The multiplexer's capacitance arrives with the volts of the channel before and is charged by the source in
+    the time from one conversion to the next. A capacitor at the source gives that charge at once, and is
+    charged through the source from scan to scan.
+    """
+
+    class Settings(FaultSettings):
+        """See `FaultSettings`."""
+
+        channel: str
+        ohm: Positive = 32e3
+        """Output impedance (Ohm): an ADXL335's (docs/hardware.md, "Accelerometer")."""
+        farad: NotNegative = 0.0
+        """Capacitor at the output (F)."""
+
+    settings: Settings
+
+    def scanned(self, nodes: Sequence[str], volts: FloatArray, times: FloatArray) -> None:
+        """See `OnCards.scanned`."""
+        if self.settings.channel not in nodes or len(nodes) < 2:
+            return
+        row = list(nodes).index(self.settings.channel)
+        gap = float(times[row, 0] - times[row - 1, 0]) if row else math.inf
+        if not 0 < gap < math.inf:
+            return
+        difference = volts[row - 1] - volts[row]
+        volts[row] += self._left(gap, times[row]) * difference
+        if np.abs(difference).max() > 0:
+            self.mark(float(times[row, 0]))
+
+    def _left(self, gap: float, times: FloatArray) -> float:
+        """Part of the difference that is still there at the conversion, `gap` (s) after the one before."""
+        if not self.settings.farad:
+            return math.exp(-gap / (self.settings.ohm * _MULTIPLEXER))
+        shared = _MULTIPLEXER / (_MULTIPLEXER + self.settings.farad)
+        period = float(times[1] - times[0]) if len(times) > 1 else math.inf
+        return min(1.0, shared / -math.expm1(-period / (self.settings.ohm * self.settings.farad)))
 
 
 class _OfCard(PerEventFault, OnCards):

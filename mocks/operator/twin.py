@@ -6,6 +6,7 @@ from pydantic import BaseModel
 
 from ...instruments.operator import (
     Aim,
+    Cable,
     ConfirmSettings,
     Consent,
     Operator,
@@ -18,6 +19,7 @@ from ...instruments.operator import (
     TakeTarget,
     Target,
     Touch,
+    Uncable,
 )
 from ..plant import Plant
 
@@ -53,6 +55,10 @@ class OperatorTwin(Operator):
                 self._plant.target = 0.0
             case ConfirmSettings():
                 return self._plant.set_as_filed
+            case Cable():
+                self._plant.cables[request.channel] = request.output
+            case Uncable():
+                self._plant.cables.clear()
             case Rest() | Consent() | Ready():
                 pass
         return True

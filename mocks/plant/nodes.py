@@ -10,6 +10,7 @@ import numpy as np
 
 from ...instruments.arrays import FloatArray
 from ...instruments.clock import Clock
+from ...instruments.vibrometer import Quantity
 
 __all__ = ["LaserHead", "Nodes", "PlayStopped", "Run", "SamplesLost", "Source", "Switched", "Switches"]
 
@@ -100,11 +101,19 @@ class LaserHead:
     """Real state of a vibrometer's optics and decoder, which may differ from the rig file's."""
 
     range: float
-    """Full scale (m/s), at which the output clips."""
+    """Full scale (m/s, or SI of `quantity`), at which the output clips."""
     scale: float
-    """Scale of the output (m/s per V)."""
+    """Scale of the output (SI per V)."""
     bandwidth_hz: float
     delay: float
     """Delay of the output (s)."""
     level: float = 1.0
     """Fraction of the light that returns, 0 to 1; without light the output is noise only."""
+    quantity: Quantity = "velocity"
+    """What it shows; range and scale are in its SI unit."""
+    high_pass_hz: float = 0.0
+    """Corner of its high-pass (Hz); 0 without."""
+    zero: float = 0.0
+    """Its output at zero (V)."""
+    mass: float = 0.0
+    """Mass that is glued to the surface (kg)."""

@@ -1,4 +1,4 @@
-"""Piezo patches between the relay's contacts and the surface: the law of each, and the voltage across it."""
+"""Actuators between the relay's contacts and the surface: the law of each, and the voltage across it."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ __all__ = ["Patches"]
 
 
 class Patches:
-    """All patches of a surface, at rest at zero volts."""
+    """The actuators of all patches of a surface, at rest at zero volts."""
 
-    def __init__(self, laws: Mapping[str, PatchLaw]) -> None:
+    def __init__(self, laws: Mapping[str, PatchLaw], amplifier_pole_hz: float = AMPLIFIER_POLE_HZ) -> None:
         self._laws = dict(laws)
-        pole = 2 * np.pi * AMPLIFIER_POLE_HZ
+        pole = 2 * np.pi * amplifier_pole_hz
         count = len(self._laws)
         self._poles = Poles(np.full(count, -pole, dtype=np.complex128), np.eye(count))
         self._weights = dict(zip(self._laws, pole * np.eye(count, dtype=np.complex128), strict=True))

@@ -8,7 +8,7 @@ plant to use; here each leaves it as it is.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
 import numpy as np
@@ -104,6 +104,9 @@ class OnCards(Fault):
     def channel(self, node: str, volts: FloatArray, times: FloatArray) -> FloatArray:
         """Return the volts of a node at the card's terminal, (times,)."""
         return volts
+
+    def scanned(self, nodes: Sequence[str], volts: FloatArray, times: FloatArray) -> None:
+        """Change in place the volts, (nodes, times), of nodes that a card converts in this order."""
 
 
 class OnSensors(Fault):

@@ -68,11 +68,10 @@ class Plant(Scene):
         self._now = clock.now()
         self._amplifier = Amplifier(file, self.section.patches, self.rng("amplifier"))
         self._inputs = dict.fromkeys(self._amplifier.inputs.values(), 0.0)
-        self._cards: dict[str, str] = {
-            node: str(channel["terminal"]).split("/")[0]
-            for node, channel in file.daq.settings.get("channels", {}).items()
-            if isinstance(channel, dict) and "terminal" in channel
-        }
+        self._cards: dict[str, str] = {}
+        self.cables: dict[str, str] = {}
+        """Outputs that somebody has plugged into channels, by the channel's name; a twin reads what they
+        say."""
         self._nodes = wired(self)
         self._noise = {node: self.rng(f"noise of {node}") for node in self._nodes}
         self._read: dict[tuple[str, ...], list[_Reading]] = {}
@@ -110,6 +109,10 @@ class Plant(Scene):
             self._nodes[node] = Output(quantity)
             self._noise[node] = self.rng(f"noise of {node}")
             self._read.clear()
+
+    def sample_by(self, node: str, card: str) -> None:
+        """Say that a card samples a node: faults of cards act on the nodes of theirs."""
+        self._cards[node] = card
 
     def has_rtsi(self) -> bool:
         """Return True when a cable joins the cards' clocks."""
@@ -157,6 +160,7 @@ class Plant(Scene):
             for fault in self.faults.at(OnCards):
                 for row, node in enumerate(nodes):
                     volts[row] = fault.channel(node, volts[row], times[row])
+                fault.scanned(nodes, volts, times)
             return volts
 
     def _readings(self, nodes: Sequence[str]) -> list[_Reading]:

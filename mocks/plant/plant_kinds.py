@@ -17,6 +17,7 @@ from ...instruments.errors import ConfigurationError, HaploopError, InstrumentEr
 from .hysteresis import PatchLaw
 from .modal import ModalSurface
 from .places import OnSurface
+from .softening import SofteningSurface
 from .surface import PlantSettings, PlantSource, Surface, table_of
 
 __all__ = ["asked", "plant_source", "surface_and_laws"]
@@ -59,6 +60,12 @@ def surface_and_laws(
         raise ConfigurationError(
             f"The plant {name!r} has the patches {', '.join(surface.patches) or '(none)'}, and [table] of "
             f"{file.name} also names {', '.join(missing)}: name those that it has."
+        )
+    coils = file.actuator is not None and file.actuator.kind == "coil"
+    if coils and (not isinstance(surface, ModalSurface) or isinstance(surface, SofteningSurface)):
+        raise ConfigurationError(
+            f"The surface of the plant {name!r} is driven by patches only, because it softens or is not "
+            "described by modes: simulate coils on another plant, without softening."
         )
     for fault in faults:
         if type(fault).modes is OnSurface.modes:

@@ -20,7 +20,7 @@ from .nodes import LaserHead
 from .patches import Patches
 from .places import OnLaser, OnSurface
 from .plant_kinds import asked, plant_source, surface_and_laws
-from .surface import PlantSource, place_of, table_of
+from .surface import AMPLIFIER_POLE_HZ, PlantSource, place_of, table_of
 from .touches import SimulatedTouch, skin_of, touch_surface
 
 __all__ = ["GRAVITY", "AmplifierOutput", "Scene"]
@@ -60,8 +60,8 @@ class Scene(ABC):
         self.loads: list[tuple[float, float]] = []
         """Additional weights on the force sensor: the time from which each applies (s), and its force (N)."""
         self.aimed = "button"
-        self.closed: set[str] = set()
-        """Patches whose contacts are closed."""
+        self.closed: set[str] = set(self.section.patches) if file.wiring == "direct" else set()
+        """Patches whose contacts are closed; of a rig without a relay, always all."""
         self.peak = 0.0
         """Largest voltage magnitude applied to any patch (V)."""
         self.amplifier_record: list[AmplifierOutput] | None = None
@@ -71,7 +71,10 @@ class Scene(ABC):
         self._heads: list[tuple[LaserHead, LaserHead]] = []
         source = source or plant_source(file)
         self.surface, laws = surface_and_laws(file, source, self.faults.at(OnSurface), self.rng("table"))
-        self.patches = Patches(laws)
+        told = file.amplifier.settings.get("bandwidth_hz") if file.amplifier else None
+        self.surface.amplifier_pole_hz = float(told or AMPLIFIER_POLE_HZ)
+        self.surface.coil_pole_hz = file.actuator.pole_hz if file.actuator else None
+        self.patches = Patches(laws, self.surface.amplifier_pole_hz)
 
     @abstractmethod
     def advance(self, until: float) -> None:
@@ -156,6 +159,7 @@ class Scene(ABC):
         with self._lock:
             self.place(point)
             self.aimed = point
+            self._glue()
 
     def put(self, mass: float) -> None:
         """Set the additional mass on the force sensor to `mass` (kg), from now on."""
@@ -168,6 +172,15 @@ class Scene(ABC):
         for fault in self.faults.at(OnLaser):
             fault.head(head)
         self.surface.laser_pole_hz = head.bandwidth_hz
+        with asked(self.surface, self.settings.plant):
+            self.surface.shows(head.quantity, head.high_pass_hz)
+        self._glue()
+
+    def _glue(self) -> None:
+        """Let what is glued to the surface load it where it is."""
+        mass = sum(head.mass for head, _ in self._heads)
+        if mass:
+            self.surface.load(self.place(self.aimed), mass)
 
     @property
     def set_as_filed(self) -> bool:

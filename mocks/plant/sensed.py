@@ -26,6 +26,8 @@ CONTACT = 5.0
 VIBROMETER_NOISE = 0.02e-6
 """Noise density of the 20 mm/s range, used in every range (m/s per sqrt(Hz); estimate; docs/hardware.md,
 "PDV-100")."""
+PICKUP_NOISE = {"displacement": 1e-6, "acceleration": 1e-7}
+"""Noise density over the range (per sqrt(Hz); estimates; docs/hardware.md, "Other pick-ups")."""
 
 
 Signal = Callable[[FloatArray], FloatArray]
@@ -135,7 +137,8 @@ def _seen(scene: Scene, times: FloatArray, rng: np.random.Generator, head: Laser
         level = fault.light(level, times)
     velocity = scene.seen(np.asarray(times - head.delay)) * (level > 0)
     rate_hz = 1 / (times[1] - times[0]) if len(times) > 1 else 2 * head.bandwidth_hz
-    density = VIBROMETER_NOISE * scene.settings.vibrometer_noise_scale
+    density = head.range * PICKUP_NOISE[head.quantity] if head.quantity in PICKUP_NOISE else VIBROMETER_NOISE
+    density *= scene.settings.vibrometer_noise_scale
     # Noise grows as the light fades: with the inverse root of its level, up to tenfold (estimate;
     # docs/hardware.md, "PDV-100").
     density = density / np.sqrt(np.maximum(level, 0.01))
@@ -143,4 +146,4 @@ def _seen(scene: Scene, times: FloatArray, rng: np.random.Generator, head: Laser
     velocity = np.clip(velocity, -head.range, head.range)
     for fault in scene.faults.at(OnLaser):
         velocity = fault.velocity(velocity, times, head.range, rng)
-    return np.asarray(velocity / head.scale)
+    return np.asarray(velocity / head.scale + head.zero)

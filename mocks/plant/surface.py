@@ -16,6 +16,8 @@ from pydantic import BaseModel, ConfigDict
 
 from ...instruments.arrays import ComplexArray, FloatArray
 from ...instruments.config import RigFile, TableSettings
+from ...instruments.errors import ConfigurationError
+from ...instruments.vibrometer import Quantity
 from .hysteresis import Hysteresis, PatchLaw
 
 __all__ = [
@@ -29,7 +31,8 @@ __all__ = [
 ]
 
 AMPLIFIER_POLE_HZ = 5000.0
-"""Bandwidth of the amplifier (docs/hardware.md, "Amplifier"), between its staircase and the patch."""
+"""Bandwidth of an amplifier whose rig file tells none (docs/hardware.md, "Amplifier"): the pole between its
+staircase and the patch."""
 REMEMBERED = 30.0
 """Past for which a surface can be read (s)."""
 _FINE, _SETTLED = 8, 12.0
@@ -46,13 +49,19 @@ class Surface(ABC):
     """Names of the patches. They must include those of the rig file."""
     laser_pole_hz: float = 5000.0
     """Bandwidth of the laser that looks at it (Hz): set when a laser is installed, before the first step."""
+    amplifier_pole_hz: float = AMPLIFIER_POLE_HZ
+    """Bandwidth of the amplifier (Hz): set before the first step."""
+    coil_pole_hz: float | None = None
+    """Corner of the current of the coils that drive it (Hz): R / (2 pi L); None for piezo patches, and for
+    coils without an inductance. Set before the first step."""
 
     @abstractmethod
     def step(self, start: float, period: float, volts: Mapping[str, FloatArray]) -> None:
         """Apply linear volts at each patch, (steps,) V of equal length, from `start` (s) on.
 
         Each step is held for `period` (s), the last until the next call; `start` never decreases. The
-        staircase reaches a patch through the amplifier's pole, `AMPLIFIER_POLE_HZ`.
+        staircase reaches a patch through the amplifier's pole, `amplifier_pole_hz`, and drives a coil through
+        `coil_pole_hz` as well.
         """
 
     @abstractmethod
@@ -89,6 +98,24 @@ class Surface(ABC):
         passed = scipy.signal.lfilter([now, before], [1.0, -decay], moving)
         return np.asarray(np.interp(times, grid, passed))
 
+    def shows(self, quantity: Quantity, high_pass_hz: float) -> None:
+        """Let `seen` return this quantity (SI) behind a high-pass too. Called before the first step.
+
+        The default knows velocity without a high-pass only. Raises ConfigurationError.
+        """
+        if quantity != "velocity" or high_pass_hz:
+            raise ConfigurationError(
+                f"This plant shows no {quantity} behind a high-pass of {high_pass_hz:g} Hz: simulate with a "
+                "plant that is described by modes, or with a vibrometer that shows velocity."
+            )
+
+    def load(self, place: tuple[float, float], mass: float) -> None:
+        """Let a mass (kg) that is glued to a place move with the surface, from now on, and no other.
+
+        The default leaves the surface as it is.
+        """
+        return
+
     def resonance_hz(self, patch: str, place: tuple[float, float], time: float) -> float:
         """Return the frequency of a patch's largest response at a place, 20 Hz to 1 kHz, at `time` (s)."""
         low, high = 20.0, 1000.0
@@ -107,8 +134,9 @@ class PlantSource(ABC):
         """Return a new surface at rest for a rig file. `rng` is the surface's own, from the rig's seed."""
 
     def law(self, patch: str, file: RigFile) -> PatchLaw:
-        """Return the law of a patch, at rest: by default the rig file's `hysteresis`."""
-        return Hysteresis(file.simulation.hysteresis)
+        """Return the law of a patch, at rest: by default the rig file's `hysteresis`, and none of a coil."""
+        coil = file.actuator is not None and file.actuator.kind == "coil"
+        return Hysteresis(0.0 if coil else file.simulation.hysteresis)
 
 
 class PlantSettings(BaseModel, PlantSource):
@@ -122,10 +150,7 @@ class PlantSettings(BaseModel, PlantSource):
 
 def table_of(file: RigFile) -> TableSettings:
     """Return the `[table]` of a rig file, or the default one."""
-    # The patch's default limits: docs/hardware.md, "Patches".
-    return file.table or TableSettings(
-        button_point=20, patch_capacitance=90e-9, patch_min=-100, patch_max=400
-    )
+    return file.table or TableSettings(button_point=20)
 
 
 def place_of(file: RigFile, point: str) -> tuple[float, float]:

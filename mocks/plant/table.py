@@ -14,7 +14,7 @@ from pydantic import Field
 
 from ...instruments.arrays import FloatArray
 from ...instruments.bounded import Positive
-from ...instruments.config import RigFile
+from ...instruments.config import Actuator, RigFile
 from .modal import ModalSurface, Modes
 from .softening import SofteningSurface
 from .surface import PlantSettings, place_of
@@ -44,6 +44,8 @@ PATCHES = {"A": (0.20, 0.15), "B": (0.62, 0.93), "C": (0.08, 0.45), "D": (0.92, 
 MAIN_VELOCITY = 5.0e-3 / 50
 """Velocity at the main mode's antinode (m/s per V): 3 um of displacement at 50 V (estimate;
 docs/hardware.md, "Touch table")."""
+MODAL_MASS = 0.24
+"""Mass of every mode (kg): a quarter of the pane's, whose thickness of 2.2 mm follows from MAIN_HZ."""
 SOFT_AT = 3e-6
 """Displacement at which `softening` is meant (m)."""
 _DAY = 86_400.0
@@ -73,6 +75,8 @@ class TouchTable(PlantSettings):
         """See `PlantSettings.make`."""
         under = place_of(file, "button") if self.collocated else None
         plate = make_plate(rng, self.mode_drift, self.damping_scale, under)
+        if file.actuator is not None and file.actuator.kind == "coil":
+            plate = with_coils(plate, file.actuator, under)
         seed, daily = file.simulation.seed, self.daily_drift
         every = _TUNED if daily else np.inf
         modes = (lambda time: warmed(plate, time, daily, seed)) if daily else plate
@@ -102,7 +106,26 @@ def make_plate(
     gain = MAIN_VELOCITY / strength
     patches = dict(PATCHES) if collocated_at is None else {**PATCHES, "A": collocated_at}
     coupling = {patch: gain * _coupling(place) for patch, place in patches.items()}
-    return Modes(natural, np.minimum(damping * damping_scale, 0.3), coupling, _shape, MAIN)
+    masses = np.full(len(MODES), MODAL_MASS)
+    return Modes(natural, np.minimum(damping * damping_scale, 0.3), coupling, _shape, MAIN, masses)
+
+
+def with_coils(plate: Modes, actuator: Actuator, collocated_at: tuple[float, float] | None) -> Modes:
+    """Return a table that coils at the patches' places push, instead of patches that bend it.
+
+    Newtons are the force factor times the current, at one point; behind the corner of the current, which the
+    surface applies (`Surface.coil_pole_hz`). A coil that moves makes a voltage against the amplifier's: the
+    damping that it adds is that of its resistance, mode by mode.
+    """
+    assert actuator.resistance
+    factor = 1.0 if actuator.force_factor is None else actuator.force_factor
+    places = dict(PATCHES) if collocated_at is None else {**PATCHES, "A": collocated_at}
+    pushed = {patch: _shape(place) for patch, place in places.items()}
+    coupling = {patch: factor / actuator.resistance / MODAL_MASS * shape for patch, shape in pushed.items()}
+    # Only the coil of a patch that is connected brakes, and which that is changes: the first one's is taken.
+    braking = factor**2 / actuator.resistance * next(iter(pushed.values())) ** 2 / MODAL_MASS
+    damping = plate.damping + braking / (2 * 2 * np.pi * plate.natural_hz)
+    return replace(plate, coupling=coupling, damping=np.minimum(damping, 0.3))
 
 
 def _shape(place: tuple[float, float]) -> FloatArray:

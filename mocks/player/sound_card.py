@@ -6,15 +6,16 @@ The real driver's class plays through it; its callback is called for samples as 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import scipy
 
 from ...instruments.arrays import FloatArray
 from ...instruments.player.sound_card import SoundCard
+from ...instruments.tape import taped_line
+from ...instruments.taped_audio import on_tape
 from ..plant import Plant, Run
+from ..portaudio import FRAMES, CallbackAbort, CallbackStop, Coupling, Flags, PortAudioError
 
 __all__ = ["Card", "Jack", "twin"]
 
@@ -26,34 +27,14 @@ DRIFT = 30e-6
 """Relative excess of the card's clock rate over the rig's."""
 LATENCY = (0.020, 0.100)
 """Limits of the random delay from the start of a stream to its first sample (s)."""
-_FRAMES = 480
-"""Samples per callback: 10 ms at 48 kHz."""
 _SETTLES = 0.5
 """Time for the coupling capacitor to discharge (s)."""
 
 
 def twin(settings: SoundCard.Settings, plant: Plant) -> SoundCard:
     """Create the twin: the real driver's class, playing through a simulated card."""
-    return SoundCard(settings, plant.clock, Card(plant, settings.output, settings.channel - 1))
-
-
-class CallbackStop(Exception):  # noqa: N818  as sounddevice calls it
-    """Raised by a callback to stop after the samples that it has delivered."""
-
-
-class CallbackAbort(Exception):  # noqa: N818  as sounddevice calls it
-    """Raised by a callback to stop at once."""
-
-
-class PortAudioError(Exception):
-    """Error of PortAudio."""
-
-
-@dataclass(frozen=True)
-class Flags:
-    """Stream status passed to a callback."""
-
-    output_underflow: bool = False
+    card = Card(plant, settings.output, settings.channel - 1)
+    return SoundCard(settings, plant.clock, on_tape(taped_line(), card))
 
 
 class Jack:
@@ -74,7 +55,7 @@ class Jack:
         self._start, self._period, self._given = 0.0, np.inf, 0
         self._ready = np.zeros(0)
         self._left = 0
-        self._before = self._output = 0.0
+        self._coupling = Coupling()
 
     def begin(self, stream: _Stream, now: float) -> None:
         """Start playing `stream` at `now` (s); its first sample comes out after a random delay."""
@@ -102,7 +83,8 @@ class Jack:
         count = min(past - self._given, len(self._ready))
         if count <= 0:
             return []
-        run = Run(self._start + self._given * self._period, self._period, self._coupled(self._ready[:count]))
+        volts = self._coupling.passed(self._ready[:count], self.high_pass_hz, self._period)
+        run = Run(self._start + self._given * self._period, self._period, volts)
         self._given, self._ready = self._given + count, self._ready[count:]
         if self._stream is not None and self._stream.done and not len(self._ready):
             self._stream.finished_callback()
@@ -115,31 +97,19 @@ class Jack:
     def _next(self) -> FloatArray:
         stream = self._stream
         if stream is None:
-            self._left -= _FRAMES
-            return np.zeros(_FRAMES)
+            self._left -= FRAMES
+            return np.zeros(FRAMES)
         if self.starves_at is not None and stream.asked > self.starves_at:
             self.starves_at = None
             stream.flags = Flags(output_underflow=True)
-            return np.zeros(_FRAMES)
-        frames = stream.ask(_FRAMES)
+            return np.zeros(FRAMES)
+        frames = stream.ask(FRAMES)
         return np.asarray(frames[:, self._channel], dtype=np.float64) * self.full_scale
 
     def _silence(self) -> None:
         self._ready = np.zeros(0)
         self._stream = None
         self._left = round(_SETTLES / self._period)
-
-    def _coupled(self, volts: FloatArray) -> FloatArray:
-        """Filter by the coupling capacitor: one zero at 0 Hz, one pole."""
-        pole = float(np.exp(-2 * np.pi * self.high_pass_hz * self._period))
-        passed, _ = scipy.signal.lfilter(
-            [(1 + pole) / 2, -(1 + pole) / 2],
-            [1.0, -pole],
-            volts,
-            zi=[pole * self._output - (1 + pole) / 2 * self._before],
-        )
-        self._before, self._output = float(volts[-1]), float(passed[-1])
-        return np.asarray(passed)
 
 
 class Card:
@@ -161,6 +131,12 @@ class Card:
     def OutputStream(self, **settings: Any) -> _Stream:  # noqa: N802  as sounddevice calls it
         """Imitate `sounddevice.OutputStream`."""
         return _Stream(self, **settings)
+
+    def InputStream(self, **settings: Any) -> _Stream:  # noqa: N802
+        """Imitate `sounddevice.InputStream`, of which the player has no use."""
+        raise PortAudioError("Invalid device")
+
+    Stream = InputStream
 
     def now(self) -> float:
         """Advance the plant to the present, and return that time (s)."""
@@ -190,7 +166,12 @@ class _Stream:
         self.done = False
         self.finished_callback = finished_callback
         self._card, self._callback = card, callback
-        self._shape = (_FRAMES, channels), dtype
+        self._shape = (FRAMES, channels), dtype
+
+    @property
+    def active(self) -> bool:
+        """Imitate sounddevice's `active`."""
+        return not self.done
 
     def start(self) -> None:
         """Imitate sounddevice's `start`."""

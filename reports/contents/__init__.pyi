@@ -38,4 +38,6 @@ from .words import ANSWERS_SIMULATED as ANSWERS_SIMULATED
 from .words import counted as counted
 from .words import fixed as fixed
 from .words import interval as interval
+from .words import one_style as one_style
 from .words import percent as percent
+from .words import unbroken as unbroken

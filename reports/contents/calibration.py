@@ -10,7 +10,7 @@ import numpy as np
 from ...calibration import Calibration, Drive, Resonance, Waveforms
 from .. import figures
 from . import captions
-from .parts import Contents, Drawing, Fact, Verdict, fact
+from .parts import Contents, Drawing, Fact, Verdict, detailed, fact
 from .words import damping, percent, sentence
 
 __all__ = [
@@ -130,7 +130,7 @@ def drive_facts(drive: Drive) -> Iterator[Fact]:
         patch=drive.patch,
     )
     length = f"{1e3 * duration:.0f} ms at {drive.rate_hz:g} Hz"
-    yield fact("Length", length, duration_s=duration, rate_hz=drive.rate_hz)
+    yield from detailed([fact("Length", length, duration_s=duration, rate_hz=drive.rate_hz)])
     carrier = f", with {drive.carrier_hz:.2f} Hz" if drive.carrier_hz else ""
     yield fact("Method", f"{drive.method}{carrier}", method=drive.method, carrier_hz=drive.carrier_hz)
     yield fact(
@@ -140,8 +140,13 @@ def drive_facts(drive: Drive) -> Iterator[Fact]:
         in_band=drive.in_band,
     )
     yield fact("Scale", f"{drive.scale:.4f} of the recorded acceleration", scale=drive.scale)
-    yield fact("Predicted error", percent(drive.predicted_error), predicted_error=drive.predicted_error)
-    yield fact("Not reached", drive.unreached, unreached=drive.unreached)
+    predicted = percent(drive.predicted_error)
+    yield from detailed(
+        [
+            fact("Predicted error", predicted, predicted_error=drive.predicted_error),
+            fact("Not reached", drive.unreached, unreached=drive.unreached),
+        ]
+    )
 
 
 def drive_drawing(drive: Drive) -> Drawing:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import asdict
+from itertools import groupby
 from pathlib import Path
 
 from ...exchange.catalogue import Entry
@@ -12,24 +14,50 @@ from .words import counted
 
 __all__ = ["listing_contents"]
 
-_COLUMNS = ("kind", "participant", "button", "date", "verdict", "presses", "rig")
+_COLUMNS = ("participant", "button", "date", "verdict", "presses")
 
 
 def listing_contents(entries: Sequence[Entry]) -> Contents:
-    """Entries, one a line, and how many they are; simulated ones are marked."""
-    headings = [name.capitalize() for name in (*_COLUMNS, "file")]
-    rows = [_cells(entry, Path.cwd()) for entry in entries]
+    """Entries, one a line in a table for each kind, and how many they are; simulated ones are marked."""
+    rigs = {_rig(entry) for entry in entries if entry.rig}
+    mixed = len(rigs) > 1 or len({entry.simulated for entry in entries} - {""}) > 1
+    of_one = f", all of the rig {rigs.pop()}" if rigs and not mixed else ""
+    of_kinds = groupby(sorted(entries, key=lambda entry: entry.kind), key=lambda entry: entry.kind)
     return Contents(
         "",
         [fact(files=[asdict(entry) for entry in entries])],
-        [Grid("", headings, rows, words=len(headings))] if rows else [],
-        [f"{counted(entries, 'file')}.", *(entry.problem for entry in entries if entry.problem)],
+        [_grid(kind, list(some), mixed) for kind, some in of_kinds],
+        [f"{counted(entries, 'file')}{of_one}.", *(entry.problem for entry in entries if entry.problem)],
     )
 
 
-def _cells(entry: Entry, here: Path) -> list[str]:
-    cells = {name: str(getattr(entry, name)) for name in _COLUMNS}
-    cells["date"] = cells["date"][:16].replace("T", " ")
-    cells["rig"] += " (simulated)" if entry.simulated == "yes" and entry.rig != "simulated" else ""
-    path = Path(entry.file)
-    return [*cells.values(), str(path.relative_to(here)) if path.is_relative_to(here) else str(path)]
+def _grid(kind: str, entries: Sequence[Entry], with_rig: bool) -> Grid:
+    """The table of one kind: files below their common folder, and the columns in which any has a word."""
+    paths = [Path(entry.file) for entry in entries]
+    try:
+        folder = Path(os.path.commonpath([path.parent for path in paths]))
+    except ValueError:  # on several drives of Windows
+        folder = Path()
+    columns = {"file": [str(path.relative_to(folder) if folder.parts else path) for path in paths]}
+    columns |= {name: [_cell(entry, name) for entry in entries] for name in _COLUMNS}
+    if with_rig:
+        columns["rig"] = [_rig(entry) for entry in entries]
+    said = {name: cells for name, cells in columns.items() if any(cells)}
+    rows = list(zip(*said.values(), strict=True))
+    title = f"{kind}, in {_near(folder)}" if folder.parts else kind
+    return Grid(title, [name.capitalize() for name in said], rows, words=len(said))
+
+
+def _cell(entry: Entry, name: str) -> str:
+    said = str(getattr(entry, name))
+    return said[:16].replace("T", " ") if name == "date" else said
+
+
+def _rig(entry: Entry) -> str:
+    marked = entry.simulated == "yes" and entry.rig != "simulated"
+    return f"{entry.rig} (simulated)".strip() if marked else entry.rig
+
+
+def _near(folder: Path) -> str:
+    here = Path.cwd()
+    return str(folder.relative_to(here)) if folder.is_relative_to(here) else str(folder)

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from ...acquisition import Representative
 from ...calibration import Check, DigitalButton, Feeling, check_feeling
+from ...calibration.drive import SharedPower
 from ...calibration.perception import Levels
 from .. import figures
 from . import captions
 from .calibration import drive_drawing, drive_facts, response_drawing
-from .parts import Contents, Drawing, Fact, Verdict, fact, plain, verdict_cell
+from .parts import Contents, Drawing, Fact, Verdict, detailed, fact, plain, verdict_cell
 from .press import press_drawing
 from .words import interval, percent, sentence
 
 __all__ = ["button_contents", "check_contents", "feeling_facts", "feeling_values"]
-
-_OF_ITERATION = ("wideband_nrmse", "nrmse", "floor", "kept", "reason")
 
 
 def check_contents(check: Check, press: Representative | None = None, file: Path | None = None) -> Contents:
@@ -39,7 +39,7 @@ def check_contents(check: Check, press: Representative | None = None, file: Path
         kind="check",
         simulated=check.simulated,
         rig=drive.rig,
-        verdicts=[_verdict(f"Check of the {drive.button} button", check)],
+        verdicts=[_verdict(f"Check of the {drive.button} button", check, feeling)],
         figures=[
             Drawing(
                 "check",
@@ -57,9 +57,9 @@ def check_contents(check: Check, press: Representative | None = None, file: Path
 def button_contents(button: DigitalButton) -> Contents:
     """What a digital button says: its check, its drive, and what they were made from."""
     press, drive, check, learning = button.press, button.drive, button.check, button.learning
-    response, feeling = button.calibration.response, check_feeling(check, press)
+    feeling, kept = check_feeling(check, press), sum(one.kept for one in learning.iterations[1:])
     tried = [
-        f"{number}: in band {one.nrmse:.1%}, {'kept' if one.kept else 'not kept'}: {one.reason}"
+        f"{number}: in band {one.within.root:.1%}, {'kept' if one.kept else 'not kept'}: {one.reason}"
         for number, one in enumerate(learning.iterations)
     ]
     facts = [
@@ -74,10 +74,45 @@ def button_contents(button: DigitalButton) -> Contents:
         ),
         *_check_facts(check, feeling),
         *drive_facts(drive),
+        fact("Corrections", f"{len(tried) - 1} tried, {kept} kept. {learning.stopped}"),
+        *detailed(_origins(button, tried)),
+    ]
+    title = f"Digital {press.button} button"
+    return Contents(
+        f"{title}, {verdict_cell(check.verdict).text}",
+        facts,
+        kind="button",
+        simulated=button.simulated,
+        rig=drive.rig,
+        verdicts=[_verdict(title, check, feeling)],
+        figures=_figures_of(button, feeling),
+        picture=Drawing(
+            f"button-{press.button}",
+            title,
+            captions.LEARNING,
+            [button],
+            lambda some, columns: figures.button_figure(some[0], columns),
+            _plays,
+        ),
+    )
+
+
+def _origins(button: DigitalButton, tried: Sequence[str]) -> list[Fact]:
+    """Each correction, and what a button was made from."""
+    learning, drive, response = button.learning, button.drive, button.calibration.response
+    return [
         fact(
             "Learning",
-            [*tried, learning.stopped],
-            iterations=[{name: getattr(one, name) for name in _OF_ITERATION} for one in learning.iterations],
+            tried,
+            iterations=[
+                {
+                    "whole": one.whole.summary(),
+                    "within": one.within.summary(),
+                    "kept": one.kept,
+                    "reason": one.reason,
+                }
+                for one in learning.iterations
+            ],
             best=learning.best,
             stopped=learning.stopped,
         ),
@@ -94,24 +129,6 @@ def button_contents(button: DigitalButton) -> Contents:
         ),
         fact("Content", f"SHA-256 {button.digest}", content_sha256=button.digest),
     ]
-    title = f"Digital {press.button} button"
-    return Contents(
-        f"{title}, {verdict_cell(check.verdict).text}",
-        facts,
-        kind="button",
-        simulated=button.simulated,
-        rig=drive.rig,
-        verdicts=[_verdict(title, check)],
-        figures=_figures_of(button, feeling),
-        picture=Drawing(
-            f"button-{press.button}",
-            title,
-            captions.LEARNING,
-            [button],
-            lambda some, columns: figures.button_figure(some[0], columns),
-            _plays,
-        ),
-    )
 
 
 def _figures_of(button: DigitalButton, feeling: Feeling) -> Sequence[Drawing]:
@@ -160,36 +177,47 @@ def _check_facts(check: Check, feeling: Feeling) -> Iterator[Fact]:
     yield fact("Verdict", [verdict_cell(check.verdict), *check.reasons, *check.notes])
     yield fact(
         "Error, whole motion",
-        f"{_error(check)}, at most {percent(check.tolerance)}; up to {check.judged_hz:.0f} Hz, in "
+        f"{_error(check.whole)}, at most {percent(check.tolerance)}; up to {check.judged_hz:.0f} Hz, in "
         f"{check.plays} plays",
     )
-    yield fact(
-        f"Within {low:.0f} to {high:.0f} Hz", f"{percent(check.nrmse)} ({interval(check.nrmse_interval)})"
-    )
-    yield fact(
-        "Motion outside", f"{percent(check.outside)} of the target ({interval(check.outside_interval)})"
-    )
-    yield fact("Correlation", f"{check.correlation:.4f}, of the envelopes {check.envelope_correlation:.4f}")
-    yield fact("Third octaves", f"{check.third_octave_error_db:.2f} dB")
-    yield fact(
-        "Noise of the plays' mean",
-        f"{percent(check.wideband_floor)}, within the band {percent(check.floor)}",
+    envelopes = f"of the envelopes {check.envelope_correlation:.4f}"
+    noise = f"{percent(check.whole.floor)}, within the band {percent(check.within.floor)}"
+    yield from detailed(
+        [
+            fact(f"Within {low:.0f} to {high:.0f} Hz", _error(check.within)),
+            fact("Motion outside, of the target", _error(check.outside)),
+            fact("Correlation", f"{check.correlation:.4f}, {envelopes}"),
+            fact("Third octaves", f"{check.octaves.error_db:.2f} dB"),
+            fact("Noise of the plays' mean", noise),
+        ]
     )
     yield from feeling_facts(feeling, check.notes)
 
 
-def _error(check: Check) -> str:
-    return f"{percent(check.wideband_nrmse)} ({interval(check.wideband_interval)})"
+def _error(part: SharedPower) -> str:
+    return f"{percent(part.root)} ({interval(part.interval)})"
 
 
-def _verdict(subject: str, check: Check) -> Verdict:
+def _verdict(subject: str, check: Check, feeling: Feeling) -> Verdict:
+    """Is it like the recorded press, can it be felt, how loud is it, and how much of the press is it?"""
+    of_press = f"plays {percent(check.drive.in_band)} of its energy, at {check.drive.scale:.3f} of its size"
+    felt = ", ".join(filter(None, (f"felt: {feeling.felt}", loudness(feeling))))
     return Verdict(
         subject,
         check.verdict,
         check.passed,
-        f"error {_error(check)} of at most {percent(check.tolerance, 0)}, n = {check.plays} plays",
-        " ".join((*check.reasons, *check.notes)),
+        f"error {_error(check.whole)} of at most {percent(check.tolerance, 0)}, n = {check.plays} plays",
+        " ".join((*check.reasons, *(note for note in check.notes if note != feeling.warning))),
+        (felt, of_press),
     )
+
+
+def loudness(feeling: Feeling) -> str:
+    """How loud the measured motion is beside the recorded press; "" where that is not known."""
+    if not math.isfinite(feeling.loudness_db):
+        return ""
+    than = "quieter" if feeling.loudness_db < 0 else "louder"
+    return f"{abs(feeling.loudness_db):.1f} dB {than} than the press"
 
 
 def feeling_values(feeling: Feeling) -> dict[str, Any]:
@@ -233,10 +261,19 @@ def feeling_facts(feeling: Feeling, said: Collection[str] = ()) -> Iterator[Fact
         )
         for k in (0, 1)
     ]
-    yield fact(
-        "Above threshold", [f"100 ms: {levels[0]}", f"20 ms: {levels[1]}"], feeling=feeling_values(feeling)
+    yield fact("Can be felt", feeling.felt)
+    if beside := loudness(feeling):
+        yield fact("Beside the recorded press", beside)
+    yield from detailed(
+        [
+            fact(
+                "Above threshold",
+                [f"100 ms: {levels[0]}", f"20 ms: {levels[1]}"],
+                feeling=feeling_values(feeling),
+            ),
+            fact("To be felt", [note for note in feeling.notes if note not in said]),
+        ]
     )
-    yield fact("Can be felt", [feeling.felt, *(note for note in feeling.notes if note not in said)])
 
 
 def _signals(feeling: Feeling) -> dict[str, Sequence[Levels]]:

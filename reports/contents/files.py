@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from ...acquisition import Recording, Representative, hdf5, load_study
-from ...calibration import Calibration, Check, DigitalButton, Drive, Waveforms
-from ...calibration.map import VibrationMap
+from ...acquisition import Recording, hdf5, load_study
+from ...calibration import Waveforms
+from ...exchange.loading import RESULTS
 from ...instruments import DataError
 from .calibration import calibration_contents, drive_contents, waveforms_contents
 from .check import button_contents, check_contents
@@ -19,23 +19,23 @@ from .recording import recording_contents
 
 __all__ = ["contents_of", "file_contents", "files_of", "recordings_in"]
 
-_KINDS: dict[str, tuple[type, Callable[[Path], Any], Callable[[Any], Contents]]] = {
-    "recording": (Recording, Recording.open, recording_contents),
-    "representative": (Representative, Representative.load, press_contents),
-    "calibration": (Calibration, Calibration.load, calibration_contents),
-    "waveforms": (Waveforms, Waveforms.load, waveforms_contents),
-    "drive": (Drive, Drive.load, drive_contents),
-    "check": (Check, Check.load, check_contents),
-    "button": (DigitalButton, DigitalButton.load, button_contents),
-    "map": (VibrationMap, VibrationMap.load, map_contents),
+_SAID: dict[str, Callable[[Any], Contents]] = {
+    "recording": recording_contents,
+    "representative": press_contents,
+    "calibration": calibration_contents,
+    "waveforms": waveforms_contents,
+    "drive": drive_contents,
+    "check": check_contents,
+    "button": button_contents,
+    "map": map_contents,
 }
-"""The class of each kind of result, and the functions that read a file of it and say what it says."""
+"""The function that says what a result of each kind says."""
 
 
 def contents_of(value: Any) -> Contents:
     """What a result says. Raises DataError for damaged data, TypeError for what is no result."""
-    for kind, _, say in _KINDS.values():
-        if isinstance(value, kind):
+    for kind, say in _SAID.items():
+        if isinstance(value, RESULTS[kind][0]):
             return say(value)
     raise TypeError(f"{type(value).__name__} is nothing that haploop shows.")
 
@@ -47,10 +47,9 @@ def file_contents(path: str | Path) -> Contents:
     """
     path = Path(path)
     kind = "map" if path.is_dir() else hdf5.kind_of(path)
-    if kind not in _KINDS:
+    if kind not in _SAID:
         raise DataError(f"{path} holds a {kind}, which `haploop show` cannot display.")
-    _, load, say = _KINDS[kind]
-    return say(load(path))
+    return _SAID[kind](RESULTS[kind][1](path))
 
 
 def files_of(path: Path) -> list[Path]:

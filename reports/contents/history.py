@@ -126,7 +126,7 @@ def difference_contents(one: Generation, other: Generation) -> Contents:
     rows += [
         _change(
             f"{name}: error of the whole motion (%)",
-            [None if c is None else 100 * c.wideband_nrmse for c in both],
+            [None if c is None else 100 * c.error for c in both],
         )
         for name, both in buttons.items()
     ]
@@ -217,8 +217,8 @@ def _button_row(name: str, outcome: Outcome, after: Mapping[str, Check]) -> Sequ
     both = (outcome.before.get(name), after.get(name))
     # On an unchanged table, the old drive is the one that is judged.
     judged = both[outcome.kind != "unchanged"]
-    errors = ["not measured" if c is None else percent(c.wideband_nrmse) for c in both]
-    outside = ["-" if c is None else percent(c.outside) for c in both]
+    errors = ["not measured" if c is None else percent(c.error) for c in both]
+    outside = ["-" if c is None else percent(c.outside.root) for c in both]
     correlations = ["-" if c is None else fixed(c.correlation, 4) for c in both]
     tolerance = "-" if judged is None else percent(judged.tolerance, 0)
     verdict = Cell("not made", "doubtful") if judged is None else verdict_cell(judged.verdict)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, is_dataclass
+from dataclasses import asdict, dataclass, is_dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -30,6 +30,7 @@ __all__ = [
     "Grid",
     "Tone",
     "Verdict",
+    "detailed",
     "fact",
     "plain",
     "text_of",
@@ -70,6 +71,8 @@ class Fact:
     lines: tuple[str | Cell, ...]
     values: Mapping[str, Any]
     """By name, with the unit, as in JSON: `scale`, `carrier_hz`."""
+    detail: bool = False
+    """True for what a command that has made the result leaves to `haploop show`."""
 
 
 def fact(label: str = "", said: str | Cell | Sequence[str | Cell] | None = (), /, **values: Any) -> Fact:
@@ -79,6 +82,11 @@ def fact(label: str = "", said: str | Cell | Sequence[str | Cell] | None = (), /
     """
     lines = (said,) if isinstance(said, str | Cell) else tuple(said or ())
     return Fact(label, tuple(filter(None, lines)), values)
+
+
+def detailed(facts: Iterable[Fact]) -> list[Fact]:
+    """The same facts as details."""
+    return [replace(one, detail=True) for one in facts]
 
 
 @dataclass(frozen=True)
@@ -103,6 +111,8 @@ class Verdict:
     good: bool
     measured: str
     why: str = ""
+    answers: tuple[str, ...] = ()
+    """Further short lines: can it be felt, how loud it is, how much of the press it is."""
 
     @property
     def tone(self) -> Tone:
@@ -173,6 +183,10 @@ class Contents:
         return [
             ("" if number else one.label, line) for one in self.facts for number, line in enumerate(one.lines)
         ]
+
+    def brief(self) -> Contents:
+        """The same without the details, for a command that has made the result."""
+        return replace(self, facts=[one if not one.detail else replace(one, lines=()) for one in self.facts])
 
     def draw(self, columns: Columns = 2) -> Figure:
         """Draw the picture, one or two columns of a journal wide. Raises DataError when there is none."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence, Sized
 from typing import TYPE_CHECKING
 
@@ -17,9 +18,11 @@ __all__ = [
     "derived",
     "fixed",
     "interval",
+    "one_style",
     "percent",
     "sentence",
     "told_by",
+    "unbroken",
 ]
 
 ANSWERS_SIMULATED = "Simulated participants answered: no person did."
@@ -48,6 +51,20 @@ def told_by(quantity: str) -> str:
 def percent(value: float | None, digits: int = 1) -> str:
     """A fraction as a percentage; "-" for None and NaN."""
     return "-" if value is None or not math.isfinite(value) else f"{100 * value:.{digits}f} %"
+
+
+_UNIT = r"(?:%|dB|Hz|kHz|kS/s|V|N|m/s²|m/s|mm/s|µm/s|µm|mm|ms|s|g|kg|A)"
+_SPACED = re.compile(rf"(?<=\d) (?={_UNIT}(?![\w/]))")
+
+
+def one_style(text: str) -> str:
+    """The same text with a space before each percent sign, however the sentence was made."""
+    return re.sub(r"(?<=\d)%", " %", text)
+
+
+def unbroken(text: str) -> str:
+    """The same text with no-break spaces between numbers and their units, for a page."""
+    return _SPACED.sub("\N{NO-BREAK SPACE}", one_style(text))
 
 
 def interval(edges: Sequence[float | None]) -> str:

@@ -81,11 +81,15 @@ def _motion(axes: Axes, check: Check) -> None:
 
 
 def _octaves(axes: Axes, check: Check) -> None:
-    axes.semilogx(check.octaves_hz, check.target_db, "o-", color=ORANGE, markersize=3.5, label="target")
-    axes.semilogx(check.octaves_hz, check.measured_db, "s--", color=INK, markersize=2, label="measured")
-    axes.semilogx(check.octaves_hz, check.floor_db, ":", color=GREY, label="noise of the mean")
+    axes.semilogx(
+        check.octaves.hz, check.octaves.target_db, "o-", color=ORANGE, markersize=3.5, label="target"
+    )
+    axes.semilogx(
+        check.octaves.hz, check.octaves.measured_db, "s--", color=INK, markersize=2, label="measured"
+    )
+    axes.semilogx(check.octaves.hz, check.octaves.floor_db, ":", color=GREY, label="noise of the mean")
     # Outside the band the target is zero.
-    axes.set_ylim(bottom=min(check.floor_db.min(), check.measured_db.min()) - 5)
+    axes.set_ylim(bottom=min(check.octaves.floor_db.min(), check.octaves.measured_db.min()) - 5)
     axes.xaxis.set_major_locator(LogLocator(numticks=5))
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_xlabel("Third octave (Hz)")
@@ -96,12 +100,12 @@ def _octaves(axes: Axes, check: Check) -> None:
 def _learning(axes: Axes, button: DigitalButton) -> None:
     tried = button.learning.iterations
     numbers = np.arange(len(tried))
-    values = np.array([100 * i.nrmse for i in tried])
+    values = np.array([100 * i.within.root for i in tried])
     kept = np.array([i.kept for i in tried])
     axes.plot(numbers[kept], values[kept], "o-", color=BLUE, markersize=4, label="kept")
     if not kept.all():
         axes.plot(numbers[~kept], values[~kept], "x", color=INK, markersize=4, label="not kept")
-    axes.plot(numbers, [100 * i.floor for i in tried], ":", color=GREY, label="noise of the mean")
+    axes.plot(numbers, [100 * i.within.floor for i in tried], ":", color=GREY, label="noise of the mean")
     axes.set_ylim(bottom=0)
     axes.set_xlabel("Iteration")
     axes.set_ylabel("Error in band (%)")

@@ -11,7 +11,7 @@ from pathlib import Path
 from ...acquisition import content_hash, load_study
 from ...experiments import analyse_identification, analyse_ratings, read_rows
 from ...instruments import DataError
-from ...instruments.files import check_destination, new_file, private_files
+from ...instruments.files import check_destination, new_file, paths_of, private_files
 from ...instruments.progress import Progress, silent
 from ..contents import (
     Contents,
@@ -62,7 +62,10 @@ class _Section:
 
 @private_files()
 def write_report(
-    paths: Sequence[str | Path], out: str | Path, pdf: bool = False, progress: Progress = silent
+    paths: str | Path | Sequence[str | Path],
+    out: str | Path,
+    pdf: bool = False,
+    progress: Progress = silent,
 ) -> Report:
     """Write a report of recordings, studies, calibrations, maps, buttons and answers into new files.
 
@@ -79,7 +82,7 @@ def write_report(
     for path in (out, folder, *((printed,) if pdf else ())):
         check_destination(path)
     sections: list[_Section] = []
-    files = [file for path in paths for file in files_of(Path(path))]
+    files = [file for path in paths_of(paths) for file in files_of(path)]
     for number, path in enumerate(files):
         progress("Read the data", number, len(files), "files")
         sections.append(_section(path))

@@ -13,12 +13,12 @@ from rich.text import Text
 
 from ...terminal.progress import print_json, print_line, print_table
 from .. import outputs
-from ..contents import Cell, Contents, Grid, text_of
+from ..contents import Cell, Contents, Grid, one_style, text_of
 
 if TYPE_CHECKING:
     from ..figures import Columns
 
-__all__ = ["print_contents"]
+__all__ = ["print_contents", "print_made"]
 
 _MANY = 300
 """Rows from which a table is not fitted to the terminal: that takes 0.6 ms a row."""
@@ -42,9 +42,16 @@ def print_contents(contents: Contents, as_json: bool, plot: Path | None = None, 
     for grid in contents.tables:
         _print_grid(grid)
     for sentence in contents.said:
-        print_line(sentence)
+        print_line(one_style(sentence))
     if plot is not None:
         print_line(f"Plot: {plot}")
+
+
+def print_made(contents: Contents, file: Path, as_json: bool) -> None:
+    """Print what a result that was written to a file says, without its details."""
+    print_contents(contents if as_json else contents.brief(), as_json)
+    if not as_json:
+        print_line(f"More of it: haploop show {file}")
 
 
 def _properties(contents: Contents) -> Table:
@@ -62,8 +69,9 @@ def _print_grid(grid: Grid) -> None:
     elif not grid.rows:
         print_line(grid.title)
     else:
-        title = Text(grid.title) if grid.title else None
-        table = Table(box=SIMPLE, title=title, title_justify="left", show_header=bool(grid.headings))
+        if grid.title:
+            print_line(f"\n{grid.title}")  # a table's own title would be broken at the table's width
+        table = Table(box=SIMPLE, show_header=bool(grid.headings), pad_edge=False)
         for index, heading in enumerate(grid.headings or grid.rows[0]):
             table.add_column(
                 text_of(heading) if grid.headings else "",
@@ -74,7 +82,7 @@ def _print_grid(grid: Grid) -> None:
             table.add_row(*map(_text, row))
         print_table(table)
     if grid.below:
-        print_line(grid.below)
+        print_line(one_style(grid.below))
 
 
 def _print_aligned(rows: Sequence[Sequence[str]]) -> None:
@@ -85,4 +93,4 @@ def _print_aligned(rows: Sequence[Sequence[str]]) -> None:
 
 def _text(cell: str | Cell) -> Text:
     """A cell as text: names may look like rich markup."""
-    return Text(cell) if isinstance(cell, str) else Text(cell.text, style=_STYLES[cell.tone])
+    return Text(one_style(text_of(cell)), style="" if isinstance(cell, str) else _STYLES[cell.tone])

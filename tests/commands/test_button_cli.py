@@ -8,6 +8,8 @@ import pytest
 
 import haploop
 from haploop.acquisition import AverageMethod
+from haploop.reports.contents import file_contents
+from haploop.reports.show import print_made
 from tests.command_line import Demo, Run
 
 
@@ -36,7 +38,7 @@ def test_a_button_is_made_shown_and_verified(
     values = json.loads(again.stdout)
     assert again.exit_code == 0 and values["passed"]
     kept = haploop.Check.load(tmp_path / values["file"])
-    assert len(kept.accelerations) == 8 and kept.wideband_nrmse == values["wideband_nrmse"]
+    assert len(kept.accelerations) == 8 and kept.error == values["whole"]["error"]
     assert run("button", "check", made, "--plays", 2).exit_code == 2
     assert "exists" in run("button", "check", made, "-o", values["file"]).output
 
@@ -78,9 +80,23 @@ def test_an_unknown_average_is_one_sentence(run: Run, command: tuple[str, ...]) 
     result = run(*command, "latch", "--average", "median")
     assert (result.exit_code, result.stdout) == (2, "")
     assert len([line for line in result.stderr.splitlines() if line.startswith("Error: ")]) == 1
-    assert all(repr(name) in result.stderr for name in get_args(AverageMethod))
+    assert all(name in result.stderr for name in get_args(AverageMethod))
 
 
 def test_what_is_no_button_is_refused(demo: Demo, run: Run) -> None:
     result = run("button", "check", demo.folder / "calibration.h5")
     assert result.exit_code == 2 and "is not a haploop button" in result.output
+
+
+def test_what_was_made_is_a_screen_and_show_has_the_rest(
+    demo: Demo, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = demo.folder / "checks" / "latch.h5"
+    whole = file_contents(file)
+    brief = whole.brief()
+    assert brief.values == whole.values
+    assert len(brief.rows) < 0.6 * len(whole.rows)
+    print_made(whole, file, as_json=False)
+    said = capsys.readouterr().out
+    assert "Error, whole motion" in said and "Can be felt" in said and "Third octaves" not in said
+    assert said.splitlines()[-1] == f"More of it: haploop show {file}"

@@ -39,7 +39,7 @@ def test_what_is_measured_agrees_with_the_plant(demo: Demo) -> None:
         assert button["activation_force_n"] == pytest.approx(button["activation_force_true_n"], rel=0.02)
         assert 0 < button["drive_peak_v"] <= 50
         assert button["drive_peak_to_peak_v"] <= 100
-        assert button["nrmse"] <= button["tolerance"]
+        assert button["within"]["error"] <= button["tolerance"]
         assert button["correlation"] >= 0.97
     force = {name: button["activation_force_n"] for name, button in buttons.items()}
     assert force["latch"] > force["push"] > force["toggle"]
@@ -104,8 +104,8 @@ def test_the_scripts_of_the_documents_compute_a_demo_again(
             exec(compile(block.text, f"line {block.line} of check.md", "exec"), {})
     printed = capsys.readouterr().out
     push = demo.summary["buttons"]["push"]
-    low, high = push["wideband_interval"]
-    error, floor = push["wideband_nrmse"], push["wideband_floor"]
+    low, high = push["whole"]["interval"]
+    error, floor = push["whole"]["error"], push["whole"]["floor"]
     assert printed.startswith(f"{error:.4f} ({low:.4f} to {high:.4f}), floor {floor:.4f}, pass: True")
     off = re.search(r"at ([\d.]+) Hz; ([\d.]+)% from the stored one", printed)
     assert off and float(off[2]) < 2

@@ -109,7 +109,7 @@ def test_a_gain_that_cannot_be_proved_is_said() -> None:
         ),
         ({"kind": "relay-lost", "patch": "B", "after": 40}, "relay", "channel 2 (patch B) was told to close"),
         ({"kind": "relay-welded", "patch": "D"}, "relay", "the contact does not close"),
-        ({"kind": "relay-welded", "after": 44.5}, "relay", "welded closed"),
+        ({"kind": "relay-welded", "after": 50.1}, "relay", "welded closed"),
     ],
     ids=lambda value: value["kind"] if isinstance(value, dict) else "",
 )

@@ -52,11 +52,13 @@ WORK = {
     "calibrations plot": ["History", "trend"],
     "export": ["export_file", "Exported"],
     "import": ["is_response_file", "import_press", "import_response", "Calibration"],
-    "doctor": ["examine", "examine_each", "Finding"],
-    "live": ["load_rig_file", "watch_live", "levels"],
+    "doctor": ["examine", "examine_each", "examine_loop", "Finding"],
+    "live": ["load_rig_file", "watch_live", "look", "levels"],
     "log": ["log_entries"],
     "reset": ["reset_lockout"],
     "schema": ["rig_schema"],
+    "tape show": ["played", "recorded", "tape_rig"],
+    "tape mask": ["mask"],
 }
 """The functions and classes that do the work of each command."""
 

@@ -17,7 +17,7 @@ from haploop.acquisition import Representative
 from haploop.calibration import Calibration, DigitalButton, build_button, sizes
 from haploop.calibration.response import Waveforms
 from haploop.instruments import open_rig
-from haploop.mocks.daq.twin import _Output
+from haploop.mocks.daq.card_twin import Terminal
 from tests.acquisition.recording.test_disks import disk
 from tests.command_line import Demo, Run
 
@@ -29,14 +29,14 @@ Commands = Callable[[Path], dict[str, tuple[object, ...]]]
 def plays(monkeypatch: pytest.MonkeyPatch) -> Plays:
     """What happens before each voltage on an output."""
     each: Plays = []
-    real = _Output.play
+    real = Terminal.play
 
-    def played(self: _Output, run: Any) -> None:
+    def played(self: Terminal, run: Any) -> None:
         for act in each if np.any(run.values) else ():
             act()
         real(self, run)
 
-    monkeypatch.setattr(_Output, "play", played)
+    monkeypatch.setattr(Terminal, "play", played)
     return each
 
 
@@ -114,6 +114,17 @@ def test_a_full_disk_is_found_before_a_voltage_is_put_out(
         (small / "filler").unlink()
         if command != "recalibrate" and left == 0:
             assert run("button", "check", button, "-o", small / "again.h5").exit_code == 0
+
+
+def test_a_name_that_is_too_long_is_found_before_a_voltage_is_put_out(
+    tmp_path: Path, run: Run, plays: Plays
+) -> None:
+    """The calibration's own name would fit; that of its waveforms does not. The patch was driven 15 times."""
+    plays.append(lambda: pytest.fail("something was played"))
+    result = run("calibrate", "--out", tmp_path / ("c" * 220 + ".h5"))
+    assert result.exit_code == 2, result.output
+    assert "characters, which is too long a name for a file" in " ".join(result.output.split())
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_folder_that_may_only_be_read_is_found_before_a_voltage_is_put_out(

@@ -510,3 +510,34 @@ def test_a_worker_that_has_gone_is_one_sentence(listener):
     with pytest.raises(InstrumentError, match="does not answer"):
         gone.state()
     gone.end()
+
+
+def test_who_looks_gives_way_and_keeps_nothing(tmp_path):
+    worker = made(tmp_path, real_time=True)
+    board = worker.board
+
+    def operator() -> None:
+        worker.command("override", {"reason": "a test"})
+        begin(worker, "look")
+        until(lambda: board["run"] and board["run"]["doing"] == "look")
+        worker.command("press", {})  # the simulated finger presses without a prompt
+        begin(worker, "record", button="toggle", participant="P01", presses=1)
+        until(lambda: board["run"] and board["run"]["doing"] == "record")
+        with pytest.raises(ConfigurationError, match="busy"):
+            begin(worker, "look")
+        until(lambda: ended(worker))
+        assert board["job"]["kind"] == "record" and board["job"]["state"] == "done"
+        begin(worker, "look")
+        until(lambda: board["run"])
+        worker.command("leave", {})
+        until(lambda: ended(worker))
+        assert board["job"]["kind"] == "look" and board["job"]["state"] == "done"
+        begin(worker, "look")
+        until(lambda: board["run"])
+        assert worker.stop()["state"] == "safe"
+        until(lambda: ended(worker))
+        assert board["job"]["state"] == "stopped"
+
+    with pages(worker, operator):
+        pass
+    assert [path.name for path in tmp_path.glob("**/*.h5")] == ["P01-toggle.h5"]

@@ -11,6 +11,8 @@ import pytest
 import haploop
 from haploop.acquisition import Recording, Representative
 from haploop.calibration import Calibration, Check, DigitalButton, Drive, Learning, Response
+from haploop.calibration.drive.agreement import SharedPower
+from haploop.calibration.drive.checked import ThirdOctaves, Tones
 from haploop.calibration.map.measuring import map_plan, measure_map
 from tests.calibration.conftest import make_press
 
@@ -44,7 +46,7 @@ def make_response(rig_file: str) -> Response:
         level=10.0,
         levels=none,
         level_gain=none.astype(np.complex128),
-        velocity_range=0.02,
+        pickup_range=0.02,
         excitation="made for a test",
         source="measured",
         rig="simulated",
@@ -82,14 +84,13 @@ def make_check(drive: Drive) -> Check:
     target = drive.target[::10]
     plays = np.stack([target * 1.01, target * 0.99])
     octaves = np.array([100.0, 125.0, 160.0, 200.0, 250.0])
-    pair, level = (0.01, 0.02), np.zeros(5)
+    error, level = SharedPower(0.015**2, 1e-5, 1e-4, 2), np.zeros(5)
     return Check(
         drive=drive, rate_hz=5000.0, target=target, accelerations=plays, judged_hz=1000.0,
-        wideband_nrmse=0.015, wideband_interval=pair, wideband_floor=0.01, nrmse=0.01, nrmse_interval=pair,
-        floor=0.01, outside=0.01, outside_interval=pair, correlation=0.99, envelope_correlation=0.99,
-        octaves_hz=octaves, target_db=level, measured_db=level, floor_db=level - 40,
-        third_octave_error_db=0.1, drift=0.0, drive_measured_peak=20.0, overload=False, tolerance=0.2,
-        tones_hz=np.zeros(0), background=0.0, verdict="pass", reasons=(), notes=(), simulated=True,
+        whole=error, within=error, outside=error, correlation=0.99, envelope_correlation=0.99,
+        octaves=ThirdOctaves(octaves, level, level, level - 40), drift=0.0, tones=Tones(np.zeros(0), 0.0),
+        drive_measured_peak=20.0, overload=False, tolerance=0.2, verdict="pass", reasons=(), notes=(),
+        simulated=True,
     )  # fmt: skip
 
 

@@ -99,7 +99,7 @@ NONSENSE = {
         "response/coherence": np.full(5, np.nan),
     },
     "drive": {"volts": np.zeros(0), "rate_hz": -1.0},
-    "check": {"verdict": "perhaps", "rate_hz": 1e300, "floor_db": np.full(3, np.nan)},
+    "check": {"verdict": "perhaps", "rate_hz": 1e300, "octaves/floor_db": np.full(3, np.nan)},
 }
 
 

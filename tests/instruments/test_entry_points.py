@@ -25,6 +25,7 @@ LOG = []
 
 class Lamp(ABC):
     identity = "ACME lamp"
+    arithmetic = True
     @abstractmethod
     def light(self, share): ...
 
@@ -108,6 +109,34 @@ def test_a_role_from_outside_is_validated_opened_made_safe_and_closed(lamp: Any,
         assert list(rig.instruments)[-1] == "lamp"
         rig.role(lamp.Lamp).light(0.5)
     assert lamp.LOG == ["open COM9", "light 0.5", "safe", "close"]
+
+
+@pytest.mark.parametrize("mode", ["twin", "wire"])
+@pytest.mark.parametrize("says", ["", "    arithmetic = False", "    arithmetic = 'no'"])
+def test_a_simulation_opens_no_driver_that_has_no_twin(
+    package: Package, tmp_path: Path, mode: Any, says: str
+) -> None:
+    """It used to be opened as it is, and its outputs written, while everything was said to be simulated."""
+    code = LAMP.replace("    arithmetic = True", says)
+    lamp = __import__(package("acme-lamp", code, roles={"lamp": "Lamp"}, drivers={"acme-lamp": "AcmeLamp"}))
+    path = rig_file(tmp_path, '[lamp]\ndriver = "acme-lamp"\nport = "COM9"\n')
+    with pytest.raises(ConfigurationError, match=rf"The lamp .* 'acme-lamp' has no {mode}, and would open"):
+        open_rig(path, simulate=mode)
+    assert lamp.LOG == []
+
+
+def test_a_simulation_opens_no_driver_whose_wire_says_no_address(package: Package, tmp_path: Path) -> None:
+    code = LAMP.replace("    arithmetic = True", "") + (
+        "\nfrom contextlib import nullcontext\ndef wire(settings, plant):\n    return nullcontext({})\n"
+    )
+    points: dict[str, dict[str, str]] = {"drivers": {"acme-lamp": "AcmeLamp"}, "wires": {"acme-lamp": "wire"}}
+    lamp = __import__(package("acme-lamp", code, roles={"lamp": "Lamp"}, **points))
+    path = rig_file(tmp_path, '[lamp]\ndriver = "acme-lamp"\nport = "COM9"\n')
+    with pytest.raises(ConfigurationError, match=r"has no twin, and would open .* or simulate as wire"):
+        open_rig(path, simulate="twin")
+    with pytest.raises(ConfigurationError, match="The wire of 'acme-lamp' replaces no setting"):
+        open_rig(path, simulate="wire")
+    assert lamp.LOG == []
 
 
 def test_its_settings_are_its_drivers(lamp: Any, tmp_path: Path) -> None:

@@ -111,6 +111,15 @@ def test_a_name_that_points_nowhere_is_taken(tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.iterdir()] == ["a.txt"]
 
 
+@pytest.mark.parametrize("length", [233, 256, 3000])
+def test_a_name_that_no_disk_takes_is_told_before_anything_is_measured(tmp_path: Path, length: int) -> None:
+    """233 are too many as well: while it is written, a file has a longer name."""
+    with pytest.raises(ConfigurationError, match=rf"^aaa.* has {length} characters, .* choose a shorter one"):
+        check_destination(tmp_path / ("a" * (length - 3) + ".h5"))
+    check_destination(tmp_path / ("a" * 200))
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.skipif(os.name == "nt", reason="Windows renames without links")
 def test_a_link_that_the_disk_made_but_did_not_confirm_counts(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch

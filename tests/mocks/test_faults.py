@@ -21,7 +21,7 @@ SWEEP = linear_sweep(50_000.0, 0.5, 625.0, 10.0)
 def played(rig: Rig) -> np.ndarray:
     """(2, samples): V at the patch and m/s of a short sweep into patch A."""
     volts = rig.excite(SWEEP, ("A",), ("drive", "laser"), 0.1).volts
-    return np.array([volts[0] * 100, rig.vibrometer.to_velocity(volts[1])])
+    return np.array([volts[0] * 100, rig.vibrometer.to_si(volts[1])])
 
 
 def listened(rig: Rig, channel: str, seconds: float = 0.5) -> np.ndarray:

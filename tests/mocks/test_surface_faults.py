@@ -23,7 +23,7 @@ def sine(hz: float, volts: float, seconds: float) -> np.ndarray:
 
 
 def seen(rig: Rig, drive: np.ndarray) -> np.ndarray:
-    return np.asarray(rig.vibrometer.to_velocity(rig.excite(drive, ["A"], ["laser"]).volts[0]))
+    return np.asarray(rig.vibrometer.to_si(rig.excite(drive, ["A"], ["laser"]).volts[0]))
 
 
 def modes_of(rig: Rig) -> tuple[np.ndarray, np.ndarray]:

@@ -106,7 +106,7 @@ def gallery(demo: Demo) -> Mapping[str, Draw]:
         for b, m in (("latch", 7.0), ("toggle", 2.0), ("push", 4.0))
     }
     tried = [
-        SimpleNamespace(nrmse=error, floor=0.01, kept=kept)
+        SimpleNamespace(within=SimpleNamespace(root=error, floor=0.01), kept=kept)
         for error, kept in ((0.05, True), (0.03, True), (0.04, False))
     ]
     button: Any = SimpleNamespace(

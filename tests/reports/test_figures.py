@@ -96,7 +96,7 @@ def section(verdict: str = "fail", simulated: bool = True) -> Contents:
     said = Verdict("Check of the <latch>", verdict, verdict == "pass", "error 31 %", "It differs <rms>.")
     return Contents(
         "Check of the <latch>",
-        [fact("Error", "31.0 %", nrmse=0.31), fact("Verdict", verdict_cell(verdict)), fact(scale=0.8)],
+        [fact("Error", "31.0 %", error=0.31), fact("Verdict", verdict_cell(verdict)), fact(scale=0.8)],
         [Grid("Levels & bands", ("Band", "dB"), [("a", "1.0"), ("b", Cell("-", "aside"))], below="Of two.")],
         ["A note & no markup."],
         simulated=simulated,

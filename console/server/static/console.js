@@ -192,7 +192,7 @@ function bar() {
 }
 
 // The page on which what holds the rig is conducted.
-const conducted = { preflight: "/preflight", record: "/record", study: "/study", calibrate: "/table", map: "/table", activate: "/table", make: "/buttons", check: "/buttons", adopt: "/buttons", surface: "/experiment" };
+const conducted = { look: "/record", preflight: "/preflight", record: "/record", study: "/study", calibrate: "/table", map: "/table", activate: "/table", make: "/buttons", check: "/buttons", adopt: "/buttons", surface: "/experiment" };
 const linked = (text, path) => (text && path ? el("a", { href: path }, text) : text);
 
 let shownStop = null, shownJob = null, lastTurn = "", shownHeld = "";
@@ -235,7 +235,10 @@ function drawJob(now, job) {
 // A time of a file or a snapshot, as the clock on this wall shows it.
 export const at = (when) => new Date(when).toLocaleString("en-GB", { dateStyle: "medium", timeStyle: "short" });
 
-export const busy = (now) => Boolean(now.job && ["waiting", "running"].includes(now.job.state));
+// Whoever looks at the sensors gives way to anything else.
+const going = (now) => Boolean(now.job && ["waiting", "running"].includes(now.job.state));
+export const looking = (now) => going(now) && now.job.kind === "look";
+export const busy = (now) => going(now) && !looking(now);
 
 // What a field may hold is said in our words: the browser's own say "the requested format".
 const name = (most) => `Use up to ${most} letters, digits, _ and -, beginning with a letter or a digit, such as doorbell.`;

@@ -1,23 +1,41 @@
-import { $, el, fill, get, on } from "./console.js";
+import { $, at, el, fill, get, on } from "./console.js";
+
+const page = (path, name) => el("a", { href: path }, name);
+const made = (what) => ["none yet: first make one in the data folder, with ", el("code", {}, `haploop ${what} new FOLDER`)];
 
 document.addEventListener("hello", async (event) => {
   $("stop-page").setAttribute("href", event.detail.stop_page);
-  const found = await get("/api/files");
-  const page = (path, name) => el("a", { href: path }, name), made = (what) => ["none yet: first make one there, with ", el("code", {}, `haploop ${what} new FOLDER`)];
-  const first = {
-    recordings: ["none yet: first ", page("/preflight", "run the preflight"), ", then ", page("/record", "record a button")], studies: made("study"), experiments: made("experiment"),
-    buttons: ["none yet: first ", page("/record", "record the button"), " and ", page("/table", "calibrate a patch")],
-  };
-  for (const [id, name] of [["recordings", "recordings"], ["studies", "studies"], ["experiments", "experiments"], ["made", "buttons"]]) fill($(id), ...shown(found[name], first[name]));
+  const [lab, files] = await Promise.all([get("/api/lab"), get("/api/files")]);
+  fill($("calibration"), ...calibration(lab.calibration));
+  fill($("studies"), ...(lab.studies.length ? lab.studies.map((one) => el("div", {}, page("/study", one.name), `: ${due(one)}`)) : made("study")));
+  fill($("experiments"), ...(files.experiments.length ? [page("/experiment", files.experiments.join(", "))] : made("experiment")));
+  fill($("newest"), newest(lab.newest));
 });
 on("state", (now) => {
   $("about-rig").textContent = `${now.rig}${now.simulated ? `, simulated (${now.mode}), in real time` : ""}`;
   $("data").textContent = now.data;
-  const preflight = now.preflight;
-  $("preflight").textContent = !preflight ? "Not done yet." : preflight.override ? `Overridden: ${preflight.override}` : `Last result: ${preflight.status}.`;
+  const found = now.preflight;
+  fill($("preflight"), ...(!found ? ["not done yet: ", page("/preflight", "run it")] : found.override ? [`overridden ${at(found.when)}: ${found.override}`]
+    : [el("span", { class: found.status }, found.status), ` ${at(found.when)}`]));
 });
 
-function shown(names, first) {
-  if (!names.length) return first;
-  return [names.length > 6 ? `${names.length}, among them ${names.slice(-3).join(", ")}` : names.join(", ")];
+function calibration(found) {
+  if (found.problem) return [el("span", { class: "red" }, found.problem)];
+  if (!found.name) return ["none is active yet: digital buttons need one. First ", page("/table", "calibrate a patch"), ", make ", page("/buttons", "a digital button"), ", and adopt it there"];
+  const days = (Date.now() - new Date(found.since)) / 86400000, colour = { unchanged: "green", restored: "green", broken: "red" }[found.outcome] || "yellow";
+  const looked = found.outcome ? [", found ", el("span", { class: colour }, found.outcome), ` ${at(found.looked)}`] : ", not verified since (haploop recalibrate)";
+  return [page("/table", found.name), ` is active for ${days < 1 ? "less than a day" : `${days.toFixed(0)} days`}`, ...[looked].flat()];
+}
+
+function due(one) {
+  if (one.problem) return one.problem;
+  const left = one.due.length ? `due: ${one.due.join(", ")}${one.more ? ` and ${one.more} more` : ""}` : "complete";
+  return `${one.accepted} of ${one.of} presses; ${left}`;
+}
+
+function newest(found) {
+  if (!found.length) return el("p", {}, "none yet: first ", page("/preflight", "run the preflight"), ", then ", page("/record", "record a button"));
+  const tone = (result) => (/^(pass|complete)/.test(result) ? "green" : /^fail/.test(result) ? "red" : "yellow");
+  const rows = found.map((one) => el("tr", {}, el("td", { class: "date" }, at(one.date)), el("td", {}, one.kind), el("td", {}, one.about), el("td", { class: tone(one.result) }, one.result), el("td", {}, one.file)));
+  return el("div", { class: "scroll" }, el("table", {}, el("thead", {}, el("tr", {}, ...["When", "Kind", "Of", "Result", "File"].map((name) => el("th", { scope: "col" }, name)))), el("tbody", {}, ...rows)));
 }

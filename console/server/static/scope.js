@@ -47,11 +47,18 @@ function build() {
     const bands = rows.map((_, k) => ({ series: [2 * k + 2, 2 * k + 1], fill: `${colours[k % 6]}88` }));
     const box = el("div", {}, legend(names));
     place.append(box);
-    const least = { N: 1, "N m": 0.02, "m/s^2": 2, "": 1.2, "m/s": 1e-4, V: 0.1 }[unit] ?? 0.1;
+    const least = { N: 1, "N m": 0.02, "m/s^2": 2, "": 1.2, "m/s": 0.1, V: 0.1, m: 0.1 }[unit] ?? 0.1; // in what is shown
     const y = { range: (_, low, high) => [Math.min(low ?? 0, unit === "" ? -0.2 : -least), Math.max(high ?? 0, least)] };
-    const made = plot(box, `Live: ${names.join(", ")}`, { series, bands, y, yLabel: { "": "contact", "m/s^2": "m/s²" }[unit] ?? unit, height: unit === "" ? 80 : 115, x: { range: (_, low, high) => [high - SPAN, high] } });
-    groups.push({ plot: made, rows: rows.map(([, k]) => k) });
+    const shown = { "": "contact", "m/s^2": "m/s²", "m/s": "mm/s", m: "mm" }[unit] ?? unit;
+    const made = plot(box, `Live: ${names.join(", ")} (${shown}) over time (s)`, { series, bands, y, yLabel: shown, height: (unit === "" ? 80 : 115) + (unit === units.at(-1) ? 20 : 0), xLabel: unit === units.at(-1) ? "time (s)" : undefined, x: { range: (_, low, high) => [Math.max(0, high - SPAN), Math.max(SPAN, high)] } });
+    groups.push({ plot: made, unit, rows: rows.map(([, k]) => k) });
   }
+}
+
+// The median of what is shown: a press is no part of it.
+function middle(all, row, rows) {
+  const values = all.map((bucket) => (bucket[row] + bucket[rows + row]) / 2).filter((value) => !Number.isNaN(value)).sort((a, b) => a - b);
+  return values.length ? values[Math.floor(values.length / 2)] : 0;
 }
 
 function draw() {
@@ -60,10 +67,10 @@ function draw() {
   dirty = false;
   const rows = about.rows.length, times = buckets.map((_, k) => (first + k) * about.bucket_s);
   for (const group of groups) {
-    const data = [times];
+    const data = [times], level = $("level").checked && group.unit !== "", times1000 = ["m/s", "m"].includes(group.unit) ? 1000 : 1;
     for (const row of group.rows) {
-      data.push(buckets.map((bucket) => (Number.isNaN(bucket[row]) ? null : bucket[row])));
-      data.push(buckets.map((bucket) => (Number.isNaN(bucket[rows + row]) ? null : bucket[rows + row])));
+      const mean = level ? middle(buckets, row, rows) : 0;
+      for (const at of [row, rows + row]) data.push(buckets.map((bucket) => (Number.isNaN(bucket[at]) ? null : times1000 * (bucket[at] - mean))));
     }
     group.plot.setData(data);
   }

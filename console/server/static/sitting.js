@@ -1,5 +1,5 @@
 // A sitting at the table, the same on the pages Record and Study: prompt, keys, verdicts, last press, scope.
-import { $, busy, command, el, fill, key, newest, on, remembered, say, sound, state } from "./console.js";
+import { $, busy, command, el, fill, key, looking, newest, on, remembered, say, sound, start, state } from "./console.js";
 import { colours, legend, line, plot } from "./plots.js";
 import { frames, onDisk, received } from "./scope.js";
 
@@ -19,12 +19,14 @@ export function sitting(place) {
       el("div", { class: "row" },
         button("next", "Next / yes", "n", next, true, nextTyped), button("no", "No", "x", () => answer(false)),
         button("reject", "Reject and redo", "r", reject), button("pause", "Pause", "p", pause), button("noting", "Note", "t", () => $("note").focus()),
-        button("finger", "Let the simulated finger press", "f", () => command("press"))),
+        button("finger", "Let the simulated finger press", "f", () => command("press")), button("look", "Look at the sensors", "l", lookAt)),
       el("form", { class: "row beside", id: "note-form" }, el("label", { for: "note" }, "Note (Enter writes it into the recording)"), el("input", { id: "note", maxlength: "180", autocomplete: "off" })),
       el("progress", { id: "presses", max: "1", value: "0", "aria-label": "Presses accepted" })),
-    el("div", { class: "columns" },
-      el("section", {}, el("h2", {}, "Live: all channels"), el("div", { id: "scope" }), el("p", { class: "note" }, "Minimum and maximum of every 10 ms, over seconds.")),
-      el("section", {}, el("h2", {}, "Last press over the earlier ones"), el("p", { id: "press-said" }, ""), el("div", { id: "force-plot" }), el("div", { id: "click-plot" }))));
+    el("section", { id: "last-press", class: "hidden" }, el("h2", {}, "Last press over the earlier ones"), el("p", { id: "press-said" }, ""), el("div", { id: "force-plot" }), el("div", { id: "click-plot" }),
+      el("p", { class: "note" }, "Drag across a plot to zoom, to the millisecond; a double click shows the whole press.")),
+    el("section", {}, el("h2", {}, "Live: all channels"),
+      el("label", { class: "check" }, el("input", { type: "checkbox", id: "level" }), "Take the mean off (gravity, offsets)"),
+      el("div", { id: "scope" }), el("p", { class: "note" }, "Minimum and maximum of every 10 ms.")));
   place.firstElementChild.append(
     el("section", {},
       el("h2", {}, "What is written"),
@@ -37,7 +39,7 @@ export function sitting(place) {
       el("label", { class: "check" }, el("input", { type: "checkbox", id: "step" }), "Wait for Next before each press"),
       el("label", { class: "check", id: "auto-label" }, el("input", { type: "checkbox", id: "auto" }), "The simulated person presses by itself"),
       el("label", { class: "check" }, el("input", { type: "checkbox", id: "sounds" }), "Sounds"),
-      el("label", { class: "check" }, el("input", { type: "checkbox", id: "keys" }), "Single-letter keys (n y x r p t f)"),
+      el("label", { class: "check" }, el("input", { type: "checkbox", id: "keys" }), "Single-letter keys (n y x r p t f l)"),
       el("p", { class: "row" }, el("a", { id: "participant", href: "#", target: "_blank" }, "Open the participant's page"))),
     el("section", {}, el("h2", {}, "Presses"), el("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Verdicts on the presses" },
       el("table", {}, el("thead", {}, el("tr", {}, ...["Press", "Try", "N", "Verdict"].map((name) => el("th", { scope: "col" }, name)))), el("tbody", { id: "verdicts" })))));
@@ -55,6 +57,7 @@ export function sitting(place) {
   on("state", draw);
 }
 
+const lookAt = () => (looking(state) ? command("leave") : start("look", {}));
 const answer = (yes) => state.request && state.request.asks && command("answer", { number: state.request.number, yes });
 function next() {
   if (state.request && state.request.asks) return answer(true);
@@ -77,8 +80,10 @@ function draw(now) {
   const request = now.request, running = busy(now), last = lastOf(now), recording = now.run && now.run.doing === "record";
   const prompt = $("prompt");
   prompt.textContent = now.paused ? "Paused. The file is open and everything is kept; Next goes on." : request ? request.text
-    : running ? "One moment ..." : "Nothing is being recorded.";
+    : looking(now) ? "Looking at the sensors: nothing is recorded." : running ? "One moment ..." : "Nothing is being recorded.";
   prompt.className = `prompt ${now.paused || !request ? "waiting" : ""}`;
+  $("look").disabled = running;
+  $("look").firstChild.textContent = looking(now) ? "Look no more" : "Look at the sensors";
   const done = now.progress;
   $("count").textContent = [now.session && now.session.participant, now.session && now.session.button, request && request.press ? `press ${request.press} of ${request.of}` : "",
     request && request.attempt > 1 ? `attempt ${request.attempt}` : ""].filter(Boolean).join(" · ");
@@ -90,8 +95,8 @@ function draw(now) {
   $("pause").disabled = !recording;
   $("pause").firstChild.textContent = now.paused ? "Go on" : "Pause";
   $("noting").disabled = $("note").disabled = !recording;
-  $("finger").classList.toggle("hidden", !now.simulated || now.auto);
-  $("finger").disabled = !(recording && request && request.kind === "Press" && !now.paused);
+  $("finger").classList.toggle("hidden", !now.simulated || (now.auto && !looking(now)));
+  $("finger").disabled = !(looking(now) || (recording && request && request.kind === "Press" && !now.paused));
   $("auto-label").classList.toggle("hidden", !now.simulated);
   $("auto").checked = now.auto;
   $("step").checked = now.step;
@@ -125,6 +130,7 @@ function drawSaturated(found) {
     el("button", { type: "button", onclick: () => command("acknowledge") }, "Acknowledge"));
 }
 
+const AROUND = [-0.1, 0.15]; // s about the activation that are shown first
 let plots = null;
 const ask = newest();
 async function overlay(now) {
@@ -140,13 +146,14 @@ async function overlay(now) {
   fill($("force-plot"));
   fill($("click-plot"));
   const count = found.presses.length;
-  if (!count) { $("press-said").textContent = "No press yet."; return; }
+  $("last-press").classList.toggle("hidden", !count);
+  if (!count) return;
   const last = found.presses[count - 1];
   $("press-said").textContent = last.accepted ? `Press ${last.number} (thick) is good${last.force_n === null ? "" : `: it switched at ${last.force_n.toFixed(2)} N`}.` : `Press ${last.number}, attempt ${last.attempt} (thick) is not counted: ${last.reason}`;
   $("press-said").className = last.accepted ? "green" : "red";
   const styles = found.presses.map((press, k) => (k === count - 1 ? line(press.accepted ? 0 : 1, { width: 3 }) : line(5, { stroke: press.accepted ? "#55555588" : "#d55e0088", width: 1, dash: press.accepted ? undefined : [4, 4] })));
   const drawn = (place, what, step, label) => plot(place, `${label} of the last press over ${count - 1} earlier ones`, {
-    series: styles, data: joined(found.presses, what, step), xLabel: "s from the activation", yLabel: label, height: 180 });
+    series: styles, data: joined(found.presses, what, step), xLabel: "time from the activation (s)", yLabel: label, height: 200, first: AROUND, together: "press" });
   plots = [];
   if (last.slow) plots.push(drawn($("force-plot"), "slow", "slow_step_s", last.slow_label));
   if (last.fast) plots.push(drawn($("click-plot"), "fast", "fast_step_s", last.fast_label));

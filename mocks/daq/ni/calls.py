@@ -16,12 +16,20 @@ from nidaqmx.constants import (
 )
 from nidaqmx.utils import unflatten_channel_string
 
-from .channels import CREATES, field
+from .channels import CREATES
+from .counter_calls import COUNTING
 from .errors import DaqmxError, DAQmxErrors, error_string
+from .fields import field
 from .keeping import KEEPING
+from .power_calls import POWER
+from .signalling import glimpse
+from .storage import STORAGE
 from .system import NiSystem
 from .tasks import Task
+from .tdms import log
+from .teds import TEDS
 from .transfers import TRANSFERS
+from .upkeep import UPKEEP
 
 __all__ = ["CALLS"]
 
@@ -206,8 +214,11 @@ def _control(system: NiSystem, request: Any, alive: Alive) -> None:
 def _stop(system: NiSystem, request: Any, alive: Alive) -> None:
     task = system.task(request.task.name)
     failure = task.failure
-    system.stop(task)
-    task.failure = None
+    try:
+        log(system, task)
+    finally:
+        system.stop(task)
+        task.failure = None
     if failure is not None:
         raise DaqmxError(DAQmxErrors(failure.code), str(failure.args[0]))
 
@@ -215,6 +226,7 @@ def _stop(system: NiSystem, request: Any, alive: Alive) -> None:
 def _is_done(system: NiSystem, request: Any, alive: Alive) -> Any:
     task = system.task(request.task.name)
     system.cut_off(task)
+    log(system, task)
     if task.failure is not None:
         raise task.failure
     return pb.IsTaskDoneResponse(is_task_done=task.done(system.clock.now()))
@@ -224,13 +236,16 @@ def _wait_until_done(system: NiSystem, request: Any, alive: Alive) -> None:
     task = system.task(request.task.name)
 
     def due() -> float | None:
-        return None if task.total is None else task.ready(task.total)
+        if task.kind != "co" and task.total is None:
+            return None
+        return glimpse(system, task) or task.ready((task.total or 1) + task.late)
 
     if not system.wait(lambda: task.done(system.clock.now()), due, request.time_to_wait, alive):
         raise DaqmxError(
             DAQmxErrors.WAIT_UNTIL_DONE_DOES_NOT_INDICATE_DONE,
             f"Wait until done did not indicate that the task was done within {request.time_to_wait:g} s.",
         )
+    log(system, task)
 
 
 def _wait_for_timestamp(system: NiSystem, request: Any, alive: Alive) -> Any:
@@ -281,7 +296,12 @@ CALLS: dict[str, Call] = {
     **_CONFIGURES,
     **{name: _creating(create) for name, create in CREATES.items()},
     **TRANSFERS,
+    **COUNTING,
     **KEEPING,
+    **POWER,
+    **STORAGE,
+    **TEDS,
+    **UPKEEP,
     "CfgChangeDetectionTiming": _change_detection,
     "ExportSignal": _export_signal,
     "ConfigureLogging": _logging,
@@ -302,8 +322,9 @@ CALLS: dict[str, Call] = {
     "GetErrorString": lambda s, r, a: pb.GetErrorStringResponse(error_string=error_string(r.error_code)),
     "ResetDevice": lambda s, r, a: s.reset_device(s.inventory.device(r.device_name)),
     "SelfTestDevice": _known_device,
-    "SelfCal": _known_device,
-    "DeviceSupportsCal": lambda s, r, a: pb.DeviceSupportsCalResponse(cal_supported=False),
+    "DeviceSupportsCal": lambda s, r, a: pb.DeviceSupportsCalResponse(
+        cal_supported=bool(s.inventory.device(r.device_name).ai or s.inventory.device(r.device_name).ao)
+    ),
     "TristateOutputTerm": lambda s, r, a: None,
 }
 """Calls with a single answer that are not about a property, by name. A result of None means success."""

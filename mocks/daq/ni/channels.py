@@ -3,37 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
+from nidaqmx._stubs import nidaqmx_pb2 as pb
 from nidaqmx.constants import (
+    Coupling,
     CurrentShuntResistorLocation,
+    ExcitationSource,
     LineGrouping,
+    StrainGageRosetteMeasurementType,
     TerminalConfiguration,
     UsageTypeAI,
     UsageTypeAO,
-    UsageTypeCI,
-    UsageTypeCO,
 )
 
-from .devices import NiDevice
+from .channel import Channel, Kind
+from .counters import COUNTERS
+from .devices import CONFIGURATIONS, NiDevice
 from .errors import DaqmxError, DAQmxErrors
+from .fields import field
+from .measurements import FIELDS, MEASUREMENTS, Measurement
 from .scales import Scale
 from .system import NiSystem
-from .tasks import Channel, Kind, Task
+from .tasks import Task
+from .teds import teds_values
 
-__all__ = ["CREATES", "field"]
-
-
-def field(request: Any, name: str) -> Any:
-    """Return a field of a request, given as the enum or as its raw number."""
-    raw = f"{name}_raw"
-    fields = request.DESCRIPTOR.fields_by_name
-    if raw in fields and getattr(request, raw):
-        return getattr(request, raw)
-    return getattr(request, name) if name in fields else None
+__all__ = ["CREATES", "add", "refuse_input"]
 
 
-def _add(task: Task, channels: list[Channel]) -> None:
+def add(task: Task, channels: list[Channel]) -> None:
+    """Give a task channels. Raises DaqmxError for those that it cannot have together."""
     if task.running:
         raise DaqmxError(
             DAQmxErrors.CAN_NOT_PERFORM_OP_WHILE_TASK_RUNNING,
@@ -92,16 +92,13 @@ def _scale(system: NiSystem, name: str) -> Scale | None:
 
 
 def _terminal_config(device: NiDevice, tail: str, asked: int) -> int:
-    if tail.startswith("_"):
+    number = device.ai_number(tail)
+    if number is None:
         return int(TerminalConfiguration.DIFF.value)
-    number = int(tail.removeprefix("ai"))
-    differential = device.ai_takes_differential(number)
+    taken = device.product.configurations(number)
     if asked in (0, -1, TerminalConfiguration.DEFAULT.value):
-        return int((TerminalConfiguration.DIFF if differential else TerminalConfiguration.RSE).value)
-    single = asked in (TerminalConfiguration.RSE.value, TerminalConfiguration.NRSE.value)
-    if (single and device.ai_is_differential_only()) or (
-        asked == TerminalConfiguration.DIFF.value and not differential
-    ):
+        return int(CONFIGURATIONS[taken[0]].value)
+    if TerminalConfiguration(asked) not in [CONFIGURATIONS[config] for config in taken]:
         raise DaqmxError(
             DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
             "Requested value is not a supported value for this property: terminal configuration "
@@ -110,10 +107,106 @@ def _terminal_config(device: NiDevice, tail: str, asked: int) -> int:
     return asked
 
 
-def _analog_input(
-    measurement: UsageTypeAI, units: str, properties: dict[str, str]
-) -> Callable[[NiSystem, Any], None]:
-    """Make a create call of analog input; `properties` maps fields of its request to attributes."""
+def _analog_input(call: str) -> Callable[[NiSystem, Any], None]:
+    """Make the create call of analog inputs that is called `call`."""
+    teds = call.startswith("CreateTEDS")
+    row = MEASUREMENTS[
+        call.removeprefix("CreateTEDS" if teds else "Create").removeprefix("AI").replace("Chan", "")
+    ]
+
+    def create(system: NiSystem, request: Any) -> None:
+        task = system.task(request.task.name)
+        given = request.DESCRIPTOR.fields_by_name
+        where = (
+            request.voltage_physical_channel
+            if "voltage_physical_channel" in given
+            else request.physical_channel
+        )
+        resolved = list(system.inventory.resolve(where))
+        made = []
+        for name, (device, tail) in zip(
+            _named(request.name_to_assign_to_channel, resolved), resolved, strict=True
+        ):
+            if f"{device.name}/{tail}" not in device.ai and not tail.startswith(("_ao", "_board")):
+                raise _wrong_kind(device, tail, "analog input")
+            values: dict[str, Any] = {
+                "AI_MEAS_TYPE": row.usage.value,
+                "AI_MEAS_TYPE_NAME": row.usage.name,
+                row.units: field(request, "units"),
+                "AI_CUSTOM_SCALE_NAME": "",
+                "AI_TERM_CFG": _terminal_config(device, tail, field(request, "terminal_config") or 0),
+            }
+            if "min_val" in given:
+                _limits(request, "AI", values)
+            for name_, property_ in (*FIELDS.items(), *_sensor(row).items()):
+                if name_ in given:
+                    value = field(request, name_)
+                    is_list = hasattr(value, "__len__") and not isinstance(value, str)
+                    values[property_] = list(value) if is_list else value
+            if teds:
+                values |= teds_values(system, device, tail, row, values)
+            if values.get("AI_CURRENT_SHUNT_LOC") == CurrentShuntResistorLocation.LET_DRIVER_CHOOSE.value:
+                inside = tail == "dmm"
+                where_ = (
+                    CurrentShuntResistorLocation.INTERNAL if inside else CurrentShuntResistorLocation.EXTERNAL
+                )
+                values["AI_CURRENT_SHUNT_LOC"] = where_.value
+            refuse_input(device, tail, values)
+            scale = _scale(system, values["AI_CUSTOM_SCALE_NAME"])
+            made.append(Channel(name, "ai", device, (tail,), values, custom=scale))
+        if row.usage is UsageTypeAI.ROSETTE_STRAIN_GAGE:
+            made = _rosette(task, request, made)
+        add(task, made)
+
+    return create
+
+
+def _sensor(row: Measurement) -> dict[str, str]:
+    if not row.sensor:
+        return {}
+    return {name: f"{row.sensor}_{name.upper()}" for name in ("sensitivity", "sensitivity_units")}
+
+
+def _rosette(task: Task, request: Any, gages: list[Channel]) -> list[Channel]:
+    """Return a rosette's channels: one for each measurement that is asked, of the gages together."""
+    number = sum("principal" in c.name or "rosette" in c.name for c in task.channels)
+    name = request.name_to_assign_to_channel or f"rosette{number}"
+    kinds = [StrainGageRosetteMeasurementType(kind) for kind in request.rosette_meas_types]
+    return [
+        replace(gages[0], name=f"{name}_{_camel(kind.name)}", values={
+            **gages[0].values, "AI_ROSETTE_STRAIN_GAGE_ROSETTE_MEAS_TYPE": kind.value
+        })
+        for kind in kinds
+    ]  # fmt: skip
+
+
+def _camel(name: str) -> str:
+    first, *rest = name.lower().split("_")
+    return first + "".join(part.capitalize() for part in rest)
+
+
+def refuse_input(device: NiDevice, tail: str, values: dict[str, Any]) -> None:
+    """Raise DaqmxError for a supply or a coupling that a product has not."""
+    product = device.product
+    supplies = product.ai_excitation or product.ai_bridge_excitation
+    couplings = [Coupling[way.upper()].value for way in product.ai_couplings]
+    wrong = ""
+    if values.get("AI_EXCIT_SRC") == ExcitationSource.INTERNAL.value and not (
+        supplies or "POSITION_LINEAR_LVDT" in product.ai_measures
+    ):
+        wrong = "internal excitation, which it does not supply"
+    elif values.get("AI_COUPLING") not in (None, 0, *couplings):
+        wrong = f"{Coupling(values['AI_COUPLING']).name} coupling"
+    if wrong:
+        raise DaqmxError(
+            DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
+            f"Requested value is not a supported value for this property: {device.name}/{tail} of a "
+            f"{product.name}: {wrong}.",
+        )
+
+
+def _analog_output(usage: UsageTypeAO, units: str) -> Callable[[NiSystem, Any], None]:
+    """Make a create call of analog outputs; `units` is the property that holds theirs."""
 
     def create(system: NiSystem, request: Any) -> None:
         task = system.task(request.task.name)
@@ -122,45 +215,36 @@ def _analog_input(
         for name, (device, tail) in zip(
             _named(request.name_to_assign_to_channel, resolved), resolved, strict=True
         ):
-            if not tail.startswith(("ai", "_ao", "_board")):
-                raise _wrong_kind(device, tail, "analog input")
+            if not tail.startswith("ao"):
+                raise _wrong_kind(device, tail, "analog output")
             values: dict[str, Any] = {
-                "AI_MEAS_TYPE": measurement.value,
-                "AI_MEAS_TYPE_NAME": measurement.name,
+                "AO_OUTPUT_TYPE": usage.value,
                 units: field(request, "units"),
-                "AI_CUSTOM_SCALE_NAME": getattr(request, "custom_scale_name", ""),
-                "AI_TERM_CFG": _terminal_config(device, tail, field(request, "terminal_config") or 0),
+                "AO_CUSTOM_SCALE_NAME": request.custom_scale_name,
             }
-            if "min_val" in request.DESCRIPTOR.fields_by_name:
-                _limits(request, "AI", values)
-            values |= {attribute: field(request, name) for name, attribute in properties.items()}
-            if values.get("AI_CURRENT_SHUNT_LOC") == CurrentShuntResistorLocation.LET_DRIVER_CHOOSE.value:
-                values["AI_CURRENT_SHUNT_LOC"] = CurrentShuntResistorLocation.EXTERNAL.value
-            scale = _scale(system, values["AI_CUSTOM_SCALE_NAME"])
-            made.append(Channel(name, "ai", device, (tail,), values, scale=scale))
-        _add(task, made)
+            _limits(request, "AO", values)
+            scale = _scale(system, request.custom_scale_name)
+            made.append(Channel(name, "ao", device, (tail,), values, custom=scale))
+        add(task, made)
 
     return create
 
 
-def _analog_output(system: NiSystem, request: Any) -> None:
+def _function_generation(system: NiSystem, request: Any) -> None:
     task = system.task(request.task.name)
     resolved = list(system.inventory.resolve(request.physical_channel))
+    names = _named(request.name_to_assign_to_channel, resolved)
     made = []
-    for name, (device, tail) in zip(
-        _named(request.name_to_assign_to_channel, resolved), resolved, strict=True
-    ):
+    for name, (device, tail) in zip(names, resolved, strict=True):
         if not tail.startswith("ao"):
             raise _wrong_kind(device, tail, "analog output")
         values: dict[str, Any] = {
-            "AO_OUTPUT_TYPE": UsageTypeAO.VOLTAGE.value,
-            "AO_VOLTAGE_UNITS": field(request, "units"),
-            "AO_CUSTOM_SCALE_NAME": request.custom_scale_name,
+            "AO_OUTPUT_TYPE": UsageTypeAO.FUNCTION_GENERATION.value,
+            "AO_FUNC_GEN_TYPE": field(request, "type"),
+            **{f"AO_FUNC_GEN_{of.upper()}": getattr(request, of) for of in ("freq", "amplitude", "offset")},
         }
-        _limits(request, "AO", values)
-        scale = _scale(system, request.custom_scale_name)
-        made.append(Channel(name, "ao", device, (tail,), values, scale=scale))
-    _add(task, made)
+        made.append(Channel(name, "ao", device, (tail,), values))
+    add(task, made)
 
 
 def _lines_of(device: NiDevice, tail: str) -> list[str]:
@@ -191,7 +275,7 @@ def _digital(kind: Kind) -> Callable[[NiSystem, Any], None]:
             every = tuple(line for _, lines, _ in groups for line in lines)
             groups = [(device, every, all(whole for _, _, whole in groups))]
         names = _digital_names(request.name_to_assign_to_lines, groups, resolved)
-        _add(
+        add(
             task,
             [
                 Channel(name, kind, device, lines, ports=whole)
@@ -215,29 +299,9 @@ def _digital_names(
     return [f"{resolved[0][0].name}/{resolved[0][1]}..."]
 
 
-def _pulse_output(
-    output: UsageTypeCO, rate: Callable[[Any], float], properties: dict[str, str]
-) -> Callable[[NiSystem, Any], None]:
-    def create(system: NiSystem, request: Any) -> None:
-        task = system.task(request.task.name)
-        resolved = list(system.inventory.resolve(request.counter))
-        made = []
-        for name, (device, tail) in zip(
-            _named(request.name_to_assign_to_channel, resolved), resolved, strict=True
-        ):
-            if "ctr" not in tail:
-                raise _wrong_kind(device, tail, "counter output")
-            values: dict[str, Any] = {"CO_OUTPUT_TYPE": output.value}
-            values |= {attribute: field(request, name) for name, attribute in properties.items()}
-            made.append(Channel(name, "co", device, (tail,), values))
-        _add(task, made)
-        task.settings["Timing", "SAMP_CLK_RATE"] = rate(request)
-
-    return create
-
-
-def _counter_input(measurement: UsageTypeCI, properties: dict[str, str]) -> Callable[[NiSystem, Any], None]:
-    """Make a create call of a counter input that can be configured, started and waited for, but not read."""
+def _counter(call: str) -> Callable[[NiSystem, Any], None]:
+    """Make the create call of counters that is called `call`."""
+    row = COUNTERS[call]
 
     def create(system: NiSystem, request: Any) -> None:
         task = system.task(request.task.name)
@@ -247,11 +311,18 @@ def _counter_input(measurement: UsageTypeCI, properties: dict[str, str]) -> Call
             _named(request.name_to_assign_to_channel, resolved), resolved, strict=True
         ):
             if "ctr" not in tail:
-                raise _wrong_kind(device, tail, "counter input")
-            values: dict[str, Any] = {"CI_MEAS_TYPE": measurement.value}
-            values |= {attribute: field(request, name) for name, attribute in properties.items()}
-            made.append(Channel(name, "ci", device, (tail,), values))
-        _add(task, made)
+                raise _wrong_kind(device, tail, "counter")
+            values: dict[str, Any] = {
+                "CI_MEAS_TYPE" if row.kind == "ci" else "CO_OUTPUT_TYPE": row.usage.value
+            }
+            values |= {name_: field(request, of) for of, name_ in row.properties.items()}
+            source = f"{row.kind.upper()}_CTR_TIMEBASE_SRC"
+            if values.get(source):
+                values[source] = system.inventory.written(device, values[source])
+            made.append(Channel(name, row.kind, device, (tail,), values, custom=_scale(
+                system, values.get("CI_CUSTOM_SCALE_NAME", "")
+            )))  # fmt: skip
+        add(task, made)
 
     return create
 
@@ -264,130 +335,17 @@ def _wrong_kind(device: NiDevice, tail: str, kind: str) -> DaqmxError:
     )
 
 
-_EXCITATION = {"current_excit_source": "AI_EXCIT_SRC", "current_excit_val": "AI_EXCIT_VAL"}
-_THERMISTOR = {
-    "resistance_config": "AI_RESISTANCE_CFG",
-    "a": "AI_THRMSTR_A",
-    "b": "AI_THRMSTR_B",
-    "c": "AI_THRMSTR_C",
-}
-
 CREATES: dict[str, Callable[[NiSystem, Any], None]] = {
-    "CreateAIVoltageChan": _analog_input(UsageTypeAI.VOLTAGE, "AI_VOLTAGE_UNITS", {}),
-    "CreateAIVoltageChanWithExcit": _analog_input(
-        UsageTypeAI.VOLTAGE_CUSTOM_WITH_EXCITATION,
-        "AI_VOLTAGE_UNITS",
-        {
-            "bridge_config": "AI_BRIDGE_CFG",
-            "voltage_excit_source": "AI_EXCIT_SRC",
-            "voltage_excit_val": "AI_EXCIT_VAL",
-            "use_excit_for_scaling": "AI_EXCIT_USE_FOR_SCALING",
-        },
-    ),
-    "CreateAICurrentChan": _analog_input(
-        UsageTypeAI.CURRENT,
-        "AI_CURRENT_UNITS",
-        {
-            "shunt_resistor_loc": "AI_CURRENT_SHUNT_LOC",
-            "ext_shunt_resistor_val": "AI_CURRENT_SHUNT_RESISTANCE",
-        },
-    ),
-    "CreateAIThrmcplChan": _analog_input(
-        UsageTypeAI.TEMPERATURE_THERMOCOUPLE,
-        "AI_TEMP_UNITS",
-        {
-            "thermocouple_type": "AI_THRMCPL_TYPE",
-            "cjc_source": "AI_THRMCPL_CJC_SRC",
-            "cjc_val": "AI_THRMCPL_CJC_VAL",
-            "cjc_channel": "AI_THRMCPL_CJC_CHAN",
-        },
-    ),
-    "CreateAIRTDChan": _analog_input(
-        UsageTypeAI.TEMPERATURE_RTD,
-        "AI_TEMP_UNITS",
-        {
-            "rtd_type": "AI_RTD_TYPE",
-            "resistance_config": "AI_RESISTANCE_CFG",
-            "r0": "AI_RTD_R0",
-            **_EXCITATION,
-        },
-    ),
-    "CreateAIResistanceChan": _analog_input(
-        UsageTypeAI.RESISTANCE,
-        "AI_RESISTANCE_UNITS",
-        {"resistance_config": "AI_RESISTANCE_CFG", **_EXCITATION},
-    ),
-    "CreateAIThrmstrChanIex": _analog_input(
-        UsageTypeAI.TEMPERATURE_THERMISTOR, "AI_TEMP_UNITS", {**_THERMISTOR, **_EXCITATION}
-    ),
-    "CreateAIThrmstrChanVex": _analog_input(
-        UsageTypeAI.TEMPERATURE_THERMISTOR,
-        "AI_TEMP_UNITS",
-        {
-            **_THERMISTOR,
-            "voltage_excit_source": "AI_EXCIT_SRC",
-            "voltage_excit_val": "AI_EXCIT_VAL",
-            "r1": "AI_THRMSTR_R1",
-        },
-    ),
-    "CreateAIStrainGageChan": _analog_input(
-        UsageTypeAI.STRAIN_STRAIN_GAGE,
-        "AI_STRAIN_UNITS",
-        {
-            "strain_config": "AI_STRAIN_GAGE_CFG",
-            "voltage_excit_source": "AI_EXCIT_SRC",
-            "voltage_excit_val": "AI_EXCIT_VAL",
-            "gage_factor": "AI_STRAIN_GAGE_GAGE_FACTOR",
-            "initial_bridge_voltage": "AI_BRIDGE_INITIAL_VOLTAGE",
-            "nominal_gage_resistance": "AI_BRIDGE_NOM_RESISTANCE",
-            "poisson_ratio": "AI_STRAIN_GAGE_POISSON_RATIO",
-            "lead_wire_resistance": "AI_LEAD_WIRE_RESISTANCE",
-        },
-    ),
-    "CreateAITempBuiltInSensorChan": _analog_input(
-        UsageTypeAI.TEMPERATURE_BUILT_IN_SENSOR, "AI_TEMP_UNITS", {}
-    ),
-    "CreateAOVoltageChan": _analog_output,
+    **{
+        call: _analog_input(call)
+        for call in pb.DESCRIPTOR.services_by_name["NiDAQmx"].methods_by_name
+        if call.startswith(("CreateAI", "CreateTEDSAI"))
+    },
+    "CreateAOVoltageChan": _analog_output(UsageTypeAO.VOLTAGE, "AO_VOLTAGE_UNITS"),
+    "CreateAOCurrentChan": _analog_output(UsageTypeAO.CURRENT, "AO_CURRENT_UNITS"),
+    "CreateAOFuncGenChan": _function_generation,
     "CreateDIChan": _digital("di"),
     "CreateDOChan": _digital("do"),
-    "CreateCICountEdgesChan": _counter_input(
-        UsageTypeCI.COUNT_EDGES,
-        {
-            "edge": "CI_COUNT_EDGES_ACTIVE_EDGE",
-            "initial_count": "CI_COUNT_EDGES_INITIAL_CNT",
-            "count_direction": "CI_COUNT_EDGES_DIR",
-        },
-    ),
-    "CreateCIPulseWidthChan": _counter_input(
-        UsageTypeCI.PULSE_WIDTH_DIGITAL,
-        {
-            "min_val": "CI_MIN",
-            "max_val": "CI_MAX",
-            "units": "CI_PULSE_WIDTH_UNITS",
-            "starting_edge": "CI_PULSE_WIDTH_STARTING_EDGE",
-        },
-    ),
-    "CreateCOPulseChanFreq": _pulse_output(
-        UsageTypeCO.PULSE_FREQUENCY,
-        lambda r: float(r.freq),
-        {
-            "freq": "CO_PULSE_FREQ",
-            "duty_cycle": "CO_PULSE_DUTY_CYC",
-            "idle_state": "CO_PULSE_IDLE_STATE",
-            "initial_delay": "CO_PULSE_FREQ_INITIAL_DELAY",
-            "units": "CO_PULSE_FREQ_UNITS",
-        },
-    ),
-    "CreateCOPulseChanTime": _pulse_output(
-        UsageTypeCO.PULSE_TIME,
-        lambda r: 1 / (r.low_time + r.high_time),
-        {
-            "low_time": "CO_PULSE_LOW_TIME",
-            "high_time": "CO_PULSE_HIGH_TIME",
-            "idle_state": "CO_PULSE_IDLE_STATE",
-            "initial_delay": "CO_PULSE_TIME_INITIAL_DELAY",
-            "units": "CO_PULSE_TIME_UNITS",
-        },
-    ),
+    **{call: _counter(call) for call in COUNTERS},
 }
 """Create calls that are served, by name."""

@@ -7,13 +7,22 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
+from nidaqmx.constants import TerminalConfiguration
 from nidaqmx.utils import unflatten_channel_string
 
-from ..products import PRODUCTS, Product
+from ..products import Product, described
 from .errors import DaqmxError, DAQmxErrors
 from .scales import Scale, scale_from_export
 
-__all__ = ["Inventory", "NiDevice", "devices_from_ini"]
+__all__ = ["CONFIGURATIONS", "Inventory", "NiDevice", "devices_from_ini"]
+
+CONFIGURATIONS = {
+    "rse": TerminalConfiguration.RSE,
+    "nrse": TerminalConfiguration.NRSE,
+    "diff": TerminalConfiguration.DIFF,
+    "pseudodiff": TerminalConfiguration.PSEUDO_DIFF,
+}
+"""NI's terminal configurations by the names of the table of products."""
 
 _TERMINAL = re.compile(
     r"(ai|ao|di|do|te\d)/(SampleClock|SampleClockTimebase|StartTrigger|ReferenceTrigger|PauseTrigger"
@@ -21,7 +30,13 @@ _TERMINAL = re.compile(
     r"|(PFI|APFI|RTSI|PXI_Trig|ao|ai)\d+|Ctr\d+(InternalOutput|Gate|Source|Aux|A|B|Z|SampleClock|ArmStartTrigger)"
     r"|ChangeDetectionEvent|AnalogComparisonEvent|OnboardClock|\w*MHzTimebase|100kHzTimebase|13MHz\w*"
     r"|10MHzRefClock|PXI_Clk10|PXIe_Clk100|MasterTimebase|FrequencyOutput|WatchdogExpiredEvent",
+    re.IGNORECASE,
 )
+
+
+def _spelt(tail: str) -> str:
+    """Write a counter's terminal as the driver does, however a program has written it."""
+    return re.sub(r"^ctr(\d+)internaloutput$", r"Ctr\1InternalOutput", tail, flags=re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -42,7 +57,13 @@ class NiDevice:
     @property
     def ai(self) -> list[str]:
         """Names of the analog inputs."""
-        return [f"{self.name}/ai{i}" for i in range(max(self.product.ai_single_ended, self._differential))]
+        count = max(self.product.ai_single_ended, self.product.ai_differential)
+        return [f"{self.name}/{tail}" for tail in self.product.ai_names or [f"ai{i}" for i in range(count)]]
+
+    def ai_number(self, tail: str) -> int | None:
+        """Number of an analog input; None of another terminal, and of one that has a name of its own."""
+        digits = tail.removeprefix("ai")
+        return int(digits) if tail.startswith("ai") and digits.isdecimal() else None
 
     @property
     def ao(self) -> list[str]:
@@ -65,20 +86,15 @@ class NiDevice:
         mark = "_" if self.product.slots else ""
         return [f"{self.name}/{mark}ctr{i}" for i in range(self.product.counters)]
 
-    def ai_is_differential_only(self) -> bool:
-        """Return True when no input can be read single-ended."""
-        return not self.product.ai_single_ended
+    def port_way(self, port: int) -> str:
+        """Direction of a port's lines: "in", "out" or "both"."""
+        return self.product.port_ways[port] if self.product.port_ways else "both"
 
-    def ai_takes_differential(self, channel: int) -> bool:
-        """Return True when input `channel` is the positive half of a pair.
-
-        Pairs lie in banks of 16: 0 to 7, 16 to 23 (docs/hardware.md, "All NI cards").
-        """
-        return self.ai_is_differential_only() or channel % 16 < 8
-
-    @property
-    def _differential(self) -> int:
-        return 0 if self.product.ai_single_ended else self.product.ai_differential
+    def ways(self, way: str) -> tuple[list[str], list[str]]:
+        """Names of the ports and of the lines that go the `way` "in" or "out"."""
+        numbers = [p for p in range(len(self.product.ports)) if self.port_way(p) in (way, "both")]
+        lines = [line for p in numbers for line in self.lines if line.startswith(f"{self.name}/port{p}/")]
+        return [f"{self.name}/port{p}" for p in numbers], lines
 
 
 @dataclass(frozen=True)
@@ -90,6 +106,8 @@ class Inventory:
     """Sentences about devices of an export that cannot be simulated."""
     scales: Mapping[str, Scale] = field(default_factory=dict)
     """Custom scales of the system, by name."""
+    export: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    """Sections of the export that it was made from, with the tasks and channels that are stored there."""
 
     @staticmethod
     def of(devices: Iterable[NiDevice]) -> Inventory:
@@ -154,9 +172,9 @@ class Inventory:
         if text.startswith("/"):
             head, _, tail = text[1:].partition("/")
             if head.lower() in {name.lower() for name in self.devices} and _TERMINAL.fullmatch(tail):
-                return f"/{self.device(head).name}/{tail}"
+                return f"/{self.device(head).name}/{_spelt(tail)}"
         elif _TERMINAL.fullmatch(text):
-            return f"/{device.name}/{text}"
+            return f"/{device.name}/{_spelt(text)}"
         elif text in (*device.ai, *device.lines):
             return text
         raise DaqmxError(
@@ -196,7 +214,7 @@ def devices_from_ini(text: str) -> Inventory:
         if kind not in ("DAQmxDevice", "DAQmxCDAQChassis", "DAQmxCDAQModule"):
             continue
         entry = export[section]
-        product = PRODUCTS.get(entry.get("ProductType", ""))
+        product = described({}).get(entry.get("ProductType", ""))
         if product is None:
             left_out.append(f"{name} ({entry.get('ProductType', 'no product')}) is not known and left out.")
             continue
@@ -212,7 +230,8 @@ def devices_from_ini(text: str) -> Inventory:
     for device in [d for d in devices.values() if d.chassis and d.chassis not in devices]:
         left_out.append(f"{device.name} is left out, because its chassis {device.chassis} is.")
         del devices[device.name]
-    return Inventory(devices, tuple(left_out), _scales(export))
+    sections = {section: dict(export[section]) for section in export.sections()}
+    return Inventory(devices, tuple(left_out), _scales(export), sections)
 
 
 def _scales(export: configparser.ConfigParser) -> dict[str, Scale]:

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import dataclasses
 import queue
 import threading
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from nidaqmx._stubs import nidaqmx_pb2 as pb
 from nidaqmx.constants import EveryNSamplesEventType
 
 from ...clock import VirtualClock
-from . import channels
 from .errors import DaqmxError, DAQmxErrors
+from .fields import field
 from .system import NiSystem
 from .tasks import Task
 
@@ -34,7 +35,7 @@ class _Listener:
     kind: str
     every: int
     reply: Callable[[], Any]
-    stream: queue.SimpleQueue[Any] = field(default_factory=queue.SimpleQueue)
+    stream: queue.SimpleQueue[Any] = dataclasses.field(default_factory=queue.SimpleQueue)
     acquisition: int = 0
     sent: int = 0
     reads: bool = True
@@ -126,12 +127,12 @@ class Events:
                 DAQmxErrors.DONE_EVENT_ALREADY_REGISTERED,
             )
         if name == "RegisterSignalEvent":
-            signal = channels.field(request, "signal_id")
+            signal = field(request, "signal_id")
             return self._add(
                 _Listener(task, "signal", 1, lambda: pb.RegisterSignalEventResponse(signal_id=signal)),
                 DAQmxErrors.SIGNAL_EVENT_ALREADY_REGISTERED,
             )
-        type_ = channels.field(request, "every_n_samples_event_type")
+        type_ = field(request, "every_n_samples_event_type")
         acquired = type_ == EveryNSamplesEventType.ACQUIRED_INTO_BUFFER.value
         if acquired != task.is_input:
             raise DaqmxError(

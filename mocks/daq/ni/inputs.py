@@ -11,9 +11,10 @@ from nidaqmx.error_codes import DAQmxErrors
 from ....instruments.arrays import BoolArray, FloatArray
 from ...plant import SamplesLost
 from ..converter import LOST, convert
+from .channel import Channel
 from .errors import DaqmxError
 from .system import NiSystem
-from .tasks import Channel, Chunk, Task
+from .tasks import Chunk, Task
 
 __all__ = ["acquire", "samples"]
 
@@ -52,6 +53,8 @@ def acquire(system: NiSystem, task: Task, count: int) -> Any:
     """Take `count` software-timed samples now. Shapes as in `samples`."""
     now = system.clock.now()
     first = task.on_demand
+    if task.kind == "ci":
+        return _counted(task, np.full(count, now))
     if task.is_input:
         task.on_demand += count
     times = np.full(count, now)
@@ -65,6 +68,9 @@ def acquire(system: NiSystem, task: Task, count: int) -> Any:
 
 def _make(system: NiSystem, task: Task, first: int, count: int) -> Any:
     index = np.arange(first, first + count)
+    index = index + task.base
+    if task.kind == "ci" and task.implicit:
+        return _measured(task, index, system.clock.now())
     clock = task.clock
     assert clock.start is not None, "samples exist only after the start"
     edges = clock.start + (task.offset + index) / clock.rate_hz
@@ -74,11 +80,45 @@ def _make(system: NiSystem, task: Task, first: int, count: int) -> Any:
     ):
         edges = edges + 0.5 / clock.rate_hz
     now = system.clock.now()
+    if task.kind == "ci":
+        return _counted(task, np.minimum(edges, now))
     if task.kind == "di":
         return _lines(system, task, np.minimum(edges, now), index)
     times = [np.minimum(edges + task.delay(i), now) for i in range(len(task.channels))]
     volts, driven = _volts(system, task, times, index)
     return _converted(task, volts, driven, task.noise)
+
+
+def _counted(task: Task, times: FloatArray) -> FloatArray:
+    """What counters show at `times` (s): (2 rows a channel, times); of times measured, the last."""
+    rows = np.zeros((2 * len(task.meters), len(times)))
+    for place, meter in enumerate(task.meters):
+        if meter.silent:
+            continue
+        meter.advance(float(times[-1]))
+        if meter.counts:
+            rows[2 * place] = meter.at(times)
+            continue
+        ends, values = meter.events()
+        last = np.searchsorted(ends, times + 1e-12, side="right") - 1
+        known = last >= 0
+        rows[2 * place : 2 * place + 2, known] = values[:, last[known]]
+    return rows
+
+
+def _measured(task: Task, index: Any, now: float) -> FloatArray:
+    """The measurements `index` of counters that the signal itself times, (2 rows a channel, measurements)."""
+    rows = np.zeros((2 * len(task.meters), len(index)))
+    for place, meter in enumerate(task.meters):
+        if meter.silent:
+            continue
+        meter.advance(now)
+        rows[2 * place : 2 * place + 2] = (
+            [meter.at(np.full(len(index), now)), np.zeros(len(index))]
+            if meter.counts
+            else meter.events()[1][:, index]
+        )
+    return rows
 
 
 def _volts(system: NiSystem, task: Task, times: list[FloatArray], index: Any) -> tuple[FloatArray, BoolArray]:

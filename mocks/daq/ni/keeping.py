@@ -1,46 +1,36 @@
-"""State that the NI system keeps beyond a task's run: scales, saved tasks, watchdogs, power-up states."""
+"""State that the NI system keeps beyond a task's run: scales and watchdogs; properties of what it stores."""
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 from nidaqmx._stubs import nidaqmx_pb2 as pb
-from nidaqmx.constants import PowerUpStates, WDTTaskAction
+from nidaqmx.constants import WDTTaskAction
 from nidaqmx.utils import unflatten_channel_string
 
-from .channels import field
 from .errors import DaqmxError, DAQmxErrors
+from .fields import field
 from .scales import Scale, linear, mapped, polynomial, reverse_coefficients, tabulated
+from .storage import read_stored
 from .system import NiSystem
-from .tasks import Channel, Task
+from .tasks import Task
+from .upkeep import read_calibration, write_calibration
 from .watchdog import Watchdog
 
 __all__ = ["KEEPING", "read_kept", "write_kept"]
 
 Call = Callable[[NiSystem, Any, Callable[[], bool]], Any]
 
-_OVERWRITE, _EDITABLE, _DELETABLE = 1, 2, 4
-"""Option bits of a request to save a task."""
-
-
-@dataclass(frozen=True)
-class SavedTask:
-    """Copy of a task at the time when a program saved it."""
-
-    channels: list[Channel]
-    settings: dict[tuple[str, str], Any]
-    values: dict[str, Any]
-
 
 def read_kept(system: NiSystem, kind: str, name: str, request: Any) -> Any:
     """Return property `name` of the request's scale, saved task or watchdog, or None."""
     if kind in ("Scale", "PersistedScale"):
         return request.scale_name if name == "ACTIVE_SCALE" else _scale(system, request.scale_name).get(name)
-    if kind == "PersistedTask":
-        return request.task_name if name == "ACTIVE_TASK" else _saved(system, request.task_name).values[name]
+    if kind in ("PersistedTask", "PersistedChan"):
+        return read_stored(system, kind, name, request)
+    if kind == "CalInfo":
+        return read_calibration(system, name, request)
     watchdog = _watchdog(system, request)
     if name == "HAS_EXPIRED":
         return watchdog.expired(system.clock.now())
@@ -51,6 +41,9 @@ def write_kept(system: NiSystem, kind: str, name: str, request: Any, value: Any)
     """Set property `name` of a scale or watchdog; None resets a watchdog's property."""
     if kind == "Scale":
         _scale(system, request.scale_name).set(name, value)
+        return
+    if kind == "CalInfo":
+        write_calibration(system, name, request, value)
         return
     watchdog = _watchdog(system, request)
     watchdog.values.pop((request.lines, name), None)
@@ -85,58 +78,6 @@ def _reverse(system: NiSystem, request: Any, alive: Callable[[], bool]) -> Any:
         list(r.forward_coeffs), r.min_val_x, r.max_val_x, r.num_points_to_compute, r.reverse_poly_order
     )
     return pb.CalculateReversePolyCoeffResponse(reverse_coeffs=found)
-
-
-# Saved tasks
-
-
-def _saved(system: NiSystem, name: str) -> SavedTask:
-    if name not in system.saved_tasks:
-        raise DaqmxError(
-            DAQmxErrors.TASK_NOT_IN_DATA_NEIGHBORHOOD, f"There is no saved task called {name!r}."
-        )
-    saved = system.saved_tasks[name]
-    assert isinstance(saved, SavedTask), "only saving puts tasks there"
-    return saved
-
-
-def _save(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
-    task = system.task(request.task.name)
-    name, options = request.save_as or task.name, int(request.options_raw)
-    if name in system.saved_tasks and not options & _OVERWRITE:
-        raise DaqmxError(
-            DAQmxErrors.CANT_SAVE_TASK_WITHOUT_REPLACE,
-            f"Task cannot be saved: a saved task called {name!r} exists, and the call forbids replacing it.",
-        )
-    values = {
-        "AUTHOR": request.author,
-        "ALLOW_INTERACTIVE_EDITING": bool(options & _EDITABLE),
-        "ALLOW_INTERACTIVE_DELETION": bool(options & _DELETABLE),
-    }
-    system.saved_tasks[name] = SavedTask(_copies(task.channels), dict(task.settings), values)
-
-
-def _load(system: NiSystem, request: Any, alive: Callable[[], bool]) -> Any:
-    saved = _saved(system, request.session_name)
-    task, new = system.create_task(request.session_name)
-    if new:
-        task.channels, task.settings = _copies(saved.channels), dict(saved.settings)
-    reply = pb.LoadTaskResponse(new_session_initialized=new)
-    reply.task.name = task.name
-    return reply
-
-
-def _copies(channels: list[Channel]) -> list[Channel]:
-    """Copy channels, so that a property set on one does not change the other."""
-    twins = [copy.copy(channel) for channel in channels]
-    for twin in twins:
-        twin.values = dict(twin.values)
-    return twins
-
-
-def _delete(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
-    _saved(system, request.task_name)
-    del system.saved_tasks[request.task_name]
 
 
 # Watchdogs
@@ -180,29 +121,6 @@ def _expiration(properties: dict[str, str]) -> Call:
     return call
 
 
-# Power-up states
-
-
-def _lines(system: NiSystem, names: str) -> list[str]:
-    lines = []
-    for device, tail in system.inventory.resolve(names):
-        lines += [line for line in device.lines if f"{line}/".startswith(f"{device.name}/{tail}/")]
-    return lines
-
-
-def _set_power_up(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
-    for entry in request.power_up_states:
-        system.power_up.update(dict.fromkeys(_lines(system, entry.channel_names), entry.state))
-
-
-def _get_power_up(system: NiSystem, request: Any, alive: Callable[[], bool]) -> Any:
-    states = [
-        system.power_up.get(_lines(system, name)[0], PowerUpStates.TRISTATE.value)
-        for name in request.channel_name
-    ]
-    return pb.GetDigitalPowerUpStatesResponse(power_up_states=states)
-
-
 KEEPING: dict[str, Call] = {
     "CreateLinScale": _creating(lambda r, common: linear(r.slope, r.y_intercept, **common)),
     "CreateMapScale": _creating(
@@ -215,9 +133,6 @@ KEEPING: dict[str, Call] = {
         lambda r, common: tabulated(list(r.prescaled_vals), list(r.scaled_vals), **common)
     ),
     "CalculateReversePolyCoeff": _reverse,
-    "SaveTask": _save,
-    "LoadTask": _load,
-    "DeleteSavedTask": _delete,
     "CreateWatchdogTimerTaskEx": _create_watchdog,
     "ControlWatchdogTask": _control_watchdog,
     "CfgWatchdogDOExpirStates": _expiration({"DO_EXPIR_STATE": "expir_state_array"}),
@@ -225,7 +140,5 @@ KEEPING: dict[str, Call] = {
     "CfgWatchdogAOExpirStates": _expiration(
         {"AO_EXPIR_STATE": "expir_state_array", "AO_OUTPUT_TYPE": "output_type_array"}
     ),
-    "SetDigitalPowerUpStates": _set_power_up,
-    "GetDigitalPowerUpStates": _get_power_up,
 }
 """Calls of this module, by name."""

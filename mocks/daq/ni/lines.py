@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ....instruments.arrays import FloatArray
-from .tasks import Channel
+from .channel import Channel
 
 __all__ = ["line_order", "port_words", "word_lines"]
 

@@ -28,6 +28,7 @@ from .calls import CALLS
 from .devices import Inventory, NiDevice
 from .errors import DaqmxError, DAQmxErrors
 from .events import Events
+from .storage import saved_in_export
 from .system import NiSystem
 from .terminals import OutputTerminal
 
@@ -78,6 +79,7 @@ class NiServer:
         inventory = inventory.numbered(_FIRST_SERIAL + (self.port << 8))
         clock = clock or (nodes.clock if nodes is not None else RealClock())
         self._system = NiSystem(inventory, clock, nodes, wiring or {}, rtsi, seed)
+        self._system.saved_tasks, self._system.saved_channels = saved_in_export(inventory.export, inventory)
         self._events = Events(self._system)
         self._service = _Service(self._system, self._events, call_time)
         self._server.add_generic_rpc_handlers((self._service,))
@@ -100,8 +102,13 @@ class NiServer:
 
     def connect(self, terminal: str, node: str) -> None:
         """Connect an input to a node of `nodes` from now on. Raises DaqmxError for an unknown terminal."""
+        inventory = self._system.inventory
         with self._system.lock:
-            list(self._system.inventory.resolve(terminal))
+            device, _, tail = terminal.partition("/")
+            if tail.upper().startswith("PFI"):
+                inventory.terminal(inventory.device(device), f"/{terminal}")
+            else:
+                list(inventory.resolve(terminal))
             self._system.wiring[terminal] = node
 
     @property

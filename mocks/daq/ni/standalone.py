@@ -13,7 +13,7 @@ from pathlib import Path
 
 from ....instruments.errors import ConfigurationError, InstrumentError
 from ...plant import Nodes
-from ..products import PRODUCTS
+from ..products import PRODUCTS, Product, described
 from .devices import Inventory, NiDevice, devices_from_ini
 from .server import NiServer
 
@@ -22,20 +22,23 @@ __all__ = ["inventory_from_file", "inventory_of", "run"]
 _IN_A_SLOT = re.compile(r"(.+)Mod(\d+)")
 
 
-def inventory_of(devices: Mapping[str, str]) -> Inventory:
+def inventory_of(devices: Mapping[str, str], products: Mapping[str, Product] | None = None) -> Inventory:
     """Create the inventory of a rig file's devices, a mapping of device name to product name.
+
+    `products` are those that are known, of the table unless others are given.
 
     A module stands in the chassis and slot that its name says, as NI MAX names it ("cDAQ1Mod2"); any other in
     the first chassis of `devices`. A chassis that is not listed is a cDAQ-9178.
     Raises ConfigurationError for an unknown product.
     """
+    known = described({}) if products is None else products
     for name, product in devices.items():
-        if product not in PRODUCTS:
+        if product not in known:
             raise ConfigurationError(
-                f"There is no simulated {product!r} ({name}); there are {', '.join(sorted(PRODUCTS))}."
+                f"There is no simulated {product!r} ({name}); there are {', '.join(sorted(known))}."
             )
-    cards = [NiDevice(name, PRODUCTS[product]) for name, product in devices.items()]
-    modules = [card for card in cards if card.product.family == "C Series"]
+    cards = [NiDevice(name, known[product]) for name, product in devices.items()]
+    modules = [card for card in cards if card.product.family in ("C Series", "TestScale")]
     if not modules:
         return Inventory.of(cards)
     own = [card.name for card in cards if card.product.slots]

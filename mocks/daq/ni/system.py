@@ -8,8 +8,9 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
+from typing import Any
 
-from nidaqmx.constants import LoggingMode, TriggerType
+from nidaqmx.constants import TriggerType
 
 from ....instruments.clock import Clock
 from ...clock import VirtualClock
@@ -17,7 +18,10 @@ from ...plant import Nodes, PlayStopped
 from ..converter import STOPPED, noise_of
 from .devices import Inventory, NiDevice
 from .errors import DaqmxError, DAQmxErrors, error_string
+from .looking import Terminals
+from .signalling import begin_measuring, begin_pulses, reference_terminal
 from .tasks import State, Task
+from .teds import Teds
 from .terminals import OutputTerminal, Timebase
 
 __all__ = ["NiSystem"]
@@ -42,8 +46,11 @@ class NiSystem:
         self.inventory = inventory
         self.scales = {name: scale.copy() for name, scale in inventory.scales.items()}
         self.saved_tasks: dict[str, object] = {}
-        self.power_up: dict[str, int] = {}
-        """Power-up states of digital lines that a program has set, by line."""
+        self.saved_channels: dict[str, object] = {}
+        self.upkeep: dict[tuple[str, str], Any] = {}
+        """What programs have stored in devices and terminals, by their names and that of the property."""
+        self.teds: dict[str, Teds] = {}
+        """Sensors that describe themselves, by physical channel."""
         self.clock = clock
         self.nodes = nodes
         self.wiring = dict(wiring)
@@ -61,6 +68,7 @@ class NiSystem:
             for device in inventory.devices.values()
             for name in (*device.ao, *device.lines)
         }
+        self.terminals = Terminals(self)
         self._reserved: dict[tuple[str, str], Task] = {}
         self._injected: dict[str, DAQmxErrors] = {}
         self._failing: dict[str, DAQmxErrors] = {}
@@ -212,9 +220,6 @@ class NiSystem:
                 f"The generation of {task.name!r} cannot be started, because the output buffer is empty: "
                 "write to it first.",
             )
-        if task.setting("Read", "LOGGING_MODE", LoggingMode.OFF.value) != LoggingMode.OFF.value:
-            self.unserved["TDMS logging"] += 1
-            raise DaqmxError(DAQmxErrors.ATTR_NOT_SUPPORTED, "haploop's NI wire writes no TDMS files.")
         before = task.state
         self.commit(task)
         shares, triggers = self._sources(task)
@@ -229,6 +234,8 @@ class NiSystem:
         task.clock = Timebase(task.rate_hz)
         task.offset = 0
         task.shares = shares
+        task.meters, task.trains, task.reference = [], [], None
+        task.logged, task.log_path = 0, None
         now = self.clock.now()
         if task.kind == "ai" and task.timed:
             task.noise = {
@@ -258,6 +265,8 @@ class NiSystem:
             task.clock = replace(task.clock, stopped=now)
         for name in self.rows(task) if not task.is_input and task.kind != "co" else ():
             self.outputs[name].stop(now)
+        for train in task.trains:
+            train.stopped = min(train.stopped, now)
         task.state = State.COMMITTED
         task.waits_for = set()
         task.on_demand = 0
@@ -329,17 +338,18 @@ class NiSystem:
         if task.timed and source:
             shares = self._signal(task, self.inventory.terminal(task.device, source))
         triggers = set()
-        if task.setting("Trig", "START_TRIG_TYPE") == TriggerType.DIGITAL_EDGE.value:
-            text = task.setting("Trig", "DIG_EDGE_START_TRIG_SRC", "")
-            trigger = self._signal(task, self.inventory.terminal(task.device, text)) if text else None
-            if trigger is not None:
-                triggers.add(trigger)
+        for which in ("START", "ARM_START"):
+            if task.setting("Trig", f"{which}_TRIG_TYPE") == TriggerType.DIGITAL_EDGE.value:
+                text = task.setting("Trig", f"DIG_EDGE_{which}_TRIG_SRC", "")
+                trigger = self._signal(task, self.inventory.terminal(task.device, text)) if text else None
+                if trigger is not None:
+                    triggers.add(trigger)
         return shares, triggers
 
     def _signal(self, task: Task, terminal: str) -> str | None:
         """Return `terminal` if another task must drive it, else None. Raises DaqmxError without a route."""
         match = _SIGNAL.fullmatch(terminal)
-        if match is None or terminal in self._emits(task):
+        if match is None or terminal in self.emits(task):
             return None
         source = self.inventory.device(match["device"])
         if not self.rtsi and not self.inventory.routed(source, task.device):
@@ -350,11 +360,14 @@ class NiSystem:
             )
         return terminal
 
-    def _emits(self, task: Task) -> set[str]:
+    def emits(self, task: Task) -> set[str]:
+        """Return the terminals that a running task drives."""
         names = {task.device.name, task.device.chassis or task.device.name}
         if task.kind == "co":
             number = re.sub(r"\D", "", task.channels[0].physical[0])
             return {f"/{name}/Ctr{number}InternalOutput" for name in names}
+        if task.kind == "ci":
+            return set()
         return {
             f"/{name}/{task.kind}/{signal}" for name in names for signal in ("SampleClock", "StartTrigger")
         }
@@ -364,7 +377,7 @@ class NiSystem:
         for other in self.tasks.values():
             if other is task or not other.channels or not other.running or other.waits_for:
                 continue
-            if terminal in self._emits(other):
+            if terminal in self.emits(other):
                 task.clock = other.clock
                 task.offset = other.clock.edges(now)
                 return True
@@ -374,10 +387,18 @@ class NiSystem:
         """Begin sampling now, and start the tasks that waited for this one."""
         if task.shares is None:
             task.clock.start = now
-            task.clock.total = task.total
+            # Before a reference trigger it runs on; then the count of samples ends the task.
+            task.clock.total = task.total if task.pretrigger is None else None
         if not task.is_input and task.timed and task.kind != "co":
             self.play(task)
-        for terminal in self._emits(task):
+        if task.kind == "co":
+            begin_pulses(self, task, now)
+        elif task.kind == "ci":
+            begin_measuring(self, task, now)
+        if task.pretrigger is not None and not reference_terminal(self, task):
+            # As on NI's simulated devices: a signal that nothing drives is there at once.
+            task.reference = task.pretrigger
+        for terminal in self.emits(task):
             for other in list(self.tasks.values()):
                 if other.running and terminal in other.waits_for:
                     other.waits_for.discard(terminal)

@@ -11,9 +11,12 @@ from nidaqmx.constants import OverwriteMode, ReadRelativeTo
 from nidaqmx.utils import unflatten_channel_string
 
 from . import inputs
+from .channel import Channel
 from .errors import DaqmxError, DAQmxErrors
+from .signalling import glimpse
 from .system import NiSystem
-from .tasks import Channel, Task
+from .tasks import Task
+from .tdms import log
 
 __all__ = ["Alive", "Taken", "take", "wanted_channels"]
 
@@ -48,6 +51,7 @@ def take(
     if not task.running:
         system.start(task, auto=True)
     if not task.timed:
+        _await_measurement(system, task, timeout, alive)
         taken = inputs.acquire(system, task, max(1, wanted))
         result = Taken(*_wanted(task, taken), max(0, task.on_demand - taken.shape[1]))
         if task.auto_started:
@@ -75,7 +79,7 @@ def take(
     end = first + wanted
     reached = system.wait(
         lambda: not task.running or task.count(system.clock.now()) >= end or task.failure is not None,
-        lambda: task.ready(end),
+        lambda: glimpse(system, task) or task.ready(end),
         timeout,
         alive,
     )
@@ -87,7 +91,7 @@ def take(
         raise task.failure
     _refuse_lost(system, task, first)
     count = min(wanted, max(0, task.count(system.clock.now()) - first))
-    lines = sum(len(channel.physical) for channel in task.channels)
+    lines = sum(channel.rows for channel in task.channels)
     rows = inputs.samples(system, task, first, count) if count else np.zeros((lines, 0))
     result = Taken(
         *_wanted(task, rows),
@@ -95,10 +99,31 @@ def take(
         0 if reached else DAQmxErrors.SAMPLES_NOT_YET_AVAILABLE.value,
     )
     task.read_position = first + count
+    log(system, task)
     if task.auto_started and task.total is not None and task.read_position >= task.total:
         system.stop(task)
     system.changed.notify_all()
     return result
+
+
+def _await_measurement(system: NiSystem, task: Task, timeout: float, alive: Alive) -> None:
+    """Wait for the next measurement of time of a counter that a program reads without a clock."""
+    asked = system.clock.now()
+    waiting = [meter for meter in task.meters if not meter.counts and not meter.silent]
+
+    def measured() -> bool:
+        now = system.clock.now()
+        for meter in waiting:
+            meter.advance(now)
+        return all(len(ends := meter.events()[0]) and ends[-1] > asked for meter in waiting)
+
+    if waiting and not system.wait(measured, lambda: glimpse(system, task), timeout, alive):
+        raise DaqmxError(
+            DAQmxErrors.SAMPLES_NOT_YET_AVAILABLE,
+            "Some or all of the samples requested have not yet been acquired: no edges come to "
+            f"{task.name!r}.",
+            read=0,
+        )
 
 
 def _refuse_unreadable(system: NiSystem, task: Task) -> None:
@@ -108,12 +133,6 @@ def _refuse_unreadable(system: NiSystem, task: Task) -> None:
             DAQmxErrors.READ_NO_INPUT_CHANS_IN_TASK,
             f"Read cannot be performed, because task {task.name!r} has no input channels: only digital "
             "lines written on demand can be read back.",
-        )
-    if task.kind == "ci":
-        system.unserved["reading a counter"] += 1
-        raise DaqmxError(
-            DAQmxErrors.ATTR_NOT_SUPPORTED,
-            f"haploop's NI wire does not simulate counting: {task.name!r} cannot be read.",
         )
     injected = system.injected(task)
     if injected is not None:
@@ -137,8 +156,8 @@ def _wanted(task: Task, rows: Any) -> tuple[tuple[Channel, ...], Any]:
     row = 0
     for channel in task.channels:
         if channel in wanted:
-            places += range(row, row + len(channel.physical))
-        row += len(channel.physical)
+            places += range(row, row + channel.rows)
+        row += channel.rows
     return wanted, rows if len(places) == len(rows) else rows[places]
 
 

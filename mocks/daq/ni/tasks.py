@@ -1,30 +1,27 @@
-"""A task and its channels: their configuration and progress."""
+"""A task: its configuration and progress."""
 
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from nidaqmx.constants import AcquisitionType, SampleTimingType, TriggerType
 
 from ....instruments.arrays import FloatArray
-from ..products import Product, code_width, convert_interval, input_range
+from ....instruments.daq.ni_filters import filter_delay
+from ..products import convert_interval
+from .channel import TIMEBASE_HZ, Channel, Kind
+from .counting import Meter
 from .devices import NiDevice
 from .errors import DaqmxError, DAQmxErrors
-from .scales import Scale
+from .pulses import PulseTrain
 from .terminals import Timebase
 from .watchdog import Watchdog
 
-__all__ = ["Channel", "Chunk", "Kind", "State", "Task"]
-
-Kind = Literal["ai", "ao", "di", "do", "ci", "co"]
-
-_TIMEBASE_HZ = {"E Series": 20e6, "M Series": 80e6, "X Series": 100e6, "Digital I/O": 100e6, "C Series": 80e6}
-"""Timebase of the sample clocks, by family (X Series from its manual, others estimates; docs/hardware.md,
-"PCIe-6321 (X Series)")."""
+__all__ = ["Chunk", "State", "Task"]
 
 
 class State(IntEnum):
@@ -34,80 +31,6 @@ class State(IntEnum):
     RESERVED = 1
     COMMITTED = 2
     RUNNING = 3
-
-
-@dataclass
-class Channel:
-    """One virtual channel: a converter's terminal, or a group of digital lines."""
-
-    name: str
-    kind: Kind
-    device: NiDevice
-    physical: tuple[str, ...]
-    """Names without the device: ("ai0",), or lines in the order given ("port0/line0", ...), a whole port from
-    its highest line down. It is also the order of a digital waveform's columns."""
-    values: dict[str, Any] = field(default_factory=dict)
-    """Properties that were set, by attribute name."""
-    ports: bool = False
-    """True for a digital channel of whole ports."""
-    scale: Scale | None = None
-    """Custom scale between volts and the program's units."""
-
-    @property
-    def product(self) -> Product:
-        """Product of the channel's device."""
-        return self.device.product
-
-    @property
-    def low(self) -> float:
-        """Lowest value that the program requested."""
-        return float(self.values.get(f"{self.kind.upper()}_MIN", -10.0))
-
-    @property
-    def high(self) -> float:
-        """Highest value that the program requested."""
-        return float(self.values.get(f"{self.kind.upper()}_MAX", 10.0))
-
-    @property
-    def volts(self) -> FloatArray:
-        """Limits that the program requested, as voltages at the terminal: (2,) V, rising."""
-        limits = np.array([self.low, self.high])
-        return limits if self.scale is None else np.sort(self.scale.to_volts(limits))
-
-    @property
-    def full_scale(self) -> float:
-        """Range of the converter, as +- full scale (V)."""
-        if self.kind == "ao":
-            wanted = float(np.abs(self.volts).max())
-            low = 0.0 if self.product.ao_unipolar else -self.product.ao_range
-            if wanted > self.product.ao_range * (1 + 1e-9) or self.volts[0] < low * (1 + 1e-9):
-                raise DaqmxError(
-                    DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
-                    f"Requested value is not a supported value for this property: {self.name} of "
-                    f"{self.product.name} puts out {low:g} to {self.product.ao_range:g} V, not "
-                    f"{self.volts[0]:g} to {self.volts[1]:g} V.",
-                )
-            return self.product.ao_range
-        forced = self.values.get("AI_RNG_HIGH")
-        wanted = forced if forced is not None else float(np.abs(self.volts).max())
-        if self.values.get("AI_MEAS_TYPE_NAME", "VOLTAGE") != "VOLTAGE":
-            wanted = self.product.ai_ranges[0]
-        found = input_range(self.product, float(wanted))
-        if found is None:
-            raise DaqmxError(
-                DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
-                f"Requested value is not a supported value for this property: {self.name} of "
-                f"{self.product.name} has no range of +-{wanted:g} V, only "
-                f"+-{', +-'.join(f'{r:g}' for r in self.product.ai_ranges)} V.",
-            )
-        return found
-
-    @property
-    def width(self) -> float:
-        """Volts per code."""
-        if self.kind == "ao":
-            return self.product.ao_range / 2.0 ** (self.product.ao_bits - 1)
-        return float(code_width(self.product, np.array(self.full_scale)))
 
 
 @dataclass
@@ -155,6 +78,17 @@ class Task:
         """Samples per channel of the buffer's first write: the buffer's size unless the program set one."""
         self.dropped = 0
         """Number of played samples removed from the buffer's beginning."""
+        self.meters: list[Meter] = []
+        """Measurements of its counter inputs since it was armed."""
+        self.trains: list[PulseTrain] = []
+        """Pulses of its counter outputs since it was started."""
+        self.pulses: tuple[FloatArray, FloatArray] | None = None
+        """High and low times (channels, pulses) s that a program has written to counter outputs."""
+        self.logged = 0
+        """Samples per channel that are in its log file."""
+        self.log_path: object = None
+        self.reference: int | None = None
+        """Index of the sample at the reference trigger, once it has come."""
         self.failure: DaqmxError | None = None
         self.watchdog: Watchdog | None = None
         """Set for a watchdog timer task, which has no channels."""
@@ -203,8 +137,25 @@ class Task:
         )
 
     @property
+    def implicit(self) -> bool:
+        """True when the signal itself times the samples of a counter."""
+        return bool(self.setting("Timing", "SAMP_TIMING_TYPE") == SampleTimingType.IMPLICIT.value)
+
+    @property
+    def pretrigger(self) -> int | None:
+        """Samples to be kept from before a reference trigger; None without one."""
+        if self.setting("Trig", "REF_TRIG_TYPE", TriggerType.NONE.value) == TriggerType.NONE.value:
+            return None
+        return int(self.setting("Trig", "REF_TRIG_PRETRIG_SAMPLES", 2))
+
+    @property
     def rate_hz(self) -> float:
         """Actual sample rate: the timebase divided by an integer."""
+        if self.channels and self.kind == "co":
+            high, low = self.channels[0].pulse
+            return 1 / (high + low)
+        if self.channels and self.kind == "ai" and self.device.product.delta_sigma:
+            return self.device.product.sample_rate(float(self.setting("Timing", "SAMP_CLK_RATE", 1000.0)))
         divisor = self.setting("Timing", "SAMP_CLK_TIMEBASE_DIV")
         asked = float(self.setting("Timing", "SAMP_CLK_RATE", 1000.0))
         if str(self.setting("Timing", "SAMP_CLK_SRC", "")).endswith("ai/SampleClock"):
@@ -215,7 +166,7 @@ class Task:
     @property
     def timebase_hz(self) -> float:
         """Frequency of the sample clock's timebase."""
-        return _TIMEBASE_HZ.get(self.device.product.family, 100e6)
+        return TIMEBASE_HZ.get(self.device.product.family, 100e6)
 
     @property
     def samples_asked(self) -> int:
@@ -249,14 +200,15 @@ class Task:
         """Return the delay of channel `index`'s conversion after the clock edge (s), in its card's order."""
         device = self.channels[index].device
         before = sum(channel.device == device for channel in self.channels[:index])
-        return 0.0 if device.product.ai_simultaneous else before * self.interval
+        late = 0.0 if device.product.ai_simultaneous else before * self.interval
+        return late - (filter_delay(device.product.name, self.rate_hz) if self.timed else 0.0)
 
     @property
     def skew(self) -> float:
         """Delay of the last channel's conversion after the clock edge (s)."""
         if self.kind != "ai":
             return 0.0
-        return max(self.delay(i) for i in range(len(self.channels)))
+        return max(0.0, *(self.delay(i) for i in range(len(self.channels))))
 
     @property
     def buffer_size(self) -> int:
@@ -275,28 +227,61 @@ class Task:
 
     def count(self, now: float) -> int:
         """Return the samples per channel completed at `now` (s): acquired or put out."""
+        if self.kind == "co":
+            return sum(train.begun(now) for train in self.trains[:1])
         if not self.timed:
             return self.on_demand
-        count = max(0, self.clock.edges(now - self.skew) - self.offset)
+        if self.kind == "ci" and self.implicit:
+            return self._limited(min((meter.done(now) for meter in self.meters), default=0))
+        edges = max(0, self.clock.edges(now - self.skew) - self.offset)
+        if self.pretrigger is not None and self.total is not None:
+            # Nothing can be read before the trigger, and then what came before it too.
+            return 0 if self.reference is None else self._limited(max(0, edges - self.base))
+        return self._limited(edges)
+
+    @property
+    def base(self) -> int:
+        """Index of the first sample that is kept: 0, except before a reference trigger."""
+        return 0 if self.reference is None else self.reference - (self.pretrigger or 0)
+
+    def waits(self) -> bool:
+        """True when nobody can say when its next sample comes: it is the signals that say so."""
+        return bool(self.meters) or (self.pretrigger is not None and self.reference is None)
+
+    def _limited(self, count: int) -> int:
         return count if self.total is None else min(count, self.total)
 
     def ready(self, samples: int) -> float | None:
         """Return the time when `samples` samples per channel are complete (s); None if never or unknown."""
         if self.total is not None and samples > self.total:
             return None
-        edge = self.clock.time(self.offset + samples - 1)
+        if self.kind == "co":
+            return max((train.end for train in self.trains), default=None)
+        if self.meters and self.implicit:
+            return None
+        if self.pretrigger is not None and self.reference is None:
+            return None
+        edge = self.clock.time(self.offset + self.base + samples - 1)
         return None if edge is None else edge + self.skew
 
     def done(self, now: float) -> bool:
         """Return True when the task has no more samples to acquire or put out."""
-        if not self.running or not self.timed:
+        if not self.running or (not self.timed and self.kind != "co"):
             return True
         if self.failure is not None:
             return True
-        count = self.count(now)
-        if self.total is not None and count >= self.total:
+        if self.kind == "co":
+            return bool(self.trains) and all(train.end <= now for train in self.trains)
+        if self.total is not None and self.count(now) >= self.total + self.late:
             return True
+        if self.late:
+            return bool(self.clock.edges(now) - self.offset > (self.total or 0))
         return bool(self.clock.total is not None and self.clock.edges(now - self.skew) >= self.clock.total)
+
+    @property
+    def late(self) -> int:
+        """Pulses beyond its samples that it needs to be done: 1 of old cards on another's clock."""
+        return int(self.kind == "ao" and self.shares is not None and self.device.product.ends_late)
 
     def verify(self) -> None:
         """Check the combination of the settings. Raises DaqmxError."""
@@ -311,6 +296,12 @@ class Task:
             )
         if self.timed and kind in ("ai", "ao"):
             product, channels = self.device.product, len(self.channels)
+            if kind == "ao" and not product.ao_rate_hz:
+                raise DaqmxError(
+                    DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
+                    "Requested value is not a supported value for this property: sample timing type of "
+                    f"{self.device.name}: the outputs of a {product.name} have no sample clock.",
+                )
             if kind == "ao":
                 most = product.ao_rate_hz
             elif product.ai_simultaneous or channels == 1:
@@ -323,9 +314,15 @@ class Task:
                     f"Sample rate {self.rate_hz:g} Hz is above what {self.device.name} "
                     f"({product.name}) can do with {channels} channels: {most:g} Hz.",
                 )
+            if kind == "ai" and self.rate_hz < product.ai_rate_least_hz * (1 - 1e-3):
+                raise DaqmxError(
+                    DAQmxErrors.SAMP_RATE_TOO_LOW,
+                    f"Sample rate {self.rate_hz:g} Hz is below what {self.device.name} ({product.name}) "
+                    f"can do: {product.ai_rate_least_hz:g} Hz.",
+                )
             for channel in self.channels:
                 _ = channel.full_scale
-        if self.total is not None and self.timed and self.samples_asked < 2:
+        if self.total is not None and self.timed and kind not in ("ci", "co") and self.samples_asked < 2:
             raise DaqmxError(
                 DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
                 "Requested value is not a supported value for this property: "

@@ -16,13 +16,14 @@ from nidaqmx._stubs import nidaqmx_pb2 as pb
 from nidaqmx.constants import FillMode
 
 from ....instruments.arrays import FloatArray
-from .channels import field
+from .channel import Channel
 from .errors import DaqmxError, DAQmxErrors
+from .fields import field
 from .lines import line_order, port_words, word_lines
 from .putting import put
 from .system import NiSystem
 from .taking import Alive, Taken, take, wanted_channels
-from .tasks import Channel, Task
+from .tasks import Task
 
 __all__ = ["TRANSFERS"]
 
@@ -221,10 +222,18 @@ def _writer_of_one(reply: type[Any], write: Callable[[Sequence[Channel], Any], F
 
 def _read_raw(system: NiSystem, request: Any, alive: Alive) -> Any:
     task = system.task(request.task.name)
-    width = 2 if task.kind == "ai" else 4
+    coded = (
+        "<i2"
+        if task.kind == "ai" and task.device.product.ai_bits <= 16
+        else "<i4"
+        if task.kind == "ai"
+        else "<u4"
+    )
+    width = int(coded[-1])
     space = request.array_size_in_bytes // max(1, width * len(wanted_channels(task)))
     result = take(system, task, request.num_samps_per_chan, request.timeout, alive, space)
-    data = _codes(result).astype("<i2").T if task.kind == "ai" else _words(result).astype("<u4").T
+    codes = _codes(result) if task.kind == "ai" else result.rows[::2] if task.kind == "ci" else _words(result)
+    data = codes.astype(coded).T
     payload = np.ascontiguousarray(data).tobytes()
     _refuse_small(request.array_size_in_bytes, len(payload))
     return pb.ReadRawResponse(

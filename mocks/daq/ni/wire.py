@@ -7,7 +7,9 @@ from contextlib import contextmanager
 from typing import Any
 
 from ....instruments.daq.ni_daqmx import NiDaq
+from ....instruments.daq.ni_settings import device_of
 from ...plant import Plant
+from ..products import described
 from .server import NiServer
 from .standalone import inventory_of
 
@@ -20,7 +22,10 @@ def wire(settings: NiDaq.Settings, plant: Plant) -> Iterator[dict[str, Any]]:
 
     Channels and outputs are nodes of the plant with the same names.
     """
-    inventory, wiring, rtsi = inventory_of(settings.devices), wiring_of(settings), plant.has_rtsi()
+    for name, channel in settings.channels.items():
+        plant.sample_by(name, device_of(channel.terminal))
+    inventory = inventory_of(settings.devices, described(settings.products))
+    wiring, rtsi = wiring_of(settings), plant.has_rtsi()
     with NiServer(inventory, plant, wiring, rtsi=rtsi, seed=plant.settings.seed) as server:
         yield {"server": server.address}
 

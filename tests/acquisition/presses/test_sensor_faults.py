@@ -28,6 +28,11 @@ def hum(volts: float, frequency: float = 50.0, channel: str = "acceleration_z") 
     return {"kind": "mains-hum", "channel": channel, "volts": volts, "frequency": frequency}
 
 
+def machine(volts: float, **more: Any) -> dict[str, Any]:
+    turning = {"kind": "rotating-machine", "channel": "acceleration_z", "volts": volts, "frequency": 87.3}
+    return {**turning, **more}
+
+
 def off(channel: str) -> dict[str, Any]:
     return {"kind": "sensor-disconnected", "channel": channel}
 
@@ -66,11 +71,25 @@ def unlooked(monkeypatch: pytest.MonkeyPatch) -> None:
         (hum(0.05), r"1\.1 m/s² rms at 50 Hz"),
         (hum(0.05, 60.0), r"1\.1 m/s² rms at 60 Hz"),
         (hum(0.01), r"0\.2[23] m/s² rms at 50 Hz"),
+        (machine(0.03), r"shows 0\.7\d? m/s² rms at rest, \d+% of the press's motion; look for a fan"),
+        (machine(0.02, frequency=131.0, wander=0.003), r"0\.4\d m/s² rms at rest"),
+        ({"kind": "flicker-noise", "channel": "acceleration_z", "volts": 0.03}, r"0\.\d+ m/s² rms at rest"),
         (off("acceleration_z"), "z must show 9.8"),
         (off("acceleration_x"), r"-4\d\.\d m/s² along x at rest: check its wires"),
         (off("gauge2"), "gauge2 does not follow the force"),
     ],
-    ids=["inverted", "50 mV", "60 Hz", "10 mV", "z off", "x off", "gauge off"],
+    ids=[
+        "inverted",
+        "50 mV",
+        "60 Hz",
+        "10 mV",
+        "fan",
+        "wandering fan",
+        "slow noise",
+        "z off",
+        "x off",
+        "gauge off",
+    ],
 )
 @pytest.mark.parametrize("seed", [2001, 2002, 2003])
 def test_a_wrong_sensor_is_told_at_the_first_press(
@@ -88,9 +107,10 @@ def test_a_wrong_sensor_is_told_at_the_first_press(
     ("fault", "said"),
     [
         (hum(0.003), "The accelerometer has mains hum"),
+        (machine(0.01), "The accelerometer shows 0.25 m/s² rms at rest, 2"),
         ({"kind": "sensor-creep", "channel": GAUGES, "share": 0.3}, "The force sensor creeps: "),
     ],
-    ids=["3 mV", "creep"],
+    ids=["3 mV", "fan", "creep"],
 )
 def test_what_is_doubtful_is_told_once_and_counts(tmp_path: Path, fault: dict[str, Any], said: str) -> None:
     verdicts: list[PressVerdict] = []
@@ -98,6 +118,14 @@ def test_what_is_doubtful_is_told_once_and_counts(tmp_path: Path, fault: dict[st
     assert all(verdict.accepted and verdict.flags == () for verdict in verdicts)
     (told,) = [verdict.reason for verdict in verdicts if verdict.reason]
     assert told.startswith(said)
+
+
+def test_a_motor_that_starts_between_presses_is_seen_in_the_rest_of_the_next(tmp_path: Path) -> None:
+    """The representative press was at r = 0.87, and nothing was said."""
+    verdicts: list[PressVerdict] = []
+    with pytest.raises(DataError, match=r"m/s² rms at rest, .* look for a fan or a motor"):
+        recorded(tmp_path, 31007, machine(0.04, after=3.0, run_up=1.0), verdicts=verdicts)
+    assert verdicts[0].accepted and not verdicts[-1].accepted
 
 
 def test_good_recordings_are_neither_refused_nor_doubted(tmp_path: Path, full: bool) -> None:

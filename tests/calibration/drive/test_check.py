@@ -31,11 +31,11 @@ def test_a_fresh_drive_passes_by_what_was_expected(calibrated: Calibrated, drive
     result = check(calibrated.rig, drive, progress=lambda *told: seen.append(told))
     assert result.passed and result.reasons == ()
     # What comes on top of the expected is the hysteresis, which is known to some percent.
-    assert drive.predicted_error / 2 < result.wideband_nrmse < 2 * drive.predicted_error < 0.20
+    assert drive.predicted_error / 2 < result.error < 2 * drive.predicted_error < 0.20
     assert str(result).endswith(": pass")
     assert result.correlation > 0.99 and result.envelope_correlation > 0.99
-    assert 0 < result.floor < 0.02 and result.tolerance == 0.20
-    assert result.third_octave_error_db < 2
+    assert 0 < result.within.floor < 0.02 and result.tolerance == 0.20
+    assert result.octaves.error_db < 2
     assert not result.overload and result.drift == 0
     assert result.drive_measured_peak == pytest.approx(drive.peak, rel=0.05)
     assert result.measured.shape == result.target.shape and result.plays == 8
@@ -44,9 +44,9 @@ def test_a_fresh_drive_passes_by_what_was_expected(calibrated: Calibrated, drive
     told = [name for name, *_ in seen]
     assert told == [f"Check the {drive.button} button"] * 8
     for value, (low, high) in (
-        (result.wideband_nrmse, result.wideband_interval),
-        (result.nrmse, result.nrmse_interval),
-        (result.outside, result.outside_interval),
+        (result.error, result.interval),
+        (result.within.root, result.within.interval),
+        (result.outside.root, result.outside.interval),
     ):
         assert low <= value <= high
 
@@ -63,10 +63,10 @@ def test_everything_said_can_be_computed_again_from_the_plays(
     products = missed @ missed.T / size
     squared = (products.sum() - np.trace(products)) / (count * (count - 1))
     floor = np.sqrt(np.var(plays, axis=0, ddof=1).sum() / count / size)
-    assert stored.wideband_nrmse == pytest.approx(np.sqrt(max(squared, 0)), abs=1e-9)
-    assert stored.wideband_floor == pytest.approx(floor, rel=1e-6)
-    assert stored.passed == (stored.wideband_interval[1] <= stored.tolerance)
-    assert np.hypot(stored.nrmse, stored.outside) == pytest.approx(stored.wideband_nrmse, abs=0.02)
+    assert stored.error == pytest.approx(np.sqrt(max(squared, 0)), abs=1e-9)
+    assert stored.whole.floor == pytest.approx(floor, rel=1e-6)
+    assert stored.passed == (stored.interval[1] <= stored.tolerance)
+    assert np.hypot(stored.within.root, stored.outside.root) == pytest.approx(stored.error, abs=0.02)
 
 
 def test_third_octaves_are_levels(calibrated: Calibrated, drive: Drive) -> None:
@@ -77,10 +77,11 @@ def test_third_octaves_are_levels(calibrated: Calibrated, drive: Drive) -> None:
     assert levels[4] == pytest.approx(0, abs=1e-6)
     assert np.all(np.delete(levels, 4) < -60)
     result = check(calibrated.rig, drive, plays=3)
-    assert result.octaves_hz[0] < 26 and result.octaves_hz[-1] > 1900
-    assert len(result.octaves_hz) == len(result.target_db) == len(result.measured_db) == len(result.floor_db)
-    beyond = result.octaves_hz > 1000
-    assert result.measured_db[beyond] == pytest.approx(result.floor_db[beyond], abs=4)
+    assert result.octaves.hz[0] < 26 and result.octaves.hz[-1] > 1900
+    octaves = result.octaves
+    assert len(octaves.hz) == len(octaves.target_db) == len(octaves.measured_db) == len(octaves.floor_db)
+    beyond = result.octaves.hz > 1000
+    assert result.octaves.measured_db[beyond] == pytest.approx(octaves.floor_db[beyond], abs=4)
 
 
 @pytest.mark.parametrize(
@@ -113,7 +114,7 @@ def test_noise_that_hides_the_motion_is_no_verdict(
     noise = np.random.default_rng(0)
     tamper(calibrated.rig, monkeypatch, laser=lambda v: v + 0.3 * noise.standard_normal(len(v)))
     result = check(calibrated.rig, drive, plays=3)
-    assert result.tolerance == 0.20 and result.wideband_floor > 0.3
+    assert result.tolerance == 0.20 and result.whole.floor > 0.3
     assert result.verdict == "not shown" and not result.passed
     assert "More plays would not" in result.reasons[0]
     assert any("single tones there would not be seen" in note for note in result.notes)
@@ -154,8 +155,8 @@ def test_motion_outside_the_band_fails(
     monkeypatch.setattr(rig, "excite", shaken)
     result = check(rig, drive, plays=3)
     assert before.passed and result.verdict == "fail"
-    assert result.outside == pytest.approx(1, abs=0.1)
-    assert result.nrmse == pytest.approx(before.nrmse, abs=0.02)
+    assert result.outside.root == pytest.approx(1, abs=0.1)
+    assert result.within.root == pytest.approx(before.within.root, abs=0.02)
     assert "outside" in result.reasons[0]
 
 
@@ -195,7 +196,7 @@ def test_what_was_played_before_does_not_change_the_verdict(open: OpenRig, drive
     first = check(rig, drive, plays=3)
     again = check(rig, drive, plays=3)
     assert first.passed and first.drift == 0
-    assert first.nrmse == pytest.approx(again.nrmse, abs=0.015)
+    assert first.within.root == pytest.approx(again.within.root, abs=0.015)
 
 
 def test_a_patch_without_volts_is_told(
@@ -224,13 +225,13 @@ def test_the_floor_is_the_standard_error_of_the_mean(
     noise = np.random.default_rng(3)
     tamper(calibrated.rig, monkeypatch, laser=lambda v: v + 0.02 * noise.standard_normal(len(v)))
     few, many = check(calibrated.rig, drive, plays=3), check(calibrated.rig, drive, plays=12)
-    assert few.floor / many.floor == pytest.approx(2, rel=0.2)
+    assert few.within.floor / many.within.floor == pytest.approx(2, rel=0.2)
 
 
 def test_yesterdays_drive_fails_on_a_table_that_drifted(open: OpenRig, drive: Drive) -> None:
     result = check(open(mode_drift=0.03), drive, plays=3)
     assert not result.passed
-    assert result.nrmse > 0.5
+    assert result.within.root > 0.5
 
 
 @pytest.mark.parametrize(
@@ -246,7 +247,7 @@ def test_other_tables_pass_as_expected(
     assert calibration.model.resonance_hz == pytest.approx(rig.simulation.truth.resonance_hz, abs=0.1)
     result = check(rig, drive_for(press, calibration, rig.limits))
     assert result.passed
-    assert result.wideband_nrmse == pytest.approx(result.drive.predicted_error, abs=0.05)
+    assert result.error == pytest.approx(result.drive.predicted_error, abs=0.05)
 
 
 def test_a_check_needs_plays_and_its_own_sample_rate(calibrated: Calibrated, drive: Drive) -> None:

@@ -98,7 +98,7 @@ def test_half_the_limit_gives_about_half_the_scale(
 def test_the_vibrometers_range_is_a_limit_too(calibrated: Calibrated, press: Representative) -> None:
     narrow = replace(
         calibrated.calibration,
-        response=replace(calibrated.calibration.response, velocity_range=0.1e-3),
+        response=replace(calibrated.calibration.response, pickup_range=0.1e-3),
     )
     drive = drive_for(press, narrow, calibrated.rig.limits)
     assert drive.peak < 0.8 * calibrated.rig.limits.peak

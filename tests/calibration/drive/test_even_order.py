@@ -47,7 +47,7 @@ def made(open: OpenRig, name: str, **more: Any) -> tuple[Calibration, Drive]:
 
 
 def true_error(open: OpenRig, name: str, drive: Drive) -> float:
-    return check(opened(open, name, vibrometer_noise_scale=0.0), drive, plays=3).wideband_nrmse
+    return check(opened(open, name, vibrometer_noise_scale=0.0), drive, plays=3).error
 
 
 @pytest.mark.parametrize("name", PLATES)

@@ -37,7 +37,7 @@ measured, and with a floor above what is asked for. All of them play at the volt
 
 def true_error(open: OpenRig, drive: Drive, world: dict[str, Any]) -> float:
     """What a vibrometer without noise sees of a drive."""
-    return check(open(**{**world, "vibrometer_noise_scale": 0.0}), drive, plays=3).wideband_nrmse
+    return check(open(**{**world, "vibrometer_noise_scale": 0.0}), drive, plays=3).error
 
 
 @pytest.fixture(scope="module")
@@ -55,10 +55,10 @@ def test_two_iterations_bring_a_fresh_drive_near_the_floor(learnt: Learning) -> 
 def near_the_floor(learning: Learning, method: Method) -> None:
     first, best = learning.iterations[0], learning.iterations[learning.best]
     one_shot, learnt = {"modulated": (0.10, 0.04), "broadband": (0.07, 0.02)}[method]
-    assert first.nrmse <= one_shot
-    assert best.floor < 0.015
-    assert best.nrmse <= learnt
-    assert learning.best_again == pytest.approx(best.nrmse, abs=0.005)
+    assert first.within.root <= one_shot
+    assert best.within.floor < 0.015
+    assert best.within.root <= learnt
+    assert learning.best_again == pytest.approx(best.within.root, abs=0.005)
 
 
 @pytest.mark.requires("simulation")
@@ -80,8 +80,8 @@ def test_learning_is_never_worse_than_its_first_play(
     before, after = true_error(open, drive, world), true_error(open, learning.drive, world)
     first, best = learning.iterations[0], learning.iterations[learning.best]
     print(
-        f"{world} {method}: {first.nrmse:.4f} -> {best.nrmse:.4f}, floor {best.floor:.4f}, "
-        f"without noise {before:.4f} -> {after:.4f}; {learning.stopped}"
+        f"{world} {method}: {first.within.root:.4f} -> {best.within.root:.4f}, "
+        f"floor {best.within.floor:.4f}, without noise {before:.4f} -> {after:.4f}; {learning.stopped}"
     )
     # The patch remembers a little of what was played before: that is no error of the drive's.
     assert after <= before + 2e-3
@@ -103,8 +103,8 @@ def test_a_noisy_vibrometer_does_not_write_its_noise_into_the_drive(
     given = drive_for(make_press(), calibration, rig.limits) if full else drive
     learning = learn(rig, given, calibration, iterations=5 if full else 1, plays=8 if full else 4)
     best = learning.iterations[learning.best]
-    print(f"seed {seed}: {best.nrmse:.4f}, floor {best.floor:.4f}: {learning.stopped}")
-    assert best.nrmse <= 1.3 * best.floor
+    print(f"seed {seed}: {best.within.root:.4f}, floor {best.within.floor:.4f}: {learning.stopped}")
+    assert best.within.root <= 1.3 * best.within.floor
 
 
 def quieter(_estimate: ResponseEstimate, volts: FloatArray, *_rest: object) -> tuple[FloatArray, float]:
@@ -148,7 +148,7 @@ def test_every_iteration_is_kept_on_disk(learnt: Learning, tmp_path: Path) -> No
     assert len(back.iterations) == len(learnt.iterations) > 1
     for mine, theirs in zip(learnt.iterations, back.iterations, strict=True):
         assert np.array_equal(mine.volts, theirs.volts) and np.array_equal(mine.measured, theirs.measured)
-        assert (mine.kept, mine.reason, mine.nrmse) == (theirs.kept, theirs.reason, theirs.nrmse)
+        assert (mine.kept, mine.reason, mine.within.root) == (theirs.kept, theirs.reason, theirs.within.root)
     assert back.stopped == learnt.stopped
     assert np.array_equal(back.drive.volts, learnt.iterations[learnt.best].volts)
 

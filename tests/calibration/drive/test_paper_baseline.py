@@ -24,7 +24,7 @@ def test_where_patch_and_point_differ_no_order_inverts(calibrated: Calibrated, d
     assert best.predicted_error > 0.3
     result = check(calibrated.rig, best, plays=3)
     assert not result.passed
-    assert check(calibrated.rig, drive, plays=3).nrmse < 0.3 * result.nrmse
+    assert check(calibrated.rig, drive, plays=3).within.root < 0.3 * result.within.root
 
 
 @pytest.mark.requires("simulation")
@@ -36,4 +36,4 @@ def test_where_they_coincide_it_can(open: OpenRig, full: bool) -> None:
     drives = [paper_drive(make_press(), calibration, rig.limits, order) for order in ORDERS]
     best = min(drives, key=lambda drive: drive.predicted_error)
     assert best.predicted_error < 0.01
-    assert check(rig, best).nrmse < 0.03
+    assert check(rig, best).within.root < 0.03

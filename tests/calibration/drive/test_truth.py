@@ -9,7 +9,8 @@ import pytest
 
 from benchmarks.synthetic_responses import generator
 from haploop.calibration import Drive, calibrate, drive_for, learn, paper_drive
-from haploop.calibration.drive.check import Check, compare
+from haploop.calibration.drive.check import compare
+from haploop.calibration.drive.checked import Check
 from haploop.calibration.drive.playing import play
 from haploop.instruments import Capture, Rig
 from haploop.instruments.arrays import FloatArray
@@ -65,7 +66,7 @@ def test_the_stated_interval_holds_the_surfaces_own_error(
     rig = open()
     drive = drive_for(make_press(), calibrated.calibration, rig.limits, inversion=inversion)
     result, error, outside = played_and_true(rig, drive, 6, monkeypatch)
-    low, high = result.wideband_interval
+    low, high = result.interval
     assert low - 0.002 <= error <= high + 0.002
     assert result.passed and error < 0.10
     assert outside < 0.05
@@ -94,10 +95,10 @@ def test_a_button_that_passes_moves_nothing_else(
             for way, drive in drives.items():
                 result, error, outside = played_and_true(rig, drive, 8, monkeypatch)
                 rows.append((way, result, error, outside))
-                low, high = result.wideband_interval
+                low, high = result.interval
                 print(
                     f"{seed} {name} {way}: true {error:.4f}, outside {outside:.4f}; said "
-                    f"{result.wideband_nrmse:.4f} ({low:.4f} to {high:.4f}), {result.verdict}; "
+                    f"{result.error:.4f} ({low:.4f} to {high:.4f}), {result.verdict}; "
                     f"predicted {drive.predicted_error:.4f}",
                     flush=True,
                 )
@@ -109,7 +110,7 @@ def test_a_button_that_passes_moves_nothing_else(
 
 
 def holds(result: Check, error: float) -> bool:
-    low, high = result.wideband_interval
+    low, high = result.interval
     return low <= error <= high
 
 

@@ -142,7 +142,10 @@ def test_a_damaged_point_is_measured_again_and_kept_aside(open: OpenRig, tmp_pat
 def test_another_plan_is_refused(open: OpenRig, tmp_path: Path) -> None:
     rig = open()
     (plan,) = short(rig, (3,))
-    MapFolder.create(tmp_path / "map", plan)
+    MapFolder.create(tmp_path / "map", replace(plan, level=2.0))
+    folder = MapFolder.create(tmp_path / "map", plan)
+    assert MapFolder.open(tmp_path / "map").plan == plan, "a plan of which nothing was measured gives way"
+    folder.skip(plan.steps[0], "no light")
     with pytest.raises(ConfigurationError, match="level"):
         MapFolder.create(tmp_path / "map", replace(plan, level=1.0))
     with pytest.raises(ConfigurationError, match="rig file"):
@@ -197,6 +200,8 @@ def test_what_a_map_needs_is_asked_for(open: OpenRig) -> None:
         map_plan(rig, patches=["E"])
     with pytest.raises(ConfigurationError, match="no channel for each patch"):
         map_plan(rig, together=True)
+    with pytest.raises(ConfigurationError, match=r"level = 500: the limits .* allow 48 V about zero\.$"):
+        map_plan(rig, level=500)
     for key in ("level", "period", "every"):
         for value in (float("nan"), float("inf"), 0, -1):
             with pytest.raises(ConfigurationError, match=f"{key} = "):

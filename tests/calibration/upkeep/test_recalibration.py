@@ -129,16 +129,16 @@ def test_three_percent_are_brought_back(open: OpenRig, history: History) -> None
     assert outcome.kind == "restored"
     assert set(outcome.before) == set(outcome.after) == {"push-A-button"}
     before, after = outcome.before["push-A-button"], outcome.after["push-A-button"]
-    assert not before.passed and before.nrmse > 0.5
-    assert after.passed and after.check.nrmse < 0.15
+    assert not before.passed and before.within.root > 0.5
+    assert after.passed and after.check.within.root < 0.15
     active = history.active()
     assert active.name == outcome.active.name == "0002-20260801T021500Z"
     assert (active.parent, len(history.activations)) == (parent.name, 2)
     assert "changed by +3.0" in active.reason and active.details["buttons"]["push-A-button"]["before"]
-    assert {n: b.check.nrmse for n, b in buttons_of(active).items()} == {
-        n: b.check.nrmse for n, b in outcome.after.items()
+    assert {n: b.check.within.root for n, b in buttons_of(active).items()} == {
+        n: b.check.within.root for n, b in outcome.after.items()
     }
-    assert checks_before(active)["push-A-button"].nrmse == outcome.before["push-A-button"].nrmse
+    assert checks_before(active)["push-A-button"].within.root == outcome.before["push-A-button"].within.root
     assert rig.simulation.truth.resonance_hz == pytest.approx(
         calibrations_of(active)[0].model.resonance_hz, rel=1e-3
     )
@@ -189,9 +189,9 @@ def test_another_hysteresis_is_a_drift_that_is_found_and_brought_back(
     assert outcome.kind == "restored", outcome.sentences
     (verdict,) = outcome.verdicts
     before, after = outcome.before["push-A-button"], outcome.after["push-A-button"]
-    assert verdict.changes["push-A-button"] == pytest.approx(before.nrmse, abs=0.05)
+    assert verdict.changes["push-A-button"] == pytest.approx(before.within.root, abs=0.05)
     assert "hysteresis changed" in " ".join(outcome.sentences)
-    assert after.passed and after.check.nrmse < before.nrmse / 2
+    assert after.passed and after.check.within.root < before.within.root / 2
 
 
 def kept(rig: Rig, calibration: Calibration) -> tuple[Calibration, Waveforms]:
@@ -227,7 +227,11 @@ def test_every_button_has_its_turn_and_the_least_margin_is_first(
         replace(
             push,
             press=replace(push.press, button=name),
-            check=replace(push.check, drive=replace(push.drive, button=name), wideband_nrmse=error),
+            check=replace(
+                push.check,
+                drive=replace(push.drive, button=name),
+                whole=replace(push.check.whole, value=error**2),
+            ),
         )
         for name, error in (("close", 0.19), ("push", 0.05), ("far", 0.0))
     ]

@@ -115,3 +115,27 @@ def test_what_a_name_may_contain_is_said_by_us(tab, console):
         assert sentence in field.evaluate("(one) => one.validationMessage")
         field.fill(right)
         assert field.evaluate("(one) => one.validationMessage") == ""
+
+
+def test_sensors_are_looked_at_before_anything_is_recorded(browser, tmp_path):
+    with served(tmp_path / "data", "--port", "0", state=tmp_path / "state") as console:
+        tab = Tab(browser, console)
+        page = visit(tab, console, "record")
+        page.get_by_role("button", name="Look at the sensors").click()
+        expect(page.locator("#prompt")).to_have_text(
+            "Looking at the sensors: nothing is recorded.", timeout=WAIT
+        )
+        scope = page.locator("#scope")
+        for plot in ("acceleration z (m/s²) over time (s)", "velocity (mm/s) over time (s)"):
+            expect(scope.get_by_role("img", name=plot)).to_be_visible(timeout=WAIT)
+        plotted, room = (
+            page.evaluate(f"document.querySelector('{at}').offsetWidth") for at in (".uplot", "#scope")
+        )
+        assert plotted > 0.98 * room
+        page.get_by_label("Take the mean off").check()
+        page.get_by_role("button", name="Let the simulated finger press").click()
+        page.get_by_role("button", name="Look no more").click()
+        expect(page.locator("#prompt")).to_have_text("Nothing is being recorded.", timeout=WAIT)
+        assert console.ask("/api/files")["recordings"] == []
+        assert not tab.errors
+        tab.context.close()

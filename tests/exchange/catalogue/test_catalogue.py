@@ -17,7 +17,7 @@ from haploop.acquisition import Recording
 from haploop.acquisition.recording import Rejection, add_rejections
 from haploop.exchange.catalogue import index as catalogue_index
 from tests.calibration.conftest import make_press
-from tests.command_line import Run
+from tests.command_line import Demo, Run
 from tests.exchange.conftest import make_check, make_drive
 
 
@@ -207,13 +207,22 @@ def test_many_files_are_read_by_several_processes(
 def test_the_command(folder: Path, index: Path, run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(catalogue_index, "user_cache_path", lambda _: index.parent)
     listed = run("list", "--in", folder)
-    assert listed.exit_code == 0 and "4 files." in listed.stdout and "P01" in listed.stdout
+    assert listed.exit_code == 0 and "4 files, all of the rig simulated." in listed.stdout
+    assert f"\ncheck, in {folder}\n" in listed.stdout and "P01" in listed.stdout
     values = json.loads(run("list", "kind=check", "--in", folder, "--json").stdout)
     assert [entry["verdict"] for entry in values["files"]] == ["pass"]
-    monkeypatch.setattr("haploop.reports.show.terminal._MANY", 3)
-    plain = run("list", "--in", folder).stdout.splitlines()
-    assert len(plain) == 6 and plain[0].startswith("Kind") and "P01-push.h5" in plain[4]
-    assert plain[-1] == "4 files."
+    monkeypatch.setattr("haploop.reports.show.terminal._MANY", 0)
+    demanded = run("list", "--in", folder)
+    assert demanded.stdout.splitlines()[-1] == "4 files, all of the rig simulated."
     refused = run("list", "colour=red", "--in", folder)
     assert refused.exit_code == 2 and "colour=red" in refused.stderr
     assert run("list", "--in", folder / "nowhere").exit_code == 2
+
+
+def test_the_list_is_a_table_at_80_columns(demo: Demo, run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.chdir(demo.folder)
+    lines = run("list", "--in", demo.folder).stdout.splitlines()
+    assert max(map(len, lines)) <= 80
+    headings = next(line.split() for line in lines if "Participant" in line)
+    assert headings == ["File", "Participant", "Button", "Date", "Verdict", "Presses"]

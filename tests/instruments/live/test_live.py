@@ -412,7 +412,7 @@ def test_a_header_with_something_else_in_it_is_a_data_error_or_a_block(data: st.
 
 
 def test_a_frame_is_read_as_it_was_written() -> None:
-    run = Run("r", False, "play", "patch A", ("a", "b"), 50e3, FILE.sensors, ("a", 0.005), 7)
+    run = Run("r", False, "play", "patch A", ("a", "b"), 50e3, FILE.sensors, ("a", 0.005, "velocity"), 7)
     block = LiveBlock(run, 5, np.random.default_rng(0).normal(size=(2, 9)), np.array([True, False]))
     frame, volts = frame_of(block, 3)
     sizes = lengths_of(frame[:PREFIX])

@@ -338,7 +338,7 @@ def rewrite(target: object, **values: object) -> None:
         (lambda r: rewrite(r.amplifier, limits=lambda _n: Limits()), "limit"),
         (lambda r: object.__setattr__(r.amplifier, "limits", lambda _n: Limits()), "limit"),
         (lambda r: rewrite(r.relay, rating=400.0), "limit"),
-        (lambda r: rewrite(r.table, patch_capacitance=1e-12), "limit"),
+        (lambda r: rewrite(r.file.actuator, capacitance=1e-12), "limit"),
         (lambda r: rewrite(r.amplifier._settings, gain=5.0), "amplifier's gain"),
         (lambda r: rewrite(r.amplifier, to_input=lambda drive: drive / 5), "amplifier's gain"),
         (lambda r: rewrite(r.file.abort, drive=1e6), "rig file"),

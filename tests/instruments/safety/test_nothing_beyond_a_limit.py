@@ -27,6 +27,7 @@ from haploop.instruments import (
 )
 from haploop.instruments import Burst as SineBurst
 from haploop.instruments.arrays import FloatArray
+from haploop.instruments.config import Actuator
 from haploop.instruments.config.rig_file import Device, DriveLimits
 from haploop.mocks.plant import AMPLIFIER_GAIN_ERROR
 from tests.instruments.safety.at_the_patch import Burst, bursts, busiest_minute, of_patch
@@ -49,15 +50,16 @@ class Held:
         return cls(rig.file, source)
 
     def by(self, found: list[Burst]) -> list[str]:
-        own, table, file = self.file.limits, self.file.table, self.file
-        assert table is not None and file.amplifier is not None and file.relay is not None
+        own, patch, file = self.file.limits, self.file.actuator, self.file
+        assert patch is not None and file.amplifier is not None and file.relay is not None
+        assert patch.min is not None and patch.max is not None and patch.capacitance is not None
         amplifier, relay = file.amplifier.settings, file.relay.settings["rating"]
-        low = max(own.min, table.patch_min, -relay)
-        high = min(own.max, table.patch_max, relay)
+        low = max(own.min, patch.min, -relay)
+        high = min(own.max, patch.max, relay)
         share = 1 + AMPLIFIER_GAIN_ERROR + 1e-6
         broken = []
         for burst in found:
-            farads = table.patch_capacitance * burst.patches
+            farads = patch.capacitance * burst.patches
             rows = (
                 ("min", -burst.low, -low, CODE),
                 ("max", burst.high, high, CODE),
@@ -112,18 +114,18 @@ def files(draw: Callable[..., Any], source: str) -> RigFile:
         "current_average": near(0.05, 0.003, 0.1),
         "rating_source": "a test",
     }
-    table = file.table.model_copy(
-        update={
-            "patch_min": -near(60, 0.2, 0.5),
-            "patch_max": near(60, 0.2, 0.5),
-            "patch_capacitance": draw(st.floats(10e-9, 200e-9)),
-            "rate_hz": draw(st.sampled_from((20_000.0, 50_000.0))),
-        }
+    table = file.table.model_copy(update={"rate_hz": draw(st.sampled_from((20_000.0, 50_000.0)))})
+    patch = Actuator(
+        kind="piezo",
+        min=-near(60, 0.2, 0.5),
+        max=near(60, 0.2, 0.5),
+        capacitance=draw(st.floats(10e-9, 200e-9)),
     )
     relay = file.relay.settings | {"rating": near(55, 0.2, 0.8), "rating_source": "a test"}
     changed: dict[str, Any] = {
         "limits": limits,
         "table": table,
+        "actuator": patch,
         "amplifier": Device(driver="e413-d2", **amplifier),
         "relay": Device(driver=file.relay.driver, **relay),
     }
@@ -132,7 +134,7 @@ def files(draw: Callable[..., Any], source: str) -> RigFile:
         changed["generator"] = Device(driver="keysight-33500", **box)
     if source == "player":
         card = {"output": "source", "volts_per_full_scale": 1.4, "highest": 1.4, "high_pass_hz": 0}
-        changed["player"] = Device(driver="sound-card", **card)
+        changed["player"] = Device(driver="sound-card-output", **card)
     return file.model_copy(update=changed)
 
 

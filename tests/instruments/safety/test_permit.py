@@ -98,6 +98,30 @@ def test_a_permitted_drive_starts_once_and_no_other(world: World) -> None:
         world.limiter.authorise("one", padded, RATE)
 
 
+def test_what_was_judged_is_a_copy_whatever_the_amplifier_returns(world: World) -> None:
+    drive = DRIVE.copy()
+    amplifier: Any = SimpleNamespace(to_input=lambda volts: volts)
+    with world.limiter.permit({"one": drive}, RATE, ("A",), amplifier, rated(LIMITS)) as volts:
+        drive[:] = 400.0
+        np.testing.assert_array_equal(volts["one"], DRIVE)
+        with pytest.raises(LimitError, match="has authorised"):
+            world.limiter.authorise("one", drive, RATE)
+
+
+def test_one_drive_is_held_to_the_limits_of_all_its_patches_and_several_to_those_of_one(world: World) -> None:
+    def ratings(count: int) -> Ratings:
+        return {"the rig": replace(LIMITS, max=25.0 / count)}
+
+    def permit(*outputs: str) -> Any:
+        drives = dict.fromkeys(outputs, DRIVE)
+        return world.limiter.permit(drives, RATE, ("A", "B"), world.amplifier, ratings)
+
+    with pytest.raises(LimitError, match=r"rises to 20 V at sample 2, 7\.5 V beyond"), permit("one"):
+        pass
+    with permit("one", "two") as volts:
+        assert set(volts) == {"one", "two"}
+
+
 def test_several_outputs_start_once_each(world: World) -> None:
     drives = {"one": DRIVE, "two": DRIVE / 2}
     with world.permit(drives, ("A", "B")) as volts:

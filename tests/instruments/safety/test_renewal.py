@@ -11,6 +11,7 @@ import pytest
 
 from haploop.instruments import InstrumentError, RealClock
 from haploop.instruments.safety import Renewal
+from haploop.instruments.safety.watch import Watch
 from haploop.mocks.clock import VirtualClock
 
 DEAD_MAN = 0.4
@@ -68,3 +69,23 @@ def test_in_virtual_time_each_block_renews() -> None:
         for _ in range(3):
             renewal.alive()
     assert len(box.renewed) == 4 and box.threads == {threading.get_ident()}
+
+
+def test_a_closed_contact_is_looked_at_until_something_is_found() -> None:
+    """What is found locks the rig out, once: by then the contact was told to open."""
+    looks: list[float] = []
+
+    def look() -> None:
+        looks.append(time.monotonic())
+        if len(looks) == 2:
+            raise InstrumentError("8 V stand on an output")
+
+    watch = Watch(RealClock(), look)
+    watch.begin()
+    while len(looks) < 2:
+        time.sleep(0.01)
+    time.sleep(0.7)  # three times the interval
+    assert len(looks) == 2 and watch.on
+    watch.end()
+    watch.end()
+    assert not watch.on

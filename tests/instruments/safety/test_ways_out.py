@@ -28,6 +28,10 @@ TraceFunction = Callable[[FrameType, str, Any], Any]
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="signals to another program are POSIX")
 
 
+def fail(why: str) -> None:
+    raise InstrumentError(why)
+
+
 def safe(rig: Rig) -> bool:
     truth = rig.simulation.truth
     rig.clock.sleep(0.1)
@@ -67,7 +71,7 @@ def test_a_stream_that_hangs_when_it_is_closed_does_not_keep_the_relay_closed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     with open_rig("simulated") as rig:
-        monkeypatch.setattr("haploop.mocks.daq.twin._TwinStream.close", for_ever)
+        monkeypatch.setattr("haploop.mocks.daq.card_twin._CardStream.close", for_ever)
         with pytest.raises(InstrumentError, match=r"PCIe-6321.* hangs"):
             rig.excite(DRIVE, ["A"], ["drive"])
         assert safe(rig)
@@ -81,6 +85,20 @@ def test_a_relay_that_hangs_leaves_the_output_at_zero(monkeypatch: pytest.Monkey
         rig.excite(DRIVE, ["A"], ["drive"])
     rig.clock.sleep(relay.dead_man + 0.1)
     assert safe(rig)  # by the box's own timer
+
+
+def test_a_relay_that_does_not_open_leaves_the_outputs_held(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A contact may be closed: another program must not write to what leads to it."""
+    let_go: list[bool] = []
+    with open_rig("simulated") as rig:
+        rig.relay.connect(["A"])
+        with monkeypatch.context() as patch:
+            patch.setattr(rig.relay, "connect", lambda _patches: fail("The box is gone."))
+            patch.setattr(rig.daq, "let_go", lambda: let_go.append(True))
+            with pytest.raises(InstrumentError, match=r"not confirmed: The box is gone\. Switch"):
+                rig.make_safe()
+        assert not let_go
+    assert safe(rig)
 
 
 def test_a_step_that_fails_without_a_word_is_told_by_its_kind(monkeypatch: pytest.MonkeyPatch) -> None:

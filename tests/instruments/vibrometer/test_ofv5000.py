@@ -83,7 +83,7 @@ def test_reads_what_the_controller_is_set_to(setup: Setup) -> None:
     assert laser.range == pytest.approx(0.05)
     assert laser.delay == pytest.approx(12.3e-6)
     assert laser.bandwidth_hz == 20e3
-    assert laser.to_velocity(np.array([2.0]))[0] == pytest.approx(0.01)
+    assert laser.to_si(np.array([2.0]))[0] == pytest.approx(0.01)
 
 
 def test_signal_level_is_a_share_of_full_light(setup: Setup) -> None:

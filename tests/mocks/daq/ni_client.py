@@ -44,7 +44,7 @@ ProductType = PCI-6034E
 DevIsSimulated = 1
 
 [DAQmxDevice Bridge]
-ProductType = PXIe-4331
+ProductType = PXIe-9999
 DevIsSimulated = 1
 
 [DAQmxCDAQChassis Frame]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterator
+from pathlib import Path
 
 import nidaqmx
 import numpy as np
@@ -11,6 +13,8 @@ from nidaqmx.constants import (
     READ_ALL_AVAILABLE,
     AcquisitionType,
     Edge,
+    LoggingMode,
+    LoggingOperation,
     OverwriteMode,
     ReadRelativeTo,
     RegenerationMode,
@@ -223,13 +227,40 @@ def test_overwriting_reader_gets_the_newest(task: nidaqmx.Task) -> None:
     assert task.in_stream.curr_read_pos > 2000
 
 
-def test_logging_is_refused(task: nidaqmx.Task) -> None:
-    task.ai_channels.add_ai_voltage_chan("Sim/ai0")
-    task.in_stream.configure_logging("data.tdms")
-    assert str(task.in_stream.logging_file_path) == "data.tdms"
+@pytest.mark.parametrize("mode", [LoggingMode.LOG, LoggingMode.LOG_AND_READ])
+def test_what_is_acquired_is_logged_to_a_tdms_file(
+    task: nidaqmx.Task, tmp_path: Path, mode: LoggingMode
+) -> None:
+    path = tmp_path / "data.tdms"
+    task.ai_channels.add_ai_voltage_chan("Sim/ai0:1")
+    task.timing.cfg_samp_clk_timing(1000, samps_per_chan=20)
+    task.in_stream.configure_logging(str(path), mode, operation=LoggingOperation.CREATE_OR_REPLACE)
+    task.start()
+    read = task.read(20) if mode is LoggingMode.LOG_AND_READ else None
+    task.wait_until_done()
+    task.stop()
+    written = path.read_bytes()
+    flags, version, whole, head = struct.unpack("<IIQQ", written[4:28])
+    assert (written[:4], flags, version, whole) == (b"TDSm", 14, 4713, len(written) - 28)
+    assert b"'Sim/ai0'" in written[: 28 + head]
+    assert b"'Sim/ai1'" in written[: 28 + head]
+    rows = np.frombuffer(written[28 + head :], "<f8").reshape(2, 20)
+    assert np.ptp(rows) > 1
+    assert read is None or np.array_equal(rows, read)
 
-    with pytest.raises(nidaqmx.DaqError, match="no TDMS"):
-        task.start()
+
+def test_a_log_replaces_no_other_file(task: nidaqmx.Task, tmp_path: Path) -> None:
+    other = tmp_path / "thesis.tdms"
+    other.write_text("years of work")
+    for path in (other, tmp_path / "data.txt", tmp_path / "none" / "data.tdms"):
+        task.in_stream.configure_logging(str(path), operation=LoggingOperation.CREATE_OR_REPLACE)
+        if not task.channel_names:
+            task.ai_channels.add_ai_voltage_chan("Sim/ai0")
+            task.timing.cfg_samp_clk_timing(1000, samps_per_chan=20)
+        with pytest.raises(nidaqmx.DaqError):
+            task.read(20)
+        task.stop()
+    assert other.read_text() == "years of work"
 
 
 def test_waveform_carries_time_name_and_unit(task: nidaqmx.Task) -> None:

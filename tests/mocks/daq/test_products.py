@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import tomllib
 
 import pytest
 
@@ -24,9 +25,8 @@ def test_a_product_has_a_source_and_what_its_terminals_need(name: str) -> None:
 def test_a_product_like_another_takes_its_figures_and_not_its_source() -> None:
     usb, pcie = PRODUCTS["USB-6343"], PRODUCTS["PCIe-6343"]
     assert dataclasses.replace(usb, name=pcie.name) == pcie
-    own = products._read(
-        '[A]\nfamily = "C Series"\nnumber = 7\nsource = "x"\n[B]\nlike = "A"\nsource = "y"\n'
-    )
+    rows = '[A]\nfamily = "C Series"\nnumber = 7\nsource = "x"\n[B]\nlike = "A"\nsource = "y"\n'
+    own = products._read(tomllib.loads(rows), {})
     assert (own["B"].source, own["B"].number, own["B"].family) == ("y", 0, "C Series")
 
 
@@ -45,4 +45,4 @@ def test_a_product_like_another_takes_its_figures_and_not_its_source() -> None:
 )
 def test_one_sentence_says_what_a_row_lacks(row: str, sentence: str) -> None:
     with pytest.raises(ConfigurationError, match=f"The product 'A' {sentence}"):
-        products._read(f"[A]\n{row}\n")
+        products._read(tomllib.loads(f"[A]\n{row}\n"), {})

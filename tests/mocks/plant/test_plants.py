@@ -174,7 +174,7 @@ def test_a_surface_without_modes_is_measured_like_one_with(open: OpenRig) -> Non
     for plant in (Alone(), AsModes()):
         rig = open(plant=plant, vibrometer_noise_scale=0, hysteresis=0)
         capture = rig.excite(drive, ["A"], ["laser"])
-        seen.append(np.fft.rfft(rig.vibrometer.to_velocity(capture.volts[0])))
+        seen.append(np.fft.rfft(rig.vibrometer.to_si(capture.volts[0])))
         assert rig.simulation.truth.resonance_hz == pytest.approx(200, abs=0.01)
         assert rig.file.simulation.plant.endswith(f"test_plants.{type(plant).__name__}")
     f = np.fft.rfftfreq(len(capture.volts[0]), STEP)

@@ -20,7 +20,7 @@ def test_the_true_velocity_is_the_lasers_before_pole_and_delay(open: OpenRig, un
     t = np.arange(25_000) / rate_hz
     drive = 20 * np.sin(2 * np.pi * (50 + 2000 * t) * t) * np.hanning(len(t))
     capture = rig.excite(drive, ["A"], ["laser"])
-    seen = rig.vibrometer.to_velocity(capture.volts[0])
+    seen = rig.vibrometer.to_si(capture.volts[0])
     # A part begins with the stream, whose first sample lies a delay of the card later.
     start = next(part.start for part in played if part.volts.any())
     surface = truth.velocity("button", start + np.arange(len(seen)) / rate_hz + capture.delays[0])

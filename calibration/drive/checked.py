@@ -1,0 +1,186 @@
+"""A check: the measured motion of a drive against its target, in parts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from ...acquisition import hdf5
+from ...instruments import DataError
+from ...instruments.arrays import FloatArray
+from ...instruments.notebook import InNotebook
+from .agreement import SharedPower, finite
+from .drive import Drive
+
+__all__ = ["Check", "ThirdOctaves", "Tones", "Verdict"]
+
+Verdict = Literal["pass", "fail", "not shown"]
+"""Outcome of a check. Not shown: the plays do not tell on which side of the tolerance the error lies, because
+of their noise, or because that is not independent from play to play."""
+
+_NUMBERS = ("correlation", "envelope_correlation", "drift", "judged_hz", "drive_measured_peak", "tolerance")
+"""Fields of a `Check` that are single numbers."""
+_HELD = 30.0
+"""Range (dB) below the strongest third-octave band within which a band is compared."""
+
+
+@dataclass(frozen=True, eq=False)
+class ThirdOctaves:
+    """Levels (bands,) in third octaves with the centres `hz`, in dB re 1 m/s^2."""
+
+    hz: FloatArray
+    target_db: FloatArray
+    measured_db: FloatArray
+    """Of the mean of the plays."""
+    floor_db: FloatArray
+    """Of the noise in that mean."""
+
+    @property
+    def error_db(self) -> float:
+        """Rms difference (dB) over the bands within 30 dB of the target's strongest."""
+        held = self.target_db > self.target_db.max(initial=-np.inf) - _HELD
+        difference = (self.measured_db - self.target_db)[held]
+        return float(np.sqrt(np.mean(difference**2))) if len(difference) else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Tones:
+    """Steady tones of the background, measured before each play and taken out of the measured motion."""
+
+    hz: FloatArray
+    share: float
+    """Their rms, over the target's."""
+
+
+@dataclass(frozen=True, eq=False)
+class Check(InNotebook):
+    """Measured motion of a drive against its target, with no gain, lag or filter fitted.
+
+    `accelerations` is (plays, samples) m/s^2: the whole motion in each play, to the highest frequency that
+    laser and card resolve (`judged_hz`); `target` (samples,) is on the same clock. `whole`, `within` and
+    `outside` are squared errors over the target's mean square, without the plays' noise (see `agreement`):
+    of the whole motion, which is judged, and of its parts within the drive's band and outside of it. Each
+    has a root, a 95 % confidence interval and a floor, the standard error of the mean of the plays; root and
+    interval are NaN when the plays contradict that their noise is independent. `reasons` are the reasons for
+    not passing, `notes` are other findings.
+    """
+
+    drive: Drive
+    rate_hz: float
+    target: FloatArray
+    accelerations: FloatArray
+    judged_hz: float
+    whole: SharedPower
+    within: SharedPower
+    outside: SharedPower
+    correlation: float
+    """Pearson's correlation of the whole motion, without the plays' noise, and the target."""
+    envelope_correlation: float
+    octaves: ThirdOctaves
+    drift: float
+    """Change from the first to the last play; 0 when it is not significant."""
+    tones: Tones
+    drive_measured_peak: float
+    """Largest voltage measured at the patch (V)."""
+    overload: bool
+    tolerance: float
+    verdict: Verdict
+    reasons: tuple[str, ...]
+    notes: tuple[str, ...]
+    simulated: bool
+
+    def refuse_nonsense(self) -> None:
+        """See `hdf5.restore`. Raises DataError for motion that nobody can have measured."""
+        signals = (self.target, self.accelerations)
+        if not all(np.all(np.isfinite(one)) for one in signals) or not self.target.size:
+            raise DataError("the check's target and plays have values that are not finite, or none.")
+        if np.ndim(self.target) != 1 or self.accelerations.shape[1:] != self.target.shape:
+            raise DataError("the check's plays are not as long as its target.")
+        if any(part.plays != self.plays for part in (self.whole, self.within, self.outside)):
+            raise DataError("the check has errors of another number of plays than its own.")
+        octaves = self.octaves
+        levels = (octaves.hz, octaves.target_db, octaves.measured_db, octaves.floor_db)
+        if any(np.ndim(one) != 1 or len(one) != len(octaves.hz) for one in levels):
+            raise DataError("the check does not have one level for each third-octave band.")
+        if any(np.any(np.isnan(one)) for one in levels):
+            raise DataError("the check has a third-octave level that is NaN.")
+        if np.ndim(self.tones.hz) != 1 or not np.all(np.isfinite(self.tones.hz)):
+            raise DataError("the check's tones of the background are not a row of finite frequencies.")
+        if not 0 < self.rate_hz < 1e9:
+            raise DataError(f"the check has {self.rate_hz:g} samples/s.")
+        if self.verdict not in get_args(Verdict):
+            raise DataError(f"the check has the verdict {self.verdict!r}: there is no such.")
+
+    def __repr__(self) -> str:
+        low, high = (100 * edge for edge in self.interval)
+        simulated = ", simulated" if self.simulated else ""
+        return (
+            f"<Check {self.drive.button}: {self.verdict}, error {100 * self.error:.1f} % "
+            f"({low:.1f} to {high:.1f} %), {self.plays} plays{simulated}>"
+        )
+
+    @property
+    def error(self) -> float:
+        """Rms error of the whole motion, over the target's rms: the one that is judged."""
+        return self.whole.root
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % confidence interval of `error`, from the differences between the plays."""
+        return self.whole.interval
+
+    @property
+    def plays(self) -> int:
+        """Number of plays."""
+        return len(self.accelerations)
+
+    @property
+    def measured(self) -> FloatArray:
+        """(samples,) m/s^2: mean of the plays, whole motion."""
+        return np.asarray(self.accelerations.mean(axis=0))
+
+    @property
+    def noise(self) -> FloatArray:
+        """(samples,) m/s^2 of the power of the noise left in `measured`: the first two plays' difference."""
+        one, other = self.accelerations[:2]
+        return np.asarray((one - other) / np.sqrt(2 * self.plays))
+
+    @property
+    def passed(self) -> bool:
+        """True when the verdict is "pass"."""
+        return self.verdict == "pass"
+
+    def summary(self) -> dict[str, Any]:
+        """Plain values for JSON, without the waveforms; NaN (nothing moved) becomes null."""
+        return {
+            **{name: getattr(self, name).summary() for name in ("whole", "within", "outside")},
+            **{name: finite(getattr(self, name)) for name in _NUMBERS},
+            "third_octave_error_db": self.octaves.error_db,
+            "tones_hz": self.tones.hz.tolist(),
+            "tones": self.tones.share,
+            "plays": self.plays,
+            "verdict": self.verdict,
+            "passed": self.passed,
+            "reasons": list(self.reasons),
+            "notes": list(self.notes),
+        }
+
+    def save(self, path: str | Path) -> None:
+        """Write to a new HDF5 file, whole or not at all. Raises DataError if it exists."""
+        hdf5.write(path, "check", hdf5.flatten(self))
+
+    @classmethod
+    def load(cls, path: str | Path) -> Check:
+        """Read what `save` wrote. Raises DataError, one sentence, for anything else."""
+        return hdf5.restore(cls, hdf5.read(path, "check"), path)
+
+    def __str__(self) -> str:
+        low, high = self.interval
+        verdict = " ".join([f"{self.verdict}.", *self.reasons]) if self.reasons else self.verdict
+        return (
+            f"error of the whole motion {self.error:.3f} ({low:.3f} to {high:.3f}), in band "
+            f"{self.within.root:.3f}, outside {self.outside.root:.3f}: {verdict}"
+        )

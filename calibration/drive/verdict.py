@@ -1,0 +1,171 @@
+"""The verdict of a check: the reasons for not passing, and what else the plays show."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..perception import feeling_of
+from .agreement import SharedPower, plays_needed
+from .checked import Check
+
+__all__ = ["LEAST_MOVED", "UNSEEN", "Signs", "judged", "one_factor"]
+
+LEAST_IN_BAND = 0.25
+"""Smallest share of the modulated press's energy in the drive's band: matching less is no match."""
+LEAST_MOVED = 0.3
+"""Share of the target in the measured motion, below which the surface counts as not following the drive."""
+UNSEEN = "the patch is not connected, or the laser does not see the surface"
+_EXCESS = 1.02
+"""Measured volts over the limit that are attributed to the monitor's noise and gain error."""
+_FACTOR = 0.05
+"""Distance of a factor over the whole motion from one, from which it is told."""
+_TOLD = 0.05
+"""Share of the target from which tones that were taken out are told."""
+
+
+@dataclass(frozen=True)
+class Signs:
+    """What tells, beside the errors, whether the plays can be believed."""
+
+    followed: tuple[float, float]
+    """Share of the target in the motion, and the standard error of that."""
+    odd: tuple[int, float]
+    """Number of the play that differs from all others (0: none), and by how much, over the target."""
+    dependent: str
+    """Evidence that noise is not independent from play to play; empty if there is none."""
+    overload: str | None
+    """Sentence about a signal that left its range."""
+    limit: float
+    """The rig's largest voltage (V)."""
+
+
+def judged(result: Check, signs: Signs) -> Check:
+    """The check with its verdict, reasons and notes."""
+    notes = _notes(result, signs)
+    if failures := _failures(result, signs):
+        return replace(result, verdict="fail", reasons=tuple(failures), notes=notes)
+    if doubt := _doubt(result, signs):
+        return replace(result, verdict="not shown", reasons=(f"Not shown: {doubt}",), notes=notes)
+    return replace(result, verdict="pass", notes=notes)
+
+
+def _said(result: Check) -> str:
+    low, high = result.interval
+    return f"{result.error:.1%} rms (95 % confidence: {low:.1%} to {high:.1%})"
+
+
+def _failures(result: Check, signs: Signs) -> list[str]:
+    """Reasons to fail the check; none if it passes, or shows nothing."""
+    drive, failures = result.drive, []
+    if signs.overload:
+        failures.append(signs.overload)
+    if result.drive_measured_peak > _EXCESS * signs.limit:
+        failures.append(
+            f"The patch got {result.drive_measured_peak:.1f} V, and the rig's limit is {signs.limit:.1f} V."
+        )
+    if result.drive_measured_peak < 0.8 * drive.peak:
+        failures.append(
+            f"The patch got {result.drive_measured_peak:.2g} V where the drive has {drive.peak:.1f} V: "
+            "check the amplifier, the relay and the drive monitor."
+        )
+    low_hz, high_hz = drive.band
+    # Written so that NaN fails too.
+    if not signs.dependent and not result.interval[0] <= result.tolerance:
+        failures.append(
+            f"The whole motion of the surface differs from the target by {_said(result)}, and "
+            f"{result.tolerance:.0%} is accepted: {result.within.root:.1%} within {low_hz:.0f} to "
+            f"{high_hz:.0f} Hz, and {result.outside.root:.1%} outside."
+        )
+    if not drive.in_band >= LEAST_IN_BAND:
+        failures.append(
+            f"Only {drive.in_band:.1%} of the press's energy lies in the {low_hz:.0f} to "
+            f"{high_hz:.0f} Hz that were played, and {LEAST_IN_BAND:.0%} is needed."
+        )
+    if failures and signs.followed[0] < LEAST_MOVED:
+        failures.append(f"The surface followed {signs.followed[0]:.1%} of the target motion: {UNSEEN}.")
+    elif failures and drive.predicted_error > result.tolerance:
+        failures.append(
+            f"The error predicted when the drive was computed is {drive.predicted_error:.1%}: within the "
+            "limits, and with this calibration, the table cannot follow the press."
+        )
+    return failures
+
+
+def _doubt(result: Check, signs: Signs) -> str:
+    """What the plays leave open; empty if the error lies within the tolerance."""
+    number, by = signs.odd
+    if by > result.tolerance:
+        return f"play {number} is not of the same motion as the others; check again."
+    if signs.dependent:
+        return (
+            f"{signs.dependent}, which independent noise does not do. Something periodic disturbs the "
+            "laser in step with the plays (mains, a fan, a motor): stop it, and check again."
+        )
+    if result.interval[1] <= result.tolerance:
+        return ""
+    needed = plays_needed(result.whole, result.tolerance)
+    remedy = (
+        f"{needed} plays would probably show it."
+        if needed
+        else "More plays would not: use a range or filter of the vibrometer with less noise, or more output."
+    )
+    return (
+        f"the whole motion differs from the target by {_said(result)}, which does not tell on "
+        f"which side of the accepted {result.tolerance:.0%} it lies. {remedy}"
+    )
+
+
+def one_factor(whole: SharedPower, followed: tuple[float, float], least: float) -> str:
+    """A sentence where most of the error is one factor, `least` from one or more; empty elsewhere.
+
+    The squared error is that of the factor and that of all else, which is orthogonal to the target.
+    """
+    share, deviation = followed
+    amiss = abs(share - 1)
+    clear = share > LEAST_MOVED and amiss > max(least, 3 * deviation)
+    if not (clear and amiss**2 > whole.value / 2):
+        return ""
+    left = float(np.sqrt(max(whole.value - amiss**2, 0.0)))
+    return (
+        f"The laser shows {share:.2f} times the target, and {left:.1%} of error beside that factor: its "
+        "scale is wrong (its aim, range or settings), or the patch moves the table by another amount per "
+        "volt than when it was calibrated."
+    )
+
+
+def _notes(result: Check, signs: Signs) -> tuple[str, ...]:
+    notes = []
+    number, by = signs.odd
+    if factor := one_factor(result.whole, signs.followed, _FACTOR):
+        notes.append(factor)
+    if result.tones.share > _TOLD:
+        tones = ", ".join(f"{hz:.1f}" for hz in result.tones.hz)
+        notes.append(
+            f"The background has steady tones at {tones} Hz, {result.tones.share:.0%} of the target, which "
+            "were measured before each play and taken out: look for mains hum (ground the laser's cable), a "
+            "fan or a motor."
+        )
+    if number:
+        notes.append(
+            f"Play {number} of {result.plays} differs from all others by {by:.1%} of the target: something "
+            "shook or touched the table, or the patch had not settled."
+        )
+    if result.drift > 0:
+        notes.append(
+            f"The motion changed by {result.drift:.1%} of the target from the first play to the last: the "
+            "table or the patch had not settled, or its temperature changes."
+        )
+    octaves = result.octaves
+    heard = octaves.target_db.max() + 20 * np.log10(result.tolerance)
+    drowned = (octaves.floor_db > heard) & (octaves.hz > result.drive.band[1])
+    if np.any(drowned):
+        notes.append(
+            f"Above {octaves.hz[drowned][0] / 10**0.05:.0f} Hz, the noise left in the mean of "
+            f"{result.plays} plays exceeds {result.tolerance:.0%} of the target's strongest third octave: "
+            "single tones there would not be seen; more plays, or a narrower filter of the vibrometer, "
+            "resolve more."
+        )
+    warning = feeling_of(result.target, result.measured, result.rate_hz).warning
+    return tuple([*notes, warning] if warning else notes)

@@ -1,0 +1,138 @@
+"""What a rig file says twice and differently, or what its parts cannot do together.
+
+Each is one clause that says what to write instead. A driver's `Settings` may add its own by a method
+`contradictions(file)`, which yields a key of its table and a clause. A part that is missing contradicts
+nothing: the step that needs it asks for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+from .toml_lines import Location
+
+if TYPE_CHECKING:
+    from .rig_file import RigFile
+
+__all__ = ["contradictions", "lacks", "range_of"]
+
+
+def contradictions(file: RigFile, settings: Mapping[str, Any]) -> Iterator[tuple[Location, str]]:
+    """Yield the place and the clause of each; `settings` are the validated ones of the installed drivers."""
+    yield from _of_the_actuator(file)
+    if file.wiring == "direct":
+        yield from _of_direct_wiring(file, settings)
+    if file.amplifier is not None:
+        yield from _of_the_amplifier(file)
+    for role, own in settings.items():
+        for key, clause in getattr(own, "contradictions", lambda _file: ())(file):
+            yield (role, key), clause
+
+
+def range_of(file: RigFile, kind: str, name: str) -> float | None:
+    """Range (V) of a channel or output of the DAQ; None where the file says none.
+
+    A DAQ of another package may name its channels in another way.
+    """
+    known = file.daq.settings.get(kind)
+    told = known.get(name) if isinstance(known, Mapping) else None
+    given = told.get("range") if isinstance(told, Mapping) else None
+    return float(given) if isinstance(given, int | float) else None
+
+
+def lacks(file: RigFile, kind: str, name: str) -> bool:
+    """True when the DAQ's table lists its channels or outputs, and none of this name."""
+    known = file.daq.settings.get(kind)
+    return isinstance(known, Mapping) and name not in known
+
+
+def _of_the_actuator(file: RigFile) -> Iterator[tuple[Location, str]]:
+    actuator, limits = file.actuator, file.limits
+    if actuator is None:
+        if file.table is not None:
+            yield (
+                ("table",),
+                'a rig with a [table] needs an [actuator]: write kind = "piezo" with capacitance, min and '
+                'max, or kind = "coil" with resistance, volts, watts and thermal_time',
+            )
+        return
+    takes = actuator.limits(1)
+    for key, own, most in (("max", limits.max, takes.max), ("min", -limits.min, -takes.min)):
+        if key in limits.model_fields_set and own > most:
+            sign = "-" if key == "min" else ""
+            yield (
+                ("limits", key),
+                f"{sign}{own:g} V is beyond the {sign}{most:g} V that the actuator takes: write {key} = "
+                f"{sign}{most:g}, or correct [actuator]",
+            )
+
+
+def _of_the_amplifier(file: RigFile) -> Iterator[tuple[Location, str]]:
+    assert file.amplifier is not None
+    amplifier = file.amplifier.settings
+    average, peak = amplifier.get("current_average"), amplifier.get("current_peak")
+    if isinstance(average, int | float) and isinstance(peak, int | float) and average > peak:
+        yield (
+            ("amplifier", "current_average"),
+            f"{average:g} A on average is more than the {peak:g} A at peak: swap the two, or correct one",
+        )
+    named = amplifier.get("input")
+    fed = list(named.values()) if isinstance(named, Mapping) else [named]
+    outputs = file.daq.settings.get("outputs")
+    others = [d.settings.get("output") for d in (file.player, file.generator) if d is not None]
+    for name in fed:
+        if isinstance(outputs, Mapping) and name not in outputs and name not in others:
+            have = ", ".join([*outputs, *(str(other) for other in others)]) or "none"
+            yield (
+                ("amplifier", "input"),
+                f"there is no output {name!r} of the DAQ, a player or a generator ({have}): name one of "
+                "[daq.outputs]",
+            )
+    monitor = amplifier.get("monitor")
+    channel = monitor.get("channel") if isinstance(monitor, Mapping) else None
+    if isinstance(channel, str) and lacks(file, "channels", channel):
+        have = ", ".join(file.daq.settings["channels"])
+        yield (
+            ("amplifier", "monitor"),
+            f"there is no channel {channel!r} in [daq.channels] ({have}): name the one that the monitor is "
+            "wired to",
+        )
+
+
+def _of_direct_wiring(file: RigFile, settings: Mapping[str, Any]) -> Iterator[tuple[Location, str]]:
+    if file.relay is not None:
+        yield (
+            ("wiring",),
+            'a rig with a [relay] is not wired directly: remove [relay], or write wiring = "relay"',
+        )
+    patches = file.table.patches if file.table is not None else ("A",)
+    if len(patches) != 1:
+        yield (
+            ("table", "patches"),
+            f"direct wiring is one actuator on one amplifier, and {len(patches)} patches are "
+            f'named: write patches = ["{patches[0] if patches else "A"}"], or use a relay',
+        )
+    amplifier = settings.get("amplifier")
+    if file.amplifier is None or file.table is None:
+        missing = "amplifier" if file.amplifier is None else "table"
+        yield ("wiring",), f"direct wiring needs an [{missing}]: add it, or remove wiring"
+    elif file.actuator is not None and isinstance(getattr(amplifier, "gain", None), float):
+        yield from _unprotected(file, amplifier)
+
+
+def _unprotected(file: RigFile, amplifier: Any) -> Iterator[tuple[Location, str]]:
+    """What the amplifier can put out, when it is more than the actuator takes and nothing protects it."""
+    assert file.actuator is not None
+    takes = file.actuator.limits(1)
+    source = amplifier.input if isinstance(amplifier.input, str) else ""
+    most = range_of(file, "outputs", source)
+    reach = amplifier.gain * most if most is not None else float("inf")
+    low, high = max(amplifier.min, -reach), min(amplifier.max, reach)
+    if file.actuator.protected_by is None and (high > takes.max or low < takes.min):
+        yield (
+            ("amplifier", "gain"),
+            f"the amplifier can put out {low:g} to {high:g} V, the actuator takes {takes.min:g} to "
+            f"{takes.max:g} V, and no relay lies between: lower the amplifier's gain or rails, or say in "
+            '[actuator] what keeps it whole, such as protected_by = "a fuse of 0.5 A"',
+        )

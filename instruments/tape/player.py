@@ -1,0 +1,261 @@
+"""Plays a tape back: answers every call from the file, and makes none.
+
+Each thread of the session has its own order of calls, and threads have none between them: who was first is
+chance. So a thread is matched, at its first call, with a thread of the tape that begins with that call, and
+keeps to it. Where a call is another than the tape's, all further calls fail with the same sentence.
+
+The time is the tape's: that of the newest call that was answered, moved on by waits.
+"""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from ..clock import Clock
+from ..errors import DataError, InstrumentError
+from .lines import Call
+from .tape_file import TapeLines
+from .values import Handles, as_json, from_json
+
+__all__ = ["Opening", "Player", "TapeClock", "TapeError"]
+
+_RARELY = 1.5
+"""What repeats a call by time does so less often than on the tape, and never asks for more than it holds."""
+_LOOK = 0.005
+"""Interval of looks at the tape's time (s)."""
+_SHOWN = 160
+"""Longest description of a call (characters)."""
+
+
+class TapeError(InstrumentError):
+    """A tape holds another call than the one that is asked for, or none."""
+
+
+class TapeClock(Clock):
+    """The time of the tape."""
+
+    def __init__(self, start: float, real: bool) -> None:
+        self.real = real
+        self._now = start
+        self._lock = threading.Lock()
+
+    def now(self) -> float:
+        """See `Clock.now`."""
+        return self._now
+
+    def sleep(self, duration: float) -> None:
+        """See `Clock.sleep`: takes no time."""
+        with self._lock:
+            self._now += max(0.0, duration)
+
+    def hold(self, until: Callable[[], object]) -> None:
+        """See `Clock.hold`: a reader never reads further than on the tape."""
+        until()
+
+    def wait(self, event: threading.Event, duration: float) -> bool:
+        """See `Clock.wait`."""
+        end = self._now + _RARELY * duration
+        while not event.wait(_LOOK):
+            if self._now >= end:
+                return False
+        return True
+
+    def reach(self, when: float) -> None:
+        """Move on to the time of a call."""
+        with self._lock:
+            self._now = max(self._now, when)
+
+
+@dataclass
+class Opening:
+    """A rig that was opened while the tape was written."""
+
+    rig: str
+    """Its file as JSON."""
+    mode: str | None
+    start: float
+    real: bool
+    changes: dict[str, Mapping[str, Any]] = field(default_factory=dict)
+    """Settings of drivers that were others than the file's, by role."""
+
+
+@dataclass
+class _Track:
+    """The calls of one thread of the tape."""
+
+    name: str
+    calls: deque[Mapping[str, Any]] = field(default_factory=deque)
+    taken: bool = False
+
+
+class Player:
+    """See `Deck`. A context; raises at its end where a difference was found that nobody has told."""
+
+    playing = True
+
+    def __init__(self, path: Path) -> None:
+        """Read and verify the tape. Raises ConfigurationError, DataError."""
+        self.path = path
+        found = TapeLines.of(path)
+        self.whole = found.whole
+        """False for a tape that was cut off: its calls are right, and there were more."""
+        self.openings: list[Opening] = []
+        self._tracks: dict[int, _Track] = {}
+        try:
+            self.calls = sum(map(self._take, found.lines))
+        except (LookupError, TypeError, ValueError):
+            raise DataError(f"The tape {path} was written by another version of haploop.") from None
+        if not self.openings:
+            raise DataError(f"The tape {path} holds no rig: no instrument was opened while it was written.")
+        self.answered = 0
+        """Calls answered so far, of `calls`."""
+        self.difference = ""
+        """Sentence about the first call that differs."""
+        self._mine: dict[object, _Track] = {}
+        self._handles = Handles()
+        self._lock = threading.Lock()
+        self._opened = 0
+        self._clock = TapeClock(0.0, False)
+
+    def begin(self) -> tuple[Opening, TapeClock]:
+        """Go on to the next rig of the tape, or stay at its last; return it, and its clock."""
+        opening = self.openings[min(self._opened, len(self.openings) - 1)]
+        self._opened += 1
+        self._clock = TapeClock(opening.start, opening.real)
+        return opening, self._clock
+
+    def pass_on(self, call: Call, make: Callable[[], Any]) -> Any:
+        """See `Deck`. Raises TapeError for a call that the tape does not hold."""
+        given = as_json(call.given, self._handles, call.hidden)["t"]
+        with self._lock:
+            if self.difference:
+                raise TapeError(self.difference)
+            said = self._next(call, given)
+            if said is None:
+                return None
+            self.answered += 1
+        self._clock.reach(float(said["at"]))
+        if "error" in said:
+            raise _error_of(call, said["error"])
+        for array, told in zip(call.filled, said.get("filled", []), strict=True):
+            array[...] = from_json(told)
+        return from_json(said["got"])
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self.difference and error is None:
+            raise TapeError(self.difference)
+
+    def _take(self, said: Mapping[str, Any]) -> bool:
+        """Sort a line of the tape in; True for a call."""
+        match said["is"]:
+            case "rig":
+                self.openings.append(
+                    Opening(said["rig"], said["mode"], float(said["at"]), bool(said["real"]))
+                )
+            case "open":
+                self.openings[-1].changes[said["role"]] = dict(said["changes"])
+            case "thread":
+                self._tracks[said["thread"]] = _Track(said["name"])
+            case "call":
+                self._tracks[said["thread"]].calls.append(said)
+                return True
+        return False
+
+    def _next(self, call: Call, given: list[Any]) -> Mapping[str, Any] | None:
+        asked = _key(call.role, call.what, given)
+        thread = threading.current_thread()
+        order = thread if call.order is None else call.order
+        track = self._mine.get(order) or self._first(asked, thread.name)
+        if call.order is not None and (track is None or not track.calls):
+            return None
+        if track is None or not track.calls or _key_of(track.calls[0]) != asked:
+            self.difference = self._told(_shown(call.role, call.what, given), track, given)
+            raise TapeError(self.difference)
+        self._mine[order], track.taken = track, True
+        return track.calls.popleft()
+
+    def _first(self, asked: str, name: str) -> _Track | None:
+        """The unmatched thread of the tape that begins with this call: of the same name, if there is."""
+        free = [track for track in self._tracks.values() if not track.taken and track.calls]
+        fits = [track for track in free if _key_of(track.calls[0]) == asked]
+        return next((t for t in [*(t for t in fits if t.name == name), *fits]), None)
+
+    def _told(self, shown: str, track: _Track | None, given: list[Any]) -> str:
+        sentence = f"The tape {self.path} holds another call than is asked for after {self.answered} calls"
+        if track is None:
+            free = [t for t in self._tracks.values() if not t.taken and t.calls]
+            held = "; ".join(_shown_of(t.calls[0]) for t in free[:3]) or "nothing more"
+            return f"{sentence}. Asked: {shown}. A thread of the tape begins with: {held}."
+        if not track.calls:
+            end = "ends there" if self.whole else "was cut off there"
+            return f"{sentence}. Asked: {shown}. The tape {end}, or this thread of it does ({track.name})."
+        first = track.calls[0]
+        place = f"call {first['n']}, at {first['at']:.3f} s"
+        return (
+            f"{sentence}. Asked: {shown}. On the tape ({place}): {_shown_of(first)}{_unlike(given, first)}."
+        )
+
+
+def _key(role: str, what: str, given: list[Any]) -> str:
+    return json.dumps([role, what, given])
+
+
+def _key_of(said: Mapping[str, Any]) -> str:
+    return _key(said["role"], said["do"], said["with"])
+
+
+def _shown_of(said: Mapping[str, Any]) -> str:
+    return _shown(said["role"], said["do"], said["with"])
+
+
+def _shown(role: str, what: str, given: list[Any]) -> str:
+    text = f"{role} {what}({', '.join(_short(part) for part in given)})"
+    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
+
+
+def _short(told: Any) -> str:
+    match told:
+        case {"a": [str(kind), list(shape), str()]}:
+            return f"array of {' x '.join(map(str, shape))} {np.dtype(kind).name}"
+        case {"o": int(number)}:
+            return f"object {number}"
+        case {"b": str(text)}:
+            return repr(text.encode("latin-1"))
+        case {"t": list(parts)}:
+            return f"({', '.join(map(_short, parts))})"
+    return repr(told)
+
+
+def _unlike(given: list[Any], held: Mapping[str, Any]) -> str:
+    """Where two arrays of one call differ, which look alike in the sentence."""
+    for mine, theirs in zip(given, held["with"], strict=False):
+        if mine != theirs and isinstance(mine, dict) and "a" in mine and _short(mine) == _short(theirs):
+            a, b = np.ravel(from_json(mine)), np.ravel(from_json(theirs))
+            first = int(np.argmax(a != b))
+            return f", whose value {first} is {b[first]:.9g}, not {a[first]:.9g}"
+    return ""
+
+
+def _error_of(call: Call, told: list[Any]) -> BaseException:
+    name, args = told
+    for failure in call.failures:
+        if failure.kind.__name__ == name:
+            return (failure.made or failure.kind)(*from_json(args))
+    kind, sentence = [*map(str, args), "", ""][:2]
+    if kind in ("KeyboardInterrupt", "SystemExit", "_Terminated"):
+        return TapeError(f"The session on the tape was interrupted in {call.role} {call.what}.")
+    return InstrumentError(f"{call.role} {call.what} failed on the tape: {kind}: {sentence}.")

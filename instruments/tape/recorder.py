@@ -1,0 +1,140 @@
+"""Writes every call on the way to a device into a file, while the device answers it.
+
+The calling thread turns a call into text; a thread of its own packs and writes, so that a reader never waits
+for a disk. A tape that cannot be written stops, and says so at its end: what it records goes on.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping
+from datetime import UTC, datetime
+from functools import partial
+from importlib import metadata
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from ..clock import Clock, RealClock
+from ..errors import ConfigurationError, DataError
+from ..inbox import Inbox
+from .lines import Call
+from .tape_file import KIND, VERSION, TapeWriter
+from .values import Handles, as_json
+
+__all__ = ["Recorder"]
+
+_OFTEN = 0.25
+"""Longest time between two flushes while calls are made (s)."""
+
+
+class Recorder:
+    """See `Deck`. A context that writes `path`, a new file."""
+
+    playing = False
+
+    def __init__(self, path: Path) -> None:
+        """Begin the file. Raises ConfigurationError when it exists or cannot be written."""
+        self.path = path
+        self.calls = 0
+        """Calls so far."""
+        self._clock: Clock = RealClock()
+        self._handles = Handles()
+        self._orders: dict[object, int] = {}
+        self._lock = threading.Lock()
+        self._lines: Inbox[Mapping[str, Any] | None] = Inbox()
+        self._failure: OSError | None = None
+        try:
+            self._writer = TapeWriter(path)
+        except OSError as error:
+            why = "exists" if isinstance(error, FileExistsError) else (error.strerror or "").lower()
+            raise ConfigurationError(f"The tape {path} cannot be written ({why}): name a new file.") from None
+        self._thread = threading.Thread(target=self._write, name="haploop-tape", daemon=True)
+
+    def begin(self, rig: str, mode: str | None, clock: Clock) -> None:
+        """Note that a rig is opened: its file as JSON, how it is simulated, and its clock."""
+        self._clock = clock
+        self._lines.put({"is": "rig", "mode": mode, "real": clock.real, "at": clock.now(), "rig": rig})
+
+    def opening(self, role: str, changes: Mapping[str, Any]) -> None:
+        """Note that a driver is opened, with these settings other than the rig file's (a wire's address)."""
+        self._lines.put({"is": "open", "role": role, "changes": dict(changes)})
+
+    def pass_on(self, call: Call, make: Callable[[], Any]) -> Any:
+        """See `Deck`."""
+        # Before the call: NI's library may be given the same array again by then.
+        given = as_json(call.given, self._handles, call.hidden)
+        begun = self._clock.now()
+        try:
+            answer = make()
+        except BaseException as error:
+            self._note(call, given, begun, {"error": self._told(call, error)})
+            raise
+        told: dict[str, Any] = {"got": as_json(answer, self._handles, call.hidden)}
+        if call.filled:
+            told["filled"] = [as_json(array, self._handles, {}) for array in call.filled]
+        self._note(call, given, begun, told)
+        return answer
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        software = f"haploop {metadata.version('haploop')}"
+        started = datetime.now(UTC).isoformat(timespec="seconds")
+        self._lines.put({"format": KIND, "version": VERSION, "software": software, "started": started})
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._lines.put(None)
+        self._thread.join()
+        if self._failure is not None and error is None:
+            why = (self._failure.strerror or str(self._failure)).lower()
+            raise DataError(f"The tape {self.path} ends early ({why}); everything else was done.")
+
+    def _told(self, call: Call, error: BaseException) -> list[Any]:
+        known = next((f for f in call.failures if type(error) is f.kind), None)
+        known = known or next((f for f in call.failures if isinstance(error, f.kind)), None)
+        name = known.kind.__name__ if known else ""
+        args = known.told(error) if known else (type(error).__name__, str(error))
+        return [name, as_json(list(args), self._handles, call.hidden)]
+
+    def _note(self, call: Call, given: Any, begun: float, told: Mapping[str, Any]) -> None:
+        now = self._clock.now()
+        thread = threading.current_thread()
+        order = thread if call.order is None else call.order
+        with self._lock:
+            number = self._orders.get(order)
+            if number is None:
+                number = self._orders[order] = len(self._orders)
+                name = thread.name if order is thread else call.what
+                self._lines.put({"is": "thread", "thread": number, "name": name})
+            self.calls += 1
+            said = {"is": "call", "n": self.calls, "thread": number, "at": now, "took": round(now - begun, 6)}
+            self._lines.put({**said, "role": call.role, "do": call.what, "with": given["t"], **told})
+
+    def _write(self) -> None:
+        count, flushed, dirty = 0, 0.0, False
+        while True:
+            waiting = self._lines.wait()
+            now = RealClock().now()
+            if self._failure is None and dirty and (not waiting or now - flushed > _OFTEN):
+                self._safely(self._writer.flush)
+                flushed, dirty = now, False
+            if not waiting:
+                continue
+            said = self._lines.take()
+            if said is None:
+                self._safely(partial(self._writer.write, {"is": "end", "lines": count}))
+                self._safely(self._writer.close)
+                return
+            self._safely(partial(self._writer.write, said))
+            count, dirty = count + 1, True
+
+    def _safely(self, step: Callable[[], None]) -> None:
+        """Take a step, unless one has failed."""
+        if self._failure is None:
+            try:
+                step()
+            except OSError as error:
+                self._failure = error

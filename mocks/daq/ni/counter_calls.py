@@ -1,0 +1,195 @@
+"""Read and write calls of counters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from nidaqmx._stubs import nidaqmx_pb2 as pb
+from nidaqmx.constants import FillMode
+
+from ....instruments.arrays import FloatArray
+from .channel import Channel
+from .counting import timebase_of
+from .errors import DaqmxError, DAQmxErrors
+from .fields import field
+from .signalling import change_pulses
+from .system import NiSystem
+from .taking import Alive, Taken, take, wanted_channels
+from .tasks import Task
+
+__all__ = ["COUNTING"]
+
+Call = Callable[[NiSystem, Any, Alive], Any]
+
+_PAIRS = {
+    "Freq": ("frequency", "duty_cycle"),
+    "Time": ("high_time", "low_time"),
+    "Ticks": ("high_ticks", "low_ticks"),
+}
+"""Fields of a pulse by the name of its calls."""
+
+
+def _take(system: NiSystem, request: Any, alive: Alive, count: int) -> Taken:
+    task = system.task(request.task.name)
+    if task.channels and task.kind != "ci":
+        raise DaqmxError(
+            DAQmxErrors.READ_NO_INPUT_CHANS_IN_TASK,
+            f"Read cannot be performed, because task {task.name!r} has no counter inputs.",
+        )
+    space = None
+    if "array_size_in_samps" in request.DESCRIPTOR.fields_by_name:
+        space = request.array_size_in_samps // max(1, len(wanted_channels(task)))
+    return take(system, task, count, request.timeout, alive, space)
+
+
+def _one(system: NiSystem, request: Any, alive: Alive) -> Taken:
+    taken = _take(system, request, alive, 1)
+    if not taken.count:
+        raise DaqmxError(
+            DAQmxErrors.SAMPLES_NOT_YET_AVAILABLE,
+            "Some or all of the samples requested have not yet been acquired.",
+            read=0,
+        )
+    return taken
+
+
+def _scaled(taken: Taken) -> FloatArray:
+    return np.array([
+        row if channel.custom is None else channel.custom.to_units(row)
+        for channel, row in zip(taken.channels, taken.rows[::2], strict=True)
+    ]).reshape(len(taken.channels), taken.count)  # fmt: skip
+
+
+def _reader(name: str, whole: bool) -> Call:
+    reply = getattr(pb, f"Read{name}Response")
+
+    def call(system: NiSystem, request: Any, alive: Alive) -> Any:
+        taken = _take(system, request, alive, request.num_samps_per_chan)
+        rows = taken.rows[::2] if whole else _scaled(taken)
+        by_scan = field(request, "fill_mode") == FillMode.GROUP_BY_SCAN_NUMBER.value
+        flat = np.ascontiguousarray(rows.T if by_scan else rows).ravel()
+        answer = reply(status=taken.status, samps_per_chan_read=taken.count)
+        answer.read_array.extend(flat.astype(np.int64).tolist() if whole else flat.tolist())
+        return answer
+
+    return call
+
+
+def _reader_of_one(name: str, whole: bool) -> Call:
+    reply = getattr(pb, f"Read{name}Response")
+
+    def call(system: NiSystem, request: Any, alive: Alive) -> Any:
+        taken = _one(system, request, alive)
+        return reply(value=int(taken.rows[0, 0]) if whole else float(_scaled(taken)[0, 0]))
+
+    return call
+
+
+def _pair_reader(name: str) -> Call:
+    reply, fields = getattr(pb, f"ReadCtr{name}Response"), _PAIRS[name]
+
+    def call(system: NiSystem, request: Any, alive: Alive) -> Any:
+        taken = _take(system, request, alive, request.num_samps_per_chan)
+        by_scan = field(request, "interleaved") == FillMode.GROUP_BY_SCAN_NUMBER.value
+        answer = reply(status=taken.status, samps_per_chan_read=taken.count)
+        for place, of in enumerate(fields):
+            rows = taken.rows[place::2]
+            flat = np.ascontiguousarray(rows.T if by_scan else rows).ravel()
+            getattr(answer, f"read_array_{of}").extend(_numbers(name, flat))
+        return answer
+
+    return call
+
+
+def _pair_reader_of_one(name: str) -> Call:
+    reply, fields = getattr(pb, f"ReadCtr{name}ScalarResponse"), _PAIRS[name]
+
+    def call(system: NiSystem, request: Any, alive: Alive) -> Any:
+        taken = _one(system, request, alive)
+        return reply(**{of: _numbers(name, taken.rows[place])[0] for place, of in enumerate(fields)})
+
+    return call
+
+
+def _numbers(name: str, values: FloatArray) -> list[Any]:
+    return [round(value) for value in values] if name == "Ticks" else values.tolist()
+
+
+# Pulses to be put out
+
+
+def _spans(
+    name: str, channel: Channel, first: FloatArray, second: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the high and low times (s) of pulses that a call gives in its own way."""
+    if name == "Freq":
+        return second / first, (1 - second) / first
+    if name == "Ticks":
+        hz = timebase_of(channel, 100e6)
+        return first / hz, second / hz
+    return first, second
+
+
+def _pair_writer(name: str) -> Call:
+    reply, fields = getattr(pb, f"WriteCtr{name}Response"), _PAIRS[name]
+
+    def call(system: NiSystem, request: Any, alive: Alive) -> Any:
+        task = system.task(request.task.name)
+        channels = len(task.channels)
+        given = [np.array(list(getattr(request, of)), np.float64) for of in fields]
+        by_scan = field(request, "data_layout") == FillMode.GROUP_BY_SCAN_NUMBER.value
+        rows = [part.reshape(-1, channels).T if by_scan else part.reshape(channels, -1) for part in given]
+        _put(system, task, name, rows, request.auto_start)
+        return reply(num_samps_per_chan_written=int(rows[0].shape[1]))
+
+    return call
+
+
+def _pair_writer_of_one(name: str) -> Call:
+    reply, fields = getattr(pb, f"WriteCtr{name}ScalarResponse"), _PAIRS[name]
+
+    def call(system: NiSystem, request: Any, alive: Alive) -> Any:
+        task = system.task(request.task.name)
+        rows = [np.full((len(task.channels), 1), float(getattr(request, of))) for of in fields]
+        _put(system, task, name, rows, request.auto_start)
+        return reply()
+
+    return call
+
+
+def _put(system: NiSystem, task: Task, name: str, rows: list[FloatArray], auto_start: bool) -> None:
+    if task.kind != "co":
+        raise DaqmxError(
+            DAQmxErrors.WRITE_NO_OUTPUT_CHANS_IN_TASK,
+            f"Write cannot be performed, because task {task.name!r} has no counter outputs.",
+        )
+    spans = [_spans(name, channel, *pair) for channel, *pair in zip(task.channels, *rows, strict=True)]
+    high, low = (np.array([pair[place] for pair in spans]) for place in (0, 1))
+    if not (np.isfinite(high + low).all() and (high > 0).all() and (low > 0).all()):
+        raise DaqmxError(
+            DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
+            "Requested value is not a supported value for this property: a pulse has a high and a low part.",
+        )
+    task.written += high.shape[1]
+    if task.running:
+        change_pulses(system, task, high, low)
+    else:
+        task.pulses = (high, low)
+        if auto_start:
+            system.start(task, auto=True)
+    system.changed.notify_all()
+
+
+COUNTING: dict[str, Call] = {
+    **{f"Read{name}": _reader(name, whole=False) for name in ("CounterF64", "CounterF64Ex")},
+    **{f"Read{name}": _reader(name, whole=True) for name in ("CounterU32", "CounterU32Ex")},
+    "ReadCounterScalarF64": _reader_of_one("CounterScalarF64", whole=False),
+    "ReadCounterScalarU32": _reader_of_one("CounterScalarU32", whole=True),
+    **{f"ReadCtr{name}": _pair_reader(name) for name in _PAIRS},
+    **{f"ReadCtr{name}Scalar": _pair_reader_of_one(name) for name in _PAIRS},
+    **{f"WriteCtr{name}": _pair_writer(name) for name in _PAIRS},
+    **{f"WriteCtr{name}Scalar": _pair_writer_of_one(name) for name in _PAIRS},
+}
+"""Read and write calls of counters that are served, by name."""

@@ -1,0 +1,67 @@
+"""Reading of power channels: a simulated supply gives what it is set to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from nidaqmx._stubs import nidaqmx_pb2 as pb
+from nidaqmx.constants import FillMode
+
+from ....instruments.arrays import FloatArray
+from .channel import Channel
+from .fields import field
+from .system import NiSystem
+from .taking import Alive, take, wanted_channels
+
+__all__ = ["POWER"]
+
+Call = Callable[[NiSystem, Any, Alive], Any]
+
+_CODES = (4096.0, 8192.0)
+"""Codes per volt and per ampere (NI's own tests)."""
+
+
+def _supplied(channels: Sequence[Channel], count: int) -> tuple[FloatArray, FloatArray]:
+    """Return the volts and amperes (channels, count) that channels put out: their setpoints."""
+    values = [channel.values if channel.values.get("PWR_OUTPUT_ENABLE") else {} for channel in channels]
+    volts, amperes = (
+        np.array([[float(own.get(f"PWR_{of}_SETPOINT", 0.0))] * count for own in values]).reshape(-1, count)
+        for of in ("VOLTAGE", "CURRENT")
+    )
+    return volts, amperes
+
+
+def _reader(name: str, coded: bool) -> Call:
+    reply = getattr(pb, f"Read{name}Response")
+
+    def call(system: NiSystem, request: Any, alive: Alive) -> Any:
+        task = system.task(request.task.name)
+        space = request.array_size_in_samps // max(1, len(wanted_channels(task)))
+        result = take(system, task, request.num_samps_per_chan, request.timeout, alive, space)
+        answer = reply(status=result.status, samps_per_chan_read=result.count)
+        by_scan = field(request, "fill_mode") == FillMode.GROUP_BY_SCAN_NUMBER.value
+        targets = (answer.read_array_voltage, answer.read_array_current)
+        for target, rows, codes in zip(
+            targets, _supplied(result.channels, result.count), _CODES, strict=True
+        ):
+            flat = (rows.T if by_scan else rows).ravel()
+            target.extend((flat * codes).astype(int).tolist() if coded else flat.tolist())
+        return answer
+
+    return call
+
+
+def _read_one(system: NiSystem, request: Any, alive: Alive) -> Any:
+    result = take(system, system.task(request.task.name), 1, request.timeout, alive)
+    volts, amperes = _supplied(result.channels, 1)
+    return pb.ReadPowerScalarF64Response(voltage=float(volts[0, 0]), current=float(amperes[0, 0]))
+
+
+POWER: dict[str, Call] = {
+    "ReadPowerF64": _reader("PowerF64", coded=False),
+    "ReadPowerBinaryI16": _reader("PowerBinaryI16", coded=True),
+    "ReadPowerScalarF64": _read_one,
+}
+"""Calls of this module, by name."""

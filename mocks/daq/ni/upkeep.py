@@ -1,0 +1,240 @@
+"""Calls about a device's upkeep: calibration, states after power-on, routes, networks, memories."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import UTC, datetime
+from typing import Any
+
+from nidaqmx._stubs import nidaqmx_pb2 as pb
+from nidaqmx.constants import LogicFamily, PowerUpChannelType, PowerUpStates
+from nidaqmx.utils import unflatten_channel_string
+
+from .errors import DaqmxError, DAQmxErrors
+from .fields import field
+from .system import NiSystem
+
+__all__ = ["UPKEEP", "read_calibration", "write_calibration"]
+
+Call = Callable[[NiSystem, Any, Callable[[], bool]], Any]
+
+_CALIBRATION: dict[str, Any] = {
+    "SELF_CAL_SUPPORTED": True,
+    "SELF_CAL_LAST_TEMP": 35.0,
+    "EXT_CAL_LAST_TEMP": 25.0,
+    "CAL_DEV_TEMP": 35.0,
+    "EXT_CAL_RECOMMENDED_INTERVAL": 24,
+    "CAL_USER_DEFINED_INFO": "",
+    "CAL_USER_DEFINED_INFO_MAX_SIZE": 4,
+    "CAL_ACC_CONNECTION_COUNT": 0,
+    "CAL_RECOMMENDED_ACC_CONNECTION_COUNT_LIMIT": 0,
+}
+"""Calibration data of a device that no program has set (°C, months, characters; estimates)."""
+
+
+def read_calibration(system: NiSystem, name: str, request: Any) -> Any:
+    """Return property `name` of the calibration of the request's device."""
+    device = system.inventory.device(request.device_name)
+    return system.upkeep.get((device.name, name), _CALIBRATION[name])
+
+
+def write_calibration(system: NiSystem, name: str, request: Any, value: Any) -> None:
+    """Set property `name` of the calibration of the request's device. Raises DaqmxError."""
+    device = system.inventory.device(request.device_name)
+    if isinstance(value, str) and len(value) > _CALIBRATION["CAL_USER_DEFINED_INFO_MAX_SIZE"]:
+        raise DaqmxError(
+            DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
+            f"Requested value is not a supported value for this property: {value!r} is longer than 4.",
+        )
+    system.upkeep[device.name, name] = value
+
+
+def _dated(kind: str) -> Call:
+    reply = getattr(pb, f"Get{kind}CalLastDateAndTimeResponse")
+
+    def call(system: NiSystem, request: Any, alive: Callable[[], bool]) -> Any:
+        device = system.inventory.device(request.device_name)
+        when = system.upkeep.get((device.name, f"{kind} calibrated"), system.epoch)
+        return reply(year=when.year, month=when.month, day=when.day, hour=when.hour, minute=when.minute)
+
+    return call
+
+
+def _self_calibrate(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+    device = system.inventory.device(request.device_name)
+    system.upkeep[device.name, "Self calibrated"] = datetime.now(UTC)
+
+
+def _device_exists(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+    system.inventory.device(request.device_name)
+
+
+def _task_exists(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+    """Do what a calibration of a simulated sensor does: nothing."""
+    _ = system.task(request.task.name).kind
+
+
+# States after power-on
+
+
+def _lines(system: NiSystem, names: str) -> list[str]:
+    lines = []
+    for device, tail in system.inventory.resolve(names):
+        lines += [line for line in device.lines if f"{line}/".startswith(f"{device.name}/{tail}/")]
+    return lines
+
+
+def _set_lines(of: str) -> Call:
+    """Make a call that stores states of digital lines under `of`."""
+
+    def call(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+        for entry in getattr(request, of):
+            for line in _lines(system, entry.channel_names):
+                system.upkeep[line, of] = entry.state
+
+    return call
+
+
+def _get_lines(reply: type[Any], of: str, default: int) -> Call:
+    def call(system: NiSystem, request: Any, alive: Callable[[], bool]) -> Any:
+        states = [system.upkeep.get((_lines(system, name)[0], of), default) for name in request.channel_name]
+        return reply(**{of: states})
+
+    return call
+
+
+def _set_family(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+    device = system.inventory.device(request.device_name)
+    system.upkeep[device.name, "logic family"] = field(request, "logic_family")
+
+
+def _get_family(system: NiSystem, request: Any, alive: Callable[[], bool]) -> Any:
+    device = system.inventory.device(request.device_name)
+    family = system.upkeep.get((device.name, "logic family"), LogicFamily.FIVE_V.value)
+    return pb.GetDigitalLogicFamilyPowerUpStateResponse(logic_family=family)
+
+
+def _set_output(system: NiSystem, name: str, volts: float, kind: int) -> None:
+    ((device, tail),) = system.inventory.resolve(name)
+    low = 0.0 if device.product.ao_unipolar else -device.product.ao_range
+    if f"{device.name}/{tail}" not in device.ao or not low <= volts <= device.product.ao_range:
+        raise DaqmxError(
+            DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
+            f"Requested value is not a supported value for this property: {volts:g} V at {name}.",
+        )
+    system.upkeep[f"{device.name}/{tail}", "power-up"] = (volts, kind)
+
+
+def _set_outputs(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+    names = unflatten_channel_string(request.channel_names)
+    kinds = list(request.channel_type_array)
+    for name, volts, kind in zip(names, request.state_array, kinds, strict=True):
+        _set_output(system, name, volts, kind)
+
+
+def _set_outputs_of_device(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+    for entry in request.power_up_states:
+        for name in unflatten_channel_string(entry.channel_names):
+            _set_output(system, name, entry.state, field(entry, "channel_type"))
+
+
+def _state(system: NiSystem, name: str) -> tuple[float, int]:
+    ((device, tail),) = system.inventory.resolve(name)
+    fallback = (0.0, PowerUpChannelType.CHANNEL_HIGH_IMPEDANCE.value)
+    found: tuple[float, int] = system.upkeep.get((f"{device.name}/{tail}", "power-up"), fallback)
+    return found
+
+
+def _get_outputs(system: NiSystem, request: Any, alive: Callable[[], bool]) -> Any:
+    states = [_state(system, name) for name in unflatten_channel_string(request.channel_names)]
+    return pb.GetAnalogPowerUpStatesWithOutputTypeResponse(
+        state_array=[volts for volts, _ in states], channel_type_array_raw=[kind for _, kind in states]
+    )
+
+
+def _get_outputs_of_device(system: NiSystem, request: Any, alive: Callable[[], bool]) -> Any:
+    return pb.GetAnalogPowerUpStatesResponse(
+        power_up_states=[_state(system, entry.channel_name)[0] for entry in request.channels]
+    )
+
+
+# Routes, networks, memories
+
+
+def _connect(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+    source, target = (
+        _terminal(system, text) for text in (request.source_terminal, request.destination_terminal)
+    )
+    system.terminals.connect(source, target)
+
+
+def _disconnect(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+    system.terminals.disconnect(_terminal(system, request.destination_terminal))
+
+
+def _terminal(system: NiSystem, text: str) -> str:
+    head = text.lstrip("/").partition("/")[0]
+    return system.inventory.terminal(system.inventory.device(head), f"/{text.lstrip('/')}")
+
+
+def _unreachable(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+    raise DaqmxError(
+        DAQmxErrors.NETWORK_TARGET_NOT_FOUND,
+        f"The network device cannot be found: nothing answers at {request.ip_address!r}.",
+    )
+
+
+def _remove(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+    device = system.inventory.device(request.device_name)
+    raise DaqmxError(
+        DAQmxErrors.NETWORK_DAQ_DEVICE_NOT_SUPPORTED,
+        f"{device.name} is no network device that was added, and cannot be removed.",
+    )
+
+
+def _no_memory(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+    device = system.inventory.device(request.device_name)
+    raise DaqmxError(
+        DAQmxErrors.ID_PIN_NO_EEPROM, f"{device.name} has no memory at the ID pin {request.id_pin_name!r}."
+    )
+
+
+UPKEEP: dict[str, Call] = {
+    "GetSelfCalLastDateAndTime": _dated("Self"),
+    "GetExtCalLastDateAndTime": _dated("Ext"),
+    "SelfCal": _self_calibrate,
+    "RestoreLastExtCalConst": _device_exists,
+    "PerformBridgeOffsetNullingCalEx": _task_exists,
+    "PerformBridgeShuntCalEx": _task_exists,
+    "PerformStrainShuntCalEx": _task_exists,
+    "PerformThrmcplLeadOffsetNullingCal": _task_exists,
+    "SetDigitalPowerUpStates": _set_lines("power_up_states"),
+    "GetDigitalPowerUpStates": _get_lines(
+        pb.GetDigitalPowerUpStatesResponse, "power_up_states", PowerUpStates.TRISTATE.value
+    ),
+    "SetDigitalPullUpPullDownStates": _set_lines("pull_up_pull_down_states"),
+    "GetDigitalPullUpPullDownStates": _get_lines(
+        pb.GetDigitalPullUpPullDownStatesResponse, "pull_up_pull_down_states", 15951
+    ),
+    "SetDigitalLogicFamilyPowerUpState": _set_family,
+    "GetDigitalLogicFamilyPowerUpState": _get_family,
+    "SetAnalogPowerUpStates": _set_outputs_of_device,
+    "GetAnalogPowerUpStates": _get_outputs_of_device,
+    "SetAnalogPowerUpStatesWithOutputType": _set_outputs,
+    "GetAnalogPowerUpStatesWithOutputType": _get_outputs,
+    "ConnectTerms": _connect,
+    "DisconnectTerms": _disconnect,
+    "AddNetworkDevice": _unreachable,
+    "DeleteNetworkDevice": _remove,
+    "ReserveNetworkDevice": _device_exists,
+    "UnreserveNetworkDevice": _device_exists,
+    "AddCDAQSyncConnection": lambda s, r, a: None,
+    "RemoveCDAQSyncConnection": lambda s, r, a: None,
+    "AutoConfigureCDAQSyncConnections": lambda s, r, a: None,
+    "AreConfiguredCDAQSyncPortsDisconnected": lambda s, r, a: None,
+    "GetAutoConfiguredCDAQSyncConnections": lambda s, r, a: None,
+    "GetDisconnectedCDAQSyncPorts": lambda s, r, a: None,
+    "ReadIDPinMemory": _no_memory,
+    "WriteIDPinMemory": _no_memory,
+}
+"""Calls of this module, by name. A result of None means success."""

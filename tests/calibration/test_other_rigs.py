@@ -1,0 +1,153 @@
+"""A coil without a relay, another laser, a glued accelerometer: each beside the surface's own motion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from haploop.calibration import calibrate, drive_for, quick_response
+from haploop.calibration.examination import examine
+from haploop.instruments import InstrumentError, Rig, load_rig_file, open_rig
+from tests.calibration.conftest import make_press
+from tests.calibration.drive.test_truth import played_and_true
+
+pytestmark = pytest.mark.requires("simulation")
+
+PICKUPS = {
+    "displacement": """
+quantity = "displacement"
+scale = 5e-6
+range = 2e-5
+bandwidth_hz = 2500
+delay = 1e-4
+""",
+    "acceleration": """
+quantity = "acceleration"
+scale = 98.0665
+range = 490
+bandwidth_hz = 10000
+high_pass_hz = 0.5
+delay = 2e-5
+mass = 0.002
+""",
+}
+
+
+@contextmanager
+def rig_of(name: str, folder: Path, mode: Any = "twin", **simulation: Any) -> Iterator[Rig]:
+    """The shipped rig with a coil, or the simulated one with another pick-up."""
+    path = folder / f"{name}.toml"
+    if name == "coil":
+        path.write_text('base = "voice-coil"\n', encoding="utf-8")
+    else:
+        head = f'driver = "analog-vibrometer"\nname = "{name}"\nsource = "a test"\nchannel = "laser"'
+        text = f'base = "simulated"\nname = "{name}"\n[vibrometer]\n{head}{PICKUPS[name]}'
+        path.write_text(text, encoding="utf-8")
+    with open_rig(path, simulate=mode, simulation=simulation) as rig:
+        yield rig
+
+
+def difference(found: np.ndarray, true: np.ndarray) -> float:
+    return float(np.linalg.norm(found - true) / np.linalg.norm(true))
+
+
+@pytest.mark.parametrize(
+    ("name", "within"), [("coil", 0.002), ("displacement", 0.002), ("acceleration", 0.003)]
+)
+def test_the_response_is_the_surfaces_own_velocity(name: str, within: float, tmp_path: Path) -> None:
+    with rig_of(name, tmp_path, hysteresis=0.0) as rig:
+        response = calibrate(rig).response
+        truth = rig.simulation.truth.velocity_response("A", "button", response.frequencies)  # type: ignore[union-attr]
+    assert difference(response.velocity, truth) < within
+    assert response.pickup == ("velocity" if name == "coil" else name)
+
+
+@pytest.mark.many_plays
+@pytest.mark.parametrize("name", ["coil", "displacement", "acceleration"])
+def test_the_verdict_is_right_about_the_surfaces_own_error(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with rig_of(name, tmp_path) as rig:
+        drive = drive_for(make_press(), calibrate(rig), rig.limits)
+        result, error, _ = played_and_true(rig, drive, 6, monkeypatch)
+        low, high = result.interval
+        assert low - 0.005 <= error <= high + 0.005
+        assert result.passed and error < 0.05
+
+
+@pytest.mark.parametrize("name", ["coil", "acceleration"])
+def test_a_wrong_drive_fails_on_each(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from dataclasses import replace
+
+    with rig_of(name, tmp_path) as rig:
+        drive = drive_for(make_press(), calibrate(rig), rig.limits)
+        wrong = replace(drive, volts=0.7 * drive.volts)
+        result, error, _ = played_and_true(rig, wrong, 6, monkeypatch)
+    assert result.verdict == "fail" and error == pytest.approx(result.error, abs=0.03) and error > 0.2
+
+
+def test_a_coil_is_measured_through_its_wire(tmp_path: Path) -> None:
+    with rig_of("coil", tmp_path, "wire") as rig:
+        response = quick_response(rig)
+        truth = rig.simulation.truth.velocity_response("A", "button", response.frequencies)  # type: ignore[union-attr]
+        assert difference(response.velocity, truth) < 0.01
+
+
+def test_a_glued_accelerometer_lowers_the_resonance_by_its_mass(tmp_path: Path) -> None:
+    """2 g at the button, on modes of 240 g: by half of its share, where the mode has its antinode."""
+    with rig_of("acceleration", tmp_path) as rig, open_rig("simulated") as free:
+        loaded, unloaded = (one.simulation.truth for one in (rig, free))  # type: ignore[union-attr]
+        place = loaded._scene.place("button")
+        shape = unloaded.surface.modes(0.0).shape(place)[unloaded.surface.modes(0.0).main]
+        expected = unloaded.resonance_hz / np.sqrt(1 + 0.002 / 0.24 * shape**2)
+        assert loaded.resonance_hz == pytest.approx(expected, rel=1e-9)
+        assert loaded.resonance_hz < unloaded.resonance_hz - 0.5
+
+
+def test_a_drive_stays_within_the_range_of_what_is_shown(tmp_path: Path) -> None:
+    """The displacement that a drive makes is within the share of the range that a drive may use."""
+    with rig_of("displacement", tmp_path) as rig:
+        calibration = calibrate(rig)
+        drive = drive_for(make_press(), calibration, rig.limits)
+        assert "V at the patch" in drive.unreached
+        from dataclasses import replace
+
+        small = replace(calibration, response=replace(calibration.response, pickup_range=1e-7))
+        tight = drive_for(make_press(), small, rig.limits)
+        assert "of the vibrometer's 0.1 µm" in tight.unreached and tight.peak < drive.peak / 2
+        capture = rig.excite(tight.volts, ("A",), ("laser",))
+        assert 0.05e-6 < np.abs(rig.vibrometer.to_si(capture.volts[0])).max() < 0.1e-6
+
+
+def test_a_pickup_at_the_end_of_its_range_is_told_in_its_unit(tmp_path: Path) -> None:
+    path = tmp_path / "small.toml"
+    text = PICKUPS["displacement"].replace("2e-5", "2e-7").replace("5e-6", "5e-8")
+    head = 'driver = "analog-vibrometer"\nname = "x"\nsource = "a test"\nchannel = "laser"'
+    path.write_text(f'base = "simulated"\n[vibrometer]\n{head}{text}', encoding="utf-8")
+    with open_rig(path) as rig, pytest.raises(InstrumentError, match=r"left its range of 0.2 µm: choose"):
+        quick_response(rig)
+
+
+def test_a_coil_is_planned_within_its_heat(tmp_path: Path) -> None:
+    """With a tenth of the power, calibration and check lower their levels, and nothing is refused."""
+    file = load_rig_file("voice-coil")
+    assert file.actuator is not None
+    actuator = file.actuator.model_copy(update={"watts": 0.004})
+    with open_rig(file.model_copy(update={"actuator": actuator})) as rig:
+        calibration = calibrate(rig)
+        drive = drive_for(make_press(), calibration, rig.limits)
+        assert drive.peak < 1.0 and calibration.response.level < 0.5
+        rig.excite(drive.volts, ("A",), ("laser",))
+
+
+def test_doctor_says_that_a_glued_accelerometer_loads_the_table(tmp_path: Path) -> None:
+    with rig_of("acceleration", tmp_path) as rig:
+        findings = examine(rig)
+    (shown,) = [f for f in findings if f.name == "Mass"]
+    assert shown.status == "yellow" and "adds 2 g to the table where it is glued" in shown.sentence
+    assert not [f for f in findings if f.status == "red"]

@@ -1,0 +1,38 @@
+"""What the page "When it does not work" quotes is what haploop says."""
+
+from __future__ import annotations
+
+import re
+
+from tests.documents.pages import ROOT
+
+ROOMS = (
+    "instruments",
+    "acquisition",
+    "calibration",
+    "exchange",
+    "reports",
+    "terminal",
+    "console",
+    "commands",
+)
+NOT_OURS = {"haploop: command not found"}
+
+
+def test_each_sentence_that_is_quoted_is_said_by_the_code() -> None:
+    page = (ROOT / "docs" / "how-to" / "when-it-does-not-work.md").read_text(encoding="utf-8")
+    quoted = {
+        said
+        for row in re.findall(r"^\| (.*?) \|", page, re.MULTILINE)
+        for said in re.findall(r"`(.+?)`", row)
+    }
+    source = "\n".join(
+        path.read_text(encoding="utf-8")
+        for room in ROOMS
+        for path in sorted((ROOT / room).rglob("*"))
+        if path.suffix in (".py", ".js")
+    )
+    # Sentences go over several lines of the source, each a string of its own.
+    source = re.sub(r'"\s+f?"', "", source)
+    assert len(quoted) > 10
+    assert [said for said in sorted(quoted - NOT_OURS) if said not in source] == []

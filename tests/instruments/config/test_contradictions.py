@@ -1,0 +1,197 @@
+"""A wrong description of amplifier, actuator, wiring or pick-up is one sentence that says what to write."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from haploop.instruments import ConfigurationError, load_rig_file
+
+COIL = """
+base = "haptable"
+name = "coil"
+wiring = "direct"
+relay = false
+
+[amplifier]
+driver = "analog-amplifier"
+name = "an audio amplifier"
+source = "its data sheet"
+input = "amplifier"
+gain = 2
+min = -12
+max = 12
+current_peak = 1
+current_average = 0.5
+monitor = { channel = "drive", scale = 2 }
+
+[daq.channels]
+drive = { terminal = "Dev2/ai4", range = 10, config = "rse" }
+
+[actuator]
+kind = "coil"
+resistance = 8
+inductance = 0.5e-3
+volts = 4
+watts = 1
+thermal_time = 2
+protected_by = "a fuse of 0.5 A"
+
+[table]
+patches = ["A"]
+patch_places = { A = [0.2, 0.15] }
+
+[vibrometer]
+driver = "analog-vibrometer"
+name = "a Doppler head"
+source = "its data sheet"
+channel = "laser"
+scale = 0.005
+range = 0.02
+bandwidth_hz = 20000
+"""
+GLUED = ("scale = 0.005\nrange = 0.02", 'quantity = "acceleration"\nscale = 98\nrange = 490\nmass = 0.002')
+
+
+def written(folder: Path, *changes: tuple[str, str]) -> Path:
+    text = COIL
+    for before, after in changes:
+        assert before in text, before
+        text = text.replace(before, after, 1)
+    file = folder / "rig.toml"
+    file.write_text(text, encoding="utf-8")
+    return file
+
+
+def test_the_right_description_is_taken(tmp_path: Path) -> None:
+    rig = load_rig_file(written(tmp_path))
+    assert rig.relay is None and rig.sensors.drive is not None
+    assert (rig.sensors.drive.channels, rig.sensors.drive.ratio) == (("drive",), 2.0)
+    load_rig_file(written(tmp_path, GLUED))
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        # amplifier
+        ([("gain = 2\n", "gain = -2\n")], r"amplifier\.gain must be above 0"),
+        ([('source = "its data sheet"\ninput', "input")], r"the key 'amplifier\.source' is missing"),
+        (
+            [("min = -12", "min = 0")],
+            r"amplifier\.min: .* use an amplifier that goes below 0 V \(min = -50\)",
+        ),
+        ([("current_peak = 1", "current_peak = 0.1")], r"current_average: 0\.5 A .* swap the two"),
+        (
+            [('channel = "drive", scale', 'channel = "monitr", scale')],
+            r"no channel 'monitr' .*: name the one",
+        ),
+        (
+            [('input = "amplifier"', 'input = "ao0"')],
+            r"no output 'ao0' .*\(amplifier\): name one of \[daq\.out",
+        ),
+        ([('wiring = "direct"\nrelay = false\n', "")], r"monitor: .* put a divider behind the relay into"),
+        (
+            [
+                ('input = "amplifier"', 'input = "swept"\ninverting = true'),
+                (
+                    "[table]",
+                    '[generator]\ndriver = "keysight-33500"\nresource = "TCPIP::192.0.2.1::5025::SOCKET"\n'
+                    'output = "swept"\n\n[table]',
+                ),
+            ],
+            r"inverting: .* feed the amplifier from the DAQ, or use its non-inverting input",
+        ),
+        # actuator
+        (
+            [('kind = "coil"', 'kind = "motor"')],
+            r"actuator\.kind must be 'piezo' or 'coil' \(found 'motor'\)",
+        ),
+        ([("watts = 1\n", "")], r"actuator: a coil needs watts: add it to \[actuator\]"),
+        ([("watts = 1\n", "watts = 3\n")], r"at volts = 4 into 8 ohm it can dissipate 2 W at most"),
+        (
+            [("watts = 1\n", "watts = 1\ncapacitance = 1e-9\n")],
+            r"a coil has no capacitance, .*: remove it, or",
+        ),
+        ([("thermal_time = 2", "thermal_time = 3600")], r"actuator\.thermal_time must be 600 or less"),
+        (
+            [('protected_by = "a fuse of 0.5 A"\n', "")],
+            r"can put out -12 to 12 V, the actuator takes -4 to 4 V",
+        ),
+        (
+            [('protected_by = "a fuse of 0.5 A"\n', ""), ("min = -12\nmax = 12", "min = -4\nmax = 5")],
+            r"gain: the amplifier can put out -4 to 5 V.* say in \[actuator\] what keeps it whole",
+        ),
+        (
+            [("[table]", "[limits]\nmax = 12\n\n[table]")],
+            r"limits\.max: 12 V is beyond the 4 V .*: write max = 4",
+        ),
+        (
+            [("[table]", "[limits]\nmin = -5\n\n[table]")],
+            r"limits\.min: -5 V is beyond the -4 V .*write min = -4",
+        ),
+        # wiring
+        ([('wiring = "direct"', 'wiring = "none"')], r"wiring must be 'relay' or 'direct' \(found 'none'\)"),
+        (
+            [('patches = ["A"]', 'patches = ["A", "B"]')],
+            r'2 patches are named: write patches = \["A"\], or use',
+        ),
+        ([("relay = false\n", "")], r'wiring: .* remove \[relay\], or write wiring = "relay"'),
+        # pick-up
+        (
+            [("scale = 0.005\n", "scale = 5\n")],
+            r"scale: its output would have 0\.004 V .*write range and scale",
+        ),
+        (
+            [("bandwidth_hz = 20000", "bandwidth_hz = 100000")],
+            r"is beyond half of the table's rate \(25000 Hz\)",
+        ),
+        (
+            [
+                ("scale = 0.005\nrange = 0.02", 'quantity = "displacement"\nscale = 5e-5\nrange = 2e-4'),
+                ("bandwidth_hz = 20000", "bandwidth_hz = 30000"),
+            ],
+            r"bandwidth_hz: 30000 Hz is beyond half .* set a lower low-pass filter on the instrument",
+        ),
+        (
+            [("bandwidth_hz = 20000", "bandwidth_hz = 20000\nhigh_pass_hz = 100")],
+            r"hides motion .*: switch it off",
+        ),
+        (
+            [('channel = "laser"', 'channel = "lasr"')],
+            r"no channel 'lasr' .*: name the one that it is wired to",
+        ),
+        (
+            [("range = 0.02", "range = 0.04")],
+            r"reaches 8 V at 40 mm/s, and the channel 'laser' ends at 5 V: write",
+        ),
+        (
+            [GLUED, ("mass = 0.002", "mass = 0")],
+            r"mass: an accelerometer loads the table: write its mass in kg",
+        ),
+        ([("range = 0.02", "range = 0.02\nmass = 0.002")], r"shows velocity touches nothing: remove mass"),
+        (
+            [GLUED, ("[table]", "[abort]\nvelocity = 0.01\n\n[table]")],
+            r"write \[abort\] acceleration instead",
+        ),
+        (
+            [("scale = 0.005\n", 'scale = 0.005\nquantity = "speed"\n')],
+            r"quantity must be 'velocity', 'displ",
+        ),
+        ([("scale = 0.005\n", "scale = 0.005\ndelay = 1.1\n")], r"vibrometer\.delay must be below 1"),
+    ],
+)
+def test_a_wrong_one_is_one_sentence(tmp_path: Path, changes: list[tuple[str, str]], says: str) -> None:
+    with pytest.raises(ConfigurationError, match=says) as caught:
+        load_rig_file(written(tmp_path, *changes))
+    told = str(caught.value)
+    assert "\n" not in told and told.startswith(str(tmp_path / "rig.toml")) and told.endswith((".", ")"))
+
+
+def test_a_table_needs_an_actuator(tmp_path: Path) -> None:
+    file = tmp_path / "rig.toml"
+    file.write_text('base = "haptable"\nactuator = false\n', encoding="utf-8")
+    with pytest.raises(
+        ConfigurationError, match=r"table: a rig with a \[table\] needs an \[actuator\]: write kind"
+    ):
+        load_rig_file(file)

@@ -1,0 +1,253 @@
+"""The sound card as a DAQ: its driver on the twin of the library that it plays and records with."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from haploop.instruments import ConfigurationError, Daq, InstrumentError, LimitError, load_rig_file
+from haploop.instruments.arrays import FloatArray
+from haploop.instruments.config import validate
+from haploop.instruments.conformance import DaqConformance, Fired, bypass_interlock
+from haploop.instruments.daq.sound_card import SoundCardDaq
+from haploop.mocks.clock import VirtualClock
+from haploop.mocks.daq.sound_card import DRIFT, LATENCY, DuplexCard
+from haploop.mocks.plant import Faults, Plant
+
+SIMULATED = load_rig_file("simulated")
+RATE = 48_000.0
+
+
+def settings(**changes: Any) -> SoundCardDaq.Settings:
+    return SoundCardDaq.Settings.model_validate(
+        {
+            "channels": {
+                "laser": {"input": 1, "volts_per_full_scale": 5.0},
+                "drive": {"input": 2, "volts_per_full_scale": 2.0},
+                "spare": {"input": 4, "volts_per_full_scale": 1.5},
+            },
+            "outputs": {"amplifier": {"output": 1, "volts_per_full_scale": 1.4}},
+            "latency": LATENCY,
+            **changes,
+        }
+    )
+
+
+class Bench:
+    """A card on a plant, with a cable from its output to the spare input."""
+
+    def __init__(self, *faults: dict[str, Any], **changes: Any) -> None:
+        world = SIMULATED.simulation.model_copy(update={"faults": faults})
+        self.plant = Plant(SIMULATED.model_copy(update={"simulation": world}), VirtualClock())
+        self.plant.cables["spare"] = "amplifier"
+        self.settings = settings(**changes)
+        self.card = DuplexCard(self.settings, self.plant)
+        self.daq = SoundCardDaq(self.settings, self.plant.clock, self.card)
+        bypass_interlock(self.daq)
+
+    def play(self, wave: FloatArray, *channels: str, samples: int | None = None) -> FloatArray:
+        with self.daq.stream(channels, RATE, 4800, samples or len(wave), {"amplifier": wave}) as stream:
+            return stream.capture().volts
+
+
+def coupled(corner_hz: float, **output: Any) -> dict[str, Any]:
+    given = settings().model_dump()
+    for one in (*given["channels"].values(), *given["outputs"].values()):
+        one["high_pass_hz"] = corner_hz
+    given["outputs"]["amplifier"] |= output
+    return {"channels": given["channels"], "outputs": given["outputs"]}
+
+
+def burst(peak: float = 1.0, duration: float = 0.2, hz: float = 400.0) -> FloatArray:
+    t = np.arange(round(duration * RATE)) / RATE
+    volts = np.sin(2 * np.pi * hz * t) * np.sin(np.pi * t / duration) ** 2
+    volts -= volts.mean()
+    return np.asarray(peak * volts / np.abs(volts).max())
+
+
+class _OnACard(DaqConformance):
+    capabilities = ("outputs", "loop")
+    channels = ("laser", "drive", "spare")
+    outputs = ("amplifier",)
+    output_range = 1.4
+    played = 0.5
+    loop = ("amplifier", "spare")
+    rate_hz = RATE
+    faults = ("overrun", "underrun", "device gone", "daq-overrun", "play-cut-off")
+    corner: float
+
+    @pytest.fixture
+    def daq(self) -> Daq:
+        self.bench = Bench(**coupled(self.corner, highest=1.4))
+        return self.bench.daq
+
+    @contextmanager
+    def fault(self, kind: str) -> Iterator[Fired]:
+        card, counted = self.bench.card, SimpleNamespace(fired=1)
+        if kind == "overrun":
+            card.overflows_at = 2400
+        elif kind == "device gone":
+            card.dies_at = 2400
+        elif kind == "underrun":
+            card.starves_at = 2400
+        else:
+            world = SIMULATED.simulation.model_copy(update={"faults": ({"kind": kind, "after": 0.051},)})
+            self.bench.plant.faults = Faults.of_file(SIMULATED.model_copy(update={"simulation": world}))
+        yield counted
+        if kind == "overrun":
+            counted.fired = int(card.overflows_at is None)
+
+
+class TestDcCoupled(_OnACard):
+    corner = 0.0
+    faults = ("overrun", "device gone", "daq-overrun")
+
+
+class TestAcCoupled(_OnACard):
+    corner = 5.0
+    ac_coupled = True
+    tolerance = 0.06
+    faults = ("overrun", "device gone", "daq-overrun")
+
+
+def test_a_waveform_is_heard_at_sample_0_at_its_volts() -> None:
+    bench = Bench()
+    wave = burst()
+    heard = bench.play(wave, "spare")[0]
+    assert np.abs(heard - wave).max() < 0.06  # two couplings of 5 Hz
+    direct = Bench(**coupled(0.0))
+    for _ in range(3):
+        assert np.abs(direct.play(wave, "spare")[0] - wave).max() < 2e-3
+
+
+def test_it_takes_the_rigs_time_at_its_own_pace() -> None:
+    bench = Bench()
+    before = bench.plant.clock.now()
+    with bench.daq.stream(["laser"], RATE, 4800, 480_000) as stream:
+        assert stream.capture().volts.shape == (1, 480_000)
+    took = bench.plant.clock.now() - before
+    assert took == pytest.approx(10.05, abs=0.02) and took < 10.05 / (1 + DRIFT) + 0.02
+
+
+@pytest.mark.parametrize("frame", [0, 4000, 9000, 12_000])
+def test_an_underrun_anywhere_in_a_play_is_an_error(frame: int) -> None:
+    bench = Bench()
+    bench.card.starves_at = frame
+    with pytest.raises(InstrumentError, match=r"ran out of samples to play \(an underrun\).*not used"):
+        bench.play(burst(), "spare")
+    bench.play(burst(), "spare")  # the next one is a new trial
+
+
+def test_an_overrun_in_the_silence_before_a_recording_is_none() -> None:
+    bench = Bench()
+    bench.card.overflows_at = 480
+    with bench.daq.stream(["laser"], RATE, 480, 4800) as stream:
+        stream.capture()
+    assert bench.card.overflows_at is None
+    bench.card.overflows_at = 4800
+    with (
+        bench.daq.stream(["laser"], RATE, 480, 9600) as stream,
+        pytest.raises(InstrumentError, match=r"lost samples of its inputs \(an overrun\) near frame 4800"),
+    ):
+        stream.capture()
+
+
+def test_a_play_of_another_latency_is_no_play_where_a_monitor_hears_it() -> None:
+    bench = Bench(monitor="spare")
+    for wave in (burst(), burst(hz=2000.0)):
+        bench.play(wave, "laser")
+    bench.card.latency += 256
+    with pytest.raises(InstrumentError, match=rf"of {LATENCY + 256} frames, and \[daq\] says {LATENCY}"):
+        bench.play(burst(), "laser")
+    bench.plant.cables.clear()  # nothing is heard: nothing can be said
+    bench.play(burst(), "laser")
+
+
+def test_the_couplings_are_stated_as_responses() -> None:
+    bench = Bench()
+    wave = burst(0.5, 2.0, 20.0)
+    heard = bench.play(wave, "spare", samples=len(wave) + 48_000)[0]
+    f = np.fft.rfftfreq(len(heard), 1 / RATE)
+    stated = bench.daq.response("spare", f) ** 2  # the output's is the same
+    expected = np.fft.irfft(np.fft.rfft(wave, len(heard)) * stated, len(heard))
+    assert np.abs(heard - expected).max() < 2e-3
+    assert abs(bench.daq.response("spare", np.array([5.0]))[0]) == pytest.approx(np.sqrt(0.5))
+
+
+@pytest.mark.parametrize(
+    ("wave", "says"),
+    [
+        (burst(1.01), r"leaves the output's range of \+-1 V"),
+        (burst(0.5) + 0.02, "AC-coupled, so take the mean off"),
+        (np.append(burst(0.5), np.nan), "is not finite"),
+    ],
+)
+def test_what_cannot_be_played_as_it_is_is_refused(wave: FloatArray, says: str) -> None:
+    bench = Bench()
+    with pytest.raises(LimitError, match=says):
+        bench.play(wave, "spare")
+    assert bench.card.open is None
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"latency": None}, "outputs need latency: write latency = 0.*doctor --loop"),
+        ({"monitor": "dirve"}, "monitor names 'dirve', and the channels are laser, drive, spare"),
+        ({"channels": {}}, "channels must have 1 or more entries"),
+        ({"channels": {"a": {"input": 1}}}, "the key 'channels.a.volts_per_full_scale' is missing"),
+        ({"channels": {"a": {"input": 0, "volts_per_full_scale": 1}}}, "channels.a.input must be 1 or more"),
+        (
+            {"channels": {n: {"input": 1, "volts_per_full_scale": 1} for n in "ab"}},
+            "input 1 has two names, 'a' and 'b': keep one",
+        ),
+        (
+            {"outputs": {n: {"output": 2, "volts_per_full_scale": 1} for n in "ab"}},
+            "output 2 has two names, 'a' and 'b': keep one",
+        ),
+        ({"channels": {"a": {"input": 1, "volts_per_full_scale": -1}}}, "must be above 0"),
+        ({"channels": {"a": {"terminal": "Dev1/ai0", "range": 1}}}, "unknown key 'channels.a.terminal'"),
+        ({"outputs": {"a": {"output": 1, "volts_per_full_scale": 1, "high_pass_hz": 500}}}, "must be 50"),
+        ({"buffer": "tiny"}, "buffer must be 'high' or 'low'"),
+        ({"rate_hz": float("nan")}, "rate_hz must be"),
+    ],
+)
+def test_a_wrong_table_is_one_sentence(changes: dict[str, Any], says: str) -> None:
+    given = settings().model_dump() | changes
+    with pytest.raises(ConfigurationError, match=says) as refused:
+        validate(SoundCardDaq.Settings, given, "[daq] of lab.toml")
+    assert "\n" not in str(refused.value) and str(refused.value).endswith(".")
+
+
+def test_what_the_device_has_not_is_one_sentence() -> None:
+    bench = Bench()
+    more = settings(channels={"far": {"input": 9, "volts_per_full_scale": 1.0}})
+    with pytest.raises(ConfigurationError, match=r"has 4 inputs, and \[daq\] names input 9"):
+        SoundCardDaq(more, bench.plant.clock, bench.card)
+    with pytest.raises(ConfigurationError, match=r"runs at 48000.*50000 were asked.*write rate_hz = 48000"):
+        bench.daq.stream(["laser"], 50_000, 100, 100)
+    with (
+        bench.daq.stream(["laser"], RATE, 480),
+        pytest.raises(InstrumentError, match="does not start at 48000 samples/s"),
+    ):
+        bench.daq.stream(["laser"], RATE, 480)
+
+
+def test_zero_ends_a_play_and_no_recording() -> None:
+    bench = Bench()
+    with bench.daq.stream(["spare"], RATE, 480, 9600, {"amplifier": burst()}) as stream:
+        blocks = iter(stream)
+        next(blocks)
+        bench.daq.zero()
+        with pytest.raises(InstrumentError, match="was set to zero by this program while it played"):
+            next(blocks)
+    with bench.daq.stream(["spare"], RATE, 480, 9600) as stream:
+        blocks = iter(stream)
+        next(blocks)
+        bench.daq.zero()
+        assert next(blocks).first == 480

@@ -1,0 +1,374 @@
+"""A session on tape: recorded on the wire, played without one, bit by bit; and tapes that were changed."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import re
+import socket
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import grpc
+import h5py
+import numpy as np
+import pytest
+
+import haploop
+from haploop.instruments import (
+    ConfigurationError,
+    DataError,
+    HaploopError,
+    InstrumentError,
+    Rig,
+    entry_points,
+)
+from haploop.instruments.clock import RealClock
+from haploop.instruments.driver import settings_of
+from haploop.instruments.tape import Failure, Player, Recorder, TapedLine, TapeLines, mask
+from haploop.mocks.simulation import Simulation
+from tests.command_line import Run
+
+
+def lines(tape: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in gzip.decompress(tape.read_bytes()).splitlines()]
+
+
+def press(rig: Rig, folder: Path) -> Path:
+    return Path(haploop.record(rig, button="latch", participant="P01", presses=2, out=folder).path)
+
+
+@pytest.fixture
+def nothing_is_opened(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
+    """Call it, and no socket is opened any more, and no NI library chosen."""
+
+    def close() -> None:
+        def refuse(*_: object, **__: object) -> Any:
+            raise AssertionError("a tape opens nothing")
+
+        monkeypatch.setattr(socket.socket, "connect", refuse)
+        monkeypatch.setattr(grpc, "insecure_channel", refuse)
+        monkeypatch.setattr("nidaqmx._library_interpreter.LibraryInterpreter", refuse)
+
+    return close
+
+
+def content(path: Path) -> dict[str, bytes]:
+    found: dict[str, bytes] = {}
+
+    def take(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset):
+            text = item.dtype.kind == "O"
+            found[name] = str(item[()]).encode() if text else item[...].tobytes()
+        found.update({f"{name}@{key}": np.asarray(value).tobytes() for key, value in item.attrs.items()})
+
+    with h5py.File(path) as file:
+        file.visititems(take)
+        found.update({f"@{key}": str(value).encode() for key, value in file.attrs.items()})
+    return found
+
+
+def test_a_recording_over_the_wire_is_played_again_bit_by_bit(
+    tmp_path: Path, nothing_is_opened: Callable[[], None]
+) -> None:
+    tape = tmp_path / "day.tape"
+    with haploop.recorded(tape) as recorder, haploop.open_rig("simulated", simulate="wire") as rig:
+        first = press(rig, tmp_path / "wire")
+    nothing_is_opened()
+    with (
+        haploop.played(tape) as player,
+        haploop.open_rig(simulate=f"tape:{tape}") as rig,
+    ):
+        assert rig.simulated
+        second = press(rig, tmp_path / "tape")
+    assert player.answered == player.calls == recorder.calls
+    one, other = content(first), content(second)
+    assert one.keys() == other.keys()
+    # The hash of the header is of the time at which a session began, too.
+    assert {key for key in one if one[key] != other[key]} <= {"@started", "@header_hash"}
+    assert len(one["codes"]) > 100_000
+
+
+SERIAL = """base = "simulated"
+[relay]
+driver = "serial-relay"
+port = "COM9"
+rating = 60
+patches = { A = 0, B = 1, C = 2, D = 3 }
+"""
+
+
+@pytest.mark.parametrize("rig", ["bench", "sound-card", "serial"])
+def test_doctor_says_the_same_of_a_tape_as_of_the_wire(
+    rig: str, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    if rig == "serial":
+        rig = "serial.toml"
+        Path(rig).write_text(SERIAL)
+    words = ["doctor", "--json"]
+    wire = run(*words, "--rig", rig, "--simulate", "wire", "--tape", "day.tape")
+    tape = run(*words, "--simulate", "tape:day.tape")
+    first, second = (json.loads(ran.stdout)["findings"] for ran in (wire, tape))
+    assert wire.exit_code == tape.exit_code and len(first) > 10
+    assert not [f for f in second if "tape" in f["sentence"] and f["name"] != "Lockout"]
+    # The log of a play is a folder of its own.
+    assert [f for f in first if f["name"] != "Lockout"] == [f for f in second if f["name"] != "Lockout"]
+    held = re.search(r"day.tape holds (\d+) calls", wire.stderr)
+    assert held and f"{held[1]} of the tape's {held[1]} calls were asked for" in tape.stderr
+
+
+def test_the_first_call_that_differs_is_told_with_what_the_tape_holds(tmp_path: Path) -> None:
+    tape = tmp_path / "day.tape"
+    with haploop.recorded(tape), haploop.open_rig("simulated", simulate="wire") as rig:
+        press(rig, tmp_path / "wire")
+    other = tmp_path / "rig.toml"
+    other.write_text('base = "simulated"\n[daq.channels]\ngauge0 = { terminal = "Dev1/ai9", range = 10 }\n')
+    with (
+        pytest.raises(
+            InstrumentError, match=r"Asked: daq create_ai_voltage_chan\(object \d+, 'Dev1/ai9'"
+        ) as told,
+        haploop.open_rig(other, simulate=f"tape:{tape}") as rig,
+    ):
+        press(rig, tmp_path / "tape")
+    assert re.search(r"On the tape \(call \d+, at \d+\.\d+ s\): daq create_ai_voltage", str(told.value))
+
+
+def test_an_error_on_the_wire_is_the_same_error_on_tape(tmp_path: Path) -> None:
+    rig = tmp_path / "rig.toml"
+    rig.write_text(
+        'base = "simulated"\n[[simulation.faults]]\nkind = "reply"\ninstrument = "relay"\nhow = "silence"\n'
+        'asked = "pulseTimer"\n'
+    )
+    tape = tmp_path / "day.tape"
+    said = []
+    for session in (haploop.recorded(tape), haploop.played(tape)):
+        simulate = "wire" if not said else f"tape:{tape}"
+        with session, pytest.raises(InstrumentError) as error:  # noqa: SIM117
+            with haploop.open_rig(rig if not said else None, simulate=simulate) as opened:
+                haploop.calibrate(opened, patch="A", point="button")
+        said.append(str(error.value))
+    assert "did not answer within" in said[0]
+    assert said[0] == said[1]
+
+
+def test_another_port_and_host_are_no_difference_and_the_host_is_not_told(tmp_path: Path) -> None:
+    tape = tmp_path / "day.tape"
+    with haploop.recorded(tape), haploop.open_rig("simulated", simulate="wire"):
+        pass
+    assert socket.gethostname() not in "".join(str(line) for line in lines(tape) if line.get("is") == "call")
+    with haploop.open_rig(simulate=f"tape:{tape}") as rig:
+        assert rig.daq.identity
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    tape = tmp_path_factory.mktemp("whole") / "day.tape"
+    with haploop.recorded(tape), haploop.open_rig("simulated", simulate="wire"):
+        pass
+    return tape
+
+
+def test_a_tape_that_was_cut_off_is_found_wherever_it_was_cut(whole: Path, tmp_path: Path) -> None:
+    data, cut = whole.read_bytes(), tmp_path / "cut.tape"
+    calls = Player(whole).calls
+    for length in range(1, len(data), max(1, len(data) // 97)):
+        cut.write_bytes(data[:length])
+        try:
+            player = Player(cut)
+        except HaploopError as error:
+            assert str(cut) in str(error)
+        else:
+            assert not player.whole and player.calls <= calls
+    # Every line but the last: what a program leaves that was killed.
+    cut.write_bytes(gzip.compress(b"".join(gzip.decompress(data).splitlines(True)[:-1])))
+    assert not Player(cut).whole and Player(cut).calls == calls
+
+
+def test_a_tape_that_was_changed_in_any_place_is_refused(whole: Path, tmp_path: Path) -> None:
+    data, changed = whole.read_bytes(), tmp_path / "changed.tape"
+    for place in range(0, len(data), max(1, len(data) // 200)):
+        # Bytes 4 to 9 of gzip's head say nothing of the content.
+        if not 4 <= place < 10:
+            changed.write_bytes(data[:place] + bytes([data[place] ^ 4]) + data[place + 1 :])
+            try:
+                found = TapeLines.of(changed)
+            except HaploopError:
+                continue
+            # A bit between two blocks of deflate says nothing.
+            assert not found.whole or found == TapeLines.of(whole)
+    texts = gzip.decompress(data).splitlines(True)
+    for other in (
+        [*texts[:5], *texts[6:]],
+        [*texts[:5], texts[6], texts[5], *texts[7:]],
+        [*texts, texts[-1]],
+        [texts[0], texts[3].replace(b'"at":0.0', b'"at":0.1'), *texts[4:]],
+    ):
+        changed.write_bytes(gzip.compress(b"".join(other)))
+        with pytest.raises(DataError, match="was changed"):
+            Player(changed)
+    changed.write_bytes(data + data)
+    with pytest.raises(DataError, match="something follows"):
+        Player(changed)
+
+
+@pytest.mark.parametrize("text", [b"", b"no tape", gzip.compress(b"{}\n"), b"\x1f\x8b"])
+def test_another_file_is_no_tape(text: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "x.tape"
+    path.write_bytes(text)
+    with pytest.raises(HaploopError, match="tape"):
+        haploop.open_rig(simulate=f"tape:{path}")
+
+
+def test_a_twin_and_a_driver_without_a_line_are_refused(tmp_path: Path) -> None:
+    with (
+        haploop.recorded(tmp_path / "a.tape"),
+        pytest.raises(ConfigurationError, match="A twin makes no calls"),
+    ):
+        haploop.open_rig("simulated", simulate="twin")
+
+
+def test_threads_keep_their_own_order_and_no_other(tmp_path: Path) -> None:
+    tape = tmp_path / "threads.tape"
+    turn = threading.Barrier(2)
+
+    def session(deck: Any, name: str, slow: bool) -> list[int]:
+        line, answers = TapedLine(deck, "daq"), []
+        for number in range(5):
+            if slow:
+                turn.wait(5)
+            answers.append(line.call(f"{name} {number}", lambda n=number: 10 * n))
+            if not slow:
+                turn.wait(5)
+        return answers
+
+    def both(deck: Any, slow: str) -> dict[str, list[int]]:
+        got: dict[str, list[int]] = {}
+        threads = [
+            threading.Thread(target=lambda n=name: got.update({n: session(deck, n, n == slow)}))
+            for name in ("one", "two")
+        ]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        return got
+
+    with Recorder(tape) as recorder:
+        recorder.begin("{}", "wire", RealClock())
+        first = both(recorder, "one")
+    player = Player(tape)
+    player.begin()
+    assert both(player, "two") == first and player.answered == 10
+
+
+def test_arrays_and_numbers_come_back_as_they_were(tmp_path: Path) -> None:
+    tape = tmp_path / "values.tape"
+    values = [
+        np.arange(12.0).reshape(3, 4).T, np.array([np.nan, np.inf, -0.0]), np.zeros((2, 0)), b"\xff\n",
+        (1, (2,)), {"a": [None, True, "é"]}, np.float64(0.1), float("nan"),
+    ]  # fmt: skip
+    filled = np.empty((2, 3), np.int16)
+
+    def answer(value: Any, into: Any) -> Any:
+        into[...] = 7
+        return value
+
+    with Recorder(tape) as recorder:
+        recorder.begin("{}", None, RealClock())
+        line = TapedLine(recorder, "x")
+        for value in values:
+            line.call("do", lambda v=value: answer(v, filled), value, filled=(filled,))
+        with pytest.raises(ConnectionError):
+            line.call("fail", open_port, failures=(Failure(ConnectionError),))
+    player = Player(tape)
+    player.begin()
+    line = TapedLine(player, "x")
+    for value in values:
+        filled[...] = 0
+        got = line.call("do", lambda: None, value, filled=(filled,))
+        assert repr(got) == repr(value.item() if isinstance(value, np.generic) else value)
+        assert (filled == 7).all()
+    with pytest.raises(ConnectionError, match="no such port"):
+        line.call("fail", lambda: None, failures=(Failure(ConnectionError),))
+
+
+def open_port() -> None:
+    raise ConnectionError("no such port")
+
+
+def test_a_masked_tape_has_no_serial_number_and_plays_the_same(tmp_path: Path) -> None:
+    tape, masked = tmp_path / "day.tape", tmp_path / "mail.tape"
+    with haploop.recorded(tape), haploop.open_rig("bench", simulate="wire") as rig:
+        identities = [i.identity for i in rig.instruments.values() if hasattr(i, "identity")]
+        press(rig, tmp_path / "wire")
+    serials = re.findall(r"(MXCOUPL1-\d+)|(MY\d+)|serial ([0-9A-F]+)", " ".join(identities))
+    secret = ["".join(found) for found in serials]
+    assert len(secret) == 4
+    assert mask(tape, masked, ["P01"]) >= len(secret) + 1
+    text = gzip.decompress(masked.read_bytes()).decode()
+    said = " ".join(line for line in text.splitlines() if '"filled"' not in line)
+    assert not [number for number in [*secret, "P01"] if number in said and len(number) > 3]
+    with haploop.open_rig(simulate=f"tape:{masked}") as rig:
+        other = haploop.record(rig, button="latch", participant="X01", presses=2, out=tmp_path / "mail")
+    with haploop.open_rig(simulate=f"tape:{tape}") as rig:
+        same = press(rig, tmp_path / "same")
+    assert content(Path(other.path))["codes"] == content(same)["codes"]
+
+
+def test_a_program_that_is_killed_leaves_a_tape_that_plays(tmp_path: Path) -> None:
+    tape = tmp_path / "killed.tape"
+    recorder = Recorder(tape)
+    recorder.__enter__()
+    recorder.begin("{}", None, RealClock())
+    line = TapedLine(recorder, "x")
+    for number in range(20):
+        line.call("do", lambda n=number: n)
+    deadline = RealClock().now() + 5
+    while RealClock().now() < deadline:
+        RealClock().sleep(0.05)
+        copy = tmp_path / "copy.tape"
+        copy.write_bytes(tape.read_bytes())
+        try:
+            if Player(copy).calls == 20:
+                break
+        except HaploopError:
+            continue
+    player = Player(copy)
+    assert player.calls == 20 and not player.whole
+    recorder.__exit__(None, None, None)
+    assert Player(tape).whole
+
+
+def test_a_play_in_real_time_with_the_relay_s_renewals_is_played_again(tmp_path: Path) -> None:
+    """As on hardware: a rig that is not simulated, on devices that are served; threads of their own renew."""
+    file = haploop.load_rig_file("simulated")
+    world = Simulation(file, RealClock())
+    served = tmp_path / "served.toml"
+    tape = tmp_path / "day.tape"
+    t = np.arange(4000) / 5000
+    wave = 5 * np.hanning(len(t)) * np.sin(2 * np.pi * 200 * t)
+    try:
+        found: dict[str, Any] = {}
+        for role, device in file.devices.items():
+            driver: Any = entry_points.driver_class(device.driver, role)
+            if role in ("daq", "relay"):
+                found |= world.serve(device.driver, settings_of(driver, device, role, "served"))
+            else:
+                world.instrument(role, device, driver, "twin")
+        served.write_text(
+            f'base = "haptable"\nname = "served"\n[daq]\nserver = "{found["server"]}"\n'
+            f'[relay]\nhub = "{found["hub"]}"\ndead_man = 0.5\n'
+        )
+        with haploop.recorded(tape), haploop.open_rig(served) as rig:
+            first = rig.excite(wave, ["A"], ["drive", "laser"])
+    finally:
+        world.close()
+    renewals = [line for line in lines(tape) if line.get("is") == "thread" and "renewal" in line["name"]]
+    assert renewals
+    with haploop.open_rig(simulate=f"tape:{tape}") as rig:
+        assert rig.simulated
+        second = rig.excite(wave, ["A"], ["drive", "laser"])
+    assert first.volts.tobytes() == second.volts.tobytes()
