@@ -10,7 +10,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from ..errors import ConfigurationError
-from ..sensors.tables import Described
+from ..sensors import Described
 from .toml_lines import Location
 
 __all__ = ["told", "validate", "validate_kind"]

@@ -4,7 +4,14 @@ from .rest import fault_along_vertical, fault_at_rest, loss, upside_down
 from .restoring import Restorer
 from .sensor import UNITS, AnalogChannel, Divider, LinearSensor, Scale, Sensor, Switch
 from .sensors import Sensors
-from .tables import AccelerationTable, DisplacementTable, ForceTable, LinearTable, VelocityTable
+from .tables import (
+    AccelerationTable,
+    Described,
+    DisplacementTable,
+    ForceTable,
+    LinearTable,
+    VelocityTable,
+)
 from .transfer import Measured, Transfer, high_pass, low_pass
 from .units import G, value_of, with_unit
 
@@ -12,6 +19,7 @@ __all__ = [
     "UNITS",
     "AccelerationTable",
     "AnalogChannel",
+    "Described",
     "DisplacementTable",
     "Divider",
     "ForceTable",

@@ -106,6 +106,7 @@ class LinearTable(BaseModel):
     def sensor(self) -> LinearSensor:
         """The sensor that this describes. Raises ValueError with a clause."""
         axes = self._axes()
+        matrix = self._matrix()
         ranges = self._ranges()
         if ranges is not None and len(ranges) == 1:
             ranges *= len(axes)
@@ -113,7 +114,7 @@ class LinearTable(BaseModel):
             measures=self.measures,
             channels=self.channels,
             axes=axes,
-            matrix=self._matrix(),
+            matrix=matrix,
             zero=self._of_each("zero", self.zero),
             range=ranges,
             output=self.output,
