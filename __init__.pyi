@@ -120,8 +120,8 @@ from .instruments import levels as levels
 from .instruments import load_rig_file as load_rig_file
 from .instruments import log_entries as log_entries
 from .instruments import look_for_hardware as look_for_hardware
-from .instruments import new_rig as new_rig
 from .instruments import mask as mask
+from .instruments import new_rig as new_rig
 from .instruments import open_rig as open_rig
 from .instruments import played as played
 from .instruments import recorded as recorded

@@ -2,6 +2,7 @@
 
 from .averaging import AverageMethod
 from .judging import judged
+from .pressing import NAMES, LivePressing, levels_of, press_quantity
 from .protocol import Protocol
 from .quality import QualityCheck, accepted_presses, activation_forces
 from .registration import WarpModel
@@ -13,20 +14,16 @@ from .representative import (
     representative,
 )
 from .restlessness import restlessness
-from .segmentation import (
-    SEGMENTATIONS,
-    ButtonPress,
-    Detector,
-    Segmentation,
-    find_presses,
-    segmentation_for,
-)
+from .segmentation import ButtonPress, Detector, find_presses
+from .segmentation_settings import SEGMENTATIONS, Segmentation, segmentation_for
 
 __all__ = [
+    "NAMES",
     "SEGMENTATIONS",
     "AverageMethod",
     "ButtonPress",
     "Detector",
+    "LivePressing",
     "Protocol",
     "QualityCheck",
     "Representative",
@@ -38,7 +35,9 @@ __all__ = [
     "find_presses",
     "high_pass",
     "judged",
+    "levels_of",
     "load_press",
+    "press_quantity",
     "representative",
     "restlessness",
     "segmentation_for",

@@ -201,7 +201,7 @@ def test_a_changed_sensor_gives_no_force(finished, tmp_path):
     copy = Path(shutil.copy(finished[0].path, tmp_path))
     with h5py.File(copy, "r+") as file:
         rig = json.loads(file["rig"].asstr()[()])
-        rig["sensors"]["acceleration"]["sensitivity"] *= 2
+        rig["sensors"]["acceleration"]["zero"][2] *= 2
         file["rig"][()] = json.dumps(rig)
     add_checksum(copy, "recording")
     with pytest.raises(DataError, match="its header does not match its hash"):
