@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -35,6 +35,11 @@ _FILLED = 1e-3
 """s: longest part of a press that may have been filled."""
 _ROOM = 1.02
 """Full scale over the largest value, which the converter's last code would call clipped."""
+_MEASURES: dict[str, Literal["force", "acceleration", "displacement"]] = {
+    "force": "force",
+    "acceleration": "acceleration",
+    "displacement": "displacement",
+}
 _G, _NEAR_G = 9.80665, 0.35
 _FLAT = 5
 """Samples in a row at the largest value, from a steep rise, that show a clipped signal."""
@@ -57,7 +62,8 @@ def recording_of(found: Understanding, out: Path) -> Recording:
     file_name(who, button)
     signals = {role: s for role, s in found.signals.items() if role != "time"}
     volts = np.stack([_even(signal, found.rate_hz) for signal in signals.values()])
-    sensors = Sensors(**{r: _sensor(s, row) for (r, s), row in zip(signals.items(), volts, strict=True)})
+    of = {r: _sensor(s, row) for (r, s), row in zip(signals.items(), volts, strict=True)}
+    sensors = Sensors.model_validate(of)
     protocol = Protocol(segmentation=segmentation_for(button))
     rest = min(_REST, 0.1 * volts.shape[1] / RATE_HZ)
     raw = found.path.read_bytes()
@@ -136,7 +142,7 @@ def _sensor(signal: Signal, values: FloatArray) -> LinearSensor | Switch:
     if (clipped := _clipped(values)) is not None and signal.role == "acceleration":
         said["range"] = (clipped,)
     return LinearSensor(
-        measures=signal.role, channels=(signal.role,), axes=("z",), matrix=((1.0,),), zero=(zero,),
+        measures=_MEASURES[signal.role], channels=(signal.role,), axes=("z",), matrix=((1.0,),), zero=(zero,),
         vertical="z", gravity=gravity, **said,
     )  # fmt: skip
 

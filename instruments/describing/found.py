@@ -9,6 +9,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
+from ..extras import optional
+
 __all__ = ["Found", "FoundCard", "look_for_hardware"]
 
 
@@ -84,8 +86,7 @@ def _visa() -> list[tuple[str, str]]:
 
 
 def _sounds() -> list[tuple[str, str]]:
-    import sounddevice  # noqa: PLC0415
-
+    sounddevice = optional("sounddevice", "sound", "A sound card")
     return [
         (str(device["name"]), f"{device['max_input_channels']} in, {device['max_output_channels']} out")
         for device in sounddevice.query_devices()

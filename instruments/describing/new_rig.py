@@ -56,7 +56,7 @@ def _read(text: str) -> RigFile:
         try:
             return load_rig_file(draft)
         except ConfigurationError as error:
-            raise ConfigurationError(str(error).replace(f"{draft}: ", "").replace(str(draft), "It")) from None
+            raise ConfigurationError(str(error).replace(f"{draft}: ", "").replace(f"{draft}, ", "")) from None
 
 
 def _text(name: str, interview: Interview, found: Found) -> str:

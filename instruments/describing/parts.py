@@ -102,7 +102,7 @@ def daq(parts: Parts) -> None:
             cards = (FoundCard(name, product, 16, 2),)
             parts.found = replace(parts.found, cards=cards)
         table["devices"] = f"{{ {', '.join(f'{card.name} = {_quoted(card.product)}' for card in cards)} }}"
-    rate = parts.ask.number("rate", "Samples per second of recordings", _rate(cards))
+    rate = parts.ask.number("rate", "Samples per second of recordings", _rate(parts))
     if rate is not None:
         parts.top["rate_hz"] = f"{rate:g}"
 
@@ -178,9 +178,7 @@ def driven(parts: Parts) -> None:
     table["columns"] = ask.text("columns", "Columns of measuring points", "1")
     table["button_point"] = ask.text("point", "Number of the button's point, from 0", "0")
     table["patches"] = _list(["A"])
-    if (
-        rate := ask.text("table rate", "Samples per second of drives", _table_rate(parts.found.cards))
-    ) != "50000":
+    if (rate := ask.text("table rate", "Samples per second of drives", _table_rate(parts))) != "50000":
         table["rate_hz"] = rate
     _amplifier(parts)
     _actuator(parts)
@@ -307,13 +305,15 @@ def _others() -> list[str]:
     return sorted(found)
 
 
-def _rate(cards: tuple[FoundCard, ...]) -> str:
+def _rate(parts: Parts) -> str:
+    if parts.driver == "sound-card":
+        return "48000"
     # Delta-sigma modules divide 51.2 kHz.
-    return "5120" if any(card.product in _DELTA_SIGMA for card in cards) else "5000"
+    return "5120" if any(card.product in _DELTA_SIGMA for card in parts.found.cards) else "5000"
 
 
-def _table_rate(cards: tuple[FoundCard, ...]) -> str:
-    return "51200" if _rate(cards) == "5120" else "50000"
+def _table_rate(parts: Parts) -> str:
+    return {"5120": "51200", "48000": "48000"}.get(_rate(parts), "50000")
 
 
 def _list(names: list[str]) -> str:
