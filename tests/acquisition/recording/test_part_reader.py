@@ -68,6 +68,6 @@ def test_a_finished_file_that_was_changed_is_refused(tmp_path):
     with path.open("r+b") as file:
         file.seek(-100, 2)
         file.write(b"changed")
-    for do in (reader.look, lambda: reader.force(0, 100)):
+    for do in (reader.look, lambda: reader.along("force", 0, 100)):
         with pytest.raises(DataError):
             do()
