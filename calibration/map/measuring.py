@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import scipy
 
-from ...instruments import Aim, ConfigurationError, Rig
+from ...instruments import ConfigurationError, Rig
 from ...instruments.arrays import ComplexArray, FloatArray
 from ...instruments.files import Room, room
 from ...instruments.progress import Progress, silent
@@ -139,8 +139,8 @@ def _measure(rig: Rig, folder: MapFolder, left: Sequence[Step], held: Room, prog
 
 def _aimed(rig: Rig, step: Step) -> tuple[str | None, float]:
     """Reason why a point cannot be measured (None if it can), and the signal level there (NaN: unknown)."""
-    if not rig.operator.confirm(Aim(step.point)):
-        return f"The operator did not confirm this: {Aim(step.point)}", np.nan
+    if not rig.operator.confirm(rig.aim(step.point)):
+        return f"The operator did not confirm this: {rig.aim(step.point)}", np.nan
     level = rig.vibrometer.signal_level()
     if level is not None and level < _DIM:
         return (

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...instruments import Aim, Capture, ConfigurationError, DataError, InstrumentError, Rig
+from ...instruments import Capture, ConfigurationError, DataError, InstrumentError, Rig
 from ...instruments.arrays import FloatArray
 from ...instruments.progress import Progress, part_of, silent
 from ...instruments.vibrometer import shown
@@ -229,8 +229,8 @@ def response_from(
 def prepare(rig: Rig, point: str) -> None:
     """Have settings and aim at `point` confirmed, and check the light. Raises InstrumentError."""
     rig.confirm_settings()
-    if not rig.operator.confirm(Aim(point)):
-        raise InstrumentError(f"The operator did not confirm this, so nothing was measured: {Aim(point)}")
+    if not rig.operator.confirm(rig.aim(point)):
+        raise InstrumentError(f"The operator did not confirm this, so nothing was measured: {rig.aim(point)}")
     level = rig.vibrometer.signal_level()
     if level is not None and level < 0.1:
         raise InstrumentError(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from ...instruments import Aim, DataError, InstrumentError, LimitError, Rig
+from ...instruments import DataError, InstrumentError, LimitError, Rig
 from ...instruments.progress import Progress, part_of
 from ..drive import Drive
 from ..model import Calibration
@@ -91,7 +91,7 @@ def look_at(
         return Look((), frozenset(), (str(error),), (), None, 0.0)
     for calibration in calibrations:
         patch, point = place = place_of(calibration)
-        if not rig.operator.confirm(Aim(point)):
+        if not rig.operator.confirm(rig.aim(point)):
             unmeasured.append(
                 f"Patch {patch} at the {point} point was not measured: the laser would need to be aimed."
             )

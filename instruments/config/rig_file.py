@@ -208,6 +208,8 @@ class RigFile(_Section):
     rate_hz: Positive = 5000.0
     """Sample rate of recordings (the paper's 5 kS/s)."""
     daq: Device
+    adc: Device | None = None
+    """A DAQ on its own clock, recorded along with `daq`."""
     amplifier: Device | None = None
     relay: Device | None = None
     vibrometer: Device | None = None
@@ -251,6 +253,15 @@ class RigFile(_Section):
         # Not attributes: another package may call its role like a table or a method of this class.
         tables = dict(self)
         return {role: tables[role] for role in roles() if isinstance(tables.get(role), Device)}
+
+    @property
+    def at_rest(self) -> str:
+        """The safe state of this rig, as a clause."""
+        if self.relay is not None:
+            return "the output is zero and the relay is open"
+        return "the output is zero" + (
+            ", and the actuator stays connected" if self.wiring == "direct" else ""
+        )
 
     @property
     def digest(self) -> str:

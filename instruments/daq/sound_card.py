@@ -23,6 +23,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from ..arrays import ComplexArray, FloatArray
 from ..bounded import Positive
 from ..clock import Clock
+from ..config import RigFile
 from ..errors import ConfigurationError, InstrumentError, LimitError
 from ..inbox import Inbox
 from ..portaudio import LEAD, Audio, AudioStream, found, high_pass, load, refuse_mean
@@ -124,6 +125,17 @@ class SoundCardDaq(Daq):
                     "run `haploop doctor --loop CHANNEL`, which says what to write instead"
                 )
             return self
+
+        def contradictions(self, file: RigFile) -> Iterator[tuple[str, str]]:
+            """See `haploop.instruments.config.contradictions`."""
+            table = file.table.rate_hz if file.table is not None and self.outputs else self.rate_hz
+            for where, rate_hz in (("at the top", file.rate_hz), ("in [table]", table)):
+                if rate_hz != self.rate_hz:
+                    clause = (
+                        f"the card runs at {self.rate_hz:g} samples/s, and rate_hz {where} is {rate_hz:g}: "
+                        f"write rate_hz = {self.rate_hz:g} {where}"
+                    )
+                    yield "rate_hz", clause
 
     def __init__(self, settings: Settings, clock: Clock, audio: Audio) -> None:
         """Look the device up; nothing is opened. Raises ConfigurationError and InstrumentError."""

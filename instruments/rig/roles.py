@@ -13,7 +13,7 @@ from ..entry_points import role_class
 from ..errors import ConfigurationError
 from ..frozen import Frozen
 from ..generator import Generator
-from ..operator import Operator
+from ..operator import Aim, Operator
 from ..player import Player
 from ..relay import Relay
 from ..sensors import Divider, Sensors
@@ -126,6 +126,10 @@ class Instruments(Frozen):
                 "patch."
             )
         return divider.channels[patches.index(patch)]
+
+    def aim(self, point: str) -> Aim:
+        """The request to bring the vibrometer to a point."""
+        return Aim(point, self.vibrometer.identity if self.vibrometer.mass else "")
 
     def has(self, role: str) -> bool:
         """True when an instrument of this role is open."""

@@ -108,6 +108,8 @@ class Limiter:
         """Outputs that have started: each starts once, because a restart would cut its drive off."""
         self._played: deque[tuple[float, float]] = deque()
         self._heat = Heat(clock, hardware, counted)
+        self.warm = 0.0
+        """What earlier plays had left in a coil (W) when the present one began."""
         self._watch = Watch(clock, self.authorise_renewal, goes_on=bool(outputs.direct))
         self.kept = Kept()
         """What the limits rest on, as it was when the rig was opened."""
@@ -458,6 +460,7 @@ class Limiter:
         try:
             self._audit.note("played", patches=sorted(permit.patches), seconds=seconds, **about)
             self._count((begun, begun + seconds))
+            self.warm = self._heat.left(heat.limits)
             self._heat.count(heat.limits, heat.own, seconds)
             yield
         except BaseException as error:
