@@ -247,7 +247,7 @@ class Recording(InNotebook):
         if sensor is None:
             return self._differentiated[0]
         upright = self.acceleration[sensor.row]
-        return upright if sensor.sign > 0 else -upright
+        return np.asarray(upright if sensor.sign > 0 else -upright)
 
     @property
     def motion_hz(self) -> float | None:
