@@ -243,12 +243,16 @@ class Recording(InNotebook):
         Without an accelerometer a velocity or a displacement is differentiated (`motion.py`), up to
         `motion_hz`. Raises DataError without any.
         """
-        return self._vertical[0]
+        sensor = self.sensors.acceleration
+        if sensor is None:
+            return self._differentiated[0]
+        upright = self.acceleration[sensor.row]
+        return np.asarray(upright if sensor.sign > 0 else -upright)
 
     @property
     def motion_hz(self) -> float | None:
         """Upper edge (Hz) of the band in which `vertical` was differentiated; None for an accelerometer."""
-        return self._vertical[1]
+        return None if self.has("acceleration") else self._differentiated[1]
 
     @cached_property
     def activation(self) -> FloatArray:
@@ -315,16 +319,14 @@ class Recording(InNotebook):
         return contents, found
 
     @cached_property
-    def _vertical(self) -> tuple[FloatArray, float | None]:
+    def _differentiated(self) -> tuple[FloatArray, float]:
+        """The vertical acceleration without an accelerometer, and the upper edge of its band (Hz)."""
         source = self.motion
         if source is None:
             raise DataError(
                 f"{self.path} shows no motion: it was recorded without a sensor for acceleration, velocity "
                 "or displacement."
             )
-        if source == "acceleration":
-            sensor = self._linear(source)
-            return np.asarray(sensor.along(self._rows(sensor))), None
         signal = self.velocity if source == "velocity" else -self.travel
         return differentiated(signal, ORDERS[source], self.rate_hz, self.quiet)
 

@@ -19,6 +19,8 @@ __all__ = ["cards", "check_clock", "check_force", "check_gravity", "check_noise"
 
 _GRAVITY = 9.80665
 _MASS_TOLERANCE = 0.05
+_NOTHING = 1.0
+"""m/s^2 at rest below which an accelerometer may be AC-coupled."""
 _COUPLED = 1.0
 """Constant voltage from which an AC-coupled sensor is not coupled so (V; IEPE supplies rest at 8 to 12)."""
 _CONVERTER_NOISE = 28e-6
@@ -187,6 +189,8 @@ def check_gravity(rig: Rig) -> Iterator[Finding]:
         expected = f"upright, with {sensor.sign * _GRAVITY:.1f} expected on {sensor.axes[sensor.row]}"
         yield Finding("Gravity", "acceleration", "green", f"{measured}: {expected}.")
         return
+    if float(np.abs(shown).max()) < _NOTHING:
+        what += " An IEPE or charge accelerometer shows no gravity: give it high_pass_hz in the rig file."
     yield Finding("Gravity", "acceleration", "red", f"{measured}: {what}")
 
 

@@ -39,7 +39,7 @@ def fault_along_vertical(sensor: LinearSensor, volts: FloatArray) -> str | None:
     if abs(float(sensor.along(volts).mean()) - G) > _TILT:
         return (
             f"{axis} must show {sensor.sign * G:.1f}: check how it is mounted, its supply, and sensitivity "
-            "and zero in the rig file (an IEPE or charge accelerometer needs high_pass_hz there)"
+            "and zero in the rig file"
         )
     return None
 

@@ -105,8 +105,7 @@ class LinearTable(BaseModel):
 
     def sensor(self) -> LinearSensor:
         """The sensor that this describes. Raises ValueError with a clause."""
-        axes = self._axes()
-        matrix = self._matrix()
+        axes, matrix = self._axes(), self._matrix()
         ranges = self._ranges()
         if ranges is not None and len(ranges) == 1:
             ranges *= len(axes)

@@ -99,7 +99,7 @@ def test_a_finished_file_says_who_what_and_how(finished):
     kinds = [event.kind for event in recording.events]
     assert kinds == ["rest", "prompt", "pressed", "prompt", "pressed"]
     with h5py.File(recording.path) as file:
-        assert (file.attrs["format"], file.attrs["format_version"]) == ("haploop recording", 3)
+        assert (file.attrs["format"], file.attrs["format_version"]) == ("haploop recording", 4)
         assert file.attrs["software"].startswith("haploop ")
         assert "T" in file.attrs["started"]
 
