@@ -129,10 +129,11 @@ def import_(
     haploop.import_file(found, path, at)
     if plot is not None:
         outputs.save_picture(contents.understanding_contents(found).draw(), plot, False)
-    if not as_json:
+    said_there = contents.file_contents(path)
+    if not as_json and said_there.kind != "recording":  # which keeps them itself
         for sentence in found.notes:
             print_line(sentence)
-    show.print_contents(contents.file_contents(path), as_json)
+    show.print_contents(said_there, as_json)
     return 0
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from ...acquisition import Protocol, Recording, file_name, segmentation_for
 from ...acquisition.presses import judged
 from ...acquisition.recording import Event, Header, PressVerdict, write_recording
-from ...instruments import ConfigurationError, LinearSensor, Sensors, Switch
+from ...instruments import ConfigurationError, DataError, LinearSensor, Sensors, Switch
 from ...instruments.arrays import FloatArray
 from .mapping import FileMapping
 from .press import RATE_HZ, presses_in, resampled
@@ -103,7 +103,13 @@ def recording_of(found: Understanding, out: Path) -> Recording:
     ]
 
     def judge(recording: Recording) -> Sequence[PressVerdict]:
-        return [_whole(one, holes) for one in judged(recording, protocol)]
+        found_there = judged(recording, protocol)
+        if not found_there:
+            raise DataError(
+                f"{found.path} shows no press in {recording.duration:.3g} s: look at its columns and units "
+                "without --out, or import it as one press (--as press)."
+            )
+        return [_whole(one, holes) for one in found_there]
 
     return write_recording(out, header, volts, sorted(events), judge)
 

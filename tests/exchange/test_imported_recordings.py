@@ -143,6 +143,15 @@ def test_many_files_by_one_mapping(presses: Written, tmp_path: Path, run: Run) -
     assert again.exit_code == 2 and "exists" in told["P01_push_monday.csv"]
 
 
+def test_a_file_without_a_press_is_no_recording(tmp_path: Path) -> None:
+    rest = np.random.default_rng(2).normal(0, 0.01, 5000)
+    np.savez(tmp_path / "a.npz", fs=5000, force_N=rest)
+    told = TOLD.model_copy(update={"make": "recording"})
+    with pytest.raises(haploop.DataError, match="shows no press in 1 s"):
+        haploop.import_recording(tmp_path / "a.npz", told, tmp_path / "out.h5")
+    assert not (tmp_path / "out.h5").exists()
+
+
 def test_who_pressed_is_asked_for(presses: Written, tmp_path: Path, run: Run) -> None:
     german(tmp_path / "a.csv", presses)
     refused = run("import", tmp_path / "a.csv", "-o", tmp_path / "out.h5")
