@@ -239,7 +239,7 @@ def test_a_wrong_table_is_one_sentence(changes: dict[str, Any], says: str) -> No
                 "input = 1, volts_per_full_scale = 10, high_pass_hz = 0",
                 "input = 1, volts_per_full_scale = 10",
             ),
-            r"'gauge0' is AC-coupled, and \[sensors.force\] needs its voltage at rest: write high_pass_hz = 0",
+            r"'gauge0' is AC-coupled, and \[sensors.force\] needs its voltage at rest: write high_pass",
         ),
     ],
 )
