@@ -37,6 +37,8 @@ CHANNELS = 8
 _PRODUCT = "Yocto-MaxiCoupler"
 _RATING = 48.0
 _PORT = 4444
+_PATIENCE_LAN = 1.0
+"""Time for a command to show in the read-back through a hub in the network (s; estimate)."""
 _OPEN_AT_POWER_ON = 1
 """`stateAtPowerOn`: 0 is as before, 1 is A, 2 is B (docs/hardware.md, "Relay box")."""
 _SERIAL = r"^[A-Za-z0-9]{1,12}-[A-Za-z0-9]{1,12}$"
@@ -81,6 +83,12 @@ class Yocto(ChannelRelay):
 
         rating_source: RatingSource = None
 
+        @property
+        def waits(self) -> float:
+            """See `BoardSettings.waits`: a hub in the network passes commands on one by one."""
+            here = urlsplit(self.hub).hostname in ("127.0.0.1", "localhost", "::1")
+            return self.patience or (super().waits if here else _PATIENCE_LAN)
+
         @model_validator(mode="after")
         def _ordered(self) -> Self:
             if self.rating > _RATING:
@@ -113,7 +121,9 @@ class Yocto(ChannelRelay):
         board = _Board(settings)
         channels = settings.patches.values()
         board.limit_time(channels, settings.longest)
-        read_back(lambda: board.limit_complaint(channels, settings.longest), clock, settings.settle)
+        read_back(
+            lambda: board.limit_complaint(channels, settings.longest), clock, settings.settle, settings.waits
+        )
         return cls(settings, clock, board)
 
     @property
