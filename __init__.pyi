@@ -68,11 +68,17 @@ from .calibration import write_uff as write_uff
 from .commands.demo.run import claim_folder as claim_folder
 from .commands.demo.run import run_demo as run_demo
 from .exchange import Exported as Exported
+from .exchange import FileMapping as FileMapping
+from .exchange import Understanding as Understanding
+from .exchange import destination as destination
 from .exchange import export_file as export_file
+from .exchange import import_file as import_file
 from .exchange import import_press as import_press
 from .exchange import import_response as import_response
 from .exchange import is_response_file as is_response_file
 from .exchange import load as load
+from .exchange import named as named
+from .exchange import understand as understand
 from .exchange.catalogue import Entry as Entry
 from .exchange.catalogue import list_files as list_files
 from .exchange.processing import Processed as Processed

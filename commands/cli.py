@@ -17,8 +17,9 @@ from .calibrations import calibrations, recalibrate
 from .demo.command import demo
 from .examples import show_examples
 from .experiment import experiment
-from .export import export, import_
+from .export import export
 from .files import list_command, recover, report, show, verify
+from .importing import import_
 from .live import live
 from .maintenance import doctor, log, reset, schema
 from .map import map_command

@@ -30,7 +30,7 @@ EXAMPLES = {
     "experiment status": "haploop experiment status matching",
     "experiment withdraw": "haploop experiment withdraw matching P01",
     "export": "haploop export press.h5 --to wav48 --out press.wav",
-    "import": "haploop import click.wav --scale 9.81 --button latch --out press.h5",
+    "import": "haploop import run7.csv --mapping lab.toml --out press.h5",
     "list": 'haploop list kind=recording button=latch "date>=2026-11" --in data',
     "live": "haploop live --rig lab.toml --wait 60",
     "log": "haploop log --rig lab.toml",

@@ -228,7 +228,7 @@ class ChosenRig:
         from ..exchange.live import published  # noqa: PLC0415
 
         with haploop.open_rig(file, simulate=self.simulate) as opened, published(opened):
-            self.state.rig_opened = True
+            self.state.rig_opened, self.state.at_rest = True, file.at_rest
             if opened.simulated:
                 note(f"Everything here is simulated ({_world(opened)}).")
             yield opened

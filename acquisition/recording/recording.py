@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,6 +75,11 @@ class Recording(InNotebook):
     def rig(self) -> str:
         """Name of the rig."""
         return self.header.rig_name
+
+    @property
+    def imported(self) -> Mapping[str, Any]:
+        """Origin of a recording of another program: file, sha256, rate_hz, mapping, notes; else empty."""
+        return dict(json.loads(self.header.rig).get("imported", {}))
 
     @property
     def simulated(self) -> bool:

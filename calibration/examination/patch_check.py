@@ -158,11 +158,12 @@ def _play(rig: Rig, sweep: FloatArray, patches: tuple[str, ...], silent: bool = 
     inside = (f > _BAND[0]) & (f < _BAND[1])
     f = np.asarray(f[inside])
     commanded = _spectrum(sweep, samples, inside)
-    drive = _spectrum(sensor.to_si(capture.volts[:1])[0], samples, inside)
-    velocity = _spectrum(rig.vibrometer.to_si(capture.volts[1]), samples, inside)
-    # The laser's delay and the card's skew rotate the phase: both are removed.
-    skew = np.exp(-2j * np.pi * f * (capture.delays[1] - capture.delays[0]))
-    velocity = np.asarray(velocity / rig.vibrometer.response(f) * skew)
+    # The laser's delay, and those of the card's channels, rotate the phase: they are removed. A delta-sigma
+    # input's filter alone turns it several times within the band.
+    skew = np.exp(-2j * np.pi * f * capture.delays[:, None])
+    drive = _spectrum(sensor.to_si(capture.volts[:1])[0], samples, inside) * skew[0]
+    velocity = _spectrum(rig.vibrometer.to_si(capture.volts[1]), samples, inside) * skew[1]
+    velocity = np.asarray(velocity / rig.vibrometer.response(f))
     power = float((np.abs(commanded) ** 2).sum())
     return _Answer(
         drive=float((drive * commanded.conj()).real.sum() / power),

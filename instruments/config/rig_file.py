@@ -254,6 +254,15 @@ class RigFile(_Section):
         return {role: tables[role] for role in roles() if isinstance(tables.get(role), Device)}
 
     @property
+    def at_rest(self) -> str:
+        """The safe state of this rig, as a clause."""
+        if self.relay is not None:
+            return "the output is zero and the relay is open"
+        return "the output is zero" + (
+            ", and the actuator stays connected" if self.wiring == "direct" else ""
+        )
+
+    @property
     def digest(self) -> str:
         """SHA-256 of the content of the file and its bases, without comments and order."""
         return hashlib.sha256(self.model_dump_json().encode()).hexdigest()

@@ -5,6 +5,7 @@ from __future__ import annotations
 __all__ = [
     "BEFORE_AND_AFTER",
     "CHECK",
+    "COLUMNS",
     "COMPARISON",
     "CONFUSION",
     "DRIVES",
@@ -32,6 +33,10 @@ RESPONSE = (
     "the fitted rational model (thin). The dotted line is the strongest resonance."
 )
 DRIVES = "Voltage at the patch in V, over time in ms. After the paper's figure 8."
+COLUMNS = (
+    "Force in N, travel in mm, vertical acceleration in m/s² and activation of an imported file over time in "
+    "s; dotted lines are the presses found."
+)
 COMPARISON = (
     "Left: the recorded press above the measured motion of the surface, each over its peak. Middle: target "
     "(thick) and measured (thin) acceleration in m/s² around the largest peak. Right: power spectral density "

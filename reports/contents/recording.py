@@ -90,6 +90,7 @@ def recording_contents(recording: Recording) -> Contents:
             operator_notes=[{"at_s": at, "text": text} for at, text in noted],
         ),
         fact("Rig", recording.rig, rig=recording.rig),
+        _imported(recording),
         fact("Length", length, duration_s=recording.duration, rate_hz=rate_hz),
         fact(
             "State",
@@ -150,6 +151,15 @@ def recording_contents(recording: Recording) -> Contents:
         figures=[*drawings, *([picture] if _has_activation(counting) else [])],
         picture=picture,
     )
+
+
+def _imported(recording: Recording) -> Fact:
+    """Where a recording of another program comes from."""
+    origin = recording.imported
+    if not origin:
+        return fact()
+    said = f"{origin['file']}, {origin['rate_hz']:g} samples/s, SHA-256 {origin['sha256']}"
+    return fact("Imported from", [said, *origin["notes"]], imported=origin)
 
 
 def _press(press: ButtonPress, rate_hz: float, accepted: bool) -> dict[str, Any]:

@@ -336,3 +336,12 @@ def test_kill_9_in_a_play_leaves_what_the_server_plays_to_its_end(tmp_path: Path
     with open_rig(path) as rig:
         assert abs(rig.daq.outputs_read()["amplifier"]) < 2e-3
     world.close()
+
+
+def test_no_sentence_says_of_a_rig_without_a_relay_that_it_is_open() -> None:
+    assert FILE.at_rest == "the output is zero, and the actuator stays connected"
+    assert load_rig_file("haptable").at_rest == "the output is zero and the relay is open"
+    assert load_rig_file("minimal").at_rest == "the output is zero"
+    with open_rig(FILE) as rig:
+        told = [finding.sentence for finding in examine(rig)]
+    assert not [s for s in told if "relay is open" in s or "relay channel" in s or "relay box" in s]
