@@ -137,6 +137,12 @@ class Yocto(ChannelRelay):
         assert isinstance(self._board, _Board)
         states = {patch: self._board.at_power_on(channel) for patch, channel in self._channels.items()}
         closing = [patch for patch, state in states.items() if state not in (_OPEN_AT_POWER_ON, None)]
+        timed = [patch for patch, channel in self._channels.items() if self._board.closes_by_itself(channel)]
+        if timed:
+            return (
+                f"{self.identity}: the channel of patch {', '.join(timed)} closes by itself after a time: "
+                "set its 'maximum time on state A' to 0 in VirtualHub, and save that to the module's flash."
+            )
         if not closing:
             return ""
         return (
@@ -173,6 +179,10 @@ class _Board:
     def at_power_on(self, channel: int) -> int | None:
         found = self._relays().get(channel)
         return found.at_power_on if found else None
+
+    def closes_by_itself(self, channel: int) -> bool:
+        found = self._relays().get(channel)
+        return found is not None and bool(found.longest_open)
 
     def open_channel(self, channel: int) -> None:
         self._set(channel, "state", 0)
@@ -235,6 +245,7 @@ class _Function(BaseModel):
     pulse: Annotated[int, Field(alias="pulseTimer", ge=0, lt=1 << 32)]
     longest: Annotated[int, Field(alias="maxTimeOnStateB", ge=0, lt=1 << 32)]
     at_power_on: Annotated[int | None, Field(alias="stateAtPowerOn", ge=0, le=2)] = None
+    longest_open: Annotated[int, Field(alias="maxTimeOnStateA", ge=0, lt=1 << 32)] = 0
 
 
 _Reply = TypeVar("_Reply", bound=BaseModel)
