@@ -44,6 +44,7 @@ from .recorded_along import Reading as Reading
 from .recorded_along import RecordedAlong as RecordedAlong
 from .relay import Relay as Relay
 from .rig import Rig as Rig
+from .rig import check_recordable as check_recordable
 from .rig import hardware as hardware
 from .rig import log_entries as log_entries
 from .rig import open_rig as open_rig

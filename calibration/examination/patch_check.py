@@ -163,7 +163,8 @@ def _play(rig: Rig, sweep: FloatArray, patches: tuple[str, ...], silent: bool = 
     skew = np.exp(-2j * np.pi * f * capture.delays[:, None])
     drive = _spectrum(sensor.to_si(capture.volts[:1])[0], samples, inside) * skew[0]
     velocity = _spectrum(rig.vibrometer.to_si(capture.volts[1]), samples, inside) * skew[1]
-    velocity = np.asarray(velocity / rig.vibrometer.response(f))
+    drive = np.asarray(drive / rig.daq.response(sensor.channels[0], f))
+    velocity = np.asarray(velocity / rig.motion_response(f))
     power = float((np.abs(commanded) ** 2).sum())
     return _Answer(
         drive=float((drive * commanded.conj()).real.sum() / power),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...instruments import Capture, ConfigurationError, DataError, InstrumentError, Rig
-from ...instruments.arrays import FloatArray
+from ...instruments.arrays import ComplexArray, FloatArray
 from ...instruments.progress import Progress, part_of, silent
 from ...instruments.vibrometer import shown
 from ..background import LONGEST_REST, Record, rests, without_tones
@@ -354,8 +354,13 @@ def _signals(rig: Rig, capture: Capture, patch: str) -> tuple[FloatArray, FloatA
     laser = capture.channels.index(rig.vibrometer.channel)
     divider = rig.sensors.drive
     assert divider is not None
+
+    def laser_response(f: FloatArray) -> ComplexArray:
+        # What the monitor's channel loses of the drive counts as if the laser showed more.
+        return np.asarray(rig.motion_response(f) / rig.monitor_response(patch, f))
+
     channels = Channels(
-        capture.rate_hz, float(capture.delays[drive]), float(capture.delays[laser]), rig.vibrometer.response
+        capture.rate_hz, float(capture.delays[drive]), float(capture.delays[laser]), laser_response
     )
     volts = divider.to_si(capture.volts[[drive]])[0]
     return volts, rig.vibrometer.to_si(capture.volts[laser]), channels

@@ -58,6 +58,12 @@ def _of_the_actuator(file: RigFile) -> Iterator[tuple[Location, str]]:
             )
         return
     takes = actuator.limits(1)
+    if takes.min == 0:
+        yield (
+            ("actuator", "min"),
+            "an actuator that takes no negative volts cannot follow a drive, which swings about 0 V: write "
+            "the negative volts that it takes (min = -20 for many stacks), or use a bipolar one",
+        )
     for key, own, most in (("max", limits.max, takes.max), ("min", -limits.min, -takes.min)):
         if key in limits.model_fields_set and own > most:
             sign = "-" if key == "min" else ""

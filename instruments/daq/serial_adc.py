@@ -23,7 +23,8 @@ from ..config import RigFile, lacks
 from ..driver import one_name
 from ..errors import ConfigurationError, InstrumentError
 from ..recorded_along import Reading
-from ..transport import ByteLine, SerialBytes
+from ..tape import taped_line
+from ..transport import ByteLine, SerialBytes, TapedBytes
 from .arrival_clock import ArrivalClock
 from .free_running import Edge, FreeRunning
 from .role import Block, Stream
@@ -82,6 +83,8 @@ class SharedEdge(_Section):
 
 class SerialAdc(FreeRunning):
     """See `Daq` and `FreeRunning`."""
+
+    taped = True
 
     class Settings(_Section):
         """The `[daq]` or `[adc]` table of a rig file."""
@@ -185,7 +188,11 @@ class SerialAdc(FreeRunning):
     @classmethod
     def open(cls, settings: Settings, clock: Clock) -> Self:
         """Open the port. Raises InstrumentError."""
-        return cls(settings, clock, SerialBytes("serial ADC", settings.port, settings.baud, clock))
+        return cls(
+            settings,
+            clock,
+            TapedBytes(taped_line(), lambda: SerialBytes("serial ADC", settings.port, settings.baud, clock)),
+        )
 
     # As the only DAQ
 

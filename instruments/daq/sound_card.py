@@ -136,6 +136,17 @@ class SoundCardDaq(Daq):
                         f"write rate_hz = {self.rate_hz:g} {where}"
                     )
                     yield "rate_hz", clause
+            for kind in ("force", "acceleration", "displacement", "activation"):
+                sensor = getattr(file.sensors, kind, None)
+                if sensor is None or getattr(sensor, "ac_coupled", False):
+                    continue
+                for name in sensor.channels:
+                    if name in self.channels and self.channels[name].high_pass_hz:
+                        clause = (
+                            f"{name!r} is AC-coupled, and [sensors.{kind}] needs its voltage at rest: write "
+                            "high_pass_hz = 0 if the input is DC-coupled, or wire it to another DAQ"
+                        )
+                        yield f"channels.{name}", clause
 
     def __init__(self, settings: Settings, clock: Clock, audio: Audio) -> None:
         """Look the device up; nothing is opened. Raises ConfigurationError and InstrumentError."""
@@ -467,8 +478,8 @@ class _Callback:
         else:
             return
         self.problem = (
-            f"{what} near frame {self._came}: what was measured is not used. Close other programs, or set "
-            'buffer = "high" in [daq].'
+            f"{what} near frame {self._came}: what was measured is not used. Close other programs, leave "
+            "'buffer' at \"high\", and use a driver without a mixer (ASIO, WASAPI exclusive, ALSA hw, JACK)."
         )
         raise self._abort
 

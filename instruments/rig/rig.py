@@ -247,6 +247,10 @@ class Rig(Instruments, InNotebook):
         """
         self._playing.prove_gain(patch)
 
+    def forget_gain(self) -> None:
+        """Prove the amplifier's gain again before the next play: somebody has changed its wiring."""
+        self._proved.clear()
+
     @contextmanager
     def captures(self) -> Iterator[list[Capture]]:
         """Collect the capture of every play while this context lasts, in order, settling included."""

@@ -6,7 +6,10 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, Literal, TypeVar
 
+import numpy as np
+
 from ..amplifier import Amplifier
+from ..arrays import ComplexArray, FloatArray
 from ..config import Actuator, RigFile, TableSettings
 from ..daq import Daq
 from ..entry_points import role_class
@@ -109,6 +112,21 @@ class Instruments(Frozen):
     def operator(self) -> Operator:
         """The person at the rig, or their twin."""
         return self.role(Operator)
+
+    def motion_response(self, frequencies: FloatArray) -> ComplexArray:
+        """Response from the surface's velocity to what the DAQ records of the vibrometer: see both.
+
+        At 0 Hz the value is that at 1 Hz, as the vibrometer's.
+        """
+        f = np.where(frequencies == 0, 1.0, frequencies)
+        return np.asarray(
+            self.vibrometer.response(frequencies) * self.daq.response(self.vibrometer.channel, f)
+        )
+
+    def monitor_response(self, patch: str, frequencies: FloatArray) -> ComplexArray:
+        """Response of the channel that measures the volts at a patch, as `motion_response`."""
+        f = np.where(frequencies == 0, 1.0, frequencies)
+        return self.daq.response(self.monitor(patch), f)
 
     def monitor(self, patch: str) -> str:
         """The channel that measures the volts at a patch. Raises ConfigurationError without one."""

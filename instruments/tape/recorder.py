@@ -29,7 +29,7 @@ _OFTEN = 0.25
 
 
 class Recorder:
-    """See `Deck`. A context that writes `path`, a new file."""
+    """See `Deck`. A context that writes `path`, a new file; without a call, none is left."""
 
     playing = False
 
@@ -88,6 +88,8 @@ class Recorder:
     ) -> None:
         self._lines.put(None)
         self._thread.join()
+        if not self.calls and self._failure is None:
+            self.path.unlink(missing_ok=True)
         if self._failure is not None and error is None:
             why = (self._failure.strerror or str(self._failure)).lower()
             raise DataError(f"The tape {self.path} ends early ({why}); everything else was done.")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from contextlib import suppress
 from typing import Protocol
 
@@ -11,9 +12,10 @@ import serial
 from ..clock import Clock
 from ..errors import InstrumentError
 from ..inbox import Inbox
+from ..tape import Failure, TapedLine
 from .serial_line import serial_trouble
 
-__all__ = ["Arrival", "ByteLine", "SerialBytes"]
+__all__ = ["Arrival", "ByteLine", "SerialBytes", "TapedBytes"]
 
 Arrival = tuple[float, bytes]
 """Time (s of the rig's clock) and what had come by then."""
@@ -100,3 +102,38 @@ class SerialBytes:
         except (serial.SerialException, OSError, TypeError) as error:
             self._gone = serial_trouble(error)
             self._inbox.end()
+
+
+_FAILURES = (Failure(InstrumentError),)
+
+
+class TapedBytes:
+    """See `ByteLine`: one on a line that a tape listens to or answers. `connect` opens the real one."""
+
+    def __init__(self, line: TapedLine, connect: Callable[[], ByteLine]) -> None:
+        self._line = line
+        self._real: ByteLine | None = None
+
+        def opened() -> None:
+            self._real = connect()
+
+        line.call("open", opened, failures=_FAILURES)
+
+    def arrived(self, wait: float) -> list[Arrival]:
+        """See `ByteLine.arrived`."""
+        found: list[Arrival] = self._line.call("arrived", lambda: self._far.arrived(wait), failures=_FAILURES)
+        return found
+
+    def send(self, data: bytes) -> None:
+        """See `ByteLine.send`."""
+        self._line.call("send", lambda: self._far.send(data), data, failures=_FAILURES)
+
+    def close(self) -> None:
+        """See `ByteLine.close`."""
+        if self._real is not None:
+            self._real.close()
+
+    @property
+    def _far(self) -> ByteLine:
+        assert self._real is not None, "a player calls nothing"
+        return self._real

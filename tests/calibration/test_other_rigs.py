@@ -61,9 +61,12 @@ def difference(found: np.ndarray, true: np.ndarray) -> float:
 )
 def test_the_response_is_the_surfaces_own_velocity(name: str, within: float, tmp_path: Path) -> None:
     with rig_of(name, tmp_path, hysteresis=0.0) as rig:
-        response = calibrate(rig).response
+        calibration = calibrate(rig)
+        response = calibration.response
+        resonance = rig.simulation.truth.resonance_hz  # type: ignore[union-attr]
         truth = rig.simulation.truth.velocity_response("A", "button", response.frequencies)  # type: ignore[union-attr]
     assert difference(response.velocity, truth) < within
+    assert calibration.model.resonance_hz == pytest.approx(resonance, abs=0.05)
     assert response.pickup == ("velocity" if name == "coil" else name)
 
 

@@ -130,6 +130,15 @@ def test_the_right_description_is_taken(tmp_path: Path) -> None:
             [("[table]", "[limits]\nmin = -5\n\n[table]")],
             r"limits\.min: -5 V is beyond the -4 V .*write min = -4",
         ),
+        (
+            [
+                (
+                    COIL.partition("[actuator]\n")[2].partition("protected_by")[0],
+                    'kind = "piezo"\ncapacitance = 1e-6\nmin = 0\nmax = 150\n',
+                )
+            ],
+            r"actuator\.min: .* cannot follow a drive.* write the negative volts that it takes",
+        ),
         # wiring
         ([('wiring = "direct"', 'wiring = "none"')], r"wiring must be 'relay' or 'direct' \(found 'none'\)"),
         (
