@@ -12,7 +12,7 @@ from ...instruments import Camera, ConfigurationError, DataError, LimitError, Ri
 from ...instruments.operator import Request, TakeTarget, Target
 from ...instruments.progress import Progress, silent
 from ..contact import (
-    ContactMeter,
+    SeenSurface,
     VerifiedButton,
     calibrate_meter,
     learn_background,
@@ -30,9 +30,7 @@ _FRAMES = 10
 class TouchSurface:
     """See the module. Made by `prepare_surface`, for one rig, while it is open, for today."""
 
-    rig: Rig
-    camera: Camera
-    meter: ContactMeter
+    seen: SeenSurface
     buttons: Mapping[str, VerifiedButton]
     releases: Mapping[str, VerifiedButton]
 
@@ -46,11 +44,11 @@ class TouchSurface:
     def noted(self) -> dict[str, Any]:
         """What a session's log says of it, as values of JSON."""
         return {
-            "rig": self.rig.name,
-            "rig_simulated": self.rig.simulated,
-            "camera": self.camera.identity,
-            "camera_hz": self.camera.rate_hz,
-            "pixel": self.meter.square_metres,
+            "rig": self.seen.rig.name,
+            "rig_simulated": self.seen.rig.simulated,
+            "camera": self.seen.camera.identity,
+            "camera_hz": self.seen.camera.rate_hz,
+            "pixel": self.seen.meter.square_metres,
             "buttons": {name: _noted(one) for name, one in self.buttons.items()},
             "releases": {name: _noted(one) for name, one in self.releases.items()},
         }
@@ -93,7 +91,7 @@ def prepare_surface(rig: Rig, experiment: Experiment, progress: Progress = silen
     meter = calibrate_meter([camera.read() for _ in range(_FRAMES)], background, file.surface.target)
     _ask(rig, TakeTarget())
     camera.start()
-    return TouchSurface(rig, camera, meter, buttons, releases)
+    return TouchSurface(SeenSurface(rig, camera, meter), buttons, releases)
 
 
 def _refuse_amplitudes(rig: Rig, experiment: Experiment, name: str, button: DigitalButton) -> None:

@@ -19,6 +19,8 @@ from haploop.instruments.transport import Line, SerialLine
 class AcmeRelay(ChannelRelay):
     """Driver of the RB-8: `ChannelRelay` switches, reads back and renews; `_Board` speaks the protocol."""
 
+    taped = True  # every call to the board goes through SerialLine
+
     class Settings(BoardSettings):
         patches: Annotated[dict[str, Annotated[int, Field(ge=1, le=8)]], Field(min_length=1)]
         port: str
