@@ -139,7 +139,7 @@ def test_a_wrong_answer_is_asked_again(tmp_path: Path) -> None:
             return next(given)
         if "table?" in question:
             return "no"
-        return "20 N/V" if "Force:" in question else default
+        return "100 mV/g" if "Vertical acceleration:" in question else default
 
     file = haploop.new_rig(tmp_path / "lab.toml", ask, simulated_computer(), asked.append)
     assert file.daq.driver == "sound-card" and "'toaster' is none of them." in asked
