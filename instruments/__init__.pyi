@@ -53,14 +53,14 @@ from .rig import rig_schema as rig_schema
 from .rig import tape_rig as tape_rig
 from .safety import reserve as reserve
 from .safety import who as who
-from .sensors import Accelerometer as Accelerometer
 from .sensors import AnalogChannel as AnalogChannel
 from .sensors import Divider as Divider
-from .sensors import ForceTorque as ForceTorque
+from .sensors import LinearSensor as LinearSensor
 from .sensors import Scale as Scale
 from .sensors import Sensor as Sensor
 from .sensors import Sensors as Sensors
 from .sensors import Switch as Switch
+from .sensors import Transfer as Transfer
 from .tape import mask as mask
 from .tape import played as played
 from .tape import recorded as recorded
