@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from ...acquisition import Representative
 from ...calibration import DigitalButton
 from ...instruments import Camera, ConfigurationError, DataError, LimitError, Rig
 from ...instruments.operator import Request, TakeTarget, Target
@@ -35,9 +36,9 @@ class TouchSurface:
 
     @property
     def forces(self) -> dict[str, float]:
-        """Mean force (N) at activation of each button's recorded presses."""
+        """Mean force (N) at activation of each button's recorded presses. Raises DataError without any."""
         presses = {name: one.button.press for name, one in self.buttons.items()}
-        return {name: float(press.force[press.activation_index]) for name, press in presses.items()}
+        return {name: _force_of(name, press) for name, press in presses.items()}
 
     @property
     def noted(self) -> dict[str, Any]:
@@ -51,6 +52,15 @@ class TouchSurface:
             "buttons": {name: _noted(one) for name, one in self.buttons.items()},
             "releases": {name: _noted(one) for name, one in self.releases.items()},
         }
+
+
+def _force_of(name: str, press: Representative) -> float:
+    if press.force is None:
+        raise DataError(
+            f"The presses of the digital button {name!r} were recorded without a force, from which its "
+            "contact area follows: record them with [sensors.force]."
+        )
+    return float(press.force[press.activation_index])
 
 
 def prepare_surface(rig: Rig, experiment: Experiment, progress: Progress = silent) -> TouchSurface:
