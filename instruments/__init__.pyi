@@ -9,6 +9,9 @@ from .daq import Block as Block
 from .daq import Capture as Capture
 from .daq import Daq as Daq
 from .daq import Stream as Stream
+from .describing import Found as Found
+from .describing import look_for_hardware as look_for_hardware
+from .describing import new_rig as new_rig
 from .errors import ConfigurationError as ConfigurationError
 from .errors import DataError as DataError
 from .errors import HaploopError as HaploopError

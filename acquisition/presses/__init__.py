@@ -1,6 +1,7 @@
 """Presses in a recording: segmentation, quality check, and the representative press."""
 
 from .averaging import AverageMethod
+from .judging import judged
 from .pressing import NAMES, LivePressing, levels_of, press_quantity
 from .protocol import Protocol
 from .quality import QualityCheck, accepted_presses, activation_forces
@@ -33,6 +34,7 @@ __all__ = [
     "activation_forces",
     "find_presses",
     "high_pass",
+    "judged",
     "levels_of",
     "load_press",
     "press_quantity",
