@@ -15,10 +15,8 @@ import scipy
 
 from ...instruments.arrays import FloatArray
 
-__all__ = ["ORDERS", "differentiated"]
+__all__ = ["differentiated"]
 
-ORDERS = {"acceleration": 0, "velocity": 1, "displacement": 2}
-"""Derivatives from each to the acceleration; the first that a recording has is used."""
 _LEAST_HZ, _SHARE = 100.0, 0.4
 """Lowest upper edge of the band (Hz); highest, over the sample rate."""
 _ABOVE = 4.0

@@ -19,13 +19,15 @@ from ...instruments.safety import is_marked
 from ...instruments.sensors import Restorer
 from ..checksum import opened
 from .file_format import CODES, Contents, Header, from_codes, read_header
-from .motion import ORDERS, differentiated
 from .readings import AlongFile, AlongReading, files_in, readings_in
 from .rejections import without_rejected
 from .rows import Event, PressVerdict, events_in, verdicts_in
 from .salvage import read_contents, tables
 
 __all__ = ["Recording"]
+
+_ORDERS = {"acceleration": 0, "velocity": 1, "displacement": 2}
+"""Derivatives from each to the acceleration; the first that a recording has is used."""
 
 
 class Recording(InNotebook):
@@ -234,7 +236,7 @@ class Recording(InNotebook):
     @property
     def motion(self) -> str | None:
         """What `vertical` is from: "acceleration", "velocity" or "displacement"; None without any."""
-        return next((quantity for quantity in ORDERS if self.has(quantity)), None)
+        return next((quantity for quantity in _ORDERS if self.has(quantity)), None)
 
     @property
     def vertical(self) -> FloatArray:
@@ -328,7 +330,10 @@ class Recording(InNotebook):
                 "or displacement."
             )
         signal = self.velocity if source == "velocity" else -self.travel
-        return differentiated(signal, ORDERS[source], self.rate_hz, self.quiet)
+        # A recording that is verified or listed needs no scipy.
+        from .motion import differentiated  # noqa: PLC0415
+
+        return differentiated(signal, _ORDERS[source], self.rate_hz, self.quiet)
 
     def _tared(self, quantity: str) -> FloatArray:
         """(samples,) along the press, from the rest; what an AC-coupled sensor lets fade is restored."""
