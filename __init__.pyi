@@ -74,6 +74,7 @@ from .exchange import destination as destination
 from .exchange import export_file as export_file
 from .exchange import import_file as import_file
 from .exchange import import_press as import_press
+from .exchange import import_recording as import_recording
 from .exchange import import_response as import_response
 from .exchange import is_response_file as is_response_file
 from .exchange import load as load
@@ -118,7 +119,9 @@ from .instruments import Unattended as Unattended
 from .instruments import levels as levels
 from .instruments import load_rig_file as load_rig_file
 from .instruments import log_entries as log_entries
+from .instruments import look_for_hardware as look_for_hardware
 from .instruments import mask as mask
+from .instruments import new_rig as new_rig
 from .instruments import open_rig as open_rig
 from .instruments import played as played
 from .instruments import recorded as recorded

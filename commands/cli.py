@@ -24,6 +24,7 @@ from .live import live
 from .maintenance import doctor, log, reset, schema
 from .map import map_command
 from .record import record, represent
+from .rig import rig
 from .serve import serve
 from .study import study
 from .table import calibrate, check
@@ -49,7 +50,7 @@ cli.sections = {
     "Make a button, in this order": (doctor, record, represent, calibrate, button, show, report, demo),
     "Look": (live, list_command, serve, check, map_command, export, import_),
     "People": (study, experiment, analyse),
-    "Maintain": (recalibrate, calibrations, verify, recover, log, reset, schema, tape, twin),
+    "Maintain": (recalibrate, calibrations, verify, recover, log, reset, schema, rig, tape, twin),
 }
 for commands in cli.sections.values():
     for command in commands:

@@ -55,11 +55,18 @@ _ROLES = ("force", "acceleration", "displacement")
     metavar="FORMAT",
 )
 @click.option("--decimal", type=click.Choice((".", ",")), help="Decimal sign of a text that leaves a doubt.")
+@click.option(
+    "--as",
+    "make",
+    type=click.Choice(("recording", "press")),
+    help="What to make of it.  [default: a recording when it holds several presses]",
+)
 @click.option("--button", help="Name of the button that was pressed.  [default: as the file states]")
+@click.option("--participant", "-p", help="Pseudonym of the participant, for a recording: P01.")
 @click.option(
     "--names",
     metavar="PATTERN",
-    help="Where it stands in the files' names: '*_{button}_*'.",
+    help="Where both stand in the files' names: '{participant}_{button}_*'.",
 )
 @click.option(
     "--at",
@@ -91,11 +98,12 @@ def import_(
     as_json: bool,
     **told: Any,
 ) -> int:
-    """Import presses or responses of other programs.
+    """Import recordings, presses or responses of other programs.
 
     Without --out, show what was understood of FILE: its columns, units, rate and presses, and what it does
-    not say. With --out, one press (of several, that at --at) becomes a representative press. What a file does
-    not say is asked for at a terminal, and an error elsewhere. Several files go into the folder OUT.
+    not say. With --out, a file of several presses becomes a recording, which is judged and represented like
+    one's own; one of a single press a representative press. What a file does not say is asked for at a
+    terminal, and an error elsewhere. Several files are read alike, into the folder OUT.
 
     FILE is a text of any shape (.csv, .tsv, .txt, .lvm, .asc, .dat), .mat, .h5, .npy, .npz, .wav, .tdms,
     .xlsx, .uff, .unv, or SEP-005 (.sep005, .json). A .uff file with frequency responses becomes a
@@ -121,10 +129,11 @@ def import_(
     haploop.import_file(found, path, at)
     if plot is not None:
         outputs.save_picture(contents.understanding_contents(found).draw(), plot, False)
-    if not as_json:
+    said_there = contents.file_contents(path)
+    if not as_json and said_there.kind != "recording":  # which keeps them itself
         for sentence in found.notes:
             print_line(sentence)
-    show.print_contents(contents.file_contents(path), as_json)
+    show.print_contents(said_there, as_json)
     return 0
 
 

@@ -81,19 +81,22 @@ def ni(
     With a COMMAND after two hyphens, run it with the devices of --device or --devices in place of NI's
     driver, and exit as it does.
     """
-    from ..instruments import ConfigurationError, RealClock, load_rig_file  # noqa: PLC0415
-    from ..instruments.config import validate  # noqa: PLC0415
-    from ..instruments.daq.ni_daqmx import NiDaq  # noqa: PLC0415
-    from ..mocks.daq.ni import inventory_from_file, inventory_of, run, wiring_of  # noqa: PLC0415
-    from ..mocks.plant import Plant  # noqa: PLC0415
-
     if devices is not None and rig is not None:
         raise click.UsageError("--rig and --devices exclude each other: use one of them")
     if command or named:
         return _run_with_twin(command, named, devices)
+    # Each way imports what it needs: a server is there the sooner.
     if devices is not None:
+        from ..mocks.daq.ni import inventory_from_file, run  # noqa: PLC0415
+
         run(inventory_from_file(devices), port)
         return None
+    from ..instruments import ConfigurationError, RealClock, load_rig_file  # noqa: PLC0415
+    from ..instruments.config import validate  # noqa: PLC0415
+    from ..instruments.daq.ni_daqmx import NiDaq  # noqa: PLC0415
+    from ..mocks.daq.ni import inventory_of, run, wiring_of  # noqa: PLC0415
+    from ..mocks.plant import Plant  # noqa: PLC0415
+
     file = load_rig_file(rig or "simulated")
     if file.daq.driver != "ni-daqmx" or not file.daq.settings.get("devices"):
         raise ConfigurationError(

@@ -12,7 +12,9 @@ from ..model import Calibration
 from ..response import (
     QUICK,
     Hysteresis,
+    Play,
     Response,
+    Spot,
     excite,
     plausible,
     prepare,
@@ -136,7 +138,7 @@ def _measured(rig: Rig, place: Place, laser: LaserAtRest, progress: Progress) ->
     peak = quick_level(rig)
     tell = part_of(progress, f"Measure patch {patch} at the {point} point", 0, QUICK.duration)
     capture, spikes = without_spikes(rig, excite(rig, QUICK, patch, peak, tell))
-    return plausible(response_from(rig, capture, QUICK, peak, patch=patch, point=point)), spikes
+    return plausible(response_from(Spot(rig, patch, point), capture, Play(QUICK, peak))), spikes
 
 
 def _known(calibration: Calibration) -> bool:

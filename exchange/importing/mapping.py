@@ -42,9 +42,12 @@ class FileMapping(BaseModel):
     """How the file is read; by default as its name ends."""
     decimal: Literal[",", "."] | None = None
     """Decimal sign of a text, where the file leaves a doubt."""
+    make: Literal["recording", "press"] | None = None
+    """A recording of all presses, or the representative press that one press is."""
     button: str | None = None
+    participant: str | None = None
     names: str | None = None
-    """Pattern of files' names without their ending, * for anything: "*_{button}_*"."""
+    """Pattern of files' names without their ending, * for anything: "{participant}_{button}_*"."""
 
     @field_validator("units")
     @classmethod

@@ -1,4 +1,4 @@
-"""The button in the names of files."""
+"""Participant and button in the names of files."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .mapping import FileMapping
 
 __all__ = ["named"]
 
-_PARTS = {"button": r"(?P<button>[A-Za-z0-9-]+?)"}
+_PARTS = {"participant": r"(?P<participant>[A-Za-z]{1,4}[0-9]{1,4})", "button": r"(?P<button>[A-Za-z0-9-]+?)"}
 
 
 def named(path: Path, mapping: FileMapping) -> FileMapping:
@@ -24,6 +24,6 @@ def named(path: Path, mapping: FileMapping) -> FileMapping:
     if match is None:
         raise ConfigurationError(
             f"{path.name} is not named as {mapping.names!r}: name it so, or leave the names out and state "
-            "--button."
+            "--participant and --button."
         )
     return mapping.model_copy(update=match.groupdict())

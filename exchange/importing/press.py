@@ -86,7 +86,8 @@ def press_of(found: Understanding, activation: float | None = None) -> Represent
     several = presses_in(found) if activation is None else ()
     if len(several) > 1 and _number(path, found, "activation_s") is None:
         raise ConfigurationError(
-            f"{path} holds {len(several)} presses: say when the one that is meant switched (--at SECONDS)."
+            f"{path} holds {len(several)} presses: import them all as a recording (--as recording), or say "
+            "when the one press switched (--at SECONDS)."
         )
     cut, switched, after = _window(found, values, activation)
     acceleration = _taper(high_pass(resampled(values[cut], found.rate_hz), RATE_HZ))

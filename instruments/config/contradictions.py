@@ -121,8 +121,8 @@ def _of_direct_wiring(file: RigFile, settings: Mapping[str, Any]) -> Iterator[tu
         )
     amplifier = settings.get("amplifier")
     if file.amplifier is None or file.table is None:
-        missing = "amplifier" if file.amplifier is None else "table"
-        yield ("wiring",), f"direct wiring needs an [{missing}]: add it, or remove wiring"
+        missing = "an [amplifier]" if file.amplifier is None else "a [table]"
+        yield ("wiring",), f"direct wiring needs {missing}: add it, or remove wiring"
     elif file.actuator is not None and isinstance(getattr(amplifier, "gain", None), float):
         yield from _unprotected(file, amplifier)
 

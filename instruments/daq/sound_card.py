@@ -478,8 +478,8 @@ class _Callback:
         else:
             return
         self.problem = (
-            f"{what} near frame {self._came}: what was measured is not used. Close other programs, or set "
-            'buffer = "high" in [daq].'
+            f"{what} near frame {self._came}: what was measured is not used. Close other programs, leave "
+            "'buffer' at \"high\", and use a driver without a mixer (ASIO, WASAPI exclusive, ALSA hw, JACK)."
         )
         raise self._abort
 

@@ -75,7 +75,8 @@ class Instruments(Frozen):
             name = next((role for role in self._roles if role_class(role) is kind), name)
             instrument = self._roles.get(name)
         if not isinstance(instrument, kind):
-            raise ConfigurationError(f"The rig {self.name!r} has no [{name}]; this step needs one.")
+            instead = ', or wiring = "direct" (docs/explanation/safety.md)' if name == "relay" else ""
+            raise ConfigurationError(f"The rig {self.name!r} has no [{name}]; this step needs one{instead}.")
         return instrument
 
     @property

@@ -32,8 +32,6 @@ _EXCESS = 1.1
 """Measured volts over the limit at which a play is stopped: beyond the drive monitor's noise and error."""
 _KEPT = 10
 """Blocks up to a trip that are kept."""
-_FZ = 2
-"""Row of the normal force among a force sensor's quantities."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +104,7 @@ class AbortMonitor:
             rest: list[float] = []
 
             def pressed(volts: FloatArray) -> str:
-                normal = force.to_si(volts)[_FZ]
+                normal = force.along(volts)
                 if not rest:
                     rest.append(float(np.median(normal)))
                 return _beyond(normal - rest[0], newton, "N")

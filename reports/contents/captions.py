@@ -17,8 +17,13 @@ __all__ = [
     "PRESSES",
     "RATINGS",
     "RESPONSE",
+    "TRAVEL",
 ]
 
+TRAVEL = (
+    "Force in N over the travel of the cap in mm, of a whole press: down along the upper branch, up along "
+    "the lower one. The dot is the activation."
+)
 PRESSES = (
     "Vertical acceleration over its peak (thin, blue), force in N (thick, red) and activation state (dashed, "
     "green; shaded while active), and the power spectral density (PSD) of the acceleration in (m/s²)²/Hz. "

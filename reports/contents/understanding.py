@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...exchange.importing import Understanding, presses_in
+from ...exchange.importing import Understanding, becomes, presses_in
 from .. import figures
 from . import captions
 from .parts import Cell, Contents, Drawing, Grid, fact
@@ -37,7 +37,7 @@ def understanding_contents(found: Understanding) -> Contents:
     open_ = found.questions
     presses = () if open_ else presses_in(found)
     times = ", ".join(f"{instant:.2f}" for instant in presses[:12]) + (" ..." if len(presses) > 12 else "")
-    what = "" if open_ or len(presses) > 1 else "press"
+    what = "" if open_ else becomes(found)
     count = f"{len(presses)} press{'' if len(presses) == 1 else 'es'}"
     facts = [
         fact("File", str(found.path), file=found.path),

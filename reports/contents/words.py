@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence, Sized
+from collections.abc import Mapping, Sequence, Sized
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -12,17 +12,40 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ANSWERS_SIMULATED",
+    "SENSORS",
     "counted",
     "damping",
+    "derived",
     "fixed",
     "interval",
     "one_style",
     "percent",
     "sentence",
+    "told_by",
     "unbroken",
 ]
 
 ANSWERS_SIMULATED = "Simulated participants answered: no person did."
+
+
+SENSORS: Mapping[str, str] = {
+    "acceleration": "accelerometer",
+    "velocity": "velocity sensor",
+    "displacement": "displacement sensor",
+}
+
+
+def derived(motion: str) -> str:
+    """Says of an acceleration what it is from; "" where it was measured."""
+    return "" if motion == "acceleration" else f", differentiated from the {motion}"
+
+
+def told_by(quantity: str) -> str:
+    """Says what told the activation of presses."""
+    if quantity == "activation":
+        return "by the contact"
+    what = "snap in the force" if quantity == "force" else f"click in the {quantity}"
+    return f"taken from the {what}: no contact was recorded"
 
 
 def percent(value: float | None, digits: int = 1) -> str:

@@ -23,6 +23,8 @@ from .paper import activation_forces as activation_forces
 from .paper import activation_time as activation_time
 from .paper import comparison as comparison
 from .paper import drives as drives
+from .paper import force_over_travel as force_over_travel
 from .paper import profiles as profiles
 from .plotting import Columns as Columns
 from .press import recording_figure as recording_figure
+from .press import travel_figure as travel_figure

@@ -66,6 +66,7 @@ WORK = {
     "log": ["log_entries"],
     "reset": ["reset_lockout"],
     "schema": ["rig_schema"],
+    "rig new": ["look_for_hardware", "new_rig"],
     "tape show": ["played", "recorded", "tape_rig"],
     "tape mask": ["mask"],
 }

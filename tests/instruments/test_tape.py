@@ -29,7 +29,8 @@ from haploop.instruments.camera import opencv
 from haploop.instruments.camera.opencv import OpenCvCamera
 from haploop.instruments.clock import RealClock
 from haploop.instruments.driver import settings_of
-from haploop.instruments.tape import Failure, Player, Recorder, TapedLine, TapeLines, mask, on_line
+from haploop.instruments.tape import Failure, Player, Recorder, TapedLine, TapeError, TapeLines, mask, on_line
+from haploop.instruments.tape.tape_file import TapeWriter
 from haploop.mocks.clock import VirtualClock
 from haploop.mocks.simulation import Simulation
 from tests.acquisition.session.test_other_daqs import ALONG
@@ -478,3 +479,35 @@ def test_a_disk_that_is_full_ends_the_tape_and_nothing_else(
         assert line.call("do", lambda: 1) == 1
         monkeypatch.setattr(recorder._writer, "write", full)
         assert line.call("do", lambda: 2) == 2
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        {"got": {"a": ["<f8", [2], "AAAA"]}},
+        {"got": {"a": ["|O", [1], "AAAAAAAAAAA="]}},
+        {"got": {"x": 1}},
+        {"filled": [{"a": ["<f8", [3], "AAAAAAAAAAA="]}], "got": None},
+        {"error": ["ConnectionError", 5]},
+        {"error": 3},
+        {},
+    ],
+)
+def test_an_answer_that_cannot_be_read_is_one_sentence(answer: dict[str, Any], tmp_path: Path) -> None:
+    """Of a tape whose hashes are right: somebody else's."""
+    tape = tmp_path / "odd.tape"
+    writer = TapeWriter(tape)
+    writer.write({"format": "haploop tape", "version": 1, "software": "x", "started": "x"})
+    writer.write({"is": "rig", "mode": None, "real": False, "at": 0.0, "rig": "{}"})
+    writer.write({"is": "thread", "thread": 0, "name": "MainThread"})
+    writer.write(
+        {"is": "call", "n": 1, "thread": 0, "at": 0.0, "role": "x", "do": "do", "with": [], **answer}
+    )
+    writer.write({"is": "end", "lines": 4})
+    writer.close()
+    player = Player(tape)
+    player.begin()
+    with pytest.raises(TapeError, match=r"answer to call 1 on the tape .* cannot be read"):
+        TapedLine(player, "x").call(
+            "do", lambda: None, filled=(np.zeros(2),), failures=(Failure(ConnectionError),)
+        )

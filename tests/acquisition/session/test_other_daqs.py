@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 import haploop
-from haploop.instruments import ConfigurationError, load_rig_file
+from haploop.instruments import ConfigurationError, InstrumentError, load_rig_file
 from haploop.instruments.arrays import FloatArray
 
 pytestmark = pytest.mark.requires("simulation")
 
+CARD = Path(__file__).parents[2] / "calibration" / "examination" / "card.toml"
+"""The paper's rig on a sound card with twelve inputs."""
 SERIAL = """
 base = "minimal"
 name = "no-ni"
@@ -114,3 +116,32 @@ def test_what_a_file_says_twice_is_one_sentence(tmp_path: Path) -> None:
     ):
         with pytest.raises(ConfigurationError, match=says):
             load_rig_file(rig_file(tmp_path, text))
+
+
+@pytest.mark.parametrize("file", ["card", "board"])
+def test_what_is_lost_while_recording_ends_it_and_stands_in_the_file(tmp_path: Path, file: str) -> None:
+    path = CARD if file == "card" else rig_file(tmp_path, SERIAL)
+    faults = [{"kind": "daq-overrun", "after": 6.0}]
+    with (
+        haploop.open_rig(path, simulate="twin", simulation={"faults": faults}) as rig,
+        pytest.raises(InstrumentError, match=r"an overrun|lost or damaged"),
+    ):
+        haploop.record(rig, "latch", "P01", 5, tmp_path)
+    recording = haploop.Recording.open(tmp_path / "P01-latch.h5")
+    assert not recording.complete
+    (event,) = [event for event in recording.events if event.kind == "error"]
+    assert "an overrun" in event.text or "lost or damaged" in event.text
+    assert recording.volts.shape[1] > 5 * recording.rate_hz
+
+
+def test_a_rig_on_a_sound_card_goes_all_the_way(tmp_path: Path) -> None:
+    """doctor, record, represent, calibrate, drive and check, as on NI's cards."""
+    with haploop.open_rig(CARD, simulate="twin") as rig:
+        assert {finding.status for finding in haploop.examine(rig)} == {"green"}
+        recording = haploop.record(rig, "latch", "P01", 3, tmp_path)
+        press = haploop.representative([recording])
+        calibration = haploop.calibrate(rig, patch="A", point="button")
+        drive = haploop.drive_for(press, calibration, limits=rig.limits)
+        check = haploop.check(rig, drive)
+    assert recording.rate_hz == 48_000 and recording.header.daq == "Sound card (twin)"
+    assert check.verdict == "pass" and check.error < 0.2, (check.verdict, check.error)

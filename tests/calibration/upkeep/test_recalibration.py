@@ -351,8 +351,9 @@ def test_what_did_not_pass_or_was_disturbed_is_not_adopted(history: History) -> 
     bad = replace(good, check=replace(good.check, verdict="fail", reasons=("No.",)))
     with pytest.raises(DataError, match="push-A-button did not pass"):
         adopt(history, [bad], actor="", reason="")
-    for background in (0.15, float("nan")):
-        hum = replace(good, check=replace(good.check, tones=replace(good.check.tones, share=background)))
+    for share in (0.15, float("nan")):
+        tones = replace(good.check.tones, share=share)
+        hum = replace(good, check=replace(good.check, tones=tones))
         with pytest.raises(DataError, match=r"push-A-button: tones of .* disturbed the laser in its check"):
             adopt(history, [hum], actor="", reason="")
     with pytest.raises(DataError, match="only once"):
