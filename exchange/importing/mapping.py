@@ -76,9 +76,12 @@ class FileMapping(BaseModel):
         return self.model_copy(update={**said, "units": units, "flip": tuple({*self.flip, *told.flip})})
 
     def save(self, path: str | Path) -> None:
-        """Write a new file. Raises ConfigurationError when it exists or cannot be written."""
+        """Write a new file, without who pressed what: the next file may be another's.
+
+        Raises ConfigurationError when it exists or cannot be written.
+        """
         lines = ["# How haploop reads this lab's files: haploop import FILE --mapping THIS"]
-        for key, value in self.model_dump(exclude={"units"}).items():
+        for key, value in self.model_dump(exclude={"units", "participant", "button"}).items():
             if value not in (None, ()):
                 lines.append(f"{key} = {json.dumps(value, ensure_ascii=False)}")
         if self.units:

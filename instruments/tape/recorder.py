@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from datetime import UTC, datetime
 from functools import partial
 from importlib import metadata
@@ -129,6 +130,9 @@ class Recorder:
             if said is None:
                 self._safely(partial(self._writer.write, {"is": "end", "lines": count}))
                 self._safely(self._writer.close)
+                if self._failure is not None:
+                    with suppress(OSError):
+                        self._writer.close()
                 return
             self._safely(partial(self._writer.write, said))
             count, dirty = count + 1, True

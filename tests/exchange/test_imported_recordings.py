@@ -152,6 +152,18 @@ def test_a_file_without_a_press_is_no_recording(tmp_path: Path) -> None:
     assert not (tmp_path / "out.h5").exists()
 
 
+def test_a_saved_mapping_does_not_say_who_pressed(presses: Written, tmp_path: Path, run: Run) -> None:
+    """A hundred files would silently be one participant's."""
+    german(tmp_path / "a.csv", presses)
+    saved = tmp_path / "lab.toml"
+    assert (
+        run("import", tmp_path / "a.csv", "-p", "P07", "--button", "push", "--save-mapping", saved).exit_code
+        == 0
+    )
+    mapping = haploop.FileMapping.load(saved)
+    assert mapping.force == "Kraft [N]" and mapping.participant is None and mapping.button is None
+
+
 def test_who_pressed_is_asked_for(presses: Written, tmp_path: Path, run: Run) -> None:
     german(tmp_path / "a.csv", presses)
     refused = run("import", tmp_path / "a.csv", "-o", tmp_path / "out.h5")
