@@ -25,6 +25,8 @@ _KIND = "heat"
 Warmth = tuple[float, float]
 """A time (s) and the smoothed dissipation at it (W); infinite when it is not known: all that a coil takes."""
 _COLD: Warmth = (0.0, 0.0)
+_ALL = 1e300
+"""More than any coil takes (W); JSON has no infinity."""
 
 
 class Heat:
@@ -51,9 +53,22 @@ class Heat:
         if limits.coil is None:
             return
         end = self._clock.now() + seconds
-        self._warmth = end, limits.coil.left(self.left(limits), seconds) + own
+        self._keep((end, limits.coil.left(self.left(limits), seconds) + own))
+
+    def ended(self, limits: Limits) -> None:
+        """A play has ended now: later than counted, where its source was late. Raises DataError."""
+        if limits.coil is not None:
+            at, watts = self._warmth
+            self._keep((max(at, self._clock.now()), watts))
+
+    def lose(self) -> None:
+        """Count the coil as warm as it may be: it got volts that nobody counted. Raises DataError."""
+        self._keep((self._clock.now(), _ALL))
+
+    def _keep(self, warmth: Warmth) -> None:
+        self._warmth = warmth
         if self._counted is not None:
-            keep_warmth(self._counted, self._hardware, self._warmth)
+            keep_warmth(self._counted, self._hardware, warmth)
 
 
 def warmth_of(folder: Path, hardware: Collection[str], now: float) -> Warmth:

@@ -41,6 +41,8 @@ Ratings = Mapping[str, Limits]
 """Limits by owner: the amplifier's, the relay's, a patch's, the rig file's own."""
 
 _ROUNDING = 1e-9
+_SELDOM = 60.0
+"""Longest interval (s) at which volts that stand again and again are logged."""
 Rendered = Callable[[FloatArray, float], tuple[FloatArray, float]]
 """See `Player.rendered`."""
 
@@ -57,10 +59,14 @@ class _Permit:
 
 @dataclass(frozen=True)
 class _Heating:
-    """What a play leaves of the coil's smoothed dissipation at its end (W), besides what it found."""
+    """What a play leaves of the coil's smoothed dissipation at its end (W), besides what it found.
+
+    `seconds` are from its first sample to its last, zeros among them.
+    """
 
     limits: Limits
     own: float
+    seconds: float
 
 
 def combined(ratings: Ratings) -> Limits:
@@ -110,6 +116,7 @@ class Limiter:
         self._heat = Heat(clock, hardware, counted)
         self.warm = 0.0
         """What earlier plays had left in a coil (W) when the present one began."""
+        self._quiet, self._quiet_until = 0.1, -np.inf
         self._watch = Watch(clock, self.authorise_renewal, goes_on=bool(outputs.direct))
         self.kept = Kept()
         """What the limits rest on, as it was when the rig was opened."""
@@ -142,7 +149,10 @@ class Limiter:
         outputs = self._outputs()
         if outputs is None or not outputs.direct:
             return
-        self._audit.note("connected", patches=sorted(outputs.direct), found=outputs.found(), why=LOST)
+        found = outputs.found()
+        if found:  # for how long, nobody knows
+            self._lose_heat()
+        self._audit.note("connected", patches=sorted(outputs.direct), found=found, why=LOST)
         self._known(Outputs.rest)
         self._watch.begin()
 
@@ -154,8 +164,9 @@ class Limiter:
             self._watch.end()
 
     def lock_out(self, why: str) -> None:
-        """Refuse every play on this hardware until `haploop reset`."""
+        """Refuse every play on this hardware until `haploop reset`; then its coil is as warm as it may be."""
         self.unsaved_lockout = lock_out(self._lockouts, self._hardware, self._audit, why)
+        self._lose_heat()
 
     def wait_for_play(self) -> None:
         """Wait, for a while, until another thread's play, which was stopped, has been left."""
@@ -199,7 +210,8 @@ class Limiter:
                     made, made_hz = rendered(at_output, rate_hz)
                     self._check(gain * made, made_hz, held_to, **free)
         strictest = combined(held_to)
-        heat = _Heating(strictest, max(strictest.heat(drive, rate_hz) for drive in own.values()))
+        warmest = max(strictest.heat(drive, rate_hz) for drive in own.values())
+        heat = _Heating(strictest, warmest, len(next(iter(own.values()))) / rate_hz)
         peak = max(float(np.abs(drive).max()) for drive in own.values())
         digest = hashlib.sha256(b"".join(drive.tobytes() for drive in own.values())).hexdigest()
         permit = _Permit(frozenset(patches), rate_hz, volts, {})
@@ -232,7 +244,8 @@ class Limiter:
         peak = gain * at_output.amplitude
         volts, rate_hz = at_output.sampled(rest)
         strictest = combined(held_to)
-        heat = _Heating(strictest, strictest.heat(gain * np.asarray(volts, dtype=np.float64), rate_hz))
+        warmest = strictest.heat(gain * np.asarray(volts, dtype=np.float64), rate_hz)
+        heat = _Heating(strictest, warmest, len(volts) / rate_hz)
         with self._lasting(permit, seconds, heat, output=output, peak=peak, waveform=str(at_output)):
             yield at_output
 
@@ -320,8 +333,25 @@ class Limiter:
         try:
             look()
         except Standing as error:
-            self.lock_out(str(error))
+            self._report(error)
             raise
+
+    def _report(self, error: Standing) -> None:
+        """Lock the rig out; what is found again while it is locked out is logged at intervals that double."""
+        now = self._clock.now()
+        if now < self._quiet_until and self.lockout is not None:
+            self._lose_heat()
+            return
+        self._quiet = min(2 * self._quiet, _SELDOM)
+        self._quiet_until = now + self._quiet
+        self.lock_out(str(error))
+
+    def _lose_heat(self) -> None:
+        """An actuator that is always connected may have got volts that nobody counted."""
+        outputs = self._outputs()
+        if outputs is not None and outputs.direct:
+            with suppress(DataError):  # kept in memory at least
+                self._heat.lose()
 
     def _known(self, look: Callable[[Outputs], None]) -> None:
         """Look at the outputs, and log why something is not done. Raises InstrumentError."""
@@ -332,6 +362,8 @@ class Limiter:
             look(outputs)
         except InstrumentError as error:
             self._audit.note("refused", why=str(error))
+            if isinstance(error, Standing):
+                self._report(error)
             raise
 
     def _current(self, output: str) -> _Permit:
@@ -478,7 +510,7 @@ class Limiter:
             self._audit.note("played", patches=sorted(permit.patches), seconds=seconds, **about)
             self._count((begun, begun + seconds))
             self.warm = self._heat.left(heat.limits)
-            self._heat.count(heat.limits, heat.own, seconds)
+            self._heat.count(heat.limits, heat.own, heat.seconds)
             yield
         except BaseException as error:
             if self._playing:
@@ -496,6 +528,7 @@ class Limiter:
                 self._watch.begin()
             with suppress(DataError):  # the play is counted, at its full length
                 self._count()
+                self._heat.ended(heat.limits)
 
     def _count(self, *to_come: Span) -> None:
         """Keep what was played, and what is about to be, for every program. Raises DataError."""

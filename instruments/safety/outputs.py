@@ -54,19 +54,33 @@ class Outputs:
             try:
                 if player is not None:
                     player.stop()
-                daq.hold()
+                self.hold()
                 standing = self._standing()
             except HaploopError as error:
-                raise InstrumentError(
+                kind = Standing if isinstance(error, Standing) else InstrumentError
+                raise kind(
                     f"{then} an output that leads to it is not known to be at zero volts: {error}"
                 ) from error
             if standing:
-                raise InstrumentError(f"{then} {standing}")
+                kind = Standing if self.direct and self._let_through else InstrumentError
+                raise kind(f"{then} {standing}")
             self._let_through = True
         except InstrumentError:
             if not self.direct:
                 with suppress(HaploopError):
                     daq.let_go()
+            raise
+
+    def hold(self) -> None:
+        """Set the DAQ's outputs to zero and keep them reserved. Raises InstrumentError.
+
+        It is Standing where they lead to an actuator that is always connected, and have been at zero before.
+        """
+        try:
+            self._instruments["daq"].hold()
+        except HaploopError as error:
+            if self.direct and self._let_through:
+                raise Standing(f"The actuator may have got volts: {error}") from error
             raise
 
     def found(self) -> dict[str, float]:
@@ -87,7 +101,9 @@ class Outputs:
                 raise InstrumentError(standing)
             daq.hold()
         except HaploopError as error:
-            for step in (daq.hold, lambda: self._instruments["relay"].connect(())):
+            generator = self._wired("generator") if self.direct else None
+            off = () if generator is None else (generator.off,)
+            for step in (*off, daq.hold, lambda: self._instruments["relay"].connect(())):
                 with suppress(HaploopError):
                     step()
             raise Standing(f"A patch was connected, and may have got volts: {error}") from error

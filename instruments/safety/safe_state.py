@@ -49,7 +49,7 @@ class SafeState:
         steps: tuple[tuple[str, Callable[[Any], object]], ...] = (
             ("player", lambda player: player.stop()),
             # Held from here until every contact reads open: nobody else writes to an output meanwhile.
-            ("daq", lambda daq: daq.hold()),
+            ("daq", lambda _: self._outputs.hold()),
             ("generator", lambda generator: generator.off()),
             *((role, _make_safe) for role in self._others(volts=True)),
             ("relay", lambda _: self._clock.sleep(_REST)),

@@ -18,14 +18,12 @@ __all__ = ["Watch"]
 
 _OFTEN = 0.2
 """Interval of the looks (s)."""
-_SELDOM = 60.0
-"""Longest interval (s) of looks that fail again and again: each is logged."""
 
 
 class Watch:
     """Calls `look` while a contact is closed. What raises HaploopError has opened it, and ends the watch.
 
-    One that `goes_on` looks on after that, at intervals that double: no contact can be opened.
+    One that `goes_on` looks on after that, as often: no contact can be opened.
     """
 
     def __init__(self, clock: Clock, look: Callable[[], None], goes_on: bool = False) -> None:
@@ -56,13 +54,9 @@ class Watch:
             thread.join(DEADLINE)
 
     def _run(self, ended: threading.Event) -> None:
-        often = _OFTEN
-        while not self._clock.wait(ended, often):
+        while not self._clock.wait(ended, _OFTEN):
             try:
                 self._look()
             except HaploopError:
                 if not self._goes_on:
                     return
-                often = min(2 * often, _SELDOM)
-            else:
-                often = _OFTEN

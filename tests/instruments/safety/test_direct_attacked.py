@@ -1,0 +1,131 @@
+"""A rig without a relay under attack: other programs, and heat that no play has counted."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import haploop
+from haploop.instruments import InstrumentError, LimitError, RigFile, load_rig_file, open_rig
+from haploop.instruments.arrays import FloatArray
+from haploop.instruments.safety.audit import entries
+from tests.instruments.safety.lab import Lab
+from tests.instruments.safety.lab import lab as a_lab
+from tests.instruments.safety.test_coil_heat import warmest
+from tests.instruments.safety.test_direct_wiring import TONE, served
+from tests.instruments.safety.test_other_clients import clients
+
+RATE = 50_000
+WATTS, TAU = 0.035, 2.0
+
+
+def hardware() -> RigFile:
+    file = load_rig_file("voice-coil")
+    assert file.actuator is not None
+    actuator = file.actuator.model_copy(update={"watts": WATTS, "thermal_time": TAU})
+    return file.model_copy(update={"simulate": None, "actuator": actuator})
+
+
+@pytest.fixture
+def here(tmp_path: Path) -> Iterator[Lab]:
+    with a_lab(tmp_path, hardware()) as here:
+        yield here
+
+
+def tone(seconds: float, before: float = 0.0) -> FloatArray:
+    """2 s of it alone warm the coil to 0.032 W; `before` are seconds of zeros."""
+    drive = 0.9 * np.sin(2 * np.pi * 250 * np.arange(round(seconds * RATE)) / RATE)
+    drive[-1] = 0.0
+    return np.concatenate([np.zeros(round(before * RATE)), drive])
+
+
+def test_zeros_before_a_drive_are_no_rest_after_it(here: Lab) -> None:
+    record = here.truth.record()
+    told = []
+    for drive in (tone(2.0, before=8.0), tone(2.0)):
+        with open_rig(hardware()) as rig:
+            try:
+                rig.excite(drive, ["A"], ["drive"])
+            except LimitError as error:
+                told.append(str(error))
+    assert warmest(record, 8.0, TAU) < 1.1 * WATTS
+    assert len(told) == 1 and "earlier plays have left 0.0" in told[0]
+
+
+def test_volts_that_stood_when_the_rig_was_opened_have_warmed_the_coil(here: Lab) -> None:
+    with open_rig(hardware()) as rig:
+        rig.prove_gain("A")
+    here.leave("amplifier", 0.25)  # 0.03 W for ever
+    here.clock.sleep(20)
+    record = here.truth.record()
+    with open_rig(hardware()) as rig:
+        with pytest.raises(LimitError, match=r"heats the coil by .* wait"):
+            rig.excite(tone(2.0), ["A"], ["drive"])
+        here.clock.sleep(6 * TAU)
+        rig.excite(tone(2.0), ["A"], ["drive"])
+    assert warmest(record, 8.0, TAU) < 1.1 * WATTS
+
+
+def test_an_output_that_was_taken_is_a_lockout_whoever_finds_it_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Between two looks, a play or a safe state comes first."""
+    monkeypatch.setattr("haploop.instruments.safety.machine._place", lambda: tmp_path / "place")
+    for number in range(2):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        path, world = served(folder)
+        with open_rig(path) as rig, clients(rig) as (other,):
+            rig.prove_gain("A")
+            rig._limiter._watch.end()
+            other.reset()
+            assert other.write(1.5)
+            act = (lambda r=rig: r.excite(TONE, ["A"], ["drive"]), rig.make_safe)[number]
+            with pytest.raises(InstrumentError, match="has taken the outputs"):
+                act()
+            assert rig.lockout is not None
+            haploop.reset_lockout(path, "it was a test, and the other program is gone")
+        world.close()
+
+
+def test_whoever_takes_the_output_again_and_again_gets_zero_as_soon_each_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("haploop.instruments.safety.machine._place", lambda: tmp_path / "place")
+    path, world = served(tmp_path)
+    with open_rig(path) as rig, clients(rig) as (other,):
+        stood = []
+        for _ in range(6):
+            other.reset()
+            assert other.write(1.5)
+            since = time.monotonic()
+            time.sleep(0.05)
+            while abs(world.truth.patch_voltages["A"]) > 1e-3:
+                assert time.monotonic() - since < 20.0
+                time.sleep(0.01)
+            stood.append(time.monotonic() - since)
+        assert max(stood) < 2.0
+        tripped = [e for e in entries(rig.audit.folder) if e["kind"] == "tripped"]
+        assert 1 <= len(tripped) < 5, "not each is logged"
+    world.close()
+
+
+def test_a_generator_that_somebody_switches_on_is_switched_off(tmp_path: Path) -> None:
+    text = (Path(haploop.__file__).parent / "rigs" / "voice-coil.toml").read_text(encoding="utf-8")
+    path = tmp_path / "lab.toml"
+    path.write_text(
+        text.replace('input = "amplifier"', 'input = "sweep"')
+        + '\n[generator]\ndriver = "keysight-33500"\noutput = "sweep"\n'
+        'resource = "TCPIP::192.0.2.10::5025::SOCKET"\n',
+        encoding="utf-8",
+    )
+    with open_rig(path, simulate="wire") as rig:
+        rig.generator._line.send("OUTP1 ON")  # type: ignore[attr-defined]
+        assert rig.generator.is_on
+        with pytest.raises(InstrumentError, match="is on, and this rig has not started it"):
+            rig._limiter.authorise_renewal()
+        assert not rig.generator.is_on and rig.lockout is not None
