@@ -160,8 +160,9 @@ def _play(rig: Rig, sweep: FloatArray, patches: tuple[str, ...], silent: bool = 
     commanded = _spectrum(sweep, samples, inside)
     drive = _spectrum(sensor.to_si(capture.volts[:1])[0], samples, inside)
     velocity = _spectrum(rig.vibrometer.to_si(capture.volts[1]), samples, inside)
-    # The laser's delay and the card's skew rotate the phase: both are removed.
-    skew = np.exp(-2j * np.pi * f * (capture.delays[1] - capture.delays[0]))
+    # The laser's delay and those of the card's conversions and filters rotate the phase: all are removed.
+    drive_skew, skew = (np.exp(-2j * np.pi * f * delay) for delay in capture.delays[:2])
+    drive = np.asarray(drive * drive_skew)
     velocity = np.asarray(velocity / rig.vibrometer.response(f) * skew)
     power = float((np.abs(commanded) ** 2).sum())
     return _Answer(
