@@ -91,7 +91,8 @@ def signal_fault(recording: Recording, rest: slice, press: slice, still: FloatAr
                 f"the {called} has {hum[1]}, {hum[0]:.0%} of the press's motion; check its ground and cable"
             )
         shaken = _shaken((still, recording.vertical[rest]), motion, recording.rate_hz)
-        if shaken and shaken[0] > _SHAKEN:
+        # What was differentiated has noise of its own, and is told only (`doubt`).
+        if source == "acceleration" and shaken and shaken[0] > _SHAKEN:
             return (
                 f"the {called} shows {shaken[1]}, {shaken[0]:.0%} of the press's motion; look for a fan or "
                 "a motor nearby, and check its cable"
