@@ -23,7 +23,7 @@ import scipy.signal
 
 from benchmarks.table import Row, markdown, ratios
 from haploop.calibration import Multisine
-from haploop.calibration.response.measuring import excite, prepare, response_from
+from haploop.calibration.response.measuring import Play, Spot, excite, prepare, response_from
 from haploop.instruments import open_rig
 
 BAND = (30.0, 600.0)
@@ -68,7 +68,7 @@ def estimates(seeds: Sequence[int]) -> list[Row]:
             last = len(quick.volts(capture.rate_hz, peak))
 
             def ours(rig=rig, capture=capture, quick=quick, peak=peak) -> Estimate:
-                found = response_from(rig, capture, quick, peak, patch="A", point="button")
+                found = response_from(Spot(rig, "A", "button"), capture, Play(quick, peak))
                 return found.frequencies, found.velocity
 
             ways = {"haploop": ours} | {

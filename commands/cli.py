@@ -17,12 +17,15 @@ from .calibrations import calibrations, recalibrate
 from .demo.command import demo
 from .examples import show_examples
 from .experiment import experiment
-from .export import export, import_
+from .export import export
 from .files import list_command, recover, report, show, verify
+from .importing import import_
 from .live import live
 from .maintenance import doctor, log, reset, schema
 from .map import map_command
+from .new import new
 from .record import record, represent
+from .rig import rig
 from .serve import serve
 from .study import study
 from .table import calibrate, check
@@ -47,8 +50,8 @@ def cli() -> None:
 cli.sections = {
     "Make a button, in this order": (doctor, record, represent, calibrate, button, show, report, demo),
     "Look": (live, list_command, serve, check, map_command, export, import_),
-    "People": (study, experiment, analyse),
-    "Maintain": (recalibrate, calibrations, verify, recover, log, reset, schema, tape, twin),
+    "People": (new, study, experiment, analyse),
+    "Maintain": (recalibrate, calibrations, verify, recover, log, reset, schema, rig, tape, twin),
 }
 for commands in cli.sections.values():
     for command in commands:

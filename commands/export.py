@@ -1,4 +1,4 @@
-"""`haploop export`, `import`: exchange files with other programs."""
+"""`haploop export`: files for other programs."""
 
 from __future__ import annotations
 
@@ -7,12 +7,11 @@ from pathlib import Path
 
 import click
 
-from ..reports import contents, show
 from ..terminal.progress import SIMULATED, print_json, print_line
 from . import front as haploop
-from .options import JSON, NEW, PATH, RIG, FiniteRange
+from .options import JSON, PATH
 
-__all__ = ["export", "import_"]
+__all__ = ["export"]
 
 _FORMATS = (
     "csv", "wav", "wav48", "mat", "uff", "sep005", "netcdf", "parquet", "nwb", "ahap", "haptic", "android",
@@ -53,71 +52,4 @@ def export(files: Sequence[Path], format: str, out: Path, as_json: bool) -> int:
         print_line(f"{' and '.join(map(str, done.files))}: {done.kind} as {done.format}.")
         if done.simulated:
             print_line(SIMULATED)
-    return 0
-
-
-@click.command("import")
-@click.argument("file", type=PATH)
-@click.option("--out", "-o", required=True, type=NEW, metavar="FILE.h5", help="File to write.")
-@click.option(
-    "--from",
-    "format",
-    type=click.Choice(("wav", "csv", "mat", "uff", "sep005")),
-    help="Format of FILE: wav, csv, mat, uff or sep005.  [default: as its name ends]",
-    metavar="FORMAT",
-)
-@click.option("--button", help="Name of the button that was pressed.  [default: as the file states]")
-@click.option("--channel", help="Name of the vertical acceleration.  [default: the only one]")
-@click.option(
-    "--scale", type=float, metavar="NUMBER", help="m/s^2 per unit of the file.  [default: as the file states]"
-)
-@click.option(
-    "--rate",
-    type=FiniteRange(min=1),
-    metavar="HZ",
-    help="Sample rate of the file.  [default: as the file states]",
-)
-@click.option(
-    "--activation",
-    type=FiniteRange(min=0),
-    metavar="SECONDS",
-    help="When the button switched.  [default: as the file states, where its channel activation rises, or at "
-    "the largest acceleration]",
-)
-@click.option("--patch", help="Response: patch that was driven.  [default: as the file states]")
-@click.option(
-    "--point",
-    help="Response: measured point, button or a grid point's number.  [default: as the file states]",
-)
-@RIG
-@JSON
-def import_(
-    file: Path,
-    out: Path,
-    format: str | None,
-    button: str | None,
-    channel: str | None,
-    scale: float | None,
-    rate: float | None,
-    activation: float | None,
-    patch: str | None,
-    point: str | None,
-    rig: str,
-    as_json: bool,
-) -> int:
-    """Import a press, or a response, that another program measured.
-
-    A signal (.wav, .csv, .mat, .uff, .unv, or SEP-005 as .sep005 or .json) becomes a representative press,
-    which `haploop button make` turns into a digital button. Responses (.uff with frequency response
-    functions, for example the export of a scanning vibrometer) become a calibration of --rig; --patch and
-    --point select one of several.
-    """
-    if haploop.is_response_file(file, format):
-        response = haploop.import_response(file, haploop.load_rig_file(rig), patch, point)
-        haploop.Calibration.of(response).save(out)
-    else:
-        haploop.import_press(
-            file, button, format=format, channel=channel, scale=scale, rate_hz=rate, activation=activation
-        ).save(out)
-    show.print_contents(contents.file_contents(out), as_json)
     return 0

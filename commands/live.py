@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import click
 
-from .options import RIG, SIMULATE, FiniteRange
-
-if TYPE_CHECKING:
-    from ..instruments.driver import Mode
+from .options import ChosenRig, FiniteRange, on_rig
 
 __all__ = ["live"]
 
 
-@click.command()
-@RIG
-@SIMULATE
+@click.command(short_help="Show what the sensors read, now or in a recording.")
+@on_rig()
 @click.option(
     "--wait",
     type=FiniteRange(min=0),
@@ -30,7 +24,7 @@ __all__ = ["live"]
     is_flag=True,
     help="Send the samples as a Lab Streaming Layer stream; with --wait, of one command after another.",
 )
-def live(rig: str, simulate: Mode | None, wait: float, as_json: bool, lsl: bool) -> None:
+def live(rig: ChosenRig, wait: float, as_json: bool, lsl: bool) -> None:
     """Show what the sensors read, now or in a running recording or play.
 
     Alone, it opens the rig and shows its sensors until Ctrl-C; nothing is played or recorded. In a second
@@ -41,9 +35,9 @@ def live(rig: str, simulate: Mode | None, wait: float, as_json: bool, lsl: bool)
     from contextlib import ExitStack  # noqa: PLC0415
 
     from ..exchange.live import find, looking, show_json, show_meter, stream  # noqa: PLC0415
-    from ..instruments import ConfigurationError, load_rig_file  # noqa: PLC0415
+    from ..instruments import ConfigurationError  # noqa: PLC0415
 
-    file = load_rig_file(rig)
+    file, simulate = rig.load(), rig.simulate
     if lsl:
         stream(file, simulate, wait)
         return

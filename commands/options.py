@@ -205,6 +205,8 @@ class ChosenRig:
     """Path of a rig file, or the name of a shipped rig; None for the rig on the tape."""
     simulate: Mode | None
     state: CommandState
+    taped: bool = False
+    """True when the session is recorded on a tape."""
 
     def load(self) -> RigFile:
         """Read the rig file."""
@@ -216,6 +218,8 @@ class ChosenRig:
     def reserved(self) -> Iterator[RigFile]:
         """Load the rig file, and reserve its hardware for this program."""
         file = self.load()
+        if self.taped:
+            instruments.check_recordable(file, self.simulate or file.simulate)
         if self.simulate or file.simulate:
             yield file
             return
@@ -228,7 +232,7 @@ class ChosenRig:
         from ..exchange.live import published  # noqa: PLC0415
 
         with haploop.open_rig(file, simulate=self.simulate) as opened, published(opened):
-            self.state.rig_opened = True
+            self.state.rig_opened, self.state.at_rest = True, file.at_rest
             if opened.simulated:
                 note(f"Everything here is simulated ({_world(opened)}).")
             yield opened
@@ -256,7 +260,7 @@ def on_rig(
         ) -> Any:
             with _session(simulate, tape) as player:
                 own = player is not None and ctx.get_parameter_source("rig") is ParameterSource.DEFAULT
-                chosen = ChosenRig(None if own else rig, simulate, ctx.obj)
+                chosen = ChosenRig(None if own else rig, simulate, ctx.obj, tape is not None)
                 return command(rig=chosen, **others)
 
         decorated: Callable[..., Any] = option(_SIMULATE(_TAPE(chosen)) if opens else SIMULATE(chosen))
@@ -281,7 +285,8 @@ def _session(simulate: Mode | None, tape: Path | None) -> Iterator[Player | None
             try:
                 yield None
             finally:
-                note(f"{tape} holds {recorder.calls} calls.")
+                said = f"{tape} holds {recorder.calls} calls." if recorder.calls else "No call was recorded."
+                note(said)
     else:
         yield None
 

@@ -4,29 +4,21 @@ from __future__ import annotations
 
 import json
 import signal
-import subprocess
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from .serving import Asked, has_terminals, ports_of, run_command, served
+
 if TYPE_CHECKING:
     from ..mocks.plant import Plant
 
 __all__ = ["twin"]
-
-_KINDS = {
-    "ni-daqmx": "ni",
-    "yocto-maxicoupler": "yocto",
-    "serial-relay": "serial",
-    "ofv-5000": "ofv",
-    "keysight-33500": "scpi",
-    "rigol-dg1000z": "scpi",
-}
-"""Served name of each driver's wire; a wire of another package has its driver's name."""
 
 _EVERY = 3.0
 """s: interval between two simulated presses."""
@@ -89,19 +81,22 @@ def ni(
     With a COMMAND after two hyphens, run it with the devices of --device or --devices in place of NI's
     driver, and exit as it does.
     """
-    from ..instruments import ConfigurationError, RealClock, load_rig_file  # noqa: PLC0415
-    from ..instruments.config import validate  # noqa: PLC0415
-    from ..instruments.daq.ni_daqmx import NiDaq  # noqa: PLC0415
-    from ..mocks.daq.ni import inventory_from_file, inventory_of, run, wiring_of  # noqa: PLC0415
-    from ..mocks.plant import Plant  # noqa: PLC0415
-
     if devices is not None and rig is not None:
         raise click.UsageError("--rig and --devices exclude each other: use one of them")
     if command or named:
         return _run_with_twin(command, named, devices)
+    # Each way imports what it needs: a server is there the sooner.
     if devices is not None:
+        from ..mocks.daq.ni import inventory_from_file, run  # noqa: PLC0415
+
         run(inventory_from_file(devices), port)
         return None
+    from ..instruments import ConfigurationError, RealClock, load_rig_file  # noqa: PLC0415
+    from ..instruments.config import validate  # noqa: PLC0415
+    from ..instruments.daq.ni_daqmx import NiDaq  # noqa: PLC0415
+    from ..mocks.daq.ni import inventory_of, run, wiring_of  # noqa: PLC0415
+    from ..mocks.plant import Plant  # noqa: PLC0415
+
     file = load_rig_file(rig or "simulated")
     if file.daq.driver != "ni-daqmx" or not file.daq.settings.get("devices"):
         raise ConfigurationError(
@@ -127,51 +122,57 @@ def _run_with_twin(command: tuple[str, ...], named: tuple[str, ...], devices: Pa
     if twice is not None:
         raise click.UsageError(f"--device names {twice} twice: name each device once")
     with NiTwin(devices or dict(pairs), time="real") as twin:
-        try:
-            return subprocess.run(command, env=twin.environment(), check=False).returncode
-        except OSError as error:
-            raise click.UsageError(f"{command[0]} cannot be run: {error.strerror}") from None
+        return run_command(command, twin.environment())
 
 
-def _serve(kind: str | None, rig: str, as_json: bool, press: str | None = None) -> None:
-    """Serve wires on one plant until Ctrl-C, and print their addresses. `kind` None serves all of them."""
-    from ..instruments import ConfigurationError, RealClock, entry_points, load_rig_file  # noqa: PLC0415
-    from ..instruments.config import validate  # noqa: PLC0415
-    from ..mocks.simulation import Simulation  # noqa: PLC0415
+@dataclass(frozen=True)
+class _Serving:
+    """What the options of a command say."""
 
-    file = load_rig_file(rig)
-    wires = entry_points.installed(entry_points.WIRES)
-    simulation = Simulation(file, RealClock())
-    addresses: dict[str, str] = {}
-    others: list[str] = []
-    try:
-        for role, device in file.devices.items():
-            driver: Any = entry_points.driver_class(device.driver, role)
-            name = _KINDS.get(device.driver, device.driver)
-            if device.driver in wires and kind in (None, name):
-                settings = validate(driver.Settings, device.settings, f"[{role}] of {file.name}")
-                # The first of the wire's settings is its address.
-                addresses[name] = str(next(iter(simulation.serve(device.driver, settings).values())))
-            else:
-                # The plant needs the instruments that are not served too, such as a laser.
-                simulation.instrument(role, device, driver, "twin")
-                others.append(f"{role} ({device.driver})")
-        if not addresses:
-            raise ConfigurationError(
-                f"The rig {file.name!r} has no instrument to serve{f' as {kind}' if kind else ''}: name "
-                "another rig."
-            )
-        with _stopped() as stopped:
-            if as_json:
-                click.echo(json.dumps(addresses))
-            else:
-                for name, address in addresses.items():
-                    click.echo(f"{name}: {address}")
-            if kind is None and others:
-                click.echo(f"Not served, because they have no protocol: {', '.join(others)}.", err=True)
-            _wait(stopped, simulation.plant, press)
-    finally:
-        simulation.close()
+    rig: str
+    port: str | None
+    pty: bool
+    write: Path | None
+    as_json: bool
+    press: str | None = None
+    command: tuple[str, ...] = ()
+
+
+def _serve(kind: str | None, how: _Serving) -> int:
+    """Serve wires on one plant until Ctrl-C, and print their addresses, or as long as a command runs.
+
+    `kind` None serves all of them.
+    """
+    from ..mocks.redirect import environment  # noqa: PLC0415
+
+    command = how.command
+    asked = Asked(
+        how.rig,
+        kind,
+        ports_of(how.port, kind),
+        terminals=how.pty or (bool(command) and has_terminals()),
+        own_ports=bool(command),
+    )
+    with served(asked) as found, _stopped() as stopped:
+        if how.write is not None:
+            found.write(how.write, how.rig)
+        if command:
+            pressing = threading.Thread(target=_wait, args=(stopped, found.plant, how.press), daemon=True)
+            pressing.start()
+            try:
+                return run_command(command, environment(found.addresses.get("ni"), found.serial, found.visa))
+            finally:
+                stopped.set()
+                pressing.join()
+        if how.as_json:
+            click.echo(json.dumps(found.addresses))
+        else:
+            for name, address in found.addresses.items():
+                click.echo(f"{name}: {address}")
+        if kind is None and found.others:
+            click.echo(f"Not served, because they have no protocol: {', '.join(found.others)}.", err=True)
+        _wait(stopped, found.plant, how.press)
+    return 0
 
 
 @contextmanager
@@ -202,12 +203,35 @@ def _wait(stopped: threading.Event, plant: Plant, press: str | None) -> None:
             due, number = due + _EVERY, number + 1
 
 
+def _options(served: Callable[..., Any]) -> Callable[..., Any]:
+    for option in (
+        click.argument("command", nargs=-1, type=click.UNPROCESSED),
+        _as_json,
+        click.option(
+            "--write",
+            type=click.Path(path_type=Path, dir_okay=False),
+            metavar="FILE.toml",
+            help="Write a rig file that points at what is served.",
+        ),
+        click.option(
+            "--pty", is_flag=True, help="Serve serial lines at device files. Not on Windows, which has none."
+        ),
+        click.option(
+            "--port",
+            metavar="KIND=N,...",
+            help="TCP ports: ni=50051,yocto=4444. Others are free ones.",
+        ),
+    ):
+        served = option(served)
+    return served
+
+
 def _command(kind: str, help_text: str, rig: Callable[..., Any] = _rig) -> None:
     @twin.command(kind, help=help_text)
     @rig
-    @_as_json
-    def serve(rig: str, as_json: bool) -> None:
-        _serve(kind, rig, as_json)
+    @_options
+    def serve(**how: Any) -> int:
+        return _serve(kind, _Serving(**how))
 
 
 @twin.command("all", short_help="Serve all simulated instruments of a rig.")
@@ -215,10 +239,15 @@ def _command(kind: str, help_text: str, rig: Callable[..., Any] = _rig) -> None:
 @click.option(
     "--press", metavar="BUTTON", help=f"Let a simulated person press this button every {_EVERY:g} s."
 )
-@_as_json
-def serve_all(rig: str, press: str | None, as_json: bool) -> None:
-    """Serve all simulated instruments of a rig that have a protocol, on one plant."""
-    _serve(None, rig, as_json, press)
+@_options
+def serve_all(**how: Any) -> int:
+    """Serve all simulated instruments of a rig that have a protocol, on one plant.
+
+    With a COMMAND after two hyphens, run it and exit as it does. Its nidaqmx, pyserial and PyVISA find the
+    simulated instruments under the names that the rig file gives: cards, ports such as COM3, VISA resources.
+    A hub that the rig file has on this computer is at its own port.
+    """
+    return _serve(None, _Serving(**how))
 
 
 _command("yocto", "Serve a Yoctopuce hub with a relay box over HTTP.")

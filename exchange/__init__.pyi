@@ -2,9 +2,17 @@ from .csv_file import write_rows as write_rows
 from .formats import FORMATS as FORMATS
 from .formats import Exported as Exported
 from .formats import export_file as export_file
+from .importing import FileMapping as FileMapping
+from .importing import Understanding as Understanding
+from .importing import becomes as becomes
+from .importing import destination as destination
+from .importing import import_file as import_file
 from .importing import import_press as import_press
+from .importing import import_recording as import_recording
 from .importing import import_response as import_response
 from .importing import is_response_file as is_response_file
+from .importing import named as named
+from .importing import understand as understand
 from .loading import load as load
 from .press_rows import COLUMNS as COLUMNS
 from .press_rows import press_table as press_table

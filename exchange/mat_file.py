@@ -9,16 +9,11 @@ from typing import Any
 import numpy as np
 import scipy
 
-from ..instruments import DataError
 from ..instruments.arrays import FloatArray
 from ..instruments.files import new_file
-from .mat_content import content_of
-from .views import Channel, Responses, Signals, even_rate
+from .views import Responses, Signals
 
-__all__ = ["read_signals", "write_responses", "write_signals"]
-
-_RATES = ("rate_hz", "fs", "Fs", "FS", "sample_rate")
-_TIMES = ("time", "t", "Time")
+__all__ = ["write_responses", "write_signals"]
 
 
 def write_signals(signals: Signals, path: Path) -> None:
@@ -53,29 +48,6 @@ def write_responses(found: Responses, path: Path, more: Mapping[str, Any] | None
     if found.grid is not None:
         values |= {"rows": found.grid[:, 0], "columns": found.grid[:, 1]}
     _write(path, values | dict(more or {}))
-
-
-def read_signals(path: Path, rate_hz: float | None) -> Signals:
-    """Read the vectors of a MATLAB file that are as long as its longest; `rate_hz` if it states none.
-
-    The rate is a number called rate_hz, fs or sample_rate, or the step of a vector called time or t.
-    Raises DataError.
-    """
-    vectors, numbers, structures = content_of(path)
-    if "frequency" in vectors:
-        raise DataError(f"{path} is over frequency: of responses haploop imports .uff files only.")
-    times = [vectors.pop(name) for name in _TIMES if name in vectors]
-    stated = [numbers[name] for name in _RATES if name in numbers]
-    if times and not stated:
-        stated = [even_rate(path, times[0])]
-    rate = stated[0] if stated else rate_hz
-    if rate is None:
-        raise DataError(f"{path} states no sample rate: state it (--rate).")
-    if not vectors:
-        raise DataError(f"{path} holds no vector of numbers: save the signal as a vector.")
-    units = structures.get("units", {})
-    channels = tuple(Channel(name, str(units.get(name, "")), v) for name, v in vectors.items())
-    return Signals(path.stem, rate, channels, channels[0].name, structures.get("about", {}))
 
 
 def _variables(names: list[str]) -> list[str]:

@@ -31,6 +31,8 @@ COLUMNS: Mapping[str, str] = MappingProxyType(
         "release_s": "s",
         "force_at_activation_n": "N",
         "peak_force_n": "N",
+        "activated_by": "",
+        "peak_travel_mm": "mm",
         "peak_acceleration": "m/s^2",
         "rms_acceleration": "m/s^2",
         "centroid_hz": "Hz",
@@ -42,7 +44,9 @@ COLUMNS: Mapping[str, str] = MappingProxyType(
     }
 )
 """Columns and their units. Times are from the recording's first sample; the acceleration is the vertical one
-above 10 Hz, from onset to release; the centroid is its spectrum's, weighted by power."""
+above 10 Hz, from onset to release; the centroid is its spectrum's, weighted by power. A quantity that was not
+measured is missing in its rows; `activated_by` says what told the activation: "activation" (the contact),
+"force", "displacement", "velocity" or "acceleration"."""
 
 
 def press_table(title: str, recordings: Iterable[Recording], about: About) -> PressTable:
@@ -52,11 +56,11 @@ def press_table(title: str, recordings: Iterable[Recording], about: About) -> Pr
 
 
 def _rows(recording: Recording) -> list[dict[str, Cell]]:
-    found = list(find_presses(recording)) if recording.sensors.force else []
+    found = list(find_presses(recording)) if recording.sensors.linear else []
     verdicts = recording.verdicts
     moved = None
-    if recording.sensors.acceleration is not None and found:
-        moved = high_pass(recording.acceleration[2], recording.rate_hz)
+    if recording.motion is not None and found:
+        moved = high_pass(recording.vertical, recording.rate_hz)
     pairs: list[tuple[PressVerdict | None, ButtonPress | None]] = []
     for verdict in verdicts:
         within = [press for press in found if verdict.first <= press.peak < verdict.end]
@@ -106,10 +110,15 @@ def _row(
         "activation_s": None if press.activation is None else press.activation / rate_hz,
         "opened_s": None if press.opened is None else press.opened / rate_hz,
         "force_at_activation_n": press.force_at_activation,
-        "peak_force_n": float(recording.force[press.onset : press.release + 1].max()),
+        "activated_by": press.activated_by if press.activation is not None else None,
     }
+    within = slice(press.onset, press.release + 1)
+    if recording.has("force"):
+        row["peak_force_n"] = float(recording.force[within].max())
+    if recording.has("displacement"):
+        row["peak_travel_mm"] = 1e3 * float(recording.travel[within].max())
     if moved is not None:
-        own = moved[press.onset : press.release + 1]
+        own = moved[within]
         power = np.abs(np.fft.rfft(own)) ** 2
         row |= {
             "peak_acceleration": float(np.abs(own).max()),

@@ -51,9 +51,15 @@ def recording_signals(path: Path) -> Signals:
     sensors, channels = recording.sensors, []
     if sensors.force is not None:
         channels.append(Channel("force", "N", recording.force, recording.delay("force")))
+    if sensors.displacement is not None:
+        channels.append(Channel("travel", "m", recording.travel, recording.delay("displacement")))
+    if sensors.velocity is not None:
+        channels.append(Channel("velocity", "m/s", recording.velocity, recording.delay("velocity")))
+    vertical = ""
     if sensors.acceleration is not None:
-        delay = recording.delay("acceleration")
-        for axis, row in zip("xyz", recording.acceleration, strict=True):
+        delay, axes = recording.delay("acceleration"), sensors.acceleration.axes
+        vertical = f"acceleration_{axes[sensors.acceleration.row]}"
+        for axis, row in zip(axes, recording.acceleration, strict=True):
             channels.append(Channel(f"acceleration_{axis}", "m/s^2", row, delay))
     if sensors.activation is not None:
         channels.append(Channel("activation", "1", recording.activation, recording.delay("activation")))
@@ -77,20 +83,21 @@ def recording_signals(path: Path) -> Signals:
         title=f"Presses of {recording.button} by {recording.participant}",
         rate_hz=recording.rate_hz,
         channels=tuple(channels),
-        main="acceleration_z" if "acceleration_z" in names else names[0],
+        main=vertical or names[0],
         about=_about(path, recording.simulated, more),
     )
 
 
 def representative_signals(path: Path) -> Signals:
-    """Acceleration, force, activation and spread of a representative press. Raises DataError."""
+    """Acceleration, force, travel, activation and spread of a representative press. Raises DataError."""
     press = Representative.load(path)
+    slow = (("force", "N", press.force), ("travel", "m", press.travel))
     return Signals(
         title=f"Representative press of {press.button}",
         rate_hz=press.rate_hz,
         channels=(
             Channel("acceleration", "m/s^2", press.acceleration),
-            Channel("force", "N", press.force),
+            *(Channel(name, unit, values) for name, unit, values in slow if values is not None),
             Channel("activation", "1", press.activation),
             Channel("spread", "m/s^2", press.spread),
         ),
@@ -285,6 +292,8 @@ def _press_about(path: Path, press: Representative) -> About:
         "method": press.method,
         "activation_s": press.activation_index / press.rate_hz,
         "bandwidth_hz": press.bandwidth_hz,
+        "motion": press.motion,
+        "activated_by": press.activated_by,
     }
     return _about(path, press.simulated, more)
 

@@ -37,6 +37,8 @@ from .contact import ContactMeter as ContactMeter
 from .contact import FingerCalibration as FingerCalibration
 from .contact import Latency as Latency
 from .contact import Played as Played
+from .contact import Rendering as Rendering
+from .contact import SeenSurface as SeenSurface
 from .contact import VerifiedButton as VerifiedButton
 from .contact import activation_areas as activation_areas
 from .contact import calibrate_finger as calibrate_finger

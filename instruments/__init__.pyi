@@ -9,6 +9,9 @@ from .daq import Block as Block
 from .daq import Capture as Capture
 from .daq import Daq as Daq
 from .daq import Stream as Stream
+from .describing import Found as Found
+from .describing import look_for_hardware as look_for_hardware
+from .describing import new_rig as new_rig
 from .errors import ConfigurationError as ConfigurationError
 from .errors import DataError as DataError
 from .errors import HaploopError as HaploopError
@@ -44,6 +47,7 @@ from .recorded_along import Reading as Reading
 from .recorded_along import RecordedAlong as RecordedAlong
 from .relay import Relay as Relay
 from .rig import Rig as Rig
+from .rig import check_recordable as check_recordable
 from .rig import hardware as hardware
 from .rig import log_entries as log_entries
 from .rig import open_rig as open_rig
@@ -52,14 +56,14 @@ from .rig import rig_schema as rig_schema
 from .rig import tape_rig as tape_rig
 from .safety import reserve as reserve
 from .safety import who as who
-from .sensors import Accelerometer as Accelerometer
 from .sensors import AnalogChannel as AnalogChannel
 from .sensors import Divider as Divider
-from .sensors import ForceTorque as ForceTorque
+from .sensors import LinearSensor as LinearSensor
 from .sensors import Scale as Scale
 from .sensors import Sensor as Sensor
 from .sensors import Sensors as Sensors
 from .sensors import Switch as Switch
+from .sensors import Transfer as Transfer
 from .tape import mask as mask
 from .tape import played as played
 from .tape import recorded as recorded

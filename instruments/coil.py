@@ -14,7 +14,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
 from .arrays import FloatArray
 
@@ -34,14 +33,13 @@ class Coil:
         if not self.inductance:
             return np.asarray(volts / self.resistance)
         kept = np.exp(-self.resistance / self.inductance / rate_hz)
-        return np.asarray(scipy.signal.lfilter([(1 - kept) / self.resistance], [1.0, -kept], volts))
+        return _filtered((1 - kept) / self.resistance, kept, volts, 0.0)
 
     def heat(self, volts: FloatArray, rate_hz: float, warm: float = 0.0) -> FloatArray:
         """Smoothed dissipation during (samples,) held volts, (samples,) W; `warm` (W) is left from before."""
         kept = np.exp(-1 / self.thermal_time / rate_hz)
         power = self.resistance * self.current(volts, rate_hz) ** 2
-        smoothed, _ = scipy.signal.lfilter([1 - kept], [1.0, -kept], power, zi=[kept * warm])
-        return np.asarray(smoothed)
+        return _filtered(1 - kept, kept, power, warm)
 
     def left(self, warm: float, seconds: float) -> float:
         """What is left of a smoothed dissipation (W) after some seconds at rest."""
@@ -53,3 +51,11 @@ class Coil:
         kept = np.exp(-len(volts) / self.thermal_time / rate_hz)
         before = once[-1] / (1 - kept)
         return float(self.heat(volts, rate_hz, float(before)).max())
+
+
+def _filtered(gain: float, kept: float, values: FloatArray, before: float) -> FloatArray:
+    """y[n] = gain x[n] + kept y[n - 1], from y[-1] = before, (samples,)."""
+    import scipy  # noqa: PLC0415  only a rig with a coil pays for its import
+
+    found, _ = scipy.signal.lfilter([gain], [1.0, -kept], values, zi=[kept * before])
+    return np.asarray(found)

@@ -80,6 +80,8 @@ def check_destination(path: Path) -> None:
     A command calls this before it measures, so that every result can be saved. An existing folder keeps its
     rights.
     """
+    if not path.name:  # "" and "." are this folder
+        raise ConfigurationError(existing(path))
     try:
         make_folder(path.parent)
         with _part_of(path):  # under the longest name that it will have

@@ -44,6 +44,8 @@ class CommandState:
     """State of a running command, for the message when it is interrupted."""
 
     rig_opened: bool = False
+    at_rest: str = "the output is zero and the relay is open"
+    """The safe state of the rig that was opened, as a clause."""
     recordings: Path | None = None
 
 
@@ -193,7 +195,7 @@ def _interrupted(state: CommandState, cause: BaseException | None) -> tuple[str,
     # If the safe state had not been confirmed, its own error would have been raised instead.
     sentence = "Stopped."
     if state.rig_opened:
-        sentence = "Stopped: the output is zero and the relay is open."
+        sentence = f"Stopped: {state.at_rest}."
     if state.recordings is not None and any(state.recordings.glob("*.h5")):
         sentence += f" The recordings so far are in {state.recordings} and are readable."
     return sentence, cause.exit_code if isinstance(cause, _Terminated) else 130

@@ -30,7 +30,7 @@ def usable(recording: Recording, left_out: list[str]) -> list[Activated]:
         if press.saturated:
             left_out.append(f"{recording.participant}, press {number}: a sensor was saturated")
         elif press.activation is None:
-            left_out.append(f"{recording.participant}, press {number}: the contact did not change")
+            left_out.append(f"{recording.participant}, press {number}: {_unswitched(recording)}")
         else:
             good.append((press, press.activation))
     good = [one for one in good if _sound(recording, one[0], left_out)]
@@ -43,12 +43,16 @@ def usable(recording: Recording, left_out: list[str]) -> list[Activated]:
     return good
 
 
+def _unswitched(recording: Recording) -> str:
+    return "the contact did not change" if recording.has("activation") else "it shows no snap"
+
+
 def _sound(recording: Recording, press: ButtonPress, left_out: list[str]) -> bool:
     """True for a press whose signals are right, or can be corrected; another is added to `left_out`."""
     rest = recording.rest
     wrong = "" if upside_down(recording, rest) else axis_fault(recording, rest)
     if wrong := wrong or signal_fault(
-        recording, rest, slice(press.onset, press.release + 1), recording.acceleration[2][rest]
+        recording, rest, slice(press.onset, press.release + 1), recording.vertical[rest]
     ):
         at = press.onset / recording.rate_hz
         left_out.append(f"{recording.participant}, press at {at:.2f} s: {wrong}")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 import scipy
@@ -11,7 +13,7 @@ from ...instruments.arrays import FloatArray
 from ..recording import Recording
 from .segmentation import ButtonPress
 
-__all__ = ["Activated", "common_opening", "cut_out"]
+__all__ = ["Activated", "Cuttable", "common_opening", "cut_out", "slow_signals"]
 
 Activated = tuple[ButtonPress, float]
 """A press, and the instant of its activation (samples)."""
@@ -39,29 +41,52 @@ def common_opening(openings: Sequence[float]) -> tuple[float, float]:
     return min(median, shortest / (1 - _LATER)), least
 
 
-def cut_out(
-    recording: Recording,
-    signals: FloatArray,
-    presses: Sequence[Activated],
-    before: int,
-    after: int,
-    opening: float,
-) -> FloatArray:
-    """Cut the presses (presses, 3, samples) out of acceleration and force (2, samples): these, and the
-    activation, aligned at the activation.
+@dataclass(frozen=True, eq=False)
+class Cuttable:
+    """Signals of a recording to cut presses out of: (signals, samples), with each one's delay (s).
 
-    Presses are stretched so that each contact opens `opening` samples after the activation.
+    The first is the acceleration; the others are measured from their rest before each press.
     """
-    rate_hz = recording.rate_hz
-    force = signals[1]
-    rows = tuple(zip(signals, (recording.delay("acceleration"), recording.delay("force")), strict=True))
+
+    signals: FloatArray
+    delays: tuple[float, ...]
+    rate_hz: float
+
+    @classmethod
+    def of(cls, recording: Recording, acceleration: FloatArray) -> Self:
+        """The acceleration (samples,) of a recording, and its force and travel as far as there are any."""
+        slow = slow_signals(recording)
+        source = recording.motion
+        assert source is not None
+        delays = (recording.delay(source), *(recording.delay(name) for name in slow))
+        return cls(np.stack([acceleration, *slow.values()]), delays, recording.rate_hz)
+
+
+def slow_signals(recording: Recording) -> dict[str, FloatArray]:
+    """Force (N) and travel (m) of a recording, as far as they were measured, by what measured them."""
+    found = {"force": recording.force} if recording.has("force") else {}
+    return found | ({"displacement": recording.travel} if recording.has("displacement") else {})
+
+
+def cut_out(
+    cuttable: Cuttable, presses: Sequence[Activated], before: int, after: int, opening: float
+) -> FloatArray:
+    """Cut the presses (presses, signals + 1, samples) out of signals: these, and the activation.
+
+    Presses are aligned at the activation, and stretched so that each contact opens `opening` samples after
+    it.
+    """
+    rate_hz = cuttable.rate_hz
+    rows = tuple(zip(cuttable.signals, cuttable.delays, strict=True))
     lags = np.arange(-before, after, dtype=np.float64)
     curves = []
     for press, at in presses:
         late = 0.0 if press.opened is None else press.opened - at - opening
         instants = at + lags + _stretch(lags, late, opening)
         curve = [_sampled(row, instants - delay * rate_hz) for row, delay in rows]
-        curve[1] = curve[1] - np.mean(force[press.start : max(press.start + 1, press.onset)])
+        still = slice(press.start, max(press.start + 1, press.onset))
+        for number, signal in enumerate(cuttable.signals[1:], start=1):
+            curve[number] = curve[number] - np.mean(signal[still])
         closed = np.where(lags < 0, 0.0, 1.0)
         if press.opened is not None:
             closed[instants >= press.opened] = 0.0

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Self
 
 from ...instruments import DataError
-from .segmentation import Segmentation
+from .segmentation_settings import Segmentation
 
 __all__ = ["Protocol"]
 

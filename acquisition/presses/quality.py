@@ -6,8 +6,7 @@ computed from the finished file.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import cached_property
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +14,7 @@ import scipy
 
 from ...instruments import DataError, Sensors
 from ...instruments.arrays import FloatArray
+from ...instruments.sensors import Restorer
 from ..recording import (
     BLOCK,
     EVENT,
@@ -26,9 +26,10 @@ from ..recording import (
     Recording,
     to_codes,
 )
+from .pressing import Levels, press_quantity, pressing
 from .protocol import Protocol
 from .restlessness import crept, hum_of
-from .segmentation import ButtonPress, Segmentation, Span, find_presses
+from .segmentation import ButtonPress, Span, find_presses
 from .sensor_faults import axis_fault, doubt, signal_fault
 
 __all__ = ["QualityCheck", "accepted_presses", "activation_forces", "is_of"]
@@ -87,9 +88,14 @@ class QualityCheck:
         self._path, self._header, self._sensors, self._p = path, header, sensors, protocol
         self._doubtful = False
         self._still: FloatArray = np.zeros(0)
-        if sensors.force is None:
-            raise DataError(f"{path} has no force sensor.")
-        self._most = _RATING * sensors.force.ratings[2]
+        self._quantity = press_quantity(sensors)
+        if self._quantity is None:
+            raise DataError(f"{path} has no sensor that shows presses.")
+        force = sensors.force
+        ranged = force is not None and force.range is not None
+        self._most = _RATING * force.range[force.row] if force and force.range and ranged else np.inf
+        self.rests: dict[str, FloatArray] = {}
+        """(channels,) V that sensors showed at the session's rest, by what they measure."""
 
     def __call__(self, volts: FloatArray, first: int, span: Span, number: int, attempt: int) -> PressVerdict:
         """Return the verdict on the press in `span` (sample indices of the recording).
@@ -101,7 +107,7 @@ class QualityCheck:
         p, rate_hz = self._p, self._header.rate_hz
         begin, end = span.first - first, span.end - first
         quiet = slice(max(0, begin - round(0.5 * rate_hz)), max(1, begin - round(0.05 * rate_hz)))
-        excerpt = _Excerpt(self._path, self._header, self._sensors, volts, quiet)
+        excerpt = _Excerpt(self._path, self._header, self._sensors, volts, quiet, self.rests)
         found = find_presses(excerpt, p.segmentation)
         activation, at = next(
             (
@@ -113,45 +119,27 @@ class QualityCheck:
         )
         if found:
             begin, end = found[0].onset, found[-1].release + 1
-        width = max(1, round(p.segmentation.bin * rate_hz))
-        force = np.asarray(scipy.ndimage.uniform_filter1d(excerpt.force, width))
-        peak = float(force[begin:end].max())
+        quantity, signal, levels = pressing(excerpt, p.segmentation, quiet)
 
         wrong: dict[str, str] = {}
         if activation is None:
-            wrong["no-activation"] = "the button did not switch"
+            wrong["no-activation"] = _unswitched(self._sensors)
         if excerpt.saturated[begin:end].any():
             wrong["saturated"] = "a sensor left its range"
-        low, high = p.force or (p.segmentation.pressed, self._most)
-        if peak > self._most:
-            wrong["force-range"] = f"the force reached {peak:.0f} N, and the sensor allows {self._most:.0f} N"
-        elif at is not None and not low <= at <= high:
-            wrong["force-range"] = f"it switched at {at:.2f} N, outside {low:g} to {high:g} N"
-        if len(found) > 1 or _times(force[begin:end:width]) > 1:
+        if quantity == "force":
+            wrong |= self._strength(signal[begin:end], at)
+        if len(found) > 1:
             wrong["double"] = "it was pressed twice"
-        # The finger arrives, presses (force above `light`), and leaves.
-        pressing = np.flatnonzero(force[begin:end] >= min(p.light, _LIGHT * peak))
-        coming, leaving = force[begin : begin + pressing[0]], force[begin + pressing[-1] : end]
-        waiting = force[max(0, begin - round(p.before * rate_hz)) : begin]
-        # A sensor that creeps shows a force that fades after a press, and before the next.
-        moving = round(_MOVING * rate_hz)
-        if len(coming) > p.linger * rate_hz and not crept(coming[:-moving], peak, rate_hz):
-            wrong["not-quiet-before"] = f"the finger rested on it for {len(coming) / rate_hz:.1f} s before"
-        elif _touches(coming, p.segmentation) or (
-            (waiting > p.segmentation.released).any() and not crept(waiting, peak, rate_hz)
-        ):
-            wrong["not-quiet-before"] = "it was touched just before"
-        if len(leaving) > p.linger * rate_hz and not crept(leaving[moving:], peak, rate_hz):
-            wrong["not-quiet-after"] = f"the finger rested on it for {len(leaving) / rate_hz:.1f} s after"
-        elif _touches(leaving[::-1], p.segmentation):
-            wrong["not-quiet-after"] = "it was touched just after"
-        if wrong and (hum := hum_of(excerpt.force[quiet], rate_hz)):
+        if quantity in ("force", "displacement"):
+            wrong |= self._manner(quantity, signal, levels, begin, end)
+        if quantity == "force" and wrong and (hum := hum_of(signal[quiet], rate_hz)):
             restless = [flag for flag in ("double", "not-quiet-before", "not-quiet-after") if flag in wrong]
             wrong |= dict.fromkeys(restless, hum)
         rest, press = slice(max(0, begin - round(_REST * rate_hz)), quiet.stop), slice(begin, end)
-        still = excerpt.acceleration[2][rest]
-        # A rest that is too short to tell hum leaves the one before.
-        self._still = still if len(still) >= min(_TOLD * rate_hz, len(self._still)) else self._still
+        if excerpt.motion:
+            still = excerpt.vertical[rest]
+            # A rest that is too short to tell hum leaves the one before.
+            self._still = still if len(still) >= min(_TOLD * rate_hz, len(self._still)) else self._still
         if fault := axis_fault(excerpt, rest) or signal_fault(excerpt, rest, press, self._still):
             wrong = {"sensor": fault} | wrong
         sentence = "; ".join(dict.fromkeys(wrong.values())) or self._doubt(excerpt, rest, press)
@@ -167,6 +155,50 @@ class QualityCheck:
             reason=f"{sentence[0].upper()}{sentence[1:]}." if sentence else "",
         )
 
+    def _strength(self, force: FloatArray, at: float | None) -> dict[str, str]:
+        """What is wrong with the force (samples,) N of a press, and with that at its activation."""
+        p = self._p
+        width = max(1, round(p.segmentation.bin * self._header.rate_hz))
+        peak = float(scipy.ndimage.uniform_filter1d(force, width).max())
+        low, high = p.force or (p.segmentation.pressed, self._most)
+        if peak > self._most:
+            return {
+                "force-range": f"the force reached {peak:.0f} N, and the sensor allows {self._most:.0f} N"
+            }
+        if at is not None and not low <= at <= high:
+            return {"force-range": f"it switched at {at:.2f} N, outside {low:g} to {high:g} N"}
+        return {}
+
+    def _manner(
+        self, quantity: str, signal: FloatArray, levels: Levels, begin: int, end: int
+    ) -> dict[str, str]:
+        """What is wrong with how the finger came, pressed and left, from a force or a travel (samples,)."""
+        p, rate_hz = self._p, self._header.rate_hz
+        wrong = {}
+        width = max(1, round(p.segmentation.bin * rate_hz))
+        force = np.asarray(scipy.ndimage.uniform_filter1d(signal, width))
+        peak = float(force[begin:end].max())
+        if _times(force[begin:end:width]) > 1:
+            wrong["double"] = "it was pressed twice"
+        # The finger arrives, presses (force above `light`), and leaves.
+        light = min(p.light, _LIGHT * peak) if quantity == "force" else _LIGHT * peak
+        pressing = np.flatnonzero(force[begin:end] >= light)
+        coming, leaving = force[begin : begin + pressing[0]], force[begin + pressing[-1] : end]
+        waiting = force[max(0, begin - round(p.before * rate_hz)) : begin]
+        # A sensor that creeps shows a force that fades after a press, and before the next.
+        moving = round(_MOVING * rate_hz)
+        if len(coming) > p.linger * rate_hz and not crept(coming[:-moving], peak, rate_hz):
+            wrong["not-quiet-before"] = f"the finger rested on it for {len(coming) / rate_hz:.1f} s before"
+        elif _touches(coming, levels) or (
+            (waiting > levels.released).any() and not crept(waiting, peak, rate_hz)
+        ):
+            wrong["not-quiet-before"] = "it was touched just before"
+        if len(leaving) > p.linger * rate_hz and not crept(leaving[moving:], peak, rate_hz):
+            wrong["not-quiet-after"] = f"the finger rested on it for {len(leaving) / rate_hz:.1f} s after"
+        elif _touches(leaving[::-1], levels):
+            wrong["not-quiet-after"] = "it was touched just after"
+        return wrong
+
     def _doubt(self, excerpt: Recording, rest: slice, press: slice) -> str:
         """What is doubtful in a press that counts, once in a session."""
         found = "" if self._doubtful else doubt(excerpt, rest, press, self._still)
@@ -177,21 +209,48 @@ class QualityCheck:
 class _Excerpt(Recording):
     """A few seconds of a recording in progress; hands are off in the slice `quiet`."""
 
-    def __init__(self, path: Path, header: Header, sensors: Sensors, volts: FloatArray, quiet: slice) -> None:
+    def __init__(
+        self,
+        path: Path,
+        header: Header,
+        sensors: Sensors,
+        volts: FloatArray,
+        quiet: slice,
+        rests: Mapping[str, FloatArray],
+    ) -> None:
         super().__init__(path, header, "recording")
         codes, _ = to_codes(volts, header.full_scale)
         contents = Contents(codes, np.empty(0, BLOCK), np.empty(0, EVENT), np.empty(0, VERDICT))
         self.__dict__ |= {"_checked": (contents, ""), "sensors": sensors}
-        self._quiet = quiet
+        self._still, self._rests = quiet, rests
 
-    @cached_property
-    def _gauges(self) -> FloatArray:
-        gauges = self._rows(self._sensor("force"))
+    @property
+    def quiet(self) -> slice:
+        """See `Recording.quiet`."""
+        return self._still
+
+    def _rest_of(self, volts: FloatArray) -> FloatArray:
         # The median ignores a touch within it.
-        return np.asarray(gauges - np.median(gauges[:, self._quiet], axis=1, keepdims=True))
+        return np.asarray(np.median(volts[:, self._still], axis=1))
+
+    def _tared(self, quantity: str) -> FloatArray:
+        sensor = self._linear(quantity)
+        if not sensor.ac_coupled or quantity not in self._rests:
+            return super()._tared(quantity)
+        # What fades of the press before is no rest: that of the session is, and what it leaves is constant.
+        signal = Restorer(sensor, self.rate_hz)(sensor.along(self._rows(sensor), self._rests[quantity]))
+        return np.asarray(signal - np.median(signal[self._still]))
 
 
-def _touches(force: FloatArray, p: Segmentation) -> bool:
+def _unswitched(sensors: Sensors) -> str:
+    if sensors.activation is not None:
+        return "the button did not switch"
+    if sensors.force is not None:
+        return "its force shows no snap, and there is no contact to tell when it switched"
+    return "its motion shows no click, and there is no contact to tell when it switched"
+
+
+def _touches(force: FloatArray, p: Levels) -> bool:
     """True when a finger touches and leaves again within a force signal (N)."""
     touched = np.flatnonzero(force > p.pressed)
     return bool(len(touched) and (force[touched[0] :] < p.released).any())

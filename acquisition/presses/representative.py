@@ -6,12 +6,12 @@ warp of time, which the methods of `averaging.py` estimate: a barycentre under d
 paper does, or a registration by smooth warps. The average is taken per participant and then over
 participants, so that nobody counts for more by having pressed more often.
 
-Assumptions: the vertical acceleration shows the events, and the accelerometer's stated low-pass is its own;
-the contact marks the same event in each press; presses unlike the others are few. What breaks them: events
-that come in another order or not in each press (an average of two kinds of press is neither); an axis that
-points down or is disturbed in all presses alike, which no comparison between presses shows; a slow
-accelerometer, unless its low-pass is undone, and then its noise. Source: the paper, figure 5; Petitjean et
-al., Pattern Recognition 44(3), 2011.
+Assumptions: the vertical acceleration shows the events, and the sensor's stated response is its own;
+the contact, or the snap without one, marks the same event in each press; presses unlike the others are few.
+What breaks them: events that come in another order or not in each press (an average of two kinds of press is
+neither); an axis that points down or is disturbed in all presses alike, which no comparison between presses
+shows; a slow accelerometer, unless its low-pass is undone, and then its noise. Source: the paper, figure 5;
+Petitjean et al., Pattern Recognition 44(3), 2011.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from typing import Self
 import numpy as np
 import scipy
 
-from ...instruments import ConfigurationError, DataError
+from ...instruments import ConfigurationError, DataError, LinearSensor
 from ...instruments.arrays import ComplexArray, FloatArray
 from ...instruments.files import check_destination, paths_of, private_files
 from ...instruments.notebook import InNotebook
@@ -33,10 +33,10 @@ from .. import hdf5
 from ..recording import Recording
 from .averaging import AverageMethod, average
 from .choice import few, held, single, usable
-from .cutting import Activated, common_opening, cut_out
+from .cutting import Activated, Cuttable, common_opening, cut_out
 from .protocol import Protocol
 from .registration import WarpModel
-from .segmentation import Segmentation, segmentation_for
+from .segmentation_settings import Segmentation, segmentation_for
 from .sensor_faults import upside_down
 from .spool import Spool
 
@@ -90,8 +90,8 @@ class Representative(InNotebook):
     rate_hz: float
     acceleration: FloatArray
     """m/s^2, vertical, high-passed, zero at both ends."""
-    force: FloatArray
-    """N."""
+    force: FloatArray | None
+    """N; None where no force was measured."""
     activation: FloatArray
     """0 before the contact changed, 1 after; values between 0 and 1 where the presses differ."""
     activation_index: int
@@ -99,7 +99,8 @@ class Representative(InNotebook):
     spread: FloatArray
     """m/s^2: standard deviation of the aligned presses' accelerations."""
     bandwidth_hz: float
-    """The accelerometer's pole; content above it is attenuated relative to the motion of the cap."""
+    """Corner of the sensor of motion, or end of the band in which it was differentiated; content above it is
+    attenuated relative to the motion of the cap."""
     sources: tuple[tuple[str, str], ...]
     """(file name, content hash) of each recording."""
     left_out: tuple[str, ...]
@@ -120,15 +121,24 @@ class Representative(InNotebook):
     """Band (Hz) in which the accelerometer's low-pass was undone; None when it was not undone."""
     noise_gain: float = 1.0
     """Gain (rms) of undoing the low-pass for white noise up to half the sample rate."""
+    travel: FloatArray | None = None
+    """m of the cap; None where no displacement was measured."""
+    motion: str = "acceleration"
+    """What the acceleration is from: "acceleration", or "velocity" or "displacement", differentiated."""
+    activated_by: str = "activation"
+    """What told the activation: "activation" (the contact), "force" (its snap), or the click in
+    "acceleration", "velocity" or "displacement"."""
 
     def refuse_nonsense(self) -> None:
         """See `hdf5.restore`. Raises DataError for signals that no presses have."""
-        signals = (self.acceleration, self.force, self.activation, self.spread)
+        slow = [one for one in (self.force, self.travel) if one is not None]
+        signals = (self.acceleration, self.activation, self.spread, *slow)
         whole = all(np.ndim(one) == 1 and np.all(np.abs(one) < _LARGEST) for one in signals)
         if not whole or len({len(one) for one in signals}) != 1:
             raise DataError(f"the press's signals are not of one length with values below {_LARGEST:g}.")
-        if not 0 <= self.activation_index < len(self.force):
-            raise DataError(f"the press activates at sample {self.activation_index} of {len(self.force)}.")
+        length = len(self.acceleration)
+        if not 0 <= self.activation_index < length:
+            raise DataError(f"the press activates at sample {self.activation_index} of {length}.")
         if not 0 < self.rate_hz < _LARGEST:
             raise DataError(f"the press has {self.rate_hz:g} samples/s.")
 
@@ -200,6 +210,9 @@ def representative(
     """Compute the representative press of one button: the average per participant, then over participants
     (the paper, figure 5). Alignment uses the vertical acceleration; force and activation are warped with it.
 
+    The acceleration is the accelerometer's, else a velocity or a displacement of the cap, differentiated
+    (`Representative.motion`). Without a contact, the activation is told by the snap (`activated_by`).
+
     Presses are aligned at the activation, and at the opening of the contact, which is moved to their median
     or to what the shortest can be stretched to. `method` then averages them: "barycentre" as the paper does,
     by dynamic time warping; "registration" by smooth warps; "mean" without any further alignment. "automatic"
@@ -230,18 +243,21 @@ def representative(
     left_out: list[str] = []
     corrected: list[str] = []
     good, signals = [], Spool()
+    bandwidth_hz = np.inf
     for recording in recordings:
         if presses := usable(recording, left_out):
-            vertical = recording.acceleration[2]
+            vertical = recording.vertical
             if upside_down(recording, recording.rest):
                 vertical = -vertical
                 corrected.append(f"{recording.participant}: {_TURNED}")
             if undo_low_pass is not None:
                 vertical = _undone(recording, vertical, undo_low_pass)
-            signals.append(np.stack([high_pass(vertical, rate_hz, w.high_pass_hz), recording.force]))
-            good.append((recording, presses))
+            whole = Cuttable.of(recording, high_pass(vertical, rate_hz, w.high_pass_hz))
+            signals.append(whole.signals)
+            bandwidth_hz = min(bandwidth_hz, _bandwidth(recording), recording.motion_hz or np.inf)
+            good.append((recording, whole.delays, presses))
         recording.forget()
-    every = [press for _, presses in good for press in presses]
+    every = [press for _, _, presses in good for press in presses]
     if not every:
         raise DataError(
             f"The recordings hold no usable press of the {first.button} button "
@@ -251,16 +267,16 @@ def representative(
     after = max(w.after, opening / rate_hz + w.ring)
     before, after = round(w.before * rate_hz), round(min(after, w.longest) * rate_hz)
     names: dict[str, list[str]] = defaultdict(list)
-    by: dict[str, list[tuple[int, Recording, list[Activated]]]] = defaultdict(list)
-    for number, (recording, presses) in enumerate(good):
+    by: dict[str, list[tuple[int, tuple[float, ...], list[Activated]]]] = defaultdict(list)
+    for number, (recording, delays, presses) in enumerate(good):
         if long := held(recording, presses, least, left_out):
-            by[recording.participant].append((number, recording, long))
+            by[recording.participant].append((number, delays, long))
             names[recording.participant] += [f"press at {at / rate_hz:.2f} s" for _, at in long]
     curves = Spool()
     for participant in sorted(by):
         cut = [
-            cut_out(recording, signals[n], presses, before, after, opening)
-            for n, recording, presses in by[participant]
+            cut_out(Cuttable(signals[n], delays, rate_hz), presses, before, after, opening)
+            for n, delays, presses in by[participant]
         ]
         rows = np.concatenate(cut)
         named = [f"{participant}, {name}" for name in names[participant]]
@@ -276,17 +292,18 @@ def representative(
             continue
         odd = [name for name, alike in zip(names[participant], kept, strict=True) if not alike]
         left_out += [f"{participant}, {name}: it differs from this participant's others" for name in odd]
-    acceleration, pressed, activation = found.template
+    acceleration, *slow, activation = found.template
+    by_name = dict(zip(_slow(first), slow, strict=True))
     return Representative(
         button=first.button,
         rate_hz=rate_hz,
         acceleration=acceleration * _taper(before + after, round(w.taper * rate_hz)),
-        force=pressed,
+        force=by_name.get("force"),
         activation=np.clip(activation, 0.0, 1.0),
         activation_index=int(np.argmax(activation > 0.5)),
         members=found.members,
         spread=found.spread,
-        bandwidth_hz=_bandwidth(first),
+        bandwidth_hz=bandwidth_hz,
         sources=tuple((r.path.name, r.content_hash) for r in recordings),
         left_out=tuple(left_out),
         corrected=tuple(corrected),
@@ -298,6 +315,9 @@ def representative(
         | {_name(recording, recordings): asdict(_segmentation(recording)) for recording in recordings},
         undone_hz=undo_low_pass,
         noise_gain=1.0 if undo_low_pass is None else _noise_gain(first, undo_low_pass),
+        travel=by_name.get("displacement"),
+        motion=first.motion or "",
+        activated_by=every[0][0].activated_by,
     )
 
 
@@ -306,11 +326,19 @@ def _check_together(recordings: Sequence[Recording]) -> Recording:
     if not recordings:
         raise ConfigurationError("A representative press needs at least one recording: name one.")
     first = recordings[0]
+    if first.motion is None:
+        raise ConfigurationError(
+            f"{first.path.name} holds no motion of the cap, which a representative press is made of: record "
+            "with [sensors.acceleration], [sensors.velocity] or [sensors.displacement]."
+        )
     for other in recordings[1:]:
         for what, mine, theirs in (
             ("the button", first.button, other.button),
             ("the sample rate", first.rate_hz, other.rate_hz),
-            ("the accelerometer's bandwidth", _bandwidth(first), _bandwidth(other)),
+            ("the sensor of motion", first.motion, other.motion),
+            ("its bandwidth", _bandwidth(first), _bandwidth(other)),
+            ("force and travel", _slow(first), _slow(other)),
+            ("a contact", first.has("activation"), other.has("activation")),
             ("simulated", first.simulated, other.simulated),
         ):
             if mine != theirs:
@@ -338,9 +366,7 @@ def _name(recording: Recording, among: Sequence[Recording]) -> str:
 
 def _restoring(recording: Recording, band: tuple[float, float], frequencies: FloatArray) -> ComplexArray:
     """Compute the filter that undoes the sensor's low-pass in a band, at `frequencies` (Hz)."""
-    sensor = recording.sensors.acceleration
-    assert sensor is not None
-    response = sensor.response(frequencies)
+    response = _sensor(recording).response(frequencies)
     inverse = np.conj(response) / (np.abs(response) ** 2 + _RIPPLE)
     octaves = np.log2(np.maximum(frequencies, 1e-9))
     outside = np.maximum(np.log2(band[0]) - octaves, octaves - np.log2(band[1]))
@@ -371,8 +397,17 @@ def _taper(samples: int, length: int) -> FloatArray:
     return np.concatenate([edge, np.ones(samples - 2 * length), edge[::-1]])
 
 
+def _sensor(recording: Recording) -> LinearSensor:
+    assert recording.motion is not None
+    return recording.sensors.linear[recording.motion]
+
+
+def _slow(recording: Recording) -> list[str]:
+    return [name for name in ("force", "displacement") if recording.has(name)]
+
+
 def _bandwidth(recording: Recording) -> float:
-    sensor = recording.sensors.acceleration
-    if sensor is None:
-        raise DataError(f"{recording.path} was recorded without an acceleration sensor.")
-    return sensor.bandwidth_hz
+    """Corner of the sensor of motion (Hz), half the sample rate at most; infinite without one."""
+    if recording.motion is None:
+        return np.inf
+    return min(_sensor(recording).bandwidth_hz, recording.rate_hz / 2)

@@ -17,9 +17,7 @@ The same detector runs while recording, block by block, and over a whole file af
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -27,82 +25,15 @@ import scipy
 
 from ...instruments.arrays import BoolArray, FloatArray
 from ..recording import Recording
+from .pressing import Levels, levels_of, pressing, shaken
+from .segmentation_settings import Segmentation, segmentation_for
+from .snaps import Snaps
 
-__all__ = [
-    "SEGMENTATIONS",
-    "ButtonPress",
-    "Detector",
-    "Segmentation",
-    "Span",
-    "find_presses",
-    "segmentation_for",
-]
-
-
-@dataclass(frozen=True)
-class Segmentation:
-    """Parameters of the press detection. Forces (N) are relative to the rest, whose drift is tracked."""
-
-    pressed: float = 0.30
-    """A press begins when the force, averaged over `bin`, rises above this."""
-    released: float = 0.15
-    """A press ends when the force has stayed below this for `quiet`."""
-    quiet: float = 0.10
-    """s. A shorter absence of the finger does not end the press. While recording, the longer
-    `haploop.acquisition.presses.protocol.Protocol.quiet` applies."""
-    least_peak: float = 0.5
-    """Smallest peak of a press; a lower peak is a touch."""
-    onset: float = 0.06
-    """The onset is the last sample at which the force was below this: ten sigma of the average over `bin`,
-    with 0.03 N of noise."""
-    bin: float = 0.005
-    """s: averaging time of the force before it is compared with these thresholds."""
-    follow: float = 1.0
-    """s: time constant of the tracking of the rest between presses. A drift of 0.05 N/min
-    (docs/hardware.md, "Force sensor") leaves an error of 0.001 N."""
-    settle: float = 0.005
-    """s: a contact has switched when it is in the new state for most of this time; the instant of switching
-    lies at most this long before. Contacts bounce for 0.1 to 5 ms (docs/hardware.md, "Buttons and
-    people")."""
-    fit: float = 0.0015
-    """s: length of the force fit on each side of the activation."""
-    margin: float = 0.25
-    """s: margin of a press's window before its onset and after its release; less when a neighbour is near."""
-    stage_lead: float = 0.15
-    """s: longest search before the activation for a first click, which comes 30 to 100 ms before in a latch
-    (docs/hardware.md, "Buttons and people")."""
-    stage_gap: float = 0.012
-    """s: shortest time between a first click and the activation; later motion belongs to the main click."""
-    stage_share: float = 0.15
-    """Smallest peak acceleration of a first click, as a fraction of the main click's; only noise
-    (`stage_noise`) moves the cap otherwise."""
-    stage_noise: float = 8.0
-    """Smallest peak acceleration of a first click, in multiples of the rms before the onset."""
-    stage_force: float = 0.25
-    """Smallest force at a first click, as a fraction of the force at activation: a finger that lands on the
-    cap also knocks, but at almost no force."""
-    stage_high_pass: float = 60.0
-    """Hz: above the motion of a hand and below a click (100 to 500 Hz)."""
-
-
-SEGMENTATIONS: Mapping[str, Segmentation] = MappingProxyType(
-    {
-        "latch": Segmentation(least_peak=1.0),
-        "toggle": Segmentation(least_peak=0.4),
-        "push": Segmentation(),
-    }
-)
-"""The parameters of the paper's buttons. A latch takes 5 to 10 N, a toggle 1 to 4 N and a push button 2 to
-5 N to switch (docs/hardware.md, "Buttons and people"): a peak below about a quarter of that is a touch."""
-
-
-def segmentation_for(button: str) -> Segmentation:
-    """Parameters of a button; the defaults for a button that is not in `SEGMENTATIONS`."""
-    return SEGMENTATIONS.get(button, Segmentation())
+__all__ = ["ButtonPress", "Detector", "Span", "find_presses"]
 
 
 class Span(NamedTuple):
-    """A detected press: first sample, end (exclusive), and the rest force (N) at that time."""
+    """A detected press: first sample, end (exclusive), and the value at rest (N, with force) at that time."""
 
     first: int
     end: int
@@ -110,16 +41,19 @@ class Span(NamedTuple):
 
 
 class Detector:
-    """Finds presses in a force signal that arrives in blocks.
+    """Finds presses in a force, travel or vibration that arrives in blocks (`pressing.py`).
 
     `spans` holds the presses that have ended; `pressing` is True during one.
     """
 
-    def __init__(self, rate_hz: float, parameters: Segmentation | None = None) -> None:
-        self._p = parameters or Segmentation()
-        self._bin = max(1, round(self._p.bin * rate_hz))
-        self._quiet = max(1, round(self._p.quiet * rate_hz))
-        self._gain = self._bin / (self._p.follow * rate_hz)
+    def __init__(
+        self, rate_hz: float, parameters: Segmentation | None = None, levels: Levels | None = None
+    ) -> None:
+        p = parameters or Segmentation()
+        self._levels = levels or levels_of("force", p)
+        self._bin = max(1, round(p.bin * rate_hz))
+        self._quiet = max(1, round(self._levels.quiet * rate_hz))
+        self._gain = self._bin / (p.follow * rate_hz)
         self._left: FloatArray = np.zeros(0)
         self._at = 0
         self._rest = 0.0
@@ -134,7 +68,7 @@ class Detector:
         return self._first is not None
 
     def feed(self, force: FloatArray) -> None:
-        """Process the next (samples,) of force (N)."""
+        """Process the next (samples,) of the force (N), or of what else tells presses."""
         force = np.concatenate([self._left, force])
         bins = len(force) // self._bin
         self._left = force[bins * self._bin :]
@@ -150,22 +84,22 @@ class Detector:
         begin, self._at = self._at, self._at + self._bin
         above = mean - self._rest
         if self._first is None:
-            if above > self._p.pressed:
+            if above > self._levels.pressed:
                 self._first, self._last, self._peak = begin, self._at, above
             else:
                 # The force of a hand that rests lightly on the cap is tracked more slowly.
-                slower = 1.0 if above < self._p.released else 3.0
+                slower = 1.0 if above < self._levels.released else 3.0
                 self._rest += above * self._gain / slower
             return
         self._peak = max(self._peak, above)
-        if above > self._p.released:
+        if above > self._levels.released:
             self._last = self._at
         elif self._at - self._last >= self._quiet:
             self._end()
 
     def _end(self) -> None:
         assert self._first is not None
-        if self._peak >= self._p.least_peak:
+        if self._peak >= self._levels.least_peak:
             self.spans.append(Span(self._first, self._last, self._rest))
         self._first = None
 
@@ -183,13 +117,14 @@ class ButtonPress:
     onset: int
     """Index at which the force leaves its rest."""
     peak: int
-    """Index of the largest force."""
+    """Index of the largest force; of the largest travel or vibration where no force is measured."""
     release: int
     """Index at which the force is back at its rest."""
     stop: int
     """End of the window (exclusive)."""
     activation: float | None
-    """Instant of the contact's first change, in either direction; None without a change."""
+    """Instant of the contact's first change, in either direction; without a contact, of the snap in the force
+    or the click in the motion (`snaps.py`); None without any."""
     opened: float | None
     """Instant at which the contact changed back during the same press (momentary buttons); None otherwise."""
     force_at_activation: float | None
@@ -199,56 +134,79 @@ class ButtonPress:
     without one."""
     saturated: bool
     """True when a sensor reached the end of its range between onset and release."""
+    activated_by: str = "activation"
+    """What told the activation: "activation" (the contact), "force", "displacement", "velocity" or
+    "acceleration"."""
 
 
 def find_presses(recording: Recording, parameters: Segmentation | None = None) -> tuple[ButtonPress, ...]:
     """Find every press of a recording, in order; `parameters` default to those of its button.
 
-    Raises DataError when the file is damaged.
+    Raises DataError when the file is damaged, or no sensor shows presses.
     """
     p = parameters or segmentation_for(recording.button)
-    rate_hz = recording.rate_hz
-    force = recording.force
-    detector = Detector(rate_hz, p)
-    detector.feed(force)
+    _, signal, levels = pressing(recording, p, recording.quiet)
+    detector = Detector(recording.rate_hz, p, levels)
+    detector.feed(signal)
     detector.finish()
-    width = max(1, round(p.bin * rate_hz))
-    smooth = np.asarray(scipy.ndimage.uniform_filter1d(force, width)) if len(force) else force
-    margin = round(p.margin * rate_hz)
     spans = detector.spans
-    shaken = _shaken(recording, p) if spans else force
-    presses = []
+    if not spans:
+        return ()
+    finder = _Finder(recording, p, signal, levels)
+    found = []
     for number, span in enumerate(spans):
         low = spans[number - 1].end if number else 0
-        high = spans[number + 1].first if number + 1 < len(spans) else len(force)
-        rest = _rest_before(force, span, low, margin)
-        onset, release = _edges(smooth - rest, span, low, high, p)
-        start = max(onset - margin, (low + onset) // 2 if number else 0)
-        stop = min(release + margin, (release + high) // 2 if number + 1 < len(spans) else len(force))
-        activation, opened = _switching(recording, start, onset, stop, p)
+        high = spans[number + 1].first if number + 1 < len(spans) else len(signal)
+        found.append(finder.press(span, low, high, number == 0, number + 1 == len(spans)))
+    return tuple(found)
+
+
+class _Finder:
+    """Finds the events of presses in a recording's signals."""
+
+    def __init__(self, recording: Recording, p: Segmentation, signal: FloatArray, levels: Levels) -> None:
+        self._recording, self._p, self._signal, self._levels = recording, p, signal, levels
+        rate_hz = recording.rate_hz
+        self._smooth = np.asarray(scipy.ndimage.uniform_filter1d(signal, max(1, round(p.bin * rate_hz))))
+        self._shaken = shaken(recording.vertical, rate_hz, p.stage_high_pass) if recording.motion else None
+
+    def press(self, span: Span, low: int, high: int, first: bool, last: bool) -> ButtonPress:
+        """The press in a span; its neighbours end at `low` and begin at `high`."""
+        p, recording, rate_hz = self._p, self._recording, self._recording.rate_hz
+        margin = round(p.margin * rate_hz)
+        rest = _rest_before(self._signal, span, low, margin)
+        above = self._smooth - rest
+        onset, release = _edges(above, span, low, high, self._levels)
+        start = max(onset - margin, 0 if first else (low + onset) // 2)
+        stop = min(release + margin, len(above) if last else (release + high) // 2)
+        force = above if recording.has("force") else None
+        by: str | None = "activation"
+        if recording.has("activation"):
+            activation, opened = _switching(recording, start, onset, stop, p)
+        else:
+            found = Snaps(recording, p, self._shaken).activation(force, above, start, onset, release)
+            activation, by, opened = (*found, None) if found else (None, None, None)
         at_activation = None
-        if activation is not None:
+        if activation is not None and force is not None:
             instant = activation - recording.delay("force") * rate_hz
-            at_activation = _value_at(force, instant, p.fit * rate_hz) - rest
-        presses.append(
-            ButtonPress(
-                start=start,
-                onset=onset,
-                peak=onset + int(np.argmax(smooth[onset : release + 1])),
-                release=release,
-                stop=stop,
-                activation=activation,
-                opened=opened,
-                force_at_activation=at_activation,
-                first_stage=None
-                if activation is None or at_activation is None
-                else _first_stage(
-                    recording, shaken, smooth - rest, start, onset, activation, at_activation, p
-                ),
-                saturated=bool(np.any(recording.saturated[onset : release + 1])),
-            )
+            at_activation = _value_at(self._signal, instant, p.fit * rate_hz) - rest
+        stage = None
+        if activation is not None and self._shaken is not None:
+            pressed = None if force is None or at_activation is None else (force, at_activation)
+            stage = _first_stage(recording, self._shaken, pressed, start, onset, activation, p)
+        return ButtonPress(
+            start=start,
+            onset=onset,
+            peak=onset + int(np.argmax(self._smooth[onset : release + 1])),
+            release=release,
+            stop=stop,
+            activation=activation,
+            opened=opened,
+            force_at_activation=at_activation,
+            first_stage=stage,
+            saturated=bool(np.any(recording.saturated[onset : release + 1])),
+            activated_by=by or "",
         )
-    return tuple(presses)
 
 
 def _rest_before(force: FloatArray, span: Span, low: int, margin: int) -> float:
@@ -257,8 +215,8 @@ def _rest_before(force: FloatArray, span: Span, low: int, margin: int) -> float:
     return float(quiet.mean()) if len(quiet) >= margin // 5 else span.rest
 
 
-def _edges(above: FloatArray, span: Span, low: int, high: int, p: Segmentation) -> tuple[int, int]:
-    """Indices at which the smoothed force leaves its rest and returns to it."""
+def _edges(above: FloatArray, span: Span, low: int, high: int, p: Levels) -> tuple[int, int]:
+    """Indices at which the smoothed signal leaves its rest and returns to it."""
     before = np.flatnonzero(above[low : span.first] < p.onset)
     after = np.flatnonzero(above[span.end : high] < p.released)
     onset = low + int(before[-1]) + 1 if len(before) else low
@@ -285,45 +243,29 @@ def _switching(
     return first + shift, None if back is None else back + shift
 
 
-def _shaken(recording: Recording, p: Segmentation) -> FloatArray:
-    """Magnitude (samples,) of the vertical acceleration without the hand's motion.
-
-    The high-pass filter is causal, so that no click appears before its instant: a Butterworth filter of
-    second order by the bilinear transform (Oppenheim and Schafer, Discrete-Time Signal Processing, 3rd ed.,
-    7.2.2), settled at the first sample. Its recursion is the solution of a banded triangular system, because
-    scipy.signal would load scipy.stats, half a second in the middle of a session.
-    """
-    vertical = recording.acceleration[2]
-    moved = vertical - vertical[:1]
-    k = np.tan(np.pi * min(p.stage_high_pass / recording.rate_hz, 0.45))
-    scale = 1 / (1 + np.sqrt(2) * k + k**2)
-    bands = np.ones((3, len(moved)))
-    bands[1], bands[2] = 2 * (k**2 - 1) * scale, (1 - np.sqrt(2) * k + k**2) * scale
-    driven = scale * np.convolve(moved, [1.0, -2.0, 1.0])[: len(moved), None]
-    return np.asarray(np.abs(scipy.linalg.lapack.dtbtrs(bands, driven, uplo="L")[0][:, 0]))
-
-
 def _first_stage(
     recording: Recording,
     shaken: FloatArray,
-    above: FloatArray,
+    force: tuple[FloatArray, float] | None,
     start: int,
     onset: int,
     activation: float,
-    force: float,
     p: Segmentation,
 ) -> float | None:
     """Find the instant of the first click in the acceleration; None without one.
 
-    The search starts where the force (`above` its rest) shows that the cap is pressed.
+    The search starts where the force (above its rest, and at the activation) shows that the cap is pressed,
+    and at the onset without a force.
     """
     rate_hz = recording.rate_hz
-    late = recording.delay("acceleration") * rate_hz
+    late = recording.delay(recording.motion or "acceleration") * rate_hz
     with_it = round(activation - late - p.stage_gap * rate_hz)
-    pressed = np.flatnonzero(above[onset:with_it] > p.stage_force * force)
-    if not len(pressed):
-        return None
-    begin = max(onset + int(pressed[0]), with_it - round((p.stage_lead - p.stage_gap) * rate_hz))
+    begin = max(onset, with_it - round((p.stage_lead - p.stage_gap) * rate_hz))
+    if force is not None:
+        pressed = np.flatnonzero(force[0][onset:with_it] > p.stage_force * force[1])
+        if not len(pressed):
+            return None
+        begin = max(begin, onset + int(pressed[0]))
     before, main = shaken[begin:with_it], shaken[with_it : with_it + round(0.04 * rate_hz)]
     if not len(before) or not len(main):
         return None

@@ -1,7 +1,8 @@
 """What is wrong with the sensors, seen in the samples of a press and of the rest before it.
 
-With hands off an accelerometer shows gravity: +9.8 m/s^2 along z. -9.8 is a sensor upside down, of which all
-that is recorded is the negative of the truth; another value is a tilt, a wrong zero, or a wire that is off.
+With hands off a DC-coupled accelerometer shows gravity: +9.8 m/s^2 along its vertical axis. -9.8 is a sensor
+upside down, of which all that is recorded is the negative of the truth; another value is a tilt, a wrong
+zero, or a wire that is off.
 Hum stands in the rest as lines at the mains' harmonics, and so in the press: its rms over that of the press's
 motion is the relative error of one press. No warp removes it, and an average only slowly, because it has
 another phase in each press. A fan, a motor and a shaken table have no lines that are known: they are all that
@@ -23,10 +24,17 @@ import scipy
 
 from ...instruments.arrays import FloatArray
 from ...instruments.mains import mains_hum
+from ...instruments.sensors import fault_along_vertical, fault_at_rest
+from ...instruments.sensors import upside_down as turned_over
 from ..recording import Recording
 
 __all__ = ["axis_fault", "doubt", "signal_fault", "upside_down"]
 
+_NAMES = {
+    "acceleration": "accelerometer",
+    "velocity": "velocity sensor",
+    "displacement": "displacement sensor",
+}
 _LOUD = 0.15
 """Hum over a press's motion (rms) from which the press is refused: with 0.25, r of a representative press was
 0.96 to 0.99, and with 0.08 it was 0.993 or more (on five simulated rigs)."""
@@ -48,7 +56,7 @@ _CREPT, _LEAVES = 0.01, 0.05
 def upside_down(recording: Recording, rest: slice) -> bool:
     """True when the accelerometer shows gravity along -z in the samples `rest`."""
     sensor = recording.sensors.acceleration
-    return sensor is not None and sensor.upside_down(_volts(recording, sensor.channels)[:, rest])
+    return sensor is not None and turned_over(sensor, _volts(recording, sensor.channels)[:, rest])
 
 
 def axis_fault(recording: Recording, rest: slice) -> str:
@@ -58,13 +66,13 @@ def axis_fault(recording: Recording, rest: slice) -> str:
         return ""
     volts = _volts(recording, sensor.channels)[:, rest]
     shown = sensor.to_si(volts).mean(axis=1)
-    off = [axis for axis in (0, 1) if abs(shown[axis]) >= sensor.range]
-    if wrong := sensor.fault_along_z(volts):
-        return f"the accelerometer shows {shown[2]:.1f} m/s² along z at rest: {wrong}"
-    if off:
-        return (
-            f"the accelerometer shows {shown[off[0]]:.1f} m/s² along {'xy'[off[0]]} at rest: check its wires"
-        )
+    if wrong := fault_along_vertical(sensor, volts):
+        axis = sensor.axes[sensor.row]
+        return f"the accelerometer shows {shown[sensor.row]:.1f} m/s² along {axis} at rest: {wrong}"
+    limits = sensor.range or (np.inf,) * len(shown)
+    for axis, value, limit in zip(sensor.axes, shown, limits, strict=True):
+        if axis != sensor.axes[sensor.row] and abs(value) >= limit:
+            return f"the accelerometer shows {value:.1f} m/s² along {axis} at rest: check its wires"
     return ""
 
 
@@ -74,27 +82,30 @@ def signal_fault(recording: Recording, rest: slice, press: slice, still: FloatAr
     `rest` and `press` are samples with hands off before the press, and those of the press; `still` is the
     vertical acceleration (samples,) of a rest of 0.4 s or more, in which hum can be told.
     """
-    sensor, force = recording.sensors.acceleration, recording.sensors.force
-    if sensor is None or force is None:
+    if source := recording.motion:
+        sensor, motion = recording.sensors.linear[source], recording.vertical[press]
+        called = _NAMES[source]
+        hum = _hum(still, motion, recording.rate_hz)
+        if hum and hum[0] > _LOUD:
+            return (
+                f"the {called} has {hum[1]}, {hum[0]:.0%} of the press's motion; check its ground and cable"
+            )
+        shaken = _shaken((still, recording.vertical[rest]), motion, recording.rate_hz)
+        # What was differentiated has noise of its own, and is told only (`doubt`).
+        if source == "acceleration" and shaken and shaken[0] > _SHAKEN:
+            return (
+                f"the {called} shows {shaken[1]}, {shaken[0]:.0%} of the press's motion; look for a fan or "
+                "a motor nearby, and check its cable"
+            )
+        slow = source == "acceleration" and sensor.bandwidth_hz < recording.rate_hz / 4
+        if slow and (count := _spikes(still, motion)):
+            return (
+                f"the {called}'s signal has {count} spike{'s' * (count > 1)}; check its wires and its supply"
+            )
+    force = recording.sensors.force
+    if force is None or len(force.channels) == 1:
         return ""
-    motion = recording.acceleration[2][press]
-    hum = _hum(still, motion, recording.rate_hz)
-    if hum and hum[0] > _LOUD:
-        return (
-            f"the accelerometer has {hum[1]}, {hum[0]:.0%} of the press's motion; check its ground and cable"
-        )
-    shaken = _shaken((still, recording.acceleration[2][rest]), motion, recording.rate_hz)
-    if shaken and shaken[0] > _SHAKEN:
-        return (
-            f"the accelerometer shows {shaken[1]}, {shaken[0]:.0%} of the press's motion; look for a fan or "
-            "a motor nearby, and check its cable"
-        )
-    if sensor.bandwidth_hz < recording.rate_hz / 4 and (count := _spikes(still, motion)):
-        return (
-            f"the accelerometer's signal has {count} spike{'s' * (count > 1)}; check its wires and its supply"
-        )
-    gauges = _volts(recording, force.channels)
-    weights = np.asarray(force.matrix[2])
+    gauges, weights = _volts(recording, force.channels), force.weights
     shares = weights * (gauges[:, press].mean(axis=1) - gauges[:, rest].mean(axis=1))
     heavy = np.abs(weights) > _WEIGHT * np.abs(weights).max()
     deaf = heavy & (np.abs(shares) < _STILL * np.abs(shares).sum())
@@ -110,16 +121,19 @@ def doubt(recording: Recording, rest: slice, press: slice, still: FloatArray) ->
     The recording ends with hands off, after this press.
     """
     sensor = recording.sensors.acceleration
-    doubts = []
-    if sensor is not None:
-        if wrong := sensor.fault_at_rest(_volts(recording, sensor.channels)[:, rest]):
-            doubts.append(f"accelerometer: {wrong.removesuffix('.')}")
-        motion = recording.acceleration[2][press]
+    doubts: list[str] = []
+    if sensor and (wrong := fault_at_rest(sensor, _volts(recording, sensor.channels)[:, rest])):
+        doubts.append(f"accelerometer: {wrong.removesuffix('.')}")
+    if recording.motion:
+        called, motion = _NAMES[recording.motion], recording.vertical[press]
         if hum := _hum(still, motion, recording.rate_hz):
-            doubts.append(f"the accelerometer has {hum[1]}, {hum[0]:.0%} of the press")
-        shaken = _shaken((still, recording.acceleration[2][rest]), motion, recording.rate_hz)
+            doubts.append(f"the {called} has {hum[1]}, {hum[0]:.0%} of the press")
+        shaken = _shaken((still, recording.vertical[rest]), motion, recording.rate_hz)
         if shaken and shaken[0] > _RESTLESS:
-            doubts.append(f"the accelerometer shows {shaken[1]}, {shaken[0]:.0%} of the press")
+            doubts.append(f"the {called} shows {shaken[1]}, {shaken[0]:.0%} of the press")
+    force = recording.sensors.force
+    if force is None or force.ac_coupled:
+        return "; ".join(doubts)
     late = recording.force[press.stop :][round(_LEAVES * recording.rate_hz) :]
     if len(late) >= _LEAVES * recording.rate_hz:
         left = float(late.mean() - recording.force[rest].mean()) / float(recording.force[press].max())

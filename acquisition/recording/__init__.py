@@ -9,6 +9,7 @@ from .recovery import recover, set_aside
 from .rejections import Rejection, add_rejections
 from .rows import BLOCK, EVENT, FLAGS, VERDICT, Event, PressVerdict
 from .salvage import content_hash, finish, verify
+from .whole import write_recording
 from .writer import Writer
 
 __all__ = [
@@ -37,4 +38,5 @@ __all__ = [
     "to_pandas",
     "to_xarray",
     "verify",
+    "write_recording",
 ]

@@ -18,11 +18,21 @@ if TYPE_CHECKING:
 
 __all__ = ["to_pandas", "to_xarray"]
 
-_UNITS = {"force": "N", "acceleration": "m/s^2", "activation": "1", "saturated": "1"}
+_UNITS = {
+    "force": "N",
+    "acceleration": "m/s^2",
+    "travel": "m",
+    "velocity": "m/s",
+    "activation": "1",
+    "saturated": "1",
+}
+_SENSORS = {"travel": "displacement"}
+"""Name of the sensor, where a signal has another."""
 
 
 def to_xarray(recording: Recording) -> xr.Dataset:
-    """Dataset with `force`, `activation`, `saturated` over `time`, and `acceleration` over `axis`, `time`.
+    """Dataset with `force`, `travel`, `velocity`, `activation`, `saturated` over `time`, and `acceleration`
+    over `axis`, `time`: those that were measured.
 
     Extra channels are over `time` too, and a reading `<instrument>_<name>` over `<instrument>_<name>_time`.
     Each variable has the attribute `units`; sampled variables also have `delay` (s, from the time of a
@@ -33,14 +43,18 @@ def to_xarray(recording: Recording) -> xr.Dataset:
         name: (
             ("axis", "time") if name == "acceleration" else ("time",),
             getattr(recording, name),
-            {"units": unit} | ({} if name == "saturated" else {"delay": recording.delay(name)}),
+            {"units": unit}
+            | ({} if name == "saturated" else {"delay": recording.delay(_SENSORS.get(name, name))}),
         )
-        for name, unit in _UNITS.items()
+        for name, unit in _measured(recording).items()
     }
     for name, sensor in recording.sensors.extra.items():
         about = {"units": sensor.unit, "long_name": sensor.name or name, "delay": recording.delay(name)}
         variables[name] = (("time",), recording.extra[name], about)
-    coordinates: dict[str, Any] = {"time": ("time", _time(recording), {"units": "s"}), "axis": list("xyz")}
+    coordinates: dict[str, Any] = {
+        "time": ("time", _time(recording), {"units": "s"}),
+        "axis": _axes(recording),
+    }
     for name, readings in _readings(recording).items():
         time = np.array([reading.sample for reading in readings]) / recording.rate_hz
         values = np.array([reading.value for reading in readings])
@@ -51,20 +65,24 @@ def to_xarray(recording: Recording) -> xr.Dataset:
 
 
 def to_pandas(recording: Recording) -> pd.DataFrame:
-    """DataFrame over `time` (s) with the columns `force`, `acceleration_x`, `_y` and `_z`, `activation`
-    and `saturated`.
+    """DataFrame over `time` (s) with the columns `force`, `acceleration_x`, `_y` and `_z`, `travel`,
+    `velocity`, `activation` and `saturated`: those that were measured.
 
     A column for each extra channel follows, and one `<instrument>_<name>` for each reading, with NaN in
     all rows without a reading. `attrs` has the units. Raises ConfigurationError when pandas is not installed.
     """
     pandas = _library("pandas")
-    columns: dict[str, Any] = {"force": recording.force}
-    columns |= {f"acceleration_{axis}": row for axis, row in zip("xyz", recording.acceleration, strict=True)}
-    columns |= {"activation": recording.activation, "saturated": recording.saturated}
+    columns: dict[str, Any] = {}
+    for name in _measured(recording):
+        if name == "acceleration":
+            rows = zip(_axes(recording), recording.acceleration, strict=True)
+            columns |= {f"acceleration_{axis}": row for axis, row in rows}
+        else:
+            columns[name] = getattr(recording, name)
     columns |= recording.extra
-    units = _UNITS | {name: sensor.unit for name, sensor in recording.sensors.extra.items()}
+    units = _measured(recording) | {name: sensor.unit for name, sensor in recording.sensors.extra.items()}
     for name, readings in _readings(recording).items():
-        columns[name] = np.full(len(recording.force), np.nan)
+        columns[name] = np.full(len(recording.saturated), np.nan)
         for reading in readings:
             # Requested after that many samples: the reading belongs to the last of them.
             columns[name][max(0, reading.sample - 1) : reading.sample] = reading.value
@@ -74,8 +92,22 @@ def to_pandas(recording: Recording) -> pd.DataFrame:
     return table
 
 
+def _measured(recording: Recording) -> dict[str, str]:
+    """Units of the signals that a recording has."""
+    return {
+        name: unit
+        for name, unit in _UNITS.items()
+        if name == "saturated" or recording.has(_SENSORS.get(name, name))
+    }
+
+
+def _axes(recording: Recording) -> list[str]:
+    sensor = recording.sensors.acceleration
+    return [] if sensor is None else list(sensor.axes)
+
+
 def _time(recording: Recording) -> Any:
-    return np.arange(len(recording.force)) / recording.rate_hz
+    return np.arange(len(recording.saturated)) / recording.rate_hz
 
 
 def _readings(recording: Recording) -> dict[str, list[AlongReading]]:

@@ -39,7 +39,7 @@ __all__ = [
 ]
 
 FORMAT = "haploop recording"
-VERSION = 3
+VERSION = 4
 CODES = 32768
 """Number of codes from 0 V to full scale: a sample is full_scale * code / CODES volts."""
 

@@ -8,8 +8,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from ...instruments import DataError, Sensor
+from ...instruments import DataError, LinearSensor
 from ...instruments.arrays import FloatArray
+from ...instruments.sensors import Restorer
 from ..checksum import opened, unreadable
 from .file_format import Header, from_codes, read_header
 from .recording import Recording
@@ -45,7 +46,7 @@ class PartReader:
         self._verified: tuple[int, ...] = ()
         """What the file system says of a finished file that was verified."""
         self._blocks = 0
-        self._zero: FloatArray | None = None
+        self._zeros: dict[str, FloatArray] = {}
         self._sensors = recording.sensors
 
     @property
@@ -76,23 +77,34 @@ class PartReader:
             self.events, self._hash = tuple(whole.events), whole.content_hash
             self._verdicts, self._verified = whole.verdicts, mark
 
-    def force(self, first: int, end: int) -> FloatArray:
-        """(samples,) N of samples `first` to `end` - 1: as `Recording.force`, of this part alone."""
-        if self._zero is None:
-            at = next((event.sample for event in self.events if event.kind == "rest"), None)
-            length = max(1, round(self.header.rest * self.header.rate_hz))
-            begin = max(0, at - length) if at is not None else 0
-            zero = self._volts("force", begin, begin + length).mean(axis=1, keepdims=True)
-            if at is not None:
-                self._zero = zero
-        else:
-            zero = self._zero
-        axial: FloatArray = self._si("force", self._volts("force", first, end) - zero)[2]
-        return axial
+    def has(self, quantity: str) -> bool:
+        """See `Recording.has`."""
+        return quantity in self._sensors.of_presses
 
-    def acceleration(self, first: int, end: int) -> FloatArray:
-        """(3, samples) m/s^2 of samples `first` to `end` - 1: as `Recording.acceleration`, of this part."""
-        return self._si("acceleration", self._volts("acceleration", first, end))
+    def along(self, quantity: str, first: int, end: int) -> FloatArray:
+        """(samples,) of samples `first` to `end` - 1 of a linear sensor along the press, of this part alone.
+
+        A force and a displacement are from their rest; what fades in an AC-coupled one is restored from the
+        part's first sample on.
+        """
+        sensor, volts = self._sensor(quantity), self._volts(quantity, first, end)
+        if not sensor.tared:
+            return sensor.along(volts)
+        signal = sensor.along(volts, self._rest_of(quantity))
+        return Restorer(sensor, self.header.rate_hz)(signal)
+
+    def _rest_of(self, quantity: str) -> FloatArray:
+        """(channels,) V that a sensor shows with hands off; kept once that is over."""
+        known = self._zeros.get(quantity)
+        if known is not None:
+            return known
+        at = next((event.sample for event in self.events if event.kind == "rest"), None)
+        length = max(1, round(self.header.rest * self.header.rate_hz))
+        begin = max(0, at - length) if at is not None else 0
+        zero = np.asarray(self._volts(quantity, begin, begin + length).mean(axis=1))
+        if at is not None:
+            self._zeros[quantity] = zero
+        return zero
 
     def _volts(self, name: str, first: int, end: int) -> FloatArray:
         rows = [self.header.channels.index(channel) for channel in self._sensor(name).channels]
@@ -109,11 +121,8 @@ class PartReader:
                 codes = codes_between(file, self.header, first, end)
         return from_codes(codes[rows], self.header.full_scale[rows])
 
-    def _si(self, name: str, volts: FloatArray) -> FloatArray:
-        return np.asarray(self._sensor(name).to_si(volts))
-
-    def _sensor(self, name: str) -> Sensor:
-        sensor: Sensor | None = getattr(self._sensors, name)
+    def _sensor(self, name: str) -> LinearSensor:
+        sensor = self._sensors.linear.get(name)
         if sensor is None:
             raise DataError(f"{self.path} was recorded without a sensor for {name}.")
         return sensor

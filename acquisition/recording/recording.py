@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from ...instruments import DataError, Sensor, Sensors
+from ...instruments import DataError, LinearSensor, Sensor, Sensors
 from ...instruments.arrays import BoolArray, FloatArray
 from ...instruments.notebook import InNotebook
 from ...instruments.safety import is_marked
+from ...instruments.sensors import Restorer
 from ..checksum import opened
 from .file_format import CODES, Contents, Header, from_codes, read_header
 from .readings import AlongFile, AlongReading, files_in, readings_in
@@ -23,6 +25,9 @@ from .rows import Event, PressVerdict, events_in, verdicts_in
 from .salvage import read_contents, tables
 
 __all__ = ["Recording"]
+
+_ORDERS = {"acceleration": 0, "velocity": 1, "displacement": 2}
+"""Derivatives from each to the acceleration; the first that a recording has is used."""
 
 
 class Recording(InNotebook):
@@ -74,6 +79,11 @@ class Recording(InNotebook):
     def rig(self) -> str:
         """Name of the rig."""
         return self.header.rig_name
+
+    @property
+    def imported(self) -> Mapping[str, Any]:
+        """Origin of a recording of another program: file, sha256, rate_hz, mapping, notes; else empty."""
+        return dict(json.loads(self.header.rig).get("imported", {}))
 
     @property
     def simulated(self) -> bool:
@@ -159,6 +169,11 @@ class Recording(InNotebook):
         return slice(start, start + length)
 
     @property
+    def quiet(self) -> slice:
+        """Samples in which hands are off: `rest`, and in a part of a recording those before its press."""
+        return self.rest
+
+    @property
     def blocks(self) -> NDArray[np.void]:
         """Blocks as they arrived: first, count, overload (a bit per channel), time (s, rig's clock)."""
         return self._contents.blocks
@@ -192,17 +207,54 @@ class Recording(InNotebook):
         """(channels, samples) V, as acquired."""
         return from_codes(self._contents.codes, self.header.full_scale)
 
+    def has(self, quantity: str) -> bool:
+        """True when force, acceleration, displacement, velocity or activation was measured."""
+        return quantity in self.sensors.of_presses
+
     @cached_property
     def force(self) -> FloatArray:
-        """(samples,) N: Fz relative to the rest of the gauges (their mean during hands off)."""
-        # A copy: a row of the six would keep all of them in memory.
-        return np.asarray(self._sensor("force").to_si(self._gauges)[2].copy())
+        """(samples,) N along the press: from its rest (the mean during hands off), what fades restored."""
+        return self._tared("force")
+
+    @cached_property
+    def travel(self) -> FloatArray:
+        """(samples,) m of the cap: from its rest, rising as it is pressed."""
+        return self._tared("displacement")
 
     @cached_property
     def acceleration(self) -> FloatArray:
-        """(3, samples) m/s^2 along x, y, z."""
-        sensor = self._sensor("acceleration")
+        """(axes, samples) m/s^2 along the accelerometer's axes."""
+        sensor = self._linear("acceleration")
         return sensor.to_si(self._rows(sensor))
+
+    @cached_property
+    def velocity(self) -> FloatArray:
+        """(samples,) m/s of the cap, positive upwards."""
+        sensor = self._linear("velocity")
+        return sensor.along(self._rows(sensor))
+
+    @property
+    def motion(self) -> str | None:
+        """What `vertical` is from: "acceleration", "velocity" or "displacement"; None without any."""
+        return next((quantity for quantity in _ORDERS if self.has(quantity)), None)
+
+    @property
+    def vertical(self) -> FloatArray:
+        """(samples,) m/s^2: the vertical acceleration, with gravity where the sensor shows it.
+
+        Without an accelerometer a velocity or a displacement is differentiated (`motion.py`), up to
+        `motion_hz`. Raises DataError without any.
+        """
+        sensor = self.sensors.acceleration
+        if sensor is None:
+            return self._differentiated[0]
+        upright = self.acceleration[sensor.row]
+        return np.asarray(upright if sensor.sign > 0 else -upright)
+
+    @property
+    def motion_hz(self) -> float | None:
+        """Upper edge (Hz) of the band in which `vertical` was differentiated; None for an accelerometer."""
+        return None if self.has("acceleration") else self._differentiated[1]
 
     @cached_property
     def activation(self) -> FloatArray:
@@ -224,28 +276,32 @@ class Recording(InNotebook):
     @cached_property
     def saturated(self) -> BoolArray:
         """(samples,): True where a sensor, or its converter, was at the range end (not extra channels)."""
-        accelerometer = self._sensor("acceleration")
-        sensors = (self._sensor("force"), accelerometer, self._sensor("activation"))
-        codes = self._contents.codes[[row for sensor in sensors for row in self._indices(sensor)]]
-        # The largest positive code is 32767, the largest negative one -32768.
-        edge = np.any(np.abs(codes.astype(np.int32)) >= CODES - 1, axis=0)
-        edge |= accelerometer.saturated(self._rows(accelerometer))
-        return np.asarray(edge | self._sensor("force").saturated(self._gauges))
+        edge = np.zeros(self._contents.codes.shape[1], dtype=np.bool_)
+        for sensor in self.sensors.of_presses.values():
+            codes = self._contents.codes[self._indices(sensor)]
+            # The largest positive code is 32767, the largest negative one -32768.
+            edge |= np.any(np.abs(codes.astype(np.int32)) >= CODES - 1, axis=0)
+            volts = self._rows(sensor)
+            if isinstance(sensor, LinearSensor) and sensor.tared:
+                edge |= sensor.saturated(volts, self._rest_of(volts))
+            else:
+                edge |= sensor.saturated(volts)
+        return edge
 
     def delay(self, quantity: str) -> float:
-        """Delay (s) from a sample's clock edge to the sampling instant of `quantity`.
+        """Delay (s) from a sample's clock edge to the instant of `quantity` that it shows.
 
-        `quantity` is "force", "acceleration" (z), "activation" or a name in `extra`. A multiplexed card
-        samples its channels one after the other; the delay of the force is the mean of its gauges'
-        delays, weighted by their coefficients in Fz.
+        `quantity` is "force", "displacement", "velocity", "acceleration" (all along the press), "activation"
+        or a name in `extra`. A multiplexed card samples its channels one after the other; the delay of
+        several channels is their mean, weighted by their shares. A sensor's own delay (`delay` in the rig
+        file) is earlier: what it shows has happened before.
         """
         if quantity in self.sensors.extra:
             return float(self.header.delays[self.channels.index(self.sensors.extra[quantity].channel)])
         sensor = self._sensor(quantity)
         delays = self.header.delays[self._indices(sensor)]
-        if quantity == "force":
-            weights = np.abs(np.asarray(self._fz_weights))
-            return float(np.average(delays, weights=weights))
+        if isinstance(sensor, LinearSensor):
+            return float(np.average(delays, weights=np.abs(sensor.weights))) - sensor.transfer.delay
         return float(delays[-1])
 
     @property
@@ -265,23 +321,42 @@ class Recording(InNotebook):
         return contents, found
 
     @cached_property
-    def _gauges(self) -> FloatArray:
-        """(6, samples) V relative to rest, without the weight of the box and the offsets of the gauges."""
-        gauges = self._rows(self._sensor("force"))
-        if not gauges.size:
-            return gauges
-        return np.asarray(gauges - gauges[:, self.rest].mean(axis=1, keepdims=True))
+    def _differentiated(self) -> tuple[FloatArray, float]:
+        """The vertical acceleration without an accelerometer, and the upper edge of its band (Hz)."""
+        source = self.motion
+        if source is None:
+            raise DataError(
+                f"{self.path} shows no motion: it was recorded without a sensor for acceleration, velocity "
+                "or displacement."
+            )
+        signal = self.velocity if source == "velocity" else -self.travel
+        # A recording that is verified or listed needs no scipy.
+        from .motion import differentiated  # noqa: PLC0415
 
-    @property
-    def _fz_weights(self) -> tuple[float, ...]:
-        force = self.sensors.force
-        assert force is not None
-        return force.matrix[2]
+        return differentiated(signal, _ORDERS[source], self.rate_hz, self.quiet)
+
+    def _tared(self, quantity: str) -> FloatArray:
+        """(samples,) along the press, from the rest; what an AC-coupled sensor lets fade is restored."""
+        sensor = self._linear(quantity)
+        volts = self._rows(sensor)
+        if not volts.size:
+            return np.zeros(0)
+        signal = sensor.along(volts, self._rest_of(volts))
+        return Restorer(sensor, self.rate_hz)(signal) if sensor.ac_coupled else signal
+
+    def _rest_of(self, volts: FloatArray) -> FloatArray:
+        """(channels,) V that a sensor's channels show at rest: weight and offset."""
+        return np.asarray(volts[:, self.quiet].mean(axis=1)) if volts.size else np.zeros(len(volts))
 
     def _sensor(self, name: str) -> Sensor:
-        sensor: Sensor | None = getattr(self.sensors, name)
+        sensor = self.sensors.of_presses.get(name)
         if sensor is None:
             raise DataError(f"{self.path} was recorded without a sensor for {name}.")
+        return sensor
+
+    def _linear(self, name: str) -> LinearSensor:
+        sensor = self._sensor(name)
+        assert isinstance(sensor, LinearSensor)
         return sensor
 
     def _indices(self, sensor: Sensor) -> list[int]:

@@ -16,18 +16,17 @@ from ...instruments import (
     Clock,
     ConfigurationError,
     DataError,
-    ForceTorque,
     InstrumentError,
+    LinearSensor,
     Request,
     Rig,
-    Sensor,
     Stream,
 )
 from ...instruments.files import check_destination, private_files
 from ...instruments.progress import Progress, silent
 from ...instruments.safety import marked
 from ...instruments.signals import uninterrupted
-from ..presses import Protocol, segmentation_for
+from ..presses import Protocol, press_quantity, segmentation_for
 from ..recording import (
     Header,
     PressVerdict,
@@ -100,18 +99,18 @@ def run_session(
     on_request: Callable[[Request], None] = ignore,
 ) -> Recording:
     """Record the presses still due in a session. `record` calls this with a one-button session."""
-    force, channels = _wiring(rig)
+    sensor, channels = _wiring(rig)
     with private_files():
         check_destination(session.path)
     with marked(session.path):
-        return _recorded(rig, session, p, force, channels, progress, on_verdict, on_request)
+        return _recorded(rig, session, p, sensor, channels, progress, on_verdict, on_request)
 
 
 def _recorded(
     rig: Rig,
     session: Session,
     p: Protocol,
-    force: ForceTorque,
+    sensor: LinearSensor,
     channels: list[str],
     progress: Progress,
     on_verdict: Callable[[PressVerdict], None],
@@ -137,7 +136,7 @@ def _recorded(
                     publish = rig.live_run("record", str(path), stream.channels, stream.rate_hz)
                     blocks = _written(reader, writer, along, rig.clock, publish)
                     run = SessionRun(
-                        rig, blocks, writer, header, force, session, p, progress, on_verdict, on_request
+                        rig, blocks, writer, header, sensor, session, p, progress, on_verdict, on_request
                     )
                     run.conduct()
                     along.finish(writer)
@@ -155,21 +154,15 @@ def _recorded(
     return Recording.open(path)
 
 
-def _wiring(rig: Rig) -> tuple[ForceTorque, list[str]]:
-    """Find the force sensor and every channel to record. Raises ConfigurationError."""
-    sensors: dict[str, Sensor | None] = {
-        "force": rig.sensors.force,
-        "acceleration": rig.sensors.acceleration,
-        "activation": rig.sensors.activation,
-    }
-    missing = [name for name, sensor in sensors.items() if sensor is None]
-    force = rig.sensors.force
-    if missing or force is None:
+def _wiring(rig: Rig) -> tuple[LinearSensor, list[str]]:
+    """Find the sensor that tells presses, and every channel to record. Raises ConfigurationError."""
+    quantity = press_quantity(rig.sensors)
+    if quantity is None:
         raise ConfigurationError(
-            f"The rig {rig.name!r} has no [sensors.{missing[0]}]; recording a press needs force, "
-            "acceleration and activation."
+            f"The rig {rig.name!r} has no sensor that shows a press: describe one of [sensors.force], "
+            "[sensors.displacement], [sensors.acceleration] or [sensors.velocity] in its file."
         )
-    return force, list(rig.sensors.recorded)
+    return rig.sensors.linear[quantity], list(rig.sensors.recorded)
 
 
 def _header(rig: Rig, stream: Stream, session: Session, p: Protocol) -> Header:

@@ -15,8 +15,8 @@ import numpy as np
 from ...instruments import (
     Block,
     DataError,
-    ForceTorque,
     InstrumentError,
+    LinearSensor,
     Press,
     Request,
     Rest,
@@ -24,7 +24,7 @@ from ...instruments import (
 )
 from ...instruments.arrays import FloatArray
 from ...instruments.progress import Progress
-from ..presses import Detector, Protocol, QualityCheck, restlessness
+from ..presses import NAMES, Detector, LivePressing, Protocol, QualityCheck, restlessness
 from ..recording import (
     Header,
     PressVerdict,
@@ -74,21 +74,22 @@ class SessionRun:
         blocks: Iterator[Block],
         writer: Writer,
         header: Header,
-        force: ForceTorque,
+        sensor: LinearSensor,
         session: Session,
         p: Protocol,
         progress: Progress,
         on_verdict: Callable[[PressVerdict], None],
         on_request: Callable[[Request], None],
     ) -> None:
-        self._operator, self._blocks, self._writer, self._force = rig.operator, blocks, writer, force
+        self._operator, self._blocks, self._writer = rig.operator, blocks, writer
         self._session, self._p, self._rate_hz = session, p, header.rate_hz
         self._progress, self._on_verdict, self._on_request = progress, on_verdict, on_request
-        self._gauges = [header.channels.index(name) for name in force.channels]
+        self._rows = [header.channels.index(name) for name in sensor.channels]
+        self._pressing = LivePressing(sensor, header.rate_hz, p.segmentation, p.rest_spread)
         self._detector = self._new_detector()
         self._check_quality = QualityCheck(writer.path, header, rig.sensors, p)
         self._index = self._began = 0
-        self._rest: FloatArray = np.zeros((len(force.channels), 1))
+        self._channels, self._tared = header.channels, _tared(rig)
         self._recent: deque[Block] = deque()
         self._pending = deque(session.pending)
         self._done = session.of - len(session.pending)
@@ -106,7 +107,8 @@ class SessionRun:
         if self._session.consent:
             self._writer.note(0, "consent", self._session.consent)
         self._tell(Rest(self._p.rest))
-        self._rest = self._settled()
+        self._settle()
+        self._detector = self._new_detector()
         self._writer.note(self._index, "rest", "Hands were off until here.")
         self._began = self._index
         self._count(0)
@@ -162,7 +164,7 @@ class SessionRun:
                 )
             if began is not None and self._index > began + p.patience * self._rate_hz:
                 cause = self._restlessness(
-                    [block.volts[self._gauges] for block in self._recent][-round(1 / p.block) :]
+                    [block.volts[self._rows] for block in self._recent][-round(1 / p.block) :]
                 )
                 raise DataError(
                     f"Press {request.number} of {request.of} did not end within {p.patience:g} s of its "
@@ -211,7 +213,7 @@ class SessionRun:
     def _next(self) -> None:
         """Process one block. Raises InstrumentError when the stream has ended."""
         block = self._take()
-        self._detector.feed(self._force.to_si(block.volts[self._gauges] - self._rest)[2])
+        self._detector.feed(self._pressing(block.volts[self._rows]))
 
     def _take(self) -> Block:
         """Keep one block for the quality check, and do what the operator has asked for."""
@@ -245,7 +247,9 @@ class SessionRun:
         return True
 
     def _new_detector(self) -> Detector:
-        return Detector(self._rate_hz, replace(self._p.segmentation, quiet=self._p.quiet))
+        levels = self._pressing.levels
+        levels = replace(levels, quiet=max(levels.quiet, self._p.quiet))
+        return Detector(self._rate_hz, self._p.segmentation, levels)
 
     def _reject(self, last: PressVerdict) -> None:
         """Reject the preceding press for the operator."""
@@ -273,9 +277,9 @@ class SessionRun:
         while self._index < end:
             self._next()
 
-    def _settled(self) -> FloatArray:
-        """(6, 1) V: mean of the gauges over the first `p.rest` seconds without a hand. Raises DataError."""
-        p = self._p
+    def _settle(self) -> None:
+        """Take the first `p.rest` seconds without a hand for the sensors' rest. Raises DataError."""
+        p, pressing = self._p, self._pressing
         recent: deque[FloatArray] = deque(maxlen=max(1, round(p.rest / p.block)))
         reminder = Rest(p.rest)
         while not (waited := self._overdue(0, reminder)):
@@ -284,20 +288,34 @@ class SessionRun:
             self._recent.append(block)
             if len(self._recent) > (recent.maxlen or 0):
                 self._recent.popleft()
-            recent.append(block.volts[self._gauges])
+            recent.append(block.volts[self._rows])
             if len(recent) < (recent.maxlen or 0):
                 continue
-            # Block means suppress noise, but not the force of a hand.
-            means = np.stack([volts.mean(axis=1) for volts in recent], axis=1)
-            if np.ptp(self._force.to_si(means)[2]) < p.rest_spread:
+            # Block means suppress noise, but not the force of a hand, nor what it knocks.
+            means = [float(pressing.at_rest(volts).mean()) for volts in recent]
+            if np.ptp(means) < pressing.levels.spread:
                 self._wait_left -= max(0.0, self._index / self._rate_hz - p.patience)
-                return np.asarray(means.mean(axis=1, keepdims=True))
+                pressing.settle(np.concatenate(recent, axis=1))
+                self._check_quality.rests |= self._rests()
+                return
         cause = self._restlessness(list(recent)) or "take hands off the button"
-        raise DataError(f"The force did not come to rest within {waited:g} s: {cause}, and start again.")
+        what = NAMES[pressing.quantity]
+        raise DataError(f"The {what} did not come to rest within {waited:g} s: {cause}, and start again.")
+
+    def _rests(self) -> dict[str, FloatArray]:
+        """(channels,) V that sensors with a rest of their own showed in the recent blocks."""
+        volts = np.concatenate([block.volts for block in self._recent], axis=1)
+        rows = {
+            name: [self._channels.index(channel) for channel in channels]
+            for name, channels in self._tared.items()
+        }
+        return {name: np.asarray(volts[own].mean(axis=1)) for name, own in rows.items()}
 
     def _restlessness(self, recent: Sequence[FloatArray]) -> str:
-        """The cause of a restless force in recent blocks of the gauges, (6, samples) V each."""
-        return restlessness(self._force.to_si(np.concatenate(recent, axis=1))[2], self._rate_hz)
+        """The cause of a restless force in recent blocks of its channels, (channels, samples) V each."""
+        if self._pressing.quantity != "force":
+            return ""
+        return restlessness(self._pressing.sensor.along(np.concatenate(recent, axis=1)), self._rate_hz)
 
     def _block(self) -> Block:
         block = next(self._blocks, None)
@@ -311,6 +329,11 @@ class SessionRun:
     @property
     def _kept(self) -> str:
         return f"the samples recorded so far are in {self._writer.path}"
+
+
+def _tared(rig: Rig) -> dict[str, tuple[str, ...]]:
+    """Channels of the sensors that have a rest of their own, by what they measure."""
+    return {name: sensor.channels for name, sensor in rig.sensors.linear.items() if sensor.tared}
 
 
 def _still_waiting(request: Request, left: float) -> Request:

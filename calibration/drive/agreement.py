@@ -22,6 +22,7 @@ __all__ = [
     "dependence",
     "error_spectra",
     "finite",
+    "followed",
     "lines_inside",
     "odd_play",
     "plays_needed",
@@ -106,6 +107,13 @@ def error_spectra(accelerations: FloatArray, target: FloatArray) -> ComplexArray
     """
     wanted = _lines(target)
     return np.asarray((_lines(accelerations) - wanted) / np.linalg.norm(wanted))
+
+
+def followed(missed: ComplexArray, target: FloatArray) -> tuple[float, float]:
+    """Share of the target in the motion, from `error_spectra`, and the standard error of that."""
+    wanted = _lines(target)
+    shares = 1 + (missed @ wanted.conj()).real / float(np.linalg.norm(wanted))
+    return abs(float(shares.mean())), float(shares.std(ddof=1) / np.sqrt(len(shares)))
 
 
 def lines_inside(band: tuple[float, float], samples: int, rate_hz: float) -> BoolArray:

@@ -17,6 +17,7 @@ from .agreement import (
     SharedPower,
     dependence,
     error_spectra,
+    followed,
     lines_inside,
     odd_play,
     shared_power,
@@ -103,9 +104,8 @@ def compare(drive: Drive, played: Played, rig: Rig) -> Check:
         simulated=rig.simulated or drive.simulated,
     )
     dependent = dependence(missed, inside)
-    shares = (moved @ still[0].conj()).real
     signs = Signs(
-        followed=(abs(float(shares.mean())), float(shares.std(ddof=1) / np.sqrt(len(shares)))),
+        followed=followed(missed, target),
         odd=odd_play(moved[:, inside]),
         dependent=dependent,
         overload=played.overload,

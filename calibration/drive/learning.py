@@ -20,11 +20,11 @@ from ...instruments.arrays import FloatArray
 from ...instruments.progress import Progress, part_of, silent
 from ..model import Calibration, even_order
 from ..response import measure_both_signs, prepare
-from .agreement import SharedPower, dependence, error_spectra, lines_inside, shared_power
+from .agreement import SharedPower, dependence, error_spectra, followed, lines_inside, shared_power
 from .correction import ResponseEstimate
 from .drive import Drive
 from .playing import Played, play_by_turns, refuse_foreign, target_of
-from .verdict import LEAST_MOVED, UNSEEN
+from .verdict import LEAST_MOVED, UNSEEN, one_factor
 
 __all__ = ["Iteration", "Learning", "learn"]
 
@@ -39,6 +39,9 @@ in noise."""
 _MOTION_SIGNIFICANCE = 5.0
 """Standard deviations above zero of the plays' common motion, required to call it a motion."""
 _LEAST_STEP = 0.25
+_FACTOR = 0.1
+"""Distance of a factor over the whole motion from one, from which nothing is learnt: `gain` of
+`[recalibration]`, which adopts none either."""
 _DISTURBED = "Something periodic disturbs the laser in step with the plays"
 
 
@@ -107,10 +110,11 @@ def learn(
 ) -> Learning:
     """Improve a drive by playing it: `plays` plays, then up to `iterations` corrections of as many.
 
-    It ends when the error reaches the plays' noise, when the expected improvement of a correction is
-    below that noise, or when smaller steps bring no improvement; at once, when a signal left its range or
-    the surface did not follow. The target stays unchanged. The result is the first drive, unless another
-    was closer to the target by more than the noise of plays that had no part in its selection.
+    It ends when the error reaches the plays' noise, when the expected improvement of a correction is below
+    that noise, or when smaller steps bring no improvement; at once, when a signal left its range, the surface
+    did not follow, or most of the error is one factor, as a laser that is askew makes it. The target stays
+    unchanged. The result is the first drive, unless another was closer to the target by more than the noise
+    of plays that had no part in its selection.
     `progress` is called with the plays done and their largest possible number.
 
     Raises ConfigurationError for fewer than three plays, or a drive of another calibration or rig, and
@@ -140,6 +144,7 @@ def learn(
     stopped = (
         _unlearnable(outcome, target_of(drive, outcome.rate_hz))
         or (f"{first.reason}. Nothing can be learnt from these plays." if first.disturbed else "")
+        or _of_the_laser(first, target_of(drive, outcome.rate_hz))
         or _ended(tried, best, step, iterations)
     )
     if not stopped:
@@ -230,6 +235,16 @@ def _unlearnable(played: Played, target: FloatArray) -> str:
             "surface, or something disturbs it. Nothing can be learnt from these plays."
         )
     return f"The surface did not follow the drive: {UNSEEN}. Nothing can be learnt from these plays."
+
+
+def _of_the_laser(first: Iteration, target: FloatArray) -> str:
+    """Reason not to learn an error that a laser's scale makes as well; empty when there is none."""
+    missed = error_spectra(first.accelerations[:, : len(target)], target)
+    said = one_factor(first.whole, followed(missed, target), _FACTOR)
+    return said and (
+        f"{said} Nothing is learnt, because a wrong scale would make the drive wrong by it: aim the laser "
+        "square to the surface; if the factor stays, calibrate the patch anew."
+    )
 
 
 def _ended(tried: list[Iteration], best: int, step: float, iterations: int) -> str:

@@ -146,7 +146,7 @@ def _acceleration(rig: Rig, capture: Capture, top: float, factor: int, rest: int
     samples = scipy.fft.next_fast_len(-(-len(velocity) // factor), real=True)
     f = scipy.fft.rfftfreq(samples * factor, 1 / capture.rate_hz)
     kept = f < top
-    late = np.exp(2j * np.pi * f * capture.delays[laser]) * rig.vibrometer.response(f)
+    late = np.exp(2j * np.pi * f * capture.delays[laser]) * rig.motion_response(f)
     spectrum = scipy.fft.rfft(velocity * fade(len(velocity), edge, edge), samples * factor)
     moved = np.where(kept, spectrum * 2j * np.pi * f / late, 0.0)[: samples // 2 + 1]
     return np.asarray(scipy.fft.irfft(moved, samples) / factor)

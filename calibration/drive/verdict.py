@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..perception import feeling_of
-from .agreement import plays_needed
+from .agreement import SharedPower, plays_needed
 from .checked import Check
 
-__all__ = ["LEAST_MOVED", "UNSEEN", "Signs", "judged"]
+__all__ = ["LEAST_MOVED", "UNSEEN", "Signs", "judged", "one_factor"]
 
 LEAST_IN_BAND = 0.25
 """Smallest share of the modulated press's energy in the drive's band: matching less is no match."""
@@ -117,18 +117,19 @@ def _doubt(result: Check, signs: Signs) -> str:
     )
 
 
-def _one_factor(result: Check, followed: float, deviation: float) -> str:
-    """A note where most of the error is one factor over the whole motion; empty elsewhere.
+def one_factor(whole: SharedPower, followed: tuple[float, float], least: float) -> str:
+    """A sentence where most of the error is one factor, `least` from one or more; empty elsewhere.
 
     The squared error is that of the factor and that of all else, which is orthogonal to the target.
     """
-    error, amiss = result.whole.value, abs(followed - 1)
-    clear = followed > LEAST_MOVED and amiss > max(_FACTOR, 3 * deviation)
-    if not (clear and amiss**2 > error / 2):
+    share, deviation = followed
+    amiss = abs(share - 1)
+    clear = share > LEAST_MOVED and amiss > max(least, 3 * deviation)
+    if not (clear and amiss**2 > whole.value / 2):
         return ""
-    left = float(np.sqrt(max(error - amiss**2, 0.0)))
+    left = float(np.sqrt(max(whole.value - amiss**2, 0.0)))
     return (
-        f"The laser shows {followed:.2f} times the target, and {left:.1%} of error beside that factor: its "
+        f"The laser shows {share:.2f} times the target, and {left:.1%} of error beside that factor: its "
         "scale is wrong (its aim, range or settings), or the patch moves the table by another amount per "
         "volt than when it was calibrated."
     )
@@ -137,7 +138,7 @@ def _one_factor(result: Check, followed: float, deviation: float) -> str:
 def _notes(result: Check, signs: Signs) -> tuple[str, ...]:
     notes = []
     number, by = signs.odd
-    if factor := _one_factor(result, *signs.followed):
+    if factor := one_factor(result.whole, signs.followed, _FACTOR):
         notes.append(factor)
     if result.tones.share > _TOLD:
         tones = ", ".join(f"{hz:.1f}" for hz in result.tones.hz)

@@ -193,6 +193,10 @@ def _without_relay(rig: Rig) -> Iterator[Finding]:
             f" A drive of up to {peak:g} V that stays would make the coil dissipate {held:.3g} W, and it "
             f"takes {actuator.watts:g} W: put a thermal fuse in series, or a capacitor."
         )
+    if rig.feeds_amplifier("player"):
+        sentence += (
+            f" Every sound that another program plays on the {rig.player.identity} reaches the actuator."
+        )
     if actuator.protected_by:
         sentence += f" The rig file says what protects it: {actuator.protected_by}."
     yield Finding("No relay", "amplifier", "yellow", sentence)

@@ -61,6 +61,7 @@ def examine_loop(
         return list(_findings(rig, output, channel, volts, progress))
     finally:
         rig.make_safe()
+        rig.forget_gain()  # a cable on the drive monitor proves none
         rig.operator.confirm(Uncable(output))
 
 
@@ -172,7 +173,9 @@ def _at_output(rig: Rig, level: float) -> float:
 
 
 def _played(rig: Rig, drive: FloatArray, channel: str, progress: Progress) -> FloatArray:
-    return np.asarray(rig.excite(drive, (), [channel], 0.1, progress).volts[0])
+    # Without a relay the patch is named: its limits hold, whether the amplifier was unplugged or not.
+    patches = rig.table.patches if rig.file.relay is None else ()
+    return np.asarray(rig.excite(drive, patches, [channel], 0.1, progress).volts[0])
 
 
 def _tone(hz: float, duration: float, rate_hz: float) -> FloatArray:

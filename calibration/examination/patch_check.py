@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from ...instruments import Aim, Capture, HaploopError, InstrumentError, Rig
+from ...instruments import Capture, HaploopError, InstrumentError, Rig
 from ...instruments.arrays import BoolArray, ComplexArray, FloatArray
 from ...instruments.vibrometer import shown
 from ..response import linear_sweep
@@ -128,9 +128,9 @@ def _measure(rig: Rig) -> _Answers:
     refused: dict[str, str] = {}
     silence: _Answer | None = None
     for place, point in points.items():
-        if not rig.operator.confirm(Aim(point)):
+        if not rig.operator.confirm(rig.aim(point)):
             raise InstrumentError(
-                f"The operator did not confirm this request, so no patch was tested: {Aim(point)}"
+                f"The operator did not confirm this request, so no patch was tested: {rig.aim(point)}"
             )
         silence = silence or _play(rig, sweep, (), silent)
         for patch in (p for p in patches if p not in refused):
@@ -158,12 +158,13 @@ def _play(rig: Rig, sweep: FloatArray, patches: tuple[str, ...], silent: bool = 
     inside = (f > _BAND[0]) & (f < _BAND[1])
     f = np.asarray(f[inside])
     commanded = _spectrum(sweep, samples, inside)
-    drive = _spectrum(sensor.to_si(capture.volts[:1])[0], samples, inside)
-    velocity = _spectrum(rig.vibrometer.to_si(capture.volts[1]), samples, inside)
-    # The laser's delay and those of the card's conversions and filters rotate the phase: all are removed.
-    drive_skew, skew = (np.exp(-2j * np.pi * f * delay) for delay in capture.delays[:2])
-    drive = np.asarray(drive * drive_skew)
-    velocity = np.asarray(velocity / rig.vibrometer.response(f) * skew)
+    # The laser's delay, and those of the card's channels, rotate the phase: they are removed. A delta-sigma
+    # input's filter alone turns it several times within the band.
+    skew = np.exp(-2j * np.pi * f * capture.delays[:, None])
+    drive = _spectrum(sensor.to_si(capture.volts[:1])[0], samples, inside) * skew[0]
+    velocity = _spectrum(rig.vibrometer.to_si(capture.volts[1]), samples, inside) * skew[1]
+    drive = np.asarray(drive / rig.daq.response(sensor.channels[0], f))
+    velocity = np.asarray(velocity / rig.motion_response(f))
     power = float((np.abs(commanded) ** 2).sum())
     return _Answer(
         drive=float((drive * commanded.conj()).real.sum() / power),

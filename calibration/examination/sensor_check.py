@@ -7,9 +7,10 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 import scipy
 
-from ...instruments import Capture, HaploopError, Press, Rest, Rig
+from ...instruments import Capture, HaploopError, LinearSensor, Press, Rest, Rig
 from ...instruments.arrays import FloatArray
 from ...instruments.operator import Place, Remove
+from ...instruments.sensors import fault_at_rest
 from ..background import Record, tones_in, tones_of
 from ..spectra import resample
 from .finding import Finding, Status
@@ -18,6 +19,10 @@ __all__ = ["cards", "check_clock", "check_force", "check_gravity", "check_noise"
 
 _GRAVITY = 9.80665
 _MASS_TOLERANCE = 0.05
+_NOTHING = 1.0
+"""m/s^2 at rest below which an accelerometer may be AC-coupled."""
+_COUPLED = 1.0
+"""Constant voltage from which an AC-coupled sensor is not coupled so (V; IEPE supplies rest at 8 to 12)."""
 _CONVERTER_NOISE = 28e-6
 """V rms per V of range: a 16-bit card's (estimate; docs/hardware.md, "All NI cards")."""
 _TONES_HZ = 2500.0
@@ -43,12 +48,8 @@ _PRESS_BAND = (15.0, 100.0)
 def cards(rig: Rig) -> Mapping[str, Sequence[str]]:
     """The measured channels of each card."""
     sensors = rig.sensors
-    names = [
-        c
-        for s in (sensors.force, sensors.acceleration, sensors.activation, sensors.drive)
-        if s
-        for c in s.channels
-    ]
+    measured = [*sensors.of_presses.values(), *([sensors.drive] if sensors.drive else [])]
+    names = [channel for sensor in measured for channel in sensor.channels]
     names += [extra.channel for extra in sensors.extra.values() if extra.channel not in names]
     if rig.file.vibrometer is not None:
         names.append(rig.vibrometer.channel)
@@ -81,7 +82,9 @@ def _noise_floor(
     converter = _CONVERTER_NOISE * full_scale
     measured = f"{_volts(rms)} rms about {_volts(mean)} in +-{full_scale:g} V"
     sensors = rig.sensors
-    never_zero = [c for s in (sensors.force, sensors.acceleration) if s for c in s.channels]
+    # A weight, and gravity; what is AC-coupled shows nothing at rest.
+    constant = [one for one in (sensors.force, sensors.acceleration) if one and not one.ac_coupled]
+    never_zero = [channel for one in constant for channel in one.channels]
     if overload:
         return "red", (
             f"The signal is at the end of its range ({measured}): the sensor is saturated, its wire is "
@@ -130,6 +133,14 @@ def check_force(rig: Rig, mass: float) -> Iterator[Finding]:
     """Compare the force sensor's reading with a known mass (kg), put on it by the operator."""
     sensor = rig.sensors.force
     assert sensor is not None
+    if sensor.ac_coupled:
+        sentence = (
+            "Not tested with a mass: the force sensor is AC-coupled "
+            f"({sensor.transfer.high_pass_hz[0]:.2g} Hz), and what is constant fades. Compare its "
+            "sensitivity with its certificate."
+        )
+        yield Finding("Known mass", "force", "yellow", sentence)
+        return
     rig.operator.tell(Rest(1.0))
     rest = _captured(rig, sensor.channels, 1.0).volts.mean(axis=1)
     if not rig.operator.confirm(Place(mass)):
@@ -139,34 +150,62 @@ def check_force(rig: Rig, mass: float) -> Iterator[Finding]:
     rig.operator.confirm(Remove())
     force = sensor.to_si((loaded - rest)[:, np.newaxis])[:, 0]
     weight = mass * _GRAVITY
-    off, aside = float(force[2] / weight - 1), float(np.abs(force[:2]).max() / weight)
-    measured = (
-        f"{mass:g} kg reads {force[2]:.2f} N instead of {weight:.2f} N ({off:+.0%}), and "
-        f"{force[0]:.2f} N and {force[1]:.2f} N sideways"
-    )
-    if force[2] < 0.2 * weight and abs(off) > _MASS_TOLERANCE:
+    normal = float(sensor.sign * force[sensor.row])
+    level = [
+        value
+        for axis, value in zip(sensor.axes, force.tolist(), strict=True)
+        if axis in ("x", "y", "z") and axis != sensor.axes[sensor.row]
+    ]
+    off, aside = normal / weight - 1, max(map(abs, level), default=0.0) / weight
+    sideways = f", and {' and '.join(f'{value:.2f} N' for value in level)} sideways" if level else ""
+    measured = f"{mass:g} kg reads {normal:.2f} N instead of {weight:.2f} N ({off:+.0%}){sideways}"
+    if normal < 0.2 * weight and abs(off) > _MASS_TOLERANCE:
         what = "the sensor is upside down or not connected. Check its mounting and its cable."
         yield Finding("Known mass", "force", "red", f"{measured}: {what}")
     elif abs(off) > _MASS_TOLERANCE or aside > _MASS_TOLERANCE:
-        what = "the matrix belongs to another sensor. Check the serial number on the .cal file."
+        what = (
+            "the matrix belongs to another sensor. Check the serial number on the .cal file."
+            if len(sensor.channels) > 3
+            else "its scale or sensitivity is wrong. Copy it from its certificate again."
+        )
         yield Finding("Known mass", "force", "red", f"{measured}: {what}")
     else:
         yield Finding("Known mass", "force", "green", f"{measured}.")
 
 
 def check_gravity(rig: Rig) -> Iterator[Finding]:
-    """Test that the accelerometer at rest measures gravity along z."""
+    """Test that the accelerometer at rest shows gravity along its vertical axis, or nothing if AC-coupled."""
     sensor = rig.sensors.acceleration
     assert sensor is not None
     rig.operator.tell(Rest(1.0))
     volts = _captured(rig, sensor.channels, 1.0).volts
-    x, y, z = sensor.to_si(volts).mean(axis=1)
-    measured = f"At rest it reads {x:.1f}, {y:.1f}, {z:.1f} m/s² along x, y, z"
-    what = sensor.fault_at_rest(volts)
-    if what is None:
-        yield Finding("Gravity", "acceleration", "green", f"{measured}: upright, with 9.8 expected on z.")
+    shown, axes = sensor.to_si(volts).mean(axis=1), ", ".join(sensor.axes)
+    measured = f"At rest it reads {', '.join(f'{one:.1f}' for one in shown)} m/s² along {axes}"
+    if not sensor.gravity:
+        yield _without_gravity(sensor, volts, measured)
         return
+    what = fault_at_rest(sensor, volts)
+    if what is None:
+        expected = f"upright, with {sensor.sign * _GRAVITY:.1f} expected on {sensor.axes[sensor.row]}"
+        yield Finding("Gravity", "acceleration", "green", f"{measured}: {expected}.")
+        return
+    if float(np.abs(shown).max()) < _NOTHING:
+        what += " An IEPE or charge accelerometer shows no gravity: give it high_pass_hz in the rig file."
     yield Finding("Gravity", "acceleration", "red", f"{measured}: {what}")
+
+
+def _without_gravity(sensor: LinearSensor, volts: FloatArray, measured: str) -> Finding:
+    """Of an accelerometer that shows no gravity: an AC-coupled one shows nothing that is constant."""
+    constant = float(np.abs(volts.mean(axis=1)).max())
+    if sensor.ac_coupled and constant > _COUPLED:
+        what = (
+            f"its channel shows a constant {constant:.1f} V, and it is AC-coupled: that is the bias of an "
+            "IEPE supply. Couple the channel AC."
+        )
+        return Finding("Gravity", "acceleration", "red", f"{measured}: {what}")
+    why = "it is AC-coupled" if sensor.ac_coupled else "its axis is not vertical"
+    sentence = f"{measured}: {why}, and shows no gravity. Tap beside it to see that it follows."
+    return Finding("Gravity", "acceleration", "green", sentence)
 
 
 def check_clock(rig: Rig) -> Iterator[Finding]:
@@ -196,8 +235,8 @@ def check_clock(rig: Rig) -> Iterator[Finding]:
     window = round(_PRESS * rate_hz)
     for first in (0, round((_BETWEEN_PRESSES + _PRESS) * rate_hz)):
         part = volts[:, first : first + window]
-        pushed = force.to_si(part[:6])[2]
-        shaken = acceleration.to_si(part[6:])[2]
+        pushed = force.along(part[: len(force.channels)])
+        shaken = acceleration.along(part[len(force.channels) :])
         lags.append(_lag(pushed, shaken, rate_hz))
     if any(lag is None for lag in lags):
         sentence = (

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import scipy
 
-from ...instruments import Aim, ConfigurationError, Rig
+from ...instruments import ConfigurationError, Rig
 from ...instruments.arrays import ComplexArray, FloatArray
 from ...instruments.files import Room, room
 from ...instruments.progress import Progress, silent
@@ -139,8 +139,8 @@ def _measure(rig: Rig, folder: MapFolder, left: Sequence[Step], held: Room, prog
 
 def _aimed(rig: Rig, step: Step) -> tuple[str | None, float]:
     """Reason why a point cannot be measured (None if it can), and the signal level there (NaN: unknown)."""
-    if not rig.operator.confirm(Aim(step.point)):
-        return f"The operator did not confirm this: {Aim(step.point)}", np.nan
+    if not rig.operator.confirm(rig.aim(step.point)):
+        return f"The operator did not confirm this: {rig.aim(step.point)}", np.nan
     level = rig.vibrometer.signal_level()
     if level is not None and level < _DIM:
         return (
@@ -198,7 +198,7 @@ class _Player:
                 drives.append(seen[monitor])
                 rows.append((number, patch))
             laser = capture.channels.index(rig.vibrometer.channel)
-            paths = Channels(capture.rate_hz, 0.0, float(capture.delays[laser]), rig.vibrometer.response)
+            paths = Channels(capture.rate_hz, 0.0, float(capture.delays[laser]), rig.motion_response)
             speed = rig.vibrometer.to_si(capture.volts[laser])[: len(self._all)]
             velocity = paths.velocity(scipy.fft.rfft(speed)[self._lines], self._f)
             if not self._follows(velocity, name):
@@ -229,10 +229,11 @@ class _Player:
         """(lines,) V at a patch at the clock's edges."""
         row, divider = channels.index(monitor), self._rig.sensors.drive
         assert divider is not None
-        paths = Channels(self._plan.rate_hz, float(delays[row]), 0.0, self._rig.vibrometer.response)
+        paths = Channels(self._plan.rate_hz, float(delays[row]), 0.0, self._rig.motion_response)
         sampled = scipy.fft.rfft(divider.to_si(volts[[row]])[0][: len(commanded)])[self._lines]
         order = scipy.fft.rfft(commanded)[self._lines]
-        return np.asarray(sampled * paths.drive(sampled[None], order, self._f))
+        passed = self._rig.daq.response(monitor, self._f)
+        return np.asarray(sampled * paths.drive(sampled[None], order, self._f) / passed)
 
     def _follows(self, velocity: ComplexArray, name: str) -> bool:
         """True when the surface moves more at the excited lines than at the others."""

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...instruments import Aim, Capture, ConfigurationError, DataError, InstrumentError, Rig
-from ...instruments.arrays import FloatArray
+from ...instruments import Capture, ConfigurationError, DataError, InstrumentError, Rig
+from ...instruments.arrays import ComplexArray, FloatArray
 from ...instruments.progress import Progress, part_of, silent
 from ...instruments.vibrometer import shown
 from ..background import LONGEST_REST, Record, rests, without_tones
@@ -28,6 +28,8 @@ __all__ = [
     "QUICK",
     "SWEEP",
     "BothSigns",
+    "Play",
+    "Spot",
     "distortion",
     "excite",
     "measure_above",
@@ -89,11 +91,12 @@ def measure_response(
     if peak is None:
         peak = full_level(rig, lambda peak: excitation.volts(rig.table.rate_hz, peak))
     prepare(rig, point)
+    spot = Spot(rig, patch, point)
     if isinstance(excitation, Multisine):
-        return plausible(_known(rig, patch, point, excitation, peak, hysteresis, progress, within))
+        return plausible(_known(spot, Play(excitation, peak), hysteresis, within, progress))
     if hysteresis is not None:
         raise ConfigurationError("Sweeps measure the hysteresis themselves: only a multisine takes one.")
-    return plausible(_swept(rig, patch, point, excitation, peak, progress))
+    return plausible(_swept(spot, excitation, peak, progress))
 
 
 def measure_above(
@@ -113,7 +116,27 @@ def measure_above(
     peak = rig.limits.peak * min(1.0, _MARGIN * rig.limits.headroom(one, rig.table.rate_hz)[0])
     settle(rig, patch, progress)
     # The surface may move less than the laser's noise there: the deviation says so, and nothing is refused.
-    return _played(rig, patch, point, excitation, peak, hysteresis, progress, local_only=True)
+    return _played(Spot(rig, patch, point), Play(excitation, peak), hysteresis, progress, local_only=True)
+
+
+@dataclass(frozen=True, eq=False)
+class Spot:
+    """A patch of a rig, and the point at which the laser sees what it does."""
+
+    rig: Rig
+    patch: str
+    point: str
+
+    def __str__(self) -> str:
+        return f"patch {self.patch} at the {self.point} point"
+
+
+@dataclass(frozen=True)
+class Play:
+    """A multisine and its largest volts at the patch."""
+
+    multisine: Multisine
+    peak: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +157,7 @@ def measure_both_signs(rig: Rig, patch: str, point: str, progress: Progress = si
     captures = []
     for number, sign in enumerate((1.0, -1.0)):
         settle(rig, patch, progress)
-        tell = part_of(progress, _doing(patch, point), number * QUICK.duration, 2 * QUICK.duration)
+        tell = part_of(progress, _doing(Spot(rig, patch, point)), number * QUICK.duration, 2 * QUICK.duration)
         captures.append(excite(rig, QUICK, patch, sign * quick_level(rig), tell))
         _refuse_overload(rig, captures[-1])
     volts, velocity, channels = zip(*(_signals(rig, capture, patch) for capture in captures), strict=True)
@@ -149,16 +172,8 @@ def distortion(rig: Rig, patch: str, point: str, hysteresis: Hysteresis, both: B
 
     Noise is part of it. Raises InstrumentError when a signal left its range.
     """
-    found = response_from(
-        rig,
-        both.captures[0],
-        QUICK,
-        quick_level(rig),
-        patch=patch,
-        point=point,
-        hysteresis=hysteresis,
-        local_only=True,
-    )
+    spot, played = Spot(rig, patch, point), Play(QUICK, quick_level(rig))
+    found = response_from(spot, both.captures[0], played, hysteresis, local_only=True)
     return float(np.median(np.linalg.norm(found.distortion, axis=0) / np.abs(found.velocity)))
 
 
@@ -193,44 +208,34 @@ def excite(rig: Rig, multisine: Multisine, patch: str, peak: float, progress: Pr
 
 
 def response_from(
-    rig: Rig,
+    spot: Spot,
     capture: Capture,
-    multisine: Multisine,
-    peak: float,
-    *,
-    patch: str,
-    point: str,
+    played: Play,
     hysteresis: Hysteresis | None = None,
+    *,
     local_only: bool = False,
 ) -> Response:
-    """Estimate the response from a capture that `excite` made of a multisine of `peak` volts.
+    """Estimate the response from a capture that `excite` made.
 
     With `local_only` nothing is fitted over all lines. Raises InstrumentError when a signal left its range.
     """
+    rig, multisine = spot.rig, played.multisine
     _refuse_overload(rig, capture)
-    volts, velocity, channels = _signals(rig, capture, patch)
-    commanded = multisine.volts(rig.table.rate_hz, peak)
+    volts, velocity, channels = _signals(rig, capture, spot.patch)
+    commanded = multisine.volts(rig.table.rate_hz, played.peak)
     found, law = from_multisine(
         multisine, commanded, volts, velocity, channels, hysteresis, local_only=local_only
     )
-    return _response(
-        rig,
-        found,
-        patch,
-        point,
-        excitation=f"{multisine}; the patch's hysteresis taken out",
-        repeats=multisine.periods,
-        peak=peak,
-        shares=(),
-        hysteresis=law,
-    )
+    excitation = f"{multisine}; the patch's hysteresis taken out"
+    response = _response(spot, found, excitation, multisine.periods, played.peak)
+    return replace(response, level=law.level, hysteresis=law)
 
 
 def prepare(rig: Rig, point: str) -> None:
     """Have settings and aim at `point` confirmed, and check the light. Raises InstrumentError."""
     rig.confirm_settings()
-    if not rig.operator.confirm(Aim(point)):
-        raise InstrumentError(f"The operator did not confirm this, so nothing was measured: {Aim(point)}")
+    if not rig.operator.confirm(rig.aim(point)):
+        raise InstrumentError(f"The operator did not confirm this, so nothing was measured: {rig.aim(point)}")
     level = rig.vibrometer.signal_level()
     if level is not None and level < 0.1:
         raise InstrumentError(
@@ -261,48 +266,32 @@ def _refuse_overload(rig: Rig, capture: Capture) -> None:
 
 
 def _known(
-    rig: Rig,
-    patch: str,
-    point: str,
-    multisine: Multisine,
-    peak: float,
-    hysteresis: Hysteresis | None,
-    progress: Progress,
-    within: float,
+    spot: Spot, play: Play, hysteresis: Hysteresis | None, within: float, progress: Progress
 ) -> Response:
     """Play a multisine, again with twice the period as long as the response is not known and that helps."""
     before, said = np.inf, ""
     while True:
-        settle(rig, patch, progress)
-        response = _played(rig, patch, point, multisine, peak, hysteresis, progress)
-        unsure = response.uncertainty
+        settle(spot.rig, spot.patch, progress)
+        response = _played(spot, play, hysteresis, progress)
+        unsure, multisine = response.uncertainty, play.multisine
         longer = replace(multisine, period=2 * multisine.period)
         if unsure <= within or longer.period > _LONGEST or unsure > _HELPS * before:
             break
         said += f"; {multisine.duration:.2f} s left a standard deviation of {unsure:.2%}"
-        multisine, before = longer, unsure
+        play, before = replace(play, multisine=longer), unsure
     return replace(response, excitation=f"{response.excitation}; standard deviation {unsure:.2%}{said}")
 
 
 def _played(
-    rig: Rig,
-    patch: str,
-    point: str,
-    multisine: Multisine,
-    peak: float,
-    hysteresis: Hysteresis | None,
-    progress: Progress,
-    *,
-    local_only: bool = False,
+    spot: Spot, play: Play, hysteresis: Hysteresis | None, progress: Progress, *, local_only: bool = False
 ) -> Response:
-    tell = part_of(progress, _doing(patch, point), 0, multisine.duration)
-    capture = excite(rig, multisine, patch, peak, tell)
-    return response_from(
-        rig, capture, multisine, peak, patch=patch, point=point, hysteresis=hysteresis, local_only=local_only
-    )
+    tell = part_of(progress, _doing(spot), 0, play.multisine.duration)
+    capture = excite(spot.rig, play.multisine, spot.patch, play.peak, tell)
+    return response_from(spot, capture, play, hysteresis, local_only=local_only)
 
 
-def _swept(rig: Rig, patch: str, point: str, sweep: LinearSweep, peak: float, progress: Progress) -> Response:
+def _swept(spot: Spot, sweep: LinearSweep, peak: float, progress: Progress) -> Response:
+    rig, patch = spot.rig, spot.patch
     once = sweep.volts(rig.table.rate_hz, peak)
     recorded = (rig.monitor(patch), rig.vibrometer.channel)
     drives, records = [], []
@@ -311,7 +300,7 @@ def _swept(rig: Rig, patch: str, point: str, sweep: LinearSweep, peak: float, pr
     leads, longest = rests(len(levels), rate_hz, 1, once.tobytes()), round(LONGEST_REST * rate_hz)
     for number, (factor, lead) in enumerate(zip(levels, leads, strict=True)):
         before = sweep.duration * number / len(levels)
-        tell = part_of(progress, _doing(patch, point), before, sweep.duration)
+        tell = part_of(progress, _doing(spot), before, sweep.duration)
         # Zero volts first: a rest of a length that no tone of the background is in step with. The tail makes
         # all captures equally long.
         tail = sweep.tail + (longest - lead) / rate_hz
@@ -321,31 +310,20 @@ def _swept(rig: Rig, patch: str, point: str, sweep: LinearSweep, peak: float, pr
         drives.append(volts[lead : lead + capture.volts.shape[1] - longest])
         still = lead + len(once) + round(_RINGS * sweep.tail * rate_hz)
         records.append(Record(velocity, (slice(0, lead), slice(still, len(velocity)))))
-    progress(_doing(patch, point), sweep.duration, sweep.duration, "s")
+    progress(_doing(spot), sweep.duration, sweep.duration, "s")
     calm = without_tones(records, rate_hz)
     velocities = [row[lead : lead + len(drives[0])] for row, lead in zip(calm, leads, strict=True)]
     found = from_sweeps(sweep, once, np.array(drives), np.array(velocities), channels)
-    return _response(
-        rig, found, patch, point, excitation=str(sweep), repeats=sweep.repeats, peak=peak, shares=sweep.shares
-    )
+    response = _response(spot, found, str(sweep), sweep.repeats, peak)
+    return replace(response, levels=response.level * np.array(sweep.shares))
 
 
-def _response(
-    rig: Rig,
-    found: FrfEstimate,
-    patch: str,
-    point: str,
-    *,
-    excitation: str,
-    repeats: int,
-    peak: float,
-    shares: tuple[float, ...],
-    hysteresis: Hysteresis | None = None,
-) -> Response:
-    gain = float(np.median(np.abs(found.path)))
+def _response(spot: Spot, found: FrfEstimate, excitation: str, repeats: int, peak: float) -> Response:
+    """The response to an excitation of `peak` volts as commanded, of a patch without hysteresis."""
+    rig = spot.rig
     return Response(
-        patch=patch,
-        point=point,
+        patch=spot.patch,
+        point=spot.point,
         frequencies=found.frequencies,
         velocity=found.velocity,
         deviation=found.deviation,
@@ -355,8 +333,8 @@ def _response(
         noise=found.noise,
         distortion=found.distortion,
         repeats=repeats,
-        level=gain * peak if hysteresis is None else hysteresis.level,
-        levels=gain * peak * np.array(shares),
+        level=float(np.median(np.abs(found.path))) * peak,
+        levels=np.zeros(0),
         level_gain=found.level_gain,
         pickup_range=rig.vibrometer.range,
         pickup=rig.vibrometer.quantity,
@@ -366,7 +344,7 @@ def _response(
         rig_file=rig.file.model_dump_json(),
         simulated=rig.simulated,
         created=datetime.now(UTC).isoformat(timespec="seconds"),
-        hysteresis=LINEAR if hysteresis is None else hysteresis,
+        hysteresis=LINEAR,
     )
 
 
@@ -376,15 +354,20 @@ def _signals(rig: Rig, capture: Capture, patch: str) -> tuple[FloatArray, FloatA
     laser = capture.channels.index(rig.vibrometer.channel)
     divider = rig.sensors.drive
     assert divider is not None
+
+    def laser_response(f: FloatArray) -> ComplexArray:
+        # What the monitor's channel loses of the drive counts as if the laser showed more.
+        return np.asarray(rig.motion_response(f) / rig.monitor_response(patch, f))
+
     channels = Channels(
-        capture.rate_hz, float(capture.delays[drive]), float(capture.delays[laser]), rig.vibrometer.response
+        capture.rate_hz, float(capture.delays[drive]), float(capture.delays[laser]), laser_response
     )
     volts = divider.to_si(capture.volts[[drive]])[0]
     return volts, rig.vibrometer.to_si(capture.volts[laser]), channels
 
 
-def _doing(patch: str, point: str) -> str:
-    return f"Measure patch {patch} at the {point} point"
+def _doing(spot: Spot) -> str:
+    return f"Measure {spot}"
 
 
 def plausible(response: Response) -> Response:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
@@ -132,8 +133,17 @@ def read_uff(
             f"{path} holds no frequency response out of the plane (data set 58, type 4, direction z); "
             + (f"its functions have the types {kinds}." if kinds else "it has no data set 58 at all.")
         )
+    found = (_response(path, s, coherences.get(_place(s)), length) for s in responses)
     return tuple(
-        _response(path, s, coherences.get(_place(s)), length, source, rig, patch, point) for s in responses
+        replace(
+            one,
+            source=source,
+            rig=rig.name if rig else one.rig,
+            rig_file=rig.model_dump_json() if rig else "",
+            patch=patch or one.patch,
+            point=point or one.point,
+        )
+        for one in found
     )
 
 
@@ -203,15 +213,9 @@ def _place(function: Mapping[str, Any]) -> tuple[str, int, int, str, int]:
 
 
 def _response(
-    path: Path,
-    function: Mapping[str, Any],
-    coherence: Mapping[str, Any] | None,
-    length: float,
-    source: str,
-    rig: RigFile | None,
-    patch: str | None,
-    point: str | None,
+    path: Path, function: Mapping[str, Any], coherence: Mapping[str, Any] | None, length: float
 ) -> Response:
+    """The response as the file states it, without its source and rig."""
     f, H = np.asarray(function["x"], dtype=np.float64), np.asarray(function["data"], dtype=np.complex128)
     good = len(f) == len(H) and np.all(np.isfinite(f)) and np.all(np.isfinite(H)) and np.all(np.diff(f) > 0)
     if not good or len(f) != int(function["num_pts"]) or len(f) < 2:
@@ -232,8 +236,8 @@ def _response(
     sure = np.clip(share, 1e-6, _SURE)
     deviation = np.abs(velocity) * np.sqrt((1 - sure) / sure) if len(share) else np.zeros(0)
     return Response(
-        patch=patch or (reference if ours else str(reference_node)),
-        point=point or (name if ours else str(node)),
+        patch=reference if ours else str(reference_node),
+        point=name if ours else str(node),
         frequencies=f,
         velocity=velocity,
         deviation=deviation,
@@ -247,9 +251,9 @@ def _response(
         level_gain=np.zeros(0, dtype=np.complex128),
         pickup_range=np.inf,
         excitation=str(function["id2"]).strip(),
-        source=source,
-        rig=rig.name if rig else str(function["id4"]).strip(),
-        rig_file=rig.model_dump_json() if rig else "",
+        source="",
+        rig=str(function["id4"]).strip(),
+        rig_file="",
         simulated=ours and str(function["id5"]).startswith(_SIMULATED[:9]),
         created=str(function["id3"]).strip(),
     )

@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from ...instruments import Aim, DataError, InstrumentError, LimitError, Rig
+from ...instruments import DataError, InstrumentError, LimitError, Rig
 from ...instruments.progress import Progress, part_of
 from ..drive import Drive
 from ..model import Calibration
 from ..response import (
     QUICK,
     Hysteresis,
+    Play,
     Response,
+    Spot,
     excite,
     plausible,
     prepare,
@@ -91,7 +93,7 @@ def look_at(
         return Look((), frozenset(), (str(error),), (), None, 0.0)
     for calibration in calibrations:
         patch, point = place = place_of(calibration)
-        if not rig.operator.confirm(Aim(point)):
+        if not rig.operator.confirm(rig.aim(point)):
             unmeasured.append(
                 f"Patch {patch} at the {point} point was not measured: the laser would need to be aimed."
             )
@@ -136,7 +138,7 @@ def _measured(rig: Rig, place: Place, laser: LaserAtRest, progress: Progress) ->
     peak = quick_level(rig)
     tell = part_of(progress, f"Measure patch {patch} at the {point} point", 0, QUICK.duration)
     capture, spikes = without_spikes(rig, excite(rig, QUICK, patch, peak, tell))
-    return plausible(response_from(rig, capture, QUICK, peak, patch=patch, point=point)), spikes
+    return plausible(response_from(Spot(rig, patch, point), capture, Play(QUICK, peak))), spikes
 
 
 def _known(calibration: Calibration) -> bool:

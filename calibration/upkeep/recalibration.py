@@ -121,7 +121,8 @@ def recalibrate(
         far = bool(common_factors(look.verdicts, since, limits.gain))
         if outcome.kind == "unchanged" and not far:
             turn = _turn(history, active, buttons, look)
-            outcome = _played(rig, outcome, turn, buttons[turn], look, disturbed, progress)
+            hides = bool(disturbed and look.laser and look.laser.hides(buttons[turn].drive))
+            outcome = _played(rig, outcome, (turn, buttons[turn]), hides, progress)
         if gained and outcome.kind != "broken":
             kind = "broken" if far or outcome.kind == "drifted" else outcome.kind
             outcome = _with(replace(outcome, kind=kind), *gained)
@@ -138,7 +139,10 @@ def recalibrate(
                 f"anew: {active.name} stays the active one.",
             )
         elif outcome.kind == "drifted":
-            outcome = _bring_back(rig, history, outcome, calibrations, buttons, iterations, actor, progress)
+            anew = _made_anew(rig, buttons, outcome.before, iterations, progress)
+            outcome = _judged(rig, history, outcome, calibrations, anew)
+            if outcome.kind == "restored":
+                outcome = _activated(rig, history, outcome, anew, actor)
         laser = look.laser
         history.note(
             {
@@ -316,15 +320,13 @@ def _margin(check: Check) -> float:
 
 
 def _played(
-    rig: Rig,
-    outcome: Outcome,
-    name: str,
-    button: DigitalButton,
-    look: Look,
-    disturbed: Sequence[str],
-    progress: Progress,
+    rig: Rig, outcome: Outcome, turn: tuple[str, DigitalButton], hidden: bool, progress: Progress
 ) -> Outcome:
-    """The outcome after a check of one button on a table that seems unchanged."""
+    """The outcome after a check of one button on a table that seems unchanged.
+
+    `hidden`: the laser is so disturbed that it would hide whether the button is right.
+    """
+    name, button = turn
     told = f"The button {name} was played, whose turn it was with a margin of {_margin(button.check):.1%}"
     try:
         found = check(rig, button.drive, progress=prefixed(progress, name))
@@ -335,7 +337,7 @@ def _played(
     if found.passed:
         return _with(outcome, f"{told}: its error is {found.error:.1%}, and it passes.")
     reasons = " ".join(found.reasons)
-    if disturbed and look.laser and look.laser.hides(found.drive):
+    if hidden:
         return _with(
             replace(outcome, kind="broken"),
             f"{told}, and it does not pass: {reasons} The response is as it was, and the laser is disturbed.",
@@ -346,70 +348,93 @@ def _played(
     )
 
 
-def _bring_back(
+@dataclass
+class _Anew:
+    """Everything that was made anew on a drifted table."""
+
+    before: dict[str, Check]
+    after: dict[str, DigitalButton] = field(default_factory=dict)
+    calibrations: dict[Place, Calibration] = field(default_factory=dict)
+    waveforms: dict[Place, Waveforms] = field(default_factory=dict)
+    failed: list[str] = field(default_factory=list)
+    """Sentences on what did not come out as it has to."""
+    broken: str = ""
+    """Sentence on the instrument that failed; the rest was not made then."""
+
+
+def _made_anew(
     rig: Rig,
-    history: History,
-    found: Outcome,
-    calibrations: Sequence[Calibration],
     buttons: Mapping[str, DigitalButton],
+    before: Mapping[str, Check],
     iterations: int,
-    actor: str,
     progress: Progress,
-) -> Outcome:
-    """New calibrations, with the hysteresis, and new drives of every button; and the outcome."""
-    before: dict[str, Check] = dict(found.before)
-    after: dict[str, DigitalButton] = {}
-    renewed: dict[Place, Calibration] = {}
-    measured: dict[Place, Waveforms] = {}
-    failed: list[str] = []
+) -> _Anew:
+    """Check each old drive, calibrate each place, with its hysteresis, and compute and learn each drive."""
+    made = _Anew(dict(before))
     for name, old in buttons.items():
         place = old.drive.patch, old.drive.point
         try:
-            if name not in before:
+            if name not in made.before:
                 old_drive = prefixed(progress, f"{name}, old drive")
-                before[name] = check(rig, old.drive, plays=_PLAYS_BEFORE, progress=old_drive)
-            if place not in renewed:
-                renewed[place], measured[place] = calibrate_keeping(rig, *place, progress)
-            after[name] = build_button(
+                made.before[name] = check(rig, old.drive, plays=_PLAYS_BEFORE, progress=old_drive)
+            if place not in made.calibrations:
+                made.calibrations[place], made.waveforms[place] = calibrate_keeping(rig, *place, progress)
+            made.after[name] = build_button(
                 rig,
                 old.press,
-                renewed[place],
+                made.calibrations[place],
                 method=cast(Method, old.drive.method),
                 iterations=iterations,
                 progress=prefixed(progress, name),
             )
         except (DataError, LimitError) as error:
-            failed.append(f"{name}: {error}")
+            made.failed.append(f"{name}: {error}")
         except InstrumentError as error:
             rig.make_safe()
-            return _with(replace(found, kind="broken", before=before, after=after), f"{name}: {error}")
+            made.broken = f"{name}: {error}"
+            return made
         else:
-            failed += [f"{name}: {reason}" for reason in after[name].check.reasons]
+            made.failed += [f"{name}: {reason}" for reason in made.after[name].check.reasons]
+    return made
+
+
+def _judged(
+    rig: Rig, history: History, found: Outcome, calibrations: Sequence[Calibration], anew: _Anew
+) -> Outcome:
+    """Restored, if all that was made anew may be activated; else the reasons why the active ones stay."""
+    found = replace(found, before=anew.before, after=anew.after)
+    if anew.broken:
+        return _with(replace(found, kind="broken"), anew.broken)
     # Whoever moved the laser since the look must not be adopted either.
-    old_ones = {place_of(c): c for c in calibrations}
-    again = [compare(old_ones[place], c.response, {}, c.hysteresis) for place, c in renewed.items()]
-    failed += common_factors(again, factors_since(history, found.active), rig.file.recalibration.factor)
-    found = replace(found, before=before, after=after)
-    disturbed = _disturbed_since(rig, after, _usual_noise(history))
+    old = {place_of(c): c for c in calibrations}
+    again = [compare(old[place], c.response, {}, c.hysteresis) for place, c in anew.calibrations.items()]
+    factors = common_factors(again, factors_since(history, found.active), rig.file.recalibration.factor)
+    failed = (*anew.failed, *factors)
+    disturbed = _disturbed_since(rig, anew.after, _usual_noise(history))
     if failed or disturbed:
         kept_active = f"Nothing was changed: {found.active.name} stays the active one."
         return _with(replace(found, kind="broken") if disturbed else found, *failed, *disturbed, kept_active)
     # A calibration without a button of its own has nothing to be checked with, and is kept.
-    kept = {place_of(c): c for c in calibrations} | renewed
+    anew.calibrations = old | anew.calibrations
+    return replace(found, kind="restored")
+
+
+def _activated(rig: Rig, history: History, found: Outcome, anew: _Anew, actor: str) -> Outcome:
+    """Add what was made anew to the history, and activate it."""
     reason = " ".join(found.sentences)
     generation = history.add(
-        _parts(kept.values(), after, before)
-        | {f"waveforms/{'-'.join(place)}.h5": waveforms for place, waveforms in measured.items()},
+        _parts(anew.calibrations.values(), anew.after, anew.before)
+        | {f"waveforms/{'-'.join(place)}.h5": waveforms for place, waveforms in anew.waveforms.items()},
         when=found.when,
         reason=reason,
-        details=found.summary(),
+        details=replace(found, kind="drifted").summary(),
         parent=found.active.name,
     )
     # Log first: an activation that is not in the audit log must not happen.
     rig.audit.note("activated", calibration=generation.name, reason=reason)
     history.activate(generation, when=found.when, actor=actor, reason=reason)
     return _with(
-        replace(found, kind="restored", active=generation),
+        replace(found, active=generation),
         f"Every button was made anew and passed; {generation.name} is the active calibration now.",
     )
 

@@ -11,6 +11,7 @@ import scipy
 from ...instruments import Capture, Rest, Rig
 from ...instruments.arrays import BoolArray, FloatArray, IntArray
 from ...instruments.mains import Hum, mains_hum
+from ...instruments.sensors import fault_at_rest
 from ...instruments.vibrometer import Vibrometer
 from ..background import Record, steady, tones_in, tones_of
 from ..drive import BAND, Drive
@@ -115,7 +116,7 @@ def loose_accelerometer(rig: Rig) -> str | None:
         return None
     rig.operator.tell(Rest(_REST))
     volts = _captured(rig, sensor.channels, rig.file.rate_hz, _REST).volts
-    problem = sensor.fault_at_rest(volts)
+    problem = fault_at_rest(sensor, volts)
     shown = sensor.to_si(volts)
     if problem is None and float(shown.std(axis=1).max()) > _SHAKING:
         hum = mains_hum(shown[int(np.argmax(shown.std(axis=1)))], rig.file.rate_hz)
@@ -124,8 +125,7 @@ def loose_accelerometer(rig: Rig) -> str | None:
             problem = f"it shows mains hum at {hum.mains_hz:g} Hz: check its grounding and its supply."
     if problem is None:
         return None
-    x, y, z = shown.mean(axis=1)
-    rests = f"{x:.1f}, {y:.1f}, {z:.1f} m/s² along x, y, z"
+    rests = f"{', '.join(f'{one:.1f}' for one in shown.mean(axis=1))} m/s² along {', '.join(sensor.axes)}"
     return f"The accelerometer is loose or turned: it rests at {rests}; {problem}"
 
 

@@ -108,13 +108,17 @@ def demo_contents(summary: Mapping[str, Any]) -> Contents:
             percent(b["in_band"]),
             percent(b["whole"]["error"]),
             interval(b["whole"]["interval"]),
-            percent(b["outside"]["error"]),
             b["feeling"]["felt"],
+            fixed(b["feeling"]["loudness_db"], 1, "dB"),
             verdict_cell(b["verdict"]),
         )
         for name, b in buttons.items()
     ]
-    said = [f"{name}: {one}" for name, b in buttons.items() for one in (*b["reasons"], *b["notes"])]
+    said = [
+        f"{name}: {one}"
+        for name, b in buttons.items()
+        for one in (*b["reasons"], *(note for note in b["notes"] if note not in b["feeling"]["notes"]))
+    ]
     return Contents(
         _TITLE,
         tables=[Grid("", _HEADINGS, rows, below=_EXPLAINED)],
@@ -132,13 +136,14 @@ def demo_contents(summary: Mapping[str, Any]) -> Contents:
 
 _TITLE = "From a press to a verified digital button"
 _HEADINGS = (
-    "Button", "Presses", "Force", "(true)", "Drive", "In band", "Error", "(95 %)", "Outside", "Felt",
+    "Button", "Presses", "Force", "(true)", "Drive", "In band", "Error", "(95 %)", "Felt", "Loudness",
     "Verdict",
 )  # fmt: skip
 _EXPLAINED = (
     "In band: share of the modulated press's energy within the band that is played. Error: of the whole "
-    "motion, with its 95 % confidence interval; outside: motion outside the band, over the target's. Felt: "
-    "whether thresholds of detection say that a finger feels it."
+    "motion, with its 95 % confidence interval. Felt: yes, above the threshold of a finger at rest; no, "
+    "below every known one; perhaps, between them: for a finger that presses none is known well. Loudness: "
+    "beside the recorded press, both weighted with the threshold."
 )
 
 

@@ -17,6 +17,7 @@ from ...instruments.clock import Clock, RealClock
 from ...instruments.driver import Mode
 from ...instruments.files import new_file
 from ...instruments.progress import Progress, part_of, prefixed, silent
+from ...instruments.sensors import loss
 from ...reports.contents import forces_in
 from .report import report, summarise
 from .result import BUTTONS, PRESSES, ButtonResult, Demo
@@ -184,4 +185,4 @@ def _loop(
 
 def _loss(rig: Rig, resonance_hz: float) -> str | None:
     sensor = rig.sensors.acceleration
-    return sensor.loss(resonance_hz) if sensor else None
+    return loss(sensor, resonance_hz) if sensor else None

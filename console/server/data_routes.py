@@ -154,19 +154,15 @@ def _presses(data: DataFolder, asked: Mapping[str, str]) -> Any:
     for press in recording.verdicts[-_MOST_PRESSES:]:
         anchor = press.first if math.isnan(press.activation) else round(press.activation)
         first, end = max(0, anchor - round(_BEFORE * rate_hz)), min(count, anchor + round(_AFTER * rate_hz))
-        piece = recording.acceleration(first, end)[2]
         found.append(
             {
+                **_shown(recording, first, end, step),
                 "number": press.number,
                 "attempt": press.attempt,
                 "accepted": press.accepted,
                 "reason": press.reason,
-                "force_n": press.force,
+                "force_n": None if math.isnan(press.force) else press.force,
                 "start_s": (first - anchor) / rate_hz,
-                "force": np.round(_means(recording.force(first, end), step), 3),
-                "force_step_s": step / rate_hz,
-                "acceleration": np.round(piece - np.median(piece) if len(piece) else piece, 2),
-                "acceleration_step_s": 1 / rate_hz,
             }
         )
     return {
@@ -180,6 +176,22 @@ def _presses(data: DataFolder, asked: Mapping[str, str]) -> Any:
         "events": [event._asdict() for event in recording.events[-20:]],
         "presses": found,
     }
+
+
+def _shown(recording: PartReader, first: int, end: int, step: int) -> dict[str, Any]:
+    """What a press shows: force or travel, and acceleration or velocity, as far as they were measured."""
+    rate_hz = recording.header.rate_hz
+    shown: dict[str, Any] = {}
+    for quantity, label, scale in (("force", "force (N)", 1.0), ("displacement", "travel (mm)", 1e3)):
+        if recording.has(quantity) and "slow" not in shown:
+            values = scale * _means(recording.along(quantity, first, end), step)
+            shown |= {"slow": np.round(values, 4), "slow_step_s": step / rate_hz, "slow_label": label}
+    for quantity, label, scale in (("acceleration", "m/s²", 1.0), ("velocity", "mm/s", 1e3)):
+        if recording.has(quantity) and "fast" not in shown:
+            values = scale * recording.along(quantity, first, end)
+            middle = values - np.median(values) if len(values) else values
+            shown |= {"fast": np.round(middle, 2), "fast_step_s": 1 / rate_hz, "fast_label": label}
+    return shown
 
 
 @lru_cache(maxsize=2)

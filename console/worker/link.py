@@ -74,7 +74,7 @@ class WorkerLink:
         except (OSError, http.client.HTTPException) as error:
             raise InstrumentError(
                 f"The console's worker (process {self.address.pid}) does not answer ({error}): if it has "
-                "died, the relay box opens by itself; switch the amplifier off by hand if in doubt."
+                "died, a relay box opens by itself; in doubt or without one, switch the amplifier off."
             ) from None
         finally:
             connection.close()

@@ -53,11 +53,12 @@ class Observer:
             shown = {"number": run.number, "doing": run.doing, "about": run.about, "rate_hz": run.rate_hz}
             self._board.set(run={**shown, "channels": list(run.channels)})
         beyond = [name for name, over in zip(run.channels, block.overload, strict=True) if over]
-        accelerometer = run.sensors.acceleration
-        if accelerometer is not None and set(accelerometer.channels) <= set(run.channels):
-            rows = [run.channels.index(name) for name in accelerometer.channels]
-            if np.any(accelerometer.saturated(block.volts[rows])):
-                beyond.append("acceleration")
+        for name, sensor in run.sensors.linear.items():
+            # What has a rest of its own is not at its end by the weight on it.
+            if not sensor.tared and set(sensor.channels) <= set(run.channels):
+                rows = [run.channels.index(channel) for channel in sensor.channels]
+                if np.any(sensor.saturated(block.volts[rows])):
+                    beyond.append(name)
         if beyond:
             at = block.first / run.rate_hz
             self._board.change("saturated", lambda old: _latched(old, beyond, at))

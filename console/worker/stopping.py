@@ -27,7 +27,6 @@ _CONFIRMED = 20.0
 """s that an answer to STOP waits for the safe state: longer than all deadlines on the way."""
 _UNOPENED = 5.0
 """s from STOP until it is said that a rig which is still being opened is not confirmed safe."""
-_SAFE = "The output is zero and the relay is open, read back."
 
 
 class Stopping:
@@ -43,7 +42,10 @@ class Stopping:
         changing: threading.Lock,
         job: Callable[[], tuple[int, Rig | None]],
         reach: Callable[[], object],
+        at_rest: str,
     ) -> None:
+        """`at_rest` is the rig's safe state, as a clause."""
+        self._safe = f"{at_rest[0].upper()}{at_rest[1:]}, read back."
         self._board, self._changing, self._job, self._reach = board, changing, job, reach
         self._clock = RealClock()
         self._late = False
@@ -92,7 +94,7 @@ class Stopping:
             self._say(stop["number"], "unconfirmed", sentence)
             waits = False
         elif waits and left_safe:
-            self._say(stop["number"], "safe", _SAFE)
+            self._say(stop["number"], "safe", self._safe)
             waits = False
         self._late &= waits
         return bool(waits)
@@ -113,7 +115,7 @@ class Stopping:
         except Exception as error:
             self._say(asked, "unconfirmed", str(error))
         else:
-            self._say(asked, "safe", f"{_SAFE} The job has not ended yet; it may be finishing its file.")
+            self._say(asked, "safe", f"{self._safe} The job has not ended yet; it may be finishing its file.")
 
     def _give_up(self, asked: int, why: str, number: int | None = None) -> None:
         """Say that STOP number `asked` is not confirmed, if it is not, and job `number` runs still."""

@@ -94,6 +94,7 @@ class Worker:
             lambda: (self._running, self._rig),
             # Behind a job that waits, which is not begun any more.
             lambda: self._add("safe", {}),
+            file.at_rest,
         )
         self._stimuli = Stimuli(self.board, self._abandoned)
         self._looking = threading.Event()

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from ...instruments import Camera, DataError, Frame
+from ...instruments import Camera, DataError, Frame, Rig
 from ...instruments.arrays import FloatArray
 from ...instruments.clock import Clock
 
@@ -20,6 +20,7 @@ __all__ = [
     "Background",
     "Contact",
     "ContactMeter",
+    "SeenSurface",
     "calibrate_meter",
     "drop_old_frames",
     "learn_background",
@@ -136,6 +137,23 @@ def learn_background(camera: Camera, frames: int = 30) -> Background:
             "Something moved while the background was learnt: take hands off the surface, and repeat."
         )
     return Background(mean, max(noise, 0.3))
+
+
+@dataclass(frozen=True, eq=False)
+class SeenSurface:
+    """A rig's touch surface, the started camera below it, and the scale of its images."""
+
+    rig: Rig
+    camera: Camera
+    meter: ContactMeter
+
+    def contact(self) -> Contact:
+        """Contact in the next frame. Raises InstrumentError."""
+        return self.meter.measure(self.camera.read())
+
+    def skip(self) -> None:
+        """Read away the frames that were taken before now. Raises InstrumentError."""
+        drop_old_frames(self.camera, self.rig.clock)
 
 
 def calibrate_meter(frames: Sequence[Frame], background: Background, area: float) -> ContactMeter:

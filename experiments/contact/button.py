@@ -10,10 +10,10 @@ from typing import Literal
 import numpy as np
 
 from ...calibration import Check, DigitalButton, Drive, check
-from ...instruments import Camera, ConfigurationError, DataError, Rig
+from ...instruments import ConfigurationError, DataError, Rig
 from ...instruments.arrays import FloatArray
 from ...instruments.progress import Progress, silent
-from .area import Contact, ContactMeter, drop_old_frames
+from .area import Contact, SeenSurface
 
 __all__ = [
     "BUDGET",
@@ -105,6 +105,19 @@ class VerifiedButton:
             )
 
 
+@dataclass(frozen=True, eq=False)
+class Rendering:
+    """What is played at a press and, if the activator reports releases, at a release.
+
+    The paper leaves open whether a digital push button should render releases. The verified volts are
+    multiplied by `scale`; the check is of 1.
+    """
+
+    press: VerifiedButton
+    release: VerifiedButton | None = None
+    scale: float = 1.0
+
+
 @dataclass(frozen=True)
 class Played:
     """One activation, and when its drive began."""
@@ -192,27 +205,23 @@ def without_lead_in(drive: Drive, left_out: float = 5e-3) -> tuple[Drive, float]
 
 
 def run_button(
-    rig: Rig,
-    camera: Camera,
-    meter: ContactMeter,
-    verified: VerifiedButton,
+    seen: SeenSurface,
+    rendering: Rendering,
     activator: Activator,
+    *,
     presses: int = 1,
     timeout: float = 30.0,
-    release: VerifiedButton | None = None,
-    scale: float = 1.0,
     ask: Callable[[], None] = lambda: None,
 ) -> tuple[Played, ...]:
     """Play the button each time that the finger activates it, until it was pressed `presses` times.
 
-    The camera was started. `release` is played at each release, if the activator reports releases: the paper
-    leaves open whether a digital push button should render them. Every drive goes through the rig's limiter.
-    With a `scale` other than 1 the volts are multiplied by it; the check is of 1. `ask` is called for each
-    touch that is to come: at first, after a press, and after a touch that did not activate the button.
+    Every drive goes through the rig's limiter. `ask` is called for each touch that is to come: at first,
+    after a press, and after a touch that did not activate the button.
 
     Raises DataError when no press comes within `timeout` (s), ConfigurationError for a button that is not
     verified today, and what `Rig.excite` raises.
     """
+    rig, verified, release = seen.rig, rendering.press, rendering.release
     verified.refuse_stale(rig)
     if release is not None:
         release.refuse_stale(rig)
@@ -221,11 +230,11 @@ def run_button(
     """Presses so far, and the touch that was last asked for: one after so many lifts."""
     for button in (verified, release or verified):
         rig.prove_gain(button.check.drive.patch)  # else in the first press, which would be felt late
-    drop_old_frames(camera, rig.clock)
+    seen.skip()
     begun, since = activator.lifts, rig.clock.now()
     ask()
     while pressed < presses or (release is not None and activator.pressed):
-        contact = meter.measure(camera.read())
+        contact = seen.contact()
         if rig.clock.now() - since > timeout:
             raise DataError(f"The button was not pressed within {timeout:g} s. {contact.problem}".strip())
         kind = activator.see(contact)
@@ -238,11 +247,11 @@ def run_button(
         pressed += kind == "press"
         drive = chosen.check.drive
         timer = _Timer(rig)
-        rig.excite(scale * drive.volts, (drive.patch,), (rig.monitor(drive.patch),), progress=timer)
+        rig.excite(rendering.scale * drive.volts, (drive.patch,), (rig.monitor(drive.patch),), progress=timer)
         latency = float(timer.begun - contact.time)
         onset = latency + _onset(drive.target) / drive.rate_hz
-        found.append(Played(kind, contact, latency, onset, scale))
-        drop_old_frames(camera, rig.clock)
+        found.append(Played(kind, contact, latency, onset, rendering.scale))
+        seen.skip()
         since = rig.clock.now()
     return tuple(found)
 

@@ -9,8 +9,8 @@ from typing import Literal
 
 import numpy as np
 
-from ...instruments import Camera, DataError, Rig, Touch
-from .area import Contact, ContactMeter, drop_old_frames
+from ...instruments import DataError, Touch
+from .area import Contact, SeenSurface
 
 __all__ = ["FingerCalibration", "activation_areas", "calibrate_finger", "press_area", "watch_touch"]
 
@@ -70,9 +70,7 @@ class FingerCalibration:
 
 
 def calibrate_finger(
-    rig: Rig,
-    camera: Camera,
-    meter: ContactMeter,
+    seen: SeenSurface,
     participant: str,
     presses: int = 5,
     timeout: float = _TIMEOUT,
@@ -80,7 +78,7 @@ def calibrate_finger(
 ) -> FingerCalibration:
     """Ask for light presses and then for as many firm ones, and measure the largest area of each.
 
-    `camera` was started. `on_press(pressure, number, area)` is called after each. Raises DataError: a press
+    `on_press(pressure, number, area)` is called after each. Raises DataError: a press
     whose images are not usable, none within `timeout` (s), or a calibration that is not usable. Raises
     InstrumentError.
     """
@@ -88,7 +86,7 @@ def calibrate_finger(
     pressures: tuple[Literal["light", "firm"], ...] = ("light", "firm")
     for pressure in pressures:
         for number in range(1, presses + 1):
-            area = press_area(rig, camera, meter, Touch(participant, pressure, number, presses), timeout)
+            area = press_area(seen, Touch(participant, pressure, number, presses), timeout)
             areas[pressure].append(area)
             on_press(pressure, number, area)
     found = FingerCalibration(participant, tuple(areas["light"]), tuple(areas["firm"]))
@@ -97,29 +95,27 @@ def calibrate_finger(
     return found
 
 
-def press_area(
-    rig: Rig, camera: Camera, meter: ContactMeter, asked: Touch, timeout: float = _TIMEOUT
-) -> float:
+def press_area(seen: SeenSurface, asked: Touch, timeout: float = _TIMEOUT) -> float:
     """Ask for a press of the surface, and return the area (m^2) at which it rests.
 
     Raises DataError for one whose images are not usable, or none within `timeout` (s); InstrumentError.
     """
-    drop_old_frames(camera, rig.clock)
-    rig.operator.tell(asked)
-    contacts = watch_touch(camera, meter, timeout)
+    seen.skip()
+    seen.rig.operator.tell(asked)
+    contacts = watch_touch(seen, timeout)
     problem = next((contact.problem for contact in contacts if contact.problem), "")
     if problem:
         raise DataError(f"A {asked.pressure} press of {asked.participant} cannot be measured. {problem}")
-    seen = np.array([contact.area for contact in contacts])
-    return float(np.median(seen[seen > 0.9 * seen.max()]))
+    areas = np.array([contact.area for contact in contacts])
+    return float(np.median(areas[areas > 0.9 * areas.max()]))
 
 
-def watch_touch(camera: Camera, meter: ContactMeter, timeout: float = _TIMEOUT) -> list[Contact]:
+def watch_touch(seen: SeenSurface, timeout: float = _TIMEOUT) -> list[Contact]:
     """Contacts of the next press, first frame to last. Raises DataError without one in `timeout` (s)."""
     contacts: list[Contact] = []
     first = None
     while True:
-        contact = meter.measure(camera.read())
+        contact = seen.contact()
         first = contact.time if first is None else first
         if contact.area > 0:
             contacts.append(contact)

@@ -10,6 +10,7 @@ from ..contact import (
     Activator,
     FingerCalibration,
     Played,
+    Rendering,
     activation_areas,
     press_area,
     run_button,
@@ -107,7 +108,7 @@ class Presenter:
         surface = self._surface
         for attempt in range(1, _ATTEMPTS + 1):
             try:
-                return press_area(surface.rig, surface.camera, surface.meter, asked)
+                return press_area(surface.seen, asked)
             except DataError as error:
                 session.event("contact refused", block=step.block, problem=str(error))
                 if attempt == _ATTEMPTS:
@@ -124,17 +125,13 @@ class Presenter:
 
         def ask() -> None:
             session.event("touch", **where)
-            surface.rig.operator.tell(Touch(participant, "as a button", 1, 1))
+            surface.seen.rig.operator.tell(Touch(participant, "as a button", 1, 1))
 
         played = run_button(
-            surface.rig,
-            surface.camera,
-            surface.meter,
-            surface.buttons[name],
+            surface.seen,
+            Rendering(surface.buttons[name], release, scale),
             Activator(area, _LIFTED * finger["a_min"], None if release is None else finger["a_min"]),
             timeout=_TIMEOUT,
-            release=release,
-            scale=scale,
             ask=ask,
         )
         for one in played:

@@ -6,12 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from ...acquisition import Representative
 from ...calibration import DigitalButton
 from ...instruments import Camera, ConfigurationError, DataError, LimitError, Rig
 from ...instruments.operator import Request, TakeTarget, Target
 from ...instruments.progress import Progress, silent
 from ..contact import (
-    ContactMeter,
+    SeenSurface,
     VerifiedButton,
     calibrate_meter,
     learn_background,
@@ -29,30 +30,37 @@ _FRAMES = 10
 class TouchSurface:
     """See the module. Made by `prepare_surface`, for one rig, while it is open, for today."""
 
-    rig: Rig
-    camera: Camera
-    meter: ContactMeter
+    seen: SeenSurface
     buttons: Mapping[str, VerifiedButton]
     releases: Mapping[str, VerifiedButton]
 
     @property
     def forces(self) -> dict[str, float]:
-        """Mean force (N) at activation of each button's recorded presses."""
+        """Mean force (N) at activation of each button's recorded presses. Raises DataError without any."""
         presses = {name: one.button.press for name, one in self.buttons.items()}
-        return {name: float(press.force[press.activation_index]) for name, press in presses.items()}
+        return {name: _force_of(name, press) for name, press in presses.items()}
 
     @property
     def noted(self) -> dict[str, Any]:
         """What a session's log says of it, as values of JSON."""
         return {
-            "rig": self.rig.name,
-            "rig_simulated": self.rig.simulated,
-            "camera": self.camera.identity,
-            "camera_hz": self.camera.rate_hz,
-            "pixel": self.meter.square_metres,
+            "rig": self.seen.rig.name,
+            "rig_simulated": self.seen.rig.simulated,
+            "camera": self.seen.camera.identity,
+            "camera_hz": self.seen.camera.rate_hz,
+            "pixel": self.seen.meter.square_metres,
             "buttons": {name: _noted(one) for name, one in self.buttons.items()},
             "releases": {name: _noted(one) for name, one in self.releases.items()},
         }
+
+
+def _force_of(name: str, press: Representative) -> float:
+    if press.force is None:
+        raise DataError(
+            f"The presses of the digital button {name!r} were recorded without a force, from which its "
+            "contact area follows: record them with [sensors.force]."
+        )
+    return float(press.force[press.activation_index])
 
 
 def prepare_surface(rig: Rig, experiment: Experiment, progress: Progress = silent) -> TouchSurface:
@@ -83,7 +91,7 @@ def prepare_surface(rig: Rig, experiment: Experiment, progress: Progress = silen
     meter = calibrate_meter([camera.read() for _ in range(_FRAMES)], background, file.surface.target)
     _ask(rig, TakeTarget())
     camera.start()
-    return TouchSurface(rig, camera, meter, buttons, releases)
+    return TouchSurface(SeenSurface(rig, camera, meter), buttons, releases)
 
 
 def _refuse_amplitudes(rig: Rig, experiment: Experiment, name: str, button: DigitalButton) -> None:

@@ -111,7 +111,7 @@ class Course:
     def __init__(self, file: ExperimentFile, assignment: Assignment) -> None:
         self._file, self._assignment = file, assignment
         self._fixed = [
-            () if self._adaptive(block) else _steps(file, block, index, assignment)
+            () if self._adaptive(block) else _steps(_Part(file, block, index, assignment))
             for index, block in enumerate(file.block)
         ]
 
@@ -121,7 +121,7 @@ class Course:
         for index, block in enumerate(self._file.block):
             if self._adaptive(block):
                 own = [one for one in rest if one[0].block == block.name]
-                if step := _staircase_step(self._file, block, index, self._assignment, own):
+                if step := _staircase_step(_Part(self._file, block, index, self._assignment), own):
                     return step
                 rest = rest[len(own) :]
             else:
@@ -168,11 +168,48 @@ def valid(step: Step, answer: Any) -> Answer:
     raise DataError(f"{answer!r} is no answer in the block {step.block!r}: give {expected}.")
 
 
-def _steps(file: ExperimentFile, block: Block, index: int, assignment: Assignment) -> tuple[Step, ...]:
+@dataclass(frozen=True)
+class _Part:
+    """A block of an experiment, the `index`-th, as one participant has it in one session."""
+
+    file: ExperimentFile
+    block: Block
+    index: int
+    assignment: Assignment
+
+    def rng(self, purpose: int) -> np.random.Generator:
+        """Random numbers that depend on the seed, the pseudonym and the session only."""
+        who = zlib.crc32(self.assignment.participant.encode())
+        return np.random.default_rng([self.file.seed, who, self.assignment.session, self.index, purpose])
+
+    def order(self, count: int, repetitions: int = 1) -> list[int]:
+        """Order in which `count` things are presented."""
+        rng = self.rng(0)
+        match self.block.order:
+            case "as-listed":
+                return list(range(count)) * repetitions
+            case "counterbalanced":
+                return williams_row(count, self.assignment.slot) * repetitions
+            case "random-in-repetition":
+                return [int(place) for _ in range(repetitions) for place in rng.permutation(count)]
+            case "random":
+                return [int(place) % count for place in rng.permutation(count * repetitions)]
+
+    def cells(self) -> list[dict[str, str]]:
+        """Every combination of the levels of the factors that vary by trial."""
+        factors = self.file.trial_factors
+        return [
+            dict(zip((factor.name for factor in factors), levels, strict=True))
+            for levels in itertools.product(*(factor.levels for factor in factors))
+        ]
+
+
+def _steps(part: _Part) -> tuple[Step, ...]:
+    file, block = part.file, part.block
     match block.kind:
         case "presses":
             names = _pressed(file)
-            order = _order(file, block, index, assignment, len(names))
+            order = part.order(len(names))
             factor = file.question.identify or (file.trial_factors[-1].name if names else "")
             stimuli = [{factor: names[place]} for place in order]
             return tuple(
@@ -189,7 +226,7 @@ def _steps(file: ExperimentFile, block: Block, index: int, assignment: Assignmen
                 for n, kind in enumerate(kinds, 1)
             )
         case "trials":
-            return tuple(_trials(file, block, index, assignment))
+            return tuple(_trials(part))
 
 
 def counterbalanced_count(file: ExperimentFile, block: Block) -> int:
@@ -210,37 +247,30 @@ def _pressed(file: ExperimentFile) -> tuple[str, ...]:
     return file.trial_factors[-1].levels if file.trial_factors else ()
 
 
-def _trials(file: ExperimentFile, block: Block, index: int, assignment: Assignment) -> list[Step]:
-    cells: list[dict[str, str]] = [
-        dict(zip((factor.name for factor in file.trial_factors), levels, strict=True))
-        for levels in itertools.product(*(factor.levels for factor in file.trial_factors))
-    ]
+def _trials(part: _Part) -> list[Step]:
+    file, cells = part.file, part.cells()
     levels: Sequence[float | None] = [None]
     if file.kind == "two-interval" and file.comparison:
         levels = file.comparison.levels
     conditions = list(itertools.product(cells, levels))
-    places = _order(file, block, index, assignment, len(conditions), block.repetitions)
-    rng = _rng(file, assignment, index, 1)
+    places = part.order(len(conditions), part.block.repetitions)
+    rng = part.rng(1)
     steps = []
     for number, place in enumerate(places, 1):
         cell, level = conditions[place]
         values = (0.0, 0.0)
         if level is not None and file.comparison:
             values = _intervals(file.comparison, level, first=bool(rng.integers(2)))
-        steps.append(_trial(file, block, assignment, number, len(places), cell, values))
+        steps.append(_trial(part, (number, len(places)), cell, values))
     return steps
 
 
 def _trial(
-    file: ExperimentFile,
-    block: Block,
-    assignment: Assignment,
-    number: int,
-    of: int,
-    cell: Mapping[str, str],
-    values: tuple[float, float],
+    part: _Part, number: tuple[int, int], cell: Mapping[str, str], values: tuple[float, float]
 ) -> Step:
-    of_session = session_levels(file, assignment)
+    """The trial of this number, of so many."""
+    file, block = part.file, part.block
+    of_session = session_levels(file, part.assignment)
     stimulus = {**of_session, **cell}
     presented = ""
     choices: tuple[str, ...] = ("1", "2")
@@ -254,8 +284,8 @@ def _trial(
     return Step(
         kind=file.kind,
         block=block.name,
-        number=number,
-        of=of,
+        number=number[0],
+        of=number[1],
         practice=block.practice,
         feedback=feedback,
         text=file.question.text,
@@ -270,45 +300,13 @@ def _intervals(comparison: Comparison, level: float, first: bool) -> tuple[float
     return (level, comparison.standard) if first else (comparison.standard, level)
 
 
-def _order(
-    file: ExperimentFile, block: Block, index: int, assignment: Assignment, count: int, repetitions: int = 1
-) -> list[int]:
-    rng = _rng(file, assignment, index, 0)
-    match block.order:
-        case "as-listed":
-            return list(range(count)) * repetitions
-        case "counterbalanced":
-            return williams_row(count, assignment.slot) * repetitions
-        case "random-in-repetition":
-            return [int(place) for _ in range(repetitions) for place in rng.permutation(count)]
-        case "random":
-            return [int(place) % count for place in rng.permutation(count * repetitions)]
-
-
-def _rng(file: ExperimentFile, assignment: Assignment, index: int, purpose: int) -> np.random.Generator:
-    who = zlib.crc32(assignment.participant.encode())
-    return np.random.default_rng([file.seed, who, assignment.session, index, purpose])
-
-
-def _staircase_step(
-    file: ExperimentFile,
-    block: Block,
-    index: int,
-    assignment: Assignment,
-    answers: Sequence[tuple[Step, Answer]],
-) -> Step | None:
+def _staircase_step(part: _Part, answers: Sequence[tuple[Step, Answer]]) -> Step | None:
     """One staircase for each combination of levels, one after the other in the block's order."""
-    comparison = file.comparison
+    comparison = part.file.comparison
     assert comparison is not None
-    cells = [
-        dict(zip((factor.name for factor in file.trial_factors), levels, strict=True))
-        for levels in itertools.product(*(factor.levels for factor in file.trial_factors))
-    ]
-    places = _order(file, block, index, assignment, len(cells), block.repetitions)
-    first = np.random.default_rng(
-        [file.seed, zlib.crc32(assignment.participant.encode()), assignment.session, index, 2]
-    )
-    sides = first.integers(2, size=len(places) * comparison.max_trials)
+    cells = part.cells()
+    places = part.order(len(cells), part.block.repetitions)
+    sides = part.rng(2).integers(2, size=len(places) * comparison.max_trials)
     used = 0
     for place in places:
         right: list[bool] = []
@@ -318,8 +316,7 @@ def _staircase_step(
                 break
             if used == len(answers):
                 values = _intervals(comparison, value, first=bool(sides[used]))
-                of = len(places) * comparison.max_trials
-                return _trial(file, block, assignment, used + 1, of, cells[place], values)
+                return _trial(part, (used + 1, len(places) * comparison.max_trials), cells[place], values)
             step, answer = answers[used]
             right.append(answer == right_answer(step))
             used += 1

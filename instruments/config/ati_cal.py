@@ -9,12 +9,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree as Xml
 
 from ..errors import ConfigurationError
-from ..sensors import ForceTorque
 
-__all__ = ["AtiCalibration", "load_ati_cal", "read_ati_cal"]
+__all__ = ["AtiCalibration", "read_ati_cal"]
 
 _AXES = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
 _LONGEST = 1 << 20
@@ -40,24 +40,15 @@ class AtiCalibration:
     gauge_range: float
     """Full scale of a gauge's output (V)."""
 
-    def sensor(self, channels: tuple[str, ...]) -> ForceTorque:
-        """Return a sensor whose gauges are wired to `channels`, in order. Raises ConfigurationError."""
-        if len(channels) != len(_AXES):
-            raise ConfigurationError(
-                f"The force sensor {self.serial} has 6 gauges, but {len(channels)} channels are named."
-            )
-        return ForceTorque(
-            channels=channels,
-            matrix=self.matrix,
-            ratings=self.ratings,
-            gauge_range=self.gauge_range,
-            serial=self.serial,
-        )
-
-
-def load_ati_cal(path: str | Path, channels: tuple[str, ...]) -> ForceTorque:
-    """Load the sensor of a `.cal` file. Raises ConfigurationError, which names the file and the fault."""
-    return read_ati_cal(path).sensor(tuple(channels))
+    @property
+    def table(self) -> dict[str, Any]:
+        """Keys of `[sensors.force]` that the file states."""
+        return {
+            "matrix": self.matrix,
+            "range": self.ratings,
+            "output": self.gauge_range,
+            "serial": self.serial,
+        }
 
 
 def read_ati_cal(path: str | Path) -> AtiCalibration:

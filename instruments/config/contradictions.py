@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
+from .sensor_contradictions import sensor_contradictions
 from .toml_lines import Location
 
 if TYPE_CHECKING:
@@ -20,6 +21,7 @@ __all__ = ["contradictions", "lacks", "range_of"]
 
 def contradictions(file: RigFile, settings: Mapping[str, Any]) -> Iterator[tuple[Location, str]]:
     """Yield the place and the clause of each; `settings` are the validated ones of the installed drivers."""
+    yield from sensor_contradictions(file)
     yield from _of_the_actuator(file)
     if file.wiring == "direct":
         yield from _of_direct_wiring(file, settings)
@@ -58,6 +60,12 @@ def _of_the_actuator(file: RigFile) -> Iterator[tuple[Location, str]]:
             )
         return
     takes = actuator.limits(1)
+    if takes.min == 0:
+        yield (
+            ("actuator", "min"),
+            "an actuator that takes no negative volts cannot follow a drive, which swings about 0 V: write "
+            "the negative volts that it takes (min = -20 for many stacks), or use a bipolar one",
+        )
     for key, own, most in (("max", limits.max, takes.max), ("min", -limits.min, -takes.min)):
         if key in limits.model_fields_set and own > most:
             sign = "-" if key == "min" else ""
@@ -115,8 +123,8 @@ def _of_direct_wiring(file: RigFile, settings: Mapping[str, Any]) -> Iterator[tu
         )
     amplifier = settings.get("amplifier")
     if file.amplifier is None or file.table is None:
-        missing = "amplifier" if file.amplifier is None else "table"
-        yield ("wiring",), f"direct wiring needs an [{missing}]: add it, or remove wiring"
+        missing = "an [amplifier]" if file.amplifier is None else "a [table]"
+        yield ("wiring",), f"direct wiring needs {missing}: add it, or remove wiring"
     elif file.actuator is not None and isinstance(getattr(amplifier, "gain", None), float):
         yield from _unprotected(file, amplifier)
 

@@ -29,6 +29,7 @@ from ..sensors import Sensors
 from .actuator import Actuator
 from .ati_cal import read_ati_cal
 from .contradictions import contradictions
+from .frf_file import read_frf
 from .toml_lines import Places, key_lines, parse_toml, place, read_text
 from .validation import validate, validate_kind
 
@@ -130,8 +131,8 @@ class AbortLimits(_Section):
     acceleration: Positive | None = None
     """The same (m/s^2) where an accelerometer is the vibrometer."""
     force: Positive | None = None
-    """Largest change of the normal force during a play (N); None: not tested. A limit needs the six
-    gauges sampled at the table's rate, which the card must support."""
+    """Largest change of the normal force during a play (N); None: not tested. A limit needs the
+    force sensor's channels sampled at the table's rate, which the card must support."""
 
 
 class SimulationSettings(_Section):
@@ -207,6 +208,8 @@ class RigFile(_Section):
     rate_hz: Positive = 5000.0
     """Sample rate of recordings (the paper's 5 kS/s)."""
     daq: Device
+    adc: Device | None = None
+    """A DAQ on its own clock, recorded along with `daq`."""
     amplifier: Device | None = None
     relay: Device | None = None
     vibrometer: Device | None = None
@@ -252,6 +255,15 @@ class RigFile(_Section):
         return {role: tables[role] for role in roles() if isinstance(tables.get(role), Device)}
 
     @property
+    def at_rest(self) -> str:
+        """The safe state of this rig, as a clause."""
+        if self.relay is not None:
+            return "the output is zero and the relay is open"
+        return "the output is zero" + (
+            ", and the actuator stays connected" if self.wiring == "direct" else ""
+        )
+
+    @property
     def digest(self) -> str:
         """SHA-256 of the content of the file and its bases, without comments and order."""
         return hashlib.sha256(self.model_dump_json().encode()).hexdigest()
@@ -295,7 +307,7 @@ def _raw(path: Path, above: tuple[Path, ...]) -> tuple[dict[str, Any], list[Plac
     text = _read(path)
     raw = parse_toml(text, path)
     places = (str(path), key_lines(text))
-    _read_calibration(raw, path)
+    _read_beside(raw, path)
     base = "simulated" if set(raw) == {"simulation"} else raw.pop("base", None)
     if base is None:
         return raw, [places]
@@ -306,19 +318,21 @@ def _raw(path: Path, above: tuple[Path, ...]) -> tuple[dict[str, Any], list[Plac
     return _merged(below, raw), [places, *others]
 
 
-def _read_calibration(raw: dict[str, Any], path: Path) -> None:
-    """Read the `.cal` file that `[sensors.force] calibration` names, beside the rig file."""
+def _read_beside(raw: dict[str, Any], path: Path) -> None:
+    """Read the files beside the rig file that sensors name: `calibration` (.cal) and `frf` (CSV)."""
     sensors = raw.get("sensors")
-    force = sensors.get("force") if isinstance(sensors, dict) else None
-    if not isinstance(force, dict) or "calibration" not in force:
-        return
-    if "matrix" in force or not isinstance(force["calibration"], str):
-        raise ConfigurationError(
-            f"{path}: sensors.force takes either matrix or calibration (the name of a .cal file)."
-        )
-    found = read_ati_cal(path.parent / force["calibration"])
-    force |= {"matrix": found.matrix, "ratings": found.ratings, "gauge_range": found.gauge_range}
-    force["serial"] = found.serial
+    tables = sensors if isinstance(sensors, dict) else {}
+    for name, table in tables.items():
+        if not isinstance(table, dict):
+            continue
+        if isinstance(table.get("frf"), str):
+            table["frf"] = read_frf(path.parent / table["frf"])
+        if name == "force" and "calibration" in table:
+            if "matrix" in table or not isinstance(table["calibration"], str):
+                raise ConfigurationError(
+                    f"{path}: sensors.force takes either matrix or calibration (the name of a .cal file)."
+                )
+            table.update(read_ati_cal(path.parent / table["calibration"]).table)
 
 
 def _take_monitor(raw: dict[str, Any]) -> None:
@@ -331,19 +345,20 @@ def _take_monitor(raw: dict[str, Any]) -> None:
         raw["sensors"] = {**sensors, "drive": drive} if isinstance(sensors, dict) else sensors
 
 
-def _merged(base: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:
+def _merged(base: dict[str, Any], own: dict[str, Any], above: str = "") -> dict[str, Any]:
     """Merge `own` over `base`, table by table; one with another driver, plant or kind replaces the base's.
 
-    `false` in place of a table takes the base's away.
+    So does a sensor's with its own channels. `false` in place of a table takes the base's away.
     """
     both = {
-        key: _merged(base[key], value)
+        key: _merged(base[key], value, key)
         for key, value in own.items()
         if isinstance(value, dict)
         and isinstance(base.get(key), dict)
         and value.get("driver") in (None, base[key].get("driver"))
         and value.get("plant") in (None, base[key].get("plant", "table"))
         and value.get("kind") in (None, base[key].get("kind"))
+        and not (above == "sensors" and "channels" in value)
     }
     away = {key for key, value in own.items() if value is False and isinstance(base.get(key), dict)}
     if "patches" in own:

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from ..errors import ConfigurationError
+from ..sensors import Described
 from .toml_lines import Location
 
 __all__ = ["told", "validate", "validate_kind"]
@@ -110,7 +111,11 @@ def _keys_at(kind: Any, location: Location) -> list[str]:
         if not location:
             return list(kind.model_fields)
         field = kind.model_fields.get(str(location[0]))
-        return _keys_at(field.annotation, location[1:]) if field else []
+        if field is None:
+            return []
+        # A sensor is described by the keys of another model than its own.
+        described = next((one.table for one in field.metadata if isinstance(one, Described)), None)
+        return _keys_at(described or field.annotation, location[1:])
     # A mapping or a sequence is one level of the location, a union none.
     step = int(get_origin(kind) in (dict, tuple, list))
     return [key for inner in get_args(kind) for key in _keys_at(inner, location[step:])]

@@ -1,5 +1,6 @@
-"""DAQ cards: the role, and its driver for NI's cards."""
+"""DAQs: the role, a DAQ beside another one, and the drivers."""
 
+from .free_running import Alongside, FreeRunning
 from .role import Block, Capture, Daq, Stream
 
-__all__ = ["Block", "Capture", "Daq", "Stream"]
+__all__ = ["Alongside", "Block", "Capture", "Daq", "FreeRunning", "Stream"]

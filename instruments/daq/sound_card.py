@@ -14,14 +14,12 @@ Volts at full scale and volume, AC coupling: `portaudio.py` of this room.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Annotated, Any, Literal, Self
+from typing import Any, Self
 
 import numpy as np
 import scipy
-from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from ..arrays import ComplexArray, FloatArray
-from ..bounded import Positive
 from ..clock import Clock
 from ..errors import ConfigurationError, InstrumentError, LimitError
 from ..inbox import Inbox
@@ -29,6 +27,7 @@ from ..portaudio import LEAD, Audio, AudioStream, found, high_pass, load, refuse
 from ..tape import taped_line
 from ..taped_audio import on_tape
 from .role import Block, Daq, Stream
+from .sound_settings import SoundSettings
 
 __all__ = ["SoundCardDaq"]
 
@@ -49,81 +48,14 @@ _SHIFT = 16
 _MOST_LATE = 0.5
 """Longest latency that is looked for (s)."""
 
-Corner = Annotated[float, Field(ge=0, le=50)]
-
-
-class _Section(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class Input(_Section):
-    """One of the card's inputs."""
-
-    input: Annotated[int, Field(ge=1, le=64)]
-    """Its number on the card, from 1."""
-    volts_per_full_scale: Positive
-    """Input at digital full scale (V peak), with the gain knob where it stays."""
-    high_pass_hz: Corner = 5.0
-    """Corner of its AC coupling, 0 if it is DC-coupled; an estimate (docs/hardware.md, "Sound card")."""
-
-
-class Output(_Section):
-    """One of the card's outputs."""
-
-    output: Annotated[int, Field(ge=1, le=64)]
-    """Its number on the card, from 1."""
-    volts_per_full_scale: Positive
-    """Output at digital full scale (V peak), with the volume where it stays."""
-    highest: Positive = 1.0
-    """Largest output allowed (V peak)."""
-    high_pass_hz: Corner = 5.0
-    """As an input's."""
-
 
 class SoundCardDaq(Daq):
     """See `Daq`. An AC-coupled output holds no voltage: a waveform with a mean is refused."""
 
     taped = True
 
-    class Settings(_Section):
+    class Settings(SoundSettings):
         """The `[daq]` table of a rig file."""
-
-        channels: Annotated[dict[str, Input], Field(min_length=1)]
-        outputs: dict[str, Output] = {}
-        device: int | str = ""
-        """Number or part of the name, as sounddevice lists it; empty for the system's default."""
-        rate_hz: Positive = 48_000.0
-        """Native sample rate (Hz): any other would be resampled by an unknown stage, and is refused."""
-        latency: Annotated[int, Field(ge=0)] | None = None
-        """Frames from an output to an input that hears it by a cable; `haploop doctor` measures it."""
-        monitor: str | None = None
-        """Channel that hears the output when a play is connected: each play's latency is compared with it."""
-        buffer: Literal["high", "low"] = "high"
-        """PortAudio's buffers: low ones are shorter, and overrun sooner."""
-
-        @model_validator(mode="after")
-        def _consistent(self) -> Self:
-            for what, numbers in (
-                ("input", [(name, c.input) for name, c in self.channels.items()]),
-                ("output", [(name, o.output) for name, o in self.outputs.items()]),
-            ):
-                taken: dict[int, str] = {}
-                for name, number in numbers:
-                    if taken.setdefault(number, name) != name:
-                        raise ValueError(
-                            f"{what} {number} has two names, {taken[number]!r} and {name!r}: keep one"
-                        )
-            if self.monitor is not None and self.monitor not in self.channels:
-                raise ValueError(
-                    f"monitor names {self.monitor!r}, and the channels are {', '.join(self.channels)}: name "
-                    "one of them"
-                )
-            if self.outputs and self.latency is None:
-                raise ValueError(
-                    "outputs need latency: write latency = 0, connect an output to an input by a cable, and "
-                    "run `haploop doctor --loop CHANNEL`, which says what to write instead"
-                )
-            return self
 
     def __init__(self, settings: Settings, clock: Clock, audio: Audio) -> None:
         """Look the device up; nothing is opened. Raises ConfigurationError and InstrumentError."""
@@ -455,8 +387,8 @@ class _Callback:
         else:
             return
         self.problem = (
-            f"{what} near frame {self._came}: what was measured is not used. Close other programs, or set "
-            'buffer = "high" in [daq].'
+            f"{what} near frame {self._came}: what was measured is not used. Close other programs, leave "
+            "'buffer' at \"high\", and use a driver without a mixer (ASIO, WASAPI exclusive, ALSA hw, JACK)."
         )
         raise self._abort
 

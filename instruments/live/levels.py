@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import FloatArray
-from ..sensors import Accelerometer, Divider, ForceTorque, Sensor, Switch
+from ..sensors import Sensor
 from ..vibrometer import UNITS
 from .tap import LiveBlock, Run
 
@@ -60,13 +60,12 @@ def quantities(run: Run, volts: FloatArray) -> list[Quantities]:
 
     `volts` is (channels, samples) of the run's channels; a channel without a sensor is left out.
     """
-    found = []
-    for name, sensor in run.sensors:
+    found: list[Quantities] = []
+    for _, sensor in run.sensors:
         if isinstance(sensor, Sensor) and set(sensor.channels) <= set(run.channels):
-            labels = _labels(name, sensor)
-            if labels is not None:
-                rows = [run.channels.index(channel) for channel in sensor.channels]
-                found.append((*labels, sensor.channels, sensor.to_si(volts[rows])))
+            names, units = zip(*sensor.labels, strict=True)
+            rows = [run.channels.index(channel) for channel in sensor.channels]
+            found.append((names, units, sensor.channels, sensor.to_si(volts[rows])))
     for name, extra in run.sensors.extra.items():
         if extra.channel in run.channels:
             row = volts[[run.channels.index(extra.channel)]]
@@ -76,19 +75,6 @@ def quantities(run: Run, volts: FloatArray) -> list[Quantities]:
         row = volts[[run.channels.index(channel)]]
         found.append(((quantity,), (UNITS[quantity],), (channel,), scale * row))
     return found
-
-
-def _labels(name: str, sensor: Sensor) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
-    """Names and units of a sensor's quantities; None for an unknown kind."""
-    if isinstance(sensor, ForceTorque):
-        return ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz"), ("N", "N", "N", "N m", "N m", "N m")
-    if isinstance(sensor, Accelerometer):
-        return ("acceleration x", "acceleration y", "acceleration z"), ("m/s^2",) * 3
-    if isinstance(sensor, Switch):
-        return (name,), ("",)
-    if isinstance(sensor, Divider):
-        return tuple(f"{channel} at the patch" for channel in sensor.channels), ("V",) * len(sensor.channels)
-    return None
 
 
 def _level(name: str, unit: str, values: FloatArray, overload: bool) -> Level:

@@ -96,10 +96,12 @@ class Aim:
     """Aim the laser at a point of the table ("button", or the number of a grid point)."""
 
     point: str
+    glued: str = ""
+    """Name of a pick-up that is glued to the table there, in place of a laser."""
 
     def __str__(self) -> str:
         where = "the button point" if self.point == "button" else f"point {self.point}"
-        return f"Aim the laser at {where}."
+        return f"Glue the {self.glued} to {where}." if self.glued else f"Aim the laser at {where}."
 
 
 @dataclass(frozen=True)

@@ -23,8 +23,7 @@ __all__ = ["BoardSettings", "ChannelRelay", "ChannelState", "RelayBoard", "read_
 
 
 _PATIENCE = 0.1
-"""Time for a command to show in the read-back (s): ten times that of USB (docs/hardware.md,
-"Relay box")."""
+"""Time for a command to show in the read-back (s): ten times that of USB (docs/hardware.md, "Relay box")."""
 
 _MILLISECOND = 1e-3
 
@@ -41,6 +40,13 @@ class BoardSettings(BaseModel):
     settle: Positive = 0.02
     """Settling time of the contacts after the box has reported a change, and interval of read-backs (s).
     The whole chain takes less than 10 ms (paper; docs/hardware.md, "Relay box")."""
+    patience: Annotated[float, Field(gt=0, le=5)] | None = None
+    """Time for a command to show in the read-back (s); None: 0.1 s, and for a hub in the network 1 s."""
+
+    @property
+    def waits(self) -> float:
+        """The `patience`, or its default (s)."""
+        return self.patience or _PATIENCE
 
     @field_validator("patches")
     @classmethod
@@ -95,6 +101,7 @@ class ChannelRelay(Relay):
         self.dead_man = board.dead_man
         self._channels = settings.patches
         self._settle = settings.settle
+        self._waits = settings.waits
         self._clock = clock
         self._board = board
         self._held: frozenset[str] = frozenset()
@@ -187,7 +194,7 @@ class ChannelRelay(Relay):
             return ""
 
         if patches:
-            read_back(complaint, self._clock, self._settle)
+            read_back(complaint, self._clock, self._settle, self._waits)
             # The board reports its own state; the contacts follow.
             self._clock.sleep(self._settle)
 
@@ -206,12 +213,12 @@ class ChannelRelay(Relay):
             raise InstrumentError(f"{self.identity} has been closed; open the rig again.")
 
 
-def read_back(complaint: Callable[[], str], clock: Clock, pause: float) -> None:
+def read_back(complaint: Callable[[], str], clock: Clock, pause: float, patience: float) -> None:
     """Poll every `pause` seconds until `complaint` reports no fault of a command's effect.
 
-    Raises InstrumentError with the complaint when it persists beyond the time for a command.
+    Raises InstrumentError with the complaint when it persists for `patience` seconds.
     """
-    deadline = clock.now() + max(_PATIENCE, 2 * pause)
+    deadline = clock.now() + max(patience, 2 * pause)
     while sentence := complaint():
         if clock.now() >= deadline:
             raise InstrumentError(sentence)

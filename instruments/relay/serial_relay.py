@@ -25,7 +25,7 @@ from ..clock import Clock
 from ..driver import one_name
 from ..errors import ConfigurationError, InstrumentError
 from ..tape import Failure, taped_line
-from ..transport import serial_trouble
+from ..transport import SerialSettings, serial_trouble
 from .board import BoardSettings, ChannelRelay, ChannelState
 
 __all__ = ["DIGITS", "PROMPT", "SerialRelay", "answer_in"]
@@ -54,7 +54,7 @@ class SerialRelay(ChannelRelay):
 
     taped = True
 
-    class Settings(BoardSettings):
+    class Settings(BoardSettings, SerialSettings):
         """The `[relay]` table of a rig file."""
 
         patches: Annotated[dict[str, Annotated[int, Field(ge=0, lt=len(DIGITS))]], Field(min_length=1)]
@@ -159,7 +159,7 @@ class _Board:
     def _opened(self) -> serial.SerialBase:
         s = self._settings
         try:
-            return serial.serial_for_url(s.port, baudrate=s.baud, timeout=s.timeout, write_timeout=s.timeout)
+            return s.opened(s.port, s.baud, s.timeout, s.timeout)
         except ValueError as error:
             raise ConfigurationError(
                 f"'port' in [relay] cannot be {s.port!r}: {serial_trouble(error)}."

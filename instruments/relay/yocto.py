@@ -37,6 +37,8 @@ CHANNELS = 8
 _PRODUCT = "Yocto-MaxiCoupler"
 _RATING = 48.0
 _PORT = 4444
+_PATIENCE_LAN = 1.0
+"""Time for a command to show in the read-back through a hub in the network (s; estimate)."""
 _OPEN_AT_POWER_ON = 1
 """`stateAtPowerOn`: 0 is as before, 1 is A, 2 is B (docs/hardware.md, "Relay box")."""
 _SERIAL = r"^[A-Za-z0-9]{1,12}-[A-Za-z0-9]{1,12}$"
@@ -81,6 +83,12 @@ class Yocto(ChannelRelay):
 
         rating_source: RatingSource = None
 
+        @property
+        def waits(self) -> float:
+            """See `BoardSettings.waits`: a hub in the network passes commands on one by one."""
+            here = urlsplit(self.hub).hostname in ("127.0.0.1", "localhost", "::1")
+            return self.patience or (super().waits if here else _PATIENCE_LAN)
+
         @model_validator(mode="after")
         def _ordered(self) -> Self:
             if self.rating > _RATING:
@@ -113,7 +121,9 @@ class Yocto(ChannelRelay):
         board = _Board(settings)
         channels = settings.patches.values()
         board.limit_time(channels, settings.longest)
-        read_back(lambda: board.limit_complaint(channels, settings.longest), clock, settings.settle)
+        read_back(
+            lambda: board.limit_complaint(channels, settings.longest), clock, settings.settle, settings.waits
+        )
         return cls(settings, clock, board)
 
     @property
@@ -127,6 +137,12 @@ class Yocto(ChannelRelay):
         assert isinstance(self._board, _Board)
         states = {patch: self._board.at_power_on(channel) for patch, channel in self._channels.items()}
         closing = [patch for patch, state in states.items() if state not in (_OPEN_AT_POWER_ON, None)]
+        timed = [patch for patch, channel in self._channels.items() if self._board.closes_by_itself(channel)]
+        if timed:
+            return (
+                f"{self.identity}: the channel of patch {', '.join(timed)} closes by itself after a time: "
+                "set its 'maximum time on state A' to 0 in VirtualHub, and save that to the module's flash."
+            )
         if not closing:
             return ""
         return (
@@ -163,6 +179,10 @@ class _Board:
     def at_power_on(self, channel: int) -> int | None:
         found = self._relays().get(channel)
         return found.at_power_on if found else None
+
+    def closes_by_itself(self, channel: int) -> bool:
+        found = self._relays().get(channel)
+        return found is not None and bool(found.longest_open)
 
     def open_channel(self, channel: int) -> None:
         self._set(channel, "state", 0)
@@ -225,6 +245,7 @@ class _Function(BaseModel):
     pulse: Annotated[int, Field(alias="pulseTimer", ge=0, lt=1 << 32)]
     longest: Annotated[int, Field(alias="maxTimeOnStateB", ge=0, lt=1 << 32)]
     at_power_on: Annotated[int | None, Field(alias="stateAtPowerOn", ge=0, le=2)] = None
+    longest_open: Annotated[int, Field(alias="maxTimeOnStateA", ge=0, lt=1 << 32)] = 0
 
 
 _Reply = TypeVar("_Reply", bound=BaseModel)

@@ -5,11 +5,12 @@ from .json_schema import rig_schema
 from .logbook import log_entries, reset_lockout
 from .opening import hardware, open_rig
 from .rig import Rig
-from .taping import tape_rig
+from .taping import check_recordable, tape_rig
 
 __all__ = [
     "UNPROVED",
     "Rig",
+    "check_recordable",
     "hardware",
     "log_entries",
     "open_rig",

@@ -62,7 +62,14 @@ class Monitoring:
         rig = self._rig
         laser = rig.vibrometer if rig.has("vibrometer") else None
         limits = combined(ratings(rig, len(frozenset(patches))))
-        abort_monitor = AbortMonitor(rig.file.abort, rig.sensors, laser, limits)
+        abort_monitor = AbortMonitor(
+            rig.file.abort,
+            rig.sensors,
+            laser,
+            limits,
+            rate_hz=rig.table.rate_hz,
+            warm=self._limiter.warm,
+        )
         recorded = tuple(dict.fromkeys([*channels, *abort_monitor.channels]))
         into, total = f"patch {', '.join(sorted(patches))}", samples / rig.table.rate_hz
         publish = self._live_run("play", into, recorded, rig.table.rate_hz)

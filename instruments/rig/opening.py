@@ -194,6 +194,8 @@ def _connect(rig: Rig) -> None:
             instrument.clear_left()
     if rig.file.wiring == "direct" and rig.has("amplifier"):
         rig.adopt("relay", DirectWire(rig.table.patches))
+    if rig.has("adc"):
+        rig.place_along()
     rig.complete()
 
 

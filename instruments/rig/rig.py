@@ -12,7 +12,7 @@ from typing import Any, Self
 from ..arrays import FloatArray
 from ..clock import Clock
 from ..config import RigFile
-from ..daq import Block, Capture
+from ..daq import Alongside, Block, Capture
 from ..driver import Mode, Simulation
 from ..errors import ConfigurationError
 from ..frozen import Frozen
@@ -93,6 +93,12 @@ class Rig(Instruments, InNotebook):
         if hasattr(instrument, "close"):
             self._stack.callback(self._safe.let_go, role)
         self._safe.adopt(role)
+
+    def place_along(self) -> None:
+        """Make one Daq of the DAQ and the one on its own clock beside it."""
+        channels = self.file.daq.settings.get("channels")
+        base = next(iter(channels), None) if isinstance(channels, Mapping) else None
+        self._roles["daq"] = Alongside(self._roles["daq"], self._roles["adc"], self.clock, base)
 
     def complete(self) -> None:
         """Finish opening: from now on, the safe state is reached before the program ends in any way."""
@@ -240,6 +246,10 @@ class Rig(Instruments, InNotebook):
         For a program whose first play must not be late. Raises as `excite` does.
         """
         self._playing.prove_gain(patch)
+
+    def forget_gain(self) -> None:
+        """Prove the amplifier's gain again before the next play: somebody has changed its wiring."""
+        self._proved.clear()
 
     @contextmanager
     def captures(self) -> Iterator[list[Capture]]:

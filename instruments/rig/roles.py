@@ -6,14 +6,17 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, Literal, TypeVar
 
+import numpy as np
+
 from ..amplifier import Amplifier
+from ..arrays import ComplexArray, FloatArray
 from ..config import Actuator, RigFile, TableSettings
 from ..daq import Daq
 from ..entry_points import role_class
 from ..errors import ConfigurationError
 from ..frozen import Frozen
 from ..generator import Generator
-from ..operator import Operator
+from ..operator import Aim, Operator
 from ..player import Player
 from ..relay import Relay
 from ..sensors import Divider, Sensors
@@ -72,7 +75,8 @@ class Instruments(Frozen):
             name = next((role for role in self._roles if role_class(role) is kind), name)
             instrument = self._roles.get(name)
         if not isinstance(instrument, kind):
-            raise ConfigurationError(f"The rig {self.name!r} has no [{name}]; this step needs one.")
+            instead = ', or wiring = "direct" (docs/explanation/safety.md)' if name == "relay" else ""
+            raise ConfigurationError(f"The rig {self.name!r} has no [{name}]; this step needs one{instead}.")
         return instrument
 
     @property
@@ -110,6 +114,21 @@ class Instruments(Frozen):
         """The person at the rig, or their twin."""
         return self.role(Operator)
 
+    def motion_response(self, frequencies: FloatArray) -> ComplexArray:
+        """Response from the surface's velocity to what the DAQ records of the vibrometer: see both.
+
+        At 0 Hz the value is that at 1 Hz, as the vibrometer's.
+        """
+        f = np.where(frequencies == 0, 1.0, frequencies)
+        return np.asarray(
+            self.vibrometer.response(frequencies) * self.daq.response(self.vibrometer.channel, f)
+        )
+
+    def monitor_response(self, patch: str, frequencies: FloatArray) -> ComplexArray:
+        """Response of the channel that measures the volts at a patch, as `motion_response`."""
+        f = np.where(frequencies == 0, 1.0, frequencies)
+        return self.daq.response(self.monitor(patch), f)
+
     def monitor(self, patch: str) -> str:
         """The channel that measures the volts at a patch. Raises ConfigurationError without one."""
         divider, patches = self.sensors.drive, self.table.patches
@@ -126,6 +145,10 @@ class Instruments(Frozen):
                 "patch."
             )
         return divider.channels[patches.index(patch)]
+
+    def aim(self, point: str) -> Aim:
+        """The request to bring the vibrometer to a point."""
+        return Aim(point, self.vibrometer.identity if self.vibrometer.mass else "")
 
     def has(self, role: str) -> bool:
         """True when an instrument of this role is open."""

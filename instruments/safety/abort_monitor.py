@@ -1,4 +1,4 @@
-"""The abort monitor: tests the patch's volts, the surface's velocity and the force in every block of a play.
+"""The abort monitor: tests volts, a coil's heat, the surface's motion and the force in every block of a play.
 
 The first two are tested as measured. The force is taken relative to the play's first block, because a
 sensor at rest shows its own offset and the weight on it.
@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from ..arrays import FloatArray
+from ..coil import Coil
 from ..config import AbortLimits
 from ..daq import Block
 from ..errors import InstrumentError, LimitError
@@ -31,8 +32,6 @@ _EXCESS = 1.1
 """Measured volts over the limit at which a play is stopped: beyond the drive monitor's noise and error."""
 _KEPT = 10
 """Blocks up to a trip that are kept."""
-_FZ = 2
-"""Row of the normal force among a force sensor's quantities."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,11 +43,41 @@ class _Quantity:
     violation: Callable[[FloatArray], str]
 
 
+class _Warming:
+    """Current and heat of coils, from the volts that they really get, block by block."""
+
+    def __init__(self, limits: Limits, coil: Coil, rate_hz: float, warm: float, monitors: int) -> None:
+        self._limits, self._coil, self._rate_hz = limits, coil, rate_hz
+        self._warm = [warm] * monitors
+
+    def violation(self, volts: FloatArray) -> str:
+        """The first violation in (drive monitors, samples) V, or ""."""
+        for number, own in enumerate(volts):
+            drawn = float(np.abs(self._coil.current(own, self._rate_hz)).max())
+            if not drawn <= _EXCESS * self._limits.current_peak:
+                return f"The coil drew {drawn:.3g} A, and the limit is {self._limits.current_peak:.3g} A."
+            heat = self._coil.heat(own, self._rate_hz, self._warm[number])
+            self._warm[number] = float(heat[-1])
+            if not heat.max() <= _EXCESS**2 * self._limits.power:
+                return f"The coil was heated to {heat.max():.3g} W, and it takes {self._limits.power:.3g} W."
+        return ""
+
+
 class AbortMonitor:
-    """Tests every block of one play. `tripped` is the reason for stopping the play, or None."""
+    """Tests every block of one play. `tripped` is the reason for stopping the play, or None.
+
+    `warm` (W) is what earlier plays have left in a coil, and `rate_hz` the play's.
+    """
 
     def __init__(
-        self, abort: AbortLimits, sensors: Sensors, vibrometer: Vibrometer | None, limits: Limits
+        self,
+        abort: AbortLimits,
+        sensors: Sensors,
+        vibrometer: Vibrometer | None,
+        limits: Limits,
+        *,
+        rate_hz: float = 0.0,
+        warm: float = 0.0,
     ) -> None:
         self.tripped: str | None = None
         self._quantities: list[_Quantity] = []
@@ -58,6 +87,11 @@ class AbortMonitor:
             self._quantities.append(
                 _Quantity("the drive", drive.channels, lambda v: _volts(drive.to_si(v), abort.drive, limits))
             )
+            if limits.coil is not None:
+                warming = _Warming(limits, limits.coil, rate_hz, warm, len(drive.channels))
+                self._quantities.append(
+                    _Quantity("the drive", drive.channels, lambda v: warming.violation(drive.to_si(v)))
+                )
         moving = None if vibrometer is None else getattr(abort, vibrometer.quantity)
         if vibrometer is not None and moving is not None:
             to_si, most, unit = vibrometer.to_si, float(moving), vibrometer.unit
@@ -70,7 +104,7 @@ class AbortMonitor:
             rest: list[float] = []
 
             def pressed(volts: FloatArray) -> str:
-                normal = force.to_si(volts)[_FZ]
+                normal = force.along(volts)
                 if not rest:
                     rest.append(float(np.median(normal)))
                 return _beyond(normal - rest[0], newton, "N")

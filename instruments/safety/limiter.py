@@ -108,6 +108,8 @@ class Limiter:
         """Outputs that have started: each starts once, because a restart would cut its drive off."""
         self._played: deque[tuple[float, float]] = deque()
         self._heat = Heat(clock, hardware, counted)
+        self.warm = 0.0
+        """What earlier plays had left in a coil (W) when the present one began."""
         self._watch = Watch(clock, self.authorise_renewal, goes_on=bool(outputs.direct))
         self.kept = Kept()
         """What the limits rest on, as it was when the rig was opened."""
@@ -394,6 +396,8 @@ class Limiter:
             left = {"max_duration": strictest.max_duration - longer, **waived}
             replace(strictest, **left).check(drive, rate_hz, warm=warm)  # type: ignore[arg-type]
         except LimitError as error:
+            if warm:
+                self._refuse_warm(drive, rate_hz, replace(strictest, **left), warm)  # type: ignore[arg-type]
             # The owner of the limit is looked up only for the message.
             for whose, rating in ratings.items():
                 own = {"max_duration": rating.max_duration - longer, **waived}
@@ -404,6 +408,21 @@ class Limiter:
                     if str(named).removesuffix(f"{whose}.") == str(error).removesuffix("the rig."):
                         raise named from None
             raise
+
+    def _refuse_warm(self, drive: FloatArray, rate_hz: float, limits: Limits, warm: float) -> None:
+        """Refuse a drive that the coil would take if it were cold, with the time after which it does."""
+        try:
+            limits.check(drive, rate_hz)
+        except LimitError:
+            return
+        assert limits.coil is not None
+        first, stop = sounding(drive)
+        own = float(limits.coil.heat(drive[first:stop], rate_hz).max())
+        wait = limits.coil.thermal_time * np.log(warm / max(limits.power - own, 1e-3 * limits.power))
+        raise LimitError(
+            f"The drive heats the coil by {own:.3g} W, earlier plays have left {warm:.3g} W in it, and it "
+            f"takes {limits.power:.3g} W: wait {np.ceil(max(10 * wait, 1.0)) / 10:g} s."
+        )
 
     def _refuse_elsewhere(self, patches: Collection[str], volts: bool) -> None:
         """Refuse volts for other patches than the one that no relay parts from the amplifier."""
@@ -458,6 +477,7 @@ class Limiter:
         try:
             self._audit.note("played", patches=sorted(permit.patches), seconds=seconds, **about)
             self._count((begun, begun + seconds))
+            self.warm = self._heat.left(heat.limits)
             self._heat.count(heat.limits, heat.own, seconds)
             yield
         except BaseException as error:

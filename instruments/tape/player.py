@@ -143,12 +143,21 @@ class Player:
             if said is None:
                 return None
             self.answered += 1
-        self._clock.reach(float(said["at"]))
-        if "error" in said:
-            raise _error_of(call, said["error"])
-        for array, told in zip(call.filled, said.get("filled", []), strict=True):
-            array[...] = from_json(told)
-        return from_json(said["got"])
+        try:
+            self._clock.reach(float(said["at"]))
+            error = _error_of(call, said["error"]) if "error" in said else None
+            for array, told in zip(call.filled, said.get("filled", []), strict=error is None):
+                array[...] = from_json(told)
+            answer = None if error else from_json(said["got"])
+        except (LookupError, TypeError, ValueError) as problem:
+            told = " ".join(str(problem).split())[:_SHOWN]
+            raise TapeError(
+                f"The answer to call {said.get('n')} on the tape {self.path} cannot be read ({told}): was "
+                "the tape written by another version of haploop?"
+            ) from None
+        if error is not None:
+            raise error
+        return answer
 
     def __enter__(self) -> Self:
         return self

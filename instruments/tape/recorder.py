@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from datetime import UTC, datetime
 from functools import partial
 from importlib import metadata
@@ -29,7 +30,7 @@ _OFTEN = 0.25
 
 
 class Recorder:
-    """See `Deck`. A context that writes `path`, a new file."""
+    """See `Deck`. A context that writes `path`, a new file; without a call, none is left."""
 
     playing = False
 
@@ -88,6 +89,8 @@ class Recorder:
     ) -> None:
         self._lines.put(None)
         self._thread.join()
+        if not self.calls and self._failure is None:
+            self.path.unlink(missing_ok=True)
         if self._failure is not None and error is None:
             why = (self._failure.strerror or str(self._failure)).lower()
             raise DataError(f"The tape {self.path} ends early ({why}); everything else was done.")
@@ -127,6 +130,9 @@ class Recorder:
             if said is None:
                 self._safely(partial(self._writer.write, {"is": "end", "lines": count}))
                 self._safely(self._writer.close)
+                if self._failure is not None:
+                    with suppress(OSError):
+                        self._writer.close()
                 return
             self._safely(partial(self._writer.write, said))
             count, dirty = count + 1, True

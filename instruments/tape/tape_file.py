@@ -44,8 +44,10 @@ class TapeWriter:
 
     def close(self) -> None:
         """End the file."""
-        self._packed.close()
-        self._file.close()
+        try:
+            self._packed.close()
+        finally:
+            self._file.close()
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,18 @@
-"""Lines of text to instruments: serial ports, sockets, VISA."""
+"""Lines to instruments: text over serial ports, sockets and VISA, and bytes that come by themselves."""
 
-from .serial_line import SerialLine, serial_trouble
+from .byte_line import Arrival, ByteLine, SerialBytes, TapedBytes
+from .serial_line import SerialLine, SerialSettings, serial_trouble
 from .text_line import Line
 from .visa_line import VisaLine
 
-__all__ = ["Line", "SerialLine", "VisaLine", "serial_trouble"]
+__all__ = [
+    "Arrival",
+    "ByteLine",
+    "Line",
+    "SerialBytes",
+    "SerialLine",
+    "SerialSettings",
+    "TapedBytes",
+    "VisaLine",
+    "serial_trouble",
+]

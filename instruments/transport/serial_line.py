@@ -5,33 +5,100 @@ from __future__ import annotations
 import os
 import re
 from contextlib import suppress
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import serial
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
+from ..clock import RealClock
 from .text_line import Port, TextLine
 
-__all__ = ["SerialLine", "serial_trouble"]
+__all__ = ["SerialLine", "SerialSettings", "serial_trouble"]
 
 _POLL = 0.02
 """Time-out of one read (s): pyserial's is fixed while the port is open."""
 
 
+def _stop_bits(bits: float) -> float:
+    if bits not in (1, 1.5, 2):
+        raise ValueError("use 1, 1.5 or 2")
+    return bits
+
+
+class SerialSettings(BaseModel):
+    """How a serial port is opened, beside its name and rate: keys of an instrument's table."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    parity: Literal["none", "even", "odd", "mark", "space"] = "none"
+    data_bits: Literal[7, 8] = 8
+    stop_bits: Annotated[float, AfterValidator(_stop_bits)] = 1
+    handshake: Literal["none", "rts-cts", "dsr-dtr", "xon-xoff"] = "none"
+    dtr: bool | None = None
+    """State of DTR from the opening on; None: as the system does. Some boards restart when it rises."""
+    rts: bool | None = None
+    """State of RTS, likewise."""
+    open_wait: Annotated[float, Field(ge=0, le=30)] = 0.0
+    """Time from opening the port to the first command (s), for a board that restarts meanwhile."""
+
+    def opened(self, port: str, baud: int, timeout: float, write_timeout: float) -> Any:
+        """Open a port, by pyserial. Raises serial.SerialException, OSError, ValueError."""
+        made = serial.serial_for_url(
+            port,
+            do_not_open=True,
+            baudrate=baud,
+            bytesize=self.data_bits,
+            parity=_PARITIES[self.parity],
+            stopbits=self.stop_bits,
+            rtscts=self.handshake == "rts-cts",
+            dsrdtr=self.handshake == "dsr-dtr",
+            xonxoff=self.handshake == "xon-xoff",
+            timeout=timeout,
+            write_timeout=write_timeout,
+        )
+        # Before the port is open, so that a line never has the other state.
+        if self.dtr is not None:
+            made.dtr = self.dtr
+        if self.rts is not None:
+            made.rts = self.rts
+        made.open()
+        if self.open_wait:
+            RealClock().sleep(self.open_wait)
+            made.reset_input_buffer()
+        return made
+
+
+_PARITIES = {
+    "none": serial.PARITY_NONE,
+    "even": serial.PARITY_EVEN,
+    "odd": serial.PARITY_ODD,
+    "mark": serial.PARITY_MARK,
+    "space": serial.PARITY_SPACE,
+}
+_USUAL = SerialSettings()
+
+
 class SerialLine(TextLine):
     """See `TextLine`. `port` is a device's name (COM3) or any URL of pyserial's (socket://HOST:PORT)."""
 
-    def __init__(self, name: str, port: str, baud: int, timeout: float) -> None:
+    def __init__(
+        self,
+        name: str,
+        port: str,
+        baud: int,
+        timeout: float,
+        how: SerialSettings = _USUAL,
+        end: bytes = b"\n",
+    ) -> None:
         def connect() -> Port:
             try:
-                return _SerialPort(
-                    serial.serial_for_url(port, baudrate=baud, timeout=_POLL, write_timeout=timeout)
-                )
+                return _SerialPort(how.opened(port, baud, _POLL, timeout))
             except (serial.SerialException, OSError, ValueError) as error:
                 raise ConnectionError(
                     f"{serial_trouble(error)}; correct 'port', plug it in, or close the program that uses it"
                 ) from None
 
-        super().__init__(f"{name} at {port}", connect, "its 'port' and 'baud'", timeout)
+        super().__init__(f"{name} at {port}", connect, "its 'port' and 'baud'", timeout, end)
 
 
 class _SerialPort(Port):

@@ -16,6 +16,14 @@ _LONGEST = 4096
 """Longest reply (bytes)."""
 
 
+_ENDS = (
+    (b"\r\n", "a carriage return and a line feed", "CR LF"),
+    (b"\r", "a carriage return", "CR"),
+    (b"\n", "a line feed", "LF"),
+)
+"""Ends of a line, and their names."""
+
+
 class Line(Protocol):
     """A connection that carries lines of ASCII text."""
 
@@ -63,18 +71,22 @@ class TextLine:
     the settings to check ("'port' and 'baud'"), for error messages.
     """
 
-    def __init__(self, name: str, connect: Callable[[], Port], settings: str, timeout: float) -> None:
+    def __init__(
+        self, name: str, connect: Callable[[], Port], settings: str, timeout: float, end: bytes = b"\n"
+    ) -> None:
+        """`end` ends each line, in both directions."""
         self._name = name
         self._connect = connect
         self._settings = settings
         self._timeout = timeout
+        self._end = end
         self._clock: Clock = RealClock()
         self._port: Port | None = None
         self._line = taped_line()
 
     def send(self, text: str) -> None:
         """See `Line.send`."""
-        data = text.encode("ascii") + b"\n"
+        data = text.encode("ascii") + self._end
         try:
             self._line.call("send", lambda: self._opened().send(data), data, failures=_FAILURES)
         except _NotOpenedError as error:
@@ -93,7 +105,7 @@ class TextLine:
             raise self._failed(f"was lost after {asked!r} ({error}): check its cable and power") from None
         if len(reply) > _LONGEST:
             raise self._failed(f"answered {asked!r} with {_LONGEST} bytes and no end: check {self._settings}")
-        if not reply.endswith(b"\n"):
+        if not reply.endswith(self._end):
             raise self._failed(self._late(asked, reply))
         try:
             text = reply.decode("ascii").strip()
@@ -116,7 +128,7 @@ class TextLine:
         port = self._opened()
         deadline = self._clock.now() + self._timeout
         reply = b""
-        while not reply.endswith(b"\n") and len(reply) <= _LONGEST:
+        while not reply.endswith(self._end) and len(reply) <= _LONGEST:
             left = deadline - self._clock.now()
             if left <= 0:
                 break
@@ -139,9 +151,11 @@ class TextLine:
         within = f"within {self._timeout:g} s"
         if not reply:
             return f"did not answer {asked!r} {within}: is it switched on, and is {self._settings} right?"
-        if reply.endswith(b"\r"):
+        found = next((name for end, name, _ in _ENDS if reply.endswith(end)), None)
+        if found is not None:
+            wanted, short = next((name, short) for end, name, short in _ENDS if end == self._end)
             return (
-                f"answered {asked!r} with {reply[-60:]!r}, which ends in a carriage return, not in a "
-                "line feed: set its terminator to LF"
+                f"answered {asked!r} with {reply[-60:]!r}, which ends in {found}, not in {wanted}: "
+                f"set its terminator to {short}"
             )
         return f"answered {asked!r} with {reply[-60:]!r} and no line end {within}: check its terminator"

@@ -26,12 +26,27 @@ class VisaLine(TextLine):
                 session.read_termination = session.write_termination = "\n"
             except Exception as error:  # pyvisa-py raises bare Exceptions too
                 reason = " ".join(str(error).split())
-                raise ConnectionError(
-                    f"{reason}; correct 'resource', switch it on, or install a VISA library (pyvisa-py)"
-                ) from None
+                raise ConnectionError(f"{reason}; {_remedy(reason)}") from None
             return _Session(session, pyvisa)
 
         super().__init__(f"{name} at {resource}", connect, "its 'resource'", timeout)
+
+
+def _remedy(reason: str) -> str:
+    """What to do about a resource that cannot be opened."""
+    for library, kind in (("PyUSB", "usb"), ("gpib", "gpib")):
+        if library in reason:
+            return (
+                f"without a vendor's VISA a resource of {kind.upper()} needs {_NEEDS[kind]}: pip install "
+                f"\"haploop[{kind}]\", or install NI-VISA or Keysight's IO Libraries and leave 'visa' out"
+            )
+    return "correct 'resource', switch it on, or install a VISA library (NI-VISA, Keysight's IO Libraries)"
+
+
+_NEEDS = {
+    "usb": "PyUSB and the system's libusb",
+    "gpib": "gpib-ctypes and the card's own driver",
+}
 
 
 class _Session(Port):

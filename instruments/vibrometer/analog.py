@@ -89,9 +89,9 @@ class AnalogVibrometer(Vibrometer):
         self.delay = settings.delay
         self.mass = settings.mass
         high = f"at {settings.high_pass_hz:g} Hz" if settings.high_pass_hz else "off"
-        glued = f" is it glued to the table, with {settings.mass * 1e3:g} g," if settings.mass else ""
+        glued = f" of the {settings.mass * 1e3:g} g on the table" if settings.mass else ""
         self.declared = (
-            f"{settings.name}:{glued} is the range {shown(self.quantity, self.range)}, the low-pass filter "
+            f"{settings.name}: is the range{glued} {shown(self.quantity, self.range)}, the low-pass filter "
             f"{self.bandwidth_hz / 1e3:g} kHz and the high-pass filter {high}?"
         )
 

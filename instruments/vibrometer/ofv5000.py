@@ -8,21 +8,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Annotated, Self, TypeVar
+from typing import Annotated, Literal, Self, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from ..bounded import Positive, Timeout
 from ..clock import Clock
 from ..driver import one_name
 from ..errors import ConfigurationError, InstrumentError
-from ..transport import Line, SerialLine
+from ..transport import Line, SerialLine, SerialSettings
 from .ofv5000_codec import (
     Command,
     duration_of,
     frequency_of,
     is_command,
+    is_untold,
     level_of,
+    ranges_of,
     scale_of,
     scale_text,
 )
@@ -35,6 +37,7 @@ Value = TypeVar("Value")
 _NAME = "OFV-5000"
 _ECHOES = 8
 """Most echoed commands before the answer, when the interface's echo is on."""
+_ENDS = {"lf": b"\n", "cr": b"\r", "cr-lf": b"\r\n"}
 _LOOK = 0.5
 """Polling interval of a focus search (s)."""
 
@@ -44,10 +47,8 @@ class Ofv5000(Vibrometer):
 
     taped = True
 
-    class Settings(BaseModel):
+    class Settings(SerialSettings):
         """The `[vibrometer]` table of a rig file."""
-
-        model_config = ConfigDict(frozen=True, extra="forbid")
 
         port: Annotated[str, Field(min_length=1)]
         """Serial port (COM3, /dev/ttyUSB0), or a URL of pyserial's (socket://HOST:PORT)."""
@@ -61,7 +62,13 @@ class Ofv5000(Vibrometer):
         """Output at full range (V; estimate; docs/hardware.md, "OFV-5000")."""
         bandwidth_hz: Positive | None = None
         """Bandwidth (Hz) for a decoder that reports none; otherwise the lower of both holds."""
+        delay: Annotated[float, Field(ge=0, le=0.1)] | None = None
+        """Signal delay (s), for a controller that does not tell it."""
+        range_declared: bool = False
+        """True for a controller that does not tell its range: the operator confirms `scale`."""
         baud: Annotated[int, Field(gt=0)] = 115200
+        terminator: Literal["lf", "cr", "cr-lf"] = "lf"
+        """End of a line, in both directions."""
         timeout: Timeout = 2.0
         """Time for a command to be answered completely (s)."""
         focus_timeout: Positive = 30.0
@@ -73,16 +80,19 @@ class Ofv5000(Vibrometer):
         self._clock = clock
         self._line = line
         self.channel = settings.channel
-        self.declared = None
         self.identity = self._identity()
-        self.delay = self._get("SignalDelay", duration_of)
+        self.delay = self._delay()
         self.bandwidth_hz = self._bandwidth()
-        self._take(self._get("Range", scale_of))
+        self.declared = None
+        if settings.range_declared:
+            self.declared = f"{self.identity}: is {settings.decoder} set to {scale_text(settings.scale)}?"
+        self._take(self._range())
 
     @classmethod
     def connect(cls, settings: Settings, clock: Clock) -> Self:
         """Connect as `open`, but accept any range that the controller is set to."""
-        line = SerialLine(_NAME, settings.port, settings.baud, settings.timeout)
+        end = _ENDS[settings.terminator]
+        line = SerialLine(_NAME, settings.port, settings.baud, settings.timeout, settings, end)
         try:
             return cls(settings, clock, line)
         except BaseException:
@@ -111,13 +121,13 @@ class Ofv5000(Vibrometer):
 
     def check_range(self) -> None:
         """Read the range again. Raises ConfigurationError when it is not the rig file's."""
-        self._take(self._get("Range", scale_of))
+        self._take(self._range())
         wanted = self._settings.scale
         if not math.isclose(self.scale, wanted, rel_tol=1e-3):
             raise ConfigurationError(
                 f"{self.identity}: {self._settings.decoder} is set to the range "
                 f"{scale_text(self.scale)}, but the rig file says {scale_text(wanted)}: "
-                "set the range, or correct 'scale' in [vibrometer]."
+                f"set the range, or correct 'scale' in [vibrometer].{self._known()}"
             )
 
     def set_range(self, scale: float) -> None:
@@ -126,12 +136,12 @@ class Ofv5000(Vibrometer):
         Raises InstrumentError when another range reads back: the decoder lacks this one.
         """
         self._send(Command("Set", self._settings.decoder, "Range", scale_text(scale)))
-        self._take(self._get("Range", scale_of))
+        self._take(self._range())
         if not math.isclose(self.scale, scale, rel_tol=1e-3):
             raise InstrumentError(
                 f"{self.identity}: {self._settings.decoder} was given the range "
                 f"{scale_text(scale)} but reads {scale_text(self.scale)}: "
-                "choose a range that it has."
+                f"choose a range that it has.{self._known()}"
             )
 
     def signal_level(self) -> float:
@@ -169,8 +179,45 @@ class Ofv5000(Vibrometer):
             )
         return name
 
+    def _range(self) -> float:
+        """Scale that the controller tells, or the rig file's, where that is to be confirmed."""
+        if self._settings.range_declared:
+            return self._settings.scale
+        try:
+            return self._get("Range", scale_of)
+        except InstrumentError as error:
+            raise InstrumentError(
+                f"{str(error).rstrip('.')}; where this controller does not tell its range, give "
+                "range_declared = true in [vibrometer], and the operator confirms it."
+            ) from None
+
+    def _delay(self) -> float:
+        """Delay that the rig file declares, or the controller tells."""
+        if self._settings.delay is not None:
+            return self._settings.delay
+        told = self._get("SignalDelay", lambda text: None if is_untold(text) else duration_of(text))
+        if told is None:
+            raise ConfigurationError(
+                f"{self.identity}: {self._settings.decoder} tells no delay: give 'delay' in [vibrometer]."
+            )
+        return told
+
+    def _known(self) -> str:
+        """The ranges that the decoder has, as the end of a sentence; "" where it does not list them."""
+        try:
+            scales = ranges_of(self._ask(Command("GetDevInfo", self._settings.decoder, "Range")))
+        except (InstrumentError, ValueError):
+            return ""
+        return f" It has {', '.join(map(scale_text, scales))}." if scales else ""
+
     def _bandwidth(self) -> float:
-        reported, declared = self._get("MaxFreq", frequency_of), self._settings.bandwidth_hz
+        declared = self._settings.bandwidth_hz
+        try:
+            reported = self._get("MaxFreq", frequency_of)
+        except InstrumentError:
+            if declared is None:
+                raise
+            reported = None  # no such command in this firmware
         known = [f for f in (reported, declared) if f is not None]
         if not known:
             raise ConfigurationError(

@@ -17,7 +17,9 @@ __all__ = [
     "duration_of",
     "frequency_of",
     "is_command",
+    "is_untold",
     "level_of",
+    "ranges_of",
     "scale_of",
     "scale_text",
 ]
@@ -28,10 +30,12 @@ LEVEL_FULL = 512
 """Signal level of full light (found for VibroFlex, Polytec's newer controller; docs/hardware.md,
 "OFV-5000")."""
 
-_NUMBER = r"(?P<number>\d+(?:\.\d*)?|\.\d+)"
+_NUMBER = r"(?P<number>[+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,2})?)"
 _VELOCITY = {"um": 1e-6, "µm": 1e-6, "mm": 1e-3, "m": 1.0}
 _TIME = {"ns": 1e-9, "us": 1e-6, "µs": 1e-6, "ms": 1e-3, "s": 1.0, "": 1e-6}
-_FREQUENCY = {"hz": 1.0, "khz": 1e3, "mhz": 1e6}
+_FREQUENCY = {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "": 1.0}
+_SECONDS = 1e-2
+"""A delay without a unit below this is in seconds, as 1.23E-05 is; others are in microseconds (estimate)."""
 _SENSITIVITIES = (1e-6, 10.0)
 """Valid scales (m/s per V); like the two below, wider than any product's: beyond is a garbled line."""
 _DELAYS = (0.0, 0.1)
@@ -80,18 +84,38 @@ def scale_text(scale: float) -> str:
 
 
 def duration_of(text: str) -> float:
-    """Parse a signal delay, `12.3 us`, to seconds. Raises ValueError.
+    """Parse a signal delay, `12.3 us`, `12.3` or `1.23E-05`, to seconds. Raises ValueError.
 
-    Public code reads only the number; microseconds for a bare number are an estimate.
+    Public code reads only the number; the unit of a bare number is an estimate.
     """
-    return _quantity(text, r"(?P<unit>[nuµm]?s)?", _TIME, _DELAYS)
+    units = _TIME
+    if re.fullmatch(_NUMBER, text.strip(), re.ASCII) and float(text) < _SECONDS:
+        units = {**_TIME, "": 1.0}
+    return _quantity(text, r"(?P<unit>[nuµm]?s)?", units, _DELAYS)
 
 
 def frequency_of(text: str) -> float | None:
-    """Parse a highest frequency, `20 kHz`, to Hz; None for `Not Available`. Raises ValueError."""
-    if text.strip().lower() == "not available":
+    """Parse a highest frequency, `20 kHz` or `20000`, to Hz; None where it is not told. Raises ValueError."""
+    if is_untold(text):
         return None
-    return _quantity(text, r"(?P<unit>[kKmM]?[hH][zZ])", _FREQUENCY, _FREQUENCIES)
+    return _quantity(text, r"(?P<unit>[kKmM]?[hH][zZ])?", _FREQUENCY, _FREQUENCIES)
+
+
+def is_untold(text: str) -> bool:
+    """True for an answer that says that there is none."""
+    return text.strip().lower() in ("not available", "not installed")
+
+
+def ranges_of(text: str) -> tuple[float, ...]:
+    """Parse the list of a decoder's ranges, `5mm/s/V,10mm/s/V`, to m/s per V; none where it is not told.
+
+    How the list is written was not found: numbers with their unit, with anything but a slash between them
+    (estimate). Raises ValueError for no such list.
+    """
+    if is_untold(text):
+        return ()
+    parts = [part for part in re.split(r"[,;|\t]", text) if part.strip()]
+    return tuple(scale_of(part) for part in parts)
 
 
 def level_of(text: str) -> float:
@@ -102,7 +126,8 @@ def level_of(text: str) -> float:
 
 
 def _quantity(text: str, unit: str, scales: dict[str, float], within: tuple[float, float]) -> float:
-    found = re.fullmatch(rf"{_NUMBER}\s*{unit}", text.strip(), re.ASCII)
+    # Firmware differs in blanks: "5 mm/s / V".
+    found = re.fullmatch(rf"{_NUMBER}{unit}", re.sub(r"\s+", "", text), re.ASCII)
     if found is None:
         raise ValueError("not a number with a known unit")
     value = float(found["number"]) * scales[(found["unit"] or "").lower()]

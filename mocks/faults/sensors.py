@@ -46,7 +46,7 @@ class ForceCalibration(OnSensors, OnCards):
 
     def gauges(self, gauges: FloatArray, rng: np.random.Generator) -> FloatArray:
         """See `OnSensors.gauges`."""
-        mixing = self.settings.crosstalk * rng.standard_normal((6, 6))
+        mixing = self.settings.crosstalk * rng.standard_normal((len(gauges), len(gauges)))
         np.fill_diagonal(mixing, self.settings.gain)
         return np.asarray(mixing @ gauges)
 

@@ -6,82 +6,38 @@ this type of instrument (estimate; docs/hardware.md, "Generators").
 
 from __future__ import annotations
 
+import copy
 import math
 from functools import partial
 from typing import Protocol
 
+import numpy as np
+
 from ...instruments.clock import Clock
 from ..plant import Source
+from .apply import apply_entries
+from .channel import HIGHEST, Channel
+from .headers import BOOLEANS, NUMBERS, TRIGGERS, WORDS
 from .products import Product
 from .scpi import Entry, ScpiDevice, ScpiError, number_of, word_of
-from .waveform import SHAPES, Output, Playing
+from .waveform import Output, Playing, Points
 
 __all__ = ["Box", "Input"]
 
 _CHANNELS = (1, 2)
-_SOURCE = 50.0
-"""Output impedance (ohm)."""
-_HIGHEST = 20.0
-"""Largest amplitude without load (V peak to peak): half of it at 50 ohm."""
 _LOWEST = 2e-3
 _INFINITE = 9.9e37
 
 
-# Header: default, lowest, highest. Settings without an effect on the plant are stored and reported only.
-_NUMBERS = {
-    "[:SOURce#]:FREQuency[:CW]": (1e3, 1e-6, 60e6),
-    "[:SOURce#]:FREQuency:STARt": (100, 1e-6, 60e6),
-    "[:SOURce#]:FREQuency:STOP": (1e3, 1e-6, 60e6),
-    "[:SOURce#]:PHASe[:ADJust]": (0, -360, 360),
-    "[:SOURce#]:SWEep:TIME": (1, 1e-3, 500),
-    "[:SOURce#]:SWEep:RTIMe": (0, 0, 500),
-    "[:SOURce#]:MARKer:FREQuency": (500, 1e-6, 60e6),
-    "[:SOURce#]:FUNCtion:SQUare:DCYCle": (50, 0.01, 99.99),
-    "[:SOURce#]:FUNCtion:RAMP:SYMMetry": (100, 0, 100),
-    "[:SOURce#]:FUNCtion:PULSe:PERiod": (1e-3, 33e-9, 1e6),
-    "[:SOURce#]:FUNCtion:PULSe:WIDTh": (100e-6, 16e-9, 1e6),
-    "[:SOURce#]:FUNCtion:PULSe:DCYCle": (10, 0, 100),
-    "[:SOURce#]:FUNCtion:PULSe:TRANsition[:BOTH]": (10e-9, 8.4e-9, 1e-6),
-    "[:SOURce#]:FUNCtion:ARBitrary:SRATe": (40e3, 1e-6, 250e6),
-    "[:SOURce#]:BURSt:INTernal:PERiod": (10e-3, 1e-6, 8e3),
-    "[:SOURce#]:BURSt:NCYCles": (1, 1, 1e8),
-    "[:SOURce#]:BURSt:PHASe": (0, -360, 360),
-}
-_BOOLEANS = {
-    "[:SOURce#]:BURSt:STATe": False,
-    "[:SOURce#]:SWEep:STATe": False,
-    "[:SOURce#]:MARKer[:STATe]": False,
-    ":OUTPut#[:STATe]": False,
-    ":OUTPut#:SYNC[:STATe]": True,
-    ":OUTPut#:TRIGger": False,
-}
-_WORDS: dict[str, tuple[str, ...]] = {
-    "[:SOURce#]:FUNCtion[:SHAPe]": SHAPES,
-    "[:SOURce#]:VOLTage:UNIT": ("VPP", "VRMS", "DBM"),
-    "[:SOURce#]:SWEep:SPACing": ("LINear", "LOGarithmic"),
-    "[:SOURce#]:BURSt:MODE": ("TRIGgered", "GATed"),
-    "[:SOURce#]:BURSt:IDLE": ("FPT", "TOP", "CENTER", "BOTTOM"),
-    "[:SOURce#]:FUNCtion:PULSe:HOLD": ("WIDTh", "DCYCle"),
-    "[:SOURce#]:FUNCtion:ARBitrary:ADVance": ("SRATe", "TRIGger"),
-    "[:SOURce#]:FUNCtion:ARBitrary:FILTer": ("NORMal", "STEP", "OFF"),
-    ":OUTPut#:POLarity": ("NORMal", "INVerted"),
-}
-_TRIGGERS: dict[bool, dict[str, tuple[str, ...]]] = {
-    True: {":TRIGger#:SOURce": ("IMMediate", "EXTernal", "TIMer", "BUS")},
-    False: {
-        f"[:SOURce#]:{mode}:TRIGger:SOURce": ("INTernal", "EXTernal", "MANual") for mode in ("SWEep", "BURSt")
-    },
-}
-"""Sources of the trigger: of a sweep first, and of a burst last."""
-
-_FREQUENCY, _START, _STOP = list(_NUMBERS)[:3]
+_FREQUENCY, _START, _STOP = list(NUMBERS)[:3]
 _TIME = "[:SOURce#]:SWEep:TIME"
 _ON, _SWEEP = ":OUTPut#[:STATe]", "[:SOURce#]:SWEep:STATe"
-_SHAPE, _UNIT, _SPACING = list(_WORDS)[:3]
+_SHAPE, _UNIT, _SPACING = list(WORDS)[:3]
 _DUTY, _SYMMETRY = "[:SOURce#]:FUNCtion:SQUare:DCYCle", "[:SOURce#]:FUNCtion:RAMP:SYMMetry"
 _BURST, _CYCLES = "[:SOURce#]:BURSt:STATe", "[:SOURce#]:BURSt:NCYCles"
-_BURST_PERIOD = "[:SOURce#]:BURSt:INTernal:PERiod"
+_BURST_PERIOD, _BURST_PHASE = "[:SOURce#]:BURSt:INTernal:PERiod", "[:SOURce#]:BURSt:PHASe"
 _RATE = "[:SOURce#]:FUNCtion:ARBitrary:SRATe"
+_CONTINUOUS, _LIMITED = ":INITiate#:CONTinuous", "[:SOURce#]:VOLTage:LIMit:STATe"
 
 
 class Input(Protocol):
@@ -108,27 +64,46 @@ class Box:
     def __init__(self, product: Product, plant: Input, node: str) -> None:
         self._product = product
         self._clock = plant.clock
-        self._triggers = tuple(_TRIGGERS[product.by_mode])
-        self._words = _WORDS | _TRIGGERS[product.by_mode]
-        self._numbers = _NUMBERS | product.sweep
+        self._triggers = [h for h in TRIGGERS[product.by_mode] if h.endswith("SOURce")]
+        self._words = WORDS | TRIGGERS[product.by_mode]
+        self._numbers = NUMBERS | product.sweep
         self.playing = Playing(plant.clock)
-        self._channels = {n: _Channel() for n in _CHANNELS}
+        self._channels = {n: Channel() for n in _CHANNELS}
         self._device = ScpiDevice(
             product.identity, self._entries(), self._reset, self._software_trigger, product.by_mode
         )
+        self._device.keeping(self._save, self._recall)
+        self._saved: dict[int, dict[int, Channel]] = {}
         self.answer, self.fail = self._device.answer, self._device.fail
         self._advance = plant.advance
         self._reset()
         plant.drive(node, self.playing)
 
+    def get(self, line: str) -> str:
+        """Answer one query."""
+        return self.answer(line)[0]
+
+    def _save(self, place: int) -> None:
+        self._saved[place] = copy.deepcopy(self._channels)
+
+    def _recall(self, place: int) -> None:
+        if place not in self._saved:
+            raise ScpiError(810, "State has not been stored")
+        self._channels = copy.deepcopy(self._saved[place])
+        for channel in self._channels.values():
+            channel.values[_ON] = 0.0  # as the instruments do
+        self._apply(1)
+
     def _reset(self) -> None:
         for channel in self._channels.values():
             channel.values = {h: float(v[0]) for h, v in self._numbers.items()}
-            channel.values |= {h: float(v) for h, v in _BOOLEANS.items()}
+            channel.values |= {h: float(v) for h, v in BOOLEANS.items()}
             channel.words = {h: word_of(w[0].upper(), w) for h, w in self._words.items()}
             channel.peak_to_peak, channel.offset, channel.load = 0.2, 0.0, 50.0
             channel.points.clear()
             channel.arb = '"INT:\\BUILTIN\\EXP_RISE.ARB"'
+            channel.low, channel.high = -HIGHEST / 2, HIGHEST / 2
+            channel.armed = 0
         self._apply(1)
 
     def _entries(self) -> dict[str, Entry]:
@@ -137,7 +112,7 @@ class Box:
             h: Entry(partial(get, h, low, high), partial(put, h, low, high))
             for h, (_, low, high) in self._numbers.items()
         }
-        entries |= {h: Entry(partial(self._get_on, h), partial(self._put_on, h)) for h in _BOOLEANS}
+        entries |= {h: Entry(partial(self._get_on, h), partial(self._put_on, h)) for h in BOOLEANS}
         entries |= {
             h: Entry(partial(self._get_word, h), partial(self._put_word, h, w))
             for h, w in self._words.items()
@@ -158,16 +133,27 @@ class Box:
             "[:SOURce#]:DATA:ARBitrary": Entry(put=partial(self._load_points, 1.0)),
             "[:SOURce#]:DATA:ARBitrary:DAC": Entry(put=partial(self._load_points, 32767.0)),
             "[:SOURce#]:PHASe:SYNChronize": Entry(put=lambda n, _: None),
+            "[:SOURce#]:VOLTage:LIMit:HIGH": Entry(partial(self._get_limit, 1), partial(self._put_limit, 1)),
+            "[:SOURce#]:VOLTage:LIMit:LOW": Entry(partial(self._get_limit, -1), partial(self._put_limit, -1)),
+            "[:SOURce#]:FREQuency:CENTer": Entry(self._get_centre, self._put_centre),
+            "[:SOURce#]:FREQuency:SPAN": Entry(self._get_span, self._put_span),
+            ":ABORt": Entry(put=lambda n, _: self._abort()),
+            ":INITiate#[:IMMediate]": Entry(put=lambda n, _: self._arm(n)),
             ":SYSTem:ERRor[:NEXT]": Entry(get=lambda n, _: self._device.next_error()),
             ":SYSTem:BEEPer[:IMMediate]": Entry(put=lambda n, _: None),
+            **{f":SYSTem:{word}": Entry(put=lambda n, _: None) for word in ("LOCal", "REMote", "RWLock")},
             ":SYSTem:VERSion": Entry(get=lambda n, _: "1999.0"),
             ":DISPlay:TEXT": Entry(put=lambda n, _: None),
             ":DISPlay:TEXT:CLEar": Entry(put=lambda n, _: None),
         }
+        entries |= apply_entries(self, self._product)
         if self._product.by_mode:
             entries["[:SOURce#]:FREQuency:MODE"] = Entry(self._get_mode, self._put_mode)
             entries[":TRIGger#[:IMMediate]"] = Entry(put=lambda n, _: self._fire(n))
         else:
+            entries |= {
+                f"[:SOURce#]:{mode}": entries[f"[:SOURce#]:{mode}:STATe"] for mode in ("SWEep", "BURSt")
+            }
             entries |= {
                 f"[:SOURce#]:{mode}:TRIGger[:IMMediate]": Entry(put=lambda n, _: self._fire(n))
                 for mode in ("SWEep", "BURSt")
@@ -201,7 +187,7 @@ class Box:
             raise ScpiError(-221, "Settings conflict; not able to use dBm units with infinite load")
         channel = self._channel(n)
         channel.words[header] = word
-        most = (_HIGHEST - channel.peak_to_peak) / 2
+        most = (HIGHEST - channel.peak_to_peak) / 2
         if abs(channel.offset) > most and not channel.is_direct:
             channel.offset = math.copysign(most, channel.offset)
             self.fail(ScpiError(-221, "Settings conflict; offset changed due to function"))
@@ -228,15 +214,72 @@ class Box:
 
     def _put_level(self, n: int, argument: str) -> None:
         channel = self._channel(n)
-        ends = {"MINimum": _LOWEST * channel.share, "MAXimum": _HIGHEST * channel.share}
+        ends = {"MINimum": _LOWEST * channel.share, "MAXimum": HIGHEST * channel.share}
         volts = number_of(argument, ends)
         match channel.words[_UNIT]:
             case "VRMS":
                 volts *= 2 * math.sqrt(2)
             case "DBM":
                 volts = 2 * math.sqrt(2) * math.sqrt(channel.load * 1e-3 * 10 ** (volts / 10))
-        most = _HIGHEST - (0 if channel.is_direct else 2 * abs(channel.offset))
-        channel.peak_to_peak = self._within(volts / channel.share, _LOWEST, most)
+        most = HIGHEST - (0 if channel.is_direct else 2 * abs(channel.offset))
+        wanted = self._within(volts / channel.share, _LOWEST, most)
+        channel.peak_to_peak, _ = self._limited(channel, wanted, channel.offset)
+        self._apply(n)
+
+    def _limited(self, channel: Channel, peak_to_peak: float, offset: float) -> tuple[float, float]:
+        """Amplitude and offset within the voltage limits, if they are on."""
+        if not channel.values[_LIMITED]:
+            return peak_to_peak, offset
+        most = 2 * min(channel.high - offset, offset - channel.low)
+        if channel.is_direct or peak_to_peak <= most + 1e-12:
+            return peak_to_peak, min(max(offset, channel.low), channel.high)
+        self.fail(ScpiError(-221, "Settings conflict; amplitude limited by voltage limits"))
+        return max(most, _LOWEST), offset
+
+    def _get_limit(self, side: int, n: int, argument: str) -> str:
+        channel = self._channel(n)
+        return self._text((channel.high if side > 0 else channel.low) * channel.share)
+
+    def _put_limit(self, side: int, n: int, argument: str) -> None:
+        channel = self._channel(n)
+        ends = {"MINimum": -HIGHEST / 2 * channel.share, "MAXimum": HIGHEST / 2 * channel.share}
+        volts = number_of(argument, ends) / channel.share
+        present = side * channel.offset + channel.peak_to_peak / 2
+        if side * volts < present - 1e-12:
+            self.fail(ScpiError(-221, "Settings conflict; limit moved to the signal that is put out"))
+            volts = side * present
+        volts = self._within(volts, -HIGHEST / 2, HIGHEST / 2)
+        if side > 0:
+            channel.high = volts
+        else:
+            channel.low = volts
+
+    def _get_centre(self, n: int, argument: str) -> str:
+        values = self._channel(n).values
+        return self._text((values[_START] + values[_STOP]) / 2)
+
+    def _put_centre(self, n: int, argument: str) -> None:
+        values = self._channel(n).values
+        self._put_ends(n, number_of(argument), values[_STOP] - values[_START])
+
+    def _get_span(self, n: int, argument: str) -> str:
+        values = self._channel(n).values
+        return self._text(values[_STOP] - values[_START])
+
+    def _put_span(self, n: int, argument: str) -> None:
+        values = self._channel(n).values
+        self._put_ends(n, (values[_START] + values[_STOP]) / 2, number_of(argument))
+
+    def _put_ends(self, n: int, centre: float, span: float) -> None:
+        """Set a centre and a span, narrower where it would reach below zero or beyond the highest."""
+        values = self._channel(n).values
+        _, low, high = NUMBERS[_START]
+        centre = self._within(centre, low, high)
+        most = 2 * min(centre - low, high - centre)
+        if abs(span) > most:
+            self.fail(ScpiError(-221, "Settings conflict; span changed due to centre frequency"))
+            span = most
+        values[_START], values[_STOP] = centre - span / 2, centre + span / 2
         self._apply(n)
 
     def _get_offset(self, n: int, argument: str) -> str:
@@ -244,8 +287,9 @@ class Box:
 
     def _put_offset(self, n: int, argument: str) -> None:
         channel = self._channel(n)
-        most = (_HIGHEST - (0 if channel.is_direct else channel.peak_to_peak)) / 2
-        channel.offset = self._within(number_of(argument) / channel.share, -most, most)
+        most = (HIGHEST - (0 if channel.is_direct else channel.peak_to_peak)) / 2
+        wanted = self._within(number_of(argument) / channel.share, -most, most)
+        channel.peak_to_peak, channel.offset = self._limited(channel, channel.peak_to_peak, wanted)
         self._apply(n)
 
     def _get_end(self, side: int, n: int, argument: str) -> str:
@@ -255,7 +299,7 @@ class Box:
     def _put_end(self, side: int, n: int, argument: str) -> None:
         channel = self._channel(n)
         other = channel.offset - side * channel.peak_to_peak / 2
-        end = self._within(number_of(argument) / channel.share, -_HIGHEST / 2, _HIGHEST / 2)
+        end = self._within(number_of(argument) / channel.share, -HIGHEST / 2, HIGHEST / 2)
         if side * (end - other) < _LOWEST:
             other = end - side * _LOWEST  # As the instruments do, move the other end.
             self.fail(ScpiError(-221, "Settings conflict; high level must be above low level"))
@@ -278,13 +322,19 @@ class Box:
 
     def _load_points(self, full: float, n: int, argument: str) -> None:
         name, _, values = argument.partition(",")
-        points = [number_of(v.strip()) / full for v in values.split(",")] if values else []
+        swapped = self._channel(1).words[":FORMat:BORDer"] == "SWAP"
+        kind = ("<" if swapped else ">") + ("f4" if full == 1.0 else "i2")
+        points = self._device.numbers_in(values, kind) / full
         if len(points) < 8:
             raise ScpiError(-109, "Missing parameter")
+        if len(points) > self._product.memory:
+            raise ScpiError(-223, "Too much data")
+        if np.abs(points).max() > 1.0 + 1e-6:
+            raise ScpiError(-222, "Data out of range")
         known = self._channel(n).points
         if _arb(name) in known:
             raise ScpiError(785, "Specified arb waveform already exists")
-        known[_arb(name)] = points
+        known[_arb(name)] = Points(points)
 
     def _select(self, n: int, name: str) -> None:
         channel = self._channel(n)
@@ -304,7 +354,7 @@ class Box:
         if not waiting:
             raise ScpiError(-211, "Trigger ignored")
 
-    def _trigger(self, channel: _Channel) -> str:
+    def _trigger(self, channel: Channel) -> str:
         """Return the source of the trigger of what is on, sweep or burst."""
         return channel.words[self._triggers[-1 if channel.values[_BURST] else 0]]
 
@@ -313,9 +363,26 @@ class Box:
         wanted = "BUS" if self._product.by_mode else "MAN"
         if not (channel.values[_SWEEP] or channel.values[_BURST]) or self._trigger(channel) != wanted:
             raise ScpiError(-211, "Trigger ignored")
+        if not channel.values[_CONTINUOUS]:
+            if not channel.armed:
+                raise ScpiError(-211, "Trigger ignored")
+            channel.armed -= 1
         if n == 1:
             self._advance(self._clock.now())
             self.playing.fire()
+
+    def _arm(self, n: int) -> None:
+        channel = self._channel(n)
+        if channel.values[_CONTINUOUS]:
+            raise ScpiError(-213, "Init ignored")
+        channel.armed = round(channel.values.get(":TRIGger#:COUNt", 1.0))
+
+    def _abort(self) -> None:
+        """End what was triggered; sweep and burst wait again."""
+        for channel in self._channels.values():
+            channel.armed = 0
+        self._advance(self._clock.now())
+        self.playing.abort()
 
     def _apply(self, n: int) -> None:
         """Step the plant to now with the old output, then put out the current settings."""
@@ -323,6 +390,8 @@ class Box:
             return
         channel = self._channel(1)
         values, words = channel.values, channel.words
+        timed = self._trigger(channel) == "TIM"
+        period = values[":TRIGger#:TIMer"] if timed else values[_BURST_PERIOD]
         self._advance(self._clock.now())
         self.playing.set(
             Output(
@@ -333,16 +402,18 @@ class Box:
                 frequency=values[_FREQUENCY],
                 duty=values[_DUTY] / 100,
                 symmetry=values[_SYMMETRY] / 100,
-                points=tuple(channel.points.get(channel.arb, ())),
+                points=channel.points.get(channel.arb),
                 rate_hz=values[_RATE],
                 sweep=(values[_START], values[_STOP], values[_TIME]) if values[_SWEEP] else None,
-                burst=(values[_CYCLES], values[_BURST_PERIOD]) if values[_BURST] else None,
+                burst=(values[_CYCLES], period) if values[_BURST] else None,
+                burst_phase=values[_BURST_PHASE] / 360,
+                delay=values.get(":TRIGger#:DELay", values["[:SOURce#]:BURSt:TDELay"]),
                 logarithmic=words[_SPACING] == "LOG",
-                repeats=self._trigger(channel) in ("IMM", "INT"),
+                repeats=self._trigger(channel) in ("IMM", "INT", "TIM"),
             )
         )
 
-    def _channel(self, n: int) -> _Channel:
+    def _channel(self, n: int) -> Channel:
         if n not in self._channels:
             raise ScpiError(-114, "Header suffix out of range")
         return self._channels[n]
@@ -357,30 +428,6 @@ class Box:
         end = "lower" if value < low else "upper"
         self.fail(ScpiError(-222, f"Data out of range; value clipped to {end} limit"))
         return min(max(value, low), high)
-
-
-class _Channel:
-    """Settings of one channel; a reset fills them in."""
-
-    def __init__(self) -> None:
-        self.values: dict[str, float] = {}
-        self.words: dict[str, str] = {}
-        self.points: dict[str, list[float]] = {}
-        self.arb = ""
-        self.peak_to_peak = 0.0
-        """Amplitude without load (V peak to peak)."""
-        self.offset = 0.0
-        self.load = 50.0
-
-    @property
-    def is_direct(self) -> bool:
-        """True for direct voltage: the offset alone, whose range the amplitude does not reduce."""
-        return self.words[_SHAPE] == "DC"
-
-    @property
-    def share(self) -> float:
-        """Ratio of the voltage at the load that is set to the open-circuit voltage."""
-        return 1.0 if math.isinf(self.load) else self.load / (self.load + _SOURCE)
 
 
 def _arb(name: str) -> str:

@@ -18,7 +18,9 @@ class Product:
     infinite: str
     """Its text for an infinite load (an open input)."""
     sweep: dict[str, tuple[float, float, float]]
-    """Sweep settings that only this family has: header to (default, lowest, highest)."""
+    """Settings that only this family has: header to (default, lowest, highest)."""
+    memory: int
+    """Points of the longest arbitrary waveform."""
     by_mode: bool
     """True for Keysight: the sweep is a frequency mode, and all functions share one trigger."""
 
@@ -28,7 +30,14 @@ KEYSIGHT_33500 = Product(
     number="+.15E",
     booleans=("0", "1"),
     infinite="+9.900000000000000E+37",
-    sweep={"[:SOURce#]:SWEep:HTIMe": (0, 0, 3600)},
+    sweep={
+        "[:SOURce#]:SWEep:HTIMe": (0, 0, 3600),
+        ":TRIGger#:DELay": (0, 0, 1000),
+        ":TRIGger#:COUNt": (1, 1, 1e6),
+        ":TRIGger#:TIMer": (1, 1e-6, 8e3),
+        ":TRIGger#:LEVel": (1.65, 0.9, 3.8),
+    },
+    memory=1_000_000,
     by_mode=True,
 )
 DG1000Z = Product(
@@ -40,5 +49,6 @@ DG1000Z = Product(
         "[:SOURce#]:SWEep:HTIMe[:STARt]": (0, 0, 500),
         "[:SOURce#]:SWEep:HTIMe:STOP": (0, 0, 500),
     },
+    memory=8_388_608,
     by_mode=False,
 )

@@ -11,6 +11,10 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
+from ...instruments.arrays import FloatArray
+
 __all__ = ["Entry", "ScpiDevice", "ScpiError", "number_of", "word_of"]
 
 _QUEUE = 20
@@ -20,6 +24,14 @@ _UNITS = {
     "VRMS": 1.0, "DBM": 1.0, "S": 1.0, "MS": 1e-3, "US": 1e-6, "OHM": 1.0, "KOHM": 1e3, "DEG": 1.0,
     "PCT": 1.0,
 }  # fmt: skip
+
+
+_REGISTERS = ("OPER", "QUES")
+_STATUS = re.compile(
+    r":?STAT(?:US)?:(?:(?P<preset>PRES(?:ET)?)|(?P<which>OPER(?:ATION)?|QUES(?:TIONABLE)?)"
+    r"(?::(?P<what>COND(?:ITION)?|ENAB(?:LE)?|EVEN(?:T)?))?)"
+)
+_BLOCK = re.compile(r"(?<=[, ])#([1-9])")
 
 
 class ScpiError(Exception):
@@ -57,6 +69,11 @@ class ScpiDevice:
         self._reset = reset
         self._trigger = trigger
         self._no_error = f'{"+" if plus else ""}0,"No error"'
+        self._blocks: list[bytes] = []
+        """Blocks of binary data of the line that is executed."""
+        self._save: Callable[[int], None] | None = None
+        self._recall: Callable[[int], None] | None = None
+        self._registers = dict.fromkeys(_REGISTERS, 0)
         self._events = 0
         self._enabled = {"*ESE": 0, "*SRE": 0}
 
@@ -64,6 +81,11 @@ class ScpiDevice:
         """Execute a line of commands; return one line with the answers to all its queries, or none."""
         replies: list[str] = []
         path = ""
+        try:
+            line, self._blocks = _without_blocks(line)
+        except ValueError:
+            self.fail(ScpiError(-161, "Invalid block data"))
+            return []
         for part in _split(line):
             try:
                 reply, path = self._execute(part.strip(), path)
@@ -73,6 +95,23 @@ class ScpiDevice:
             if reply is not None:
                 replies.append(reply)
         return [";".join(replies)] if replies else []
+
+    def keeping(self, save: Callable[[int], None], recall: Callable[[int], None]) -> None:
+        """Let `*SAV` and `*RCL` call these with a place, 0 to 4."""
+        self._save, self._recall = save, recall
+
+    def numbers_in(self, text: str, kind: str) -> FloatArray:
+        """Numbers separated by commas, or a block of binary data of numpy's type `kind`. Raises ScpiError."""
+        text = text.strip()
+        if found := re.fullmatch(r"#(\d+)", text):
+            block = self._blocks[int(found[1])]
+            if len(block) % np.dtype(kind).itemsize:
+                raise ScpiError(-161, "Invalid block data")
+            return np.frombuffer(block, kind).astype(np.float64)
+        try:
+            return np.array([float(value) for value in text.split(",")] if text else [], np.float64)
+        except ValueError:
+            raise ScpiError(-104, "Data type error") from None
 
     def fail(self, error: ScpiError) -> None:
         """Queue an error; the last entry of a full queue becomes a queue overflow."""
@@ -91,6 +130,8 @@ class ScpiDevice:
         if header.startswith("*"):
             return self._common(header, argument), path
         name = header.rstrip("?")
+        if status := _STATUS.fullmatch(name):
+            return self._status(status, asked, argument), path
         # Tolerant: try the header relative to the command before it, then from the root.
         for full in [name] if name.startswith(":") else [f"{path}:{name}", f":{name}"]:
             for pattern, entry in self._entries:
@@ -106,6 +147,28 @@ class ScpiDevice:
             raise ScpiError(-113, "Undefined header")
         entry.put(suffix, argument)
         return None
+
+    @staticmethod
+    def _keep(step: Callable[[int], None] | None, argument: str) -> None:
+        place = number_of(argument)
+        if step is None or place not in range(5):
+            raise ScpiError(-222, "Data out of range")
+        step(int(place))
+
+    def _status(self, found: re.Match[str], asked: bool, argument: str) -> str | None:
+        """SCPI's status registers: nothing is questionable here, and each command is done at once."""
+        if found["preset"]:
+            self._registers = dict.fromkeys(_REGISTERS, 0)
+            return None
+        register = "OPER" if found["which"].startswith("OPER") else "QUES"
+        if (found["what"] or "").startswith("ENAB"):
+            if asked:
+                return str(self._registers[register])
+            self._registers[register] = int(number_of(argument)) & 0x7FFF
+            return None
+        if not asked:
+            raise ScpiError(-113, "Undefined header")
+        return "0"
 
     def next_error(self) -> str:
         """Remove the oldest error from the queue and return it as the instrument writes it."""
@@ -136,9 +199,9 @@ class ScpiDevice:
                 self._trigger()
             case "*OPC":
                 self._events |= 0x01
-            case "*WAI":
-                pass  # Every command here completes at once.
-            case _:
+            case "*SAV" | "*RCL":
+                self._keep(self._save if header == "*SAV" else self._recall, argument)
+            case _ if header != "*WAI":  # every command here completes at once
                 raise ScpiError(-113, "Undefined header")
         return None
 
@@ -184,6 +247,24 @@ def _pattern(header: str) -> re.Pattern[str]:
             groups,
         )
     )
+
+
+def _without_blocks(line: str) -> tuple[str, list[bytes]]:
+    """A line whose blocks of binary data (`#42000...`) are replaced by their numbers (`#0`), and the blocks.
+
+    Raises ValueError for a block that is not whole.
+    """
+    blocks: list[bytes] = []
+    kept, at = "", 0
+    while found := _BLOCK.search(line, at):
+        begin = found.end() + int(found[1])
+        length = int(line[found.end() : begin])
+        if len(line) < begin + length:
+            raise ValueError("a block that is not whole")
+        kept += f"{line[at : found.start()]}#{len(blocks)}"
+        blocks.append(line[begin : begin + length].encode("latin-1"))
+        at = begin + length
+    return kept + line[at:], blocks
 
 
 def _split(line: str) -> list[str]:

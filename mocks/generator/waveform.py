@@ -12,11 +12,21 @@ from ...instruments.arrays import FloatArray
 from ...instruments.clock import Clock
 from ..plant import Run
 
-__all__ = ["SHAPES", "Output", "Playing"]
+__all__ = ["SHAPES", "Output", "Playing", "Points"]
 
 SHAPES = ("SINusoid", "SQUare", "TRIangle", "RAMP", "PULSe", "PRBS", "NOISe", "ARBitrary", "DC")
 _PERIOD = 20e-6
 """Step of the output (s): far above the table's band, and as fine as a DAQ's drives."""
+
+
+class Points:
+    """Samples of an arbitrary waveform, (points,) from -1 to 1; equal only to itself."""
+
+    def __init__(self, values: FloatArray) -> None:
+        self.values = values
+
+    def __len__(self) -> int:
+        return len(self.values)
 
 
 @dataclass(frozen=True)
@@ -32,13 +42,17 @@ class Output:
     frequency: float = 1e3
     duty: float = 0.5
     symmetry: float = 1.0
-    points: tuple[float, ...] = ()
+    points: Points | None = None
     rate_hz: float = 40e3
     sweep: tuple[float, float, float] | None = None
     """Start (Hz), stop (Hz) and duration (s) of the sweep; None when it is off."""
     logarithmic: bool = False
     burst: tuple[float, float] | None = None
     """Cycles and period (s) of the burst; None when it is off."""
+    burst_phase: float = 0.0
+    """Where in its cycle a burst begins and waits."""
+    delay: float = 0.0
+    """From a trigger to the start (s)."""
     repeats: bool = True
     """True when sweep or burst trigger themselves; else they wait for a trigger, the sweep at its start
     frequency."""
@@ -52,9 +66,13 @@ class Output:
     def _bursts(self, times: FloatArray, fired: bool) -> FloatArray:
         assert self.burst is not None
         count, period = self.burst
-        cycles = (np.mod(times, period) if self.repeats else times) * self._cycles_hz
-        lasting = (cycles < count) & (fired or self.repeats)
-        return np.asarray(self.offset + np.where(lasting, self.amplitude * self._unit(cycles), 0.0))
+        since = np.mod(times, period) if self.repeats else times - self.delay
+        cycles = since * self._cycles_hz
+        lasting = (cycles >= 0) & (cycles < count) & (fired or self.repeats)
+        phases = np.where(lasting, cycles, 0.0) + self.burst_phase
+        # A sine waits at the phase at which its burst begins; where other shapes wait was not found: at zero.
+        resting = self.amplitude * np.sin(2 * np.pi * self.burst_phase) if self.shape == "SIN" else 0.0
+        return np.asarray(self.offset + np.where(lasting, self.amplitude * self._unit(phases), resting))
 
     def _cycles(self, times: FloatArray, fired: bool) -> FloatArray:
         if self.sweep is None:
@@ -62,7 +80,7 @@ class Output:
         start, stop, duration = self.sweep
         if not (fired or self.repeats):
             return np.asarray(times * start)
-        since = np.mod(times, duration) if self.repeats else times
+        since = np.mod(times, duration) if self.repeats else np.maximum(times - self.delay, 0.0)
         along = np.minimum(since, duration)
         if self.logarithmic:
             pace = np.log(stop / start) / duration
@@ -80,10 +98,10 @@ class Output:
         match self.shape:
             case "SIN":
                 return np.asarray(np.sin(2 * np.pi * phase))
-            case "ARB" if self.points:
+            case "ARB" if self.points is not None:
                 # A step of the output that falls on a point's beginning takes it, in spite of rounding.
                 index = (phase * len(self.points) + 1e-6).astype(np.int64) % len(self.points)
-                return np.asarray(self.points)[index]
+                return self.points.values[index]
             case "SQU":
                 return np.where(phase < self.duty, 1.0, -1.0)
             case "TRI" | "RAMP":
@@ -119,6 +137,12 @@ class Playing:
         with self._guard:
             self._restart()
             self._fired = True
+
+    def abort(self) -> None:
+        """End what was fired: sweep or burst wait again."""
+        with self._guard:
+            if self._fired:
+                self._restart()
 
     def take(self, until: float) -> Sequence[Run]:
         """See `haploop.mocks.plant.Source.take`."""

@@ -258,10 +258,7 @@ class SimulatedPress:
         return np.asarray(pressed)
 
     def acceleration(self, times: FloatArray) -> FloatArray:
-        """Return the acceleration of the cap along the press direction, without gravity, (times,) m/s^2.
-
-        Times (s) rise.
-        """
+        """Return the upward acceleration of the cap, without gravity, (times,) m/s^2. Times (s) rise."""
         h = 1e-3
         motion = np.zeros(len(times))
         rise = self._fall + self._down + self._dwell
@@ -269,7 +266,12 @@ class SimulatedPress:
             # It is zero while the cap rests; a window twice as wide as needed forgives rounding.
             first, stop = np.searchsorted(times, [begin - 2 * h, end + 2 * h])
             t = times[first:stop]
-            motion[first:stop] = (self.travel(t + h) - 2 * self.travel(t) + self.travel(t - h)) / h**2
+            motion[first:stop] = (2 * self.travel(t) - self.travel(t + h) - self.travel(t - h)) / h**2
+        return motion + self.clicks(times)
+
+    def clicks(self, times: FloatArray) -> FloatArray:
+        """Return what the snaps shed into the cap, (times,) m/s^2 upwards. Times (s) rise."""
+        motion = np.zeros(len(times))
         for at, gain, partials in self._clicks:
             first = int(np.searchsorted(times, at, side="right"))
             # A snap takes a third of a millisecond to build up, because a cap has mass: 1 - exp(-t / _SNAP)

@@ -113,11 +113,11 @@ class OnSensors(Fault):
     """Hooks at the sensors."""
 
     def gauges(self, gauges: FloatArray, rng: np.random.Generator) -> FloatArray:
-        """Return the real force sensor's sensitivity, (6, 6) V per N and N m. `rng` is the sensor's own."""
+        """Return the real force sensor's sensitivity, (channels, axes) V per N and N m. `rng` is its own."""
         return gauges
 
     def tilt(self, tilt: FloatArray) -> FloatArray:
-        """Return the fraction of a vertical acceleration on each axis of the accelerometer, (3,)."""
+        """Return the fraction of a vertical acceleration on two level axes and the vertical one, (3,)."""
         return tilt
 
 

@@ -97,7 +97,8 @@ class Plant(Scene):
         Raises ConfigurationError for a channel that [daq.channels] does not have.
         """
         channels = self.file.daq.settings.get("channels")
-        if isinstance(channels, dict) and node not in channels:
+        along = self.file.adc.settings.get("channels", {}) if self.file.adc is not None else {}
+        if isinstance(channels, dict) and node not in channels and node not in along:
             raise ConfigurationError(
                 f"A twin puts a signal on the channel {node!r}, and [daq.channels] of {self.file.name} has "
                 f"{', '.join(channels)}: name one of them."

@@ -65,8 +65,8 @@ class Scene(ABC):
         self.peak = 0.0
         """Largest voltage magnitude applied to any patch (V)."""
         self.amplifier_record: list[AmplifierOutput] | None = None
-        self.shaken: dict[tuple[float, float], tuple[FloatArray, FloatArray]] = {}
-        """Filtered vibrations of presses, kept for a sensor's next block."""
+        self.shaken: dict[tuple[float, str], tuple[FloatArray, FloatArray]] = {}
+        """What sensors show of presses, kept for their next block."""
         self._lock = threading.RLock()
         self._heads: list[tuple[LaserHead, LaserHead]] = []
         source = source or plant_source(file)

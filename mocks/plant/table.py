@@ -125,7 +125,8 @@ def with_coils(plate: Modes, actuator: Actuator, collocated_at: tuple[float, flo
     # Only the coil of a patch that is connected brakes, and which that is changes: the first one's is taken.
     braking = factor**2 / actuator.resistance * next(iter(pushed.values())) ** 2 / MODAL_MASS
     damping = plate.damping + braking / (2 * 2 * np.pi * plate.natural_hz)
-    return replace(plate, coupling=coupling, damping=np.minimum(damping, 0.3))
+    # A push drives the lowest mode best, and no mode is meant to carry buttons.
+    return replace(plate, coupling=coupling, damping=np.minimum(damping, 0.3), main=None)
 
 
 def _shape(place: tuple[float, float]) -> FloatArray:

@@ -90,11 +90,14 @@ class _Channel:
     """Longest time closed (s); renewed pulses do not extend it. The product's behaviour is not known; this
     interpretation of maxTimeOnStateB is the hardest on a driver."""
     limit_end: float = math.inf
+    open_limit: float = math.inf
+    """Longest time open (s), after which it closes by itself: maxTimeOnStateA."""
+    open_end: float = math.inf
     delayed: float = math.inf
     delayed_length: float = 0.0
 
     def next_event(self) -> float:
-        return min(self.pulse_end, self.limit_end, self.delayed)
+        return min(self.pulse_end, self.limit_end, self.open_end, self.delayed)
 
 
 class SimulatedBox:
@@ -153,6 +156,20 @@ class SimulatedBox:
 
         self._send(channel, begin)
 
+    def limit_open(self, channel: int, longest: float) -> None:
+        """Close the channel `longest` s after it next opens; 0 removes the limit."""
+
+        def begin(_at: float) -> None:
+            self._channels[channel].open_limit = longest or math.inf
+
+        self._send(channel, begin)
+
+    def open_limits(self) -> dict[int, float]:
+        """Return the longest time that each channel stays open (s); infinite without a limit."""
+        with self._lock:
+            self._arrive()
+            return {n: c.open_limit for n, c in self._channels.items()}
+
     def states(self) -> dict[int, ChannelState]:
         """Return the states that the box reports now; `remaining` is from the pulse timer."""
         with self._lock:
@@ -209,18 +226,20 @@ class SimulatedBox:
             elif channel.delayed == timer:
                 self._set(number, channel.delayed_length > 0, timer, channel.delayed_length)
             else:
-                self._set(number, False, timer)
+                self._set(number, channel.open_end == timer, timer)
 
     def _set(self, number: int, closed: bool, at: float, length: float = math.inf) -> None:
         channel = self._channels[number]
         channel.delayed = math.inf
         if channel.closed != closed and self._fires("stuck", number):
-            channel.pulse_end = channel.limit_end = math.inf
+            channel.pulse_end = channel.limit_end = channel.open_end = math.inf
             return
         if not closed:
             channel.limit_end = math.inf
-        elif not channel.closed:
-            channel.limit_end = at + channel.limit
+            channel.open_end = at + channel.open_limit if channel.closed else channel.open_end
+        else:
+            channel.open_end = math.inf
+            channel.limit_end = channel.limit_end if channel.closed else at + channel.limit
         channel.pulse_end = at + length if closed else math.inf
         if channel.closed != closed:
             channel.closed = closed

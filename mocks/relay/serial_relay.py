@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,6 +17,8 @@ __all__ = ["SerialRelayTwin", "SerialRelayWire", "wire"]
 
 _CHANNELS = range(8)
 _FIRMWARE = "00000008"
+_PINS = 8
+"""General purpose pins and analog inputs (estimate)."""
 
 
 class SerialRelayTwin(ChannelRelay):
@@ -33,6 +36,9 @@ class SerialRelayWire(Loopback):
     def __init__(self, box: SimulatedBox, port: int = 0) -> None:
         self.faults: list[ReplyFault] = []
         self._box = box
+        self._id = "00000000"
+        self._outputs = 0
+        """General purpose outputs that are set, as bits."""
         super().__init__(self._serve, port)
         self.url = f"socket://{self.address}"
 
@@ -68,6 +74,30 @@ class SerialRelayWire(Loopback):
                 if what == "read":
                     return "on" if self._box.states()[channel].closed else "off"
                 self._box.set_state(channel, what == "on")
+            case ["relay", "readall"]:
+                bits = sum(state.closed << n for n, state in self._box.states().items() if n in _CHANNELS)
+                return f"{bits:0{len(_CHANNELS) // 4}x}"
+            case ["relay", "writeall", word] if re.fullmatch(rf"[0-9a-fA-F]{{{len(_CHANNELS) // 4}}}", word):
+                for channel in _CHANNELS:
+                    self._box.set_state(channel, bool(int(word, 16) >> channel & 1))
+            case _:
+                return self._do_other(command)
+        return ""
+
+    def _do_other(self, command: str) -> str:
+        """Commands that do not touch the relays."""
+        match command.split():
+            case ["id", "get"]:
+                return self._id
+            case ["id", "set", word] if re.fullmatch(r"[0-9A-Za-z]{8}", word):
+                self._id = word
+            case ["gpio", "set" | "clear" | "read" as what, digit] if digit in [*DIGITS[:_PINS]]:
+                bit = 1 << DIGITS.index(digit)
+                if what == "read":
+                    return "on" if self._outputs & bit else "off"
+                self._outputs = self._outputs | bit if what == "set" else self._outputs & ~bit
+            case ["adc", "read", digit] if digit in [*DIGITS[:_PINS]]:
+                return "0"  # nothing is wired to its inputs
         return ""
 
 

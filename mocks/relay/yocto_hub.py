@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -28,6 +29,10 @@ _FIRMWARE = "60000"
 _INDEX = 1
 """The module's index in the hub's list; the hub itself is 0."""
 _LONGEST_REQUEST = 8192
+_KEPT = ("logicalName", "luminosity", "stateAtPowerOn", "maxTimeOnStateA", "maxTimeOnStateB")
+"""Attributes that a module keeps in its flash, once they are saved."""
+_LOADED, _SAVED, _MODIFIED = range(3)
+"""Values of `persistentSettings`: as in the flash, just saved, other than in the flash."""
 _POLL = 0.05
 """Interval (s of real time) at which a notification stream polls the box."""
 
@@ -41,6 +46,10 @@ class YoctoHub(Loopback):
         """`stateAtPowerOn` of channels whose own is not 1, open."""
         self._box = box
         self._serial = serial
+        self._names: dict[str, str] = {}
+        """Logical names that were given, by function."""
+        self._module = {"luminosity": 50, "beacon": 0, "userVar": 0, "persistentSettings": 0}
+        self._flash = self._kept()
         super().__init__(self._serve, port)
         self.url = f"http://{self.address}"
 
@@ -119,27 +128,71 @@ class YoctoHub(Loopback):
     def _set(self, function: str, name: str, value: str) -> bool:
         """Set an attribute; return False when the module does not know it or refuses the value."""
         channels = {f"relay{channel}": channel for channel in self._box.states()}
-        if function not in channels:
-            return False
-        channel = channels[function]
         try:
-            match name:
-                case "state" | "output" if value in ("X", "-1"):
-                    self._box.toggle(channel)
-                case "state" | "output":
-                    self._box.set_state(channel, {"0": False, "1": True, "A": False, "B": True}[value])
-                case "pulseTimer":
-                    self._box.pulse(channel, int(value) / 1000)
-                case "delayedPulseTimer":
-                    delay, length = value.split(":")
-                    self._box.pulse(channel, int(length) / 1000, int(delay) / 1000)
-                case "maxTimeOnStateB":
-                    self._box.limit(channel, int(value) / 1000)
-                case _:
-                    return False
+            if name == "logicalName" and function in (*channels, "module"):
+                self._names[function] = _name(value)
+            elif function == "module":
+                self._set_module(name, int(value))
+            elif function in channels:
+                self._set_channel(channels[function], name, value)
+            else:
+                return False
         except (KeyError, ValueError):
             return False
+        if name in _KEPT:
+            self._module["persistentSettings"] = _MODIFIED
         return True
+
+    def _set_module(self, name: str, value: int) -> None:
+        """Set an attribute of the module. Raises KeyError, ValueError."""
+        if name == "persistentSettings" and value == _SAVED:
+            self._flash = self._kept()
+        elif name == "persistentSettings" and value == _LOADED:
+            self._restore()
+        elif not 0 <= value <= {"luminosity": 100, "beacon": 1, "userVar": (1 << 31) - 1}[name]:
+            raise ValueError(name)
+        self._module[name] = value
+
+    def _kept(self) -> dict[str, Any]:
+        """What is saved to the flash."""
+        limits = {n: 0.0 if math.isinf(s) else s for n, s in self._box.limits().items()}
+        opened = {n: 0.0 if math.isinf(s) else s for n, s in self._box.open_limits().items()}
+        return {
+            "names": dict(self._names),
+            "luminosity": self._module["luminosity"],
+            "at_power_on": dict(self.at_power_on),
+            "limits": limits,
+            "open_limits": opened,
+        }
+
+    def _restore(self) -> None:
+        self._names = dict(self._flash["names"])
+        self._module["luminosity"] = self._flash["luminosity"]
+        self.at_power_on = dict(self._flash["at_power_on"])
+        for channel in self._box.states():
+            self._box.limit(channel, self._flash["limits"][channel])
+            self._box.limit_open(channel, self._flash["open_limits"][channel])
+
+    def _set_channel(self, channel: int, name: str, value: str) -> None:
+        """Set an attribute of a relay. Raises KeyError, ValueError."""
+        match name:
+            case "state" | "output" if value in ("X", "-1"):
+                self._box.toggle(channel)
+            case "state" | "output":
+                self._box.set_state(channel, {"0": False, "1": True, "A": False, "B": True}[value])
+            case "pulseTimer":
+                self._box.pulse(channel, int(value) / 1000)
+            case "delayedPulseTimer":
+                delay, length = value.split(":")
+                self._box.pulse(channel, int(length) / 1000, int(delay) / 1000)
+            case "maxTimeOnStateB":
+                self._box.limit(channel, _time(value))
+            case "maxTimeOnStateA":
+                self._box.limit_open(channel, _time(value))
+            case "stateAtPowerOn":
+                self.at_power_on[channel] = {"0": 0, "1": 1, "2": 2}[value]
+            case _:
+                raise KeyError(name)
 
     def _info(self) -> dict[str, Any]:
         return {
@@ -154,13 +207,14 @@ class YoctoHub(Loopback):
     def _listing(self) -> dict[str, Any]:
         modules = [
             _white_page(_HUB_SERIAL, "VirtualHub", "/api", 0),
-            _white_page(self.serial, "Yocto-MaxiCoupler", f"/bySerial/{self.serial}/api", _INDEX),
+            _white_page(self.serial, "Yocto-MaxiCoupler", f"/bySerial/{self.serial}/api", _INDEX)
+            | {"logicalName": self._names.get("module", ""), "beacon": self._module["beacon"]},
         ]
         relays = [
             {
                 "baseType": 0,
                 "hardwareId": f"{self.serial}.relay{channel}",
-                "logicalName": "",
+                "logicalName": self._names.get(f"relay{channel}", ""),
                 "advertisedValue": value,
                 "index": channel - 1,
             }
@@ -173,14 +227,15 @@ class YoctoHub(Loopback):
         }
 
     def _tree(self) -> dict[str, Any]:
-        limits, delays = self._box.limits(), self._box.delays()
-        return {"module": _module(self.serial, "Yocto-MaxiCoupler")} | {
+        limits, delays, opened = self._box.limits(), self._box.delays(), self._box.open_limits()
+        module = _module(self.serial, "Yocto-MaxiCoupler") | self._module
+        return {"module": module | {"logicalName": self._names.get("module", "")}} | {
             f"relay{channel}": {
-                "logicalName": "",
+                "logicalName": self._names.get(f"relay{channel}", ""),
                 "advertisedValue": "AB"[state.closed],
                 "state": int(state.closed),
                 "stateAtPowerOn": self.at_power_on.get(channel, 1),
-                "maxTimeOnStateA": 0,
+                "maxTimeOnStateA": _ms(opened[channel]),
                 "maxTimeOnStateB": _ms(limits[channel]),
                 "output": int(state.closed),
                 "pulseTimer": _ms(state.remaining),
@@ -220,6 +275,20 @@ def _ok(body: str) -> bytes:
 
 _NOT_FOUND = b"HTTP/1.1 404 Not Found\r\nConnection: close\r\n\r\n404 not found"
 _PASSWORD = b'HTTP/1.1 401 Unauthorized\r\nWWW-Authenticate: Digest realm="YoctoDevices"\r\n\r\n'
+
+
+def _name(text: str) -> str:
+    """A logical name. Raises ValueError for one that the module would not take."""
+    if not re.fullmatch(r"[A-Za-z0-9_-]{0,19}", text):
+        raise ValueError(text)
+    return text
+
+
+def _time(text: str) -> float:
+    """A time in ms as seconds. Raises ValueError."""
+    if not 0 <= int(text) < 1 << 31:
+        raise ValueError(text)
+    return int(text) / 1000
 
 
 def _ms(seconds: float) -> int:

@@ -3,6 +3,7 @@
 from .faulty_line import Disturbance, faulty_line
 from .line_server import Answer, DirectLine, LineServer
 from .loopback import HOST, Loopback, ReplyFault
+from .pseudo_terminal import pseudo_terminal
 
 __all__ = [
     "HOST",
@@ -13,4 +14,5 @@ __all__ = [
     "Loopback",
     "ReplyFault",
     "faulty_line",
+    "pseudo_terminal",
 ]

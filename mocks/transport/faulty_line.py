@@ -24,12 +24,17 @@ _PLACE = re.compile(r"(?P<host>127\.0\.0\.1)(?P<between>:+)(?P<port>\d+)")
 
 
 @contextmanager
-def faulty_line(address: Mapping[str, object], disturbance: Disturbance) -> Iterator[dict[str, object]]:
-    """Serve a line that disturbs answers; yield a wire's `address` (driver settings) redirected to it."""
+def faulty_line(
+    address: Mapping[str, object], disturbance: Disturbance, port: int = 0
+) -> Iterator[dict[str, object]]:
+    """Serve a line that disturbs answers; yield a wire's `address` (driver settings) redirected to it.
+
+    `port` is the line's own, 0 for a free one.
+    """
     found = [(key, match) for key, value in address.items() if (match := _PLACE.search(str(value)))]
     (key, match), *_ = found
     line = _Line(int(match["port"]), disturbance)
-    with Loopback(line.serve) as loopback:
+    with Loopback(line.serve, port) as loopback:
         line.closing = loopback.closing
         place = f"{match['host']}{match['between']}{loopback.port}"
         yield {**address, key: str(address[key]).replace(match[0], place)}

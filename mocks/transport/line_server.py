@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import socket
 import threading
 from collections import deque
@@ -15,7 +16,30 @@ __all__ = ["Answer", "DirectLine", "LineServer"]
 Answer = Callable[[str], Sequence[str]]
 """An instrument: takes a line (without its end) and returns the lines of its answer."""
 
-_LONGEST_COMMAND = 1 << 22
+_LONGEST_COMMAND = 1 << 25
+
+
+_BLOCK = re.compile(rb"[, ]#([1-9])(\d*)")
+"""Beginning of a block of binary data: the number of digits of its length, and those that have come."""
+
+
+def _end_of_line(pending: bytearray) -> tuple[int | None, int]:
+    """Where the first line ends, outside of blocks of binary data; None, and how many bytes it needs."""
+    at = 0
+    while True:
+        end = pending.find(b"\n", at)
+        block = _BLOCK.search(pending, at, end if end >= 0 else len(pending))
+        if block is None:
+            return (end if end >= 0 else None), len(pending) + 1
+        digits = int(block[1])
+        length = bytes(pending[block.start(2) : block.start(2) + digits])
+        if len(length) < digits:
+            return None, len(pending) + 1
+        if not length.isdigit():
+            return (end if end >= 0 else None), len(pending) + 1
+        at = block.start(2) + digits + int(length)
+        if at > len(pending):
+            return None, at + 1
 
 
 class DirectLine:
@@ -50,15 +74,17 @@ class LineServer(Loopback):
 
     def _lines(self, link: socket.socket) -> None:
         pending = bytearray()
+        wanted = 1
         while (more := link.recv(1 << 16)) and len(pending) < _LONGEST_COMMAND:
             pending += more
-            if b"\n" not in more:
-                continue
-            *lines, rest = pending.split(b"\n")
-            pending = rest
-            for line in lines:
-                command = line.decode("latin-1").strip()
-                if command and not self._reply(link, command):
+            while len(pending) >= wanted:
+                end, wanted = _end_of_line(pending)
+                if end is None:
+                    break
+                command = bytes(pending[:end]).decode("latin-1").strip("\r\n")
+                del pending[: end + 1]
+                wanted = 1
+                if command.strip() and not self._reply(link, command if "#" in command else command.strip()):
                     return
 
     def _reply(self, link: socket.socket, command: str) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import socket
 import socketserver
 import threading
@@ -127,6 +128,8 @@ class Loopback:
 
 class _Server(socketserver.ThreadingTCPServer):
     request_queue_size = 64
+    # A port that has just been served is free again; on Windows the same word would share one that is in use.
+    allow_reuse_address = os.name != "nt"
 
     def __init__(self, address: tuple[str, int], serve: Callable[[socket.socket], None]) -> None:
         self._serve = serve

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 from ...instruments.clock import Clock
+from ...instruments.errors import ConfigurationError
 from ...instruments.vibrometer.ofv5000 import Ofv5000
 from ...instruments.vibrometer.ofv5000_codec import LEVEL_FULL, Command, scale_of, scale_text
 from ..plant import LaserHead, Plant
@@ -13,8 +15,14 @@ from ..transport import DirectLine, LineServer
 
 __all__ = ["Controller", "twin", "wire"]
 
-RANGES = (0.001, 0.002, 0.005, 0.01, 0.02, 0.025, 0.05, 0.1, 0.125, 0.2, 0.5, 1.0)
-"""Scale of each range (m/s per V; estimate, only `5mm/s/V` was found; docs/hardware.md, "OFV-5000")."""
+DECODERS = {
+    "VeloDec,0": ("VD-08", (0.0002, 0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05)),
+    "VeloDec,1": ("VD-09", (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)),
+}
+"""Name of each decoder, and its ranges (m/s per V; estimate, only the names and `5mm/s/V` were found;
+docs/hardware.md, "OFV-5000")."""
+_FIRMWARE = "2.05"
+"""Version of controller and decoders (estimate)."""
 _BANDWIDTH_HZ = 20e3
 """Bandwidth when the rig file gives none (estimate; docs/hardware.md, "OFV-5000")."""
 _DELAY = 12.3e-6
@@ -56,9 +64,26 @@ class Controller:
 
     def _questions(self) -> dict[str, str]:
         searching = not self.focusable or self._clock.now() < self._found_at
+        names = {
+            "Controller,0": "OFV-5000 Vibrometer Controller",
+            "SensorHead,0": "OFV-505",
+            **{device: name for device, (name, _) in DECODERS.items()},
+        }
         return {
-            "GetDevInfo,Controller,0,Name": "OFV-5000 Vibrometer Controller",
+            **{
+                f"{verb},{device},Name": name
+                for device, name in names.items()
+                for verb in ("GetDevInfo", "Get")
+            },
+            **{f"{verb},{device},Version": _FIRMWARE for device in names for verb in ("GetDevInfo", "Get")},
+            **{
+                f"GetDevInfo,{device},Range": ",".join(map(scale_text, scales))
+                for device, (_, scales) in DECODERS.items()
+            },
             "GetDevInfo,SensorHead,0,Focus": "0,3300",
+            "GetDevInfo,Interface,0,Echo": "On,Off",
+            "Get,Interface,0,Name": "RS-232",
+            "Get,Controller,0,Remote": "Remote",
             f"Get,{self._decoder},Range": scale_text(self.head.scale),
             f"Get,{self._decoder},SignalDelay": f"{self.head.delay * 1e6:.4g} us",
             f"Get,{self._decoder},MaxFreq": f"{self.head.bandwidth_hz / 1e3:g} kHz",
@@ -70,7 +95,8 @@ class Controller:
     def _set(self, device: str, attribute: str, value: str) -> None:
         match device, attribute:
             case (self._decoder, "Range"):
-                known = {scale_text(r): scale_of(scale_text(r)) for r in RANGES}
+                scales = DECODERS.get(self._decoder, DECODERS["VeloDec,0"])[1]
+                known = {scale_text(r): scale_of(scale_text(r)) for r in scales}
                 if value in known:
                     self.head.scale = known[value]
                     self.head.range = known[value] * self._full_scale
@@ -84,6 +110,12 @@ class Controller:
 def controller_in(plant: Plant, settings: Ofv5000.Settings) -> Controller:
     """Create a controller with the rig file's settings, and install its head in the plant."""
     scale = settings.scale
+    has = DECODERS.get(settings.decoder, DECODERS["VeloDec,0"])[1]
+    if not any(math.isclose(scale, other, rel_tol=1e-6) for other in has):
+        raise ConfigurationError(
+            f"No simulated {settings.decoder} of an OFV-5000 is set to {scale_text(scale)}: it has "
+            f"{', '.join(map(scale_text, has))}. Correct 'scale' or 'decoder' in [vibrometer]."
+        )
     bandwidth = settings.bandwidth_hz or _BANDWIDTH_HZ
     head = LaserHead(scale * settings.full_scale, scale, bandwidth, _DELAY)
     plant.install(settings.channel, head)

@@ -34,8 +34,11 @@ from .rig import log_contents as log_contents
 from .study import forces_contents as forces_contents
 from .study import study_contents as study_contents
 from .study import study_figures as study_figures
+from .understanding import understanding_contents as understanding_contents
 from .words import ANSWERS_SIMULATED as ANSWERS_SIMULATED
 from .words import counted as counted
 from .words import fixed as fixed
 from .words import interval as interval
+from .words import one_style as one_style
 from .words import percent as percent
+from .words import unbroken as unbroken

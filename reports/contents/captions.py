@@ -5,6 +5,7 @@ from __future__ import annotations
 __all__ = [
     "BEFORE_AND_AFTER",
     "CHECK",
+    "COLUMNS",
     "COMPARISON",
     "CONFUSION",
     "DRIVES",
@@ -16,8 +17,13 @@ __all__ = [
     "PRESSES",
     "RATINGS",
     "RESPONSE",
+    "TRAVEL",
 ]
 
+TRAVEL = (
+    "Force in N over the travel of the cap in mm, of a whole press: down along the upper branch, up along "
+    "the lower one. The dot is the activation."
+)
 PRESSES = (
     "Vertical acceleration over its peak (thin, blue), force in N (thick, red) and activation state (dashed, "
     "green; shaded while active), and the power spectral density (PSD) of the acceleration in (m/s²)²/Hz. "
@@ -32,6 +38,10 @@ RESPONSE = (
     "the fitted rational model (thin). The dotted line is the strongest resonance."
 )
 DRIVES = "Voltage at the patch in V, over time in ms. After the paper's figure 8."
+COLUMNS = (
+    "Force in N, travel in mm, vertical acceleration in m/s² and activation of an imported file over time in "
+    "s; dotted lines are the presses found."
+)
 COMPARISON = (
     "Left: the recorded press above the measured motion of the surface, each over its peak. Middle: target "
     "(thick) and measured (thin) acceleration in m/s² around the largest peak. Right: power spectral density "

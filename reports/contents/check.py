@@ -39,7 +39,7 @@ def check_contents(check: Check, press: Representative | None = None, file: Path
         kind="check",
         simulated=check.simulated,
         rig=drive.rig,
-        verdicts=[_verdict(f"Check of the {drive.button} button", check)],
+        verdicts=[_verdict(f"Check of the {drive.button} button", check, feeling)],
         figures=[
             Drawing(
                 "check",
@@ -84,7 +84,7 @@ def button_contents(button: DigitalButton) -> Contents:
         kind="button",
         simulated=button.simulated,
         rig=drive.rig,
-        verdicts=[_verdict(title, check)],
+        verdicts=[_verdict(title, check, feeling)],
         figures=_figures_of(button, feeling),
         picture=Drawing(
             f"button-{press.button}",
@@ -198,14 +198,26 @@ def _error(part: SharedPower) -> str:
     return f"{percent(part.root)} ({interval(part.interval)})"
 
 
-def _verdict(subject: str, check: Check) -> Verdict:
+def _verdict(subject: str, check: Check, feeling: Feeling) -> Verdict:
+    """Is it like the recorded press, can it be felt, how loud is it, and how much of the press is it?"""
+    of_press = f"plays {percent(check.drive.in_band)} of its energy, at {check.drive.scale:.3f} of its size"
+    felt = ", ".join(filter(None, (f"felt: {feeling.felt}", loudness(feeling))))
     return Verdict(
         subject,
         check.verdict,
         check.passed,
         f"error {_error(check.whole)} of at most {percent(check.tolerance, 0)}, n = {check.plays} plays",
-        " ".join((*check.reasons, *check.notes)),
+        " ".join((*check.reasons, *(note for note in check.notes if note != feeling.warning))),
+        (felt, of_press),
     )
+
+
+def loudness(feeling: Feeling) -> str:
+    """How loud the measured motion is beside the recorded press; "" where that is not known."""
+    if not math.isfinite(feeling.loudness_db):
+        return ""
+    than = "quieter" if feeling.loudness_db < 0 else "louder"
+    return f"{abs(feeling.loudness_db):.1f} dB {than} than the press"
 
 
 def feeling_values(feeling: Feeling) -> dict[str, Any]:
@@ -250,9 +262,8 @@ def feeling_facts(feeling: Feeling, said: Collection[str] = ()) -> Iterator[Fact
         for k in (0, 1)
     ]
     yield fact("Can be felt", feeling.felt)
-    if math.isfinite(feeling.loudness_db):
-        than = "quieter" if feeling.loudness_db < 0 else "louder"
-        yield fact("Loudness", f"{abs(feeling.loudness_db):.1f} dB {than} than the recorded press")
+    if beside := loudness(feeling):
+        yield fact("Beside the recorded press", beside)
     yield from detailed(
         [
             fact(

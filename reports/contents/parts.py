@@ -111,6 +111,8 @@ class Verdict:
     good: bool
     measured: str
     why: str = ""
+    answers: tuple[str, ...] = ()
+    """Further short lines: can it be felt, how loud it is, how much of the press it is."""
 
     @property
     def tone(self) -> Tone:

@@ -10,7 +10,7 @@ from ...acquisition import Representative
 from .. import figures
 from . import captions
 from .parts import Contents, Drawing, fact
-from .words import sentence
+from .words import SENSORS, derived, sentence, told_by
 
 __all__ = ["press_contents", "press_drawing"]
 
@@ -20,7 +20,10 @@ _LISTED = 10
 
 def press_contents(press: Representative) -> Contents:
     """What a representative press says."""
-    peak, force = float(np.max(np.abs(press.acceleration))), float(press.force[press.activation_index])
+    peak = float(np.max(np.abs(press.acceleration)))
+    at = press.activation_index
+    force = None if press.force is None else float(press.force[at])
+    travel = None if press.travel is None else float(press.travel[at])
     duration = len(press.acceleration) / press.rate_hz
     undone = ""
     if press.undone_hz is not None:
@@ -36,9 +39,24 @@ def press_contents(press: Representative) -> Contents:
             duration_s=duration,
             rate_hz=press.rate_hz,
         ),
-        fact("Largest acceleration", f"{peak:.2f} m/s²", acceleration_peak=peak),
-        fact("Force at activation", f"{force:.3f} N", activation_force_n=force),
-        fact("Bandwidth", f"{press.bandwidth_hz:g} Hz, the accelerometer's", bandwidth_hz=press.bandwidth_hz),
+        fact(
+            "Largest acceleration",
+            f"{peak:.2f} m/s²{derived(press.motion)}",
+            acceleration_peak=peak,
+            motion=press.motion,
+        ),
+        fact("Force at activation", None if force is None else f"{force:.3f} N", activation_force_n=force),
+        fact(
+            "Travel at activation",
+            None if travel is None else f"{1e3 * travel:.3f} mm",
+            activation_travel_m=travel,
+        ),
+        fact("Activation", told_by(press.activated_by), activated_by=press.activated_by),
+        fact(
+            "Bandwidth",
+            f"{press.bandwidth_hz:.4g} Hz, the {SENSORS.get(press.motion, 'sensor')}'s",
+            bandwidth_hz=press.bandwidth_hz,
+        ),
         fact("Undone", undone, undone_hz=press.undone_hz, noise_gain=press.noise_gain),
         fact(
             "Method",
@@ -56,8 +74,35 @@ def press_contents(press: Representative) -> Contents:
         facts,
         kind="representative",
         simulated=press.simulated,
-        figures=[press_drawing(press)],
+        figures=[press_drawing(press), *travel_drawings(press)],
     )
+
+
+def travel_drawings(press: Representative) -> list[Drawing]:
+    """The figure of force over travel, of a press that has both."""
+    if press.force is None or press.travel is None:
+        return []
+    return [
+        Drawing(
+            "travel",
+            f"Force over travel of the {press.button} button",
+            captions.TRAVEL,
+            [press],
+            lambda some, columns: figures.force_over_travel(
+                [figures.Profile.of(one) for one in some], columns=columns
+            ),
+            lambda some: sentence(
+                [
+                    f"{one.button}, mean of n = {one.members} presses, activation {told_by(one.activated_by)}"
+                    for one in some
+                ]
+            ),
+        )
+    ]
+
+
+def _activation(quantity: str) -> str:
+    return "" if quantity == "activation" else f", activation {told_by(quantity)}"
 
 
 def _shortened(sentences: Sequence[str]) -> list[str]:
@@ -76,6 +121,7 @@ def press_drawing(press: Representative) -> Drawing:
         lambda some: sentence(
             [
                 f"{one.button}, {one.method} of n = {one.members} presses in {len(one.sources)} recordings"
+                f"{derived(one.motion)}{_activation(one.activated_by)}"
                 for one in some
             ]
         ),

@@ -13,7 +13,7 @@ from ...instruments.arrays import FloatArray
 from .. import figures
 from . import captions
 from .parts import Contents, Drawing, Fact, Verdict, fact
-from .words import counted, sentence
+from .words import counted, sentence, told_by
 
 __all__ = ["Forces", "forces_drawing", "forces_in", "recording_contents"]
 
@@ -90,6 +90,7 @@ def recording_contents(recording: Recording) -> Contents:
             operator_notes=[{"at_s": at, "text": text} for at, text in noted],
         ),
         fact("Rig", recording.rig, rig=recording.rig),
+        _imported(recording),
         fact("Length", length, duration_s=recording.duration, rate_hz=rate_hz),
         fact(
             "State",
@@ -111,9 +112,15 @@ def recording_contents(recording: Recording) -> Contents:
                 {"press": p.number, "attempt": p.attempt, "flags": p.flags, "reason": p.reason} for p in bad
             ],
         ),
+        fact("Sensors", ", ".join(recording.sensors.of_presses), sensors=list(recording.sensors.of_presses)),
+        fact(
+            "Activation",
+            None if recording.has("activation") or not counting else told_by(counting[0].activated_by),
+            activated_by=counting[0].activated_by if counting else None,
+        ),
         fact(
             "Force at activation",
-            "none" if mean is None else f"{mean:.3f}{spread} N",
+            None if not recording.has("force") else "none" if mean is None else f"{mean:.3f}{spread} N",
             activation_force_n=mean,
             activation_force_sd_n=deviation,
         ),
@@ -147,9 +154,22 @@ def recording_contents(recording: Recording) -> Contents:
                 for p in bad
             ),
         ],
-        figures=[*drawings, *([picture] if _has_activation(counting) else [])],
+        figures=[
+            *drawings,
+            *([picture] if _has_activation(counting) else []),
+            *_travelled(recording, counting),
+        ],
         picture=picture,
     )
+
+
+def _imported(recording: Recording) -> Fact:
+    """Where a recording of another program comes from."""
+    origin = recording.imported
+    if not origin:
+        return fact()
+    said = f"{origin['file']}, {origin['rate_hz']:g} samples/s, SHA-256 {origin['sha256']}"
+    return fact("Imported from", [said, *origin["notes"]], imported=origin)
 
 
 def _press(press: ButtonPress, rate_hz: float, accepted: bool) -> dict[str, Any]:
@@ -164,7 +184,24 @@ def _press(press: ButtonPress, rate_hz: float, accepted: bool) -> dict[str, Any]
 
 
 def _has_activation(presses: Sequence[ButtonPress]) -> bool:
-    return any(p.activation is not None and p.force_at_activation is not None for p in presses)
+    return any(p.activation is not None for p in presses)
+
+
+def _travelled(recording: Recording, presses: Sequence[ButtonPress]) -> list[Drawing]:
+    """The figure of force over travel, of a recording that has both."""
+    if not (presses and recording.has("force") and recording.has("displacement")):
+        return []
+    return [
+        Drawing(
+            "travel",
+            f"Force over travel of the {recording.button} button",
+            captions.TRAVEL,
+            [(recording, presses)],
+            lambda some, columns: figures.travel_figure(some[0][0], some[0][1], columns),
+            lambda some: f"{some[0][0].button} by {some[0][0].participant}, n = {len(some[0][1])} presses",
+            several=1,
+        )
+    ]
 
 
 def _pressed(recording: Recording, presses: tuple[ButtonPress, ...]) -> Drawing:
@@ -175,13 +212,18 @@ def _pressed(recording: Recording, presses: tuple[ButtonPress, ...]) -> Drawing:
         [(recording, presses)],
         lambda some, columns: figures.recording_figure(some, columns),  # noqa: PLW0108 - loads matplotlib
         lambda some: sentence(
-            [
-                f"{one.button} by {one.participant}, the press with the median force at activation of "
-                f"n = {len(mine)}"
-                for one, mine in some
-            ]
+            [f"{one.button} by {one.participant}, {_which(one)} of n = {len(mine)}" for one, mine in some]
         ),
     )
+
+
+def _which(recording: Recording) -> str:
+    """Which press a figure is of, and what told its activation where no contact did."""
+    which = "the press with the median force at activation" if recording.has("force") else "the middle press"
+    if recording.has("activation"):
+        return which
+    quantity = "force" if recording.has("force") else recording.motion
+    return f"{which}, its activation {told_by(quantity or 'force')}"
 
 
 def _along(recording: Recording) -> Iterator[Fact]:

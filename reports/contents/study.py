@@ -75,10 +75,9 @@ def study_figures(study: Study) -> list[Drawing]:
     """The figures of a study: its forces, and the representative press of each button."""
     recordings = [recording for button in study.file.buttons for recording in study.recordings(button)]
     forces = forces_in(recordings)
-    if not forces:
-        return []
-    presses = [press_drawing(study.representative(button)) for button in forces]
-    return [forces_drawing(recordings, f", study {study.file.name}"), *presses]
+    pressed = sorted({one.button for one in recordings if one.motion and one.accepted})
+    presses = [press_drawing(study.representative(button)) for button in pressed]
+    return [*([forces_drawing(recordings, f", study {study.file.name}")] if forces else []), *presses]
 
 
 def forces_contents(recordings: Sequence[Recording]) -> Contents:

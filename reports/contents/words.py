@@ -3,20 +3,68 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence, Sized
+import re
+from collections.abc import Mapping, Sequence, Sized
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from ...calibration import Resonance
 
-__all__ = ["ANSWERS_SIMULATED", "counted", "damping", "fixed", "interval", "percent", "sentence"]
+__all__ = [
+    "ANSWERS_SIMULATED",
+    "SENSORS",
+    "counted",
+    "damping",
+    "derived",
+    "fixed",
+    "interval",
+    "one_style",
+    "percent",
+    "sentence",
+    "told_by",
+    "unbroken",
+]
 
 ANSWERS_SIMULATED = "Simulated participants answered: no person did."
+
+
+SENSORS: Mapping[str, str] = {
+    "acceleration": "accelerometer",
+    "velocity": "velocity sensor",
+    "displacement": "displacement sensor",
+}
+
+
+def derived(motion: str) -> str:
+    """Says of an acceleration what it is from; "" where it was measured."""
+    return "" if motion == "acceleration" else f", differentiated from the {motion}"
+
+
+def told_by(quantity: str) -> str:
+    """Says what told the activation of presses."""
+    if quantity == "activation":
+        return "by the contact"
+    what = "snap in the force" if quantity == "force" else f"click in the {quantity}"
+    return f"taken from the {what}: no contact was recorded"
 
 
 def percent(value: float | None, digits: int = 1) -> str:
     """A fraction as a percentage; "-" for None and NaN."""
     return "-" if value is None or not math.isfinite(value) else f"{100 * value:.{digits}f} %"
+
+
+_UNIT = r"(?:%|dB|Hz|kHz|kS/s|V|N|m/s²|m/s|mm/s|µm/s|µm|mm|ms|s|g|kg|A)"
+_SPACED = re.compile(rf"(?<=\d) (?={_UNIT}(?![\w/]))")
+
+
+def one_style(text: str) -> str:
+    """The same text with a space before each percent sign, however the sentence was made."""
+    return re.sub(r"(?<=\d)%", " %", text)
+
+
+def unbroken(text: str) -> str:
+    """The same text with no-break spaces between numbers and their units, for a page."""
+    return _SPACED.sub("\N{NO-BREAK SPACE}", one_style(text))
 
 
 def interval(edges: Sequence[float | None]) -> str:

@@ -1,6 +1,7 @@
 from .button import button_figure as button_figure
 from .button import check_figure as check_figure
 from .button import iterations_figure as iterations_figure
+from .columns import columns_figure as columns_figure
 from .encoding import FORMATS as FORMATS
 from .encoding import encode as encode
 from .encoding import mark_simulated as mark_simulated
@@ -22,6 +23,8 @@ from .paper import activation_forces as activation_forces
 from .paper import activation_time as activation_time
 from .paper import comparison as comparison
 from .paper import drives as drives
+from .paper import force_over_travel as force_over_travel
 from .paper import profiles as profiles
 from .plotting import Columns as Columns
 from .press import recording_figure as recording_figure
+from .press import travel_figure as travel_figure

@@ -48,7 +48,7 @@ def map_figure(found: VibrationMap, columns: Columns = 2) -> Figure:
         grid = drawn.add_gridspec(sum(rows), across + 1, width_ratios=[*(1.0,) * across, 0.06])
         for k, name in enumerate(names):
             axes = drawn.add_subplot(grid[k // across, k % across])
-            image = _surface(axes, found, sizes[name], "magma", 0.0, top)
+            image = _surface(axes, found, sizes[name], "magma", (0.0, top))
             letter(axes, k, "all" if name == ALL else f"patch {name}")
             if name == best.patch:
                 row, column = divmod(int(best.point), found.plan.columns)
@@ -59,7 +59,7 @@ def map_figure(found: VibrationMap, columns: Columns = 2) -> Figure:
         for k, hz in enumerate(modes):
             axes = drawn.add_subplot(grid[rows[0] + k // across, k % across])
             # Brightness tells the sign in grey, too; the line between is where the mode does not move.
-            image = _surface(axes, found, found.shape(hz), "cividis", -1.0, 1.0)
+            image = _surface(axes, found, found.shape(hz), "cividis", (-1.0, 1.0))
             if _whole(found):
                 _nodal_lines(axes, found.grid(found.shape(hz)))
             letter(axes, len(names) + k, f"{hz:.1f} Hz")
@@ -86,7 +86,7 @@ def animate_map(found: VibrationMap, path: Path) -> None:
 
         # Few enough colours for a GIF, which has one palette per frame; brightness tells up from down.
         colours = colormaps["cividis"].resampled(_COLOURS)
-        image = _surface(axes, found, np.real(motion), colours, -top, top)
+        image = _surface(axes, found, np.real(motion), colours, (-top, top))
         axes.set_title(f"Patch {best.patch}, {best.frequency_hz:.1f} Hz, in slow motion")
         drawn.colorbar(image, ax=axes, label="µm per V", fraction=0.05)
         if found.plan.simulated:
@@ -107,7 +107,7 @@ def animate_map(found: VibrationMap, path: Path) -> None:
 
 
 def _surface(
-    axes: Axes, found: VibrationMap, values: FloatArray, colours: str | Colormap, low: float, high: float
+    axes: Axes, found: VibrationMap, values: FloatArray, colours: str | Colormap, span: tuple[float, float]
 ) -> AxesImage:
     """Draw values (points,) on the table's grid, interpolated between the points."""
     axes.set_xticks([])
@@ -121,8 +121,8 @@ def _surface(
     return axes.imshow(
         found.grid(values),
         cmap=colours,
-        vmin=low,
-        vmax=high,
+        vmin=span[0],
+        vmax=span[1],
         # The bicubic filter spreads NaN of unmeasured points, so partial maps are not interpolated.
         interpolation="bicubic" if _whole(found) else "nearest",
         aspect=_SQUARE * plan.columns / plan.rows,

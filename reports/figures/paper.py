@@ -44,7 +44,15 @@ if TYPE_CHECKING:
     from ...acquisition import Representative
     from ...calibration import Check, Drive
 
-__all__ = ["Profile", "activation_forces", "activation_time", "comparison", "drives", "profiles"]
+__all__ = [
+    "Profile",
+    "activation_forces",
+    "activation_time",
+    "comparison",
+    "drives",
+    "force_over_travel",
+    "profiles",
+]
 
 
 _TITLE = 42
@@ -60,12 +68,18 @@ class Profile:
     button: str
     time: FloatArray
     acceleration: FloatArray
-    force: FloatArray
+    force: FloatArray | None
     activation: FloatArray
     rate_hz: float
     bandwidth_hz: float | None = None
     spread: FloatArray | None = None
     """Standard deviation of the averaged presses (m/s^2)."""
+    travel: FloatArray | None = None
+    """m of the cap."""
+    motion: str = "acceleration"
+    """What the acceleration is from, see `Representative.motion`."""
+    activated_by: str = "activation"
+    """See `Representative.activated_by`."""
 
     @classmethod
     def of(cls, press: Representative) -> Profile:
@@ -80,6 +94,9 @@ class Profile:
             press.rate_hz,
             press.bandwidth_hz,
             press.spread,
+            press.travel,
+            press.motion,
+            press.activated_by,
         )
 
 
@@ -212,27 +229,16 @@ def _profile(axes: Axes, press: Profile, with_legend: bool) -> None:
         time, 0, 1, where=press.activation > 0.5, transform=axes.get_xaxis_transform(),
         color=GREEN, alpha=0.10, linewidth=0,
     )  # fmt: skip
-    force_axes = axes.twinx()
-    force_axes.spines["right"].set_visible(True)
-    force_axes.spines["right"].set_color(VERMILLION)
-    force_axes.tick_params(axis="y", color=VERMILLION, labelcolor=VERMILLION)
-    (force,) = force_axes.plot(time, press.force, color=VERMILLION, linewidth=1.4, label="Force")
-    force_axes.set_ylabel("Force (N)", color=VERMILLION, y=0.75)
-    top = max(float(press.force.max()), 1e-3)
-    force_axes.set_ylim(-1.2 * top, 1.2 * top)
-    # Zero force is level with zero acceleration; the axis shows no labels below it.
-    force_axes.yaxis.set_major_locator(MaxNLocator(5))
-    force_axes.set_yticks([t for t in force_axes.get_yticks() if 0 <= t <= 1.15 * top])
-    force_axes.spines["right"].set_bounds(0, 1.2 * top)
+    slow = _pressed(axes, press)
     if press.spread is not None:
         band = press.spread / peak
         centre = press.acceleration / peak
         axes.fill_between(time, centre - band, centre + band, color=BLUE, alpha=0.18, linewidth=0)
     (acceleration,) = axes.plot(
-        time, press.acceleration / peak, color=BLUE, linewidth=0.8, label="Acceleration"
+        time, press.acceleration / peak, color=BLUE, linewidth=0.8, label=_motion_label(press)
     )
     (state,) = axes.plot(
-        time, press.activation, color=GREEN, linewidth=0.9, linestyle="--", label="Activation"
+        time, press.activation, color=GREEN, linewidth=0.9, linestyle="--", label=_activation_label(press)
     )
     axes.set_ylim(-1.2, 1.2)
     axes.set_yticks([-1, 0, 1])
@@ -243,10 +249,61 @@ def _profile(axes: Axes, press: Profile, with_legend: bool) -> None:
         f"peak {peak:.1f} m/s²", (1, 0), xycoords="axes fraction", xytext=(-3, 3),
         textcoords="offset points", ha="right", va="bottom", fontsize=7, color=BLUE,
     )  # fmt: skip
-    axes.set_zorder(force_axes.get_zorder() + 1)
-    axes.patch.set_visible(False)
     if with_legend:
-        legend_under(axes, 3, [acceleration, force, state])
+        legend_under(axes, 3, [acceleration, *slow, state])
+
+
+def _pressed(axes: Axes, press: Profile) -> list[Any]:
+    """Draw the force, or the travel where there is none, on an axis of its own at the right."""
+    values, label, unit = press.force, "Force", "N"
+    if values is None and press.travel is not None:
+        values, label, unit = 1e3 * press.travel, "Travel", "mm"
+    if values is None:
+        return []
+    twin = axes.twinx()
+    twin.spines["right"].set_visible(True)
+    twin.spines["right"].set_color(VERMILLION)
+    twin.tick_params(axis="y", color=VERMILLION, labelcolor=VERMILLION)
+    lines = twin.plot(1e3 * press.time, values, color=VERMILLION, linewidth=1.4, label=label)
+    twin.set_ylabel(f"{label} ({unit})", color=VERMILLION, y=0.75)
+    top = max(float(values.max()), 1e-3)
+    twin.set_ylim(-1.2 * top, 1.2 * top)
+    # Zero force is level with zero acceleration; the axis shows no labels below it.
+    twin.yaxis.set_major_locator(MaxNLocator(5))
+    twin.set_yticks([t for t in twin.get_yticks() if 0 <= t <= 1.15 * top])
+    twin.spines["right"].set_bounds(0, 1.2 * top)
+    axes.set_zorder(twin.get_zorder() + 1)
+    axes.patch.set_visible(False)
+    return list(lines)
+
+
+def _motion_label(press: Profile) -> str:
+    return "Acceleration" if press.motion == "acceleration" else f"Acceleration (from {press.motion})"
+
+
+def _activation_label(press: Profile) -> str:
+    """What the activation is, and from what it was taken where no contact told it."""
+    return "Activation" if press.activated_by == "activation" else f"Activation (from {press.activated_by})"
+
+
+def force_over_travel(presses: Sequence[Profile], columns: Columns = 2) -> Figure:
+    """Draw the force (N) over the travel (mm) of presses that have both."""
+    with style():
+        figure, grid = panels(1, 1, 2.2, columns)
+        axes = grid[0, 0]
+        for number, press in enumerate(presses):
+            assert press.force is not None and press.travel is not None
+            axes.plot(
+                1e3 * press.travel, press.force, color=colour(number), linewidth=0.9,
+                label=press.button.capitalize(),
+            )  # fmt: skip
+            at = int(np.argmin(np.abs(press.time)))
+            axes.plot(1e3 * press.travel[at], press.force[at], "o", color=colour(number), markersize=3)
+        axes.set_xlabel("Travel (mm)")
+        axes.set_ylabel("Force (N)")
+        if len(presses) > 1:
+            legend_under(axes, 3)
+        return figure
 
 
 def _density(axes: Axes, press: Profile, with_legend: bool) -> None:

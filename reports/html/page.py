@@ -14,7 +14,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
 from ...terminal.progress import SIMULATED
-from ..contents import Contents, Verdict, text_of
+from ..contents import Contents, Verdict, one_style, text_of, unbroken
 from ..figures import mark_simulated, on_page, pdf_of, png, text_page
 
 __all__ = ["CaptionedFigure", "Page"]
@@ -70,6 +70,7 @@ class Page:
             trim_blocks=True,
             lstrip_blocks=True,
         )
+        environment.finalize = _shown
         images = [(one, base64.b64encode(png(one.figure)).decode("ascii")) for one in self.figures]
         return environment.get_template("page.html").render(page=self, images=images)
 
@@ -94,7 +95,7 @@ class Page:
         if self.verdicts:
             yield "Verdicts", True
             for one in self.verdicts:
-                told = f"{one.subject}: {one.said}; {one.measured}"
+                told = "; ".join((f"{one.subject}: {one.said}", one.measured, *one.answers))
                 yield from _wrapped(f"{told}. {one.why}" if one.why else told)
             yield "", False
         for section in self.sections:
@@ -106,6 +107,11 @@ class Page:
             yield "Data", True
             for name, digest in self.sources:
                 yield from _wrapped(f"{name}: SHA-256 {digest}")
+
+
+def _shown(value: object) -> object:
+    """What a page shows of a value: numbers stay with their units."""
+    return unbroken(value) if type(value) is str else value
 
 
 def _told(section: Contents) -> Iterator[str]:
@@ -125,5 +131,5 @@ def _told(section: Contents) -> Iterator[str]:
 
 
 def _wrapped(text: str) -> Iterator[tuple[str, bool]]:
-    for line in textwrap.wrap(text, _WORDS, subsequent_indent="    ", break_on_hyphens=False):
+    for line in textwrap.wrap(one_style(text), _WORDS, subsequent_indent="    ", break_on_hyphens=False):
         yield line, False

@@ -13,7 +13,7 @@ from rich.text import Text
 
 from ...terminal.progress import print_json, print_line, print_table
 from .. import outputs
-from ..contents import Cell, Contents, Grid, text_of
+from ..contents import Cell, Contents, Grid, one_style, text_of
 
 if TYPE_CHECKING:
     from ..figures import Columns
@@ -42,7 +42,7 @@ def print_contents(contents: Contents, as_json: bool, plot: Path | None = None, 
     for grid in contents.tables:
         _print_grid(grid)
     for sentence in contents.said:
-        print_line(sentence)
+        print_line(one_style(sentence))
     if plot is not None:
         print_line(f"Plot: {plot}")
 
@@ -82,7 +82,7 @@ def _print_grid(grid: Grid) -> None:
             table.add_row(*map(_text, row))
         print_table(table)
     if grid.below:
-        print_line(grid.below)
+        print_line(one_style(grid.below))
 
 
 def _print_aligned(rows: Sequence[Sequence[str]]) -> None:
@@ -93,4 +93,4 @@ def _print_aligned(rows: Sequence[Sequence[str]]) -> None:
 
 def _text(cell: str | Cell) -> Text:
     """A cell as text: names may look like rich markup."""
-    return Text(cell) if isinstance(cell, str) else Text(cell.text, style=_STYLES[cell.tone])
+    return Text(one_style(text_of(cell)), style="" if isinstance(cell, str) else _STYLES[cell.tone])

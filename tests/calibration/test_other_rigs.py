@@ -61,9 +61,12 @@ def difference(found: np.ndarray, true: np.ndarray) -> float:
 )
 def test_the_response_is_the_surfaces_own_velocity(name: str, within: float, tmp_path: Path) -> None:
     with rig_of(name, tmp_path, hysteresis=0.0) as rig:
-        response = calibrate(rig).response
+        calibration = calibrate(rig)
+        response = calibration.response
+        resonance = rig.simulation.truth.resonance_hz  # type: ignore[union-attr]
         truth = rig.simulation.truth.velocity_response("A", "button", response.frequencies)  # type: ignore[union-attr]
     assert difference(response.velocity, truth) < within
+    assert calibration.model.resonance_hz == pytest.approx(resonance, abs=0.05)
     assert response.pickup == ("velocity" if name == "coil" else name)
 
 
@@ -91,8 +94,9 @@ def test_a_wrong_drive_fails_on_each(name: str, tmp_path: Path, monkeypatch: pyt
     assert result.verdict == "fail" and error == pytest.approx(result.error, abs=0.03) and error > 0.2
 
 
-def test_a_coil_is_measured_through_its_wire(tmp_path: Path) -> None:
-    with rig_of("coil", tmp_path, "wire") as rig:
+@pytest.mark.parametrize("name", ["coil", "displacement", "acceleration"])
+def test_each_is_measured_through_its_wire(name: str, tmp_path: Path) -> None:
+    with rig_of(name, tmp_path, "wire", hysteresis=0.0) as rig:
         response = quick_response(rig)
         truth = rig.simulation.truth.velocity_response("A", "button", response.frequencies)  # type: ignore[union-attr]
         assert difference(response.velocity, truth) < 0.01

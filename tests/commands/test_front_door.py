@@ -51,12 +51,22 @@ WORK = {
     "calibrations activate": ["History", "activate"],
     "calibrations plot": ["History", "trend"],
     "export": ["export_file", "Exported"],
-    "import": ["is_response_file", "import_press", "import_response", "Calibration"],
+    "import": [
+        "FileMapping",
+        "understand",
+        "named",
+        "import_file",
+        "destination",
+        "is_response_file",
+        "import_response",
+        "Calibration",
+    ],
     "doctor": ["examine", "examine_each", "examine_loop", "Finding"],
     "live": ["load_rig_file", "watch_live", "look", "levels"],
     "log": ["log_entries"],
     "reset": ["reset_lockout"],
     "schema": ["rig_schema"],
+    "rig new": ["look_for_hardware", "new_rig"],
     "tape show": ["played", "recorded", "tape_rig"],
     "tape mask": ["mask"],
 }
@@ -64,6 +74,7 @@ WORK = {
 
 NO_WORK_FOR_A_SCRIPT = {
     "serve": "a server for a browser",
+    "new": "writes forms, to be filled in with an editor",
     "study new": "writes a form, to be filled in with an editor",
     "twin ni": "a server for other programs",
     "twin all": "a server for other programs",

@@ -7,6 +7,7 @@ import os
 import re
 import shlex
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -16,7 +17,9 @@ from pathlib import Path
 from typing import IO
 
 import pytest
+import serial
 
+import haploop
 from haploop.acquisition import Recording
 from tests.command_line import Run
 
@@ -47,7 +50,7 @@ def _running(
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows delivers Ctrl-C to a console, not to a process")
 def test_the_guide_to_served_twins(tmp_path: Path) -> None:
-    serve, record = _blocks("serving-twins.md", "sh")
+    serve, record, *_ = _blocks("serving-twins.md", "sh")
     (printed,) = _blocks("serving-twins.md", "text")
     (rig,) = _blocks("serving-twins.md", "toml")
     *lines, unserved = printed.splitlines()
@@ -213,3 +216,107 @@ def test_the_meter_shows_names_as_they_are() -> None:
     show_meter(tap, Console(file=out, width=100, force_terminal=False))
     for shown in ("odd[/x] (simulated): record [red]a.h5", "a[/b]", "V overload"):
         assert shown in out.getvalue()
+
+
+SCRIPT = """
+import json, sys, urllib.request
+import nidaqmx, pyvisa, serial
+from nidaqmx.system import System
+
+with nidaqmx.Task() as task:
+    task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
+    volts = task.read()
+with serial.Serial("COM3", 115200, timeout=5) as port:
+    port.write(b"GetDevInfo,Controller,0,Name\\n")
+    laser = port.readline().decode().strip()
+manager = pyvisa.ResourceManager()
+(name,) = manager.list_resources()
+generator = manager.open_resource(name).query("*IDN?").strip()
+hub = json.load(urllib.request.urlopen(sys.argv[1] + "/api.json", timeout=5))
+boxes = [page["productName"] for page in hub["services"]["whitePages"]]
+print(json.dumps([System.local().devices.device_names, volts, laser, name, generator, boxes]))
+sys.exit(7)
+"""
+
+
+def free_port() -> int:
+    with socket.socket() as found:
+        found.bind(("127.0.0.1", 0))
+        return int(found.getsockname()[1])
+
+
+def test_a_program_that_knows_nothing_of_haploop_finds_every_instrument_of_a_rig(tmp_path: Path) -> None:
+    """By the names of the rig file: cards, serial port, VISA resource, and the hub's own address."""
+    (tmp_path / "script.py").write_text(SCRIPT)
+    hub = f"http://127.0.0.1:{free_port()}"
+    (tmp_path / "lab.toml").write_text(f'base = "bench"\nname = "lab"\n[relay]\nhub = "{hub}"\n')
+    command = _command("haploop twin all --rig lab.toml --")
+    ran = subprocess.run(
+        [*command, sys.executable, "script.py", hub],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert ran.returncode == 7, ran.stderr
+    cards, volts, laser, name, generator, boxes = json.loads(ran.stdout)
+    assert cards == ["Dev1", "Dev2"] and abs(volts) < 10
+    assert laser == "OFV-5000 Vibrometer Controller"
+    assert name == "TCPIP::192.0.2.10::5025::SOCKET" and "33522B" in generator
+    assert "Yocto-MaxiCoupler" in boxes
+
+
+def test_ports_are_those_that_were_asked_for_and_a_rig_file_points_at_them(tmp_path: Path) -> None:
+    ni, yocto = free_port(), free_port()
+    command = f"haploop twin all --rig bench --port ni={ni},yocto={yocto} --write lab.toml --json"
+    with _running(_command(command), tmp_path) as server:
+        assert server.stdout is not None
+        addresses = json.loads(server.stdout.readline())
+        assert addresses["ni"] == f"127.0.0.1:{ni}" and addresses["yocto"] == f"http://127.0.0.1:{yocto}"
+        with haploop.open_rig(tmp_path / "lab.toml") as rig:
+            assert rig.name == "bench-served" and rig.simulated and rig.mode is None
+            assert rig.vibrometer.signal_level() == pytest.approx(0.8, abs=0.01)
+            assert "33522B" in rig.generator.identity
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no pseudo-terminals")
+def test_a_serial_line_is_a_device_file(tmp_path: Path) -> None:
+    with _running(_command("haploop twin ofv --rig bench --pty"), tmp_path) as server:
+        assert server.stdout is not None
+        path = server.stdout.readline().strip().removeprefix("ofv: ")
+        assert Path(path).is_char_device()
+        for _ in range(2):
+            with serial.Serial(path, 115200, timeout=5) as port:
+                port.write(b"Get,VeloDec,0,Range\n")
+                assert port.readline() == b"5mm/s/V\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        ("all --port yocto=x", "--port wants KIND=N,KIND=N"),
+        ("all --port ni=1,ni=2", "--port wants KIND=N,KIND=N"),
+        ("all --port 4444", "--port wants KIND=N,KIND=N"),
+        ("ofv --port 65536", "--port wants ofv=N or N"),
+        ("all --port nix=5", "'nix', and what is served is ni, yocto, ofv, scpi"),
+        ("all -- no-such-program", "no-such-program cannot be run"),
+        ("all --write other.toml", "other.toml exists and is another file"),
+    ],
+)
+def test_what_cannot_be_served_is_one_sentence(
+    words: str, sentence: str, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("other.toml").write_text('name = "mine"\n')
+    ran = run("twin", *words.split(maxsplit=1)[:1], "--rig", "bench", *words.split()[1:])
+    assert ran.exit_code == 2 and sentence in ran.stderr, ran.stderr
+    assert Path("other.toml").read_text() == 'name = "mine"\n'
+
+
+def test_a_port_that_is_taken_is_one_sentence(run: Run) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        ran = run("twin", "yocto", "--rig", "haptable", "--port", str(taken.getsockname()[1]))
+    assert ran.exit_code == 3 and "name another" in ran.stderr, ran.stderr

@@ -101,9 +101,8 @@ def test_a_press_that_octave_saved_is_imported(tmp_path: Path, run: Run) -> None
         "save('-v7', 'click.mat', 'click', 'fs', 'units');"
     )
     octave(script, tmp_path)
-    result = run(
-        "import", tmp_path / "click.mat", "--scale", 9.81, "--button", "click", "--out", tmp_path / "a.h5"
-    )
+    told = ("--acceleration", "click", "--button", "click")
+    result = run("import", tmp_path / "click.mat", *told, "--out", tmp_path / "a.h5")
     assert result.exit_code == 0, result.output
     press = haploop.Representative.load(tmp_path / "a.h5")
     assert press.rate_hz == 5000.0 and not press.simulated

@@ -73,7 +73,7 @@ def test_a_study_from_start_to_report(tmp_path: Path) -> None:
     confirmed = next(one for one in matching["performance"][0]["effects"] if one["effect"] == "confirmation")
     row = re.search(r"<th>confirmation</th><td>([\d.]+)</td><td>1, 18</td>", page)
     assert row is not None and row[1] == f"{confirmed['f']:.2f}" and "Simulated participants" in page
-    assert f"{100 * matching['overall']:.2f} %" in page
+    assert f"{100 * matching['overall']:.2f}\N{NO-BREAK SPACE}%" in page
     (tmp_path / "other.csv").write_text("participant,rating\nP01,3\n", encoding="utf-8")
     refused = CliRunner().invoke(cli, ["report", str(tmp_path / "other.csv"), "-o", str(tmp_path / "x.html")])
     assert refused.exit_code == 2 and "neither the columns" in refused.stderr

@@ -15,6 +15,7 @@ import pytest
 from nidaqmx.error_codes import DAQmxErrors
 
 from haploop.instruments import Amplifier, Clock, Daq, Operator, Relay, Vibrometer, load_rig_file
+from haploop.instruments.amplifier.analog import AnalogAmplifier
 from haploop.instruments.amplifier.e413 import E413
 from haploop.instruments.conformance import (
     AmplifierConformance,
@@ -31,6 +32,7 @@ from haploop.instruments.generator.scpi_generator import Dg1000z, Keysight33500,
 from haploop.instruments.operator.console import Console
 from haploop.instruments.relay.serial_relay import SerialRelay
 from haploop.instruments.relay.yocto import Yocto
+from haploop.instruments.vibrometer.analog import AnalogVibrometer
 from haploop.instruments.vibrometer.ofv5000 import Ofv5000
 from haploop.instruments.vibrometer.pdv100 import Pdv100
 from haploop.mocks.clock import VirtualClock
@@ -261,6 +263,21 @@ def cards(**more: object) -> NiDaq.Settings:
 # Vibrometers
 
 
+class TestAnalogVibrometer(VibrometerConformance):
+    SHOWS: ClassVar = {
+        "velocity": {"scale": 0.005, "range": 0.02, "delay": 1e-3},
+        "displacement": {"scale": 5e-6, "range": 2e-5, "delay": 1e-4},
+        "acceleration": {"scale": 98, "range": 490, "mass": 0.002, "high_pass_hz": 0.5},
+        "gravity": {"quantity": "acceleration", "scale": 30, "range": 35, "mass": 0.002, "zero": 1.98},
+    }
+
+    @pytest.fixture(params=list(SHOWS))
+    def vibrometer(self, request: pytest.FixtureRequest) -> Vibrometer:
+        named = {"name": "a head", "source": "its data sheet", "channel": "laser", "bandwidth_hz": 10e3}
+        settings = named | {"quantity": request.param} | self.SHOWS[request.param]
+        return AnalogVibrometer.open(AnalogVibrometer.Settings.model_validate(settings), VirtualClock())
+
+
 class TestPdv100(VibrometerConformance):
     @pytest.fixture(params=[(0.02, 1000), (0.5, 22000)], ids=str)
     def vibrometer(self, request: pytest.FixtureRequest) -> Vibrometer:
@@ -370,6 +387,15 @@ class TestSoundCardTwin(OnASoundCard):
 
 
 # Amplifier and operators
+
+
+class TestAnalogAmplifier(AmplifierConformance):
+    @pytest.fixture(params=[False, True])
+    def amplifier(self, request: pytest.FixtureRequest) -> Amplifier:
+        figures = {"gain": 20, "min": -30, "max": 150, "current_peak": 0.3, "current_average": 0.235}
+        named = {"name": "PDu150CL", "source": "its data sheet", "input": "amplifier"}
+        settings = AnalogAmplifier.Settings(**named, **figures, slew=38e6, inverting=request.param)
+        return AnalogAmplifier.open(settings, VirtualClock())
 
 
 class TestE413(AmplifierConformance):

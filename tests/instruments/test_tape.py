@@ -25,10 +25,16 @@ from haploop.instruments import (
     Rig,
     entry_points,
 )
+from haploop.instruments.camera import opencv
+from haploop.instruments.camera.opencv import OpenCvCamera
 from haploop.instruments.clock import RealClock
 from haploop.instruments.driver import settings_of
-from haploop.instruments.tape import Failure, Player, Recorder, TapedLine, mask
+from haploop.instruments.tape import Failure, Player, Recorder, TapedLine, TapeError, TapeLines, mask, on_line
+from haploop.instruments.tape.tape_file import TapeWriter
+from haploop.mocks.clock import VirtualClock
 from haploop.mocks.simulation import Simulation
+from tests.acquisition.session.test_other_daqs import ALONG
+from tests.acquisition.session.test_other_daqs import SERIAL as SERIAL_ADC
 from tests.command_line import Run
 
 
@@ -193,9 +199,12 @@ def test_a_tape_that_was_changed_in_any_place_is_refused(whole: Path, tmp_path: 
         # Bytes 4 to 9 of gzip's head say nothing of the content.
         if not 4 <= place < 10:
             changed.write_bytes(data[:place] + bytes([data[place] ^ 4]) + data[place + 1 :])
-            with pytest.raises(HaploopError):
-                assert not Player(changed).whole
-                raise InstrumentError("cut off, as it says")
+            try:
+                found = TapeLines.of(changed)
+            except HaploopError:
+                continue
+            # A bit between two blocks of deflate says nothing.
+            assert not found.whole or found == TapeLines.of(whole)
     texts = gzip.decompress(data).splitlines(True)
     for other in (
         [*texts[:5], *texts[6:]],
@@ -211,7 +220,7 @@ def test_a_tape_that_was_changed_in_any_place_is_refused(whole: Path, tmp_path: 
         Player(changed)
 
 
-@pytest.mark.parametrize("text", [b"", b"no tape", gzip.compress(b"{}\n"), b"\x1f\x8b"])
+@pytest.mark.parametrize("text", [b"", b"no tape", gzip.compress(b"{}\n", mtime=0), b"\x1f\x8b"])
 def test_another_file_is_no_tape(text: bytes, tmp_path: Path) -> None:
     path = tmp_path / "x.tape"
     path.write_bytes(text)
@@ -369,3 +378,136 @@ def test_a_play_in_real_time_with_the_relay_s_renewals_is_played_again(tmp_path:
         assert rig.simulated
         second = rig.excite(wave, ["A"], ["drive", "laser"])
     assert first.volts.tobytes() == second.volts.tobytes()
+
+
+@pytest.mark.parametrize("text", [SERIAL_ADC, ALONG], ids=["only DAQ", "along"])
+def test_a_board_that_sends_by_itself_is_played_again_bit_by_bit(text: str, tmp_path: Path) -> None:
+    tape, file = tmp_path / "day.tape", tmp_path / "rig.toml"
+    file.write_text(text)
+    with haploop.recorded(tape), haploop.open_rig(file, simulate="wire") as rig:
+        first = press(rig, tmp_path / "wire")
+    with haploop.open_rig(simulate=f"tape:{tape}") as rig:
+        second = press(rig, tmp_path / "tape")
+    assert content(first)["codes"] == content(second)["codes"]
+
+
+class Video:
+    """The part of OpenCV that the driver uses, with a camera of five frames."""
+
+    __version__ = "of a test"
+    CAP_PROP_FRAME_HEIGHT, CAP_PROP_FRAME_WIDTH, CAP_PROP_FPS, CAP_PROP_POS_MSEC = range(4)
+
+    def VideoCapture(self, source: object) -> Video:  # noqa: N802  as OpenCV calls it
+        self._left = 5
+        return self
+
+    def isOpened(self) -> bool:  # noqa: N802
+        return True
+
+    def set(self, what: int, value: float) -> bool:
+        return True
+
+    def get(self, what: int) -> float:
+        return 60.0 if what == self.CAP_PROP_FPS else 1000 * (5 - self._left) / 60
+
+    def read(self) -> tuple[bool, Any]:
+        self._left -= 1
+        return (True, np.full((240, 320), self._left, np.uint8)) if self._left >= 0 else (False, None)
+
+    def release(self) -> None:
+        pass
+
+
+def test_a_camera_is_on_the_tape_with_its_frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    settings = OpenCvCamera.Settings(source=0)
+
+    def frames(deck: Any) -> tuple[str, list[tuple[int, float, int]], str]:
+        with on_line(deck, "camera"):
+            camera = OpenCvCamera.open(settings, VirtualClock())
+        camera.start()
+        read = [(f.number, f.time, int(f.pixels.sum())) for f in (camera.read() for _ in range(5))]
+        with pytest.raises(InstrumentError) as error:
+            camera.read()
+        camera.close()
+        return camera.identity, read, str(error.value)
+
+    tape = tmp_path / "camera.tape"
+    monkeypatch.setattr(opencv, "optional", lambda *_: Video())
+    with Recorder(tape) as recorder:
+        recorder.begin("{}", None, VirtualClock())
+        first = frames(recorder)
+    monkeypatch.setattr(opencv, "optional", lambda *_: pytest.fail("a tape needs no OpenCV"))
+    player = Player(tape)
+    player.begin()
+    assert frames(player) == first and player.answered == player.calls
+    assert [pixels for _, _, pixels in first[1]] == [76_800 * n for n in (4, 3, 2, 1, 0)]
+
+
+def test_commands_of_a_tape(run: Run, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    shown = run("tape", "show", str(whole), "--json")
+    found = json.loads(shown.stdout)
+    assert (found["rig"], found["on"], found["whole"], found["errors"]) == ("simulated", "wire", True, [])
+    assert found["calls"] == sum(found["by_role"].values()) == Player(whole).calls
+    assert run("tape", "mask", str(whole), "mail.tape").exit_code == 0
+    for words, code, sentence in (
+        (["tape", "mask", str(whole), "mail.tape"], 2, "exists"),
+        (["tape", "show", "none.tape"], 2, "cannot be read"),
+        (["doctor", "--simulate", "tape:none.tape"], 2, "cannot be read"),
+        (["doctor", "--simulate", "tape"], 2, "is not twin, wire or tape:FILE"),
+        (["doctor", "--simulate", f"tape:{whole}", "--tape", "new.tape"], 2, "leave out --tape"),
+        (["doctor", "--simulate", "twin", "--tape", "new.tape"], 2, "A twin makes no calls"),
+        (["doctor", "--tape", "mail.tape"], 2, "exists"),
+        (["doctor", "--tape", "no/such/folder.tape"], 2, "folder"),
+        (["log", "--tape", "new2.tape"], 2, "no option --tape"),
+    ):
+        ran = run(*words)
+        assert not Path("new.tape").exists()
+        assert ran.exit_code == code and sentence.lower() in ran.stderr.lower(), (words, ran.stderr)
+
+
+def test_a_disk_that_is_full_ends_the_tape_and_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    recorder = Recorder(tmp_path / "full.tape")
+    recorder.begin("{}", None, VirtualClock())
+    with pytest.raises(DataError, match=r"ends early .no space left.*everything else was done"), recorder:
+        line = TapedLine(recorder, "x")
+        assert line.call("do", lambda: 1) == 1
+        monkeypatch.setattr(recorder._writer, "write", full)
+        assert line.call("do", lambda: 2) == 2
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        {"got": {"a": ["<f8", [2], "AAAA"]}},
+        {"got": {"a": ["|O", [1], "AAAAAAAAAAA="]}},
+        {"got": {"x": 1}},
+        {"filled": [{"a": ["<f8", [3], "AAAAAAAAAAA="]}], "got": None},
+        {"error": ["ConnectionError", 5]},
+        {"error": 3},
+        {},
+    ],
+)
+def test_an_answer_that_cannot_be_read_is_one_sentence(answer: dict[str, Any], tmp_path: Path) -> None:
+    """Of a tape whose hashes are right: somebody else's."""
+    tape = tmp_path / "odd.tape"
+    writer = TapeWriter(tape)
+    writer.write({"format": "haploop tape", "version": 1, "software": "x", "started": "x"})
+    writer.write({"is": "rig", "mode": None, "real": False, "at": 0.0, "rig": "{}"})
+    writer.write({"is": "thread", "thread": 0, "name": "MainThread"})
+    writer.write(
+        {"is": "call", "n": 1, "thread": 0, "at": 0.0, "role": "x", "do": "do", "with": [], **answer}
+    )
+    writer.write({"is": "end", "lines": 4})
+    writer.close()
+    player = Player(tape)
+    player.begin()
+    with pytest.raises(TapeError, match=r"answer to call 1 on the tape .* cannot be read"):
+        TapedLine(player, "x").call(
+            "do", lambda: None, filled=(np.zeros(2),), failures=(Failure(ConnectionError),)
+        )

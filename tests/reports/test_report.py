@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from haploop.reports.contents import unbroken
 from haploop.reports.html import write_report
 from tests.command_line import Demo, Run
 
@@ -122,3 +123,19 @@ def test_what_cannot_be_reported_is_one_sentence(run: Run, demo: Demo, tmp_path:
     wrong = run("report", tmp_path / "nothing.h5", "-o", tmp_path / "a.html")
     assert wrong.exit_code == 2 and wrong.stderr.count("Error") == 1
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_first_screen_answers_like_felt_and_loud_in_three_lines(demo: Demo, tmp_path: Path) -> None:
+    made = write_report(demo.folder / "checks" / "latch.h5", tmp_path / "report.html")
+    of_latch = next(one for one in made.verdicts if "latch" in one.subject and "error" in one.measured)
+    felt, part = of_latch.answers
+    assert re.fullmatch(r"felt: (yes|perhaps|no)(, \d+\.\d dB (quieter|louder) than the press)?", felt)
+    assert re.fullmatch(r"plays \d+\.\d % of its energy, at 0\.\d{3} of its size", part)
+    page = made.html.read_text(encoding="utf-8")
+    assert "20\N{NO-BREAK SPACE}%" in page and not re.search(r"\d%[^\";]", page.split("</style>")[1])
+
+
+def test_numbers_stay_with_their_units_and_nothing_else_is_joined() -> None:
+    nb = "\N{NO-BREAK SPACE}"
+    assert unbroken("20% at 263.5 Hz, 3 of 4 V") == f"20{nb}% at 263.5{nb}Hz, 3 of 4{nb}V"
+    assert unbroken("press 3 is good; 5 Ships, 2 stays") == "press 3 is good; 5 Ships, 2 stays"

@@ -115,7 +115,7 @@ function draw(now) {
 }
 
 function drawVerdicts(now, last) {
-  $("last").textContent = !last ? "" : last.accepted ? `Press ${last.number}: good, switched at ${last.force.toFixed(2)} N.` : `Press ${last.number}, attempt ${last.attempt}: not counted. ${last.reason}`;
+  $("last").textContent = !last ? "" : last.accepted ? `Press ${last.number}: good${last.force === null ? "" : `, switched at ${last.force.toFixed(2)} N`}.` : `Press ${last.number}, attempt ${last.attempt}: not counted. ${last.reason}`;
   $("last").className = `count ${last ? (last.accepted ? "good" : "bad") : ""}`;
   const rows = now.session ? [...now.session.verdicts].reverse() : [];
   fill($("verdicts"), ...rows.map((one) => el("tr", {}, el("td", { class: "number" }, one.number), el("td", { class: "number" }, one.attempt),
@@ -149,12 +149,14 @@ async function overlay(now) {
   $("last-press").classList.toggle("hidden", !count);
   if (!count) return;
   const last = found.presses[count - 1];
-  $("press-said").textContent = last.accepted ? `Press ${last.number} (thick) is good: it switched at ${last.force_n.toFixed(2)} N.` : `Press ${last.number}, attempt ${last.attempt} (thick) is not counted: ${last.reason}`;
+  $("press-said").textContent = last.accepted ? `Press ${last.number} (thick) is good${last.force_n === null ? "" : `: it switched at ${last.force_n.toFixed(2)} N`}.` : `Press ${last.number}, attempt ${last.attempt} (thick) is not counted: ${last.reason}`;
   $("press-said").className = last.accepted ? "green" : "red";
   const styles = found.presses.map((press, k) => (k === count - 1 ? line(press.accepted ? 0 : 1, { width: 3 }) : line(5, { stroke: press.accepted ? "#55555588" : "#d55e0088", width: 1, dash: press.accepted ? undefined : [4, 4] })));
   const drawn = (place, what, step, label) => plot(place, `${label} of the last press over ${count - 1} earlier ones`, {
     series: styles, data: joined(found.presses, what, step), xLabel: "time from the activation (s)", yLabel: label, height: 200, first: AROUND, together: "press" });
-  plots = [drawn($("force-plot"), "force", "force_step_s", "force (N)"), drawn($("click-plot"), "acceleration", "acceleration_step_s", "acceleration (m/s²)")];
+  plots = [];
+  if (last.slow) plots.push(drawn($("force-plot"), "slow", "slow_step_s", last.slow_label));
+  if (last.fast) plots.push(drawn($("click-plot"), "fast", "fast_step_s", last.fast_label));
 }
 
 // One time axis for presses that begin at different times before their activation.

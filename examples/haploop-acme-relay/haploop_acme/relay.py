@@ -1,8 +1,7 @@
 """ACME RB-8: eight relays on a serial port, each with a timer that opens it.
 
-Commands and answers are lines. `ID` returns the name. `CLOSE n ms` closes channel n for a number of
-milliseconds, `OPEN n` opens it; both return `OK`. `READ` returns eight numbers: the milliseconds until
-each channel opens, 0 for an open channel.
+Commands and answers are lines. `ID` returns the name. `CLOSE n ms` closes channel n for some milliseconds,
+`OPEN n` opens it; both return `OK`. `READ` returns eight numbers: milliseconds until each opens, 0 if open.
 """
 
 from collections.abc import Callable
@@ -10,14 +9,15 @@ from typing import Annotated, Self
 
 from pydantic import Field
 
-from haploop.instruments.clock import Clock
-from haploop.instruments.errors import InstrumentError
+from haploop.instruments import Clock, InstrumentError
 from haploop.instruments.relay import BoardSettings, ChannelRelay, ChannelState
 from haploop.instruments.transport import Line, SerialLine
 
 
 class AcmeRelay(ChannelRelay):
     """Driver of the RB-8: `ChannelRelay` switches, reads back and renews; `_Board` speaks the protocol."""
+
+    taped = True  # every call to the board goes through SerialLine
 
     class Settings(BoardSettings):
         patches: Annotated[dict[str, Annotated[int, Field(ge=1, le=8)]], Field(min_length=1)]

@@ -37,6 +37,8 @@ class Thermometer(ABC):
 
 
 class AcmeT1(Thermometer):
+    taped = True  # every call to it goes through SerialLine
+
     class Settings(BaseModel):
         model_config = ConfigDict(frozen=True, extra="forbid")
 

@@ -6,7 +6,6 @@ reads is set, what an output did can be asked for, and cards can fail.
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
@@ -20,10 +19,10 @@ from ....instruments.arrays import FloatArray
 from ....instruments.clock import RealClock
 from ....instruments.errors import ConfigurationError
 from ...clock import VirtualClock
+from ...redirect import environment, sitecustomize
 from ..signals import Put, Signal, Signals, Wire, signal_of
 from .devices import Inventory
 from .errors import DaqmxError, DAQmxErrors
-from .redirect import sitecustomize
 from .server import NiServer
 from .standalone import inventory_from_file, inventory_of
 
@@ -146,9 +145,7 @@ class NiTwin:
 
     def environment(self) -> dict[str, str]:
         """Return the environment for another program, whose nidaqmx will find these cards."""
-        folder = str(Path(sitecustomize.__file__).parent)
-        others = [folder, *filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))]
-        return {**os.environ, sitecustomize.ADDRESS: self.address, "PYTHONPATH": os.pathsep.join(others)}
+        return environment(ni=self.address)
 
     def close(self) -> None:
         """Stop serving; nidaqmx is as it was before."""

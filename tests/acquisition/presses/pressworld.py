@@ -9,7 +9,17 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.signal import lfilter
 
-from haploop.instruments import Block, Daq, InstrumentError, Operator, Press, Rig, Stream, load_rig_file
+from haploop.instruments import (
+    Block,
+    Daq,
+    InstrumentError,
+    Operator,
+    Press,
+    Rig,
+    Stream,
+    Transfer,
+    load_rig_file,
+)
 from haploop.mocks.clock import VirtualClock
 
 FULL_SCALE = {"gauge": 10.0, "accel": 5.0, "switc": 10.0}
@@ -96,7 +106,9 @@ class World:
         self.pole_hz = pole_hz
         """Of the accelerometer, which otherwise follows at once."""
         if pole_hz:
-            sensor = self.file.sensors.acceleration.model_copy(update={"bandwidth_hz": pole_hz})
+            sensor = self.file.sensors.acceleration.model_copy(
+                update={"transfer": Transfer(poles=(pole_hz,))}
+            )
             sensors = self.file.sensors.model_copy(update={"acceleration": sensor})
             self.file = self.file.model_copy(update={"sensors": sensors})
         self.pairs = 1
@@ -127,7 +139,7 @@ class World:
             sensor = self.file.sensors.acceleration
             z = 9.81 + sum(self._felt(p, t) for p in self.presses) if channel.endswith("z") else 0.0
             value = self.gain * z + self.rng.normal(0, 0.05, len(t))
-            return sensor.zero + sensor.sensitivity * value
+            return sensor.zero[0] + value / sensor.matrix[0][0]
         flips = np.sort(np.concatenate([[-1.0], *(p.flips for p in self.presses)]))
         return 5.0 * ((np.searchsorted(flips, t, side="right") - 1) % 2) + self.rng.normal(0, 0.001, len(t))
 

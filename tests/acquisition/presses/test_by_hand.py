@@ -9,14 +9,10 @@ import numpy as np
 import pytest
 import scipy.signal
 
-from haploop.acquisition.presses.segmentation import (
-    Detector,
-    Segmentation,
-    Span,
-    _first_lasting,
-    _shaken,
-    find_presses,
-)
+from haploop.acquisition.presses.pressing import shaken
+from haploop.acquisition.presses.segmentation import Detector, Span, _first_lasting, find_presses
+from haploop.acquisition.presses.segmentation_settings import Segmentation
+from haploop.instruments import load_rig_file
 
 RATE = 1000.0
 
@@ -45,7 +41,11 @@ def recording(
         rate_hz=RATE,
         force=force,
         activation=contact,
-        acceleration=np.stack([0 * vertical, 0 * vertical, vertical]),
+        vertical=vertical,
+        motion="acceleration",
+        sensors=load_rig_file("simulated").sensors,
+        has=lambda name: name in ("force", "acceleration", "activation"),
+        quiet=slice(0, 1),
         saturated=np.zeros(len(force), bool),
         delay=lambda name: (delays or {}).get(name, 0.0),
     )
@@ -213,9 +213,9 @@ def test_what_the_hand_does_is_removed_by_a_butterworth_filter_of_60_hz() -> Non
     rng = np.random.default_rng(0)
     moved = recording(np.zeros(500), clicks={n: float(rng.normal()) for n in range(1, 500)})
     filtered = scipy.signal.sosfilt(
-        scipy.signal.butter(2, 60.0, "high", fs=RATE, output="sos"), moved.acceleration[2] - 9.81
+        scipy.signal.butter(2, 60.0, "high", fs=RATE, output="sos"), moved.vertical - 9.81
     )
-    assert _shaken(moved, Segmentation()) == pytest.approx(np.abs(filtered), rel=1e-9, abs=1e-12)
+    assert shaken(moved.vertical, RATE, 60.0) == pytest.approx(np.abs(filtered), rel=1e-9, abs=1e-12)
 
 
 @pytest.mark.parametrize(("change", "samples"), [(560, range(558, 562)), (2, range(4))])

@@ -58,8 +58,7 @@ def test_every_quantity_is_the_sensors_own_of_the_volts(tmp_path: Path, codes: n
     np.testing.assert_array_equal(found.volts, volts)
     rest = volts[:6, REST_END - 100 : REST_END].mean(axis=1, keepdims=True)  # 0.02 s before the event
     np.testing.assert_allclose(found.force, np.asarray(SENSORS.force.matrix)[2] @ (volts[:6] - rest))
-    one = SENSORS.acceleration
-    np.testing.assert_allclose(found.acceleration, (volts[6:9] - one.zero) / one.sensitivity)
+    np.testing.assert_allclose(found.acceleration, (volts[6:9] - 1.65) * (9.80665 / 0.33))
     np.testing.assert_array_equal(found.activation, np.arange(COUNT) >= 600)
     assert not found.saturated.any() and found.duration == COUNT / 5000 and found.about == {"age": 31}
     assert found.complete and found.state == "finished" and not found.in_progress

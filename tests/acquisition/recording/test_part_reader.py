@@ -15,8 +15,10 @@ def same(reader: PartReader, recording: Recording) -> None:
     assert count > 0
     for first, end in ((0, 100), (150, 450), (count - 300, count), (count - 10, count + 500)):
         stop = min(end, count)
-        assert np.array_equal(reader.acceleration(first, end), recording.acceleration[:, first:stop])
-        assert np.allclose(reader.force(first, end), recording.force[first:stop], rtol=0, atol=1e-12)
+        assert np.allclose(
+            reader.along("acceleration", first, end), recording.vertical[first:stop], atol=1e-12
+        )
+        assert np.allclose(reader.along("force", first, end), recording.force[first:stop], rtol=0, atol=1e-12)
 
 
 def test_each_look_reads_what_was_added_and_parts_are_those_of_the_whole(tmp_path, monkeypatch):
@@ -68,6 +70,6 @@ def test_a_finished_file_that_was_changed_is_refused(tmp_path):
     with path.open("r+b") as file:
         file.seek(-100, 2)
         file.write(b"changed")
-    for do in (reader.look, lambda: reader.force(0, 100)):
+    for do in (reader.look, lambda: reader.along("force", 0, 100)):
         with pytest.raises(DataError):
             do()

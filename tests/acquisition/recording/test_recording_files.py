@@ -99,7 +99,7 @@ def test_a_finished_file_says_who_what_and_how(finished):
     kinds = [event.kind for event in recording.events]
     assert kinds == ["rest", "prompt", "pressed", "prompt", "pressed"]
     with h5py.File(recording.path) as file:
-        assert (file.attrs["format"], file.attrs["format_version"]) == ("haploop recording", 3)
+        assert (file.attrs["format"], file.attrs["format_version"]) == ("haploop recording", 4)
         assert file.attrs["software"].startswith("haploop ")
         assert "T" in file.attrs["started"]
 
@@ -201,7 +201,7 @@ def test_a_changed_sensor_gives_no_force(finished, tmp_path):
     copy = Path(shutil.copy(finished[0].path, tmp_path))
     with h5py.File(copy, "r+") as file:
         rig = json.loads(file["rig"].asstr()[()])
-        rig["sensors"]["acceleration"]["sensitivity"] *= 2
+        rig["sensors"]["acceleration"]["zero"][2] *= 2
         file["rig"][()] = json.dumps(rig)
     add_checksum(copy, "recording")
     with pytest.raises(DataError, match="its header does not match its hash"):

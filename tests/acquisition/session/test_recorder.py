@@ -170,9 +170,9 @@ def test_a_card_that_fails_ends_it_with_the_card_s_own_sentence(tmp_path):
 
 def test_a_rig_without_a_sensor_is_refused(tmp_path):
     rig = world_rig()
-    sensors = rig.file.sensors.model_copy(update={"activation": None})
+    sensors = rig.file.sensors.model_copy(update={"force": None, "acceleration": None})
     vars(rig)["file"] = rig.file.model_copy(update={"sensors": sensors})
-    with pytest.raises(ConfigurationError, match=r"no \[sensors\.activation\]"):
+    with pytest.raises(ConfigurationError, match=r"describe one of \[sensors\.force\]"):
         record(rig, "push", "P01", 1, tmp_path)
     with pytest.raises(ConfigurationError, match="at least 1"):
         record(world_rig(), "push", "P01", 0, tmp_path)

@@ -88,6 +88,18 @@ def test_learning_under_hum_is_as_good_as_without(
     assert learning.best_again == pytest.approx(truth, abs=0.02)
 
 
+@pytest.mark.parametrize("scale", [0.8, 1.2])
+def test_nothing_is_learnt_from_a_laser_askew(
+    calibrated: Calibrated, open: OpenRig, drive: Drive, scale: float
+) -> None:
+    """Learning made the drive louder by the laser's factor, and its check passed: it was 20 % wrong."""
+    rig = open(faults=[{"kind": "laser-askew", "scale": scale}])
+    learning = learn(rig, drive, calibrated.calibration, iterations=2)
+    assert learning.best == 0 and learning.drive is drive and len(learning.iterations) == 1
+    assert float(learning.stopped.split()[3]) == pytest.approx(scale, abs=0.02)
+    assert "Nothing is learnt, because a wrong scale would make the drive wrong" in learning.stopped
+
+
 def test_noise_that_hides_the_motion_is_no_dead_patch(
     calibrated: Calibrated, open: OpenRig, drive: Drive
 ) -> None:

@@ -101,6 +101,24 @@ def test_what_does_not_move_correlates_with_nothing() -> None:
     assert np.all(np.isfinite(list(found.interval)))
 
 
+def test_noise_within_the_band_drowns_nothing_above_it() -> None:
+    found = judged(spread=1.0)  # 7 dB below the target in the mean of five plays; 14 dB are the tolerance
+    assert found.octaves.floor_db.max() > found.octaves.target_db.max() - 14
+    assert not any(note.startswith("Above ") for note in found.notes)
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.04, False), (0.06, True)])
+def test_tones_that_were_taken_out_are_told_from_five_percent_of_the_target_on(
+    share: float, told: bool
+) -> None:
+    rms = share * np.sqrt(2.0)  # of a sine of 2 m/s^2
+    played = Played(np.array([TARGET] * 3), RATE, 1000.0, 40.0, None, np.array([50.0]), rms)
+    found = compare(DRIVE, played, RIG)
+    assert found.tones.share == pytest.approx(share, rel=1e-3)
+    said = [note for note in found.notes if "steady tones at 50.0 Hz" in note]
+    assert len(said) == told and found.summary()["tones_hz"] == [50.0]
+
+
 def test_a_check_in_words_and_as_plain_values() -> None:
     found = judged(0.9, outside=0.05, spread=0.3)
     assert repr(found) == "<Check push: pass, error 11.2 % (11.2 to 11.2 %), 5 plays, simulated>"
@@ -253,7 +271,7 @@ def test_plays_that_do_not_tell_are_no_verdict_and_how_many_would() -> None:
     shares = 1 - np.array([0.05, 0.35, 0.15, 0.25, 0.10])
     found = judged(shares)
     low, high = found.interval
-    assert found.verdict == "not shown" and low <= 0.2 < high
+    assert found.verdict == "not shown" and not found.passed and low <= 0.2 < high
     needed = plays_needed(shared_power(error_spectra(found.accelerations, TARGET)), 0.2)
     assert needed is None or needed > 5
     remedy = f"{needed} plays would probably show it." if needed else "More plays would not: use a range"

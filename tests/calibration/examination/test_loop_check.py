@@ -129,6 +129,15 @@ def test_ni_cards_are_measured_as_well(open: OpenRig) -> None:
     assert {found[name].status for name in ("Volts of drive", "Latency", "AC coupling")} == {"green"}
 
 
+def test_a_rig_without_a_relay_is_measured_too_and_proves_its_gain_anew(open: OpenRig) -> None:
+    rig = open("voice-coil")
+    found = {f.name: f for f in haploop.examine_loop(rig, "drive")}
+    assert {found[name].status for name in ("Volts of drive", "Latency", "AC coupling")} == {"green"}
+    assert not rig._proved and rig.simulation.truth.peak <= 1.02  # type: ignore[union-attr]
+    rig.excite(np.sin(np.arange(5000) / 30) * np.hanning(5000) * 0.1, ["A"], ["drive"])
+    assert rig._proved == {"amplifier"}
+
+
 def test_what_cannot_be_measured_so_is_refused(open: OpenRig) -> None:
     with pytest.raises(ConfigurationError, match="is not fed by one output of the DAQ"):
         haploop.examine_loop(open("sound-card"), "drive")

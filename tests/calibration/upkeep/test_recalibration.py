@@ -351,14 +351,15 @@ def test_what_did_not_pass_or_was_disturbed_is_not_adopted(history: History) -> 
     bad = replace(good, check=replace(good.check, verdict="fail", reasons=("No.",)))
     with pytest.raises(DataError, match="push-A-button did not pass"):
         adopt(history, [bad], actor="", reason="")
-    for background in (0.15, float("nan")):
-        hum = replace(good, check=replace(good.check, background=background))
+    for share in (0.15, float("nan")):
+        tones = replace(good.check.tones, share=share)
+        hum = replace(good, check=replace(good.check, tones=tones))
         with pytest.raises(DataError, match=r"push-A-button: tones of .* disturbed the laser in its check"):
             adopt(history, [hum], actor="", reason="")
     with pytest.raises(DataError, match="only once"):
         adopt(history, [good, good], actor="", reason="")
     assert content(history) == before
-    audible = replace(good.check, background=0.1)
+    audible = replace(good.check, tones=replace(good.check.tones, share=0.1))
     other = replace(good, press=replace(good.press, button="a latch/2"), check=audible)
     adopted = adopt(history, [other], actor="a test", reason="one more")
     assert set(buttons_of(adopted)) == {"push-A-button", "a_latch_2-A-button"}

@@ -16,8 +16,9 @@ from hypothesis import strategies as st
 from haploop.experiments.contact import (
     Activator,
     Contact,
-    ContactMeter,
     FingerCalibration,
+    Rendering,
+    SeenSurface,
     VerifiedButton,
     activation_areas,
     calibrate_finger,
@@ -61,7 +62,7 @@ def rig_with_camera(
         yield rig, camera
 
 
-def calibrated(rig: Rig, camera: Any) -> ContactMeter:
+def calibrated(rig: Rig, camera: Any) -> SeenSurface:
     background = learn_background(camera, 12)
     plant = rig.simulation.plant  # type: ignore[union-attr]
     plant.target = TARGET
@@ -69,7 +70,7 @@ def calibrated(rig: Rig, camera: Any) -> ContactMeter:
     meter = calibrate_meter([camera.read() for _ in range(4)], background, TARGET)
     plant.target = 0.0
     drop_old_frames(camera, rig.clock)
-    return meter
+    return SeenSurface(rig, camera, meter)
 
 
 def truth_at(rig: Rig, contacts: list[Contact]) -> Any:
@@ -80,10 +81,10 @@ def truth_at(rig: Rig, contacts: list[Contact]) -> Any:
 def test_area_is_within_three_percent_of_the_truth(tmp_path: Path, seed: int, way: Mode) -> None:
     """At realistic noise, for fingers of several people, wherever they press with 20 mm^2 and more."""
     with rig_with_camera(tmp_path, seed=seed, way=way) as (rig, camera):
-        meter = calibrated(rig, camera)
+        seen = calibrated(rig, camera)
         for number, pressure in enumerate(("light", "firm"), 1):
             rig.operator.tell(Touch(f"P{seed}0", pressure, number, 2))  # type: ignore[arg-type]
-            contacts = watch_touch(camera, meter)
+            contacts = watch_touch(seen)
             truth = truth_at(rig, contacts)
             found = np.array([contact.area for contact in contacts])
             large = truth > 20e-6
@@ -95,9 +96,7 @@ def test_area_is_within_three_percent_of_the_truth(tmp_path: Path, seed: int, wa
 def test_a_finger_calibration_shows_its_repeatability(tmp_path: Path) -> None:
     with rig_with_camera(tmp_path) as (rig, camera):
         told: list[tuple[str, int, float]] = []
-        found = calibrate_finger(
-            rig, camera, calibrated(rig, camera), "P01", on_press=lambda *press: told.append(press)
-        )
+        found = calibrate_finger(calibrated(rig, camera), "P01", on_press=lambda *press: told.append(press))
         assert [press[:2] for press in told] == [(p, n) for p in ("light", "firm") for n in range(1, 6)]
         touches = rig.simulation.truth.touches  # type: ignore[union-attr]
         for touch, (_, _, area) in zip(touches, told, strict=True):
@@ -151,9 +150,9 @@ WHILE_IT_LEARNS = (
 )
 def test_what_spoils_an_image_is_named(tmp_path: Path, fault: str, said: str, way: Mode) -> None:
     with rig_with_camera(tmp_path, fault, way=way) as (rig, camera), pytest.raises(DataError, match=said):
-        meter = calibrated(rig, camera)
+        seen = calibrated(rig, camera)
         rig.clock.sleep(2.1 - rig.clock.now())
-        calibrate_finger(rig, camera, meter, "P01", presses=1, timeout=1.5)
+        calibrate_finger(seen, "P01", presses=1, timeout=1.5)
     assert rig.simulation is not None and rig.simulation.faults[0].fired  # type: ignore[attr-defined]
 
 
@@ -224,14 +223,14 @@ def verified(rig: Rig, drive: Any, date: Callable[[], str] | None = None) -> Ver
 
 def test_a_button_plays_once_a_press_within_a_frame_of_the_crossing(tmp_path: Path) -> None:
     with rig_with_camera(tmp_path) as (rig, camera):
-        meter = calibrated(rig, camera)
+        seen = calibrated(rig, camera)
         truth = rig.simulation.truth  # type: ignore[union-attr]
         outputs = truth.record()
         area = 90e-6
         found = []
         for number in range(1, 4):
             rig.operator.tell(Touch("P01", "as a button", number, 3))
-            found += run_button(rig, camera, meter, verified(rig, burst(20.0)), Activator(area, 20e-6))
+            found += run_button(seen, Rendering(verified(rig, burst(20.0))), Activator(area, 20e-6))
         for played, touch in zip(found, truth.touches, strict=True):
             times = np.linspace(touch.start, touch.stop, 20_001)
             crossing = times[np.argmax(touch.area(times) > area * 1.03)]
@@ -252,24 +251,24 @@ def test_a_button_plays_once_a_press_within_a_frame_of_the_crossing(tmp_path: Pa
 
 def test_no_drive_outside_the_limits(tmp_path: Path) -> None:
     with rig_with_camera(tmp_path) as (rig, camera):
-        meter = calibrated(rig, camera)
+        seen = calibrated(rig, camera)
         rig.operator.tell(Touch("P01", "as a button", 1, 1))
         with pytest.raises(LimitError):
-            run_button(rig, camera, meter, verified(rig, burst(80.0)), Activator(90e-6, 20e-6))
+            run_button(seen, Rendering(verified(rig, burst(80.0))), Activator(90e-6, 20e-6))
         assert rig.simulation.truth.peak < 1.1  # the volt that proves the gain  # type: ignore[union-attr]
 
 
 def test_only_a_button_that_was_verified_here_today(tmp_path: Path) -> None:
     with rig_with_camera(tmp_path) as (rig, camera):
-        meter = calibrated(rig, camera)
+        seen = calibrated(rig, camera)
         stale = verified(rig, burst(20.0), lambda: "2020-01-01")
         with pytest.raises(ConfigurationError, match="verify it again on this rig today"):
-            run_button(rig, camera, meter, stale, Activator(90e-6, 20e-6))
+            run_button(seen, Rendering(stale), Activator(90e-6, 20e-6))
         other = verified(SimpleNamespace(name="other"), burst(20.0))  # type: ignore[arg-type]
         with pytest.raises(ConfigurationError, match="verify it again on this rig today"):
-            run_button(rig, camera, meter, other, Activator(90e-6, 20e-6))
+            run_button(seen, Rendering(other), Activator(90e-6, 20e-6))
         with pytest.raises(DataError, match=r"not pressed within 0\.2 s"):
-            run_button(rig, camera, meter, verified(rig, burst(20.0)), Activator(90e-6, 20e-6), timeout=0.2)
+            run_button(seen, Rendering(verified(rig, burst(20.0))), Activator(90e-6, 20e-6), timeout=0.2)
 
 
 @pytest.mark.parametrize("share", [-0.1, 0.02, float("nan")])

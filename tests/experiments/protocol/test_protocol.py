@@ -121,6 +121,27 @@ def test_an_order_is_stored_by_its_seed() -> None:
     assert steps_of(experiment) != steps_of(experiment, session=2)
 
 
+def test_six_participants_have_three_buttons_in_every_order() -> None:
+    experiment = load_experiment("matching")
+    orders = {
+        tuple(
+            step.stimulus["button"]
+            for step in steps_of(experiment, slot, participant=f"P{slot}")
+            if step.block == "familiarisation"
+        )
+        for slot in range(6)
+    }
+    assert len(orders) == 6
+
+
+def test_two_blocks_alike_have_orders_of_their_own(tmp_path: Path) -> None:
+    path = tmp_path / "experiment.toml"
+    text = load_experiment("rating").path.read_text(encoding="utf-8")
+    path.write_text(f'{text}\n[[block]]\nname = "again"\norder = "random"\n', encoding="utf-8")
+    stimuli = [step.stimulus for step in steps_of(load_experiment(path))]
+    assert len(stimuli) == 12 and stimuli[:6] != stimuli[6:]
+
+
 def test_the_paper_s_second_experiment() -> None:
     steps = steps_of(load_experiment("rating"))
     assert len(steps) == 6
@@ -151,6 +172,8 @@ def test_a_staircase_converges() -> None:
     assert len(values) < 160 and sum(value == 0.5 for value in values) >= 2
     assert abs(sum(values[-10:]) / 10 - 0.3) < 0.05
     assert {step.values.index(max(step.values)) for step, _ in answers} == {0, 1}
+    restarts = [k for k in range(1, len(values)) if values[k] == values[0] and values[k - 1] < 0.4]
+    assert len(restarts) == experiment.file.block[-1].repetitions - 1
 
 
 def test_two_intervals_compare_each_level_in_both_orders() -> None:

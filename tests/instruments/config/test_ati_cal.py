@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from haploop.instruments import ConfigurationError, load_rig_file
-from haploop.instruments.config.ati_cal import load_ati_cal, read_ati_cal
+from haploop.instruments.config.ati_cal import read_ati_cal
+from haploop.instruments.sensors import ForceTable, LinearSensor
 
 CHANNELS = tuple(f"gauge{i}" for i in range(6))
 MATRIX = np.round(np.eye(6) * [3, 3, 5, 80, 80, 40] + 0.01 * np.arange(36).reshape(6, 6), 4)
@@ -41,6 +42,11 @@ def cal(
 </FTSensor>"""
 
 
+def load_ati_cal(path: Path, channels: tuple[str, ...]) -> LinearSensor:
+    """The sensor that a rig file describes by this file."""
+    return ForceTable.model_validate({"channels": channels, **read_ati_cal(path).table}).sensor()
+
+
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
     return tmp_path / "FT99999.cal"
@@ -52,8 +58,8 @@ def test_reads_the_user_axes_in_si(path: Path) -> None:
     assert sensor.channels == CHANNELS
     np.testing.assert_allclose(np.array(sensor.matrix)[:3], MATRIX[:3])
     np.testing.assert_allclose(np.array(sensor.matrix)[3:], MATRIX[3:] / 1000)
-    assert sensor.ratings == pytest.approx((40, 40, 120, 2, 2, 2))
-    assert sensor.gauge_range == 10
+    assert sensor.range == pytest.approx((40, 40, 120, 2, 2, 2))
+    assert sensor.output == 10
     forces = sensor.to_si(np.eye(6))
     assert forces[2, 2] == pytest.approx(MATRIX[2, 2])
 
@@ -78,8 +84,8 @@ def test_torque_units(path: Path, torque: str, scale: float) -> None:
 def test_force_units_and_a_unipolar_output(path: Path) -> None:
     path.write_text(cal(force="lbf", bipolar="False"), encoding="utf-8")
     sensor = load_ati_cal(path, CHANNELS)
-    assert sensor.ratings[0] == pytest.approx(177.929)
-    assert sensor.gauge_range == 20
+    assert sensor.range is not None and sensor.range[0] == pytest.approx(177.929)
+    assert sensor.output == 20
 
 
 @pytest.mark.parametrize(
@@ -110,7 +116,7 @@ def test_a_missing_file_and_too_few_channels(path: Path) -> None:
     with pytest.raises(ConfigurationError, match=r"No such file or directory; correct the path"):
         load_ati_cal(path, CHANNELS)
     path.write_text(cal(), encoding="utf-8")
-    with pytest.raises(ConfigurationError, match=r"FT99999 has 6 gauges, but 2 channels"):
+    with pytest.raises(ValueError, match=r"row 1 of matrix has 6 numbers for 2 channels"):
         load_ati_cal(path, CHANNELS[:2])
 
 
@@ -122,7 +128,7 @@ def test_a_rig_file_names_the_sensors_own_file(path: Path) -> None:
     rig.write_text(f'base = "haptable"\nname = "mine"\n{table}', encoding="utf-8")
     force = load_rig_file(rig).sensors.force
     assert force is not None
-    assert (force.serial, force.calibration) == ("FT99999", "FT99999.cal")
+    assert (force.stated["serial"], force.stated["calibration"]) == ("FT99999", "FT99999.cal")
     np.testing.assert_allclose(np.array(force.matrix)[2], MATRIX[2])
     rig.write_text(f'base = "haptable"\n{table}matrix = []\n', encoding="utf-8")
     with pytest.raises(ConfigurationError, match="either matrix or calibration"):

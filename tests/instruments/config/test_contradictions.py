@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from haploop.instruments import ConfigurationError, load_rig_file
+from haploop.instruments import ConfigurationError, load_rig_file, open_rig
 
 COIL = """
 base = "haptable"
@@ -130,6 +131,15 @@ def test_the_right_description_is_taken(tmp_path: Path) -> None:
             [("[table]", "[limits]\nmin = -5\n\n[table]")],
             r"limits\.min: -5 V is beyond the -4 V .*write min = -4",
         ),
+        (
+            [
+                (
+                    COIL.partition("[actuator]\n")[2].partition("protected_by")[0],
+                    'kind = "piezo"\ncapacitance = 1e-6\nmin = 0\nmax = 150\n',
+                )
+            ],
+            r"actuator\.min: .* cannot follow a drive.* write the negative volts that it takes",
+        ),
         # wiring
         ([('wiring = "direct"', 'wiring = "none"')], r"wiring must be 'relay' or 'direct' \(found 'none'\)"),
         (
@@ -186,6 +196,20 @@ def test_a_wrong_one_is_one_sentence(tmp_path: Path, changes: list[tuple[str, st
         load_rig_file(written(tmp_path, *changes))
     told = str(caught.value)
     assert "\n" not in told and told.startswith(str(tmp_path / "rig.toml")) and told.endswith((".", ")"))
+
+
+def test_a_rig_with_neither_relay_nor_wiring_is_told_of_both(tmp_path: Path) -> None:
+    file = tmp_path / "rig.toml"
+    file.write_text('base = "simulated"\nrelay = false\n', encoding="utf-8")
+    with (
+        open_rig(file) as rig,
+        pytest.raises(ConfigurationError, match=r'needs one, or wiring = "direct" \('),
+    ):
+        rig.excite(np.zeros(100), ["A"], ["drive"])
+    for away, missing in (("amplifier", r"an \[amplifier\]"), ("table", r"a \[table\]")):
+        file.write_text(f'base = "voice-coil"\n{away} = false\n', encoding="utf-8")
+        with pytest.raises(ConfigurationError, match=f"direct wiring needs {missing}: add it"):
+            load_rig_file(file)
 
 
 def test_a_table_needs_an_actuator(tmp_path: Path) -> None:

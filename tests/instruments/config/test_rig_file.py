@@ -80,7 +80,7 @@ def test_what_is_wrong_is_named_in_one_sentence(tmp_path: Path, text: str, says:
         ('base = "haptable"\nlimits.peak_to_peak = -1\n', "rig.toml, line 2: limits.peak_to_peak"),
         (
             'base = "haptable"\n[sensors.force]\nmatrix = [\n  [1, 2],\n]\n[limits]\npeak_to_peak = 1\n',
-            "rig.toml, line 3: sensors.force.matrix.0",
+            "rig.toml, line 2: sensors.force: row 1 of matrix has 2 numbers for 6 channels",
         ),
         (
             '[[simulation.faults]]\nkind = "patch-dead"\n'

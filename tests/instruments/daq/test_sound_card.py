@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -222,6 +223,32 @@ def test_a_wrong_table_is_one_sentence(changes: dict[str, Any], says: str) -> No
     with pytest.raises(ConfigurationError, match=says) as refused:
         validate(SoundCardDaq.Settings, given, "[daq] of lab.toml")
     assert "\n" not in str(refused.value) and str(refused.value).endswith(".")
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (("rate_hz = 48000", "rate_hz = 44100"), "rate_hz at the top is 44100: write rate_hz = 48000"),
+        (("[table]\nrate_hz = 48000", "[table]\nrate_hz = 50000"), r"rate_hz in \[table\] is 50000: write"),
+        (
+            ("input = 9, volts_per_full_scale = 5, high_pass_hz = 0", "input = 9, volts_per_full_scale = 5"),
+            r"'acceleration_z' is AC-coupled, and \[sensors.acceleration\] needs its voltage at rest",
+        ),
+        (
+            (
+                "input = 1, volts_per_full_scale = 10, high_pass_hz = 0",
+                "input = 1, volts_per_full_scale = 10",
+            ),
+            r"'gauge0' is AC-coupled, and \[sensors.force\] needs its voltage at rest: write high_pass",
+        ),
+    ],
+)
+def test_what_a_file_says_twice_is_one_sentence(change: tuple[str, str], says: str, tmp_path: Path) -> None:
+    text = (Path(__file__).parents[2] / "calibration/examination/card.toml").read_text()
+    assert change[0] in text
+    (tmp_path / "rig.toml").write_text(text.replace(*change, 1))
+    with pytest.raises(ConfigurationError, match=says):
+        load_rig_file(tmp_path / "rig.toml")
 
 
 def test_what_the_device_has_not_is_one_sentence() -> None:

@@ -215,3 +215,41 @@ def test_wire_gives_what_points_the_driver_at_it() -> None:
         relay.connect(["D"])
         assert bench.closed() == {"D"}
         relay.close()
+
+
+def test_the_other_commands_of_a_board() -> None:
+    """As public programs for these modules send them, also those that the driver has no use for."""
+    bench = Contacts(PATCHES)
+    with (
+        SerialRelayWire(box_in(bench, PATCHES, range(8))) as board,
+        socket.create_connection(board.url.removeprefix("socket://").split(":"), 5) as link,
+    ):
+
+        def ask(command: str) -> str:
+            link.sendall(f"{command}\r".encode())
+            received = b""
+            while not received.endswith(b">"):
+                received += link.recv(100)
+            bench.clock.sleep(0.1)
+            return answer_in(received, command)
+
+        assert (ask("relay readall"), ask("id get"), ask("adc read 0")) == ("00", "00000000", "0")
+        assert ask("relay writeall 82") == ""
+        assert (ask("relay readall"), ask("relay read 7"), ask("relay read 0")) == ("82", "on", "off")
+        assert bench.closed() == {"B", "D"}
+        ask("relay writeall 00")
+        ask("id set LAB00001")
+        ask("gpio set 3")
+        assert (ask("id get"), ask("gpio read 3"), ask("gpio read 4")) == ("LAB00001", "on", "off")
+        ask("gpio clear 3")
+        assert ask("gpio read 3") == "off"
+        # What is no command has no answer and no effect.
+        for wrong in (
+            "relay writeall 123",
+            "relay writeall xy",
+            "id set toolongaword",
+            "gpio set Z",
+            "adc read",
+        ):
+            assert ask(wrong) == ""
+        assert (ask("relay readall"), ask("id get")) == ("00", "LAB00001")

@@ -415,3 +415,9 @@ def test_a_channel_that_closes_at_power_on_is_told(wired: Setup, state: int, clo
     told = wired.relay.power_on_complaint()
     assert ("channel of patch D may close by itself when the box gets power" in told) == closes
     assert closes or not told
+
+
+def test_a_channel_that_closes_by_itself_after_a_time_is_told(wired: Setup) -> None:
+    assert wired.hub is not None and not wired.relay.power_on_complaint()
+    wired.box.limit_open(8, 5.0)
+    assert "channel of patch D closes by itself after a time" in wired.relay.power_on_complaint()

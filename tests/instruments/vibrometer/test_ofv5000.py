@@ -16,6 +16,7 @@ from haploop.instruments.vibrometer.ofv5000_codec import (
     duration_of,
     frequency_of,
     level_of,
+    ranges_of,
     scale_of,
     scale_text,
 )
@@ -270,3 +271,65 @@ def test_codec() -> None:
     assert frequency_of("1.5 MHz") == 1.5e6
     assert frequency_of("Not Available") is None
     assert level_of("512") == 1.0
+
+
+@pytest.mark.parametrize(
+    ("parse", "text", "value"),
+    [
+        (duration_of, "1.23E-05", 12.3e-6),
+        (duration_of, "0", 0.0),
+        (duration_of, "1.23e+1 us", 12.3e-6),
+        (scale_of, "5 mm/s / V", 0.005),
+        (scale_of, "5.0E+00mm/s/V", 0.005),
+        (frequency_of, "20000", 20e3),
+        (frequency_of, "2.0E+04 Hz", 20e3),
+        (frequency_of, "Not Installed", None),
+        (ranges_of, "5mm/s/V,10 mm/s / V; 1m/s/V", (0.005, 0.01, 1.0)),
+        (ranges_of, "Not Available", ()),
+    ],
+)
+def test_forms_in_which_firmware_may_write(parse, text: str, value) -> None:
+    assert parse(text) == (value if value is None else pytest.approx(value))
+
+
+def untold(box: Controller, *attributes: str) -> DirectLine:
+    """A controller that does not tell some attributes."""
+    lines = {f"Get,VeloDec,0,{name}": ["Not Available"] for name in attributes}
+    return DirectLine(lambda asked: lines.get(asked) or box.answer(asked))
+
+
+def test_what_cannot_be_read_is_declared() -> None:
+    clock = VirtualClock()
+    box = controller(clock)
+    line = untold(box, "SignalDelay", "MaxFreq", "Range")
+    with pytest.raises(ConfigurationError, match="tells no delay: give 'delay'"):
+        Ofv5000(settings(bandwidth_hz=5000), clock, line)
+    with pytest.raises(InstrumentError, match="give range_declared = true"):
+        Ofv5000(settings(bandwidth_hz=5000, delay=1e-5), clock, line)
+    laser = Ofv5000(settings(bandwidth_hz=5000, delay=1e-5, range_declared=True), clock, line)
+    assert (laser.delay, laser.bandwidth_hz, laser.scale) == (1e-5, 5000, 0.005)
+    # A person confirms it, as for a laser without an interface.
+    assert laser.declared is not None and "VeloDec,0 set to 5mm/s/V?" in laser.declared
+    laser.check_range()
+
+
+@pytest.mark.parametrize("scale", [0.025, 0.125])
+def test_a_range_of_older_decoders_is_refused(scale: float, setup: Setup) -> None:
+    with pytest.raises(InstrumentError, match=r"choose a range that it has. It has 0.2mm/s/V, .*50mm/s/V\."):
+        setup.laser.set_range(scale)
+    plant = Plant(load_rig_file("bench"), VirtualClock())
+    with pytest.raises(ConfigurationError, match="Correct 'scale' or 'decoder'"):
+        twin(settings(scale=scale), plant)
+
+
+def test_names_versions_and_lists_are_told() -> None:
+    box = controller(VirtualClock())
+    for question, answer in (
+        ("GetDevInfo,VeloDec,0,Name", "VD-08"),
+        ("Get,VeloDec,1,Name", "VD-09"),
+        ("GetDevInfo,Controller,0,Version", "2.05"),
+        ("GetDevInfo,VeloDec,2,Name", "Not Available"),
+    ):
+        assert box.answer(question) == [answer]
+    (listed,) = box.answer("GetDevInfo,VeloDec,1,Range")
+    assert ranges_of(listed)[0] == 0.005 and len(ranges_of(listed)) == 8

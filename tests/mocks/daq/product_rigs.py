@@ -173,12 +173,13 @@ matrix = [
     [-0.09, 0.0, 0.045, -0.035, 0.045, 0.035],
     [0.0, -0.046, 0.0, -0.046, 0.0, -0.046],
 ]
-ratings = [40, 40, 120, 2, 2, 2]
+range = [40, 40, 120, 2, 2, 2]
 
 [sensors.acceleration]
 channels = ["acceleration_x", "acceleration_y", "acceleration_z"]
 supply = 3.3
 capacitor = 10e-9
+low_pass_hz = 500
 
 [sensors.activation]
 channels = ["switch"]
@@ -273,11 +274,11 @@ source = "its data sheet"
 
 or by a package, with an entry point of the group `haploop.ni_products` that is a mapping of such rows.
 
-Inputs are against ground, differential; s: each has its own converter. Rates are conversions per second of all
-inputs together, or of each input where they are simultaneous. "with" names the product that gave the rig the
-terminals which this one lacks. A dash: the product has no terminals for it, too few inputs, or too low a rate
-(a table is calibrated from 20 kHz on). \\*: the row, or figures in it, are estimates, as its `source` and
-`estimates` say.
+Inputs are against ground, differential; s: each has its own converter. Rates are conversions per second
+of all inputs together, or of each where they are simultaneous. "with" names the product that gave the
+rig the terminals which this one lacks. A dash: the product has no terminals for it, too few inputs, or
+too low a rate (a table is calibrated from 20 kHz on). \\*: the row, or figures in it, are estimates, as
+`source` and `estimates` say.
 
 """
 _COLUMNS = [

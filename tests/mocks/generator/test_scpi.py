@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import socket
+
 import numpy as np
 import pytest
 
 from haploop.mocks.clock import VirtualClock
 from haploop.mocks.generator import DG1000Z, KEYSIGHT_33500, Box
 from haploop.mocks.plant import Source
+from haploop.mocks.transport import LineServer
 
 
 class Bench:
@@ -155,3 +158,142 @@ def test_shapes() -> None:
     burst = bench.volts(0.1)
     assert np.flatnonzero(np.abs(burst) > 1e-9).max() == pytest.approx(0.03 / 20e-6, abs=2)
     assert ask(box, "SYST:ERR?") == '+0,"No error"'
+
+
+@pytest.fixture(params=[KEYSIGHT_33500, DG1000Z], ids=["keysight", "rigol"])
+def each(request: pytest.FixtureRequest) -> Box:
+    return Box(request.param, Bench(), "amplifier")
+
+
+def number(box: Box, question: str) -> float:
+    return float(ask(box, question) or "nan")
+
+
+def test_apply_sets_everything_and_switches_on(box: Box) -> None:
+    ask(box, "FREQ:MODE SWE;:BURS:STAT ON;:VOLT:OFFS 3")
+    ask(box, "APPL:SIN 5 KHZ, 3.0 VPP, -2.5 V")
+    assert ask(box, "SYST:ERR?") == '+0,"No error"'
+    assert ask(box, "APPL?") == ('"SIN +5.000000000000000E+03,+3.000000000000000E+00,-2.500000000000000E+00"')
+    assert (ask(box, "OUTP?"), ask(box, "FREQ:MODE?"), ask(box, "BURS:STAT?")) == ("1", "CW", "0")
+    ask(box, "APPLy:SQUare DEF, DEF")
+    assert (ask(box, "FUNC?"), number(box, "FREQ?"), number(box, "VOLT:OFFS?")) == ("SQU", 1000, 0)
+    assert number(box, "VOLT?") == pytest.approx(0.1)
+
+
+def test_apply_of_the_other_family_has_a_phase() -> None:
+    box = Box(DG1000Z, Bench(), "amplifier")
+    ask(box, ":SOUR1:APPL:SIN 500,2.5,0.5,90")
+    assert ask(box, ":SOUR1:APPL?") == "SIN,5.000000E+02,2.500000E+00,5.000000E-01,9.000000E+01"
+    assert ask(box, ":OUTP1?") == "ON"
+
+
+def test_nothing_beyond_a_voltage_limit_is_put_out(each: Box) -> None:
+    bench: Bench = each._advance.__self__  # type: ignore[attr-defined]
+    ask(each, "OUTP1:LOAD INF;:SOUR1:VOLT:OFFS 0;:SOUR1:VOLT:LIM:HIGH 1.5;LOW -1.5;STAT ON;:SOUR1:VOLT 4")
+    assert (ask(each, "SYST:ERR?") or "").startswith("-221")
+    assert number(each, "SOUR1:VOLT?") == 3
+    ask(each, "SOUR1:FUNC SIN;:SOUR1:FREQ 50;:OUTP1 ON")
+    assert np.abs(bench.volts(0.1)).max() == pytest.approx(1.5, rel=1e-3)
+    # A limit does not cut what is put out already.
+    ask(each, "SOUR1:VOLT:LIM:HIGH 0.5")
+    assert number(each, "SOUR1:VOLT:LIM:HIGH?") == 1.5
+
+
+def test_centre_and_span_are_start_and_stop(each: Box) -> None:
+    ask(each, "SOUR1:FREQ:CENT 3000;SPAN 600")
+    assert (number(each, "SOUR1:FREQ:STAR?"), number(each, "SOUR1:FREQ:STOP?")) == (2700, 3300)
+    ask(each, "SOUR1:FREQ:STAR 100;STOP 500")
+    assert (number(each, "SOUR1:FREQ:CENT?"), number(each, "SOUR1:FREQ:SPAN?")) == (300, 400)
+
+
+def test_states_are_saved_and_recalled_with_the_output_off(each: Box) -> None:
+    ask(each, "SOUR1:FREQ 263.5;:OUTP1 ON;*SAV 2;*RST;*RCL 2")
+    assert number(each, "SOUR1:FREQ?") == 263.5
+    assert ask(each, "OUTP1?") in ("0", "OFF")
+    ask(each, "*CLS;*RCL 3")
+    assert (ask(each, "SYST:ERR?") or "").startswith("810")
+    ask(each, "*SAV 5")
+    assert (ask(each, "SYST:ERR?") or "").startswith("-222")
+
+
+def test_one_trigger_for_each_arming(box: Box) -> None:
+    ask(box, "TRIG:SOUR BUS;:BURS:STAT ON;:INIT:CONT OFF;*TRG")
+    assert ask(box, "SYST:ERR?") == '-211,"Trigger ignored"'
+    ask(box, "INIT;*TRG")
+    assert ask(box, "SYST:ERR?") == '+0,"No error"'
+    ask(box, "*TRG")
+    assert ask(box, "SYST:ERR?") == '-211,"Trigger ignored"'
+    ask(box, "TRIG:COUN 2;:INIT;:ABOR;*TRG")
+    assert ask(box, "SYST:ERR?") == '-211,"Trigger ignored"'
+
+
+def test_a_burst_begins_at_its_phase_after_its_delay(box: Box) -> None:
+    bench: Bench = box._advance.__self__  # type: ignore[attr-defined]
+    ask(box, "OUTP:LOAD INF;:VOLT 2;:FREQ 100;:BURS:NCYC 1;PHAS 90;STAT ON;:TRIG:SOUR BUS;DEL 0.01;:OUTP ON")
+    ask(box, "*TRG")
+    volts = bench.volts(0.03)
+    assert volts[:400] == pytest.approx(1.0)  # 8 ms: it waits where it begins
+    assert volts[500:1000] == pytest.approx(np.cos(2 * np.pi * 100 * np.arange(500) * 20e-6), abs=0.01)
+    assert volts[1010:] == pytest.approx(1.0)
+
+
+def test_an_abort_ends_a_sweep(box: Box) -> None:
+    bench: Bench = box._advance.__self__  # type: ignore[attr-defined]
+    ask(
+        box,
+        "OUTP:LOAD INF;:VOLT 2;:FREQ:STAR 10;STOP 1000;:SWE:TIME 1;:FREQ:MODE SWE;:TRIG:SOUR BUS;:OUTP ON",
+    )
+    ask(box, "*TRG")
+    bench.volts(0.9)
+    ask(box, "ABOR")
+    assert np.abs(np.diff(bench.volts(0.05))).max() < 0.01  # 10 Hz again, not 900
+
+
+def test_status_registers_and_the_front_panel(each: Box) -> None:
+    for question in ("STAT:OPER:COND?", "STAT:QUES?", "STATus:QUEStionable:EVENt?", "STAT:QUES:ENAB?"):
+        assert ask(each, question) == "0"
+    ask(each, "STAT:QUES:ENAB 16;:SYST:REM;:SYST:LOC")
+    assert ask(each, "STAT:QUES:ENAB?") == "16"
+    ask(each, "STAT:PRES")
+    assert ask(each, "STAT:QUES:ENAB?") == "0"
+    assert (ask(each, "SYST:ERR?") or "")[-10:] == '"No error"'
+
+
+def block(values: bytes) -> bytes:
+    length = str(len(values))
+    return f"#{len(length)}{length}".encode() + values
+
+
+def test_a_million_points_come_as_a_block_of_binary_data(box: Box) -> None:
+    """With line feeds, semicolons and number signs in it, over the wire and in pieces."""
+    samples = (np.arange(1_000_000) % 65_535 - 32_767).astype(">i2")
+    with (
+        LineServer(box.answer) as server,
+        socket.create_connection(("127.0.0.1", server.port), 30) as link,
+    ):
+        link.sendall(
+            b"DATA:ARB:DAC big," + block(samples.tobytes()) + b"\nFUNC:ARB big;:FUNC ARB;:SYST:ERR?\n"
+        )
+        assert link.makefile().readline() == '+0,"No error"\n'
+        floats = np.array([0.1, 2560.0, 59.0, 35.0, -0.5, 0.0, 1.0, 10.0]) / 2560
+        link.sendall(b"FORM:BORD SWAP\n")
+        link.sendall(b"DATA:ARB little," + block(floats.astype("<f4").tobytes()) + b"\nSYST:ERR?\n")
+        assert link.makefile().readline() == '+0,"No error"\n'
+    channel = box._channels[1]
+    assert np.array_equal(channel.points['"BIG"'].values, samples / 32767.0)
+    assert channel.points['"LITTLE"'].values == pytest.approx(floats, abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        ("#215abc", '-161,"Invalid block data"'),
+        ("#15abcde", '-161,"Invalid block data"'),
+        ("1, 2, x, 4", '-104,"Data type error"'),
+        ("0, 1", '-109,"Missing parameter"'),
+        ("0,0,0,0,0,0,0,2", '-222,"Data out of range"'),
+    ],
+)
+def test_data_that_are_none_are_refused(box: Box, data: str, said: str) -> None:
+    ask(box, f"DATA:ARB x, {data}")
+    assert ask(box, "SYST:ERR?") == said

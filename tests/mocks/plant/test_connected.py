@@ -92,7 +92,7 @@ def test_scales_of_another_kind_are_one_sentence(scales: object) -> None:
 
 SENSORS = Sensors.model_validate(
     {
-        "acceleration": {"channels": ("x", "y", "z"), "sensitivity": 0.01, "zero": 0, "bandwidth_hz": 500},
+        "acceleration": {"channels": ("x", "y", "z"), "sensitivity": 0.01, "low_pass_hz": 500},
         "drive": {"channels": ("monitor",), "ratio": 100},
         "activation": {"channels": ("switch",)},
         "extra": {"washer": {"channel": "force", "scale": 20, "unit": "N"}},

@@ -145,3 +145,83 @@ def test_a_client_that_says_nothing_does_not_keep_the_hub_open(bench: Bench) -> 
         bench.hub.close()
         assert silent.recv(1) == b""
         assert half.recv(1) == b""
+
+
+def put(bench: Bench, function: str, **attributes: object) -> bytes:
+    """Set attributes as the native library does; return the head of the reply."""
+    words = "&".join(f"{name}={value}" for name, value in attributes.items())
+    return bench.module(f"/api/{function}?{words}&.").split(b"\r\n")[0]
+
+
+def told(bench: Bench) -> dict[str, Any]:
+    _, body = bench.module("/api.json?fw=60000").split(b"\r\n\r\n", 1)
+    found: dict[str, Any] = json.loads(body)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("function", "name", "value"),
+    [
+        ("module", "logicalName", "box-1"),
+        ("module", "luminosity", 20),
+        ("module", "beacon", 1),
+        ("module", "userVar", 7),
+        ("relay3", "logicalName", "patch_C"),
+        ("relay3", "stateAtPowerOn", 2),
+        ("relay3", "maxTimeOnStateA", 5000),
+        ("relay3", "maxTimeOnStateB", 4000),
+    ],
+)
+def test_an_attribute_that_the_vendors_library_sets_takes(
+    bench: Bench, function: str, name: str, value: Any
+) -> None:
+    assert put(bench, function, **{name: value}) == b"0K"
+    bench.clock.sleep(0.1)
+    assert told(bench)[function][name] == value
+
+
+@pytest.mark.parametrize(
+    ("function", "name", "value"),
+    [
+        ("module", "luminosity", 101),
+        ("module", "beacon", 2),
+        ("module", "serialNumber", "X"),
+        ("module", "logicalName", "two%20words"),
+        ("relay3", "stateAtPowerOn", 3),
+        ("relay3", "maxTimeOnStateA", -1),
+        ("relay3", "maxTimeOnStateB", "soon"),
+        ("relay9", "logicalName", "x"),
+        ("relay3", "colour", 1),
+    ],
+)
+def test_what_does_not_take_is_refused(bench: Bench, function: str, name: str, value: Any) -> None:
+    before = told(bench)
+    assert b"404" in put(bench, function, **{name: value})
+    assert told(bench) == before
+
+
+def test_what_is_saved_to_the_flash_comes_back(bench: Bench) -> None:
+    put(bench, "relay1", logicalName="kept", maxTimeOnStateB=3000)
+    assert told(bench)["module"]["persistentSettings"] == 2
+    put(bench, "module", persistentSettings=1)
+    put(bench, "relay1", logicalName="lost", maxTimeOnStateB=1000)
+    put(bench, "module", luminosity=5)
+    put(bench, "module", persistentSettings=0)
+    bench.clock.sleep(0.1)
+    found = told(bench)
+    assert (found["relay1"]["logicalName"], found["relay1"]["maxTimeOnStateB"]) == ("kept", 3000)
+    assert (found["module"]["luminosity"], found["module"]["persistentSettings"]) == (50, 0)
+
+
+def test_a_channel_closes_when_its_longest_time_open_is_over(bench: Bench) -> None:
+    put(bench, "relay1", maxTimeOnStateA=2000)
+    bench.clock.sleep(5)
+    assert bench.relay(1)["state"] == 0  # from the next opening on
+    put(bench, "relay1", state=1)
+    bench.clock.sleep(0.1)
+    put(bench, "relay1", state=0)
+    bench.clock.sleep(1.5)
+    assert bench.relay(1)["state"] == 0
+    bench.clock.sleep(1)
+    assert bench.relay(1)["state"] == 1
+    assert [closed for _, closed, _ in bench.box.take(bench.clock.now())] == [True, False, True]

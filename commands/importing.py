@@ -1,0 +1,230 @@
+"""`haploop import`: files of other programs and of any lab."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ..reports import contents, outputs, show
+from ..terminal.progress import note, print_json, print_line
+from . import front as haploop
+from .options import JSON, PATH, PICTURE, RIG, FiniteRange
+
+if TYPE_CHECKING:
+    from ..exchange import FileMapping, Understanding
+    from ..exchange.importing import Question
+
+__all__ = ["import_"]
+
+_FORMATS = ("csv", "wav", "mat", "hdf5", "numpy", "tdms", "xlsx", "uff", "sep005")
+_ROLES = ("force", "acceleration", "displacement")
+
+
+@click.command("import")
+@click.argument("files", nargs=-1, required=True, type=PATH, metavar="FILE...")
+@click.option("--out", "-o", type=PATH, metavar="OUT", help="File to write, or the folder for several.")
+@click.option(
+    "--mapping", "-m", type=PATH, metavar="FILE.toml", help="What is said of such files, saved before."
+)
+@click.option("--save-mapping", type=PATH, metavar="FILE.toml", help="Save what is said and understood.")
+@click.option("--time", metavar="COLUMN", help="Column of the time: a heading, or its number from 0.")
+@click.option("--force", metavar="COLUMN", help="Column of the force.")
+@click.option("--acceleration", metavar="COLUMN", help="Column of the vertical acceleration.")
+@click.option("--displacement", metavar="COLUMN", help="Column of the cap's travel.")
+@click.option("--activation", metavar="COLUMN", help="Column of the switch.")
+@click.option("--rate", type=FiniteRange(min=1), metavar="HZ", help="Sample rate; stamps are not looked at.")
+@click.option(
+    "--unit",
+    "units",
+    multiple=True,
+    metavar="WHAT=UNIT",
+    help="Unit or sensitivity of a column: force=mN, 'force=40 N' (what one of the file is), "
+    "'acceleration=100 mV/g', time=ms.",
+)
+@click.option("--flip", multiple=True, type=click.Choice(_ROLES), help="Change the sign of a column.")
+@click.option(
+    "--from",
+    "format",
+    type=click.Choice(_FORMATS),
+    help=f"Format of FILE: {', '.join(_FORMATS)}.  [default: as its name ends]",
+    metavar="FORMAT",
+)
+@click.option("--decimal", type=click.Choice((".", ",")), help="Decimal sign of a text that leaves a doubt.")
+@click.option(
+    "--as",
+    "make",
+    type=click.Choice(("recording", "press")),
+    help="What to make of it.  [default: a recording when it holds several presses]",
+)
+@click.option("--button", help="Name of the button that was pressed.  [default: as the file states]")
+@click.option("--participant", "-p", help="Pseudonym of the participant, for a recording: P01.")
+@click.option(
+    "--names",
+    metavar="PATTERN",
+    help="Where both stand in the files' names: '{participant}_{button}_*'.",
+)
+@click.option(
+    "--at",
+    type=FiniteRange(min=0),
+    metavar="SECONDS",
+    help="Press: when the button switched.  [default: as the file states, where its contact closed, or "
+    "at the largest acceleration]",
+)
+@click.option("--patch", help="Response: patch that was driven.  [default: as the file states]")
+@click.option(
+    "--point",
+    help="Response: measured point, button or a grid point's number.  [default: as the file states]",
+)
+@click.option(
+    "--plot", type=PICTURE, metavar="OUT.png", help="Also draw what was understood (PNG, PDF, SVG)."
+)
+@RIG
+@JSON
+def import_(
+    files: Sequence[Path],
+    out: Path | None,
+    mapping: Path | None,
+    save_mapping: Path | None,
+    at: float | None,
+    patch: str | None,
+    point: str | None,
+    plot: Path | None,
+    rig: str,
+    as_json: bool,
+    **told: Any,
+) -> int:
+    """Import recordings, presses or responses of other programs.
+
+    Without --out, show what was understood of FILE: its columns, units, rate and presses, and what it does
+    not say. With --out, a file of several presses becomes a recording, which is judged and represented like
+    one's own; one of a single press a representative press. What a file does not say is asked for at a
+    terminal, and an error elsewhere. Several files are read alike, into the folder OUT.
+
+    FILE is a text of any shape (.csv, .tsv, .txt, .lvm, .asc, .dat), .mat, .h5, .npy, .npz, .wav, .tdms,
+    .xlsx, .uff, .unv, or SEP-005 (.sep005, .json). A .uff file with frequency responses becomes a
+    calibration of --rig; --patch and --point select one of several.
+    """
+    said = _mapping(mapping, told)
+    for new in filter(None, (save_mapping, None if out is None or _into_folder(files, out) else out)):
+        outputs.check_new_file(new, ())
+    if haploop.is_response_file(files[0], said.format):
+        return _response(files, out, rig, patch, point, as_json)
+    wanted = _Wanted(out, at, plot, as_json)
+    if len(files) > 1:
+        return _several(files, said, wanted)
+    found = _asked(files[0], said)
+    if save_mapping is not None:
+        found.require()
+        found.mapping.save(save_mapping)
+        note(f"Saved for the next files: --mapping {save_mapping}.")
+    if out is None:
+        show.print_contents(contents.understanding_contents(found), as_json, plot)
+        return 0
+    path = haploop.destination(files[0], out) if _into_folder(files, out) else out
+    haploop.import_file(found, path, at)
+    if plot is not None:
+        outputs.save_picture(contents.understanding_contents(found).draw(), plot, False)
+    said_there = contents.file_contents(path)
+    if not as_json and said_there.kind != "recording":  # which keeps them itself
+        for sentence in found.notes:
+            print_line(sentence)
+    show.print_contents(said_there, as_json)
+    return 0
+
+
+@dataclass(frozen=True)
+class _Wanted:
+    """What is to be done with files."""
+
+    out: Path | None
+    at: float | None
+    plot: Path | None
+    as_json: bool
+
+
+def _mapping(file: Path | None, told: dict[str, Any]) -> FileMapping:
+    """The mapping of a file, changed by the options."""
+    units = {}
+    for one in told.pop("units"):
+        role, sign, unit = one.partition("=")
+        if not sign or not unit.strip():
+            raise haploop.ConfigurationError(f"--unit {one!r} is no unit: write it as --unit force=mN.")
+        units[role.strip()] = unit.strip()
+    said = {key: value for key, value in told.items() if value not in (None, ())}
+    if "rate" in said:
+        said["rate_hz"] = said.pop("rate")
+    mapping = haploop.FileMapping.told({**said, **({"units": units} if units else {})}, "the options")
+    return mapping if file is None else haploop.FileMapping.load(file).but(mapping)
+
+
+def _asked(path: Path, mapping: FileMapping) -> Understanding:
+    """What is understood of a file, with what a person at a terminal says when asked."""
+    found = haploop.understand(path, haploop.named(path, mapping))
+    if not (_at_a_terminal() and found.questions):
+        return found
+    show.print_contents(contents.understanding_contents(found), False)
+    while found.questions:
+        found = haploop.understand(path, found.answered(found.questions[0], _ask(found.questions[0])))
+    return found
+
+
+def _at_a_terminal() -> bool:
+    return sys.stdin.isatty() and sys.stderr.isatty()
+
+
+def _ask(question: Question) -> str:
+    return str(click.prompt(f"{question.what[:1].upper()}{question.what[1:]} ({question.option})", err=True))
+
+
+def _several(files: Sequence[Path], mapping: FileMapping, wanted: _Wanted) -> int:
+    """Import each file; one that cannot be is said, and the others go on."""
+    if wanted.out is None:
+        raise haploop.ConfigurationError(
+            f"Name the folder for {len(files)} files (--out), or look at one of them first."
+        )
+    told: list[dict[str, Any]] = []
+    failed = 0
+    for file in files:
+        path = haploop.destination(file, wanted.out)
+        try:
+            found = haploop.understand(file, haploop.named(file, mapping))
+            haploop.import_file(found, path, wanted.at)
+        except (haploop.ConfigurationError, haploop.DataError) as error:
+            failed += 1
+            told.append({"file": str(file), "error": str(error)})
+            line = str(error)
+        else:
+            said = contents.file_contents(path)
+            accepted = said.values.get("presses_accepted")
+            told.append({"file": str(file), "out": str(path), "notes": list(found.notes), **said.values})
+            count = f", {accepted} of {said.values['presses_detected']} presses accepted"
+            line = f"{file} -> {path}: {said.kind}{'' if accepted is None else count}"
+        if not wanted.as_json:
+            print_line(line)
+    if wanted.as_json:
+        print_json({"files": told})
+    elif failed:
+        print_line(f"{failed} of {len(files)} files were not imported.")
+    return 2 if failed else 0
+
+
+def _into_folder(files: Sequence[Path], out: Path) -> bool:
+    return len(files) > 1 or out.is_dir() or out.suffix.lower() != ".h5"
+
+
+def _response(
+    files: Sequence[Path], out: Path | None, rig: str, patch: str | None, point: str | None, as_json: bool
+) -> int:
+    if len(files) > 1 or out is None:
+        raise haploop.ConfigurationError(
+            f"{files[0]} holds frequency responses: import one file at a time, into a file (--out FILE.h5)."
+        )
+    response = haploop.import_response(files[0], haploop.load_rig_file(rig), patch, point)
+    haploop.Calibration.of(response).save(out)
+    show.print_contents(contents.file_contents(out), as_json)
+    return 0

@@ -1,0 +1,48 @@
+"""`haploop rig`: describe a rig."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from ..terminal.progress import note, print_json, print_line
+from . import front as haploop
+from .options import JSON, NewFile
+
+__all__ = ["rig"]
+
+
+@click.group()
+def rig() -> None:
+    """Describe a rig in a file."""
+
+
+@rig.command()
+@click.argument("file", type=NewFile(".toml"), metavar="FILE.toml")
+@click.option("--simulate", is_flag=True, help="Offer the cards and ports of a simulated computer.")
+@JSON
+def new(file: Path, simulate: bool, as_json: bool) -> int:
+    """Write a rig file by asking what you have.
+
+    NI cards, serial ports, VISA resources and sound cards that this computer has are offered; nothing is
+    opened. Enter takes the answer in brackets. FILE.toml is written when it is valid, and never overwritten.
+    """
+    if simulate:
+        from ..mocks.computer import simulated_computer  # noqa: PLC0415 - loads what is simulated
+
+        found = simulated_computer()
+    else:
+        found = haploop.look_for_hardware()
+    made = haploop.new_rig(file, _ask, found, note)
+    if as_json:
+        print_json({"rig": str(file), "name": made.name, "digest": made.digest})
+    else:
+        print_line(
+            f"{file}: the rig {made.name!r}. Try it on twins: haploop doctor --rig {file} --simulate twin"
+        )
+    return 0
+
+
+def _ask(question: str, default: str) -> str:
+    return str(click.prompt(question, default=default, show_default=bool(default), err=True))

@@ -1,0 +1,1 @@
+"""LabJack's T7 as a DAQ of haploop."""

@@ -1,0 +1,77 @@
+"""Formats that signals are read from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ...instruments import ConfigurationError, DataError
+from .. import sep005_file, uff_file, wav_file
+from ..views import Signals
+from . import text_file, tree_table
+from .table import Column, Table
+
+__all__ = ["FORMATS", "format_of", "read_table"]
+
+_SIGNALS: Mapping[str, Callable[[Path, float | None], Signals]] = {
+    "wav": wav_file.read_signals,
+    "uff": uff_file.read_signals,
+    "sep005": sep005_file.read_signals,
+}
+_TREES = ("mat", "hdf5", "numpy", "tdms", "xlsx")
+FORMATS = ("csv", "wav", "mat", "hdf5", "numpy", "tdms", "xlsx", "uff", "sep005")
+"""What a file can be read as."""
+_SUFFIXES = {
+    ".csv": "csv", ".tsv": "csv", ".txt": "csv", ".lvm": "csv", ".asc": "csv", ".dat": "csv", ".wav": "wav",
+    ".mat": "mat", ".h5": "hdf5", ".hdf5": "hdf5", ".hdf": "hdf5", ".npy": "numpy", ".npz": "numpy",
+    ".tdms": "tdms", ".xlsx": "xlsx", ".uff": "uff", ".unv": "uff", ".sep005": "sep005", ".json": "sep005",
+}  # fmt: skip
+"""Format by the end of a file's name, where nobody states it."""
+
+
+def format_of(path: Path, format: str | None) -> str:
+    """The format of a file, which `format` names or its name ends in. Raises ConfigurationError."""
+    if path.is_dir():
+        raise ConfigurationError(f"{path} is a folder: name a file in it.")
+    found = _SUFFIXES.get(path.suffix.lower(), "") if format is None else format
+    if found not in FORMATS:
+        problem = (
+            f"has an unknown file type {path.suffix!r}" if format is None else f"cannot be read as {format!r}"
+        )
+        raise ConfigurationError(
+            f"{path} {problem}: haploop imports {', '.join(_SUFFIXES)}, and files of other names as one of "
+            f"{', '.join(FORMATS)} (--from)."
+        )
+    return found
+
+
+def read_table(path: Path, format: str | None, decimal: str | None) -> Table:
+    """The columns of a file. Raises ConfigurationError, DataError."""
+    found = format_of(path, format)
+    if not path.is_file():
+        raise DataError(f"There is no file {path}: check the name.")
+    with np.errstate(all="ignore"):  # what is not finite is missing, and said
+        if found in _SIGNALS:
+            table = _of_signals(path, _SIGNALS[found](path, None), found)
+        elif found in _TREES:
+            table = tree_table.read_table(path)
+        else:
+            table = text_file.read_table(path, decimal)
+    if any(column.name.lower() == "frequency" for column in table.columns):
+        raise DataError(f"{path} is over frequency: of responses haploop imports .uff files only.")
+    if not all(len(column.values) for column in table.columns):
+        raise DataError(f"{path} is empty.")
+    columns = tuple(
+        replace(column, values=np.where(np.isfinite(column.values), column.values, np.nan))
+        for column in table.columns
+    )
+    return replace(table, columns=columns)
+
+
+def _of_signals(path: Path, signals: Signals, format: str) -> Table:
+    columns = tuple(Column(c.name, c.unit, c.values) for c in signals.channels)
+    kind = {"wav": "WAV", "uff": "UFF 58", "sep005": "SEP-005"}[format]
+    return Table(path, kind, columns, signals.rate_hz, "the file's own rate", signals.about)

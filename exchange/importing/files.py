@@ -1,0 +1,44 @@
+"""A file that is understood becomes a recording, or a press."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+from ...instruments import ConfigurationError
+from ...instruments.files import make_folder, os_error_text, private_files
+from .press import press_of, presses_in
+from .recording import recording_of
+from .understanding import Understanding
+
+__all__ = ["becomes", "destination", "import_file"]
+
+
+def becomes(found: Understanding, activation: float | None = None) -> Literal["recording", "press"]:
+    """What a file is imported as, unless its mapping says: a recording when it holds several presses."""
+    if found.mapping.make is not None:
+        return found.mapping.make
+    if activation is not None or "activation_s" in found.table.about or len(presses_in(found)) < 2:
+        return "press"
+    return "recording"
+
+
+def destination(file: Path, folder: Path) -> Path:
+    """The file in `folder` that a file is imported into; the folder is made. Raises ConfigurationError."""
+    if folder.suffix.lower() == ".h5":
+        raise ConfigurationError(f"{folder} is one file: name a folder for several.")
+    try:
+        with private_files():
+            make_folder(folder)
+    except OSError as error:
+        raise ConfigurationError(f"{folder} cannot be made: {os_error_text(error)}.") from None
+    return folder / f"{file.stem}.h5"
+
+
+def import_file(found: Understanding, out: str | Path, activation: float | None = None) -> None:
+    """Write what a file holds into `out`: see `becomes`, `import_press` and `import_recording`."""
+    found.require()
+    if becomes(found, activation) == "press":
+        press_of(found, activation).save(out)
+    else:
+        recording_of(found, Path(out))

@@ -1,0 +1,254 @@
+"""A DAQ on a clock of its own, recorded along with the rig's DAQ.
+
+Both are one Daq to the rig. The rows of the free-running one are placed on the other's samples: each of its
+samples gets a time from when samples arrived (`arrival_clock.py`), and so does each block of the DAQ; in
+between the rows go straight from one sample to the next. `FreeRunning.uncertainty` says how well that time is
+known.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import BoolArray, ComplexArray, FloatArray
+from ..clock import Clock
+from ..errors import ConfigurationError, InstrumentError
+from .arrival_clock import ArrivalClock
+from .role import Block, Daq, Stream
+
+__all__ = ["Alongside", "Edge", "FreeRunning"]
+
+_LATE = 2.0
+"""Time (s) by which a free-running DAQ may be behind the other one."""
+_STEP = 0.005
+"""Interval at which it is looked for then (s)."""
+_NEAR = 0.25
+"""Largest distance (s) of one edge on the two DAQs."""
+
+
+class FreeRunning(Daq):
+    """See `Daq`, and this module. Its safe state is none: it puts nothing out."""
+
+    channels: Mapping[str, float]
+    """Its channels, each with its range (+- V)."""
+    edge: Edge | None
+    """An edge that the DAQ sees too, if one is wired to both."""
+
+    @property
+    @abstractmethod
+    def uncertainty(self) -> float:
+        """How far off its samples' times may be (s)."""
+
+    @abstractmethod
+    def settle(self) -> None:
+        """Wait until arrivals tell its rate, so that samples from now on can be placed. Raises
+        InstrumentError.
+        """
+
+    @abstractmethod
+    def follow(self, wait: float) -> float:
+        """Take what has arrived, after at most `wait` s of real time; return the latest sample's time (s).
+
+        Raises InstrumentError.
+        """
+
+    @abstractmethod
+    def at(self, channels: Sequence[str], times: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """Return (channels, times) V at times (s) that `follow` has passed, and (channels,) overload.
+
+        What lies before is forgotten. Raises InstrumentError where too many samples in a row were lost.
+        """
+
+    @abstractmethod
+    def edges(self) -> list[float]:
+        """Times (s) of rising edges of `edge` since the last call."""
+
+    @abstractmethod
+    def correct(self, late: Sequence[float]) -> None:
+        """Take note by how much (s) its edges were placed after those of the DAQ, in one stream."""
+
+
+@dataclass(frozen=True)
+class Edge:
+    """A rising edge that the DAQ sees on `channel` at `threshold` (V), and the free-running one too."""
+
+    channel: str
+    threshold: float
+
+
+class Alongside(Daq):
+    """A DAQ with a free-running one beside it: see this module. Plays and outputs are the DAQ's alone."""
+
+    def __init__(self, daq: Daq, along: FreeRunning, clock: Clock, base: str | None = None) -> None:
+        """`base` is a channel of the DAQ to be read where none is asked for, for its clock."""
+        self.daq, self.along = daq, along
+        self._clock, self._base = clock, base
+        self._interlock = daq._interlock
+        self.identity = f"{daq.identity}, and along with it {along.identity}"
+        self.simulated = daq.simulated or along.simulated
+        self.declared = daq.declared
+
+    def _stream(
+        self,
+        channels: Sequence[str],
+        rate_hz: float,
+        block: int,
+        samples: int | None,
+        play: Mapping[str, FloatArray] | None,
+    ) -> Stream:
+        own = [name for name in channels if name not in self.along.channels]
+        if len(own) == len(channels):
+            return self.daq._stream(channels, rate_hz, block, samples, play)
+        edge = self.along.edge
+        # Of these the free-running one has need, whether they are asked for or not.
+        needed = [edge.channel] if edge is not None else [self._base] if not own and self._base else []
+        read = list(dict.fromkeys([*own, *needed]))
+        if not read:
+            raise ConfigurationError(
+                f"{', '.join(channels)} of {self.along.identity} cannot be read without a channel of the "
+                "DAQ, on whose clock they are placed: add one."
+            )
+        self.along.settle()
+        return _AlongsideStream(self, tuple(channels), self.daq._stream(read, rate_hz, block, samples, play))
+
+    def cards(self, channels: Sequence[str]) -> Mapping[str, Sequence[str]]:
+        """See `Daq.cards`: the free-running one's are with the DAQ's first card, on whose clock they are
+        placed.
+        """
+        groups = {
+            card: list(names)
+            for card, names in self.daq.cards([c for c in channels if c not in self.along.channels]).items()
+        }
+        for name in channels:
+            if name in self.along.channels:
+                groups.setdefault(next(iter(groups), ""), []).append(name)
+        return groups
+
+    def response(self, channel: str, frequencies: FloatArray) -> ComplexArray:
+        """See `Daq.response`."""
+        return (self.along if channel in self.along.channels else self.daq).response(channel, frequencies)
+
+    def output_response(self, output: str, frequencies: FloatArray) -> ComplexArray:
+        """See `Daq.output_response`."""
+        return self.daq.output_response(output, frequencies)
+
+    def clear_left(self) -> None:
+        """See `Daq.clear_left`."""
+        self.daq.clear_left()
+
+    def zero(self) -> None:
+        """See `Daq.zero`."""
+        self.daq.zero()
+
+    def hold(self) -> None:
+        """See `Daq.hold`."""
+        self.daq.hold()
+
+    def let_go(self) -> None:
+        """See `Daq.let_go`."""
+        self.daq.let_go()
+
+    def outputs_read(self) -> Mapping[str, float]:
+        """See `Daq.outputs_read`."""
+        return self.daq.outputs_read()
+
+    def close(self) -> None:
+        """See `Daq.close`: each is closed by the rig itself."""
+        self.daq.close()
+
+    @property
+    def clock(self) -> Clock:
+        """The rig's clock."""
+        return self._clock
+
+
+class _AlongsideStream(Stream):
+    """See `Stream`. A block is given out once the free-running DAQ has passed its end."""
+
+    def __init__(self, daq: Alongside, channels: tuple[str, ...], stream: Stream) -> None:
+        along = daq.along
+        self.channels, self.rate_hz = channels, stream.rate_hz
+        self._daq, self._stream = daq, stream
+        self._own = [row for row, name in enumerate(channels) if name not in along.channels]
+        self._others = [row for row, name in enumerate(channels) if name in along.channels]
+        self._read = [stream.channels.index(channels[row]) for row in self._own]
+        self.delays, self.full_scale = np.zeros(len(channels)), np.zeros(len(channels))
+        self.delays[self._own] = stream.delays[self._read]
+        self.full_scale[self._own] = stream.full_scale[self._read]
+        self.full_scale[self._others] = [along.channels[channels[row]] for row in self._others]
+        self._times = ArrivalClock(stream.rate_hz)
+        self._edges: list[float] = []
+        self._theirs: list[float] = []
+        self._before = np.inf
+        self._open = True
+
+    def __iter__(self) -> Iterator[Block]:
+        """See `Stream.__iter__`."""
+        waiting: deque[Block] = deque()
+        along, clock = self._daq.along, self._daq.clock
+        for block in self._stream:
+            self._times.note(block.end - 1, clock.now())
+            self._note_edges(block)
+            waiting.append(block)
+            until = along.follow(0.0)
+            while waiting and self._end(waiting[0]) <= until:
+                yield self._placed(waiting.popleft())
+            if waiting and self._end(waiting[0]) < clock.now() - _LATE:
+                raise self._behind()
+        began = clock.now()
+        while waiting and self._open:
+            if self._end(waiting[0]) <= along.follow(_STEP):
+                yield self._placed(waiting.popleft())
+            elif clock.now() - began > _LATE:
+                raise self._behind()
+            else:
+                clock.sleep(_STEP)
+
+    def close(self) -> None:
+        """See `Stream.close`."""
+        if self._open:
+            self._open = False
+            self._stream.close()
+            self._daq.along.correct(self._lateness())
+
+    def _end(self, block: Block) -> float:
+        return float(self._times.at(np.array([block.end - 1.0]))[0])
+
+    def _behind(self) -> InstrumentError:
+        return InstrumentError(
+            f"{self._daq.along.identity} has sent nothing for {_LATE:g} s: check its cable and its program."
+        )
+
+    def _placed(self, block: Block) -> Block:
+        along = self._daq.along
+        times = self._times.at(np.arange(block.first, block.end, dtype=np.float64))
+        names = [self.channels[row] for row in self._others]
+        volts = np.empty((len(self.channels), len(times)))
+        overload = np.zeros(len(self.channels), dtype=np.bool_)
+        volts[self._own], overload[self._own] = block.volts[self._read], block.overload[self._read]
+        volts[self._others], overload[self._others] = along.at(names, times)
+        self._theirs += along.edges()
+        return Block(block.first, volts, overload)
+
+    def _note_edges(self, block: Block) -> None:
+        edge = self._daq.along.edge
+        if edge is None:
+            return
+        row = block.volts[self._stream.channels.index(edge.channel)]
+        high = np.concatenate([[self._before], row]) > edge.threshold
+        rises = np.flatnonzero(high[1:] & ~high[:-1])
+        self._before = float(row[-1])
+        self._edges += self._times.at(block.first + rises.astype(np.float64)).tolist()
+
+    def _lateness(self) -> list[float]:
+        """By how much the free-running one's edges came after the nearest of the DAQ's."""
+        if not self._edges:
+            return []
+        mine = np.array(self._edges)
+        late = [theirs - mine[np.abs(mine - theirs).argmin()] for theirs in self._theirs]
+        return [float(one) for one in late if abs(one) < _NEAR]

@@ -1,0 +1,61 @@
+"""APPLy, the command that everybody begins with: function, frequency, amplitude, offset, and output on."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Protocol
+
+from .products import Product
+from .scpi import Entry, ScpiError
+
+__all__ = ["apply_entries"]
+
+_SHAPES = ("SINusoid", "SQUare", "TRIangle", "RAMP", "PULSe", "PRBS", "NOISe", "ARBitrary", "USER", "DC")
+_DEFAULTS = ("1000", "0.1", "0")
+"""Frequency (Hz), amplitude (V peak to peak) and offset (V) of what is left out."""
+_NAMES = ("FREQ", "VOLT", "VOLT:OFFS")
+
+
+class Answering(Protocol):
+    """What is applied to: the commands that APPLy stands for."""
+
+    def answer(self, line: str) -> object:
+        """Execute a line of commands."""
+
+    def get(self, line: str) -> str:
+        """Answer one query."""
+
+
+def apply_entries(box: Answering, product: Product) -> dict[str, Entry]:
+    """Entries of APPLy in a family's form."""
+    root = "[:SOURce#]:APPLy"
+    entries = {f"{root}:{shape}": Entry(put=partial(_apply, box, product, shape)) for shape in _SHAPES}
+    return {root: Entry(get=partial(_applied, box, product)), **entries}
+
+
+def _apply(box: Answering, product: Product, shape: str, n: int, argument: str) -> None:
+    given = [word.strip() for word in argument.split(",")] if argument else []
+    if len(given) > (3 if product.by_mode else 4):
+        raise ScpiError(-108, "Parameter not allowed")
+    name = "ARB" if shape == "USER" else shape
+    # What would be in the way of the new signal: the old offset, sweep, burst and unit.
+    box.answer(f"SOUR{n}:SWE:STAT OFF;:SOUR{n}:BURS:STAT OFF;:SOUR{n}:VOLT:UNIT VPP;:SOUR{n}:VOLT:OFFS 0")
+    box.answer(f"SOUR{n}:FUNC {name}")
+    wanted = [*given, *[""] * 3][:3]
+    for header, value, default in zip(_NAMES, wanted, _DEFAULTS, strict=True):
+        word = default if value.upper() in ("", "DEF", "DEFAULT") else value
+        if header == "FREQ" and name in ("NOISe", "DC"):
+            continue
+        box.answer(f"SOUR{n}:{header} {word}")
+    if len(given) == 4 and given[3]:
+        box.answer(f"SOUR{n}:PHAS {given[3]}")
+    if product.by_mode:
+        box.answer(f"TRIG{n}:SOUR IMM")
+    box.answer(f"OUTP{n} ON")
+
+
+def _applied(box: Answering, product: Product, n: int, argument: str) -> str:
+    shape, *numbers = (box.get(f"SOUR{n}:{header}?") for header in ("FUNC", *_NAMES))
+    if product.by_mode:
+        return f'"{shape} {",".join(numbers)}"'
+    return ",".join([shape, *numbers, box.get(f"SOUR{n}:PHAS?")])

@@ -1,0 +1,81 @@
+"""Settings of the simulated function generators: headers as in manuals, with what each may be.
+
+Ranges and keywords are those of the product families. A limit that was not found is the usual one for this
+type of instrument (estimate; docs/hardware.md, "Generators").
+"""
+
+from __future__ import annotations
+
+from .waveform import SHAPES
+
+__all__ = ["BOOLEANS", "NUMBERS", "TRIGGERS", "WORDS"]
+
+# Header: default, lowest, highest. Settings without an effect on the plant are stored and reported only.
+NUMBERS: dict[str, tuple[float, float, float]] = {
+    "[:SOURce#]:FREQuency[:CW]": (1e3, 1e-6, 60e6),
+    "[:SOURce#]:FREQuency:STARt": (100, 1e-6, 60e6),
+    "[:SOURce#]:FREQuency:STOP": (1e3, 1e-6, 60e6),
+    "[:SOURce#]:PHASe[:ADJust]": (0, -360, 360),
+    "[:SOURce#]:SWEep:TIME": (1, 1e-3, 500),
+    "[:SOURce#]:SWEep:RTIMe": (0, 0, 500),
+    "[:SOURce#]:MARKer:FREQuency": (500, 1e-6, 60e6),
+    "[:SOURce#]:FUNCtion:SQUare:DCYCle": (50, 0.01, 99.99),
+    "[:SOURce#]:FUNCtion:RAMP:SYMMetry": (100, 0, 100),
+    "[:SOURce#]:FUNCtion:PULSe:PERiod": (1e-3, 33e-9, 1e6),
+    "[:SOURce#]:FUNCtion:PULSe:WIDTh": (100e-6, 16e-9, 1e6),
+    "[:SOURce#]:FUNCtion:PULSe:DCYCle": (10, 0, 100),
+    "[:SOURce#]:FUNCtion:PULSe:TRANsition[:BOTH]": (10e-9, 8.4e-9, 1e-6),
+    "[:SOURce#]:FUNCtion:ARBitrary:SRATe": (40e3, 1e-6, 250e6),
+    "[:SOURce#]:BURSt:INTernal:PERiod": (10e-3, 1e-6, 8e3),
+    "[:SOURce#]:BURSt:NCYCles": (1, 1, 1e8),
+    "[:SOURce#]:BURSt:PHASe": (0, -360, 360),
+    "[:SOURce#]:BURSt:TDELay": (0, 0, 85),
+    "[:SOURce#]:SWEep:STEP": (2, 2, 1024),
+}
+BOOLEANS = {
+    "[:SOURce#]:BURSt:STATe": False,
+    "[:SOURce#]:SWEep:STATe": False,
+    "[:SOURce#]:MARKer[:STATe]": False,
+    ":OUTPut#[:STATe]": False,
+    ":OUTPut#:SYNC[:STATe]": True,
+    ":OUTPut#:TRIGger": False,
+    "[:SOURce#]:VOLTage:LIMit:STATe": False,
+    ":INITiate#:CONTinuous": True,
+}
+WORDS: dict[str, tuple[str, ...]] = {
+    "[:SOURce#]:FUNCtion[:SHAPe]": SHAPES,
+    "[:SOURce#]:VOLTage:UNIT": ("VPP", "VRMS", "DBM"),
+    "[:SOURce#]:SWEep:SPACing": ("LINear", "LOGarithmic"),
+    "[:SOURce#]:BURSt:MODE": ("TRIGgered", "GATed"),
+    "[:SOURce#]:BURSt:IDLE": ("FPT", "TOP", "CENTER", "BOTTOM"),
+    "[:SOURce#]:FUNCtion:PULSe:HOLD": ("WIDTh", "DCYCle"),
+    "[:SOURce#]:FUNCtion:ARBitrary:ADVance": ("SRATe", "TRIGger"),
+    "[:SOURce#]:FUNCtion:ARBitrary:FILTer": ("NORMal", "STEP", "OFF"),
+    ":OUTPut#:POLarity": ("NORMal", "INVerted"),
+    ":OUTPut#:MODE": ("NORMal", "GATed"),
+    ":OUTPut#:GATe:POLarity": ("POSITIVE", "NEGATIVE"),
+    ":OUTPut#:SYNC:MODE": ("NORMal", "CARRier", "MARKer"),
+    ":OUTPut#:SYNC:POLarity": ("NORMal", "INVerted"),
+    ":OUTPut#:SYNC:SOURce": ("CH1", "CH2"),
+    ":OUTPut#:TRIGger:SLOPe": ("POSitive", "NEGative"),
+    "[:SOURce#]:BURSt:GATE:POLarity": ("NORMal", "INVerted"),
+    ":TRIGger#:SLOPe": ("POSitive", "NEGative"),
+    ":FORMat:BORDer": ("NORMal", "SWAPped"),
+    ":UNIT:ANGLe": ("DEGree", "RADian", "SECond"),
+    "[:SOURce#]:ROSCillator:SOURce": ("INTernal", "EXTernal"),
+}
+TRIGGERS: dict[bool, dict[str, tuple[str, ...]]] = {
+    True: {":TRIGger#:SOURce": ("IMMediate", "EXTernal", "TIMer", "BUS")},
+    False: {
+        f"[:SOURce#]:{mode}:TRIGger:SOURce": ("INTernal", "EXTernal", "MANual") for mode in ("SWEep", "BURSt")
+    }
+    | {
+        f"[:SOURce#]:{mode}:TRIGger:{what}": words
+        for mode in ("SWEep", "BURSt")
+        for what, words in (
+            ("SLOPe", ("POSitive", "NEGative")),
+            ("TRIGOut", ("OFF", "POSitive", "NEGative")),
+        )
+    },
+}
+"""Sources of the trigger: of a sweep first, and of a burst last."""

@@ -1,0 +1,121 @@
+"""On each lab's rig that is shipped, the README's words lead from a doctor to a night's recalibration.
+
+The verdict of the check is compared with the surface's own motion, which no pick-up saw.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy
+
+import haploop
+from haploop.calibration import Check, Drive
+from haploop.calibration.drive.check import compare
+from haploop.calibration.drive.playing import play
+from haploop.instruments import Capture, Rig, load_rig_file
+from haploop.instruments.arrays import FloatArray
+from tests.command_line import Run
+
+LABS = ("usb-6211", "compactdaq-iepe", "no-ni", "voice-coil")
+"""Shipped rigs that are not the paper's."""
+
+
+@pytest.mark.rig
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("name", LABS)
+def test_from_doctor_to_recalibration(
+    name: str, mode: str, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if mode not in ("twin", "wire"):
+        pytest.skip("the rig of the session is another")
+    if mode == "wire" and name == "no-ni":
+        pytest.skip("a sound card speaks no protocol of its own, so it has no wire")
+    on = ("--rig", name, "--simulate", mode)
+    recording, press, calibration, button = (
+        tmp_path / one for one in ("P01-push.h5", "press.h5", "calibration.h5", "push.h5")
+    )
+
+    def done(*args: object) -> str:
+        result = run(*args)
+        assert result.exit_code == 0, f"{args}: {result.output[-3000:]}"
+        return result.output
+
+    done("doctor", *on)
+    done("record", "push", "-p", "P01", "-n", 4, *on, "--out", tmp_path)
+    done("represent", recording, "--out", press)
+    done("calibrate", *on, "--out", calibration)
+    assert "pass" in done("button", "make", recording, "-c", calibration, "-o", button, *on)
+    assert "pass" in done("button", "check", button, "--plays", 4, *on)
+    history = ("--calibrations", tmp_path / "history")
+    done("calibrations", "adopt", button, "--rig", name, "--reason", "first", *history)
+    assert "The calibration holds" in done("recalibrate", *on, *history)
+
+    drive = haploop.DigitalButton.load(button).drive
+    with haploop.open_rig(name, simulate=mode) as rig:  # type: ignore[arg-type]
+        result, error = played_and_true(rig, drive, 4, monkeypatch)
+    assert result.passed and error < 0.2
+    low, high = result.interval
+    assert low - 0.03 <= error <= high + 0.03, (low, error, high)
+
+
+def played_and_true(
+    rig: Rig, drive: Drive, plays: int, monkeypatch: pytest.MonkeyPatch
+) -> tuple[Check, float]:
+    """A check, and the true error of the mean motion (20 Hz to 2.5 kHz), whenever it began."""
+    excite, seen, size = rig.excite, [], len(drive.volts)
+
+    def watched(volts: FloatArray, *args: Any, **more: Any) -> Capture:
+        truth = rig.simulation.truth  # type: ignore[union-attr]
+        record = truth.record()
+        capture = excite(volts, *args, **more)
+        if len(volts) >= size and np.array_equal(volts[len(volts) - size :], drive.volts):
+            start = next(one.start for one in record if one.closed and np.isfinite(one.period))
+            last = rig.clock.now() - 2 / drive.rate_hz
+            times = np.arange(start, min(last, start + len(volts) / drive.rate_hz + 0.3), 1 / drive.rate_hz)
+            seen.append(np.gradient(truth.velocity(drive.point, times), 1 / drive.rate_hz))
+        return capture
+
+    with monkeypatch.context() as patch:
+        patch.setattr(rig, "excite", watched)
+        result = compare(drive, play(rig, drive, plays), rig)
+    assert len(seen) == plays
+    moved = []
+    for one in seen:  # a sound card begins when its buffers do
+        begin = int(np.argmax(scipy.signal.correlate(one, drive.target, mode="valid", method="fft")))
+        moved.append(one[begin : begin + size])
+    f = np.fft.rfftfreq(size, 1 / drive.rate_hz)
+    wide = (f >= 20) & (f < 2500)
+    off = np.fft.rfft(np.mean(moved, axis=0) - drive.target)[wide]
+    return result, float(np.linalg.norm(off) / np.linalg.norm(np.fft.rfft(drive.target)))
+
+
+@pytest.mark.parametrize("name", LABS)
+def test_a_shipped_rig_is_short_and_says_what_it_is(name: str) -> None:
+    text = (resources.files("haploop.rigs") / f"{name}.toml").read_text(encoding="utf-8")
+    assert text.startswith("# ") and load_rig_file(name).name == name
+    assert len(text.splitlines()) <= 100
+
+
+def test_a_card_of_a_known_family_is_data(tmp_path: Path, run: Run) -> None:
+    """What somebody writes for a card that haploop does not know: no code, twelve lines of data at most."""
+    new = """
+[daq.products."USB-6299"]
+like = "USB-6211"
+ai_rate_hz = 500000.0
+ai_rate_single_hz = 500000.0
+ai_ranges = [10.0, 5.0, 2.0, 1.0]
+ao_rate_hz = 500000.0
+source = "its manual"
+"""
+    assert len(new.strip().splitlines()) <= 12
+    tomllib.loads(new)
+    path = tmp_path / "lab.toml"
+    path.write_text(f'base = "usb-6211"\nname = "lab"\n[daq]\ndevices = {{ Dev1 = "USB-6299" }}\n{new}')
+    result = run("doctor", "--rig", path, "--simulate", "twin")
+    assert result.exit_code == 0 and "USB-6299 (Dev1" in result.output, result.output

@@ -1,0 +1,177 @@
+"""Files as labs have them: what is understood of each is compared with what was written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import haploop
+from haploop.exchange.importing import presses_in
+from tests.command_line import Run
+from tests.exchange.lab_files import KINDS, Kind, Written, german, no_header
+
+SAVED = ("none.csv", "pico.csv", "vectors.mat", "plain.tdms", "millivolts.csv", "three.wav")
+
+
+@pytest.fixture(scope="session")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Written:
+    """Four presses of a push button on the twin."""
+    with haploop.open_rig("simulated") as rig:
+        found = haploop.record(rig, "push", "P01", 4, out=tmp_path_factory.mktemp("lab"))
+    return Written(found.rate_hz, found.force, found.acceleration[2], found.activation, 4)
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
+def test_what_was_written_is_understood(kind: Kind, written: Written, tmp_path: Path) -> None:
+    """Values, rate and presses; and what only a person can know is asked, never guessed."""
+    if kind.name.endswith(".xlsx"):
+        pytest.importorskip("openpyxl")
+    if kind.name.endswith(".tdms"):
+        pytest.importorskip("nptdms")
+    path = tmp_path / kind.name
+    kind.write(path, written)
+    bare = haploop.understand(path)
+    for option in kind.lacks:
+        with pytest.raises(haploop.ConfigurationError, match=option):
+            bare.require()
+    if not kind.lacks:
+        bare.require()
+    found = haploop.understand(path, haploop.FileMapping(**kind.told))
+    assert not found.questions, found.questions
+    assert found.rate_hz == pytest.approx(written.rate_hz, rel=kind.rate_error)
+    whole = len(next(iter(s for r, s in found.signals.items() if r != "time")).values)
+    for role, signal in found.signals.items():
+        true = {"force": written.force, "acceleration": written.acceleration}.get(role)
+        if true is None:
+            continue
+        difference = signal.values - true[:whole]
+        for hole in found.holes:
+            difference[hole.first - 2 : hole.end + 2] = 0
+        assert np.abs(difference).max() <= kind.error * np.abs(true).max(), role
+    contact = found.signals.get("activation")
+    if contact is not None:
+        closed = contact.values > (contact.values.max() + contact.values.min()) / 2
+        assert np.mean(closed != (written.switch[:whole] > 0.5)) < 1e-3
+    presses = presses_in(found)
+    assert len(presses) == (1 if kind.name == "sheet.xlsx" else written.presses)
+    notes = " ".join(found.notes)
+    assert all(one in notes for one in kind.said), notes
+
+
+@pytest.mark.parametrize("kind", [k for k in KINDS if k.name in SAVED], ids=lambda kind: kind.name)
+def test_a_mapping_is_saved_and_says_it_all(kind: Kind, written: Written, tmp_path: Path) -> None:
+    path, saved = tmp_path / kind.name, tmp_path / "lab.toml"
+    if kind.name.endswith(".tdms"):
+        pytest.importorskip("nptdms")
+    kind.write(path, written)
+    found = haploop.understand(path, haploop.FileMapping(**kind.told))
+    found.mapping.save(saved)
+    again = haploop.understand(path, haploop.FileMapping.load(saved))
+    assert not again.questions and again.rate_hz == found.rate_hz
+    for role, signal in found.signals.items():
+        assert again.signals[role].why == "told"
+        np.testing.assert_array_equal(again.signals[role].values, signal.values)
+
+
+def test_the_command_shows_what_was_understood(run: Run, written: Written, tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    german(path, written)
+    shown = run("import", path, "--plot", tmp_path / "a.png")
+    assert shown.exit_code == 0 and (tmp_path / "a.png").is_file()
+    for part in ("Kraft", "decimal commas", "5000 samples/s", "4, at", "by its heading and unit", "Plot:"):
+        assert part in shown.stdout, part
+    assert {p.name for p in tmp_path.iterdir()} == {"a.csv", "a.png"}
+
+
+def test_the_command_says_what_it_lacks(run: Run, written: Written, tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    no_header(path, written)
+    shown = run("import", path)
+    assert shown.exit_code == 0 and "Not said" in shown.stdout and "--force COLUMN" in shown.stdout
+    refused = run("import", path, "-o", tmp_path / "a.h5")
+    assert refused.exit_code == 2 and refused.stderr.count("\n") == 1 and "--force COLUMN" in refused.stderr
+    assert not (tmp_path / "a.h5").exists()
+
+
+def test_a_person_at_a_terminal_is_asked(
+    run: Run, written: Written, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One question after the other, until nothing is open; the answers are saved."""
+    path = tmp_path / "a.csv"
+    no_header(path, written)
+    answers = iter(["5000", "1", "N"])
+    asked: list[str] = []
+    monkeypatch.setattr("haploop.commands.importing._at_a_terminal", lambda: True)
+    monkeypatch.setattr(
+        "haploop.commands.importing._ask", lambda question: asked.append(question.what) or next(answers)
+    )
+    saved = tmp_path / "lab.toml"
+    shown = run("import", path, "--save-mapping", saved)
+    assert shown.exit_code == 0 and len(asked) == 3, asked
+    mapping = haploop.FileMapping.load(saved)
+    assert mapping.rate_hz == 5000 and mapping.force == 1 and mapping.units["force"] == "N"
+
+
+BARE = "".join(f"{k / 1000:.4f},{k % 7}\n" for k in range(2000))
+TEXT = "t [s],F [N],a [m/s^2]\n" + "".join(f"{k / 1000:.4f},{1 + k % 7},{9.8 + k % 5}\n" for k in range(2000))
+
+
+@pytest.mark.parametrize(
+    ("content", "told", "sentence"),
+    [
+        ("0,1\n" * 50, {}, "--decimal"),
+        ("Zeit,Kraft\n" + "".join(f"0,{k:04d},1,{k % 10}\n" for k in range(50)), {}, "semicolons or tabs"),
+        (TEXT, {"force": "G"}, "no column 'G' for force: it has t [s], F [N], a [m/s^2]"),
+        (TEXT, {"force": 7}, "no column 7"),
+        (TEXT, {"force": 1, "acceleration": "F"}, "same column"),
+        (TEXT, {"units": {"force": "g"}}, "no unit of force: write N, mN"),
+        (TEXT, {"units": {"force": "100 mV/g"}}, "no unit of force"),
+        (TEXT, {"units": {"force": "0.1 V/N"}}, "needs no sensitivity"),
+        (TEXT, {"units": {"force": "0 N"}}, "no unit of force"),
+        (TEXT, {"units": {"force": "1e9 N"}}, "look at its unit"),
+        (TEXT, {"rate_hz": 5.0}, "5 samples/s"),
+        (TEXT, {"rate_hz": float("nan")}, "samples/s"),
+        (TEXT.replace("0.5000,", "0.0001,"), {}, "goes back in time"),
+        (TEXT.replace("0.5000,", ","), {}, "no time in sample 501"),
+        (TEXT[: len(TEXT) // 2] + "broken\n" + TEXT[len(TEXT) // 2 :], {}, "stops being a table"),
+        ("Sample rate: 5000 Hz\n" + TEXT, {}, "say which is right"),
+        ("t [ms];F [N]\n" + "1.000,0;0,003\n" * 50, {}, "no table of numbers"),
+        ("only words\nand more\n", {}, "no table of numbers"),
+        ("\0\1\2" * 100, {}, "is no text"),
+        ("", {}, "is empty"),
+        (TEXT.replace("[N]", "[V]"), {}, "'force=0.25 V/N'"),
+        (TEXT.replace("F [N],a", "F1 [N],F2 [N],a").replace(",9", ",1,9"), {}, "which of F1 [N], F2 [N]"),
+        (BARE, {"time": 0, "force": 1}, "--unit force=N"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_understood_is_one_sentence(
+    tmp_path: Path, content: str, told: dict[str, Any], sentence: str
+) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(content)
+    with pytest.raises((haploop.ConfigurationError, haploop.DataError)) as error:
+        haploop.understand(path, haploop.FileMapping(**told)).require()
+    assert sentence in str(error.value) and "\n" not in str(error.value), str(error.value)
+
+
+@pytest.mark.parametrize("suffix", [".npy", ".mat", ".h5", ".tdms", ".xlsx", ".npz", ".lvm", ".wav"])
+def test_a_file_of_noise_is_one_sentence(run: Run, tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"a{suffix}"
+    path.write_bytes(bytes(np.random.default_rng(1).integers(0, 256, 5000, dtype=np.uint8)))
+    result = run("import", path)
+    assert result.exit_code == 2 and result.stderr.count("\n") == 1 and "Traceback" not in result.output
+
+
+def test_a_sign_that_must_be_wrong_is_asked_for(written: Written, tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    np.savez(path, fs=5000, force_N=-written.force, acc=-written.acceleration)
+    units = {"acceleration": "m/s^2"}
+    found = haploop.understand(path, haploop.FileMapping(units=units))
+    with pytest.raises(haploop.ConfigurationError, match="--flip force and --flip acceleration"):
+        found.require()
+    flipped = haploop.understand(path, haploop.FileMapping(units=units, flip=("force", "acceleration")))
+    flipped.require()
+    np.testing.assert_allclose(flipped.signals["force"].values, written.force)
