@@ -1,6 +1,6 @@
 """A rig file for each NI product, and what runs on it: doctor, record, calibrate and check, on twin and wire.
 
-`python -m tests.mocks.daq.product_rigs PAGE.md` runs all of them and writes the page with what it found; with
+`python -m tests.mocks.daq.product_rigs PAGE` runs all of them and writes the page with what it found; with
 names of products behind the page, only those run, and the other rows stay.
 """
 
@@ -278,7 +278,8 @@ Inputs are against ground, differential; s: each has its own converter. Rates ar
 of all inputs together, or of each where they are simultaneous. "with" names the product that gave the
 rig the terminals which this one lacks. A dash: the product has no terminals for it, too few inputs, or
 too low a rate (a table is calibrated from 20 kHz on). \\*: the row, or figures in it, are estimates, as
-`source` and `estimates` say.
+`source` and `estimates` say. "Not shown" is a verdict of `check`: what was measured shows neither that it
+passes nor that it fails.
 
 """
 _COLUMNS = [
