@@ -90,6 +90,19 @@ def test_presses_are_found_timed_and_represented(tmp_path: Path, kind: str, butt
     assert agreement(press, truth) > (0.5 if motion == "displacement" else 0.9)  # a travel has its noise
 
 
+@pytest.mark.parametrize("kind", ["one axis each, and a switch", "acceleration alone"])
+def test_the_drivers_record_them_too(tmp_path: Path, kind: str) -> None:
+    with haploop.open_rig(written(tmp_path, kind), simulate="wire") as rig:
+        recording = haploop.record(rig, "push", "P01", 2, tmp_path / "recordings")
+        truth = rig.simulation.truth.presses
+    _, told_by, near = TOLD_BY[kind]
+    found = haploop.find_presses(recording)
+    assert len(found) == len(truth) == 2
+    for press, true in zip(found, truth, strict=True):
+        assert press.activation is not None and press.activated_by == told_by
+        assert abs(press.activation / recording.rate_hz - true.activation_time) < near
+
+
 def agreement(press: haploop.Representative, truth) -> float:
     """Correlation with the mean of the true motions about their activations, in the band of a click."""
     rate_hz = press.rate_hz
