@@ -23,6 +23,7 @@ from .importing import import_
 from .live import live
 from .maintenance import doctor, log, reset, schema
 from .map import map_command
+from .new import new
 from .record import record, represent
 from .rig import rig
 from .serve import serve
@@ -49,7 +50,7 @@ def cli() -> None:
 cli.sections = {
     "Make a button, in this order": (doctor, record, represent, calibrate, button, show, report, demo),
     "Look": (live, list_command, serve, check, map_command, export, import_),
-    "People": (study, experiment, analyse),
+    "People": (new, study, experiment, analyse),
     "Maintain": (recalibrate, calibrations, verify, recover, log, reset, schema, rig, tape, twin),
 }
 for commands in cli.sections.values():

@@ -41,6 +41,7 @@ EXAMPLES = {
     "report": "haploop report pilot calibration.h5 latch.h5 --out report.html --pdf",
     "represent": "haploop represent P01-latch.h5 P02-latch.h5 --out press.h5",
     "reset": 'haploop reset --rig lab.toml --reason "gain set back to 50"',
+    "new": "haploop new my-study --buttons latch,push --participants 12 --rig lab.toml",
     "rig new": "haploop rig new lab.toml",
     "schema": "haploop schema > rig.json_schema.json",
     "serve": "haploop serve --rig lab.toml --data study-2026",

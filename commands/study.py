@@ -18,7 +18,7 @@ from .options import ATTEMPTS, JSON, NOTES, PATH, PATIENCE, WAIT, ChosenRig, ave
 if TYPE_CHECKING:
     from ..acquisition import AverageMethod
 
-__all__ = ["study"]
+__all__ = ["STUDY_FORM", "study"]
 
 STUDY = click.option(
     "--study",
@@ -32,7 +32,7 @@ STUDY = click.option(
 REASON = click.option("--reason", default="", help="Reason; stored with the rejection.")
 _RIG = click.option("--rig", "-r", metavar="FILE", help="Rig file instead of the study's own.")
 
-_NEW = """\
+STUDY_FORM = """\
 # A haploop study: participants, buttons and their order. `haploop study run` records what is still due.
 
 name = {name}
@@ -77,7 +77,7 @@ def new(folder: Path) -> int:
     outputs.check_destination(path)
     # A JSON string is a valid TOML string for any folder name.
     with outputs.new_file(path) as part:
-        part.write_text(_NEW.format(name=json.dumps(folder.resolve().name)), encoding="utf-8")
+        part.write_text(STUDY_FORM.format(name=json.dumps(folder.resolve().name)), encoding="utf-8")
     print_line(f"Fill in {path}, then: haploop study run --study {folder}")
     return 0
 

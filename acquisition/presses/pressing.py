@@ -4,6 +4,9 @@ Force and travel rise above their rest for as long as a press lasts. An accelera
 differentiated, shows clicks only: high-passed above a hand's motion, its magnitude rises at each click, and
 clicks closer than `Segmentation.shaken_quiet` are one press. So without force and travel, a press begins at
 its first click and ends with its last, and a finger that only touches the cap is not seen.
+
+What breaks it: a button held for longer than `Segmentation.shaken_quiet` is two presses to a motion alone; a
+latch whose cap stays down keeps its travel above its rest, and a press told by travel does not end.
 """
 
 from __future__ import annotations

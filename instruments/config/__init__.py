@@ -11,10 +11,9 @@ from .rig_file import (
     RigFile,
     SimulationSettings,
     TableSettings,
-    fault_kinds,
-    load_rig_file,
     roles,
 )
+from .rig_reading import fault_kinds, load_rig_file
 from .toml_lines import key_lines, parse_toml, place, read_text
 from .validation import told, validate, validate_kind
 

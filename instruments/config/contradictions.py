@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
+from .sensor_contradictions import sensor_contradictions
 from .toml_lines import Location
 
 if TYPE_CHECKING:
@@ -20,6 +21,7 @@ __all__ = ["contradictions", "lacks", "range_of"]
 
 def contradictions(file: RigFile, settings: Mapping[str, Any]) -> Iterator[tuple[Location, str]]:
     """Yield the place and the clause of each; `settings` are the validated ones of the installed drivers."""
+    yield from sensor_contradictions(file)
     yield from _of_the_actuator(file)
     if file.wiring == "direct":
         yield from _of_direct_wiring(file, settings)

@@ -1,11 +1,8 @@
-"""`rig.toml`: the file that describes a rig, validated completely before anything is opened."""
+"""`rig.toml`: the tables of the file that describes a rig, as values (`rig_reading` reads them)."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
-from functools import partial
-from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -22,16 +19,10 @@ from pydantic_core import InitErrorDetails
 
 from .. import entry_points
 from ..bounded import Fraction, Negative, NotNegative, Positive, Seed
-from ..errors import ConfigurationError
 from ..frozen import FrozenDict, frozen
 from ..limits import Limits
 from ..sensors import Sensors
 from .actuator import Actuator
-from .ati_cal import read_ati_cal
-from .contradictions import contradictions
-from .frf_file import read_frf
-from .toml_lines import Places, key_lines, parse_toml, place, read_text
-from .validation import validate, validate_kind
 
 __all__ = [
     "AbortLimits",
@@ -40,8 +31,6 @@ __all__ = [
     "RigFile",
     "SimulationSettings",
     "TableSettings",
-    "fault_kinds",
-    "load_rig_file",
     "roles",
 ]
 
@@ -267,128 +256,3 @@ class RigFile(_Section):
     def digest(self) -> str:
         """SHA-256 of the content of the file and its bases, without comments and order."""
         return hashlib.sha256(self.model_dump_json().encode()).hexdigest()
-
-
-def load_rig_file(path: str | Path) -> RigFile:
-    """Read and validate a rig file; the bare name of a rig that haploop ships is found as well.
-
-    A file with `base = "NAME"` only states its differences from another rig file (a path beside it,
-    or the bare name of a shipped rig). A file that holds nothing but `[simulation]` is the
-    simulated rig with another plant. Settings of instruments are validated by their drivers, where
-    these are installed.
-    Raises ConfigurationError, which names the file, the line, the key, and what was expected.
-    """
-    raw, places = _raw(Path(path), ())
-    _take_monitor(raw)
-    where = partial(place, places)
-    file = validate(RigFile, raw, where, also=roles())
-    drivers = entry_points.installed(entry_points.DRIVERS)
-    settings = {}
-    for role, device in file.devices.items():
-        if device.driver in drivers:
-            driver = entry_points.driver_class(device.driver, role)
-            settings[role] = validate(driver.Settings, device.settings, where, (role,))
-    for location, clause in contradictions(file, settings):
-        raise ConfigurationError(f"{where(location)}: {'.'.join(map(str, location))}: {clause}.")
-    if file.simulation.plant in entry_points.installed(entry_points.PLANTS):
-        plant = entry_points.plant_class(file.simulation.plant)
-        validate(plant, file.simulation.settings, where, ("simulation",), SimulationSettings.model_fields)
-    for index, fault in enumerate(file.simulation.faults):
-        validate_kind(fault_kinds(), fault, where, ("simulation", "faults", index))
-    return file
-
-
-def _raw(path: Path, above: tuple[Path, ...]) -> tuple[dict[str, Any], list[Places]]:
-    """Merge a file over its bases; also return the line numbers of the keys in each, its own first."""
-    if path in above:
-        raise ConfigurationError(
-            f"{above[-1]}: the base {path} is itself based on this file: use another base."
-        )
-    text = _read(path)
-    raw = parse_toml(text, path)
-    places = (str(path), key_lines(text))
-    _read_beside(raw, path)
-    base = "simulated" if set(raw) == {"simulation"} else raw.pop("base", None)
-    if base is None:
-        return raw, [places]
-    if not isinstance(base, str):
-        raise ConfigurationError(f"{path}: base must be the name of another rig file (found {base!r}).")
-    beside = path.parent / base
-    below, others = _raw(beside if beside.is_file() else Path(base), (*above, path))
-    return _merged(below, raw), [places, *others]
-
-
-def _read_beside(raw: dict[str, Any], path: Path) -> None:
-    """Read the files beside the rig file that sensors name: `calibration` (.cal) and `frf` (CSV)."""
-    sensors = raw.get("sensors")
-    tables = sensors if isinstance(sensors, dict) else {}
-    for name, table in tables.items():
-        if not isinstance(table, dict):
-            continue
-        if isinstance(table.get("frf"), str):
-            table["frf"] = read_frf(path.parent / table["frf"])
-        if name == "force" and "calibration" in table:
-            if "matrix" in table or not isinstance(table["calibration"], str):
-                raise ConfigurationError(
-                    f"{path}: sensors.force takes either matrix or calibration (the name of a .cal file)."
-                )
-            table.update(read_ati_cal(path.parent / table["calibration"]).table)
-
-
-def _take_monitor(raw: dict[str, Any]) -> None:
-    """Make an amplifier's monitor the drive monitor, in place of what the file or its base has."""
-    amplifier = raw.get("amplifier")
-    monitor = amplifier.get("monitor") if isinstance(amplifier, dict) else None
-    if isinstance(monitor, dict) and {"channel", "scale"} <= set(monitor):
-        drive = {"channels": [monitor["channel"]], "ratio": monitor["scale"]}
-        sensors = raw.get("sensors", {})
-        raw["sensors"] = {**sensors, "drive": drive} if isinstance(sensors, dict) else sensors
-
-
-def _merged(base: dict[str, Any], own: dict[str, Any], above: str = "") -> dict[str, Any]:
-    """Merge `own` over `base`, table by table; one with another driver, plant or kind replaces the base's.
-
-    So does a sensor's with its own channels. `false` in place of a table takes the base's away.
-    """
-    both = {
-        key: _merged(base[key], value, key)
-        for key, value in own.items()
-        if isinstance(value, dict)
-        and isinstance(base.get(key), dict)
-        and value.get("driver") in (None, base[key].get("driver"))
-        and value.get("plant") in (None, base[key].get("plant", "table"))
-        and value.get("kind") in (None, base[key].get("kind"))
-        and not (above == "sensors" and "channels" in value)
-    }
-    away = {key for key, value in own.items() if value is False and isinstance(base.get(key), dict)}
-    if "patches" in own:
-        # Places of patches that this table does not have would be an error that nobody wrote.
-        base = {key: value for key, value in base.items() if key != "patch_places"}
-        both.pop("patch_places", None)
-    return {key: value for key, value in {**base, **own, **both}.items() if key not in away}
-
-
-def fault_kinds() -> Mapping[str, type[BaseModel]]:
-    """Settings of each kind of fault of the installed plant."""
-    kinds: Mapping[str, type[BaseModel]] = entry_points.load(entry_points.SIMULATION, "plant").fault_kinds
-    return kinds
-
-
-def _read(path: Path) -> str:
-    if path.suffix == "" and path.name == str(path) and not path.exists():
-        return _shipped(path.name)
-    return read_text(
-        path, f"There is no rig file {path}: use an existing file, or a shipped rig ({', '.join(_names())})."
-    )
-
-
-def _names() -> list[str]:
-    return sorted(p.name[:-5] for p in resources.files("haploop.rigs").iterdir() if p.name.endswith(".toml"))
-
-
-def _shipped(name: str) -> str:
-    if name not in _names():
-        raise ConfigurationError(
-            f"There is no rig {name!r}: use a rig file, or a shipped rig ({', '.join(_names())})."
-        )
-    return (resources.files("haploop.rigs") / f"{name}.toml").read_text(encoding="utf-8")

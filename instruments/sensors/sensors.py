@@ -113,6 +113,7 @@ class Sensors(BaseModel):
     def _wired(self) -> Iterator[tuple[str, str]]:
         for table, sensor in {**self.of_presses, "drive": self.drive}.items():
             yield from ((table, name) for name in (sensor.channels if sensor is not None else ()))
+        yield from ((f"extra.{name}", along.channel) for name, along in self.extra.items())
 
 
 def _alone(sensor: LinearSensor, channel: str) -> float:

@@ -42,6 +42,7 @@ IEPE = (
     '[sensors.acceleration]\nchannels = ["one_acceleration"]\nsensitivity = "100 mV/g"\nhigh_pass_hz = 0.5\n'
     "low_pass_hz = 2000\n"
 )
+VIBROMETER = '[sensors.velocity]\nchannels = ["travel"]\nscale = "100 mm/s/V"\n'
 LASER = '[sensors.displacement]\nchannels = ["travel"]\nscale = 1e-3\n'
 
 KINDS = {
@@ -50,6 +51,7 @@ KINDS = {
     "force over travel": "acceleration = false\nactivation = false\n" + LOAD_CELL + LASER,
     "acceleration alone": "force = false\nactivation = false\n" + IEPE,
     "travel and a switch": "force = false\nacceleration = false\n" + LASER,
+    "velocity alone": "force = false\nacceleration = false\nactivation = false\n" + VIBROMETER,
 }
 TOLD_BY = {
     "one axis each, and a switch": ("acceleration", "activation", 1.5e-3),
@@ -57,6 +59,7 @@ TOLD_BY = {
     "force over travel": ("displacement", "force", 8e-3),
     "acceleration alone": ("acceleration", "acceleration", 4e-3),
     "travel and a switch": ("displacement", "activation", 1.5e-3),
+    "velocity alone": ("velocity", "velocity", 4e-3),
 }
 """What the motion of the representative press is from, what tells an activation, and how near (s) it lies."""
 
@@ -84,7 +87,20 @@ def test_presses_are_found_timed_and_represented(tmp_path: Path, kind: str, butt
     assert (press.motion, press.activated_by) == (motion, told_by)
     assert (press.force is None) == (not recording.has("force"))
     assert (press.travel is None) == (not recording.has("displacement"))
-    assert agreement(press, truth) > (0.9 if motion == "acceleration" else 0.5)  # a travel has its noise
+    assert agreement(press, truth) > (0.5 if motion == "displacement" else 0.9)  # a travel has its noise
+
+
+@pytest.mark.parametrize("kind", ["one axis each, and a switch", "acceleration alone"])
+def test_the_drivers_record_them_too(tmp_path: Path, kind: str) -> None:
+    with haploop.open_rig(written(tmp_path, kind), simulate="wire") as rig:
+        recording = haploop.record(rig, "push", "P01", 2, tmp_path / "recordings")
+        truth = rig.simulation.truth.presses
+    _, told_by, near = TOLD_BY[kind]
+    found = haploop.find_presses(recording)
+    assert len(found) == len(truth) == 2
+    for press, true in zip(found, truth, strict=True):
+        assert press.activation is not None and press.activated_by == told_by
+        assert abs(press.activation / recording.rate_hz - true.activation_time) < near
 
 
 def agreement(press: haploop.Representative, truth) -> float:

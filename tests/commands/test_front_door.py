@@ -74,6 +74,7 @@ WORK = {
 
 NO_WORK_FOR_A_SCRIPT = {
     "serve": "a server for a browser",
+    "new": "writes forms, to be filled in with an editor",
     "study new": "writes a form, to be filled in with an editor",
     "twin ni": "a server for other programs",
     "twin all": "a server for other programs",

@@ -94,7 +94,7 @@ class Channel:
             return self.product.ao_range
         forced = self.values.get("AI_RNG_HIGH")
         wanted = forced if forced is not None else float(np.abs(self.volts).max())
-        if self.values.get("AI_MEAS_TYPE_NAME", "VOLTAGE") != "VOLTAGE":
+        if self.values.get("AI_MEAS_TYPE_NAME", "VOLTAGE") != "VOLTAGE" or self.values.get("AI_IS_TEDS"):
             widest = self.product.ai_ranges[0]
             return input_range(self.product, float(wanted)) or widest if self.scale is not None else widest
         found = input_range(self.product, float(wanted))

@@ -148,7 +148,9 @@ def _state(system: NiSystem, name: str) -> tuple[float, int]:
 def _get_outputs(system: NiSystem, request: Any, alive: Callable[[], bool]) -> Any:
     states = [_state(system, name) for name in unflatten_channel_string(request.channel_names)]
     return pb.GetAnalogPowerUpStatesWithOutputTypeResponse(
-        state_array=[volts for volts, _ in states], channel_type_array_raw=[kind for _, kind in states]
+        state_array=[volts for volts, _ in states],
+        channel_type_array=[kind for _, kind in states],
+        channel_type_array_raw=[kind for _, kind in states],
     )
 
 

@@ -1,0 +1,143 @@
+"""`haploop new`: a folder for a study, with all that it needs."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+
+from ..reports import outputs
+from ..terminal.progress import note, print_line
+from . import front as haploop
+from .options import PATH
+from .study import STUDY_FORM
+
+__all__ = ["new"]
+
+_README = """\
+# {name}
+
+What to run here, in this order. Each command says what comes next; `haploop COMMAND --help` has its options.
+
+{rehearse}
+1. `haploop doctor --rig rig.toml`: is every instrument as the rig file says?
+2. `haploop live --rig rig.toml`: look at the sensors before anything is recorded. Ctrl-C ends it.
+3. `haploop study run`: record the presses that are still due; once for each participant, or all at once.
+4. `haploop study status`: what is recorded, and what is due.
+5. `haploop study represent {button} --out {button}-press.h5`: the press that stands for all.
+6. `haploop calibrate --rig rig.toml`: measure the table, into calibration.h5.
+7. `haploop button make {button}-press.h5 -c calibration.h5 -o {button}.h5 --rig rig.toml`: make and check the
+   digital button.
+8. `haploop report . {button}.h5`: all of it on one page.
+9. `haploop calibrations adopt {button}.h5 --rig rig.toml --reason "first"`, and from then on every night
+   `haploop recalibrate --rig rig.toml`.
+10. `haploop experiment run experiment --participant P01`: which button is it?
+    First edit experiment/experiment.toml.
+
+`haploop serve --rig rig.toml` shows 1 to 7, and the experiment, in a browser.
+"""
+_REHEARSE = """\
+The rig is simulated as long as rig.toml says so: describe yours with `haploop rig new mine.toml`, and put it
+in place of rig.toml. Nothing that is measured until then is real.
+"""
+_REAL = """\
+Rehearse all of it without touching an instrument: `--simulate twin` behind each command, into another folder.
+"""
+
+
+@click.command("new")
+@click.argument("folder", type=PATH)
+@click.option(
+    "--buttons", metavar="LIST", help="Buttons, for example latch,toggle,push.  [default: asked for]"
+)
+@click.option(
+    "--participants", type=click.IntRange(1, 999), metavar="N", help="How many.  [default: asked for]"
+)
+@click.option(
+    "--rig", "-r", metavar="FILE", help="Rig file, name of a shipped rig, or ask.  [default: asked for]"
+)
+def new(folder: Path, buttons: str | None, participants: int | None, rig: str | None) -> int:
+    """Make a FOLDER for a study: rig, study, experiment, and what to run in which order.
+
+    What is not given is asked for at a terminal. Edit the files as you like; nothing that exists is
+    overwritten.
+    """
+    named = _buttons(_given("buttons", buttons, "Which buttons?", "latch,toggle,push"))
+    count = int(_given("participants", participants, "How many participants?", "3"))
+    chosen = _given(
+        "rig", rig, "Which rig: a file, a shipped rig's name, or ask to describe yours?", "simulated"
+    )
+    paths = [folder / name for name in ("rig.toml", "study.toml", "experiment/experiment.toml", "README.md")]
+    for path in paths:
+        outputs.check_destination(path)
+    if chosen == "ask":
+        described = haploop.new_rig(paths[0], _ask, haploop.look_for_hardware(), note)
+        simulated = described.simulate is not None
+    else:
+        simulated = haploop.load_rig_file(chosen).simulate is not None
+        base = str(Path(chosen).resolve()) if Path(chosen).is_file() else chosen
+        _write(paths[0], f"base = {json.dumps(base)}\nname = {json.dumps(folder.resolve().name)}\n")
+    people = [f"P{number:02d}" for number in range(1, count + 1)]
+    name = folder.resolve().name
+    _write(paths[1], _study(name, named, people))
+    if len(named) > 1:
+        _write(paths[2], _experiment(named))
+    rehearse = (_REHEARSE if simulated else _REAL).rstrip()
+    _write(paths[3], _README.format(name=name, button=named[0], rehearse=rehearse + "\n"))
+    haploop.load_study(folder)
+    haploop.load_rig_file(paths[0])
+    print_line(
+        f"Made {folder}. Read {paths[3]} for what to run; first: cd {folder}, haploop doctor --rig rig.toml"
+    )
+    return 0
+
+
+def _given(option: str, value: str | int | None, question: str, default: str) -> str:
+    """A value that was given, or that a person at the terminal answers. Raises ConfigurationError."""
+    if value is not None:
+        return str(value)
+    if not sys.stdin.isatty():
+        raise haploop.ConfigurationError(
+            f"Nobody is there to ask: say it with --{option}, such as {default}."
+        )
+    answer = _ask(question, default)
+    if option == "participants" and not (answer.isdecimal() and 0 < int(answer) < 1000):
+        raise haploop.ConfigurationError(f"{answer!r} is not a number of participants: use 1 to 999.")
+    return answer
+
+
+def _ask(question: str, default: str) -> str:
+    return str(click.prompt(question, default=default, show_default=bool(default), err=True))
+
+
+def _buttons(text: str) -> list[str]:
+    named = [one.strip() for one in text.split(",") if one.strip()]
+    wrong = [one for one in named if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_-]{0,39}", one)]
+    if wrong or not named or len(set(named)) < len(named):
+        raise haploop.ConfigurationError(
+            f"Buttons are different names of letters, digits, _ and -, such as latch,push (found {text!r})."
+        )
+    return named
+
+
+def _study(name: str, buttons: Sequence[str], people: Sequence[str]) -> str:
+    text = STUDY_FORM.format(name=json.dumps(name))
+    said = {"rig": "rig.toml", "buttons": list(buttons), "participants": list(people)}
+    for key, value in said.items():  # nothing in these names needs a backslash
+        text = re.sub(rf"^{key} = .*?(?= *#|$)", f"{key} = {json.dumps(value)}", text, flags=re.MULTILINE)
+    return text.replace("[button.latch]", f"[button.{buttons[0]}]")
+
+
+def _experiment(buttons: Sequence[str]) -> str:
+    text = haploop.load_experiment("matching").path.read_text(encoding="utf-8")
+    levels = f"levels = {json.dumps(list(buttons))}"
+    return re.sub(r"^levels = \[.*\"latch\".*\]$", levels, text, count=1, flags=re.MULTILINE)
+
+
+def _write(path: Path, text: str) -> None:
+    with outputs.new_file(path) as part:
+        part.write_text(text, encoding="utf-8", newline="\n")

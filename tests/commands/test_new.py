@@ -1,0 +1,72 @@
+"""`haploop new`: a folder whose files are valid, whose README's commands are, and that replaces nothing."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+import haploop
+from haploop.commands.cli import cli
+from tests.command_line import Run
+
+
+@pytest.fixture
+def lab(run: Run, tmp_path: Path) -> Path:
+    made = tmp_path / "my lab"
+    result = run("new", made, "--buttons", "click, snap", "--participants", 12, "--rig", "simulated")
+    assert result.exit_code == 0 and "README.md" in result.stdout
+    return made
+
+
+def test_all_files_are_valid_and_name_what_was_asked_for(lab: Path) -> None:
+    study = haploop.load(lab)
+    assert study.file.buttons == ("click", "snap") and len(study.file.participants) == 12
+    assert haploop.load_rig_file(lab / "rig.toml").name == "my lab"
+    assert study.file.rig == "rig.toml"
+    experiment = haploop.load(lab / "experiment")
+    assert 'levels = ["click", "snap"]' in experiment.path.read_text(encoding="utf-8")
+
+
+def test_each_command_of_its_readme_is_one_with_its_options(lab: Path) -> None:
+    readme = (lab / "README.md").read_text(encoding="utf-8")
+    told = [shlex.split(one)[1:] for one in re.findall(r"`(haploop [^`]*)`", readme)]
+    assert len(told) > 10
+    for words in told:
+        group, name = cli, words.pop(0)
+        if name == "COMMAND":
+            continue
+        while name in getattr(group, "commands", {}):
+            group = group.commands[name]  # type: ignore[assignment]
+            if not hasattr(group, "commands"):
+                break
+            name = words.pop(0)
+        options = {option for parameter in group.params for option in parameter.opts}
+        assert {word for word in words if word.startswith("-")} <= options, (group.name, words)
+
+
+def test_the_study_is_recorded_and_represented_there(
+    lab: Path, run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(lab)
+    text = (lab / "study.toml").read_text(encoding="utf-8").replace("presses = 10 ", "presses = 1 ", 1)
+    (lab / "study.toml").write_text(text, encoding="utf-8")
+    assert run("study", "run", "-p", "P01", "-b", "click").exit_code == 0
+    assert run("study", "represent", "click", "--out", "click-press.h5").exit_code == 0
+
+
+def test_nothing_is_replaced_and_wrong_answers_are_one_sentence(run: Run, lab: Path, tmp_path: Path) -> None:
+    given = ("--buttons", "a", "--participants", 1, "--rig", "simulated")
+    again = run("new", lab, *given)
+    assert again.exit_code == 2 and "already exists" in again.stderr
+    for wrong, said in (
+        (("--buttons", "a b", *given[2:]), "such as latch,push"),
+        (("--buttons", "a,a", *given[2:]), "different names"),
+        ((*given[:4], "--rig", "nosuch"), "There is no rig 'nosuch'"),
+        (given[:4], "Nobody is there to ask: say it with --rig"),
+    ):
+        result = run("new", tmp_path / "other", *wrong)
+        assert result.exit_code == 2 and said in result.stderr and result.stderr.count("\n") == 1
+        assert not (tmp_path / "other" / "study.toml").exists()

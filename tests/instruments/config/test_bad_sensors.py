@@ -1,0 +1,86 @@
+"""A wrong description of a sensor is one sentence that says what to write instead."""
+
+from __future__ import annotations
+
+import pytest
+
+from haploop.instruments import ConfigurationError, load_rig_file
+
+FORCE = '[sensors.force]\nchannels = ["gauge0"]\n'
+BRIDGE = FORCE + 'sensitivity = "2 mV/V"\n'
+CHARGE = FORCE + 'sensitivity = "-4.3 pC/N"\n'
+PLANAR = '[sensors.force]\nchannels = ["gauge0", "gauge1"]\n'
+ALONG = '[sensors.acceleration]\nchannels = ["acceleration_z"]\n'
+TRAVEL = '[sensors.displacement]\nchannels = ["laser"]\n'
+EXTRA = '[sensors.extra.t]\nchannel = "gauge0"\nscale = 1\nunit = "K"'
+TWICE = 'scale = 1e-3\n[daq.channels]\ngauge1 = { terminal = "Dev1/ai0", range = 10, config = "diff" }'
+DC = (
+    '[daq.channels]\nacceleration_z = { terminal = "Dev2/ai2", range = 5, coupling = "dc", '
+    "excitation = 2e-3 }"
+)
+SPEED = '[sensors.velocity]\nchannels = ["laser"]\n'
+
+CASES = {
+    "singular matrix": (PLANAR + 'axes = ["x", "z"]\nmatrix = [[1, 2], [2, 4]]', "depend on each other"),
+    "row of zeros": (PLANAR + 'axes = ["x", "z"]\nmatrix = [[0, 0], [2, 4]]', "leave it out"),
+    "short row": (PLANAR + 'axes = ["x", "z"]\nmatrix = [[1, 2], [2]]', "row 2 of matrix has 1 numbers"),
+    "two sensors on a channel": (
+        FORCE + "scale = 20\n" + TRAVEL.replace("laser", "gauge0") + "scale = 1e-3",
+        "give each its own",
+    ),
+    "extra on a sensor's channel": (FORCE + "scale = 20\n" + EXTRA, "give each its own"),
+    "a channel twice": (
+        '[sensors.force]\nchannels = ["gauge0", "gauge0"]\naxes = ["x", "z"]\nscale = 20',
+        "twice",
+    ),
+    "two channels on a terminal": (
+        FORCE + "scale = 20\n" + TRAVEL.replace("laser", "gauge1") + TWICE,
+        "Dev1/ai0",
+    ),
+    "range beyond the channel's": (
+        FORCE + "scale = 20\nrange = 400",
+        "20 V, and the channel gauge0 ends at 10 V: write range = 200",
+    ),
+    "AC-coupled, abort force": (
+        CHARGE + 'amplifier = "10 mV/pC"\nhigh_pass_hz = 0.16\n[abort]\nforce = 50',
+        "abort.force",
+    ),
+    "bridge without excitation": (BRIDGE + "rated = 50", "needs excitation"),
+    "bridge without rated load": (BRIDGE + "excitation = 10", "rated"),
+    "pC without amplifier": (CHARGE + "high_pass_hz = 0.16", "amplifier ="),
+    "charge without high-pass": (CHARGE + 'amplifier = "10 mV/pC"', "high_pass_hz"),
+    "vertical not among axes": (FORCE + 'scale = 20\nvertical = "x"', "use one of these"),
+    "two axes without names": (PLANAR + "scale = 20", "name them"),
+    "unit of another quantity": (ALONG + 'sensitivity = "2 mV/N"', "mV/g"),
+    "scale of another quantity": (SPEED + 'scale = "20 mm/V"', "(m/s)/V"),
+    "unit that nobody knows": (TRAVEL + 'sensitivity = "3 V/furlong"', "unit"),
+    "scale 0": (FORCE + "scale = 0", "a scale of 0 measures nothing"),
+    "gain 0": (FORCE + "sensitivity = 0.1\ngain = 0", "of 0 measures nothing"),
+    "neither scale nor sensitivity": (FORCE, "give either scale"),
+    "both": (FORCE + "scale = 20\nsensitivity = 0.05", "give either scale"),
+    "infinite scale": (FORCE + "scale = inf", "number"),
+    "gravity of an AC-coupled one": (
+        ALONG + "scale = 98\nhigh_pass_hz = 0.5\ngravity = true",
+        "leave gravity out",
+    ),
+    "LVDT without excitation": (TRAVEL + 'sensitivity = "80 mV/V/mm"', "needs excitation"),
+    "displacement of three channels": (
+        '[sensors.displacement]\nchannels = ["gauge0", "gauge1"]\nscale = 1e-3',
+        "at most 1",
+    ),
+    "IEPE on a DC-coupled input": (ALONG + "scale = 98\nhigh_pass_hz = 0.5\n" + DC, 'coupling = "ac"'),
+    "coupled, and not said so": (ALONG + "scale = 98\n" + DC.replace('"dc"', '"ac"'), "write high_pass_hz"),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_wrong_sensor_is_one_sentence(tmp_path, case):
+    tables, told = CASES[case]
+    path = tmp_path / "rig.toml"
+    path.write_text(f'base = "haptable"\nname = "wrong"\n{tables}\n', encoding="utf-8")
+    with pytest.raises(ConfigurationError) as refused:
+        load_rig_file(path)
+    sentence = str(refused.value)
+    assert told in sentence
+    assert "\n" not in sentence.strip()
+    assert sentence.startswith(f"{path}") and len(sentence) - len(str(tmp_path)) < 300

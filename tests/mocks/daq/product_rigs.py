@@ -1,0 +1,355 @@
+"""A rig file for each NI product, and what runs on it: doctor, record, calibrate and check, on twin and wire.
+
+`python -m tests.mocks.daq.product_rigs PAGE` runs all of them and writes the page with what it found; with
+names of products behind the page, only those run, and the other rows stay.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import haploop
+from haploop.calibration.examination import examine
+from haploop.instruments.errors import HaploopError
+from haploop.mocks.daq.products import PRODUCTS, Product
+
+__all__ = ["Mode", "Pressed", "Rig", "of", "pressed", "run"]
+
+Mode = Literal["twin", "wire"]
+Pressed = Callable[[float], Path]
+"""Returns the file of a press that was recorded at a rate (Hz)."""
+_LEAST = 20e3
+"""Lowest rate at which a table is calibrated here (Hz): below it a sweep does not end near zero."""
+_MODULES = ("C Series", "TestScale")
+_RATES = (50e3, 25e3, 20e3, 10e3, 5e3)
+
+
+@dataclass(frozen=True)
+class Rig:
+    """A generated rig file, and what its product can do in it."""
+
+    product: str
+    text: str
+    steps: tuple[str, ...]
+    partner: str = ""
+    """Product that has the terminals that it lacks."""
+
+
+def of(name: str) -> Rig:
+    """Generate the rig of a product: its inputs and outputs, and a partner's where it has none."""
+    product = PRODUCTS[name]
+    if product.slots:
+        return _in_chassis(name)
+    module = product.family in _MODULES
+    own, other = ("cDAQ1Mod1", "cDAQ1Mod2") if module else ("Dev1", "Dev2")
+    volts = _volts(product)
+    inputs = own if volts >= 1 else other
+    outputs = own if product.ao_rate_hz >= _LEAST and product.ao_channels else other
+    wanted = _partner(product, inputs == other, outputs == other)
+    reads = product if inputs == own else PRODUCTS[wanted]
+    puts = product if outputs == own else PRODUCTS[wanted]
+    devices = {own: name} | ({other: wanted} if other in (inputs, outputs) else {})
+    lines = [f'name = "{name}"', f"rate_hz = {_rate(reads, 5):g}", "[daq]", 'driver = "ni-daqmx"']
+    listed = ", ".join(f'{device} = "{kind}"' for device, kind in devices.items())
+    lines.append(f"devices = {{ {listed} }}")
+    table = _volts(reads) >= 2 and _rate(reads, 2, puts) >= _LEAST and volts + product.ao_channels > 0
+    presses = inputs == own and _volts(reads) >= 10 and _rate(reads, 10) >= 1000
+    names = [*(f"gauge{i}" for i in range(6)), "acceleration_x", "acceleration_y", "acceleration_z", "switch"]
+    lines.append("[daq.channels]")
+    if presses:
+        spans = dict.fromkeys(names, 10.0) | dict.fromkeys(names[6:9], 5.0)
+        lines += [_channel(n, inputs, i, reads, spans[n]) for i, n in enumerate(names)]
+    first = len(names) if presses and _volts(reads) >= len(names) + 2 else 0
+    if table and not (presses and first == 0):
+        lines += [
+            _channel("drive", inputs, first, reads, 1.0),
+            _channel("laser", inputs, first + 1, reads, 5.0),
+        ]
+    elif not presses and volts:
+        lines.append(_channel("signal", inputs, 0, reads, min(5.0, reads.ai_ranges[0])))
+    table = table and not (presses and first == 0)
+    if table:
+        lines += [
+            "[daq.outputs]",
+            f'amplifier = {{ terminal = "{outputs}/ao0", range = {min(10.0, puts.ao_range)} }}',
+        ]
+        lines.append(_TABLE.replace("RATE", f"{_rate(reads, 2, puts):.10g}"))
+    if presses:
+        lines.append(_SENSORS)
+    steps = ["doctor"] + ["record"] * presses + ["calibrate", "check"] * table
+    return Rig(name, "\n".join(lines), tuple(steps), wanted if other in (inputs, outputs) else "")
+
+
+def _in_chassis(name: str) -> Rig:
+    """Generate the rig of a chassis: that of an NI 9205 in its first slot."""
+    inside = of("NI 9205")
+    devices = f'devices = {{ cDAQ1 = "{name}", cDAQ1Mod1 = "NI 9205" }}'
+    kept = "\n".join(devices if line.startswith("devices") else line for line in inside.text.splitlines())
+    table = kept.index("[daq.outputs]")
+    return Rig(name, kept[:table] + _SENSORS, ("doctor", "record"), "NI 9205")
+
+
+def _volts(product: Product) -> int:
+    """Number of inputs that read volts."""
+    if (product.ai_measures and "VOLTAGE" not in product.ai_measures) or not product.ai_ranges:
+        return 0
+    return max(product.ai_single_ended, product.ai_differential) if product.ai_ranges[0] >= 1 else 0
+
+
+def _partner(product: Product, reads: bool, puts: bool) -> str:
+    if product.family not in _MODULES:
+        return "PCIe-6321"
+    return "NI 9263" if puts and not reads else "NI 9205"
+
+
+def _rate(reads: Product, count: int, puts: Product | None = None) -> float:
+    """Highest usual rate at which `count` inputs, and the outputs, run."""
+    most = reads.ai_rate_hz / (1 if reads.ai_simultaneous else count)
+    most = min(most, puts.ao_rate_hz if puts is not None else 5000.0)
+    usual = next((rate for rate in _RATES if rate <= most), most)
+    own = reads.sample_rate(usual)
+    return own if own <= most * (1 + 1e-9) else reads.sample_rate(usual / 2)
+
+
+def _channel(name: str, device: str, number: int, product: Product, wanted: float) -> str:
+    span = min(wanted, product.ai_ranges[0])
+    single = ', config = "rse"' if product.ai_single_ended else ""
+    return f'{name} = {{ terminal = "{device}/ai{number}", range = {span:g}{single} }}'
+
+
+_TABLE = """
+[amplifier]
+driver = "e413-d2"
+input = "amplifier"
+gain = 50
+
+[relay]
+driver = "yocto-maxicoupler"
+hub = "http://127.0.0.1:4444"
+patches = { A = 1, B = 2, C = 3, D = 4 }
+rating = 48
+dead_man = 2.0
+
+[vibrometer]
+driver = "pdv-100"
+channel = "laser"
+range = 0.02
+low_pass_hz = 5000
+
+[table]
+rows = 7
+columns = 12
+button_point = 20
+patches = ["A", "B", "C", "D"]
+patch_places = { A = [0.20, 0.15], B = [0.62, 0.93], C = [0.08, 0.45], D = [0.92, 0.55] }
+rate_hz = RATE
+
+[actuator]
+kind = "piezo"
+capacitance = 90e-9
+min = -100
+max = 400
+
+[sensors.drive]
+channels = ["drive"]
+ratio = 100
+
+[limits]
+peak_to_peak = 100
+"""
+_SENSORS = """
+[sensors.force]
+channels = ["gauge0", "gauge1", "gauge2", "gauge3", "gauge4", "gauge5"]
+matrix = [
+    [0.0, -0.02, 0.0, 3.15, 0.0, -3.15],
+    [0.0, -3.70, 0.0, 1.85, 0.0, 1.85],
+    [5.20, 0.0, 5.20, 0.0, 5.20, 0.0],
+    [0.0, -0.04, 0.0779, 0.02, -0.0779, 0.02],
+    [-0.09, 0.0, 0.045, -0.035, 0.045, 0.035],
+    [0.0, -0.046, 0.0, -0.046, 0.0, -0.046],
+]
+range = [40, 40, 120, 2, 2, 2]
+
+[sensors.acceleration]
+channels = ["acceleration_x", "acceleration_y", "acceleration_z"]
+supply = 3.3
+capacitor = 10e-9
+low_pass_hz = 500
+
+[sensors.activation]
+channels = ["switch"]
+threshold = 2.5
+"""
+
+
+# What runs
+
+
+def run(rig: Rig, simulate: Mode, folder: Path, press: Pressed) -> dict[str, str]:
+    """Run each step of a rig; return "yes", or the sentence that says why not, by step.
+
+    `press` returns the file of a press that was recorded at a rate (Hz), for checks.
+    """
+    file = folder / "rig.toml"
+    file.write_text(rig.text, encoding="utf-8")
+    done: dict[str, str] = {}
+    steps = {
+        "doctor": lambda: _doctor(file, simulate),
+        "record": lambda: _record(file, simulate, folder),
+        "calibrate": lambda: _calibrate(file, simulate, folder),
+        "check": lambda: _check(file, simulate, folder, press),
+    }
+    for step in rig.steps:
+        try:
+            done[step] = steps[step]()
+        except HaploopError as error:
+            done[step] = str(error)
+    return done
+
+
+def _doctor(file: Path, simulate: Mode) -> str:
+    with haploop.open_rig(file, simulate=simulate) as rig:
+        red = [finding for finding in examine(rig) if finding.status == "red"]
+    return "; ".join(f"{finding.name}: {finding.sentence}" for finding in red) or "yes"
+
+
+def _record(file: Path, simulate: Mode, folder: Path) -> str:
+    with haploop.open_rig(file, simulate=simulate) as rig:
+        recording = haploop.record(rig, button="latch", participant="P01", presses=2, out=folder)
+    return "yes" if len(recording.accepted) >= 2 else f"{len(recording.accepted)} presses"
+
+
+def _calibrate(file: Path, simulate: Mode, folder: Path) -> str:
+    with haploop.open_rig(file, simulate=simulate) as rig:
+        haploop.calibrate(rig, patch="A", point="button").save(folder / "calibration.h5")
+    return "yes"
+
+
+def _check(file: Path, simulate: Mode, folder: Path, press: Pressed) -> str:
+    calibration = haploop.Calibration.load(folder / "calibration.h5")
+    with haploop.open_rig(file, simulate=simulate) as rig:
+        recorded = press(5000.0 if rig.table.rate_hz % 5000 == 0 else 5120.0)
+        drive = haploop.drive_for(haploop.Representative.load(recorded), calibration, limits=rig.limits)
+        result = haploop.check(rig, drive)
+    return "yes" if result.verdict == "pass" else str(result.verdict)
+
+
+def pressed(folder: Path) -> Pressed:
+    """Return what records a press on the simulated rig at a rate (Hz), once, and returns its file."""
+
+    def press(rate_hz: float) -> Path:
+        file, rig = folder / f"press-{rate_hz:g}.h5", folder / f"rig-{rate_hz:g}.toml"
+        if not file.exists():
+            rig.write_text(f'base = "simulated"\nname = "presses"\nrate_hz = {rate_hz:g}\n', encoding="utf-8")
+            with haploop.open_rig(rig) as opened:
+                recording = haploop.record(opened, "latch", "P01", 5, folder / f"{rate_hz:g}")
+            haploop.representative([recording]).save(file)
+        return file
+
+    return press
+
+
+# The page
+
+_MODES: tuple[Mode, ...] = ("twin", "wire")
+_HEAD = """# NI products
+
+Simulated products, from the table `mocks/daq/products.toml`, and what ran on a generated rig of each, on twin
+and wire (`python -m tests.mocks.daq.product_rigs docs/reference/ni-products.md`). Nothing here ran on the
+product itself.
+
+A product that is not here is described in the rig file, with the fields of a row of the table:
+
+```toml
+[daq.products."USB-6999"]
+like = "USB-6211"
+ai_ranges = [10.0, 1.0]
+source = "its data sheet"
+```
+
+or by a package, with an entry point of the group `haploop.ni_products` that is a mapping of such rows.
+
+Inputs are against ground, differential; s: each has its own converter. Rates are conversions per second
+of all inputs together, or of each where they are simultaneous. "with" names the product that gave the
+rig the terminals which this one lacks. A dash: the product has no terminals for it, too few inputs, or
+too low a rate (a table is calibrated from 20 kHz on). \\*: the row, or figures in it, are estimates, as
+`source` and `estimates` say. "Not shown" is a verdict of `check`: what was measured shows neither that it
+passes nor that it fails.
+
+"""
+_COLUMNS = [
+    "product",
+    "inputs",
+    "ranges (± V)",
+    "bits",
+    "rate (S/s)",
+    "outputs",
+    "counters",
+    "with",
+    "doctor",
+    "record",
+    "calibrate",
+    "check",
+]
+
+
+def row(rig: Rig, results: dict[Mode, dict[str, str]]) -> str:
+    """Return the page's row of a product."""
+    product = PRODUCTS[rig.product]
+    inputs = f"{product.ai_single_ended}, {product.ai_differential}{' s' if product.ai_simultaneous else ''}"
+    ranges = ", ".join(f"{value:g}" for value in product.ai_ranges)
+    outputs = f"{product.ao_channels}, {_si(product.ao_rate_hz)}" if product.ao_channels else ""
+    cells = [
+        product.name + (" \\*" if product.source == "estimate" or product.estimates else ""),
+        inputs if product.ai_ranges else "",
+        ranges,
+        str(product.ai_bits) if product.ai_ranges else "",
+        _si(product.ai_rate_hz) if product.ai_ranges else "",
+        outputs,
+        str(product.counters or ""),
+        rig.partner,
+    ]
+    for step in ("doctor", "record", "calibrate", "check"):
+        told = [results[mode].get(step, "-") for mode in _MODES]
+        cells.append(
+            told[0] if told[0] == told[1] else ", ".join(map(": ".join, zip(_MODES, told, strict=True)))
+        )
+    return f"| {' | '.join(cells)} |"
+
+
+def _si(value: float) -> str:
+    if value >= 1e6:
+        return f"{value / 1e6:.3g} M"
+    return f"{value / 1e3:.3g} k" if value >= 1e3 else f"{value:g}"
+
+
+def main(page: Path, names: list[str]) -> None:
+    """Run the rigs of `names`, or all, and write the page."""
+    before = {} if not page.exists() else {
+        line.split("|")[1].strip().removesuffix(" \\*"): line
+        for line in page.read_text(encoding="utf-8").splitlines() if line.startswith("| ")
+    }  # fmt: skip
+    rows: list[str] = []
+    with tempfile.TemporaryDirectory() as place:
+        press = pressed(Path(place))
+        for name in PRODUCTS:
+            if names and name not in names:
+                rows += [before[name]] if name in before else []
+                continue
+            rig, results = of(name), {}
+            for mode in _MODES:
+                with tempfile.TemporaryDirectory() as folder:
+                    results[mode] = run(rig, mode, Path(folder), press)
+            rows.append(row(rig, results))
+            print(rows[-1], flush=True)
+    head = [f"| {' | '.join(_COLUMNS)} |", "|---" * len(_COLUMNS) + "|"]
+    page.write_text("\n".join([_HEAD, *head, *rows, ""]), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), sys.argv[2:])

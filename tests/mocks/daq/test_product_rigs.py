@@ -1,0 +1,42 @@
+"""What a product has terminals for runs on its generated rig; with --full all products, else a sample."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from haploop.mocks.daq.products import PRODUCTS
+from tests.mocks.daq import product_rigs
+
+OTHERS = {"NI 9201": {"check": "not shown"}}
+"""What is not "yes": of the coarsest input, 12 bits over ±10 V, a check shows neither pass nor fail."""
+SAMPLE = ("USB-6211", "USB-6001", "NI 9234", "cDAQ-9174")
+
+
+@pytest.fixture(scope="module")
+def presses(tmp_path_factory: pytest.TempPathFactory) -> product_rigs.Pressed:
+    return product_rigs.pressed(tmp_path_factory.mktemp("presses"))
+
+
+@pytest.mark.parametrize("simulate", ["twin", "wire"])
+@pytest.mark.parametrize("name", PRODUCTS)
+def test_what_a_product_can_do_runs_on_its_rig(
+    name: str, simulate: product_rigs.Mode, tmp_path: Path, presses: product_rigs.Pressed, full: bool
+) -> None:
+    rig = product_rigs.of(name)
+    if not full:
+        if name not in SAMPLE:
+            pytest.skip("a sample of the products, without --full")
+        rig = product_rigs.Rig(
+            rig.product, rig.text, tuple(s for s in rig.steps if s in ("doctor", "record"))
+        )
+    found = product_rigs.run(rig, simulate, tmp_path, presses)
+    assert found == dict.fromkeys(rig.steps, "yes") | (OTHERS.get(name, {}) if full else {})
+    assert "doctor" in found
+
+
+def test_the_page_has_a_row_for_each_product() -> None:
+    page = Path(__file__).parents[3] / "docs" / "reference" / "ni-products.md"
+    text = page.read_text(encoding="utf-8")
+    assert [name for name in PRODUCTS if f"| {name} " not in text] == []
