@@ -184,8 +184,13 @@ class Playing:
             )
             self._limiter.lock_out(why)
             raise InstrumentError(f"{why} Nothing else was played; `haploop reset` clears the lockout.")
-        if measured >= level / 2:  # else it may not have arrived, and the next play proves it
+        if measured >= level / 2:  # else a contact may not have closed, and the next play proves it
             self._proved.add(source)
+        elif rig.file.wiring == "direct":
+            raise InstrumentError(
+                f"The monitor showed {measured:.3g} V when {level:g} V were played to prove the gain, "
+                "and nothing else was played: is the amplifier on, and the monitor's cable and scale right?"
+            )
 
     def _played(
         self,

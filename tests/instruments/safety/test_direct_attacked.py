@@ -129,6 +129,19 @@ def test_whoever_takes_the_output_again_and_again_gets_zero_as_soon_each_time(
     world.close()
 
 
+def test_nothing_is_played_while_the_monitor_shows_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its cable is off, and the amplifier's gain is six times what the file says."""
+    faults = {"faults": [{"kind": "amplifier-gain", "gain": 12.0}]}
+    with open_rig("voice-coil", simulation=faults) as rig:
+        scale = rig.sensors.drive
+        assert scale is not None
+        monkeypatch.setattr(type(scale), "to_si", lambda _self, volts: 0.0 * volts)
+        for _ in range(2):
+            with pytest.raises(InstrumentError, match=r"monitor showed 0 V when 0\.25 V were played"):
+                rig.excite(TONE, ["A"], ["drive"])
+        assert rig.simulation.truth.peak < 2.0
+
+
 def test_a_generator_that_somebody_switches_on_is_switched_off(tmp_path: Path) -> None:
     text = (Path(haploop.__file__).parent / "rigs" / "voice-coil.toml").read_text(encoding="utf-8")
     path = tmp_path / "lab.toml"
