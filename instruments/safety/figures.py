@@ -38,6 +38,10 @@ class Kept:
         """Keep a copy of these."""
         self._own = deepcopy(figures)
 
+    def of_one(self) -> Mapping[str, Limits]:
+        """The ratings kept for one patch; none before the rig is open."""
+        return {} if self._own is None else self._own.ratings.get(1, {})
+
     def ratings(self, patches: int, now: Figures) -> Mapping[str, Limits]:
         """The ratings kept for so many patches in parallel.
 

@@ -26,7 +26,7 @@ Warmth = tuple[float, float]
 """A time (s) and the smoothed dissipation at it (W); infinite when it is not known: all that a coil takes."""
 _COLD: Warmth = (0.0, 0.0)
 _ALL = 1e300
-"""More than any coil takes (W); JSON has no infinity."""
+"""Stands for all that a coil takes (W); JSON has no infinity."""
 
 
 class Heat:
@@ -46,7 +46,7 @@ class Heat:
         if limits.coil is None:
             return 0.0
         at, watts = self._warmth
-        return limits.coil.left(min(watts, limits.power), self._clock.now() - at)
+        return limits.coil.left(watts if watts < _ALL else limits.power, self._clock.now() - at)
 
     def count(self, limits: Limits, own: float, seconds: float) -> None:
         """Count a play that is about to begin, which leaves `own` (W) after `seconds`. Raises DataError."""
@@ -60,6 +60,11 @@ class Heat:
         if limits.coil is not None:
             at, watts = self._warmth
             self._keep((max(at, self._clock.now()), watts))
+
+    def stood(self, limits: Limits, volts: float) -> None:
+        """Count volts at the coil that stood until now, nobody knows for how long. Raises DataError."""
+        if limits.coil is not None:
+            self._keep((self._clock.now(), max(self.left(limits), volts**2 / limits.coil.resistance)))
 
     def lose(self) -> None:
         """Count the coil as warm as it may be: it got volts that nobody counted. Raises DataError."""

@@ -150,8 +150,8 @@ class Limiter:
         if outputs is None or not outputs.direct:
             return
         found = outputs.found()
-        if found:  # for how long, nobody knows
-            self._lose_heat()
+        if found:
+            self._heat.stood(combined({"": Limits(), **self.kept.of_one()}), outputs.at_actuator(found))
         self._audit.note("connected", patches=sorted(outputs.direct), found=found, why=LOST)
         self._known(Outputs.rest)
         self._watch.begin()

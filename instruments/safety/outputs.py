@@ -11,6 +11,8 @@ from collections.abc import Collection, Mapping
 from contextlib import suppress
 from typing import Any
 
+import numpy as np
+
 from ..errors import HaploopError, InstrumentError
 
 __all__ = ["Outputs", "Standing"]
@@ -87,6 +89,12 @@ class Outputs:
         """Volts on outputs that are not at zero, as far as they can be read. Raises InstrumentError."""
         read = self._instruments["daq"].outputs_read()
         return {name: float(volts) for name, volts in read.items() if not abs(volts) <= _ZERO}
+
+    def at_actuator(self, found: Mapping[str, float]) -> float:
+        """Largest volts that so many on outputs make at an actuator that is always connected (V)."""
+        amplifier = self._instruments["amplifier"]
+        rails, gained = amplifier.limits(1), abs(1 / float(amplifier.to_input(np.ones(1))[0]))
+        return float(min(gained * max(map(abs, found.values())), max(rails.max, -rails.min)))
 
     def watch(self) -> None:
         """Look whether the outputs that lead to a closed contact still rest, and are still reserved.

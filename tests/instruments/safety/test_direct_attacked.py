@@ -70,6 +70,21 @@ def test_volts_that_stood_when_the_rig_was_opened_have_warmed_the_coil(here: Lab
     assert warmest(record, 8.0, TAU) < 1.1 * WATTS
 
 
+def test_a_coil_that_was_overheated_before_the_rig_was_opened_cools_first(here: Lab) -> None:
+    open_rig(hardware()).close()
+    here.leave("amplifier", 1.0)  # 0.5 W for ever
+    here.clock.sleep(20)
+    with open_rig(hardware()) as rig:
+        with pytest.raises(
+            LimitError, match=r"have left 0\.[45]\d* W in it, and it takes 0\.035 W: wait"
+        ) as told:
+            rig.excite(tone(0.1), ["A"], ["drive"])
+        wait = float(str(told.value).removesuffix(" s.").rpartition("wait ")[2])
+        assert wait > TAU * np.log(0.5 / WATTS)
+        here.clock.sleep(wait)
+        rig.excite(tone(0.1), ["A"], ["drive"])
+
+
 def test_an_output_that_was_taken_is_a_lockout_whoever_finds_it_first(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
