@@ -61,7 +61,9 @@ Rehearse all of it without touching an instrument: `--simulate twin` behind each
     "--rig", "-r", metavar="FILE", help="Rig file, name of a shipped rig, or ask.  [default: asked for]"
 )
 def new(folder: Path, buttons: str | None, participants: int | None, rig: str | None) -> int:
-    """Make a FOLDER for a study: rig, study, experiment, and what to run in which order.
+    """Make a FOLDER for a study, with all that it needs.
+
+    It gets a rig file, a study, an experiment, and a README of what to run in which order.
 
     What is not given is asked for at a terminal. Edit the files as you like; nothing that exists is
     overwritten.

@@ -40,6 +40,8 @@ _SENSITIVITIES = (1e-6, 10.0)
 """Valid scales (m/s per V); like the two below, wider than any product's: beyond is a garbled line."""
 _DELAYS = (0.0, 0.1)
 _FREQUENCIES = (1.0, 1e9)
+_BARE = 1e3
+"""Hz: no decoder ends below; a smaller number without a unit has lost it."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +77,7 @@ def is_command(text: str) -> bool:
 
 def scale_of(text: str) -> float:
     """Parse a velocity decoder's range, `5mm/s/V`, to m/s per V. Raises ValueError."""
-    return _quantity(text, r"(?P<unit>[uµ]m|mm|m)/s/V", _VELOCITY, _SENSITIVITIES)
+    return _quantity(text, r"(?P<unit>[uµ]m|mm|m)\s*/\s*s\s*/\s*V", _VELOCITY, _SENSITIVITIES)
 
 
 def scale_text(scale: float) -> str:
@@ -98,7 +100,10 @@ def frequency_of(text: str) -> float | None:
     """Parse a highest frequency, `20 kHz` or `20000`, to Hz; None where it is not told. Raises ValueError."""
     if is_untold(text):
         return None
-    return _quantity(text, r"(?P<unit>[kKmM]?[hH][zZ])?", _FREQUENCY, _FREQUENCIES)
+    found = _quantity(text, r"(?P<unit>[kKmM]?[hH][zZ])?", _FREQUENCY, _FREQUENCIES)
+    if found < _BARE and "z" not in text.lower():
+        raise ValueError("too small a number without a unit: its end is missing")
+    return found
 
 
 def is_untold(text: str) -> bool:
@@ -126,8 +131,8 @@ def level_of(text: str) -> float:
 
 
 def _quantity(text: str, unit: str, scales: dict[str, float], within: tuple[float, float]) -> float:
-    # Firmware differs in blanks: "5 mm/s / V".
-    found = re.fullmatch(rf"{_NUMBER}{unit}", re.sub(r"\s+", "", text), re.ASCII)
+    # Firmware differs in blanks, "5 mm/s / V"; one within a number is damage.
+    found = re.fullmatch(rf"\s*{_NUMBER}\s*{unit}\s*", text, re.ASCII)
     if found is None:
         raise ValueError("not a number with a known unit")
     value = float(found["number"]) * scales[(found["unit"] or "").lower()]

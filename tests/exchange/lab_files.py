@@ -14,6 +14,7 @@ from typing import Any
 
 import h5py
 import numpy as np
+import pytest
 from scipy.io import savemat
 
 G = 9.80665
@@ -277,7 +278,7 @@ def hdf5_matrix(path: Path, w: Written) -> None:
 
 
 def wav(path: Path, w: Written) -> None:
-    import soundfile
+    soundfile = pytest.importorskip("soundfile")
 
     both = np.stack([w.force / 40, w.acceleration / (10 * G), w.switch * 0.5], axis=1)
     soundfile.write(path, both, 5000, subtype="PCM_24")

@@ -31,6 +31,9 @@ from haploop.instruments.vibrometer.ofv5000_codec import duration_of, frequency_
 from haploop.mocks.clock import VirtualClock
 
 NUMBER = r"(\d+(\.\d*)?|\.\d+)"
+POWER = r"([eE][+-]?\d{1,2})?"
+VELOCITY = r"\s*[uµm]?m\s*/\s*s\s*/\s*V"
+FREQUENCY = rf"{NUMBER}{POWER}\s*[kM]?Hz|\d{{4,}}(\.\d*)?|{NUMBER}[eE]\+?\d{{1,2}}|not available"
 SEED = 20
 ODD = (
     b"nan", b"inf", b"-1", b"0", b"1e400", b"9" * 400, b"1_000", b"0x10", b"True", b"null", b"\x00", b"\xff",
@@ -107,9 +110,9 @@ def outcome(reply: bytes, parse: Callable[[str], Any]) -> tuple[str, Any] | None
 
 
 OFV = (
-    (scale_of, rf"{NUMBER}\s*[uµm]?m/s/V", (b"5mm/s/V\n", b"100 um/s/V\n", b"1m/s/V\n"), 1e-12, 1e3),
-    (duration_of, rf"{NUMBER}\s*([nuµm]?s)?", (b"12.3 us\n", b"1.1ms\n", b"7\n"), 0.0, 10.0),
-    (frequency_of, rf"{NUMBER}\s*[kM]?Hz|not available", (b"20 kHz\n", b"Not Available\n"), 1, 1e9),
+    (scale_of, rf"{NUMBER}{POWER}{VELOCITY}", (b"5mm/s/V\n", b"100 um/s/V\n", b"1m/s/V\n"), 1e-12, 1e3),
+    (duration_of, rf"{NUMBER}{POWER}\s*([nuµm]?s)?", (b"12.3 us\n", b"1.1ms\n", b"7\n"), 0.0, 10.0),
+    (frequency_of, FREQUENCY, (b"20 kHz\n", b"Not Available\n"), 1, 1e9),
     (level_of, r"\d{1,3}", (b"512\n", b"0\n", b"37\n"), 0.0, 1.0),
 )  # fmt: skip
 
@@ -176,6 +179,9 @@ class Wire:
 
     def __init__(self, said: list[bytes]) -> None:
         self._said = iter(said)
+
+    def open(self) -> None:
+        pass
 
     def reset_input_buffer(self) -> None:
         pass

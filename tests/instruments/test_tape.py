@@ -187,7 +187,9 @@ def test_a_tape_that_was_cut_off_is_found_wherever_it_was_cut(whole: Path, tmp_p
         except HaploopError as error:
             assert str(cut) in str(error)
         else:
-            assert not player.whole and player.calls <= calls
+            # Without the last eight bytes, gzip's own checksum, every line is there with its hash.
+            assert not player.whole or length >= len(data) - 8
+            assert player.calls == calls if player.whole else player.calls <= calls
     # Every line but the last: what a program leaves that was killed.
     cut.write_bytes(gzip.compress(b"".join(gzip.decompress(data).splitlines(True)[:-1])))
     assert not Player(cut).whole and Player(cut).calls == calls
