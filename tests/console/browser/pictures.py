@@ -173,7 +173,7 @@ def _few_colours(shot: Image.Image) -> Image.Image:
 def idle_pages(album: Album) -> None:
     """Pages that show what there is: nothing runs."""
     page = album.visit("")
-    expect(page.locator("#recordings")).to_contain_text("latch", timeout=WAIT)
+    expect(page.locator("#newest")).to_contain_text("latch", timeout=WAIT)
     album.take("start")
     page = album.visit("buttons")
     page.locator("#octave-plot canvas").wait_for(timeout=WAIT)
