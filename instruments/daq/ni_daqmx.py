@@ -23,7 +23,7 @@ from ..driver import one_name
 from ..errors import ConfigurationError, InstrumentError, LimitError
 from ..signals import uninterrupted
 from .ni_settings import NiSettings, Output, device_of
-from .role import Daq, Stream
+from .role import Daq, Stream, refuse_unknown
 
 if TYPE_CHECKING:
     from .ni_outputs import NiOutputs
@@ -242,17 +242,13 @@ class NiDaq(Daq):
         self, channels: Sequence[str], block: int, samples: int | None, play: Mapping[str, FloatArray]
     ) -> None:
         known, outputs = self._settings.channels, self._settings.outputs
-        for name in [c for c in channels if c not in known] + [o for o in play if o not in outputs]:
-            raise ConfigurationError(
-                f"The DAQ has no channel {name!r}; the rig file names {', '.join([*known, *outputs])}."
-            )
+        refuse_unknown(channels, play, known, outputs)
         if not channels or len(set(channels)) != len(channels):
             raise ConfigurationError("A stream needs at least one channel, and each channel once.")
         if block < 1 or (samples is not None and samples < 2):
             raise ConfigurationError("A block has 1 sample or more, a finite stream 2 or more.")
-        lengths = {len(volts) for volts in play.values()}
-        if len(lengths) > 1 or 0 in lengths:
-            raise LimitError("All waveforms that are played together must have the same length, not zero.")
+        if 0 in map(len, play.values()):
+            raise LimitError("A waveform has a sample or more.")
         for name, volts in play.items():
             largest = np.abs(volts).max()
             # NaN compares as false with everything.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Self, final
@@ -11,9 +11,10 @@ from typing import Self, final
 import numpy as np
 
 from ..arrays import BoolArray, ComplexArray, FloatArray
+from ..errors import ConfigurationError, LimitError
 from ..interlock import Interlocked
 
-__all__ = ["Block", "Capture", "Daq", "Stream"]
+__all__ = ["Block", "Capture", "Daq", "Stream", "refuse_unknown"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +104,25 @@ class Stream(ABC):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def refuse_unknown(
+    channels: Sequence[str],
+    play: Mapping[str, FloatArray],
+    known: Collection[str],
+    outputs: Collection[str],
+) -> None:
+    """Refuse what no DAQ can stream: names that the rig file does not have, waveforms of different lengths.
+
+    `known` and `outputs` are the names of the rig file's channels and outputs. Raises ConfigurationError and
+    LimitError.
+    """
+    for name in [c for c in channels if c not in known] + [o for o in play if o not in outputs]:
+        raise ConfigurationError(
+            f"The DAQ has no channel {name!r}; the rig file names {', '.join([*known, *outputs])}."
+        )
+    if len({len(volts) for volts in play.values()}) > 1:
+        raise LimitError("All waveforms that are played together must have the same length.")
 
 
 class Daq(Interlocked, ABC):

@@ -26,7 +26,7 @@ from ..inbox import Inbox
 from ..portaudio import LEAD, Audio, AudioStream, found, high_pass, load, refuse_mean
 from ..tape import taped_line
 from ..taped_audio import on_tape
-from .role import Block, Daq, Stream
+from .role import Block, Daq, Stream, refuse_unknown
 from .sound_settings import SoundSettings
 
 __all__ = ["SoundCardDaq"]
@@ -138,10 +138,7 @@ class SoundCardDaq(Daq):
 
     def _refuse(self, channels: Sequence[str], rate_hz: float, play: Mapping[str, FloatArray]) -> None:
         known, outputs = self._settings.channels, self._settings.outputs
-        for name in [c for c in channels if c not in known] + [o for o in play if o not in outputs]:
-            raise ConfigurationError(
-                f"The DAQ has no channel {name!r}; the rig file names {', '.join([*known, *outputs])}."
-            )
+        refuse_unknown(channels, play, known, outputs)
         own = self._settings.rate_hz
         if not abs(rate_hz - own) <= _SAME * own:
             raise ConfigurationError(
@@ -149,8 +146,6 @@ class SoundCardDaq(Daq):
                 f"for: write rate_hz = {own:g} at the top of the rig file for recordings, and in [table] for "
                 "drives."
             )
-        if len({len(volts) for volts in play.values()}) > 1:
-            raise LimitError("All waveforms that are played together must have the same length.")
         for name, volts in play.items():
             most = min(outputs[name].highest, outputs[name].volts_per_full_scale)
             if not np.all(np.isfinite(volts)) or np.abs(volts).max(initial=0.0) > most:

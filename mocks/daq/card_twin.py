@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...instruments.arrays import BoolArray, FloatArray
-from ...instruments.daq import Block, Daq, Stream
+from ...instruments.daq import Block, Daq, Stream, refuse_unknown
 from ...instruments.errors import ConfigurationError, HaploopError, InstrumentError, LimitError
 from ..plant import Plant, PlayStopped, Run, SamplesLost
 from .converter import convert, noise_of, put_out
@@ -241,19 +241,11 @@ class CardTwin(Daq):
                 raise self._ended(card, stopped, played) from None
 
     def _refuse(self, channels: Sequence[str], rate_hz: float, play: Mapping[str, FloatArray]) -> None:
-        for name in [c for c in channels if c not in self._card_of] + [
-            o for o in play if o not in self._outputs
-        ]:
-            raise ConfigurationError(
-                f"The DAQ has no channel {name!r}; the rig file names "
-                f"{', '.join([*self._card_of, *self._outputs])}."
-            )
+        refuse_unknown(channels, play, self._card_of, self._outputs)
         for card in self._cards:
             count = sum(self._card_of[c] is card and c not in card.counters for c in channels)
             if count:
                 _refuse_rate(card, rate_hz, count)
-        if len({len(volts) for volts in play.values()}) > 1:
-            raise LimitError("All waveforms that are played together must have the same length.")
         for name, volts in play.items():
             card = self._home_of[name]
             most = card.outputs[name]

@@ -16,6 +16,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from haploop.instruments import Block, Clock, ConfigurationError, Daq, InstrumentError, LimitError, Stream
+from haploop.instruments.daq import refuse_unknown
 
 FASTEST = 100_000.0
 """Samples of inputs and DACs per second, all together (data sheet, "Stream Mode")."""
@@ -85,21 +86,13 @@ class LabJackT7(Daq):
 
         def refuse(self, channels: Sequence[str], rate_hz: float, play: Mapping[str, np.ndarray]) -> None:
             """Raise for a stream that the T7 cannot run."""
-            known = [*self.channels, *self.outputs]
-            for name in [c for c in channels if c not in self.channels] + [
-                o for o in play if o not in self.outputs
-            ]:
-                raise ConfigurationError(
-                    f"The DAQ has no channel {name!r}; the rig file names {', '.join(known)}."
-                )
+            refuse_unknown(channels, play, self.channels, self.outputs)
             dacs = sum(len(self.outputs[name].dacs) for name in play)
             if (total := rate_hz * (len(channels) + dacs)) > FASTEST:
                 raise ConfigurationError(
                     f"The T7 streams {FASTEST:g} samples per second, and {len(channels)} inputs and {dacs} "
                     f"DACs at {rate_hz:g} Hz need {total:g}: lower the rate."
                 )
-            if len({len(volts) for volts in play.values()}) > 1:
-                raise LimitError("All waveforms that are played together must have the same length.")
             for name, volts in play.items():
                 most = self.outputs[name].highest
                 least = 0.0 if self.outputs[name].minus is None else -most
