@@ -7,7 +7,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 
-__all__ = ["Clock", "RealClock"]
+__all__ = ["Clock", "RealClock", "VirtualClock"]
 
 
 class Clock(ABC):
@@ -55,3 +55,29 @@ class RealClock(Clock):
 
     def hold(self, until: Callable[[], object]) -> None:
         """Return at once (see `Clock.hold`)."""
+
+
+class VirtualClock(Clock):
+    """A clock that jumps to the end of every wait. Safe to share between threads."""
+
+    def __init__(self, start: float = 0.0) -> None:
+        self._now = start
+        self._lock = threading.Lock()
+
+    def now(self) -> float:
+        """See `Clock.now`."""
+        return self._now
+
+    def sleep(self, duration: float) -> None:
+        """See `Clock.sleep`."""
+        with self._lock:
+            self._now += max(0.0, duration)
+
+    def sleep_until(self, when: float) -> None:
+        """Jump to `when` (s), unless another thread's wait has already moved time past it."""
+        with self._lock:
+            self._now = max(self._now, when)
+
+    def hold(self, until: Callable[[], object]) -> None:
+        """See `Clock.hold`."""
+        until()

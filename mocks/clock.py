@@ -2,41 +2,12 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable
-
-from ..instruments.clock import Clock, RealClock
+from ..instruments.clock import RealClock, VirtualClock
 
 __all__ = ["RealTimeClock", "VirtualClock"]
 
 _BEHIND = 0.1
 """Lag behind real time (s) beyond which a `RealTimeClock` does not catch up."""
-
-
-class VirtualClock(Clock):
-    """A clock that jumps to the end of every wait. Safe to share between threads."""
-
-    def __init__(self, start: float = 0.0) -> None:
-        self._now = start
-        self._lock = threading.Lock()
-
-    def now(self) -> float:
-        """See `Clock.now`."""
-        return self._now
-
-    def sleep(self, duration: float) -> None:
-        """See `Clock.sleep`."""
-        with self._lock:
-            self._now += max(0.0, duration)
-
-    def sleep_until(self, when: float) -> None:
-        """Jump to `when` (s), unless another thread's wait has already moved time past it."""
-        with self._lock:
-            self._now = max(self._now, when)
-
-    def hold(self, until: Callable[[], object]) -> None:
-        """See `Clock.hold`."""
-        until()
 
 
 class RealTimeClock(VirtualClock):

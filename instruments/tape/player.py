@@ -20,7 +20,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from ..clock import Clock
+from ..clock import VirtualClock
 from ..errors import DataError, InstrumentError
 from .lines import Call
 from .tape_file import TapeLines
@@ -40,39 +40,20 @@ class TapeError(InstrumentError):
     """A tape holds another call than the one that is asked for, or none."""
 
 
-class TapeClock(Clock):
-    """The time of the tape."""
+class TapeClock(VirtualClock):
+    """The time of the tape: it moves on to that of each call, and waits take none."""
 
     def __init__(self, start: float, real: bool) -> None:
+        super().__init__(start)
         self.real = real
-        self._now = start
-        self._lock = threading.Lock()
-
-    def now(self) -> float:
-        """See `Clock.now`."""
-        return self._now
-
-    def sleep(self, duration: float) -> None:
-        """See `Clock.sleep`: takes no time."""
-        with self._lock:
-            self._now += max(0.0, duration)
-
-    def hold(self, until: Callable[[], object]) -> None:
-        """See `Clock.hold`: a reader never reads further than on the tape."""
-        until()
 
     def wait(self, event: threading.Event, duration: float) -> bool:
         """See `Clock.wait`."""
-        end = self._now + _RARELY * duration
+        end = self.now() + _RARELY * duration
         while not event.wait(_LOOK):
-            if self._now >= end:
+            if self.now() >= end:
                 return False
         return True
-
-    def reach(self, when: float) -> None:
-        """Move on to the time of a call."""
-        with self._lock:
-            self._now = max(self._now, when)
 
 
 @dataclass
@@ -144,7 +125,7 @@ class Player:
                 return None
             self.answered += 1
         try:
-            self._clock.reach(float(said["at"]))
+            self._clock.sleep_until(float(said["at"]))
             error = _error_of(call, said["error"]) if "error" in said else None
             for array, told in zip(call.filled, said.get("filled", []), strict=error is None):
                 array[...] = from_json(told)
