@@ -145,20 +145,16 @@ def _weight(scene: Scene, sensor: LinearSensor, times: FloatArray) -> FloatArray
     """Weight on a force sensor with its drift (N); of an AC-coupled one, what has not faded."""
     corners = sensor.transfer.high_pass_hz
     weight = np.zeros(times.shape)
+    levels = np.array([0.0, *(added for _, added in scene.loads)])
     if corners:
-        for at, before, after in zip(
-            (at for at, _ in scene.loads),
-            (0.0, *(added for _, added in scene.loads)),
-            (added for _, added in scene.loads),
-            strict=False,
-        ):
+        for (at, after), before in zip(scene.loads, levels[:-1], strict=True):
             since = times - at
             weight += (since >= 0) * (after - before) * np.exp(-2 * np.pi * corners[0] * np.maximum(since, 0))
         return weight
     weight += WEIGHT + FORCE_DRIFT * np.minimum(times, FORCE_WARM)
     if scene.loads:
         number = np.searchsorted([at for at, _ in scene.loads], times, side="right")
-        weight += np.array([0.0, *(added for _, added in scene.loads)])[number]
+        weight += levels[number]
     return weight
 
 
