@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from haploop.commands.study import _NEW
+from haploop.commands.study import STUDY_FORM
 from haploop.instruments import Consent, open_rig
 from haploop.mocks.operator.twin import OperatorTwin
 from tests.command_line import Run
@@ -130,7 +130,7 @@ def test_nothing_is_taken_for_a_study_that_is_none(run: Run, study: Path, tmp_pa
         result = run(*args)
         assert (result.exit_code, result.stdout) == (2, ""), args
         assert len([line for line in result.stderr.splitlines() if line.startswith("Error: ")]) == 1
-    (study / "study.toml").write_text(_NEW.format(name='"pilot"').replace('rig = "simulated"', ""))
+    (study / "study.toml").write_text(STUDY_FORM.format(name='"pilot"').replace('rig = "simulated"', ""))
     assert "names no rig" in run("study", "run", "--study", study).stderr
 
 

@@ -13,7 +13,7 @@ import pytest
 from haploop.acquisition import Protocol, load_study
 from haploop.acquisition.presses.segmentation import segmentation_for
 from haploop.acquisition.session.study_file import load_study_file
-from haploop.commands.study import _NEW
+from haploop.commands.study import STUDY_FORM
 from haploop.instruments import ConfigurationError
 
 GOOD = """
@@ -161,7 +161,7 @@ def test_what_the_guide_and_a_new_study_show_can_be_loaded(tmp_path):
     file = loaded(tmp_path, example)
     assert file.prompt_for("latch").startswith("Press the latch until it stays")
     assert file.prompts.ready.format(participant="P01", button="latch", presses=3).startswith("P01: index")
-    new = _NEW.format(name='"pilot"')
+    new = STUDY_FORM.format(name='"pilot"')
     assert loaded(tmp_path, new).participants == ("P01", "P02", "P03")
     everything = loaded(tmp_path, re.sub(r"^# (?=\[|\w+ = )", "", new, flags=re.MULTILINE))
     assert everything.presses_of("latch") == 20
