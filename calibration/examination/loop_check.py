@@ -45,8 +45,14 @@ def examine_loop(
 
     The operator is asked to unplug the amplifier and to plug the cable. `volts` is what a voltmeter at the
     output showed (V rms) while an earlier call played. The findings say what to write into the rig file.
-    Raises ConfigurationError for a rig without such an output, InstrumentError.
+    Raises ConfigurationError for a rig without such an output or without a relay, InstrumentError.
     """
+    if rig.file.wiring == "direct":
+        raise ConfigurationError(
+            f"The rig {rig.name!r} has no relay, so a loop's plays may reach its actuator, and a drive "
+            "monitor on the cable would not show it: measure as docs/how-to/sound-card.md says under "
+            "'Without a relay'."
+        )
     output = rig.amplifier.input
     if not output or rig.feeds_amplifier("player") or rig.feeds_amplifier("generator"):
         raise ConfigurationError(
@@ -173,9 +179,7 @@ def _at_output(rig: Rig, level: float) -> float:
 
 
 def _played(rig: Rig, drive: FloatArray, channel: str, progress: Progress) -> FloatArray:
-    # Without a relay the patch is named: its limits hold, whether the amplifier was unplugged or not.
-    patches = rig.table.patches if rig.file.relay is None else ()
-    return np.asarray(rig.excite(drive, patches, [channel], 0.1, progress).volts[0])
+    return np.asarray(rig.excite(drive, (), [channel], 0.1, progress).volts[0])
 
 
 def _tone(hz: float, duration: float, rate_hz: float) -> FloatArray:

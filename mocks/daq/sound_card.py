@@ -1,8 +1,8 @@
 """Twin of the sound card as a DAQ: an imitation of the module `sounddevice`, on the plant's clock.
 
-The real driver's class runs on it. When the driver looks whether its stream is active, the callback is called
-for each period that has passed on the card's clock: it gets what the inputs heard in that period, and what it
-returns comes out `latency` frames after the frame of the same number was heard.
+The real driver's class runs on it. As the plant advances, whoever reads, the callback is called for each
+period that has passed on the card's clock: it gets what the inputs heard in that period, and what it returns
+comes out `latency` frames after the frame of the same number was heard.
 """
 
 from __future__ import annotations
@@ -196,11 +196,15 @@ class _Stream:
 
     @property
     def active(self) -> bool:
-        """Imitate sounddevice's `active`, and call back for what has passed."""
-        now = self._card.plant.clock.now()
-        while self._running and self._start + (self._done + self._lost + FRAMES) * self._period <= now:
-            self._call()
+        """Imitate sounddevice's `active`; what has passed has been called back for."""
+        plant = self._card.plant
+        plant.advance(plant.clock.now())
         return self._running
+
+    def call(self, until: float) -> None:
+        """See `Called`."""
+        while self._running and self._start + (self._done + self._lost + FRAMES) * self._period <= until:
+            self._call()
 
     def start(self) -> None:
         """Imitate sounddevice's `start`."""
@@ -209,17 +213,20 @@ class _Stream:
         self._card.open = self
         self._start = self._card.plant.clock.now()
         self._running = True
+        self._card.plant.begin(self)
 
     def close(self, ignore_errors: bool = True) -> None:
         """Imitate sounddevice's `close`."""
         card = self._card
         if card.open is not self:
             return
-        now = card.plant.clock.now()
-        card.plant.advance(now)
-        for line in card.lines.values():
+        card.plant.end(self, self._drop)
+        card.open = None
+
+    def _drop(self, now: float) -> None:
+        self._running = False
+        for line in self._card.lines.values():
             line.drop(now)
-        self._running, card.open = False, None
 
     def _call(self) -> None:
         card, first = self._card, self._done

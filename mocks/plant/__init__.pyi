@@ -16,6 +16,7 @@ from .modal import ModalSurface as ModalSurface
 from .modal import Modes as Modes
 from .modal_plant import Modal as Modal
 from .modal_plant import random_modal as random_modal
+from .nodes import Called as Called
 from .nodes import LaserHead as LaserHead
 from .nodes import Nodes as Nodes
 from .nodes import PlayStopped as PlayStopped

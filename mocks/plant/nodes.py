@@ -12,7 +12,17 @@ from ...instruments.arrays import FloatArray
 from ...instruments.clock import Clock
 from ...instruments.vibrometer import Quantity
 
-__all__ = ["LaserHead", "Nodes", "PlayStopped", "Run", "SamplesLost", "Source", "Switched", "Switches"]
+__all__ = [
+    "Called",
+    "LaserHead",
+    "Nodes",
+    "PlayStopped",
+    "Run",
+    "SamplesLost",
+    "Source",
+    "Switched",
+    "Switches",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +52,13 @@ class Source(Protocol):
 
         No steps means that the voltage stays. `until` never decreases from call to call.
         """
+
+
+class Called(Protocol):
+    """A card whose program fills its outputs in callbacks, as the plant sees it."""
+
+    def call(self, until: float) -> None:
+        """Call back for each period that has ended by `until` (s): what comes out by then is known."""
 
 
 class SamplesLost(Exception):  # noqa: N818  an event, which each maker's driver reports in its own words

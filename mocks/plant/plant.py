@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from bisect import insort
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import groupby
@@ -21,7 +21,7 @@ from ...instruments.clock import Clock
 from ...instruments.config import RigFile
 from ...instruments.errors import ConfigurationError
 from .amplifier import Amplifier
-from .nodes import LaserHead, Run, Source, Switches
+from .nodes import Called, LaserHead, Run, Source, Switches
 from .places import OnAmplifier, OnCards, OnRelay, OnSurface
 from .scene import AmplifierOutput, Scene
 from .sensed import Output, Quantity, Signal, laser, signalled, wired
@@ -62,6 +62,7 @@ class Plant(Scene):
         super().__init__(file, clock, source)
         self._switched: list[tuple[float, int, str, bool]] = []
         self._boxes: list[Switches] = []
+        self._called: list[Called] = []
         self._sources: dict[_Place, Source] = {}
         self._last: dict[_Place, float] = {}
         """V that each source holds until its next run."""
@@ -130,6 +131,19 @@ class Plant(Scene):
     def wire(self, box: Switches) -> None:
         """Connect a box's contacts to the patches; each step to `until` first calls `box.take(until)`."""
         self._boxes.append(box)
+
+    def begin(self, card: Called) -> None:
+        """Call a card from now on before each step: whoever reads, its outputs are known up to then."""
+        with self._lock:
+            self._called.append(card)
+
+    def end(self, card: Called, then: Callable[[float], None]) -> None:
+        """Call a card up to now for the last time, and `then` with the time (s), before anybody steps."""
+        with self._lock:
+            now = self.clock.now()
+            self.advance(now)
+            self._called.remove(card)
+            then(now)
 
     def drive(self, node: str, source: Source) -> None:
         """See `haploop.mocks.plant.Nodes.drive`. Only the amplifier's inputs have an effect.
@@ -205,6 +219,8 @@ class Plant(Scene):
     def advance(self, until: float) -> None:
         """Step to `until` (s), with contacts and output steps in order of time."""
         with self._lock:
+            for card in self._called:
+                card.call(until)
             if until <= self._now:
                 return
             for box in self._boxes:

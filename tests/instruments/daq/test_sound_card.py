@@ -126,6 +126,22 @@ def test_a_waveform_is_heard_at_sample_0_at_its_volts() -> None:
         assert np.abs(direct.play(wave, "spare")[0] - wave).max() < 2e-3
 
 
+def test_whoever_reads_the_plant_while_it_plays_changes_nothing_of_what_is_heard(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A board on the wire reads in a thread of its own, and may come first after each wait."""
+    alone, read = Bench(), Bench()
+    sleep = read.plant.clock.sleep
+
+    def waits(duration: float) -> None:
+        sleep(duration)
+        read.plant.read(["laser"], np.array([[read.plant.clock.now()]]))
+
+    monkeypatch.setattr(read.plant.clock, "sleep", waits)
+    heard = [bench.play(burst(), "spare")[0] for bench in (alone, read)]
+    np.testing.assert_array_equal(*heard)
+
+
 def test_it_takes_the_rigs_time_at_its_own_pace() -> None:
     bench = Bench()
     before = bench.plant.clock.now()
