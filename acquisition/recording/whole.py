@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...instruments import Block, DataError, InstrumentError
+from ...instruments import Block
 from ...instruments.arrays import FloatArray
 from ...instruments.files import check_destination, private_files
 from ...instruments.safety import marked
@@ -40,9 +40,11 @@ def write_recording(
     with private_files():
         check_destination(path)
     none = np.zeros(len(volts), dtype=np.bool_)
+    created = False
     with marked(path):
         try:
             with Writer(path, header, block, -(-samples // block) + 1, len(events)) as writer:
+                created = True
                 for first in range(0, samples, block):
                     writer.write(Block(first, volts[:, first : first + block], none), first / header.rate_hz)
                 for event in events:
@@ -50,8 +52,9 @@ def write_recording(
                 for verdict in judge(Recording.open(path)):
                     writer.write_verdict(verdict)
         except BaseException:
-            with suppress(OSError, DataError, InstrumentError):
-                path.unlink(missing_ok=True)
+            if created:  # or the file is somebody else's, who was quicker
+                with suppress(OSError):
+                    path.unlink(missing_ok=True)
             raise
         finish(path)
     return Recording.open(path)

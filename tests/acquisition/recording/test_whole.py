@@ -1,0 +1,36 @@
+"""Recordings of other programs are written whole, or not at all, and take nobody's place."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from haploop.acquisition.recording import whole, write_recording
+from haploop.instruments import ConfigurationError
+from tests.acquisition.recording.pattern import block_of, header
+
+
+def test_a_file_that_appears_meanwhile_is_somebody_elses(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "P01-latch.h5"
+
+    def quicker(_path: Path) -> None:
+        path.write_text("another program's")
+
+    monkeypatch.setattr(whole, "check_destination", quicker)
+    with pytest.raises(ConfigurationError, match="exists"):
+        write_recording(path, header(), block_of(0).volts, [], lambda _: [])
+    assert path.read_text() == "another program's"
+
+
+def test_what_cannot_be_judged_leaves_no_file(tmp_path: Path) -> None:
+    path = tmp_path / "P01-latch.h5"
+
+    def judge(_: object) -> list[object]:
+        raise RuntimeError("judged wrongly")
+
+    with pytest.raises(RuntimeError):
+        write_recording(path, header(), block_of(0).volts, [], judge)  # type: ignore[arg-type]
+    assert list(tmp_path.iterdir()) == []
