@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
+
 import click
 
+from . import front as haploop
 from .options import ChosenRig, FiniteRange, on_rig
 
 __all__ = ["live"]
@@ -32,10 +35,7 @@ def live(rig: ChosenRig, wait: float, as_json: bool, lsl: bool) -> None:
     rms and peak are those of the newest block, in SI units; rms and peak are taken about the mean. A
     recording is not affected: a view that is too slow misses blocks, and counts them.
     """
-    from contextlib import ExitStack  # noqa: PLC0415
-
     from ..exchange.live import find, looking, show_json, show_meter, stream  # noqa: PLC0415
-    from ..instruments import ConfigurationError  # noqa: PLC0415
 
     file, simulate = rig.load(), rig.simulate
     if lsl:
@@ -44,10 +44,10 @@ def live(rig: ChosenRig, wait: float, as_json: bool, lsl: bool) -> None:
     with ExitStack() as stack:
         try:
             tap = stack.enter_context(find(file, simulate, wait))
-        except ConfigurationError:
+        except haploop.ConfigurationError:
             if wait:
                 raise
-            tap = stack.enter_context(looking(file, simulate))
+            tap = stack.enter_context(looking(stack.enter_context(rig.opened(real_time=True))))
         if as_json:
             show_json(tap)
         else:

@@ -227,20 +227,20 @@ class ChosenRig:
             yield file
 
     @contextmanager
-    def open(self, file: RigFile) -> Iterator[Rig]:
+    def open(self, file: RigFile, real_time: bool = False) -> Iterator[Rig]:
         """Open the rig, publish it for `haploop live`, and print a note when it is simulated."""
         from ..exchange.live import published  # noqa: PLC0415
 
-        with haploop.open_rig(file, simulate=self.simulate) as opened, published(opened):
+        with haploop.open_rig(file, self.simulate, real_time=real_time) as opened, published(opened):
             self.state.rig_opened, self.state.at_rest = True, file.at_rest
             if opened.simulated:
                 note(f"Everything here is simulated ({_world(opened)}).")
             yield opened
 
     @contextmanager
-    def opened(self) -> Iterator[Rig]:
-        """Reserve the rig, and open it."""
-        with self.reserved() as file, self.open(file) as opened:
+    def opened(self, real_time: bool = False) -> Iterator[Rig]:
+        """Reserve the rig, and open it; a simulated one in `real_time` for a person who watches."""
+        with self.reserved() as file, self.open(file, real_time) as opened:
             yield opened
 
 

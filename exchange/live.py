@@ -24,7 +24,6 @@ from ..instruments import (
     RigFile,
     Tap,
     levels,
-    open_rig,
     watch_live,
 )
 from ..instruments.driver import Mode
@@ -68,31 +67,30 @@ def find(file: RigFile, simulate: Mode | None, wait: float) -> Tap:
 
 
 @contextmanager
-def looking(file: RigFile, simulate: Mode | None) -> Iterator[Tap]:
-    """Open a rig that no program uses, and look at its sensors while this lasts: a tap on what they show.
+def looking(rig: Rig) -> Iterator[Tap]:
+    """Look at a rig's sensors in a thread while this lasts: a tap on what they show.
 
-    Raises as `open_rig` does; a failure while looking ends the tap, and is raised by whoever takes from it.
+    A failure while looking ends the tap, and is raised by whoever takes from it.
     """
     wanted = threading.Event()
     wanted.set()
-    with open_rig(file, simulate, real_time=True) as rig, published(rig):
-        tap = rig.tap()
+    tap = rig.tap()
 
-        def work() -> None:
-            try:
-                look(rig, wanted.is_set)
-            except HaploopError as error:
-                tap.close(error)
-            else:
-                tap.close()
-
-        thread = threading.Thread(target=work, name="haploop-look")
-        thread.start()
+    def work() -> None:
         try:
-            yield tap
-        finally:
-            wanted.clear()
-            thread.join()
+            look(rig, wanted.is_set)
+        except HaploopError as error:
+            tap.close(error)
+        else:
+            tap.close()
+
+    thread = threading.Thread(target=work, name="haploop-look")
+    thread.start()
+    try:
+        yield tap
+    finally:
+        wanted.clear()
+        thread.join()
 
 
 def stream(file: RigFile, simulate: Mode | None, wait: float) -> None:
