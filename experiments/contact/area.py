@@ -81,14 +81,14 @@ class ContactMeter:
         """Measure one frame. Never raises for what a finger does; see `Contact.problem`."""
         raised, light = _raised(frame, self.background)
         blobs = _blobs(raised, self.background)
+        problem = self._light_problem(light)
         if not blobs:
-            problem = self._light_problem(light)
             return Contact(frame.number, frame.time, 0.0, 0, 0, light, problem)
         pixels, _, level = blobs[0]
-        problem = self._light_problem(light)
-        if len(blobs) > 1:
+        # Light that has changed makes blobs of its own, and saturates: it is told before them.
+        if not problem and len(blobs) > 1:
             problem = "There is more than one finger on the surface, or a hand: lift the others."
-        elif level + float(self.background.mean.max()) > _SATURATED:
+        elif not problem and level + float(self.background.mean.max()) > _SATURATED:
             problem = "The image is saturated: lower the camera's exposure or the lamps."
         area = pixels * self.square_metres
         return Contact(frame.number, frame.time, area, pixels, len(blobs) - 1, light, problem)

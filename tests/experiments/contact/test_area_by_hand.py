@@ -180,3 +180,10 @@ def test_frames_are_dropped_until_two_in_a_row_take_their_time(
     clock: Any = SimpleNamespace(now=lambda: now)
     drop_old_frames(camera, clock)
     assert len(times) == read
+
+
+def test_light_that_has_changed_is_told_before_the_blobs_that_it_makes() -> None:
+    two = ((40, 30, 20, 60.0), (40, 90, 20, 60.0))
+    assert "more than one finger" in seen(*two).problem
+    found = seen(*two, light=40.0)
+    assert found.others == 1 and found.problem.startswith("The light changed by +40")
