@@ -39,6 +39,11 @@ class DaqTwin(CardTwin):
         _refuse_terminals(settings, self._products)
         super().__init__(plant, *(_card(name, p, settings) for name, p in self._products.items()))
 
+    def filtered(self, channel: str) -> bool:
+        """See `Daq.filtered`."""
+        stated = self._settings.channels[channel].filter_delay is not None
+        return stated or self._products[self._card_of[channel].device].delta_sigma
+
     def _range(self, card: Card, channel: str) -> float:
         """Return the card's next wider range (+- V), as the driver chooses it; what a counter may count."""
         if channel in card.counters:
