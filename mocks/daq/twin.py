@@ -10,7 +10,7 @@ import numpy as np
 from ...instruments.arrays import FloatArray
 from ...instruments.daq.ni_daqmx import NiDaq
 from ...instruments.daq.ni_filters import filter_delay
-from ...instruments.daq.ni_sentences import cut_off, other_rate, refused, zeroed
+from ...instruments.daq.ni_sentences import cut_off, other_rate, refused, unclocked, zeroed
 from ...instruments.daq.ni_settings import device_of
 from ...instruments.errors import ConfigurationError, HaploopError
 from ..plant import Plant, PlayStopped, SamplesLost
@@ -89,6 +89,8 @@ class DaqTwin(CardTwin):
 
     def _refuse(self, channels: Sequence[str], rate_hz: float, play: Mapping[str, FloatArray]) -> None:
         super()._refuse(channels, rate_hz, play)
+        if all(channel in self._card_of[channel].counters for channel in channels):
+            raise unclocked(channels)
         for name in play:
             card = self._home_of[name]
             most = self._products[card.device].ao_rate_hz
