@@ -29,8 +29,7 @@ _EXACT = 1e-9
 class Card:
     """Terminals and converters of one card, under the names of the rig file.
 
-    With its defaults it is a multiplexed 16-bit card with the noise of an ordinary one (estimate;
-    docs/hardware.md, "All NI cards").
+    With its defaults it is a multiplexed 16-bit card with the noise of an ordinary one (estimate).
     """
 
     name: str
