@@ -183,6 +183,10 @@ class Daq(Interlocked, ABC):
         """Frequency response of a channel's input at `frequencies` (Hz): of an AC coupling, a high-pass."""
         return np.ones(len(frequencies), dtype=np.complex128)
 
+    def filtered(self, channel: str) -> bool:
+        """Return True where the card filters what lies above half the sample rate, which folds back else."""
+        return False
+
     def output_response(self, output: str, frequencies: FloatArray) -> ComplexArray:
         """Frequency response of an output at `frequencies` (Hz), as `response` of an input."""
         return np.ones(len(frequencies), dtype=np.complex128)

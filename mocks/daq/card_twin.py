@@ -295,7 +295,7 @@ class _Share:
     ) -> tuple[FloatArray, BoolArray]:
         """Replace the rows of counters by whole counts since the stream began."""
         whole = np.floor(rows[self.counts])
-        whole -= self.zeros.setdefault(0, whole[:, :1])
+        whole -= self.zeros.setdefault(0, whole[:, :1].copy())
         volts[self.counts] = whole
         overload[self.counts] = np.abs(whole).max(axis=1) >= self.ranges[self.counts]
         return volts, overload
