@@ -14,6 +14,8 @@ from haploop.acquisition import Recording
 from tests.command_line import Demo, Run
 from tests.exchange.lab_files import Kind, Written, german, jitter, old_tektronix
 
+pytestmark = pytest.mark.usefixtures("read_here")
+
 
 @pytest.fixture(scope="session")
 def own(tmp_path_factory: pytest.TempPathFactory) -> Recording:
