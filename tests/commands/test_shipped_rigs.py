@@ -66,7 +66,9 @@ def test_from_doctor_to_recalibration(
     done("record", "push", "-p", "P01", "-n", 2, *on, "--out", tmp_path)
     done("represent", recording, "--out", press)
     done("calibrate", *on, "--out", calibration)
-    assert "pass" in done("button", "make", recording, "-c", calibration, "-o", button, "--iterations", 0, *on)
+    assert "pass" in done(
+        "button", "make", recording, "-c", calibration, "-o", button, "--iterations", 0, *on
+    )
     history = ("--calibrations", tmp_path / "history")
     done("calibrations", "adopt", button, "--rig", rig_file, "--reason", "first", *history)
     assert "The calibration holds" in done("recalibrate", *on, *history)
