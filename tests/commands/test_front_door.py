@@ -125,6 +125,7 @@ print(haploop.file_contents(str(recording.path)).values["presses_accepted"])
 """
 
 
+@pytest.mark.long
 def test_a_script_does_a_day_of_work_with_one_import(tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-c", SCRIPT], cwd=tmp_path, capture_output=True, text=True, check=False

@@ -40,7 +40,9 @@ channel = "laser"{PICKUPS["acceleration"]}"""
 @pytest.mark.rig
 @pytest.mark.timeout(900)
 @pytest.mark.usefixtures("few_callbacks")
-@pytest.mark.parametrize("name", [*LABS, "glued"])
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.long] * (n != "voice-coil")) for n in (*LABS, "glued")]
+)
 def test_from_doctor_to_recalibration(
     name: str, mode: str, full: bool, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

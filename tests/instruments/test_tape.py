@@ -107,7 +107,7 @@ RIGS = {
 
 
 @pytest.mark.usefixtures("few_callbacks")
-@pytest.mark.parametrize("rig", RIGS)
+@pytest.mark.parametrize("rig", [pytest.param(n, marks=[pytest.mark.long] * (n != "bench")) for n in RIGS])
 def test_doctor_says_the_same_of_a_tape_as_of_the_wire(
     rig: str, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
