@@ -2,7 +2,7 @@
 
 from .agreement import SharedPower
 from .button import DigitalButton, build_button, play_button
-from .check import check
+from .check import TOLERANCE, check
 from .checked import Check
 from .drive import BAND, Drive, Method, drive_for, modulate
 from .feeling import check_feeling
@@ -13,6 +13,7 @@ from .trade import Trade
 
 __all__ = [
     "BAND",
+    "TOLERANCE",
     "ButtonPlan",
     "Check",
     "DigitalButton",

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ...calibration import ButtonPlan
-from ...calibration.drive.check import TOLERANCE
+from ...calibration.drive import TOLERANCE
 from .plotting import GREY, INK, Columns, colour, dash, legend_under, letter, panels, style
 
 __all__ = ["plan_figure"]
