@@ -25,7 +25,7 @@ from haploop.instruments.amplifier.e413 import E413
 from haploop.instruments.interlock import Interlocked
 from haploop.instruments.safety import Audit, Limiter, Outputs, entries
 from haploop.instruments.safety.duty import plays_of
-from haploop.instruments.safety.limiter import Ratings
+from haploop.instruments.safety.judge import Ratings
 from haploop.mocks.clock import VirtualClock
 
 RATE = 1000.0
