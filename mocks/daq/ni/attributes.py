@@ -28,7 +28,7 @@ from .teds import sensed
 __all__ = ["ATTRIBUTE_CALL", "serve"]
 
 ATTRIBUTE_CALL = re.compile(
-    r"(?P<verb>Get|Set|Reset)(?P<kind>Chan|Timing|Trig|Read|Write|Buffer|ExportedSignal|Device|PhysicalChan"
+    r"(?P<verb>Get|Set|Reset)(?P<kind>Chan|Timing|Trig|RealTime|Read|Write|Buffer|ExportedSignal|Device|PhysicalChan"
     r"|SystemInfo|Task|Scale|PersistedScale|PersistedTask|PersistedChan|CalInfo|Watchdog)Attribute(?P<ex>Ex)?(?P<type>\w*)"
 )
 """Pattern of the names of the calls that `serve` handles."""

@@ -54,7 +54,7 @@ class Channel:
     @property
     def rows(self) -> int:
         """Number of rows that it has among a task's samples: a line each, and two of a counter."""
-        return 2 if self.kind in ("ci", "co") else len(self.physical)
+        return {"ai": 1, "ci": 2, "co": 2}.get(self.kind, len(self.physical))
 
     @property
     def product(self) -> Product:
