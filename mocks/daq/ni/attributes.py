@@ -197,7 +197,7 @@ def _fact(system: NiSystem, kind: str, name: str, request: Any) -> Any:
         if (known := system.upkeep.get((channel, name))) is not None:
             return known
         if "_TEDS_" in name:
-            return sensed(system, channel, name)
+            return sensed(system.teds, channel, name)
         if name in CHANNEL_FACTS:
             return CHANNEL_FACTS[name](device, tail)
     elif name in SYSTEM_FACTS:

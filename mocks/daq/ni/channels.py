@@ -144,7 +144,7 @@ def _analog_input(call: str) -> Callable[[NiSystem, Any], None]:
                     is_list = hasattr(value, "__len__") and not isinstance(value, str)
                     values[property_] = list(value) if is_list else value
             if teds:
-                values |= teds_values(system, device, tail, row, values)
+                values |= teds_values(system.teds, f"{device.name}/{tail}", row, values)
             if values.get("AI_CURRENT_SHUNT_LOC") == CurrentShuntResistorLocation.LET_DRIVER_CHOOSE.value:
                 inside = tail == "dmm"
                 where_ = (

@@ -220,7 +220,8 @@ def test_a_property_that_nobody_set_has_one_of_its_values_or_is_refused(
         trigger = task.triggers
         owners = (
             made, task.timing, task.export_signals, trigger, trigger.start_trigger, trigger.pause_trigger,
-            trigger.reference_trigger, trigger.arm_start_trigger, trigger.handshake_trigger, made.physical_channel
+            trigger.reference_trigger, trigger.arm_start_trigger, trigger.handshake_trigger,
+            made.physical_channel,
         )  # fmt: skip
         for owner in owners:
             for name, kind in inspect.getmembers(type(owner), lambda kind: isinstance(kind, property)):

@@ -224,20 +224,10 @@ def test_ctrl_c_ends_a_script_as_the_script_says(tmp_path: Path, sent: signal.Si
         "except KeyboardInterrupt:\n    raise SystemExit(3)\n",
         encoding="utf-8",
     )
-    command = [
-        sys.executable,
-        "-m",
-        "haploop",
-        "twin",
-        "ni",
-        "--device",
-        "Dev1=PCIe-6321",
-        "--",
-        sys.executable,
-    ]
+    served = [sys.executable, "-m", "haploop", "twin", "ni", "--device", "Dev1=PCIe-6321"]
     with subprocess.Popen(
-        [*command, "script.py"], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        start_new_session=True,
+        [*served, "--", sys.executable, "script.py"], cwd=tmp_path, stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE, text=True, start_new_session=True,
     ) as program:  # fmt: skip
         assert program.stdout is not None and program.stdout.readline() == "running\n"
         if sent == signal.SIGINT:
