@@ -4,7 +4,8 @@ from .abort_monitor import AbortMonitor, trip
 from .audit import Audit, entries, log_problems, now_utc, state_folder, who
 from .deadline import exit_within, run_within
 from .figures import Figures
-from .limiter import Limiter, combined
+from .judge import combined
+from .limiter import Limiter
 from .lock import hold, is_marked, marked, reserve
 from .lockout import Lockout, clear_lockout, lockout_of, lockouts_folder
 from .outputs import Outputs
