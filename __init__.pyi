@@ -23,6 +23,7 @@ from .acquisition import set_aside as set_aside
 from .acquisition import to_pandas as to_pandas
 from .acquisition import to_xarray as to_xarray
 from .acquisition import verify as verify
+from .calibration import ButtonPlan as ButtonPlan
 from .calibration import Calibration as Calibration
 from .calibration import Check as Check
 from .calibration import DigitalButton as DigitalButton
@@ -31,12 +32,15 @@ from .calibration import Feeling as Feeling
 from .calibration import Finding as Finding
 from .calibration import Generation as Generation
 from .calibration import History as History
+from .calibration import LabThreshold as LabThreshold
 from .calibration import Learning as Learning
 from .calibration import LinearSweep as LinearSweep
+from .calibration import Loudness as Loudness
 from .calibration import Model as Model
 from .calibration import Multisine as Multisine
 from .calibration import Outcome as Outcome
 from .calibration import Response as Response
+from .calibration import Trade as Trade
 from .calibration import VibrationMap as VibrationMap
 from .calibration import Waveforms as Waveforms
 from .calibration import activate as activate
@@ -52,6 +56,7 @@ from .calibration import examine as examine
 from .calibration import examine_each as examine_each
 from .calibration import examine_loop as examine_loop
 from .calibration import fit as fit
+from .calibration import lab_threshold as lab_threshold
 from .calibration import learn as learn
 from .calibration import linear_sweep as linear_sweep
 from .calibration import map_plan as map_plan
@@ -59,11 +64,13 @@ from .calibration import measure_map as measure_map
 from .calibration import measure_response as measure_response
 from .calibration import modulate as modulate
 from .calibration import paper_drive as paper_drive
+from .calibration import plan_button as plan_button
 from .calibration import plan_excitation as plan_excitation
 from .calibration import play_button as play_button
 from .calibration import quick_response as quick_response
 from .calibration import read_uff as read_uff
 from .calibration import recalibrate as recalibrate
+from .calibration import trade_for as trade_for
 from .calibration import write_uff as write_uff
 from .commands.demo.run import claim_folder as claim_folder
 from .commands.demo.run import run_demo as run_demo
@@ -93,6 +100,7 @@ from .experiments import analyse_ratings as analyse_ratings
 from .experiments import analyse_thresholds as analyse_thresholds
 from .experiments import example_names as example_names
 from .experiments import export_answers as export_answers
+from .experiments import lab_threshold_of as lab_threshold_of
 from .experiments import load_experiment as load_experiment
 from .experiments import load_power_plan as load_power_plan
 from .experiments import new_experiment as new_experiment

@@ -41,7 +41,7 @@ MODES = sorted(
 MAIN = MODES.index((2, 2))
 PATCHES = {"A": (0.20, 0.15), "B": (0.62, 0.93), "C": (0.08, 0.45), "D": (0.92, 0.55)}
 """Centres of the patches, as fractions of width and height, near the edges; A drives the main mode best
-(docs/hardware.md, "Touch table")."""
+(estimate)."""
 MAIN_VELOCITY = 5.0e-3 / 50
 """Velocity at the main mode's antinode (m/s per V): 3 um of displacement at 50 V (estimate;
 docs/hardware.md, "Touch table")."""

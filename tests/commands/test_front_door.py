@@ -31,7 +31,15 @@ WORK = {
     "calibrate": ["open_rig", "calibrate", "Calibration"],
     "check": ["Recording", "representative", "drive_for", "check"],
     "map": ["open_rig", "map_plan", "measure_map", "VibrationMap", "animate_map"],
-    "button make": ["Calibration", "representative", "build_button", "DigitalButton"],
+    "button make": [
+        "Calibration",
+        "representative",
+        "Loudness",
+        "trade_for",
+        "build_button",
+        "DigitalButton",
+    ],
+    "button plan": ["load_press", "Calibration", "plan_button", "ButtonPlan"],
     "button check": ["DigitalButton", "play_button"],
     "experiment new": ["load_experiment", "example_names"],
     "experiment run": ["load_experiment", "Store", "open_session", "run_session", "Session"],
@@ -96,7 +104,7 @@ def test_each_command_has_its_functions_in_the_front_door() -> None:
 
 @pytest.mark.parametrize("name", haploop.__all__)
 def test_each_name_of_the_front_door_is_there(name: str) -> None:
-    assert getattr(haploop, name) is not None
+    assert getattr(haploop, name) is not None and name in dir(haploop)
 
 
 def test_a_person_and_a_clock_are_in_the_front_door() -> None:
@@ -125,6 +133,7 @@ print(haploop.file_contents(str(recording.path)).values["presses_accepted"])
 """
 
 
+@pytest.mark.long
 def test_a_script_does_a_day_of_work_with_one_import(tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-c", SCRIPT], cwd=tmp_path, capture_output=True, text=True, check=False

@@ -1,6 +1,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,7 +12,10 @@ from scipy.signal import resample_poly
 
 from haploop.calibration import Check, Drive, check_feeling
 from haploop.calibration.drive import check
-from haploop.calibration.perception import LONG, SHORT, levels_of
+from haploop.calibration.drive.verdict import Signs, judged
+from haploop.calibration.perception import lab_threshold, levels_of
+from haploop.instruments import ConfigurationError, Rig, RigFile, open_rig
+from haploop.instruments.config import People
 from tests.calibration.conftest import Calibrated, make_press
 
 
@@ -30,10 +36,9 @@ def test_the_level_is_that_of_the_surface_itself(calibrated: Calibrated, drive: 
     omega = 2j * np.pi * rfftfreq(len(velocity), 1 / rate_hz)
     surface = irfft(rfft(velocity * np.hanning(len(velocity)) ** 0.01) * omega, len(velocity))
     feeling = check_feeling(result)
-    for window, level in zip((LONG, SHORT), feeling.measured, strict=True):
-        true = levels_of(surface, rate_hz, window)
-        assert level.total == pytest.approx(true.total, abs=0.3)
-        assert level.sensitive == pytest.approx(true.sensitive, abs=0.3)
+    true = levels_of(surface, rate_hz)
+    assert feeling.measured.pressing == pytest.approx(true.pressing, abs=0.3)
+    assert feeling.measured.resting == pytest.approx(true.resting, abs=0.3)
 
 
 def test_the_recorded_press_is_compared_at_its_own_size_and_on_the_drives_clock(
@@ -42,26 +47,68 @@ def test_the_recorded_press_is_compared_at_its_own_size_and_on_the_drives_clock(
     press = make_press()
     feeling = check_feeling(result, press)
     assert feeling.recorded is not None
-    own = levels_of(press.acceleration, press.rate_hz, LONG)
-    assert feeling.recorded[0].total == pytest.approx(own.total, abs=0.05)
-    assert feeling.recorded[1].start == pytest.approx(feeling.target[1].start, abs=0.01)
-    assert feeling.loudness_db == pytest.approx(feeling.measured[0].total - own.total, abs=0.05)
+    own = levels_of(press.acceleration, press.rate_hz)
+    assert feeling.recorded.pressing == pytest.approx(own.pressing, abs=0.05)
+    assert feeling.recorded_level is not None
+    loudest = [np.argmax(level) for level in (feeling.recorded_level, feeling.measured_level)]
+    assert np.diff(loudest)[0] / feeling.rate_hz == pytest.approx(0, abs=0.015)
+    assert feeling.loudness_db == pytest.approx(feeling.measured.pressing - own.pressing, abs=0.05)
     # The drive's scale says the same, up to what lies outside its band and to the carrier.
     assert feeling.loudness_db == pytest.approx(20 * np.log10(drive.scale), abs=12)
     faster = replace(press, rate_hz=2.5 * press.rate_hz, acceleration=resample_poly(press.acceleration, 5, 2))
     again = check_feeling(result, faster)
     assert again.recorded is not None
-    assert again.recorded[0].total == pytest.approx(own.total, abs=0.05)
+    assert again.recorded.pressing == pytest.approx(own.pressing, abs=0.05)
 
 
 def test_without_a_press_nothing_is_said_of_one(result: Check) -> None:
     feeling = check_feeling(result)
     assert feeling.recorded is None and not feeling.recorded_spans and np.isnan(feeling.loudness_db)
     assert not any("recorded" in note for note in feeling.notes)
-    assert feeling.noise is not None and feeling.noise_total < feeling.measured[0].total
+    assert feeling.noise is not None and feeling.noise_total < feeling.measured.pressing
 
 
-def test_the_verdict_warns_where_the_motion_may_not_be_felt(result: Check) -> None:
-    feeling = check_feeling(result)
-    assert feeling.felt == "perhaps"
-    assert result.notes[-1] == feeling.warning == feeling.notes[0]
+def test_the_sentence_names_the_force_of_the_press(result: Check) -> None:
+    press = make_press()
+    feeling = check_feeling(result, replace(press, force=np.full(len(press.acceleration), 2.04)))
+    assert "a person who presses with 2.0 N feels it" in feeling.sentence
+    assert "who presses feels it" in check_feeling(result, replace(press, force=None)).sentence
+
+
+def test_a_button_that_nobody_can_feel_is_not_verified(result: Check) -> None:
+    signs = Signs((1.0, 0.0), (0, 0.0), "", None, 50.0)
+    fine = judged(replace(result, verdict="pass", reasons=(), notes=()), signs)
+    assert fine.passed
+    faint = replace(result, target=result.target / 300, accelerations=result.accelerations / 300)
+    found = judged(replace(faint, verdict="pass", reasons=(), notes=()), signs)
+    assert found.verdict == "fail" and "What nobody can feel is no button." in found.reasons[0]
+
+
+def with_people(rig: Rig, **more: Any) -> RigFile:
+    """The rig's file with a lab's threshold, 9 dB below the table's."""
+    people = People(number=12, threshold=-9.0, uncertainty=2.0, spread=4.0, button="push", force=3.8, **more)
+    return rig.file.model_copy(update={"people": people})
+
+
+def test_a_labs_own_threshold_decides_what_the_table_left_open(
+    calibrated: Calibrated, drive: Drive, result: Check, tmp_path: Path
+) -> None:
+    assert check_feeling(result).felt == "not known"
+    with open_rig(with_people(calibrated.rig), simulate="twin") as rig:
+        known = check(rig, drive, plays=3)
+    known.save(tmp_path / "check.h5")
+    feeling, before = check_feeling(Check.load(tmp_path / "check.h5")), check_feeling(result)
+    assert feeling.measured.pressing == pytest.approx(before.measured.pressing + 9, abs=0.3)
+    assert feeling.felt == "yes" and feeling.sentence.startswith("A person who presses feels it (")
+    assert "12 people of this lab, measured with its push button at 3.8 N" in feeling.notes[0]
+    # A finger at rest is not what was measured.
+    assert feeling.acts[1].level == pytest.approx(before.acts[1].level, abs=0.3)
+    np.testing.assert_allclose(feeling.pressing_db, before.pressing_db - 9)
+
+
+def test_simulated_people_say_nothing_of_a_real_rig(calibrated: Calibrated) -> None:
+    rig: Any = SimpleNamespace(name="lab", file=with_people(calibrated.rig, simulated=True), simulated=True)
+    assert lab_threshold(rig) is not None
+    rig.simulated = False
+    with pytest.raises(ConfigurationError, match="simulated participants, and the rig is real"):
+        lab_threshold(rig)
