@@ -122,6 +122,7 @@ from .instruments import log_entries as log_entries
 from .instruments import look_for_hardware as look_for_hardware
 from .instruments import mask as mask
 from .instruments import new_rig as new_rig
+from .instruments import new_rig_on as new_rig_on
 from .instruments import open_rig as open_rig
 from .instruments import played as played
 from .instruments import recorded as recorded
