@@ -16,6 +16,7 @@ from .check import check
 from .checked import Check
 from .drive import Drive, Method, drive_for
 from .learning import Learning, learn
+from .trade import TRADE, Trade
 
 __all__ = ["DigitalButton", "build_button", "play_button"]
 
@@ -79,6 +80,7 @@ def build_button(
     calibration: Calibration,
     *,
     method: Method = "modulated",
+    trade: Trade = TRADE,
     iterations: int = 5,
     plays: int = 8,
     progress: Progress = silent,
@@ -89,7 +91,7 @@ def build_button(
     Raises what `drive_for`, `learn` and `check` raise.
     """
     _refuse_other_world(rig, calibration)
-    drive = drive_for(press, calibration, rig.limits, method=method)
+    drive = drive_for(press, calibration, rig.limits, method=method, trade=trade)
 
     learning = learn(rig, drive, calibration, iterations=iterations, plays=plays, progress=progress)
     result = check(rig, learning.drive, press, plays=plays, progress=progress)

@@ -19,6 +19,7 @@ from ..response import Response
 from ..spectra import band_window, fade, resample, third_octaves
 from . import actuation
 from .inversion import Plan, max_output, min_peak
+from .trade import BUDGET, TRADE, Trade
 
 if TYPE_CHECKING:
     from ...acquisition import Representative
@@ -40,10 +41,6 @@ FADE = 0.02
 """Fade time (s) at the start and at the end of a drive."""
 _LEAST_RATE = 5000.0
 """Lowest sample rate (samples/s) at which a drive is optimised: eight samples a period at 600 Hz."""
-_BUDGET = 0.005
-"""Error accepted in exchange for a larger output. Small, because unmodelled error (hysteresis is known to
-some percent) adds to it, and learning needs spare volts to correct that; 3 % would raise the output by a
-tenth."""
 _SPREAD = 0.6
 """Error of a drive over that which distortion would make if it were spread evenly over the band: part of it
 stays near the drive's own lines, where the table moves little (measured on simulated tables)."""
@@ -205,13 +202,14 @@ def drive_for(
     method: Method = "modulated",
     band: tuple[float, float] = BAND,
     inversion: Literal["optimised", "regularised"] = "optimised",
+    trade: Trade = TRADE,
 ) -> Drive:
     """The drive that makes the calibrated point reproduce a press.
 
     The press is modulated with the point's resonance (equation 1 of the paper), or taken as it is for
     "broadband"; cut to the well-measured part of `band` (Hz), inverted non-causally, with the patch's
     hysteresis compensated; then scaled to the largest output within `limits` and the vibrometer's
-    range. For output 0.5 % of error is accepted, or the least possible (see `inversion.max_output`;
+    range. For output `trade.error` is accepted (0.5 %), or the least possible (see `inversion.max_output`;
     `inversion.min_peak` for "regularised", which is scaled to the limits instead of planned within them).
     Wherever the response was measured, motion outside the band counts as error; elsewhere the drive has no
     power. The drive has zero ends and zero mean. A response given without a calibration is fitted first.
@@ -229,7 +227,7 @@ def drive_for(
     limit = calibration.hysteresis.reach(limits.peak * min(1.0, actuation.path_gain(calibration)))
     plan = plan_for(calibration, target, grid.window, grid.rate_hz, band, limits)
     invert = max_output if inversion == "optimised" else min_peak
-    planned, _ = invert(plan, _BUDGET)
+    planned, _ = invert(plan, trade.error or BUDGET)
 
     smooth = grid.smooth
     linear_volts = grid.on_drive(planned) * np.minimum(1.0, smooth / 0.05)
@@ -366,7 +364,7 @@ def _unreached(
         )
     missed = scipy.fft.irfft((plan.target - plan.gain * scipy.fft.rfft(played)) * plan.known, len(played))
     error = float(np.linalg.norm(missed) / np.linalg.norm(scipy.fft.irfft(plan.target, len(played))))
-    if error > _BUDGET:
+    if error > BUDGET:
         centres, levels = third_octaves(missed, rate_hz, *band)
         sentences.append(
             f"{error:.1%} of the target is given up, most near "

@@ -14,6 +14,7 @@ __all__ = [
     "ITERATIONS",
     "LEARNING",
     "MAP",
+    "PLAN",
     "PRESSES",
     "RATINGS",
     "RESPONSE",
@@ -58,6 +59,11 @@ CHECK = (
     "Target (thick) and measured (thin) acceleration in m/s²; third octaves of the whole motion with the "
     "noise left in the mean of the plays; third octaves in the loudest second against thresholds of "
     "detection; level in 20 ms over the threshold of a finger that presses (0 dB)."
+)
+PLAN = (
+    "Expected error of the whole motion in percent over the level above the threshold of a finger that "
+    "presses in dB, of what the rig's limits allow. Line: the threshold; grey: where it may lie, so that "
+    "it is not known there whether most people feel it. Dotted: the error that a check tolerates."
 )
 _ITERATIONS = "Iterations: error within the band of each drive that was tried."
 LEARNING = f"{CHECK} {_ITERATIONS}"
