@@ -20,8 +20,6 @@ from .acquisition import representative as representative
 from .acquisition import run_study as run_study
 from .acquisition import segmentation_for as segmentation_for
 from .acquisition import set_aside as set_aside
-from .acquisition import to_pandas as to_pandas
-from .acquisition import to_xarray as to_xarray
 from .acquisition import verify as verify
 from .calibration import ButtonPlan as ButtonPlan
 from .calibration import Calibration as Calibration

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from ..instruments.describing import Found
 from ..terminal.progress import note, print_json, print_line
 from . import front as haploop
 from .options import JSON, NewFile
@@ -42,7 +43,7 @@ def new(file: Path, base: str | None, simulate: bool, as_json: bool) -> int:
     return 0
 
 
-def _found(simulate: bool) -> haploop.Found:
+def _found(simulate: bool) -> Found:
     if simulate:
         from ..mocks.computer import simulated_computer  # noqa: PLC0415 - loads what is simulated
 

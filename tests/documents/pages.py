@@ -1,8 +1,9 @@
 """The blocks of the documents are run: each page is a program, from its first block to its last.
 
-A page is run in an empty folder, as somebody who copies its blocks runs it. In a block of shell a line that is a command of haploop and nothing else runs in this process, as starting one takes a second, and
-other lines by bash; Python runs in one namespace a page. A block that begins with a file's name in a comment
-is written into that file, and TOML without one is parsed. Comments that the site does not show:
+A page runs in an empty folder, as for somebody who copies its blocks. In a block of shell a line that is
+a command of haploop and nothing else runs in this process, as starting one takes a second, and other lines by
+bash; Python runs in one namespace a page. A block that begins with a file's name in a comment is written into
+that file, and TOML without one is parsed. Comments that the site does not show:
 
     <!-- not run: REASON -->      before a block, which is then skipped
     <!-- smaller:                 edits (sed -i) of a file that the page has written, up to -->: fewer

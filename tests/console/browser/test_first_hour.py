@@ -7,6 +7,7 @@ from contextlib import suppress
 
 import pytest
 
+import haploop
 from tests.console.browser.browsing import PAGES, STUDY, WAIT, Tab, expect, fill, told, visit
 from tests.console.serving import served
 
@@ -106,9 +107,8 @@ def test_participant_and_button_are_chosen_and_a_new_one_is_asked_for(browser, t
         page = visit(tab, console, "record")
         expect(page.get_by_label("New participant")).to_be_visible(timeout=WAIT)
         expect(page.get_by_label("Participant", exact=True)).to_be_hidden()
-        fill(page, "P52", "soft-push", 1)
-        page.get_by_role("button", name="Record", exact=True).click()
-        told(page, "by P52: done")
+        with haploop.open_rig("simulated") as rig:
+            haploop.record(rig, "soft-push", "P52", 1, data / "recordings")
         (data / "study").mkdir()
         (data / "study" / "study.toml").write_text(STUDY)
         page = visit(tab, console, "record")

@@ -18,7 +18,7 @@ def test_a_recording_by_keyboard_alone(tab, console):
     page = visit(tab, console, "record")
     lists = [page.get_by_label(label, exact=True) for label in ("Participant", "Button")]
     fields = [page.get_by_label(label) for label in ("New participant", "New button")]
-    expect(lists[0].or_(fields[0])).to_be_visible(timeout=WAIT)
+    expect(lists[0].or_(fields[0]).filter(visible=True)).to_have_count(1, timeout=WAIT)
     for at, text in zip(range(2), ("P11", "toggle"), strict=True):
         if lists[at].is_visible():
             lists[at].focus()
