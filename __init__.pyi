@@ -30,6 +30,7 @@ from .calibration import Feeling as Feeling
 from .calibration import Finding as Finding
 from .calibration import Generation as Generation
 from .calibration import History as History
+from .calibration import LabThreshold as LabThreshold
 from .calibration import Learning as Learning
 from .calibration import LinearSweep as LinearSweep
 from .calibration import Loudness as Loudness
@@ -53,6 +54,7 @@ from .calibration import examine as examine
 from .calibration import examine_each as examine_each
 from .calibration import examine_loop as examine_loop
 from .calibration import fit as fit
+from .calibration import lab_threshold as lab_threshold
 from .calibration import learn as learn
 from .calibration import linear_sweep as linear_sweep
 from .calibration import map_plan as map_plan
@@ -96,6 +98,7 @@ from .experiments import analyse_ratings as analyse_ratings
 from .experiments import analyse_thresholds as analyse_thresholds
 from .experiments import example_names as example_names
 from .experiments import export_answers as export_answers
+from .experiments import lab_threshold_of as lab_threshold_of
 from .experiments import load_experiment as load_experiment
 from .experiments import load_power_plan as load_power_plan
 from .experiments import new_experiment as new_experiment

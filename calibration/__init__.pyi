@@ -30,7 +30,9 @@ from .model import calibrate as calibrate
 from .model import calibrate_keeping as calibrate_keeping
 from .model import fit as fit
 from .perception import Feeling as Feeling
+from .perception import LabThreshold as LabThreshold
 from .perception import feeling_of as feeling_of
+from .perception import lab_threshold as lab_threshold
 from .perception import thresholds as thresholds
 from .response import LinearSweep as LinearSweep
 from .response import Multisine as Multisine

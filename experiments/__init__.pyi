@@ -22,10 +22,12 @@ from .analysis import confusion_of as confusion_of
 from .analysis import confusions_by as confusions_by
 from .analysis import eta_squared_interval as eta_squared_interval
 from .analysis import eta_squared_of_f as eta_squared_of_f
+from .analysis import lab_threshold_of as lab_threshold_of
 from .analysis import load_power_plan as load_power_plan
 from .analysis import manova_independent as manova_independent
 from .analysis import manova_repeated as manova_repeated
 from .analysis import normalise as normalise
+from .analysis import people_table as people_table
 from .analysis import power_of as power_of
 from .analysis import read_rows as read_rows
 from .analysis import wilson_interval as wilson_interval

@@ -1,6 +1,7 @@
 """Perception: thresholds of vibrotactile detection by act, levels above them, and what people feel."""
 
 from .feeling import Feeling, Pressed, feeling_of, sensations_of
+from .lab import LabThreshold, lab_threshold, pressing_act
 from .levels import SHORT, Levels, levels_of, running_level
 from .sensation import Answer, Sensation, shares
 from .thresholds import Act, Curve, Difference, Thresholds, parse_thresholds, thresholds
@@ -12,13 +13,16 @@ __all__ = [
     "Curve",
     "Difference",
     "Feeling",
+    "LabThreshold",
     "Levels",
     "Pressed",
     "Sensation",
     "Thresholds",
     "feeling_of",
+    "lab_threshold",
     "levels_of",
     "parse_thresholds",
+    "pressing_act",
     "running_level",
     "sensations_of",
     "shares",

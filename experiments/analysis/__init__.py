@@ -4,6 +4,7 @@ from .anova import Effect, Sphericity, anova
 from .confusion import METRICS, Confusion, confusion_of, confusions_by
 from .effect_size import eta_squared_interval
 from .identification import Identification, Performance, analyse_identification
+from .lab import lab_threshold_of, people_table
 from .manova import (
     MultivariateEffect,
     eta_squared_of_f,
@@ -42,10 +43,12 @@ __all__ = [
     "confusions_by",
     "eta_squared_interval",
     "eta_squared_of_f",
+    "lab_threshold_of",
     "load_power_plan",
     "manova_independent",
     "manova_repeated",
     "normalise",
+    "people_table",
     "power_of",
     "read_rows",
     "wilson_interval",

@@ -152,16 +152,6 @@ def test_check_finds_what_the_demo_found(demo: Demo, run: Run, tmp_path: Any) ->
     )
 
 
-def test_a_file_cut_in_half_is_damaged_in_one_sentence(demo: Demo, run: Run, tmp_path: Any) -> None:
-    for name in ("recordings/P01-latch.h5", "calibration.h5"):
-        whole = (demo.folder / name).read_bytes()
-        half = tmp_path / "half.h5"
-        half.write_bytes(whole[: len(whole) // 2])
-        result = run("show", half)
-        assert result.exit_code == 2
-        assert result.stderr.count("\n") == 1
-
-
 def test_a_stranger_s_file_is_refused(run: Run, tmp_path: Any) -> None:
     path = tmp_path / "other.h5"
     with h5py.File(path, "w") as file:

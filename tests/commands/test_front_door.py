@@ -104,7 +104,7 @@ def test_each_command_has_its_functions_in_the_front_door() -> None:
 
 @pytest.mark.parametrize("name", haploop.__all__)
 def test_each_name_of_the_front_door_is_there(name: str) -> None:
-    assert getattr(haploop, name) is not None
+    assert getattr(haploop, name) is not None and name in dir(haploop)
 
 
 def test_a_person_and_a_clock_are_in_the_front_door() -> None:
@@ -133,6 +133,7 @@ print(haploop.file_contents(str(recording.path)).values["presses_accepted"])
 """
 
 
+@pytest.mark.long
 def test_a_script_does_a_day_of_work_with_one_import(tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-c", SCRIPT], cwd=tmp_path, capture_output=True, text=True, check=False

@@ -404,6 +404,7 @@ serve(run)
 """
 
 
+@pytest.mark.long
 @pytest.mark.timeout(7200)
 @pytest.mark.requires("simulation")
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no fork, which makes many kills cheap")
