@@ -72,9 +72,7 @@ def from_multisine(
     with threadpool_limits(1):
         none = Modes(np.zeros(0, dtype=np.complex128), np.ones((1, 1)))
         modes = none if local_only else fit_modes([plays], 1)
-        law, gains = (
-            _law(modes, level) if hysteresis is None else (hysteresis, np.array([hysteresis.gain(level)]))
-        )
+        law, gains = _law(modes, level, hysteresis)
         gain = complex(gains @ modes.weights[0])
         modal = nothing(plays) if local_only else modal_estimate(modes, plays, gain, gains)
     x = modes.weights[0] @ seen
@@ -122,8 +120,10 @@ def _lines(multisine: Multisine) -> tuple[IntArray, IntArray, IntArray, IntArray
     return lines, excited - lines[0], even - lines[0], odd - lines[0], inner - lines[0]
 
 
-def _law(modes: Modes, level: float) -> tuple[Hysteresis, ComplexArray]:
-    """The law that was found with the modes, scaled to `level` (V), and the gains of its operators there."""
+def _law(modes: Modes, level: float, given: Hysteresis | None) -> tuple[Hysteresis, ComplexArray]:
+    """The law that was found with the modes, unless it is given, and its operators' gains at `level` (V)."""
+    if given is not None:
+        return given, np.array([given.gain(level)])
     gains = np.append(first_harmonic(HALF_WIDTHS * level, level), 0.0)
     law = Hysteresis(HALF_WIDTHS * level, modes.weights[0, :-1], level)
     return Hysteresis(law.radii, law.weights / abs(law.gain(level)), level), gains
