@@ -20,8 +20,6 @@ from .acquisition import representative as representative
 from .acquisition import run_study as run_study
 from .acquisition import segmentation_for as segmentation_for
 from .acquisition import set_aside as set_aside
-from .acquisition import to_pandas as to_pandas
-from .acquisition import to_xarray as to_xarray
 from .acquisition import verify as verify
 from .calibration import ButtonPlan as ButtonPlan
 from .calibration import Calibration as Calibration
@@ -133,6 +131,7 @@ from .instruments import log_entries as log_entries
 from .instruments import look_for_hardware as look_for_hardware
 from .instruments import mask as mask
 from .instruments import new_rig as new_rig
+from .instruments import new_rig_on as new_rig_on
 from .instruments import open_rig as open_rig
 from .instruments import played as played
 from .instruments import recorded as recorded

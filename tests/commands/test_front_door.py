@@ -75,7 +75,7 @@ WORK = {
     "log": ["log_entries"],
     "reset": ["reset_lockout"],
     "schema": ["rig_schema"],
-    "rig new": ["look_for_hardware", "new_rig"],
+    "rig new": ["look_for_hardware", "new_rig", "new_rig_on"],
     "tape show": ["played", "recorded", "tape_rig"],
     "tape mask": ["mask"],
 }

@@ -66,6 +66,13 @@ CHANNEL_STATE: dict[str, Callable[[Channel], Any]] = {
     "AI_RESOLUTION": lambda ch: float(ch.product.ai_bits),
     "AI_RAW_SAMP_SIZE": lambda ch: 16 if ch.product.ai_bits <= 16 else 32,
     "AI_EXCIT_ACTUAL_VAL": lambda ch: ch.values.get("AI_EXCIT_VAL", 0.0),
+    "PWR_OUTPUT_STATE": lambda ch: (
+        (
+            c.PowerOutputState.CONSTANT_VOLTAGE
+            if ch.values.get("PWR_OUTPUT_ENABLE")
+            else c.PowerOutputState.OUTPUT_DISABLED
+        ).value
+    ),
     "PWR_VOLTAGE_DEV_SCALING_COEFF": lambda ch: [0.0, 1 / 4096],
     "PWR_CURRENT_DEV_SCALING_COEFF": lambda ch: [0.0, 1 / 8192],
     "AI_INPUT_SRC": lambda ch: ch.values.get("AI_INPUT_SRC", "_external_channel"),
