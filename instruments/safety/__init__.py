@@ -7,7 +7,7 @@ from .figures import Figures
 from .judge import combined
 from .limiter import Limiter
 from .lock import hold, is_marked, marked, reserve
-from .lockout import Lockout, clear_lockout, lockout_of, lockouts_folder
+from .lockout import Lockout, Lockouts, clear_lockout, lockout_of, lockouts_folder
 from .outputs import Outputs
 from .renewal import Renewal
 from .safe_state import SafeState
@@ -18,6 +18,7 @@ __all__ = [
     "Figures",
     "Limiter",
     "Lockout",
+    "Lockouts",
     "Outputs",
     "Renewal",
     "SafeState",

@@ -8,7 +8,7 @@ program that plays on this hardware, before a play begins and again at its end.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import reduce
@@ -23,7 +23,7 @@ from ..generator import Waveform
 from ..limits import Limits, sounding
 from .duty import MINUTE, Span, clear_old, count_plays, plays_of
 from .heat import Heat
-from .lockout import Lockout
+from .lockout import Lockouts
 
 __all__ = ["Heating", "Judge", "Ratings", "combined"]
 
@@ -54,17 +54,12 @@ def combined(ratings: Ratings) -> Limits:
 class Judge:
     """Judges drives for the limiter, and counts what is played. Raises LimitError for what is not played."""
 
-    def __init__(
-        self,
-        clock: Clock,
-        hardware: Collection[str],
-        counted: Path | None,
-        lockout: Callable[[], Lockout | None],
-    ) -> None:
+    def __init__(self, clock: Clock, lockouts: Lockouts, counted: Path | None) -> None:
         """`counted` is the folder of what was played, shared by all programs; None to forget it."""
-        self._clock, self._hardware, self._counted, self._lockout = clock, hardware, counted, lockout
+        self._clock, self._lockouts, self._counted = clock, lockouts, counted
+        self._hardware = lockouts.hardware
         self._played: deque[Span] = deque()
-        self.heat = Heat(clock, hardware, counted)
+        self.heat = Heat(clock, lockouts.hardware, counted)
 
     def recall(self) -> None:
         """Take over what other programs have played on this hardware, once the rig has its lock."""
@@ -116,7 +111,7 @@ class Judge:
 
         It sounds `longer` (s) than its samples; `waived` are limits that are other than in `ratings`.
         """
-        lockout = self._lockout()
+        lockout = self._lockouts.present
         if lockout is not None:
             raise LimitError(lockout.sentence)
         strictest = combined(ratings)

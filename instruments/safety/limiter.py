@@ -24,11 +24,10 @@ from ..errors import DataError, InstrumentError, LimitError
 from ..generator import Waveform
 from ..limits import Limits, sounding
 from ..relay import LOST
-from .audit import Audit
 from .deadline import DEADLINE
 from .figures import Kept
 from .judge import Heating, Judge, Ratings, combined
-from .lockout import Lockout, lock_out, lockout_of
+from .lockout import Lockout, Lockouts
 from .outputs import Outputs, Standing
 from .watch import Watch
 
@@ -60,22 +59,17 @@ class Limiter:
     def __init__(
         self,
         clock: Clock,
-        audit: Audit,
-        lockouts: Path,
-        hardware: Collection[str],
+        lockouts: Lockouts,
         outputs: Outputs,
         counted: Path | None,
     ) -> None:
-        """`lockouts` is the folder of lockouts; `counted` that of what was played, None to forget it.
+        """`counted` is the folder of what was played; None to forget it.
 
-        With `counted`, `clock` is the one that all programs of the computer share.
+        With it, `clock` is the one that all programs of the computer share.
         """
-        self.unsaved_lockout: Lockout | None = None
-        """A lockout that could not be written to disk: it lasts while the rig is open."""
         self._clock = clock
-        self._audit = audit
+        self._audit = lockouts.audit
         self._lockouts = lockouts
-        self._hardware = hardware
         self._outputs = weakref.ref(outputs)
         self._lock = threading.Lock()
         self._permit: _Permit | None = None
@@ -87,7 +81,7 @@ class Limiter:
         """The process in which the rig is open."""
         self._playing: set[str] = set()
         """Outputs that have started: each starts once, because a restart would cut its drive off."""
-        self._judge = Judge(clock, hardware, counted, lambda: self.lockout)
+        self._judge = Judge(clock, lockouts, counted)
         self.warm = 0.0
         """What earlier plays had left in a coil (W) when the present one began."""
         self._quiet, self._quiet_until = 0.1, -np.inf
@@ -98,7 +92,7 @@ class Limiter:
     @property
     def lockout(self) -> Lockout | None:
         """The lockout that refuses every drive until `haploop reset`; None without one."""
-        return self.unsaved_lockout or lockout_of(self._lockouts, self._hardware)
+        return self._lockouts.present
 
     # Called by the rig
 
@@ -134,7 +128,7 @@ class Limiter:
 
     def lock_out(self, why: str) -> None:
         """Refuse every play on this hardware until `haploop reset`; then its coil is as warm as it may be."""
-        self.unsaved_lockout = lock_out(self._lockouts, self._hardware, self._audit, why)
+        self._lockouts.lock_out(why)
         self._lose_heat()
 
     def wait_for_play(self) -> None:

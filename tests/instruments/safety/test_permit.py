@@ -23,7 +23,7 @@ from haploop.instruments import (
 )
 from haploop.instruments.amplifier.e413 import E413
 from haploop.instruments.interlock import Interlocked
-from haploop.instruments.safety import Audit, Limiter, Outputs, entries
+from haploop.instruments.safety import Audit, Limiter, Lockouts, Outputs, entries
 from haploop.instruments.safety.duty import plays_of
 from haploop.instruments.safety.judge import Ratings
 from haploop.mocks.clock import VirtualClock
@@ -53,7 +53,8 @@ class World:
         self.outputs = Outputs(roles)
         self.counted = folder / "counted"
         self.counted.mkdir()
-        self.limiter = Limiter(self.clock, self.audit, folder / "locks", {"card"}, self.outputs, self.counted)
+        lockouts = Lockouts(folder / "locks", {"card"}, self.audit)
+        self.limiter = Limiter(self.clock, lockouts, self.outputs, self.counted)
 
     def permit(self, drives: Any = None, patches: Any = ("A",), limits: Limits = LIMITS) -> Any:
         drives = {"one": DRIVE} if drives is None else drives
