@@ -90,6 +90,7 @@ from .exchange.catalogue import list_files as list_files
 from .exchange.processing import Processed as Processed
 from .exchange.processing import process_study as process_study
 from .experiments import AGAIN as AGAIN
+from .experiments import Prediction as Prediction
 from .experiments import Presenter as Presenter
 from .experiments import Session as Session
 from .experiments import Store as Store
@@ -103,7 +104,9 @@ from .experiments import load_experiment as load_experiment
 from .experiments import load_power_plan as load_power_plan
 from .experiments import new_experiment as new_experiment
 from .experiments import open_session as open_session
+from .experiments import participant_model as participant_model
 from .experiments import power_of as power_of
+from .experiments import predict_answers as predict_answers
 from .experiments import prepare_surface as prepare_surface
 from .experiments import read_rows as read_rows
 from .experiments import run_session as run_session

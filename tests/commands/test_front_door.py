@@ -44,6 +44,7 @@ WORK = {
     "experiment new": ["load_experiment", "example_names"],
     "experiment run": ["load_experiment", "Store", "open_session", "run_session", "Session"],
     "experiment simulate": ["ParticipantModel", "SimulatedParticipant", "load_participant_model"],
+    "experiment predict": ["predict_answers", "Prediction", "participant_model", "DigitalButton"],
     "experiment status": ["Store"],
     "experiment export": ["export_answers"],
     "experiment withdraw": ["Store"],
