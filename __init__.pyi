@@ -20,8 +20,6 @@ from .acquisition import representative as representative
 from .acquisition import run_study as run_study
 from .acquisition import segmentation_for as segmentation_for
 from .acquisition import set_aside as set_aside
-from .acquisition import to_pandas as to_pandas
-from .acquisition import to_xarray as to_xarray
 from .acquisition import verify as verify
 from .calibration import ButtonPlan as ButtonPlan
 from .calibration import Calibration as Calibration
@@ -92,6 +90,7 @@ from .exchange.catalogue import list_files as list_files
 from .exchange.processing import Processed as Processed
 from .exchange.processing import process_study as process_study
 from .experiments import AGAIN as AGAIN
+from .experiments import Prediction as Prediction
 from .experiments import Presenter as Presenter
 from .experiments import Session as Session
 from .experiments import Store as Store
@@ -105,7 +104,9 @@ from .experiments import load_experiment as load_experiment
 from .experiments import load_power_plan as load_power_plan
 from .experiments import new_experiment as new_experiment
 from .experiments import open_session as open_session
+from .experiments import participant_model as participant_model
 from .experiments import power_of as power_of
+from .experiments import predict_answers as predict_answers
 from .experiments import prepare_surface as prepare_surface
 from .experiments import read_rows as read_rows
 from .experiments import run_session as run_session
@@ -130,6 +131,7 @@ from .instruments import log_entries as log_entries
 from .instruments import look_for_hardware as look_for_hardware
 from .instruments import mask as mask
 from .instruments import new_rig as new_rig
+from .instruments import new_rig_on as new_rig_on
 from .instruments import open_rig as open_rig
 from .instruments import played as played
 from .instruments import recorded as recorded

@@ -2,7 +2,7 @@
 
 from .feeling import Feeling, Pressed, feeling_of, sensations_of
 from .lab import LabThreshold, lab_threshold, pressing_act
-from .levels import SHORT, Levels, levels_of, running_level
+from .levels import SHORT, Levels, event_levels, levels_of, running_level
 from .sensation import Answer, Sensation, shares
 from .thresholds import Act, Curve, Difference, Thresholds, parse_thresholds, thresholds
 
@@ -18,6 +18,7 @@ __all__ = [
     "Pressed",
     "Sensation",
     "Thresholds",
+    "event_levels",
     "feeling_of",
     "lab_threshold",
     "levels_of",

@@ -13,6 +13,7 @@ from .manova import (
 )
 from .pairs import Comparison, compare_levels
 from .power import Power, PowerPlan, load_power_plan, power_of
+from .prediction import PAPER, Prediction, participant_model, predict_answers
 from .proportions import clustered_interval, wilson_interval
 from .ratings import PairRatings, Ratings, analyse_ratings, normalise
 from .table import Rows, read_rows
@@ -20,6 +21,7 @@ from .threshold import Threshold, analyse_thresholds
 
 __all__ = [
     "METRICS",
+    "PAPER",
     "Comparison",
     "Confusion",
     "Effect",
@@ -29,6 +31,7 @@ __all__ = [
     "Performance",
     "Power",
     "PowerPlan",
+    "Prediction",
     "Ratings",
     "Rows",
     "Sphericity",
@@ -48,8 +51,10 @@ __all__ = [
     "manova_independent",
     "manova_repeated",
     "normalise",
+    "participant_model",
     "people_table",
     "power_of",
+    "predict_answers",
     "read_rows",
     "wilson_interval",
 ]

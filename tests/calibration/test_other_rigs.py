@@ -72,7 +72,7 @@ def test_the_response_is_the_surfaces_own_velocity(name: str, within: float, tmp
 
 
 @pytest.mark.many_plays
-@pytest.mark.parametrize("name", ["coil", "displacement", "acceleration"])
+@pytest.mark.parametrize("name", ["coil", *(pytest.param(n, marks=pytest.mark.long) for n in PICKUPS)])
 def test_the_verdict_is_right_about_the_surfaces_own_error_of_a_right_and_of_a_wrong_drive(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -159,8 +159,13 @@ def test_twin_ni_serves_the_devices_of_an_export(tmp_path: Path) -> None:
 
 
 def test_twin_ni_wants_one_source_of_devices(run: Run, tmp_path: Path) -> None:
-    for args in (["--devices", tmp_path / "missing.ini"], ["--devices", "x.ini", "--rig", "simulated"]):
+    for args in (
+        ["--devices", tmp_path / "missing.ini"],
+        ["--devices", "x.ini", "--rig", "simulated"],
+        ["--devices", "x.ini", "--device", "Dev1=PCIe-6363", "--", "true"],
+    ):
         result = run("twin", "ni", *args)
+        assert "--device" in result.stderr or "missing.ini" in result.stderr
         assert result.exit_code == 2
         assert result.stderr.count("\n") == 1
 

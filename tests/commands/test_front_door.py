@@ -44,6 +44,7 @@ WORK = {
     "experiment new": ["load_experiment", "example_names"],
     "experiment run": ["load_experiment", "Store", "open_session", "run_session", "Session"],
     "experiment simulate": ["ParticipantModel", "SimulatedParticipant", "load_participant_model"],
+    "experiment predict": ["predict_answers", "Prediction", "participant_model", "DigitalButton"],
     "experiment status": ["Store"],
     "experiment export": ["export_answers"],
     "experiment withdraw": ["Store"],
@@ -74,7 +75,7 @@ WORK = {
     "log": ["log_entries"],
     "reset": ["reset_lockout"],
     "schema": ["rig_schema"],
-    "rig new": ["look_for_hardware", "new_rig"],
+    "rig new": ["look_for_hardware", "new_rig", "new_rig_on"],
     "tape show": ["played", "recorded", "tape_rig"],
     "tape mask": ["mask"],
 }

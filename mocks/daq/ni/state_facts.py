@@ -36,7 +36,9 @@ def _limit(sign: int) -> Callable[[Channel], float]:
         )
         if name not in channel.values:
             raise DaqmxError(missing, f"{name} of {channel.name!r} was reset and has not been set since.")
-        if channel.values.get("AI_MEAS_TYPE_NAME") != "VOLTAGE" or channel.values.get("AI_IS_TEDS"):
+        kind = channel.values.get("AI_MEAS_TYPE_NAME")
+        in_degrees = kind == "TEMPERATURE_RTD" and sign > 0
+        if (kind != "VOLTAGE" or channel.values.get("AI_IS_TEDS")) and not in_degrees:
             return channel.high if sign > 0 else channel.low
         # The driver reports the limits of the range that it chose, which contains the requested one.
         ends = np.array([-channel.full_scale, channel.full_scale])

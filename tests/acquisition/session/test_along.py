@@ -9,7 +9,7 @@ import time
 import numpy as np
 import pytest
 
-from haploop.acquisition import Protocol, Recording, record, to_pandas, to_xarray, verify
+from haploop.acquisition import Protocol, Recording, record, verify
 from haploop.acquisition.session import along
 from haploop.instruments import (
     AnalogChannel,
@@ -293,13 +293,13 @@ def test_extra_channels_and_readings_are_exported(tmp_path, monkeypatch):
     recording = record(rig, "push", "P01", 1, tmp_path)
     assert recording.readings
     pandas = pytest.importorskip("pandas")
-    table = to_pandas(recording)
+    table = recording.to_pandas()
     assert np.array_equal(table["temperature"], recording.extra["temperature"])
     assert table["meter_level"].count() == len(recording.readings)
     assert table.attrs["units"] | {"meter_level": "m", "temperature": "°C"} == table.attrs["units"]
     assert isinstance(table, pandas.DataFrame)
     pytest.importorskip("xarray")
-    data = to_xarray(recording)
+    data = recording.to_xarray()
     assert (data.temperature.units, data.temperature.long_name) == ("°C", "Room")
     assert list(data.meter_level_time * recording.rate_hz) == [r.sample for r in recording.readings]
 

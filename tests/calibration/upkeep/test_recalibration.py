@@ -159,6 +159,7 @@ def test_what_is_broken_is_named_and_changes_nothing(
 
 
 @pytest.mark.requires("simulation")
+@pytest.mark.long
 @pytest.mark.parametrize("width", [0.2, 0.0])
 def test_another_hysteresis_is_a_drift_that_is_found_and_brought_back(
     open: OpenRig, history: History, full: bool, width: float
@@ -470,7 +471,10 @@ def test_what_cannot_be_logged_does_not_become_active(
     "fault",
     [
         {"kind": "mains-hum", "volts": 0.02},
-        {"kind": "rotating-machine", "volts": 0.01, "frequency": 117.3, "after": 50.0, "run_up": 2.0},
+        pytest.param(
+            {"kind": "rotating-machine", "volts": 0.01, "frequency": 117.3, "after": 50.0, "run_up": 2.0},
+            marks=pytest.mark.long,
+        ),
     ],
     ids=["hum", "a motor that starts meanwhile"],
 )

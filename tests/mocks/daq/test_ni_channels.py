@@ -18,9 +18,11 @@ from nidaqmx.constants import (
     ExcitationSource,
     PowerIdleOutputBehavior,
     PowerOutputState,
+    RTDType,
     StrainGageRosetteMeasurementType,
     StrainGageRosetteType,
     SyncType,
+    TemperatureUnits,
     TerminalConfiguration,
     UsageTypeAI,
     WaitMode,
@@ -179,6 +181,35 @@ def test_encoder_counts_by_its_decoding() -> None:
                 began = twin.now
                 twin.sleep(0.1)
                 assert task.read() == pytest.approx((twin.now - began), abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("units", "shown"),
+    [(TemperatureUnits.DEG_C, 100.0), (TemperatureUnits.K, 373.15), (TemperatureUnits.DEG_F, 212.0)],
+)
+def test_a_resistance_thermometer_shows_its_temperature(units: TemperatureUnits, shown: float) -> None:
+    """100 Ohm of platinum (alpha 3851) have 138.51 Ohm at 100 degrees: the table of IEC 60751."""
+    with NiTwin({"X": "PCIe-6363"}) as twin, nidaqmx.Task() as task:
+        twin.set("X/ai0", 138.51 * 1e-3)
+        task.ai_channels.add_ai_rtd_chan(
+            "X/ai0", min_val=0.0, max_val=400.0, units=units, rtd_type=RTDType.PT_3851, current_excit_val=1e-3
+        )
+        assert task.read() == pytest.approx(shown, abs=0.5)
+
+
+def test_ohms_follow_from_the_current_and_a_range_is_told_in_degrees() -> None:
+    with NiTwin({"X": "PCIe-6363"}) as twin:
+        twin.set("X/ai0", 0.35)
+        with nidaqmx.Task() as task:
+            task.ai_channels.add_ai_resistance_chan("X/ai0", max_val=1000.0, current_excit_val=1e-3)
+            assert task.read() == pytest.approx(350.0, abs=1.0)
+        with nidaqmx.Task() as task:
+            kelvin = task.ai_channels.add_ai_rtd_chan(
+                "X/ai0", min_val=28.0, max_val=130.0, units=TemperatureUnits.K, rtd_type=RTDType.PT_3750,
+                current_excit_val=0.0025,
+            )  # fmt: skip
+            # What +-0.2 V are to 100 Ohm at 2.5 mA.
+            assert (kelvin.ai_min, kelvin.ai_max) == (28.0, pytest.approx(221.0, abs=1.0))
 
 
 def test_calculated_power_is_that_of_volts_and_of_a_shunt() -> None:
