@@ -63,6 +63,12 @@ def test_the_reference_has_each_name_once() -> None:
     assert sorted(named) == sorted(haploop.__all__)
 
 
+def test_the_reference_shows_each_name_in_use() -> None:
+    text = (ROOT / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
+    shown = re.sub(r"^::: .*$", "", text, flags=re.MULTILINE)
+    assert [name for name in haploop.__all__ if not re.search(rf"\b{name}\b", shown)] == []
+
+
 def test_each_page_is_run_once() -> None:
     shared = [page for patterns in SHARES.values() for page in pages_of(*patterns)]
     assert sorted(shared) == sorted(pages_of("README.md", "docs/**/*.md"))

@@ -458,6 +458,8 @@ def test_commands_of_a_tape(run: Run, whole: Path, tmp_path: Path, monkeypatch: 
         (["doctor", "--simulate", "tape"], 2, "is not twin, wire or tape:FILE"),
         (["doctor", "--simulate", f"tape:{whole}", "--tape", "new.tape"], 2, "leave out --tape"),
         (["doctor", "--simulate", "twin", "--tape", "new.tape"], 2, "A twin makes no calls"),
+        (["demo", "--tape", "new.tape"], 2, "A twin makes no calls"),
+        (["serve", "--simulate", "twin", "--tape", "new.tape"], 2, "A twin makes no calls"),
         (["doctor", "--tape", "mail.tape"], 2, "exists"),
         (["doctor", "--tape", "no/such/folder.tape"], 2, "folder"),
         (["log", "--tape", "new2.tape"], 2, "no option --tape"),
@@ -512,3 +514,12 @@ def test_an_answer_that_cannot_be_read_is_one_sentence(answer: dict[str, Any], t
         TapedLine(player, "x").call(
             "do", lambda: None, filled=(np.zeros(2),), failures=(Failure(ConnectionError),)
         )
+
+
+@pytest.mark.long
+def test_a_demo_leaves_a_tape(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    ran = run("demo", "--out", "out", "--simulate", "wire", "--tape", "day.tape", "--json")
+    assert json.loads(ran.stdout)["mode"] == "wire"
+    with Player(Path("day.tape")) as player:
+        assert player.whole and player.calls > 100
