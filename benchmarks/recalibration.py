@@ -246,8 +246,9 @@ def main(words: Sequence[str] | None = None) -> list[Row]:
             if (failing and outcome == "unchanged") or (row != "fault" and outcome == "broken"):
                 wrong.append(f"{condition.name}, seed {seed}")
             print(line, flush=True)
-        rows, columns = ("holds", "fails", "fault"), ("unchanged", "restored", "left", "drifted", "broken")
-        print(f"\n| table | {' | '.join(columns)} |\n|{'---|' * 6}")
+        rows = ("holds", "fails", "fault")
+        columns = ("unchanged", "restored", "left", "drifted", "touched", "broken")
+        print(f"\n| table | {' | '.join(columns)} |\n|{'---|' * 7}")
         for row in rows:
             print(f"| {row} | {' | '.join(str(matrix[row, column]) for column in columns)} |")
         print(f"\n{sum(matrix.values())} tables; wrong: {'; '.join(wrong) or 'none'}")
