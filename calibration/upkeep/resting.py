@@ -24,12 +24,14 @@ if TYPE_CHECKING:
 
 __all__ = ["TAKE_AWAY", "Dampings", "dampings_of", "told_touched"]
 
-_LEAST = 0.03
-"""Rise of a mode's damping ratio (logarithm) from which it is one: 1.5 % of a resonance's height."""
+_LEAST = 0.01
+"""Rise of a mode's damping ratio (logarithm) from which it is one: 1 % of a resonance's height. Tables as they
+were, with three times the noise, hum or a wider hysteresis seem damped by up to 0.3 % (simulated)."""
 _CLEAR = 5.0
 """The same over the fit's residual: modes that drift by 1 to 3 % each seem damped by up to 5.2 times it, and
-fingers and palms damp by 7.5 times it and more (172 hands and 32 drifts on eight simulated tables)."""
-_FALL, _NOISE = 0.3, 0.02
+fingers and palms damp by 7.5 times it and more (168 hands and 32 such drifts on eight simulated tables), but
+for two that changed the response by 0.3 %."""
+_FALL, _NOISE = 0.3, 0.01
 """Largest fall of another mode's, over the largest rise, and beside it, with which it may still be a body."""
 _UNLIKE = 0.25
 """Least difference between modes, over the largest rise: a change of all dampings alike has none."""
