@@ -26,6 +26,7 @@ from .acquisition import verify as verify
 from .calibration import Calibration as Calibration
 from .calibration import Check as Check
 from .calibration import DigitalButton as DigitalButton
+from .calibration import Drift as Drift
 from .calibration import Drive as Drive
 from .calibration import Feeling as Feeling
 from .calibration import Finding as Finding
@@ -37,6 +38,7 @@ from .calibration import Model as Model
 from .calibration import Multisine as Multisine
 from .calibration import Outcome as Outcome
 from .calibration import Response as Response
+from .calibration import Trade as Trade
 from .calibration import VibrationMap as VibrationMap
 from .calibration import Waveforms as Waveforms
 from .calibration import activate as activate

@@ -3,6 +3,7 @@ from .drive import DigitalButton as DigitalButton
 from .drive import Drive as Drive
 from .drive import Iteration as Iteration
 from .drive import Learning as Learning
+from .drive import Trade as Trade
 from .drive import build_button as build_button
 from .drive import check as check
 from .drive import check_feeling as check_feeling
@@ -19,6 +20,7 @@ from .map import VibrationMap as VibrationMap
 from .map import map_plan as map_plan
 from .map import measure_map as measure_map
 from .model import Calibration as Calibration
+from .model import Drift as Drift
 from .model import Model as Model
 from .model import Resonance as Resonance
 from .model import calibrate as calibrate

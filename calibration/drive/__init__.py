@@ -1,4 +1,4 @@
-"""Drives: inversion, the drive's waveform, the check, learning, the digital button."""
+"""Drives: inversion, the drive's waveforms, the check, learning, the digital button."""
 
 from .agreement import SharedPower
 from .button import DigitalButton, build_button, play_button
@@ -8,6 +8,7 @@ from .drive import BAND, Drive, Method, drive_for, modulate
 from .feeling import check_feeling
 from .learning import Iteration, Learning, learn
 from .paper_baseline import paper_drive
+from .trade import Trade
 
 __all__ = [
     "BAND",
@@ -18,6 +19,7 @@ __all__ = [
     "Learning",
     "Method",
     "SharedPower",
+    "Trade",
     "build_button",
     "check",
     "check_feeling",

@@ -120,7 +120,7 @@ def drive_contents(drive: Drive) -> Contents:
 def drive_facts(drive: Drive) -> Iterator[Fact]:
     """The voltage of a drive, how it was computed, and how much of the press it reaches."""
     low, high = drive.band
-    peak_to_peak, duration = float(np.ptp(drive.volts)), len(drive.volts) / drive.rate_hz
+    peak_to_peak, duration = float(np.ptp(drive.volts, axis=1).max()), len(drive.target) / drive.rate_hz
     yield fact(
         "Drive",
         f"{drive.peak:.1f} V peak, {peak_to_peak:.1f} V peak to peak at patch {drive.patch}",

@@ -24,18 +24,20 @@ def plan() -> Plan:
         gain += sign * s**2 / (s**2 + 2 * 0.01 * w * s + w**2)
     inside = (f > 150) & (f < 600)
     target = rfft(np.exp(-since / 0.02) * np.sin(2 * np.pi * 260 * since) * (t > 0.3)) * inside
+    uncertain = np.full((1, 1, len(f)), 1e-6 + 0j)
     window = np.zeros(n)
     window[:4500] = fade(4500, 100, 100)
     typical = float(np.median(np.abs(gain[inside]) ** 2))
-    return Plan(target, gain, (f > 20) & (f < 2000), np.full(len(f), 1e-3), window, typical)
+    known = (f > 20) & (f < 2000)
+    return Plan(target[None], gain[None, None], known, uncertain, window, typical, np.ones(1))
 
 
 def test_the_inverse_begins_before_the_press(plan: Plan) -> None:
     drive, error = min_peak(plan, 0.01)
     assert error < 0.01
-    before = drive[:1400]
+    before = drive[0, :1400]
     assert np.linalg.norm(before) > 0.02 * np.linalg.norm(drive)
-    causal = np.where(np.arange(len(drive)) < 1500, 0, drive)
+    causal = np.where(np.arange(drive.shape[1]) < 1500, 0, drive)
     assert plan.error(causal) > 5 * error
 
 
@@ -65,18 +67,18 @@ def test_steps_are_limited_by_planning_too(plan: Plan) -> None:
 
 def test_a_known_drive_is_left_where_nothing_is_to_gain(plan: Plan) -> None:
     drive, _ = min_peak(plan, 0.01)
-    known = replace(plan, target=plan.gain * rfft(drive), operating_point=rfft(drive), ridge=1e-4)
+    known = replace(plan, target=plan.moved(rfft(drive)), operating_point=rfft(drive), ridge=1e-4)
     again, _ = within(known, 2 * float(np.abs(drive).max()))
     assert np.linalg.norm(again - drive) < 0.05 * np.linalg.norm(drive)
 
 
 def test_uncertainty_is_part_of_the_expected_error(plan: Plan) -> None:
     drive, error = min_peak(plan, 0.05)
-    assert replace(plan, uncertainty=100 * plan.uncertainty).error(drive) > 1.5 * error
+    assert replace(plan, covariance=1e4 * plan.covariance).error(drive) > 1.5 * error
 
 
 def test_an_impossible_budget_gives_the_best_there_is(plan: Plan) -> None:
-    hopeless = replace(plan, uncertainty=np.abs(plan.gain))
+    hopeless = replace(plan, covariance=np.abs(plan.gain) ** 2)
     drive, error = max_output(hopeless, 0.05)
     assert error > 0.05
     assert error <= min_peak(hopeless, 0.05)[1] * 1.001
@@ -87,8 +89,8 @@ def test_nothing_is_played_where_nothing_is_known(plan: Plan) -> None:
     """The drive's power beyond what was measured is 40 dB down; where it was, motion is an error."""
     f = rfftfreq(len(plan.window), 1 / 5000)
     drive, _ = max_output(plan, 0.05)
-    power = np.abs(rfft(drive)) ** 2
+    power = np.abs(rfft(drive[0])) ** 2
     assert 10 * np.log10(power[~plan.known].sum() / power.sum()) < -40
-    moved = np.abs(plan.gain * rfft(drive))
+    moved = np.abs(plan.moved(rfft(drive))[0])
     outside = plan.known & ((f < 150) | (f > 600))
     assert np.linalg.norm(moved[outside]) < 0.06 * np.linalg.norm(plan.target)
