@@ -243,8 +243,8 @@ def drive_for(
     table = Actuation.of([calibration] if isinstance(calibration, Calibration) else calibration)
     if len(table.points) > 1:
         raise ConfigurationError(
-            f"A drive is for one point, and the calibrations are of {', '.join(table.points)}: leave the others "
-            "out."
+            f"A drive is for one point, and the calibrations are of {', '.join(table.points)}: leave the "
+            "others out."
         )
     grid = target_grid(press, table, method)
     band = table.measured_well(band)

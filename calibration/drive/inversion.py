@@ -50,8 +50,8 @@ class Plan:
 
     `target` is (points, lines), the targets' spectra: zero at a point that is to be silent. `gain` is
     (points, patches, lines), target per volt; `known` (lines,) True where it was measured: elsewhere no drive
-    has power. `covariance` and `drift` are (patches, patches, lines) as in the module, summed over
-    the points. `window` (samples,) is the share of the limit available to the drives over time: zero where they
+    has power. `covariance` and `drift` are (patches, patches, lines) as in the module, summed over the
+    points. `window` (samples,) is the share of the limit available to the drives over time: zero where they
     must be zero.
     """
 

@@ -30,7 +30,7 @@ class Trade:
     """Expected error accepted for the largest output, drift included; None: 0.5 %, or 6 % with a drift. If
     that is not within reach, the least error is taken."""
     scale: float | None = None
-    """Scale at which the press is played, over its recorded size, with the least error; instead of `error`."""
+    """Scale at which the press is played, over its recorded size, with the least error."""
     drift: Drift | None = None
     """None: `Drift()` with more patches than points. Else none, because nothing is left to choose between:
     one patch buys little steadiness with much error."""
@@ -40,7 +40,7 @@ class Trade:
         for name, value in (("error", self.error), ("scale", self.scale)):
             if value is not None and not 0 < value < _MOST:
                 raise ConfigurationError(
-                    f"A drive cannot be planned for {name} = {value:g}: above 0 and below {_MOST:g} is possible."
+                    f"A drive cannot be planned for {name} = {value:g}: it lies between 0 and {_MOST:g}."
                 )
         if self.error is not None and self.scale is not None:
             raise ConfigurationError("A drive is planned for an error or for a scale: leave one out.")

@@ -142,6 +142,6 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Files:
     drive.save(found.drive)
     check.save(found.check)
     calibration.save(found.calibration)
-    DigitalButton(press, calibration, learning, check, "2026-11-22", "haploop").save(found.button)
+    DigitalButton(press, (calibration,), learning, check, "2026-11-22", "haploop").save(found.button)
     assert replace(press).simulated
     return found
