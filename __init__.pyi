@@ -23,6 +23,7 @@ from .acquisition import set_aside as set_aside
 from .acquisition import to_pandas as to_pandas
 from .acquisition import to_xarray as to_xarray
 from .acquisition import verify as verify
+from .calibration import ButtonPlan as ButtonPlan
 from .calibration import Calibration as Calibration
 from .calibration import Check as Check
 from .calibration import DigitalButton as DigitalButton
@@ -34,6 +35,7 @@ from .calibration import Generation as Generation
 from .calibration import History as History
 from .calibration import Learning as Learning
 from .calibration import LinearSweep as LinearSweep
+from .calibration import Loudness as Loudness
 from .calibration import Model as Model
 from .calibration import Multisine as Multisine
 from .calibration import Outcome as Outcome
@@ -61,11 +63,13 @@ from .calibration import measure_map as measure_map
 from .calibration import measure_response as measure_response
 from .calibration import modulate as modulate
 from .calibration import paper_drive as paper_drive
+from .calibration import plan_button as plan_button
 from .calibration import plan_excitation as plan_excitation
 from .calibration import play_button as play_button
 from .calibration import quick_response as quick_response
 from .calibration import read_uff as read_uff
 from .calibration import recalibrate as recalibrate
+from .calibration import trade_for as trade_for
 from .calibration import write_uff as write_uff
 from .commands.demo.run import claim_folder as claim_folder
 from .commands.demo.run import run_demo as run_demo

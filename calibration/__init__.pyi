@@ -1,8 +1,10 @@
+from .drive import ButtonPlan as ButtonPlan
 from .drive import Check as Check
 from .drive import DigitalButton as DigitalButton
 from .drive import Drive as Drive
 from .drive import Iteration as Iteration
 from .drive import Learning as Learning
+from .drive import Loudness as Loudness
 from .drive import Trade as Trade
 from .drive import build_button as build_button
 from .drive import check as check
@@ -11,7 +13,9 @@ from .drive import drive_for as drive_for
 from .drive import learn as learn
 from .drive import modulate as modulate
 from .drive import paper_drive as paper_drive
+from .drive import plan_button as plan_button
 from .drive import play_button as play_button
+from .drive import trade_for as trade_for
 from .examination import Finding as Finding
 from .examination import examine as examine
 from .examination import examine_each as examine_each

@@ -13,12 +13,40 @@ from ..instruments.files import reserved
 from ..reports import contents, outputs, show
 from ..terminal.progress import Steps
 from . import front as haploop
-from .options import AVERAGE, CALIBRATION, JSON, NEW, PATH, PLAYS, PRESSES, ChosenRig, on_rig
+from .options import (
+    AVERAGE,
+    CALIBRATION,
+    COLUMNS,
+    JSON,
+    NEW,
+    PATH,
+    PLAYS,
+    PLOT,
+    PRESSES,
+    ChosenRig,
+    Measure,
+    on_rig,
+)
 
 if TYPE_CHECKING:
     from ..acquisition import AverageMethod
+    from ..reports.figures import Columns
 
 __all__ = ["button"]
+
+
+ERROR = click.option(
+    "--error",
+    type=Measure("%", 0.01),
+    metavar="PERCENT",
+    help="As loud as the limits allow with this error expected, for example 5.",
+)
+LEVEL = click.option(
+    "--level",
+    type=Measure("dB"),
+    metavar="DB",
+    help="At least so far above the threshold of a finger that presses, for example 10dB.",
+)
 
 
 @click.group(no_args_is_help=True)
@@ -53,6 +81,8 @@ def button() -> None:
     show_default=True,
     help="Maximum number of iterative corrections of the drive.",
 )
+@ERROR
+@LEVEL
 @AVERAGE
 @on_rig()
 @JSON
@@ -62,6 +92,8 @@ def make(
     out: Path,
     method: Literal["modulated", "broadband"],
     iterations: int,
+    error: float | None,
+    level: float | None,
     average: AverageMethod,
     rig: ChosenRig,
     as_json: bool,
@@ -70,7 +102,8 @@ def make(
 
     PRESS is a recording (or several), or the file of a representative press (`haploop represent`, `haploop
     import`). Computes the representative press and the drive, corrects the drive by playing and measuring
-    it, and checks the result.
+    it, and checks the result. `--error` and `--level` choose between likeness and loudness (`haploop button
+    plan` shows what there is to choose); without them the drive is as like as it can be.
 
     Exit codes: 0 the check passed, 1 it did not (the file is written and states why).
     """
@@ -81,12 +114,50 @@ def make(
         rig.opened() as opened,
         Steps() as steps,
     ):
+        trade = haploop.Trade()
+        if error is not None or level is not None:
+            wanted = haploop.Loudness(error, level)
+            trade = haploop.trade_for(press, loaded, opened.limits, wanted, method)
         made = haploop.build_button(
-            opened, press, loaded, method=method, iterations=iterations, progress=steps
+            opened, press, loaded, method=method, trade=trade, iterations=iterations, progress=steps
         )
         made.save(out)
     show.print_made(contents.file_contents(out), out, as_json)
     return 0 if made.passed else 1
+
+
+@button.command()
+@PRESSES
+@CALIBRATION
+@click.option("--out", "-o", type=NEW, metavar="PLAN.h5", help="Plan file to write, for a report.")
+@AVERAGE
+@on_rig()
+@PLOT
+@COLUMNS
+@JSON
+def plan(
+    presses: Sequence[Path],
+    calibration: Path,
+    out: Path | None,
+    average: AverageMethod,
+    rig: ChosenRig,
+    plot: Path | None,
+    columns: Columns,
+    as_json: bool,
+) -> int:
+    """Show what error buys which loudness, without playing anything.
+
+    PRESS as of `haploop button make`. Within the limits of the rig, a louder button is less like the recorded
+    one: the table has both for each method, and whether a person feels it who presses.
+    """
+    loaded = haploop.Calibration.load(calibration)
+    press = haploop.load_press(presses, average)
+    with rig.opened() as opened, Steps() as steps:
+        planned = haploop.plan_button(press, loaded, opened.limits, progress=steps)
+    if out is not None:
+        planned.save(out)
+    show.print_contents(contents.plan_contents(planned), as_json, plot, columns)
+    return 0
 
 
 @button.command()

@@ -13,6 +13,7 @@ EXAMPLES = {
     "analyse thresholds": "haploop analyse thresholds staircase.csv",
     "button check": "haploop button check latch.h5 --rig lab.toml",
     "button make": "haploop button make recordings/P01-latch.h5 -c calibration.h5 -o latch.h5",
+    "button plan": "haploop button plan press.h5 -c calibration.h5 --plot plan.png",
     "calibrate": "haploop calibrate --patch A --point button --out calibration.h5",
     "calibrations activate": 'haploop calibrations activate 2 --rig lab.toml --reason "back in room 3"',
     "calibrations adopt": 'haploop calibrations adopt latch.h5 --rig lab.toml --reason "new plate"',

@@ -44,6 +44,7 @@ __all__ = [
     "WAIT",
     "ChosenRig",
     "FiniteRange",
+    "Measure",
     "NewFile",
     "average_option",
     "on_rig",
@@ -77,6 +78,9 @@ ONLY = click.option(
 NOTES = click.option("--notes", default="", help="Notes; stored in the recording.")
 
 
+_LARGEST = 1e6
+
+
 class FiniteRange(click.FloatRange):
     """A range of numbers that also refuses NaN, which passes every comparison."""
 
@@ -105,6 +109,28 @@ ATTEMPTS = click.option(
     help="Attempts at one press before the session ends.  [default: 5]",
 )
 PATH = click.Path(path_type=Path)
+
+
+class Measure(click.ParamType):  # type: ignore[type-arg, unused-ignore]  # not generic before 8.3
+    """A number with or without its unit, times a factor."""
+
+    name = "number"
+
+    def __init__(self, unit: str, factor: float = 1.0) -> None:
+        self._unit, self._factor = unit, factor
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """The number in the program's unit."""
+        if isinstance(value, float):
+            return value
+        text = str(value).strip().lower().removesuffix(self._unit.lower()).strip()
+        try:
+            number = float(text)
+        except ValueError:
+            number = float("nan")
+        if not abs(number) < _LARGEST:
+            self.fail(f"{value!r} is no number of {self._unit}: for example 5.", param, ctx)
+        return self._factor * number
 
 
 class NewFile(click.Path):

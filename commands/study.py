@@ -6,7 +6,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -109,6 +109,8 @@ def run(
     Enter to reject the preceding press.
     """
     opened = haploop.load_study(path)
+    options = {"wait": wait, "patience": patience, "attempts": attempts}
+    given: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
     rig = replace(rig, name=rig.name or _own_rig(opened.path, opened.file.rig))
     with rig.opened() as instruments:
         rig.state.recordings = opened.folder
@@ -122,9 +124,7 @@ def run(
                 meter.on_study_verdict,
                 meter.on_request,
                 notes=notes,
-                wait=wait,
-                patience=patience,
-                attempts=attempts,
+                adapt=lambda protocol: replace(protocol, **given),
             )
     show.print_contents(contents.study_contents(opened, opened.progress()), as_json)
     return 0

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, overload
 
 from ..acquisition import Recording, Representative, hdf5, load_study
-from ..calibration import Calibration, Check, DigitalButton, Drive, Waveforms
+from ..calibration import ButtonPlan, Calibration, Check, DigitalButton, Drive, Waveforms
 from ..calibration.map import VibrationMap
 from ..experiments import load_experiment
 from ..instruments import DataError
@@ -24,6 +24,7 @@ RESULTS: Mapping[str, tuple[type, Callable[[Path], Any]]] = {
     "check": (Check, Check.load),
     "button": (DigitalButton, DigitalButton.load),
     "map": (VibrationMap, VibrationMap.load),
+    "plan": (ButtonPlan, ButtonPlan.load),
 }
 """The class of each kind of result, and the function that reads it."""
 
@@ -37,8 +38,9 @@ def load(path: Iterable[str | os.PathLike[str]]) -> list[Any]: ...
 def load(path: str | os.PathLike[str] | Iterable[str | os.PathLike[str]]) -> Any:
     """Load what haploop wrote to `path`, or to each of several paths.
 
-    A `Recording`, `Representative`, `Calibration`, `Waveforms`, `Drive`, `Check` or `DigitalButton` (.h5), a
-    `VibrationMap` (the folder), a `Study` or an `Experiment` (the folder, or its .toml file).
+    A `Recording`, `Representative`, `Calibration`, `Waveforms`, `ButtonPlan`, `Drive`, `Check` or
+    `DigitalButton` (.h5), a `VibrationMap` (the folder), a `Study` or an `Experiment` (the folder, or its
+    .toml file).
     Raises DataError for what is missing, damaged, or nothing of these.
     """
     if not isinstance(path, str | os.PathLike):

@@ -19,8 +19,7 @@ from .extras import optional
 __all__ = ["LEAD", "Audio", "AudioStream", "found", "high_pass", "load", "refuse_mean"]
 
 LEAD = 0.05
-"""Silence before a waveform (s), in which a sleeping card unmutes (estimate; docs/hardware.md,
-"Sound card")."""
+"""Silence before a waveform (s), in which a sleeping card unmutes (estimate)."""
 _MEAN = 0.01
 """Largest mean over the peak: an AC-coupled output removes the mean, as a slow sag."""
 

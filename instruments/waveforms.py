@@ -65,8 +65,8 @@ class Sweep:
     """One linear sine sweep. Raises ConfigurationError for one that no generator can play."""
 
     start_hz: float
-    """Start frequency, above zero: no generator starts at 0 Hz (the paper's sweep is 0 to 625 Hz;
-    docs/hardware.md, "Generators")."""
+    """Start frequency, above zero: no generator starts at 0 Hz (estimate;
+    the paper's sweep is 0 to 625 Hz)."""
     stop_hz: float
     duration: float
     """Seconds from start to stop."""

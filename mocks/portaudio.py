@@ -12,7 +12,7 @@ from ..instruments.arrays import FloatArray
 __all__ = ["FRAMES", "CallbackAbort", "CallbackStop", "Coupling", "Flags", "PortAudioError"]
 
 FRAMES = 480
-"""Frames per callback: 10 ms at 48 kHz (estimate; docs/hardware.md, "Sound card")."""
+"""Frames per callback: 10 ms at 48 kHz (estimate)."""
 
 
 class CallbackStop(Exception):  # noqa: N818  as sounddevice calls it

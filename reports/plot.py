@@ -14,7 +14,7 @@ from typing import TypeVar
 from matplotlib.figure import Figure
 
 from ..acquisition import Recording, Representative, accepted_presses
-from ..calibration import Calibration, Check, DigitalButton, Drive, History, check_feeling
+from ..calibration import ButtonPlan, Calibration, Check, DigitalButton, Drive, History, check_feeling
 from ..calibration.map import VibrationMap
 from ..instruments import DataError
 from . import figures
@@ -33,6 +33,7 @@ __all__ = [
     "drive",
     "feeling",
     "forces",
+    "plan",
     "press",
     "recording",
     "response",
@@ -54,6 +55,11 @@ def press(*presses: Representative, columns: Columns = 2) -> Figure:
     """Draw representative presses, one below the other, like the paper's figure 6."""
     profiles = [figures.Profile.of(one) for one in _some(presses, "representative presses")]
     return _made(figures.profiles(profiles, columns), any(one.simulated for one in presses))
+
+
+def plan(*plans: ButtonPlan, columns: Columns = 2) -> Figure:
+    """Draw what error buys which level above threshold, of buttons that are planned."""
+    return _made(figures.plan_figure(_some(plans, "plans"), columns), any(one.simulated for one in plans))
 
 
 def forces(recordings: Sequence[Recording], columns: Columns = 2) -> Figure:

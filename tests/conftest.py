@@ -126,7 +126,7 @@ def _make_buttons(folder: Path) -> None:
         for name in ("latch", "push"):
             recording = haploop.record(rig, button=name, participant="P01", presses=3, out=unfinished)
             press = haploop.representative([recording])
-            button = haploop.build_button(rig, press, calibration, iterations=0, plays=3)
+            button = haploop.build_button(rig, press, calibration, iterations=0)
             assert button.passed
             button.save(unfinished / f"{name}.h5")
     unfinished.rename(folder)
@@ -142,6 +142,13 @@ def open(open_rig: OpenRig) -> OpenRig:
 def unproved(monkeypatch: pytest.MonkeyPatch) -> None:
     """A session whose gain is taken as proved: for tests that look at every volt and line of one play."""
     monkeypatch.setattr("haploop.instruments.rig.playing.Playing._prove", lambda *_: None)
+
+
+@pytest.fixture
+def few_callbacks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A simulated sound card that calls back for as many frames as it is late by: a third of the work."""
+    for role in ("daq", "player"):
+        monkeypatch.setattr(f"haploop.mocks.{role}.sound_card.FRAMES", 1152)
 
 
 @pytest.fixture(scope="session", autouse=True)

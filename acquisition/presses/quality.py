@@ -35,7 +35,7 @@ from .sensor_faults import axis_fault, doubt, signal_fault
 __all__ = ["QualityCheck", "accepted_presses", "activation_forces", "is_of"]
 
 _RATING = 0.8
-"""Largest fraction of the force sensor's rating in a press (a choice; docs/hardware.md, "Force sensor")."""
+"""Largest fraction of the force sensor's rating in a press (a choice)."""
 _LIGHT = 0.3
 """Fraction of a press's largest force below which the finger rests on the button, arrives or leaves."""
 _MOVING = 0.1

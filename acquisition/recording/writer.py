@@ -16,12 +16,11 @@ import struct
 import threading
 from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 import numpy as np
 
 from ...instruments import Block, ConfigurationError, DataError, InstrumentError
+from ...instruments.closing import Closing
 from ...instruments.files import WRITE_ERRORS, allocate, existing, os_error_text, private_files, whole_file
 from ..checksum import add_checksum, created
 from .file_format import Header, codes_per_volt, convert, write_header
@@ -51,7 +50,7 @@ _HEAD = struct.Struct("<qIId")
 _CRC = struct.Struct("<I")
 
 
-class Writer:
+class Writer(Closing):
     """A recording file that is being filled; a context manager that closes it.
 
     `capacity` is the space in blocks of `block` samples, `along` the space for events of instruments
@@ -60,7 +59,7 @@ class Writer:
 
     def __init__(self, path: Path, header: Header, block: int, capacity: int, along: int = 0) -> None:
         self.path = path
-        self._header = header
+        self.header = header
         self._dtype = block_dtype(len(header.channels), block)
         # One record is filled again and again, through views of it that are made once.
         record = np.zeros(1, dtype=self._dtype)
@@ -172,14 +171,6 @@ class Writer:
             self._failure = error
         self._check()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
     def _arm(self) -> int:
         """Create the file and open it. Raises ConfigurationError, and leaves no file."""
         size = self._capacity * self._dtype.itemsize
@@ -211,7 +202,7 @@ class Writer:
 
     def _preallocate(self, temporary: Path) -> None:
         with created(temporary) as file:
-            write_header(file, self._header, "recording")
+            write_header(file, self.header, "recording")
             places = []
             for name, dtype, length in (
                 ("events", EVENT, self._events_left),

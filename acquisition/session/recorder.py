@@ -17,7 +17,6 @@ from ...instruments import (
     ConfigurationError,
     DataError,
     InstrumentError,
-    LinearSensor,
     Request,
     Rig,
     Stream,
@@ -26,7 +25,7 @@ from ...instruments.files import check_destination, private_files
 from ...instruments.progress import Progress, silent
 from ...instruments.safety import marked
 from ...instruments.signals import uninterrupted
-from ..presses import Protocol, press_quantity, segmentation_for
+from ..presses import Protocol, segmentation_for
 from ..recording import (
     Header,
     PressVerdict,
@@ -37,7 +36,7 @@ from ..recording import (
     set_aside,
 )
 from .along import Along
-from .session_run import Session, SessionRun, ignore
+from .session_run import Session, SessionRun, Told, ignore, telling_sensor
 from .stream_reader import GapError, OverrunError, StreamReader
 
 __all__ = ["MOST_PRESSES", "record", "run_session"]
@@ -87,43 +86,30 @@ def record(
     pending = tuple((number, 1) for number in range(1, presses + 1))
     session = Session(path, button, participant, pending, presses, notes=notes)
     protocol = protocol or Protocol(segmentation=segmentation_for(button))
-    return run_session(rig, session, protocol, progress, on_verdict, on_request)
+    return run_session(rig, session, protocol, Told(progress, on_verdict, on_request))
 
 
-def run_session(
-    rig: Rig,
-    session: Session,
-    p: Protocol,
-    progress: Progress = silent,
-    on_verdict: Callable[[PressVerdict], None] = ignore,
-    on_request: Callable[[Request], None] = ignore,
-) -> Recording:
+def run_session(rig: Rig, session: Session, p: Protocol, told: Told) -> Recording:
     """Record the presses still due in a session. `record` calls this with a one-button session."""
-    sensor, channels = _wiring(rig)
+    telling_sensor(rig)
     with private_files():
         check_destination(session.path)
     with marked(session.path):
-        return _recorded(rig, session, p, sensor, channels, progress, on_verdict, on_request)
+        return _recorded(rig, session, p, told)
 
 
-def _recorded(
-    rig: Rig,
-    session: Session,
-    p: Protocol,
-    sensor: LinearSensor,
-    channels: list[str],
-    progress: Progress,
-    on_verdict: Callable[[PressVerdict], None],
-    on_request: Callable[[Request], None],
-) -> Recording:
+def _recorded(rig: Rig, session: Session, p: Protocol, told: Told) -> Recording:
     path = session.path
-    rate_hz = rig.file.rate_hz
+    channels, rate_hz = list(rig.sensors.recorded), rig.file.rate_hz
     samples = round(p.block * rate_hz)
     # The longest possible session, so that space for all of it is allocated before the first sample.
     longest = 2 * p.patience * (len(session.pending) + p.attempts) + p.wait + p.pause + p.trail
     created = False
     try:
-        with Along(rig, path) as along, rig.daq.stream(channels, rate_hz, samples) as stream:
+        with (
+            Along(rig, path) as along,
+            rig.daq.stream(channels, rate_hz, samples) as stream,
+        ):
             header = _header(rig, stream, session, p)
             with (
                 Writer(
@@ -135,10 +121,7 @@ def _recorded(
                 try:
                     publish = rig.live_run("record", str(path), stream.channels, stream.rate_hz)
                     blocks = _written(reader, writer, along, rig.clock, publish)
-                    run = SessionRun(
-                        rig, blocks, writer, header, sensor, session, p, progress, on_verdict, on_request
-                    )
-                    run.conduct()
+                    SessionRun(rig, session, p, told, writer).conduct(blocks)
                     along.finish(writer)
                 except BaseException as error:  # Ctrl-C and SIGTERM among them
                     with uninterrupted():
@@ -152,17 +135,6 @@ def _recorded(
         raise
     finish(path)
     return Recording.open(path)
-
-
-def _wiring(rig: Rig) -> tuple[LinearSensor, list[str]]:
-    """Find the sensor that tells presses, and every channel to record. Raises ConfigurationError."""
-    quantity = press_quantity(rig.sensors)
-    if quantity is None:
-        raise ConfigurationError(
-            f"The rig {rig.name!r} has no sensor that shows a press: describe one of [sensors.force], "
-            "[sensors.displacement], [sensors.acceleration] or [sensors.velocity] in its file."
-        )
-    return rig.sensors.linear[quantity], list(rig.sensors.recorded)
 
 
 def _header(rig: Rig, stream: Stream, session: Session, p: Protocol) -> Header:

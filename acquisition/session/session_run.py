@@ -14,6 +14,7 @@ import numpy as np
 
 from ...instruments import (
     Block,
+    ConfigurationError,
     DataError,
     InstrumentError,
     LinearSensor,
@@ -23,15 +24,11 @@ from ...instruments import (
     Rig,
 )
 from ...instruments.arrays import FloatArray
-from ...instruments.progress import Progress
-from ..presses import NAMES, Detector, LivePressing, Protocol, QualityCheck, restlessness
-from ..recording import (
-    Header,
-    PressVerdict,
-    Writer,
-)
+from ...instruments.progress import Progress, silent
+from ..presses import NAMES, Detector, LivePressing, Protocol, QualityCheck, press_quantity, restlessness
+from ..recording import PressVerdict, Writer
 
-__all__ = ["Session", "SessionRun", "ignore"]
+__all__ = ["Session", "SessionRun", "Told", "ignore", "telling_sensor"]
 
 _HISTORY = 1.0
 """s: samples before a press kept for its quality check."""
@@ -65,25 +62,24 @@ class Session:
     """What is stored of the participant: columns and values."""
 
 
+@dataclass(frozen=True)
+class Told:
+    """Who is told how a session goes on."""
+
+    progress: Progress = silent
+    """Number of accepted presses, at the start and after each one."""
+    on_verdict: Callable[[PressVerdict], None] = ignore
+    on_request: Callable[[Request], None] = ignore
+    """What the operator is told."""
+
+
 class SessionRun:
     """A running session, from the first block to the last: rest, presses, trail."""
 
-    def __init__(
-        self,
-        rig: Rig,
-        blocks: Iterator[Block],
-        writer: Writer,
-        header: Header,
-        sensor: LinearSensor,
-        session: Session,
-        p: Protocol,
-        progress: Progress,
-        on_verdict: Callable[[PressVerdict], None],
-        on_request: Callable[[Request], None],
-    ) -> None:
-        self._operator, self._blocks, self._writer = rig.operator, blocks, writer
+    def __init__(self, rig: Rig, session: Session, p: Protocol, told: Told, writer: Writer) -> None:
+        sensor, header = telling_sensor(rig), writer.header
+        self._operator, self._writer, self._told = rig.operator, writer, told
         self._session, self._p, self._rate_hz = session, p, header.rate_hz
-        self._progress, self._on_verdict, self._on_request = progress, on_verdict, on_request
         self._rows = [header.channels.index(name) for name in sensor.channels]
         self._pressing = LivePressing(sensor, header.rate_hz, p.segmentation, p.rest_spread)
         self._detector = self._new_detector()
@@ -102,8 +98,9 @@ class SessionRun:
         self._last: PressVerdict | None = None
         """Verdict on the preceding press, while it is accepted."""
 
-    def conduct(self) -> None:
+    def conduct(self, blocks: Iterator[Block]) -> None:
         """Run the session to its end. Raises DataError and InstrumentError."""
+        self._blocks = blocks
         if self._session.consent:
             self._writer.note(0, "consent", self._session.consent)
         self._tell(Rest(self._p.rest))
@@ -134,7 +131,7 @@ class SessionRun:
         verdict = self._check_last(number, attempt)
         self._writer.write_verdict(verdict)
         self._last = verdict if verdict.accepted else None
-        self._on_verdict(verdict)
+        self._told.on_verdict(verdict)
         if verdict.accepted:
             self._count(+1)
         else:
@@ -187,7 +184,7 @@ class SessionRun:
 
     def _tell(self, request: Request) -> None:
         self._operator.tell(request)
-        self._on_request(request)
+        self._told.on_request(request)
 
     def _check_last(self, number: int, attempt: int) -> PressVerdict:
         """Check the quality of the press that has just ended."""
@@ -258,7 +255,7 @@ class SessionRun:
             accepted=False, flags=(*last.flags, "rejected"), reason="The operator rejected it."
         )
         self._writer.write_verdict(rejected)
-        self._on_verdict(rejected)
+        self._told.on_verdict(rejected)
         self._count(-1)
         self._again(rejected)
 
@@ -270,7 +267,7 @@ class SessionRun:
             if session.study
             else f"Record the {session.button} button"
         )
-        self._progress(doing, self._done, session.of, "presses")
+        self._told.progress(doing, self._done, session.of, "presses")
 
     def _wait(self, duration: float) -> None:
         end = self._index + duration * self._rate_hz
@@ -329,6 +326,17 @@ class SessionRun:
     @property
     def _kept(self) -> str:
         return f"the samples recorded so far are in {self._writer.path}"
+
+
+def telling_sensor(rig: Rig) -> LinearSensor:
+    """Find the sensor that tells presses. Raises ConfigurationError."""
+    quantity = press_quantity(rig.sensors)
+    if quantity is None:
+        raise ConfigurationError(
+            f"The rig {rig.name!r} has no sensor that shows a press: describe one of [sensors.force], "
+            "[sensors.displacement], [sensors.acceleration] or [sensors.velocity] in its file."
+        )
+    return rig.sensors.linear[quantity]
 
 
 def _tared(rig: Rig) -> dict[str, tuple[str, ...]]:

@@ -11,11 +11,10 @@ import re
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
 
 from ...instruments import (
     ConfigurationError,
@@ -28,7 +27,7 @@ from ...instruments import (
 )
 from ...instruments.progress import Progress, silent
 from ...instruments.safety import hold
-from ..presses import AverageMethod, Representative, representative
+from ..presses import AverageMethod, Protocol, Representative, representative
 from ..recording import (
     PressVerdict,
     Recording,
@@ -38,7 +37,7 @@ from ..recording import (
     finish,
 )
 from .recorder import run_session
-from .session_run import Session, ignore
+from .session_run import Session, Told, ignore
 from .study_file import StudyFile, load_study_file
 
 __all__ = ["Study", "StudyProgress", "load_study", "open_part", "run_study", "with_presses"]
@@ -302,11 +301,7 @@ def run_study(
     on_verdict: Callable[[str, str, PressVerdict], None] = ignore,
     on_request: Callable[[Request], None] = ignore,
     notes: str = "",
-    wait: float | None = None,
-    patience: float | None = None,
-    attempts: int | None = None,
-    pause: float = 0.0,
-    block: float | None = None,
+    adapt: Callable[[Protocol], Protocol] = lambda protocol: protocol,
 ) -> bool:
     """Record the presses still due in a study, of all or of some participants and buttons.
 
@@ -314,9 +309,8 @@ def run_study(
     keeps its file. The operator confirms each participant's consent once, and before each button that the
     participant is ready; the answer False ends the run, which then returns False. `progress` is called for
     each session ("P01, latch"), `on_verdict(participant, button, press)` for each press and `on_request` for
-    each request of a session, as in `record`. `notes` are stored in every recording of this run. `wait` (s),
-    `patience` (s) and `attempts` replace the study file's; `pause` (s) is the longest total pause of each
-    session, and `block` (s) the length of a block (`Protocol`).
+    each request of a session, as in `record`. `notes` are stored in every recording of this run. `adapt` may
+    change the study file's protocol for a button: `lambda protocol: replace(protocol, patience=30)`.
 
     Raises ConfigurationError for a name that the study does not have, DataError when a participant has
     not consented, and the errors of `record`.
@@ -325,7 +319,6 @@ def run_study(
         for button in buttons or study.file.buttons:
             study.progress_of(participant, button)
     _refuse_another_rig(rig, study)
-    limits: dict[str, Any] = {"wait": wait, "patience": patience, "attempts": attempts, "block": block}
     with study.hold():
         for participant in participants or study.file.participants:
             entries = study.progress([participant])
@@ -344,13 +337,8 @@ def run_study(
                 if not rig.operator.confirm(Ready(participant, button, presses, words)):
                     return False
                 session = _session(study, entry, consented, notes)
-                protocol = replace(
-                    study.file.protocol_for(button),
-                    pause=pause,
-                    **{k: v for k, v in limits.items() if v is not None},
-                )
-                told = partial(on_verdict, participant, button)
-                run_session(rig, session, protocol, progress, told, on_request)
+                told = Told(progress, partial(on_verdict, participant, button), on_request)
+                run_session(rig, session, adapt(study.file.protocol_for(button)), told)
     return True
 
 

@@ -2,22 +2,28 @@
 
 from .agreement import SharedPower
 from .button import DigitalButton, build_button, play_button
-from .check import check
+from .check import TOLERANCE, check
 from .checked import Check
 from .drive import BAND, Drive, Method, drive_for, modulate
 from .feeling import check_feeling
 from .learning import Iteration, Learning, learn
+from .loudness import ButtonPlan, Loudness, Offer, Offers, plan_button, trade_for
 from .paper_baseline import paper_drive
 from .trade import Trade
 
 __all__ = [
     "BAND",
+    "TOLERANCE",
+    "ButtonPlan",
     "Check",
     "DigitalButton",
     "Drive",
     "Iteration",
     "Learning",
+    "Loudness",
     "Method",
+    "Offer",
+    "Offers",
     "SharedPower",
     "Trade",
     "build_button",
@@ -27,5 +33,7 @@ __all__ = [
     "learn",
     "modulate",
     "paper_drive",
+    "plan_button",
     "play_button",
+    "trade_for",
 ]

@@ -127,6 +127,11 @@ class Drive(InNotebook):
         return dict(zip(self.patches, self.volts, strict=True))
 
     @property
+    def expected_error(self) -> float:
+        """Error expected before any correction: where a drift is planned against, of a table that drifted."""
+        return max(self.predicted_error, self.drifted_error)
+
+    @property
     def peak(self) -> float:
         """Largest voltage of any patch (V)."""
         return float(np.abs(self.volts).max())

@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 
 from ...instruments.arrays import FloatArray
-from ..perception import Feeling, feeling_of
+from ..perception import Feeling, Pressed, feeling_of
 from .checked import Check
 from .drive import BEFORE
 
@@ -31,9 +31,14 @@ def check_feeling(check: Check, press: Representative | None = None) -> Feeling:
         check.target,
         check.measured,
         check.rate_hz,
-        None if press is None else _on_clock(press, check.rate_hz, len(check.target)),
+        None if press is None else _pressed(press, check.rate_hz, len(check.target)),
         check.accelerations,
     )
+
+
+def _pressed(press: Representative, rate_hz: float, samples: int) -> Pressed:
+    force = None if press.force is None else float(press.force[press.activation_index])
+    return Pressed(_on_clock(press, rate_hz, samples), force)
 
 
 def _on_clock(press: Representative, rate_hz: float, samples: int) -> FloatArray:

@@ -18,6 +18,7 @@ from ...instruments.progress import Progress, silent
 from ...instruments.relay import LOST
 from ...instruments.rig import UNPROVED
 from ...instruments.vibrometer import Vibrometer, shown
+from .band_check import check_bands
 from .camera_check import check_camera
 from .finding import Finding, Status
 from .ghost_check import check_ghosts
@@ -50,6 +51,7 @@ def examine(rig: Rig, mass: float = 0.5, progress: Progress = silent) -> list[Fi
     parts: list[tuple[str, str, bool, Callable[[], Iterator[Finding]]]] = [
         ("Identities", "rig", True, lambda: _identities(rig)),
         ("Settings", "rig", True, lambda: _settings(rig)),
+        ("Bandwidth", "daq", True, lambda: check_bands(rig)),
         ("Noise floor", "daq", True, lambda: check_noise(rig)),
         ("Ghosts", "daq", True, lambda: check_ghosts(rig, list(cards(rig).values()))),
         ("Force sensor", "force", rig.sensors.force is not None, lambda: check_force(rig, mass)),

@@ -16,6 +16,7 @@ import numpy as np
 from ...instruments import Rig
 from ...instruments.arrays import FloatArray
 from .finding import Finding
+from .sensor_check import COUNTS
 
 __all__ = ["check_ghosts"]
 
@@ -38,8 +39,10 @@ def check_ghosts(rig: Rig, cards: Sequence[Sequence[str]]) -> Iterator[Finding]:
 
 def _of_card(rig: Rig, channels: Sequence[str]) -> Iterator[Finding]:
     with rig.daq.stream(channels, rig.file.rate_hz, 10, 20) as stream:
-        delays, ranges = stream.delays, stream.full_scale
-    if np.ptp(delays) == 0:  # each has its own converter
+        converted = stream.full_scale < COUNTS
+        delays, ranges = stream.delays[converted], stream.full_scale[converted]
+    channels = [name for name, one in zip(channels, converted, strict=True) if one]
+    if not len(delays) or np.ptp(delays) == 0:  # each has its own converter
         return
     together, alone = np.empty((2, _TURNS, len(channels)))
     for turn in range(_TURNS):

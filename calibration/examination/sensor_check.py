@@ -15,7 +15,7 @@ from ..background import Record, tones_in, tones_of
 from ..spectra import resample
 from .finding import Finding, Status
 
-__all__ = ["cards", "check_clock", "check_force", "check_gravity", "check_noise"]
+__all__ = ["COUNTS", "cards", "check_clock", "check_force", "check_gravity", "check_noise"]
 
 _GRAVITY = 9.80665
 _MASS_TOLERANCE = 0.05
@@ -31,6 +31,8 @@ _ENDS = 0.02
 """Part of a record at either end that is left out."""
 _TONES, _SHARE = 1.0, 0.3
 """Rms of steady tones over the card's own noise, and over all noise, from which they are told."""
+COUNTS = 1e3
+"""Full scale from which a channel counts: no input takes as many volts."""
 _NOISY = 5e-3
 """Fraction of the range above which noise exceeds that of any sensor."""
 _APART, _DRIFTED = 30e-3, 5e-3
@@ -71,6 +73,12 @@ def check_noise(rig: Rig) -> Iterator[Finding]:
         for name, volts, full_scale, overload in zip(
             channels, capture.volts, ranges, capture.overload, strict=True
         ):
+            if full_scale >= COUNTS:
+                told = (
+                    f"{volts.std():.2g} counts rms about {volts.mean():.3g}, from 0 where the reading began."
+                )
+                yield Finding(f"Noise floor of {name}", "daq", "green", told)
+                continue
             status, sentence = _noise_floor(rig, name, volts, float(full_scale), bool(overload))
             yield Finding(f"Noise floor of {name}", "daq", status, sentence)
 

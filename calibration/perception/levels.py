@@ -12,7 +12,6 @@ from ...instruments.arrays import ComplexArray, FloatArray
 from .thresholds import REFERENCE, thresholds
 
 __all__ = [
-    "LONG",
     "OCTAVES",
     "SHORT",
     "Levels",
@@ -20,15 +19,14 @@ __all__ = [
     "decibels",
     "levels_of",
     "mean_levels",
+    "pressing",
     "resting",
     "running_level",
-    "sensitive",
     "spans_above",
 ]
 
-LONG, SHORT = 0.1, 0.02
-"""Windows (s). The thresholds are for bursts of about a second, and at high frequencies they rise as a burst
-gets shorter, so that the long window is the one that is judged by. The short one shows a snap."""
+SHORT = 0.02
+"""Window (s) in which a level is drawn over time. It shows a snap, and is not judged by."""
 OCTAVES = 1000.0 * 10.0 ** (np.arange(-17, 1) / 10)
 """(bands,) Hz: exact centres of the third octaves from 20 to 1000 Hz (IEC 61260-1:2014)."""
 _HALF = 10.0**0.05
@@ -40,77 +38,63 @@ Sensitivity = Callable[[FloatArray], FloatArray]
 
 
 def resting(frequencies: FloatArray) -> FloatArray:
-    """Threshold (dB re 1e-6 m/s^2 rms) of a large contact at rest; infinite outside 17.8 to 1122 Hz."""
-    return _within(frequencies, thresholds().resting.level(frequencies))
+    """Threshold (dB re 1e-6 m/s^2 rms) of a finger at rest; infinite outside 17.8 to 1122 Hz."""
+    return _within(frequencies, thresholds().act("resting").level(frequencies))
 
 
-def sensitive(frequencies: FloatArray) -> FloatArray:
-    """Lowest threshold of all curves in the table, at each frequency; as `resting` otherwise."""
-    table = thresholds()
-    lowest = np.minimum(table.resting.level(frequencies), table.gripping.level(frequencies))
-    return _within(frequencies, lowest)
+def pressing(frequencies: FloatArray) -> FloatArray:
+    """Threshold (dB re 1e-6 m/s^2 rms) of a finger that presses, by the table; otherwise as `resting`."""
+    return _within(frequencies, thresholds().act("pressing").level(frequencies))
 
 
 @dataclass(frozen=True, eq=False)
 class Levels:
-    """Levels of a signal in the window in which it is loudest, counted by the resting threshold."""
+    """Levels of a signal in the loudest window as long as the bursts of the thresholds (1 s).
 
-    window: float
-    """Length (s)."""
-    start: float
-    """Beginning of the window (s) on the signal's clock."""
-    total: float
-    """Sensation level: the energy weighted with the threshold of a large contact at rest (dB)."""
-    sensitive: float
-    """Sensation level by the lowest threshold of the table, in the window in which that is largest (dB)."""
+    A tone at threshold that fills the window has 0 dB; a short event counts by its energy.
+    """
+
+    pressing: float
+    """Energy weighted with the threshold of a finger that presses (dB above it)."""
+    resting: float
+    """The same for a finger at rest, in the window in which that is largest."""
     bands: FloatArray
-    """(bands,) dB re 1e-6 m/s^2 rms in the third octaves of `OCTAVES`. NaN where a band is narrower than
-    one over the window (below 50 Hz for 100 ms, below 250 Hz for 20 ms): its level within the window is
-    not defined."""
+    """(bands,) dB re 1e-6 m/s^2 rms in the third octaves of `OCTAVES`, in the window of `pressing`."""
     estimated: float
     """Share of the weighted energy above the highest frequency whose threshold was found."""
 
 
-def levels_of(signal: FloatArray, rate_hz: float, window: float) -> Levels:
-    """Levels of an acceleration (samples,) m/s^2 in its loudest `window` (s).
-
-    The whole signal is filtered, then cut to the window. The level is that of the mean square over the
-    window's full length: a sine of threshold amplitude that fills it has 0 dB.
-    """
+def levels_of(signal: FloatArray, rate_hz: float) -> Levels:
+    """Levels of an acceleration (samples,) m/s^2: mean squares over the window's full length."""
+    table = thresholds()
     spectrum = _Spectrum.of(signal, rate_hz)
-    felt = spectrum.filtered(_weight(spectrum.frequencies, resting))
-    energy = _running(felt, rate_hz, window)
-    end = int(np.argmax(energy))
-    count = _length(rate_hz, window)
+    f = spectrum.frequencies
+    pressed = spectrum.filtered(_weight(f, pressing))
+    energy = _running(pressed, rate_hz, table.burst)
+    end, count = int(np.argmax(energy)), _length(rate_hz, table.burst)
     part = slice(max(end - count, 0), end)
-    known = spectrum.frequencies <= thresholds().resting.found_to_hz
-    guessed = spectrum.filtered(np.where(known, 0.0, _weight(spectrum.frequencies, resting)))
-    lowest = spectrum.filtered(_weight(spectrum.frequencies, sensitive))
-    bands = np.full(len(OCTAVES), np.nan)
-    for index in np.flatnonzero((_edges(+1) - _edges(-1)) * window >= 1):
-        inside = spectrum.filtered(_band(spectrum.frequencies, int(index)))
-        bands[index] = decibels(float(np.sum(inside[part] ** 2)) / count / REFERENCE**2)
-    whole = float(np.sum(felt[part] ** 2))
+    known = f <= table.act("pressing").curve.found_to_hz
+    guessed = spectrum.filtered(np.where(known, 0.0, _weight(f, pressing)))
+    inside = [spectrum.filtered(_band(f, index))[part] for index in range(len(OCTAVES))]
+    whole = float(np.sum(pressed[part] ** 2))
     return Levels(
-        window=window,
-        start=(end - count) / rate_hz,
-        total=decibels(energy[end]),
-        sensitive=decibels(float(_running(lowest, rate_hz, window).max())),
-        bands=bands,
+        pressing=decibels(float(energy[end])),
+        resting=decibels(float(_running(spectrum.filtered(_weight(f, resting)), rate_hz, table.burst).max())),
+        bands=np.array([decibels(float(np.sum(one**2)) / count / REFERENCE**2) for one in inside]),
         estimated=float(np.sum(guessed[part] ** 2)) / whole if whole > 0 else 0.0,
     )
 
 
 def mean_levels(signal: FloatArray, rate_hz: float) -> tuple[FloatArray, float]:
-    """Levels over the whole record: (bands,) dB re 1e-6 m/s^2 rms, and dB above the resting threshold."""
+    """Levels over the whole record: (bands,) dB re 1e-6 m/s^2 rms, and dB above the pressing threshold."""
     spectrum = _Spectrum.of(signal, rate_hz)
     f = spectrum.frequencies
     bands = [spectrum.energy(_band(f, index)) / REFERENCE**2 for index in range(len(OCTAVES))]
-    return np.array([decibels(band) for band in bands]), decibels(spectrum.energy(_weight(f, resting)))
+    return np.array([decibels(band) for band in bands]), decibels(spectrum.energy(_weight(f, pressing)))
 
 
 def running_level(
-    signal: FloatArray, rate_hz: float, window: float, threshold: Sensitivity = resting
+    signal: FloatArray, rate_hz: float, window: float, threshold: Sensitivity = pressing
 ) -> FloatArray:
     """(samples,) dB above `threshold` of the energy in the `window` (s) around each sample."""
     spectrum = _Spectrum.of(signal, rate_hz)

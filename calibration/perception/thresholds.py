@@ -13,11 +13,11 @@ import numpy as np
 from ...instruments import DataError
 from ...instruments.arrays import FloatArray
 
-__all__ = ["REFERENCE", "Curve", "Difference", "Thresholds", "parse_thresholds", "thresholds"]
+__all__ = ["REFERENCE", "Act", "Curve", "Difference", "Thresholds", "parse_thresholds", "thresholds"]
 
 REFERENCE = 1e-6
 """Reference of vibration levels (m/s^2 rms; ISO 1683)."""
-_MARKS = ("found", "recalled", "estimate")
+_MARKS = ("found", "estimate")
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ class Curve:
     levels: FloatArray
     """(rows,) dB re 1e-6 m/s^2 rms."""
     marks: tuple[str, ...]
-    """"found", "recalled" or "estimate" for each row."""
+    """"found" or "estimate" for each row."""
 
     def level(self, frequencies: FloatArray) -> FloatArray:
         """Threshold (dB re 1e-6 m/s^2 rms) at `frequencies` (Hz); infinite outside the table.
@@ -62,20 +62,44 @@ class Difference:
 
 
 @dataclass(frozen=True, eq=False)
-class Thresholds:
-    """The table: curves, the spread between people, and just noticeable differences."""
+class Act:
+    """What a finger does with a vibrating surface, and the threshold of the mean person who does it."""
 
-    resting: Curve
-    """The curve by which levels are stated."""
-    gripping: Curve
-    """The lowest curve in the table from 30 Hz up."""
-    pressing: float
-    """Least threshold in the table of a finger that presses a surface, less that of `gripping` (dB)."""
-    pressing_mark: str
+    name: str
+    """"pressing", "resting" or "sliding"."""
+    does: str
+    """The act as a verb, after "a person who"."""
+    curve: Curve
+    higher: float
+    """How far the mean person's threshold may lie above the curve (dB)."""
+    lower: float
+    """How far it may lie below (dB), for one short event."""
     spread: float
     """Standard deviation between people (dB)."""
-    spread_mark: str
+    basis: str
+    """What the curve rests on, as a clause."""
+    mark: str
+    """"found" or "estimate" of the table; "measured" by a lab."""
+    shift: float = 0.0
+    """Added to the curve (dB)."""
+
+    def level(self, frequencies: FloatArray) -> FloatArray:
+        """Threshold of the mean person (dB re 1e-6 m/s^2 rms) at `frequencies` (Hz)."""
+        return np.asarray(self.curve.level(frequencies) + self.shift)
+
+
+@dataclass(frozen=True, eq=False)
+class Thresholds:
+    """The table: an act of the finger and its threshold, and just noticeable differences."""
+
+    acts: tuple[Act, ...]
+    burst: float
+    """Length (s) of the bursts of which the curves are the thresholds: the window of a level."""
     differences: tuple[Difference, ...]
+
+    def act(self, name: str) -> Act:
+        """The act of that name."""
+        return next(one for one in self.acts if one.name == name)
 
 
 @cache
@@ -102,20 +126,26 @@ def parse_thresholds(text: str) -> Thresholds:
             np.array([row["level"] for row in rows], dtype=np.float64),
             tuple(row["mark"] for row in rows),
         )
-    for part in ("pressing", "force", "difference", "summation"):
+    for part in ("act", "force", "difference", "summation"):
         for row in table[part]:
             _require_origin(row, f"under {part!r}", sources)
-    spread = table["spread"]
-    _require_origin(spread, "of the spread between people", sources)
-    gripping = curves["gripping"]
-    pressed = min(table["pressing"], key=lambda row: float(row["level"]))
+    for part in ("burst", "event", "spread"):
+        _require_origin(table[part], f"under {part!r}", sources)
     return Thresholds(
-        resting=curves["resting"],
-        gripping=gripping,
-        pressing=float(pressed["level"] - gripping.level(np.array([pressed["hz"]]))[0]),
-        pressing_mark=pressed["mark"],
-        spread=float(spread["level"]),
-        spread_mark=spread["mark"],
+        acts=tuple(
+            Act(
+                name=row["name"],
+                does=row["does"],
+                curve=curves[row["curve"]],
+                higher=float(row["higher"]),
+                lower=float(row["lower"]) + float(table["event"]["lower"]),
+                spread=float(table["spread"]["level"]),
+                basis=row["basis"],
+                mark=row["mark"],
+            )
+            for row in table["act"]
+        ),
+        burst=float(table["burst"]["seconds"]),
         differences=tuple(
             Difference(row["fraction"], row["sensation"], row["mark"], row["source"])
             for row in table["difference"]

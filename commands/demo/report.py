@@ -114,15 +114,15 @@ def demo_contents(summary: Mapping[str, Any]) -> Contents:
         )
         for name, b in buttons.items()
     ]
-    said = [
-        f"{name}: {one}"
-        for name, b in buttons.items()
-        for one in (*b["reasons"], *(note for note in b["notes"] if note not in b["feeling"]["notes"]))
-    ]
+    said = [f"{name}: {one}" for name, b in buttons.items() for one in (*b["reasons"], *b["notes"])]
+    felt = [f"{name.capitalize()}: {b['feeling']['sentence']}" for name, b in buttons.items()]
     return Contents(
         _TITLE,
         tables=[Grid("", _HEADINGS, rows, below=_EXPLAINED)],
         notes=[
+            *felt,
+            *dict.fromkeys(b["feeling"]["notes"][0] for b in buttons.values()),
+            *_strength(summary),
             *said,
             *summary["notes"],
             f"Resonance {summary['resonance_hz']:.2f} Hz (true: {summary['resonance_true_hz']:.2f} Hz). "
@@ -134,6 +134,23 @@ def demo_contents(summary: Mapping[str, Any]) -> Contents:
     )
 
 
+def _strength(summary: Mapping[str, Any]) -> Iterator[str]:
+    """How the answers move with the strength of the simulated table, which is an estimate."""
+    if summary["simulation"]["plant"] != "table":
+        return
+    acts = [b["feeling"]["acts"]["pressing"] for b in summary["buttons"].values()]
+    if any(one["above_threshold_db"] is None for one in acts):
+        return
+    # Levels grow with the strength as the motion does.
+    yes = max(one["higher_db"] - one["above_threshold_db"] for one in acts)
+    no = min(-one["lower_db"] - one["above_threshold_db"] for one in acts)
+    yield (
+        "The strength of the simulated table is an estimate too, 3 µm at 50 V: with "
+        f"{10 ** (yes / 20):.2g} times that or more all these buttons would be felt, with "
+        f"{10 ** (no / 20):.2g} times that or less none."
+    )
+
+
 _TITLE = "From a press to a verified digital button"
 _HEADINGS = (
     "Button", "Presses", "Force", "(true)", "Drive", "In band", "Error", "(95 %)", "Felt", "Loudness",
@@ -141,9 +158,8 @@ _HEADINGS = (
 )  # fmt: skip
 _EXPLAINED = (
     "In band: share of the modulated press's energy within the band that is played. Error: of the whole "
-    "motion, with its 95 % confidence interval. Felt: yes, above the threshold of a finger at rest; no, "
-    "below every known one; perhaps, between them: for a finger that presses none is known well. Loudness: "
-    "beside the recorded press, both weighted with the threshold."
+    "motion, with its 95 % confidence interval. Felt: by most people who press. Loudness: beside the "
+    "recorded press, both weighted with the threshold of a finger that presses."
 )
 
 
@@ -200,12 +216,11 @@ _ERRORS = (
     "is at most 20 %, fails when the lower end is above that, and is otherwise not shown to do either."
 )
 _FELT = (
-    "Levels over the threshold of detection of a finger at rest (0 dB), weighted with it from 18 to 1122 "
-    "Hz; the lowest threshold is that of a hand that grips a handle, and thresholds of a finger that "
-    "presses a surface may lie lower still. Perhaps: between the two, or where the figure of a just "
-    "noticeable difference does not hold. Levels in 20 ms show a snap, and are no verdict: short bursts "
-    "need more. The thresholds, their sources and what is only an estimate: docs/hardware.md, “Feeling a "
-    "vibration”."
+    "Levels are energies in the loudest second, as long as the bursts of which the thresholds were measured, "
+    "weighted with the threshold from 18 to 1122 Hz; a tone at threshold has 0 dB. Felt is yes where most "
+    "people would feel it even if the threshold lay as high as it may, no where not even if it lay as low as "
+    "it may, and otherwise not known. The thresholds, their sources and what is an estimate: "
+    "docs/hardware.md, “Feeling a vibration”."
 )
 
 

@@ -10,7 +10,7 @@ import math
 import shutil
 import threading
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from typing import Any
 
@@ -199,8 +199,7 @@ def _study(tools: Tools, wanted: Mapping[str, Any]) -> Work:
             tools.progress,
             tools.on_verdict,
             notes=notes,
-            pause=_PAUSE,
-            block=_BLOCK,
+            adapt=lambda protocol: replace(protocol, pause=_PAUSE, block=_BLOCK),
         )
         return {"study": tools.data.name(folder), "complete": complete}
 

@@ -11,11 +11,13 @@ from ...instruments import InstrumentError, Operator
 from ...instruments.operator import (
     Aim,
     Cable,
+    LiftFinger,
     Place,
     Press,
     Remove,
     Request,
     Rest,
+    RestFinger,
     TakeTarget,
     Target,
     Uncable,
@@ -64,7 +66,10 @@ class PageOperator(Operator):
         if (
             self._person is not None
             and self._board["auto"]
-            and isinstance(request, Aim | Cable | Place | Remove | Rest | TakeTarget | Target | Uncable)
+            and isinstance(
+                request,
+                Aim | Cable | LiftFinger | Place | Remove | Rest | RestFinger | TakeTarget | Target | Uncable,
+            )
         ):
             self._show(request, asks=False)
             return self._person.confirm(request)

@@ -65,8 +65,8 @@ class AnalogSettings(BaseModel):
         if file.table is not None and self.min == 0:
             yield (
                 "min",
-                "an output of 0 V and above cannot play a drive, which swings about 0 V: use an amplifier "
-                "that goes below 0 V (min = -50), or its bipolar range",
+                "an output of 0 V and above cannot play a drive, which swings about 0 V without a bias: use "
+                "an amplifier that goes below 0 V (min = -50), or its bipolar range",
             )
         generator = file.generator.settings if file.generator else {}
         if self.inverting and generator.get("output") == self.input:

@@ -133,6 +133,10 @@ class Alongside(Daq):
         """See `Daq.response`."""
         return (self.along if channel in self.along.channels else self.daq).response(channel, frequencies)
 
+    def filtered(self, channel: str) -> bool:
+        """See `Daq.filtered`."""
+        return (self.along if channel in self.along.channels else self.daq).filtered(channel)
+
     def output_response(self, output: str, frequencies: FloatArray) -> ComplexArray:
         """See `Daq.output_response`."""
         return self.daq.output_response(output, frequencies)

@@ -12,6 +12,7 @@ from nidaqmx.constants import ProductCategory
 from ..errors import ConfigurationError, HaploopError, InstrumentError
 from ..signals import uninterrupted
 from .ni_errors import translated, understood
+from .ni_sentences import unclocked
 from .ni_sessions import Sessions
 from .ni_settings import NiSettings, device_of
 
@@ -119,9 +120,7 @@ class Plan:
                 f"The outputs {', '.join(outputs)} lie on several cards: one card must play them together."
             )
         if not homes:
-            raise ConfigurationError(
-                f"{', '.join(counters)} counts on the clock of analog inputs: stream one of those beside it."
-            )
+            raise unclocked(list(counters))
         preferred = next(iter(playing), None)
         master = preferred if preferred in homes else next(iter(homes))
         order = [master, *(home for home in homes if home != master)]

@@ -22,6 +22,7 @@ from ..clock import Clock
 from ..driver import one_name
 from ..errors import ConfigurationError, InstrumentError, LimitError
 from ..signals import uninterrupted
+from .ni_filters import FILTERS
 from .ni_settings import NiSettings, Output, device_of
 from .role import Daq, Stream, refuse_unknown
 
@@ -127,6 +128,11 @@ class NiDaq(Daq):
             channel = self._settings.channels.get(name)
             groups.setdefault(device_of(channel.terminal) if channel else "", []).append(name)
         return groups
+
+    def filtered(self, channel: str) -> bool:
+        """See `Daq.filtered`: delta-sigma converters are, and a channel whose filter the rig file states."""
+        own = self._settings.channels[channel]
+        return own.filter_delay is not None or self._cards[device_of(own.terminal)].product in FILTERS
 
     def clear_left(self) -> None:
         """See `Daq.clear_left`."""

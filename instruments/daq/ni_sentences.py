@@ -5,9 +5,20 @@ Without NI's library, which takes longer to load than all else that a simulated 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from ..errors import ConfigurationError, InstrumentError
 
-__all__ = ["CONFIGURATION", "SENTENCES", "cut_off", "first_line", "other_rate", "refused", "zeroed"]
+__all__ = [
+    "CONFIGURATION",
+    "SENTENCES",
+    "cut_off",
+    "first_line",
+    "other_rate",
+    "refused",
+    "unclocked",
+    "zeroed",
+]
 
 
 def refused(device: str, code: int, said: str) -> InstrumentError | ConfigurationError:
@@ -37,6 +48,13 @@ def zeroed(device: str) -> InstrumentError:
     return InstrumentError(
         f"{device} was set to zero by this program while it played: the waveform was not played whole, and "
         "what was measured is not used."
+    )
+
+
+def unclocked(channels: Sequence[str]) -> ConfigurationError:
+    """The error of counters that are streamed alone."""
+    return ConfigurationError(
+        f"{', '.join(channels)} counts on the clock of analog inputs: stream one of those beside it."
     )
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Self, final
+from typing import final
 
 import numpy as np
 
 from ..arrays import BoolArray, ComplexArray, FloatArray
+from ..closing import Closing
 from ..errors import ConfigurationError, LimitError
 from ..interlock import Interlocked
 
@@ -50,7 +50,7 @@ class Capture:
     overload: BoolArray
 
 
-class Stream(ABC):
+class Stream(Closing, ABC):
     """A running acquisition: iterate over its blocks, leave its context to stop it.
 
     Iteration ends after a finite stream's last sample. The context manager's exit stops the
@@ -96,14 +96,6 @@ class Stream(ABC):
             self.delays,
             np.any([b.overload for b in blocks], axis=0),
         )
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def refuse_unknown(
@@ -190,6 +182,10 @@ class Daq(Interlocked, ABC):
     def response(self, channel: str, frequencies: FloatArray) -> ComplexArray:
         """Frequency response of a channel's input at `frequencies` (Hz): of an AC coupling, a high-pass."""
         return np.ones(len(frequencies), dtype=np.complex128)
+
+    def filtered(self, channel: str) -> bool:
+        """Return True where the card filters what lies above half the sample rate, which folds back else."""
+        return False
 
     def output_response(self, output: str, frequencies: FloatArray) -> ComplexArray:
         """Frequency response of an output at `frequencies` (Hz), as `response` of an input."""

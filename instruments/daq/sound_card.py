@@ -96,6 +96,10 @@ class SoundCardDaq(Daq):
         """See `Daq.response`: the input's AC coupling."""
         return high_pass(frequencies, self._settings.channels[channel].high_pass_hz)
 
+    def filtered(self, channel: str) -> bool:
+        """See `Daq.filtered`: converters of audio have a filter each."""
+        return True
+
     def output_response(self, output: str, frequencies: FloatArray) -> ComplexArray:
         """See `Daq.output_response`: the output's AC coupling."""
         return high_pass(frequencies, self._settings.outputs[output].high_pass_hz)

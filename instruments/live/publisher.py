@@ -17,10 +17,9 @@ import socket
 import threading
 from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 from ..clock import RealClock
+from ..closing import Closing
 from ..errors import InstrumentError
 from ..files import os_error_text
 from .frames import TOKEN, frame_of
@@ -40,7 +39,7 @@ _CAPACITY = 16
 """Most blocks that wait for one client."""
 
 
-class Publisher:
+class Publisher(Closing):
     """Publishes a feed while its context lasts. Raises InstrumentError when it cannot begin."""
 
     def __init__(self, feed: Feed, rig: str, folder: Path) -> None:
@@ -84,14 +83,6 @@ class Publisher:
             for link in self._clients:
                 with suppress(OSError):
                     link.shutdown(socket.SHUT_RDWR)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _write_address(self, rig: str) -> None:
         content = {"rig": rig, "pid": os.getpid(), "port": self.port, "token": self._token}

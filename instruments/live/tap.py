@@ -10,11 +10,11 @@ import math
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from types import TracebackType
-from typing import Self, TypeVar
+from typing import TypeVar
 
 from ..arrays import BoolArray, FloatArray
 from ..clock import Clock, RealClock
+from ..closing import Closing
 from ..daq import Block
 from ..inbox import Inbox
 from ..sensors import Sensors
@@ -63,7 +63,7 @@ class LiveBlock:
         return self.first + int(self.volts.shape[1])
 
 
-class Tap:
+class Tap(Closing):
     """Queue of the newest blocks, at most `capacity`. When it is full, a new block replaces the oldest.
 
     One thread takes blocks; make a tap for each viewer. Time-outs count on `clock`. A context, whose exit
@@ -135,14 +135,6 @@ class Tap:
             self._error = error
             self._inbox.end()
             self._on_close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 class Feed:

@@ -14,6 +14,7 @@ __all__ = [
     "Cable",
     "ConfirmSettings",
     "Consent",
+    "LiftFinger",
     "Operator",
     "Place",
     "Press",
@@ -21,6 +22,7 @@ __all__ = [
     "Remove",
     "Request",
     "Rest",
+    "RestFinger",
     "TakeTarget",
     "Target",
     "Touch",
@@ -188,8 +190,34 @@ class TakeTarget:
         return "Take everything off the touch surface: target and hands."
 
 
+@dataclass(frozen=True)
+class RestFinger:
+    """Rest a fingertip on the table at a point, with a force (N), and hold it until `LiftFinger`."""
+
+    participant: str
+    point: str
+    force: float
+
+    def __str__(self) -> str:
+        where = "the button point" if self.point == "button" else f"point {self.point}"
+        return (
+            f"{self.participant}: rest a fingertip on {where} with {self.force:g} N, a weight of "
+            f"{self.force / 0.00980665:.0f} g, and hold still."
+        )
+
+
+@dataclass(frozen=True)
+class LiftFinger:
+    """Take every finger and hand off the table."""
+
+    def __str__(self) -> str:
+        return "Take every finger and hand off the table."
+
+
 Request = (
     Touch
+    | RestFinger
+    | LiftFinger
     | Target
     | TakeTarget
     | Press

@@ -29,8 +29,7 @@ _EXACT = 1e-9
 class Card:
     """Terminals and converters of one card, under the names of the rig file.
 
-    With its defaults it is a multiplexed 16-bit card with the noise of an ordinary one (estimate;
-    docs/hardware.md, "All NI cards").
+    With its defaults it is a multiplexed 16-bit card with the noise of an ordinary one (estimate).
     """
 
     name: str
@@ -296,7 +295,7 @@ class _Share:
     ) -> tuple[FloatArray, BoolArray]:
         """Replace the rows of counters by whole counts since the stream began."""
         whole = np.floor(rows[self.counts])
-        whole -= self.zeros.setdefault(0, whole[:, :1])
+        whole -= self.zeros.setdefault(0, whole[:, :1].copy())
         volts[self.counts] = whole
         overload[self.counts] = np.abs(whole).max(axis=1) >= self.ranges[self.counts]
         return volts, overload

@@ -71,7 +71,7 @@ class Product:
     ai_simultaneous: bool = False
     """True when each channel has its own converter."""
     ai_noise: float = 0.0
-    """Noise in a range of +-10 V (V rms), scaled with the range (docs/hardware.md, "All NI cards")."""
+    """Noise in a range of +-10 V (V rms), scaled with the range (estimate)."""
     ai_fifo: int = 0
     """Size of the card's own input buffer (samples)."""
     ao_channels: int = 0

@@ -10,7 +10,7 @@ import numpy as np
 from ...instruments.arrays import FloatArray
 from ...instruments.daq.ni_daqmx import NiDaq
 from ...instruments.daq.ni_filters import filter_delay
-from ...instruments.daq.ni_sentences import cut_off, other_rate, refused, zeroed
+from ...instruments.daq.ni_sentences import cut_off, other_rate, refused, unclocked, zeroed
 from ...instruments.daq.ni_settings import device_of
 from ...instruments.errors import ConfigurationError, HaploopError
 from ..plant import Plant, PlayStopped, SamplesLost
@@ -38,6 +38,11 @@ class DaqTwin(CardTwin):
         self._products = {device: _product(device, name, known) for device, name in settings.devices.items()}
         _refuse_terminals(settings, self._products)
         super().__init__(plant, *(_card(name, p, settings) for name, p in self._products.items()))
+
+    def filtered(self, channel: str) -> bool:
+        """See `Daq.filtered`."""
+        stated = self._settings.channels[channel].filter_delay is not None
+        return stated or self._products[self._card_of[channel].device].delta_sigma
 
     def _range(self, card: Card, channel: str) -> float:
         """Return the card's next wider range (+- V), as the driver chooses it; what a counter may count."""
@@ -84,6 +89,8 @@ class DaqTwin(CardTwin):
 
     def _refuse(self, channels: Sequence[str], rate_hz: float, play: Mapping[str, FloatArray]) -> None:
         super()._refuse(channels, rate_hz, play)
+        if all(channel in self._card_of[channel].counters for channel in channels):
+            raise unclocked(channels)
         for name in play:
             card = self._home_of[name]
             most = self._products[card.device].ao_rate_hz

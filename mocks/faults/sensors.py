@@ -23,8 +23,7 @@ __all__ = [
 ]
 
 RAIL = 15.0
-"""Output of a saturated sensor (V): its supply, beyond every converter's range (estimate; docs/hardware.md,
-"Limits and loss of the host")."""
+"""Output of a saturated sensor (V): its supply, beyond every converter's range (estimate)."""
 
 
 class ForceCalibration(OnSensors, OnCards):

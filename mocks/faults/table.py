@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
@@ -12,19 +12,33 @@ from pydantic import Field
 from ...instruments.arrays import FloatArray
 from ...instruments.bounded import NotNegative, Positive
 from ...instruments.config import RigFile
+from ...instruments.errors import ConfigurationError
 from ..plant import (
     AMPLITUDE,
     BoucWen,
     Fault,
     FaultSettings,
+    Fingertip,
+    Hand,
     Hysteresis,
     Modes,
     OnSurface,
+    Palm,
     PatchLaw,
     ScheduledFault,
+    TimedFault,
+    place_of,
 )
 
-__all__ = ["FrequencyDrift", "ModeDrift", "PatchAsymmetry", "PatchDead", "PatchGain", "PatchHysteresis"]
+__all__ = [
+    "FrequencyDrift",
+    "HandOnTable",
+    "ModeDrift",
+    "PatchAsymmetry",
+    "PatchDead",
+    "PatchGain",
+    "PatchHysteresis",
+]
 
 _LAG = 0.36
 """Width of the loop of the even part of a patch whose even part lags."""
@@ -199,6 +213,51 @@ class FrequencyDrift(ScheduledFault, OnSurface):
     def patches(self, volts: Mapping[str, FloatArray], start: float) -> Mapping[str, FloatArray]:
         """See `OnSurface.patches`."""
         return _noted(self, volts, start) if start >= self.begin else volts
+
+
+class HandOnTable(TimedFault, OnSurface):
+    """Somebody leans on the table: a fingertip or a palm rests on it while it is driven or measured."""
+
+    class Settings(TimedFault.Settings):
+        """See `FaultSettings`."""
+
+        point: str = "button"
+        """Where it rests: "button" or the number of a grid point."""
+        force: Annotated[float, Field(gt=0, le=100)] = 1.0
+        """N."""
+        palm: bool = False
+        """A palm, not a fingertip."""
+        participant: str = "P01"
+        """Whose: people differ."""
+
+    settings: Settings
+
+    def __init__(self, settings: Settings, file: RigFile, rng: np.random.Generator) -> None:
+        super().__init__(settings, file, rng)
+        try:
+            place = place_of(file, settings.point)
+        except ValueError as error:
+            raise ConfigurationError(
+                f'A fault of the kind {settings.kind!r} rests at the point {settings.point!r}: give "button" '
+                "or the number of a grid point."
+            ) from error
+        person = np.random.default_rng([file.simulation.seed, *settings.participant.encode()])
+        resting = Palm.of(person) if settings.palm else Fingertip.of(person)
+        self._hands = []
+        for begin in self._begins.tolist():
+            name = f"{settings.participant} from {begin} s"
+            end = begin + settings.duration
+            self._hands.append(Hand(name, resting, place, settings.force, begin, rng, end))
+
+    def hands(self) -> Sequence[Hand]:
+        """See `OnSurface.hands`."""
+        return self._hands
+
+    def patches(self, volts: Mapping[str, FloatArray], start: float) -> Mapping[str, FloatArray]:
+        """See `OnSurface.patches`."""
+        if any(v.any() for v in volts.values()):
+            self.active(np.array([start]))
+        return volts
 
 
 class PatchHysteresis(OnSurface):

@@ -1,7 +1,7 @@
 """Simulated function generator, which turns its SCPI settings into volts at a node of the plant.
 
 Ranges and keywords are those of the product families. A limit that was not found is the usual one for
-this type of instrument (estimate; docs/hardware.md, "Generators").
+this type of instrument (estimate).
 """
 
 from __future__ import annotations

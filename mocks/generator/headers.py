@@ -1,7 +1,7 @@
 """Settings of the simulated function generators: headers as in manuals, with what each may be.
 
 Ranges and keywords are those of the product families. A limit that was not found is the usual one for this
-type of instrument (estimate; docs/hardware.md, "Generators").
+type of instrument (estimate).
 """
 
 from __future__ import annotations

@@ -8,14 +8,13 @@ from ...instruments.operator import (
     Aim,
     Cable,
     ConfirmSettings,
-    Consent,
+    LiftFinger,
     Operator,
     Place,
     Press,
-    Ready,
     Remove,
     Request,
-    Rest,
+    RestFinger,
     TakeTarget,
     Target,
     Touch,
@@ -38,11 +37,21 @@ class OperatorTwin(Operator):
 
     def confirm(self, request: Request) -> bool:
         """See `Operator.confirm`."""
+        if isinstance(request, ConfirmSettings):
+            return self._plant.set_as_filed
+        self._follow(request)
+        return True
+
+    def _follow(self, request: Request) -> None:
         match request:
             case Press():
                 self._plant.press(request)
             case Touch():
                 self._plant.touch(request)
+            case RestFinger():
+                self._plant.rest(request)
+            case LiftFinger():
+                self._plant.lift()
             case Aim():
                 self._plant.aim(request.point)
             case Place():
@@ -53,12 +62,7 @@ class OperatorTwin(Operator):
                 self._plant.target = request.area
             case TakeTarget():
                 self._plant.target = 0.0
-            case ConfirmSettings():
-                return self._plant.set_as_filed
             case Cable():
                 self._plant.cables[request.channel] = request.output
             case Uncable():
                 self._plant.cables.clear()
-            case Rest() | Consent() | Ready():
-                pass
-        return True

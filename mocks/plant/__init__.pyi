@@ -1,5 +1,6 @@
 from .amplifier import AMPLIFIER_GAIN_ERROR as AMPLIFIER_GAIN_ERROR
 from .bouc_wen import BoucWen as BoucWen
+from .contact import Contact as Contact
 from .fault import Fault as Fault
 from .fault import FaultSettings as FaultSettings
 from .fault import PerEventFault as PerEventFault
@@ -9,13 +10,16 @@ from .fault_kinds import KINDS as KINDS
 from .fault_kinds import FaultKinds as FaultKinds
 from .fault_kinds import Faults as Faults
 from .fault_kinds import fault_class as fault_class
+from .hands import Fingertip as Fingertip
+from .hands import Hand as Hand
+from .hands import Palm as Palm
 from .hysteresis import AMPLITUDE as AMPLITUDE
 from .hysteresis import Hysteresis as Hysteresis
 from .hysteresis import PatchLaw as PatchLaw
-from .modal import ModalSurface as ModalSurface
 from .modal import Modes as Modes
 from .modal_plant import Modal as Modal
 from .modal_plant import random_modal as random_modal
+from .modal_surface import ModalSurface as ModalSurface
 from .nodes import Called as Called
 from .nodes import LaserHead as LaserHead
 from .nodes import Nodes as Nodes

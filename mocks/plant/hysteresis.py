@@ -16,10 +16,10 @@ from ...instruments.arrays import BoolArray, FloatArray
 __all__ = ["AMPLITUDE", "Hysteresis", "PatchLaw", "sections"]
 
 _RADII = np.array([2.0, 5.0, 10.0, 16.0, 24.0, 34.0])
-"""Half-widths of the play operators (V; docs/hardware.md, "Patches")."""
+"""Half-widths of the play operators (V; estimate)."""
 _ASYMMETRY = 0.01
-"""Fraction by which a patch expands more at +50 V and less at -50 V than by a symmetric law (estimate;
-docs/hardware.md, "Patches"). It makes the plant differ from the law that an estimator may assume."""
+"""Fraction by which a patch expands more at +50 V and less at -50 V than by a symmetric law (estimate).
+It makes the plant differ from the law that an estimator may assume."""
 AMPLITUDE = 50.0
 """Amplitude (V) at which the loop has the specified width and the gain is one: the paper's 100 Vpp."""
 

@@ -13,7 +13,8 @@ from ...instruments.arrays import FloatArray
 from ...instruments.bounded import Finite, Positive, Proportion
 from ...instruments.config import RigFile
 from ...instruments.errors import ConfigurationError
-from .modal import ModalSurface, Modes
+from .modal import Modes
+from .modal_surface import ModalSurface
 from .softening import SofteningSurface
 from .surface import PlantSettings, place_of, table_of
 
@@ -35,6 +36,8 @@ class Modal(PlantSettings):
     shapes: dict[str, tuple[Finite, ...]]
     """Mode shapes at each point, "button" or a point's number: a number for each mode."""
 
+    masses: tuple[Positive, ...] | None = None
+    """Mass of each mode (kg) where its shape is 1; without them nothing can rest on the surface."""
     softening: Annotated[float, Field(ge=0, lt=0.2)] = 0.0
     """Relative fall of a mode's frequency when its coordinate is `soft_at`."""
     soft_at: Positive = 3e-6
@@ -43,6 +46,8 @@ class Modal(PlantSettings):
     @model_validator(mode="after")
     def _one_number_a_mode(self) -> Modal:
         lists = {"damping": self.damping}
+        if self.masses is not None:
+            lists["masses"] = self.masses
         lists |= {f"coupling.{patch}": values for patch, values in self.coupling.items()}
         lists |= {f"shapes.{point}": values for point, values in self.shapes.items()}
         for name, values in lists.items():
@@ -60,7 +65,8 @@ class Modal(PlantSettings):
         points = {place_of(file, str(n)): str(n) for n in range(table.rows * table.columns)}
         coupling = {patch: np.array(values) for patch, values in self.coupling.items()}
         shape = _Shape(known, points)
-        modes = Modes(np.array(self.natural_hz), np.array(self.damping), coupling, shape)
+        masses = None if self.masses is None else np.array(self.masses)
+        modes = Modes(np.array(self.natural_hz), np.array(self.damping), coupling, shape, masses=masses)
         if self.softening:
             return SofteningSurface(modes, self.softening, self.soft_at)
         return ModalSurface(modes)

@@ -4,8 +4,7 @@ Model: a finger moves the cap along a path, and each snap sheds an acceleration 
 the path, less the clicks integrated twice; the integrals leak at `_HELD_HZ`: the finger holds the cap.
 A sensor shows its quantity through its declared response: poles, zeros and a measured response by FFT over
 the whole press; the high-pass corners of an AC-coupled one by their recursion, whose tail goes on after the
-press. Estimates: noise, offsets, tilt, and what the finger holds (docs/hardware.md, "Force sensor",
-"Accelerometer", "Displacement and velocity of a cap").
+press. Estimates: noise, offsets, tilt, and what the finger holds.
 """
 
 from __future__ import annotations
@@ -48,7 +47,7 @@ VELOCITY_NOISE = 1e-6
 OFFSETS = {"force": 0.3, "displacement": 1e-4, "velocity": 0.0}
 """Standard deviation of a sensor's own offset, in SI (estimates)."""
 _LATERAL = {"x": 0.05, "y": -0.03}
-"""Lateral force (N) for each newton of a press; there is no torque (estimate; docs/hardware.md)."""
+"""Lateral force (N) for each newton of a press; there is no torque (estimate)."""
 _HELD_HZ = 5.0
 """Corner below which a click does not move the cap, because the finger holds it (estimate)."""
 _WIDEST_HZ = 5000.0

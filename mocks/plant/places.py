@@ -16,6 +16,7 @@ import numpy as np
 from ...instruments.arrays import FloatArray
 from ..transport import ReplyFault
 from .fault import Fault
+from .hands import Hand
 from .hysteresis import PatchLaw
 from .modal import Modes
 from .nodes import LaserHead, Run
@@ -50,6 +51,10 @@ class OnSurface(Fault):
         A plant whose surface has no modes is refused with a kind that overrides this.
         """
         return modes
+
+    def hands(self) -> Sequence[Hand]:
+        """Return what rests on the surface for a while, when the plant is created."""
+        return ()
 
     def law(self, patch: str, law: PatchLaw) -> PatchLaw:
         """Return the law of a patch, when the plant is created."""

@@ -226,12 +226,22 @@ class Plant(Scene):
             for box in self._boxes:
                 for patch, closed, at in box.take(until):
                     self.switch(patch, closed, at)
-            while self._switched and self._switched[0][0] <= until:
-                at, _, patch, closed = self._switched.pop(0)
+            while (at := self._next_change()) <= until:
                 self._step_to(at)
-                self.closed ^= {patch} if closed is not (patch in self.closed) else set()
+                if self._switched and self._switched[0][0] <= at:
+                    _, _, patch, closed = self._switched.pop(0)
+                    self.closed ^= {patch} if closed is not (patch in self.closed) else set()
+                else:
+                    self._change_hand(min(self.hands, key=lambda hand: hand.due))
                 self._apply(at, np.inf, {node: np.array([v]) for node, v in self._inputs.items()})
             self._step_to(until)
+
+    def _next_change(self) -> float:
+        """Time (s) of the next contact that switches or hand that changes; infinite without one."""
+        due = [hand.due for hand in self.hands]
+        if self._switched:
+            due.append(self._switched[0][0])
+        return min(due, default=math.inf)
 
     def _step_to(self, until: float) -> None:
         together: dict[tuple[float, float, int], dict[_Place, FloatArray]] = {}

@@ -15,7 +15,7 @@ from ...instruments import entry_points
 from ...instruments.config import RigFile, validate
 from ...instruments.errors import ConfigurationError, HaploopError, InstrumentError
 from .hysteresis import PatchLaw
-from .modal import ModalSurface
+from .modal_surface import ModalSurface
 from .places import OnSurface
 from .softening import SofteningSurface
 from .surface import PlantSettings, PlantSource, Surface, table_of

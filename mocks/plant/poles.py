@@ -38,7 +38,7 @@ class Poles:
     """Poles, (poles,) rad/s in the left half plane, and their `inputs`, (poles, channels)."""
 
     poles: ComplexArray
-    inputs: FloatArray
+    inputs: FloatArray | ComplexArray
     _powers: dict[float, ComplexArray] = field(default_factory=dict)
 
     @cached_property
@@ -57,11 +57,18 @@ class Poles:
 class Stretch:
     """Levels (channels, steps) from `start` on, each held for `period` (s), the last until the next stretch.
 
-    It continues from the state of `before` at `start`; without `before` it starts from rest.
+    It continues from the state of `before` at `start`; without `before` it starts from rest. `anew` converts
+    that state to these poles'; without it, poles that have moved a little keep their distance from rest.
     """
 
     def __init__(
-        self, of: Poles, start: float, period: float, levels: FloatArray, before: Stretch | None = None
+        self,
+        of: Poles,
+        start: float,
+        period: float,
+        levels: FloatArray,
+        before: Stretch | None = None,
+        anew: Callable[[ComplexArray], ComplexArray] | None = None,
     ) -> None:
         self.start = start
         self._of, self._period = of, period
@@ -80,7 +87,11 @@ class Stretch:
             found, late = before._since(np.array([start]))
             step = int(found[0])
             state = before._leaning(step) * np.exp(before._of.poles * late[0])
-            state -= of.inputs @ (before._at(step) - self._held) / of.poles
+            held = before._at(step)
+            if anew is not None:
+                state = anew(state - before._of.settled @ held) + of.settled @ self._held
+            else:
+                state -= of.inputs @ (held - self._held) / of.poles
         self._begins = self._blocks(state)
         """State at each block's first step, (blocks, poles)."""
         self._begins[np.abs(self._begins) < _GONE] = 0.0
@@ -206,9 +217,25 @@ class Course(Generic[Owner]):
         """Earliest time that is remembered (s)."""
         return self._stretches[0][1].start
 
-    def step(self, owner: Owner, poles: Poles, start: float, period: float, levels: FloatArray) -> None:
-        """Add levels (channels, steps), each held for `period` (s), from `start` (s) on, with these poles."""
-        stretch = Stretch(poles, start, period, levels, self._stretches[-1][1])
+    @property
+    def owner(self) -> Owner:
+        """The owner of the last stretch."""
+        return self._stretches[-1][0]
+
+    def step(
+        self,
+        owner: Owner,
+        poles: Poles,
+        start: float,
+        period: float,
+        levels: FloatArray,
+        anew: Callable[[ComplexArray], ComplexArray] | None = None,
+    ) -> None:
+        """Add levels (channels, steps), each held for `period` (s), from `start` (s) on, with these poles.
+
+        `anew` converts the states of the last stretch's poles to these poles': see `Stretch`.
+        """
+        stretch = Stretch(poles, start, period, levels, self._stretches[-1][1], anew)
         self._stretches.append((owner, stretch))
         while len(self._stretches) > 1 and self._stretches[1][1].start < start - self._remembered:
             self._stretches.popleft()

@@ -13,9 +13,11 @@ import numpy as np
 from ...instruments.arrays import FloatArray
 from ...instruments.clock import Clock
 from ...instruments.config import RigFile
-from ...instruments.operator import Press, Touch
+from ...instruments.operator import Press, RestFinger, Touch
 from .buttons import FLAWS, Finger, Flaw, Presses, button_named, press_button
+from .contact import Contact
 from .fault_kinds import Faults
+from .hands import Fingertip, Hand
 from .nodes import LaserHead
 from .patches import Patches
 from .places import OnLaser, OnSurface
@@ -59,6 +61,9 @@ class Scene(ABC):
         """Area (m^2) of the round target that lies on the touch surface, for the camera; 0 without one."""
         self.loads: list[tuple[float, float]] = []
         """Additional weights on the force sensor: the time from which each applies (s), and its force (N)."""
+        self.hands: list[Hand] = []
+        """What rests, has rested or will rest on the table."""
+        self._resting: dict[Hand, tuple[Contact, ...]] = {}
         self.aimed = "button"
         self.closed: set[str] = set(self.section.patches) if file.wiring == "direct" else set()
         """Patches whose contacts are closed; of a rig without a relay, always all."""
@@ -75,6 +80,11 @@ class Scene(ABC):
         self.surface.amplifier_pole_hz = float(told or AMPLIFIER_POLE_HZ)
         self.surface.coil_pole_hz = file.actuator.pole_hz if file.actuator else None
         self.patches = Patches(laws, self.surface.amplifier_pole_hz)
+        for fault in self.faults.at(OnSurface):
+            self.hands += fault.hands()
+        if self.hands:
+            # A surface that knows no bodies refuses them here, and not in the middle of a play.
+            self.surface.touched(())
 
     @abstractmethod
     def advance(self, until: float) -> None:
@@ -138,6 +148,27 @@ class Scene(ABC):
             rng = self.rng(f"{name} after {len(self.touches)}")
             start = self.clock.now() + finger.reaction * float(rng.uniform(0.8, 1.25))
             self.touches.append(touch_surface(request, skin, start, rng))
+
+    def rest(self, request: RestFinger) -> None:
+        """Let a participant rest a finger on the table from now on, with about the force asked for."""
+        with self._lock:
+            now, name = self.clock.now(), f"finger of {request.participant}"
+            tip = Fingertip.of(self.rng(f"fingertip of {request.participant}"))
+            rng = self.rng(f"{name} rests at {request.point}, {len(self.hands)}")
+            self.hands.append(Hand(name, tip, self.place(request.point), request.force, now, rng))
+
+    def lift(self) -> None:
+        """Let every finger and palm leave the table from now on."""
+        with self._lock:
+            now = self.clock.now()
+            self.advance(now)
+            for hand in self.hands:
+                hand.lift(now)
+
+    def _change_hand(self, hand: Hand) -> None:
+        """Make the change of a hand that is due; the plant has stepped to it."""
+        self._resting[hand] = hand.change()
+        self.surface.touched([one for contacts in self._resting.values() for one in contacts])
 
     def contact_area(self, times: FloatArray) -> FloatArray:
         """Return the contact area of the finger on the touch surface, (times,) m^2."""

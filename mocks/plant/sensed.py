@@ -22,7 +22,7 @@ from .scene import Scene
 __all__ = ["Output", "Quantity", "Signal", "laser", "signalled", "wired"]
 
 CONTACT = 5.0
-"""Output of the closed contact (V; it and its noise: docs/hardware.md, "Buttons and people")."""
+"""Output of the closed contact (V; estimate)."""
 VIBROMETER_NOISE = 0.02e-6
 """Noise density of the 20 mm/s range, used in every range (m/s per sqrt(Hz); estimate; docs/hardware.md,
 "PDV-100")."""
@@ -139,8 +139,7 @@ def _seen(scene: Scene, times: FloatArray, rng: np.random.Generator, head: Laser
     rate_hz = 1 / (times[1] - times[0]) if len(times) > 1 else 2 * head.bandwidth_hz
     density = head.range * PICKUP_NOISE[head.quantity] if head.quantity in PICKUP_NOISE else VIBROMETER_NOISE
     density *= scene.settings.vibrometer_noise_scale
-    # Noise grows as the light fades: with the inverse root of its level, up to tenfold (estimate;
-    # docs/hardware.md, "PDV-100").
+    # Noise grows as the light fades: with the inverse root of its level, up to tenfold (estimate).
     density = density / np.sqrt(np.maximum(level, 0.01))
     velocity += density * np.sqrt(rate_hz / 2) * rng.standard_normal(len(times))
     velocity = np.clip(velocity, -head.range, head.range)

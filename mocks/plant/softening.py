@@ -15,8 +15,10 @@ import numpy as np
 import scipy
 
 from ...instruments.arrays import ComplexArray, FloatArray
-from .modal import ModalPoles, ModalSurface, Modes
+from .modal import ModalPoles, Modes
+from .modal_surface import ModalSurface
 from .poles import Course
+from .touched import TouchedPoles
 
 __all__ = ["SofteningSurface"]
 
@@ -55,7 +57,7 @@ class SofteningSurface(ModalSurface):
 
     def _add(
         self,
-        course: Course[ModalPoles],
+        course: Course[ModalPoles | TouchedPoles],
         poles: ModalPoles,
         start: float,
         period: float,
@@ -63,7 +65,7 @@ class SofteningSurface(ModalSurface):
     ) -> None:
         count = len(self._state)
         own = poles.poles.poles[:count]
-        coupling = poles.poles.inputs[:count, : len(levels)]
+        coupling = poles.poles.inputs[:count, : len(levels)].real
         self._rest_until(start, own, coupling, poles.amplifier)
         forces = np.zeros((count, levels.shape[1]))
         if period > _LONGEST:

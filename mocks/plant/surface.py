@@ -8,7 +8,7 @@ to `open_rig`. See docs/how-to/adding-a-plant.md.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import scipy
@@ -18,6 +18,7 @@ from ...instruments.arrays import ComplexArray, FloatArray
 from ...instruments.config import RigFile, TableSettings
 from ...instruments.errors import ConfigurationError
 from ...instruments.vibrometer import Quantity
+from .contact import Contact
 from .hysteresis import Hysteresis, PatchLaw
 
 __all__ = [
@@ -115,6 +116,15 @@ class Surface(ABC):
         The default leaves the surface as it is.
         """
         return
+
+    def touched(self, contacts: Sequence[Contact]) -> None:
+        """Let these bodies rest on the surface, from the next step on, and no others.
+
+        The default knows no bodies. Raises ConfigurationError.
+        """
+        raise ConfigurationError(
+            "Nothing can rest on this plant's surface: simulate the plant 'table', or without a finger."
+        )
 
     def resonance_hz(self, patch: str, place: tuple[float, float], time: float) -> float:
         """Return the frequency of a patch's largest response at a place, 20 Hz to 1 kHz, at `time` (s)."""

@@ -15,7 +15,8 @@ from pydantic import Field
 from ...instruments.arrays import FloatArray
 from ...instruments.bounded import Positive
 from ...instruments.config import Actuator, RigFile
-from .modal import ModalSurface, Modes
+from .modal import Modes
+from .modal_surface import ModalSurface
 from .softening import SofteningSurface
 from .surface import PlantSettings, place_of
 
@@ -40,12 +41,12 @@ MODES = sorted(
 MAIN = MODES.index((2, 2))
 PATCHES = {"A": (0.20, 0.15), "B": (0.62, 0.93), "C": (0.08, 0.45), "D": (0.92, 0.55)}
 """Centres of the patches, as fractions of width and height, near the edges; A drives the main mode best
-(docs/hardware.md, "Touch table")."""
+(estimate)."""
 MAIN_VELOCITY = 5.0e-3 / 50
 """Velocity at the main mode's antinode (m/s per V): 3 um of displacement at 50 V (estimate;
 docs/hardware.md, "Touch table")."""
-MODAL_MASS = 0.24
-"""Mass of every mode (kg): a quarter of the pane's, whose thickness of 2.2 mm follows from MAIN_HZ."""
+PANE_MASS = 0.96
+"""Mass of the pane (kg), whose thickness of 2.2 mm follows from MAIN_HZ; a quarter of it is every mode's."""
 SOFT_AT = 3e-6
 """Displacement at which `softening` is meant (m)."""
 _DAY = 86_400.0
@@ -68,6 +69,10 @@ class TouchTable(PlantSettings):
     collocated: bool = False
     """Put patch A under the button point, so that the response has no right-half-plane zeros."""
 
+    pane_mass: Annotated[float, Field(ge=0.01, le=100)] = PANE_MASS
+    """Mass of the pane (kg): what a finger, a palm or a glued body is to it. Its frequencies, and its motion
+    by patches, stay as they are."""
+
     softening: Annotated[float, Field(ge=0, lt=0.2)] = 0.0
     """Relative fall of a mode's frequency at a displacement of 3 um: see `haploop.mocks.plant.softening`."""
 
@@ -75,6 +80,7 @@ class TouchTable(PlantSettings):
         """See `PlantSettings.make`."""
         under = place_of(file, "button") if self.collocated else None
         plate = make_plate(rng, self.mode_drift, self.damping_scale, under)
+        plate = replace(plate, masses=np.full(len(MODES), self.pane_mass / 4))
         if file.actuator is not None and file.actuator.kind == "coil":
             plate = with_coils(plate, file.actuator, under)
         seed, daily = file.simulation.seed, self.daily_drift
@@ -106,7 +112,7 @@ def make_plate(
     gain = MAIN_VELOCITY / strength
     patches = dict(PATCHES) if collocated_at is None else {**PATCHES, "A": collocated_at}
     coupling = {patch: gain * _coupling(place) for patch, place in patches.items()}
-    masses = np.full(len(MODES), MODAL_MASS)
+    masses = np.full(len(MODES), PANE_MASS / 4)
     return Modes(natural, np.minimum(damping * damping_scale, 0.3), coupling, _shape, MAIN, masses)
 
 
@@ -121,9 +127,11 @@ def with_coils(plate: Modes, actuator: Actuator, collocated_at: tuple[float, flo
     factor = 1.0 if actuator.force_factor is None else actuator.force_factor
     places = dict(PATCHES) if collocated_at is None else {**PATCHES, "A": collocated_at}
     pushed = {patch: _shape(place) for patch, place in places.items()}
-    coupling = {patch: factor / actuator.resistance / MODAL_MASS * shape for patch, shape in pushed.items()}
+    assert plate.masses is not None
+    mass = plate.masses[0]
+    coupling = {patch: factor / actuator.resistance / mass * shape for patch, shape in pushed.items()}
     # Only the coil of a patch that is connected brakes, and which that is changes: the first one's is taken.
-    braking = factor**2 / actuator.resistance * next(iter(pushed.values())) ** 2 / MODAL_MASS
+    braking = factor**2 / actuator.resistance * next(iter(pushed.values())) ** 2 / mass
     damping = plate.damping + braking / (2 * 2 * np.pi * plate.natural_hz)
     # A push drives the lowest mode best, and no mode is meant to carry buttons.
     return replace(plate, coupling=coupling, damping=np.minimum(damping, 0.3), main=None)

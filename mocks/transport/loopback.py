@@ -10,8 +10,9 @@ import threading
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Literal, Self
+from typing import Literal
+
+from ...instruments.closing import Closing
 
 __all__ = ["HOST", "Loopback", "ReplyFault"]
 
@@ -91,7 +92,7 @@ class ReplyFault:
         return True
 
 
-class Loopback:
+class Loopback(Closing):
     """TCP server that calls `serve(link)` in a thread for each connection, and closes it on return.
 
     An OSError in `serve` means that the client left or that the server is closing; it is ignored. The
@@ -107,14 +108,6 @@ class Loopback:
         self.address = f"{HOST}:{self.port}"
         self._thread = threading.Thread(target=self._server.serve_forever, args=(_LOOK,), daemon=True)
         self._thread.start()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """Stop serving and cut every connection, like a killed program. May be called again."""

@@ -19,8 +19,7 @@ DECODERS = {
     "VeloDec,0": ("VD-08", (0.0002, 0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05)),
     "VeloDec,1": ("VD-09", (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)),
 }
-"""Name of each decoder, and its ranges (m/s per V; estimate, only the names and `5mm/s/V` were found;
-docs/hardware.md, "OFV-5000")."""
+"""Name of each decoder, and its ranges (m/s per V; estimate, only the names and `5mm/s/V` were found)."""
 _FIRMWARE = "2.05"
 """Version of controller and decoders (estimate)."""
 _BANDWIDTH_HZ = 20e3

@@ -14,6 +14,7 @@ __all__ = [
     "ITERATIONS",
     "LEARNING",
     "MAP",
+    "PLAN",
     "PRESSES",
     "RATINGS",
     "RESPONSE",
@@ -49,15 +50,20 @@ COMPARISON = (
     "of the plays; the band that the drive uses is shaded. After the paper's figure 9."
 )
 FEELING = (
-    "Left: third-octave levels in dB re 1 µm/s² in the loudest 100 ms of each signal, the noise left in the "
-    "mean of the plays, and thresholds of detection: of a finger at rest (line), and the lowest of the table "
-    "(dotted). Right: level in 20 ms over the threshold of a finger at rest (0 dB); dotted, where the lowest "
-    "threshold lies for the measured motion. Above 400 Hz the thresholds are estimates."
+    "Left: third-octave levels in dB re 1 µm/s² in the loudest second of each signal, the noise left in the "
+    "mean of the plays, and thresholds of detection: of a finger that presses (line; grey: where it may lie) "
+    "and of one at rest (dotted). Right: level in 20 ms over the threshold of a finger that presses (0 dB). "
+    "Above each panel: how far the loudest second lies above that threshold, and who feels it."
 )
 CHECK = (
     "Target (thick) and measured (thin) acceleration in m/s²; third octaves of the whole motion with the "
-    "noise left in the mean of the plays; third octaves in the loudest 100 ms against thresholds of "
-    "detection; level in 20 ms over the threshold of a finger at rest (0 dB)."
+    "noise left in the mean of the plays; third octaves in the loudest second against thresholds of "
+    "detection; level in 20 ms over the threshold of a finger that presses (0 dB)."
+)
+PLAN = (
+    "Expected error of the whole motion in percent over the level above the threshold of a finger that "
+    "presses in dB, of what the rig's limits allow. Line: the threshold; grey: where it may lie, so that "
+    "it is not known there whether most people feel it. Dotted: the error that a check tolerates."
 )
 _ITERATIONS = "Iterations: error within the band of each drive that was tried."
 LEARNING = f"{CHECK} {_ITERATIONS}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -192,7 +192,7 @@ def _check_facts(check: Check, feeling: Feeling) -> Iterator[Fact]:
             fact("Noise of the plays' mean", noise),
         ]
     )
-    yield from feeling_facts(feeling, check.notes)
+    yield from feeling_facts(feeling)
 
 
 def _error(part: SharedPower) -> str:
@@ -201,15 +201,16 @@ def _error(part: SharedPower) -> str:
 
 def _verdict(subject: str, check: Check, feeling: Feeling) -> Verdict:
     """Is it like the recorded press, can it be felt, how loud is it, and how much of the press is it?"""
-    of_press = f"plays {percent(check.drive.in_band)} of its energy, at {check.drive.scale:.3f} of its size"
-    felt = ", ".join(filter(None, (f"felt: {feeling.felt}", loudness(feeling))))
+    played = (
+        f"plays {percent(check.drive.in_band)} of the press's energy, at {check.drive.scale:.3f} of its size"
+    )
     return Verdict(
         subject,
         check.verdict,
         check.passed,
         f"error {_error(check.whole)} of at most {percent(check.tolerance, 0)}, n = {check.plays} plays",
-        " ".join((*check.reasons, *(note for note in check.notes if note != feeling.warning))),
-        (felt, of_press),
+        " ".join((*check.reasons, *check.notes)),
+        (feeling.sentence.removesuffix("."), ", ".join(filter(None, (played, loudness(feeling))))),
     )
 
 
@@ -225,26 +226,35 @@ def feeling_values(feeling: Feeling) -> dict[str, Any]:
     """Levels above threshold, bands, parts and sentences, for JSON."""
     found: dict[str, Any] = {
         "felt": feeling.felt,
+        "sentence": feeling.sentence,
+        "force_n": feeling.force,
+        "acts": {
+            one.act.name: {
+                "above_threshold_db": one.level,
+                "higher_db": one.act.higher,
+                "lower_db": one.act.lower,
+                "spread_db": one.act.spread,
+                "threshold": one.act.mark,
+                "people": one.people,
+                "felt": one.answer,
+            }
+            for one in feeling.acts
+        },
         "difference_felt": feeling.difference,
         "difference_comparable": feeling.comparable,
         "loudness_db": feeling.loudness_db,
         "levels": {
-            name: [
-                {
-                    "window_s": level.window,
-                    "start_s": level.start,
-                    "above_resting_threshold_db": level.total,
-                    "above_lowest_threshold_db": level.sensitive,
-                    "bands_db": level.bands,
-                }
-                for level in pair
-            ]
-            for name, pair in _signals(feeling).items()
+            name: {
+                "above_pressing_threshold_db": level.pressing,
+                "above_resting_threshold_db": level.resting,
+                "bands_db": level.bands,
+            }
+            for name, level in _signals(feeling).items()
         },
-        "noise_above_resting_threshold_db": feeling.noise_total,
+        "noise_above_pressing_threshold_db": feeling.noise_total,
         "third_octaves_hz": feeling.octaves_hz,
         "resting_threshold_db": feeling.resting_db,
-        "lowest_threshold_db": feeling.sensitive_db,
+        "pressing_threshold_db": feeling.pressing_db,
         "reference_m_s2": 1e-6,
         "above_threshold_s": feeling.spans,
         "lost_s": feeling.lost,
@@ -253,30 +263,24 @@ def feeling_values(feeling: Feeling) -> dict[str, Any]:
     return {name: plain(value) for name, value in found.items()}
 
 
-def feeling_facts(feeling: Feeling, said: Collection[str] = ()) -> Iterator[Fact]:
-    """Levels above threshold, whether it can be felt, and the sentences that are not `said` already."""
+def feeling_facts(feeling: Feeling) -> Iterator[Fact]:
+    """Whether it can be felt, how loud it is, and in detail: each act, the levels, and what they rest on."""
     names = {"residual": "difference", "recorded": "recorded press"}
-    levels = [
-        ", ".join(
-            f"{names.get(name, name)} {pair[k].total:+.1f} dB" for name, pair in _signals(feeling).items()
-        )
-        for k in (0, 1)
-    ]
-    yield fact("Can be felt", feeling.felt)
+    levels = ", ".join(
+        f"{names.get(name, name)} {level.pressing:+.1f} dB" for name, level in _signals(feeling).items()
+    )
+    yield fact("Can be felt", feeling.sentence)
     if beside := loudness(feeling):
         yield fact("Beside the recorded press", beside)
     yield from detailed(
         [
-            fact(
-                "Above threshold",
-                [f"100 ms: {levels[0]}", f"20 ms: {levels[1]}"],
-                feeling=feeling_values(feeling),
-            ),
-            fact("To be felt", [note for note in feeling.notes if note not in said]),
+            fact("By other acts", [one.sentence() for one in feeling.acts[1:]]),
+            fact("Above a pressing finger's threshold", levels, feeling=feeling_values(feeling)),
+            fact("On feeling", list(feeling.notes)),
         ]
     )
 
 
-def _signals(feeling: Feeling) -> dict[str, Sequence[Levels]]:
+def _signals(feeling: Feeling) -> dict[str, Levels]:
     recorded = {} if feeling.recorded is None else {"recorded": feeling.recorded}
     return {"target": feeling.target, "measured": feeling.measured, "residual": feeling.residual, **recorded}

@@ -14,6 +14,7 @@ from .calibration import calibration_contents, drive_contents, waveforms_content
 from .check import button_contents, check_contents
 from .map import map_contents
 from .parts import Contents
+from .plan import plan_contents
 from .press import press_contents
 from .recording import recording_contents
 
@@ -28,6 +29,7 @@ _SAID: dict[str, Callable[[Any], Contents]] = {
     "check": check_contents,
     "button": button_contents,
     "map": map_contents,
+    "plan": plan_contents,
 }
 """The function that says what a result of each kind says."""
 

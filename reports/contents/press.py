@@ -54,7 +54,7 @@ def press_contents(press: Representative) -> Contents:
         fact("Activation", told_by(press.activated_by), activated_by=press.activated_by),
         fact(
             "Bandwidth",
-            f"{press.bandwidth_hz:.4g} Hz, the {SENSORS.get(press.motion, 'sensor')}'s",
+            _bandwidth(press),
             bandwidth_hz=press.bandwidth_hz,
         ),
         fact("Undone", undone, undone_hz=press.undone_hz, noise_gain=press.noise_gain),
@@ -103,6 +103,13 @@ def travel_drawings(press: Representative) -> list[Drawing]:
 
 def _activation(quantity: str) -> str:
     return "" if quantity == "activation" else f", activation {told_by(quantity)}"
+
+
+def _bandwidth(press: Representative) -> str:
+    whose = f"the {SENSORS.get(press.motion, 'sensor')}'s"
+    if press.bandwidth_hz >= press.rate_hz / 2:
+        whose = "half the sample rate"
+    return f"{press.bandwidth_hz:.0f} Hz, {whose}"
 
 
 def _shortened(sentences: Sequence[str]) -> list[str]:

@@ -25,6 +25,7 @@ from .paper import comparison as comparison
 from .paper import drives as drives
 from .paper import force_over_travel as force_over_travel
 from .paper import profiles as profiles
+from .plan import plan_figure as plan_figure
 from .plotting import Columns as Columns
 from .press import recording_figure as recording_figure
 from .press import travel_figure as travel_figure

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
 from ...calibration import Feeling
+from ...calibration.perception import shares
 from .plotting import BLUE, GREEN, GREY, INK, VERMILLION, Columns, legend_under, letter, panels, style
 
 __all__ = ["draw_feeling", "feeling_figure"]
@@ -22,18 +23,17 @@ _TICKS = (50, 100, 200, 500, 1000)
 def feeling_figure(results: Sequence[tuple[str, Feeling]], columns: Columns = 2) -> Figure:
     """Draw, for each (button, feeling), levels against thresholds by third octave, and over time.
 
-    Left: the loudest 100 ms of target, measured motion, residual and recorded press, the noise of the plays,
-    and the thresholds of a finger at rest and the lowest of the table. Right: the level of 20 ms above the
-    threshold of a finger at rest.
+    Left: target, measured motion, residual and recorded press, the noise of the plays, and the thresholds of
+    a finger that presses and of one at rest. Right: the level of 20 ms above the threshold of a finger that
+    presses.
     """
     with style():
         figure, grid = panels(len(results), 2, 1.95, columns, ratios=(1.15, 1))
         for row, ((button, feeling), (bands, time)) in enumerate(zip(results, grid, strict=True)):
             room = 3 if row == 0 else 0
-            words = {"yes": "can be felt", "perhaps": "can perhaps be felt", "no": "cannot be felt"}
-            letter(bands, 2 * row, f"{button.capitalize()}: {words[feeling.felt]}", room)
-            loud = f"Loudest 100 ms: {feeling.measured[0].total:+.1f} dB re threshold".replace("-", "−")
-            letter(time, 2 * row + 1, loud, room)
+            letter(bands, 2 * row, f"{button.capitalize()}, felt by a pressing finger: {feeling.felt}", room)
+            people = f"{feeling.measured.pressing:+.0f} dB, {shares(*feeling.pressing.people)} of people"
+            letter(time, 2 * row + 1, people.replace("-", "−"), room)
             draw_feeling(bands, time, feeling, with_legend=row == 0)
         return figure
 
@@ -50,17 +50,22 @@ def draw_feeling(bands: Axes, time: Axes, feeling: Feeling, with_legend: bool = 
 
 
 def _bands(axes: Axes, feeling: Feeling) -> None:
-    hz = feeling.octaves_hz
+    hz, act = feeling.octaves_hz, feeling.pressing.act
     shown = hz > 0.98 * _TICKS[0]
     axes.fill_between(
-        hz[shown], feeling.sensitive_db[shown], feeling.resting_db[shown], color=GREY, alpha=0.25, linewidth=0
+        hz[shown],
+        feeling.pressing_db[shown] - act.lower,
+        feeling.pressing_db[shown] + act.higher,
+        color=GREY,
+        alpha=0.25,
+        linewidth=0,
     )
-    axes.plot(hz[shown], feeling.resting_db[shown], color=INK, linewidth=1.2, label="threshold at rest")
-    axes.plot(hz[shown], feeling.sensitive_db[shown], color=INK, linestyle=":", label="lowest threshold")
+    axes.plot(hz[shown], feeling.pressing_db[shown], color=INK, linewidth=1.2, label="threshold, pressing")
+    axes.plot(hz[shown], feeling.resting_db[shown], color=INK, linestyle=":", label="threshold, at rest")
     if feeling.recorded is not None:
         axes.plot(
             hz[shown],
-            feeling.recorded[0].bands[shown],
+            feeling.recorded.bands[shown],
             "-",
             color=GREY,
             linewidth=1.8,
@@ -68,7 +73,7 @@ def _bands(axes: Axes, feeling: Feeling) -> None:
         )
     axes.plot(
         hz[shown],
-        feeling.target[0].bands[shown],
+        feeling.target.bands[shown],
         "o-",
         color=BLUE,
         markersize=4.5,
@@ -76,18 +81,16 @@ def _bands(axes: Axes, feeling: Feeling) -> None:
         label="target",
     )
     axes.plot(
-        hz[shown], feeling.measured[0].bands[shown], "s--", color=VERMILLION, markersize=2.5, label="measured"
+        hz[shown], feeling.measured.bands[shown], "s--", color=VERMILLION, markersize=2.5, label="measured"
     )
-    axes.plot(
-        hz[shown], feeling.residual[0].bands[shown], "x-", color=GREEN, markersize=3, label="difference"
-    )
+    axes.plot(hz[shown], feeling.residual.bands[shown], "x-", color=GREEN, markersize=3, label="difference")
     if feeling.noise is not None:
         axes.plot(hz[shown], feeling.noise[shown], ":", color=VERMILLION, label="noise")
     axes.set_xscale("log")
     axes.set_xticks(_TICKS, [str(tick) for tick in _TICKS])
     axes.xaxis.set_minor_formatter(NullFormatter())
-    smallest = feeling.residual[0].bands if feeling.noise is None else feeling.noise
-    bottom = float(feeling.sensitive_db[shown].min()) - _SHOWN_DB
+    smallest = feeling.residual.bands if feeling.noise is None else feeling.noise
+    bottom = float(feeling.pressing_db[shown].min()) - _SHOWN_DB
     axes.set_ylim(bottom=max(bottom, float(smallest[shown].min()) - 5))
     axes.set_ylabel("Level (dB re 1 µm/s²)")
 
@@ -103,14 +106,8 @@ def _time(axes: Axes, feeling: Feeling) -> None:
     axes.axhline(0, color=INK, linewidth=1.2)
     for level, colour, width, label in drawn:
         axes.plot(milliseconds, level[part], color=colour, linewidth=width, label=label)
+    act = feeling.pressing.act
+    axes.axhspan(-act.lower, act.higher, color=GREY, alpha=0.25, linewidth=0)
     if np.isfinite(top):
-        # Where the lowest threshold lies for the motion that was measured, which depends on its frequencies.
-        axes.plot(
-            milliseconds,
-            (feeling.measured_level - feeling.sensitive_level)[part],
-            ":",
-            color=INK,
-            label="lowest threshold",
-        )
         axes.set_ylim(min(top, 0) - _SHOWN_DB / 1.5, max(top, 0) + 6)
     axes.set_ylabel("Level of 20 ms (dB)")

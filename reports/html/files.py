@@ -29,7 +29,7 @@ from .page import CaptionedFigure, Page
 
 __all__ = ["Report", "write_report"]
 
-_ORDER = ("forces", "presses", "map", "response", "drives", "check", "motion", "feeling")
+_ORDER = ("forces", "presses", "map", "response", "plan", "drives", "check", "motion", "feeling")
 """Names of figures in the order in which they stand in a report; others follow."""
 
 

@@ -100,3 +100,40 @@ def test_what_was_made_is_a_screen_and_show_has_the_rest(
     said = capsys.readouterr().out
     assert "Error, whole motion" in said and "Can be felt" in said and "Third octaves" not in said
     assert said.splitlines()[-1] == f"More of it: haploop show {file}"
+
+
+def test_a_plan_is_shown_and_its_choice_is_made(demo: Demo, run: Run, tmp_path: Path) -> None:
+    press, table = demo.folder / "presses" / "push.h5", demo.folder / "calibration.h5"
+    planned = run("button", "plan", press, "-c", table, "-o", tmp_path / "plan.h5", "--json")
+    offers = json.loads(planned.stdout)["offers"]
+    assert planned.exit_code == 0 and {one["method"] for one in offers} == {"modulated", "broadband"}
+    assert "Plan of the push button" in run("show", tmp_path / "plan.h5").output
+    made = run(
+        "button", "make", press, "-c", table, "-o", tmp_path / "loud.h5", "--iterations", 0, "--error", "8%",
+        "--json",
+    )  # fmt: skip
+    loud, quiet = (
+        json.loads(made.stdout),
+        json.loads(run("show", demo.folder / "checks" / "push.h5", "--json").stdout),
+    )
+    assert made.exit_code == 0 and 0.06 < loud["predicted_error"] <= 0.08
+    levels = [one["feeling"]["acts"]["pressing"]["above_threshold_db"] for one in (loud, quiet)]
+    assert levels[0] > levels[1] + 3
+
+
+@pytest.mark.parametrize(
+    ("option", "said"),
+    [
+        (("--error", "loud"), "'loud' is no number of %"),
+        (("--error", "nan"), "'nan' is no number of %"),
+        (("--error", "40%"), "at most the 20"),
+        (("--level", "90dB"), "dB is the most"),
+    ],
+)
+def test_a_choice_that_is_none_is_refused_in_one_sentence(
+    demo: Demo, run: Run, tmp_path: Path, option: tuple[str, str], said: str
+) -> None:
+    press, table = demo.folder / "presses" / "push.h5", demo.folder / "calibration.h5"
+    result = run("button", "make", press, "-c", table, "-o", tmp_path / "no.h5", *option)
+    assert result.exit_code == 2 and said in result.stderr and "Traceback" not in result.stderr
+    assert not (tmp_path / "no.h5").exists()

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from haploop.calibration.examination import Finding, examine, examine_each
+from haploop.calibration.examination.band_check import check_bands
 from haploop.calibration.examination.camera_check import check_camera
 from haploop.instruments import ConfigurationError, InstrumentError, Rig, load_rig_file, open_rig
 from haploop.instruments.config import RigFile
@@ -43,6 +44,34 @@ def test_a_rig_as_its_file_says_is_all_green(open: OpenRig, seed: int) -> None:
         "daq", "amplifier", "relay", "vibrometer", "force", "acceleration", "table", "rig"
     }  # fmt: skip
     assert_safe(rig)
+
+
+@pytest.mark.parametrize(
+    ("base", "differs", "says"),
+    [
+        ("usb-6211", "[sensors.acceleration]\nlow_pass_hz = 10000", "Write rate_hz = 20000 or more"),
+        ("usb-6211", "[table]\nrate_hz = 9000", "Write rate_hz in [table] = 10000 or more"),
+        ("usb-6211", "[sensors.acceleration]\nlow_pass_hz = 2500", None),
+        ("usb-6211", "[sensors.acceleration]\nlow_pass_hz = 60", "is dull"),
+        (
+            "compactdaq-iepe",
+            "[sensors.acceleration]\nlow_pass_hz = 10000",
+            None,
+        ),  # a delta-sigma card filters
+        ("no-ni", "[sensors.acceleration]\nlow_pass_hz = 30000", None),  # and so does audio
+        ("minimal", "[sensors.acceleration]\ncapacitor = 10e-9", None),
+    ],
+)
+def test_what_a_sensor_passes_beyond_half_the_rate_or_short_of_the_skin(
+    base: str, differs: str, says: str | None, tmp_path: Path
+) -> None:
+    path = tmp_path / "rig.toml"
+    path.write_text(f'base = "{base}"\nname = "mine"\n{differs}\n')
+    with open_rig(path, simulate="twin") as rig:
+        told = list(check_bands(rig))
+    sentences = " ".join(finding.sentence for finding in told)
+    assert (says in sentences) if says else not told, told
+    assert {finding.status for finding in told} <= {"green" if says == "is dull" else "yellow"}
 
 
 def test_figures_that_are_not_the_products_own_are_shown_with_their_source(tmp_path: Path) -> None:

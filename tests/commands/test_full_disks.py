@@ -13,10 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from haploop.acquisition import Representative
-from haploop.calibration import Calibration, DigitalButton, build_button, sizes
+from haploop.calibration import DigitalButton, sizes
 from haploop.calibration.response import Waveforms
-from haploop.instruments import open_rig
 from haploop.mocks.daq.card_twin import Terminal
 from tests.acquisition.recording.test_disks import disk
 from tests.command_line import Demo, Run
@@ -41,12 +39,8 @@ def plays(monkeypatch: pytest.MonkeyPatch) -> Plays:
 
 
 @pytest.fixture(scope="module")
-def button(demo: Demo, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("buttons") / "latch.h5"
-    press = Representative.load(demo.folder / "presses" / "latch.h5")
-    with open_rig("simulated", simulate="twin") as rig:
-        build_button(rig, press, Calibration.load(demo.folder / "calibration.h5"), iterations=0).save(path)
-    return path
+def button(made: Path) -> Path:
+    return made / "latch.h5"
 
 
 @pytest.fixture

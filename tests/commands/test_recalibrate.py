@@ -9,29 +9,20 @@ from typing import Any
 
 import pytest
 
-from haploop.acquisition import Representative
-from haploop.calibration import Calibration
-from haploop.calibration.drive.button import build_button
 from haploop.calibration.upkeep.history import History
-from haploop.instruments import open_rig
 from haploop.instruments.operator.role import Aim, ConfirmSettings, Place, Press, Rest
 from haploop.instruments.operator.unattended import Unattended
 from haploop.instruments.safety.lock import hold
 from haploop.reports.figures.history import trend
-from tests.command_line import Demo, Run
+from tests.command_line import Run
 from tests.reports.figure_checks import overlaps
 
 REASON = ("--reason", "for a test")
 
 
 @pytest.fixture(scope="session")
-def button(demo: Demo, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The demo's latch, as a digital button."""
-    path = tmp_path_factory.mktemp("buttons") / "latch.h5"
-    press = Representative.load(demo.folder / "presses" / "latch.h5")
-    with open_rig("simulated", simulate="twin") as rig:
-        build_button(rig, press, Calibration.load(demo.folder / "calibration.h5"), iterations=0).save(path)
-    return path
+def button(made: Path) -> Path:
+    return made / "latch.h5"
 
 
 @pytest.fixture(scope="session")

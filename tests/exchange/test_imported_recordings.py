@@ -11,7 +11,7 @@ import pytest
 
 import haploop
 from haploop.acquisition import Recording
-from tests.command_line import Run
+from tests.command_line import Demo, Run
 from tests.exchange.lab_files import Kind, Written, german, jitter, old_tektronix
 
 
@@ -56,17 +56,18 @@ def test_ten_presses_are_ten_presses(kind: Kind, own: Recording, presses: Writte
     assert np.corrcoef(press.acceleration[:n], reference.acceleration[:n])[0, 1] > 0.9
 
 
-def test_an_imported_press_is_pressed_into_the_table(presses: Written, tmp_path: Path, run: Run) -> None:
-    """As the README goes on: represent, calibrate, button make, in its own words."""
+def test_an_imported_press_is_pressed_into_the_table(
+    presses: Written, tmp_path: Path, run: Run, demo: Demo
+) -> None:
+    """As the README goes on: represent, button make, in its own words."""
     german(tmp_path / "a.csv", presses)
     out, press = tmp_path / "out.h5", tmp_path / "press.h5"
     assert run("import", tmp_path / "a.csv", "-p", "P02", "--button", "push", "-o", out).exit_code == 0
     shown = run("show", out)
     assert shown.exit_code == 0 and "Imported" in shown.stdout and "a.csv" in shown.stdout
     assert run("represent", out, "--out", press).exit_code == 0
-    calibration, button = tmp_path / "calibration.h5", tmp_path / "button.h5"
-    assert run("calibrate", "--out", calibration).exit_code == 0
-    made = run("button", "make", out, "-c", calibration, "-o", button)
+    table, button = demo.folder / "calibration.h5", tmp_path / "button.h5"
+    made = run("button", "make", out, "-c", table, "-o", button, "--iterations", 0)
     assert made.exit_code == 0, made.output
 
 

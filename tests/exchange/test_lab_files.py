@@ -18,10 +18,10 @@ SAVED = ("none.csv", "pico.csv", "vectors.mat", "plain.tdms", "millivolts.csv", 
 
 @pytest.fixture(scope="session")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Written:
-    """Four presses of a push button on the twin."""
+    """Two presses of a push button on the twin."""
     with haploop.open_rig("simulated") as rig:
-        found = haploop.record(rig, "push", "P01", 4, out=tmp_path_factory.mktemp("lab"))
-    return Written(found.rate_hz, found.force, found.acceleration[2], found.activation, 4)
+        found = haploop.record(rig, "push", "P01", 2, out=tmp_path_factory.mktemp("lab"))
+    return Written(found.rate_hz, found.force, found.acceleration[2], found.activation, 2)
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
@@ -81,7 +81,7 @@ def test_the_command_shows_what_was_understood(run: Run, written: Written, tmp_p
     german(path, written)
     shown = run("import", path, "--plot", tmp_path / "a.png")
     assert shown.exit_code == 0 and (tmp_path / "a.png").is_file()
-    for part in ("Kraft", "decimal commas", "5000 samples/s", "4, at", "by its heading and unit", "Plot:"):
+    for part in ("Kraft", "decimal commas", "5000 samples/s", "2, at", "by its heading and unit", "Plot:"):
         assert part in shown.stdout, part
     assert {p.name for p in tmp_path.iterdir()} == {"a.csv", "a.png"}
 

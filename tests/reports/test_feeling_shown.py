@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from haploop.calibration import Feeling, feeling_of
+from haploop.calibration.perception import Pressed
 from haploop.reports.contents.check import feeling_facts, feeling_values
 from haploop.reports.figures import feeling_figure, png
 
@@ -18,7 +19,7 @@ def felt(size: float, with_press: bool = True) -> Feeling:
     shape = np.exp(-(((t - 0.4) / 0.01) ** 2)) * np.sin(2 * np.pi * 264 * t)
     rng = np.random.default_rng(917)
     plays = size * (1.05 * shape + 0.001 * rng.normal(size=(4, len(t))))
-    return feeling_of(size * shape, plays.mean(axis=0), RATE, shape if with_press else None, plays)
+    return feeling_of(size * shape, plays.mean(axis=0), RATE, Pressed(shape if with_press else None), plays)
 
 
 @pytest.mark.parametrize("size", [0.0, 1e-4, 0.3])
@@ -28,20 +29,20 @@ def test_the_values_are_json_and_say_what_the_feeling_is(size: float, with_press
     values = json.loads(json.dumps(feeling_values(feeling), allow_nan=False))
     assert values["felt"] == feeling.felt and values["notes"] == list(feeling.notes)
     assert ("recorded" in values["levels"]) == with_press
-    for name, pair in (("measured", feeling.measured), ("residual", feeling.residual)):
-        for level, stored in zip(pair, values["levels"][name], strict=True):
-            shown = stored["above_resting_threshold_db"]
-            assert shown == level.total if np.isfinite(level.total) else shown is None
-            assert len(stored["bands_db"]) == len(values["third_octaves_hz"])
+    assert values["sentence"] == feeling.sentence
+    for name, level in (("measured", feeling.measured), ("residual", feeling.residual)):
+        shown = values["levels"][name]["above_pressing_threshold_db"]
+        assert shown == level.pressing if np.isfinite(level.pressing) else shown is None
+        assert len(values["levels"][name]["bands_db"]) == len(values["third_octaves_hz"])
+    for one in feeling.acts:
+        assert values["acts"][one.act.name]["people"] == list(one.people)
 
 
 def test_the_facts_hold_the_levels_and_every_sentence() -> None:
     feeling = felt(0.3)
     lines = [str(line) for one in feeling_facts(feeling) for line in one.lines]
-    assert f"measured {feeling.measured[0].total:+.1f} dB" in " ".join(lines)
-    assert set(feeling.notes) <= set(lines)
-    said = [line for one in feeling_facts(feeling, feeling.notes[:1]) for line in one.lines]
-    assert feeling.notes[0] not in said and len(said) == len(lines) - 1
+    assert f"measured {feeling.measured.pressing:+.1f} dB" in " ".join(lines)
+    assert {feeling.sentence, *feeling.notes, *(one.sentence() for one in feeling.acts[1:])} <= set(lines)
 
 
 def test_the_figure_has_levels_and_both_thresholds_for_each_button() -> None:
@@ -49,15 +50,15 @@ def test_the_figure_has_levels_and_both_thresholds_for_each_button() -> None:
     figure = feeling_figure([("latch", loud), ("push", quiet)])
     assert len(figure.axes) == 4
     titles = [axes.get_title(loc="left") for axes in figure.axes]
-    assert titles[0].endswith("Latch: can be felt") and titles[2].endswith("Push: cannot be felt")
+    assert titles[0].endswith("pressing finger: yes") and titles[2].endswith("pressing finger: no")
     drawn: dict[str, Any] = {line.get_label(): line for line in figure.axes[0].get_lines()}
     assert list(drawn) == [
-        "threshold at rest", "lowest threshold", "recorded press", "target", "measured", "difference",
+        "threshold, pressing", "threshold, at rest", "recorded press", "target", "measured", "difference",
         "noise",
     ]  # fmt: skip
     shown = loud.octaves_hz > 49
-    np.testing.assert_array_equal(drawn["threshold at rest"].get_ydata(), loud.resting_db[shown])
-    np.testing.assert_array_equal(drawn["measured"].get_ydata(), loud.measured[0].bands[shown])
+    np.testing.assert_array_equal(drawn["threshold, at rest"].get_ydata(), loud.resting_db[shown])
+    np.testing.assert_array_equal(drawn["measured"].get_ydata(), loud.measured.bands[shown])
     assert png(figure) == png(feeling_figure([("latch", loud), ("push", quiet)]))
 
 

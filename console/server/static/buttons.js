@@ -38,7 +38,7 @@ async function show(anew) {
   const check = found.check, percent = (value) => (value === null ? "-" : `${(100 * value).toFixed(1)} %`);
   $("verdict").textContent = check.verdict;
   $("verdict").className = `verdict ${check.passed ? "good" : "bad"}`;
-  $("said-of-it").textContent = `${found.name}, patch ${found.patch} at the ${found.point} point${found.simulated ? ", simulated" : ""}. Error of the whole motion ${percent(check.whole.error)} (${percent(check.whole.interval[0])} to ${percent(check.whole.interval[1])}) over ${check.plays} plays; outside the band ${percent(check.outside.error)}. Loudest 100 ms: ${found.above_threshold_db === null ? "-" : found.above_threshold_db.toFixed(1)} dB above the detection threshold; can it be felt: ${found.felt}.`;
+  $("said-of-it").textContent = `${found.name}, patch ${found.patch} at the ${found.point} point${found.simulated ? ", simulated" : ""}. Error of the whole motion ${percent(check.whole.error)} (${percent(check.whole.interval[0])} to ${percent(check.whole.interval[1])}) over ${check.plays} plays; outside the band ${percent(check.outside.error)}. It plays ${percent(found.in_band)} of the recorded press's energy${found.loudness_db === null ? "" : `, ${Math.abs(found.loudness_db).toFixed(0)} dB ${found.loudness_db < 0 ? "quieter" : "louder"}`}. ${found.felt}`;
   fill($("reasons"), ...[...new Set([...check.reasons, ...check.notes, ...found.notes])].map((one) => el("li", {}, one)));
   const times = found.target.map((_, k) => 1000 * k * found.step_s);
   $("legend").append(legend(["target", "measured (mean of the plays)", "drive", "recorded press, scaled as the target"]));

@@ -21,8 +21,7 @@ __all__ = ["TIMEBASE_HZ", "Channel", "Kind", "counter_timebase"]
 Kind = Literal["ai", "ao", "di", "do", "ci", "co"]
 
 TIMEBASE_HZ = {"E Series": 20e6, "M Series": 80e6, "X Series": 100e6, "Digital I/O": 100e6, "C Series": 80e6}
-"""Timebase of the sample clocks, by family (X Series from its manual, others estimates; docs/hardware.md,
-"PCIe-6321 (X Series)")."""
+"""Timebase of the sample clocks, by family (X Series from its manual, others estimates)."""
 
 
 def counter_timebase(family: str) -> float:

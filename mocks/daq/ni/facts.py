@@ -1,6 +1,6 @@
 """Fixed properties of devices, their terminals and the system, independent of tasks.
 
-Values that do not come from a product are estimates (docs/hardware.md, "All NI cards").
+Values that do not come from a product are estimates.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ def _terminals(device: NiDevice) -> list[str]:
 
 
 _SLOWEST_HZ = 100e6 / 2**32
-"""Lowest sample rate: a 100 MHz timebase divided by a 32-bit counter (docs/hardware.md, "All NI cards")."""
+"""Lowest sample rate: a 100 MHz timebase divided by a 32-bit counter (estimate)."""
 _SAMPLE_MODES = [c.AcquisitionType.FINITE.value, c.AcquisitionType.CONTINUOUS.value]
 
 DEVICE_FACTS: dict[str, Callable[[Inventory, NiDevice], Any]] = {

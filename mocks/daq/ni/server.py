@@ -12,8 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Executor, Future
 from contextlib import suppress
 from queue import SimpleQueue
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import grpc
 import numpy as np
@@ -21,6 +20,7 @@ from google.protobuf import message_factory
 from nidaqmx._stubs import nidaqmx_pb2 as pb
 
 from ....instruments.clock import Clock, RealClock
+from ....instruments.closing import Closing
 from ...plant import Nodes
 from ...transport import HOST
 from . import attributes
@@ -44,7 +44,7 @@ _SESSION_FILE = pb.CreateTaskResponse.DESCRIPTOR.fields_by_name["task"].message_
 _SESSIONS = _SESSION_FILE.services_by_name["SessionUtilities"]
 
 
-class NiServer:
+class NiServer(Closing):
     """The server, and a context manager that stops it.
 
     It serves `devices`; `wiring` connects their terminals ("Dev2/ai4", "Dev2/ao0") to nodes of the plant
@@ -145,14 +145,6 @@ class NiServer:
     def wait(self) -> None:
         """Block until the server stops."""
         self._server.wait_for_termination()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 class _Threads(Executor):

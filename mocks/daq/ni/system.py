@@ -107,10 +107,7 @@ class NiSystem:
         self.changed.notify_all()
 
     def reset_device(self, device: NiDevice) -> None:
-        """Abort the tasks on a device; its outputs fall to 0 V, except on an E Series card.
-
-        docs/hardware.md, "All NI cards": "on device reset E Series AO unchanged, M/C/X Series AO go to 0 V".
-        """
+        """Abort its tasks. Outputs fall to 0 V, an E Series card's not (docs/hardware.md, "All NI cards")."""
         for task in [t for t in self.tasks.values() if t.channels and device in t.devices]:
             self.stop(task)
             self.release(task)

@@ -134,14 +134,11 @@ def test_what_is_lost_while_recording_ends_it_and_stands_in_the_file(tmp_path: P
     assert recording.volts.shape[1] > 5 * recording.rate_hz
 
 
-def test_a_rig_on_a_sound_card_goes_all_the_way(tmp_path: Path) -> None:
-    """doctor, record, represent, calibrate, drive and check, as on NI's cards."""
+@pytest.mark.usefixtures("few_callbacks")
+def test_the_papers_rig_on_a_sound_card_is_green_and_records(tmp_path: Path) -> None:
+    """As on NI's cards. All the way to a recalibration goes the rig no-ni, in test_shipped_rigs.py."""
     with haploop.open_rig(CARD, simulate="twin") as rig:
         assert {finding.status for finding in haploop.examine(rig)} == {"green"}
-        recording = haploop.record(rig, "latch", "P01", 3, tmp_path)
-        press = haploop.representative([recording])
-        calibration = haploop.calibrate(rig, patch="A", point="button")
-        drive = haploop.drive_for(press, calibration, limits=rig.limits)
-        check = haploop.check(rig, drive)
+        recording = haploop.record(rig, "latch", "P01", 2, tmp_path)
     assert recording.rate_hz == 48_000 and recording.header.daq == "Sound card (twin)"
-    assert check.verdict == "pass" and check.error < 0.2, (check.verdict, check.error)
+    assert len(recording.accepted) == 2

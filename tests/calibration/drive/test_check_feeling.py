@@ -9,7 +9,8 @@ from scipy.signal import resample_poly
 
 from haploop.calibration import Check, Drive, check_feeling
 from haploop.calibration.drive import check
-from haploop.calibration.perception import LONG, SHORT, levels_of
+from haploop.calibration.drive.verdict import Signs, judged
+from haploop.calibration.perception import levels_of
 from tests.calibration.conftest import Calibrated, make_press
 
 
@@ -30,10 +31,9 @@ def test_the_level_is_that_of_the_surface_itself(calibrated: Calibrated, drive: 
     omega = 2j * np.pi * rfftfreq(len(velocity), 1 / rate_hz)
     surface = irfft(rfft(velocity * np.hanning(len(velocity)) ** 0.01) * omega, len(velocity))
     feeling = check_feeling(result)
-    for window, level in zip((LONG, SHORT), feeling.measured, strict=True):
-        true = levels_of(surface, rate_hz, window)
-        assert level.total == pytest.approx(true.total, abs=0.3)
-        assert level.sensitive == pytest.approx(true.sensitive, abs=0.3)
+    true = levels_of(surface, rate_hz)
+    assert feeling.measured.pressing == pytest.approx(true.pressing, abs=0.3)
+    assert feeling.measured.resting == pytest.approx(true.resting, abs=0.3)
 
 
 def test_the_recorded_press_is_compared_at_its_own_size_and_on_the_drives_clock(
@@ -42,26 +42,38 @@ def test_the_recorded_press_is_compared_at_its_own_size_and_on_the_drives_clock(
     press = make_press()
     feeling = check_feeling(result, press)
     assert feeling.recorded is not None
-    own = levels_of(press.acceleration, press.rate_hz, LONG)
-    assert feeling.recorded[0].total == pytest.approx(own.total, abs=0.05)
-    assert feeling.recorded[1].start == pytest.approx(feeling.target[1].start, abs=0.01)
-    assert feeling.loudness_db == pytest.approx(feeling.measured[0].total - own.total, abs=0.05)
+    own = levels_of(press.acceleration, press.rate_hz)
+    assert feeling.recorded.pressing == pytest.approx(own.pressing, abs=0.05)
+    assert feeling.recorded_level is not None
+    loudest = [np.argmax(level) for level in (feeling.recorded_level, feeling.measured_level)]
+    assert np.diff(loudest)[0] / feeling.rate_hz == pytest.approx(0, abs=0.015)
+    assert feeling.loudness_db == pytest.approx(feeling.measured.pressing - own.pressing, abs=0.05)
     # The drive's scale says the same, up to what lies outside its band and to the carrier.
     assert feeling.loudness_db == pytest.approx(20 * np.log10(drive.scale), abs=12)
     faster = replace(press, rate_hz=2.5 * press.rate_hz, acceleration=resample_poly(press.acceleration, 5, 2))
     again = check_feeling(result, faster)
     assert again.recorded is not None
-    assert again.recorded[0].total == pytest.approx(own.total, abs=0.05)
+    assert again.recorded.pressing == pytest.approx(own.pressing, abs=0.05)
 
 
 def test_without_a_press_nothing_is_said_of_one(result: Check) -> None:
     feeling = check_feeling(result)
     assert feeling.recorded is None and not feeling.recorded_spans and np.isnan(feeling.loudness_db)
     assert not any("recorded" in note for note in feeling.notes)
-    assert feeling.noise is not None and feeling.noise_total < feeling.measured[0].total
+    assert feeling.noise is not None and feeling.noise_total < feeling.measured.pressing
 
 
-def test_the_verdict_warns_where_the_motion_may_not_be_felt(result: Check) -> None:
-    feeling = check_feeling(result)
-    assert feeling.felt == "perhaps"
-    assert result.notes[-1] == feeling.warning == feeling.notes[0]
+def test_the_sentence_names_the_force_of_the_press(result: Check) -> None:
+    press = make_press()
+    feeling = check_feeling(result, replace(press, force=np.full(len(press.acceleration), 2.04)))
+    assert "a person who presses with 2.0 N feels it" in feeling.sentence
+    assert "who presses feels it" in check_feeling(result, replace(press, force=None)).sentence
+
+
+def test_a_button_that_nobody_can_feel_is_not_verified(result: Check) -> None:
+    signs = Signs((1.0, 0.0), (0, 0.0), "", None, 50.0)
+    fine = judged(replace(result, verdict="pass", reasons=(), notes=()), signs)
+    assert fine.passed
+    faint = replace(result, target=result.target / 300, accelerations=result.accelerations / 300)
+    found = judged(replace(faint, verdict="pass", reasons=(), notes=()), signs)
+    assert found.verdict == "fail" and "What nobody can feel is no button." in found.reasons[0]

@@ -18,7 +18,7 @@ from haploop.mocks.daq.sound_card import DuplexCard
 from tests.command_line import Run
 from tests.conftest import OpenRig
 
-pytestmark = pytest.mark.requires("simulation")
+pytestmark = [pytest.mark.requires("simulation"), pytest.mark.usefixtures("few_callbacks")]
 
 CARD = load_rig_file(Path(__file__).with_name("card.toml"))
 

@@ -65,7 +65,7 @@ def test_preflight_calibration_map_and_button(browser, tmp_path):  # noqa: PLR09
         expect(page.locator("#prompt")).to_contain_text("PDV-100", timeout=WAIT)
         page.keyboard.press("n")
         told(page, "Make a digital button latch: done")
-        expect(page.locator("#said-of-it")).to_contain_text("above the detection threshold", timeout=WAIT)
+        expect(page.locator("#said-of-it")).to_contain_text("of people)", timeout=WAIT)
         assert page.locator("#motion-plot canvas, #drive-plot canvas, #octave-plot canvas").count() == 3
         press(page.get_by_role("button", name="Play again and check"))
         expect(page.locator("#prompt")).to_contain_text("PDV-100", timeout=WAIT)

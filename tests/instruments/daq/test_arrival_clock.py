@@ -15,24 +15,23 @@ def arrivals(rate_hz: float, seconds: float, wait: float, rng: np.random.Generat
     return np.asarray(turns[np.searchsorted(turns, times)])
 
 
-@pytest.mark.parametrize("seed", range(20))
 @pytest.mark.parametrize(
     ("rate_hz", "drift"), [(80.0, -0.08), (80.0, 0.03), (1000.0, 50e-6), (5000.0, -2e-4)]
 )
-def test_the_earliest_arrivals_tell_begin_and_rate(rate_hz: float, drift: float, seed: int) -> None:
-    rng = np.random.default_rng(seed)
+def test_the_earliest_arrivals_tell_begin_and_rate(rate_hz: float, drift: float, full: bool) -> None:
     own, wait = rate_hz * (1 + drift), 0.01
-    clock = ArrivalClock(rate_hz)
-    came = arrivals(own, 30.0, wait, rng)
-    for index, time in enumerate(came):
-        clock.note(index, float(time))
-    true = 3.0 + np.arange(len(came)) / own
-    error = clock.at(np.arange(len(came), dtype=float)) - true
-    # No estimate lies before the sample, and none is later than a few shortest delays.
-    assert error.min() > -1e-3 and error.max() < 0.25 * wait
-    assert clock.rate_hz == pytest.approx(own, rel=2e-4)
-    assert 0.5 * wait < clock.jitter < 2 * wait
-    assert clock.slip == 0
+    for seed in range(20 if full else 4):
+        clock = ArrivalClock(rate_hz)
+        came = arrivals(own, 30.0, wait, np.random.default_rng(seed))
+        for index, time in enumerate(came):
+            clock.note(index, float(time))
+        true = 3.0 + np.arange(len(came)) / own
+        error = clock.at(np.arange(len(came), dtype=float)) - true
+        # No estimate lies before the sample, and none is later than a few shortest delays.
+        assert error.min() > -1e-3 and error.max() < 0.25 * wait
+        assert clock.rate_hz == pytest.approx(own, rel=2e-4)
+        assert 0.5 * wait < clock.jitter < 2 * wait
+        assert clock.slip == 0
 
 
 def test_stalls_of_the_host_move_nothing() -> None:

@@ -189,6 +189,36 @@ def test_an_encoder_counts_on_the_clock_of_the_inputs(tmp_path: Path, simulate: 
         assert np.array_equal(volts[0], np.rint(volts[0]))
 
 
+ENCODER = """
+base = "usb-6211"
+name = "encoder"
+
+[daq.channels]
+travel = { terminal = "Dev1/ctr0", range = 100000, counter = "encoder" }
+
+[sensors.displacement]
+channels = ["travel"]
+scale = 1e-6
+range = 0.01
+"""
+
+
+@BOTH
+def test_a_cap_at_rest_stands_where_it_stood_and_doctor_takes_an_encoder(
+    tmp_path: Path, simulate: haploop.Mode
+) -> None:
+    (tmp_path / "rig.toml").write_text(ENCODER)
+    with haploop.open_rig(tmp_path / "rig.toml", simulate=simulate) as opened:
+        with opened.daq.stream(["force", "travel"], 5000, 100, 2000) as stream:
+            assert np.abs(stream.capture().volts[1]).max() <= 2  # in every block
+        with pytest.raises(ConfigurationError, match="stream one of those beside it"):
+            opened.daq.stream(["travel"], 5000, 100, 200)
+        findings = haploop.examine(opened)
+    assert not [finding for finding in findings if finding.status == "red"]
+    (floor,) = [finding for finding in findings if finding.name == "Noise floor of travel"]
+    assert "counts rms" in floor.sentence
+
+
 @pytest.mark.parametrize(
     ("channel", "sentence"),
     [

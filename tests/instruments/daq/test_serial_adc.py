@@ -244,18 +244,18 @@ class TestAlongside(DaqConformance):
         yield SimpleNamespace(fired=1)
 
 
-@pytest.mark.parametrize("seed", range(5))
-@pytest.mark.parametrize("drift", [-0.08, -0.013, 0.02])
-def test_its_samples_are_placed_within_what_is_stated(drift: float, seed: int) -> None:
-    both = Both(slow())
-    both.board._rng = np.random.default_rng(seed)
-    both.board.drift = drift
-    with both.daq.stream(["laser", "gauge0"], 5000, 500, 100_000) as stream:
-        begin = both.plant.clock.now()
-        volts = stream.capture().volts[1]
-    late = lateness(volts, begin)
-    assert abs(late) < both.adc.uncertainty and both.adc.uncertainty == pytest.approx(0.01)
-    assert abs(late) < 3e-3  # the shortest delay is declared as it is
+@pytest.mark.parametrize(("drift", "seed"), [(-0.08, 0), (-0.013, 1), (0.02, 2)])
+def test_its_samples_are_placed_within_what_is_stated(drift: float, seed: int, full: bool) -> None:
+    for number in range(5) if full else (seed,):
+        both = Both(slow())
+        both.board._rng = np.random.default_rng(number)
+        both.board.drift = drift
+        with both.daq.stream(["laser", "gauge0"], 5000, 500, 100_000) as stream:
+            begin = both.plant.clock.now()
+            volts = stream.capture().volts[1]
+        late = lateness(volts, begin)
+        assert abs(late) < both.adc.uncertainty and both.adc.uncertainty == pytest.approx(0.01)
+        assert abs(late) < 3e-3  # the shortest delay is declared as it is
 
 
 def lateness(volts: np.ndarray, begin: float) -> float:

@@ -43,7 +43,7 @@ def shaped(peak: float, seconds: float, hz: float) -> FloatArray:
     return np.asarray(drive - drive.mean() * np.hanning(count) / np.hanning(count).mean())
 
 
-@settings(max_examples=20, deadline=None, phases=(Phase.explicit, Phase.generate))
+@settings(max_examples=10, deadline=None, phases=(Phase.explicit, Phase.generate))
 @given(
     drive=st.builds(shaped, st.floats(0.3, 0.95), st.floats(0.1, 1.0), st.sampled_from([60.0, 250.0, 600.0])),
     often=st.integers(3, 7),

@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from haploop.mocks.plant.hysteresis import _RADII, Hysteresis, _bent
-from haploop.mocks.plant.modal import ModalSurface, Modes
+from haploop.mocks.plant.modal import Modes
+from haploop.mocks.plant.modal_surface import ModalSurface
 from haploop.mocks.plant.patches import Patches
 from haploop.mocks.plant.surface import AMPLIFIER_POLE_HZ
 from haploop.mocks.plant.table import MAIN, PATCHES, make_plate, warmed

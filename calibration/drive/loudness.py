@@ -1,0 +1,214 @@
+"""How loud a drive can be, and at what error: the curve between them, and the choice on it.
+
+Within the limits of the rig a drive is louder only if more of the target is given up. The error is the one
+expected of the whole motion before any correction by playing (`Drive.expected_error`); the level is that of
+the drive's target above the threshold of a finger that presses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ...acquisition import hdf5
+from ...instruments import ConfigurationError, Limits
+from ...instruments.notebook import InNotebook
+from ...instruments.progress import Progress, silent
+from ..model import Calibration
+from ..perception import Sensation, levels_of, thresholds
+from .check import TOLERANCE
+from .drive import Drive, Method, drive_for
+from .trade import BUDGET, Trade
+
+if TYPE_CHECKING:
+    from ...acquisition import Representative
+
+__all__ = ["ButtonPlan", "Loudness", "Offer", "Offers", "plan_button", "trade_for"]
+
+_ERRORS = (BUDGET, 0.03, 0.06, 0.11, TOLERANCE)
+"""Errors for which a curve is computed."""
+_STEPS = 3
+"""Drives that are computed to find an error."""
+_CLOSE, _NEXT = 0.95, 0.98
+"""Share of the error asked for from which a drive is loud enough, and that is tried next."""
+_OVER = 0.25
+"""Level (dB) beyond the one asked for that is aimed at."""
+
+
+@dataclass(frozen=True)
+class Loudness:
+    """What is asked of a drive: at most `error`, or at least `level`, or both."""
+
+    error: float | None = None
+    """Largest expected error; as loud as the limits allow. None: what a check tolerates."""
+    level: float | None = None
+    """Least level above the threshold of a finger that presses (dB), at the least error."""
+
+    def __post_init__(self) -> None:
+        """Raises ConfigurationError for an error that no check tolerates."""
+        if self.error is not None and not 0 < self.error <= TOLERANCE:
+            raise ConfigurationError(
+                f"An error of {self.error:.0%} is no choice: above 0, and at most the {TOLERANCE:.0%} that a "
+                "check tolerates."
+            )
+
+
+@dataclass(frozen=True)
+class Offer:
+    """One point of a curve: a drive that the limits allow."""
+
+    error: float
+    """Expected error of the whole motion, before corrections."""
+    level: float
+    """dB above the table's threshold of a finger that presses."""
+    scale: float
+    """Size over that of the recorded press."""
+    peak: float
+    """Largest voltage (V)."""
+
+
+@dataclass(frozen=True)
+class Offers:
+    """A curve: what one method offers at some patches, from the most like to the loudest."""
+
+    method: str
+    patch: str
+    """Names of the patches."""
+    in_band: float
+    """Share of the press's energy that is played."""
+    offers: tuple[Offer, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class ButtonPlan(InNotebook):
+    """What can be had of a button on a rig, before anything is played."""
+
+    button: str
+    rig: str
+    curves: tuple[Offers, ...]
+    simulated: bool
+    sources: tuple[tuple[str, str], ...]
+    """Recordings that the press stands for: file name, content hash."""
+
+    def __repr__(self) -> str:
+        return f"<ButtonPlan {self.button} on {self.rig}: {len(self.curves)} curves>"
+
+    def sensation(self, offer: Offer) -> Sensation:
+        """What a person feels of an offer who presses."""
+        return Sensation(thresholds().act("pressing"), offer.level)
+
+    def save(self, path: str | Path) -> None:
+        """Write to a new HDF5 file, whole or not at all. Raises DataError if it exists."""
+        hdf5.write(path, "plan", hdf5.flatten(self))
+
+    @classmethod
+    def load(cls, path: str | Path) -> ButtonPlan:
+        """Read what `save` wrote. Raises DataError, one sentence, for anything else."""
+        return hdf5.restore(cls, hdf5.read(path, "plan"), path)
+
+
+def plan_button(
+    press: Representative,
+    calibration: Calibration | Sequence[Calibration],
+    limits: Limits,
+    methods: Sequence[Method] = ("modulated", "broadband"),
+    progress: Progress = silent,
+) -> ButtonPlan:
+    """Compute the curve of each method. Raises what `drive_for` raises."""
+    curves: list[Offers] = []
+    doing, count = f"Plan the {press.button} button", len(methods) * len(_ERRORS)
+    for method in methods:
+        drives: list[Drive] = []
+        for error in _ERRORS:
+            progress(doing, len(curves) * len(_ERRORS) + len(drives), count, "")
+            drives.append(drive_for(press, calibration, limits, method=method, trade=Trade(error)))
+        first = drives[0]
+        # Where the least error is more than was asked for, several drives are the same.
+        offered = dict.fromkeys(Offer(d.expected_error, _level(d), d.scale, d.peak) for d in drives)
+        curves.append(Offers(method, first.patch, first.in_band, tuple(offered)))
+    progress(doing, count, count, "")
+    return ButtonPlan(
+        button=press.button,
+        rig=first.rig,
+        curves=tuple(curves),
+        simulated=first.simulated,
+        sources=first.sources,
+    )
+
+
+def trade_for(
+    press: Representative,
+    calibration: Calibration | Sequence[Calibration],
+    limits: Limits,
+    loudness: Loudness,
+    method: Method = "modulated",
+) -> Trade:
+    """The trade with which a drive is what was asked for.
+
+    Raises ConfigurationError where the limits do not allow it, with what they do; otherwise what `drive_for`
+    raises.
+    """
+
+    def at(error: float) -> Drive:
+        return drive_for(press, calibration, limits, method=method, trade=Trade(error))
+
+    most = TOLERANCE if loudness.error is None else loudness.error
+    closest = at(BUDGET)
+    if closest.expected_error > most:
+        raise ConfigurationError(
+            f"At most {most:.1%} of error cannot be had of the {press.button} button: the least to be "
+            f"expected is {closest.expected_error:.1%}, before corrections by playing."
+        )
+    wanted = loudness.level
+    if wanted is not None and _level(closest) >= wanted:
+        return Trade(BUDGET)
+    error, loudest = _loudest(at, most, closest)
+    if wanted is None:
+        return Trade(error)
+    if _level(loudest) < wanted:
+        raise ConfigurationError(
+            f"The {press.button} button cannot be {wanted:.1f} dB above the threshold of a pressing finger: "
+            f"within the limits, with at most {most:.0%} of error, {_level(loudest):.1f} dB is the most."
+        )
+    return Trade(_least(at, wanted, (BUDGET, _level(closest)), (error, _level(loudest))))
+
+
+def _loudest(at: Callable[[float], Drive], most: float, closest: Drive) -> tuple[float, Drive]:
+    """The error to plan for so that `most` is expected, and its drive.
+
+    What is expected beside the plan's own error, from distortion, hardly depends on that.
+    """
+    best, error = (BUDGET, closest), most
+    for _ in range(_STEPS):
+        drive = at(error)
+        if drive.expected_error <= most and _level(drive) > _level(best[1]):
+            best = error, drive
+            if drive.expected_error > _CLOSE * most:
+                break
+        beside = drive.expected_error**2 - error**2
+        error = max((_NEXT * most) ** 2 - beside, BUDGET**2) ** 0.5
+    return best
+
+
+def _least(
+    at: Callable[[float], Drive], wanted: float, low: tuple[float, float], high: tuple[float, float]
+) -> float:
+    """The least error of (error, level) points `low` to `high` whose level is at least `wanted` (dB)."""
+    for step in range(2 * _STEPS):
+        # A chord alone would keep one end for ever, because the curve bends.
+        share = 0.5 if step % 2 else (wanted + _OVER - low[1]) / (high[1] - low[1])
+        error = low[0] * (high[0] / low[0]) ** min(share, 1.0)
+        level = _level(at(error))
+        if level < wanted:
+            low = error, level
+        else:
+            high = error, level
+            if level < wanted + 2 * _OVER:
+                break
+    return high[0]
+
+
+def _level(drive: Drive) -> float:
+    return levels_of(drive.target, drive.rate_hz).pressing

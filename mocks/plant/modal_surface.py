@@ -1,0 +1,172 @@
+"""A surface as a sum of modes, driven by piezo patches and measured by a laser.
+
+The solution is exact at any time: every drive is a staircase, so the state of each pole has a closed form
+from its state at the last step. There is no numerical integration and no step size to choose, and a
+channel that a multiplexed card samples 14 us late is evaluated 14 us later.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+
+import numpy as np
+
+from ...instruments.arrays import ComplexArray, FloatArray
+from ...instruments.errors import ConfigurationError
+from ...instruments.sensors import low_pass
+from ...instruments.vibrometer import DERIVATIVE, Quantity
+from .contact import Contact
+from .modal import ModalPoles, Modes, Seeing
+from .poles import Course
+from .surface import REMEMBERED, Surface
+from .touched import TouchedPoles, motion_of, touched_velocity
+
+__all__ = ["ModalSurface"]
+
+
+class ModalSurface(Surface):
+    """See `Surface`. `modes` are constant, or a function of time (s) that is asked anew `every` so many s."""
+
+    _forced = False
+    """True when forces on single modes are added."""
+
+    def __init__(self, modes: Modes | Callable[[float], Modes], every: float = np.inf) -> None:
+        self._modes_at = modes if callable(modes) else lambda _time: modes
+        self._every = every
+        self._glued: tuple[tuple[float, float], float] | None = None
+        self._contacts: tuple[Contact, ...] | None = None
+        """What rests on the surface; None as long as nothing has."""
+        self.patches = tuple(self.modes(0.0).coupling)
+        self._tuned = 0.0
+        self._poles: ModalPoles | TouchedPoles | None = None
+        self._course: Course[ModalPoles | TouchedPoles] | None = None
+        self._power, self._high_pass_hz = 0, 0.0
+
+    def modes(self, time: float) -> Modes:
+        """Return the modes at a time (s), with what is glued to the surface."""
+        modes = self._modes_at(time)
+        return modes if self._glued is None else modes.loaded(*self._glued)
+
+    def load(self, place: tuple[float, float], mass: float) -> None:
+        """See `Surface.load`."""
+        self._glued = (place, mass)
+        self._poles = None
+
+    def touched(self, contacts: Sequence[Contact]) -> None:
+        """See `Surface.touched`. It is exact. Raises ConfigurationError for modes without masses."""
+        if self._forced or self.modes(0.0).masses is None:
+            why = "softens" if self._forced else "tells no masses of its modes"
+            raise ConfigurationError(
+                f"Nothing can rest on the simulated surface, because it {why}: simulate without softening, "
+                "with a plant whose modes have masses, or without a finger."
+            )
+        self._contacts = tuple(contacts)
+        self._poles = None
+
+    def alter(self, change: Callable[[Modes, float], Modes], every: float = np.inf) -> None:
+        """Change the modes at a time (s) by a function, before the first step; ask it anew `every` so many s.
+
+        It must keep the number of modes and the patches.
+        """
+        before = self._modes_at
+        self._modes_at = lambda time: change(before(time), time)
+        self._every = min(self._every, every)
+
+    def step(self, start: float, period: float, volts: Mapping[str, FloatArray]) -> None:
+        """See `Surface.step`."""
+        levels = np.array([volts[patch] for patch in self.patches])
+        steps, first = levels.shape[1], 0
+        while first < steps:
+            at = start + first * period if first else start  # a held step has no end
+            course, poles = self._at(at)
+            left = self._tuned + self._every - at
+            last = steps if left >= (steps - first) * period else first + max(1, round(left / period))
+            if isinstance(poles, TouchedPoles):
+                anew = partial(_converted, course.owner, poles) if course.owner is not poles else None
+                course.step(poles, poles.poles, at, period, levels[:, first:last], anew)
+            else:
+                self._add(course, poles, at, period, levels[:, first:last])
+            first = last
+
+    def _add(
+        self,
+        course: Course[ModalPoles | TouchedPoles],
+        poles: ModalPoles,
+        start: float,
+        period: float,
+        levels: FloatArray,
+    ) -> None:
+        """Add linear volts of the patches, (patches, steps), during which the modes are constant."""
+        course.step(poles, poles.poles, start, period, levels)
+
+    def velocity(self, place: tuple[float, float], times: FloatArray) -> FloatArray:
+        """See `Surface.velocity`. Raises ValueError for times that are no longer remembered."""
+        course, _ = self._at(self._tuned)
+        if len(times) and times[0] < course.begin:
+            raise ValueError(
+                f"The table's motion at {times[0]:.3f} s is no longer remembered: ask for times at most "
+                f"{REMEMBERED:.0f} s before the last output step."
+            )
+        return course.seen(times, lambda poles: poles.velocity(place, measured=False))
+
+    def seen(self, place: tuple[float, float], times: FloatArray) -> FloatArray:
+        """See `Surface.seen`. It is exact."""
+        course, _ = self._at(self._tuned)
+        return course.seen(times, lambda poles: poles.velocity(place, measured=True))
+
+    def shows(self, quantity: Quantity, high_pass_hz: float) -> None:
+        """See `Surface.shows`. It is exact."""
+        self._power, self._high_pass_hz = DERIVATIVE[quantity], high_pass_hz
+
+    def response(
+        self, patch: str, place: tuple[float, float], frequencies: FloatArray, time: float
+    ) -> ComplexArray:
+        """See `Surface.response`; of a coil it contains the current's lag behind the volts."""
+        modes = self.modes(time)
+        if self._contacts:
+            found = touched_velocity(modes, self._contacts, place, frequencies)[patch]
+        else:
+            found = modes.velocity(patch, place, frequencies)
+        return found if self.coil_pole_hz is None else found * low_pass(frequencies, self.coil_pole_hz)
+
+    def resonance_hz(self, patch: str, place: tuple[float, float], time: float) -> float:
+        """See `Surface.resonance_hz`; the natural frequency of the main mode, if the modes name one."""
+        modes = self.modes(time)
+        if modes.main is None:
+            return super().resonance_hz(patch, place, time)
+        return float(modes.natural_hz[modes.main])
+
+    def _at(self, time: float) -> tuple[Course[ModalPoles | TouchedPoles], ModalPoles | TouchedPoles]:
+        """Return the course so far, and the poles in effect from `time` (s) on."""
+        if self._poles is None or time - self._tuned >= self._every:
+            driving = [self.amplifier_pole_hz, *([self.coil_pole_hz] if self.coil_pole_hz else [])]
+            seeing = [self.laser_pole_hz, *([self._high_pass_hz] if self._high_pass_hz else [])]
+            poles = _apart([2 * np.pi * hz for hz in (*driving, *seeing)])
+            chain = tuple(poles[: len(driving)]), Seeing(tuple(poles[len(driving) :]), self._power)
+            modes = self.modes(time)
+            if self._contacts is None:
+                self._poles = ModalPoles.of(modes, *chain, self._forced)
+            else:
+                self._poles = TouchedPoles(modes, self._contacts, *chain)
+            self._tuned = time
+        if self._course is None:
+            self._course = Course(self._poles, self._poles.poles, REMEMBERED)
+        return self._course, self._poles
+
+
+def _converted(before: ModalPoles | TouchedPoles, now: TouchedPoles, states: ComplexArray) -> ComplexArray:
+    """States of poles as those of the poles that follow them, with the same motion."""
+    motion = before.motion(states) if isinstance(before, TouchedPoles) else motion_of(before, states)
+    return now.states(motion)
+
+
+def _apart(poles: Sequence[float]) -> list[float]:
+    """Poles of which no two are equal: equal ones would need another formula. Each is off by little."""
+    found: list[float] = []
+    for pole in poles:
+        shifted = pole
+        while any(abs(shifted - other) < 5e-5 * other for other in found):
+            shifted *= 1.0001
+        found.append(shifted)
+    return found

@@ -1,0 +1,75 @@
+"""What a button's plan says: which errors buy which level, and who would feel it."""
+
+from __future__ import annotations
+
+from ...calibration import ButtonPlan
+from .. import figures
+from . import captions
+from .parts import Contents, Drawing, Grid, fact, plain
+from .words import fixed, percent, sentence
+
+__all__ = ["plan_contents", "plan_drawing"]
+
+
+def plan_contents(plan: ButtonPlan) -> Contents:
+    """What a plan says."""
+    rows, values = [], []
+    for curve in plan.curves:
+        for one in curve.offers:
+            sensation = plan.sensation(one)
+            rows.append(
+                (
+                    curve.method,
+                    curve.patch,
+                    percent(one.error),
+                    fixed(one.level, 1, "dB"),
+                    sensation.answer,
+                    fixed(one.scale, 3),
+                    fixed(one.peak, 1, "V"),
+                )
+            )
+            values.append(
+                {
+                    "method": curve.method,
+                    "patch": curve.patch,
+                    "in_band": curve.in_band,
+                    "error": one.error,
+                    "above_threshold_db": one.level,
+                    "people": sensation.people,
+                    "felt": sensation.answer,
+                    "scale": one.scale,
+                    "drive_peak_v": one.peak,
+                }
+            )
+    first = plan.sensation(plan.curves[0].offers[0])
+    return Contents(
+        f"Plan of the {plan.button} button",
+        [fact(button=plan.button, offers=plain(values))],
+        kind="plan",
+        tables=[Grid("", _HEADINGS, rows, below=_EXPLAINED)],
+        notes=[first.reservation],
+        simulated=plan.simulated,
+        rig=plan.rig,
+        figures=[plan_drawing(plan)],
+    )
+
+
+def plan_drawing(plan: ButtonPlan) -> Drawing:
+    """The figure of a plan."""
+    return Drawing(
+        "plan",
+        "Loudness against likeness",
+        captions.PLAN,
+        [plan],
+        lambda some, columns: figures.plan_figure(some, columns),  # noqa: PLW0108 - loads matplotlib
+        lambda some: sentence([f"{one.button}, {len(one.curves)} curves" for one in some]),
+        identity=(plan.button, plan.rig, plan.curves),
+    )
+
+
+_HEADINGS = ("Method", "Patch", "Error", "Level", "Felt", "Size", "Drive")
+_EXPLAINED = (
+    "Error: expected of the whole motion, before corrections by playing. Level: above the threshold of a "
+    "finger that presses. Felt: by most people who press. Choose with `haploop button make --error 5` or "
+    "`--level 10dB`."
+)

@@ -1,0 +1,91 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from haploop.calibration import ButtonPlan, Loudness, drive_for, plan_button, trade_for
+from haploop.calibration.perception import levels_of
+from haploop.instruments import ConfigurationError
+from haploop.reports import plot
+from haploop.reports.contents import contents_of
+from tests.calibration.conftest import Calibrated, make_press
+
+
+@pytest.fixture(scope="module")
+def plan(calibrated: Calibrated) -> ButtonPlan:
+    return plan_button(make_press(), calibrated.calibration, calibrated.rig.limits)
+
+
+def level(calibrated: Calibrated, loudness: Loudness) -> tuple[float, float]:
+    """Expected error and level of the drive that is asked for."""
+    press, limits = make_press(), calibrated.rig.limits
+    trade = trade_for(press, calibrated.calibration, limits, loudness)
+    drive = drive_for(press, calibrated.calibration, limits, trade=trade)
+    return drive.predicted_error, levels_of(drive.target, drive.rate_hz).pressing
+
+
+def test_louder_is_less_like_and_a_curve_says_by_how_much(plan: ButtonPlan) -> None:
+    assert [curve.method for curve in plan.curves] == ["modulated", "broadband"]
+    for curve in plan.curves:
+        errors, levels = np.array([(one.error, one.level) for one in curve.offers]).T
+        assert np.all(np.diff(errors) > 0) and np.all(np.diff(levels) > 0)
+        assert levels[-1] > levels[0] + 3 and errors[-1] == pytest.approx(0.2, abs=0.03)
+
+
+def test_an_offer_is_the_drive_that_is_then_made(calibrated: Calibrated, plan: ButtonPlan) -> None:
+    offer = plan.curves[0].offers[2]
+    found = level(calibrated, Loudness(error=offer.error))
+    assert found == pytest.approx((offer.error, offer.level), abs=0.5)
+    assert found[0] <= offer.error
+
+
+def test_as_loud_as_an_error_allows(calibrated: Calibrated) -> None:
+    quiet, loud = (level(calibrated, Loudness(error=error)) for error in (0.05, 0.1))
+    assert 0.04 < quiet[0] <= 0.05 and 0.09 < loud[0] <= 0.1
+    assert loud[1] > quiet[1] + 1
+
+
+def test_at_least_a_level_at_the_least_error(calibrated: Calibrated) -> None:
+    loudest = level(calibrated, Loudness())[1]
+    wanted = loudest - 3
+    error, reached = level(calibrated, Loudness(level=wanted))
+    assert wanted <= reached < wanted + 1
+    # With less error it is not reached.
+    assert level(calibrated, Loudness(error=0.85 * error))[1] < wanted
+    # What is reached without giving anything up is not made louder.
+    assert level(calibrated, Loudness(level=-40)) == level(calibrated, Loudness(level=-50))
+
+
+def test_what_the_limits_do_not_allow_is_refused_with_what_they_do(calibrated: Calibrated) -> None:
+    press, limits, table = make_press(), calibrated.rig.limits, calibrated.calibration
+    with pytest.raises(ConfigurationError, match=r"with at most 20% of error, -?\d+\.\d dB is the most"):
+        trade_for(press, table, limits, Loudness(level=60))
+    with pytest.raises(ConfigurationError, match="the least to be expected is"):
+        trade_for(press, table, limits, Loudness(error=0.001))
+    with pytest.raises(ConfigurationError, match="20% that a check tolerates"):
+        Loudness(error=0.3)
+
+
+def test_a_stronger_amplifier_moves_the_curve_to_the_right(calibrated: Calibrated, plan: ButtonPlan) -> None:
+    limits = calibrated.rig.limits
+    half = replace(limits, min=limits.min / 2, max=limits.max / 2, peak_to_peak=limits.peak_to_peak / 2)
+    weak = plan_button(make_press(), calibrated.calibration, half, methods=("modulated",))
+    for one, other in zip(weak.curves[0].offers, plan.curves[0].offers, strict=True):
+        assert other.level - one.level == pytest.approx(6, abs=1.5)
+
+
+def test_a_plan_is_kept_shown_and_drawn(plan: ButtonPlan, tmp_path: Path) -> None:
+    plan.save(tmp_path / "plan.h5")
+    again = ButtonPlan.load(tmp_path / "plan.h5")
+    assert again.curves == plan.curves and again.simulated
+    shown = contents_of(again)
+    assert len(shown.values["offers"]) == sum(len(curve.offers) for curve in plan.curves)
+    axes = plot.plan(plan, plan).axes
+    assert len(axes) == 2
+    drawn = {line.get_label(): line.get_xydata() for line in axes[0].get_lines()}
+    np.testing.assert_allclose(
+        drawn["modulated, A"], [(one.level, 100 * one.error) for one in plan.curves[0].offers]
+    )
