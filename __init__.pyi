@@ -48,6 +48,7 @@ from .calibration import adopt as adopt
 from .calibration import build_button as build_button
 from .calibration import calibrate as calibrate
 from .calibration import calibrate_keeping as calibrate_keeping
+from .calibration import calibration_of as calibration_of
 from .calibration import calibrations_of as calibrations_of
 from .calibration import check as check
 from .calibration import check_feeling as check_feeling
@@ -58,6 +59,7 @@ from .calibration import examine_loop as examine_loop
 from .calibration import fit as fit
 from .calibration import learn as learn
 from .calibration import linear_sweep as linear_sweep
+from .calibration import load_calibrations as load_calibrations
 from .calibration import map_plan as map_plan
 from .calibration import measure_map as measure_map
 from .calibration import measure_response as measure_response

@@ -9,6 +9,7 @@ from .drive import Trade as Trade
 from .drive import build_button as build_button
 from .drive import check as check
 from .drive import check_feeling as check_feeling
+from .drive import drift_change as drift_change
 from .drive import drive_for as drive_for
 from .drive import learn as learn
 from .drive import modulate as modulate
@@ -29,7 +30,9 @@ from .model import Model as Model
 from .model import Resonance as Resonance
 from .model import calibrate as calibrate
 from .model import calibrate_keeping as calibrate_keeping
+from .model import calibration_of as calibration_of
 from .model import fit as fit
+from .model import load_calibrations as load_calibrations
 from .perception import Feeling as Feeling
 from .perception import feeling_of as feeling_of
 from .perception import thresholds as thresholds

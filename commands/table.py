@@ -13,7 +13,20 @@ from ..instruments.files import reserved
 from ..reports import contents, outputs, show
 from ..terminal.progress import Steps
 from . import front as haploop
-from .options import AVERAGE, CALIBRATION, JSON, NEW, PATH, PLAYS, PRESSES, ChosenRig, on_rig, on_table
+from .options import (
+    AVERAGE,
+    CALIBRATION,
+    JSON,
+    NEW,
+    PATCHES,
+    PATH,
+    PLAYS,
+    PRESSES,
+    ChosenRig,
+    Names,
+    on_rig,
+    on_table,
+)
 
 if TYPE_CHECKING:
     from ..acquisition import AverageMethod
@@ -22,7 +35,17 @@ __all__ = ["calibrate", "check"]
 
 
 @click.command()
-@click.option("--patch", default="A", show_default=True, help="Patch to excite.")
+@click.option(
+    "--patch",
+    "--patches",
+    "patches",
+    type=Names(),
+    default="A",
+    show_default=True,
+    metavar="LIST",
+    help="Patch to excite. Of several, for example A,B,C,D, each has its own file: FILE-A.h5, FILE-B.h5 and "
+    "so on.",
+)
 @click.option(
     "--point",
     default="button",
@@ -46,29 +69,38 @@ __all__ = ["calibrate", "check"]
 )
 @on_rig()
 @JSON
-def calibrate(patch: str, point: str, out: Path, waveforms: bool, rig: ChosenRig, as_json: bool) -> int:
+def calibrate(
+    patches: Sequence[str], point: str, out: Path, waveforms: bool, rig: ChosenRig, as_json: bool
+) -> int:
     """Measure the table's response and fit a model."""
-    measured = haploop.Waveforms.beside(out)
-    files = (out, measured) if waveforms else (out,)
+    made = [out] if len(patches) == 1 else [haploop.calibration_of(out, patch) for patch in patches]
+    measured = [haploop.Waveforms.beside(path) for path in made]
+    files = (*made, *measured) if waveforms else tuple(made)
     for path in files:
         outputs.check_new_file(path)
     with (
-        reserved(*files, size=sizes.CALIBRATION + waveforms * sizes.WAVEFORMS),
+        reserved(*files, size=len(made) * (sizes.CALIBRATION + waveforms * sizes.WAVEFORMS)),
         rig.opened() as opened,
         Steps() as steps,
     ):
         on_table(opened, point)
-        calibration, kept = haploop.calibrate_keeping(opened, patch, point, steps)
-        calibration.save(out)
-        if waveforms:
-            kept.save(measured)
-    show.print_contents(contents.file_contents(out), as_json)
+        for patch, path, beside in zip(patches, made, measured, strict=True):
+            calibration, kept = haploop.calibrate_keeping(opened, patch, point, steps)
+            calibration.save(path)
+            if waveforms:
+                kept.save(beside)
+    if len(made) == 1:
+        found = contents.file_contents(out)
+    else:
+        found = contents.calibrations_contents(haploop.load_calibrations(made))
+    show.print_contents(found, as_json)
     return 0
 
 
 @click.command()
 @PRESSES
 @CALIBRATION
+@PATCHES
 @click.option(
     "--out",
     "-o",
@@ -82,7 +114,8 @@ def calibrate(patch: str, point: str, out: Path, waveforms: bool, rig: ChosenRig
 @JSON
 def check(
     presses: Sequence[Path],
-    calibration: Path,
+    calibrations: Sequence[Path],
+    patches: Sequence[str] | None,
     out: Path | None,
     plays: int,
     average: AverageMethod,
@@ -97,7 +130,7 @@ def check(
 
     Exit codes: 0 the check passed, 1 it failed or the plays do not show it.
     """
-    loaded = haploop.Calibration.load(calibration)
+    loaded = haploop.load_calibrations(calibrations, patches or ())
     press = haploop.load_press(presses, average)
     kept = outputs.dated_check(press.button) if out is None else None
     files = (kept,) if kept else outputs.check_files(out or Path(), press.button)
@@ -106,11 +139,12 @@ def check(
         rig.opened() as opened,
         Steps() as steps,
     ):
-        if loaded.response.simulated != opened.simulated:
-            raise haploop.ConfigurationError(
-                f"{calibration} was measured on a {_kind(loaded.response.simulated)} table, but the rig "
-                f"{opened.name!r} is {_kind(opened.simulated)}: calibrate that rig first."
-            )
+        for one in loaded:
+            if one.response.simulated != opened.simulated:
+                raise haploop.ConfigurationError(
+                    f"{calibrations[0]} was measured on a {_kind(one.response.simulated)} table, but the rig "
+                    f"{opened.name!r} is {_kind(opened.simulated)}: calibrate that rig first."
+                )
         drive = haploop.drive_for(press, loaded, opened.limits)
         result = haploop.check(opened, drive, plays=plays, progress=steps)
         if out is not None:

@@ -1,5 +1,6 @@
 """Drives: inversion, the drive's waveforms, the check, learning, the digital button."""
 
+from .actuation import drift_change
 from .agreement import SharedPower
 from .button import DigitalButton, build_button, play_button
 from .check import TOLERANCE, check
@@ -29,6 +30,7 @@ __all__ = [
     "build_button",
     "check",
     "check_feeling",
+    "drift_change",
     "drive_for",
     "learn",
     "modulate",

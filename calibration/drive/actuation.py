@@ -19,12 +19,14 @@ from ...instruments.arrays import ComplexArray, FloatArray
 from ..model import Calibration, Drift, mode_deviations, standard_deviation
 from ..response import Response
 
-__all__ = ["Actuation", "known", "measured_well"]
+__all__ = ["Actuation", "drift_change", "known", "measured_well"]
 
 _SETTLED = 0.2
 """Seconds in which the decay that a coupling capacitor adds to the end of a drive dies out."""
 
 _LEAST_COHERENCE = 0.8
+_LINES = 2000
+"""Lines over which a change is averaged."""
 
 _Values = TypeVar("_Values", FloatArray, ComplexArray)
 
@@ -146,7 +148,7 @@ class Actuation:
             (above, _stretched(every, f[above], drift)),
         ):
             moved = deviations * np.array([_per_linear_volt(c, f[lines]) for c in every])
-            moved = moved.reshape(-1, *shape, int(lines.sum()))
+            moved = moved.reshape(len(moved), *shape, int(lines.sum()))
             found[..., lines] = np.einsum("kqpl,kqrl->qprl", moved.conj(), moved)
         size = drift.gain**2 + (drift.delay * 2 * np.pi * f) ** 2
         each = np.arange(shape[1])
@@ -183,6 +185,15 @@ class Actuation:
         """
         each = [(v, _arriving(c, v)) for c, v in zip(self.own, volts, strict=True)]
         return min(limits.headroom(waveform, self.rate_hz) for pair in each for waveform in pair)
+
+
+def drift_change(
+    calibrations: Sequence[Calibration], drift: Drift, band: tuple[float, float] = (75.0, 600.0)
+) -> float:
+    """Rms change of the responses within `band` (Hz) that a drift makes, over the responses' rms."""
+    table, f = Actuation.of(calibrations), np.linspace(*band, _LINES)
+    changed = float(np.trace(table.drifted(f, drift)[0]).real.sum())
+    return float(np.sqrt(changed / (np.abs(table.gain(f)[0]) ** 2).sum()))
 
 
 def known(calibration: Calibration) -> tuple[float, float]:

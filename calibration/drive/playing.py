@@ -121,11 +121,18 @@ def target_of(drive: Drive, rate_hz: float) -> FloatArray:
 
 
 def refuse_foreign(rig: Rig, drive: Drive) -> None:
-    """Raises ConfigurationError for a drive that was not computed for this rig."""
+    """Raises ConfigurationError for a drive that was not computed for this rig and its amplifier."""
     if drive.rig != rig.name:
         raise ConfigurationError(
             f"The drive was computed from a calibration of the rig {drive.rig!r}, and this is {rig.name!r}: "
             "calibrate this rig and compute it again."
+        )
+    alone = [patch for patch in drive.patches if patch not in rig.amplifier.inputs]
+    if alone and len(drive.patches) > 1:
+        raise ConfigurationError(
+            f"The drive is for patches {drive.patch} at once, and the amplifier of the rig {rig.name!r} has no "
+            f"channel of its own for patch {alone[0]}: make the button for one patch, or give 'input' in "
+            "[amplifier] a name for each patch."
         )
     if drive.rate_hz != rig.table.rate_hz:
         raise ConfigurationError(

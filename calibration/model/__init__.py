@@ -1,7 +1,7 @@
 """Rational models of responses, and the calibration that contains response and model."""
 
 from .calibrating import calibrate, calibrate_keeping
-from .calibration import Calibration
+from .calibration import Calibration, calibration_of, load_calibrations
 from .drift import Drift, mode_deviations
 from .even_order import even_order
 from .model import Model, Resonance, fit
@@ -14,8 +14,10 @@ __all__ = [
     "Resonance",
     "calibrate",
     "calibrate_keeping",
+    "calibration_of",
     "even_order",
     "fit",
+    "load_calibrations",
     "mode_deviations",
     "standard_deviation",
 ]

@@ -74,7 +74,7 @@ def mode_deviations(models: Sequence[Model], f: FloatArray, drift: Drift) -> Com
                         for m, own in zip(models, modes, strict=True)
                     ]
                 )
-    return np.asarray(np.array(found).reshape(-1, len(models), len(s)) / np.sqrt(2))
+    return np.asarray(np.array(found).reshape(len(found), len(models), len(s)) / np.sqrt(2))
 
 
 def _moved(
