@@ -130,8 +130,8 @@ def refuse_foreign(rig: Rig, drive: Drive) -> None:
     alone = [patch for patch in drive.patches if patch not in rig.amplifier.inputs]
     if alone and len(drive.patches) > 1:
         raise ConfigurationError(
-            f"The drive is for patches {drive.patch} at once, and the amplifier of the rig {rig.name!r} has no "
-            f"channel of its own for patch {alone[0]}: make the button for one patch, or give 'input' in "
+            f"The drive is for patches {drive.patch} at once, and the amplifier of the rig {rig.name!r} has "
+            f"no channel of its own for patch {alone[0]}: make the button for one patch, or give 'input' in "
             "[amplifier] a name for each patch."
         )
     if drive.rate_hz != rig.table.rate_hz:

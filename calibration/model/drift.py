@@ -37,7 +37,7 @@ class Drift:
 
     common: float = 0.01
     """Frequencies of all modes, alike."""
-    own: float = 0.003
+    own: float = 0.005
     """Frequency of each mode."""
     damping: float = 0.1
     """Damping ratio of each mode."""

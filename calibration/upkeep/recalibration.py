@@ -381,9 +381,7 @@ def _made_anew(
                 made.before[name] = check(rig, old.drive, plays=_PLAYS_BEFORE, progress=old_drive)
             for place in places:
                 if place not in made.calibrations:
-                    made.calibrations[place], made.waveforms[place] = calibrate_keeping(
-                        rig, *place, progress=progress
-                    )
+                    made.calibrations[place], made.waveforms[place] = calibrate_keeping(rig, *place, progress)
             made.after[name] = build_button(
                 rig,
                 old.press,
