@@ -286,7 +286,7 @@ def drive_for(
         rate_hz=table.rate_hz,
         volts=volts,
         target=scale * grid.on_drive(target),
-        scale=scale,
+        scale=float(scale),
         method=method,
         carrier_hz=grid.carrier_hz,
         band=band,

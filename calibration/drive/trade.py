@@ -38,6 +38,8 @@ class Trade:
     def __post_init__(self) -> None:
         """Raises ConfigurationError for an error or a scale that no drive has."""
         for name, value in (("error", self.error), ("scale", self.scale)):
+            if value is not None:
+                object.__setattr__(self, name, float(value))  # a file knows no numpy numbers
             if value is not None and not 0 < value < _MOST:
                 raise ConfigurationError(
                     f"A drive cannot be planned for {name} = {value:g}: it lies between 0 and {_MOST:g}."
