@@ -20,8 +20,6 @@ from .acquisition import representative as representative
 from .acquisition import run_study as run_study
 from .acquisition import segmentation_for as segmentation_for
 from .acquisition import set_aside as set_aside
-from .acquisition import to_pandas as to_pandas
-from .acquisition import to_xarray as to_xarray
 from .acquisition import verify as verify
 from .calibration import ButtonPlan as ButtonPlan
 from .calibration import Calibration as Calibration
@@ -33,6 +31,7 @@ from .calibration import Feeling as Feeling
 from .calibration import Finding as Finding
 from .calibration import Generation as Generation
 from .calibration import History as History
+from .calibration import LabThreshold as LabThreshold
 from .calibration import Learning as Learning
 from .calibration import LinearSweep as LinearSweep
 from .calibration import Loudness as Loudness
@@ -57,6 +56,7 @@ from .calibration import examine as examine
 from .calibration import examine_each as examine_each
 from .calibration import examine_loop as examine_loop
 from .calibration import fit as fit
+from .calibration import lab_threshold as lab_threshold
 from .calibration import learn as learn
 from .calibration import linear_sweep as linear_sweep
 from .calibration import load_calibrations as load_calibrations
@@ -93,6 +93,7 @@ from .exchange.catalogue import list_files as list_files
 from .exchange.processing import Processed as Processed
 from .exchange.processing import process_study as process_study
 from .experiments import AGAIN as AGAIN
+from .experiments import Prediction as Prediction
 from .experiments import Presenter as Presenter
 from .experiments import Session as Session
 from .experiments import Store as Store
@@ -101,11 +102,14 @@ from .experiments import analyse_ratings as analyse_ratings
 from .experiments import analyse_thresholds as analyse_thresholds
 from .experiments import example_names as example_names
 from .experiments import export_answers as export_answers
+from .experiments import lab_threshold_of as lab_threshold_of
 from .experiments import load_experiment as load_experiment
 from .experiments import load_power_plan as load_power_plan
 from .experiments import new_experiment as new_experiment
 from .experiments import open_session as open_session
+from .experiments import participant_model as participant_model
 from .experiments import power_of as power_of
+from .experiments import predict_answers as predict_answers
 from .experiments import prepare_surface as prepare_surface
 from .experiments import read_rows as read_rows
 from .experiments import run_session as run_session
@@ -130,6 +134,7 @@ from .instruments import log_entries as log_entries
 from .instruments import look_for_hardware as look_for_hardware
 from .instruments import mask as mask
 from .instruments import new_rig as new_rig
+from .instruments import new_rig_on as new_rig_on
 from .instruments import open_rig as open_rig
 from .instruments import played as played
 from .instruments import recorded as recorded

@@ -48,6 +48,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "instruments/limits.py": ("tests/instruments/test_limits.py", *PLAYED),
     "instruments/interlock.py": PLAYED,
     "instruments/safety/limiter.py": PLAYED,
+    "instruments/safety/judge.py": PLAYED,
     "instruments/safety/outputs.py": (
         f"{SAFETY}outputs.py",
         f"{SAFETY}foreign_volts.py",

@@ -20,8 +20,6 @@ from .recording import content_hash as content_hash
 from .recording import file_name as file_name
 from .recording import recover as recover
 from .recording import set_aside as set_aside
-from .recording import to_pandas as to_pandas
-from .recording import to_xarray as to_xarray
 from .recording import verify as verify
 from .session import Study as Study
 from .session import StudyProgress as StudyProgress

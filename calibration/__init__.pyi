@@ -34,7 +34,9 @@ from .model import calibration_of as calibration_of
 from .model import fit as fit
 from .model import load_calibrations as load_calibrations
 from .perception import Feeling as Feeling
+from .perception import LabThreshold as LabThreshold
 from .perception import feeling_of as feeling_of
+from .perception import lab_threshold as lab_threshold
 from .perception import thresholds as thresholds
 from .response import LinearSweep as LinearSweep
 from .response import Multisine as Multisine

@@ -98,18 +98,34 @@ def ratings(
 @analyse.command()
 @click.argument("file", type=PATH)
 @click.option("--by", multiple=True, metavar="COLUMN", help="Further column that tells functions apart.")
+@click.option(
+    "--of",
+    "button",
+    type=PATH,
+    metavar="BUTTON.h5",
+    help="Digital button whose amplitude was compared with nothing: state what people of this lab feel.",
+)
 @ONLY
 @JSON
-def thresholds(file: Path, by: Sequence[str], only: Sequence[tuple[str, str]], as_json: bool) -> int:
+def thresholds(
+    file: Path, by: Sequence[str], button: Path | None, only: Sequence[tuple[str, str]], as_json: bool
+) -> int:
     """Psychometric function of each participant.
 
     Of two-interval forced choice or staircases. FILE is a CSV with the columns comparison and correct (and
     participant). Needs psignifit (pip install "haploop[psychometrics]").
+
+    With --of, the thresholds of a button's amplitude become the table [people] of a rig file: from then on
+    each check on that rig says by them, and no longer by an estimate, whether a person feels a button.
     """
     rows = _rows(file, only)
+    played = None if button is None else haploop.DigitalButton.load(button)
     found = haploop.analyse_thresholds(rows, tuple(by))
     columns = [column for column in ("participant", *by) if column in rows.columns]
-    show.print_contents(contents.thresholds_contents(found, columns, rows), as_json)
+    lab = None
+    if played is not None:
+        lab = haploop.lab_threshold_of(found, played, simulated=rows.simulated)
+    show.print_contents(contents.thresholds_contents(found, columns, rows, lab), as_json)
     return 0
 
 

@@ -123,7 +123,7 @@ def make(
         trade = haploop.Trade()
         if error is not None or level is not None:
             wanted = haploop.Loudness(error, level)
-            trade = haploop.trade_for(press, loaded, opened.limits, wanted, method)
+            trade = haploop.trade_for(press, loaded, opened, wanted, method)
         made = haploop.build_button(
             opened, press, loaded, method=method, trade=trade, iterations=iterations, progress=steps
         )
@@ -161,7 +161,7 @@ def plan(
     loaded = haploop.load_calibrations(calibrations, patches or ())
     press = haploop.load_press(presses, average)
     with rig.opened() as opened, Steps() as steps:
-        planned = haploop.plan_button(press, loaded, opened.limits, progress=steps)
+        planned = haploop.plan_button(press, loaded, opened, progress=steps)
     if out is not None:
         planned.save(out)
     show.print_contents(contents.plan_contents(planned), as_json, plot, columns)

@@ -25,6 +25,7 @@ EXAMPLES = {
     "demo": "haploop demo --seed 7 --out demo",
     "doctor": "haploop doctor --rig lab.toml --simulate wire",
     "experiment export": "haploop experiment export matching answers.csv",
+    "experiment predict": "haploop experiment predict latch.h5 toggle.h5 push.h5 -o model.toml",
     "experiment new": "haploop experiment new matching --from matching",
     "experiment run": "haploop experiment run matching --participant P01",
     "experiment simulate": "haploop experiment simulate matching --participants 12",

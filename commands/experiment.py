@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..instruments.files import new_file
 from ..reports import contents, outputs, show
 from ..terminal.progress import Steps, note, print_json, print_line
 from . import front as haploop
-from .options import JSON, PATH, ChosenRig, FiniteRange, on_rig
+from .options import JSON, PATH, ChosenRig, FiniteRange, NewFile, on_rig
 
 if TYPE_CHECKING:
     from ..experiments import Presenter, Step
@@ -166,6 +167,30 @@ def simulate(
                         haploop.run_session(opened, who, presenter)
                 steps("Simulated participants", done + 1, len(names), "")
     show.print_contents(contents.experiment_contents(store), as_json)
+    return 0
+
+
+@experiment.command()
+@click.argument("buttons", nargs=-1, required=True, type=PATH, metavar="BUTTON.h5...")
+@click.option(
+    "--out",
+    "-o",
+    type=NewFile(".toml"),
+    metavar="MODEL.toml",
+    help="Model for `haploop experiment simulate`.",
+)
+@JSON
+def predict(buttons: Sequence[Path], out: Path | None, as_json: bool) -> int:
+    """Predict which buttons people will confuse.
+
+    Each BUTTON.h5 is a digital button (`haploop button make`) of another physical one. The prediction is a
+    range: what nobody knows is drawn at random many times. It stands beside the paper's tables III and IV.
+    """
+    found = haploop.predict_answers([haploop.DigitalButton.load(one) for one in buttons])
+    if out is not None:
+        with new_file(out) as part:
+            part.write_text(haploop.participant_model(found), encoding="utf-8", newline="\n")
+    show.print_contents(contents.prediction_contents(found), as_json)
     return 0
 
 

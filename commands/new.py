@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -35,10 +36,12 @@ What to run here, in this order. Each command says what comes next; `haploop COM
 8. `haploop report . {button}.h5`: all of it on one page.
 9. `haploop calibrations adopt {button}.h5 --rig rig.toml --reason "first"`, and from then on every night
    `haploop recalibrate --rig rig.toml`.
+{experiment}
+`haploop serve --rig rig.toml` shows 1 to 7, and experiments, in a browser.
+"""
+_EXPERIMENT = """\
 10. `haploop experiment run experiment --participant P01`: which button is it?
     First edit experiment/experiment.toml.
-
-`haploop serve --rig rig.toml` shows 1 to 7, and the experiment, in a browser.
 """
 _REHEARSE = """\
 The rig is simulated as long as rig.toml says so: describe yours with `haploop rig new mine.toml`, and put it
@@ -58,9 +61,13 @@ Rehearse all of it without touching an instrument: `--simulate twin` behind each
     "--participants", type=click.IntRange(1, 999), metavar="N", help="How many.  [default: asked for]"
 )
 @click.option(
+    "--presses", "-n", type=click.IntRange(1, 1000), metavar="N", default=10, show_default=True,
+    help="Presses of each button.",
+)  # fmt: skip
+@click.option(
     "--rig", "-r", metavar="FILE", help="Rig file, name of a shipped rig, or ask.  [default: asked for]"
 )
-def new(folder: Path, buttons: str | None, participants: int | None, rig: str | None) -> int:
+def new(folder: Path, buttons: str | None, participants: int | None, presses: int, rig: str | None) -> int:
     """Make a FOLDER for a study, with all that it needs.
 
     It gets a rig file, a study, an experiment, and a README of what to run in which order.
@@ -81,15 +88,23 @@ def new(folder: Path, buttons: str | None, participants: int | None, rig: str | 
         simulated = described.simulate is not None
     else:
         simulated = haploop.load_rig_file(chosen).simulate is not None
-        base = str(Path(chosen).resolve()) if Path(chosen).is_file() else chosen
-        _write(paths[0], f"base = {json.dumps(base)}\nname = {json.dumps(folder.resolve().name)}\n")
+        haploop.new_rig_on(paths[0], chosen, folder.resolve().name)
     people = [f"P{number:02d}" for number in range(1, count + 1)]
     name = folder.resolve().name
-    _write(paths[1], _study(name, named, people))
+    said = {"rig": "rig.toml", "buttons": named, "participants": people, "presses": presses}
+    _write(paths[1], _study(name, said))
     if len(named) > 1:
         _write(paths[2], _experiment(named))
     rehearse = (_REHEARSE if simulated else _REAL).rstrip()
-    _write(paths[3], _README.format(name=name, button=named[0], rehearse=rehearse + "\n"))
+    _write(
+        paths[3],
+        _README.format(
+            name=name,
+            button=named[0],
+            rehearse=rehearse + "\n",
+            experiment=_EXPERIMENT if len(named) > 1 else "",
+        ),
+    )
     haploop.load_study(folder)
     haploop.load_rig_file(paths[0])
     print_line(
@@ -126,12 +141,11 @@ def _buttons(text: str) -> list[str]:
     return named
 
 
-def _study(name: str, buttons: Sequence[str], people: Sequence[str]) -> str:
+def _study(name: str, said: Mapping[str, Any]) -> str:
     text = STUDY_FORM.format(name=json.dumps(name))
-    said = {"rig": "rig.toml", "buttons": list(buttons), "participants": list(people)}
     for key, value in said.items():  # nothing in these names needs a backslash
         text = re.sub(rf"^{key} = .*?(?= *#|$)", f"{key} = {json.dumps(value)}", text, flags=re.MULTILINE)
-    return text.replace("[button.latch]", f"[button.{buttons[0]}]")
+    return text.replace("[button.latch]", f"[button.{said['buttons'][0]}]")
 
 
 def _experiment(buttons: Sequence[str]) -> str:

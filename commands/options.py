@@ -42,6 +42,7 @@ __all__ = [
     "PRESSES",
     "RIG",
     "SIMULATE",
+    "TAPED",
     "WAIT",
     "ChosenRig",
     "FiniteRange",
@@ -51,6 +52,7 @@ __all__ = [
     "average_option",
     "on_rig",
     "on_table",
+    "tape_session",
 ]
 
 RIG = click.option(
@@ -196,7 +198,7 @@ _SIMULATE = click.option(
     metavar="MODE",
     help=_SIMULATED + "devices. tape:FILE: they talk to a tape, on the rig that it holds.",
 )
-_TAPE = click.option(
+TAPED = click.option(
     "--tape",
     type=NewFile(".tape"),
     metavar="FILE.tape",
@@ -312,19 +314,19 @@ def on_rig(
         def chosen(
             ctx: click.Context, /, *, rig: str, simulate: Mode | None, tape: Path | None = None, **others: Any
         ) -> Any:
-            with _session(simulate, tape) as player:
+            with tape_session(simulate, tape) as player:
                 own = player is not None and ctx.get_parameter_source("rig") is ParameterSource.DEFAULT
                 chosen = ChosenRig(None if own else rig, simulate, ctx.obj, tape is not None)
                 return command(rig=chosen, **others)
 
-        decorated: Callable[..., Any] = option(_SIMULATE(_TAPE(chosen)) if opens else SIMULATE(chosen))
+        decorated: Callable[..., Any] = option(_SIMULATE(TAPED(chosen)) if opens else SIMULATE(chosen))
         return decorated
 
     return decorate
 
 
 @contextmanager
-def _session(simulate: Mode | None, tape: Path | None) -> Iterator[Player | None]:
+def tape_session(simulate: Mode | None, tape: Path | None) -> Iterator[Player | None]:
     """Record or play the session of a command; give what plays."""
     if simulate is not None and simulate.startswith(TAPE):
         if tape is not None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from ..instruments.describing import Found
 from ..terminal.progress import note, print_json, print_line
 from . import front as haploop
 from .options import JSON, NewFile
@@ -20,21 +21,19 @@ def rig() -> None:
 
 @rig.command()
 @click.argument("file", type=NewFile(".toml"), metavar="FILE.toml")
+@click.option("--base", metavar="FILE", help="Ask nothing: begin with this rig file, or a shipped rig.")
 @click.option("--simulate", is_flag=True, help="Offer the cards and ports of a simulated computer.")
 @JSON
-def new(file: Path, simulate: bool, as_json: bool) -> int:
+def new(file: Path, base: str | None, simulate: bool, as_json: bool) -> int:
     """Write a rig file by asking what you have.
 
     NI cards, serial ports, VISA resources and sound cards that this computer has are offered; nothing is
     opened. Enter takes the answer in brackets. FILE.toml is written when it is valid, and never overwritten.
     """
-    if simulate:
-        from ..mocks.computer import simulated_computer  # noqa: PLC0415 - loads what is simulated
-
-        found = simulated_computer()
+    if base is not None:
+        made = haploop.new_rig_on(file, base)
     else:
-        found = haploop.look_for_hardware()
-    made = haploop.new_rig(file, _ask, found, note)
+        made = haploop.new_rig(file, _ask, _found(simulate), note)
     if as_json:
         print_json({"rig": str(file), "name": made.name, "digest": made.digest})
     else:
@@ -42,6 +41,14 @@ def new(file: Path, simulate: bool, as_json: bool) -> int:
             f"{file}: the rig {made.name!r}. Try it on twins: haploop doctor --rig {file} --simulate twin"
         )
     return 0
+
+
+def _found(simulate: bool) -> Found:
+    if simulate:
+        from ..mocks.computer import simulated_computer  # noqa: PLC0415 - loads what is simulated
+
+        return simulated_computer()
+    return haploop.look_for_hardware()
 
 
 def _ask(question: str, default: str) -> str:

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 
 import click
 
+from .. import instruments
 from ..terminal.progress import note
 from . import front as haploop
-from .options import PATH, RIG, SIMULATE
+from .options import PATH, RIG, SIMULATE, TAPED
 
 if TYPE_CHECKING:
     from ..instruments.driver import Mode
@@ -22,6 +23,7 @@ __all__ = ["serve"]
 @click.command()
 @RIG
 @SIMULATE
+@TAPED
 @click.option(
     "--data",
     type=PATH,
@@ -50,6 +52,7 @@ __all__ = ["serve"]
 def serve(
     rig: str,
     simulate: Mode | None,
+    tape: Path | None,
     data: Path,
     port: int,
     address: str,
@@ -84,8 +87,22 @@ def serve(
             note(access.exposed)
         note("Ctrl-C reaches the safe state and ends the console.")
 
-    serve_console(rig, file, simulate, data, address, port, ready, virtual_time)
+    if tape is not None:
+        instruments.check_recordable(file, simulate or file.simulate)
+        _refuse_running(file, simulate)
+    serve_console(rig, file, simulate, data, address, port, ready, virtual_time, tape)
     return 0
+
+
+def _refuse_running(file: haploop.RigFile, simulate: Mode | None) -> None:
+    """Raise ConfigurationError when the rig's console runs already: its calls are on no tape."""
+    from ..console.worker import find_worker  # noqa: PLC0415
+
+    if find_worker(file, simulate) is not None:
+        raise haploop.ConfigurationError(
+            f"A console of the rig {file.name!r} runs already, and a tape begins with it: end it first with "
+            "`haploop serve --stop`."
+        )
 
 
 def _stop(file: haploop.RigFile, simulate: Mode | None, as_json: bool) -> int:

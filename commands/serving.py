@@ -152,11 +152,26 @@ def served(asked: Asked) -> Iterator[Served]:
 
 
 def run_command(command: tuple[str, ...], environment: Mapping[str, str]) -> int:
-    """Run another program and return its exit code. Raises click.UsageError when there is no such program."""
+    """Run another program and return its exit code. Raises click.UsageError when there is no such program.
+
+    Ctrl-C reaches the program as well, which may end by it as it means to: it is waited for, and killed at
+    the third. SIGTERM reaches haploop alone, and is handed on.
+    """
     try:
-        return subprocess.run(command, env=dict(environment), check=False).returncode
+        program = subprocess.Popen(command, env=dict(environment))
     except OSError as error:
         raise click.UsageError(f"{command[0]} cannot be run: {error.strerror}") from None
+    with program:
+        for patience in (True, True, False):
+            try:
+                return program.wait()
+            except KeyboardInterrupt as stop:
+                if getattr(stop, "exit_code", None) is not None:
+                    program.terminate()
+                    raise
+                if not patience:
+                    program.kill()
+        return program.wait()
 
 
 def _nothing(file: RigFile, kind: str | None) -> str:

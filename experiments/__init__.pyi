@@ -1,4 +1,5 @@
 from .analysis import METRICS as METRICS
+from .analysis import PAPER as PAPER
 from .analysis import Comparison as Comparison
 from .analysis import Confusion as Confusion
 from .analysis import Effect as Effect
@@ -8,6 +9,7 @@ from .analysis import PairRatings as PairRatings
 from .analysis import Performance as Performance
 from .analysis import Power as Power
 from .analysis import PowerPlan as PowerPlan
+from .analysis import Prediction as Prediction
 from .analysis import Ratings as Ratings
 from .analysis import Rows as Rows
 from .analysis import Sphericity as Sphericity
@@ -22,11 +24,15 @@ from .analysis import confusion_of as confusion_of
 from .analysis import confusions_by as confusions_by
 from .analysis import eta_squared_interval as eta_squared_interval
 from .analysis import eta_squared_of_f as eta_squared_of_f
+from .analysis import lab_threshold_of as lab_threshold_of
 from .analysis import load_power_plan as load_power_plan
 from .analysis import manova_independent as manova_independent
 from .analysis import manova_repeated as manova_repeated
 from .analysis import normalise as normalise
+from .analysis import participant_model as participant_model
+from .analysis import people_table as people_table
 from .analysis import power_of as power_of
+from .analysis import predict_answers as predict_answers
 from .analysis import read_rows as read_rows
 from .analysis import wilson_interval as wilson_interval
 from .contact import BUDGET as BUDGET

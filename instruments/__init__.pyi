@@ -12,6 +12,7 @@ from .daq import Stream as Stream
 from .describing import Found as Found
 from .describing import look_for_hardware as look_for_hardware
 from .describing import new_rig as new_rig
+from .describing import new_rig_on as new_rig_on
 from .errors import ConfigurationError as ConfigurationError
 from .errors import DataError as DataError
 from .errors import HaploopError as HaploopError

@@ -6,11 +6,14 @@ import base64
 from html import escape
 from typing import Any
 
-from ..instruments import DataError, Rig
-from .contents import Contents, contents_of, text_of
-from .figures import mark_simulated, png
+from matplotlib.figure import Figure
 
-__all__ = ["html"]
+from ..instruments import DataError, Rig
+from .contents import Contents, Grid, contents_of, text_of
+from .figures import Columns, mark_simulated, png
+from .plot import shown
+
+__all__ = ["html", "plot"]
 
 _DPI = 100.0
 _STYLE = "text-align:left;vertical-align:top;font-weight:normal"
@@ -23,7 +26,16 @@ def html(value: Any) -> str:
     contents = contents_of(value)
     said = f"<div>{escape(contents.origin)}</div>" if contents.simulated else ""
     rows = [(label, text_of(text)) for label, text in contents.rows]
-    return _table(contents.title, rows) + said + _picture(contents)
+    grids = "".join(_grid(one) for one in contents.tables)
+    return _table(contents.title, rows) + grids + said + _picture(contents)
+
+
+def plot(value: Any, columns: Columns = 2) -> Figure:
+    """The figure of a value, as its report has it; one that is simulated says so."""
+    if isinstance(value, Rig):
+        raise DataError("A rig has no figure: plot what it measured.")
+    contents = contents_of(value)
+    return shown(contents.draw(columns), bool(contents.simulated))
 
 
 def _table(title: str, rows: list[tuple[str, str]]) -> str:
@@ -32,6 +44,15 @@ def _table(title: str, rows: list[tuple[str, str]]) -> str:
         for name, text in rows
     )
     return f"<div><b>{escape(title)}</b><table>{body}</table></div>"
+
+
+def _grid(grid: Grid) -> str:
+    cells = [
+        [f'<{kind} style="{_STYLE}">{escape(text_of(cell))}</{kind}>' for cell in row]
+        for kind, row in [("th", grid.headings), *(("td", row) for row in grid.rows)]
+    ]
+    body = "".join(f"<tr>{''.join(row)}</tr>" for row in cells)
+    return f"<div><b>{escape(grid.title)}</b><table>{body}</table></div>"
 
 
 def _picture(contents: Contents) -> str:

@@ -48,18 +48,18 @@ def recording(of: Recording, columns: Columns = 2) -> Figure:
 
     Raises DataError when there is none.
     """
-    return _made(figures.recording_figure([(of, accepted_presses(of))], columns), of.simulated)
+    return shown(figures.recording_figure([(of, accepted_presses(of))], columns), of.simulated)
 
 
 def press(*presses: Representative, columns: Columns = 2) -> Figure:
     """Draw representative presses, one below the other, like the paper's figure 6."""
     profiles = [figures.Profile.of(one) for one in _some(presses, "representative presses")]
-    return _made(figures.profiles(profiles, columns), any(one.simulated for one in presses))
+    return shown(figures.profiles(profiles, columns), any(one.simulated for one in presses))
 
 
 def plan(*plans: ButtonPlan, columns: Columns = 2) -> Figure:
     """Draw what error buys which level above threshold, of buttons that are planned."""
-    return _made(figures.plan_figure(_some(plans, "plans"), columns), any(one.simulated for one in plans))
+    return shown(figures.plan_figure(_some(plans, "plans"), columns), any(one.simulated for one in plans))
 
 
 def forces(recordings: Sequence[Recording], columns: Columns = 2) -> Figure:
@@ -68,39 +68,39 @@ def forces(recordings: Sequence[Recording], columns: Columns = 2) -> Figure:
     if not found:
         raise DataError("The recordings hold no accepted press with an activation, so there is no force.")
     simulated_one = any(one.simulated for one in recordings)
-    return _made(figures.activation_forces(found, columns=columns), simulated_one)
+    return shown(figures.activation_forces(found, columns=columns), simulated_one)
 
 
 def response(calibration: Calibration, columns: Columns = 2) -> Figure:
     """Draw the measured response, the model and the coherence of a calibration."""
-    return _made(figures.response(calibration, columns=columns), calibration.response.simulated)
+    return shown(figures.response(calibration, columns=columns), calibration.response.simulated)
 
 
 def vibration_map(found: VibrationMap, columns: Columns = 2) -> Figure:
     """Draw the displacement over the table and the strongest modes, like the paper's figure 3."""
-    return _made(figures.map_figure(found, columns), found.plan.simulated)
+    return shown(figures.map_figure(found, columns), found.plan.simulated)
 
 
 def drive(*drives: Drive, columns: Columns = 2) -> Figure:
     """Draw voltages at the patch, one below the other, like the paper's figure 8."""
     _some(drives, "drives")
-    return _made(figures.drives(drives, columns=columns), any(one.simulated for one in drives))
+    return shown(figures.drives(drives, columns=columns), any(one.simulated for one in drives))
 
 
 def check(of: Check, columns: Columns = 2) -> Figure:
     """Draw target and measured motion, third octaves, and what is felt of them."""
-    return _made(figures.check_figure(of, columns), of.simulated)
+    return shown(figures.check_figure(of, columns), of.simulated)
 
 
 def comparison(*buttons: DigitalButton, columns: Columns = 2) -> Figure:
     """Draw the recorded press against the measured motion of digital buttons, like the paper's figure 9."""
     results = [(one.press, one.check) for one in _some(buttons, "digital buttons")]
-    return _made(figures.comparison(results, columns), any(one.simulated for one in buttons))
+    return shown(figures.comparison(results, columns), any(one.simulated for one in buttons))
 
 
 def button(of: DigitalButton, columns: Columns = 2) -> Figure:
     """Draw the check of a digital button, what is felt of it, and the error of each iteration."""
-    return _made(figures.button_figure(of, columns), of.simulated)
+    return shown(figures.button_figure(of, columns), of.simulated)
 
 
 def feeling(*buttons: DigitalButton, columns: Columns = 2) -> Figure:
@@ -108,12 +108,12 @@ def feeling(*buttons: DigitalButton, columns: Columns = 2) -> Figure:
     results = [
         (one.press.button, check_feeling(one.check, one.press)) for one in _some(buttons, "digital buttons")
     ]
-    return _made(figures.feeling_figure(results, columns), any(one.simulated for one in buttons))
+    return shown(figures.feeling_figure(results, columns), any(one.simulated for one in buttons))
 
 
 def trend(history: History, columns: Columns = 2) -> Figure:
     """Draw resonance, damping, gain and coherence of a calibration history over time. Raises DataError."""
-    return _made(figures.trend(history, columns), simulated(history))
+    return shown(figures.trend(history, columns), simulated(history))
 
 
 def save(figure: Figure, path: str | Path) -> None:
@@ -132,7 +132,8 @@ def _some(things: Sequence[_One], what: str) -> Sequence[_One]:
     return things
 
 
-def _made(figure: Figure, is_simulated: bool) -> Figure:
+def shown(figure: Figure, is_simulated: bool) -> Figure:
+    """The figure, marked where it shows what is simulated; a notebook shows it as a picture."""
     if is_simulated:
         figures.mark_simulated(figure)
     _let_notebooks_show_figures()

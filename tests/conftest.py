@@ -28,8 +28,11 @@ hypothesis.settings.load_profile("haploop")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """`--full`: experiments at their whole size, which takes hours, not minutes. `--pages`: minutes."""
+    """`--full`: experiments at their whole size: hours. `--long`, `--pages`: minutes, as in CI."""
     parser.addoption("--full", action="store_true", help="run long experiments at their full size")
+    parser.addoption(
+        "--long", action="store_true", help="run whole loops whose steps have tests of their own"
+    )
     parser.addoption("--pages", action="store_true", help="run the blocks of every page of the documents")
 
 
@@ -55,6 +58,7 @@ def pytest_configure(config: pytest.Config) -> None:
     signal.signal(signal.SIGINT, signal.default_int_handler)
     gc.set_threshold(20_000)
     config.addinivalue_line("markers", "many_plays: plays for minutes; on the wire with --full only")
+    config.addinivalue_line("markers", "long: a whole loop whose steps have tests of their own; with --long")
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -76,11 +80,15 @@ def pytest_collection(session: pytest.Session) -> None:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Long files first, so that no worker waits for them; `many_plays` on the twin only, unless --full."""
     items.sort(key=lambda item: item.path.parent.name != "tests")
-    if config.getoption("--rig") != "wire" or config.getoption("--full"):
-        return
-    for item in items:
-        if item.get_closest_marker("many_plays"):
-            item.add_marker(pytest.mark.skip(reason="many plays: on the wire with --full only"))
+    left_out = {}
+    if config.getoption("--rig") == "wire":
+        left_out["many_plays"] = "many plays: on the wire with --full only"
+    if not config.getoption("--long"):
+        left_out["long"] = "a whole loop: runs with --long, as CI does"
+    for item in items if not config.getoption("--full") else ():
+        for mark, reason in left_out.items():
+            if item.get_closest_marker(mark):
+                item.add_marker(pytest.mark.skip(reason=reason))
 
 
 def pytest_collection_finish() -> None:

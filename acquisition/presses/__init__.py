@@ -1,6 +1,7 @@
 """Presses in a recording: segmentation, quality check, and the representative press."""
 
 from .averaging import AverageMethod
+from .filtering import high_pass
 from .judging import judged
 from .pressing import NAMES, LivePressing, levels_of, press_quantity
 from .protocol import Protocol
@@ -9,7 +10,6 @@ from .registration import WarpModel
 from .representative import (
     Representative,
     Window,
-    high_pass,
     load_press,
     representative,
 )

@@ -17,16 +17,15 @@ Petitjean et al., Pattern Recognition 44(3), 2011.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
-import scipy
 
-from ...instruments import ConfigurationError, DataError, LinearSensor
-from ...instruments.arrays import ComplexArray, FloatArray
+from ...instruments import ConfigurationError, DataError
+from ...instruments.arrays import BoolArray, FloatArray
 from ...instruments.files import check_destination, paths_of, private_files
 from ...instruments.notebook import InNotebook
 from .. import hdf5
@@ -34,21 +33,19 @@ from ..recording import Recording
 from .averaging import AverageMethod, average
 from .choice import few, held, single, usable
 from .cutting import Activated, Cuttable, common_opening, cut_out
+from .filtering import bandwidth_of, high_pass, noise_gain, undone
 from .protocol import Protocol
 from .registration import WarpModel
 from .segmentation_settings import Segmentation, segmentation_for
 from .sensor_faults import upside_down
 from .spool import Spool
 
-__all__ = ["Representative", "Window", "high_pass", "load_press", "representative"]
+__all__ = ["Representative", "Window", "load_press", "representative"]
 
 _LARGEST = 1e9
 """Samples/s, N and m/s^2 that no press reaches."""
 _KIND = "representative"
 _TURNED = "the accelerometer was upside down, as gravity shows; the sign of its acceleration was changed"
-_RIPPLE = 1e-4
-"""Added to the power response before division: limits the gain to 50, and makes a gain of 10 come out 1 %
-low."""
 
 
 @dataclass(frozen=True)
@@ -170,23 +167,6 @@ class Representative(InNotebook):
         return hdf5.restore(cls, hdf5.read(path, _KIND), path)
 
 
-def high_pass(acceleration: FloatArray, rate_hz: float, cutoff_hz: float = 10.0) -> FloatArray:
-    """High-pass (..., samples) at `cutoff_hz` with zero phase.
-
-    A second-order Butterworth filter runs forwards and backwards (-6 dB at the cut-off). The signal is
-    extended by 0.5 s at both ends; without that, 2 % of it remains there (measured).
-    """
-    sections = scipy.signal.butter(2, cutoff_hz, "highpass", fs=rate_hz, output="sos")
-    samples = acceleration.shape[-1]
-    if samples < 2:
-        raise DataError(f"A signal of {samples} samples cannot be filtered.")
-    return np.asarray(
-        scipy.signal.sosfiltfilt(
-            sections, acceleration, axis=-1, padlen=min(samples - 1, int(np.ceil(rate_hz / 2)))
-        )
-    )
-
-
 def load_press(
     files: str | Path | Sequence[str | Path], method: AverageMethod = "automatic"
 ) -> Representative:
@@ -240,73 +220,25 @@ def representative(
             f"undo_low_pass is {undo_low_pass[0]:g} to {undo_low_pass[1]:g} Hz: use a band within 0 to "
             f"{rate_hz / 2:g} Hz, its lower edge first."
         )
-    left_out: list[str] = []
-    corrected: list[str] = []
-    good, signals = [], Spool()
-    bandwidth_hz = np.inf
-    for recording in recordings:
-        if presses := usable(recording, left_out):
-            vertical = recording.vertical
-            if upside_down(recording, recording.rest):
-                vertical = -vertical
-                corrected.append(f"{recording.participant}: {_TURNED}")
-            if undo_low_pass is not None:
-                vertical = _undone(recording, vertical, undo_low_pass)
-            whole = Cuttable.of(recording, high_pass(vertical, rate_hz, w.high_pass_hz))
-            signals.append(whole.signals)
-            bandwidth_hz = min(bandwidth_hz, _bandwidth(recording), recording.motion_hz or np.inf)
-            good.append((recording, whole.delays, presses))
-        recording.forget()
-    every = [press for _, _, presses in good for press in presses]
-    if not every:
-        raise DataError(
-            f"The recordings hold no usable press of the {first.button} button "
-            f"({few(left_out) or 'none was found'}): record more presses."
-        )
-    opening, least = common_opening([p.opened - at for p, at in every if p.opened is not None])
-    after = max(w.after, opening / rate_hz + w.ring)
-    before, after = round(w.before * rate_hz), round(min(after, w.longest) * rate_hz)
-    names: dict[str, list[str]] = defaultdict(list)
-    by: dict[str, list[tuple[int, tuple[float, ...], list[Activated]]]] = defaultdict(list)
-    for number, (recording, delays, presses) in enumerate(good):
-        if long := held(recording, presses, least, left_out):
-            by[recording.participant].append((number, delays, long))
-            names[recording.participant] += [f"press at {at / rate_hz:.2f} s" for _, at in long]
-    curves = Spool()
-    for participant in sorted(by):
-        cut = [
-            cut_out(Cuttable(signals[n], delays, rate_hz), presses, before, after, opening)
-            for n, delays, presses in by[participant]
-        ]
-        rows = np.concatenate(cut)
-        named = [f"{participant}, {name}" for name in names[participant]]
-        once, told = single(rows[:, 0], rate_hz, before, named)
-        left_out += told
-        names[participant] = [name for name, one in zip(names[participant], once, strict=True) if one]
-        curves.append(rows[once])
-
-    found = average(curves, rate_hz, m, method)
-    for participant, kept in zip(sorted(by), found.kept, strict=True):
-        if not kept.any():
-            left_out.append(f"{participant}: the presses differ from the other participants'")
-            continue
-        odd = [name for name, alike in zip(names[participant], kept, strict=True) if not alike]
-        left_out += [f"{participant}, {name}: it differs from this participant's others" for name in odd]
+    got = _gather(recordings, w, undo_low_pass)
+    cut = _cut(got, w, rate_hz)
+    found = average(cut.curves, rate_hz, m, method)
+    left_out = [*got.left_out, *_unlike(cut.names, found.kept)]
     acceleration, *slow, activation = found.template
     by_name = dict(zip(_slow(first), slow, strict=True))
     return Representative(
         button=first.button,
         rate_hz=rate_hz,
-        acceleration=acceleration * _taper(before + after, round(w.taper * rate_hz)),
+        acceleration=acceleration * _taper(len(acceleration), round(w.taper * rate_hz)),
         force=by_name.get("force"),
         activation=np.clip(activation, 0.0, 1.0),
         activation_index=int(np.argmax(activation > 0.5)),
         members=found.members,
         spread=found.spread,
-        bandwidth_hz=bandwidth_hz,
+        bandwidth_hz=got.bandwidth_hz,
         sources=tuple((r.path.name, r.content_hash) for r in recordings),
         left_out=tuple(left_out),
-        corrected=tuple(corrected),
+        corrected=tuple(got.corrected),
         method=found.method,
         reason=found.reason,
         simulated=any(r.simulated for r in recordings),
@@ -314,11 +246,106 @@ def representative(
         parameters={"window": asdict(w), "warps": asdict(m)}
         | {_name(recording, recordings): asdict(_segmentation(recording)) for recording in recordings},
         undone_hz=undo_low_pass,
-        noise_gain=1.0 if undo_low_pass is None else _noise_gain(first, undo_low_pass),
+        noise_gain=1.0 if undo_low_pass is None else noise_gain(first, undo_low_pass),
         travel=by_name.get("displacement"),
         motion=first.motion or "",
-        activated_by=every[0][0].activated_by,
+        activated_by=got.taken[0].presses[0][0].activated_by,
     )
+
+
+class _Taken(NamedTuple):
+    """A recording with usable presses."""
+
+    recording: Recording
+    delays: tuple[float, ...]
+    presses: list[Activated]
+
+
+@dataclass
+class _Gathered:
+    """The usable presses of all recordings, what was left out of them, and what was corrected."""
+
+    taken: list[_Taken]
+    signals: Spool
+    """Those of each recording in `taken`, on the disk."""
+    bandwidth_hz: float
+    left_out: list[str]
+    corrected: list[str]
+
+
+def _gather(
+    recordings: Sequence[Recording], w: Window, undo_low_pass: tuple[float, float] | None
+) -> _Gathered:
+    """Read the signals of each recording that has usable presses. Raises DataError when none has."""
+    got = _Gathered([], Spool(), np.inf, [], [])
+    for recording in recordings:
+        if presses := usable(recording, got.left_out):
+            vertical = recording.vertical
+            if upside_down(recording, recording.rest):
+                vertical = -vertical
+                got.corrected.append(f"{recording.participant}: {_TURNED}")
+            if undo_low_pass is not None:
+                vertical = undone(recording, vertical, undo_low_pass)
+            whole = Cuttable.of(recording, high_pass(vertical, recording.rate_hz, w.high_pass_hz))
+            got.signals.append(whole.signals)
+            got.bandwidth_hz = min(got.bandwidth_hz, bandwidth_of(recording), recording.motion_hz or np.inf)
+            got.taken.append(_Taken(recording, whole.delays, presses))
+        recording.forget()
+    if not got.taken:
+        raise DataError(
+            f"The recordings hold no usable press of the {recordings[0].button} button "
+            f"({few(got.left_out) or 'none was found'}): record more presses."
+        )
+    return got
+
+
+class _Cut(NamedTuple):
+    """Presses cut out about their activation: an item a participant, in the order of the pseudonyms."""
+
+    curves: Spool
+    names: dict[str, list[str]]
+    """Name of each press, by participant."""
+
+
+def _cut(got: _Gathered, w: Window, rate_hz: float) -> _Cut:
+    """Cut the presses of each participant out of their recordings; lists those that are left out."""
+    every = [press for one in got.taken for press in one.presses]
+    opening, least = common_opening([p.opened - at for p, at in every if p.opened is not None])
+    after = max(w.after, opening / rate_hz + w.ring)
+    before, after = round(w.before * rate_hz), round(min(after, w.longest) * rate_hz)
+    names: dict[str, list[str]] = defaultdict(list)
+    by: dict[str, list[tuple[int, list[Activated]]]] = defaultdict(list)
+    for number, (recording, _, presses) in enumerate(got.taken):
+        if long := held(recording, presses, least, got.left_out):
+            by[recording.participant].append((number, long))
+            names[recording.participant] += [f"press at {at / rate_hz:.2f} s" for _, at in long]
+    cut = _Cut(Spool(), {})
+    for participant in sorted(by):
+        rows = np.concatenate(
+            [
+                cut_out(
+                    Cuttable(got.signals[n], got.taken[n].delays, rate_hz), presses, before, after, opening
+                )
+                for n, presses in by[participant]
+            ]
+        )
+        named = [f"{participant}, {name}" for name in names[participant]]
+        once, told = single(rows[:, 0], rate_hz, before, named)
+        got.left_out += told
+        cut.names[participant] = [name for name, one in zip(names[participant], once, strict=True) if one]
+        cut.curves.append(rows[once])
+    return cut
+
+
+def _unlike(names: Mapping[str, Sequence[str]], kept: Sequence[BoolArray]) -> Iterator[str]:
+    """Say which participants, and which presses of the others, the average left out."""
+    for (participant, presses), alike in zip(names.items(), kept, strict=True):
+        if not alike.any():
+            yield f"{participant}: the presses differ from the other participants'"
+            continue
+        for name, used in zip(presses, alike, strict=True):
+            if not used:
+                yield f"{participant}, {name}: it differs from this participant's others"
 
 
 def _check_together(recordings: Sequence[Recording]) -> Recording:
@@ -336,7 +363,7 @@ def _check_together(recordings: Sequence[Recording]) -> Recording:
             ("the button", first.button, other.button),
             ("the sample rate", first.rate_hz, other.rate_hz),
             ("the sensor of motion", first.motion, other.motion),
-            ("its bandwidth", _bandwidth(first), _bandwidth(other)),
+            ("its bandwidth", bandwidth_of(first), bandwidth_of(other)),
             ("force and travel", _slow(first), _slow(other)),
             ("a contact", first.has("activation"), other.has("activation")),
             ("simulated", first.simulated, other.simulated),
@@ -364,50 +391,11 @@ def _name(recording: Recording, among: Sequence[Recording]) -> str:
     return name if alone else f"{name} ({recording.content_hash[:12]})"
 
 
-def _restoring(recording: Recording, band: tuple[float, float], frequencies: FloatArray) -> ComplexArray:
-    """Compute the filter that undoes the sensor's low-pass in a band, at `frequencies` (Hz)."""
-    response = _sensor(recording).response(frequencies)
-    inverse = np.conj(response) / (np.abs(response) ** 2 + _RIPPLE)
-    octaves = np.log2(np.maximum(frequencies, 1e-9))
-    outside = np.maximum(np.log2(band[0]) - octaves, octaves - np.log2(band[1]))
-    share = np.cos(np.pi / 2 * np.clip(3 * outside, 0, 1)) ** 2
-    return np.asarray(1 + share * (inverse - 1))
-
-
-def _undone(recording: Recording, acceleration: FloatArray, band: tuple[float, float]) -> FloatArray:
-    """Undo the sensor's low-pass within a band of an acceleration (samples,)."""
-    # FFT filtering is circular: a second of edge padding keeps one end out of the other.
-    pad = round(recording.rate_hz)
-    padded = np.pad(acceleration, pad, mode="edge")
-    length = scipy.fft.next_fast_len(len(padded), real=True)
-    frequencies = np.asarray(scipy.fft.rfftfreq(length, 1 / recording.rate_hz))
-    spectrum = scipy.fft.rfft(padded, length) * _restoring(recording, band, frequencies)
-    return np.asarray(scipy.fft.irfft(spectrum, length)[pad : pad + len(acceleration)])
-
-
-def _noise_gain(recording: Recording, band: tuple[float, float]) -> float:
-    """Compute `Representative.noise_gain`."""
-    frequencies = np.linspace(0, recording.rate_hz / 2, 5001)
-    return float(np.sqrt(np.mean(np.abs(_restoring(recording, band, frequencies)) ** 2)))
-
-
 def _taper(samples: int, length: int) -> FloatArray:
     """Taper (samples,): 1, with a raised cosine to zero at both ends."""
     edge = 0.5 - 0.5 * np.cos(np.pi * np.arange(length) / length)
     return np.concatenate([edge, np.ones(samples - 2 * length), edge[::-1]])
 
 
-def _sensor(recording: Recording) -> LinearSensor:
-    assert recording.motion is not None
-    return recording.sensors.linear[recording.motion]
-
-
 def _slow(recording: Recording) -> list[str]:
     return [name for name in ("force", "displacement") if recording.has(name)]
-
-
-def _bandwidth(recording: Recording) -> float:
-    """Corner of the sensor of motion (Hz), half the sample rate at most; infinite without one."""
-    if recording.motion is None:
-        return np.inf
-    return min(_sensor(recording).bandwidth_hz, recording.rate_hz / 2)

@@ -1,6 +1,5 @@
 """Recording files: format, writing, reading, salvage, rejections, export."""
 
-from .export import to_pandas, to_xarray
 from .file_format import Contents, Header, file_name, to_codes
 from .part_reader import PartReader
 from .readings import AlongFile, AlongReading, reading_event
@@ -35,8 +34,6 @@ __all__ = [
     "recover",
     "set_aside",
     "to_codes",
-    "to_pandas",
-    "to_xarray",
     "verify",
     "write_recording",
 ]

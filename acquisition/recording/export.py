@@ -10,13 +10,14 @@ import numpy as np
 
 from ...instruments import ConfigurationError
 from .readings import AlongReading
-from .recording import Recording
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-__all__ = ["to_pandas", "to_xarray"]
+    from .recording import Recording
+
+__all__ = ["data_frame", "dataset"]
 
 _UNITS = {
     "force": "N",
@@ -30,14 +31,8 @@ _SENSORS = {"travel": "displacement"}
 """Name of the sensor, where a signal has another."""
 
 
-def to_xarray(recording: Recording) -> xr.Dataset:
-    """Dataset with `force`, `travel`, `velocity`, `activation`, `saturated` over `time`, and `acceleration`
-    over `axis`, `time`: those that were measured.
-
-    Extra channels are over `time` too, and a reading `<instrument>_<name>` over `<instrument>_<name>_time`.
-    Each variable has the attribute `units`; sampled variables also have `delay` (s, from the time of a
-    sample to its own instant). Raises ConfigurationError when xarray is not installed.
-    """
+def dataset(recording: Recording) -> xr.Dataset:
+    """See `Recording.to_xarray`."""
     xarray = _library("xarray")
     variables: dict[str, Any] = {
         name: (
@@ -64,13 +59,8 @@ def to_xarray(recording: Recording) -> xr.Dataset:
     return found
 
 
-def to_pandas(recording: Recording) -> pd.DataFrame:
-    """DataFrame over `time` (s) with the columns `force`, `acceleration_x`, `_y` and `_z`, `travel`,
-    `velocity`, `activation` and `saturated`: those that were measured.
-
-    A column for each extra channel follows, and one `<instrument>_<name>` for each reading, with NaN in
-    all rows without a reading. `attrs` has the units. Raises ConfigurationError when pandas is not installed.
-    """
+def data_frame(recording: Recording) -> pd.DataFrame:
+    """See `Recording.to_pandas`."""
     pandas = _library("pandas")
     columns: dict[str, Any] = {}
     for name in _measured(recording):

@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,10 @@ from .readings import AlongFile, AlongReading, files_in, readings_in
 from .rejections import without_rejected
 from .rows import Event, PressVerdict, events_in, verdicts_in
 from .salvage import read_contents, tables
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
 
 __all__ = ["Recording"]
 
@@ -59,6 +63,38 @@ class Recording(InNotebook):
     def __repr__(self) -> str:
         simulated = ", simulated" if self.simulated else ""
         return f"<Recording {self.path.name}: {self.button} by {self.participant}, {self._state}{simulated}>"
+
+    def __len__(self) -> int:
+        """Samples of each channel."""
+        return self.shape[1]
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(channels, samples) of `volts`."""
+        return len(self.channels), int(self._contents.codes.shape[1])
+
+    def to_pandas(self) -> pd.DataFrame:
+        """DataFrame over `time` (s) with the columns `force`, `acceleration_x`, `_y` and `_z`, `travel`,
+        `velocity`, `activation` and `saturated`: those that were measured.
+
+        A column for each extra channel follows, and one `<instrument>_<name>` for each reading, with NaN in
+        all rows without a reading. `attrs` has the units. Raises ConfigurationError without pandas.
+        """
+        from .export import data_frame  # noqa: PLC0415 - it imports this module
+
+        return data_frame(self)
+
+    def to_xarray(self) -> xr.Dataset:
+        """Dataset with `force`, `travel`, `velocity`, `activation`, `saturated` over `time`, and
+        `acceleration` over `axis`, `time`: those that were measured.
+
+        Extra channels are over `time` too, and a reading `<instrument>_<name>` over
+        `<instrument>_<name>_time`. Each variable has the attribute `units`; sampled variables also have
+        `delay` (s, from the time of a sample to its own instant). Raises ConfigurationError without xarray.
+        """
+        from .export import dataset  # noqa: PLC0415 - it imports this module
+
+        return dataset(self)
 
     @property
     def about(self) -> dict[str, str | float | bool]:
@@ -118,7 +154,7 @@ class Recording(InNotebook):
     @property
     def duration(self) -> float:
         """Duration (s)."""
-        return int(self._contents.codes.shape[1]) / self.rate_hz
+        return len(self) / self.rate_hz
 
     @property
     def events(self) -> list[Event]:
@@ -276,7 +312,7 @@ class Recording(InNotebook):
     @cached_property
     def saturated(self) -> BoolArray:
         """(samples,): True where a sensor, or its converter, was at the range end (not extra channels)."""
-        edge = np.zeros(self._contents.codes.shape[1], dtype=np.bool_)
+        edge = np.zeros(len(self), dtype=np.bool_)
         for sensor in self.sensors.of_presses.values():
             codes = self._contents.codes[self._indices(sensor)]
             # The largest positive code is 32767, the largest negative one -32768.

@@ -5,7 +5,7 @@ from .agreement import SharedPower
 from .button import DigitalButton, build_button, play_button
 from .check import TOLERANCE, check
 from .checked import Check
-from .drive import BAND, Drive, Method, drive_for, modulate
+from .drive import BAND, BEFORE, Drive, Method, drive_for, modulate
 from .feeling import check_feeling
 from .learning import Iteration, Learning, learn
 from .loudness import ButtonPlan, Loudness, Offer, Offers, plan_button, trade_for
@@ -14,6 +14,7 @@ from .trade import Trade
 
 __all__ = [
     "BAND",
+    "BEFORE",
     "TOLERANCE",
     "ButtonPlan",
     "Check",

@@ -11,6 +11,7 @@ import scipy
 from ...instruments import ConfigurationError, Rig
 from ...instruments.arrays import ComplexArray, FloatArray
 from ...instruments.progress import Progress, part_of, silent
+from ..perception import lab_threshold
 from ..response import prepare
 from ..spectra import third_octaves
 from .agreement import (
@@ -102,6 +103,7 @@ def compare(drive: Drive, played: Played, rig: Rig) -> Check:
         reasons=(),
         notes=(),
         simulated=rig.simulated or drive.simulated,
+        lab=lab_threshold(rig),
     )
     dependent = dependence(missed, inside)
     signs = Signs(

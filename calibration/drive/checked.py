@@ -12,6 +12,7 @@ from ...acquisition import hdf5
 from ...instruments import DataError
 from ...instruments.arrays import FloatArray
 from ...instruments.notebook import InNotebook
+from ..perception import LabThreshold
 from .agreement import SharedPower, finite
 from .drive import Drive
 
@@ -91,6 +92,8 @@ class Check(InNotebook):
     reasons: tuple[str, ...]
     notes: tuple[str, ...]
     simulated: bool
+    lab: LabThreshold | None = None
+    """Detection threshold of the lab's people, when the rig's file had one."""
 
     def refuse_nonsense(self) -> None:
         """See `hdf5.restore`. Raises DataError for motion that nobody can have measured."""

@@ -31,14 +31,14 @@ def check_feeling(check: Check, press: Representative | None = None) -> Feeling:
         check.target,
         check.measured,
         check.rate_hz,
-        None if press is None else _pressed(press, check.rate_hz, len(check.target)),
+        Pressed(lab=check.lab) if press is None else _pressed(press, check),
         check.accelerations,
     )
 
 
-def _pressed(press: Representative, rate_hz: float, samples: int) -> Pressed:
+def _pressed(press: Representative, check: Check) -> Pressed:
     force = None if press.force is None else float(press.force[press.activation_index])
-    return Pressed(_on_clock(press, rate_hz, samples), force)
+    return Pressed(_on_clock(press, check.rate_hz, len(check.target)), force, check.lab)
 
 
 def _on_clock(press: Representative, rate_hz: float, samples: int) -> FloatArray:

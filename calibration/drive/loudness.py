@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...acquisition import hdf5
-from ...instruments import ConfigurationError, Limits
+from ...instruments import ConfigurationError, Rig
 from ...instruments.notebook import InNotebook
 from ...instruments.progress import Progress, silent
 from ..model import Calibration
-from ..perception import Sensation, levels_of, thresholds
+from ..perception import LabThreshold, Sensation, lab_threshold, levels_of, pressing_act
 from .check import TOLERANCE
 from .drive import Drive, Method, drive_for
 from .trade import BUDGET, Trade
@@ -62,7 +62,7 @@ class Offer:
     error: float
     """Expected error of the whole motion, before corrections."""
     level: float
-    """dB above the table's threshold of a finger that presses."""
+    """dB above the threshold of a finger that presses."""
     scale: float
     """Size over that of the recorded press."""
     peak: float
@@ -91,13 +91,15 @@ class ButtonPlan(InNotebook):
     simulated: bool
     sources: tuple[tuple[str, str], ...]
     """Recordings that the press stands for: file name, content hash."""
+    lab: LabThreshold | None = None
+    """The lab's threshold, when the rig's file had one."""
 
     def __repr__(self) -> str:
         return f"<ButtonPlan {self.button} on {self.rig}: {len(self.curves)} curves>"
 
     def sensation(self, offer: Offer) -> Sensation:
         """What a person feels of an offer who presses."""
-        return Sensation(thresholds().act("pressing"), offer.level)
+        return Sensation(pressing_act(self.lab), offer.level)
 
     def save(self, path: str | Path) -> None:
         """Write to a new HDF5 file, whole or not at all. Raises DataError if it exists."""
@@ -112,21 +114,22 @@ class ButtonPlan(InNotebook):
 def plan_button(
     press: Representative,
     calibration: Calibration | Sequence[Calibration],
-    limits: Limits,
+    rig: Rig,
     methods: Sequence[Method] = ("modulated", "broadband"),
     progress: Progress = silent,
 ) -> ButtonPlan:
-    """Compute the curve of each method. Raises what `drive_for` raises."""
+    """Compute the curve of each method, within a rig's limits. Raises what `drive_for` raises."""
+    lab = lab_threshold(rig)
     curves: list[Offers] = []
     doing, count = f"Plan the {press.button} button", len(methods) * len(_ERRORS)
     for method in methods:
         drives: list[Drive] = []
         for error in _ERRORS:
             progress(doing, len(curves) * len(_ERRORS) + len(drives), count, "")
-            drives.append(drive_for(press, calibration, limits, method=method, trade=Trade(error)))
+            drives.append(drive_for(press, calibration, rig.limits, method=method, trade=Trade(error)))
         first = drives[0]
         # Where the least error is more than was asked for, several drives are the same.
-        offered = dict.fromkeys(Offer(d.expected_error, _level(d), d.scale, d.peak) for d in drives)
+        offered = dict.fromkeys(Offer(d.expected_error, _level(d, lab), d.scale, d.peak) for d in drives)
         curves.append(Offers(method, first.patch, first.in_band, tuple(offered)))
     progress(doing, count, count, "")
     return ButtonPlan(
@@ -135,25 +138,30 @@ def plan_button(
         curves=tuple(curves),
         simulated=first.simulated,
         sources=first.sources,
+        lab=lab,
     )
 
 
 def trade_for(
     press: Representative,
     calibration: Calibration | Sequence[Calibration],
-    limits: Limits,
+    rig: Rig,
     loudness: Loudness,
     method: Method = "modulated",
 ) -> Trade:
     """The trade with which a drive is what was asked for.
 
-    Raises ConfigurationError where the limits do not allow it, with what they do; otherwise what `drive_for`
-    raises.
+    Raises ConfigurationError where the rig's limits do not allow it, with what they do; otherwise what
+    `drive_for` raises.
     """
 
     def at(error: float) -> Drive:
-        return drive_for(press, calibration, limits, method=method, trade=Trade(error))
+        return drive_for(press, calibration, rig.limits, method=method, trade=Trade(error))
 
+    def level(drive: Drive) -> float:
+        return _level(drive, lab)
+
+    lab = lab_threshold(rig)
     most = TOLERANCE if loudness.error is None else loudness.error
     closest = at(BUDGET)
     if closest.expected_error > most:
@@ -162,17 +170,19 @@ def trade_for(
             f"expected is {closest.expected_error:.1%}, before corrections by playing."
         )
     wanted = loudness.level
-    if wanted is not None and _level(closest) >= wanted:
+    if wanted is not None and level(closest) >= wanted:
         return Trade(BUDGET)
     error, loudest = _loudest(at, most, closest)
     if wanted is None:
         return Trade(error)
-    if _level(loudest) < wanted:
+    if level(loudest) < wanted:
         raise ConfigurationError(
             f"The {press.button} button cannot be {wanted:.1f} dB above the threshold of a pressing finger: "
-            f"within the limits, with at most {most:.0%} of error, {_level(loudest):.1f} dB is the most."
+            f"within the limits, with at most {most:.0%} of error, {level(loudest):.1f} dB is the most."
         )
-    return Trade(_least(at, wanted, (BUDGET, _level(closest)), (error, _level(loudest))))
+    return Trade(
+        _least(lambda error: level(at(error)), wanted, (BUDGET, level(closest)), (error, level(loudest)))
+    )
 
 
 def _loudest(at: Callable[[float], Drive], most: float, closest: Drive) -> tuple[float, Drive]:
@@ -183,7 +193,7 @@ def _loudest(at: Callable[[float], Drive], most: float, closest: Drive) -> tuple
     best, error = (BUDGET, closest), most
     for _ in range(_STEPS):
         drive = at(error)
-        if drive.expected_error <= most and _level(drive) > _level(best[1]):
+        if drive.expected_error <= most and drive.scale > best[1].scale:
             best = error, drive
             if drive.expected_error > _CLOSE * most:
                 break
@@ -193,14 +203,14 @@ def _loudest(at: Callable[[float], Drive], most: float, closest: Drive) -> tuple
 
 
 def _least(
-    at: Callable[[float], Drive], wanted: float, low: tuple[float, float], high: tuple[float, float]
+    level_at: Callable[[float], float], wanted: float, low: tuple[float, float], high: tuple[float, float]
 ) -> float:
     """The least error of (error, level) points `low` to `high` whose level is at least `wanted` (dB)."""
     for step in range(2 * _STEPS):
         # A chord alone would keep one end for ever, because the curve bends.
         share = 0.5 if step % 2 else (wanted + _OVER - low[1]) / (high[1] - low[1])
         error = low[0] * (high[0] / low[0]) ** min(share, 1.0)
-        level = _level(at(error))
+        level = level_at(error)
         if level < wanted:
             low = error, level
         else:
@@ -210,5 +220,5 @@ def _least(
     return high[0]
 
 
-def _level(drive: Drive) -> float:
-    return levels_of(drive.target, drive.rate_hz).pressing
+def _level(drive: Drive, lab: LabThreshold | None) -> float:
+    return levels_of(drive.target, drive.rate_hz).pressing - pressing_act(lab).shift

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...instruments.arrays import FloatArray
+from .lab import LabThreshold, pressing_act
 from .levels import (
     OCTAVES,
     SHORT,
@@ -38,6 +39,8 @@ class Pressed:
     """(samples,) m/s^2 at its own size, on the target's clock."""
     force: float | None = None
     """N, at the activation."""
+    lab: LabThreshold | None = None
+    """Threshold of the lab's people, in place of the table's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,31 +164,40 @@ def feeling_of(
     mean is `measured`: their differences give the noise.
     """
     press = press or Pressed()
-    recorded = press.recorded
+    recorded, shift = press.recorded, pressing_act(press.lab).shift
     noise, noise_total = _noise(plays, rate_hz)
-    levels = levels_of(measured, rate_hz)
+
+    def levels(signal: FloatArray) -> Levels:
+        found = levels_of(signal, rate_hz)
+        return replace(found, pressing=found.pressing - shift)
+
+    def running(signal: FloatArray) -> FloatArray:
+        return running_level(signal, rate_hz, SHORT) - shift
+
     return Feeling(
         octaves_hz=OCTAVES,
         resting_db=resting(OCTAVES),
-        pressing_db=pressing(OCTAVES),
-        target=levels_of(target, rate_hz),
-        measured=levels,
-        residual=levels_of(measured - target, rate_hz),
-        recorded=None if recorded is None else levels_of(recorded, rate_hz),
+        pressing_db=pressing(OCTAVES) + shift,
+        target=levels(target),
+        measured=levels(measured),
+        residual=levels(measured - target),
+        recorded=None if recorded is None else levels(recorded),
         force=press.force,
-        acts=sensations_of(levels),
+        acts=sensations_of(levels_of(measured, rate_hz), press.lab),
         noise=noise,
-        noise_total=noise_total,
+        noise_total=noise_total - shift,
         rate_hz=rate_hz,
-        measured_level=running_level(measured, rate_hz, SHORT),
-        recorded_level=None if recorded is None else running_level(recorded, rate_hz, SHORT),
+        measured_level=running(measured),
+        recorded_level=None if recorded is None else running(recorded),
     )
 
 
-def sensations_of(levels: Levels) -> tuple[Sensation, ...]:
-    """What people feel of a motion in each act of the table; the first is pressing."""
-    above: dict[str, float] = {"gripping": levels.pressing, "resting": levels.resting}
-    return tuple(Sensation(act, above[act.curve.name]) for act in thresholds().acts)
+def sensations_of(levels: Levels, lab: LabThreshold | None = None) -> tuple[Sensation, ...]:
+    """What people feel of a motion in each act; the first is pressing, by the lab's threshold if any."""
+    pressed, *others = thresholds().acts
+    act = pressing_act(lab)
+    assert pressed.name == act.name
+    return Sensation(act, levels.pressing - act.shift), *(Sensation(one, levels.resting) for one in others)
 
 
 def _noise(plays: FloatArray | None, rate_hz: float) -> tuple[FloatArray | None, float]:

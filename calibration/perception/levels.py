@@ -17,6 +17,7 @@ __all__ = [
     "Levels",
     "Sensitivity",
     "decibels",
+    "event_levels",
     "levels_of",
     "mean_levels",
     "pressing",
@@ -83,6 +84,20 @@ def levels_of(signal: FloatArray, rate_hz: float) -> Levels:
         bands=np.array([decibels(float(np.sum(one**2)) / count / REFERENCE**2) for one in inside]),
         estimated=float(np.sum(guessed[part] ** 2)) / whole if whole > 0 else 0.0,
     )
+
+
+def event_levels(signal: FloatArray, rate_hz: float, begin: float, window: float, count: int) -> FloatArray:
+    """(count,) dB above the pressing threshold of the energy in each `window` (s) from `begin` (s) on.
+
+    Each counts as an event of its own: its energy over that of a burst at threshold.
+    """
+    spectrum = _Spectrum.of(signal, rate_hz)
+    pressed = spectrum.filtered(_weight(spectrum.frequencies, pressing))
+    edges = np.rint((begin + window * np.arange(count + 1)) * rate_hz).astype(int)
+    sums = np.concatenate([[0.0], np.cumsum(pressed**2)])
+    energy = np.diff(sums[np.clip(edges, 0, len(pressed))])
+    with np.errstate(divide="ignore"):
+        return np.asarray(10 * np.log10(np.maximum(energy, 0.0) / rate_hz / thresholds().burst))
 
 
 def mean_levels(signal: FloatArray, rate_hz: float) -> tuple[FloatArray, float]:

@@ -57,7 +57,7 @@ class Sensation:
 
     def sentence(self, force: float | None = None) -> str:
         """The answer as one sentence; `force` (N) is that of the press."""
-        pressed = f" with {force:.1f} N" if force is not None and self.act.name == "pressing" else ""
+        pressed = f" with {force:.1f} N" if force and force > 0 and self.act.name == "pressing" else ""
         who = f"a person who {self.act.does}{pressed}"
         if not np.isfinite(self.level):
             return f"{_capital(who)} does not feel it: nothing moves between 18 and 1122 Hz."

@@ -53,13 +53,8 @@ def from_multisine(
     """
     one = multisine.samples(channels.rate_hz)
     start = len(commanded) - multisine.periods * one
-    excited = multisine.excited()
-    even, odd = multisine.silent()
-    inner = np.arange(min(excited[0], *odd[:1], *even[:1]), max(excited[-1], *odd[-1:], *even[-1:]) + 1)
-    margin = int(min(_MARGIN, inner[0] - 1))
-    lines = np.arange(inner[0] - margin, inner[-1] + margin + 1)
+    lines, excited, even, odd, inner = _lines(multisine)
     f = lines * channels.rate_hz / one
-    excited, even, odd, inner = (n - lines[0] for n in (excited, even, odd, inner))
 
     def spectra(signals: FloatArray) -> ComplexArray:
         signals = signals[..., start : start + multisine.periods * one]
@@ -77,12 +72,7 @@ def from_multisine(
     with threadpool_limits(1):
         none = Modes(np.zeros(0, dtype=np.complex128), np.ones((1, 1)))
         modes = none if local_only else fit_modes([plays], 1)
-        if hysteresis is None:
-            gains = np.append(first_harmonic(HALF_WIDTHS * level, level), 0.0)
-            law = Hysteresis(HALF_WIDTHS * level, modes.weights[0, :-1], level)
-            hysteresis = Hysteresis(law.radii, law.weights / abs(law.gain(level)), level)
-        else:
-            gains = np.array([hysteresis.gain(level)])
+        law, gains = _law(modes, level, hysteresis)
         gain = complex(gains @ modes.weights[0])
         modal = nothing(plays) if local_only else modal_estimate(modes, plays, gain, gains)
     x = modes.weights[0] @ seen
@@ -115,7 +105,28 @@ def from_multisine(
         noise=np.sqrt(2 * noise / (one * channels.rate_hz)),
         distortion=np.array([np.sqrt(p) / strength for p in power.values()]),
         level_gain=np.zeros(0, dtype=np.complex128),
-    ), hysteresis
+    ), law
+
+
+def _lines(multisine: Multisine) -> tuple[IntArray, IntArray, IntArray, IntArray, IntArray]:
+    """The lines that are looked at; and the places among them of those that were excited, of the silent even
+    and odd ones, and of all in the band.
+    """
+    excited = multisine.excited()
+    even, odd = multisine.silent()
+    inner = np.arange(min(excited[0], *odd[:1], *even[:1]), max(excited[-1], *odd[-1:], *even[-1:]) + 1)
+    margin = int(min(_MARGIN, inner[0] - 1))
+    lines = np.arange(inner[0] - margin, inner[-1] + margin + 1)
+    return lines, excited - lines[0], even - lines[0], odd - lines[0], inner - lines[0]
+
+
+def _law(modes: Modes, level: float, given: Hysteresis | None) -> tuple[Hysteresis, ComplexArray]:
+    """The law that was found with the modes, unless it is given, and its operators' gains at `level` (V)."""
+    if given is not None:
+        return given, np.array([given.gain(level)])
+    gains = np.append(first_harmonic(HALF_WIDTHS * level, level), 0.0)
+    law = Hysteresis(HALF_WIDTHS * level, modes.weights[0, :-1], level)
+    return Hysteresis(law.radii, law.weights / abs(law.gain(level)), level), gains
 
 
 def _misfit(even: IntArray, odd: IntArray, unexplained: FloatArray, moved: FloatArray) -> FloatArray:

@@ -21,6 +21,7 @@ from ..model import Calibration, Model
 from ..response import Hysteresis, Response
 from .overlay import Overlay, lay_over
 from .prediction import motion_change
+from .resting import Dampings, dampings_of
 
 __all__ = ["Kind", "PlaceMetrics", "Verdict", "compare", "together"]
 
@@ -95,6 +96,8 @@ class Verdict:
     theirs, but the laser's scale or the patch's strength."""
     path: float = 1.0
     """Volts at the patch per volt commanded, by the drive monitor, over those when it was calibrated."""
+    dampings: Dampings = field(default_factory=Dampings)
+    """How the dampings changed, which tells whether something rests on the table."""
     changes: Mapping[str, float] = field(default_factory=dict)
     """By button: the predicted change of the motion that its drive makes, over its target."""
     moved: Mapping[str, FloatArray] = field(default_factory=dict)
@@ -139,9 +142,21 @@ def compare(
     alone = {name: change for name, change in moved.items() if len(drives[name].patches) == 1}
     changes = {name: float(np.linalg.norm(change)) for name, change in alone.items()}
 
+    dampings = dampings_of(active.model, laid)
+
     def verdict(kind: Kind, *sentences: str) -> Verdict:
         return Verdict(
-            response.patch, response.point, kind, before, now, sentences, laid.factor, path, changes, moved
+            response.patch,
+            response.point,
+            kind,
+            before,
+            now,
+            sentences,
+            factor=laid.factor,
+            path=path,
+            dampings=dampings,
+            changes=changes,
+            moved=moved,
         )
 
     if not coherence >= thresholds.coherence:

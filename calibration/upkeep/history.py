@@ -25,6 +25,7 @@ from pydantic import TypeAdapter, ValidationError
 from ...acquisition.json_files import append_json, changing, json_hash, read_json, write_json
 from ...instruments import DataError
 from ...instruments.files import Room, os_error_text, room, sync_folder
+from ...instruments.notebook import InNotebook
 from ...instruments.safety import hold
 
 __all__ = ["Activation", "Generation", "History"]
@@ -114,7 +115,7 @@ class Activation:
 _ACTIVATED = TypeAdapter(Activation)
 
 
-class History:
+class History(InNotebook):
     """The folder of a rig's calibrations; see the module. Nothing is made before `add`.
 
     Reading needs no lock, and sees one state or the next. A writer takes the lock (`hold`) before it

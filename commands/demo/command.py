@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 
 import click
 
+from ... import instruments
 from ...reports import show
 from ...terminal.exits import CommandState
 from ...terminal.progress import Steps, note, print_json, print_line
 from .. import front as haploop
-from ..options import JSON, PATH, RIG, SIMULATE
+from ..options import JSON, PATH, RIG, SIMULATE, TAPED, tape_session
 
 if TYPE_CHECKING:
     from ...instruments.driver import Mode
@@ -33,6 +34,7 @@ __all__ = ["demo"]
 )
 @RIG
 @SIMULATE
+@TAPED
 @JSON
 @click.pass_obj
 def demo(
@@ -42,16 +44,19 @@ def demo(
     participants: int,
     rig: str,
     simulate: Mode | None,
+    tape: Path | None,
     as_json: bool,
 ) -> int:
     """Run the complete workflow on a simulated rig.
 
     Writes recordings, representative presses, a calibration, drives and a report into a folder.
     """
-    haploop.load_rig_file(rig)
+    file = haploop.load_rig_file(rig)
+    if tape is not None:
+        instruments.check_recordable(file, simulate or "twin")
     folder = haploop.claim_folder(out)
     state.recordings = folder / "recordings"
-    with Steps() as steps:
+    with tape_session(None, tape), Steps() as steps:
 
         def progress(doing: str, done: float, total: float, unit: str) -> None:
             state.rig_opened = True

@@ -249,6 +249,11 @@ def _captioned_figures(demo: Demo) -> Sequence[CaptionedFigure]:
             f"n = {response.repeats} repeats.",
         ),
         (
+            figures.plan_figure([r.plan for r in results]),
+            "Loudness against likeness",
+            f"{captions.PLAN} By the method that was played, before corrections.",
+        ),
+        (
             figures.drives([r.check.drive for r in results], demo.limits),
             f"The drives at patch {response.patch}",
             f"{captions.DRIVES} Each press modulated onto {carrier:.2f} Hz and divided by the response, as "

@@ -41,7 +41,7 @@ from ...instruments.arrays import FloatArray
 from ...reports.contents import experiment_contents
 from ...reports.figures import activation_time, trend
 from ..data_folder import DataFolder, store_of
-from .lab import lab
+from .lab import lab, names
 
 __all__ = ["data_routes"]
 
@@ -78,6 +78,7 @@ def data_routes(data: DataFolder) -> list[Route]:
 
     return [
         route("/api/lab", lab),
+        route("/api/names", names),
         route("/api/files", _files),
         route("/api/catalogue", _catalogue),
         route("/api/presses", _presses),
@@ -111,17 +112,17 @@ def _plain(value: Any) -> Any:
 
 
 def _files(data: DataFolder, _: Mapping[str, str]) -> Any:
-    def names(pattern: str) -> list[str]:
+    def found(pattern: str) -> list[str]:
         return sorted(filter(None, map(data.shown, data.root.glob(pattern))))
 
     return {
-        "recordings": names("recordings/*.h5") + names("*/recordings/*.h5"),
-        "studies": [name.removesuffix("/study.toml") for name in names("*/study.toml")],
-        "experiments": [name.removesuffix("/experiment.toml") for name in names("*/experiment.toml")],
-        "calibrations": [n for n in names("calibrations-made/*.h5") if not Waveforms.is_beside(Path(n))],
-        "maps": [name.removesuffix("/map.json") for name in names("maps/*/map.json")],
-        "buttons": names("buttons/*.h5"),
-        "checks": names("checks/*.h5"),
+        "recordings": found("recordings/*.h5") + found("*/recordings/*.h5"),
+        "studies": [name.removesuffix("/study.toml") for name in found("*/study.toml")],
+        "experiments": [name.removesuffix("/experiment.toml") for name in found("*/experiment.toml")],
+        "calibrations": [n for n in found("calibrations-made/*.h5") if not Waveforms.is_beside(Path(n))],
+        "maps": [name.removesuffix("/map.json") for name in found("maps/*/map.json")],
+        "buttons": found("buttons/*.h5"),
+        "checks": found("checks/*.h5"),
     }
 
 

@@ -1,8 +1,9 @@
-"""The state of the lab for the console's first page: calibration and drift, newest results, what is due."""
+"""The state of the lab for the console's pages: calibration and drift, newest results, what is due, names."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from ...exchange.catalogue import list_files
 from ...instruments import DataError, HaploopError
 from ..data_folder import DataFolder
 
-__all__ = ["lab"]
+__all__ = ["lab", "names"]
 
 _NEWEST = 6
 """Results that are shown."""
@@ -24,6 +25,27 @@ _NAMED = 3
 def lab(data: DataFolder, _: Mapping[str, str]) -> dict[str, Any]:
     """The active calibration, the newest recordings, buttons and checks, and studies with what is due."""
     return {"calibration": _calibration(data), "newest": _newest(data), "studies": _studies(data)}
+
+
+def names(data: DataFolder, _: Mapping[str, str]) -> dict[str, Any]:
+    """Participants and buttons of the studies and of what was recorded, and its other recordings."""
+    studies = []
+    for path in data.root.glob("*/study.toml"):
+        with suppress(HaploopError):  # the first page says what is wrong with it
+            studies.append(load_study(data.study(data.shown(path).removesuffix("/study.toml"))).file)
+    data.root.mkdir(parents=True, exist_ok=True)
+    recorded = list_files([data.root], ["kind=recording"])
+    return {
+        "participants": {
+            "study": sorted({name for study in studies for name in study.participants}),
+            "recorded": sorted({entry.participant for entry in recorded} - {""}),
+        },
+        "buttons": {
+            "study": sorted({name for study in studies for name in study.buttons}),
+            "recorded": sorted({entry.button for entry in recorded} - {""}),
+        },
+        "recordings": sorted(path.stem for path in data.root.glob("recordings/*.h5")),
+    }
 
 
 def _calibration(data: DataFolder) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from ...instruments import ConfigurationError, RigFile
 from ...instruments.driver import Mode
 from ...terminal.progress import note
 from ..data_folder import DataFolder
-from ..worker import WorkerLink, serving, start_worker
+from ..worker import WorkerLink, free_tape, serving, start_worker
 from .application import application
 from .bodies import LARGEST
 from .connections import ImpatientProtocol
@@ -33,17 +33,19 @@ def serve_console(
     port: int,
     ready: Callable[[Access], object],
     virtual_time: bool = False,
+    tape: Path | None = None,
 ) -> None:
     """Serve the console of a rig until a stop signal, and call `ready` when its address can be opened.
 
     A stop signal reaches the safe state and ends the worker; beside another server of the rig, it stops what
     was begun here only. A server that is killed leaves the worker running, and the next one takes it over.
+    The worker's sessions are recorded on `tape`, those of one that follows it on a numbered tape beside it.
     Raises ConfigurationError for an address or port that cannot be used, and what `serving` and
     `start_worker` raise.
     """
 
     def worker() -> WorkerLink:
-        return start_worker(rig, file, simulate, data, virtual_time)
+        return start_worker(rig, file, simulate, data, virtual_time, free_tape(tape))
 
     with _bound(address, port) as listener, ExitStack() as stack:
         access = Access(address, listener.getsockname()[1])

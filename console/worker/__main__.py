@@ -8,11 +8,13 @@ import secrets
 import signal
 import sys
 import threading
+from contextlib import nullcontext
 from pathlib import Path
 from types import FrameType
 
 from ...instruments import HaploopError, load_rig_file
 from ...instruments.safety import marked
+from ...instruments.tape import recorded
 from ..data_folder import DataFolder
 from .address import Address, address_path, written
 from .listener import Listener
@@ -25,6 +27,7 @@ def main() -> int:
     parser.add_argument("--rig", required=True)
     parser.add_argument("--simulate", choices=["twin", "wire"])
     parser.add_argument("--data", type=Path, required=True)
+    parser.add_argument("--tape", type=Path)
     parser.add_argument("--virtual-time", action="store_true", help="for tests")
     options = parser.parse_args()
     try:
@@ -43,7 +46,8 @@ def main() -> int:
         signal.signal(signal.SIGTERM, end)
         path = address_path(file, options.simulate)
         # The mark says that this worker lives, also when it hangs.
-        with marked(path), written(path, address):
+        taped = recorded(options.tape) if options.tape else nullcontext()
+        with marked(path), taped, written(path, address):
             threading.Thread(target=listener.serve_forever, name="haploop-listener", daemon=True).start()
             worker.run()
             listener.shutdown()

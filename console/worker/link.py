@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
+from itertools import count
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -18,7 +19,7 @@ from ...instruments.driver import Mode
 from ...instruments.safety import is_marked, marked
 from .address import Address, address_path
 
-__all__ = ["WorkerHangsError", "WorkerLink", "find_worker", "serving", "start_worker"]
+__all__ = ["WorkerHangsError", "WorkerLink", "find_worker", "free_tape", "serving", "start_worker"]
 
 _START = 60.0
 """s for a worker to start: importing alone takes seconds on a slow disk."""
@@ -119,18 +120,28 @@ def find_worker(file: RigFile, simulate: Mode | None) -> WorkerLink | None:
 
 
 def start_worker(
-    rig: str, file: RigFile, simulate: Mode | None, data: Path, virtual_time: bool = False
+    rig: str,
+    file: RigFile,
+    simulate: Mode | None,
+    data: Path,
+    virtual_time: bool = False,
+    tape: Path | None = None,
 ) -> WorkerLink:
     """Return the running worker of a rig, or start one that outlives this program.
 
-    Its errors go to `console-worker.log` in the rig's state folder. Raises ConfigurationError when the
+    One that is started records its sessions on `tape`. Its errors go to `console-worker.log` in the rig's
+    state folder. Raises ConfigurationError when the
     running one has another data folder, WorkerHangsError, and InstrumentError when none comes up.
     """
     path = address_path(file, simulate)
     with _alone(path.with_suffix(".start")):
         found = find_worker(file, simulate)
         if found is None:
-            return _started(rig, file, simulate, data, virtual_time)
+            command = ["--rig", rig, "--data", str(data)]
+            command += ["--simulate", simulate] if simulate else []
+            command += ["--virtual-time"] if virtual_time else []
+            command += ["--tape", str(tape.absolute())] if tape else []
+            return _started(file, simulate, command)
     if Path(found.address.data) != data.expanduser().resolve():
         raise ConfigurationError(
             f"A console of the rig {file.name!r} runs already, with the data folder "
@@ -175,11 +186,15 @@ def _alone(start: Path) -> Iterator[None]:
         yield
 
 
-def _started(rig: str, file: RigFile, simulate: Mode | None, data: Path, virtual_time: bool) -> WorkerLink:
+def free_tape(tape: Path | None) -> Path | None:
+    """Return `tape`, or the first of its numbered successors ("day-2.tape") that does not exist."""
+    names = (tape.with_stem(f"{tape.stem}-{number}") for number in count(2)) if tape else ()
+    return tape if tape is None or not tape.exists() else next(name for name in names if not name.exists())
+
+
+def _started(file: RigFile, simulate: Mode | None, options: list[str]) -> WorkerLink:
     path = address_path(file, simulate)
-    command = [sys.executable, "-m", "haploop.console.worker", "--rig", rig, "--data", str(data)]
-    command += ["--simulate", simulate] if simulate else []
-    command += ["--virtual-time"] if virtual_time else []
+    command = [sys.executable, "-m", "haploop.console.worker", *options]
     log = path.with_name("console-worker.log")
     with log.open("ab") as errors:
         begin = errors.tell()

@@ -4,6 +4,7 @@ from .anova import Effect, Sphericity, anova
 from .confusion import METRICS, Confusion, confusion_of, confusions_by
 from .effect_size import eta_squared_interval
 from .identification import Identification, Performance, analyse_identification
+from .lab import lab_threshold_of, people_table
 from .manova import (
     MultivariateEffect,
     eta_squared_of_f,
@@ -12,6 +13,7 @@ from .manova import (
 )
 from .pairs import Comparison, compare_levels
 from .power import Power, PowerPlan, load_power_plan, power_of
+from .prediction import PAPER, Prediction, participant_model, predict_answers
 from .proportions import clustered_interval, wilson_interval
 from .ratings import PairRatings, Ratings, analyse_ratings, normalise
 from .table import Rows, read_rows
@@ -19,6 +21,7 @@ from .threshold import Threshold, analyse_thresholds
 
 __all__ = [
     "METRICS",
+    "PAPER",
     "Comparison",
     "Confusion",
     "Effect",
@@ -28,6 +31,7 @@ __all__ = [
     "Performance",
     "Power",
     "PowerPlan",
+    "Prediction",
     "Ratings",
     "Rows",
     "Sphericity",
@@ -42,11 +46,15 @@ __all__ = [
     "confusions_by",
     "eta_squared_interval",
     "eta_squared_of_f",
+    "lab_threshold_of",
     "load_power_plan",
     "manova_independent",
     "manova_repeated",
     "normalise",
+    "participant_model",
+    "people_table",
     "power_of",
+    "predict_answers",
     "read_rows",
     "wilson_interval",
 ]

@@ -7,6 +7,7 @@ from .ratings import RatingSource, require_source
 from .rig_file import (
     AbortLimits,
     Device,
+    People,
     Recalibration,
     RigFile,
     SimulationSettings,
@@ -21,6 +22,7 @@ __all__ = [
     "AbortLimits",
     "Actuator",
     "Device",
+    "People",
     "RatingSource",
     "Recalibration",
     "RigFile",

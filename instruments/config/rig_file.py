@@ -18,7 +18,7 @@ from pydantic import (
 from pydantic_core import InitErrorDetails
 
 from .. import entry_points
-from ..bounded import Fraction, Negative, NotNegative, Positive, Seed
+from ..bounded import Finite, Fraction, Negative, NotNegative, Positive, Seed
 from ..frozen import FrozenDict, frozen
 from ..limits import Limits
 from ..sensors import Sensors
@@ -27,6 +27,7 @@ from .actuator import Actuator
 __all__ = [
     "AbortLimits",
     "Device",
+    "People",
     "Recalibration",
     "RigFile",
     "SimulationSettings",
@@ -106,6 +107,29 @@ class DriveLimits(_Section):
     def limits(self) -> Limits:
         """Convert to `Limits`, which checks drives."""
         return Limits(**self.model_dump())
+
+
+class People(_Section):
+    """The `[people]` table: the detection threshold that a lab measured with its own people.
+
+    `haploop analyse thresholds --of BUTTON.h5` writes it. It replaces the estimate by which a check says
+    whether a person who presses feels a motion.
+    """
+
+    number: Annotated[int, Field(ge=3)]
+    """People who took part."""
+    threshold: Finite
+    """Threshold of the mean person, over the table's for a finger that presses (dB)."""
+    uncertainty: Positive
+    """Half of its interval of 95 % (dB)."""
+    spread: Positive
+    """Standard deviation between people (dB)."""
+    button: str
+    """Button that was played."""
+    force: Positive | None = None
+    """Force at its activation (N)."""
+    simulated: bool = False
+    """Whether simulated participants answered."""
 
 
 class AbortLimits(_Section):
@@ -216,6 +240,7 @@ class RigFile(_Section):
     """Folder of the audit log and the lockouts, for a lab where several people use one rig; None: each
     user's own. The environment variable HAPLOOP_STATE takes precedence."""
     recalibration: Recalibration = Recalibration()
+    people: People | None = None
     simulation: SimulationSettings = SimulationSettings()
 
     @field_validator("state")

@@ -2,6 +2,6 @@
 
 from .found import Found, FoundCard, look_for_hardware
 from .interview import Interview
-from .new_rig import new_rig
+from .new_rig import new_rig, new_rig_on
 
-__all__ = ["Found", "FoundCard", "Interview", "look_for_hardware", "new_rig"]
+__all__ = ["Found", "FoundCard", "Interview", "look_for_hardware", "new_rig", "new_rig_on"]

@@ -17,7 +17,7 @@ from .found import Found
 from .interview import Ask, Interview
 from .parts import Parts, daq, driven, sensors
 
-__all__ = ["new_rig"]
+__all__ = ["new_rig", "new_rig_on"]
 
 _TRIES = 5
 
@@ -47,6 +47,23 @@ def new_rig(path: str | Path, ask: Ask, found: Found, tell: Callable[[str], obje
     raise ConfigurationError(
         f"{path} was not written: see docs/how-to/describe-your-rig.md, and write it by hand."
     )
+
+
+def new_rig_on(path: str | Path, base: str, name: str = "") -> RigFile:
+    """Write the new rig file `path` on a base (a rig file, or a shipped rig's name); return it as it is read.
+
+    `name` is the rig's, by default the file's. Raises ConfigurationError when the base is not valid, and when
+    the file exists or cannot be written.
+    """
+    path = Path(path)
+    check_destination(path)
+    load_rig_file(base)
+    found = str(Path(base).resolve()) if Path(base).is_file() else base
+    with new_file(path) as part:
+        part.write_text(
+            f"base = {json.dumps(found)}\nname = {json.dumps(name or path.stem)}\n", encoding="utf-8"
+        )
+    return load_rig_file(path)
 
 
 def _read(text: str) -> RigFile:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 
 from ..clock import Clock
 from ..daq import Block
 from ..progress import Progress
-from ..safety import AbortMonitor, Audit, Limiter, Renewal, combined, trip
+from ..safety import AbortMonitor, Limiter, Lockouts, Renewal, combined, trip
 from ..signals import deliver
 from .ratings import ratings
 from .roles import Instruments
@@ -18,7 +17,7 @@ __all__ = ["Monitoring"]
 
 
 class Monitoring:
-    """Runs the abort monitor in each play of a rig. A trip locks out `hardware`, in the folder `lockouts`.
+    """Runs the abort monitor in each play of a rig. A trip locks it out.
 
     `live_run` begins a run for live views, as `Rig.live_run`.
     """
@@ -26,17 +25,13 @@ class Monitoring:
     def __init__(
         self,
         rig: Instruments,
-        audit: Audit,
-        lockouts: Path,
-        hardware: Collection[str],
+        lockouts: Lockouts,
         limiter: Limiter,
         live_run: Callable[[str, str, Collection[str], float], Callable[[Block], None]],
         clock: Clock,
     ) -> None:
         self._rig = rig
-        self._audit = audit
         self._lockouts = lockouts
-        self._hardware = hardware
         self._limiter = limiter
         self._live_run = live_run
         self._clock = clock
@@ -86,7 +81,4 @@ class Monitoring:
             yield recorded, each
         finally:
             if abort_monitor.tripped is not None:
-                rate_hz = rig.table.rate_hz
-                self._limiter.unsaved_lockout = trip(
-                    self._audit, self._lockouts, self._hardware, abort_monitor, recorded, rate_hz
-                )
+                trip(self._lockouts, abort_monitor, recorded, rig.table.rate_hz)

@@ -26,6 +26,7 @@ from ..safety import (
     Audit,
     Limiter,
     Lockout,
+    Lockouts,
     Outputs,
     SafeState,
     combined,
@@ -63,10 +64,10 @@ class Rig(Instruments, InNotebook):
         self.audit = Audit(file, own or state_folder(file, mode is not None), mode is not None)
         direct = file.table.patches if file.wiring == "direct" and file.amplifier and file.table else ()
         self._outputs = Outputs(self._roles, direct)
-        self._lockouts = lockouts_folder(self.audit.folder, mode is not None)
+        folder = lockouts_folder(self.audit.folder, mode is not None)
+        self._lockouts = Lockouts(folder, self.hardware, self.audit)
         # A simulated rig's world is new at each opening: nothing was played in it.
-        counted = None if mode is not None else self._lockouts
-        self._limiter = Limiter(clock, self.audit, self._lockouts, self.hardware, self._outputs, counted)
+        self._limiter = Limiter(clock, self._lockouts, self._outputs, None if mode is not None else folder)
         self._safe = SafeState(self._roles, clock, self.audit, self._outputs, self._limiter.lock_out)
         self._settings = DeclaredSettings()
         self._proved: set[str] = set()
@@ -152,9 +153,7 @@ class Rig(Instruments, InNotebook):
     def _playing(self) -> Playing:
         # Created for each play: stored, it would form a reference cycle with the rig, and a closed rig
         # would keep its simulated world until the garbage collector runs.
-        monitoring = Monitoring(
-            self, self.audit, self._lockouts, self.hardware, self._limiter, self.live_run, self.clock
-        )
+        monitoring = Monitoring(self, self._lockouts, self._limiter, self.live_run, self.clock)
         return Playing(self, self.clock, self._limiter, monitoring, self.make_safe, self._proved)
 
     def tap(self, capacity: int = 16) -> Tap:

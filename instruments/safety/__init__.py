@@ -4,9 +4,10 @@ from .abort_monitor import AbortMonitor, trip
 from .audit import Audit, entries, log_problems, now_utc, state_folder, who
 from .deadline import exit_within, run_within
 from .figures import Figures
-from .limiter import Limiter, combined
+from .judge import combined
+from .limiter import Limiter
 from .lock import hold, is_marked, marked, reserve
-from .lockout import Lockout, clear_lockout, lockout_of, lockouts_folder
+from .lockout import Lockout, Lockouts, clear_lockout, lockout_of, lockouts_folder
 from .outputs import Outputs
 from .renewal import Renewal
 from .safe_state import SafeState
@@ -17,6 +18,7 @@ __all__ = [
     "Figures",
     "Limiter",
     "Lockout",
+    "Lockouts",
     "Outputs",
     "Renewal",
     "SafeState",

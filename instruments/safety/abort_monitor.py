@@ -10,7 +10,6 @@ from collections import deque
 from collections.abc import Callable, Collection
 from contextlib import suppress
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -23,8 +22,8 @@ from ..files import whole_file
 from ..limits import Limits
 from ..sensors import Sensors
 from ..vibrometer import Vibrometer
-from .audit import Audit, make_folder, now_utc, who
-from .lockout import Lockout, lock_out
+from .audit import make_folder, now_utc, who
+from .lockout import Lockouts
 
 __all__ = ["AbortMonitor", "trip"]
 
@@ -137,28 +136,17 @@ class AbortMonitor:
         return self._blocks[0].first, np.concatenate([block.volts for block in self._blocks], axis=1)
 
 
-def trip(
-    audit: Audit,
-    lockouts: Path,
-    hardware: Collection[str],
-    monitor: AbortMonitor,
-    recorded: Collection[str],
-    rate_hz: float,
-) -> Lockout | None:
-    """Lock the rig out in the folder `lockouts`, log it and save the samples: each even when the others fail.
-
-    Returns the lockout when it could not be written to disk; the caller must then hold it in memory.
-    """
-    path = audit.folder / "trips" / f"{now_utc():%Y%m%dT%H%M%S.%f}-{who()['pid']}.npz"
+def trip(lockouts: Lockouts, monitor: AbortMonitor, recorded: Collection[str], rate_hz: float) -> None:
+    """Lock the rig out, log it and save the samples: each even when the others fail."""
+    path = lockouts.audit.folder / "trips" / f"{now_utc():%Y%m%dT%H%M%S.%f}-{who()['pid']}.npz"
     why = str(monitor.tripped)
-    unsaved = lock_out(lockouts, hardware, audit, why, path)
+    lockouts.lock_out(why, path)
     first, volts = monitor.samples()
     with suppress(OSError):
         make_folder(path.parent)
         channels = np.array(list(recorded))
         with whole_file(path) as part, part.open("wb") as file:
             np.savez(file, volts=volts, channels=channels, rate_hz=rate_hz, first=first, why=why)
-    return unsaved
 
 
 def _volts(measured: FloatArray, most: float | None, limits: Limits) -> str:

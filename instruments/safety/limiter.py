@@ -1,7 +1,7 @@
-"""The limiter of a rig: checks every waveform for every output, in volts at the patch.
+"""The limiter of a rig: authorises every waveform for every output, in volts at the patch.
 
-It is the interlock of every instrument of the rig. A drive is checked once, whole, before anything is
-written; then exactly that drive, and nothing else, is authorised while its permit lasts.
+It is the interlock of every instrument of the rig. A drive is judged once, whole, before anything is
+written (`judge.py`); then exactly that drive, and nothing else, is authorised while its permit lasts.
 """
 
 from __future__ import annotations
@@ -10,11 +10,9 @@ import hashlib
 import os
 import threading
 import weakref
-from collections import deque
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
-from functools import reduce
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -26,21 +24,15 @@ from ..errors import DataError, InstrumentError, LimitError
 from ..generator import Waveform
 from ..limits import Limits, sounding
 from ..relay import LOST
-from .audit import Audit
 from .deadline import DEADLINE
-from .duty import MINUTE, Span, clear_old, count_plays, plays_of
 from .figures import Kept
-from .heat import Heat
-from .lockout import Lockout, lock_out, lockout_of
+from .judge import Heating, Judge, Ratings, combined
+from .lockout import Lockout, Lockouts
 from .outputs import Outputs, Standing
 from .watch import Watch
 
-__all__ = ["Limiter", "Ratings", "combined"]
+__all__ = ["Limiter"]
 
-Ratings = Mapping[str, Limits]
-"""Limits by owner: the amplifier's, the relay's, a patch's, the rig file's own."""
-
-_ROUNDING = 1e-9
 _SELDOM = 60.0
 """Longest interval (s) at which volts that stand again and again are logged."""
 Rendered = Callable[[FloatArray, float], tuple[FloatArray, float]]
@@ -57,23 +49,6 @@ class _Permit:
     waveforms: Mapping[str, Waveform]
 
 
-@dataclass(frozen=True)
-class _Heating:
-    """What a play leaves of the coil's smoothed dissipation at its end (W), besides what it found.
-
-    `seconds` are from its first sample to its last, zeros among them.
-    """
-
-    limits: Limits
-    own: float
-    seconds: float
-
-
-def combined(ratings: Ratings) -> Limits:
-    """The strictest of all ratings."""
-    return reduce(Limits.within, ratings.values())
-
-
 class Limiter:
     """See `haploop.instruments.interlock.Interlock`. Thread-safe; there is one permit at a time.
 
@@ -84,23 +59,17 @@ class Limiter:
     def __init__(
         self,
         clock: Clock,
-        audit: Audit,
-        lockouts: Path,
-        hardware: Collection[str],
+        lockouts: Lockouts,
         outputs: Outputs,
         counted: Path | None,
     ) -> None:
-        """`lockouts` is the folder of lockouts; `counted` that of what was played, None to forget it.
+        """`counted` is the folder of what was played; None to forget it.
 
-        With `counted`, `clock` is the one that all programs of the computer share.
+        With it, `clock` is the one that all programs of the computer share.
         """
-        self.unsaved_lockout: Lockout | None = None
-        """A lockout that could not be written to disk: it lasts while the rig is open."""
         self._clock = clock
-        self._audit = audit
+        self._audit = lockouts.audit
         self._lockouts = lockouts
-        self._hardware = hardware
-        self._counted = counted
         self._outputs = weakref.ref(outputs)
         self._lock = threading.Lock()
         self._permit: _Permit | None = None
@@ -112,8 +81,7 @@ class Limiter:
         """The process in which the rig is open."""
         self._playing: set[str] = set()
         """Outputs that have started: each starts once, because a restart would cut its drive off."""
-        self._played: deque[tuple[float, float]] = deque()
-        self._heat = Heat(clock, hardware, counted)
+        self._judge = Judge(clock, lockouts, counted)
         self.warm = 0.0
         """What earlier plays had left in a coil (W) when the present one began."""
         self._quiet, self._quiet_until = 0.1, -np.inf
@@ -124,18 +92,13 @@ class Limiter:
     @property
     def lockout(self) -> Lockout | None:
         """The lockout that refuses every drive until `haploop reset`; None without one."""
-        return self.unsaved_lockout or lockout_of(self._lockouts, self._hardware)
+        return self._lockouts.present
 
     # Called by the rig
 
     def recall(self) -> None:
         """Take over what other programs have played on this hardware, once the rig has its lock."""
-        if self._counted is None:
-            return
-        self._heat.recall()
-        now = self._clock.now()
-        clear_old(self._counted, now)
-        self._played.extend(plays_of(self._counted, self._hardware, now))
+        self._judge.recall()
 
     def note_unproved(self, source: str, why: str) -> None:
         """Log that the gain from an amplifier's input is not proved. Raises DataError for a full disk."""
@@ -151,7 +114,7 @@ class Limiter:
             return
         found = outputs.found()
         if found:
-            self._heat.stood(combined({"": Limits(), **self.kept.of_one()}), outputs.at_actuator(found))
+            self._judge.heat.stood(combined({"": Limits(), **self.kept.of_one()}), outputs.at_actuator(found))
         self._audit.note("connected", patches=sorted(outputs.direct), found=found, why=LOST)
         self._known(Outputs.rest)
         self._watch.begin()
@@ -165,7 +128,7 @@ class Limiter:
 
     def lock_out(self, why: str) -> None:
         """Refuse every play on this hardware until `haploop reset`; then its coil is as warm as it may be."""
-        self.unsaved_lockout = lock_out(self._lockouts, self._hardware, self._audit, why)
+        self._lockouts.lock_out(why)
         self._lose_heat()
 
     def wait_for_play(self) -> None:
@@ -195,12 +158,12 @@ class Limiter:
         with self.refusals_noted():
             self._refuse_elsewhere(patches, any(drive.any() for drive in own.values()))
             for drive in own.values():
-                self._check(drive, rate_hz, held_to)
+                self._judge.check(drive, rate_hz, held_to)
             if len({len(drive) for drive in own.values()}) > 1:
                 raise LimitError("Drives that are played at once must be of one length.")
             spans = [sounding(drive) for drive in own.values() if drive.any()]
             seconds = (max(s for _, s in spans) - min(f for f, _ in spans)) / rate_hz if spans else 0.0
-            self._check_duty(seconds, held_to)
+            self._judge.check_duty(seconds, held_to)
             volts = {output: amplifier.to_input(drive) for output, drive in own.items()}
             if rendered is not None:
                 gain = 1 / float(amplifier.to_input(np.ones(1))[0])
@@ -208,10 +171,10 @@ class Limiter:
                 free = {"max_end": np.inf, "max_offset": np.inf, "max_duration": np.inf}
                 for at_output in volts.values():
                     made, made_hz = rendered(at_output, rate_hz)
-                    self._check(gain * made, made_hz, held_to, **free)
+                    self._judge.check(gain * made, made_hz, held_to, **free)
         strictest = combined(held_to)
         warmest = max(strictest.heat(drive, rate_hz) for drive in own.values())
-        heat = _Heating(strictest, warmest, len(next(iter(own.values()))) / rate_hz)
+        heat = Heating(strictest, warmest, len(next(iter(own.values()))) / rate_hz)
         peak = max(float(np.abs(drive).max()) for drive in own.values())
         digest = hashlib.sha256(b"".join(drive.tobytes() for drive in own.values())).hexdigest()
         permit = _Permit(frozenset(patches), rate_hz, volts, {})
@@ -245,14 +208,14 @@ class Limiter:
         volts, rate_hz = at_output.sampled(rest)
         strictest = combined(held_to)
         warmest = strictest.heat(gain * np.asarray(volts, dtype=np.float64), rate_hz)
-        heat = _Heating(strictest, warmest, len(volts) / rate_hz)
+        heat = Heating(strictest, warmest, len(volts) / rate_hz)
         with self._lasting(permit, seconds, heat, output=output, peak=peak, waveform=str(at_output)):
             yield at_output
 
     def check(self, drive: FloatArray, rate_hz: float, ratings: Ratings) -> None:
         """Refuse a drive ((samples,) V at the patch) that `permit` would refuse. Raises LimitError."""
         with self.refusals_noted():
-            self._check(drive, rate_hz, ratings)
+            self._judge.check(drive, rate_hz, ratings)
 
     def check_waveform(
         self, waveform: Waveform, rest: float, amplifier: Amplifier, held_to: Ratings
@@ -263,8 +226,8 @@ class Limiter:
         """
         gain = 1 / float(amplifier.to_input(np.ones(1))[0])
         with self.refusals_noted():
-            seconds = self._judge(waveform.scaled(1 / gain), gain, rest, held_to)
-            self._check_duty(seconds, held_to)
+            seconds = self._judge.judge(waveform.scaled(1 / gain), gain, rest, held_to)
+            self._judge.check_duty(seconds, held_to)
         return seconds
 
     # Called by the instruments
@@ -351,7 +314,7 @@ class Limiter:
         outputs = self._outputs()
         if outputs is not None and outputs.direct:
             with suppress(DataError):  # kept in memory at least
-                self._heat.lose()
+                self._judge.heat.lose()
 
     def _known(self, look: Callable[[Outputs], None]) -> None:
         """Look at the outputs, and log why something is not done. Raises InstrumentError."""
@@ -380,82 +343,6 @@ class Limiter:
         self._audit.note("refused", why=str(error))
         return error
 
-    # Checks
-
-    def _judge(self, waveform: Waveform, gain: float, rest: float, ratings: Ratings) -> float:
-        """Check a waveform at an amplifier's input, and return for how long it sounds (s).
-
-        What is judged are its samples, and that they keep to what it states: the amplitude is what its
-        generator is set to.
-        """
-        try:
-            samples, rate_hz = waveform.sampled(rest)
-            volts = gain * np.asarray(samples, dtype=np.float64)
-            stated, longest = gain * waveform.amplitude, waveform.duration * waveform.duty
-            if waveform.goes_on:
-                longest += rest
-            first, stop = sounding(volts)
-            peak, seconds = float(np.abs(volts).max()), (stop - first) / rate_hz
-        except Exception as error:  # of another package's waveform
-            raise LimitError(
-                f"A {type(waveform).__name__} was refused, because it cannot be judged "
-                f"({type(error).__name__}: {error}): ask its author."
-            ) from error
-        if not (peak <= stated * (1 + _ROUNDING) and seconds <= longest + 2 / rate_hz):
-            raise LimitError(
-                f"A {waveform} was refused: it states {stated:.4g} V and {longest:.4g} s, and its samples "
-                f"reach {peak:.4g} V and {seconds:.4g} s. Ask the author of {type(waveform).__name__}."
-            )
-        if not waveform.goes_on:
-            self._check(volts, rate_hz, ratings)
-            return longest
-        # It cannot fade out, nor remove its mean: only the part up to its last whole half wave is checked.
-        crossed = np.flatnonzero(np.diff(np.signbit(volts)))
-        whole = volts[: int(crossed[-1]) + 1] if len(crossed) else volts
-        longer = longest - len(whole) / rate_hz
-        self._check(whole, rate_hz, ratings, longer=longer, max_end=np.inf, max_offset=np.inf)
-        return longest
-
-    def _check(
-        self, drive: FloatArray, rate_hz: float, ratings: Ratings, longer: float = 0.0, **waived: float
-    ) -> None:
-        lockout = self.lockout
-        if lockout is not None:
-            raise LimitError(lockout.sentence)
-        strictest = combined(ratings)
-        warm = self._heat.left(strictest)
-        try:
-            left = {"max_duration": strictest.max_duration - longer, **waived}
-            replace(strictest, **left).check(drive, rate_hz, warm=warm)  # type: ignore[arg-type]
-        except LimitError as error:
-            if warm:
-                self._refuse_warm(drive, rate_hz, replace(strictest, **left), warm)  # type: ignore[arg-type]
-            # The owner of the limit is looked up only for the message.
-            for whose, rating in ratings.items():
-                own = {"max_duration": rating.max_duration - longer, **waived}
-                load = replace(rating, capacitance=strictest.capacitance, coil=strictest.coil)
-                try:
-                    replace(load, **own).check(drive, rate_hz, whose, warm)  # type: ignore[arg-type]
-                except LimitError as named:
-                    if str(named).removesuffix(f"{whose}.") == str(error).removesuffix("the rig."):
-                        raise named from None
-            raise
-
-    def _refuse_warm(self, drive: FloatArray, rate_hz: float, limits: Limits, warm: float) -> None:
-        """Refuse a drive that the coil would take if it were cold, with the time after which it does."""
-        try:
-            limits.check(drive, rate_hz)
-        except LimitError:
-            return
-        assert limits.coil is not None
-        first, stop = sounding(drive)
-        own = float(limits.coil.heat(drive[first:stop], rate_hz).max())
-        wait = limits.coil.thermal_time * np.log(warm / max(limits.power - own, 1e-3 * limits.power))
-        raise LimitError(
-            f"The drive heats the coil by {own:.3g} W, earlier plays have left {warm:.3g} W in it, and it "
-            f"takes {limits.power:.3g} W: wait {np.ceil(max(10 * wait, 1.0)) / 10:g} s."
-        )
-
     def _refuse_elsewhere(self, patches: Collection[str], volts: bool) -> None:
         """Refuse volts for other patches than the one that no relay parts from the amplifier."""
         outputs = self._outputs()
@@ -465,27 +352,6 @@ class Limiter:
                 f"What is played reaches {', '.join(sorted(direct))} in any case, because no relay lies "
                 "between: name exactly that patch, or play zero volts."
             )
-
-    def _check_duty(self, seconds: float, ratings: Ratings) -> None:
-        """Refuse a drive that would exceed the duty in the minute that ends with it."""
-        duty, now = combined(ratings).duty, self._clock.now()
-        begin = now + seconds - MINUTE
-        while self._played and self._played[0][1] <= now - MINUTE:
-            self._played.popleft()
-        before = [(max(start, begin), stop) for start, stop in self._played if stop > begin]
-        excess = sum(stop - start for start, stop in before) + min(seconds, MINUTE) - duty * MINUTE
-        if excess <= 1e-9 * MINUTE:
-            return
-        sentence = (
-            f"The drive would make {duty * MINUTE + excess:.3g} s of a minute in which something is played, "
-            f"{excess:.3g} s beyond the {duty * MINUTE:.3g} s that 'duty' in [limits] allows"
-        )
-        for start, stop in before:
-            left = min(stop - start, excess)
-            excess -= left
-            if excess <= 0:
-                raise LimitError(f"{sentence}: wait {start + left - begin:.3g} s.")
-        raise LimitError(f"{sentence}: play a shorter one.")
 
     @contextmanager
     def refusals_noted(self) -> Iterator[None]:
@@ -497,7 +363,7 @@ class Limiter:
             raise
 
     @contextmanager
-    def _lasting(self, permit: _Permit, seconds: float, heat: _Heating, **about: object) -> Iterator[None]:
+    def _lasting(self, permit: _Permit, seconds: float, heat: Heating, **about: object) -> Iterator[None]:
         with self._lock:
             if self._permit is not None:
                 raise LimitError("A drive is being played: wait until it has ended before the next one.")
@@ -508,17 +374,14 @@ class Limiter:
         begun = self._clock.now()
         try:
             self._audit.note("played", patches=sorted(permit.patches), seconds=seconds, **about)
-            self._count((begun, begun + seconds))
-            self.warm = self._heat.left(heat.limits)
-            self._heat.count(heat.limits, heat.own, heat.seconds)
+            self.warm = self._judge.begin(begun, seconds, heat)
             yield
         except BaseException as error:
             if self._playing:
                 self._audit.note_at_last("stopped", why=f"{type(error).__name__}: {error}".rstrip(": "))
             raise
         finally:
-            now = self._clock.now()
-            self._played.append((max(begun, now - seconds), now))
+            self._judge.end(begun, seconds)
             self._permit = None
             self._player = 0
             self._playing.clear()
@@ -526,14 +389,4 @@ class Limiter:
             outputs = self._outputs()
             if outputs is not None and outputs.direct and self._process == os.getpid():
                 self._watch.begin()
-            with suppress(DataError):  # the play is counted, at its full length
-                self._count()
-                self._heat.ended(heat.limits)
-
-    def _count(self, *to_come: Span) -> None:
-        """Keep what was played, and what is about to be, for every program. Raises DataError."""
-        if self._counted is None:
-            return
-        now = self._clock.now()
-        spans = [span for span in (*self._played, *to_come) if span[1] > now - MINUTE]
-        count_plays(self._counted, self._hardware, spans)
+            self._judge.keep(heat)

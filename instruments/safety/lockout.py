@@ -19,7 +19,7 @@ from ..json_text import as_file, of_file
 from . import machine
 from .audit import Audit, now_utc, who
 
-__all__ = ["Lockout", "clear_lockout", "lock_out", "lockout_of", "lockouts_folder", "set_lockout"]
+__all__ = ["Lockout", "Lockouts", "clear_lockout", "lockout_of", "lockouts_folder", "set_lockout"]
 
 _KIND = "lockout"
 
@@ -73,22 +73,29 @@ def lockout_of(folder: Path, hardware: Collection[str]) -> Lockout | None:
     return None
 
 
-def lock_out(
-    folder: Path, hardware: Collection[str], audit: Audit, why: str, samples: Path | None = None
-) -> Lockout | None:
-    """Lock out these pieces of hardware now, and log it: each even when the other fails.
+class Lockouts:
+    """The lockouts of one rig's hardware, in a folder, and the log that tells of them."""
 
-    Returns the lockout when it could not be written to disk; the caller must then hold it in memory.
-    """
-    person = who()
-    by = f"{person['user']} on {person['host']}, process {person['pid']} ({person['command']})"
-    lockout = Lockout(now_utc().isoformat(timespec="seconds"), why, by, str(samples or ""))
-    unsaved: Lockout | None = lockout
-    with suppress(OSError):
-        set_lockout(folder, hardware, lockout)
-        unsaved = None
-    audit.note_at_last("tripped", why=why, samples=lockout.samples)
-    return unsaved
+    def __init__(self, folder: Path, hardware: Collection[str], audit: Audit) -> None:
+        self.folder, self.hardware, self.audit = folder, hardware, audit
+        self._unsaved: Lockout | None = None
+        """One that could not be written to disk: it lasts while the rig is open."""
+
+    @property
+    def present(self) -> Lockout | None:
+        """The lockout that refuses every play; None without one."""
+        return self._unsaved or lockout_of(self.folder, self.hardware)
+
+    def lock_out(self, why: str, samples: Path | None = None) -> None:
+        """Lock out the hardware now, and log it: each even when the other fails."""
+        person = who()
+        by = f"{person['user']} on {person['host']}, process {person['pid']} ({person['command']})"
+        lockout = Lockout(now_utc().isoformat(timespec="seconds"), why, by, str(samples or ""))
+        self._unsaved = lockout
+        with suppress(OSError):
+            set_lockout(self.folder, self.hardware, lockout)
+            self._unsaved = None
+        self.audit.note_at_last("tripped", why=why, samples=lockout.samples)
 
 
 def set_lockout(folder: Path, hardware: Collection[str], lockout: Lockout) -> None:

@@ -15,15 +15,12 @@ class AmplifierGain(OnAmplifier):
     """The amplifier's gain differs from the rig file's."""
 
     class Settings(FaultSettings):
-        """See `FaultSettings`."""
-
         gain: Positive = 25.0
         """V per V."""
 
     settings: Settings
 
     def gain(self, gain: float, run: Run) -> float:
-        """See `OnAmplifier.gain`."""
         if run.values.any():
             self.mark(run.start)
         return self.settings.gain
@@ -33,6 +30,5 @@ class AmplifierTrip(TimedFault, OnAmplifier):
     """The amplifier's protection trips: its output falls to zero."""
 
     def output(self, volts: FloatArray, times: FloatArray) -> FloatArray:
-        """See `OnAmplifier.output`."""
         # A trip at zero output has no effect, so it is not recorded as fired.
         return np.asarray(volts * ~self.active(times)) if volts.any() else volts

@@ -29,8 +29,6 @@ class RotatingMachine(TimedFault, OnCards):
     """
 
     class Settings(TimedFault.Settings):
-        """See `FaultSettings`."""
-
         channel: str | tuple[str, ...]
         volts: Positive = 0.01
         """Amplitude of the fundamental at full speed (V)."""
@@ -51,7 +49,6 @@ class RotatingMachine(TimedFault, OnCards):
         self._wandering = rng.uniform(0, 2 * np.pi, len(_WANDERS))
 
     def channel(self, node: str, volts: FloatArray, times: FloatArray) -> FloatArray:
-        """See `OnCards.channel`."""
         s = self.settings
         if node not in ((s.channel,) if isinstance(s.channel, str) else s.channel):
             return volts
@@ -75,8 +72,6 @@ class FlickerNoise(OnCards):
     """
 
     class Settings(FaultSettings):
-        """See `FaultSettings`."""
-
         channel: str
         volts: Annotated[float, Field(gt=0)] = 0.01
         """Rms (V), 0.3 Hz to 3 kHz."""
@@ -92,7 +87,6 @@ class FlickerNoise(OnCards):
         """Time (s) of the states."""
 
     def channel(self, node: str, volts: FloatArray, times: FloatArray) -> FloatArray:
-        """See `OnCards.channel`."""
         if node != self.settings.channel:
             return volts
         self.mark(float(times[-1]))

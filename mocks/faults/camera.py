@@ -17,8 +17,6 @@ class AmbientLight(TimedFault, OnCamera):
     """Daylight or a lamp adds to what the camera sees."""
 
     class Settings(TimedFault.Settings):
-        """See `FaultSettings`."""
-
         duration: Annotated[float, Field(gt=0)] = 1e9
         light: Positive = 60.0
         """Grey levels at the image's centre."""
@@ -26,7 +24,6 @@ class AmbientLight(TimedFault, OnCamera):
     settings: Settings
 
     def lamp(self, level: float, time: float) -> float:
-        """See `OnCamera.lamp`."""
         return level + self.settings.light * bool(self.active(np.array([time]))[0])
 
 
@@ -34,15 +31,12 @@ class Defocus(OnCamera):
     """The camera is out of focus."""
 
     class Settings(FaultSettings):
-        """See `FaultSettings`."""
-
         blur: Positive = 12.0
         """Standard deviation (pixels)."""
 
     settings: Settings
 
     def blur(self, pixels: float, time: float) -> float:
-        """See `OnCamera.blur`."""
         self.mark(time)
         return max(pixels, self.settings.blur)
 
@@ -51,8 +45,6 @@ class SecondFinger(TimedFault, OnCamera):
     """Another finger, or the ball of the thumb, touches the surface."""
 
     class Settings(TimedFault.Settings):
-        """See `FaultSettings`."""
-
         duration: Annotated[float, Field(gt=0)] = 1e9
         area: Positive = 60e-6
         """m^2."""
@@ -60,7 +52,6 @@ class SecondFinger(TimedFault, OnCamera):
     settings: Settings
 
     def other_finger(self, time: float) -> float:
-        """See `OnCamera.other_finger`."""
         return self.settings.area * bool(self.active(np.array([time]))[0])
 
 
@@ -68,5 +59,4 @@ class FramesLost(PerEventFault, OnCamera):
     """Frames are lost between camera and program."""
 
     def frame_lost(self, time: float) -> bool:
-        """See `OnCamera.frame_lost`."""
         return self.fires(time)

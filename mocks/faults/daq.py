@@ -24,7 +24,6 @@ class RtsiMissing(OnCards):
     """The RTSI cable between the cards is missing."""
 
     def rtsi(self, now: float) -> bool:
-        """See `OnCards.rtsi`."""
         self.mark(now)
         return False
 
@@ -33,8 +32,6 @@ class ClockDrift(ScheduledFault, OnCards):
     """One card samples on its own clock, which is slower than the other card's."""
 
     class Settings(ScheduledFault.Settings):
-        """See `FaultSettings`."""
-
         drift: Annotated[float, Field(gt=0, le=0.5)] = 500e-6
         """Relative slowness of the clock. Two free clocks differ by 5 to 50e-6 (estimate; docs/hardware.md,
         "Two cards on one clock"); an input that counts noise instead of clock edges differs by any amount."""
@@ -54,7 +51,6 @@ class ClockDrift(ScheduledFault, OnCards):
         self._device = settings.device or next(without, None)
 
     def lateness(self, device: str, times: FloatArray) -> FloatArray:
-        """See `OnCards.lateness`."""
         if device != self._device:
             return np.zeros(len(times))
         late = np.asarray(self.settings.drift * np.maximum(times - self.begin, 0.0))
@@ -72,8 +68,6 @@ class SourceImpedance(OnCards):
     """
 
     class Settings(FaultSettings):
-        """See `FaultSettings`."""
-
         channel: str
         ohm: Positive = 32e3
         """Output impedance (Ohm): an ADXL335's (docs/hardware.md, "Accelerometer")."""
@@ -83,7 +77,6 @@ class SourceImpedance(OnCards):
     settings: Settings
 
     def scanned(self, nodes: Sequence[str], volts: FloatArray, times: FloatArray) -> None:
-        """See `OnCards.scanned`."""
         if self.settings.channel not in nodes or len(nodes) < 2:
             return
         row = list(nodes).index(self.settings.channel)
@@ -120,7 +113,6 @@ class DaqOverrun(_OfCard):
     """The host reads too late, and its buffer overflows (NI's error -200279)."""
 
     def samples(self, device: str, now: float) -> None:
-        """See `OnCards.samples`."""
         if self._strikes(device, now):
             raise SamplesLost(device, "overrun")
 
@@ -129,7 +121,6 @@ class DaqOverflow(_OfCard):
     """A card's own memory overflows (NI's error -200010)."""
 
     def samples(self, device: str, now: float) -> None:
-        """See `OnCards.samples`."""
         if self._strikes(device, now):
             raise SamplesLost(device, "overflow")
 
@@ -138,8 +129,6 @@ class PlayCutOff(_OfCard):
     """A card's play ends before its time, at a block after `after`; the output holds its last value."""
 
     class Settings(_OfCard.Settings):
-        """See `FaultSettings`."""
-
         how: Literal["underflow", "fifo", "stopped"] = "underflow"
         """underflow: the host's buffer ran empty (NI's -200290). fifo: the card's memory did (-200621).
         stopped: by another program, without an error."""
@@ -147,6 +136,5 @@ class PlayCutOff(_OfCard):
     settings: Settings
 
     def plays(self, device: str, now: float) -> None:
-        """See `OnCards.plays`."""
         if self._strikes(device, now):
             raise PlayStopped(device, self.settings.how)

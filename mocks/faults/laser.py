@@ -19,20 +19,16 @@ class VibrometerRange(OnLaser):
     """The vibrometer's range differs from the rig file's."""
 
     class Settings(FaultSettings):
-        """See `FaultSettings`."""
-
         range: Positive = 0.1
         """Actual full scale (m/s)."""
 
     settings: Settings
 
     def head(self, head: LaserHead) -> None:
-        """See `OnLaser.head`."""
         head.scale *= self.settings.range / head.range
         head.range = self.settings.range
 
     def inspected(self, now: float) -> None:
-        """See `OnLaser.inspected`."""
         self.mark(now)
 
 
@@ -40,8 +36,6 @@ class LaserAskew(OnLaser):
     """The laser does not look along the motion, or its scale is wrong: it shows a share of the velocity."""
 
     class Settings(FaultSettings):
-        """See `FaultSettings`."""
-
         scale: Positive = 0.85
         """Shown velocity over the surface's own: the cosine of the angle, or the error of the scale."""
 
@@ -50,7 +44,6 @@ class LaserAskew(OnLaser):
     def velocity(
         self, velocity: FloatArray, times: FloatArray, full_scale: float, rng: np.random.Generator
     ) -> FloatArray:
-        """See `OnLaser.velocity`."""
         if velocity.any():
             self.mark(float(times[0]))
         return self.settings.scale * velocity
@@ -60,14 +53,11 @@ class LaserDropout(TimedFault, OnLaser):
     """Too little light returns for a short time, and the output jumps between both ends of its range."""
 
     class Settings(TimedFault.Settings):
-        """See `FaultSettings`."""
-
         duration: Annotated[float, Field(gt=0)] = 5e-3
 
     def velocity(
         self, velocity: FloatArray, times: FloatArray, full_scale: float, rng: np.random.Generator
     ) -> FloatArray:
-        """See `OnLaser.velocity`."""
         lost = self.active(times)
         velocity[lost] = 1.2 * full_scale * rng.choice([-1.0, 1.0], int(lost.sum()))
         return velocity
@@ -77,8 +67,6 @@ class LaserSpikes(ScheduledFault, OnLaser):
     """Speckle makes the output spike for a moment, at random times, mostly far below the end of its range."""
 
     class Settings(ScheduledFault.Settings):
-        """See `FaultSettings`."""
-
         rate: Positive = 2.0
         """Mean number per second."""
         height: Positive = 2e-3
@@ -95,7 +83,6 @@ class LaserSpikes(ScheduledFault, OnLaser):
     def velocity(
         self, velocity: FloatArray, times: FloatArray, full_scale: float, rng: np.random.Generator
     ) -> FloatArray:
-        """See `OnLaser.velocity`."""
         # Each second has its own spikes, so that they do not depend on the blocks in which it is read.
         for second in range(int(times[0] - self.settings.width), int(times[-1]) + 1):
             for at, height in self._of(second):
@@ -119,6 +106,5 @@ class LaserBlocked(TimedFault, OnLaser):
     """The laser beam is blocked: the velocity is lost, and the noise is ten times as large."""
 
     def light(self, level: FloatArray, times: FloatArray) -> FloatArray:
-        """See `OnLaser.light`."""
         level[self.active(times)] = 0.0
         return level

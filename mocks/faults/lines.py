@@ -16,8 +16,6 @@ class Reply(PerEventFault, OnLine):
     """An instrument's answers are disturbed on the line. For wires only, because a twin has no line."""
 
     class Settings(PerEventFault.Settings):
-        """See `FaultSettings`."""
-
         instrument: str
         """Role of the instrument: relay, vibrometer, ..."""
         how: Literal["silence", "delay", "drip", "garbled", "truncated", "disconnect"] = "silence"
@@ -30,11 +28,9 @@ class Reply(PerEventFault, OnLine):
 
     @property
     def line(self) -> str | None:
-        """See `OnLine.line`."""
         return self.settings.instrument
 
     def answer(self, request: str, now: float) -> ReplyFault | None:
-        """See `OnLine.answer`."""
         if self.settings.asked not in request or not self.fires(now):
             return None
         return ReplyFault(self.settings.how, delay=self.settings.delay)

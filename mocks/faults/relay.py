@@ -15,8 +15,6 @@ class RelaySwapped(OnRelay):
     """The wires of two patches are swapped at the relay's output."""
 
     class Settings(FaultSettings):
-        """See `FaultSettings`."""
-
         patches: tuple[str, str] = ("A", "B")
 
         @field_validator("patches")
@@ -29,7 +27,6 @@ class RelaySwapped(OnRelay):
     settings: Settings
 
     def contact(self, patch: str, at: float) -> str:
-        """See `OnRelay.contact`."""
         one, other = self.settings.patches
         if patch not in (one, other):
             return patch
@@ -45,7 +42,6 @@ class _OfRelay(PerEventFault, OnRelay):
     how: ClassVar[RelayFailure]
 
     def relay(self, how: RelayFailure, patch: str, now: float) -> bool:
-        """See `OnRelay.relay`."""
         return (how, patch) == (self.how, self.settings.patch) and self.fires(now)
 
 

@@ -30,8 +30,6 @@ class ForceCalibration(OnSensors, OnCards):
     """The force sensor does not match the calibration matrix of the rig file."""
 
     class Settings(FaultSettings):
-        """See `FaultSettings`."""
-
         gain: Positive = 1.15
         """Ratio of the real sensor's output to the output that the file's matrix implies."""
         crosstalk: NotNegative = 0.05
@@ -44,13 +42,11 @@ class ForceCalibration(OnSensors, OnCards):
         self._channels = file.sensors.force.channels if file.sensors.force else ()
 
     def gauges(self, gauges: FloatArray, rng: np.random.Generator) -> FloatArray:
-        """See `OnSensors.gauges`."""
         mixing = self.settings.crosstalk * rng.standard_normal((len(gauges), len(gauges)))
         np.fill_diagonal(mixing, self.settings.gain)
         return np.asarray(mixing @ gauges)
 
     def channel(self, node: str, volts: FloatArray, times: FloatArray) -> FloatArray:
-        """See `OnCards.channel`."""
         if node in self._channels:
             self.mark(float(times[-1]))
         return volts
@@ -64,11 +60,9 @@ class AccelerometerInverted(OnSensors, OnCards):
         self._channels = file.sensors.acceleration.channels if file.sensors.acceleration else ()
 
     def tilt(self, tilt: FloatArray) -> FloatArray:
-        """See `OnSensors.tilt`."""
         return np.asarray(tilt * np.array([1.0, -1.0, -1.0]))
 
     def channel(self, node: str, volts: FloatArray, times: FloatArray) -> FloatArray:
-        """See `OnCards.channel`."""
         if node in self._channels:
             self.mark(float(times[-1]))
         return volts
@@ -78,14 +72,11 @@ class SensorDisconnected(OnCards):
     """A channel of the DAQ is not connected and reads 0 V."""
 
     class Settings(FaultSettings):
-        """See `FaultSettings`."""
-
         channel: str
 
     settings: Settings
 
     def channel(self, node: str, volts: FloatArray, times: FloatArray) -> FloatArray:
-        """See `OnCards.channel`."""
         if node != self.settings.channel:
             return volts
         self.mark(float(times[-1]))
@@ -96,14 +87,11 @@ class SensorSaturated(TimedFault, OnCards):
     """A channel of the DAQ is driven beyond every input range."""
 
     class Settings(TimedFault.Settings):
-        """See `FaultSettings`."""
-
         channel: str
 
     settings: Settings
 
     def channel(self, node: str, volts: FloatArray, times: FloatArray) -> FloatArray:
-        """See `OnCards.channel`."""
         if node != self.settings.channel:
             return volts
         return np.where(self.active(times), RAIL, volts)
@@ -113,8 +101,6 @@ class MainsHum(TimedFault, OnCards):
     """The mains couple into channels of the DAQ: the laser's, the gauges'."""
 
     class Settings(TimedFault.Settings):
-        """See `FaultSettings`."""
-
         channel: str | tuple[str, ...]
         volts: Positive = 0.01
         """Amplitude of the fundamental (V)."""
@@ -130,7 +116,6 @@ class MainsHum(TimedFault, OnCards):
         self._phases = rng.uniform(0, 2 * np.pi, len(settings.harmonics) + 1)
 
     def channel(self, node: str, volts: FloatArray, times: FloatArray) -> FloatArray:
-        """See `OnCards.channel`."""
         s = self.settings
         if node not in ((s.channel,) if isinstance(s.channel, str) else s.channel):
             return volts
@@ -148,8 +133,6 @@ class SensorCreep(OnCards):
     """
 
     class Settings(FaultSettings):
-        """See `FaultSettings`."""
-
         channel: str | tuple[str, ...]
         share: Annotated[float, Field(gt=0, le=0.5)] = 0.03
         """Creep of a constant load in the end, relative to the load."""
@@ -166,7 +149,6 @@ class SensorCreep(OnCards):
         """Of each channel: volts at rest; time, volts and states at the last sample."""
 
     def channel(self, node: str, volts: FloatArray, times: FloatArray) -> FloatArray:
-        """See `OnCards.channel`."""
         s = self.settings
         if node not in ((s.channel,) if isinstance(s.channel, str) else s.channel):
             return volts

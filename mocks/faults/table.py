@@ -54,18 +54,14 @@ class PatchDead(OnSurface):
     """A cracked or detached patch: it takes its voltage but moves nothing."""
 
     class Settings(FaultSettings):
-        """See `FaultSettings`."""
-
         patch: str = "A"
 
     settings: Settings
 
     def law(self, patch: str, law: PatchLaw) -> PatchLaw:
-        """See `OnSurface.law`."""
         return _Dead() if patch == self.settings.patch else law
 
     def patches(self, volts: Mapping[str, FloatArray], start: float) -> Mapping[str, FloatArray]:
-        """See `OnSurface.patches`."""
         if volts[self.settings.patch].any():
             self.mark(start)
         return volts
@@ -75,8 +71,6 @@ class PatchGain(OnSurface):
     """A patch moves the surface by another amount per volt: part of it is depolarised, cracked or unglued."""
 
     class Settings(FaultSettings):
-        """See `FaultSettings`."""
-
         gain: Positive = 0.85
         """Motion over that of a patch as it was."""
         patches: tuple[str, ...] | None = None
@@ -85,12 +79,10 @@ class PatchGain(OnSurface):
     settings: Settings
 
     def law(self, patch: str, law: PatchLaw) -> PatchLaw:
-        """See `OnSurface.law`."""
         s = self.settings
         return law if s.patches is not None and patch not in s.patches else _Weaker(law, s.gain)
 
     def patches(self, volts: Mapping[str, FloatArray], start: float) -> Mapping[str, FloatArray]:
-        """See `OnSurface.patches`."""
         return _noted(self, volts, start)
 
 
@@ -107,8 +99,6 @@ class PatchAsymmetry(OnSurface):
     """Patches expand more at a positive voltage than they shrink at the negative one: an even order."""
 
     class Settings(FaultSettings):
-        """See `FaultSettings`."""
-
         share: Annotated[float, Field(gt=-0.5, lt=0.5)] = 0.04
         """Expansion at +50 V over shrinking at -50 V, less 1; it adds to the default law's 0.02."""
         shape: Literal["square", "kink", "lagging"] = "square"
@@ -120,12 +110,10 @@ class PatchAsymmetry(OnSurface):
     settings: Settings
 
     def law(self, patch: str, law: PatchLaw) -> PatchLaw:
-        """See `OnSurface.law`."""
         s = self.settings
         return law if s.patches is not None and patch not in s.patches else _Uneven(law, s.share, s.shape)
 
     def patches(self, volts: Mapping[str, FloatArray], start: float) -> Mapping[str, FloatArray]:
-        """See `OnSurface.patches`."""
         return _noted(self, volts, start)
 
 
@@ -166,7 +154,6 @@ class ModeDrift(OnSurface):
         self._drawn = rng.integers(2**63)
 
     def modes(self, modes: Modes, time: float) -> Modes:
-        """See `OnSurface.modes`."""
         s, count = self.settings, len(modes.natural_hz)
         moved = np.ones(count)
         if s.near is not None:
@@ -182,7 +169,6 @@ class ModeDrift(OnSurface):
         )
 
     def patches(self, volts: Mapping[str, FloatArray], start: float) -> Mapping[str, FloatArray]:
-        """See `OnSurface.patches`."""
         return _noted(self, volts, start)
 
 
@@ -190,8 +176,6 @@ class FrequencyDrift(ScheduledFault, OnSurface):
     """The frequencies of all modes drift while measurements run, as in a room that warms."""
 
     class Settings(ScheduledFault.Settings):
-        """See `FaultSettings`."""
-
         rate: Annotated[float, Field(ge=-0.1, le=0.1)] = 1e-5
         """Relative change per second."""
         limit: Annotated[float, Field(gt=0, le=0.3)] = 0.02
@@ -205,13 +189,11 @@ class FrequencyDrift(ScheduledFault, OnSurface):
         self.every = max(1e-5 / max(abs(settings.rate), 1e-9), 0.05)
 
     def modes(self, modes: Modes, time: float) -> Modes:
-        """See `OnSurface.modes`."""
         shift = self.settings.rate * max(time - self.begin, 0.0)
         limit = self.settings.limit
         return replace(modes, natural_hz=modes.natural_hz * (1 + min(max(shift, -limit), limit)))
 
     def patches(self, volts: Mapping[str, FloatArray], start: float) -> Mapping[str, FloatArray]:
-        """See `OnSurface.patches`."""
         return _noted(self, volts, start) if start >= self.begin else volts
 
 
@@ -219,8 +201,6 @@ class HandOnTable(TimedFault, OnSurface):
     """Somebody leans on the table: a fingertip or a palm rests on it while it is driven or measured."""
 
     class Settings(TimedFault.Settings):
-        """See `FaultSettings`."""
-
         point: str = "button"
         """Where it rests: "button" or the number of a grid point."""
         force: Annotated[float, Field(gt=0, le=100)] = 1.0
@@ -250,11 +230,9 @@ class HandOnTable(TimedFault, OnSurface):
             self._hands.append(Hand(name, resting, place, settings.force, begin, rng, end))
 
     def hands(self) -> Sequence[Hand]:
-        """See `OnSurface.hands`."""
         return self._hands
 
     def patches(self, volts: Mapping[str, FloatArray], start: float) -> Mapping[str, FloatArray]:
-        """See `OnSurface.patches`."""
         if any(v.any() for v in volts.values()):
             self.active(np.array([start]))
         return volts
@@ -264,8 +242,6 @@ class PatchHysteresis(OnSurface):
     """Patches follow another law than the rig file's `hysteresis`."""
 
     class Settings(FaultSettings):
-        """See `FaultSettings`."""
-
         law: Literal["play", "bouc-wen"] = "bouc-wen"
         """play: the default law, a sum of play operators. bouc-wen: see `haploop.mocks.plant.BoucWen`."""
         width: Annotated[float, Field(ge=0, le=0.5)] = 0.12
@@ -276,14 +252,12 @@ class PatchHysteresis(OnSurface):
     settings: Settings
 
     def law(self, patch: str, law: PatchLaw) -> PatchLaw:
-        """See `OnSurface.law`."""
         s = self.settings
         if s.patches is not None and patch not in s.patches:
             return law
         return BoucWen(s.width) if s.law == "bouc-wen" else Hysteresis(s.width)
 
     def patches(self, volts: Mapping[str, FloatArray], start: float) -> Mapping[str, FloatArray]:
-        """See `OnSurface.patches`."""
         return _noted(self, volts, start)
 
 

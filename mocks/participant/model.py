@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from ...instruments.bounded import Proportion, Seed
+from ...instruments.bounded import Fraction, Proportion, Seed
 from ...instruments.config import load_model
 
 __all__ = ["ParticipantModel", "load_participant_model"]
@@ -22,6 +22,9 @@ class _Section(BaseModel):
 class IdentificationModel(_Section):
     """Naming what was presented."""
 
+    answers: dict[str, dict[str, Fraction]] = {}
+    """Probability of each answer, by what was presented; for the rest, see `correct`. `haploop experiment
+    predict` writes it."""
     correct: dict[str, Proportion] = {"latch": 0.78, "toggle": 0.66, "push": 0.66}
     """Probability of a right answer, of the mean participant, by what was presented."""
     otherwise: Proportion = 0.7

@@ -14,6 +14,8 @@ from .model import ParticipantModel
 __all__ = ["SimulatedParticipant"]
 
 
+_LEAST = 1e-4
+"""Least probability of an answer: a logit is finite."""
 _PER_SCALE = 2.0
 """s from one scale to the next: an estimate."""
 
@@ -70,12 +72,17 @@ class SimulatedParticipant:
 
     def _identify(self, step: _Step, rng: np.random.Generator) -> str:
         model = self._model.identification
-        p = model.correct.get(step.presented, model.otherwise)
+        predicted = model.answers.get(step.presented, {})
+        p = predicted.get(step.presented, model.correct.get(step.presented, model.otherwise))
+        p = min(max(p, _LEAST), 1 - _LEAST)
         logit = math.log(p / (1 - p)) + model.spread * self._ability
         logit += sum(model.shift.get(name, {}).get(level, 0.0) for name, level in step.stimulus.items())
         if rng.random() < 1 / (1 + math.exp(-logit)):
             return step.presented
         wrong = [name for name in step.choices if name != step.presented]
+        shares = [predicted.get(name, 0.0) for name in wrong]
+        if sum(shares) > 0:
+            return wrong[int(np.searchsorted(np.cumsum(shares), rng.random() * sum(shares)))]
         near = model.confused_with.get(step.presented)
         if near in wrong and rng.random() < model.confusion:
             return near

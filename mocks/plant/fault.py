@@ -85,8 +85,6 @@ class ScheduledFault(Fault):
     """A fault that begins at a time."""
 
     class Settings(FaultSettings):
-        """See `FaultSettings`."""
-
         after: NotNegative = 0.0
         """Earliest begin (s since the rig was opened)."""
         within: NotNegative = 0.0
@@ -108,8 +106,6 @@ class TimedFault(ScheduledFault):
     """A fault that is active for a while, once or several times."""
 
     class Settings(ScheduledFault.Settings):
-        """See `FaultSettings`."""
-
         duration: Annotated[float, Field(gt=0)] = math.inf
         """Length of an active period (s); infinite until the rig is closed."""
         times: Annotated[int, Field(ge=1)] = 1
@@ -139,8 +135,6 @@ class PerEventFault(ScheduledFault):
     """A fault that affects single events."""
 
     class Settings(ScheduledFault.Settings):
-        """See `FaultSettings`."""
-
         times: Annotated[int, Field(ge=1)] | None = None
         """Number of events that it affects; None for all."""
 

@@ -30,6 +30,7 @@ from .parts import text_of as text_of
 from .parts import verdict_cell as verdict_cell
 from .plan import plan_contents as plan_contents
 from .plan import plan_drawing as plan_drawing
+from .prediction import prediction_contents as prediction_contents
 from .recording import Forces as Forces
 from .recording import forces_in as forces_in
 from .rig import findings_contents as findings_contents

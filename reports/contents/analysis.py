@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
+from ...calibration import LabThreshold
 from ...experiments import (
     METRICS,
     Comparison,
@@ -16,10 +18,11 @@ from ...experiments import (
     Ratings,
     Rows,
     Threshold,
+    people_table,
 )
 from .. import figures
 from . import captions
-from .parts import Contents, Drawing, Fact, Grid, fact
+from .parts import Contents, Drawing, Fact, Grid, fact, plain
 from .words import ANSWERS_SIMULATED, interval, percent
 
 __all__ = ["identification_contents", "power_contents", "ratings_contents", "thresholds_contents"]
@@ -151,8 +154,13 @@ def power_contents(found: Sequence[Power]) -> Contents:
     )
 
 
-def thresholds_contents(found: Sequence[Threshold], columns: Sequence[str], of: Rows) -> Contents:
-    """Thresholds; `columns` name what tells them apart in the rows that they were fitted to."""
+def thresholds_contents(
+    found: Sequence[Threshold], columns: Sequence[str], of: Rows, lab: LabThreshold | None = None
+) -> Contents:
+    """Thresholds; `columns` name what tells them apart in the rows that they were fitted to.
+
+    `lab` is what they say of the lab's people.
+    """
     rows = [
         (
             *one.who,
@@ -172,8 +180,21 @@ def thresholds_contents(found: Sequence[Threshold], columns: Sequence[str], of: 
     note = "Difference: from the standard to the threshold, the just noticeable difference."
     tables = [Grid("Thresholds (75 % right, but for lapses)", headings, rows)]
     notes = [*([note] if known else []), *of.remarks]
-    facts = [fact(thresholds=values, notes=list(of.remarks))]
+    facts = [fact(thresholds=values, notes=list(of.remarks)), *_lab_facts(lab)]
     return _contents("", tables, notes, of.simulated, facts)
+
+
+def _lab_facts(lab: LabThreshold | None) -> Iterator[Fact]:
+    if lab is None:
+        return
+    yield fact(
+        "People of this lab",
+        f"{lab.people} feel the {lab.button} button from {abs(lab.shift):.1f} dB "
+        f"{'above' if lab.shift >= 0 else 'below'} the table's threshold on (± {lab.uncertainty:.1f} dB), "
+        f"with {lab.spread:.1f} dB between people",
+        people=plain(asdict(lab)),
+    )
+    yield fact("For the rig file", people_table(lab).splitlines(), people_toml=people_table(lab))
 
 
 def _contents(

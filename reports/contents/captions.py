@@ -38,6 +38,7 @@ RESPONSE = (
     "Velocity in µm/s per volt at the patch, its phase in degrees and its coherence: measured (thick), and "
     "the fitted rational model (thin). The dotted line is the strongest resonance."
 )
+TREND = "Resonance (Hz), damping, gain and coherence of each place over time; bands are the tolerances."
 DRIVES = "Voltage at the patch in V, over time in ms. After the paper's figure 8."
 COLUMNS = (
     "Force in N, travel in mm, vertical acceleration in m/s² and activation of an imported file over time in "

@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from ...acquisition import Recording, hdf5, load_study
-from ...calibration import Waveforms
+from ...calibration import History, Waveforms
 from ...exchange.loading import RESULTS
 from ...instruments import DataError
 from .calibration import calibration_contents, drive_contents, waveforms_contents
 from .check import button_contents, check_contents
+from .history import history_contents
 from .map import map_contents
 from .parts import Contents
 from .plan import plan_contents
@@ -36,6 +37,8 @@ _SAID: dict[str, Callable[[Any], Contents]] = {
 
 def contents_of(value: Any) -> Contents:
     """What a result says. Raises DataError for damaged data, TypeError for what is no result."""
+    if isinstance(value, History):
+        return history_contents(value)
     for kind, say in _SAID.items():
         if isinstance(value, RESULTS[kind][0]):
             return say(value)

@@ -29,6 +29,7 @@ _OUTCOMES = {
     "unchanged": "The calibration holds",
     "restored": "The table had drifted; every button is within tolerance again",
     "drifted": "The table has drifted; not every button could be brought within tolerance",
+    "touched": "Something rests on the table; nothing was changed",
     "broken": "Something is broken; nothing was changed",
 }
 """Title of each kind of outcome."""
@@ -65,7 +66,20 @@ def history_contents(history: History) -> Contents:
     headings = ("", "Calibration", "Made", "From", "Buttons", "Why")
     grid = Grid(f"Calibrations in {history.folder}", headings, rows, words=len(headings))
     none = f"{history.folder} holds no calibration yet: make one with `haploop calibrations adopt`."
-    return Contents("", [values], [grid] if rows else [], [] if rows else [none])
+    return Contents(
+        "",
+        [values],
+        [grid] if rows else [],
+        [] if rows else [none],
+        picture=Drawing(
+            "trend",
+            "Calibrations over time",
+            captions.TREND,
+            [history],
+            lambda some, columns: figures.trend(some[0], columns),
+            lambda some: f"n = {len(some[0].looks)} looks.",
+        ),
+    )
 
 
 def generation_contents(history: History, generation: Generation) -> Contents:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.command_line import Run
+from tests.command_line import Demo, Run
 from tests.experiments.analysis.test_confusion import OVERALL, paper_csv, written
 from tests.experiments.analysis.test_power import plan
 from tests.experiments.analysis.test_ratings import ratings
@@ -96,6 +96,28 @@ def test_thresholds_of_simulated_participants(run: Run, tmp_path: Path) -> None:
     short = table.with_name("short.csv")
     short.write_text("\n".join(table.read_text(encoding="utf-8").splitlines()[:15]), encoding="utf-8")
     assert "a threshold needs 20 trials" in run("analyse", "thresholds", short).stderr
+
+
+def test_thresholds_of_a_button_become_what_people_of_the_lab_feel(
+    demo: Demo, run: Run, tmp_path: Path
+) -> None:
+    pytest.importorskip("psignifit")
+    button, data, table = tmp_path / "push.h5", tmp_path / "answers", tmp_path / "out.csv"
+    press, calibration = demo.folder / "presses" / "push.h5", demo.folder / "calibration.h5"
+    assert run("button", "make", press, "-c", calibration, "-o", button, "--iterations", 0).exit_code == 0
+    assert run("experiment", "simulate", "staircase", "-n", 3, "-d", data).exit_code == 0
+    assert run("experiment", "export", "staircase", table, "-d", data).exit_code == 0
+    found = json.loads(run("analyse", "thresholds", table, "--of", button, "--json").stdout)
+    lines = found["people_toml"]
+    rig = tmp_path / "lab.toml"
+    rig.write_text(f'base = "simulated"\nname = "simulated"\n{lines}', encoding="utf-8")
+    check = run("button", "check", button, "-o", tmp_path / "check.h5", "--rig", rig, "--json")
+    felt = json.loads(check.stdout)["feeling"]
+    # The model's participants tell 0.167 of the drive from nothing: the whole of it is 15.6 dB above.
+    assert felt["acts"]["pressing"]["above_threshold_db"] == pytest.approx(15.6, abs=3)
+    assert felt["felt"] == "yes" and "3 simulated participants of this lab" in felt["notes"][0]
+    two = run("analyse", "thresholds", table, "--of", button, "--only", "participant", "P01")
+    assert two.exit_code == 2 and "at least 3 people" in two.stderr
 
 
 def test_without_psignifit_the_extra_is_named(

@@ -159,21 +159,15 @@ def test_twin_ni_serves_the_devices_of_an_export(tmp_path: Path) -> None:
 
 
 def test_twin_ni_wants_one_source_of_devices(run: Run, tmp_path: Path) -> None:
-    for args in (["--devices", tmp_path / "missing.ini"], ["--devices", "x.ini", "--rig", "simulated"]):
+    for args in (
+        ["--devices", tmp_path / "missing.ini"],
+        ["--devices", "x.ini", "--rig", "simulated"],
+        ["--devices", "x.ini", "--device", "Dev1=PCIe-6363", "--", "true"],
+    ):
         result = run("twin", "ni", *args)
+        assert "--device" in result.stderr or "missing.ini" in result.stderr
         assert result.exit_code == 2
         assert result.stderr.count("\n") == 1
-
-
-def test_importing_haploop_is_cheap_and_finds_every_name() -> None:
-    program = (
-        "import sys, haploop\n"
-        "heavy = {'numpy', 'scipy', 'h5py', 'matplotlib', 'pydantic'} & set(sys.modules)\n"
-        "assert not heavy, heavy\n"
-        "assert set(haploop.__all__) <= set(dir(haploop))\n"
-        "for name in haploop.__all__: getattr(haploop, name)\n"
-    )
-    subprocess.run([sys.executable, "-c", program], check=True, timeout=60)
 
 
 def test_an_unknown_name_is_an_attribute_error() -> None:

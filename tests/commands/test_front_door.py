@@ -44,6 +44,7 @@ WORK = {
     "experiment new": ["load_experiment", "example_names"],
     "experiment run": ["load_experiment", "Store", "open_session", "run_session", "Session"],
     "experiment simulate": ["ParticipantModel", "SimulatedParticipant", "load_participant_model"],
+    "experiment predict": ["predict_answers", "Prediction", "participant_model", "DigitalButton"],
     "experiment status": ["Store"],
     "experiment export": ["export_answers"],
     "experiment withdraw": ["Store"],
@@ -74,7 +75,7 @@ WORK = {
     "log": ["log_entries"],
     "reset": ["reset_lockout"],
     "schema": ["rig_schema"],
-    "rig new": ["look_for_hardware", "new_rig"],
+    "rig new": ["look_for_hardware", "new_rig", "new_rig_on"],
     "tape show": ["played", "recorded", "tape_rig"],
     "tape mask": ["mask"],
 }
@@ -104,7 +105,7 @@ def test_each_command_has_its_functions_in_the_front_door() -> None:
 
 @pytest.mark.parametrize("name", haploop.__all__)
 def test_each_name_of_the_front_door_is_there(name: str) -> None:
-    assert getattr(haploop, name) is not None
+    assert getattr(haploop, name) is not None and name in dir(haploop)
 
 
 def test_a_person_and_a_clock_are_in_the_front_door() -> None:
@@ -133,6 +134,7 @@ print(haploop.file_contents(str(recording.path)).values["presses_accepted"])
 """
 
 
+@pytest.mark.long
 def test_a_script_does_a_day_of_work_with_one_import(tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-c", SCRIPT], cwd=tmp_path, capture_output=True, text=True, check=False

@@ -30,6 +30,27 @@ def test_all_files_are_valid_and_name_what_was_asked_for(lab: Path) -> None:
     assert 'levels = ["click", "snap"]' in experiment.path.read_text(encoding="utf-8")
 
 
+def test_one_button_and_few_presses_need_no_experiment(run: Run, tmp_path: Path) -> None:
+    where = ("--buttons", "click", "--participants", 1, "--presses", 2, "--rig", "simulated")
+    assert run("new", tmp_path / "lab", *where).exit_code == 0
+    assert haploop.load_study(tmp_path / "lab").file.presses == 2
+    assert "experiment run" not in (tmp_path / "lab" / "README.md").read_text(encoding="utf-8")
+
+
+def test_a_rig_file_on_a_shipped_one_needs_no_answers(run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    assert run("rig", "new", path, "--base", "usb-6211").exit_code == 0
+    made = haploop.load_rig_file(path)
+    assert (made.name, made.wiring) == ("mine", "direct")
+    again = run("rig", "new", path, "--base", "usb-6211")
+    assert again.exit_code == 2 and "is not overwritten" in again.stderr
+    wrong = run("rig", "new", tmp_path / "other.toml", "--base", "nothing")
+    assert wrong.exit_code == 2 and "There is no rig 'nothing'" in wrong.stderr
+    assert not (tmp_path / "other.toml").exists()
+    own = run("rig", "new", tmp_path / "own.toml", "--base", path)
+    assert own.exit_code == 0 and haploop.load_rig_file(tmp_path / "own.toml").wiring == "direct"
+
+
 def test_each_command_of_its_readme_is_one_with_its_options(lab: Path) -> None:
     readme = (lab / "README.md").read_text(encoding="utf-8")
     told = [shlex.split(one)[1:] for one in re.findall(r"`(haploop [^`]*)`", readme)]

@@ -40,7 +40,9 @@ channel = "laser"{PICKUPS["acceleration"]}"""
 @pytest.mark.rig
 @pytest.mark.timeout(900)
 @pytest.mark.usefixtures("few_callbacks")
-@pytest.mark.parametrize("name", [*LABS, "glued"])
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.long] * (n != "voice-coil")) for n in (*LABS, "glued")]
+)
 def test_from_doctor_to_recalibration(
     name: str, mode: str, full: bool, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -66,7 +68,9 @@ def test_from_doctor_to_recalibration(
     done("record", "push", "-p", "P01", "-n", 2, *on, "--out", tmp_path)
     done("represent", recording, "--out", press)
     done("calibrate", *on, "--out", calibration)
-    assert "pass" in done("button", "make", recording, "-c", calibration, "-o", button, *on)
+    assert "pass" in done(
+        "button", "make", recording, "-c", calibration, "-o", button, "--iterations", 0, *on
+    )
     history = ("--calibrations", tmp_path / "history")
     done("calibrations", "adopt", button, "--rig", rig_file, "--reason", "first", *history)
     assert "The calibration holds" in done("recalibrate", *on, *history)

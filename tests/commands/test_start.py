@@ -21,7 +21,6 @@ from tests.exchange.conftest import Files, files
 
 __all__ = ["files"]
 
-ROOT = Path(__file__).resolve().parents[2]
 HEAVY = {"scipy", "h5py", "nidaqmx", "numpy", "matplotlib", "pydantic", "grpc", "jinja2", "serial", "pyvisa"}
 
 LOADED = """
@@ -56,16 +55,6 @@ def commands(group: click.Group = cli, path: tuple[str, ...] = ()) -> list[tuple
 def loaded_by(script: str) -> set[Any]:
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     return set(json.loads(done.stderr.splitlines()[-1]))
-
-
-@pytest.mark.parametrize("folder", [ROOT, ROOT.parent, ROOT / "tests"], ids=["clone", "above", "within"])
-def test_a_program_started_in_or_above_the_clone_finds_the_package(folder: Path) -> None:
-    """Not an empty namespace of the clone's name, whose folder the program's own folder holds."""
-    script = "import haploop; haploop.open_rig; print(haploop.__file__)"
-    done = subprocess.run(
-        [sys.executable, "-c", script], cwd=folder, capture_output=True, text=True, check=True
-    )
-    assert Path(done.stdout.strip()) == ROOT / "__init__.py"
 
 
 def test_importing_haploop_loads_nothing_heavy() -> None:

@@ -44,6 +44,7 @@ def test_no_name_is_taken_for_markup(run: Run, rig: Path, calibration: Path, tmp
     text = (study / "study.toml").read_text(encoding="utf-8").replace("presses = 10 ", "presses = 1 ")
     (study / "study.toml").write_text(text, encoding="utf-8")
     recorded = ["record", "push", "-p", "P01", "-n", 1, "-o", out, "--notes", HOSTILE, "--rig", rig]
+    said = {}
     for args in (
         recorded,
         ["show", recording],
@@ -64,8 +65,9 @@ def test_no_name_is_taken_for_markup(run: Run, rig: Path, calibration: Path, tmp
     ):
         result = run(*args)
         assert result.exit_code == 0, (args, result.stderr)
-    assert f"Notes                 {HOSTILE}" in run("show", recording).stdout
-    assert f"The rig {HOSTILE}" in run("doctor", "--rig", rig).stdout
+        said[tuple(args)] = result.stdout
+    assert f"Notes                 {HOSTILE}" in said["show", recording]
+    assert f"The rig {HOSTILE}" in said["doctor", "--rig", rig]
     for args in (recorded, ["show", tmp_path / "none [/x].h5"], ["log", "--rig", tmp_path / "[/x].toml"]):
         result = run(*args)
         assert result.exit_code == 2, args

@@ -16,8 +16,9 @@ from urllib.error import HTTPError
 import pytest
 
 from haploop.acquisition import Recording
-from haploop.console.worker import Address, WorkerHangsError, link, start_worker
+from haploop.console.worker import Address, WorkerHangsError, free_tape, link, start_worker
 from haploop.instruments import load_rig_file
+from haploop.instruments.tape import Player
 from tests.console.serving import end, served, start
 
 
@@ -163,3 +164,36 @@ def test_of_two_programs_that_start_a_worker_at_once_one_does(tmp_path, monkeypa
     finally:
         one.end()
         other.end()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows' terminate tells a server nothing")
+def test_a_console_leaves_a_tape_of_what_its_worker_did(tmp_path):
+    state, tape = tmp_path / "state", tmp_path / "day.tape"
+    options = ("--port", "0", "--simulate", "wire", "--tape", str(tape))
+    with served(tmp_path / "data", *options, state=state) as console:
+        second = [sys.executable, "-m", "haploop", "serve", "--simulate", "wire", "--tape", "other.tape"]
+        environment = {**os.environ, "HAPLOOP_STATE": str(state)}
+        refused = subprocess.run(second, env=environment, capture_output=True, text=True, check=False)
+        assert refused.returncode == 2 and "runs already, and a tape begins with it" in refused.stderr
+        console.ask("/api/command/override", {"reason": "a test"})
+        wanted = {"button": "push", "participant": "P01", "presses": 1}
+        console.ask("/api/command/start", {"kind": "record", "parameters": wanted})
+        path, until = tmp_path / "data" / "recordings" / "P01-push.h5", time.monotonic() + 120
+        while not (path.exists() and Recording.open(path).complete):
+            assert time.monotonic() < until
+            time.sleep(0.2)
+        address = next(iter((state / "simulated").glob("console-*.json")))
+    assert gone(address)
+    until = time.monotonic() + 30
+    while not (found := Player(tape)).whole:
+        assert time.monotonic() < until
+        time.sleep(0.2)
+    assert found.calls > 100
+
+
+def test_a_worker_that_follows_another_has_a_tape_of_its_own(tmp_path):
+    tape = tmp_path / "day.tape"
+    assert free_tape(None) is None and free_tape(tape) == tape
+    for name in ("day.tape", "day-2.tape"):
+        (tmp_path / name).touch()
+    assert free_tape(tape) == tmp_path / "day-3.tape"

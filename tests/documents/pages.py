@@ -1,13 +1,13 @@
 """The blocks of the documents are run: each page is a program, from its first block to its last.
 
-A page is run in an empty folder with a rig file lab.toml, which is the simulated rig's. In a block of shell a
-line that is a command of haploop and nothing else runs in this process, as starting one takes a second, and
-other lines by bash; Python runs in one namespace a page. A block that begins with a file's name in a comment
-is written into that file, and TOML without one is parsed. Comments that the site does not show:
+A page runs in an empty folder, as for somebody who copies its blocks. In a block of shell a line that is
+a command of haploop and nothing else runs in this process, as starting one takes a second, and other lines by
+bash; Python runs in one namespace a page. A block that begins with a file's name in a comment is written into
+that file, and TOML without one is parsed. Comments that the site does not show:
 
     <!-- not run: REASON -->      before a block, which is then skipped
-    <!-- before:                  commands that prepare what the next block needs, up to -->;
-                                  `before python:` likewise
+    <!-- smaller:                 edits (sed -i) of a file that the page has written, up to -->: fewer
+                                  presses, another address. What a block needs stands in the page.
 
 The pages are shared by several modules, because one worker of pytest-xdist runs a whole module.
 """
@@ -52,7 +52,7 @@ class Block(NamedTuple):
 
 FENCE = re.compile(
     r"(?:^<!-- not run: (?P<excuse>.+?) -->\n)?^```(?P<language>\w*)\n(?P<text>.*?)^```$"
-    r"|^<!-- before(?P<hidden> python)?:\n(?P<setup>.*?)^-->$",
+    r"|^<!-- smaller:\n(?P<edits>(?:sed -i [^\n;&|]*\n)+)-->$",
     re.MULTILINE | re.DOTALL,
 )
 _COMMAND = re.compile(r"haploop [^|&;<>$`()\[\]{}~?]*")
@@ -63,8 +63,8 @@ def blocks(text: str) -> list[Block]:
     found = []
     for match in FENCE.finditer(text):
         line = text[: match.start()].count("\n") + 1
-        if match["setup"] is not None:
-            found.append(Block(line, "python" if match["hidden"] else "sh", match["setup"], ""))
+        if match["edits"] is not None:
+            found.append(Block(line, "sh", match["edits"], ""))
         else:
             found.append(Block(line, match["language"], match["text"], match["excuse"] or ""))
     return found
@@ -146,7 +146,6 @@ def run_blocks(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     """Run a page from its first block to its last."""
     folder = tmp_path / "page"
     folder.mkdir()
-    (folder / "lab.toml").write_text('base = "simulated"\nname = "lab"\n', encoding="utf-8")
     monkeypatch.chdir(folder)
     monkeypatch.syspath_prepend(str(folder))
     monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import haploop
-from tests.documents.pages import ROOT, SHARES, Page, blocks, pages_of
+from tests.documents.pages import ROOT, SHARES, Page, blocks, name_of, pages_of
 
 EXAMPLE = ROOT / "examples" / "haploop-acme-relay"
 ROLES = ROOT / "examples" / "haploop-acme-thermometer"
@@ -63,9 +63,31 @@ def test_the_reference_has_each_name_once() -> None:
     assert sorted(named) == sorted(haploop.__all__)
 
 
+def test_the_reference_shows_each_name_in_use() -> None:
+    text = (ROOT / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
+    shown = re.sub(r"^::: .*$", "", text, flags=re.MULTILINE)
+    assert [name for name in haploop.__all__ if not re.search(rf"\b{name}\b", shown)] == []
+
+
 def test_each_page_is_run_once() -> None:
     shared = [page for patterns in SHARES.values() for page in pages_of(*patterns)]
     assert sorted(shared) == sorted(pages_of("README.md", "docs/**/*.md"))
+
+
+def test_no_page_needs_what_its_reader_does_not_see() -> None:
+    """A comment that the site does not show excuses a block, or makes it smaller; it prepares nothing."""
+    for page in [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")]:
+        text = page.read_text(encoding="utf-8")
+        comments = len(re.findall("<!-- ", text))
+        known = len(re.findall(r"^<!-- not run: .+ -->$", text, re.MULTILINE))
+        known += sum(one.text.startswith("sed -i ") for one in blocks(text))
+        assert comments == known, name_of(page)
+
+
+@pytest.mark.parametrize("hidden", ["haploop demo", "sed -i s/10/2/ study.toml; haploop demo"])
+def test_what_prepares_in_a_comment_is_no_block(hidden: str) -> None:
+    assert blocks(f"<!-- smaller:\n{hidden}\n-->\n") == []
+    assert [one.text for one in blocks("<!-- smaller:\nsed -i s/10/2/ study.toml\n-->\n")]
 
 
 def test_a_block_that_fails_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

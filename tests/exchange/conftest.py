@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import io
+import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +17,7 @@ from haploop.calibration import Calibration, Check, DigitalButton, Drive, Learni
 from haploop.calibration.drive.agreement import SharedPower
 from haploop.calibration.drive.checked import ThirdOctaves, Tones
 from haploop.calibration.map.measuring import map_plan, measure_map
+from haploop.exchange.columns import contained
 from tests.calibration.conftest import make_press
 
 FREQUENCIES = np.arange(40.0, 600.0, 2.0)
@@ -145,3 +149,19 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Files:
     DigitalButton(press, (calibration,), learning, check, "2026-11-22", "haploop").save(found.button)
     assert replace(press).simulated
     return found
+
+
+@pytest.fixture
+def read_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Files that libraries read are read in this process, as starting another takes half a second."""
+
+    def answered(_module: str, path: Path, *, pace: int) -> bytes:
+        said = io.BytesIO()
+        with monkeypatch.context() as patch:
+            patch.setattr(contained, "allow_memory", lambda _: None)
+            patch.setattr(sys, "argv", ["", str(path)])
+            patch.setattr(sys, "stdout", SimpleNamespace(buffer=said))
+            contained._in_child()
+        return said.getvalue()
+
+    monkeypatch.setattr(contained, "answer_of", answered)

@@ -24,6 +24,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Written:
     return Written(found.rate_hz, found.force, found.acceleration[2], found.activation, 2)
 
 
+@pytest.mark.usefixtures("read_here")
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
 def test_what_was_written_is_understood(kind: Kind, written: Written, tmp_path: Path) -> None:
     """Values, rate and presses; and what only a person can know is asked, never guessed."""
@@ -61,6 +62,7 @@ def test_what_was_written_is_understood(kind: Kind, written: Written, tmp_path: 
     assert all(one in notes for one in kind.said), notes
 
 
+@pytest.mark.usefixtures("read_here")
 @pytest.mark.parametrize("kind", [k for k in KINDS if k.name in SAVED], ids=lambda kind: kind.name)
 def test_a_mapping_is_saved_and_says_it_all(kind: Kind, written: Written, tmp_path: Path) -> None:
     path, saved = tmp_path / kind.name, tmp_path / "lab.toml"
@@ -165,6 +167,7 @@ def test_a_file_of_noise_is_one_sentence(run: Run, tmp_path: Path, suffix: str) 
     assert result.exit_code == 2 and result.stderr.count("\n") == 1 and "Traceback" not in result.output
 
 
+@pytest.mark.usefixtures("read_here")
 def test_a_sign_that_must_be_wrong_is_asked_for(written: Written, tmp_path: Path) -> None:
     path = tmp_path / "a.npz"
     np.savez(path, fs=5000, force_N=-written.force, acc=-written.acceleration)

@@ -35,12 +35,6 @@ def test_a_drive_within_every_limit_passes() -> None:
 @pytest.mark.parametrize(
     ("drive", "says"),
     [
-        (tone(60), "falls to|rises to"),
-        (tone(46), "has a peak-to-peak voltage of"),
-        (tone(44) + 0.6, "offset|starts or ends"),
-        (np.concatenate([tone(10), [8.0]]), "starts or ends"),
-        (np.concatenate([[0.0], np.tile([20.0, -20.0], 100), [0.0]]), "slews"),
-        (tone(40, duration=2.1), "lasts"),
         (np.array([0.0, np.nan, 0.0]), "nan at sample 1"),
         (np.array([0.0, np.inf, 0.0]), "inf at sample 1"),
         (np.zeros(0), "shape"),
@@ -91,13 +85,6 @@ def test_what_passes_two_limits_passes_their_union(
 def test_a_nan_limit_refuses_every_drive(limit: str) -> None:
     with pytest.raises(LimitError):
         Limits(**{limit: float("nan")}).check(tone(1), RATE_HZ)
-
-
-def test_measured_volts_are_held_against_min_max_and_peak_to_peak() -> None:
-    LIMITS.check_measured(tone(44), 1.1)
-    for measured in (tone(60), tone(30) + 30, tone(30) - 30, np.full(5, np.nan)):
-        with pytest.raises(LimitError, match="The patch got"):
-            LIMITS.check_measured(measured, 1.1)
 
 
 # By hand: 10 samples/s, 1 F; the drive begins at sample 3 with a step of 1 V and ends with one.
@@ -185,7 +172,7 @@ def test_zeros_have_any_headroom() -> None:
 def test_measured_volts_at_a_limit_are_within_it() -> None:
     limits = Limits(min=-2.0, max=3.0, peak_to_peak=5.0)
     limits.check_measured(np.array([-4.0, 6.0]), 2.0)
-    for beyond in ([-4.001, 5.0], [-3.0, 6.001]):
+    for beyond in ([-4.001, 5.0], [-3.0, 6.001], [np.nan, 0.0]):
         with pytest.raises(LimitError, match="-2 to 3 V and 5 V from peak to peak"):
             limits.check_measured(np.array(beyond), 2.0)
     with pytest.raises(LimitError):

@@ -20,6 +20,11 @@ def test_a_stock_board_says_what_it_costs() -> None:
     assert loss(accelerometer("simulated"), 263.5) is None
 
 
+def test_one_vertical_axis_needs_no_letter() -> None:
+    assert accelerometer("usb-6211").labels == (("acceleration", "m/s^2"),)
+    assert [name for name, _ in accelerometer("simulated").labels] == [f"acceleration {a}" for a in "xyz"]
+
+
 def test_supply_and_capacitor_give_what_was_not_measured() -> None:
     stated = {"channels": ("x", "y", "z"), "supply": 3.3, "capacitor": 0.1e-6}
     board = AccelerationTable.model_validate(stated).sensor()

@@ -199,6 +199,7 @@ let shownStop = null, shownJob = null, lastTurn = "", shownHeld = "";
 function drawBar(now) {
   $("rig").textContent = `Rig ${now.rig ?? ""}`;
   $("simulated").classList.toggle("hidden", !now.simulated);
+  document.body.classList.toggle("running", going(now));
   const stopped = now.stop && now.stop.number ? `${now.stop.number}${now.stop.state}` : "";
   if (stopped !== shownStop) {
     // Another tab's. One that was over before this page was opened, or since which a job runs, is no news.

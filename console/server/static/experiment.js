@@ -1,12 +1,16 @@
 // The operator conducts an experiment: chooses the session, presents each stimulus, and sees the answers.
 import { $, busy, choose, command, el, fill, get, key, newest, on, post, say, start, state } from "./console.js";
+import { naming } from "./names.js";
 
-let known = "";
+let known = "", names = {};
+const who = naming("who", "A new participant ...");
 const running = () => state && state.experiment;
 
 document.addEventListener("hello", async (event) => {
   $("participant").setAttribute("href", event.detail.participant);
   const { experiments } = await get("/api/files");
+  names = (await get("/api/names")).participants;
+  who.offer(names);
   choose($("experiment"), experiments, { first: ["There is no experiment in the data folder yet: first make one there, with ", el("code", {}, "haploop experiment new FOLDER"), "."] });
   if (running()) $("experiment").value = running().experiment;
   await show(true);
@@ -27,6 +31,7 @@ async function show(anew) {
   $("surface").classList.toggle("hidden", !found.buttons.length);
   $("consent-label").classList.toggle("hidden", !found.consent);
   if (anew) fill($("day"), el("option", { value: "" }, "the one that is due"), ...Array.from({ length: found.days }, (_, n) => el("option", { value: n + 1 }, n + 1)));
+  if (anew) who.offer({ experiment: [...new Set(found.sessions.map((one) => one.participant))], ...names });
   fill($("entries"), ...found.sessions.map((one) => el("tr", {}, el("td", {}, one.participant), el("td", {}, one.group), el("td", {}, one.session), el("td", {}, one.answers),
     el("td", {}, one.complete ? "complete" : one.due ? `due: ${one.due.block} ${one.due.trial}` : "to be sealed"), el("td", {}, one.resumed || ""))),
   ...found.withdrawn.map((one) => el("tr", {}, el("td", {}, one.participant), el("td", { colspan: "5" }, "withdrew"))));
@@ -34,7 +39,7 @@ async function show(anew) {
 
 $("form").addEventListener("submit", async (event) => {
   event.preventDefault();
-  const begun = await post("/api/experiment/begin", { experiment: $("experiment").value, participant: $("who").value, session: Number($("day").value) || null, consent: $("consent").checked });
+  const begun = await post("/api/experiment/begin", { experiment: $("experiment").value, participant: who.value(), session: Number($("day").value) || null, consent: $("consent").checked });
   $("consent").checked = false; // the next participant's is another one
   if (begun) $("next").focus();
 });

@@ -1,15 +1,18 @@
-import { $, at, el, fill, get, on } from "./console.js";
+import { $, at, el, fill, get, on, say } from "./console.js";
 
 const page = (path, name) => el("a", { href: path }, name);
 const made = (what) => ["none yet: first make one in the data folder, with ", el("code", {}, `haploop ${what} new FOLDER`)];
 
 document.addEventListener("hello", async (event) => {
   $("stop-page").setAttribute("href", event.detail.stop_page);
-  const [lab, files] = await Promise.all([get("/api/lab"), get("/api/files")]);
+  let lab, files;
+  try { [lab, files] = await Promise.all([get("/api/lab"), get("/api/files")]); } catch (error) { return say(error.message, "error"); }
+  for (const id of ["calibration", "studies", "experiments", "newest"]) $(id).classList.remove("note");
   fill($("calibration"), ...calibration(lab.calibration));
   fill($("studies"), ...(lab.studies.length ? lab.studies.map((one) => el("div", {}, page("/study", one.name), `: ${due(one)}`)) : made("study")));
   fill($("experiments"), ...(files.experiments.length ? [page("/experiment", files.experiments.join(", "))] : made("experiment")));
   fill($("newest"), newest(lab.newest));
+  return undefined;
 });
 on("state", (now) => {
   $("about-rig").textContent = `${now.rig}${now.simulated ? `, simulated (${now.mode}), in real time` : ""}`;
@@ -36,6 +39,6 @@ function due(one) {
 function newest(found) {
   if (!found.length) return el("p", {}, "none yet: first ", page("/preflight", "run the preflight"), ", then ", page("/record", "record a button"));
   const tone = (result) => (/^(pass|complete)/.test(result) ? "green" : /^fail/.test(result) ? "red" : "yellow");
-  const rows = found.map((one) => el("tr", {}, el("td", { class: "date" }, at(one.date)), el("td", {}, one.kind), el("td", {}, one.about), el("td", { class: tone(one.result) }, one.result), el("td", {}, one.file)));
-  return el("div", { class: "scroll" }, el("table", {}, el("thead", {}, el("tr", {}, ...["When", "Kind", "Of", "Result", "File"].map((name) => el("th", { scope: "col" }, name)))), el("tbody", {}, ...rows)));
+  const rows = found.map((one) => el("tr", {}, el("td", { class: "date" }, at(one.date)), el("td", {}, one.about), el("td", { class: tone(one.result) }, one.result), el("td", {}, one.kind), el("td", {}, one.file)));
+  return el("div", { class: "scroll" }, el("table", {}, el("thead", {}, el("tr", {}, ...["When", "Of", "Result", "Kind", "File"].map((name) => el("th", { scope: "col" }, name)))), el("tbody", {}, ...rows)));
 }

@@ -28,7 +28,7 @@ from .teds import sensed
 __all__ = ["ATTRIBUTE_CALL", "serve"]
 
 ATTRIBUTE_CALL = re.compile(
-    r"(?P<verb>Get|Set|Reset)(?P<kind>Chan|Timing|Trig|Read|Write|Buffer|ExportedSignal|Device|PhysicalChan"
+    r"(?P<verb>Get|Set|Reset)(?P<kind>Chan|Timing|Trig|RealTime|Read|Write|Buffer|ExportedSignal|Device|PhysicalChan"
     r"|SystemInfo|Task|Scale|PersistedScale|PersistedTask|PersistedChan|CalInfo|Watchdog)Attribute(?P<ex>Ex)?(?P<type>\w*)"
 )
 """Pattern of the names of the calls that `serve` handles."""
@@ -197,7 +197,7 @@ def _fact(system: NiSystem, kind: str, name: str, request: Any) -> Any:
         if (known := system.upkeep.get((channel, name))) is not None:
             return known
         if "_TEDS_" in name:
-            return sensed(system, channel, name)
+            return sensed(system.teds, channel, name)
         if name in CHANNEL_FACTS:
             return CHANNEL_FACTS[name](device, tail)
     elif name in SYSTEM_FACTS:

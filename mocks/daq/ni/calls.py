@@ -22,12 +22,11 @@ from .errors import DaqmxError, DAQmxErrors, error_string
 from .fields import field
 from .keeping import KEEPING
 from .power_calls import POWER
-from .signalling import glimpse
 from .storage import STORAGE
 from .system import NiSystem
 from .tasks import Task
 from .tdms import log
-from .teds import TEDS
+from .teds_calls import TEDS
 from .transfers import TRANSFERS
 from .upkeep import UPKEEP
 
@@ -238,7 +237,7 @@ def _wait_until_done(system: NiSystem, request: Any, alive: Alive) -> None:
     def due() -> float | None:
         if task.kind != "co" and task.total is None:
             return None
-        return glimpse(system, task) or task.ready((task.total or 1) + task.late)
+        return system.glimpse(task) or task.ready((task.total or 1) + task.late)
 
     if not system.wait(lambda: task.done(system.clock.now()), due, request.time_to_wait, alive):
         raise DaqmxError(

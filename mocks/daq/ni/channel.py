@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -10,18 +11,26 @@ import numpy as np
 from ....instruments.arrays import FloatArray
 from ..converter import code_width
 from ..products import Product, input_range
-from .counting import timebase_of
 from .devices import NiDevice
 from .errors import DaqmxError, DAQmxErrors
 from .measurements import measured_scale
 from .scales import Scale
 
-__all__ = ["TIMEBASE_HZ", "Channel", "Kind", "counter_timebase"]
+__all__ = ["TIMEBASE_HZ", "Channel", "Kind", "counter_timebase", "default_terminal", "timebase_of"]
 
 Kind = Literal["ai", "ao", "di", "do", "ci", "co"]
 
 TIMEBASE_HZ = {"E Series": 20e6, "M Series": 80e6, "X Series": 100e6, "Digital I/O": 100e6, "C Series": 80e6}
 """Timebase of the sample clocks, by family (X Series from its manual, others estimates)."""
+
+_SOCKETS = {
+    0: {"source": "PFI8", "gate": "PFI9", "aux": "PFI10"},
+    1: {"source": "PFI3", "gate": "PFI4", "aux": "PFI11"},
+    2: {"source": "PFI0", "gate": "PFI1", "aux": "PFI2"},
+    3: {"source": "PFI5", "gate": "PFI6", "aux": "PFI7"},
+}
+"""Terminals of the inputs of counters 0 to 3 (X Series manual, chapter 7; M Series has the first two)."""
+_PER = {"": 1.0, "k": 1e3, "M": 1e6}
 
 
 def counter_timebase(family: str) -> float:
@@ -54,7 +63,7 @@ class Channel:
     @property
     def rows(self) -> int:
         """Number of rows that it has among a task's samples: a line each, and two of a counter."""
-        return 2 if self.kind in ("ci", "co") else len(self.physical)
+        return {"ai": 1, "ci": 2, "co": 2}.get(self.kind, len(self.physical))
 
     @property
     def product(self) -> Product:
@@ -133,3 +142,16 @@ class Channel:
         if self.kind == "ao":
             return self.product.ao_range / 2.0 ** (self.product.ao_bits - 1)
         return float(code_width(self.product, np.array(self.full_scale)))
+
+
+def default_terminal(channel: Channel, socket: str) -> str:
+    """Name of the terminal that an input of a channel's counter has unless a program sets another."""
+    number = int(re.sub(r"\D", "", channel.physical[0])) % 4
+    return f"/{channel.device.name}/{_SOCKETS[number][socket]}"
+
+
+def timebase_of(channel: Channel, fallback_hz: float) -> float:
+    """Frequency of the timebase of a channel's counter (Hz)."""
+    source = str(channel.values.get(f"{channel.kind.upper()}_CTR_TIMEBASE_SRC", ""))
+    found = re.search(r"(\d+)([kM]?)HzTimebase", source, re.IGNORECASE)
+    return float(found[1]) * _PER[found[2]] if found else fallback_hz

@@ -144,7 +144,7 @@ def _analog_input(call: str) -> Callable[[NiSystem, Any], None]:
                     is_list = hasattr(value, "__len__") and not isinstance(value, str)
                     values[property_] = list(value) if is_list else value
             if teds:
-                values |= teds_values(system, device, tail, row, values)
+                values |= teds_values(system.teds, f"{device.name}/{tail}", row, values)
             if values.get("AI_CURRENT_SHUNT_LOC") == CurrentShuntResistorLocation.LET_DRIVER_CHOOSE.value:
                 inside = tail == "dmm"
                 where_ = (
@@ -153,12 +153,33 @@ def _analog_input(call: str) -> Callable[[NiSystem, Any], None]:
                 values["AI_CURRENT_SHUNT_LOC"] = where_.value
             refuse_input(device, tail, values)
             scale = _scale(system, values["AI_CUSTOM_SCALE_NAME"])
-            made.append(Channel(name, "ai", device, (tail,), values, custom=scale))
+            physical: tuple[str, ...] = (tail,)
+            if row.usage is UsageTypeAI.CALCULATED_POWER:
+                physical += (_shunt(system, device, request.current_physical_channel),)
+                products = [
+                    values[f"AI_CALCULATED_POWER_VOLTAGE_{u}"] * values[f"AI_CALCULATED_POWER_CURRENT_{i}"]
+                    for u in ("MIN", "MAX")
+                    for i in ("MIN", "MAX")
+                ]
+                values["AI_MIN"], values["AI_MAX"] = min(products), max(products)
+            made.append(Channel(name, "ai", device, physical, values, custom=scale))
         if row.usage is UsageTypeAI.ROSETTE_STRAIN_GAGE:
             made = _rosette(task, request, made)
         add(task, made)
 
     return create
+
+
+def _shunt(system: NiSystem, device: NiDevice, where: str) -> str:
+    """Return the input of `device` at whose shunt a calculated power's current is measured."""
+    found = list(system.inventory.resolve(where))
+    if len(found) != 1 or found[0][0] != device or f"{device.name}/{found[0][1]}" not in device.ai:
+        raise DaqmxError(
+            DAQmxErrors.PHYSICAL_CHAN_DOES_NOT_EXIST,
+            f"Physical channel specified does not exist on this device: {where!r} is not one analog input of "
+            f"{device.name}, which measures the voltage.",
+        )
+    return found[0][1]
 
 
 def _sensor(row: Measurement) -> dict[str, str]:

@@ -10,8 +10,7 @@ from nidaqmx._stubs import nidaqmx_pb2 as pb
 from nidaqmx.constants import FillMode
 
 from ....instruments.arrays import FloatArray
-from .channel import Channel
-from .counting import timebase_of
+from .channel import Channel, timebase_of
 from .errors import DaqmxError, DAQmxErrors
 from .fields import field
 from .signalling import change_pulses
@@ -174,7 +173,7 @@ def _put(system: NiSystem, task: Task, name: str, rows: list[FloatArray], auto_s
         )
     task.written += high.shape[1]
     if task.running:
-        change_pulses(system, task, high, low)
+        change_pulses(system.terminals, task, system.clock.now(), (high, low))
     else:
         task.pulses = (high, low)
         if auto_start:

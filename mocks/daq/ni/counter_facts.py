@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 from nidaqmx.constants import Level
 
-from .channel import Channel, counter_timebase
+from .channel import Channel, counter_timebase, default_terminal, timebase_of
 from .counters import INPUTS
-from .counting import default_terminal, timebase_of
 from .system import NiSystem
 from .tasks import Task
 

@@ -8,9 +8,8 @@ displacement.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from nidaqmx.constants import (
@@ -25,13 +24,11 @@ from nidaqmx.constants import (
 )
 
 from ....instruments.arrays import FloatArray
+from .channel import Channel, default_terminal, timebase_of
 from .counters import INPUTS
 from .pulses import Transitions
 
-if TYPE_CHECKING:
-    from .channel import Channel
-
-__all__ = ["Meter", "default_terminal", "timebase_of"]
+__all__ = ["Meter"]
 
 U = UsageTypeCI
 
@@ -49,14 +46,6 @@ class Signals(Protocol):
         """Return what a plant says is the count of a channel's counter at times (s), or None."""
 
 
-_SOCKETS = {
-    0: {"source": "PFI8", "gate": "PFI9", "aux": "PFI10"},
-    1: {"source": "PFI3", "gate": "PFI4", "aux": "PFI11"},
-    2: {"source": "PFI0", "gate": "PFI1", "aux": "PFI2"},
-    3: {"source": "PFI5", "gate": "PFI6", "aux": "PFI7"},
-}
-"""Terminals of the inputs of counters 0 to 3 (X Series manual, chapter 7; M Series has the first two)."""
-_PER = {"": 1.0, "k": 1e3, "M": 1e6}
 _COUNTS = (U.COUNT_EDGES.value, U.POSITION_ANGULAR_ENCODER.value, U.POSITION_LINEAR_ENCODER.value)
 _PAIRS = (U.PULSE_FREQ.value, U.PULSE_TIME.value, U.PULSE_TICKS.value, U.DUTY_CYCLE.value)
 _VELOCITIES = (U.VELOCITY_ANGULAR_ENCODER.value, U.VELOCITY_LINEAR_ENCODER.value)
@@ -71,19 +60,6 @@ _WHOLE_TURN = {
     AngularVelocityUnits.DEGREES_PER_SECOND.value: 360.0,
 }
 """One turn, or one turn a second, in NI's units."""
-
-
-def default_terminal(channel: Channel, socket: str) -> str:
-    """Name of the terminal that an input of a channel's counter has unless a program sets another."""
-    number = int(re.sub(r"\D", "", channel.physical[0])) % 4
-    return f"/{channel.device.name}/{_SOCKETS[number][socket]}"
-
-
-def timebase_of(channel: Channel, fallback_hz: float) -> float:
-    """Frequency of the timebase of a channel's counter (Hz)."""
-    source = str(channel.values.get(f"{channel.kind.upper()}_CTR_TIMEBASE_SRC", ""))
-    found = re.search(r"(\d+)([kM]?)HzTimebase", source, re.IGNORECASE)
-    return float(found[1]) * _PER[found[2]] if found else fallback_hz
 
 
 class Meter:

@@ -13,7 +13,6 @@ __all__ = ["default_value"]
 _ZERO: dict[str, Any] = {
     "Bool": False,
     "Double": 0.0,
-    "Int32": 0,
     "UInt32": 0,
     "UInt64": 0,
     "String": "",
@@ -35,19 +34,22 @@ _DEFAULTS: list[tuple[str, str, Any]] = [
     ("Read", "LOGGING_MODE", c.LoggingMode.OFF.value),
     ("Read", "LOGGING_TDMS_OPERATION", c.LoggingOperation.OPEN_OR_CREATE.value),
     ("Read", "LOGGING_.*", None),
-    ("Read|Write", r"\w*_EXIST", False),
+    ("Read|Write", r"\w*_EXIST|CHANGE_DETECT_HAS_OVERFLOWED|\w*_REMOVAL_DETECTED", False),
     ("Read|Write", r"\w*_CHANS", ""),
     ("Write", "REGEN_MODE", c.RegenerationMode.ALLOW_REGENERATION.value),
     ("Write", "RELATIVE_TO", c.WriteRelativeTo.CURRENT_WRITE_POSITION.value),
     ("Write", "NEXT_WRITE_IS_LAST", False),
     ("Timing", "SAMP_TIMING_TYPE", c.SampleTimingType.ON_DEMAND.value),
     ("Timing", "SAMP_QUANT_SAMP_MODE", c.AcquisitionType.CONTINUOUS.value),
-    ("Timing", "SAMP_CLK_ACTIVE_EDGE|AI_CONV_ACTIVE_EDGE", c.Edge.RISING.value),
+    ("Timing", "SAMP_CLK_ACTIVE_EDGE|SAMP_CLK_TIMEBASE_ACTIVE_EDGE|AI_CONV_ACTIVE_EDGE", c.Edge.RISING.value),
+    ("Timing", "SAMP_CLK_UNDERFLOW_BEHAVIOR", c.UnderflowBehavior.HALT_OUTPUT_AND_ERROR.value),
+    ("Timing", "DELAY_FROM_SAMP_CLK_DELAY_UNITS", c.DigitalWidthUnits.SECONDS.value),
     ("Timing", r"\w*TIMESCALE", c.Timescale.USE_HOST.value),
     ("Timing", "FIRST_SAMP_TIMESTAMP_ENABLE", True),
     ("Timing", r"ON_DEMAND_SIMULTANEOUS_AO_ENABLE|\w*DIG_FLTR\w*|\w*DIG_SYNC\w*|DELAY_FROM\w*", None),
     ("Timing", r"REF_CLK_SRC|CHANGE_DETECT\w*|SYNC_\w*|FIRST_SAMP_CLK\w*", None),
     ("Trig", r"(START|REF|PAUSE|ARM_START|ADV|HSHK)_TRIG_TYPE", c.TriggerType.NONE.value),
+    ("Trig", "TRIGGER_SYNC_TYPE", c.SyncType.NONE.value),
     ("Trig", r"DIG_EDGE_\w*_EDGE", c.Edge.RISING.value),
     ("Trig", r"\w*_SLOPE", c.Slope.RISING.value),
     ("Trig", "REF_TRIG_PRETRIG_SAMPLES", 2),
@@ -56,6 +58,8 @@ _DEFAULTS: list[tuple[str, str, Any]] = [
     ("Trig", r"DIG_LVL_PAUSE_TRIG_WHEN", c.Level.HIGH.value),
     ("Trig", r"START_TRIG_DELAY_UNITS", c.DigitalWidthUnits.SAMPLE_CLOCK_PERIODS.value),
     ("Trig", r"(?!.*(WHEN|TYPE)$)\w*|START_TRIG_TRIG_WHEN|ARM_START_TRIG_TRIG_WHEN", None),
+    ("RealTime", "WAIT_FOR_NEXT_SAMP_CLK_WAIT_MODE", c.WaitMode.WAIT_FOR_INTERRUPT.value),
+    ("RealTime", r"\w*", None),
     ("ExportedSignal", r"\w*_OUTPUT_TERM|\w*_ENABLE|\w*_DELAY|\w*_DELAY_OFFSET|\w*_PULSE_WIDTH", None),
     ("ExportedSignal", r"\w*_PULSE_POLARITY", c.Polarity.ACTIVE_HIGH.value),
     ("ExportedSignal", r"\w*_ACTIVE_LVL", c.Polarity.ACTIVE_HIGH.value),
@@ -66,6 +70,22 @@ _DEFAULTS: list[tuple[str, str, Any]] = [
     ("Chan", "AI_DATA_XFER_MECH|AO_DATA_XFER_MECH", c.DataTransferActiveTransferMode.DMA.value),
     ("Chan", "AI_LOSSY_LSB_REMOVAL_COMPRESSED_SAMP_SIZE", 16),
     ("Chan", "AI_EXCIT_USE_FOR_SCALING", False),
+    ("Chan", "AI_EXCIT_SRC", c.ExcitationSource.NONE.value),
+    ("Chan", "AI_AUTO_ZERO_MODE", c.AutoZeroType.NONE.value),
+    ("Chan", "AI_RAW_DATA_COMPRESSION_TYPE", c.RawDataCompressionType.NONE.value),
+    ("Chan", "(AI|CI)_DATA_XFER_REQ_COND", c.InputDataTransferCondition.ON_BOARD_MEMORY_NOT_EMPTY.value),
+    (
+        "Chan",
+        "(AO|CO)_DATA_XFER_REQ_COND",
+        c.OutputDataTransferCondition.ON_BOARD_MEMORY_LESS_THAN_FULL.value,
+    ),
+    ("Chan", "(CI|CO)_DATA_XFER_MECH", c.DataTransferActiveTransferMode.DMA.value),
+    ("Chan", r"CI_\w*_LOGIC_LVL_BEHAVIOR", c.LogicLvlBehavior.NONE.value),
+    ("Chan", "(CI|CO)_CTR_TIMEBASE_DIG_FLTR_TIMEBASE_SRC", "100MHzTimebase"),
+    ("Chan", "CI_COUNT_EDGES_GATE_WHEN", c.Level.LOW.value),
+    ("Chan", "CI_COUNT_EDGES_COUNT_RESET_ACTIVE_EDGE", c.Edge.RISING.value),
+    ("Chan", "PWR_IDLE_OUTPUT_BEHAVIOR", c.PowerIdleOutputBehavior.MAINTAIN_EXISTING_VALUE.value),
+    ("Chan", "PWR_REMOTE_SENSE", c.Sense.LOCAL.value),
     ("Chan", r"AI_BRIDGE_(POLY|TABLE)_\w*|AI_BRIDGE_INITIAL_\w*|AI_ROSETTE_\w*", None),
     ("Chan", r"(CI|CO)_\w*(DIG_FLTR|DIG_SYNC|LOGIC_LVL|COUNT_RESET|GATE|HYST|THRESH|PRESCALER)\w*", None),
     ("Chan", r"(CI|CO)_\w*(MEM_MAP|DUP|AUTO_INCR|ENABLE|DATA_XFER|USB_XFER|TC_REACHED|OVERRUN)\w*", None),
@@ -108,12 +128,15 @@ _DEFAULTS: list[tuple[str, str, Any]] = [
     ("Chan", r"CI_\w*_TERM", ""),
     ("Chan", "DI_LOGIC_FAMILY|DO_LOGIC_FAMILY", c.LogicFamily.FIVE_V.value),
 ]
-"""(kind of property, pattern of its name, value); None means zero, empty or false. The first match counts."""
+"""(kind of property, pattern of its name, value); None means zero, empty or false. The first match counts.
+
+An Int32 is one of an enumeration's values, which 0 hardly ever is: without a value it has no default.
+"""
 
 
 def default_value(kind: str, type_: str, name: str) -> Any:
     """Return the default of property `name` of a `kind`, in the type of calls `type_`; None if unknown."""
     for kinds, pattern, value in _DEFAULTS:
         if kind in kinds.split("|") and re.fullmatch(pattern, name):
-            return _ZERO[type_] if value is None else value
+            return _ZERO.get(type_) if value is None else value
     return None

@@ -12,6 +12,7 @@ from typing import Any
 from nidaqmx import constants as c
 
 from .devices import Inventory, NiDevice
+from .errors import DaqmxError, DAQmxErrors
 from .system import NiSystem
 
 __all__ = ["CHANNEL_FACTS", "DEVICE_FACTS", "SYSTEM_FACTS"]
@@ -226,6 +227,11 @@ def _term_configs(device: NiDevice, tail: str) -> int:
 
 
 def _port_width(device: NiDevice, tail: str) -> int:
+    if not tail.startswith("port"):
+        raise DaqmxError(
+            DAQmxErrors.ATTR_NOT_SUPPORTED,
+            f"Specified property is not supported: {device.name}/{tail} is not a digital port.",
+        )
     return int(device.product.ports[int(tail.partition("/")[0].removeprefix("port"))])
 
 
@@ -240,7 +246,10 @@ CHANNEL_FACTS: dict[str, Callable[[NiDevice, str], Any]] = {
     "PHYSICAL_CHAN_AO_SUPPORTED_OUTPUT_TYPES": lambda d, p: [c.UsageTypeAO.VOLTAGE.value],
     "PHYSICAL_CHAN_CI_SUPPORTED_MEAS_TYPES": lambda d, p: _counted(d),
     "PHYSICAL_CHAN_CO_SUPPORTED_OUTPUT_TYPES": lambda d, p: [kind.value for kind in c.UsageTypeCO],
-    "PHYSICAL_CHAN_AO_SUPPORTED_POWER_UP_OUTPUT_TYPES": lambda d, p: [0, 2],
+    "PHYSICAL_CHAN_AO_SUPPORTED_POWER_UP_OUTPUT_TYPES": lambda d, p: [
+        c.AOPowerUpOutputBehavior.VOLTAGE.value,
+        c.AOPowerUpOutputBehavior.HIGH_IMPEDANCE.value,
+    ],
     "PHYSICAL_CHAN_AO_MANUAL_CONTROL_ENABLE": lambda d, p: False,
     "PHYSICAL_CHAN_AO_MANUAL_CONTROL_SHORT_DETECTED": lambda d, p: False,
     "PHYSICAL_CHAN_DIG_PORT_LOGIC_FAMILY": lambda d, p: c.LogicFamily.FIVE_V.value,

@@ -128,6 +128,10 @@ def _volts(system: NiSystem, task: Task, times: list[FloatArray], index: Any) ->
     rows, nodes = [], []
     for row, channel in enumerate(task.channels):
         name = channel.physical[0]
+        if len(channel.physical) > 1:
+            driven[row] = False
+            volts[row] = _power(system, channel, times[row], _sine(channel, row, index))
+            continue
         node = system.wiring.get(f"{channel.device.name}/{name}")
         if name.startswith("_ao"):
             output = f"{channel.device.name}/{name[1:].split('_')[0]}"
@@ -144,6 +148,16 @@ def _volts(system: NiSystem, task: Task, times: list[FloatArray], index: Any) ->
         except SamplesLost as lost:
             raise DaqmxError(DAQmxErrors(LOST[lost.how]), str(lost), read=0) from None
     return volts, driven
+
+
+def _power(system: NiSystem, channel: Channel, times: FloatArray, undriven: FloatArray) -> FloatArray:
+    """Return the power (W) of the volts at a channel's first input and at the shunt on its second."""
+    nodes = [system.wiring.get(f"{channel.device.name}/{name}") for name in channel.physical]
+    shunt = channel.values.get("AI_CURRENT_SHUNT_RESISTANCE")
+    if system.nodes is None or not shunt or any(node is None for node in nodes):
+        return undriven
+    volts, dropped = system.nodes.read([str(node) for node in nodes], np.array([times, times]))
+    return np.asarray(volts * dropped / shunt)
 
 
 def _sine(channel: Channel, row: int, index: Any) -> FloatArray:

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
 from ....instruments.arrays import BoolArray, FloatArray
+from ...plant import Nodes
+from .channel import Channel
 from .pulses import PulseTrain, Transitions, sampled, ticking
-
-if TYPE_CHECKING:
-    from .channel import Channel
-    from .system import NiSystem
+from .terminals import OutputTerminal
 
 __all__ = ["Terminals"]
 
@@ -26,10 +24,20 @@ _MOST = 1_000_000
 
 
 class Terminals:
-    """The digital signals of a system, by terminal ("/Dev1/PFI0")."""
+    """The digital signals of a system, by terminal ("/Dev1/PFI0").
 
-    def __init__(self, system: NiSystem) -> None:
-        self._system = system
+    `wiring` names the node of `nodes` at a terminal, and `clock` gives the rate (Hz) and the first edge (s)
+    of the sample clock at one, or None.
+    """
+
+    def __init__(
+        self,
+        wiring: Mapping[str, str],
+        nodes: Nodes | None,
+        outputs: Mapping[str, OutputTerminal],
+        clock: Callable[[str], tuple[float, float] | None],
+    ) -> None:
+        self._wiring, self._nodes, self._outputs, self._clock = wiring, nodes, outputs, clock
         self._trains: dict[str, list[PulseTrain]] = {}
         self._routes: dict[str, str] = {}
 
@@ -55,10 +63,10 @@ class Terminals:
         name = terminal.lstrip("/")
         return (
             terminal.lower() in self._trains
-            or name in self._system.wiring
+            or name in self._wiring
             or _TIMEBASE.search(terminal) is not None
             or self._clock(terminal) is not None
-            or (name in self._system.outputs and self._system.outputs[name].driven)
+            or (name in self._outputs and self._outputs[name].driven)
         )
 
     def look(self, terminal: str, begin: float, end: float) -> Transitions:
@@ -76,34 +84,22 @@ class Terminals:
             rate_hz, start = clock
             return ticking(rate_hz, max(begin, start - 0.25 / rate_hz), end, start)
         name = terminal.lstrip("/")
-        if name in self._system.wiring and self._system.nodes is not None:
+        if name in self._wiring and self._nodes is not None:
             return sampled(self._node(name), begin, end)
-        if name in self._system.outputs:
-            output = self._system.outputs[name]
+        if name in self._outputs:
+            output = self._outputs[name]
             return sampled(lambda times: np.asarray(output.at(times) > _HIGH), begin, end)
         return Transitions(np.zeros(0), np.zeros(0, dtype=np.bool_))
 
     def node(self, channel: Channel) -> Callable[[FloatArray], FloatArray] | None:
         """Return what a plant says is the count of a channel's counter at times (s), or None."""
-        nodes, name = self._system.nodes, f"{channel.device.name}/{channel.physical[0]}"
-        node = self._system.wiring.get(name)
+        nodes, name = self._nodes, f"{channel.device.name}/{channel.physical[0]}"
+        node = self._wiring.get(name)
         if node is None or nodes is None:
             return None
         return lambda times: np.asarray(nodes.read([node], times[np.newaxis])[0])
 
     def _node(self, name: str) -> Callable[[FloatArray], BoolArray]:
-        node, nodes = self._system.wiring[name], self._system.nodes
+        node, nodes = self._wiring[name], self._nodes
         assert nodes is not None, "asked for a wired terminal only"
         return lambda times: np.asarray(nodes.read([node], times[np.newaxis])[0] > _HIGH)
-
-    def _clock(self, terminal: str) -> tuple[float, float] | None:
-        """Rate (Hz) and first edge (s) of a running task's sample clock at `terminal`, or None."""
-        if not terminal.lower().endswith("/sampleclock"):
-            return None
-        running = (
-            task for task in self._system.tasks.values() if task.channels and task.running and task.timed
-        )
-        for task in running:
-            if task.kind != "co" and task.clock.start is not None and terminal in self._system.emits(task):
-                return task.clock.rate_hz, task.clock.start
-        return None

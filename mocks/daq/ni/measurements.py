@@ -8,14 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
+import numpy as np
 from nidaqmx.constants import (
     AccelSensitivityUnits,
     AccelUnits,
     BridgeElectricalUnits,
     ForceIEPESensorSensitivityUnits,
     ForceUnits,
+    RTDType,
+    TemperatureUnits,
     UsageTypeAI,
     VelocityIEPESensorSensitivityUnits,
     VelocityUnits,
@@ -126,6 +130,10 @@ FIELDS: dict[str, str] = {
     "hysteresis": "AI_FREQ_HYST",
     "mic_sensitivity": "AI_MICROPHONE_SENSITIVITY",
     "max_snd_press_level": "AI_SOUND_PRESSURE_MAX_SOUND_PRESSURE_LVL",
+    "voltage_min_val": "AI_CALCULATED_POWER_VOLTAGE_MIN",
+    "voltage_max_val": "AI_CALCULATED_POWER_VOLTAGE_MAX",
+    "current_min_val": "AI_CALCULATED_POWER_CURRENT_MIN",
+    "current_max_val": "AI_CALCULATED_POWER_CURRENT_MAX",
     "voltage_setpoint": "PWR_VOLTAGE_SETPOINT",
     "current_setpoint": "PWR_CURRENT_SETPOINT",
     "output_enable": "PWR_OUTPUT_ENABLE",
@@ -156,19 +164,42 @@ _VOLTS_PER: dict[int, float] = {
 """Volts per g, N or m/s of a sensitivity of 1 in a unit."""
 
 
+_PLATINUM: dict[int, tuple[float, float, float]] = {
+    RTDType.PT_3750.value: (3.81e-3, -6.02e-7, -6.0e-12),
+    RTDType.PT_3851.value: (3.9083e-3, -5.775e-7, -4.183e-12),
+    RTDType.PT_3911.value: (3.9692e-3, -5.8495e-7, -4.233e-12),
+    RTDType.PT_3916.value: (3.9739e-3, -5.870e-7, -4.4e-12),
+    RTDType.PT_3920.value: (3.9787e-3, -5.8686e-7, -4.167e-12),
+    RTDType.PT_3928.value: (3.9888e-3, -5.915e-7, -3.85e-12),
+}
+"""A, B and C of the Callendar-Van Dusen equation by type of thermometer (NI-DAQmx help, "RTDs")."""
+_CUSTOM = (3.81e-3, -6.02e-7, -6.0e-12)
+"""Those of a custom type before a program sets them."""
+_DEGREES: dict[int, tuple[float, float]] = {
+    TemperatureUnits.DEG_C.value: (1.0, 0.0),
+    TemperatureUnits.K.value: (1.0, 273.15),
+    TemperatureUnits.DEG_F.value: (1.8, 32.0),
+    TemperatureUnits.DEG_R.value: (1.8, 491.67),
+}
+"""Factor and zero of a unit, from degrees Celsius."""
+
+
 def measured_scale(values: Mapping[str, Any]) -> Scale | None:
     """Return the scale from volts at the terminal to the units of a channel with the properties `values`.
 
-    None where it reports volts, or where the measurement has no scale here (temperature, resistance, strain,
-    position, frequency): such a channel shows its simulated signal in its own units.
+    None where it reports volts, or where the measurement has no scale here (thermocouples, thermistors,
+    strain, position, frequency): such a channel shows its simulated signal in its own units.
     """
     usage = values.get("AI_MEAS_TYPE")
     row = next((m for m in MEASUREMENTS.values() if m.usage.value == usage and m.sensor), None)
     if row is not None and values.get(f"{row.sensor}_SENSITIVITY_UNITS") in _VOLTS_PER:
         volts = values[f"{row.sensor}_SENSITIVITY"] * _VOLTS_PER[values[f"{row.sensor}_SENSITIVITY_UNITS"]]
         return linear(_PER.get(values.get(row.units, 0), 1.0) / volts, 0.0) if volts else None
+    if usage == U.TEMPERATURE_RTD.value:
+        return _thermometer(values)
     divisors = {
         U.CURRENT.value: values.get("AI_CURRENT_SHUNT_RESISTANCE"),
+        U.RESISTANCE.value: values.get("AI_EXCIT_VAL"),
         U.SOUND_PRESSURE_MICROPHONE.value: values.get("AI_MICROPHONE_SENSITIVITY", 0.0) / 1e3,
     }
     if divisors.get(usage or 0):
@@ -180,6 +211,27 @@ def measured_scale(values: Mapping[str, Any]) -> Scale | None:
     milli = BridgeElectricalUnits.MILLIVOLTS_PER_VOLT.value in units
     ratio = (1e3 if milli else 1.0) / excitation
     return linear(ratio, 0.0) if usage == U.BRIDGE.value else _physical(values, ratio)
+
+
+def _thermometer(values: Mapping[str, Any]) -> Scale | None:
+    """Return the scale of a resistance thermometer (RTD) whose current is known."""
+    current, resistance = values.get("AI_EXCIT_VAL"), values.get("AI_RTD_R0")
+    if not current or not resistance:
+        return None
+    custom = tuple(values.get(f"AI_RTD_{name}", own) for name, own in zip("ABC", _CUSTOM, strict=True))
+    law = _PLATINUM.get(values.get("AI_RTD_TYPE", 0), custom)
+    return _callendar(current * resistance, law, values.get("AI_TEMP_UNITS", 0))
+
+
+@lru_cache(maxsize=64)
+def _callendar(volts_at_zero: float, law: tuple[float, ...], units: int) -> Scale:
+    """Return the scale of a thermometer that drops `volts_at_zero` at 0 degrees Celsius, by degrees."""
+    a, b, c = law
+    celsius = np.arange(-200.0, 851.0)
+    below = np.where(celsius < 0, c * (celsius - 100) * celsius**3, 0.0)
+    volts = volts_at_zero * (1 + a * celsius + b * celsius**2 + below)
+    factor, zero = _DEGREES.get(units, (1.0, 0.0))
+    return tabulated(volts.tolist(), (celsius * factor + zero).tolist())
 
 
 def _physical(values: Mapping[str, Any], ratio: float) -> Scale | None:

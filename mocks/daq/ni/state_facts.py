@@ -36,7 +36,9 @@ def _limit(sign: int) -> Callable[[Channel], float]:
         )
         if name not in channel.values:
             raise DaqmxError(missing, f"{name} of {channel.name!r} was reset and has not been set since.")
-        if channel.values.get("AI_MEAS_TYPE_NAME") != "VOLTAGE" or channel.values.get("AI_IS_TEDS"):
+        kind = channel.values.get("AI_MEAS_TYPE_NAME")
+        in_degrees = kind == "TEMPERATURE_RTD" and sign > 0
+        if (kind != "VOLTAGE" or channel.values.get("AI_IS_TEDS")) and not in_degrees:
             return channel.high if sign > 0 else channel.low
         # The driver reports the limits of the range that it chose, which contains the requested one.
         ends = np.array([-channel.full_scale, channel.full_scale])
@@ -66,6 +68,13 @@ CHANNEL_STATE: dict[str, Callable[[Channel], Any]] = {
     "AI_RESOLUTION": lambda ch: float(ch.product.ai_bits),
     "AI_RAW_SAMP_SIZE": lambda ch: 16 if ch.product.ai_bits <= 16 else 32,
     "AI_EXCIT_ACTUAL_VAL": lambda ch: ch.values.get("AI_EXCIT_VAL", 0.0),
+    "PWR_OUTPUT_STATE": lambda ch: (
+        (
+            c.PowerOutputState.CONSTANT_VOLTAGE
+            if ch.values.get("PWR_OUTPUT_ENABLE")
+            else c.PowerOutputState.OUTPUT_DISABLED
+        ).value
+    ),
     "PWR_VOLTAGE_DEV_SCALING_COEFF": lambda ch: [0.0, 1 / 4096],
     "PWR_CURRENT_DEV_SCALING_COEFF": lambda ch: [0.0, 1 / 8192],
     "AI_INPUT_SRC": lambda ch: ch.values.get("AI_INPUT_SRC", "_external_channel"),

@@ -19,7 +19,7 @@ from ..converter import STOPPED, noise_of
 from .devices import Inventory, NiDevice
 from .errors import DaqmxError, DAQmxErrors, error_string
 from .looking import Terminals
-from .signalling import begin_measuring, begin_pulses, reference_terminal
+from .signalling import begin_measuring, begin_pulses, glimpse, reference_terminal
 from .tasks import State, Task
 from .teds import Teds
 from .terminals import OutputTerminal, Timebase
@@ -68,7 +68,7 @@ class NiSystem:
             for device in inventory.devices.values()
             for name in (*device.ao, *device.lines)
         }
-        self.terminals = Terminals(self)
+        self.terminals = Terminals(self.wiring, nodes, self.outputs, self._clock_at)
         self._reserved: dict[tuple[str, str], Task] = {}
         self._injected: dict[str, DAQmxErrors] = {}
         self._failing: dict[str, DAQmxErrors] = {}
@@ -357,6 +357,10 @@ class NiSystem:
             )
         return terminal
 
+    def glimpse(self, task: Task) -> float | None:
+        """Time to look again at a task whose next sample the signals decide (s); None for another."""
+        return glimpse(self.inventory, self.terminals, task, self.clock.now())
+
     def emits(self, task: Task) -> set[str]:
         """Return the terminals that a running task drives."""
         names = {task.device.name, task.device.chassis or task.device.name}
@@ -368,6 +372,16 @@ class NiSystem:
         return {
             f"/{name}/{task.kind}/{signal}" for name in names for signal in ("SampleClock", "StartTrigger")
         }
+
+    def _clock_at(self, terminal: str) -> tuple[float, float] | None:
+        """Rate (Hz) and first edge (s) of a running task's sample clock at `terminal`, or None."""
+        if not terminal.lower().endswith("/sampleclock"):
+            return None
+        running = (task for task in self.tasks.values() if task.channels and task.running and task.timed)
+        for task in running:
+            if task.kind != "co" and task.clock.start is not None and terminal in self.emits(task):
+                return task.clock.rate_hz, task.clock.start
+        return None
 
     def _joins(self, task: Task, terminal: str, now: float) -> bool:
         """Join a task to the clock at `terminal` from its next edge; return False if it is not running."""
@@ -389,10 +403,10 @@ class NiSystem:
         if not task.is_input and task.timed and task.kind != "co":
             self.play(task)
         if task.kind == "co":
-            begin_pulses(self, task, now)
+            begin_pulses(self.terminals, task, self.regenerates(task), now)
         elif task.kind == "ci":
-            begin_measuring(self, task, now)
-        if task.pretrigger is not None and not reference_terminal(self, task):
+            begin_measuring(self.terminals, task, now)
+        if task.pretrigger is not None and not reference_terminal(self.inventory, self.terminals, task):
             # As on NI's simulated devices: a signal that nothing drives is there at once.
             task.reference = task.pretrigger
         for terminal in self.emits(task):

@@ -13,7 +13,6 @@ from nidaqmx.utils import unflatten_channel_string
 from . import inputs
 from .channel import Channel
 from .errors import DaqmxError, DAQmxErrors
-from .signalling import glimpse
 from .system import NiSystem
 from .tasks import Task
 from .tdms import log
@@ -79,7 +78,7 @@ def take(
     end = first + wanted
     reached = system.wait(
         lambda: not task.running or task.count(system.clock.now()) >= end or task.failure is not None,
-        lambda: glimpse(system, task) or task.ready(end),
+        lambda: system.glimpse(task) or task.ready(end),
         timeout,
         alive,
     )
@@ -117,7 +116,7 @@ def _await_measurement(system: NiSystem, task: Task, timeout: float, alive: Aliv
             meter.advance(now)
         return all(len(ends := meter.events()[0]) and ends[-1] > asked for meter in waiting)
 
-    if waiting and not system.wait(measured, lambda: glimpse(system, task), timeout, alive):
+    if waiting and not system.wait(measured, lambda: system.glimpse(task), timeout, alive):
         raise DaqmxError(
             DAQmxErrors.SAMPLES_NOT_YET_AVAILABLE,
             "Some or all of the samples requested have not yet been acquired: no edges come to "

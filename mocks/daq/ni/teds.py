@@ -7,27 +7,21 @@ then those of a full bridge of 350 Ohm, as most are (estimate).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from nidaqmx.constants import BridgeConfiguration, TEDSUnits
 
 from .errors import DaqmxError, DAQmxErrors
 from .measurements import Measurement
 
-if TYPE_CHECKING:
-    from .devices import NiDevice
-    from .system import NiSystem
-
-__all__ = ["TEDS", "Teds", "sensed", "teds_values"]
-
-Call = Callable[["NiSystem", Any, Callable[[], bool]], Any]
+__all__ = ["BASIC", "Teds", "not_detected", "sensed", "teds_from_file", "teds_values"]
 
 _HEADER = 40
 """Entries of a file of bits before the sensor's own data."""
-_BASIC = 64
+BASIC = 64
 """Bits of the basic data: maker 14, model 15, letter of the version 5, its number 6, serial number 24."""
 _MEASURANDS = ("Kelvin", "Celsius", "strain", "microstrain", "Newton", "forcelb", "kgf", "m/s^2", "g")
 """Units by their number in templates of outputs in volts, milliamperes and of bridges (30, 31, 33)."""
@@ -52,7 +46,7 @@ class Teds:
     @property
     def template(self) -> int:
         """Number of the first template, 0 without one."""
-        return 0 if self.number(_BASIC, 2) else self.number(_BASIC + 2, 8)
+        return 0 if self.number(BASIC, 2) else self.number(BASIC + 2, 8)
 
     @property
     def facts(self) -> dict[str, Any]:
@@ -72,11 +66,11 @@ class Teds:
         """Unit of the measurand, empty if it is not known."""
         if self.template not in _MEASURED:
             return ""
-        number = self.number(_BASIC + 10, 6)
+        number = self.number(BASIC + 10, 6)
         return _MEASURANDS[number] if number < len(_MEASURANDS) else ""
 
 
-def _from_file(path: Path) -> Teds:
+def teds_from_file(path: Path) -> Teds:
     """Read a file that holds one bit in a byte. Raises DaqmxError."""
     try:
         octets = path.read_bytes()
@@ -84,7 +78,7 @@ def _from_file(path: Path) -> Teds:
         raise DaqmxError(
             DAQmxErrors.VIRTUAL_TEDS_FILE_NOT_FOUND, f"Virtual TEDS file cannot be found: {str(path)!r}."
         ) from None
-    if len(octets) < _HEADER + _BASIC or set(octets) - {0, 1}:
+    if len(octets) < _HEADER + BASIC or set(octets) - {0, 1}:
         raise DaqmxError(
             DAQmxErrors.VIRTUAL_TEDS_DATA_FILE_ERROR,
             f"{str(path)!r} is not a virtual TEDS file: a byte for a bit.",
@@ -92,28 +86,28 @@ def _from_file(path: Path) -> Teds:
     return Teds(tuple(octets[_HEADER:]))
 
 
-def _not_detected(channel: str) -> DaqmxError:
+def not_detected(channel: str) -> DaqmxError:
+    """The error of a physical channel without a sensor."""
     return DaqmxError(
         DAQmxErrors.TEDS_SENSOR_NOT_DETECTED,
         f"TEDS sensor is not detected at the physical channel {channel}.",
     )
 
 
-def sensed(system: NiSystem, channel: str, name: str) -> Any:
+def sensed(sensors: Mapping[str, Teds], channel: str, name: str) -> Any:
     """Return property `name` of the sensor at a physical channel. Raises DaqmxError without one."""
-    if channel not in system.teds:
-        raise _not_detected(channel)
-    return system.teds[channel].facts[name]
+    if channel not in sensors:
+        raise not_detected(channel)
+    return sensors[channel].facts[name]
 
 
 def teds_values(
-    system: NiSystem, device: NiDevice, tail: str, row: Measurement, given: dict[str, Any]
+    sensors: Mapping[str, Teds], name: str, row: Measurement, given: dict[str, Any]
 ) -> dict[str, Any]:
-    """Return the properties that a sensor gives a channel. Raises DaqmxError without a sensor."""
-    name = f"{device.name}/{tail}"
-    sensor = system.teds.get(name)
+    """Return the properties that the sensor at `name` gives a channel. Raises DaqmxError without one."""
+    sensor = sensors.get(name)
     if sensor is None:
-        raise _not_detected(name)
+        raise not_detected(name)
     values: dict[str, Any] = {"AI_IS_TEDS": True, "AI_TEDS_UNITS": sensor.units}
     if given.get(row.units) in (None, 0):
         values[row.units] = TEDSUnits.FROM_TEDS.value
@@ -124,41 +118,3 @@ def teds_values(
             "AI_EXCIT_USE_FOR_SCALING": True,
         }
     return values
-
-
-def _configure(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
-    for device, tail in system.inventory.resolve(request.physical_channel):
-        if not request.file_path:
-            raise _not_detected(f"{device.name}/{tail}")
-        system.teds[f"{device.name}/{tail}"] = _from_file(Path(request.file_path))
-
-
-def _clear(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
-    for device, tail in system.inventory.resolve(request.physical_channel):
-        system.teds.pop(f"{device.name}/{tail}", None)
-
-
-def _write(of: str) -> Call:
-    """Make a call that writes into a sensor's memory: there is none here that can be written to."""
-
-    def call(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
-        ((device, tail), *_) = system.inventory.resolve(request.physical_channel)
-        given = getattr(request, of)
-        if of == "file_path" and given:
-            _from_file(Path(given))
-        elif len(given) * 8 < _BASIC:
-            raise DaqmxError(
-                DAQmxErrors.TEDS_SENSOR_DATA_ERROR, "TEDS sensor data are not valid: too few bits."
-            )
-        raise _not_detected(f"{device.name}/{tail}")
-
-    return call
-
-
-TEDS: dict[str, Call] = {
-    "ConfigureTEDS": _configure,
-    "ClearTEDS": _clear,
-    "WriteToTEDSFromArray": _write("bit_stream"),
-    "WriteToTEDSFromFile": _write("file_path"),
-}
-"""Calls of this module, by name."""

@@ -45,28 +45,6 @@ def whole_rows(path: Path) -> int:
     return volts.shape[1]
 
 
-def test_a_disk_that_is_too_small_is_refused_before_the_first_sample(tmp_path, monkeypatch):
-    usage = namedtuple("usage", "total used free")
-    monkeypatch.setattr(shutil, "disk_usage", lambda _path: usage(10**9, 10**9 - 5000, 5000))
-    rig = world_rig()
-    with pytest.raises(ConfigurationError, match="0 MB free, but this recording needs"):
-        record(rig, "push", "P01", 10, tmp_path)
-    assert rig.daq.given == []
-    assert rig.operator.requests == []
-    assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.skipif(not hasattr(os, "posix_fallocate"), reason="a disk's refusal is simulated at this call")
-def test_a_disk_that_refuses_the_room_leaves_nothing_behind(tmp_path, monkeypatch):
-    def full(*_place):
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr(os, "posix_fallocate", full)
-    with pytest.raises(ConfigurationError, match="No space left"):
-        record(world_rig(), "push", "P01", 1, tmp_path)
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_room_is_taken_without_posix_too(tmp_path, monkeypatch):
     monkeypatch.delattr(os, "posix_fallocate", raising=False)
     monkeypatch.delattr(os, "pwrite", raising=False)

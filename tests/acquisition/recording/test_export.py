@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from haploop.acquisition import Recording, record, to_pandas, to_xarray
+from haploop.acquisition import Recording, record
 from haploop.instruments import ConfigurationError
 from tests.acquisition.presses.pressworld import world_rig
 
@@ -19,7 +19,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
 
 def test_xarray_has_every_quantity_with_its_unit_and_its_source(recording: Recording):
     pytest.importorskip("xarray")
-    data = to_xarray(recording)
+    data = recording.to_xarray()
     assert data.acceleration.dims == ("axis", "time")
     assert np.array_equal(data.acceleration.sel(axis="z"), recording.acceleration[2])
     assert np.array_equal(data.force, recording.force)
@@ -31,7 +31,7 @@ def test_xarray_has_every_quantity_with_its_unit_and_its_source(recording: Recor
 
 def test_pandas_has_a_column_for_each_quantity(recording: Recording):
     pytest.importorskip("pandas")
-    table = to_pandas(recording)
+    table = recording.to_pandas()
     assert list(table) == [
         "force",
         "acceleration_x",
@@ -52,4 +52,11 @@ def test_what_is_not_installed_is_named(recording: Recording, monkeypatch, name)
     with pytest.raises(
         ConfigurationError, match=f"{name} is not installed: install it with `pip install {name}`"
     ):
-        {"xarray": to_xarray, "pandas": to_pandas}[name](recording)
+        {"xarray": recording.to_xarray, "pandas": recording.to_pandas}[name]()
+
+
+def test_lengths_and_shapes_say_what_they_are_and_a_figure_is_at_hand(recording: Recording) -> None:
+    channels, samples = recording.shape
+    assert (channels, samples) == recording.volts.shape
+    assert len(recording) == samples == len(recording.force) == len(recording.to_pandas())
+    assert recording.plot(columns=1).axes

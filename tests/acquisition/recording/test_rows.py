@@ -154,6 +154,9 @@ def test_codes_are_the_same_bits_as_the_formula_one_channel_after_the_other(volt
         ("P12345", "latch", False), ("01", "latch", False), ("P", "latch", False), ("P01 ", "latch", False),
         ("P01", "a" * 41, False), ("P01", "-a", False), ("P01", "_a", False), ("P01", "", False),
         ("P01", "a/b", False), ("P01", "a.b", False), ("P01\n", "latch", False), ("../P01", "latch", False),
+        ("P 01", "latch", False), ("Anna", "latch", False), ("P01\\x", "latch", False), ("", "latch", False),
+        ("P01", "..", False), ("P01", "a\\b", False), ("P01", "a b", False), ("P01", "push\n", False),
+        ("P01", "C:", False), ("01P", "latch", False),
     ],
 )  # fmt: skip
 def test_names_of_files(participant: str, button: str, allowed: bool) -> None:

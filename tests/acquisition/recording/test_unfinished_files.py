@@ -86,8 +86,6 @@ def test_of_one_attempt_the_last_judgement_counts(tmp_path):
         writer.write_verdict(second)
         writer.write_verdict(PRESS)
         writer.write_verdict(PRESS._replace(accepted=False, flags=("rejected",), reason="ü" * 150))
-        with pytest.raises(DataError, match="ends at sample 251, but only 250 are written"):
-            writer.write_verdict(PRESS._replace(end=251))
         with pytest.raises(DataError, match="no press flag 'odd'; the flags are no-activation,"):
             writer.write_verdict(PRESS._replace(flags=("odd",)))
         with pytest.raises(DataError, match="the span must not end before it begins"):
@@ -111,16 +109,6 @@ def test_a_torn_event_and_a_torn_press_are_none(tmp_path):
     recording = Recording.open(path)
     assert (recording.events, recording.verdicts) == ([], ())
     assert recording.duration == 0.4
-
-
-def test_attempts_without_room_are_refused(tmp_path):
-    with (
-        Writer(tmp_path / "P01-push.h5", header(), 250, 20) as writer,
-        pytest.raises(InstrumentError, match="no space for further attempts"),
-    ):
-        writer.write(block_of(0), 0.0)
-        for attempt in range(1, 100):
-            writer.write_verdict(PRESS._replace(attempt=attempt))
 
 
 def cut(path: Path, folder: Path, keep: int) -> Path:

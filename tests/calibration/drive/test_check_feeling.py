@@ -1,6 +1,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +13,9 @@ from scipy.signal import resample_poly
 from haploop.calibration import Check, Drive, check_feeling
 from haploop.calibration.drive import check
 from haploop.calibration.drive.verdict import Signs, judged
-from haploop.calibration.perception import levels_of
+from haploop.calibration.perception import lab_threshold, levels_of
+from haploop.instruments import ConfigurationError, Rig, RigFile, open_rig
+from haploop.instruments.config import People
 from tests.calibration.conftest import Calibrated, make_press
 
 
@@ -77,3 +82,33 @@ def test_a_button_that_nobody_can_feel_is_not_verified(result: Check) -> None:
     faint = replace(result, target=result.target / 300, accelerations=result.accelerations / 300)
     found = judged(replace(faint, verdict="pass", reasons=(), notes=()), signs)
     assert found.verdict == "fail" and "What nobody can feel is no button." in found.reasons[0]
+
+
+def with_people(rig: Rig, **more: Any) -> RigFile:
+    """The rig's file with a lab's threshold, 9 dB below the table's."""
+    people = People(number=12, threshold=-9.0, uncertainty=2.0, spread=4.0, button="push", force=3.8, **more)
+    return rig.file.model_copy(update={"people": people})
+
+
+def test_a_labs_own_threshold_decides_what_the_table_left_open(
+    calibrated: Calibrated, drive: Drive, result: Check, tmp_path: Path
+) -> None:
+    assert check_feeling(result).felt == "not known"
+    with open_rig(with_people(calibrated.rig), simulate="twin") as rig:
+        known = check(rig, drive, plays=3)
+    known.save(tmp_path / "check.h5")
+    feeling, before = check_feeling(Check.load(tmp_path / "check.h5")), check_feeling(result)
+    assert feeling.measured.pressing == pytest.approx(before.measured.pressing + 9, abs=0.3)
+    assert feeling.felt == "yes" and feeling.sentence.startswith("A person who presses feels it (")
+    assert "12 people of this lab, measured with its push button at 3.8 N" in feeling.notes[0]
+    # A finger at rest is not what was measured.
+    assert feeling.acts[1].level == pytest.approx(before.acts[1].level, abs=0.3)
+    np.testing.assert_allclose(feeling.pressing_db, before.pressing_db - 9)
+
+
+def test_simulated_people_say_nothing_of_a_real_rig(calibrated: Calibrated) -> None:
+    rig: Any = SimpleNamespace(name="lab", file=with_people(calibrated.rig, simulated=True), simulated=True)
+    assert lab_threshold(rig) is not None
+    rig.simulated = False
+    with pytest.raises(ConfigurationError, match="simulated participants, and the rig is real"):
+        lab_threshold(rig)

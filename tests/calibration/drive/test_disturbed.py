@@ -132,6 +132,7 @@ def test_evidence_is_a_negative_power_or_an_interval_of_no_width() -> None:
     assert not any(dependence(plays(even, 0.0), inside) for _ in range(200))
 
 
+@pytest.mark.long
 @pytest.mark.timeout(7200)
 def test_no_verdict_is_wrong_under_any_disturbance(full: bool) -> None:
     """20 plants that nobody chose: four kinds of noise, even orders, long ringing, drifts; three of each."""

@@ -2,6 +2,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,13 +18,13 @@ from tests.calibration.conftest import Calibrated, make_press
 
 @pytest.fixture(scope="module")
 def plan(calibrated: Calibrated) -> ButtonPlan:
-    return plan_button(make_press(), calibrated.calibration, calibrated.rig.limits)
+    return plan_button(make_press(), calibrated.calibration, calibrated.rig)
 
 
 def level(calibrated: Calibrated, loudness: Loudness) -> tuple[float, float]:
     """Expected error and level of the drive that is asked for."""
     press, limits = make_press(), calibrated.rig.limits
-    trade = trade_for(press, calibrated.calibration, limits, loudness)
+    trade = trade_for(press, calibrated.calibration, calibrated.rig, loudness)
     drive = drive_for(press, calibrated.calibration, limits, trade=trade)
     return drive.predicted_error, levels_of(drive.target, drive.rate_hz).pressing
 
@@ -60,11 +62,11 @@ def test_at_least_a_level_at_the_least_error(calibrated: Calibrated) -> None:
 
 
 def test_what_the_limits_do_not_allow_is_refused_with_what_they_do(calibrated: Calibrated) -> None:
-    press, limits, table = make_press(), calibrated.rig.limits, calibrated.calibration
+    press, rig, table = make_press(), calibrated.rig, calibrated.calibration
     with pytest.raises(ConfigurationError, match=r"with at most 20% of error, -?\d+\.\d dB is the most"):
-        trade_for(press, table, limits, Loudness(level=60))
+        trade_for(press, table, rig, Loudness(level=60))
     with pytest.raises(ConfigurationError, match="the least to be expected is"):
-        trade_for(press, table, limits, Loudness(error=0.001))
+        trade_for(press, table, rig, Loudness(error=0.001))
     with pytest.raises(ConfigurationError, match="20% that a check tolerates"):
         Loudness(error=0.3)
 
@@ -72,7 +74,8 @@ def test_what_the_limits_do_not_allow_is_refused_with_what_they_do(calibrated: C
 def test_a_stronger_amplifier_moves_the_curve_to_the_right(calibrated: Calibrated, plan: ButtonPlan) -> None:
     limits = calibrated.rig.limits
     half = replace(limits, min=limits.min / 2, max=limits.max / 2, peak_to_peak=limits.peak_to_peak / 2)
-    weak = plan_button(make_press(), calibrated.calibration, half, methods=("modulated",))
+    rig: Any = SimpleNamespace(limits=half, file=calibrated.rig.file, simulated=True)
+    weak = plan_button(make_press(), calibrated.calibration, rig, methods=("modulated",))
     for one, other in zip(weak.curves[0].offers, plan.curves[0].offers, strict=True):
         assert other.level - one.level == pytest.approx(6, abs=1.5)
 

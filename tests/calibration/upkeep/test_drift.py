@@ -70,7 +70,7 @@ def test_what_is_not_the_same_place_is_broken(calibrated: Calibrated) -> None:
     assert "the laser still looks at the point" in verdict.sentences[0]
 
 
-SEEDS = [int.from_bytes(hashlib.sha256(f"drift {k}".encode()).digest()[:4], "big") for k in range(4)]
+SEEDS = [int.from_bytes(hashlib.sha256(f"drift {k}".encode()).digest()[:4], "big") for k in range(2)]
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -105,7 +105,7 @@ def test_a_single_mode_that_moved_is_a_drift(calibrated: Calibrated, drive: Driv
 
 
 @pytest.mark.requires("simulation")
-@pytest.mark.parametrize(("patch", "point"), [("A", p) for p in ("8", "19", "21", "32")] + [("B", "button")])
+@pytest.mark.parametrize(("patch", "point"), [("A", p) for p in ("19", "32")] + [("B", "button")])
 def test_the_next_point_and_another_patch_are_broken(calibrated: Calibrated, patch: str, point: str) -> None:
     """The true responses, with the lag that the active calibration's hysteresis has at its level."""
     active = calibrated.calibration

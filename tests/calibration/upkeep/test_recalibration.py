@@ -9,14 +9,14 @@ import shutil
 import time
 from collections.abc import Mapping
 from dataclasses import replace
-from datetime import UTC, datetime, timedelta
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from haploop.calibration import Calibration, Waveforms
-from haploop.calibration.drive.button import DigitalButton, build_button
+from haploop.calibration.drive.button import DigitalButton
 from haploop.calibration.upkeep import recalibration
 from haploop.calibration.upkeep.history import History
 from haploop.calibration.upkeep.recalibration import (
@@ -38,30 +38,12 @@ from haploop.instruments import (
     log_entries,
 )
 from haploop.instruments.operator.unattended import Unattended
-from tests.calibration.conftest import Calibrated, make_press
+from tests.calibration.conftest import Calibrated
 from tests.calibration.map.killing import Victims
+from tests.calibration.upkeep.conftest import WHEN
 from tests.conftest import OpenRig
 
 pytestmark = pytest.mark.many_plays
-
-WHEN = datetime(2026, 7, 31, 2, 15, tzinfo=UTC)
-
-
-@pytest.fixture(scope="session")
-def first(calibrated: Calibrated, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A history with one generation, of one button, and one look."""
-    button = build_button(calibrated.rig, make_press(), calibrated.calibration, iterations=0)
-    folder = tmp_path_factory.mktemp("history") / "calibrations"
-    history = History(folder)
-    adopt(history, [button], actor="a test", reason="it begins", when=WHEN)
-    # The look that knows how the laser is when all is well.
-    assert recalibrate(calibrated.rig, history, when=WHEN).kind == "unchanged"
-    return folder
-
-
-@pytest.fixture
-def history(first: Path, tmp_path: Path) -> History:
-    return History(shutil.copytree(first, tmp_path / "calibrations"))
 
 
 @pytest.fixture
@@ -177,6 +159,7 @@ def test_what_is_broken_is_named_and_changes_nothing(
 
 
 @pytest.mark.requires("simulation")
+@pytest.mark.long
 @pytest.mark.parametrize("width", [0.2, 0.0])
 def test_another_hysteresis_is_a_drift_that_is_found_and_brought_back(
     open: OpenRig, history: History, full: bool, width: float
@@ -404,6 +387,7 @@ serve(run)
 """
 
 
+@pytest.mark.long
 @pytest.mark.timeout(7200)
 @pytest.mark.requires("simulation")
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no fork, which makes many kills cheap")
@@ -487,7 +471,10 @@ def test_what_cannot_be_logged_does_not_become_active(
     "fault",
     [
         {"kind": "mains-hum", "volts": 0.02},
-        {"kind": "rotating-machine", "volts": 0.01, "frequency": 117.3, "after": 50.0, "run_up": 2.0},
+        pytest.param(
+            {"kind": "rotating-machine", "volts": 0.01, "frequency": 117.3, "after": 50.0, "run_up": 2.0},
+            marks=pytest.mark.long,
+        ),
     ],
     ids=["hum", "a motor that starts meanwhile"],
 )

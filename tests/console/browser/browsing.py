@@ -87,9 +87,22 @@ def visit(tab: Tab, console: Served, name: str) -> Any:
     return tab.page
 
 
+def named(page: Any, label: str, name: str) -> None:
+    """Choose a name from a list; write one that is new."""
+    field = page.get_by_label(f"New {label.lower()}")
+    listed = page.get_by_label(label, exact=True)
+    expect(listed.or_(field).filter(visible=True)).to_have_count(1, timeout=WAIT)
+    if listed.is_visible():  # what is known is offered
+        known = listed.locator(f'option[value="{name}"]').count()
+        listed.select_option(name if known else "+")
+        if known:
+            return
+    field.fill(name)
+
+
 def fill(page: Any, participant: str, button: str, presses: int) -> None:
-    page.get_by_label("Participant (a pseudonym such as P01)").fill(participant)
-    page.get_by_label("Button", exact=True).fill(button)
+    named(page, "Participant", participant)
+    named(page, "Button", button)
     page.get_by_label("Presses", exact=True).fill(str(presses))
 
 

@@ -24,7 +24,7 @@ from PIL import Image
 
 import haploop
 from haploop.reports.figures import png
-from tests.console.browser.browsing import CHROMIUM, OPTIONS, WAIT, expect, fill, playwright
+from tests.console.browser.browsing import CHROMIUM, OPTIONS, WAIT, expect, fill, named, playwright
 from tests.console.serving import Served, served
 
 PICTURES = Path(__file__).parents[3] / "docs" / "pictures"
@@ -248,7 +248,7 @@ def experiments(album: Album) -> None:
         page = album.visit("experiment")
         page.get_by_label(re.compile("^Experiment")).select_option(name)
         shown = album.participant()
-        page.get_by_label("Participant (a pseudonym such as P01)").fill("P01")
+        named(page, "Participant", "P01")
         if page.get_by_label("The participant has read").is_visible():
             page.get_by_label("The participant has read").check()
         page.get_by_role("button", name="Begin or continue").click()

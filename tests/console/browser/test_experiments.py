@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from haploop.experiments import Store, load_experiment
-from tests.console.browser.browsing import WAIT, Tab, expect, experiments, visit
+from tests.console.browser.browsing import WAIT, Tab, expect, experiments, named, visit
 from tests.console.serving import Served, end, start
 
 pytestmark = pytest.mark.timeout(600)
@@ -56,7 +56,7 @@ def participants_tab(browser: Any, page: Any, console: Served) -> Any:
 
 def begin(page: Any, experiment: str, participant: str, consent: bool = True) -> None:
     page.get_by_label(re.compile("^Experiment")).select_option(experiment)
-    page.get_by_label("Participant (a pseudonym such as P01)").fill(participant)
+    named(page, "Participant", participant)
     if consent:
         page.get_by_label("The participant has read and signed the consent form").check()
     page.get_by_role("button", name="Begin or continue").click()

@@ -7,7 +7,8 @@ from contextlib import suppress
 
 import pytest
 
-from tests.console.browser.browsing import PAGES, WAIT, Tab, expect, fill, told, visit
+import haploop
+from tests.console.browser.browsing import PAGES, STUDY, WAIT, Tab, expect, fill, told, visit
 from tests.console.serving import served
 
 pytestmark = pytest.mark.timeout(600)
@@ -94,17 +95,47 @@ def test_a_participant_who_is_recorded_again_gets_a_name_for_the_file(tab, conso
     expect(page.locator("#again")).to_contain_text("P51-toggle.h5 was recorded already")
     name.fill("P51-toggle")
     refused(page, "Record", "P51-toggle.h5 already exists")
-    expect(page.locator("#participants option")).to_have_attribute("value", "P51")
     found = sorted(path.name for path in (console.data / "recordings").glob("*.h5"))
     assert found == ["P51-toggle-2.h5", "P51-toggle.h5"]
 
 
+def test_participant_and_button_are_chosen_and_a_new_one_is_asked_for(browser, tmp_path):
+    """Nothing is known in an empty folder; then what a study names, and what was recorded."""
+    data = tmp_path / "data"
+    with served(data, "--port", "0", state=tmp_path / "state") as console:
+        tab = Tab(browser, console)
+        page = visit(tab, console, "record")
+        expect(page.get_by_label("New participant")).to_be_visible(timeout=WAIT)
+        expect(page.get_by_label("Participant", exact=True)).to_be_hidden()
+        with haploop.open_rig("simulated") as rig:
+            haploop.record(rig, "soft-push", "P52", 1, data / "recordings")
+        (data / "study").mkdir()
+        (data / "study" / "study.toml").write_text(STUDY)
+        page = visit(tab, console, "record")
+        offered = page.get_by_label("Participant", exact=True).locator("option:not([hidden])")
+        expect(offered).to_have_text(["P01", "P02", "P52", "A new participant ..."], timeout=WAIT)
+        offered = page.get_by_label("Button", exact=True).locator("option:not([hidden])")
+        expect(offered).to_have_text(["toggle", "soft-push", "A new button ..."])
+        expect(page.get_by_label("New participant")).to_be_hidden()
+        page.get_by_role("button", name="Record", exact=True).click()
+        listed = page.get_by_label("Participant", exact=True)
+        assert listed.evaluate("(one) => one.validationMessage") == "Fill this in first."
+        listed.select_option("P52")
+        page.get_by_label("Button", exact=True).select_option("soft-push")
+        expect(page.get_by_label("File, without .h5")).to_have_value("P52-soft-push-2")
+        listed.select_option(label="A new participant ...")
+        expect(page.get_by_label("New participant")).to_be_focused()
+        assert not tab.errors
+        tab.context.close()
+
+
 def test_what_a_name_may_contain_is_said_by_us(tab, console):
     page = visit(tab, console, "record")
+    fill(page, "P59", "unheard-of", 1)
     for label, wrong, sentence in (
-        ("Participant (a pseudonym such as P01)", "Anna Smith", "one to four letters, then one to four"),
-        ("Participant (a pseudonym such as P01)", "", "Fill this in first."),
-        ("Button", "my button", "up to 40 letters, digits, _ and -"),
+        ("New participant (a pseudonym such as P01)", "Anna Smith", "one to four letters, then one to four"),
+        ("New participant (a pseudonym such as P01)", "", "Fill this in first."),
+        ("New button (a name such as doorbell)", "my button", "up to 40 letters, digits, _ and -"),
         ("File, without .h5", "a/b", "up to 60 letters"),
         ("Presses", "900", "A number from 1 to 200, a whole one."),
     ):

@@ -7,7 +7,7 @@ import re
 
 import pytest
 
-from tests.console.browser.browsing import PAGES, WAIT, expect, fill, told, visit
+from tests.console.browser.browsing import PAGES, WAIT, expect, fill, named, told, visit
 
 _NOT_THERE = {"generation": "no-such-one", "reason": "a test"}
 pytestmark = pytest.mark.timeout(600)
@@ -132,6 +132,6 @@ def participants_page(browser, page, console, refused=None):
 def begin_experiment(page, participant):
     expect(page.locator("#experiment option")).not_to_have_count(0, timeout=WAIT)
     page.get_by_label(re.compile("^Experiment")).select_option("rating")
-    page.get_by_label("Participant (a pseudonym such as P01)").fill(participant)
+    named(page, "Participant", participant)
     page.get_by_label("The participant has read and signed the consent form").check()
     page.get_by_role("button", name="Begin or continue").click()

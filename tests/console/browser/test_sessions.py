@@ -16,8 +16,18 @@ pytestmark = pytest.mark.timeout(600)
 def test_a_recording_by_keyboard_alone(tab, console):
     """Start, reject and redo, note, pause and go on; a reload and a second tab show the same."""
     page = visit(tab, console, "record")
-    page.get_by_label("Participant (a pseudonym such as P01)").focus()
-    for text in ("P11", "toggle", "8", ""):
+    lists = [page.get_by_label(label, exact=True) for label in ("Participant", "Button")]
+    fields = [page.get_by_label(label) for label in ("New participant", "New button")]
+    expect(lists[0].or_(fields[0]).filter(visible=True)).to_have_count(1, timeout=WAIT)
+    for at, text in zip(range(2), ("P11", "toggle"), strict=True):
+        if lists[at].is_visible():
+            lists[at].focus()
+            page.keyboard.press("End")  # a new one
+        else:
+            fields[at].focus()
+        page.keyboard.type(text)
+        page.keyboard.press("Tab")
+    for text in ("8", ""):
         page.keyboard.press("Control+A")
         page.keyboard.type(text)
         page.keyboard.press("Tab")

@@ -30,6 +30,7 @@ def test_the_papers_numbers() -> None:
     assert rig.rate_hz == 5000
     assert rig.table is not None
     assert rig.table.rows * rig.table.columns == 84
+    assert (rig.table.nearest((0.0, 0.0)), rig.table.nearest((1.0, 1.0))) == (0, 83)
     assert rig.table.patches == ("A", "B", "C", "D")
     assert rig.limits.peak_to_peak == 100
     assert rig.amplifier is not None

@@ -202,13 +202,6 @@ def test_a_play_that_somebody_stops_is_an_error(daq: NiDaq, server: NiServer) ->
                         system.stop(next(t for n, t in system.tasks.items() if n.endswith("Dev2 output")))
 
 
-def test_blocks_are_gapless_and_the_last_is_shorter(daq: NiDaq) -> None:
-    with daq.stream(["laser"], 5000, 400, 1000) as stream:
-        blocks = list(stream)
-
-    assert [(b.first, b.end) for b in blocks] == [(0, 400), (400, 800), (800, 1000)]
-
-
 def test_cards_are_asked_for_their_counts_once_a_second_and_differing_ones_are_refused(
     daq: NiDaq, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -231,18 +224,6 @@ def test_cards_are_asked_for_their_counts_once_a_second_and_differing_ones_are_r
         with pytest.raises(InstrumentError, match="do not run on one clock"):
             for _ in range(10):
                 next(blocks)
-
-
-def test_continuous_stream_ends_when_it_is_closed(daq: NiDaq) -> None:
-    with daq.stream(["laser", "force"], 5000, 250) as stream:
-        blocks = []
-        for block in stream:
-            blocks.append(block)
-            if len(blocks) == 8:
-                stream.close()
-
-    assert blocks[-1].end == 2000
-    stream.close()
 
 
 def test_waveform_is_sample_aligned_and_ends_at_zero(daq: NiDaq, server: NiServer, bench: Bench) -> None:
@@ -288,17 +269,6 @@ def test_overload_is_told_per_channel(daq: NiDaq) -> None:
         assert stream.capture().overload.tolist() == [False, True]
 
 
-def test_opening_and_zeroing(server: NiServer, bench: Bench) -> None:
-    with connected(server) as options, nidaqmx.Task(grpc_options=options) as task:
-        task.ao_channels.add_ao_voltage_chan("Dev2/ao0")
-        task.write(2.5)
-    with opened(server, bench) as daq:
-        assert server.output("Dev2/ao0") == pytest.approx(2.5, abs=LSB)
-        daq.zero()
-        daq.zero()
-        assert server.output("Dev2/ao0") == 0
-
-
 def test_the_driver_s_version_is_asked_for_once_and_not_for_each_task(
     server: NiServer, bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -320,27 +290,6 @@ def test_the_driver_s_version_is_asked_for_once_and_not_for_each_task(
         daq.zero()
     assert asked["CreateTask"] >= 2
     assert asked["GetSystemInfoAttributeUInt32"] <= 3, "three numbers, once each"
-
-
-def test_zero_while_a_waveform_plays(daq: NiDaq, server: NiServer) -> None:
-    with daq.stream(["drive"], 5000, 100, None, {"amplifier": np.full(50_000, 3.0)}) as stream:
-        next(iter(stream))
-        assert server.output("Dev2/ao0") == pytest.approx(3, abs=LSB)
-        daq.zero()
-        assert server.output("Dev2/ao0") == 0
-
-
-def test_interrupted_stream_leaves_the_cards_free(daq: NiDaq, server: NiServer) -> None:
-    with (
-        pytest.raises(KeyboardInterrupt),
-        daq.stream(["drive"], 5000, 100, None, {"amplifier": np.ones(50_000)}) as stream,
-    ):
-        for _ in stream:
-            raise KeyboardInterrupt
-
-    assert server.output("Dev2/ao0") == 0
-    with daq.stream(["drive"], 5000, 100, 200) as stream:
-        assert stream.capture().volts.shape == (1, 200)
 
 
 @pytest.mark.parametrize(

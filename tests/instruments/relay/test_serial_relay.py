@@ -13,7 +13,7 @@ from haploop.instruments.errors import ConfigurationError, InstrumentError
 from haploop.instruments.relay.role import Relay
 from haploop.instruments.relay.serial_relay import SerialRelay, answer_in
 from haploop.mocks.clock import VirtualClock
-from haploop.mocks.relay import BoxFault, SimulatedBox, box_in
+from haploop.mocks.relay import SimulatedBox, box_in
 from haploop.mocks.relay.serial_relay import SerialRelayTwin, SerialRelayWire, wire
 from haploop.mocks.transport import Loopback, ReplyFault
 from tests.instruments.relay.contacts import Contacts
@@ -84,29 +84,12 @@ def setup(request: pytest.FixtureRequest) -> Setup:
     return Setup(bench, twin.box, twin)
 
 
-def test_connects_exactly_these_patches(setup: Setup) -> None:
-    for patches in ({"A"}, {"B", "D"}, {"A", "B", "D"}, set()):
-        setup.relay.connect(patches)
-        assert setup.relay.connected() == patches
-        assert setup.bench.closed() == patches
-
-
 def test_says_that_it_cannot_open_by_itself(setup: Setup) -> None:
     assert setup.relay.dead_man == math.inf
     setup.relay.connect(["A"])
     setup.bench.clock.sleep(1000)
     setup.relay.renew()
     assert setup.bench.closed() == {"A"}
-
-
-@pytest.mark.parametrize("kind", ["lost", "stuck"])
-def test_a_channel_that_does_not_follow_is_an_error(setup: Setup, kind: str) -> None:
-    setup.relay.connect(["A"])
-    fault = BoxFault(kind, channel=0)  # type: ignore[arg-type]
-    setup.box.faults.append(fault)
-    with pytest.raises(InstrumentError, match=r"channel 0 \(patch A\) was told to open but reads closed"):
-        setup.relay.connect(["B"])
-    assert fault.fired
 
 
 def test_close_changes_no_channel_and_frees_the_port(wired: Setup) -> None:

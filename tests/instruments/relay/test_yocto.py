@@ -69,13 +69,6 @@ def test_opening_changes_no_channel(setup: Setup) -> None:
     assert setup.relay.dead_man == 2
 
 
-def test_connects_exactly_these_patches(setup: Setup) -> None:
-    for patches in ({"A"}, {"B", "D"}, {"A", "B", "C", "D"}, {"C"}, set()):
-        setup.relay.connect(patches)
-        assert setup.relay.connected() == patches
-        assert setup.bench.closed() == patches, "the contacts have settled when connect returns"
-
-
 def test_breaks_before_it_makes(setup: Setup) -> None:
     setup.relay.connect(["A"])
     setup.relay.connect(["B"])
@@ -83,13 +76,6 @@ def test_breaks_before_it_makes(setup: Setup) -> None:
     events = sorted(setup.bench.events)
     assert [(p, c) for _, p, c in events] == [("A", True), ("A", False), ("B", True)]
     assert events[2][0] - events[1][0] > 0.01
-
-
-def test_unknown_patch_changes_nothing(setup: Setup) -> None:
-    setup.relay.connect(["A"])
-    with pytest.raises(ConfigurationError, match=r"no patch 'E'.* A, B, C, D"):
-        setup.relay.connect(["B", "E"])
-    assert setup.relay.connected() == {"A"}
 
 
 def test_dead_man_opens_the_box_of_a_silent_program(setup: Setup) -> None:
@@ -139,14 +125,6 @@ def test_no_renewal_outlasts_the_longest_time(setup: Setup) -> None:
     assert setup.bench.clock.now() - start == pytest.approx(120, abs=1.1)
 
 
-def test_renew_without_a_patch_does_nothing(setup: Setup) -> None:
-    setup.relay.renew()
-    setup.relay.connect([])
-    setup.relay.renew()
-    setup.bench.clock.sleep(1)
-    assert setup.bench.events == []
-
-
 @pytest.mark.parametrize("kind", ["lost", "stuck"])
 def test_a_channel_that_does_not_close_is_an_error(setup: Setup, kind: str) -> None:
     fault = BoxFault(kind, channel=2)  # type: ignore[arg-type]
@@ -186,15 +164,6 @@ def test_a_welded_contact_is_hidden_from_the_read_back(setup: Setup) -> None:
     setup.relay.connect([])
     assert setup.relay.connected() == set()
     assert setup.bench.closed() == {"A"}
-
-
-def test_close_changes_no_channel_and_may_be_called_again(setup: Setup) -> None:
-    setup.relay.connect(["A"])
-    setup.relay.close()
-    setup.relay.close()
-    assert setup.bench.closed() == {"A"}
-    with pytest.raises(InstrumentError, match="closed; open the rig again"):
-        setup.relay.connect(["B"])
 
 
 @pytest.mark.parametrize(

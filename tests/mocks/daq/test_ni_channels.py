@@ -4,20 +4,28 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Any
 
 import nidaqmx
 import pytest
 from nidaqmx._stubs import nidaqmx_pb2 as pb
+from nidaqmx._stubs.nidaqmx_pb2_grpc import NiDAQmxStub
 from nidaqmx.constants import (
     AccelSensitivityUnits,
     CurrentShuntResistorLocation,
     EncoderType,
     ExcitationSource,
+    PowerIdleOutputBehavior,
+    PowerOutputState,
+    RTDType,
     StrainGageRosetteMeasurementType,
     StrainGageRosetteType,
+    SyncType,
+    TemperatureUnits,
     TerminalConfiguration,
     UsageTypeAI,
+    WaitMode,
 )
 from nidaqmx.error_codes import DAQmxErrors
 from nidaqmx.task.collections import AIChannelCollection, CIChannelCollection, COChannelCollection
@@ -30,11 +38,12 @@ from tests.mocks.daq.ni_client import connected
 DEVICES = {
     "X": "PCIe-6363", "Bridge": "PXIe-4331", "Dsa": "PXIe-4466", "Charge": "PXIe-4480",
     "Position": "PXIe-4340", "Meter": "NI myDAQ", "Supply": "TS-15200", "Velocity": "NI 9361",
+    "Watts": "PXIe-4311",
 }  # fmt: skip
 _ON = {
     "bridge": "Bridge/ai0", "strain_gage": "Bridge/ai0", "accel": "Dsa/ai0", "iepe": "Dsa/ai0",
     "microphone": "Dsa/ai0", "eddy": "Dsa/ai0", "charge": "Charge/ai0", "lvdt": "Position/ai0",
-    "rvdt": "Position/ai0", "rms": "Meter/dmm", "calculated": "X/ai0", "power": "Supply/power",
+    "rvdt": "Position/ai0", "rms": "Meter/dmm", "calculated": "Watts/ai0", "power": "Supply/power",
     "rosette": "Bridge/ai0:1", "velocity_chan": "Velocity/ctr0",
     "temp_built_in": "X/_boardTempSensor_vs_aignd",
 }  # fmt: skip
@@ -44,7 +53,7 @@ _GIVEN: dict[str, dict[str, Any]] = {
         "gage_orientation": 0.0,
         "rosette_meas_types": [StrainGageRosetteMeasurementType.PRINCIPAL_STRAIN_1],
     },
-    "add_ai_calculated_power_chan": {"current_physical_channel": "X/ai1"},
+    "add_ai_calculated_power_chan": {"current_physical_channel": "Watts/ai1"},
     "add_ai_power_chan": {"voltage_setpoint": 2.0, "current_setpoint": 1.0, "output_enable": True},
     "add_ai_voltage_chan_with_excit": {
         "voltage_excit_source": ExcitationSource.EXTERNAL, "voltage_excit_val": 5.0
@@ -172,3 +181,109 @@ def test_encoder_counts_by_its_decoding() -> None:
                 began = twin.now
                 twin.sleep(0.1)
                 assert task.read() == pytest.approx((twin.now - began), abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("units", "shown"),
+    [(TemperatureUnits.DEG_C, 100.0), (TemperatureUnits.K, 373.15), (TemperatureUnits.DEG_F, 212.0)],
+)
+def test_a_resistance_thermometer_shows_its_temperature(units: TemperatureUnits, shown: float) -> None:
+    """100 Ohm of platinum (alpha 3851) have 138.51 Ohm at 100 degrees: the table of IEC 60751."""
+    with NiTwin({"X": "PCIe-6363"}) as twin, nidaqmx.Task() as task:
+        twin.set("X/ai0", 138.51 * 1e-3)
+        task.ai_channels.add_ai_rtd_chan(
+            "X/ai0", min_val=0.0, max_val=400.0, units=units, rtd_type=RTDType.PT_3851, current_excit_val=1e-3
+        )
+        assert task.read() == pytest.approx(shown, abs=0.5)
+
+
+def test_ohms_follow_from_the_current_and_a_range_is_told_in_degrees() -> None:
+    with NiTwin({"X": "PCIe-6363"}) as twin:
+        twin.set("X/ai0", 0.35)
+        with nidaqmx.Task() as task:
+            task.ai_channels.add_ai_resistance_chan("X/ai0", max_val=1000.0, current_excit_val=1e-3)
+            assert task.read() == pytest.approx(350.0, abs=1.0)
+        with nidaqmx.Task() as task:
+            kelvin = task.ai_channels.add_ai_rtd_chan(
+                "X/ai0", min_val=28.0, max_val=130.0, units=TemperatureUnits.K, rtd_type=RTDType.PT_3750,
+                current_excit_val=0.0025,
+            )  # fmt: skip
+            # What +-0.2 V are to 100 Ohm at 2.5 mA.
+            assert (kelvin.ai_min, kelvin.ai_max) == (28.0, pytest.approx(221.0, abs=1.0))
+
+
+def test_calculated_power_is_that_of_volts_and_of_a_shunt() -> None:
+    with NiTwin({"Watts": "PXIe-4311"}) as twin:
+        twin.set("Watts/ai0", 5.0)
+        twin.set("Watts/ai1", 2.49)
+        with nidaqmx.Task() as task:
+            made = task.ai_channels.add_ai_calculated_power_chan(
+                "Watts/ai0", "Watts/ai1", voltage_min_val=0.0, voltage_max_val=5.0, current_min_val=0.0,
+                current_max_val=0.02, ext_shunt_resistor_val=249.0,
+            )  # fmt: skip
+            assert made.ai_meas_type == UsageTypeAI.CALCULATED_POWER
+            assert (made.ai_max, made.ai_calculated_power_current_max) == (pytest.approx(0.1), 0.02)
+            task.timing.cfg_samp_clk_timing(1000, samps_per_chan=20)
+            assert task.read(20) == pytest.approx([0.05] * 20, abs=1e-5)
+        with nidaqmx.Task() as task, pytest.raises(nidaqmx.DaqError, match="not one analog input of Watts"):
+            task.ai_channels.add_ai_calculated_power_chan("Watts/ai0", "Watts/ai1:2")
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+@pytest.mark.parametrize(
+    ("collection", "call", "physical"),
+    [
+        ("ai_channels", "add_ai_voltage_chan", "X/ai0"),
+        ("ai_channels", "add_ai_power_chan", "Supply/power"),
+        ("ai_channels", "add_ai_bridge_chan", "Bridge/ai0"),
+        ("ao_channels", "add_ao_voltage_chan", "X/ao0"),
+        ("di_channels", "add_di_chan", "X/port0"),
+        ("ci_channels", "add_ci_count_edges_chan", "X/ctr0"),
+        ("co_channels", "add_co_pulse_chan_freq", "X/ctr0"),
+    ],
+)
+def test_a_property_that_nobody_set_has_one_of_its_values_or_is_refused(
+    options: nidaqmx.GrpcSessionOptions, collection: str, call: str, physical: str
+) -> None:
+    """Never a value that the property cannot have, from which the client makes a ValueError."""
+    with nidaqmx.Task(grpc_options=options) as task:
+        made = getattr(getattr(task, collection), call)(physical, **_GIVEN.get(call, {}))
+        trigger = task.triggers
+        owners = (
+            made, task.timing, task.export_signals, trigger, trigger.start_trigger, trigger.pause_trigger,
+            trigger.reference_trigger, trigger.arm_start_trigger, trigger.handshake_trigger,
+            made.physical_channel,
+        )  # fmt: skip
+        for owner in owners:
+            for name, kind in inspect.getmembers(type(owner), lambda kind: isinstance(kind, property)):
+                assert kind.fget is not None
+                with suppress(nidaqmx.DaqError):
+                    try:
+                        kind.fget(owner)
+                    except (ValueError, nidaqmx.errors.RpcError) as error:
+                        pytest.fail(f"{name}: {error}")
+
+
+def test_properties_of_a_task_at_its_start(options: nidaqmx.GrpcSessionOptions) -> None:
+    with nidaqmx.Task(grpc_options=options) as task:
+        power = task.ai_channels.add_ai_power_chan("Supply/power", 1.0, 1.0, True)
+        assert power.pwr_idle_output_behavior == PowerIdleOutputBehavior.MAINTAIN_EXISTING_VALUE
+        assert power.pwr_output_state == PowerOutputState.CONSTANT_VOLTAGE
+        assert task.triggers.sync_type == SyncType.NONE
+    with nidaqmx.Task(grpc_options=options) as task:
+        width = task.ci_channels.add_ci_pulse_width_chan("X/ctr0")
+        assert width.ci_ctr_timebase_dig_fltr_timebase_src == "100MHzTimebase"
+
+
+def test_hardware_timed_single_point_has_its_properties() -> None:
+    """By the calls themselves: nidaqmx 1.7 has no class for them yet."""
+    with NiServer(inventory_of({"Watts": "PXIe-4311"})) as server, connected(server) as options:
+        stub = NiDAQmxStub(options.grpc_channel)
+        task = stub.CreateTask(pb.CreateTaskRequest(session_name="one")).task
+        mode = pb.REALTIME_ATTRIBUTE_WAIT_FOR_NEXT_SAMP_CLK_WAIT_MODE
+        asked = pb.GetRealTimeAttributeInt32Request(task=task, attribute=mode)
+        assert stub.GetRealTimeAttributeInt32(asked).value_raw == WaitMode.WAIT_FOR_INTERRUPT.value
+        stub.SetRealTimeAttributeInt32(
+            pb.SetRealTimeAttributeInt32Request(task=task, attribute=mode, value_raw=WaitMode.SLEEP.value)
+        )
+        assert stub.GetRealTimeAttributeInt32(asked).value_raw == WaitMode.SLEEP.value

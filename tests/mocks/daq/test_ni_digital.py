@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import nidaqmx
 import numpy as np
 import pytest
@@ -12,28 +10,7 @@ from nidaqmx.stream_readers import DigitalMultiChannelReader, DigitalSingleChann
 from nidaqmx.stream_writers import DigitalMultiChannelWriter, DigitalSingleChannelWriter
 from nitypes.waveform import DigitalWaveform
 
-from haploop.mocks.daq.ni import NiServer, devices_from_ini
-from tests.mocks.daq.ni_client import EXPORT, connected
-
 TOGETHER, EACH = LineGrouping.CHAN_FOR_ALL_LINES, LineGrouping.CHAN_PER_LINE
-
-
-@pytest.fixture(scope="module")
-def options() -> Iterator[nidaqmx.GrpcSessionOptions]:
-    with NiServer(devices_from_ini(EXPORT)) as server, connected(server) as options:
-        yield options
-
-
-@pytest.fixture
-def task(options: nidaqmx.GrpcSessionOptions) -> Iterator[nidaqmx.Task]:
-    with nidaqmx.Task(grpc_options=options) as task:
-        yield task
-
-
-@pytest.fixture
-def other(options: nidaqmx.GrpcSessionOptions) -> Iterator[nidaqmx.Task]:
-    with nidaqmx.Task(grpc_options=options) as task:
-        yield task
 
 
 @pytest.mark.parametrize(

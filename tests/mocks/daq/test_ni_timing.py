@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
 from datetime import UTC, datetime
 from typing import Any
 
@@ -28,20 +27,8 @@ from nidaqmx.constants import (
 )
 from nidaqmx.error_codes import DAQmxErrors
 
-from haploop.mocks.daq.ni import NiServer, devices_from_ini, inventory_of
-from tests.mocks.daq.ni_client import EXPORT, Bench, connected
-
-
-@pytest.fixture(scope="module")
-def options() -> Iterator[nidaqmx.GrpcSessionOptions]:
-    with NiServer(devices_from_ini(EXPORT)) as server, connected(server) as options:
-        yield options
-
-
-@pytest.fixture
-def task(options: nidaqmx.GrpcSessionOptions) -> Iterator[nidaqmx.Task]:
-    with nidaqmx.Task(grpc_options=options) as task:
-        yield task
+from haploop.mocks.daq.ni import NiServer, inventory_of
+from tests.mocks.daq.ni_client import Bench, connected
 
 
 @pytest.fixture

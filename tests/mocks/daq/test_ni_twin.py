@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import subprocess
 import sys
 import time
@@ -211,6 +213,30 @@ def test_a_script_of_another_program(tmp_path: Path) -> None:
         command = [sys.executable, "-m", "haploop", "twin", "ni", *devices, "--", sys.executable, "script.py"]
         ran = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
         assert (ran.returncode, ran.stdout.split()) == (5, ["PCIe-6321", "7"]), ran.stderr
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows delivers Ctrl-C to a console, not to a process")
+@pytest.mark.parametrize(("sent", "code"), [(signal.SIGINT, 3), (signal.SIGTERM, 143)])
+def test_ctrl_c_ends_a_script_as_the_script_says(tmp_path: Path, sent: signal.Signals, code: int) -> None:
+    """A loop until Ctrl-C, as NI's own examples have it: what ends well is no failure of haploop's."""
+    (tmp_path / "script.py").write_text(
+        "import time\nprint('running', flush=True)\ntry:\n    time.sleep(60)\n"
+        "except KeyboardInterrupt:\n    raise SystemExit(3)\n",
+        encoding="utf-8",
+    )
+    served = [sys.executable, "-m", "haploop", "twin", "ni", "--device", "Dev1=PCIe-6321"]
+    with subprocess.Popen(
+        [*served, "--", sys.executable, "script.py"], cwd=tmp_path, stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE, text=True, start_new_session=True,
+    ) as program:  # fmt: skip
+        assert program.stdout is not None and program.stdout.readline() == "running\n"
+        if sent == signal.SIGINT:
+            os.killpg(program.pid, sent)
+        else:
+            program.send_signal(sent)
+        told = program.communicate(timeout=30)[1]
+    assert program.returncode == code, told
+    assert told == "" or sent == signal.SIGTERM
 
 
 def test_a_third_party_package_runs_unchanged(nidaqmx_twin: NiTwin) -> None:

@@ -1,0 +1,73 @@
+"""The threshold of a lab's people, from a staircase on one of its digital buttons."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import scipy
+
+from ...calibration import DigitalButton
+from ...calibration.perception import LabThreshold, levels_of
+from ...instruments import DataError
+from .threshold import Threshold
+
+__all__ = ["lab_threshold_of", "people_table"]
+
+_LEAST_PEOPLE = 3
+
+
+def lab_threshold_of(
+    found: Sequence[Threshold], button: DigitalButton, *, simulated: bool | None = False
+) -> LabThreshold:
+    """The threshold of the people whose thresholds of a button's amplitude were `found`.
+
+    Raises DataError for fewer than three people, several thresholds of one, a standard that is not zero, and
+    a button whose motion the table of thresholds does not cover.
+    """
+    people = [one.who for one in found]
+    if len(people) < _LEAST_PEOPLE or len(set(people)) < len(people):
+        raise DataError(
+            f"There are {len(people)} thresholds of {len(set(people))} people: a lab's threshold needs one "
+            f"each of at least {_LEAST_PEOPLE} people."
+        )
+    if any(one.standard not in (None, 0.0) for one in found):
+        raise DataError(
+            "The thresholds are of differences from a standard: a detection threshold has the standard 0."
+        )
+    amplitudes = np.array([one.threshold for one in found])
+    check = button.check
+    whole = levels_of(check.measured, check.rate_hz).pressing
+    if not (np.all(amplitudes > 0) and math.isfinite(whole)):
+        raise DataError("A threshold of amplitude is above 0, and the button moves between 18 and 1122 Hz.")
+    levels = whole + 20 * np.log10(amplitudes)
+    count = len(levels)
+    spread = float(levels.std(ddof=1))
+    force = button.press.force
+    return LabThreshold(
+        people=count,
+        shift=float(levels.mean()),
+        uncertainty=float(scipy.special.stdtrit(count - 1, 0.975)) * spread / count**0.5,
+        spread=spread,
+        button=button.press.button,
+        force=math.nan if force is None else float(force[button.press.activation_index]),
+        simulated=bool(simulated) or button.simulated,
+    )
+
+
+def people_table(lab: LabThreshold) -> str:
+    """The table of a rig file that states a lab's threshold, as TOML."""
+    lines = [
+        "[people]",
+        f"number = {lab.people}",
+        f"threshold = {lab.shift:.1f}      # dB over the table's for a finger that presses",
+        f"uncertainty = {max(lab.uncertainty, 0.1):.1f}    # dB, half of its interval of 95 %",
+        f"spread = {max(lab.spread, 0.1):.1f}         # dB, standard deviation between people",
+        f'button = "{lab.button}"',
+    ]
+    if lab.force > 0:
+        lines.append(f"force = {lab.force:.1f}          # N")
+    if lab.simulated:
+        lines.append("simulated = true")
+    return "\n".join(lines) + "\n"

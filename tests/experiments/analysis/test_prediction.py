@@ -1,0 +1,144 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from haploop.calibration.drive import BEFORE
+from haploop.calibration.perception import LabThreshold, event_levels, levels_of
+from haploop.experiments import PAPER, Prediction, participant_model, predict_answers
+from haploop.instruments import ConfigurationError
+from haploop.mocks.participant import SimulatedParticipant, load_participant_model
+from haploop.reports.contents import prediction_contents
+from tests.calibration.conftest import make_press
+
+RATE = 5000.0
+SNAPS = {"latch": (0.24, 0.3), "toggle": (0.3,), "push": (0.3, 0.45)}
+"""Times of the clicks of each press (s); its activation is at 0.3 s."""
+NO_DOUBT = LabThreshold(12, 0.0, 0.01, 0.01, "push", 2.0, False)
+
+
+def button(name: str, level: float, clicks: tuple[float, ...], lab: LabThreshold | None = NO_DOUBT) -> Any:
+    """A digital button whose motion is its press, `level` dB above the threshold of a finger that presses."""
+    parts = [make_press(((264, 10, 0.008),), at).acceleration for at in clicks]
+    press = replace(make_press(), button=name, acceleration=np.sum(parts, axis=0))
+    before = np.zeros(round(BEFORE * RATE))
+    motion = np.concatenate([before, press.acceleration, before])
+    motion = motion * 10 ** ((level - levels_of(motion, RATE).pressing) / 20)
+    check = SimpleNamespace(measured=motion, rate_hz=RATE, lab=lab)
+    return SimpleNamespace(press=press, check=check, simulated=True)
+
+
+def three(level: float, lab: LabThreshold | None = NO_DOUBT) -> list[Any]:
+    return [button(name, level, clicks, lab) for name, clicks in SNAPS.items()]
+
+
+def test_what_is_far_above_threshold_and_unlike_is_told_apart() -> None:
+    found = predict_answers(three(40))
+    assert found.classes == tuple(SNAPS) and found.chance == pytest.approx(1 / 3)
+    assert found.overall[0] > 0.93 and np.all(np.diag(found.cells) > 0.9)
+    assert found.levels == pytest.approx([40] * 3, abs=0.5)
+
+
+def test_what_nobody_feels_is_guessed() -> None:
+    found = predict_answers(three(-30))
+    assert found.overall == pytest.approx([1 / 3] * 3, abs=0.02)
+    np.testing.assert_allclose(found.cells, 1 / 3, atol=0.02)
+
+
+def test_two_of_one_motion_are_confused_and_a_third_is_not() -> None:
+    latch, push = button("latch", 40, SNAPS["toggle"]), button("push", 40, SNAPS["push"])
+    found = predict_answers([latch, button("toggle", 40, SNAPS["toggle"]), push])
+    np.testing.assert_allclose(found.cells[:2, :2], 0.5, atol=0.06)
+    assert found.cells[2, 2] > 0.9
+
+
+def test_louder_is_told_better_and_all_as_quiet_as_each_other_counts_as_nothing() -> None:
+    rights = [predict_answers(three(level)).overall[0] for level in (0, 10, 20, 30)]
+    assert np.all(np.diff(rights) > 0)
+
+
+def test_rows_add_up_and_the_range_holds_what_one_draw_says() -> None:
+    found = predict_answers(three(15, None))
+    np.testing.assert_allclose(found.cells.sum(axis=1), 1)
+    assert np.all(found.least <= found.cells) and np.all(found.cells <= found.most)
+    assert found.overall[2] - found.overall[1] > 0.1  # an estimated threshold leaves much open
+    known = predict_answers(three(15))
+    assert known.overall[2] - known.overall[1] < found.overall[2] - found.overall[1]
+    # Other draws of what is not known say the same within their scatter.
+    again = predict_answers(three(15, None), seed=1)
+    np.testing.assert_allclose(again.cells, found.cells, atol=0.06)
+
+
+def test_an_event_counts_by_its_energy() -> None:
+    signal = button("toggle", 20, SNAPS["toggle"]).check.measured
+    levels = event_levels(signal, RATE, 0.0, 0.03, 40)
+    assert 10 * np.log10(np.sum(10 ** (levels / 10))) == pytest.approx(20, abs=0.2)
+    assert np.argmax(levels) == pytest.approx((BEFORE + 0.3) / 0.03, abs=1)
+
+
+@pytest.mark.parametrize("names", [("latch",), ("latch", "latch")])
+def test_nothing_to_confuse_is_refused(names: tuple[str, ...]) -> None:
+    with pytest.raises(ConfigurationError, match="at least two digital buttons, each of another name"):
+        predict_answers([button(name, 20, (0.3,)) for name in names])
+
+
+def test_the_papers_tables_stand_beside_it() -> None:
+    shown = prediction_contents(predict_answers(three(20)))
+    assert [table.title.split(",")[0] for table in shown.tables] == [
+        "Predicted answers",
+        "The paper's tables III and IV: range over groups and days",
+    ]
+    assert shown.values["paper"]["answers_percent"]["push"]["push"] == [68, 90]
+    assert any("Not in it: how well people remember" in note for note in shown.notes)
+    other = [button(name, 20, (0.3,)) for name in ("knob", "key")]
+    assert len(prediction_contents(predict_answers(other)).tables) == 1
+
+
+def test_the_papers_ranges_are_those_of_its_matrices() -> None:
+    """Every integer matrix that gives tables III and IV to two decimals (rows presented, of 100 each)."""
+    matrices = [
+        *([[75, a, 25 - a], [33 - a, 67, a], [a - 6, 38 - a, 68]] for a in range(6, 26)),
+        *([[92, a, 8 - a], [6 - a, 83, 11 + a], [4 + a, 17 - a, 79]] for a in range(7)),
+        *([[95, a, 5 - a], [6 - a, 83, 11 + a], [a - 2, 21 - a, 81]] for a in range(2, 6)),
+        [[100, 0, 0], [0, 87, 13], [0, 10, 90]],
+    ]
+    low, high = np.min(matrices, axis=0), np.max(matrices, axis=0)
+    for row, presented in enumerate(PAPER):
+        assert list(PAPER[presented].values()) == list(zip(low[row], high[row], strict=True))
+
+
+def test_simulated_participants_answer_as_predicted(tmp_path: Path) -> None:
+    found = predict_answers(three(18))
+    path = tmp_path / "model.toml"
+    path.write_text(participant_model(found), encoding="utf-8")
+    model = load_participant_model(path)
+    np.testing.assert_allclose(answered(model, found), found.cells, atol=0.06)
+    # They tell its amplitude from nothing where the mean person's threshold is.
+    assert model.comparison.threshold * np.log(2) ** 0.5 == pytest.approx(10 ** (-18 / 20), rel=0.1)
+
+
+def test_errors_go_where_they_were_predicted_to_go(tmp_path: Path) -> None:
+    cells = np.array([[0.4, 0.5, 0.1], [0.05, 0.6, 0.35], [0.3, 0.3, 0.4]])
+    found = replace(predict_answers(three(18)), cells=cells)
+    path = tmp_path / "model.toml"
+    path.write_text(participant_model(found), encoding="utf-8")
+    np.testing.assert_allclose(answered(load_participant_model(path), found), cells, atol=0.06)
+
+
+def answered(model: Any, found: Prediction) -> np.ndarray:
+    counts = np.zeros((3, 3))
+    for number in range(120):
+        who = SimulatedParticipant(model, f"P{number:03}", 1)
+        for trial in range(10):
+            for row, name in enumerate(found.classes):
+                step: Any = SimpleNamespace(
+                    kind="identification", block=f"b{row}", number=trial, stimulus={}, presented=name,
+                    choices=found.classes, values=(0.0, 0.0),
+                )  # fmt: skip
+                counts[row, found.classes.index(who.answer(step))] += 1
+    return counts / counts.sum(axis=1, keepdims=True)
