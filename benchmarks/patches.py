@@ -1,8 +1,8 @@
 """Four patches at once beside one, on simulated tables that drift: `python benchmarks/patches.py`.
 
 Prints a table in Markdown: the error of a press, measured by the check, with hysteresis that differs from
-patch to patch, the vibrometer's noise and the cards' steps. Loudness is the scale of the press over that which
-patch A reaches alone within the same volts. See README.md.
+patch to patch, the vibrometer's noise and the cards' steps. Loudness is the scale of the press over that
+which patch A reaches alone within the same volts. See README.md.
 """
 
 from __future__ import annotations
