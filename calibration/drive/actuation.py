@@ -88,7 +88,7 @@ class Actuation:
     @property
     def carrier(self) -> Calibration:
         """The calibration whose resonance moves the first point most: its resonance carries buttons."""
-        return max(self.own, key=lambda c: abs(c.model.velocity(np.array([c.model.resonance_hz]))[0]))
+        return max(self.own, key=lambda c: abs(c.model.velocity(np.array([c.carrier_hz]))[0]))
 
     @property
     def known(self) -> tuple[float, float]:

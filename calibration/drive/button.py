@@ -127,7 +127,14 @@ def play_button(
 
 
 def _refuse_other_world(rig: Rig, calibrations: Sequence[Calibration]) -> None:
-    for response in (calibration.response for calibration in calibrations):
+    for calibration in calibrations:
+        response = calibration.response
+        if calibration.finger is not None:
+            raise ConfigurationError(
+                f"The calibration holds under {calibration.finger.participant}'s finger, and a button is "
+                "learned and checked on the bare table: give the bare table's, or check a drive under the "
+                "finger."
+            )
         if response.simulated != rig.simulated:
             kinds = {True: "simulated", False: "real"}
             raise ConfigurationError(

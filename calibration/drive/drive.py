@@ -204,7 +204,7 @@ def target_grid(press: Representative, table: Actuation, method: Method) -> Targ
     oversampling = _oversampling(press, table.rate_hz)
     edge = max(1, round(FADE / 2 * press.rate_hz))
     own = np.asarray(press.acceleration) * fade(len(press.acceleration), edge, edge)
-    carrier_hz = table.carrier.model.resonance_hz if method == "modulated" else 0.0
+    carrier_hz = table.carrier.carrier_hz if method == "modulated" else 0.0
     if method == "modulated":
         own = modulate(own, press.rate_hz, carrier_hz)
     before = round(BEFORE * press.rate_hz)

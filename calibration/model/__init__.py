@@ -4,15 +4,18 @@ from .calibrating import calibrate, calibrate_keeping
 from .calibration import Calibration, calibration_of, load_calibrations
 from .drift import Drift, mode_deviations
 from .even_order import even_order
+from .finger import Finger, calibrate_finger, under_finger
 from .model import Model, Resonance, fit
 from .uncertainty import standard_deviation
 
 __all__ = [
     "Calibration",
     "Drift",
+    "Finger",
     "Model",
     "Resonance",
     "calibrate",
+    "calibrate_finger",
     "calibrate_keeping",
     "calibration_of",
     "even_order",
@@ -20,4 +23,5 @@ __all__ = [
     "load_calibrations",
     "mode_deviations",
     "standard_deviation",
+    "under_finger",
 ]

@@ -28,8 +28,15 @@ WORK = {
     "show": ["file_contents", "load_study"],
     "report": ["write_report"],
     "list": ["list_files", "Entry"],
-    "calibrate": ["open_rig", "calibrate", "Calibration", "calibration_of", "load_calibrations"],
-    "check": ["Recording", "representative", "drive_for", "check"],
+    "calibrate": [
+        "open_rig",
+        "calibrate",
+        "calibrate_finger",
+        "Calibration",
+        "calibration_of",
+        "load_calibrations",
+    ],
+    "check": ["Recording", "representative", "drive_for", "check", "check_under_finger"],
     "map": ["open_rig", "map_plan", "measure_map", "VibrationMap", "animate_map"],
     "button make": [
         "load_calibrations",
