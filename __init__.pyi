@@ -45,10 +45,12 @@ from .calibration import activate as activate
 from .calibration import adopt as adopt
 from .calibration import build_button as build_button
 from .calibration import calibrate as calibrate
+from .calibration import calibrate_finger as calibrate_finger
 from .calibration import calibrate_keeping as calibrate_keeping
 from .calibration import calibrations_of as calibrations_of
 from .calibration import check as check
 from .calibration import check_feeling as check_feeling
+from .calibration import check_under_finger as check_under_finger
 from .calibration import drive_for as drive_for
 from .calibration import examine as examine
 from .calibration import examine_each as examine_each
@@ -69,6 +71,7 @@ from .calibration import quick_response as quick_response
 from .calibration import read_uff as read_uff
 from .calibration import recalibrate as recalibrate
 from .calibration import trade_for as trade_for
+from .calibration import under_finger as under_finger
 from .calibration import write_uff as write_uff
 from .commands.demo.run import claim_folder as claim_folder
 from .commands.demo.run import run_demo as run_demo

@@ -10,6 +10,7 @@ import click
 
 from ..calibration import sizes
 from ..instruments.files import reserved
+from ..instruments.operator import RestFinger
 from ..reports import contents, outputs, show
 from ..terminal.progress import Steps
 from . import front as haploop
@@ -19,6 +20,19 @@ if TYPE_CHECKING:
     from ..acquisition import AverageMethod
 
 __all__ = ["calibrate", "check"]
+
+
+FINGER = click.option(
+    "--finger",
+    metavar="PARTICIPANT",
+    help="While this participant's fingertip rests on the point: when asked, rest it and hold still.",
+)
+FORCE = click.option(
+    "--force",
+    type=click.FloatRange(0.1, 20),
+    metavar="N",
+    help="Force of that finger (N).  [default: 1, or the calibration's]",
+)
 
 
 @click.command()
@@ -44,10 +58,36 @@ __all__ = ["calibrate", "check"]
     show_default=True,
     help="Keep what was measured in FILE-waveforms.h5 (0.13 MB for each second).",
 )
+@FINGER
+@FORCE
+@click.option("--bare", type=PATH, metavar="FILE.h5", help="With --finger: the bare table's calibration.")
+@click.option(
+    "--beside",
+    metavar="POINT",
+    help="With --finger: grid point that the laser looks at, where it does not see the one under the finger.",
+)
 @on_rig()
 @JSON
-def calibrate(patch: str, point: str, out: Path, waveforms: bool, rig: ChosenRig, as_json: bool) -> int:
-    """Measure the table's response and fit a model."""
+def calibrate(
+    patch: str,
+    point: str,
+    out: Path,
+    waveforms: bool,
+    finger: str | None,
+    force: float | None,
+    bare: Path | None,
+    beside: str | None,
+    rig: ChosenRig,
+    as_json: bool,
+) -> int:
+    """Measure the table's response and fit a model.
+
+    With --finger and --bare, measure what a resting fingertip does to a calibration, in a few seconds.
+    """
+    if finger is not None:
+        return _calibrate_finger(RestFinger(finger, beside or "", force or 1.0), bare, out, rig, as_json)
+    if bare or beside or force:
+        raise click.UsageError("--bare, --beside and --force belong to --finger PARTICIPANT.")
     measured = haploop.Waveforms.beside(out)
     files = (out, measured) if waveforms else (out,)
     for path in files:
@@ -66,6 +106,26 @@ def calibrate(patch: str, point: str, out: Path, waveforms: bool, rig: ChosenRig
     return 0
 
 
+def _calibrate_finger(asked: RestFinger, bare: Path | None, out: Path, rig: ChosenRig, as_json: bool) -> int:
+    """Calibrate for a finger; `asked.point` is where the laser looks, or empty for the point under it."""
+    if bare is None:
+        raise click.UsageError("--finger needs --bare FILE.h5, the calibration of the bare table.")
+    loaded = haploop.Calibration.load(bare)
+    outputs.check_new_file(out)
+    with reserved(out, size=sizes.CALIBRATION), rig.opened() as opened, Steps() as steps:
+        on_table(opened, asked.point or loaded.response.point)
+        haploop.calibrate_finger(
+            opened,
+            loaded,
+            asked.participant,
+            force=asked.force,
+            beside=asked.point or None,
+            progress=steps,
+        ).save(out)
+    show.print_contents(contents.file_contents(out), as_json)
+    return 0
+
+
 @click.command()
 @PRESSES
 @CALIBRATION
@@ -77,6 +137,8 @@ def calibrate(patch: str, point: str, out: Path, waveforms: bool, rig: ChosenRig
     help="Folder for press, drive, check and a plot.  [default: only the check, dated, in checks]",
 )
 @PLAYS
+@FINGER
+@FORCE
 @AVERAGE
 @on_rig()
 @JSON
@@ -85,6 +147,8 @@ def check(
     calibration: Path,
     out: Path | None,
     plays: int,
+    finger: str | None,
+    force: float | None,
     average: AverageMethod,
     rig: ChosenRig,
     as_json: bool,
@@ -93,11 +157,20 @@ def check(
 
     PRESS is a recording (or several), or the file of a representative press (`haploop represent`, `haploop
     import`). Computes the representative press and its drive, plays the drive, measures the table, and
-    compares the result with the press. Every play is kept in the check's file.
+    compares the result with the press. Every play is kept in the check's file. With --finger, a fingertip
+    rests on the point meanwhile, and the verdict is of the motion under it; the laser has to see the point
+    from the other side of the pane.
 
     Exit codes: 0 the check passed, 1 it failed or the plays do not show it.
     """
     loaded = haploop.Calibration.load(calibration)
+    if loaded.finger is not None and finger is None:
+        raise haploop.ConfigurationError(
+            f"{calibration} holds under {loaded.finger.participant}'s finger, and a check of the bare table "
+            f"says nothing about it: check with --finger {loaded.finger.participant}."
+        )
+    if finger is None and force is not None:
+        raise click.UsageError("--force belongs to --finger PARTICIPANT.")
     press = haploop.load_press(presses, average)
     kept = outputs.dated_check(press.button) if out is None else None
     files = (kept,) if kept else outputs.check_files(out or Path(), press.button)
@@ -112,7 +185,13 @@ def check(
                 f"{opened.name!r} is {_kind(opened.simulated)}: calibrate that rig first."
             )
         drive = haploop.drive_for(press, loaded, opened.limits)
-        result = haploop.check(opened, drive, plays=plays, progress=steps)
+        if finger is None:
+            result = haploop.check(opened, drive, plays=plays, progress=steps)
+        else:
+            nominal = loaded.finger.force if loaded.finger else 1.0
+            result = haploop.check_under_finger(
+                opened, drive, finger, force=force or nominal, plays=plays, progress=steps
+            )
         if out is not None:
             outputs.save_check(out, press, result)
         else:

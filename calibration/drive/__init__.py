@@ -6,6 +6,7 @@ from .check import TOLERANCE, check
 from .checked import Check
 from .drive import BAND, BEFORE, Drive, Method, drive_for, modulate
 from .feeling import check_feeling
+from .finger_check import check_under_finger
 from .learning import Iteration, Learning, learn
 from .loudness import ButtonPlan, Loudness, Offer, Offers, plan_button, trade_for
 from .paper_baseline import paper_drive
@@ -30,6 +31,7 @@ __all__ = [
     "build_button",
     "check",
     "check_feeling",
+    "check_under_finger",
     "drive_for",
     "learn",
     "modulate",

@@ -121,6 +121,11 @@ def play_button(
 
 
 def _refuse_other_world(rig: Rig, calibration: Calibration) -> None:
+    if calibration.finger is not None:
+        raise ConfigurationError(
+            f"The calibration holds under {calibration.finger.participant}'s finger, and a button is learned "
+            "and checked on the bare table: give the bare table's, or check a drive under the finger."
+        )
     if calibration.response.simulated != rig.simulated:
         kinds = {True: "simulated", False: "real"}
         raise ConfigurationError(

@@ -180,7 +180,7 @@ def target_grid(press: Representative, calibration: Calibration, method: Method)
     oversampling = _oversampling(press, calibration.rate_hz)
     edge = max(1, round(FADE / 2 * press.rate_hz))
     own = np.asarray(press.acceleration) * fade(len(press.acceleration), edge, edge)
-    carrier_hz = calibration.model.resonance_hz if method == "modulated" else 0.0
+    carrier_hz = calibration.carrier_hz if method == "modulated" else 0.0
     if method == "modulated":
         own = modulate(own, press.rate_hz, carrier_hz)
     before = round(BEFORE * press.rate_hz)

@@ -3,16 +3,20 @@
 from .calibrating import calibrate, calibrate_keeping
 from .calibration import Calibration
 from .even_order import even_order
+from .finger import Finger, calibrate_finger, under_finger
 from .model import Model, Resonance, fit
 from .uncertainty import standard_deviation
 
 __all__ = [
     "Calibration",
+    "Finger",
     "Model",
     "Resonance",
     "calibrate",
+    "calibrate_finger",
     "calibrate_keeping",
     "even_order",
     "fit",
     "standard_deviation",
+    "under_finger",
 ]

@@ -9,6 +9,7 @@ from ...acquisition import hdf5
 from ...instruments import ConfigurationError, RigFile
 from ...instruments.notebook import InNotebook
 from ..response import Hysteresis, Response, fit_hysteresis
+from .finger import Finger
 from .model import Model, fit
 
 __all__ = ["Calibration"]
@@ -34,11 +35,22 @@ class Calibration(InNotebook):
     Measured with a multisine at the largest level. It limits what a drive reaches without learning; 0 if not
     measured.
     """
+    finger: Finger | None = None
+    """Fingertip on the point that response and model hold for; None for the bare table."""
+
+    @property
+    def carrier_hz(self) -> float:
+        """Frequency (Hz) that carries presses: the bare table's strongest resonance, also under a finger.
+
+        A finger on a light pane makes another resonance the strongest, and a button would change its tone.
+        """
+        return (self.finger.bare if self.finger else self.model).resonance_hz
 
     def __repr__(self) -> str:
         r, simulated = self.response, ", simulated" if self.response.simulated else ""
+        under = f" under {self.finger.participant}'s finger" if self.finger else ""
         return (
-            f"<Calibration patch {r.patch} at {r.point}: resonance {self.model.resonance_hz:.2f} Hz, "
+            f"<Calibration patch {r.patch} at {r.point}{under}: resonance {self.model.resonance_hz:.2f} Hz, "
             f"{r.created}{simulated}>"
         )
 

@@ -21,6 +21,7 @@ from ..model import Calibration, Model
 from ..response import Hysteresis, Response
 from .overlay import Overlay, lay_over
 from .prediction import motion_change
+from .resting import Dampings, dampings_of
 
 __all__ = ["Kind", "PlaceMetrics", "Verdict", "compare"]
 
@@ -95,6 +96,8 @@ class Verdict:
     theirs, but the laser's scale or the patch's strength."""
     path: float = 1.0
     """Volts at the patch per volt commanded, by the drive monitor, over those when it was calibrated."""
+    dampings: Dampings = field(default_factory=Dampings)
+    """How the dampings changed, which tells whether something rests on the table."""
     changes: Mapping[str, float] = field(default_factory=dict)
     """By button: the predicted change of the motion that its drive makes, over its target."""
 
@@ -134,9 +137,11 @@ def compare(
     )
     changes = {name: motion_change(drive, active, laid.model, law, path) for name, drive in drives.items()}
 
+    dampings = dampings_of(active.model, laid)
+
     def verdict(kind: Kind, *sentences: str) -> Verdict:
         return Verdict(
-            response.patch, response.point, kind, before, now, sentences, laid.factor, path, changes
+            response.patch, response.point, kind, before, now, sentences, laid.factor, path, dampings, changes
         )
 
     if not coherence >= thresholds.coherence:

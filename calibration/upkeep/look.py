@@ -23,6 +23,7 @@ from ..response import (
     settle,
 )
 from .drift import Kind, PlaceMetrics, Verdict, compare
+from .resting import told_touched
 from .sensor_health import (
     LaserAtRest,
     laser_at_rest,
@@ -31,7 +32,7 @@ from .sensor_health import (
     without_spikes,
 )
 
-__all__ = ["Look", "Place", "look_at", "place_of"]
+__all__ = ["Look", "Place", "look_at", "place_of", "touched_since"]
 
 Place = tuple[str, str]
 """Patch and point."""
@@ -57,6 +58,11 @@ class Look:
         if self.broken or "broken" in kinds or not kinds:
             return "broken"
         return "drifted" if "drifted" in kinds else "unchanged"
+
+    @property
+    def touched(self) -> bool:
+        """True when something seems to rest on the table."""
+        return any(verdict.dampings.touched for verdict in self.verdicts)
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -118,6 +124,23 @@ def look_at(
     measured = frozenset((v.patch, v.point) for v in verdicts if v.now)
     rate = spikes / (QUICK.duration * len(measured)) if measured else 0.0
     return Look(tuple(verdicts), measured, tuple(broken), tuple(unmeasured), laser, rate)
+
+
+def touched_since(rig: Rig, calibration: Calibration, progress: Progress) -> list[str]:
+    """Sentences on what came to rest on the table since a calibration, or left it; empty if nothing did.
+
+    Raises what a measurement raises.
+    """
+    response, _ = _measured(rig, place_of(calibration), laser_at_rest(rig), progress)
+    found = compare(calibration, response, {}, response.hysteresis)
+    came = list(told_touched([found]))
+    if found.dampings.inverse.touched:
+        patch, point = place_of(calibration)
+        came.append(
+            f"Something has left the table since patch {patch} was calibrated at the {point} point: its "
+            "modes are damped less, as when a finger or a palm is taken away."
+        )
+    return came
 
 
 def place_of(calibration: Calibration) -> Place:

@@ -23,6 +23,27 @@ __all__ = [
 ]
 
 
+def _finger(calibration: Calibration) -> list[Fact]:
+    """The fingertip under which a calibration holds; nothing for the bare table."""
+    finger = calibration.finger
+    if finger is None:
+        return []
+    beside = f", seen at point {finger.beside}" if finger.beside else ""
+    return [
+        fact(
+            "Under a finger",
+            f"{finger.participant}, {finger.force:g} N{beside}: it changes the response by "
+            f"{percent(finger.changed)}, and {percent(finger.misfit)} is not explained",
+            finger=finger.participant,
+            finger_force=finger.force,
+            finger_beside=finger.beside,
+            finger_changed=finger.changed,
+            finger_misfit=finger.misfit,
+            carrier_hz=calibration.carrier_hz,
+        )
+    ]
+
+
 def calibration_contents(calibration: Calibration) -> Contents:
     """What a calibration says: the measured response, and the model that was fitted to it."""
     response, model = calibration.response, calibration.model
@@ -44,6 +65,7 @@ def calibration_contents(calibration: Calibration) -> Contents:
             point=point,
             confidence=relative,
         ),
+        *_finger(calibration),
         fact("Excitation", response.excitation, excitation=response.excitation),
         fact("Source", response.source if response.source != "measured" else "", source=response.source),
         fact("Coherence", coherence, coherence_min=lowest, coherence_median=median),

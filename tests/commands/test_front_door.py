@@ -28,8 +28,8 @@ WORK = {
     "show": ["file_contents", "load_study"],
     "report": ["write_report"],
     "list": ["list_files", "Entry"],
-    "calibrate": ["open_rig", "calibrate", "Calibration"],
-    "check": ["Recording", "representative", "drive_for", "check"],
+    "calibrate": ["open_rig", "calibrate", "calibrate_finger", "Calibration"],
+    "check": ["Recording", "representative", "drive_for", "check", "check_under_finger"],
     "map": ["open_rig", "map_plan", "measure_map", "VibrationMap", "animate_map"],
     "button make": [
         "Calibration",
