@@ -113,6 +113,7 @@ def make(
 
     Exit codes: 0 the check passed, 1 it did not (the file is written and states why).
     """
+    chosen, wanted = (error, level) != (None, None), haploop.Loudness(error, level)
     loaded = haploop.load_calibrations(calibrations, patches or ())
     press = haploop.load_press(presses, average)
     with (
@@ -121,8 +122,7 @@ def make(
         Steps() as steps,
     ):
         trade = haploop.Trade()
-        if error is not None or level is not None:
-            wanted = haploop.Loudness(error, level)
+        if chosen:
             trade = haploop.trade_for(press, loaded, opened, wanted, method)
         made = haploop.build_button(
             opened, press, loaded, method=method, trade=trade, iterations=iterations, progress=steps
