@@ -159,22 +159,23 @@ def activation_forces(
 def drives(
     waveforms: Sequence[Drive], limits: tuple[float, float] | None = None, columns: Columns = 2
 ) -> Figure:
-    """Draw figure 8: the voltage at the patch for each button; `limits` are the lowest and highest (V)."""
+    """Draw figure 8: the voltage at each patch for each button; `limits` are the lowest and highest (V)."""
     with style():
-        figure, grid = panels(len(waveforms), 1, 1.3, columns)
-        end = max(active(drive.volts, drive.rate_hz)[1] for drive in waveforms)
-        for row, (drive, axes) in enumerate(zip(waveforms, grid[:, 0], strict=True)):
-            time = 1e3 * np.arange(len(drive.volts)) / drive.rate_hz
+        each = [(drive, *own) for drive in waveforms for own in zip(drive.patches, drive.volts, strict=True)]
+        figure, grid = panels(len(each), 1, 1.3, columns)
+        end = max(active(volts, drive.rate_hz)[1] for drive, _, volts in each)
+        for row, ((drive, patch, volts), axes) in enumerate(zip(each, grid[:, 0], strict=True)):
+            time = 1e3 * np.arange(len(volts)) / drive.rate_hz
             if limits:
                 label = "limit of the rig"
                 for level in limits:
                     axes.axhline(level, color=GREY, linewidth=0.6, linestyle=(0, (4, 3)), label=label)
                     label = ""
-            axes.plot(time, drive.volts, color=colour(row), linewidth=0.6)
+            axes.plot(time, volts, color=colour(row), linewidth=0.6)
             axes.set_xlim(0, 1e3 * end)
             axes.set_ylabel("Voltage (V)")
-            peak_to_peak = float(np.ptp(drive.volts))
-            told = f", patch {drive.patch}: {peak_to_peak:.1f} V peak to peak"
+            peak_to_peak = float(np.ptp(volts))
+            told = f", patch {patch}: {peak_to_peak:.1f} V peak to peak"
             name = drive.button.capitalize()
             room = _TITLE * columns - len(told)
             title = (name if len(name) <= room else f"{name[: room - 1]}…") + told
