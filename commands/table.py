@@ -10,10 +10,24 @@ import click
 
 from ..calibration import sizes
 from ..instruments.files import reserved
+from ..instruments.operator import RestFinger
 from ..reports import contents, outputs, show
 from ..terminal.progress import Steps
 from . import front as haploop
-from .options import AVERAGE, CALIBRATION, JSON, NEW, PATH, PLAYS, PRESSES, ChosenRig, on_rig, on_table
+from .options import (
+    AVERAGE,
+    CALIBRATION,
+    JSON,
+    NEW,
+    PATCHES,
+    PATH,
+    PLAYS,
+    PRESSES,
+    ChosenRig,
+    Names,
+    on_rig,
+    on_table,
+)
 
 if TYPE_CHECKING:
     from ..acquisition import AverageMethod
@@ -21,8 +35,31 @@ if TYPE_CHECKING:
 __all__ = ["calibrate", "check"]
 
 
+FINGER = click.option(
+    "--finger",
+    metavar="PARTICIPANT",
+    help="While this participant's fingertip rests on the point: when asked, rest it and hold still.",
+)
+FORCE = click.option(
+    "--force",
+    type=click.FloatRange(0.1, 20),
+    metavar="N",
+    help="Force of that finger (N).  [default: 1, or the calibration's]",
+)
+
+
 @click.command()
-@click.option("--patch", default="A", show_default=True, help="Patch to excite.")
+@click.option(
+    "--patch",
+    "--patches",
+    "patches",
+    type=Names(),
+    default="A",
+    show_default=True,
+    metavar="LIST",
+    help="Patch to excite. Of several, for example A,B,C,D, each has its own file: FILE-A.h5, FILE-B.h5 and "
+    "so on.",
+)
 @click.option(
     "--point",
     default="button",
@@ -44,24 +81,76 @@ __all__ = ["calibrate", "check"]
     show_default=True,
     help="Keep what was measured in FILE-waveforms.h5 (0.13 MB for each second).",
 )
+@FINGER
+@FORCE
+@click.option("--bare", type=PATH, metavar="FILE.h5", help="With --finger: the bare table's calibration.")
+@click.option(
+    "--beside",
+    metavar="POINT",
+    help="With --finger: grid point that the laser looks at, where it does not see the one under the finger.",
+)
 @on_rig()
 @JSON
-def calibrate(patch: str, point: str, out: Path, waveforms: bool, rig: ChosenRig, as_json: bool) -> int:
-    """Measure the table's response and fit a model."""
-    measured = haploop.Waveforms.beside(out)
-    files = (out, measured) if waveforms else (out,)
+def calibrate(
+    patches: Sequence[str],
+    point: str,
+    out: Path,
+    waveforms: bool,
+    finger: str | None,
+    force: float | None,
+    bare: Path | None,
+    beside: str | None,
+    rig: ChosenRig,
+    as_json: bool,
+) -> int:
+    """Measure the table's response and fit a model.
+
+    With --finger and --bare, measure what a resting fingertip does to a calibration, in a few seconds.
+    """
+    if finger is not None:
+        return _calibrate_finger(RestFinger(finger, beside or "", force or 1.0), bare, out, rig, as_json)
+    if bare or beside or force:
+        raise click.UsageError("--bare, --beside and --force belong to --finger PARTICIPANT.")
+    made = [out] if len(patches) == 1 else [haploop.calibration_of(out, patch) for patch in patches]
+    measured = [haploop.Waveforms.beside(path) for path in made]
+    files = (*made, *measured) if waveforms else tuple(made)
     for path in files:
         outputs.check_new_file(path)
     with (
-        reserved(*files, size=sizes.CALIBRATION + waveforms * sizes.WAVEFORMS),
+        reserved(*files, size=len(made) * (sizes.CALIBRATION + waveforms * sizes.WAVEFORMS)),
         rig.opened() as opened,
         Steps() as steps,
     ):
         on_table(opened, point)
-        calibration, kept = haploop.calibrate_keeping(opened, patch, point, steps)
-        calibration.save(out)
-        if waveforms:
-            kept.save(measured)
+        for patch, path, kept_in in zip(patches, made, measured, strict=True):
+            calibration, kept = haploop.calibrate_keeping(opened, patch, point, steps)
+            calibration.save(path)
+            if waveforms:
+                kept.save(kept_in)
+    if len(made) == 1:
+        found = contents.file_contents(out)
+    else:
+        found = contents.calibrations_contents(haploop.load_calibrations(made))
+    show.print_contents(found, as_json)
+    return 0
+
+
+def _calibrate_finger(asked: RestFinger, bare: Path | None, out: Path, rig: ChosenRig, as_json: bool) -> int:
+    """Calibrate for a finger; `asked.point` is where the laser looks, or empty for the point under it."""
+    if bare is None:
+        raise click.UsageError("--finger needs --bare FILE.h5, the calibration of the bare table.")
+    loaded = haploop.Calibration.load(bare)
+    outputs.check_new_file(out)
+    with reserved(out, size=sizes.CALIBRATION), rig.opened() as opened, Steps() as steps:
+        on_table(opened, asked.point or loaded.response.point)
+        haploop.calibrate_finger(
+            opened,
+            loaded,
+            asked.participant,
+            force=asked.force,
+            beside=asked.point or None,
+            progress=steps,
+        ).save(out)
     show.print_contents(contents.file_contents(out), as_json)
     return 0
 
@@ -69,6 +158,7 @@ def calibrate(patch: str, point: str, out: Path, waveforms: bool, rig: ChosenRig
 @click.command()
 @PRESSES
 @CALIBRATION
+@PATCHES
 @click.option(
     "--out",
     "-o",
@@ -77,14 +167,19 @@ def calibrate(patch: str, point: str, out: Path, waveforms: bool, rig: ChosenRig
     help="Folder for press, drive, check and a plot.  [default: only the check, dated, in checks]",
 )
 @PLAYS
+@FINGER
+@FORCE
 @AVERAGE
 @on_rig()
 @JSON
 def check(
     presses: Sequence[Path],
-    calibration: Path,
+    calibrations: Sequence[Path],
+    patches: Sequence[str] | None,
     out: Path | None,
     plays: int,
+    finger: str | None,
+    force: float | None,
     average: AverageMethod,
     rig: ChosenRig,
     as_json: bool,
@@ -93,11 +188,21 @@ def check(
 
     PRESS is a recording (or several), or the file of a representative press (`haploop represent`, `haploop
     import`). Computes the representative press and its drive, plays the drive, measures the table, and
-    compares the result with the press. Every play is kept in the check's file.
+    compares the result with the press. Every play is kept in the check's file. With --finger, a fingertip
+    rests on the point meanwhile, and the verdict is of the motion under it; the laser has to see the point
+    from the other side of the pane.
 
     Exit codes: 0 the check passed, 1 it failed or the plays do not show it.
     """
-    loaded = haploop.Calibration.load(calibration)
+    loaded = haploop.load_calibrations(calibrations, patches or ())
+    held = next((one.finger for one in loaded if one.finger), None)
+    if held is not None and finger is None:
+        raise haploop.ConfigurationError(
+            f"{calibrations[0]} holds under {held.participant}'s finger, and a check of the bare table "
+            f"says nothing about it: check with --finger {held.participant}."
+        )
+    if finger is None and force is not None:
+        raise click.UsageError("--force belongs to --finger PARTICIPANT.")
     press = haploop.load_press(presses, average)
     kept = outputs.dated_check(press.button) if out is None else None
     files = (kept,) if kept else outputs.check_files(out or Path(), press.button)
@@ -106,13 +211,20 @@ def check(
         rig.opened() as opened,
         Steps() as steps,
     ):
-        if loaded.response.simulated != opened.simulated:
-            raise haploop.ConfigurationError(
-                f"{calibration} was measured on a {_kind(loaded.response.simulated)} table, but the rig "
-                f"{opened.name!r} is {_kind(opened.simulated)}: calibrate that rig first."
-            )
+        for one in loaded:
+            if one.response.simulated != opened.simulated:
+                raise haploop.ConfigurationError(
+                    f"{calibrations[0]} was measured on a {_kind(one.response.simulated)} table, but the rig "
+                    f"{opened.name!r} is {_kind(opened.simulated)}: calibrate that rig first."
+                )
         drive = haploop.drive_for(press, loaded, opened.limits)
-        result = haploop.check(opened, drive, plays=plays, progress=steps)
+        if finger is None:
+            result = haploop.check(opened, drive, plays=plays, progress=steps)
+        else:
+            nominal = held.force if held else 1.0
+            result = haploop.check_under_finger(
+                opened, drive, finger, force=force or nominal, plays=plays, progress=steps
+            )
         if out is not None:
             outputs.save_check(out, press, result)
         else:

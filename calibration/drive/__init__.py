@@ -1,11 +1,13 @@
-"""Drives: inversion, the drive's waveform, the check, learning, the digital button."""
+"""Drives: inversion, the drive's waveforms, the check, learning, the digital button."""
 
+from .actuation import drift_change
 from .agreement import SharedPower
 from .button import DigitalButton, build_button, play_button
 from .check import TOLERANCE, check
 from .checked import Check
 from .drive import BAND, BEFORE, Drive, Method, drive_for, modulate
 from .feeling import check_feeling
+from .finger_check import check_under_finger
 from .learning import Iteration, Learning, learn
 from .loudness import ButtonPlan, Loudness, Offer, Offers, plan_button, trade_for
 from .paper_baseline import paper_drive
@@ -30,6 +32,8 @@ __all__ = [
     "build_button",
     "check",
     "check_feeling",
+    "check_under_finger",
+    "drift_change",
     "drive_for",
     "learn",
     "modulate",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,9 +10,10 @@ from ...acquisition import hdf5
 from ...instruments import ConfigurationError, RigFile
 from ...instruments.notebook import InNotebook
 from ..response import Hysteresis, Response, fit_hysteresis
+from .finger import Finger
 from .model import Model, fit
 
-__all__ = ["Calibration"]
+__all__ = ["Calibration", "calibration_of", "load_calibrations"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,11 +36,22 @@ class Calibration(InNotebook):
     Measured with a multisine at the largest level. It limits what a drive reaches without learning; 0 if not
     measured.
     """
+    finger: Finger | None = None
+    """Fingertip on the point that response and model hold for; None for the bare table."""
+
+    @property
+    def carrier_hz(self) -> float:
+        """Frequency (Hz) that carries presses: the bare table's strongest resonance, also under a finger.
+
+        A finger on a light pane makes another resonance the strongest, and a button would change its tone.
+        """
+        return (self.finger.bare if self.finger else self.model).resonance_hz
 
     def __repr__(self) -> str:
         r, simulated = self.response, ", simulated" if self.response.simulated else ""
+        under = f" under {self.finger.participant}'s finger" if self.finger else ""
         return (
-            f"<Calibration patch {r.patch} at {r.point}: resonance {self.model.resonance_hz:.2f} Hz, "
+            f"<Calibration patch {r.patch} at {r.point}{under}: resonance {self.model.resonance_hz:.2f} Hz, "
             f"{r.created}{simulated}>"
         )
 
@@ -70,3 +83,32 @@ class Calibration(InNotebook):
     def load(cls, path: str | Path) -> Calibration:
         """Read what `save` wrote. Raises DataError, one sentence, for anything else."""
         return hdf5.restore(cls, hdf5.read(path, "calibration"), path)
+
+
+def calibration_of(path: str | Path, patch: str) -> Path:
+    """Name of a patch's file, where several patches were calibrated into one name: FILE-A.h5 for FILE.h5."""
+    path = Path(path)
+    return path.with_name(f"{path.stem}-{patch}{path.suffix}")
+
+
+def load_calibrations(paths: Sequence[str | Path], patches: Sequence[str] = ()) -> tuple[Calibration, ...]:
+    """Read calibrations of several patches: those of `patches` if any are named, in that order.
+
+    A path without a file stands for those of `calibration_of`. Raises ConfigurationError for a patch without
+    a calibration, and what `Calibration.load` raises.
+    """
+    files: list[str | Path] = []
+    for path in paths:
+        named = [calibration_of(path, patch) for patch in patches]
+        files += named if named and not Path(path).exists() else [path]
+    found = [Calibration.load(path) for path in files]
+    there = [one.response.patch for one in found]
+    missing = [patch for patch in patches if patch not in there]
+    if missing:
+        raise ConfigurationError(
+            f"There is no calibration of patch {', '.join(missing)} among those given ({', '.join(there)}): "
+            f"calibrate it (haploop calibrate --patch {','.join(missing)})."
+        )
+    if patches:
+        found = [one for patch in patches for one in found if one.response.patch == patch]
+    return tuple(found)

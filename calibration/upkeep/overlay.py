@@ -55,6 +55,10 @@ class Overlay:
     """Factor of the response common to all modes."""
     factor: float
     """The same, of a fit that follows each mode's own damping as far as the response says."""
+    dampings: FloatArray
+    """Factor of each pole's damping ratio, of that fit."""
+    left: float
+    """`residual` of that fit."""
     weight: FloatArray
     """Peak of each pole's resonance over that of the strongest."""
     residual: float
@@ -75,7 +79,7 @@ def lay_over(model: Model, f: FloatArray, measured: ComplexArray) -> Overlay:
     starts = {coarse.common_start(), 0.0}
     found = min((problem.refined(coarse.searched(start)) for start in starts), key=problem.cost)
     close = replace(problem, misfit=_CLOSE).refined(found)
-    return problem.overlay(found, float(np.exp(close[2])))
+    return problem.overlay(found, close)
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,18 +146,25 @@ class _Problem:
     def cost(self, x: FloatArray) -> float:
         return float((self._rows(x) ** 2).sum())
 
-    def overlay(self, x: FloatArray, factor: float) -> Overlay:
+    def overlay(self, x: FloatArray, close: FloatArray) -> Overlay:
         a, b = self._of_poles(x)
-        model = self._moved(a, b)
-        gain = float(np.exp(x[2]))
-        moved = replace(
-            model, residues=gain * model.residues, constant=gain * model.constant, slope=gain * model.slope
-        )
+        gain, moved = float(np.exp(x[2])), self._model(x)
         peaks = np.abs(self.model.residues) / -self.model.poles.real
         paired = self.model.poles.imag > 0
         peaks = np.where(paired, peaks, 0.0)
-        residual = np.linalg.norm(self.measured - moved.velocity(self.f) / self.size)
-        return Overlay(moved, np.expm1(a), np.exp(b), gain, factor, peaks / peaks.max(), float(residual))
+        factor, dampings = float(np.exp(close[2])), np.exp(self._of_poles(close)[1])
+        weight = peaks / peaks.max()
+        left, residual = self._residual(close), self._residual(x)
+        return Overlay(moved, np.expm1(a), np.exp(b), gain, factor, dampings, left, weight, residual)
+
+    def _model(self, x: FloatArray) -> Model:
+        model, gain = self._moved(*self._of_poles(x)), float(np.exp(x[2]))
+        return replace(
+            model, residues=gain * model.residues, constant=gain * model.constant, slope=gain * model.slope
+        )
+
+    def _residual(self, x: FloatArray) -> float:
+        return float(np.linalg.norm(self.measured - self._model(x).velocity(self.f) / self.size))
 
     def _of_poles(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Logarithms of each pole's frequency and damping, (poles,)."""

@@ -23,6 +23,7 @@ from ...instruments import (
     Rig,
     RigFile,
 )
+from ...instruments.operator import LiftFinger
 from ...instruments.progress import Progress, prefixed, silent
 from ...instruments.safety import Audit, state_folder
 from .. import sizes
@@ -32,15 +33,22 @@ from ..response import Waveforms
 from .common_factor import common_factors, factors_since
 from .drift import Verdict, compare
 from .history import Generation, History
-from .look import Look, Place, look_at, place_of
+from .look import Look, Place, look_at, place_of, places_of, touched_since
+from .resting import TAKE_AWAY, told_touched
 from .sensor_health import MATTERS, laser_at_rest
 
 __all__ = ["Outcome", "activate", "adopt", "buttons_of", "calibrations_of", "checks_before", "recalibrate"]
 
 _RECENT = 9
 """Looks whose median noise is the laser's usual noise."""
+_LEFT = 1.0
+"""Time (s) for which a table rests after somebody has taken a hand away."""
+_FREE = "Somebody confirmed that nothing rests on the table, so that the dampings count as a drift."
 _PLAYS_BEFORE = 4
 """Plays of each old drive on the drifted table, enough to measure its error."""
+
+
+Kind = Literal["unchanged", "restored", "drifted", "touched", "broken"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,11 +57,11 @@ class Outcome:
 
     `unchanged`: the active calibration holds, and the button that was played passed its check. `restored`:
     the table had drifted, and another calibration, in which every button passed, is active. `drifted`: the
-    table had drifted, and not every button could be restored. `broken`: a place or an instrument has failed.
-    Only `restored` changes anything.
+    table had drifted, and not every button could be restored. `touched`: something seems to rest on it, or
+    came or left meanwhile. `broken`: a place or an instrument has failed. Only `restored` changes anything.
     """
 
-    kind: Literal["unchanged", "restored", "drifted", "broken"]
+    kind: Kind
     when: datetime
     active: Generation
     """The generation that is active now."""
@@ -111,7 +119,14 @@ def recalibrate(
         _refuse_other(rig, active, calibrations)
         usual = _usual_noise(history)
         look = look_at(rig, calibrations, _drives(buttons), usual, progress)
+        free = False
+        if look.touched and look.kind != "broken" and rig.operator.confirm(LiftFinger()):
+            free = True
+            rig.clock.sleep(_LEFT)
+            look = look_at(rig, calibrations, _drives(buttons), usual, progress)
         outcome = Outcome(look.kind, when, active, look.verdicts, look.sentences, simulated=rig.simulated)
+        if look.touched:
+            outcome = _with(outcome, *told_touched(look.verdicts), *([_FREE] if free else []))
         disturbed = look.disturbances(usual)
         drives = [button.drive for button in buttons.values()]
         hidden = bool(disturbed and look.laser and any(look.laser.hides(drive) for drive in drives))
@@ -126,6 +141,9 @@ def recalibrate(
         if gained and outcome.kind != "broken":
             kind = "broken" if far or outcome.kind == "drifted" else outcome.kind
             outcome = _with(replace(outcome, kind=kind), *gained)
+        elif outcome.kind == "drifted" and look.touched and not free:
+            told = f"Nothing was changed: {active.name} stays the active one. {TAKE_AWAY}"
+            outcome = _with(replace(outcome, kind="touched"), told)
         elif outcome.kind == "drifted" and look.unmeasured:
             outcome = _with(
                 outcome,
@@ -140,6 +158,7 @@ def recalibrate(
             )
         elif outcome.kind == "drifted":
             anew = _made_anew(rig, buttons, outcome.before, iterations, progress)
+            anew.free = free
             outcome = _judged(rig, history, outcome, calibrations, anew)
             if outcome.kind == "restored":
                 outcome = _activated(rig, history, outcome, anew, actor)
@@ -175,7 +194,7 @@ def adopt(
     written.
     """
     when = when or datetime.now(UTC)
-    _refuse_made_elsewhere(rig, [button.calibration for button in buttons])
+    _refuse_made_elsewhere(rig, [c for button in buttons for c in button.calibrations])
     named = {_name(button): button for button in buttons}
     if len(named) < len(buttons) or not buttons:
         raise DataError("Give one button or more, and each name (button, patch and point) only once.")
@@ -188,12 +207,13 @@ def adopt(
     with history.hold():
         parent = history.active() if history.activations else None
         every = (buttons_of(parent) if parent else {}) | named
-        rigs = {(b.calibration.response.rig, b.simulated) for b in every.values()}
+        rigs = {(b.drive.rig, b.simulated) for b in every.values()}
         if len(rigs) > 1:
             told = ", ".join(f"{rig}{' (simulated)' if simulated else ''}" for rig, simulated in sorted(rigs))
             raise DataError(f"These buttons were made on different rigs ({told}): keep a history for each.")
-        audit = _audit(rig, [button.calibration for button in every.values()])
-        newest = sorted((b.calibration for b in every.values()), key=lambda c: c.response.created)
+        made = [c for button in every.values() for c in button.calibrations]
+        audit = _audit(rig, made)
+        newest = sorted(made, key=lambda c: c.response.created)
         generation = history.add(
             _parts({place_of(c): c for c in newest}.values(), every, {}),
             when=when,
@@ -280,9 +300,9 @@ def _parts(
 
 
 def _name(button: DigitalButton) -> str:
-    name = f"{button.press.button}-{button.drive.patch}-{button.drive.point}"
+    name = f"{button.press.button}-{'+'.join(button.drive.patches)}-{button.drive.point}"
     # A button may be called anything, and its name becomes a file's.
-    return re.sub(r"[^\w.-]+", "_", name)
+    return re.sub(r"[^\w.+-]+", "_", name)
 
 
 def _refuse_other(rig: Rig, active: Generation, calibrations: Sequence[Calibration]) -> None:
@@ -300,7 +320,8 @@ def _drives(buttons: Mapping[str, DigitalButton]) -> dict[Place, dict[str, Drive
     """The drives at each place, by button."""
     drives: dict[Place, dict[str, Drive]] = {}
     for name, button in buttons.items():
-        drives.setdefault((button.drive.patch, button.drive.point), {})[name] = button.drive
+        for place in places_of(button.drive):
+            drives.setdefault(place, {})[name] = button.drive
     return drives
 
 
@@ -311,7 +332,7 @@ def _turn(history: History, active: Generation, buttons: Mapping[str, DigitalBut
     """
     looks = [entry for entry in history.looks if entry["compared_with"] == active.name]
     times = {name: sum(name in entry["played"] for entry in looks) for name in buttons}
-    here = [name for name, b in buttons.items() if (b.drive.patch, b.drive.point) in look.measured]
+    here = [name for name, b in buttons.items() if look.measured.issuperset(places_of(b.drive))]
     return min(here, key=lambda name: (times[name], _margin(buttons[name].check)))
 
 
@@ -358,6 +379,10 @@ class _Anew:
     waveforms: dict[Place, Waveforms] = field(default_factory=dict)
     failed: list[str] = field(default_factory=list)
     """Sentences on what did not come out as it has to."""
+    free: bool = False
+    """Somebody has confirmed that nothing rests on the table."""
+    touched: list[str] = field(default_factory=list)
+    """Sentences on what came to rest on the table, or left it, while buttons were made."""
     broken: str = ""
     """Sentence on the instrument that failed; the rest was not made then."""
 
@@ -372,21 +397,24 @@ def _made_anew(
     """Check each old drive, calibrate each place, with its hysteresis, and compute and learn each drive."""
     made = _Anew(dict(before))
     for name, old in buttons.items():
-        place = old.drive.patch, old.drive.point
+        places = places_of(old.drive)
         try:
             if name not in made.before:
                 old_drive = prefixed(progress, f"{name}, old drive")
                 made.before[name] = check(rig, old.drive, plays=_PLAYS_BEFORE, progress=old_drive)
-            if place not in made.calibrations:
-                made.calibrations[place], made.waveforms[place] = calibrate_keeping(rig, *place, progress)
+            for place in places:
+                if place not in made.calibrations:
+                    made.calibrations[place], made.waveforms[place] = calibrate_keeping(rig, *place, progress)
             made.after[name] = build_button(
                 rig,
                 old.press,
-                made.calibrations[place],
+                [made.calibrations[place] for place in places],
                 method=cast(Method, old.drive.method),
+                trade=old.drive.trade,
                 iterations=iterations,
                 progress=prefixed(progress, name),
             )
+            made.touched += touched_since(rig, made.calibrations[place], prefixed(progress, name))
         except (DataError, LimitError) as error:
             made.failed.append(f"{name}: {error}")
         except InstrumentError as error:
@@ -411,9 +439,13 @@ def _judged(
     factors = common_factors(again, factors_since(history, found.active), rig.file.recalibration.factor)
     failed = (*anew.failed, *factors)
     disturbed = _disturbed_since(rig, anew.after, _usual_noise(history))
-    if failed or disturbed:
+    # Whatever came to rest on the table since the look is in the new calibrations, or in the drives.
+    touched = (*(() if anew.free else told_touched(again)), *anew.touched)
+    if failed or disturbed or touched:
+        kind: Kind = "broken" if disturbed else "touched" if touched else found.kind
+        told = (*failed, *disturbed, *touched, *([TAKE_AWAY] if touched else []))
         kept_active = f"Nothing was changed: {found.active.name} stays the active one."
-        return _with(replace(found, kind="broken") if disturbed else found, *failed, *disturbed, kept_active)
+        return _with(replace(found, kind=kind), *told, kept_active)
     # A calibration without a button of its own has nothing to be checked with, and is kept.
     anew.calibrations = old | anew.calibrations
     return replace(found, kind="restored")

@@ -77,7 +77,7 @@ def _button(result: ButtonResult) -> dict[str, Any]:
         "activation_force_n": float(np.mean(forces)) if len(forces) else None,
         "activation_force_true_n": float(np.mean(result.true_forces)) if result.true_forces else None,
         "drive_peak_v": drive.peak,
-        "drive_peak_to_peak_v": float(np.ptp(drive.volts)),
+        "drive_peak_to_peak_v": float(np.ptp(drive.volts, axis=1).max()),
         "scale": drive.scale,
         "band_hz": drive.band,
         "in_band": drive.in_band,
@@ -247,6 +247,11 @@ def _captioned_figures(demo: Demo) -> Sequence[CaptionedFigure]:
             f"The table's response, patch {response.patch} to the button point",
             f"{captions.RESPONSE} Dashed: the true response of the plant without patch hysteresis. "
             f"n = {response.repeats} repeats.",
+        ),
+        (
+            figures.plan_figure([r.plan for r in results]),
+            "Loudness against likeness",
+            f"{captions.PLAN} By the method that was played, before corrections.",
         ),
         (
             figures.drives([r.check.drive for r in results], demo.limits),

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from ...acquisition import Recording, Representative, record, representative
-from ...calibration import Check, Waveforms, calibrate_keeping, drive_for
-from ...calibration.drive import check
+from ...calibration import ButtonPlan, Check, Waveforms, calibrate_keeping, drive_for, plan_button
+from ...calibration.drive import Method, check
 from ...exchange.live import published
 from ...instruments import ConfigurationError, Rig, load_rig_file, open_rig
 from ...instruments.clock import Clock, RealClock
@@ -29,12 +29,15 @@ _RESULTS = (
     "presses",
     "drives",
     "checks",
+    "plans",
     "calibration.h5",
     "calibration-waveforms.h5",
     "summary.json",
     "report.html",
 )
 """Files and folders written by a demo."""
+_METHODS: tuple[Method, ...] = ("modulated",)
+"""Methods that are planned: the one that is played."""
 
 
 def run_demo(
@@ -51,8 +54,8 @@ def run_demo(
 
     A lab's rig file is always simulated, with twins unless `mode` is "wire": no hardware is used.
     `seed` overrides the seed in the file. Returns the summary, which is also written as `summary.json`
-    beside `report.html`, `calibration.h5`, `calibration-waveforms.h5`, `recordings/`, `presses/`, `drives/`
-    and `checks/`. Error, floor, verdict and response can be computed again from these files.
+    beside `report.html`, `calibration.h5`, `calibration-waveforms.h5`, `recordings/`, `presses/`, `drives/`,
+    `checks/` and `plans/`. Error, floor, verdict and response can be computed again from these files.
 
     Raises ConfigurationError when `out` holds a demo already or cannot be written, and the
     errors of the steps.
@@ -135,8 +138,10 @@ def _loop(
     del waveforms
 
     checks: dict[str, Check] = {}
+    plans: dict[str, ButtonPlan] = {}
     (out / "drives").mkdir()
     (out / "checks").mkdir()
+    (out / "plans").mkdir()
     for button in BUTTONS:
         step = f"Compute the drive of the {button} button"
         progress(step, 0, 1, "")
@@ -145,6 +150,8 @@ def _loop(
         progress(step, 1, 1, "")
         checks[button] = check(rig, drive, progress=progress)
         checks[button].save(out / "checks" / f"{button}.h5")
+        plans[button] = plan_button(presses[button], calibration, rig, _METHODS, progress)
+        plans[button].save(out / "plans" / f"{button}.h5")
 
     response = calibration.response
     return Demo(
@@ -164,6 +171,7 @@ def _loop(
                 forces_in(recordings[button]).get(button, {}),
                 presses[button],
                 checks[button],
+                plans[button],
                 tuple(
                     p.activation_force
                     for p in truth.presses

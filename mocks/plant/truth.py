@@ -48,8 +48,9 @@ class Truth:
         return self._scene.surface
 
     def velocity_response(self, patch: str, point: str, frequencies: FloatArray) -> ComplexArray:
-        """Return the response without hysteresis, (frequencies,) m/s per V at the patch."""
+        """Return the response without hysteresis, (frequencies,) m/s per V at the patch, as it is now."""
         scene = self._scene
+        scene.advance(scene.clock.now())
         return scene.surface.response(patch, scene.place(point), frequencies, scene.clock.now())
 
     def velocity(self, point: str, times: FloatArray) -> FloatArray:

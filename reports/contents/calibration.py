@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
-from ...calibration import Calibration, Drive, Resonance, Waveforms
+from ...calibration import Calibration, Drift, Drive, Resonance, Waveforms, drift_change
 from .. import figures
 from . import captions
 from .parts import Contents, Drawing, Fact, Verdict, detailed, fact
@@ -15,12 +16,34 @@ from .words import damping, percent, sentence
 
 __all__ = [
     "calibration_contents",
+    "calibrations_contents",
     "drive_contents",
     "drive_drawing",
     "drive_facts",
     "response_drawing",
     "waveforms_contents",
 ]
+
+
+def _finger(calibration: Calibration) -> list[Fact]:
+    """The fingertip under which a calibration holds; nothing for the bare table."""
+    finger = calibration.finger
+    if finger is None:
+        return []
+    beside = f", seen at point {finger.beside}" if finger.beside else ""
+    return [
+        fact(
+            "Under a finger",
+            f"{finger.participant}, {finger.force:g} N{beside}: it changes the response by "
+            f"{percent(finger.changed)}, and {percent(finger.misfit)} is not explained",
+            finger=finger.participant,
+            finger_force=finger.force,
+            finger_beside=finger.beside,
+            finger_changed=finger.changed,
+            finger_misfit=finger.misfit,
+            carrier_hz=calibration.carrier_hz,
+        )
+    ]
 
 
 def calibration_contents(calibration: Calibration) -> Contents:
@@ -44,6 +67,7 @@ def calibration_contents(calibration: Calibration) -> Contents:
             point=point,
             confidence=relative,
         ),
+        *_finger(calibration),
         fact("Excitation", response.excitation, excitation=response.excitation),
         fact("Source", response.source if response.source != "measured" else "", source=response.source),
         fact("Coherence", coherence, coherence_min=lowest, coherence_median=median),
@@ -61,6 +85,7 @@ def calibration_contents(calibration: Calibration) -> Contents:
             model_error=model.error,
             stable=stable,
         ),
+        *detailed([drift_fact([calibration])]),
     ]
     verdict = Verdict(
         f"Calibration, patch {patch} at {point}",
@@ -105,6 +130,49 @@ def response_drawing(calibration: Calibration) -> Drawing:
     )
 
 
+def calibrations_contents(calibrations: Sequence[Calibration]) -> Contents:
+    """What calibrations of several patches say together."""
+    first = calibrations[0].response
+    facts = [fact("Rig", f"{first.rig}, {first.created}", rig=first.rig, created=first.created)]
+    for one in calibrations:
+        response, model = one.response, one.model
+        facts.append(
+            fact(
+                f"Patch {response.patch}",
+                f"resonance {model.resonance_hz:.2f} Hz, model {percent(model.error)} from the response",
+                **{
+                    f"patch_{response.patch}": {
+                        "resonance_hz": model.resonance_hz,
+                        "model_error": model.error,
+                        "stable": bool(model.stable),
+                    }
+                },
+            )
+        )
+    facts.append(drift_fact(calibrations))
+    patches = ", ".join(one.response.patch for one in calibrations)
+    return Contents(
+        f"Calibrations of patches {patches} at the {first.point} point",
+        facts,
+        kind="calibrations",
+        simulated=first.simulated,
+        rig=first.rig,
+    )
+
+
+def drift_fact(calibrations: Sequence[Calibration]) -> Fact:
+    """What the drift that drives are planned against does to the responses."""
+    drift = Drift()
+    change = drift_change(calibrations, drift)
+    return fact(
+        "Drift",
+        f"{drift.common:.1%} of all resonances, {drift.own:.1%} of each, and {drift.damping:.0%} of its "
+        f"damping change the response by {change:.0%}; drives of several patches are planned against it",
+        drift=asdict(drift),
+        drift_change=change,
+    )
+
+
 def drive_contents(drive: Drive) -> Contents:
     """What a drive says."""
     return Contents(
@@ -120,7 +188,7 @@ def drive_contents(drive: Drive) -> Contents:
 def drive_facts(drive: Drive) -> Iterator[Fact]:
     """The voltage of a drive, how it was computed, and how much of the press it reaches."""
     low, high = drive.band
-    peak_to_peak, duration = float(np.ptp(drive.volts)), len(drive.volts) / drive.rate_hz
+    peak_to_peak, duration = float(np.ptp(drive.volts, axis=1).max()), len(drive.target) / drive.rate_hz
     yield fact(
         "Drive",
         f"{drive.peak:.1f} V peak, {peak_to_peak:.1f} V peak to peak at patch {drive.patch}",
@@ -144,6 +212,14 @@ def drive_facts(drive: Drive) -> Iterator[Fact]:
     yield from detailed(
         [
             fact("Predicted error", predicted, predicted_error=drive.predicted_error),
+            fact(
+                "After a drift",
+                f"{percent(drive.drifted_error)} when the table drifts by {drive.drift.common:.1%}"
+                if drive.drift.common
+                else "",
+                drifted_error=drive.drifted_error,
+                drift=asdict(drive.drift),
+            ),
             fact("Not reached", drive.unreached, unreached=drive.unreached),
         ]
     )

@@ -29,6 +29,7 @@ _OUTCOMES = {
     "unchanged": "The calibration holds",
     "restored": "The table had drifted; every button is within tolerance again",
     "drifted": "The table has drifted; not every button could be brought within tolerance",
+    "touched": "Something rests on the table; nothing was changed",
     "broken": "Something is broken; nothing was changed",
 }
 """Title of each kind of outcome."""

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MultipleLocator
 
 from ...calibration import ButtonPlan
 from ...calibration.drive import TOLERANCE
@@ -48,5 +49,6 @@ def _draw(axes: Axes, plan: ButtonPlan) -> None:
             label=f"{curve.method}, {curve.patch}",
         )
     axes.set_ylim(bottom=0)
+    axes.xaxis.set_major_locator(MultipleLocator(5))
     axes.set_xlabel("Level above threshold, pressing (dB)")
     axes.set_ylabel("Expected error (%)")

@@ -77,7 +77,7 @@ def test_the_report_stands_alone(demo: Demo) -> None:
     assert demo.summary["report"] == str(demo.folder / "report.html")
     assert not re.search(r'(?:src|href)="(?!data:)', report)
     assert not re.search(r"https?://|url\(|@import", report)
-    assert report.count('src="data:image/png;base64,') == 6
+    assert report.count('src="data:image/png;base64,') == 7
     assert "Everything here is simulated" in report
     for button in demo.summary["buttons"].values():
         assert button["sources"][0]["sha256"] in report
@@ -98,7 +98,8 @@ def test_the_scripts_of_the_documents_compute_a_demo_again(
     monkeypatch.chdir(tmp_path)
     for name in ("calibration.h5", "calibration-waveforms.h5"):
         shutil.copy(demo.folder / name, name)
-    shutil.copy(demo.folder / "checks" / "push.h5", "push-check.h5")
+    (tmp_path / "checked").mkdir()
+    shutil.copy(demo.folder / "checks" / "push.h5", "checked/push-check.h5")
     for block in blocks((ROOT / "docs" / "explanation" / "check.md").read_text(encoding="utf-8")):
         if block.language == "python":
             exec(compile(block.text, f"line {block.line} of check.md", "exec"), {})
@@ -120,6 +121,7 @@ def test_the_scripts_of_the_documents_compute_a_demo_again(
         ("presses/latch.h5", "representative"),
         ("calibration.h5", "calibration"),
         ("drives/latch.h5", "drive"),
+        ("plans/latch.h5", "plan"),
     ],
 )
 def test_show_knows_every_file_of_a_demo(demo: Demo, run: Run, tmp_path: Any, name: str, kind: str) -> None:

@@ -17,7 +17,8 @@ from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
 from haploop.acquisition import Recording, Representative, accepted_presses
-from haploop.calibration import Calibration, Check, VibrationMap, check_feeling, map_plan
+from haploop.calibration import ButtonPlan, Calibration, Check, VibrationMap, check_feeling, map_plan
+from haploop.calibration.drive import Offer, Offers
 from haploop.calibration.response.modes import Modes
 from haploop.calibration.response.terms import terms_of
 from haploop.console import server
@@ -34,7 +35,7 @@ BUTTONS = ("latch", "toggle", "push")
 NAMES = (
     "profiles", "profile", "recording", "forces", "forces of twelve", "forces of one", "drives",
     "drive of a long name", "drive",
-    "comparison", "comparison of one", "response", "response and truth", "feeling", "check", "button",
+    "comparison", "comparison of one", "response", "response and truth", "plan", "feeling", "check", "button",
     "iterations", "map", "map of a row", "before and after", "responses", "ratings", "ratings of seven",
     "confusion",
     "confusion of many", "trend",
@@ -70,6 +71,16 @@ def rated(names: Sequence[str] = ("Rough-Smooth", "Unclear-Clear", "Weak-Strong"
     return SimpleNamespace(
         levels=(("none", "given", "both"), ("latch", "push")), pairs=pairs, normalised=True
     )
+
+
+def planned(button: str) -> ButtonPlan:
+    """A plan of two methods at one and at four patches, of which nothing was computed."""
+    curves = [
+        Offers(method, patches, 0.6, tuple(Offer(0.02 * n, 2.0 * n + above, 0.1, 48.0) for n in range(1, 11)))
+        for above, patches in ((-8.0, "A"), (4.0, "A, B, C, D"))
+        for method in ("modulated", "broadband")
+    ]
+    return ButtonPlan(button, "lab", tuple(curves), True, ())
 
 
 def confused(classes: Sequence[str] = BUTTONS) -> Any:
@@ -135,6 +146,7 @@ def gallery(demo: Demo) -> Mapping[str, Draw]:
         "comparison of one": lambda c: figures.comparison(rows[:1], c),
         "response": lambda c: figures.response(table, None, c),
         "response and truth": lambda c: figures.response(table, truth, c),
+        "plan": lambda c: figures.plan_figure([planned(p.button) for p in presses], c),
         "feeling": lambda c: figures.feeling_figure(felt, c),
         "check": lambda c: figures.check_figure(checks[0], c),
         "button": lambda c: figures.button_figure(button, c),

@@ -64,7 +64,8 @@ def test_a_generation_is_published_whole_and_then_activated(history: History) ->
     second = publish(history, b"other", parent=first.name)
     assert second.name.startswith("0002-") and history.active() == first
     history.activate(second, when=WHEN + timedelta(hours=1), actor="cron", reason="drifted")
-    assert history.active() == second == history.find("2") == history.find("active")
+    assert history.active() == second == history.find("active")
+    assert second == history.find("2") == history.find(second.name)
     history.activate(first, when=WHEN + timedelta(hours=2), actor="somebody", reason="was better")
     assert history.active() == first
     assert [a.reason for a in history.activations] == ["it begins", "drifted", "was better"]

@@ -9,14 +9,14 @@ import shutil
 import time
 from collections.abc import Mapping
 from dataclasses import replace
-from datetime import UTC, datetime, timedelta
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from haploop.calibration import Calibration, Waveforms
-from haploop.calibration.drive.button import DigitalButton, build_button
+from haploop.calibration.drive.button import DigitalButton
 from haploop.calibration.upkeep import recalibration
 from haploop.calibration.upkeep.history import History
 from haploop.calibration.upkeep.recalibration import (
@@ -38,30 +38,12 @@ from haploop.instruments import (
     log_entries,
 )
 from haploop.instruments.operator.unattended import Unattended
-from tests.calibration.conftest import Calibrated, make_press
+from tests.calibration.conftest import Calibrated
 from tests.calibration.map.killing import Victims
+from tests.calibration.upkeep.conftest import WHEN
 from tests.conftest import OpenRig
 
 pytestmark = pytest.mark.many_plays
-
-WHEN = datetime(2026, 7, 31, 2, 15, tzinfo=UTC)
-
-
-@pytest.fixture(scope="session")
-def first(calibrated: Calibrated, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A history with one generation, of one button, and one look."""
-    button = build_button(calibrated.rig, make_press(), calibrated.calibration, iterations=0)
-    folder = tmp_path_factory.mktemp("history") / "calibrations"
-    history = History(folder)
-    adopt(history, [button], actor="a test", reason="it begins", when=WHEN)
-    # The look that knows how the laser is when all is well.
-    assert recalibrate(calibrated.rig, history, when=WHEN).kind == "unchanged"
-    return folder
-
-
-@pytest.fixture
-def history(first: Path, tmp_path: Path) -> History:
-    return History(shutil.copytree(first, tmp_path / "calibrations"))
 
 
 @pytest.fixture
@@ -209,7 +191,7 @@ def test_what_the_response_does_not_show_is_seen_when_the_button_is_played(
     (button,) = buttons_of(history.active()).values()
     failed = replace(button.check, verdict="fail", reasons=("It is off.",))
     monkeypatch.setattr(recalibration, "check", lambda *_args, **_more: failed)
-    monkeypatch.setattr(recalibration, "calibrate_keeping", lambda rig, *_: kept(rig, button.calibration))
+    monkeypatch.setattr(recalibration, "calibrate_keeping", lambda rig, *_: kept(rig, button.calibrations[0]))
     monkeypatch.setattr(recalibration, "build_button", lambda *_args, **_more: button)
     outcome = recalibrate(calibrated.rig, history, when=WHEN)
     assert outcome.verdicts[0].kind == "unchanged" and outcome.kind == "restored"

@@ -1,0 +1,156 @@
+"""A table calibrated for a finger, and a check under it, against the plant's own motion under the finger."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.fft import irfft, rfft, rfftfreq
+
+from haploop.calibration import Calibration, Check, Drive, Finger
+from haploop.calibration.drive import build_button, check_under_finger, drive_for
+from haploop.calibration.drive.drive import target_grid
+from haploop.calibration.model import calibrate_finger, under_finger
+from haploop.instruments import ConfigurationError, DataError, InstrumentError, Rig
+from haploop.instruments.operator import RestFinger
+from haploop.instruments.operator.unattended import Unattended
+from tests.calibration.conftest import Calibrated, make_press
+from tests.conftest import OpenRig
+
+pytestmark = [pytest.mark.many_plays, pytest.mark.requires("simulation")]
+
+BAND = np.arange(80.0, 600.0, 0.25)
+
+
+def relative(found: np.ndarray, true: np.ndarray) -> float:
+    return float(np.linalg.norm(found - true) / np.linalg.norm(true))
+
+
+def true_response(rig: Rig, force: float | None) -> np.ndarray:
+    """The plant's own response at the button, bare or under P07's finger."""
+    if force:
+        rig.operator.confirm(RestFinger("P07", "button", force))
+        rig.clock.sleep(0.6)
+    response = rig.simulation.truth.velocity_response("A", "button", BAND)
+    rig.simulation.plant.lift()
+    rig.clock.sleep(0.5)
+    return np.asarray(response)
+
+
+def finger_of(made: Calibration) -> Finger:
+    assert made.finger is not None
+    return made.finger
+
+
+@pytest.mark.parametrize(
+    ("mass", "beside", "most"), [(0.96, None, 0.015), (0.96, "21", 0.03), (0.2, None, 0.06)]
+)
+def test_the_response_under_a_finger_is_the_plant_s(
+    calibrated: Calibrated, open: OpenRig, mass: float, beside: str | None, most: float
+) -> None:
+    """At the force that was measured, and by the force law at others; the force itself wanders by 6 %."""
+    rig, bare = open(pane_mass=mass), calibrated.calibration
+    made = calibrate_finger(rig, bare, "P07", beside=beside)
+    finger, without = finger_of(made), true_response(rig, None)
+    assert not any(rig.simulation.plant.surface._contacts)
+    changes = []
+    for force, share in ((1.0, 1.0), (0.25, 2.0), (5.0, 2.5)):
+        under = true_response(rig, force)
+        changes.append(relative(without, under))
+        assert relative(finger.factor(BAND, force) * without, under) < share * most
+    assert changes[1] < changes[0] < changes[2] and changes[0] > 2 * most
+    assert finger.changed == pytest.approx(changes[0], rel=0.4)
+    assert finger.beside == (beside or "")
+    f = made.response.frequencies
+    inside = (f > 80) & (f < 600)
+    f, fitted = f[inside], made.model.velocity(made.response.frequencies[inside])
+    assert relative(fitted, bare.model.velocity(f) * finger.factor(f)) < 0.01
+
+
+def test_a_finger_s_calibration_is_a_file_and_keeps_the_bare_table_s_carrier(
+    calibrated: Calibrated, open: OpenRig, tmp_path: Path
+) -> None:
+    rig, bare = open(pane_mass=0.1), calibrated.calibration
+    made = calibrate_finger(rig, bare, "P07")
+    made.save(tmp_path / "P07.h5")
+    assert Calibration.load(tmp_path / "P07.h5").digest == made.digest != bare.digest
+    assert "P07's finger" in repr(made)
+    assert made.carrier_hz == bare.carrier_hz == bare.model.resonance_hz
+    assert target_grid(make_press(), made, "modulated").carrier_hz == bare.model.resonance_hz
+    harder = under_finger(bare, finger_of(made), 5.0)
+    assert finger_of(harder).force == 5.0 and finger_of(harder).load.sum() > finger_of(made).load.sum()
+    with pytest.raises(ConfigurationError, match="a finger's already"):
+        calibrate_finger(rig, made, "P07")
+
+
+def under(rig: Rig, drive: Drive, monkeypatch: pytest.MonkeyPatch) -> tuple[Check, float]:
+    """The check under P07's finger, and the error of the surface's own mean motion, 20 Hz to 2.5 kHz."""
+    excite, seen, truth, own = rig.excite, [], rig.simulation.truth, np.atleast_2d(drive.volts)[0]
+
+    def watched(volts: Any, *args: Any, **more: Any) -> Any:
+        record = truth.record()
+        capture = excite(volts, *args, **more)
+        rest = np.shape(volts)[-1] - len(own)
+        if rest >= 0 and np.array_equal(np.atleast_2d(volts)[0, rest:], own):
+            start = next(one.start for one in record if one.closed and np.isfinite(one.period))
+            seen.append(truth.velocity(drive.point, start + (rest + np.arange(len(own))) / drive.rate_hz))
+        return capture
+
+    with monkeypatch.context() as patch:
+        patch.setattr(rig, "excite", watched)
+        result = check_under_finger(rig, drive, "P07")
+    f = rfftfreq(len(own), 1 / drive.rate_hz)
+    band = (f >= 20) & (f <= 2500)
+    moved = irfft(np.where(band, rfft(np.mean(seen, axis=0)) * 2j * np.pi * f, 0), len(own))
+    assert len(seen) == result.plays
+    return result, relative(moved, drive.target)
+
+
+def test_the_check_s_verdict_is_of_the_motion_under_the_finger(
+    calibrated: Calibrated, drive: Drive, open: OpenRig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The bare drive on a light pane fails under the finger; the one made for the finger passes."""
+    rig = open(pane_mass=0.1)
+    without, true = under(rig, drive, monkeypatch)
+    assert not without.passed and true > 0.2
+    assert "under P07's fingertip" in without.notes[0]
+    low, high = without.interval
+    assert low - 0.02 < true < high + 0.02
+    made = calibrate_finger(rig, calibrated.calibration, "P07")
+    own = drive_for(make_press(), made, rig.limits)
+    found, true = under(rig, own, monkeypatch)
+    assert found.passed and true < 0.15
+    low, high = found.interval
+    assert low - 0.02 < true < high + 0.02
+
+
+def test_nobody_and_wrong_requests_are_told_and_the_finger_leaves(
+    calibrated: Calibrated, drive: Drive, open: OpenRig
+) -> None:
+    rig, bare = open(), calibrated.calibration
+    for force in (0.0, 30.0):
+        with pytest.raises(ConfigurationError, match="fingertip rests with"):
+            calibrate_finger(rig, bare, "P07", force=force)
+        with pytest.raises(ConfigurationError, match="fingertip rests with"):
+            check_under_finger(rig, drive, "P07", force=force)
+    with pytest.raises(ConfigurationError, match="3 plays"):
+        check_under_finger(rig, drive, "P07", plays=2)
+    rig.clock.sleep(1.0)
+    rig.simulation.truth.velocity_response("A", "button", BAND)
+    assert not any(rig.simulation.plant.surface._contacts)
+    drifted = open(mode_drift=0.01)
+    with pytest.raises(DataError, match="unexplained"):
+        calibrate_finger(drifted, bare, "P07")
+    rig.adopt("operator", Unattended())
+    for asked in (lambda: calibrate_finger(rig, bare, "P07"), lambda: check_under_finger(rig, drive, "P07")):
+        with pytest.raises(InstrumentError, match="Nobody rests a finger"):
+            asked()
+
+
+def test_a_button_is_not_learned_from_a_finger_s_calibration(calibrated: Calibrated, open: OpenRig) -> None:
+    rig = open()
+    made = calibrate_finger(rig, calibrated.calibration, "P07")
+    with pytest.raises(ConfigurationError, match="checked on the bare table"):
+        build_button(rig, make_press(), made)

@@ -1,0 +1,47 @@
+"""`calibrate --finger` and `check --finger`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from tests.command_line import Demo, Run
+
+
+def test_a_table_is_calibrated_and_a_press_checked_under_a_finger(
+    demo: Demo, run: Run, tmp_path: Path
+) -> None:
+    table, press, out = (
+        demo.folder / "calibration.h5",
+        demo.folder / "presses" / "push.h5",
+        tmp_path / "P01.h5",
+    )
+    made = run("calibrate", "--finger", "P01", "--bare", table, "--force", 2, "-o", out, "--json")
+    values = json.loads(made.stdout)
+    assert made.exit_code == 0
+    assert values["finger"] == "P01" and values["finger_force"] == 2.0
+    assert 0.03 < values["finger_changed"] < 0.3
+    assert "P01, 2 N" in run("show", out).output
+
+    bare = run("check", press, "-c", out, "-o", tmp_path / "no")
+    assert bare.exit_code == 2 and "check with --finger P01" in " ".join(bare.stderr.split())
+    checked = run("check", press, "-c", out, "--finger", "P01", "-o", tmp_path / "checked", "--json")
+    notes = json.loads(checked.stdout)["notes"]
+    assert checked.exit_code in (0, 1)
+    assert notes[0] == "Measured under P01's fingertip, which was asked to rest with 2 N."
+    again = run("calibrate", "--finger", "P01", "--bare", out, "-o", tmp_path / "twice.h5")
+    assert again.exit_code == 2 and "a finger's already" in " ".join(again.stderr.split())
+
+
+def test_options_of_a_finger_need_one(demo: Demo, run: Run, tmp_path: Path) -> None:
+    table, out = demo.folder / "calibration.h5", tmp_path / "x.h5"
+    for asked in (
+        ("calibrate", "--bare", table, "-o", out),
+        ("calibrate", "--beside", "21", "-o", out),
+        ("calibrate", "--finger", "P01", "-o", out),
+        ("calibrate", "--finger", "P01", "--bare", table, "--force", 0, "-o", out),
+        ("check", demo.folder / "presses" / "push.h5", "-c", table, "--force", 1),
+    ):
+        result = run(*asked)
+        assert result.exit_code == 2 and not out.exists(), result.stderr
+        assert "--finger" in result.stderr or "--force" in result.stderr
