@@ -35,6 +35,7 @@ from .plotting import (
     legend_under,
     letter,
     panels,
+    smoothed,
     spectrum,
     style,
     unit_peak,
@@ -107,7 +108,7 @@ def profiles(presses: Sequence[Profile], columns: Columns = 2) -> Figure:
         for row, (press, (left, right)) in enumerate(zip(presses, grid, strict=True)):
             room = 1 if row == 0 else 0
             letter(left, 2 * row, press.button.capitalize(), room)
-            letter(right, 2 * row + 1, legend_rows=room if columns == 2 else 0)
+            letter(right, 2 * row + 1, "Spectrum", room if columns == 2 else 0)
             _profile(left, press, with_legend=row == 0)
             _density(right, press, with_legend=row == 0)
         _share_x(grid)
@@ -202,7 +203,7 @@ def comparison(results: Sequence[tuple[Representative, Check]], columns: Columns
             letter(whole, 3 * row, f"{press.button.capitalize()}: {check.verdict}", 2 * room * (columns == 2))
             title = f"Error {100 * check.error:.1f} %, r = {check.correlation:.4f}"
             letter(stretch, 3 * row + 1, title, (columns if columns == 2 else 1) * room)
-            letter(spectra, 3 * row + 2, legend_rows=2 * room)
+            letter(spectra, 3 * row + 2, "Spectrum", 2 * room)
             _whole(whole, press, check)
             _stretch(stretch, press, check, with_legend=row == 0)
             _spectra(spectra, press, check, with_legend=row == 0)
@@ -416,10 +417,9 @@ def _spectra(axes: Axes, press: Representative, check: Check, with_legend: bool)
     )
     top = 0.0
     for label, signal, rate_hz, look in curves:
-        frequencies, density = spectrum(np.asarray(signal), rate_hz)
-        part = (frequencies >= 5) & (frequencies <= check.judged_hz)
-        axes.plot(frequencies[part], density[part], label=label, **look)
-        top = max(top, float(density[part].max()))
+        frequencies, density = smoothed(*spectrum(np.asarray(signal), rate_hz), check.judged_hz)
+        axes.plot(frequencies, density, label=label, **look)
+        top = max(top, float(density.max()))
     density_axis(axes, check.judged_hz, top)
     axes.axvspan(*drive.band, color=GREY, alpha=0.10, linewidth=0)
     if with_legend:
