@@ -79,8 +79,8 @@ class Playing:
         rig = self._rig
         inputs = rig.amplifier.inputs
         if len(drives) == 1 and not inputs:
-            [(patch, drive)] = drives.items()
-            return self.excite(drive, (patch,), channels, tail, progress)
+            [drive] = drives.values()
+            return self.excite(drive, take)
         missing = [patch for patch in drives if patch not in inputs]
         if missing or not drives:
             raise ConfigurationError(
