@@ -14,6 +14,7 @@ import click
 from ..reports import outputs
 from ..terminal.progress import note, print_line
 from . import front as haploop
+from .asking import asker
 from .options import PATH
 from .study import STUDY_FORM
 
@@ -84,7 +85,7 @@ def new(folder: Path, buttons: str | None, participants: int | None, presses: in
     for path in paths:
         outputs.check_destination(path)
     if chosen == "ask":
-        described = haploop.new_rig(paths[0], _ask, haploop.look_for_hardware(), note)
+        described = haploop.new_rig(paths[0], asker("name a rig by --rig"), haploop.look_for_hardware(), note)
         simulated = described.simulate is not None
     else:
         simulated = haploop.load_rig_file(chosen).simulate is not None
@@ -108,7 +109,7 @@ def new(folder: Path, buttons: str | None, participants: int | None, presses: in
     haploop.load_study(folder)
     haploop.load_rig_file(paths[0])
     print_line(
-        f"Made {folder}. Read {paths[3]} for what to run; first: cd {folder}, haploop doctor --rig rig.toml"
+        f"Made {folder}: read {paths[3]} for what to run; first: cd {folder}, haploop doctor --rig rig.toml"
     )
     return 0
 
@@ -121,14 +122,10 @@ def _given(option: str, value: str | int | None, question: str, default: str) ->
         raise haploop.ConfigurationError(
             f"Nobody is there to ask: say it with --{option}, such as {default}."
         )
-    answer = _ask(question, default)
+    answer = asker(f"say it with --{option}")(question, default)
     if option == "participants" and not (answer.isdecimal() and 0 < int(answer) < 1000):
         raise haploop.ConfigurationError(f"{answer!r} is not a number of participants: use 1 to 999.")
     return answer
-
-
-def _ask(question: str, default: str) -> str:
-    return str(click.prompt(question, default=default, show_default=bool(default), err=True))
 
 
 def _buttons(text: str) -> list[str]:

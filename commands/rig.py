@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from ..instruments.describing import Found
 from ..terminal.progress import note, print_json, print_line
 from . import front as haploop
+from .asking import asker
 from .options import JSON, NewFile
+
+if TYPE_CHECKING:
+    from ..instruments.describing import Found
 
 __all__ = ["rig"]
 
@@ -33,7 +37,9 @@ def new(file: Path, base: str | None, simulate: bool, as_json: bool) -> int:
     if base is not None:
         made = haploop.new_rig_on(file, base)
     else:
-        made = haploop.new_rig(file, _ask, _found(simulate), note)
+        made = haploop.new_rig(
+            file, asker("run it at a terminal, or begin with a shipped rig by --base"), _found(simulate), note
+        )
     if as_json:
         print_json({"rig": str(file), "name": made.name, "digest": made.digest})
     else:
@@ -49,7 +55,3 @@ def _found(simulate: bool) -> Found:
 
         return simulated_computer()
     return haploop.look_for_hardware()
-
-
-def _ask(question: str, default: str) -> str:
-    return str(click.prompt(question, default=default, show_default=bool(default), err=True))

@@ -7,9 +7,10 @@ actuators of one kind.
 from __future__ import annotations
 
 import math
+import re
 from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from ..bounded import Finite, NotNegative, Positive
 from ..coil import Coil
@@ -21,6 +22,15 @@ _KEYS = {"piezo": ("capacitance", "min", "max"), "coil": ("resistance", "volts",
 """Keys that a kind needs."""
 _OTHERS = {"piezo": (), "coil": ("inductance", "force_factor")}
 _WHAT = {"piezo": "a piezo patch", "coil": "a coil"}
+
+
+def _protects(text: str) -> str:
+    if re.match(r"\W*(no|none|nothing|nobody|nix|not)\b", text, re.IGNORECASE):
+        raise ValueError(
+            f"{text!r} protects nothing: name the fuse, resistor or limiter, or leave the key out, and set "
+            "an amplifier that puts out no more than the actuator takes"
+        )
+    return text
 
 
 class Actuator(BaseModel):
@@ -51,7 +61,9 @@ class Actuator(BaseModel):
     """Product, for people."""
     source: Annotated[str, Field(max_length=200)] = ""
     """Where its figures are from."""
-    protected_by: Annotated[str, Field(min_length=5, max_length=200, pattern=r"\S")] | None = None
+    protected_by: (
+        Annotated[str, Field(min_length=5, max_length=200, pattern=r"\S"), AfterValidator(_protects)] | None
+    ) = None
     """What keeps it whole when the amplifier puts out all that it can, such as a fuse: `wiring = "direct"`
     asks for it when that is more than the actuator takes."""
 

@@ -5,6 +5,7 @@ Nothing is opened, and nothing is written to: drivers and systems are asked for 
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
@@ -47,7 +48,8 @@ def look_for_hardware() -> Found:
         try:
             return tuple(find())
         except Exception as error:  # of a library of others nearly any, and none of it matters here
-            reason = " ".join(str(error).split())[:80].rstrip(".") or type(error).__name__
+            said = " ".join(str(error).split()).partition(". ")[0].rstrip(".:") or type(error).__name__
+            reason = textwrap.shorten(said, 160, placeholder=" ...")
             missing.append(f"{what} could not be looked for ({reason}).")
             return ()
 

@@ -237,8 +237,9 @@ def _relay(parts: Parts) -> None:
     ])  # fmt: skip
     if kind == "none":
         parts.top["wiring"] = '"direct"'
-        guard = ask.needed("guard", "What protects it from all that the amplifier can put out")
-        parts.table("actuator")["protected_by"] = _quoted(guard)
+        guard = ask.text("guard", "What protects it from all that the amplifier can put out; empty: nothing")
+        if guard:
+            parts.table("actuator")["protected_by"] = _quoted(guard)
         return
     table = parts.table("relay")
     table["driver"] = _quoted(kind)

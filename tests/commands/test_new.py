@@ -51,6 +51,16 @@ def test_a_rig_file_on_a_shipped_one_needs_no_answers(run: Run, tmp_path: Path) 
     assert own.exit_code == 0 and haploop.load_rig_file(tmp_path / "own.toml").wiring == "direct"
 
 
+def test_questions_that_nobody_answers_are_one_sentence(run: Run, tmp_path: Path) -> None:
+    for words in (
+        ("rig", "new", tmp_path / "a.toml"),
+        ("new", tmp_path / "a", "--buttons", "x", "--rig", "ask"),
+    ):
+        result = run(*words)
+        assert result.exit_code == 2 and "Nobody is there" in result.stderr, result.stderr
+    assert not list(tmp_path.glob("*.toml"))
+
+
 def test_each_command_of_its_readme_is_one_with_its_options(lab: Path) -> None:
     readme = (lab / "README.md").read_text(encoding="utf-8")
     told = [shlex.split(one)[1:] for one in re.findall(r"`(haploop [^`]*)`", readme)]

@@ -115,6 +115,8 @@ def test_the_right_description_is_taken(tmp_path: Path) -> None:
             r"a coil has no capacitance, .*: remove it, or",
         ),
         ([("thermal_time = 2", "thermal_time = 3600")], r"actuator\.thermal_time must be 600 or less"),
+        ([("a fuse of 0.5 A", "nothing")], r"'nothing' protects nothing: name the fuse"),
+        ([("a fuse of 0.5 A", "None yet")], r"'None yet' protects nothing"),
         (
             [('protected_by = "a fuse of 0.5 A"\n', "")],
             r"can put out -12 to 12 V, the actuator takes -4 to 4 V",
