@@ -414,7 +414,7 @@ def _made_anew(
                 iterations=iterations,
                 progress=prefixed(progress, name),
             )
-            made.touched += touched_since(rig, made.calibrations[place], prefixed(progress, name))
+            made.touched += touched_since(rig, made.calibrations[places[-1]], prefixed(progress, name))
         except (DataError, LimitError) as error:
             made.failed.append(f"{name}: {error}")
         except InstrumentError as error:

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 __all__ = ["TAKE_AWAY", "Dampings", "dampings_of", "told_touched"]
 
 _LEAST = 0.01
-"""Rise of a mode's damping ratio (logarithm) from which it is one: 1 % of a resonance's height. Tables as they
-were, with three times the noise, hum or a wider hysteresis seem damped by up to 0.3 % (simulated)."""
+"""Rise of a mode's damping ratio (logarithm) from which it is one: 1 % of a resonance's height. Tables as
+they were, with three times the noise, hum or a wider hysteresis seem damped by up to 0.3 % (simulated)."""
 _CLEAR = 5.0
 """The same over the fit's residual: modes that drift by 1 to 3 % each seem damped by up to 5.2 times it, and
 fingers and palms damp by 7.5 times it and more (168 hands and 32 such drifts on eight simulated tables), but
