@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -89,7 +90,8 @@ class Playing:
                 "[amplifier] a name for each patch."
             )
         own = {inputs[patch]: drive for patch, drive in drives.items()}
-        mixed = [p for p, drive in drives.items() if not np.array_equal(own[inputs[p]], drive)]
+        same = partial(np.array_equal, equal_nan=True)  # NaN is for the limiter to refuse
+        mixed = [p for p, drive in drives.items() if not same(own[inputs[p]], drive)]
         if mixed:
             raise ConfigurationError(
                 f"Patch {mixed[0]} shares its amplifier channel {inputs[mixed[0]]!r} with another patch, and "
