@@ -148,6 +148,7 @@ def trade_for(
     rig: Rig,
     loudness: Loudness,
     method: Method = "modulated",
+    quiet_at: Sequence[str] = (),
 ) -> Trade:
     """The trade with which a drive is what was asked for.
 
@@ -156,7 +157,7 @@ def trade_for(
     """
 
     def at(error: float) -> Drive:
-        return drive_for(press, calibration, rig.limits, method=method, trade=Trade(error))
+        return drive_for(press, calibration, rig.limits, method=method, trade=Trade(error), quiet_at=quiet_at)
 
     def level(drive: Drive) -> float:
         return _level(drive, lab)
