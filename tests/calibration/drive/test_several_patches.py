@@ -143,13 +143,16 @@ def test_a_point_is_kept_silent_and_the_laser_visits_it(four: Four, beside: tupl
     quiet = drive_for(press, every, rig.limits, trade=trade, quiet_at=["57"])
     assert quiet.quiet_at == ("57",) and loud.quiet_at == ()
     ((still, drifted),) = quiet.quiet_motion
-    assert still < 0.02 and still < drifted < 0.2
+    assert still < 0.1 and still < drifted < 0.25
     result = check(rig, quiet, plays=3)
     assert result.passed
     (silence,) = result.silent
-    assert silence.point == "57" and silence.contrast_db > 30
+    assert silence.point == "57" and silence.contrast_db > 20
     assert result.summary()["silent"] == {"57": silence.contrast_db}
-    # The point moves when nobody asks for silence there; the laser is sent there as for a silent point.
+    still_trade = replace(trade, drift=Drift(0, 0, 0, 0, 0))
+    quietest = drive_for(press, every, rig.limits, trade=still_trade, quiet_at=["57"])
+    assert quietest.quiet_motion[0][0] < 0.1 * still
+    # Planned against no drift, it is quieter; and it moves when nobody asks for silence there.
     (moved,) = check(rig, replace(loud, quiet_at=("57",)), plays=3).silent
     assert moved.contrast_db < 15
 
