@@ -10,6 +10,7 @@ import h5py
 import pytest
 
 from haploop.acquisition import Recording
+from haploop.commands.demo.report import demo_contents
 from tests.command_line import Demo, Run
 from tests.documents.pages import ROOT, blocks
 
@@ -81,6 +82,21 @@ def test_the_report_stands_alone(demo: Demo) -> None:
     assert "Everything here is simulated" in report
     for button in demo.summary["buttons"].values():
         assert button["sources"][0]["sha256"] in report
+
+
+def test_each_button_says_in_one_sentence_who_feels_it_and_what_would_settle_it(demo: Demo) -> None:
+    said = "\n".join(demo_contents(demo.summary).notes)
+    for name, button in demo.summary["buttons"].items():
+        assert f"{name.capitalize()}: {button['feeling']['sentence']}" in said
+        assert re.search(r"(feels? it|feel it) \(\d+ dB (above|below) threshold; .* of people\)", said)
+    assert said.count("A threshold experiment of this lab settles it.") == 1
+    # The plant's strength is an estimate as well, and the answer moves with it.
+    levels = [
+        b["feeling"]["acts"]["pressing"]["above_threshold_db"] for b in demo.summary["buttons"].values()
+    ]
+    needed = max(one["higher_db"] - one["above_threshold_db"] for one in acts)
+    times = re.search(r"with ([\d.]+) times that or more all these buttons would be felt", said)
+    assert times and float(times[1]) == pytest.approx(10 ** (needed / 20), rel=0.05)
 
 
 def test_a_second_demo_overwrites_nothing(demo: Demo, run: Run) -> None:
