@@ -25,6 +25,7 @@ from .calibration import ButtonPlan as ButtonPlan
 from .calibration import Calibration as Calibration
 from .calibration import Check as Check
 from .calibration import DigitalButton as DigitalButton
+from .calibration import Drift as Drift
 from .calibration import Drive as Drive
 from .calibration import Feeling as Feeling
 from .calibration import Finding as Finding
@@ -47,6 +48,7 @@ from .calibration import build_button as build_button
 from .calibration import calibrate as calibrate
 from .calibration import calibrate_finger as calibrate_finger
 from .calibration import calibrate_keeping as calibrate_keeping
+from .calibration import calibration_of as calibration_of
 from .calibration import calibrations_of as calibrations_of
 from .calibration import check as check
 from .calibration import check_feeling as check_feeling
@@ -59,6 +61,7 @@ from .calibration import fit as fit
 from .calibration import lab_threshold as lab_threshold
 from .calibration import learn as learn
 from .calibration import linear_sweep as linear_sweep
+from .calibration import load_calibrations as load_calibrations
 from .calibration import map_plan as map_plan
 from .calibration import measure_map as measure_map
 from .calibration import measure_response as measure_response

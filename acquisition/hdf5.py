@@ -193,6 +193,8 @@ def _field(hint: Any, value: Any) -> Any:
     """The value of a field with this type hint. Raises ValueError and TypeError for any other content."""
     if get_origin(hint) is UnionType and isinstance(value, np.ndarray):  # an array, or None
         hint = next((one for one in get_args(hint) if scalar_of(one) is not None), hint)
+    if get_origin(hint) is UnionType and type(value) is float and float in get_args(hint):  # or None
+        return value
     if (scalar := scalar_of(hint)) is not None:
         if not isinstance(value, np.ndarray) or not np.can_cast(value.dtype, scalar, "same_kind"):
             raise TypeError(hint)

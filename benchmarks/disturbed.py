@@ -125,25 +125,25 @@ def press_of(rng: np.random.Generator) -> Representative:
 def true_error(rig: Rig, drive: Drive, plays: int) -> tuple[Check, float]:
     """A check, and the true error of the mean motion in its plays (20 Hz to 2.5 kHz)."""
     assert rig.simulation is not None
-    excite, truth, seen = rig.excite, rig.simulation.truth, []
+    excite, truth, seen = rig.excite_each, rig.simulation.truth, []
 
     def watched(volts: Any, *args: Any, **more: Any) -> Capture:
         record = truth.record()
         capture = excite(volts, *args, **more)
-        lead = len(volts) - len(drive.volts)
-        if lead >= 0 and np.array_equal(volts[lead:], drive.volts):
+        lead = len(volts[drive.patch]) - len(drive.target)
+        if lead >= 0 and np.array_equal(volts[drive.patch][lead:], drive.volts[0]):
             start = next(one.start for one in record if one.closed and np.isfinite(one.period))
-            times = start + (lead + np.arange(len(drive.volts))) / drive.rate_hz
+            times = start + (lead + np.arange(len(drive.target))) / drive.rate_hz
             seen.append(truth.velocity(drive.point, times))
         return capture
 
-    rig.excite = watched  # type: ignore[method-assign]
+    rig.excite_each = watched  # type: ignore[method-assign]
     try:
         result = check(rig, drive, plays=plays)
     finally:
-        rig.excite = excite  # type: ignore[method-assign]
+        rig.excite_each = excite  # type: ignore[method-assign]
     assert len(seen) == plays
-    f = np.fft.rfftfreq(len(drive.volts), 1 / drive.rate_hz)
+    f = np.fft.rfftfreq(len(drive.target), 1 / drive.rate_hz)
     wide = (f >= 20) & (f < 2500)
     moved = np.fft.rfft(np.mean(seen, axis=0)) * 2j * np.pi * f
     target = np.fft.rfft(drive.target)

@@ -175,10 +175,10 @@ def calibrated(seed: int, folder: Path, iterations: int) -> Path:
 def errors(rig: Rig, button: DigitalButton) -> tuple[float, float]:
     """True error of a drive in its band and of the whole motion, over the target."""
     drive = button.drive
-    channels = (rig.monitor(drive.patch), rig.vibrometer.channel)
-    settle(rig, drive.patch)
+    channels = (*dict.fromkeys(map(rig.monitor, drive.patches)), rig.vibrometer.channel)
+    settle(rig, drive.patches)
     record = rig.simulation.truth.record()
-    rig.excite(drive.volts, (drive.patch,), channels, 0.1)
+    rig.excite_each(drive.by_patch, channels, 0.1)
     start = next((part.start for part in record if part.closed and np.any(part.volts)), None)
     if start is None:
         return 1.0, 1.0  # no volts reach the patch, and nothing moves

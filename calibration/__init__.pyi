@@ -10,6 +10,7 @@ from .drive import build_button as build_button
 from .drive import check as check
 from .drive import check_feeling as check_feeling
 from .drive import check_under_finger as check_under_finger
+from .drive import drift_change as drift_change
 from .drive import drive_for as drive_for
 from .drive import learn as learn
 from .drive import modulate as modulate
@@ -25,13 +26,16 @@ from .map import VibrationMap as VibrationMap
 from .map import map_plan as map_plan
 from .map import measure_map as measure_map
 from .model import Calibration as Calibration
+from .model import Drift as Drift
 from .model import Finger as Finger
 from .model import Model as Model
 from .model import Resonance as Resonance
 from .model import calibrate as calibrate
 from .model import calibrate_finger as calibrate_finger
 from .model import calibrate_keeping as calibrate_keeping
+from .model import calibration_of as calibration_of
 from .model import fit as fit
+from .model import load_calibrations as load_calibrations
 from .model import under_finger as under_finger
 from .perception import Feeling as Feeling
 from .perception import LabThreshold as LabThreshold

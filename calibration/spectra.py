@@ -33,13 +33,13 @@ def band_window(frequencies: FloatArray, low: float, high: float, outside: bool 
 
 
 def resample(signal: FloatArray, samples: int) -> FloatArray:
-    """Resample a periodic band-limited signal to another number of samples over the same period."""
+    """Resample periodic band-limited signals (..., any) to another number of samples over the same period."""
     spectrum = scipy.fft.rfft(signal)
     lines = samples // 2 + 1
-    kept = np.zeros(lines, dtype=np.complex128)
-    n = min(lines, len(spectrum))
-    kept[:n] = spectrum[:n]
-    return np.asarray(scipy.fft.irfft(kept, samples) * (samples / len(signal)))
+    kept = np.zeros((*signal.shape[:-1], lines), dtype=np.complex128)
+    n = min(lines, spectrum.shape[-1])
+    kept[..., :n] = spectrum[..., :n]
+    return np.asarray(scipy.fft.irfft(kept, samples) * (samples / signal.shape[-1]))
 
 
 def third_octaves(

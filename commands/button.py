@@ -19,6 +19,7 @@ from .options import (
     COLUMNS,
     JSON,
     NEW,
+    PATCHES,
     PATH,
     PLAYS,
     PLOT,
@@ -57,6 +58,7 @@ def button() -> None:
 @button.command()
 @PRESSES
 @CALIBRATION
+@PATCHES
 @click.option(
     "--out",
     "-o",
@@ -88,7 +90,8 @@ def button() -> None:
 @JSON
 def make(
     presses: Sequence[Path],
-    calibration: Path,
+    calibrations: Sequence[Path],
+    patches: Sequence[str] | None,
     out: Path,
     method: Literal["modulated", "broadband"],
     iterations: int,
@@ -103,12 +106,15 @@ def make(
     PRESS is a recording (or several), or the file of a representative press (`haploop represent`, `haploop
     import`). Computes the representative press and the drive, corrects the drive by playing and measuring
     it, and checks the result. `--error` and `--level` choose between likeness and loudness (`haploop button
-    plan` shows what there is to choose); without them the drive is as like as it can be.
+    plan` shows what there is to choose); without them the drive is as like as it can be. With calibrations of
+    several patches and an amplifier channel for each, all play at once, and the drives are planned so that a
+    drift of the table changes the motion as little as possible; they are as loud as 6 % of error after a
+    drift of 1 % allows.
 
     Exit codes: 0 the check passed, 1 it did not (the file is written and states why).
     """
     chosen, wanted = (error, level) != (None, None), haploop.Loudness(error, level)
-    loaded = haploop.Calibration.load(calibration)
+    loaded = haploop.load_calibrations(calibrations, patches or ())
     press = haploop.load_press(presses, average)
     with (
         reserved(out, size=sizes.BUTTON + (iterations + 1) * sizes.STEP),
@@ -129,6 +135,7 @@ def make(
 @button.command()
 @PRESSES
 @CALIBRATION
+@PATCHES
 @click.option("--out", "-o", type=NEW, metavar="PLAN.h5", help="Plan file to write, for a report.")
 @AVERAGE
 @on_rig()
@@ -137,7 +144,8 @@ def make(
 @JSON
 def plan(
     presses: Sequence[Path],
-    calibration: Path,
+    calibrations: Sequence[Path],
+    patches: Sequence[str] | None,
     out: Path | None,
     average: AverageMethod,
     rig: ChosenRig,
@@ -150,7 +158,7 @@ def plan(
     PRESS as of `haploop button make`. Within the limits of the rig, a louder button is less like the recorded
     one: the table has both for each method, and whether a person feels it who presses.
     """
-    loaded = haploop.Calibration.load(calibration)
+    loaded = haploop.load_calibrations(calibrations, patches or ())
     press = haploop.load_press(presses, average)
     with rig.opened() as opened, Steps() as steps:
         planned = haploop.plan_button(press, loaded, opened, progress=steps)

@@ -33,6 +33,7 @@ __all__ = [
     "NEW",
     "NOTES",
     "ONLY",
+    "PATCHES",
     "PATH",
     "PATIENCE",
     "PICTURE",
@@ -46,6 +47,7 @@ __all__ = [
     "ChosenRig",
     "FiniteRange",
     "Measure",
+    "Names",
     "NewFile",
     "average_option",
     "on_rig",
@@ -135,6 +137,23 @@ class Measure(click.ParamType):  # type: ignore[type-arg, unused-ignore]  # not 
         return self._factor * number
 
 
+class Names(click.ParamType):  # type: ignore[type-arg, unused-ignore]  # not generic before 8.3
+    """Names with commas between them."""
+
+    name = "list"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[str, ...]:
+        """Convert a value; raise click.BadParameter for no name, or one that is there twice."""
+        if isinstance(value, tuple):
+            return value
+        names = tuple(name.strip() for name in str(value).split(","))
+        if not all(names) or len(set(names)) < len(names):
+            self.fail(f"{value!r} is no list of names: write them as A,B,C,D, each once.", param, ctx)
+        return names
+
+
 class NewFile(click.Path):
     """A file to write: one that does not exist, in a folder that does, with one of `suffixes`, if any."""
 
@@ -192,10 +211,19 @@ PRESSES = click.argument("presses", nargs=-1, required=True, type=PATH, metavar=
 CALIBRATION = click.option(
     "--calibration",
     "-c",
+    "calibrations",
     required=True,
+    multiple=True,
     type=PATH,
     metavar="FILE",
-    help="Calibration file written by `haploop calibrate`.",
+    help="Calibration file written by `haploop calibrate`; repeatable, one for each patch.",
+)
+PATCHES = click.option(
+    "--patches",
+    type=Names(),
+    metavar="LIST",
+    help="Patches to play at once, for example A,B,C,D; -c FILE.h5 then stands for FILE-A.h5, FILE-B.h5 and "
+    "so on.  [default: those of the calibrations]",
 )
 PLAYS = click.option(
     "--plays",

@@ -14,7 +14,20 @@ from ..instruments.operator import RestFinger
 from ..reports import contents, outputs, show
 from ..terminal.progress import Steps
 from . import front as haploop
-from .options import AVERAGE, CALIBRATION, JSON, NEW, PATH, PLAYS, PRESSES, ChosenRig, on_rig, on_table
+from .options import (
+    AVERAGE,
+    CALIBRATION,
+    JSON,
+    NEW,
+    PATCHES,
+    PATH,
+    PLAYS,
+    PRESSES,
+    ChosenRig,
+    Names,
+    on_rig,
+    on_table,
+)
 
 if TYPE_CHECKING:
     from ..acquisition import AverageMethod
@@ -36,7 +49,17 @@ FORCE = click.option(
 
 
 @click.command()
-@click.option("--patch", default="A", show_default=True, help="Patch to excite.")
+@click.option(
+    "--patch",
+    "--patches",
+    "patches",
+    type=Names(),
+    default="A",
+    show_default=True,
+    metavar="LIST",
+    help="Patch to excite. Of several, for example A,B,C,D, each has its own file: FILE-A.h5, FILE-B.h5 and "
+    "so on.",
+)
 @click.option(
     "--point",
     default="button",
@@ -69,7 +92,7 @@ FORCE = click.option(
 @on_rig()
 @JSON
 def calibrate(
-    patch: str,
+    patches: Sequence[str],
     point: str,
     out: Path,
     waveforms: bool,
@@ -88,21 +111,27 @@ def calibrate(
         return _calibrate_finger(RestFinger(finger, beside or "", force or 1.0), bare, out, rig, as_json)
     if bare or beside or force:
         raise click.UsageError("--bare, --beside and --force belong to --finger PARTICIPANT.")
-    measured = haploop.Waveforms.beside(out)
-    files = (out, measured) if waveforms else (out,)
+    made = [out] if len(patches) == 1 else [haploop.calibration_of(out, patch) for patch in patches]
+    measured = [haploop.Waveforms.beside(path) for path in made]
+    files = (*made, *measured) if waveforms else tuple(made)
     for path in files:
         outputs.check_new_file(path)
     with (
-        reserved(*files, size=sizes.CALIBRATION + waveforms * sizes.WAVEFORMS),
+        reserved(*files, size=len(made) * (sizes.CALIBRATION + waveforms * sizes.WAVEFORMS)),
         rig.opened() as opened,
         Steps() as steps,
     ):
         on_table(opened, point)
-        calibration, kept = haploop.calibrate_keeping(opened, patch, point, steps)
-        calibration.save(out)
-        if waveforms:
-            kept.save(measured)
-    show.print_contents(contents.file_contents(out), as_json)
+        for patch, path, kept_in in zip(patches, made, measured, strict=True):
+            calibration, kept = haploop.calibrate_keeping(opened, patch, point, steps)
+            calibration.save(path)
+            if waveforms:
+                kept.save(kept_in)
+    if len(made) == 1:
+        found = contents.file_contents(out)
+    else:
+        found = contents.calibrations_contents(haploop.load_calibrations(made))
+    show.print_contents(found, as_json)
     return 0
 
 
@@ -129,6 +158,7 @@ def _calibrate_finger(asked: RestFinger, bare: Path | None, out: Path, rig: Chos
 @click.command()
 @PRESSES
 @CALIBRATION
+@PATCHES
 @click.option(
     "--out",
     "-o",
@@ -144,7 +174,8 @@ def _calibrate_finger(asked: RestFinger, bare: Path | None, out: Path, rig: Chos
 @JSON
 def check(
     presses: Sequence[Path],
-    calibration: Path,
+    calibrations: Sequence[Path],
+    patches: Sequence[str] | None,
     out: Path | None,
     plays: int,
     finger: str | None,
@@ -163,11 +194,12 @@ def check(
 
     Exit codes: 0 the check passed, 1 it failed or the plays do not show it.
     """
-    loaded = haploop.Calibration.load(calibration)
-    if loaded.finger is not None and finger is None:
+    loaded = haploop.load_calibrations(calibrations, patches or ())
+    held = next((one.finger for one in loaded if one.finger), None)
+    if held is not None and finger is None:
         raise haploop.ConfigurationError(
-            f"{calibration} holds under {loaded.finger.participant}'s finger, and a check of the bare table "
-            f"says nothing about it: check with --finger {loaded.finger.participant}."
+            f"{calibrations[0]} holds under {held.participant}'s finger, and a check of the bare table "
+            f"says nothing about it: check with --finger {held.participant}."
         )
     if finger is None and force is not None:
         raise click.UsageError("--force belongs to --finger PARTICIPANT.")
@@ -179,16 +211,17 @@ def check(
         rig.opened() as opened,
         Steps() as steps,
     ):
-        if loaded.response.simulated != opened.simulated:
-            raise haploop.ConfigurationError(
-                f"{calibration} was measured on a {_kind(loaded.response.simulated)} table, but the rig "
-                f"{opened.name!r} is {_kind(opened.simulated)}: calibrate that rig first."
-            )
+        for one in loaded:
+            if one.response.simulated != opened.simulated:
+                raise haploop.ConfigurationError(
+                    f"{calibrations[0]} was measured on a {_kind(one.response.simulated)} table, but the rig "
+                    f"{opened.name!r} is {_kind(opened.simulated)}: calibrate that rig first."
+                )
         drive = haploop.drive_for(press, loaded, opened.limits)
         if finger is None:
             result = haploop.check(opened, drive, plays=plays, progress=steps)
         else:
-            nominal = loaded.finger.force if loaded.finger else 1.0
+            nominal = held.force if held else 1.0
             result = haploop.check_under_finger(
                 opened, drive, finger, force=force or nominal, plays=plays, progress=steps
             )

@@ -109,9 +109,9 @@ def representative_signals(path: Path) -> Signals:
 def drive_signals(path: Path) -> Signals:
     """Volts at the patch, and the target's acceleration. Raises DataError."""
     drive = Drive.load(path)
-    channels = (Channel("volts", "V", drive.volts), Channel("target", "m/s^2", drive.target))
+    channels = (*_volts(drive), Channel("target", "m/s^2", drive.target))
     about = _about(path, drive.simulated, _drive_about(drive))
-    return Signals(f"Drive of {drive.button}", drive.rate_hz, channels, "volts", about)
+    return Signals(f"Drive of {drive.button}", drive.rate_hz, channels, channels[0].name, about)
 
 
 def check_signals(path: Path) -> Signals:
@@ -130,15 +130,15 @@ def button_signals(path: Path) -> Signals:
     """The volts of a digital button, its target, and its check at the volts' rate. Raises DataError."""
     button = DigitalButton.load(path)
     drive, check = button.drive, button.check
-    time = np.arange(len(drive.volts)) / drive.rate_hz
+    time = np.arange(len(drive.target)) / drive.rate_hz
     measured = np.interp(time, np.arange(len(check.measured)) / check.rate_hz, check.measured, right=0.0)
     channels = (
-        Channel("volts", "V", drive.volts),
+        *_volts(drive),
         Channel("target", "m/s^2", drive.target),
         Channel("measured", "m/s^2", measured),
     )
     about = _about(path, button.simulated, _check_about(check))
-    return Signals(f"Digital button {drive.button}", drive.rate_hz, channels, "volts", about)
+    return Signals(f"Digital button {drive.button}", drive.rate_hz, channels, channels[0].name, about)
 
 
 def calibration_responses(path: Path) -> Responses:
@@ -296,6 +296,12 @@ def _press_about(path: Path, press: Representative) -> About:
         "activated_by": press.activated_by,
     }
     return _about(path, press.simulated, more)
+
+
+def _volts(drive: Drive) -> tuple[Channel, ...]:
+    """The volts of each patch; of one alone they have no other name."""
+    names = ["volts"] if len(drive.patches) == 1 else [f"volts_{patch}" for patch in drive.patches]
+    return tuple(Channel(name, "V", own) for name, own in zip(names, drive.volts, strict=True))
 
 
 def _drive_about(drive: Drive) -> About:

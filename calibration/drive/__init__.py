@@ -1,5 +1,6 @@
-"""Drives: inversion, the drive's waveform, the check, learning, the digital button."""
+"""Drives: inversion, the drive's waveforms, the check, learning, the digital button."""
 
+from .actuation import drift_change
 from .agreement import SharedPower
 from .button import DigitalButton, build_button, play_button
 from .check import TOLERANCE, check
@@ -32,6 +33,7 @@ __all__ = [
     "check",
     "check_feeling",
     "check_under_finger",
+    "drift_change",
     "drive_for",
     "learn",
     "modulate",

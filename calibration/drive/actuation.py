@@ -1,52 +1,199 @@
-"""Actuation model of a calibrated patch: acceleration per linear volt, and volts for linear volts.
+"""Actuation: acceleration of points per linear volt of patches, and volts to command for linear volts.
 
-Drives are planned in linear volts (the volts that would produce the same motion without the patch's
+Drives are planned in linear volts (the volts that would produce the same motion without the patches'
 hysteresis), because the table is linear in them; `commanded` converts them to volts to command.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
 import scipy
 
-from ...instruments import DataError, Limits
+from ...instruments import ConfigurationError, DataError, Limits
 from ...instruments.arrays import ComplexArray, FloatArray
-from ..model import Calibration, Model, standard_deviation
+from ..model import Calibration, Drift, mode_deviations, standard_deviation
 from ..response import Response
 
-__all__ = [
-    "commanded",
-    "gain",
-    "headroom",
-    "known",
-    "measured_well",
-    "path_gain",
-    "ringing",
-    "uncertainty",
-]
+__all__ = ["Actuation", "drift_change", "known", "measured_well"]
 
 _SETTLED = 0.2
 """Seconds in which the decay that a coupling capacitor adds to the end of a drive dies out."""
 
 _LEAST_COHERENCE = 0.8
+_LINES = 2000
+"""Lines over which a change is averaged."""
 
 _Values = TypeVar("_Values", FloatArray, ComplexArray)
 
 
-def gain(calibration: Calibration, f: FloatArray) -> ComplexArray:
-    """m/s^2 per linear volt commanded, at `f` (Hz) within what is `known`.
+@dataclass(frozen=True, eq=False)
+class Actuation:
+    """Calibrations of `patches` at `points`: rows of points, of each patch in turn.
 
-    The model averages the sweeps' noise and contains the lag of hysteresis at the sweeps' level;
-    that lag is removed. The path's gain is left out as well, because it acts before the
-    hysteresis; its delay may stay, because hysteresis does not depend on time. Beyond the model's band it is
-    the measured response itself.
+    The first point is the one that is to move. A patch's law and path are those of its calibration there.
     """
-    velocity = _joined(calibration, f, calibration.model.velocity(f), lambda above: above.velocity)
-    lag = path_gain(calibration) * calibration.hysteresis.gain(calibration.response.level)
-    return np.asarray(velocity * 2j * np.pi * f * _path(calibration, f) / lag)
+
+    patches: tuple[str, ...]
+    points: tuple[str, ...]
+    rows: tuple[tuple[Calibration, ...], ...]
+
+    @classmethod
+    def of(cls, calibrations: Sequence[Calibration]) -> Actuation:
+        """Order calibrations by patch and point, as they come first.
+
+        Raises ConfigurationError when a pair is missing or there twice, or when they are not of one rig.
+        """
+        by_place = {(c.response.patch, c.response.point): c for c in calibrations}
+        patches = tuple(dict.fromkeys(patch for patch, _ in by_place))
+        points = tuple(dict.fromkeys(point for _, point in by_place))
+        if not by_place or len(by_place) < len(calibrations):
+            raise ConfigurationError("A drive needs one calibration of each patch at each point.")
+        for patch in patches:
+            for point in points:
+                if (patch, point) not in by_place:
+                    raise ConfigurationError(
+                        f"There is no calibration of patch {patch} at the {point} point, and of others there "
+                        "is: calibrate each patch at each point."
+                    )
+        made = {(c.response.rig, c.response.simulated, c.rate_hz) for c in calibrations}
+        if len(made) > 1:
+            raise ConfigurationError(
+                f"The calibrations are of {len(made)} rigs ({', '.join(sorted(rig for rig, *_ in made))}): "
+                "patches of one table are calibrated on one rig."
+            )
+        rows = tuple(tuple(by_place[patch, point] for patch in patches) for point in points)
+        return cls(patches, points, rows)
+
+    @property
+    def own(self) -> tuple[Calibration, ...]:
+        """(patches,): the calibrations at the first point."""
+        return self.rows[0]
+
+    @property
+    def rate_hz(self) -> float:
+        """Sample rate of drives."""
+        return self.own[0].rate_hz
+
+    @property
+    def digest(self) -> str:
+        """Content hash of all inputs to a drive; of one calibration its own."""
+        digests = [c.digest for row in self.rows for c in row]
+        return digests[0] if len(digests) == 1 else hashlib.sha256("".join(digests).encode()).hexdigest()
+
+    @property
+    def carrier(self) -> Calibration:
+        """The calibration whose resonance moves the first point most: its resonance carries buttons."""
+        return max(self.own, key=lambda c: abs(c.model.velocity(np.array([c.carrier_hz]))[0]))
+
+    @property
+    def known(self) -> tuple[float, float]:
+        """Lowest and highest frequency (Hz) at which every response was measured."""
+        edges = np.array([known(c) for row in self.rows for c in row])
+        return float(edges[:, 0].max()), float(edges[:, 1].min())
+
+    @property
+    def ringing(self) -> float:
+        """Seconds after which the slowest mode has fallen to a hundredth, 0.3 to 2."""
+        found = [r for c in self.own for r in c.model.resonances]
+        slowest = min(2 * np.pi * r.frequency_hz * r.damping for r in found)
+        return float(np.clip(np.log(100) / slowest, 0.3, 2.0))
+
+    def measured_well(self, band: tuple[float, float]) -> tuple[float, float]:
+        """The part of `band` (Hz) in which every response at the first point was measured well.
+
+        Raises DataError when there is none.
+        """
+        for calibration in self.own:
+            band = measured_well(calibration.response, band)
+        return band
+
+    def gain(self, f: FloatArray) -> ComplexArray:
+        """(points, patches, lines) m/s^2 per linear volt commanded, at `f` (Hz) within what is `known`.
+
+        The model averages the sweeps' noise and contains the lag of hysteresis at the sweeps' level;
+        that lag is removed. The path's gain is left out as well, because it acts before the
+        hysteresis; its delay may stay, because hysteresis does not depend on time. Beyond the model's band it
+        is the measured response itself.
+        """
+        return np.array([[_velocity(c, f) * _per_linear_volt(c, f) for c in row] for row in self.rows])
+
+    def covariance(self, f: FloatArray) -> ComplexArray:
+        """(points, patches, patches, lines): covariance of `gain` as measured, each patch on its own.
+
+        Of the models, and beyond their bands of the measured responses.
+        """
+        deviations = np.array([[_deviation(c, f) for c in row] for row in self.rows])
+        return np.asarray(
+            np.eye(len(self.patches))[None, :, :, None] * (deviations**2)[:, :, None] + np.zeros(1, complex)
+        )
+
+    def drifted(self, f: FloatArray, drift: Drift) -> ComplexArray:
+        """(points, patches, patches, lines): covariance of `gain` between calibration and play.
+
+        Of the conjugate of each row's patch with each column's; see `haploop.calibration.model.drift`.
+        """
+        every = [c for row in self.rows for c in row]
+        low, high = max(c.model.band[0] for c in every), min(c.model.band[1] for c in every)
+        shape = len(self.points), len(self.patches)
+        found = np.zeros((*shape, shape[1], len(f)), dtype=np.complex128)
+        inside, above = (f >= low) & (f <= high), (f > high) & (f <= self.known[1])
+        models = [c.model for c in every]
+        for lines, deviations in (
+            (inside, mode_deviations(models, f[inside], drift)),
+            (above, _stretched(every, f[above], drift)),
+        ):
+            moved = deviations * np.array([_per_linear_volt(c, f[lines]) for c in every])
+            moved = moved.reshape(len(moved), *shape, int(lines.sum()))
+            found[..., lines] = np.einsum("kqpl,kqrl->qprl", moved.conj(), moved)
+        size = drift.gain**2 + (drift.delay * 2 * np.pi * f) ** 2
+        each = np.arange(shape[1])
+        found[:, each, each] += np.abs(self.gain(f)) ** 2 * size
+        return found
+
+    def reach(self, limits: Limits) -> FloatArray:
+        """(patches,): linear volts that the limits let each patch reach."""
+        return np.array([c.hysteresis.reach(limits.peak * min(1.0, _path_gain(c))) for c in self.own])
+
+    def linear(self, volts: FloatArray) -> FloatArray:
+        """(patches, samples) linear volts of commanded volts."""
+        each = zip(self.own, volts, strict=True)
+        return np.array([c.hysteresis.to_linear_volts(v * _path_gain(c)) for c, v in each])
+
+    def commanded(self, linear_volts: FloatArray, smooth: FloatArray) -> FloatArray:
+        """(patches, samples) V to command for linear volts, with zero mean and zero ends.
+
+        `smooth` (samples,) is a window that falls to zero at both ends.
+        """
+        each = zip(self.own, linear_volts, strict=True)
+        volts = np.array([c.hysteresis.from_linear_volts(v) / _path_gain(c) for c, v in each])
+        # At zero linear volts, hysteresis may leave a residual voltage; it fades out at the end.
+        half = volts.shape[1] // 2
+        volts[:, half:] -= volts[:, -1:] * (1 - smooth[half:])
+        volts -= smooth * (volts.sum(axis=1, keepdims=True) / smooth.sum())
+        return volts
+
+    def headroom(self, volts: FloatArray, limits: Limits) -> tuple[float, str]:
+        """The largest factor that keeps commanded volts within every limit, and the binding limit in words.
+
+        Limits hold for the volts commanded and for those that reach each patch, which has a channel of its
+        own.
+        """
+        each = [(v, _arriving(c, v)) for c, v in zip(self.own, volts, strict=True)]
+        return min(limits.headroom(waveform, self.rate_hz) for pair in each for waveform in pair)
+
+
+def drift_change(
+    calibrations: Sequence[Calibration], drift: Drift, band: tuple[float, float] = (75.0, 600.0)
+) -> float:
+    """Rms change of the responses within `band` (Hz) that a drift makes, over the responses' rms."""
+    table, f = Actuation.of(calibrations), np.linspace(*band, _LINES)
+    changed = float(np.trace(table.drifted(f, drift)[0]).real.sum())
+    return float(np.sqrt(changed / (np.abs(table.gain(f)[0]) ** 2).sum()))
 
 
 def known(calibration: Calibration) -> tuple[float, float]:
@@ -54,25 +201,6 @@ def known(calibration: Calibration) -> tuple[float, float]:
     low, high = calibration.model.band
     above = calibration.above
     return low, high if above is None else float(above.frequencies[-1])
-
-
-def uncertainty(calibration: Calibration, f: FloatArray) -> FloatArray:
-    """Standard deviation of `gain`: that of the model, and beyond its band of the measured response."""
-    low, high = calibration.model.band
-    inside = standard_deviation(calibration, np.clip(f, low, high))
-    deviation = _joined(calibration, f, inside, lambda above: above.deviation)
-    return np.asarray(deviation * 2 * np.pi * f)
-
-
-def path_gain(calibration: Calibration) -> float:
-    """Measured volts at the patch per volt commanded."""
-    return float(np.median(np.abs(calibration.response.path)))
-
-
-def ringing(model: Model) -> float:
-    """Seconds after which the slowest mode has fallen to a hundredth, 0.3 to 2."""
-    slowest = min(2 * np.pi * r.frequency_hz * r.damping for r in model.resonances)
-    return float(np.clip(np.log(100) / slowest, 0.3, 2.0))
 
 
 def measured_well(response: Response, band: tuple[float, float]) -> tuple[float, float]:
@@ -92,26 +220,38 @@ def measured_well(response: Response, band: tuple[float, float]) -> tuple[float,
     return float(low), float(high)
 
 
-def commanded(calibration: Calibration, linear_volts: FloatArray, smooth: FloatArray) -> FloatArray:
-    """(samples,) V to command for (samples,) linear volts, with zero mean and zero ends.
+def _velocity(calibration: Calibration, f: FloatArray) -> ComplexArray:
+    """(lines,) m/s per V at the patch."""
+    return _joined(calibration, f, calibration.model.velocity(f), lambda above: above.velocity)
 
-    `smooth` (samples,) is a window that falls to zero at both ends.
+
+def _stretched(calibrations: Sequence[Calibration], f: FloatArray, drift: Drift) -> ComplexArray:
+    """(deviations, calibrations, lines) m/s per V: what a drift of frequencies changes beyond the modes.
+
+    It stretches the measured response. On one line a common drift and that of its mode look alike.
     """
-    volts = calibration.hysteresis.from_linear_volts(linear_volts) / path_gain(calibration)
-    # At zero linear volts, hysteresis may leave a residual voltage; it fades out at the end.
-    half = len(volts) // 2
-    volts[half:] -= volts[-1] * (1 - smooth[half:])
-    volts -= smooth * (volts.sum() / smooth.sum())
-    return volts
+    by = float(np.hypot(drift.common, drift.own))
+    now, up, down = ([_velocity(c, f / (1 + s)) for c in calibrations] for s in (0.0, by, -by))
+    return np.asarray((np.array([up, down]) - np.array(now)) / np.sqrt(2))
 
 
-def headroom(calibration: Calibration, volts: FloatArray, limits: Limits) -> tuple[float, str]:
-    """The largest factor that keeps commanded volts within every limit, and the binding limit in words.
+def _per_linear_volt(calibration: Calibration, f: FloatArray) -> ComplexArray:
+    """(lines,): m/s^2 per linear volt commanded, over m/s per V at the patch."""
+    lag = _path_gain(calibration) * calibration.hysteresis.gain(calibration.response.level)
+    return np.asarray(2j * np.pi * f * _path(calibration, f) / lag)
 
-    Limits hold for the volts commanded and for those that reach the patch.
-    """
-    waveforms = (volts, _arriving(calibration, volts))
-    return min(limits.headroom(waveform, calibration.rate_hz) for waveform in waveforms)
+
+def _deviation(calibration: Calibration, f: FloatArray) -> FloatArray:
+    """(lines,): standard deviation of the gain."""
+    low, high = calibration.model.band
+    inside = standard_deviation(calibration, np.clip(f, low, high))
+    deviation = _joined(calibration, f, inside, lambda above: above.deviation)
+    return np.asarray(deviation * 2 * np.pi * f)
+
+
+def _path_gain(calibration: Calibration) -> float:
+    """Measured volts at the patch per volt commanded."""
+    return float(np.median(np.abs(calibration.response.path)))
 
 
 def _arriving(calibration: Calibration, volts: FloatArray) -> FloatArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib import metadata
@@ -16,6 +17,7 @@ from .check import check
 from .checked import Check
 from .drive import Drive, Method, drive_for
 from .learning import Learning, learn
+from .playing import refuse_foreign
 from .trade import TRADE, Trade
 
 __all__ = ["DigitalButton", "build_button", "play_button"]
@@ -25,13 +27,14 @@ __all__ = ["DigitalButton", "build_button", "play_button"]
 class DigitalButton(InNotebook):
     """A press that a table reproduces, and the measured error of the reproduction.
 
-    It contains its sources: `press` (with its recordings' names and content hashes), `calibration`
+    It contains its sources: `press` (with its recordings' names and content hashes), `calibrations`
     (with the rig file at that time), every drive that was tried (`learning`), and the `check` of the
     selected drive, from plays that had no part in the selection.
     """
 
     press: Representative
-    calibration: Calibration
+    calibrations: tuple[Calibration, ...]
+    """One of each patch."""
     learning: Learning
     check: Check
     created: str
@@ -77,7 +80,7 @@ class DigitalButton(InNotebook):
 def build_button(
     rig: Rig,
     press: Representative,
-    calibration: Calibration,
+    calibration: Calibration | Sequence[Calibration],
     *,
     method: Method = "modulated",
     trade: Trade = TRADE,
@@ -87,17 +90,20 @@ def build_button(
 ) -> DigitalButton:
     """Compute the drive of a press, improve it by up to `iterations` corrections, and check it.
 
+    `calibration` may be several, of several patches, and `trade` how loud it is to be: see `drive_for`.
     A button that fails its check is returned as well: see `DigitalButton.passed`.
     Raises what `drive_for`, `learn` and `check` raise.
     """
-    _refuse_other_world(rig, calibration)
-    drive = drive_for(press, calibration, rig.limits, method=method, trade=trade)
+    calibrations = (calibration,) if isinstance(calibration, Calibration) else tuple(calibration)
+    _refuse_other_world(rig, calibrations)
+    drive = drive_for(press, calibrations, rig.limits, method=method, trade=trade)
+    refuse_foreign(rig, drive)
 
-    learning = learn(rig, drive, calibration, iterations=iterations, plays=plays, progress=progress)
+    learning = learn(rig, drive, calibrations, iterations=iterations, plays=plays, progress=progress)
     result = check(rig, learning.drive, press, plays=plays, progress=progress)
     return DigitalButton(
         press=press,
-        calibration=calibration,
+        calibrations=calibrations,
         learning=learning,
         check=result,
         created=datetime.now(UTC).isoformat(timespec="seconds"),
@@ -116,19 +122,22 @@ def play_button(
 
     Raises ConfigurationError on a rig other than the one it was made on, and what `check` raises.
     """
-    _refuse_other_world(rig, button.calibration)
+    _refuse_other_world(rig, button.calibrations)
     return check(rig, button.drive, button.press, plays=plays, progress=progress)
 
 
-def _refuse_other_world(rig: Rig, calibration: Calibration) -> None:
-    if calibration.finger is not None:
-        raise ConfigurationError(
-            f"The calibration holds under {calibration.finger.participant}'s finger, and a button is learned "
-            "and checked on the bare table: give the bare table's, or check a drive under the finger."
-        )
-    if calibration.response.simulated != rig.simulated:
-        kinds = {True: "simulated", False: "real"}
-        raise ConfigurationError(
-            f"The calibration is of a {kinds[calibration.response.simulated]} table and the rig "
-            f"{rig.name!r} is {kinds[rig.simulated]}: calibrate that rig first."
-        )
+def _refuse_other_world(rig: Rig, calibrations: Sequence[Calibration]) -> None:
+    for calibration in calibrations:
+        response = calibration.response
+        if calibration.finger is not None:
+            raise ConfigurationError(
+                f"The calibration holds under {calibration.finger.participant}'s finger, and a button is "
+                "learned and checked on the bare table: give the bare table's, or check a drive under the "
+                "finger."
+            )
+        if response.simulated != rig.simulated:
+            kinds = {True: "simulated", False: "real"}
+            raise ConfigurationError(
+                f"The calibration is of a {kinds[response.simulated]} table and the rig "
+                f"{rig.name!r} is {kinds[rig.simulated]}: calibrate that rig first."
+            )

@@ -17,11 +17,11 @@ import scipy
 
 from ...instruments import Limits
 from ...instruments.arrays import ComplexArray, FloatArray
-from ..model import Calibration
 from ..spectra import fade, resample
-from . import actuation
-from .drive import FADE, Drive, plan_for
+from .actuation import Actuation
+from .drive import FADE, Drive
 from .inversion import within
+from .planning import plan_for
 from .playing import Played
 
 __all__ = ["ResponseEstimate"]
@@ -46,24 +46,24 @@ _TRIES = 8
 class ResponseEstimate:
     """Estimated response from linear volts to acceleration, for one drive's target.
 
-    `gain` is (lines,) m/s^2 per linear volt, `variance` (lines,) its variance.
+    `gain` is (patches, lines) m/s^2 per linear volt, `covariance` (patches, patches, lines) its covariance:
+    of the conjugate of each row's patch with each column's.
     """
 
     drive: Drive
-    calibration: Calibration
+    table: Actuation
     grid: _Grid
     gain: ComplexArray
-    variance: FloatArray
+    covariance: ComplexArray
     last: tuple[ComplexArray, ComplexArray, FloatArray] | None = None
-    """The latest play: linear volts, acceleration, and its noise power, (lines,) each."""
+    """The latest play: linear volts (patches, lines), acceleration, and its noise power, (lines,) each."""
 
     @classmethod
-    def of(cls, drive: Drive, calibration: Calibration) -> ResponseEstimate:
-        """The prior from the calibration, before any play."""
-        grid = _Grid.of(drive, calibration)
+    def of(cls, drive: Drive, table: Actuation) -> ResponseEstimate:
+        """The prior from the calibrations, before any play."""
+        grid = _Grid.of(drive, table)
         f = grid.frequencies
-        variance = actuation.uncertainty(calibration, f) ** 2
-        return cls(drive, calibration, grid, actuation.gain(calibration, f), variance)
+        return cls(drive, table, grid, table.gain(f)[0], table.covariance(f)[0])
 
     @property
     def tail(self) -> float:
@@ -91,33 +91,33 @@ class ResponseEstimate:
 
         The remaining error of the plays of `volts` is corrected within the limits, as far as it exceeds
         their noise and as the response is certain; the share `step` of the change is applied. Returns
-        (samples,) V, and the expected decrease of the squared error, over the target's.
+        (patches, samples) V, and the expected decrease of the squared error, over the target's.
         """
-        grid, path = self.grid, actuation.path_gain(self.calibration)
+        grid, table = self.grid, self.table
         linear_volts, motion, noise = self._spectra(volts, played)
         target = scipy.fft.rfft(grid.down(self.drive.target))
         missed = target - motion
         power = grid.pooled(np.abs(missed) ** 2)
         missed *= np.maximum(0.0, 1 - noise / np.maximum(power, 1e-30))
 
-        limit = self.calibration.hysteresis.reach(limits.peak * min(1.0, path))
+        limit = float(table.reach(limits).max())
         periodic = scipy.fft.irfft(target, grid.samples)
-        plan = plan_for(self.calibration, periodic, grid.window, grid.rate_hz, self.drive.band, limits)
+        plan = plan_for(table, periodic[None], grid, self.drive.band, limits, self.drive.drift)
         plan = replace(
             plan,
-            target=missed + self.gain * linear_volts,
-            gain=self.gain,
-            uncertainty=np.sqrt(self.variance),
+            target=(missed + (self.gain * linear_volts).sum(axis=0))[None],
+            gain=self.gain[None],
+            covariance=self.covariance,
             operating_point=linear_volts,
             ridge=_CAUTION,
         )
-        now = self.calibration.hysteresis.to_linear_volts(volts * path)
+        now = table.linear(volts)
         _, state = within(plan, limit)
         for _ in range(_TRIES):
             planned, state = within(plan, limit, state)
             changed = now + step * grid.up(planned - scipy.fft.irfft(linear_volts, grid.samples))
-            new = actuation.commanded(self.calibration, changed, grid.smooth)
-            headroom, _ = actuation.headroom(self.calibration, new, limits)
+            new = table.commanded(changed, grid.smooth)
+            headroom, _ = table.headroom(new, limits)
             if headroom >= 1:
                 break
             # Between the plan's samples, and by the hysteresis, the volts exceed the plan.
@@ -125,8 +125,8 @@ class ResponseEstimate:
         # A lower limit does not always help: then the whole drive is scaled down, by some thousandths.
         while headroom < 1:
             changed *= headroom * (1 - 1e-6)
-            new = actuation.commanded(self.calibration, changed, grid.smooth)
-            headroom, _ = actuation.headroom(self.calibration, new, limits)
+            new = table.commanded(changed, grid.smooth)
+            headroom, _ = table.headroom(new, limits)
         taken = plan.left(linear_volts) - plan.left(self._linear_volts(new))
         return new, float(taken / (np.abs(target) ** 2).sum())
 
@@ -134,33 +134,42 @@ class ResponseEstimate:
         self, linear_volts: ComplexArray, motion: ComplexArray, noise: FloatArray
     ) -> ResponseEstimate:
         pooled = self.grid.pooled
-        drive_power = np.abs(linear_volts) ** 2
+        drive_power = (np.abs(linear_volts) ** 2).sum(axis=0)
         error = noise + _DISTORTION**2 * pooled(np.abs(motion) ** 2)
-        # Where a table has changed, the error of the response exceeds its stated variance.
-        surprise = pooled(np.abs(motion - self.gain * linear_volts) ** 2 - error)
+        unexpected = motion - (self.gain * linear_volts).sum(axis=0)
+        # Where a table has changed, the error of the response exceeds its stated covariance.
+        surprise = pooled(np.abs(unexpected) ** 2 - error)
         seen = surprise / np.maximum(pooled(drive_power), 1e-30)
         # A line that was hardly driven would suggest an error larger than the gain: it is bounded.
         seen = np.minimum(seen, np.abs(self.gain).max() ** 2)
-        variance = np.maximum(self.variance, np.where(surprise > error, seen, 0.0))
-        trust = variance * drive_power / np.maximum(variance * drive_power + error, 1e-30)
-        measured = motion * np.conj(linear_volts) / np.maximum(drive_power, 1e-30)
-        gain = self.gain + trust * (measured - self.gain)
-        return replace(self, gain=gain, variance=variance * (1 - trust))
+        stated = _along(self.covariance, linear_volts) / np.maximum(drive_power, 1e-30)
+        more = np.maximum(np.where(surprise > error, seen, 0.0) - stated, 0.0)
+        covariance = self.covariance + more * np.eye(len(self.gain))[:, :, None]
+        # A Kalman step: one motion is measured, and corrects each patch by its share in what was uncertain.
+        shares = np.einsum("prl,rl->pl", covariance, linear_volts)
+        known = shares / np.maximum(_along(covariance, linear_volts) + error, 1e-30)
+        gain = self.gain + known.conj() * unexpected
+        return replace(self, gain=gain, covariance=covariance - known[:, None] * shares[None].conj())
 
     def _spectra(self, volts: FloatArray, played: Played) -> tuple[ComplexArray, ComplexArray, FloatArray]:
-        """(lines,) linear volts and mean acceleration, and the noise power left in the mean."""
+        """Linear volts (patches, lines), mean acceleration (lines,), and the noise power left in the mean."""
         scale = self.drive.rate_hz / played.rate_hz
         motions = np.array([scipy.fft.rfft(self.grid.sampled(a, scale)) for a in played.accelerations])
         noise = self.grid.pooled(np.var(motions, axis=0, ddof=1) / len(motions))
         return self._linear_volts(volts), motions.mean(axis=0), noise
 
     def _linear_volts(self, volts: FloatArray) -> ComplexArray:
-        """(lines,) linear volts of commanded volts."""
-        at_patch = volts * actuation.path_gain(self.calibration)
-        linear_volts = self.calibration.hysteresis.to_linear_volts(at_patch)
+        """(patches, lines) linear volts of commanded volts."""
+        linear_volts = self.table.linear(volts)
+        samples = linear_volts.shape[1]
         # The offset that hysteresis leaves at the end is removed slowly, far below the band, without a step.
-        linear_volts -= linear_volts[-1] * fade(len(linear_volts), len(linear_volts), 0)
+        linear_volts -= linear_volts[:, -1:] * fade(samples, samples, 0)
         return np.asarray(scipy.fft.rfft(self.grid.down(linear_volts)))
+
+
+def _along(covariance: ComplexArray, linear_volts: ComplexArray) -> FloatArray:
+    """(lines,): variance of the motion that linear volts (patches, lines) make."""
+    return np.asarray(np.einsum("pl,prl,rl->l", linear_volts.conj(), covariance, linear_volts).real)
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,10 +188,10 @@ class _Grid:
     """(played,): the drive's faded ends."""
 
     @classmethod
-    def of(cls, drive: Drive, calibration: Calibration) -> _Grid:
-        played = len(drive.volts)
+    def of(cls, drive: Drive, table: Actuation) -> _Grid:
+        played = len(drive.target)
         factor = max(1, int(drive.rate_hz // _PLAN_RATE))
-        ringing = actuation.ringing(calibration.model) * drive.rate_hz
+        ringing = table.ringing * drive.rate_hz
         edge = round(FADE * drive.rate_hz)
         samples = scipy.fft.next_fast_len(int(np.ceil((played + ringing) / factor)), real=True)
         return cls(played, factor, samples, drive.rate_hz / factor, fade(played, edge, edge))
@@ -198,17 +207,20 @@ class _Grid:
         return np.clip(self.down(self.smooth), 0.0, 1.0)
 
     def down(self, signal: FloatArray) -> FloatArray:
-        """(played or more,) at the drive's rate to (samples,), band-limited."""
+        """(..., played or more) at the drive's rate to (..., samples), band-limited."""
         return self.sampled(signal, 1.0)
 
     def sampled(self, signal: FloatArray, slower: float) -> FloatArray:
-        """(any,) at the drive's rate over `slower` to (samples,), band-limited; beyond its end it is zero."""
+        """(..., any) at the drive's rate over `slower` to (..., samples), band-limited; zero after it."""
         length = round(self.samples * self.factor / slower)
-        return resample(np.pad(signal[:length], (0, max(0, length - len(signal)))), self.samples)
+        kept = signal[..., :length]
+        padded = np.zeros((*kept.shape[:-1], length))
+        padded[..., : kept.shape[-1]] = kept
+        return resample(padded, self.samples)
 
     def up(self, signal: FloatArray) -> FloatArray:
-        """(samples,) to the drive's (played,)."""
-        return resample(signal, self.samples * self.factor)[: self.played]
+        """(..., samples) to the drive's (..., played)."""
+        return resample(signal, self.samples * self.factor)[..., : self.played]
 
     def pooled(self, power: FloatArray) -> FloatArray:
         """Power (lines,) averaged over neighbouring lines."""

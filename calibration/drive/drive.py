@@ -1,8 +1,9 @@
-"""From a press to the drive: the volts that make the table reproduce it."""
+"""From a press to the drive: the volts of each patch that make the table reproduce it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -10,16 +11,17 @@ import numpy as np
 import scipy
 
 from ...acquisition import hdf5
-from ...instruments import DataError, Limits
+from ...instruments import ConfigurationError, DataError, Limits
 from ...instruments.arrays import FloatArray
 from ...instruments.notebook import InNotebook
 from ...instruments.vibrometer import DERIVATIVE, shown
-from ..model import Calibration
+from ..model import Calibration, Drift
 from ..response import Response
 from ..spectra import band_window, fade, resample, third_octaves
-from . import actuation
-from .inversion import Plan, max_output, min_peak
-from .trade import BUDGET, TRADE, Trade
+from .actuation import Actuation
+from .inversion import Plan
+from .planning import distorted, plan_for, planned_by
+from .trade import BUDGET, STEADY, TRADE, Trade
 
 if TYPE_CHECKING:
     from ...acquisition import Representative
@@ -41,9 +43,6 @@ FADE = 0.02
 """Fade time (s) at the start and at the end of a drive."""
 _LEAST_RATE = 5000.0
 """Lowest sample rate (samples/s) at which a drive is optimised: eight samples a period at 600 Hz."""
-_SPREAD = 0.6
-"""Error of a drive over that which distortion would make if it were spread evenly over the band: part of it
-stays near the drive's own lines, where the table moves little (measured on simulated tables)."""
 _TRIES = 20
 _RANGE_USED = 0.8
 """Share of the vibrometer's range that a drive may use."""
@@ -55,9 +54,9 @@ _ALL = 0.99
 
 @dataclass(frozen=True, eq=False)
 class Drive(InNotebook):
-    """Volts for one patch, and the target motion of the surface.
+    """Volts for one or several patches, and the target motion of the surface.
 
-    `volts` is (samples,) V at the patch as commanded, `target` is (samples,) m/s^2, on the same
+    `volts` is (patches, samples) V at each patch as commanded, `target` is (samples,) m/s^2, on the same
     clock: the press's acceleration, modulated if that is the `method`, cut to `band` (Hz) and
     multiplied by `scale`. `in_band` is the share of that acceleration's energy which lies within the
     band. `predicted_error` is the error expected of the whole motion: rms of the error over rms of the
@@ -65,7 +64,7 @@ class Drive(InNotebook):
     """
 
     button: str
-    patch: str
+    patches: tuple[str, ...]
     point: str
     rate_hz: float
     volts: FloatArray
@@ -88,14 +87,23 @@ class Drive(InNotebook):
     sources: tuple[tuple[str, str], ...]
     """Recordings that the press stands for: file name, content hash."""
     calibration: str
-    """Content hash of the calibration used."""
+    """Content hash of the calibrations used."""
+    trade: Trade = TRADE
+    """What it was planned for."""
+    drift: Drift = STEADY
+    """Drift of the table that was planned against."""
+    drifted_error: float = 0.0
+    """Error expected of the whole motion when the table has drifted so, `predicted_error` included."""
 
     def __post_init__(self) -> None:
         """Raises DataError for signals that no calibration makes, so that nobody plots or plays them."""
-        signals = (self.volts, self.target)
-        finite = all(np.ndim(signal) == 1 and np.all(np.isfinite(signal)) for signal in signals)
-        if not finite or not 0 < len(self.volts) == len(self.target):
-            raise DataError("the drive and its target are not two signals of one length with finite values.")
+        finite = all(np.all(np.isfinite(signal)) for signal in (self.volts, self.target))
+        shape = len(self.patches), len(self.target) if np.ndim(self.target) == 1 else 0
+        if not finite or not all(shape) or np.shape(self.volts) != shape:
+            raise DataError(
+                "the drive and its target are not a signal for each patch and one for the target, of one "
+                "length with finite values."
+            )
         if not 0 < self.rate_hz < np.inf:
             raise DataError(f"the drive has {self.rate_hz:g} samples/s.")
         if self.peak > _REACH:
@@ -103,14 +111,29 @@ class Drive(InNotebook):
 
     def __repr__(self) -> str:
         simulated = ", simulated" if self.simulated else ""
-        seconds = len(self.volts) / self.rate_hz
+        seconds = len(self.target) / self.rate_hz
         return (
             f"<Drive {self.button} at patch {self.patch}: {self.peak:.1f} V peak, {seconds:.2f} s{simulated}>"
         )
 
     @property
+    def patch(self) -> str:
+        """Names of the patches, for people."""
+        return ", ".join(self.patches)
+
+    @property
+    def by_patch(self) -> dict[str, FloatArray]:
+        """(samples,) V of each patch, as `Rig.excite_each` takes them."""
+        return dict(zip(self.patches, self.volts, strict=True))
+
+    @property
+    def expected_error(self) -> float:
+        """Error expected before any correction: where a drift is planned against, of a table that drifted."""
+        return max(self.predicted_error, self.drifted_error)
+
+    @property
     def peak(self) -> float:
-        """Largest voltage (V)."""
+        """Largest voltage of any patch (V)."""
         return float(np.abs(self.volts).max())
 
     def save(self, path: str | Path) -> None:
@@ -162,8 +185,9 @@ class TargetGrid:
         return np.asarray(scipy.fft.irfft(cut, len(self.window))), share
 
     def on_drive(self, signal: FloatArray) -> FloatArray:
-        """(grid,) at the press's rate to the drive's length and rate."""
-        return resample(signal, len(signal) * self.oversampling)[: self.drive_length * self.oversampling]
+        """(..., grid) at the press's rate to the drive's length and rate."""
+        oversampled = resample(signal, signal.shape[-1] * self.oversampling)
+        return oversampled[..., : self.drive_length * self.oversampling]
 
     @property
     def smooth(self) -> FloatArray:
@@ -172,20 +196,20 @@ class TargetGrid:
         return fade(self.drive_length * self.oversampling, edge, edge)
 
 
-def target_grid(press: Representative, calibration: Calibration, method: Method) -> TargetGrid:
+def target_grid(press: Representative, table: Actuation, method: Method) -> TargetGrid:
     """The target acceleration of a press, before band limit and scale.
 
     Raises DataError for a press that cannot be driven.
     """
-    oversampling = _oversampling(press, calibration.rate_hz)
+    oversampling = _oversampling(press, table.rate_hz)
     edge = max(1, round(FADE / 2 * press.rate_hz))
     own = np.asarray(press.acceleration) * fade(len(press.acceleration), edge, edge)
-    carrier_hz = calibration.carrier_hz if method == "modulated" else 0.0
+    carrier_hz = table.carrier.carrier_hz if method == "modulated" else 0.0
     if method == "modulated":
         own = modulate(own, press.rate_hz, carrier_hz)
     before = round(BEFORE * press.rate_hz)
     drive_length = before + len(own) + round(_AFTER * press.rate_hz)
-    ringing = round(actuation.ringing(calibration.model) * press.rate_hz)
+    ringing = round(table.ringing * press.rate_hz)
     length = scipy.fft.next_fast_len(drive_length + ringing, real=True)
     acceleration, window = np.zeros(length), np.zeros(length)
     acceleration[before : before + len(own)] = own
@@ -196,7 +220,7 @@ def target_grid(press: Representative, calibration: Calibration, method: Method)
 
 def drive_for(
     press: Representative,
-    calibration: Calibration | Response,
+    calibration: Calibration | Response | Sequence[Calibration],
     limits: Limits,
     *,
     method: Method = "modulated",
@@ -206,105 +230,78 @@ def drive_for(
 ) -> Drive:
     """The drive that makes the calibrated point reproduce a press.
 
-    The press is modulated with the point's resonance (equation 1 of the paper), or taken as it is for
-    "broadband"; cut to the well-measured part of `band` (Hz), inverted non-causally, with the patch's
-    hysteresis compensated; then scaled to the largest output within `limits` and the vibrometer's
-    range. For output `trade.error` is accepted (0.5 %), or the least possible (see `inversion.max_output`;
-    `inversion.min_peak` for "regularised", which is scaled to the limits instead of planned within them).
-    Wherever the response was measured, motion outside the band counts as error; elsewhere the drive has no
-    power. The drive has zero ends and zero mean. A response given without a calibration is fitted first.
+    `calibration` may be several, of several patches at that point, which an amplifier with a channel for each
+    then drives at once. The press is modulated with the point's resonance (equation 1 of the paper), or taken
+    as it is for "broadband"; cut to the well-measured part of `band` (Hz), inverted non-causally, with each
+    patch's hysteresis compensated; then scaled to the largest output within `limits` and the vibrometer's
+    range. `trade` says how much error is accepted for output, and which drift of the table is planned against
+    (see `inversion.max_output`; `inversion.min_peak` for "regularised", which is scaled to the limits instead
+    of planned within them). Wherever the response was measured, motion outside the band counts as error;
+    elsewhere the drive has no power. The drive has zero ends and zero mean. A response given without a
+    calibration is fitted first.
 
     Raises DataError for a press that cannot be driven or a response that is too noisy, LimitError
     when the limits leave no headroom.
     """
     if isinstance(calibration, Response):
         calibration = Calibration.of(calibration)
-    response = calibration.response
-    grid = target_grid(press, calibration, method)
-    band = actuation.measured_well(response, band)
+    table = Actuation.of([calibration] if isinstance(calibration, Calibration) else calibration)
+    if len(table.points) > 1:
+        raise ConfigurationError(
+            f"A drive is for one point, and the calibrations are of {', '.join(table.points)}: leave the "
+            "others out."
+        )
+    grid = target_grid(press, table, method)
+    band = table.measured_well(band)
     target, in_band = grid.within(band)
-
-    limit = calibration.hysteresis.reach(limits.peak * min(1.0, actuation.path_gain(calibration)))
-    plan = plan_for(calibration, target, grid.window, grid.rate_hz, band, limits)
-    invert = max_output if inversion == "optimised" else min_peak
-    planned, _ = invert(plan, trade.error or BUDGET)
+    drift = trade.drift_for(table)
+    plan = plan_for(table, target[None], grid, band, limits, drift)
+    planned = planned_by(plan, trade, trade.budget(drift), float(table.reach(limits).max()), inversion)
 
     smooth = grid.smooth
     linear_volts = grid.on_drive(planned) * np.minimum(1.0, smooth / 0.05)
     # Back on the plan's grid, to predict the motion of the exact signal that will be played.
     length = len(grid.window)
-    played = resample(np.pad(linear_volts, (0, length * grid.oversampling - len(linear_volts))), length)
+    finer = length * grid.oversampling
+    played = resample(np.pad(linear_volts, ((0, 0), (0, finer - linear_volts.shape[1]))), length)
+    response = table.own[0].response
     omega = 2j * np.pi * np.maximum(grid.frequencies, 1.0)
-    shown_by = scipy.fft.rfft(played) * plan.gain * omega ** (DERIVATIVE[response.pickup] - 1)
-    seen = scipy.fft.irfft(shown_by, length)
-    range_scale = _RANGE_USED * response.pickup_range / float(np.abs(seen).max())
-    scale = min(limit / float(np.abs(linear_volts).max()), range_scale)
-    volts, scale = _within(limits, calibration, linear_volts, smooth, scale)
-    if scale < range_scale:
-        _, by = actuation.headroom(calibration, volts, limits)
+    shown_by = plan.moved(scipy.fft.rfft(played))[0] * omega ** (DERIVATIVE[response.pickup] - 1)
+    range_scale = _RANGE_USED * response.pickup_range / float(np.abs(scipy.fft.irfft(shown_by, length)).max())
+    wanted = np.inf if trade.scale is None else trade.scale
+    reached = float((table.reach(limits) / np.abs(linear_volts).max(axis=1)).min())
+    volts, scale = _within(limits, table, linear_volts, smooth, min(reached, range_scale, wanted))
+    if scale == wanted:
+        by = "the scale asked for"
+    elif scale < range_scale:
+        _, by = table.headroom(volts, limits)
     else:
         by = f"{_RANGE_USED:.0%} of the vibrometer's {shown(response.pickup, response.pickup_range)}"
+    steady = replace(plan, drift=0.0)
+    missed = distorted(table, plan, played)
     return Drive(
         button=press.button,
-        patch=response.patch,
-        point=response.point,
-        rate_hz=calibration.rate_hz,
+        patches=table.patches,
+        point=table.points[0],
+        rate_hz=table.rate_hz,
         volts=volts,
         target=scale * grid.on_drive(target),
-        scale=scale,
+        scale=float(scale),
         method=method,
         carrier_hz=grid.carrier_hz,
         band=band,
         in_band=in_band,
-        known=actuation.known(calibration),
-        predicted_error=float(np.hypot(plan.error(played), _distorted(calibration, plan, played))),
-        unreached=_unreached(plan, played, grid.rate_hz, band, scale, in_band, by),
+        known=table.known,
+        predicted_error=float(np.hypot(steady.error(played), missed)),
+        unreached=_unreached(steady, played, grid.rate_hz, band, scale, in_band, by),
         rig=response.rig,
         simulated=bool(press.simulated or response.simulated),
         sources=tuple((str(name), str(content)) for name, content in press.sources),
-        calibration=calibration.digest,
+        calibration=table.digest,
+        trade=trade,
+        drift=drift,
+        drifted_error=float(np.hypot(plan.error(played), missed)),
     )
-
-
-def plan_for(
-    calibration: Calibration,
-    target: FloatArray,
-    window: FloatArray,
-    rate_hz: float,
-    band: tuple[float, float],
-    limits: Limits,
-) -> Plan:
-    """The plan, in linear volts, for a target ((grid,) m/s^2) within `band` (Hz).
-
-    Motion that is not wanted counts wherever the response was measured, also outside the band.
-    """
-    f = scipy.fft.rfftfreq(len(target), 1 / rate_hz)
-    low, high = actuation.known(calibration)
-    known = (f >= low) & (f <= high)
-    gain = np.where(known, actuation.gain(calibration, np.clip(f, low, high)), 0.0)
-    slew = min(limits.slew, limits.current_peak / limits.capacitance if limits.capacitance else np.inf)
-    return Plan(
-        target=scipy.fft.rfft(target),
-        gain=gain,
-        known=known,
-        uncertainty=actuation.uncertainty(calibration, f),
-        window=window,
-        typical=float(np.median(np.abs(gain[(f >= band[0]) & (f <= band[1])]) ** 2)),
-        slew=slew / rate_hz / limits.peak,
-    )
-
-
-def _distorted(calibration: Calibration, plan: Plan, linear_volts: FloatArray) -> float:
-    """Error expected from distortion, over the target's rms.
-
-    Linear volts that the hysteresis model misses are spread over the band by it; the table then moves as it
-    does there, also where the drive itself has little power.
-    """
-    target = np.abs(plan.target) ** 2
-    inside = target > 1e-6 * target.max()
-    spread = (np.abs(scipy.fft.rfft(linear_volts)) ** 2).sum() / inside.sum()
-    missed = calibration.distortion**2 * spread * (np.abs(plan.gain[plan.known]) ** 2).sum()
-    return float(_SPREAD * np.sqrt(missed / target.sum()))
 
 
 def _oversampling(press: Representative, rate_hz: float) -> int:
@@ -322,25 +319,22 @@ def _oversampling(press: Representative, rate_hz: float) -> int:
 
 
 def _within(
-    limits: Limits,
-    calibration: Calibration,
-    linear_volts: FloatArray,
-    smooth: FloatArray,
-    scale: float,
+    limits: Limits, table: Actuation, linear_volts: FloatArray, smooth: FloatArray, scale: float
 ) -> tuple[FloatArray, float]:
     """Volts to command for `linear_volts` times the largest factor up to `scale` within the limits.
 
-    Limits hold for the volts commanded and for those that reach the patch. Returns the volts and
+    Limits hold for the volts commanded and for those that reach each patch. Returns the volts and
     the factor. Raises LimitError when no factor is found.
     """
     for _ in range(_TRIES):
-        volts = actuation.commanded(calibration, scale * linear_volts, smooth)
-        headroom, _ = actuation.headroom(calibration, volts, limits)
+        volts = table.commanded(scale * linear_volts, smooth)
+        headroom, _ = table.headroom(volts, limits)
         if headroom >= 1:
             break
         # Hysteresis makes the volts nonlinear in the factor, so that it is found by iteration.
         scale *= headroom * (1 - 1e-6)
-    limits.check(volts, calibration.rate_hz)
+    for own in volts:
+        limits.check(own, table.rate_hz)
     return volts, scale
 
 
@@ -362,8 +356,9 @@ def _unreached(
         sentences.append(
             f"{1 - in_band:.0%} of the energy lies outside {band[0]:.0f} to {band[1]:.0f} Hz and is left out."
         )
-    missed = scipy.fft.irfft((plan.target - plan.gain * scipy.fft.rfft(played)) * plan.known, len(played))
-    error = float(np.linalg.norm(missed) / np.linalg.norm(scipy.fft.irfft(plan.target, len(played))))
+    length = played.shape[1]
+    missed = scipy.fft.irfft(plan.missed(scipy.fft.rfft(played))[0] * plan.known, length)
+    error = float(np.linalg.norm(missed) / np.linalg.norm(scipy.fft.irfft(plan.target[0], length)))
     if error > BUDGET:
         centres, levels = third_octaves(missed, rate_hz, *band)
         sentences.append(

@@ -1,24 +1,30 @@
-"""Inversion of the response: the drive that makes a table follow a target within a voltage limit.
+"""Inversion of the response: the drives of one or several patches that make points follow their targets.
 
-Model: on a periodic grid the table moves by G V, with V the drive's spectrum. G was measured, so it is a
-random number about its estimate on each line, and the expected squared error is the sum over the lines of
-|target - G V|^2 + (uncertainty |V - V0|)^2, where V0 is a drive whose outcome was measured. The second term
-regularises: where G is uncertain the drive stays what it was. Voltage and slew rate are bounds on the
-samples. Error and bounds are convex, so splitting (ADMM; Boyd et al., Foundations and Trends in Machine
-Learning 3, 2011, section 5) approaches the least error within a bound, and a bisection finds the lowest
-bound within the error budget: the lower the voltage per unit of target, the larger the output within the
-limits.
+Model: on a periodic grid point q moves by the sum over patches of G_qp V_p, with V_p the spectrum of patch
+p's drive. G is a random number about its estimate on each line: it was measured, and the table drifts. With
+E the covariance of the measurement, which counts from V0, a drive whose outcome was measured, and D that of
+the drift, which counts from zero, the expected squared error is the sum over the lines of
+
+    sum over q of |target_q - sum over p of G_qp V_p|^2 + (V - V0)* E (V - V0) + V* D V.
+
+The covariances regularise: where G is uncertain the drives stay what they were, and of all drives that move
+the points alike those are taken whose motion a drift changes least. One patch leaves no such choice, several
+do. Voltage and slew rate are bounds on the samples of each patch. Error and bounds are convex, so splitting
+(ADMM; Boyd et al., Foundations and Trends in Machine Learning 3, 2011, section 5) approaches the least error
+within a bound, and a bisection finds the lowest bound within the error budget: the lower the voltage per unit
+of target, the larger the output within the limits.
 
 Assumptions: the table is linear (hysteresis is compensated elsewhere) and is what it was when G was
-measured; the errors of G are independent from line to line; the grid is longer than the ringing. What
-breaks them: drift, a patch that does not follow its compensation, plates that ring beyond the grid; then
-the error is larger than expected, which a check measures and nothing here can know. Lines that were not
-measured get no drive.
+measured, but for the drift; the errors of G are independent from line to line; the grid is longer than the
+ringing. What breaks them: a larger drift, a patch that does not follow its compensation, plates that ring
+beyond the grid; then the error is larger than expected, which a check measures and nothing here can know.
+Lines that were not measured get no drive.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy
@@ -42,69 +48,99 @@ _REGULARISATIONS = 10.0 ** np.arange(-4.0, 0.5, 0.5)
 class Plan:
     """An inversion problem on one periodic grid that is long enough for the ringing to die out.
 
-    `target` is the target's spectrum (lines,), `gain` (lines,) target per volt, `known` (lines,) True where
-    the gain was measured: elsewhere the drive has no power. `uncertainty` (lines,) is the standard deviation
-    of `gain`, `window` (samples,) the share of the limit available to the drive over time: zero where the
-    drive must be zero. `typical` is the median power of the gain within the target's band. `slew` is the
-    largest allowed step from one sample to the next, over the limit. `uncertainty` applies to the difference
-    from `operating_point` (lines,), the spectrum of a drive whose outcome was measured; zero before any was
-    played.
+    `target` is (points, lines), the targets' spectra: zero at a point that is to be silent. `gain` is
+    (points, patches, lines), target per volt; `known` (lines,) True where it was measured: elsewhere no drive
+    has power. `covariance` and `drift` are (patches, patches, lines) as in the module, summed over the
+    points. `window` (samples,) is the share of the limit available to the drives over time: zero where they
+    must be zero.
     """
 
     target: ComplexArray
     gain: ComplexArray
     known: BoolArray
-    uncertainty: FloatArray
+    covariance: ComplexArray
     window: FloatArray
     typical: float
+    """Median power of the gain within the target's band: the mean over the patches."""
+    reach: FloatArray
+    """(patches,): the limit of each patch, over the largest of them."""
+    drift: ComplexArray | float = 0.0
     slew: float = np.inf
+    """Largest allowed step from one sample to the next, over the limit."""
     operating_point: ComplexArray | float = 0.0
+    """(patches, lines): spectra of drives whose outcome was measured; zero before any was played."""
     ridge: float = 5e-6
     """Penalty for a difference from `operating_point` on every line, over `typical`: it limits the drive
     where the table hardly moves."""
 
+    @cached_property
+    def power(self) -> ComplexArray:
+        """(lines, patches, patches): expected power of the motion that drives make, without `ridge`."""
+        own = np.einsum("qpl,qrl->lpr", self.gain.conj(), self.gain)
+        return np.asarray(own + np.moveaxis(self.covariance + self.drift, 2, 0))
+
+    @cached_property
+    def pull(self) -> ComplexArray:
+        """(patches, lines): the right side of the normal equations, without the operating point."""
+        return np.asarray(np.einsum("qpl,ql->pl", self.gain.conj(), self.target))
+
     def left(self, V: ComplexArray) -> float:
-        """Expected squared error of a spectrum (lines,) over all known lines, uncertainty included."""
-        missed = np.abs(self.target - self.gain * V) ** 2
-        unsure = (self.uncertainty * np.abs(V - self.operating_point)) ** 2
-        return float((missed + unsure)[self.known].sum())
+        """Expected squared error of spectra (patches, lines) over all known lines, uncertainty included."""
+        away = V - self.operating_point
+        missed = (np.abs(self.missed(V)) ** 2).sum(axis=0) + _form(self.covariance, away)
+        if not isinstance(self.drift, float):
+            missed = missed + _form(self.drift, V)
+        return float(missed[self.known].sum())
+
+    def missed(self, V: ComplexArray) -> ComplexArray:
+        """(points, lines): target less expected motion."""
+        return np.asarray(self.target - self.moved(V))
+
+    def moved(self, V: ComplexArray) -> ComplexArray:
+        """(points, lines): expected motion."""
+        return np.asarray(np.einsum("qpl,pl->ql", self.gain, V))
+
+    @property
+    def wanted(self) -> float:
+        """Squared target, summed over points and lines."""
+        return float((np.abs(self.target) ** 2).sum())
 
     def error(self, drive: FloatArray) -> float:
-        """Expected rms error of `drive` over the target's rms, uncertainty included."""
-        return float(np.sqrt(self.left(scipy.fft.rfft(drive)) / (np.abs(self.target) ** 2).sum()))
+        """Expected rms error of drives (patches, samples) over the target's rms, uncertainty included."""
+        return float(np.sqrt(self.left(scipy.fft.rfft(drive)) / self.wanted))
 
 
 def min_peak(plan: Plan, budget: float) -> tuple[FloatArray, float]:
     """The regularised inverse with the smallest peak that stays within an error budget.
 
     If none does, the one with the least expected error. The response's uncertainty is part of the
-    regularisation: a line of unknown gain is not inverted. Returns (samples,) V for the unscaled
+    regularisation: a line of unknown gain is not inverted. Returns (patches, samples) V for the unscaled
     target, and the expected error.
     """
-    power = np.abs(plan.gain) ** 2 + plan.uncertainty**2
     found = []
     for share in _REGULARISATIONS:
-        V = plan.known * np.conj(plan.gain) * plan.target / (power + share * plan.typical)
+        inverse = np.linalg.inv(plan.power + share * plan.typical * np.eye(len(plan.reach)))
+        V = plan.known * np.einsum("lpr,rl->pl", inverse, plan.pull)
         drive = scipy.fft.irfft(V, len(plan.window)) * (plan.window > 0)
         found.append((drive, plan.error(drive)))
     within = [candidate for candidate in found if candidate[1] <= budget]
     if within:
-        return min(within, key=lambda candidate: float(np.abs(candidate[0]).max()))
+        return min(within, key=lambda candidate: _peak(plan, candidate[0]))
     return min(found, key=lambda candidate: candidate[1])
 
 
 def max_output(plan: Plan, budget: float) -> tuple[FloatArray, float]:
-    """The drive that permits the largest output within an error budget, for the target unscaled.
+    """The drives that permit the largest output within an error budget, for the target unscaled.
 
     Where a peak of the regularised inverse is cut off, a better drive for the same limit exists; it
-    is found by splitting (ADMM; Boyd et al., Foundations and Trends in Machine Learning 3, 2011,
-    section 5). The lower the voltage per unit of target, the larger the target can be scaled: the result
-    has the lowest voltage with an expected error within `budget`, or the least error if none is within.
+    is found by splitting (see the module). The lower the voltage per unit of target, the larger the target
+    can be scaled: the result has the lowest voltage with an expected error within `budget`, or the least
+    error if none is within.
 
-    Returns (samples,) V, and the expected error.
+    Returns (patches, samples) V, and the expected error.
     """
     best, least = min_peak(plan, budget)
-    high = max(float(np.abs(best).max()), _max_step(best) / plan.slew)
+    high = max(_peak(plan, best), _max_step(plan, best) / plan.slew)
     low = high / 4
     state: State | None = None
     for _ in range(_STEPS):
@@ -123,34 +159,36 @@ State = tuple[FloatArray, FloatArray]
 
 
 def within(plan: Plan, limit: float, state: State | None = None) -> tuple[FloatArray, State]:
-    """The drive of least expected error with |drive| <= limit x window and steps <= limit x slew.
+    """The drives of least expected error with |drive| <= limit x reach x window, steps <= that x slew.
 
-    Returns (samples,) V and the state for a warm start of the next, similar plan. The level is
+    Returns (patches, samples) V and the state for a warm start of the next, similar plan. The level is
     kept exactly at the samples; between samples, and for steps, as far as the splitting converged.
     """
-    n = len(plan.window)
+    n, own = len(plan.window), limit * plan.reach[:, None]
     omega = 2j * np.pi * np.arange(n // 2 + 1) / n
     # Half way between samples as well: a drive limited at the samples alone overshoots by a tenth.
     between = np.minimum(plan.window, np.roll(plan.window, -1))
-    rows, bounds = [np.ones_like(omega), np.exp(omega / 2)], [plan.window * limit, between * limit]
+    rows, bounds = [np.ones_like(omega), np.exp(omega / 2)], [plan.window * own, between * own]
     # A step never exceeds twice the limit, so a wider bound has no effect.
     if plan.slew < 2:
         rows.append((1 - np.exp(-omega)) / plan.slew)
-        bounds.append(np.full(n, limit))
-    constraints, bound = np.array(rows), np.array(bounds)
-    power = np.abs(plan.gain) ** 2 + plan.uncertainty**2
+        bounds.append(np.ones(n) * own)
+    constraints, bound = np.array(rows)[:, None], np.array(bounds)
     ridge = plan.ridge * plan.typical
-    anchor = (plan.uncertainty**2 + ridge) * plan.operating_point
-    right_side = np.conj(plan.gain) * plan.target + anchor
+    right_side = plan.pull + ridge * plan.operating_point
+    if not isinstance(plan.operating_point, float):
+        right_side = right_side + np.einsum("prl,rl->pl", plan.covariance, plan.operating_point)
     rho = _SPLITTING * plan.typical
+    added = rho * (np.abs(constraints[:, 0]) ** 2).sum(axis=0) + ridge
+    inverse = np.linalg.inv(plan.power + added[:, None, None] * np.eye(len(plan.reach)))
     # Where nothing is known, the drive has no power.
-    inverse = plan.known / (power + rho * (np.abs(constraints) ** 2).sum(axis=0) + ridge)
+    inverse = np.ascontiguousarray(np.moveaxis(inverse, 0, 2)) * plan.known
     begin = np.clip(scipy.fft.irfft(constraints * plan.operating_point, n), -bound, bound)
     z, u = state or (begin, np.zeros(bound.shape))
-    alone, shares = right_side * inverse, rho * np.conj(constraints) * inverse
-    relaxed, low = _RELAXATION * constraints, -bound
+    shares, relaxed, low = rho * np.conj(constraints), _RELAXATION * constraints, -bound
     for _ in range(_ITERATIONS):
-        V = alone + (shares * scipy.fft.rfft(z - u)).sum(axis=0)
+        pulled = right_side + (shares * scipy.fft.rfft(z - u)).sum(axis=0)
+        V = (inverse * pulled).sum(axis=1)
         v = scipy.fft.irfft(relaxed * V, n)
         v += (1 - _RELAXATION) * z
         v += u
@@ -159,5 +197,15 @@ def within(plan: Plan, limit: float, state: State | None = None) -> tuple[FloatA
     return z[0], (z, u)
 
 
-def _max_step(drive: FloatArray) -> float:
-    return float(np.abs(np.diff(drive, prepend=drive[-1])).max())
+def _form(matrix: ComplexArray, V: ComplexArray) -> FloatArray:
+    """(lines,): V* M V on each line, for M (patches, patches, lines) and V (patches, lines)."""
+    return np.asarray(np.einsum("pl,prl,rl->l", V.conj(), matrix, V).real)
+
+
+def _peak(plan: Plan, drive: FloatArray) -> float:
+    """Largest voltage, over the patch's reach."""
+    return float((np.abs(drive) / plan.reach[:, None]).max())
+
+
+def _max_step(plan: Plan, drive: FloatArray) -> float:
+    return _peak(plan, np.diff(drive, prepend=drive[:, -1:]))

@@ -8,7 +8,7 @@ identified anew before the first one, because no response describes it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -20,6 +20,7 @@ from ...instruments.arrays import FloatArray
 from ...instruments.progress import Progress, part_of, silent
 from ..model import Calibration, even_order
 from ..response import measure_both_signs, prepare
+from .actuation import Actuation
 from .agreement import SharedPower, dependence, error_spectra, followed, lines_inside, shared_power
 from .correction import ResponseEstimate
 from .drive import Drive
@@ -49,8 +50,8 @@ _DISTURBED = "Something periodic disturbs the laser in step with the plays"
 class Iteration:
     """One drive that was played, and its result.
 
-    `volts` is (samples,) V as commanded, `accelerations` (plays, samples) m/s^2, the whole motion in each
-    play, at `rate_hz`. `whole` is the squared error of the whole motion over the target's mean square,
+    `volts` is (patches, samples) V as commanded, `accelerations` (plays, samples) m/s^2, the whole motion in
+    each play, at `rate_hz`. `whole` is the squared error of the whole motion over the target's mean square,
     `within` the part of it within the drive's band.
     """
 
@@ -102,7 +103,7 @@ class Learning:
 def learn(
     rig: Rig,
     drive: Drive,
-    calibration: Calibration,
+    calibration: Calibration | Sequence[Calibration],
     *,
     iterations: int = 5,
     plays: int = 8,
@@ -122,13 +123,14 @@ def learn(
     """
     if plays < 3:
         raise ConfigurationError("Learning needs at least 3 plays: it has to tell error from noise.")
-    if drive.calibration != calibration.digest:
+    table = Actuation.of([calibration] if isinstance(calibration, Calibration) else calibration)
+    if drive.calibration != table.digest:
         raise ConfigurationError(
             "The drive was computed from another calibration than the one given: compute it again."
         )
     refuse_foreign(rig, drive)
     prepare(rig, drive.point)
-    estimate = ResponseEstimate.of(drive, calibration)
+    estimate = ResponseEstimate.of(drive, table)
     doing, total, done = f"Learn the {drive.button} button", (iterations + 3) * plays, 0
 
     def played(*waveforms: FloatArray) -> list[Played]:
@@ -148,7 +150,7 @@ def learn(
         or _ended(tried, best, step, iterations)
     )
     if not stopped:
-        estimate = _informed(rig, drive, calibration).after(drive.volts, outcome)
+        estimate = _informed(rig, drive, table).after(drive.volts, outcome)
     while not stopped and not (stopped := _ended(tried, best, step, iterations)):
         volts, expected = estimate.correction(tried[best].volts, outcome, step, rig.limits)
         if expected < _STEP_SIGNIFICANCE * tried[best].within.deviation:
@@ -183,14 +185,17 @@ def learn(
     return Learning(tuple(tried), best, first_again.within.root, best_again.within.root, stopped, chosen)
 
 
-def _informed(rig: Rig, drive: Drive, calibration: Calibration) -> ResponseEstimate:
-    """The prior, with the patch's even order as it is now.
+def _informed(rig: Rig, drive: Drive, table: Actuation) -> ResponseEstimate:
+    """The prior, with each patch's even order as it is now.
 
     It changes as a patch ages, and taken for an error of the response it would mislead every correction.
     """
-    both = measure_both_signs(rig, drive.patch, drive.point)
-    law = replace(calibration.hysteresis, even=even_order(calibration, both))
-    return ResponseEstimate.of(drive, replace(calibration, hysteresis=law))
+    now = []
+    for calibration in table.own:
+        both = measure_both_signs(rig, calibration.response.patch, drive.point)
+        law = replace(calibration.hysteresis, even=even_order(calibration, both))
+        now.append(replace(calibration, hysteresis=law))
+    return ResponseEstimate.of(drive, replace(table, rows=(tuple(now), *table.rows[1:])))
 
 
 def _iteration(drive: Drive, volts: FloatArray, accelerations: FloatArray, rate_hz: float) -> Iteration:

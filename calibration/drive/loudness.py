@@ -1,7 +1,7 @@
 """How loud a drive can be, and at what error: the curve between them, and the choice on it.
 
 Within the limits of the rig a drive is louder only if more of the target is given up. The error is the one
-expected of the whole motion before any correction by playing (`Drive.predicted_error`); the level is that of
+expected of the whole motion before any correction by playing (`Drive.expected_error`); the level is that of
 the drive's target above the threshold of a finger that presses.
 """
 
@@ -113,7 +113,7 @@ class ButtonPlan(InNotebook):
 
 def plan_button(
     press: Representative,
-    calibration: Calibration,
+    calibration: Calibration | Sequence[Calibration],
     rig: Rig,
     methods: Sequence[Method] = ("modulated", "broadband"),
     progress: Progress = silent,
@@ -129,7 +129,7 @@ def plan_button(
             drives.append(drive_for(press, calibration, rig.limits, method=method, trade=Trade(error)))
         first = drives[0]
         # Where the least error is more than was asked for, several drives are the same.
-        offered = dict.fromkeys(Offer(d.predicted_error, _level(d, lab), d.scale, d.peak) for d in drives)
+        offered = dict.fromkeys(Offer(d.expected_error, _level(d, lab), d.scale, d.peak) for d in drives)
         curves.append(Offers(method, first.patch, first.in_band, tuple(offered)))
     progress(doing, count, count, "")
     return ButtonPlan(
@@ -144,7 +144,7 @@ def plan_button(
 
 def trade_for(
     press: Representative,
-    calibration: Calibration,
+    calibration: Calibration | Sequence[Calibration],
     rig: Rig,
     loudness: Loudness,
     method: Method = "modulated",
@@ -164,10 +164,10 @@ def trade_for(
     lab = lab_threshold(rig)
     most = TOLERANCE if loudness.error is None else loudness.error
     closest = at(BUDGET)
-    if closest.predicted_error > most:
+    if closest.expected_error > most:
         raise ConfigurationError(
             f"At most {most:.1%} of error cannot be had of the {press.button} button: the least to be "
-            f"expected is {closest.predicted_error:.1%}, before corrections by playing."
+            f"expected is {closest.expected_error:.1%}, before corrections by playing."
         )
     wanted = loudness.level
     if wanted is not None and level(closest) >= wanted:
@@ -193,11 +193,11 @@ def _loudest(at: Callable[[float], Drive], most: float, closest: Drive) -> tuple
     best, error = (BUDGET, closest), most
     for _ in range(_STEPS):
         drive = at(error)
-        if drive.predicted_error <= most and drive.scale > best[1].scale:
+        if drive.expected_error <= most and drive.scale > best[1].scale:
             best = error, drive
-            if drive.predicted_error > _CLOSE * most:
+            if drive.expected_error > _CLOSE * most:
                 break
-        beside = drive.predicted_error**2 - error**2
+        beside = drive.expected_error**2 - error**2
         error = max((_NEXT * most) ** 2 - beside, BUDGET**2) ** 0.5
     return best
 

@@ -18,7 +18,7 @@ from ...instruments import Limits
 from ...instruments.arrays import ComplexArray, FloatArray
 from ..model import Calibration
 from ..spectra import fade, resample
-from . import actuation
+from .actuation import Actuation
 from .drive import BAND, FADE, Drive, Method, target_grid
 
 __all__ = ["ORDERS", "paper_drive"]
@@ -44,8 +44,9 @@ def paper_drive(
     `lsim` needs a stable system. Fit and input are confined to `band`, to the method's advantage: below
     it the inverse grows without bound. Raises what `drive_for` raises.
     """
-    grid = target_grid(press, calibration, method)
-    band = actuation.measured_well(calibration.response, band)
+    table = Actuation.of([calibration])
+    grid = target_grid(press, table, method)
+    band = table.measured_well(band)
     target, in_band = grid.within(band)
     poles, residues, constant = _inverse(calibration, order, band)
     # The grid includes the ringing: a causal inverse moves after the press, and cannot before it.
@@ -54,25 +55,25 @@ def paper_drive(
     smooth = fade(len(acceleration), edge, edge)
     volts = smooth * _simulated(poles, residues, constant, acceleration, calibration.rate_hz)
     volts -= smooth * (volts.sum() / smooth.sum())
-    scale = actuation.headroom(calibration, volts, limits)[0] * (1 - 1e-9)
+    scale = table.headroom(volts[None], limits)[0] * (1 - 1e-9)
     volts *= scale
 
     played = resample(volts / scale, len(target))
-    missed = np.fft.rfft(target) - actuation.gain(calibration, grid.frequencies) * np.fft.rfft(played)
+    missed = np.fft.rfft(target) - table.gain(grid.frequencies)[0, 0] * np.fft.rfft(played)
     inside = (grid.frequencies >= band[0]) & (grid.frequencies <= band[1])
     return Drive(
         button=press.button,
-        patch=calibration.response.patch,
+        patches=table.patches,
         point=calibration.response.point,
         rate_hz=calibration.rate_hz,
-        volts=volts,
+        volts=volts[None],
         target=scale * acceleration,
         scale=scale,
         method=f"paper baseline, order {order}, {method}",
         carrier_hz=grid.carrier_hz,
         band=band,
         in_band=in_band,
-        known=actuation.known(calibration),
+        known=table.known,
         predicted_error=float(np.linalg.norm(missed[inside]) / np.linalg.norm(np.fft.rfft(target))),
         unreached="",
         rig=calibration.response.rig,

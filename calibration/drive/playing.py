@@ -36,7 +36,7 @@ class Played:
     rate_hz: float
     judged_hz: float
     peak: float
-    """Largest voltage at the patch (V)."""
+    """Largest voltage at any patch (V)."""
     overload: str | None
     """Sentence about the signal that left its range, if any."""
     tones_hz: FloatArray = field(default_factory=lambda: np.zeros(0))
@@ -53,13 +53,13 @@ def play(rig: Rig, drive: Drive, plays: int, tail: float = 0.0, progress: Progre
 def play_by_turns(
     rig: Rig, drives: Sequence[Drive], plays: int, tail: float = 0.0, progress: Progress = silent
 ) -> list[Played]:
-    """Settle the table, and play drives of one patch and length, each `plays` times, one after the other.
+    """Settle the table, and play drives of the same patches and length, each `plays` times, in turn.
 
     A drift of the table then affects all alike, and each drive has the same predecessor every time.
     """
     one = drives[0]
-    settle(rig, one.patch)
-    channels = (rig.monitor(one.patch), rig.vibrometer.channel)
+    settle(rig, one.patches)
+    channels = (*dict.fromkeys(map(rig.monitor, one.patches)), rig.vibrometer.channel)
     top = min(rig.vibrometer.resolved_hz, one.rate_hz / 4)
     factor = int(one.rate_hz // (2 * top))
     leads = rests(
@@ -68,15 +68,15 @@ def play_by_turns(
     records, peaks, problems = [], [], []
     for number, lead in enumerate(leads):
         # Zero volts first: a rest of a length that no tone of the background is in step with.
-        volts = np.pad(drives[number % len(drives)].volts, (lead, 0))
-        capture = rig.excite(volts, (one.patch,), channels, tail + _TAIL)
+        volts = {p: np.pad(own, (lead, 0)) for p, own in drives[number % len(drives)].by_patch.items()}
+        capture = rig.excite_each(volts, channels, tail + _TAIL)
         acceleration = _acceleration(rig, capture, top, factor, lead)
         records.append(Record(acceleration, (slice(round(_EDGE * one.rate_hz) // factor, lead // factor),)))
         peaks.append(_peak(rig, capture))
         problems.append(overloaded(rig, capture))
         progress("Play", number + 1, len(leads), "plays")
     rate_hz = one.rate_hz / factor
-    samples = -(-(len(one.volts) + round(tail * one.rate_hz)) // factor)
+    samples = -(-(len(one.target) + round(tail * one.rate_hz)) // factor)
     tones = tones_in(records, rate_hz)
     found = []
     for turn in range(len(drives)):
@@ -121,11 +121,18 @@ def target_of(drive: Drive, rate_hz: float) -> FloatArray:
 
 
 def refuse_foreign(rig: Rig, drive: Drive) -> None:
-    """Raises ConfigurationError for a drive that was not computed for this rig."""
+    """Raises ConfigurationError for a drive that was not computed for this rig and its amplifier."""
     if drive.rig != rig.name:
         raise ConfigurationError(
             f"The drive was computed from a calibration of the rig {drive.rig!r}, and this is {rig.name!r}: "
             "calibrate this rig and compute it again."
+        )
+    alone = [patch for patch in drive.patches if patch not in rig.amplifier.inputs]
+    if alone and len(drive.patches) > 1:
+        raise ConfigurationError(
+            f"The drive is for patches {drive.patch} at once, and the amplifier of the rig {rig.name!r} has "
+            f"no channel of its own for patch {alone[0]}: make the button for one patch, or give 'input' in "
+            "[amplifier] a name for each patch."
         )
     if drive.rate_hz != rig.table.rate_hz:
         raise ConfigurationError(
@@ -154,5 +161,5 @@ def _acceleration(rig: Rig, capture: Capture, top: float, factor: int, rest: int
 
 def _peak(rig: Rig, capture: Capture) -> float:
     assert rig.sensors.drive is not None
-    monitor = capture.channels.index(rig.sensors.drive.channels[0])
-    return float(np.abs(rig.sensors.drive.to_si(capture.volts[[monitor]])).max())
+    monitors = [row for row, name in enumerate(capture.channels) if name != rig.vibrometer.channel]
+    return float(np.abs(rig.sensors.drive.to_si(capture.volts[monitors])).max())

@@ -1,7 +1,8 @@
 """Rational models of responses, and the calibration that contains response and model."""
 
 from .calibrating import calibrate, calibrate_keeping
-from .calibration import Calibration
+from .calibration import Calibration, calibration_of, load_calibrations
+from .drift import Drift, mode_deviations
 from .even_order import even_order
 from .finger import Finger, calibrate_finger, under_finger
 from .model import Model, Resonance, fit
@@ -9,14 +10,18 @@ from .uncertainty import standard_deviation
 
 __all__ = [
     "Calibration",
+    "Drift",
     "Finger",
     "Model",
     "Resonance",
     "calibrate",
     "calibrate_finger",
     "calibrate_keeping",
+    "calibration_of",
     "even_order",
     "fit",
+    "load_calibrations",
+    "mode_deviations",
     "standard_deviation",
     "under_finger",
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from ..response import Hysteresis, Response, fit_hysteresis
 from .finger import Finger
 from .model import Model, fit
 
-__all__ = ["Calibration"]
+__all__ = ["Calibration", "calibration_of", "load_calibrations"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,3 +83,32 @@ class Calibration(InNotebook):
     def load(cls, path: str | Path) -> Calibration:
         """Read what `save` wrote. Raises DataError, one sentence, for anything else."""
         return hdf5.restore(cls, hdf5.read(path, "calibration"), path)
+
+
+def calibration_of(path: str | Path, patch: str) -> Path:
+    """Name of a patch's file, where several patches were calibrated into one name: FILE-A.h5 for FILE.h5."""
+    path = Path(path)
+    return path.with_name(f"{path.stem}-{patch}{path.suffix}")
+
+
+def load_calibrations(paths: Sequence[str | Path], patches: Sequence[str] = ()) -> tuple[Calibration, ...]:
+    """Read calibrations of several patches: those of `patches` if any are named, in that order.
+
+    A path without a file stands for those of `calibration_of`. Raises ConfigurationError for a patch without
+    a calibration, and what `Calibration.load` raises.
+    """
+    files: list[str | Path] = []
+    for path in paths:
+        named = [calibration_of(path, patch) for patch in patches]
+        files += named if named and not Path(path).exists() else [path]
+    found = [Calibration.load(path) for path in files]
+    there = [one.response.patch for one in found]
+    missing = [patch for patch in patches if patch not in there]
+    if missing:
+        raise ConfigurationError(
+            f"There is no calibration of patch {', '.join(missing)} among those given ({', '.join(there)}): "
+            f"calibrate it (haploop calibrate --patch {','.join(missing)})."
+        )
+    if patches:
+        found = [one for patch in patches for one in found if one.response.patch == patch]
+    return tuple(found)

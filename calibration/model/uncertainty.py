@@ -34,7 +34,7 @@ def standard_deviation(calibration: Calibration, f: FloatArray) -> FloatArray:
     return _known(calibration, np.ascontiguousarray(f, dtype=np.float64).tobytes())
 
 
-@lru_cache(maxsize=1)
+@lru_cache(maxsize=8)
 def _known(calibration: Calibration, frequencies: bytes) -> FloatArray:
     """What `standard_deviation` returns: the drives of a calibration ask for the same frequencies."""
     f = np.frombuffer(frequencies)

@@ -114,7 +114,7 @@ def measure_above(
     excitation = Multisine(low=ABOVE_HZ, high=top * (1 - 1e-9))
     one = excitation.volts(rig.table.rate_hz, rig.limits.peak)
     peak = rig.limits.peak * min(1.0, _MARGIN * rig.limits.headroom(one, rig.table.rate_hz)[0])
-    settle(rig, patch, progress)
+    settle(rig, (patch,), progress)
     # The surface may move less than the laser's noise there: the deviation says so, and nothing is refused.
     return _played(Spot(rig, patch, point), Play(excitation, peak), hysteresis, progress, local_only=True)
 
@@ -156,7 +156,7 @@ def measure_both_signs(rig: Rig, patch: str, point: str, progress: Progress = si
     """
     captures = []
     for number, sign in enumerate((1.0, -1.0)):
-        settle(rig, patch, progress)
+        settle(rig, (patch,), progress)
         tell = part_of(progress, _doing(Spot(rig, patch, point)), number * QUICK.duration, 2 * QUICK.duration)
         captures.append(excite(rig, QUICK, patch, sign * quick_level(rig), tell))
         _refuse_overload(rig, captures[-1])
@@ -271,7 +271,7 @@ def _known(
     """Play a multisine, again with twice the period as long as the response is not known and that helps."""
     before, said = np.inf, ""
     while True:
-        settle(spot.rig, spot.patch, progress)
+        settle(spot.rig, (spot.patch,), progress)
         response = _played(spot, play, hysteresis, progress)
         unsure, multisine = response.uncertainty, play.multisine
         longer = replace(multisine, period=2 * multisine.period)

@@ -7,7 +7,7 @@ decay of the surface is then measured, not assumed.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import scipy
@@ -60,8 +60,8 @@ def full_level(rig: Rig, shape: Callable[[float], FloatArray]) -> float:
     return float(peak * (1.0 if factor > 1 - 1e-6 else _ALLOWED * factor))
 
 
-def settle(rig: Rig, patch: str, progress: Progress = silent) -> float:
-    """Erase a patch's memory and wait until the surface is at rest; returns the time that took (s).
+def settle(rig: Rig, patches: Sequence[str], progress: Progress = silent) -> float:
+    """Erase the memory of patches and wait until the surface is at rest; returns the time that took (s).
 
     Raises InstrumentError when the drive monitor does not show the volts that erase it, when the surface does
     not come to rest, and what `Rig.excite` raises.
@@ -71,11 +71,13 @@ def settle(rig: Rig, patch: str, progress: Progress = silent) -> float:
     volts, tail, waited = run_down(rate_hz, _MARGIN * peak), _TAIL, 0.0
     before = np.inf
     while tail <= _LONGEST:
-        capture = rig.excite(volts, (patch,), (rig.vibrometer.channel, rig.monitor(patch)), tail)
+        monitors = dict.fromkeys(map(rig.monitor, patches))
+        capture = rig.excite(volts, patches, (rig.vibrometer.channel, *monitors), tail)
         waited += len(volts) / rate_hz + tail
         progress("Settle", waited, waited, "s")
         if volts.any():
-            refuse_silent_drive(_gain(rig, capture, volts), patch)
+            for patch in patches:
+                refuse_silent_drive(_gain(rig, capture, volts, rig.monitor(patch)), patch)
         ringing = ringing_of(rig.vibrometer.to_si(capture.volts[0])[len(volts) :], rate_hz)
         # Written so that NaN passes: what follows the settling judges it. So does what goes on and on, such
         # as a fan whose speed wanders: it is no ringing.
@@ -84,8 +86,8 @@ def settle(rig: Rig, patch: str, progress: Progress = silent) -> float:
         # The memory is erased already: from here on only the surface's own ringing has to decay.
         volts, tail, before = np.zeros(1), 2 * tail, ringing
     raise InstrumentError(
-        f"The surface did not come to rest within {waited:.0f} s after patch {patch} was played: make "
-        "sure that nothing shakes the table, and that nobody touches it."
+        f"The surface did not come to rest within {waited:.0f} s after patch {', '.join(patches)} was "
+        "played: make sure that nothing shakes the table, and that nobody touches it."
     )
 
 
@@ -98,11 +100,11 @@ def refuse_silent_drive(gain: float, patch: str) -> None:
         )
 
 
-def _gain(rig: Rig, capture: Capture, volts: FloatArray) -> float:
-    """Rms volts of the drive monitor over those of a drive."""
+def _gain(rig: Rig, capture: Capture, volts: FloatArray, monitor: str) -> float:
+    """Rms volts of a drive monitor over those of a drive."""
     divider = rig.sensors.drive
     assert divider is not None
-    shown = divider.to_si(capture.volts[[1]])[0][: len(volts)]
+    shown = divider.to_si(capture.volts[[capture.channels.index(monitor)]])[0][: len(volts)]
     return float(np.std(shown) / np.std(volts))
 
 

@@ -8,7 +8,7 @@ one. The thresholds are the rig file's (`haploop.instruments.config.rig_file.Rec
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -23,7 +23,7 @@ from .overlay import Overlay, lay_over
 from .prediction import motion_change
 from .resting import Dampings, dampings_of
 
-__all__ = ["Kind", "PlaceMetrics", "Verdict", "compare"]
+__all__ = ["Kind", "PlaceMetrics", "Verdict", "compare", "together"]
 
 Kind = Literal["unchanged", "drifted", "broken"]
 
@@ -100,6 +100,8 @@ class Verdict:
     """How the dampings changed, which tells whether something rests on the table."""
     changes: Mapping[str, float] = field(default_factory=dict)
     """By button: the predicted change of the motion that its drive makes, over its target."""
+    moved: Mapping[str, FloatArray] = field(default_factory=dict)
+    """By button: this patch's share in that change, as `motion_change`; `together` adds and removes them."""
 
 
 def compare(
@@ -135,13 +137,26 @@ def compare(
         shape=laid.residual,
         hysteresis=_loss(law, response.level if hysteresis else active.response.level),
     )
-    changes = {name: motion_change(drive, active, laid.model, law, path) for name, drive in drives.items()}
+    moved = {name: motion_change(drive, active, laid.model, law, path) for name, drive in drives.items()}
+    # What several patches make together is only known once all were measured: see `together`.
+    alone = {name: change for name, change in moved.items() if len(drives[name].patches) == 1}
+    changes = {name: float(np.linalg.norm(change)) for name, change in alone.items()}
 
     dampings = dampings_of(active.model, laid)
 
     def verdict(kind: Kind, *sentences: str) -> Verdict:
         return Verdict(
-            response.patch, response.point, kind, before, now, sentences, laid.factor, path, dampings, changes
+            response.patch,
+            response.point,
+            kind,
+            before,
+            now,
+            sentences,
+            factor=laid.factor,
+            path=path,
+            dampings=dampings,
+            changes=changes,
+            moved=moved,
         )
 
     if not coherence >= thresholds.coherence:
@@ -186,14 +201,41 @@ def compare(
         )
     affected = {name: change for name, change in changes.items() if change > thresholds.change}
     if affected:
-        names = ", ".join(f"{name} by {change:.0%}" for name, change in affected.items())
-        told.append(
-            f"On {place} as it is now, old drives make another motion: {names} of the target, and "
-            f"{thresholds.change:.0%} is accepted."
-        )
+        told.append(_changed(affected, place, thresholds))
     if told:
         return verdict("drifted", *told, *_causes(laid, shift, before, now, place))
     return verdict("unchanged", f"The resonance of {place} is at {now.resonance_hz:.2f} Hz ({shift:+.2%}).")
+
+
+def together(
+    verdicts: Sequence[Verdict], drives: Mapping[str, Drive], thresholds: Recalibration
+) -> list[Verdict]:
+    """The verdicts with what drives of several patches make of all changes, where all patches were measured.
+
+    The change of one patch's share says nothing: such drives are planned so that a drift cancels in the sum.
+    """
+    found = list(verdicts)
+    for name, drive in drives.items():
+        own = [k for k, v in enumerate(found) if name in v.moved]
+        if len(drive.patches) == 1 or len(own) < len(drive.patches):
+            continue
+        change = float(np.linalg.norm(np.sum([found[k].moved[name] for k in own], axis=0)))
+        for k in own:
+            found[k] = replace(found[k], changes={**found[k].changes, name: change})
+        last = found[own[-1]]
+        if change > thresholds.change and last.kind != "broken":
+            kept = last.sentences if last.kind == "drifted" else ()
+            told = _changed({name: change}, f"patches {drive.patch} at the {drive.point} point", thresholds)
+            found[own[-1]] = replace(last, kind="drifted", sentences=(*kept, told))
+    return [replace(verdict, moved={}) for verdict in found]
+
+
+def _changed(affected: Mapping[str, float], place: str, thresholds: Recalibration) -> str:
+    names = ", ".join(f"{name} by {change:.0%}" for name, change in affected.items())
+    return (
+        f"On {place} as it is now, old drives make another motion: {names} of the target, and "
+        f"{thresholds.change:.0%} is accepted."
+    )
 
 
 def _causes(laid: Overlay, shift: float, before: PlaceMetrics, now: PlaceMetrics, place: str) -> list[str]:

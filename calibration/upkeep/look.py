@@ -22,7 +22,7 @@ from ..response import (
     response_from,
     settle,
 )
-from .drift import Kind, PlaceMetrics, Verdict, compare
+from .drift import Kind, PlaceMetrics, Verdict, compare, together
 from .resting import told_touched
 from .sensor_health import (
     LaserAtRest,
@@ -32,7 +32,7 @@ from .sensor_health import (
     without_spikes,
 )
 
-__all__ = ["Look", "Place", "look_at", "place_of", "touched_since"]
+__all__ = ["Look", "Place", "look_at", "place_of", "places_of", "touched_since"]
 
 Place = tuple[str, str]
 """Patch and point."""
@@ -122,8 +122,15 @@ def look_at(
                 found = replace(found, sentences=(told,))
             verdicts.append(found)
     measured = frozenset((v.patch, v.point) for v in verdicts if v.now)
+    every = {name: drive for each in drives.values() for name, drive in each.items()}
+    verdicts = together(verdicts, every, rig.file.recalibration)
     rate = spikes / (QUICK.duration * len(measured)) if measured else 0.0
     return Look(tuple(verdicts), measured, tuple(broken), tuple(unmeasured), laser, rate)
+
+
+def places_of(drive: Drive) -> tuple[Place, ...]:
+    """Patch and point of each patch of a drive."""
+    return tuple((patch, drive.point) for patch in drive.patches)
 
 
 def touched_since(rig: Rig, calibration: Calibration, progress: Progress) -> list[str]:
@@ -153,7 +160,7 @@ def _measured(rig: Rig, place: Place, laser: LaserAtRest, progress: Progress) ->
     patch, point = place
     prepare(rig, point)
     try:
-        settle(rig, patch, progress)
+        settle(rig, (patch,), progress)
     except InstrumentError:
         # Spikes and hum hide that the surface has come to rest; the patch's memory is erased all the same.
         if not (laser.spikes or laser.hum or laser.tones_hz):

@@ -23,17 +23,18 @@ _RING = 0.3
 
 def motion_change(
     drive: Drive, before: Calibration, model: Model, hysteresis: Hysteresis, path: float
-) -> float:
-    """Rms change of the motion within the drive's band, over the target's rms.
+) -> FloatArray:
+    """Change of the motion within the drive's band that one patch makes, (samples,) over the target's norm.
 
     From the calibration `before` to a table with `model` (relative to the lag of `before`), a patch with
-    `hysteresis`, and `path` times the volts at the patch per volt commanded.
+    `hysteresis`, and `path` times the volts at the patch per volt commanded. The norm of the sum over a
+    drive's patches is the rms change over the target's rms.
     """
-    volts = drive.volts * float(np.median(np.abs(before.response.path)))
+    volts = drive.by_patch[before.response.patch] * float(np.median(np.abs(before.response.path)))
     lag = before.hysteresis.gain(before.response.level)
     then = _acceleration(drive, before.hysteresis.to_linear_volts(volts), before.model, lag)
     now = _acceleration(drive, hysteresis.to_linear_volts(path * volts), model, lag)
-    return float(np.linalg.norm(now - then) / np.linalg.norm(drive.target))
+    return np.asarray((now - then) / np.linalg.norm(drive.target))
 
 
 def _acceleration(drive: Drive, linear_volts: FloatArray, model: Model, lag: complex) -> FloatArray:

@@ -33,7 +33,7 @@ from ..response import Waveforms
 from .common_factor import common_factors, factors_since
 from .drift import Verdict, compare
 from .history import Generation, History
-from .look import Look, Place, look_at, place_of, touched_since
+from .look import Look, Place, look_at, place_of, places_of, touched_since
 from .resting import TAKE_AWAY, told_touched
 from .sensor_health import MATTERS, laser_at_rest
 
@@ -194,7 +194,7 @@ def adopt(
     written.
     """
     when = when or datetime.now(UTC)
-    _refuse_made_elsewhere(rig, [button.calibration for button in buttons])
+    _refuse_made_elsewhere(rig, [c for button in buttons for c in button.calibrations])
     named = {_name(button): button for button in buttons}
     if len(named) < len(buttons) or not buttons:
         raise DataError("Give one button or more, and each name (button, patch and point) only once.")
@@ -207,12 +207,13 @@ def adopt(
     with history.hold():
         parent = history.active() if history.activations else None
         every = (buttons_of(parent) if parent else {}) | named
-        rigs = {(b.calibration.response.rig, b.simulated) for b in every.values()}
+        rigs = {(b.drive.rig, b.simulated) for b in every.values()}
         if len(rigs) > 1:
             told = ", ".join(f"{rig}{' (simulated)' if simulated else ''}" for rig, simulated in sorted(rigs))
             raise DataError(f"These buttons were made on different rigs ({told}): keep a history for each.")
-        audit = _audit(rig, [button.calibration for button in every.values()])
-        newest = sorted((b.calibration for b in every.values()), key=lambda c: c.response.created)
+        made = [c for button in every.values() for c in button.calibrations]
+        audit = _audit(rig, made)
+        newest = sorted(made, key=lambda c: c.response.created)
         generation = history.add(
             _parts({place_of(c): c for c in newest}.values(), every, {}),
             when=when,
@@ -299,9 +300,9 @@ def _parts(
 
 
 def _name(button: DigitalButton) -> str:
-    name = f"{button.press.button}-{button.drive.patch}-{button.drive.point}"
+    name = f"{button.press.button}-{'+'.join(button.drive.patches)}-{button.drive.point}"
     # A button may be called anything, and its name becomes a file's.
-    return re.sub(r"[^\w.-]+", "_", name)
+    return re.sub(r"[^\w.+-]+", "_", name)
 
 
 def _refuse_other(rig: Rig, active: Generation, calibrations: Sequence[Calibration]) -> None:
@@ -319,7 +320,8 @@ def _drives(buttons: Mapping[str, DigitalButton]) -> dict[Place, dict[str, Drive
     """The drives at each place, by button."""
     drives: dict[Place, dict[str, Drive]] = {}
     for name, button in buttons.items():
-        drives.setdefault((button.drive.patch, button.drive.point), {})[name] = button.drive
+        for place in places_of(button.drive):
+            drives.setdefault(place, {})[name] = button.drive
     return drives
 
 
@@ -330,7 +332,7 @@ def _turn(history: History, active: Generation, buttons: Mapping[str, DigitalBut
     """
     looks = [entry for entry in history.looks if entry["compared_with"] == active.name]
     times = {name: sum(name in entry["played"] for entry in looks) for name in buttons}
-    here = [name for name, b in buttons.items() if (b.drive.patch, b.drive.point) in look.measured]
+    here = [name for name, b in buttons.items() if look.measured.issuperset(places_of(b.drive))]
     return min(here, key=lambda name: (times[name], _margin(buttons[name].check)))
 
 
@@ -395,18 +397,20 @@ def _made_anew(
     """Check each old drive, calibrate each place, with its hysteresis, and compute and learn each drive."""
     made = _Anew(dict(before))
     for name, old in buttons.items():
-        place = old.drive.patch, old.drive.point
+        places = places_of(old.drive)
         try:
             if name not in made.before:
                 old_drive = prefixed(progress, f"{name}, old drive")
                 made.before[name] = check(rig, old.drive, plays=_PLAYS_BEFORE, progress=old_drive)
-            if place not in made.calibrations:
-                made.calibrations[place], made.waveforms[place] = calibrate_keeping(rig, *place, progress)
+            for place in places:
+                if place not in made.calibrations:
+                    made.calibrations[place], made.waveforms[place] = calibrate_keeping(rig, *place, progress)
             made.after[name] = build_button(
                 rig,
                 old.press,
-                made.calibrations[place],
+                [made.calibrations[place] for place in places],
                 method=cast(Method, old.drive.method),
+                trade=old.drive.trade,
                 iterations=iterations,
                 progress=prefixed(progress, name),
             )

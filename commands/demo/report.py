@@ -77,7 +77,7 @@ def _button(result: ButtonResult) -> dict[str, Any]:
         "activation_force_n": float(np.mean(forces)) if len(forces) else None,
         "activation_force_true_n": float(np.mean(result.true_forces)) if result.true_forces else None,
         "drive_peak_v": drive.peak,
-        "drive_peak_to_peak_v": float(np.ptp(drive.volts)),
+        "drive_peak_to_peak_v": float(np.ptp(drive.volts, axis=1).max()),
         "scale": drive.scale,
         "band_hz": drive.band,
         "in_band": drive.in_band,

@@ -335,6 +335,8 @@ def _button(data: DataFolder, asked: Mapping[str, str]) -> Any:
     low, high = check.octaves.hz[0], check.octaves.hz[-1]
     begin, end = _loud(check.target)
     step = max(1, round(check.rate_hz / _SHOWN_HZ))
+    # Of several patches the one with the largest volts is drawn.
+    volts = max(drive.volts, key=lambda own: float(np.abs(own).max()))
     return {
         "name": button.press.button,
         "simulated": check.simulated,
@@ -350,10 +352,10 @@ def _button(data: DataFolder, asked: Mapping[str, str]) -> Any:
         "recorded": np.round(recorded[begin:end:step], 4),
         "target": np.round(check.target[begin:end:step], 4),
         "measured": np.round(check.measured[begin:end:step], 4),
-        "drive": np.round(np.interp(_times(begin, end, step, check.rate_hz), _clock(drive), drive.volts), 3),
+        "drive": np.round(np.interp(_times(begin, end, step, check.rate_hz), _clock(drive), volts), 3),
         "octaves_hz": check.octaves.hz,
         "recorded_db": third_octaves(recorded, check.rate_hz, low * 0.99, high * 1.01)[1],
-        "drive_db": third_octaves(drive.volts, drive.rate_hz, low * 0.99, high * 1.01)[1],
+        "drive_db": third_octaves(volts, drive.rate_hz, low * 0.99, high * 1.01)[1],
         "target_db": check.octaves.target_db,
         "measured_db": check.octaves.measured_db,
         "floor_db": check.octaves.floor_db,
@@ -393,4 +395,4 @@ def _times(begin: int, end: int, step: int, rate_hz: float) -> FloatArray:
 
 
 def _clock(drive: Drive) -> FloatArray:
-    return np.arange(len(drive.volts)) / drive.rate_hz
+    return np.arange(len(drive.target)) / drive.rate_hz

@@ -199,8 +199,8 @@ def without_lead_in(drive: Drive, left_out: float = 5e-3) -> tuple[Drive, float]
     begin = max(0, int(np.argmax(energy > left_out)) - rise)
     if begin == 0:
         return drive, 0.0
-    volts = drive.volts[begin:].copy()
-    volts[:rise] *= np.sin(np.pi / 2 * np.arange(rise) / rise) ** 2
+    volts = drive.volts[:, begin:].copy()
+    volts[:, :rise] *= np.sin(np.pi / 2 * np.arange(rise) / rise) ** 2
     return replace(drive, volts=volts, target=drive.target[begin:]), float(energy[begin - 1])
 
 
@@ -229,7 +229,8 @@ def run_button(
     pressed = asked = 0
     """Presses so far, and the touch that was last asked for: one after so many lifts."""
     for button in (verified, release or verified):
-        rig.prove_gain(button.check.drive.patch)  # else in the first press, which would be felt late
+        for patch in button.check.drive.patches:
+            rig.prove_gain(patch)  # else in the first press, which would be felt late
     seen.skip()
     begun, since = activator.lifts, rig.clock.now()
     ask()
@@ -247,7 +248,8 @@ def run_button(
         pressed += kind == "press"
         drive = chosen.check.drive
         timer = _Timer(rig)
-        rig.excite(rendering.scale * drive.volts, (drive.patch,), (rig.monitor(drive.patch),), progress=timer)
+        volts = {patch: rendering.scale * own for patch, own in drive.by_patch.items()}
+        rig.excite_each(volts, tuple(dict.fromkeys(map(rig.monitor, volts))), progress=timer)
         latency = float(timer.begun - contact.time)
         onset = latency + _onset(drive.target) / drive.rate_hz
         found.append(Played(kind, contact, latency, onset, rendering.scale))

@@ -100,7 +100,8 @@ def _refuse_amplitudes(rig: Rig, experiment: Experiment, name: str, button: Digi
     if comparison is None:
         return
     largest = max(comparison.standard, comparison.highest or 0.0, *comparison.levels, 0.0)
-    room, binding = rig.limits.headroom(button.drive.volts, button.drive.rate_hz)
+    drive = button.drive
+    room, binding = min(rig.limits.headroom(own, drive.rate_hz) for own in drive.volts)
     if largest > room:
         raise LimitError(
             f"{experiment.path} compares up to {largest:g} times the drive of the digital {name}, and the "

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Collection, Mapping
 from types import MappingProxyType
 
 from ..arrays import FloatArray
@@ -27,6 +28,11 @@ class Amplifier(Frozen, ABC):
 
     own_gain: float | None = None
     """The product's own gain (V per V), where it has one that the rig file can contradict."""
+
+    def sharing(self, patches: Collection[str]) -> int:
+        """Largest number of these patches that one channel drives, in parallel."""
+        channels = Counter(self.inputs.get(patch, self.input) for patch in frozenset(patches))
+        return max(channels.values(), default=0)
 
     @abstractmethod
     def limits(self, patches: int) -> Limits:

@@ -95,6 +95,9 @@ class Playing:
         """See `Rig.excite_each`."""
         rig = self._rig
         inputs = rig.amplifier.inputs
+        if len(drives) == 1 and not inputs:
+            [(patch, drive)] = drives.items()
+            return self.excite(drive, (patch,), channels, tail, progress)
         missing = [patch for patch in drives if patch not in inputs]
         if missing or not drives:
             raise ConfigurationError(
@@ -104,6 +107,12 @@ class Playing:
             )
         _refuse_tail(tail)
         own = {inputs[patch]: drive for patch, drive in drives.items()}
+        mixed = [p for p, drive in drives.items() if not np.array_equal(own[inputs[p]], drive)]
+        if mixed:
+            raise ConfigurationError(
+                f"Patch {mixed[0]} shares its amplifier channel {inputs[mixed[0]]!r} with another patch, and "
+                "they were to get different drives: give each patch in 'input' of [amplifier] its own."
+            )
         self._prove_each(own, tuple(drives))
         return self._played(own, tuple(drives), channels, tail, progress)
 
@@ -151,7 +160,8 @@ class Playing:
         for source in drives:
             if any(drive.any() for drive in drives.values()):
                 patch = next((p for p in sorted(patches) if inputs.get(p, source) == source), "")
-                self._limiter.check(drives[source], rate_hz, self._ratings(len(frozenset(patches))))
+                sharing = self._rig.amplifier.sharing(patches)
+                self._limiter.check(drives[source], rate_hz, self._ratings(sharing))
                 self._prove(
                     source,
                     patch,

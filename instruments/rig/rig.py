@@ -214,8 +214,8 @@ class Rig(Instruments, InNotebook):
         """Play a separate drive into each of several patches at once; otherwise as `excite`.
 
         `drives` are (samples,) V at each patch, all of one length. Each is checked as the drive of
-        one patch. Raises ConfigurationError for an amplifier without a channel for each patch, and
-        as `excite` does.
+        one patch. One alone is played on any amplifier. Raises ConfigurationError for an amplifier without a
+        channel for each patch, and as `excite` does.
         """
         return self._collected(self._playing.excite_each(drives, channels, tail, progress))
 

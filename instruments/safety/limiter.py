@@ -148,12 +148,12 @@ class Limiter:
     ) -> Iterator[dict[str, FloatArray]]:
         """Permit each drive ((samples,) V at the patch) on its output while the context lasts.
 
-        One drive is for all patches in parallel; several are for one patch each. `ratings` returns
-        the limits for a number of patches in parallel. `rendered` returns the waveform of an output
+        Patches that share an output get its drive in parallel. `ratings` returns the limits for a number of
+        patches in parallel. `rendered` returns the waveform of an output
         that does not play a drive sample by sample. Yields each drive as (samples,) V at its
         output. Raises LimitError before anything is written.
         """
-        held_to = ratings(len(patches) if len(drives) == 1 else 1)
+        held_to = ratings(amplifier.sharing(patches))
         own = {output: np.array(drive) for output, drive in drives.items()}
         with self.refusals_noted():
             self._refuse_elsewhere(patches, any(drive.any() for drive in own.values()))

@@ -41,8 +41,11 @@ def _apply(box: Answering, product: Product, shape: str, n: int, argument: str) 
     # What would be in the way of the new signal: the old offset, sweep, burst and unit.
     box.answer(f"SOUR{n}:SWE:STAT OFF;:SOUR{n}:BURS:STAT OFF;:SOUR{n}:VOLT:UNIT VPP;:SOUR{n}:VOLT:OFFS 0")
     box.answer(f"SOUR{n}:FUNC {name}")
+    names = list(_NAMES)
+    if not product.by_mode:
+        names, given = _rigol(box, n, shape, names, given)
     wanted = [*given, *[""] * 3][:3]
-    for header, value, default in zip(_NAMES, wanted, _DEFAULTS, strict=True):
+    for header, value, default in zip(names, wanted, _DEFAULTS, strict=True):
         word = default if value.upper() in ("", "DEF", "DEFAULT") else value
         if header == "FREQ" and name in ("NOISe", "DC"):
             continue
@@ -52,6 +55,21 @@ def _apply(box: Answering, product: Product, shape: str, n: int, argument: str) 
     if product.by_mode:
         box.answer(f"TRIG{n}:SOUR IMM")
     box.answer(f"OUTP{n} ON")
+
+
+def _rigol(
+    box: Answering, n: int, shape: str, names: list[str], given: list[str]
+) -> tuple[list[str], list[str]]:
+    """Headers and arguments where the DG1000Z has others: noise without a frequency, points by their rate."""
+    match shape:
+        case "NOISe":
+            return names, ["", *given]
+        case "ARBitrary":
+            box.answer(f"SOUR{n}:FUNC:ARB:MODE SRAT")
+            return ["FUNC:ARB:SRAT", *names[1:]], given
+        case "USER":
+            box.answer(f"SOUR{n}:FUNC:ARB:MODE FREQ")
+    return names, given
 
 
 def _applied(box: Answering, product: Product, n: int, argument: str) -> str:

@@ -17,9 +17,12 @@ from ...instruments.clock import Clock
 from ..plant import Source
 from .apply import apply_entries
 from .channel import HIGHEST, Channel
-from .headers import BOOLEANS, NUMBERS, TRIGGERS, WORDS
+from .front import Display, front_entries
+from .headers import ARB_MODE, BOOLEANS, BURST_MODE, NUMBERS, OWN_WORDS, TRIGGERS, WORDS
 from .products import Product
+from .pulses import FREQUENCY, HOLD, PULSES, duty, hold, pulse_value, set_pulse
 from .scpi import Entry, ScpiDevice, ScpiError, number_of, word_of
+from .volatile import receive
 from .waveform import Output, Playing, Points
 
 __all__ = ["Box", "Input"]
@@ -29,7 +32,7 @@ _LOWEST = 2e-3
 _INFINITE = 9.9e37
 
 
-_FREQUENCY, _START, _STOP = list(NUMBERS)[:3]
+_START, _STOP = list(NUMBERS)[1:3]
 _TIME = "[:SOURce#]:SWEep:TIME"
 _ON, _SWEEP = ":OUTPut#[:STATe]", "[:SOURce#]:SWEep:STATe"
 _SHAPE, _UNIT, _SPACING = list(WORDS)[:3]
@@ -65,7 +68,7 @@ class Box:
         self._product = product
         self._clock = plant.clock
         self._triggers = [h for h in TRIGGERS[product.by_mode] if h.endswith("SOURce")]
-        self._words = WORDS | TRIGGERS[product.by_mode]
+        self._words = WORDS | OWN_WORDS[product.by_mode] | TRIGGERS[product.by_mode]
         self._numbers = NUMBERS | product.sweep
         self.playing = Playing(plant.clock)
         self._channels = {n: Channel() for n in _CHANNELS}
@@ -101,6 +104,7 @@ class Box:
             channel.words = {h: word_of(w[0].upper(), w) for h, w in self._words.items()}
             channel.peak_to_peak, channel.offset, channel.load = 0.2, 0.0, 50.0
             channel.points.clear()
+            channel.arriving.clear()
             channel.arb = '"INT:\\BUILTIN\\EXP_RISE.ARB"'
             channel.low, channel.high = -HIGHEST / 2, HIGHEST / 2
             channel.armed = 0
@@ -143,14 +147,24 @@ class Box:
             ":SYSTem:BEEPer[:IMMediate]": Entry(put=lambda n, _: None),
             **{f":SYSTem:{word}": Entry(put=lambda n, _: None) for word in ("LOCal", "REMote", "RWLock")},
             ":SYSTem:VERSion": Entry(get=lambda n, _: "1999.0"),
-            ":DISPlay:TEXT": Entry(put=lambda n, _: None),
-            ":DISPlay:TEXT:CLEar": Entry(put=lambda n, _: None),
         }
         entries |= apply_entries(self, self._product)
+        entries |= front_entries(Display(), self._channel, self._product, self._text, self._apply)
+        pulse = "[:SOURce#]:FUNCtion:PULSe" if self._product.by_mode else "[:SOURce#][:FUNCtion]:PULSe"
+        entries |= {
+            f"{pulse}:{name}": Entry(partial(self._get_pulse, name), partial(self._put_pulse, name))
+            for name in PULSES
+        }
         if self._product.by_mode:
             entries["[:SOURce#]:FREQuency:MODE"] = Entry(self._get_mode, self._put_mode)
             entries[":TRIGger#[:IMMediate]"] = Entry(put=lambda n, _: self._fire(n))
         else:
+            entries["[:SOURce#]:PERiod[:FIXed]"] = entries[f"{pulse}:PERiod"]
+            entries["[:SOURce#]:PULSe:HOLD"] = entries[HOLD]
+            entries |= {
+                f"[:SOURce#][:TRACe]:DATA{form}": Entry(put=partial(self._receive, kind))
+                for kind, form in (("DATA", "[:DATA]"), ("DAC", ":DAC"), ("DAC16", ":DAC16"))
+            }
             entries |= {
                 f"[:SOURce#]:{mode}": entries[f"[:SOURce#]:{mode}:STATe"] for mode in ("SWEep", "BURSt")
             }
@@ -164,11 +178,27 @@ class Box:
 
     def _get_number(self, header: str, low: float, high: float, n: int, argument: str) -> str:
         ends = {"MINimum": low, "MAXimum": high}
-        return self._text(number_of(argument, ends) if argument else self._channel(n).values[header])
+        value = number_of(argument, ends) if argument else self._channel(n).values[header]
+        return self._product.infinite if value >= _INFINITE else self._text(value)
 
     def _put_number(self, header: str, low: float, high: float, n: int, argument: str) -> None:
+        ends = {"MINimum": low, "MAXimum": high}
+        endless = {"INFinity": _INFINITE} if header == _CYCLES and self._product.by_mode else {}
+        value = number_of(argument, ends | endless)
+        self._channel(n).values[header] = (
+            value if value in endless.values() else self._within(value, low, high)
+        )
+        self._apply(n)
+
+    def _get_pulse(self, name: str, n: int, argument: str) -> str:
+        low, high = PULSES[name]
+        ends = {"MINimum": low, "MAXimum": high}
+        return self._text(number_of(argument, ends) if argument else pulse_value(self._channel(n), name))
+
+    def _put_pulse(self, name: str, n: int, argument: str) -> None:
+        low, high = PULSES[name]
         value = number_of(argument, {"MINimum": low, "MAXimum": high})
-        self._channel(n).values[header] = self._within(value, low, high)
+        set_pulse(self._channel(n), name, self._within(value, low, high))
         self._apply(n)
 
     def _get_on(self, header: str, n: int, argument: str) -> str:
@@ -186,6 +216,8 @@ class Box:
         if word == "DBM" and math.isinf(self._channel(n).load):
             raise ScpiError(-221, "Settings conflict; not able to use dBm units with infinite load")
         channel = self._channel(n)
+        if header == HOLD:
+            hold(channel)
         channel.words[header] = word
         most = (HIGHEST - channel.peak_to_peak) / 2
         if abs(channel.offset) > most and not channel.is_direct:
@@ -336,6 +368,12 @@ class Box:
             raise ScpiError(785, "Specified arb waveform already exists")
         known[_arb(name)] = Points(points)
 
+    def _receive(self, kind: str, n: int, argument: str) -> None:
+        channel = self._channel(n)
+        if receive(self._device, channel, kind, argument, self._product.memory):
+            channel.words[_SHAPE] = "ARB"
+            self._apply(n)
+
     def _select(self, n: int, name: str) -> None:
         channel = self._channel(n)
         if _arb(name) not in channel.points and _arb(name) != channel.arb:
@@ -392,6 +430,10 @@ class Box:
         values, words = channel.values, channel.words
         timed = self._trigger(channel) == "TIM"
         period = values[":TRIGger#:TIMer"] if timed else values[_BURST_PERIOD]
+        points = channel.points.get(channel.arb)
+        by_frequency = words.get(ARB_MODE) == "FREQ"
+        endless = words[BURST_MODE] == "INF"
+        cycles = math.inf if endless else values[_CYCLES]
         self._advance(self._clock.now())
         self.playing.set(
             Output(
@@ -399,17 +441,17 @@ class Box:
                 shape=words[_SHAPE],
                 amplitude=channel.peak_to_peak / 2 * (-1 if words[":OUTPut#:POLarity"] == "INV" else 1),
                 offset=channel.offset,
-                frequency=values[_FREQUENCY],
-                duty=values[_DUTY] / 100,
+                frequency=values[FREQUENCY],
+                duty=duty(channel) if words[_SHAPE] == "PULS" else values[_DUTY] / 100,
                 symmetry=values[_SYMMETRY] / 100,
-                points=channel.points.get(channel.arb),
-                rate_hz=values[_RATE],
+                points=points,
+                rate_hz=values[FREQUENCY] * len(points) if points and by_frequency else values[_RATE],
                 sweep=(values[_START], values[_STOP], values[_TIME]) if values[_SWEEP] else None,
-                burst=(values[_CYCLES], period) if values[_BURST] else None,
+                burst=(cycles, period) if values[_BURST] else None,
                 burst_phase=values[_BURST_PHASE] / 360,
                 delay=values.get(":TRIGger#:DELay", values["[:SOURce#]:BURSt:TDELay"]),
                 logarithmic=words[_SPACING] == "LOG",
-                repeats=self._trigger(channel) in ("IMM", "INT", "TIM"),
+                repeats=self._trigger(channel) in ("IMM", "INT", "TIM") and not (endless and values[_BURST]),
             )
         )
 

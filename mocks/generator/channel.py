@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from ...instruments.arrays import FloatArray
 from .waveform import Points
 
 __all__ = ["HIGHEST", "Channel"]
@@ -22,6 +23,8 @@ class Channel:
         self.words: dict[str, str] = {}
         self.points: dict[str, Points] = {}
         self.arb = ""
+        self.arriving: list[FloatArray] = []
+        """Points of which more are to come."""
         self.peak_to_peak = 0.0
         """Amplitude without load (V peak to peak)."""
         self.offset = 0.0

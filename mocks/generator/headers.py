@@ -6,13 +6,17 @@ type of instrument (estimate).
 
 from __future__ import annotations
 
+from .pulses import FREQUENCY, HOLD
 from .waveform import SHAPES
 
-__all__ = ["BOOLEANS", "NUMBERS", "TRIGGERS", "WORDS"]
+__all__ = ["ARB_MODE", "BOOLEANS", "BURST_MODE", "NUMBERS", "OWN_WORDS", "TRIGGERS", "WORDS"]
+
+ARB_MODE = "[:SOURce#]:FUNCtion:ARBitrary:MODE"
+BURST_MODE = "[:SOURce#]:BURSt:MODE"
 
 # Header: default, lowest, highest. Settings without an effect on the plant are stored and reported only.
 NUMBERS: dict[str, tuple[float, float, float]] = {
-    "[:SOURce#]:FREQuency[:CW]": (1e3, 1e-6, 60e6),
+    FREQUENCY: (1e3, 1e-6, 60e6),
     "[:SOURce#]:FREQuency:STARt": (100, 1e-6, 60e6),
     "[:SOURce#]:FREQuency:STOP": (1e3, 1e-6, 60e6),
     "[:SOURce#]:PHASe[:ADJust]": (0, -360, 360),
@@ -21,9 +25,6 @@ NUMBERS: dict[str, tuple[float, float, float]] = {
     "[:SOURce#]:MARKer:FREQuency": (500, 1e-6, 60e6),
     "[:SOURce#]:FUNCtion:SQUare:DCYCle": (50, 0.01, 99.99),
     "[:SOURce#]:FUNCtion:RAMP:SYMMetry": (100, 0, 100),
-    "[:SOURce#]:FUNCtion:PULSe:PERiod": (1e-3, 33e-9, 1e6),
-    "[:SOURce#]:FUNCtion:PULSe:WIDTh": (100e-6, 16e-9, 1e6),
-    "[:SOURce#]:FUNCtion:PULSe:DCYCle": (10, 0, 100),
     "[:SOURce#]:FUNCtion:PULSe:TRANsition[:BOTH]": (10e-9, 8.4e-9, 1e-6),
     "[:SOURce#]:FUNCtion:ARBitrary:SRATe": (40e3, 1e-6, 250e6),
     "[:SOURce#]:BURSt:INTernal:PERiod": (10e-3, 1e-6, 8e3),
@@ -46,9 +47,7 @@ WORDS: dict[str, tuple[str, ...]] = {
     "[:SOURce#]:FUNCtion[:SHAPe]": SHAPES,
     "[:SOURce#]:VOLTage:UNIT": ("VPP", "VRMS", "DBM"),
     "[:SOURce#]:SWEep:SPACing": ("LINear", "LOGarithmic"),
-    "[:SOURce#]:BURSt:MODE": ("TRIGgered", "GATed"),
     "[:SOURce#]:BURSt:IDLE": ("FPT", "TOP", "CENTER", "BOTTOM"),
-    "[:SOURce#]:FUNCtion:PULSe:HOLD": ("WIDTh", "DCYCle"),
     "[:SOURce#]:FUNCtion:ARBitrary:ADVance": ("SRATe", "TRIGger"),
     "[:SOURce#]:FUNCtion:ARBitrary:FILTer": ("NORMal", "STEP", "OFF"),
     ":OUTPut#:POLarity": ("NORMal", "INVerted"),
@@ -79,3 +78,12 @@ TRIGGERS: dict[bool, dict[str, tuple[str, ...]]] = {
     },
 }
 """Sources of the trigger: of a sweep first, and of a burst last."""
+OWN_WORDS: dict[bool, dict[str, tuple[str, ...]]] = {
+    True: {BURST_MODE: ("TRIGgered", "GATed"), HOLD: ("WIDTh", "DCYCle")},
+    False: {
+        BURST_MODE: ("TRIGgered", "INFinity", "GATed"),
+        HOLD: ("WIDTh", "DUTY"),
+        ARB_MODE: ("SRATe", "FREQ"),
+    },
+}
+"""Words that the families have in different forms: those of a family by mode, and the other's."""

@@ -22,7 +22,7 @@ _QUEUE = 20
 _UNITS = {
     "": 1.0, "HZ": 1.0, "KHZ": 1e3, "MHZ": 1e6, "V": 1.0, "MV": 1e-3, "VPP": 1.0, "MVPP": 1e-3,
     "VRMS": 1.0, "DBM": 1.0, "S": 1.0, "MS": 1e-3, "US": 1e-6, "OHM": 1.0, "KOHM": 1e3, "DEG": 1.0,
-    "PCT": 1.0,
+    "PCT": 1.0, "SA/S": 1.0, "KSA/S": 1e3, "MSA/S": 1e6,
 }  # fmt: skip
 
 
@@ -211,7 +211,7 @@ def number_of(argument: str, special: Mapping[str, float] | None = None) -> floa
     for name, value in (special or {}).items():
         if re.fullmatch(_keyword(name), argument.upper()):
             return value
-    found = re.fullmatch(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([A-Za-z]*)", argument)
+    found = re.fullmatch(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([A-Za-z/]*)", argument)
     if found is None:
         raise ScpiError(-104, "Data type error") if argument else ScpiError(-109, "Missing parameter")
     if found[2].upper() not in _UNITS:

@@ -31,7 +31,7 @@ class Points:
 
 @dataclass(frozen=True)
 class Output:
-    """Settings of a channel, in volts at an open input. For PULSe, PRBS and NOISe only the offset is
+    """Settings of a channel, in volts at an open input. For PRBS and NOISe only the offset is
     simulated, because nothing here uses them.
     """
 
@@ -41,6 +41,7 @@ class Output:
     offset: float = 0.0
     frequency: float = 1e3
     duty: float = 0.5
+    """Of a square wave or of a pulse."""
     symmetry: float = 1.0
     points: Points | None = None
     rate_hz: float = 40e3
@@ -102,7 +103,7 @@ class Output:
                 # A step of the output that falls on a point's beginning takes it, in spite of rounding.
                 index = (phase * len(self.points) + 1e-6).astype(np.int64) % len(self.points)
                 return self.points.values[index]
-            case "SQU":
+            case "SQU" | "PULS":
                 return np.where(phase < self.duty, 1.0, -1.0)
             case "TRI" | "RAMP":
                 top = 0.5 if self.shape == "TRI" else max(self.symmetry, 1e-9)

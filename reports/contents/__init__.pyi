@@ -4,6 +4,7 @@ from .analysis import power_contents as power_contents
 from .analysis import ratings_contents as ratings_contents
 from .analysis import thresholds_contents as thresholds_contents
 from .calibration import calibration_contents as calibration_contents
+from .calibration import calibrations_contents as calibrations_contents
 from .catalogue import listing_contents as listing_contents
 from .check import check_contents as check_contents
 from .check import feeling_values as feeling_values

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
-from ...calibration import Calibration, Drive, Resonance, Waveforms
+from ...calibration import Calibration, Drift, Drive, Resonance, Waveforms, drift_change
 from .. import figures
 from . import captions
 from .parts import Contents, Drawing, Fact, Verdict, detailed, fact
@@ -15,6 +16,7 @@ from .words import damping, percent, sentence
 
 __all__ = [
     "calibration_contents",
+    "calibrations_contents",
     "drive_contents",
     "drive_drawing",
     "drive_facts",
@@ -83,6 +85,7 @@ def calibration_contents(calibration: Calibration) -> Contents:
             model_error=model.error,
             stable=stable,
         ),
+        *detailed([drift_fact([calibration])]),
     ]
     verdict = Verdict(
         f"Calibration, patch {patch} at {point}",
@@ -127,6 +130,49 @@ def response_drawing(calibration: Calibration) -> Drawing:
     )
 
 
+def calibrations_contents(calibrations: Sequence[Calibration]) -> Contents:
+    """What calibrations of several patches say together."""
+    first = calibrations[0].response
+    facts = [fact("Rig", f"{first.rig}, {first.created}", rig=first.rig, created=first.created)]
+    for one in calibrations:
+        response, model = one.response, one.model
+        facts.append(
+            fact(
+                f"Patch {response.patch}",
+                f"resonance {model.resonance_hz:.2f} Hz, model {percent(model.error)} from the response",
+                **{
+                    f"patch_{response.patch}": {
+                        "resonance_hz": model.resonance_hz,
+                        "model_error": model.error,
+                        "stable": bool(model.stable),
+                    }
+                },
+            )
+        )
+    facts.append(drift_fact(calibrations))
+    patches = ", ".join(one.response.patch for one in calibrations)
+    return Contents(
+        f"Calibrations of patches {patches} at the {first.point} point",
+        facts,
+        kind="calibrations",
+        simulated=first.simulated,
+        rig=first.rig,
+    )
+
+
+def drift_fact(calibrations: Sequence[Calibration]) -> Fact:
+    """What the drift that drives are planned against does to the responses."""
+    drift = Drift()
+    change = drift_change(calibrations, drift)
+    return fact(
+        "Drift",
+        f"{drift.common:.1%} of all resonances, {drift.own:.1%} of each, and {drift.damping:.0%} of its "
+        f"damping change the response by {change:.0%}; drives of several patches are planned against it",
+        drift=asdict(drift),
+        drift_change=change,
+    )
+
+
 def drive_contents(drive: Drive) -> Contents:
     """What a drive says."""
     return Contents(
@@ -142,7 +188,7 @@ def drive_contents(drive: Drive) -> Contents:
 def drive_facts(drive: Drive) -> Iterator[Fact]:
     """The voltage of a drive, how it was computed, and how much of the press it reaches."""
     low, high = drive.band
-    peak_to_peak, duration = float(np.ptp(drive.volts)), len(drive.volts) / drive.rate_hz
+    peak_to_peak, duration = float(np.ptp(drive.volts, axis=1).max()), len(drive.target) / drive.rate_hz
     yield fact(
         "Drive",
         f"{drive.peak:.1f} V peak, {peak_to_peak:.1f} V peak to peak at patch {drive.patch}",
@@ -166,6 +212,14 @@ def drive_facts(drive: Drive) -> Iterator[Fact]:
     yield from detailed(
         [
             fact("Predicted error", predicted, predicted_error=drive.predicted_error),
+            fact(
+                "After a drift",
+                f"{percent(drive.drifted_error)} when the table drifts by {drive.drift.common:.1%}"
+                if drive.drift.common
+                else "",
+                drifted_error=drive.drifted_error,
+                drift=asdict(drive.drift),
+            ),
             fact("Not reached", drive.unreached, unreached=drive.unreached),
         ]
     )

@@ -48,7 +48,8 @@ COMPARISON = (
     "Left: the recorded press above the measured motion of the surface, each over its peak. Middle: target "
     "(thick) and measured (thin) acceleration in m/s² around the largest peak. Right: power spectral density "
     "(PSD) of the whole motion, of the recorded press to the same scale, and of the noise left in the mean "
-    "of the plays; the band that the drive uses is shaded. After the paper's figure 9."
+    "of the plays, in means over hundredths of the band; the band that the drive uses is shaded. After the "
+    "paper's figure 9."
 )
 FEELING = (
     "Left: third-octave levels in dB re 1 µm/s² in the loudest second of each signal, the noise left in the "

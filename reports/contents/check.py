@@ -99,7 +99,8 @@ def button_contents(button: DigitalButton) -> Contents:
 
 def _origins(button: DigitalButton, tried: Sequence[str]) -> list[Fact]:
     """Each correction, and what a button was made from."""
-    learning, drive, response = button.learning, button.drive, button.calibration.response
+    learning, drive = button.learning, button.drive
+    calibrated = max(one.response.created for one in button.calibrations)
     return [
         fact(
             "Learning",
@@ -118,8 +119,8 @@ def _origins(button: DigitalButton, tried: Sequence[str]) -> list[Fact]:
         ),
         fact(
             "Calibration",
-            f"{response.created}, SHA-256 {drive.calibration}",
-            calibrated=response.created,
+            f"{calibrated}, SHA-256 {drive.calibration}",
+            calibrated=calibrated,
             calibration_sha256=drive.calibration,
         ),
         fact(
@@ -135,7 +136,7 @@ def _figures_of(button: DigitalButton, feeling: Feeling) -> Sequence[Drawing]:
     press, check, learning = button.press, button.check, button.learning
     return [
         press_drawing(press),
-        response_drawing(button.calibration),
+        *(response_drawing(one) for one in button.calibrations),
         drive_drawing(button.drive),
         Drawing(
             "motion",

@@ -56,110 +56,128 @@ def recording_contents(recording: Recording) -> Contents:
     """What a recording says. Raises DataError for damaged data."""
     found = find_presses(recording)
     counting = accepted_presses(recording, found)
-    forces = [p.force_at_activation for p in counting if p.force_at_activation is not None]
     bad = [press for press in recording.verdicts if not press.accepted]
-    mean = float(np.mean(forces)) if forces else None
-    deviation = float(np.std(forces, ddof=1)) if len(forces) > 1 else None
-    spread = "" if deviation is None else f" ± {deviation:.3f}"
-    saturated = [number for number, p in enumerate(found, 1) if p.saturated]
-    header, rate_hz, complete = recording.header, recording.rate_hz, bool(recording.complete)
-    noted = [(event.sample / rate_hz, event.text) for event in recording.events if event.kind == "note"]
-    why = ("gap", "overrun", "error", "interrupted", "recovered")
-    ended = next((event.text for event in reversed(recording.events) if event.kind in why), None)
-    state = "complete" if complete else f"incomplete: {ended or 'the recording ended early.'}"
-    length = f"{recording.duration:.2f} s, {len(recording.channels)} channels at {rate_hz:g} Hz"
-    facts = [
-        fact(file=recording.path, channels=recording.channels, participant_columns=recording.about),
-        fact(
-            "Button",
-            f"{recording.button}, pressed by {recording.participant}",
-            button=recording.button,
-            participant=recording.participant,
-        ),
-        fact(
-            "Study",
-            header.study and f"{header.study}, session {header.session}",
-            study=header.study,
-            session=header.session,
-        ),
-        *(fact(column, str(value)) for column, value in recording.about.items()),
-        fact("Notes", header.notes, notes=header.notes),
-        fact(
-            "Operator",
-            [f"at {at:.1f} s: {text}" for at, text in noted],
-            operator_notes=[{"at_s": at, "text": text} for at, text in noted],
-        ),
-        fact("Rig", recording.rig, rig=recording.rig),
-        _imported(recording),
-        fact("Length", length, duration_s=recording.duration, rate_hz=rate_hz),
-        fact(
-            "State",
-            "in progress" if recording.in_progress else state,
-            complete=complete,
-            in_progress=recording.in_progress,
-            ended=ended,
-        ),
-        fact(
-            "Presses found",
-            [
-                f"{len(found)}, {len(counting)} of them accepted",
-                *(f"press {p.number}, attempt {p.attempt}: {p.reason}" for p in bad),
-            ],
-            presses_detected=len(found),
-            presses_accepted=len(counting),
-            presses=[_press(p, rate_hz, p in counting) for p in found],
-            bad_presses=[
-                {"press": p.number, "attempt": p.attempt, "flags": p.flags, "reason": p.reason} for p in bad
-            ],
-        ),
-        fact("Sensors", ", ".join(recording.sensors.of_presses), sensors=list(recording.sensors.of_presses)),
-        fact(
-            "Activation",
-            None if recording.has("activation") or not counting else told_by(counting[0].activated_by),
-            activated_by=counting[0].activated_by if counting else None,
-        ),
-        fact(
-            "Force at activation",
-            None if not recording.has("force") else "none" if mean is None else f"{mean:.3f}{spread} N",
-            activation_force_n=mean,
-            activation_force_sd_n=deviation,
-        ),
-        fact(
-            "Saturated",
-            f"in presses {', '.join(map(str, saturated))}" if saturated else "never while pressed",
-            saturated_presses=saturated,
-        ),
-        *_along(recording),
-        fact("Content", f"SHA-256 {recording.content_hash}", content_hash=recording.content_hash),
+    complete, subject = bool(recording.complete), f"{recording.participant}, {recording.button}"
+    verdicts = [
+        Verdict(
+            subject,
+            "complete" if complete else "incomplete",
+            complete,
+            f"{len(recording.accepted)} presses accepted, {len(bad)} not",
+        )
     ]
-    subject = f"{recording.participant}, {recording.button}"
-    whole = Verdict(
-        subject,
-        "complete" if complete else "incomplete",
-        complete,
-        f"{len(recording.accepted)} presses accepted, {len(bad)} not",
-    )
-    drawings = [forces_drawing([recording])] if forces else []
+    for p in bad:
+        attempt = f"press {p.number}, attempt {p.attempt}"
+        verdicts.append(Verdict(subject, "not accepted", False, attempt, p.reason))
     picture = _pressed(recording, counting)
+    measured = any(p.force_at_activation is not None for p in counting)
     return Contents(
         f"Recording {recording.path.name}",
-        facts,
+        [
+            *_about(recording),
+            *_ended(recording),
+            _presses(recording, found, counting),
+            *_activated(recording, found, counting),
+            *_along(recording),
+            fact("Content", f"SHA-256 {recording.content_hash}", content_hash=recording.content_hash),
+        ],
         kind="recording",
         simulated=recording.simulated,
         rig=recording.rig,
-        verdicts=[
-            whole,
-            *(
-                Verdict(subject, "not accepted", False, f"press {p.number}, attempt {p.attempt}", p.reason)
-                for p in bad
-            ),
-        ],
+        verdicts=verdicts,
         figures=[
-            *drawings,
+            *([forces_drawing([recording])] if measured else []),
             *([picture] if _has_activation(counting) else []),
             *_travelled(recording, counting),
         ],
         picture=picture,
+    )
+
+
+def _about(recording: Recording) -> Iterator[Fact]:
+    """Who pressed what, in which study, and what was noted."""
+    header, rate_hz = recording.header, recording.rate_hz
+    yield fact(file=recording.path, channels=recording.channels, participant_columns=recording.about)
+    yield fact(
+        "Button",
+        f"{recording.button}, pressed by {recording.participant}",
+        button=recording.button,
+        participant=recording.participant,
+    )
+    study = header.study and f"{header.study}, session {header.session}"
+    yield fact("Study", study, study=header.study, session=header.session)
+    for column, value in recording.about.items():
+        yield fact(column, str(value))
+    yield fact("Notes", header.notes, notes=header.notes)
+    noted = [(event.sample / rate_hz, event.text) for event in recording.events if event.kind == "note"]
+    yield fact(
+        "Operator",
+        [f"at {at:.1f} s: {text}" for at, text in noted],
+        operator_notes=[{"at_s": at, "text": text} for at, text in noted],
+    )
+    yield fact("Rig", recording.rig, rig=recording.rig)
+    yield _imported(recording)
+
+
+def _ended(recording: Recording) -> Iterator[Fact]:
+    """How long a recording is, and how it ended."""
+    rate_hz, complete = recording.rate_hz, bool(recording.complete)
+    length = f"{recording.duration:.2f} s, {len(recording.channels)} channels at {rate_hz:g} Hz"
+    yield fact("Length", length, duration_s=recording.duration, rate_hz=rate_hz)
+    why = ("gap", "overrun", "error", "interrupted", "recovered")
+    ended = next((event.text for event in reversed(recording.events) if event.kind in why), None)
+    state = "complete" if complete else f"incomplete: {ended or 'the recording ended early.'}"
+    yield fact(
+        "State",
+        "in progress" if recording.in_progress else state,
+        complete=complete,
+        in_progress=recording.in_progress,
+        ended=ended,
+    )
+
+
+def _presses(recording: Recording, found: Sequence[ButtonPress], counting: Sequence[ButtonPress]) -> Fact:
+    """The presses that were found, and why others do not count."""
+    bad = [press for press in recording.verdicts if not press.accepted]
+    return fact(
+        "Presses found",
+        [
+            f"{len(found)}, {len(counting)} of them accepted",
+            *(f"press {p.number}, attempt {p.attempt}: {p.reason}" for p in bad),
+        ],
+        presses_detected=len(found),
+        presses_accepted=len(counting),
+        presses=[_press(p, recording.rate_hz, p in counting) for p in found],
+        bad_presses=[
+            {"press": p.number, "attempt": p.attempt, "flags": p.flags, "reason": p.reason} for p in bad
+        ],
+    )
+
+
+def _activated(
+    recording: Recording, found: Sequence[ButtonPress], counting: Sequence[ButtonPress]
+) -> Iterator[Fact]:
+    """What told the activation, the force at it, and what left its range."""
+    yield fact("Sensors", ", ".join(recording.sensors.of_presses), sensors=list(recording.sensors.of_presses))
+    by = counting[0].activated_by if counting else None
+    yield fact(
+        "Activation", None if recording.has("activation") or by is None else told_by(by), activated_by=by
+    )
+    forces = [p.force_at_activation for p in counting if p.force_at_activation is not None]
+    mean = float(np.mean(forces)) if forces else None
+    deviation = float(np.std(forces, ddof=1)) if len(forces) > 1 else None
+    spread = "" if deviation is None else f" ± {deviation:.3f}"
+    yield fact(
+        "Force at activation",
+        None if not recording.has("force") else "none" if mean is None else f"{mean:.3f}{spread} N",
+        activation_force_n=mean,
+        activation_force_sd_n=deviation,
+    )
+    saturated = [number for number, p in enumerate(found, 1) if p.saturated]
+    yield fact(
+        "Saturated",
+        f"in presses {', '.join(map(str, saturated))}" if saturated else "never while pressed",
+        saturated_presses=saturated,
     )
 
 

@@ -46,6 +46,10 @@ def iterations_figure(button: DigitalButton, columns: Columns = 2) -> Figure:
 
 _MADE = ("motion", "motion", "octaves", "learning")
 _FELT = ("bands", "bands", "time", "time")
+_TITLES = {
+    "motion": "Motion", "octaves": "Third octaves", "learning": "Corrections", "bands": "Loudest second",
+    "time": "Over the threshold",
+}  # fmt: skip
 _ROWS = {"motion": 1, "octaves": 3, "learning": 3, "bands": 3, "time": 2}
 """Rows of the legend of each panel."""
 
@@ -60,7 +64,7 @@ def _panels(columns: Columns, *rows: Sequence[str]) -> tuple[Figure, dict[str, A
         panels = drawn.subplot_mosaic([[name] for name in names])
     for index, (name, axes) in enumerate(panels.items()):
         beside = next(row for row in rows if name in row) if columns == 2 else (name,)
-        letter(axes, index, legend_rows=max(_ROWS[one] for one in beside))
+        letter(axes, index, _TITLES[name], max(_ROWS[one] for one in beside))
     return drawn, panels
 
 

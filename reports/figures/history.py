@@ -81,7 +81,7 @@ def trend(history: History, columns: Columns = 2) -> Figure:
                     when = datetime.fromisoformat(look["when"])
                     axes.axvline(when, color=VERMILLION, linewidth=0.7, linestyle=_BROKEN, zorder=0)
             axes.set_ylabel(panel[1])
-            letter(axes, index)
+            letter(axes, index, panel[1].partition(" (")[0])
             axes.ticklabel_format(axis="y", useOffset=False)
         grid[-1].set_ylim(min(grid[-1].get_ylim()[0], 0.9), 1.005)
         _legend(figure, places, 4 if columns == 2 else 2)

@@ -79,7 +79,8 @@ def response(calibration: Calibration, truth: ComplexArray | None = None, column
         titles = {
             0: f"Patch {measured.patch}" + (f" to {_point(measured.point)}" if columns == 2 else ""),
             1: f"Resonance at {peak:.2f} Hz" if columns == 2 else f"{peak:.2f} Hz",
-        }
+            2: "Phase", 3: "Phase", 4: "Coherence", 5: "Coherence",
+        }  # fmt: skip
         rows = 1 if columns == 2 else len(curves)
         for index, axes in enumerate(grid.flat):
             letter(axes, index, titles.get(index, ""), legend_rows=rows if index < 2 else 0)

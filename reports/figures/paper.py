@@ -35,6 +35,7 @@ from .plotting import (
     legend_under,
     letter,
     panels,
+    smoothed,
     spectrum,
     style,
     unit_peak,
@@ -107,7 +108,7 @@ def profiles(presses: Sequence[Profile], columns: Columns = 2) -> Figure:
         for row, (press, (left, right)) in enumerate(zip(presses, grid, strict=True)):
             room = 1 if row == 0 else 0
             letter(left, 2 * row, press.button.capitalize(), room)
-            letter(right, 2 * row + 1, legend_rows=room if columns == 2 else 0)
+            letter(right, 2 * row + 1, "Spectrum", room if columns == 2 else 0)
             _profile(left, press, with_legend=row == 0)
             _density(right, press, with_legend=row == 0)
         _share_x(grid)
@@ -158,22 +159,23 @@ def activation_forces(
 def drives(
     waveforms: Sequence[Drive], limits: tuple[float, float] | None = None, columns: Columns = 2
 ) -> Figure:
-    """Draw figure 8: the voltage at the patch for each button; `limits` are the lowest and highest (V)."""
+    """Draw figure 8: the voltage at each patch for each button; `limits` are the lowest and highest (V)."""
     with style():
-        figure, grid = panels(len(waveforms), 1, 1.3, columns)
-        end = max(active(drive.volts, drive.rate_hz)[1] for drive in waveforms)
-        for row, (drive, axes) in enumerate(zip(waveforms, grid[:, 0], strict=True)):
-            time = 1e3 * np.arange(len(drive.volts)) / drive.rate_hz
+        each = [(drive, *own) for drive in waveforms for own in zip(drive.patches, drive.volts, strict=True)]
+        figure, grid = panels(len(each), 1, 1.3, columns)
+        end = max(active(volts, drive.rate_hz)[1] for drive, _, volts in each)
+        for row, ((drive, patch, volts), axes) in enumerate(zip(each, grid[:, 0], strict=True)):
+            time = 1e3 * np.arange(len(volts)) / drive.rate_hz
             if limits:
                 label = "limit of the rig"
                 for level in limits:
                     axes.axhline(level, color=GREY, linewidth=0.6, linestyle=(0, (4, 3)), label=label)
                     label = ""
-            axes.plot(time, drive.volts, color=colour(row), linewidth=0.6)
+            axes.plot(time, volts, color=colour(row), linewidth=0.6)
             axes.set_xlim(0, 1e3 * end)
             axes.set_ylabel("Voltage (V)")
-            peak_to_peak = float(np.ptp(drive.volts))
-            told = f", patch {drive.patch}: {peak_to_peak:.1f} V peak to peak"
+            peak_to_peak = float(np.ptp(volts))
+            told = f", patch {patch}: {peak_to_peak:.1f} V peak to peak"
             name = drive.button.capitalize()
             room = _TITLE * columns - len(told)
             title = (name if len(name) <= room else f"{name[: room - 1]}…") + told
@@ -201,7 +203,7 @@ def comparison(results: Sequence[tuple[Representative, Check]], columns: Columns
             letter(whole, 3 * row, f"{press.button.capitalize()}: {check.verdict}", 2 * room * (columns == 2))
             title = f"Error {100 * check.error:.1f} %, r = {check.correlation:.4f}"
             letter(stretch, 3 * row + 1, title, (columns if columns == 2 else 1) * room)
-            letter(spectra, 3 * row + 2, legend_rows=2 * room)
+            letter(spectra, 3 * row + 2, "Spectrum", 2 * room)
             _whole(whole, press, check)
             _stretch(stretch, press, check, with_legend=row == 0)
             _spectra(spectra, press, check, with_legend=row == 0)
@@ -415,10 +417,9 @@ def _spectra(axes: Axes, press: Representative, check: Check, with_legend: bool)
     )
     top = 0.0
     for label, signal, rate_hz, look in curves:
-        frequencies, density = spectrum(np.asarray(signal), rate_hz)
-        part = (frequencies >= 5) & (frequencies <= check.judged_hz)
-        axes.plot(frequencies[part], density[part], label=label, **look)
-        top = max(top, float(density[part].max()))
+        frequencies, density = smoothed(*spectrum(np.asarray(signal), rate_hz), check.judged_hz)
+        axes.plot(frequencies, density, label=label, **look)
+        top = max(top, float(density.max()))
     density_axis(axes, check.judged_hz, top)
     axes.axvspan(*drive.band, color=GREY, alpha=0.10, linewidth=0)
     if with_legend:

@@ -40,6 +40,7 @@ __all__ = [
     "log_scale",
     "new_figure",
     "panels",
+    "smoothed",
     "spectrum",
     "style",
     "unit_peak",
@@ -201,6 +202,20 @@ def spectrum(signal: FloatArray, rate_hz: float) -> tuple[FloatArray, FloatArray
     density = np.abs(lines) ** 2 / (rate_hz * len(signal))
     density[1 : (points + 1) // 2] *= 2
     return np.asarray(np.fft.rfftfreq(points, 1 / rate_hz), dtype=np.float64), density
+
+
+def smoothed(frequencies: FloatArray, density: FloatArray, stop_hz: float) -> tuple[FloatArray, FloatArray]:
+    """Means of a spectral density over hundredths of the band up to `stop_hz`, each at its middle.
+
+    Noise, whose lines scatter over two decades, is then a curve, and hides no other.
+    """
+    edges = np.linspace(0, stop_hz, 101)
+    bins = np.digitize(frequencies, edges) - 1
+    there = (bins >= 0) & (bins < 100)
+    count = np.bincount(bins[there], minlength=100)
+    total = np.bincount(bins[there], density[there], minlength=100)
+    middle = (edges[:-1] + edges[1:]) / 2
+    return middle[count > 0], total[count > 0] / count[count > 0]
 
 
 def log_scale(axes: Axes) -> None:

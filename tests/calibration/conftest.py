@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -64,9 +65,8 @@ def make_press(
 
 def tamper(rig: Rig, monkeypatch: pytest.MonkeyPatch, **change: Callable[[np.ndarray], Any]) -> None:
     """From now on, what the rig captures of a channel is changed on its way: drive=..., laser=..."""
-    excite = rig.excite
 
-    def changed(*args: Any, **more: Any) -> Capture:
+    def changed(excite: Callable[..., Capture], *args: Any, **more: Any) -> Capture:
         capture = excite(*args, **more)
         volts = capture.volts.copy()
         for name, how in change.items():
@@ -75,4 +75,5 @@ def tamper(rig: Rig, monkeypatch: pytest.MonkeyPatch, **change: Callable[[np.nda
             volts[capture.channels.index(name)] = how(volts[capture.channels.index(name)])
         return replace(capture, volts=volts)
 
-    monkeypatch.setattr(rig, "excite", changed)
+    for name in ("excite", "excite_each"):
+        monkeypatch.setattr(rig, name, partial(changed, getattr(rig, name)))

@@ -11,6 +11,7 @@ from scipy.fft import irfft, rfft, rfftfreq
 
 from haploop.calibration import Calibration, Check, Drive, Finger
 from haploop.calibration.drive import build_button, check_under_finger, drive_for
+from haploop.calibration.drive.actuation import Actuation
 from haploop.calibration.drive.drive import target_grid
 from haploop.calibration.model import calibrate_finger, under_finger
 from haploop.instruments import ConfigurationError, DataError, InstrumentError, Rig
@@ -78,7 +79,7 @@ def test_a_finger_s_calibration_is_a_file_and_keeps_the_bare_table_s_carrier(
     assert Calibration.load(tmp_path / "P07.h5").digest == made.digest != bare.digest
     assert "P07's finger" in repr(made)
     assert made.carrier_hz == bare.carrier_hz == bare.model.resonance_hz
-    assert target_grid(make_press(), made, "modulated").carrier_hz == bare.model.resonance_hz
+    assert target_grid(make_press(), Actuation.of([made]), "modulated").carrier_hz == bare.model.resonance_hz
     harder = under_finger(bare, finger_of(made), 5.0)
     assert finger_of(harder).force == 5.0 and finger_of(harder).load.sum() > finger_of(made).load.sum()
     with pytest.raises(ConfigurationError, match="a finger's already"):
@@ -87,19 +88,20 @@ def test_a_finger_s_calibration_is_a_file_and_keeps_the_bare_table_s_carrier(
 
 def under(rig: Rig, drive: Drive, monkeypatch: pytest.MonkeyPatch) -> tuple[Check, float]:
     """The check under P07's finger, and the error of the surface's own mean motion, 20 Hz to 2.5 kHz."""
-    excite, seen, truth, own = rig.excite, [], rig.simulation.truth, np.atleast_2d(drive.volts)[0]
+    excite, seen, truth, own = rig.excite_each, [], rig.simulation.truth, drive.volts[0]
 
-    def watched(volts: Any, *args: Any, **more: Any) -> Any:
+    def watched(drives: Any, *args: Any, **more: Any) -> Any:
         record = truth.record()
-        capture = excite(volts, *args, **more)
-        rest = np.shape(volts)[-1] - len(own)
-        if rest >= 0 and np.array_equal(np.atleast_2d(volts)[0, rest:], own):
+        capture = excite(drives, *args, **more)
+        volts = drives[drive.patch]
+        rest = len(volts) - len(own)
+        if rest >= 0 and np.array_equal(volts[rest:], own):
             start = next(one.start for one in record if one.closed and np.isfinite(one.period))
             seen.append(truth.velocity(drive.point, start + (rest + np.arange(len(own))) / drive.rate_hz))
         return capture
 
     with monkeypatch.context() as patch:
-        patch.setattr(rig, "excite", watched)
+        patch.setattr(rig, "excite_each", watched)
         result = check_under_finger(rig, drive, "P07")
     f = rfftfreq(len(own), 1 / drive.rate_hz)
     band = (f >= 20) & (f <= 2500)

@@ -114,7 +114,7 @@ def test_a_drive_stays_within_the_range_of_what_is_shown(tmp_path: Path) -> None
         small = replace(calibration, response=replace(calibration.response, pickup_range=1e-7))
         tight = drive_for(make_press(), small, rig.limits)
         assert "of the vibrometer's 0.1 µm" in tight.unreached and tight.peak < drive.peak / 2
-        capture = rig.excite(tight.volts, ("A",), ("laser",))
+        capture = rig.excite_each(tight.by_patch, ("laser",))
         assert 0.05e-6 < np.abs(rig.vibrometer.to_si(capture.volts[0])).max() < 0.1e-6
 
 
@@ -136,7 +136,7 @@ def test_a_coil_is_planned_within_its_heat(tmp_path: Path) -> None:
         calibration = calibrate(rig)
         drive = drive_for(make_press(), calibration, rig.limits)
         assert drive.peak < 1.0 and calibration.response.level < 0.5
-        rig.excite(drive.volts, ("A",), ("laser",))
+        rig.excite_each(drive.by_patch, ("laser",))
 
 
 def test_doctor_says_that_a_glued_accelerometer_loads_the_table(tmp_path: Path) -> None:

@@ -147,16 +147,18 @@ def test_what_another_program_writes_with_every_hash_is_still_no_crash(
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        ({"volts": np.array([0.0, np.nan])}, "not two signals"),
-        ({"volts": np.array([0.0, 1e9])}, "reaches 1e.09 V, and no amplifier of a patch 1000 V"),
-        ({"target": np.zeros(3)}, "not two signals"),
+        ({"volts": np.array([[0.0, np.nan]])}, "not a signal for each patch"),
+        ({"volts": np.array([[0.0, 1e9]])}, "reaches 1e.09 V, and no amplifier of a patch 1000 V"),
+        ({"target": np.zeros(3)}, "not a signal for each patch"),
+        ({"volts": np.zeros((2, 2))}, "not a signal for each patch"),
+        ({"volts": np.zeros(2)}, "not a signal for each patch"),
         ({"rate_hz": np.inf}, "has inf samples/s"),
     ],
 )
 def test_a_drive_without_sense_is_refused_before_anybody_plots_or_plays_it(
     change: dict[str, Any], told: str, values: dict[str, Any], tmp_path: Path
 ) -> None:
-    flat = hdf5.flatten(values["drive"]) | {"volts": np.zeros(2), "target": np.zeros(2)} | change
+    flat = hdf5.flatten(values["drive"]) | {"volts": np.zeros((1, 2)), "target": np.zeros(2)} | change
     path = tmp_path / "drive.h5"
     hdf5.write(path, "drive", flat)
     assert verify(path) == ()

@@ -87,13 +87,14 @@ def played_and_true(
     rig: Rig, drive: Drive, plays: int, monkeypatch: pytest.MonkeyPatch
 ) -> tuple[Check, float]:
     """A check, and the true error of the mean motion (20 Hz to 2.5 kHz), whenever it began."""
-    excite, seen, size = rig.excite, [], len(drive.volts)
+    excite, seen, size = rig.excite_each, [], len(drive.target)
 
-    def watched(volts: FloatArray, *args: Any, **more: Any) -> Capture:
+    def watched(drives: dict[str, FloatArray], *args: Any, **more: Any) -> Capture:
         truth = rig.simulation.truth  # type: ignore[union-attr]
         record = truth.record()
-        capture = excite(volts, *args, **more)
-        if len(volts) >= size and np.array_equal(volts[len(volts) - size :], drive.volts):
+        [volts] = drives.values()
+        capture = excite(drives, *args, **more)
+        if len(volts) >= size and np.array_equal(volts[len(volts) - size :], drive.volts[0]):
             start = next(one.start for one in record if one.closed and np.isfinite(one.period))
             last = rig.clock.now() - 2 / drive.rate_hz
             times = np.arange(start, min(last, start + len(volts) / drive.rate_hz + 0.3), 1 / drive.rate_hz)
@@ -101,7 +102,7 @@ def played_and_true(
         return capture
 
     with monkeypatch.context() as patch:
-        patch.setattr(rig, "excite", watched)
+        patch.setattr(rig, "excite_each", watched)
         result = compare(drive, play(rig, drive, plays), rig)
     assert len(seen) == plays
     moved = []

@@ -64,10 +64,10 @@ def make_drive() -> Drive:
     t = np.arange(5000) / 50_000
     return Drive(
         button="push",
-        patch="A",
+        patches=("A",),
         point="button",
         rate_hz=50_000.0,
-        volts=np.asarray(20 * np.sin(2 * np.pi * 235 * t) * np.hanning(len(t))),
+        volts=np.asarray(20 * np.sin(2 * np.pi * 235 * t) * np.hanning(len(t)))[None],
         target=np.asarray(3 * np.cos(2 * np.pi * 235 * t) * np.hanning(len(t))),
         scale=0.5,
         method="modulated",
@@ -146,7 +146,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Files:
     drive.save(found.drive)
     check.save(found.check)
     calibration.save(found.calibration)
-    DigitalButton(press, calibration, learning, check, "2026-11-22", "haploop").save(found.button)
+    DigitalButton(press, (calibration,), learning, check, "2026-11-22", "haploop").save(found.button)
     assert replace(press).simulated
     return found
 

@@ -34,7 +34,7 @@ def expected(files: Files, kind: str) -> dict[str, tuple[np.ndarray, str]]:
         check = Check.load(files.check)
         return {"target": (check.target, "m/s^2"), "play_2": (check.accelerations[1], "m/s^2")}
     drive = Drive.load(files.drive)
-    return {"volts": (drive.volts, "V"), "target": (drive.target, "m/s^2")}
+    return {"volts": (drive.volts[0], "V"), "target": (drive.target, "m/s^2")}
 
 
 def exported(files: Files, kind: str, format: str, tmp_path: Path, suffix: str) -> Path:

@@ -28,11 +28,11 @@ def button(calibrated: Calibrated) -> DigitalButton:
 
 def test_a_button_holds_all_that_made_it(calibrated: Calibrated, button: DigitalButton) -> None:
     assert button.passed and button.simulated == calibrated.rig.simulated
-    assert button.drive.calibration == button.calibration.digest
+    assert button.drive.calibration == button.calibrations[0].digest
     assert button.drive.sources == button.press.sources
     assert button.drive.rig == calibrated.rig.name
     assert np.array_equal(button.learning.iterations[button.learning.best].volts, button.drive.volts)
-    assert button.calibration.response.rig_file
+    assert button.calibrations[0].response.rig_file
 
 
 def test_a_button_comes_back_from_disk(button: DigitalButton, tmp_path: Path) -> None:
@@ -66,8 +66,8 @@ def test_playing_it_verifies_it(
 
 
 def test_a_button_of_another_world_is_refused(calibrated: Calibrated, button: DigitalButton) -> None:
-    response = replace(button.calibration.response, simulated=not calibrated.rig.simulated)
-    other = replace(button, calibration=replace(button.calibration, response=response))
+    response = replace(button.calibrations[0].response, simulated=not calibrated.rig.simulated)
+    other = replace(button, calibrations=(replace(button.calibrations[0], response=response),))
     with pytest.raises(ConfigurationError, match="calibrate that rig first"):
         play_button(calibrated.rig, other)
     foreign = replace(button, check=replace(button.check, drive=replace(button.drive, rig="haptable")))

@@ -142,10 +142,10 @@ def test_motion_outside_the_band_fails(
     size = float(np.sqrt(np.mean(drive.target**2)))
     rig = calibrated.rig
     before = check(rig, drive, plays=3)
-    excite = rig.excite
+    excite = rig.excite_each
 
-    def shaken(volts: np.ndarray, *args: Any, **more: Any) -> Capture:
-        capture = excite(volts, *args, **more)
+    def shaken(drives: dict[str, np.ndarray], *args: Any, **more: Any) -> Capture:
+        capture, [volts] = excite(drives, *args, **more), drives.values()
         t = (np.arange(capture.volts.shape[1]) - np.flatnonzero(volts)[0]) / 50e3
         tone = np.sqrt(2) * size * np.sin(2 * np.pi * 800 * t) / (2 * np.pi * 800) / rig.vibrometer.scale
         laser = capture.channels.index("laser")
@@ -153,7 +153,7 @@ def test_motion_outside_the_band_fails(
         changed[laser] += np.where(t > 0, tone, 0.0)
         return replace(capture, volts=changed)
 
-    monkeypatch.setattr(rig, "excite", shaken)
+    monkeypatch.setattr(rig, "excite_each", shaken)
     result = check(rig, drive, plays=3)
     assert before.passed and result.verdict == "fail"
     assert result.outside.root == pytest.approx(1, abs=0.1)

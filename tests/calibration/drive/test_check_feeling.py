@@ -29,7 +29,7 @@ def test_the_level_is_that_of_the_surface_itself(calibrated: Calibrated, drive: 
     rig = calibrated.rig
     if rig.simulation is None:
         pytest.skip("only a simulation knows the truth")
-    rig.excite(drive.volts, (drive.patch,), (rig.vibrometer.channel,), 0.1)
+    rig.excite_each(drive.by_patch, (rig.vibrometer.channel,), 0.1)
     rate_hz = 20000.0
     now = rig.clock.now()
     velocity = rig.simulation.truth.velocity("button", np.arange(now - 1.5, now, 1 / rate_hz))

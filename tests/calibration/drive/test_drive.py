@@ -21,21 +21,21 @@ def test_modulation_is_equation_1() -> None:
 
 def test_a_drive_uses_the_limits_and_keeps_them(calibrated: Calibrated, drive: Drive) -> None:
     limits = calibrated.rig.limits
-    limits.check(drive.volts, drive.rate_hz)
+    limits.check(drive.volts[0], drive.rate_hz)
     assert 0.95 * limits.peak < drive.peak <= limits.peak
     path = float(np.median(np.abs(calibrated.calibration.response.path)))
     assert drive.peak * path <= limits.peak * (1 + 1e-9)
-    assert drive.volts[[0, -1]] == pytest.approx(0, abs=0.05)
+    assert drive.volts[:, [0, -1]] == pytest.approx(0, abs=0.05)
     assert drive.volts.mean() == pytest.approx(0, abs=1e-6)
     assert 0.01 < drive.predicted_error <= 0.08
-    assert drive.volts.shape == drive.target.shape
+    assert drive.volts.shape == (1, *drive.target.shape)
     assert drive.simulated and drive.calibration == calibrated.calibration.digest
 
 
 def test_a_drive_has_no_power_where_the_response_was_not_measured(drive: Drive) -> None:
     """What is left is of fades and of the hysteresis that is compensated."""
     low, high = drive.known
-    f, power = rfftfreq(len(drive.volts), 1 / drive.rate_hz), np.abs(rfft(drive.volts)) ** 2
+    f, power = rfftfreq(len(drive.target), 1 / drive.rate_hz), np.abs(rfft(drive.volts[0])) ** 2
     below, above = (10 * np.log10(power[where].sum() / power.sum()) for where in (f < low, f > high))
     assert below < -20 and above < -45
 
@@ -87,11 +87,11 @@ def test_half_the_limit_gives_about_half_the_scale(
 ) -> None:
     limits = replace(calibrated.rig.limits, peak_to_peak=calibrated.rig.limits.peak)
     softer = drive_for(press, calibrated.calibration, limits)
-    limits.check(softer.volts, softer.rate_hz)
+    limits.check(softer.volts[0], softer.rate_hz)
     assert softer.scale < 0.7 * drive.scale
     slow = replace(calibrated.rig.limits, slew=5e3)
     slower = drive_for(press, calibrated.calibration, slow)
-    slow.check(slower.volts, drive.rate_hz)
+    slow.check(slower.volts[0], drive.rate_hz)
     assert "5e+03 V/s" in slower.unreached
 
 

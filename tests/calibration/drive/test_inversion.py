@@ -24,18 +24,20 @@ def plan() -> Plan:
         gain += sign * s**2 / (s**2 + 2 * 0.01 * w * s + w**2)
     inside = (f > 150) & (f < 600)
     target = rfft(np.exp(-since / 0.02) * np.sin(2 * np.pi * 260 * since) * (t > 0.3)) * inside
+    uncertain = np.full((1, 1, len(f)), 1e-6 + 0j)
     window = np.zeros(n)
     window[:4500] = fade(4500, 100, 100)
     typical = float(np.median(np.abs(gain[inside]) ** 2))
-    return Plan(target, gain, (f > 20) & (f < 2000), np.full(len(f), 1e-3), window, typical)
+    known = (f > 20) & (f < 2000)
+    return Plan(target[None], gain[None, None], known, uncertain, window, typical, np.ones(1))
 
 
 def test_the_inverse_begins_before_the_press(plan: Plan) -> None:
     drive, error = min_peak(plan, 0.01)
     assert error < 0.01
-    before = drive[:1400]
+    before = drive[0, :1400]
     assert np.linalg.norm(before) > 0.02 * np.linalg.norm(drive)
-    causal = np.where(np.arange(len(drive)) < 1500, 0, drive)
+    causal = np.where(np.arange(drive.shape[1]) < 1500, 0, drive)
     assert plan.error(causal) > 5 * error
 
 
@@ -65,18 +67,18 @@ def test_steps_are_limited_by_planning_too(plan: Plan) -> None:
 
 def test_a_known_drive_is_left_where_nothing_is_to_gain(plan: Plan) -> None:
     drive, _ = min_peak(plan, 0.01)
-    known = replace(plan, target=plan.gain * rfft(drive), operating_point=rfft(drive), ridge=1e-4)
+    known = replace(plan, target=plan.moved(rfft(drive)), operating_point=rfft(drive), ridge=1e-4)
     again, _ = within(known, 2 * float(np.abs(drive).max()))
     assert np.linalg.norm(again - drive) < 0.05 * np.linalg.norm(drive)
 
 
 def test_uncertainty_is_part_of_the_expected_error(plan: Plan) -> None:
     drive, error = min_peak(plan, 0.05)
-    assert replace(plan, uncertainty=100 * plan.uncertainty).error(drive) > 1.5 * error
+    assert replace(plan, covariance=1e4 * plan.covariance).error(drive) > 1.5 * error
 
 
 def test_an_impossible_budget_gives_the_best_there_is(plan: Plan) -> None:
-    hopeless = replace(plan, uncertainty=np.abs(plan.gain))
+    hopeless = replace(plan, covariance=np.abs(plan.gain) ** 2)
     drive, error = max_output(hopeless, 0.05)
     assert error > 0.05
     assert error <= min_peak(hopeless, 0.05)[1] * 1.001
@@ -87,8 +89,69 @@ def test_nothing_is_played_where_nothing_is_known(plan: Plan) -> None:
     """The drive's power beyond what was measured is 40 dB down; where it was, motion is an error."""
     f = rfftfreq(len(plan.window), 1 / 5000)
     drive, _ = max_output(plan, 0.05)
-    power = np.abs(rfft(drive)) ** 2
+    power = np.abs(rfft(drive[0])) ** 2
     assert 10 * np.log10(power[~plan.known].sum() / power.sum()) < -40
-    moved = np.abs(plan.gain * rfft(drive))
+    moved = np.abs(plan.moved(rfft(drive))[0])
     outside = plan.known & ((f < 150) | (f > 600))
     assert np.linalg.norm(moved[outside]) < 0.06 * np.linalg.norm(plan.target)
+
+
+def table(shift: float = 0.0) -> np.ndarray:
+    """(2 points, 3 patches, lines) of three modes: each patch drives, and each point sees, them its way."""
+    s = 2j * np.pi * rfftfreq(6000, 1 / 5000.0)
+    forces = np.array([[1.0, 0.4, -0.7], [0.3, -1.0, 0.5], [-0.6, 0.2, 1.0]])
+    shapes = np.array([[1.0, -0.8, 0.6], [0.5, 0.9, -1.0]])
+    gain = np.zeros((2, 3, len(s)), complex)
+    for hertz, force, shape in zip((200.0, 330.0, 520.0), forces.T, shapes.T, strict=True):
+        w = 2 * np.pi * hertz * (1 + shift)
+        gain += shape[:, None, None] * force[:, None] * s**2 / (s**2 + 0.02 * w * s + w**2)
+    return gain
+
+
+@pytest.fixture
+def several(plan: Plan) -> Plan:
+    covariance = 1e-6 * np.eye(3)[:, :, None] * np.ones(len(plan.known), complex)
+    return replace(plan, gain=table()[:1], covariance=covariance, reach=np.ones(3))
+
+
+def after(plan: Plan, drive: np.ndarray, shift: float) -> float:
+    """Error of drives on a table whose frequencies have all moved."""
+    moved = np.einsum("pl,pl->l", table(shift)[0], rfft(drive))
+    missed = (plan.target[0] - moved)[plan.known]
+    return float(np.linalg.norm(missed) / np.linalg.norm(plan.target))
+
+
+def test_several_patches_are_planned_against_a_drift(several: Plan) -> None:
+    changes = [table(shift)[0] - table()[0] for shift in (0.01, -0.01)]
+    drift = sum(np.einsum("pl,rl->prl", c.conj(), c) for c in changes) / 2
+    plain, _ = max_output(several, 0.02)
+    limit = 2 * float(np.abs(plain).max())
+    steady, _ = within(replace(several, drift=drift), limit)
+    plain, _ = within(several, limit)
+    for shift in (0.01, -0.01):
+        assert after(several, steady, shift) < 0.02
+        assert after(several, plain, shift) > 0.08
+    # The expected error says so beforehand.
+    assert replace(several, drift=drift).error(steady) < 0.02
+    assert replace(several, drift=drift).error(plain) > 0.08
+
+
+def test_the_reach_of_each_patch_is_kept(several: Plan) -> None:
+    free, _ = within(several, 0.2)
+    reach = np.array([1.0, 0.5 * np.abs(free[1]).max() / 0.2, 1.0])
+    drive, _ = within(replace(several, reach=reach), 0.2)
+    assert np.all(np.abs(drive).max(axis=1) <= 0.2 * reach + 1e-12)
+    assert np.abs(drive[1]).max() > 0.8 * 0.2 * reach[1]
+
+
+def test_a_point_is_kept_silent_beside_one_that_moves(several: Plan) -> None:
+    """Two points and three patches: the second point has a target of zero."""
+    both = replace(several, gain=table(), target=np.array([several.target[0], 0 * several.target[0]]))
+    drive, _ = within(both, 1.0)
+    alone, _ = within(several, 1.0)
+
+    def loud(drive: np.ndarray) -> np.ndarray:
+        return np.asarray(np.linalg.norm(both.moved(rfft(drive))[:, both.known], axis=1))
+
+    assert loud(drive)[1] < 0.01 * loud(drive)[0]
+    assert loud(alone)[1] > 0.2 * loud(alone)[0]

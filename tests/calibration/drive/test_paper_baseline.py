@@ -17,9 +17,9 @@ def test_where_patch_and_point_differ_no_order_inverts(calibrated: Calibrated, d
     limits = calibrated.rig.limits
     drives = [paper_drive(make_press(), calibrated.calibration, limits, order) for order in (8, 16, 24)]
     for paper in drives:
-        limits.check(paper.volts, paper.rate_hz)
+        limits.check(paper.volts[0], paper.rate_hz)
         # Nothing moves before the press: it is causal.
-        assert np.abs(paper.volts[:5000]).max() < 0.05 * paper.peak
+        assert np.abs(paper.volts[:, :5000]).max() < 0.05 * paper.peak
     best = min(drives, key=lambda paper: paper.predicted_error)
     assert best.predicted_error > 0.3
     result = check(calibrated.rig, best, plays=3)

@@ -31,24 +31,24 @@ def played_and_true(
     rig: Rig, drive: Drive, plays: int, monkeypatch: pytest.MonkeyPatch
 ) -> tuple[Check, float, float]:
     """A check, the true error of the mean motion, and its part outside the band (20 Hz to 2.5 kHz)."""
-    excite, seen = rig.excite, []
+    excite, seen = rig.excite_each, []
 
-    def watched(volts: FloatArray, *args: Any, **more: Any) -> Capture:
+    def watched(drives: dict[str, FloatArray], *args: Any, **more: Any) -> Capture:
         truth = rig.simulation.truth  # type: ignore[union-attr]
         record = truth.record()
-        capture = excite(volts, *args, **more)
-        rest = len(volts) - len(drive.volts)
-        if rest >= 0 and np.array_equal(volts[rest:], drive.volts):
+        capture = excite(drives, *args, **more)
+        rest = len(drives[drive.patch]) - len(drive.target)
+        if rest >= 0 and np.array_equal(drives[drive.patch][rest:], drive.volts[0]):
             start = next(one.start for one in record if one.closed and np.isfinite(one.period))
-            times = start + (rest + np.arange(len(drive.volts))) / drive.rate_hz
+            times = start + (rest + np.arange(len(drive.target))) / drive.rate_hz
             seen.append(truth.velocity(drive.point, times))
         return capture
 
     with monkeypatch.context() as patch:
-        patch.setattr(rig, "excite", watched)
+        patch.setattr(rig, "excite_each", watched)
         result = compare(drive, play(rig, drive, plays), rig)
     assert len(seen) == plays
-    f = np.fft.rfftfreq(len(drive.volts), 1 / drive.rate_hz)
+    f = np.fft.rfftfreq(len(drive.target), 1 / drive.rate_hz)
     moved = np.fft.rfft(np.mean(seen, axis=0)) * 2j * np.pi * f
     target = np.fft.rfft(drive.target)
     wide = (f >= 20) & (f < 2500)

@@ -29,7 +29,7 @@ T = np.arange(5000) / RATE
 TARGET = 2.0 * np.sin(2 * np.pi * 250 * T)
 OUTSIDE = 2.0 * np.sin(2 * np.pi * 400 * T)
 DRIVE = Drive(
-    button="push", patch="A", point="button", rate_hz=RATE, volts=40 * np.sin(2 * np.pi * 250 * T),
+    button="push", patches=("A",), point="button", rate_hz=RATE, volts=40 * np.sin(2 * np.pi * 250 * T[None]),
     target=TARGET, scale=1.0, method="broadband", carrier_hz=0.0, band=(200.0, 300.0), in_band=0.9,
     known=(15.0, 625.0), predicted_error=0.1, unreached="", rig="simulated", simulated=True, sources=(),
     calibration="",

@@ -225,6 +225,6 @@ def test_a_contact_that_fails_once_is_noticed_before_anything_is_measured(open: 
     """The first play erases the patch's memory; without it, the next one's motion is another."""
     rig = open(faults=[{"kind": "relay-welded", "times": 1}])
     with pytest.raises(InstrumentError, match=r"drive monitor shows 0\.?\d* V for each volt that patch A"):
-        settle(rig, "A")
+        settle(rig, ["A"])
     rig.make_safe()
-    assert settle(rig, "A") < 1.5
+    assert settle(rig, ["A"]) < 1.5

@@ -191,7 +191,7 @@ def test_what_the_response_does_not_show_is_seen_when_the_button_is_played(
     (button,) = buttons_of(history.active()).values()
     failed = replace(button.check, verdict="fail", reasons=("It is off.",))
     monkeypatch.setattr(recalibration, "check", lambda *_args, **_more: failed)
-    monkeypatch.setattr(recalibration, "calibrate_keeping", lambda rig, *_: kept(rig, button.calibration))
+    monkeypatch.setattr(recalibration, "calibrate_keeping", lambda rig, *_: kept(rig, button.calibrations[0]))
     monkeypatch.setattr(recalibration, "build_button", lambda *_args, **_more: button)
     outcome = recalibrate(calibrated.rig, history, when=WHEN)
     assert outcome.verdicts[0].kind == "unchanged" and outcome.kind == "restored"

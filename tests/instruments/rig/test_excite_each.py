@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from haploop.instruments import ConfigurationError, LimitError
+from haploop.instruments import ConfigurationError, LimitError, open_rig
 from tests.conftest import OpenRig
 
 RATE_HZ = 50_000
@@ -47,6 +49,38 @@ def test_every_drive_is_held_to_the_limits(open: OpenRig) -> None:
 
 def test_one_channel_for_all_patches_plays_one_drive(open: OpenRig) -> None:
     rig = open()
-    with pytest.raises(ConfigurationError, match="no channel of its own for patch B"):
-        rig.excite_each({"B": burst(100)}, ["drive"])
+    with pytest.raises(ConfigurationError, match="no channel of its own for patch A, B"):
+        rig.excite_each({"A": burst(100), "B": burst(100)}, ["drive"])
+    if rig.simulation:
+        assert rig.simulation.truth.peak == 0
     assert rig.monitor("B") == "drive"
+    capture = rig.excite_each({"B": burst(100)}, ["drive"])
+    volts = np.abs(rig.sensors.drive.to_si(capture.volts)).max()  # type: ignore[union-attr]
+    assert volts == pytest.approx(20, abs=0.5)
+
+
+SHARED = """base = "four-channel"
+name = "shared"
+[amplifier.input]
+A = "amplifier"
+B = "amplifier"
+C = "amplifier"
+D = "amplifier_d"
+"""
+
+
+@pytest.mark.usefixtures("unproved")
+def test_patches_that_share_a_channel_are_one_load_and_get_one_drive(tmp_path: Path) -> None:
+    """What three patches draw together counts, although the play has several drives."""
+    path = tmp_path / "shared.toml"
+    path.write_text(SHARED)
+    with open_rig(path, simulate="twin") as rig:
+        with pytest.raises(ConfigurationError, match="shares its amplifier channel"):
+            rig.excite_each({"A": burst(100), "B": burst(250)}, [rig.monitor("A")])
+        steep = burst(1800, 40.0)
+        for patches, fits in ((1, True), (3, False)):
+            assert (rig.limits_for(patches).headroom(steep, RATE_HZ)[0] > 1) is fits
+        with pytest.raises(LimitError, match="A at sample"):
+            rig.excite_each(dict.fromkeys("ABCD", steep), [rig.monitor("A")])
+        assert rig.simulation is not None and rig.simulation.truth.peak == 0
+        rig.excite_each({"A": steep, "D": steep}, [rig.monitor("A")])

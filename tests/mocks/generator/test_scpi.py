@@ -297,3 +297,111 @@ def test_a_million_points_come_as_a_block_of_binary_data(box: Box) -> None:
 def test_data_that_are_none_are_refused(box: Box, data: str, said: str) -> None:
     ask(box, f"DATA:ARB x, {data}")
     assert ask(box, "SYST:ERR?") == said
+
+
+@pytest.fixture
+def wired() -> tuple[Box, Bench]:
+    """A DG1000Z whose channel 1 puts out 1 V peak at an open input."""
+    bench = Bench()
+    box = Box(DG1000Z, bench, "amplifier")
+    ask(box, "OUTP1:LOAD INF;:VOLT 2;:OUTP1 ON")
+    return box, bench
+
+
+def test_a_pulse_is_as_long_as_is_said(each: Box) -> None:
+    bench: Bench = each._advance.__self__  # type: ignore[attr-defined]
+    ask(each, "OUTP1:LOAD INF;:SOUR1:VOLT 2;:SOUR1:FUNC PULS;:SOUR1:FUNC:PULS:PER 10 ms;:OUTP1 ON")
+    assert number(each, "SOUR1:FREQ?") == pytest.approx(100)
+    ask(each, "SOUR1:FUNC:PULS:WIDT 2 ms")
+    assert number(each, "SOUR1:FUNC:PULS:DCYC?") == pytest.approx(20)
+    pulses = bench.volts(0.1)
+    assert set(np.round(pulses, 9)) == {-1, 1}
+    assert np.mean(pulses > 0) == pytest.approx(0.2, abs=0.01)
+    ask(each, "SOUR1:FREQ 200")  # the width is held
+    assert np.mean(bench.volts(0.1) > 0) == pytest.approx(0.4, abs=0.01)
+    ask(each, f"SOUR1:FUNC:PULS:HOLD {'DUTY' if each.get('*IDN?').startswith('Rigol') else 'DCYC'}")
+    ask(each, "SOUR1:FREQ 50")  # and now its share
+    assert number(each, "SOUR1:FUNC:PULS:WIDT?") == pytest.approx(8e-3)
+    assert np.mean(bench.volts(0.1) > 0) == pytest.approx(0.4, abs=0.01)
+    assert "No error" in (ask(each, "SYST:ERR?") or "")
+
+
+def test_rigol_names_its_settings_in_its_own_way(wired: tuple[Box, Bench]) -> None:
+    box, _ = wired
+    ask(box, "SOUR1:FREQ:FIX 2000")
+    assert number(box, "SOUR1:PER?") == 5e-4
+    ask(box, "SOUR1:PER 0.01;:SOUR1:PULS:HOLD WIDT;:SOUR1:PULS:WIDT 0.001")
+    assert [number(box, f"SOUR1:{q}?") for q in ("FREQ", "PULS:DCYC")] == [100, 10]
+    ask(box, ":SOUR1:APPL:NOIS 1.5,0.25")
+    assert [number(box, f"SOUR1:{q}?") for q in ("VOLT", "VOLT:OFFS")] == [1.5, 0.25]
+    ask(box, ":SOURCE1:APPLY:ARB 2MSa/s,1,0.5")
+    assert ask(box, "SOUR1:FUNC:ARB:MODE?") == "SRAT"
+    assert [number(box, f"SOUR1:{q}?") for q in ("FUNC:ARB:SRAT", "VOLT")] == [2e6, 1]
+    ask(box, ":SOUR1:APPL:USER 500")
+    assert (ask(box, "SOUR1:FUNC:ARB:MODE?"), number(box, "SOUR1:FREQ?")) == ("FREQ", 500)
+    assert ask(box, "SYST:ERR?") == '0,"No error"'
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "SOUR1:DATA VOLATILE, 0, 1, 0, -1, -1, -1, -1, -1",
+        ":DATA:DAC VOLATILE,8192,16383,8192,0,0,0,0,0",
+        "TRAC:DATA:DAC16 VOLATILE,CON,#18{};:DATA:DAC16 VOLATILE,END,#18{}",
+    ],
+)
+def test_rigol_plays_what_is_sent_to_its_volatile_memory(wired: tuple[Box, Bench], line: str) -> None:
+    box, bench = wired
+    halves = [np.array(h, "<u2").tobytes().decode("latin-1") for h in ([8192, 16383, 8192, 0], [0] * 4)]
+    ask(box, "FUNC:ARB:MODE FREQ;:FREQ 100")
+    ask(box, line.format(*halves))
+    assert ask(box, "SYST:ERR?") == '0,"No error"'
+    assert ask(box, "FUNC?") == "ARB"
+    cycle = bench.volts(0.01)
+    assert len(cycle) == pytest.approx(500, abs=1)
+    assert cycle[[20, 80, 150, 220, 480]] == pytest.approx([0, 1, 0, -1, -1], abs=1e-3)
+
+
+def test_an_infinite_burst_begins_with_a_trigger_and_does_not_end(each: Box) -> None:
+    bench: Bench = each._advance.__self__  # type: ignore[attr-defined]
+    ask(each, "OUTP1:LOAD INF;:SOUR1:FREQ 100;:SOUR1:VOLT 2;:OUTP1 ON")
+    if each.get("*IDN?").startswith("Rigol"):
+        ask(each, "SOUR1:BURS:TRIG:SOUR MAN;:SOUR1:BURS:MODE INFINITY;:SOUR1:BURS ON")
+        fire = "SOUR1:BURS:TRIG"
+    else:
+        ask(each, "TRIG1:SOUR BUS;:SOUR1:BURS:NCYC INF;:SOUR1:BURS:STAT ON")
+        assert number(each, "SOUR1:BURS:NCYC?") == 9.9e37
+        fire = "*TRG"
+    assert not bench.volts(0.1).any()
+    ask(each, fire)
+    assert "No error" in (ask(each, "SYST:ERR?") or "")
+    bench.volts(5.0)
+    assert np.abs(bench.volts(0.1)).max() == pytest.approx(1, rel=1e-3)
+
+
+def test_what_other_drivers_ask_of_a_33500(box: Box) -> None:
+    """As pymeasure and QCoDeS do."""
+    ask(box, "SOURce1:BURSt:NCYCles INF;:DISP:TEXT 'at work'")
+    assert ask(box, "BURS:NCYC?") == "+9.900000000000000E+37"
+    assert ask(box, "DISP:TEXT?") == '"at work"'
+    ask(box, "DISP:TEXT:CLE;:DISP OFF")
+    assert ask(box, "DISP:TEXT?;:DISP?") == '"";0'
+    ask(box, "DATA:ARB one,0,0.1,0.2,0.3,0.4,0.5,0.6,0.7;:FUNC:ARB one;:FUNC:ARB:SRAT 4000")
+    assert ask(box, "DATA:VOL:CAT?") == '"INT:\\BUILTIN\\EXP_RISE.ARB","ONE"'
+    assert [number(box, f"{q}?") for q in ("FUNC:ARB:POIN", "FUNC:ARB:FREQ", "DATA:VOL:FREE")] == [
+        8,
+        500,
+        1_000_000 - 8,
+    ]
+    ask(box, "FUNC:ARB:PER 0.01")
+    assert number(box, "FUNC:ARB:SRAT?") == 800
+    assert ask(box, "SYST:ERR?") == '+0,"No error"'
+
+
+def test_modulation_can_only_be_off(each: Box) -> None:
+    for kind in ("AM", "FM", "PM", "PWM"):
+        ask(each, f"SOUR1:{kind}:STAT OFF")
+        assert ask(each, f"SOUR1:{kind}:STAT?") in ("0", "OFF")
+    assert "No error" in (ask(each, "SYST:ERR?") or "")
+    ask(each, "SOUR1:AM:STAT ON")
+    assert ask(each, "SYST:ERR?") == '-221,"Settings conflict; nothing here modulates"'

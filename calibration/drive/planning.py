@@ -1,0 +1,92 @@
+"""Plans of drives: from actuation and targets to an inversion problem, and its solution for a trade."""
+
+from __future__ import annotations
+
+from typing import Literal, Protocol
+
+import numpy as np
+import scipy
+
+from ...instruments import Limits
+from ...instruments.arrays import FloatArray
+from ..model import Drift
+from .actuation import Actuation
+from .inversion import Plan, State, max_output, min_peak, within
+from .trade import STEADY, Trade
+
+__all__ = ["Inversion", "PlanGrid", "distorted", "plan_for", "planned_by"]
+
+Inversion = Literal["optimised", "regularised"]
+_SPREAD = 0.6
+"""Error of a drive over that which distortion would make if it were spread evenly over the band: part of it
+stays near the drive's own lines, where the table moves little (measured on simulated tables)."""
+_SETTLING = 3
+"""Runs of the splitting for one limit, each from where the last one ended."""
+
+
+class PlanGrid(Protocol):
+    """The periodic grid of a plan."""
+
+    @property
+    def window(self) -> FloatArray:
+        """See `Plan.window`."""
+
+    @property
+    def rate_hz(self) -> float:
+        """Sample rate."""
+
+
+def plan_for(
+    table: Actuation,
+    targets: FloatArray,
+    grid: PlanGrid,
+    band: tuple[float, float],
+    limits: Limits,
+    drift: Drift = STEADY,
+) -> Plan:
+    """The plan, in linear volts, for targets ((points, grid) m/s^2) within `band` (Hz).
+
+    Motion that is not wanted counts wherever the response was measured, also outside the band.
+    """
+    f = scipy.fft.rfftfreq(targets.shape[1], 1 / grid.rate_hz)
+    low, high = table.known
+    known = (f >= low) & (f <= high)
+    gain = np.where(known, table.gain(np.clip(f, low, high)), 0.0)
+    slew = min(limits.slew, limits.current_peak / limits.capacitance if limits.capacitance else np.inf)
+    power = (np.abs(gain[0]) ** 2).mean(axis=0)
+    reach = table.reach(limits)
+    return Plan(
+        target=scipy.fft.rfft(targets),
+        gain=gain,
+        known=known,
+        covariance=table.covariance(f).sum(axis=0),
+        window=grid.window,
+        typical=float(np.median(power[(f >= band[0]) & (f <= band[1])])),
+        reach=reach / reach.max(),
+        drift=table.drifted(f, drift).sum(axis=0) if drift != STEADY else 0.0,
+        slew=slew / grid.rate_hz / limits.peak,
+    )
+
+
+def planned_by(plan: Plan, trade: Trade, budget: float, reach: float, inversion: Inversion) -> FloatArray:
+    """(patches, grid) linear volts for the unscaled target. `reach` is the largest of any patch."""
+    if trade.scale is None:
+        return (max_output if inversion == "optimised" else min_peak)(plan, budget)[0]
+    state: State | None = None
+    for _ in range(_SETTLING):
+        drive, state = within(plan, reach / trade.scale, state)
+    return drive
+
+
+def distorted(table: Actuation, plan: Plan, linear_volts: FloatArray) -> float:
+    """Error expected from distortion, over the target's rms.
+
+    Linear volts that the hysteresis model misses are spread over the band by it; the table then moves as it
+    does there, also where the drives themselves have little power.
+    """
+    target = np.abs(plan.target[0]) ** 2
+    inside = target > 1e-6 * target.max()
+    spread = (np.abs(scipy.fft.rfft(linear_volts)) ** 2).sum(axis=1) / inside.sum()
+    moved = (np.abs(plan.gain[0][:, plan.known]) ** 2).sum(axis=1)
+    own = np.array([c.distortion for c in table.own])
+    return float(_SPREAD * np.sqrt((own**2 * spread * moved).sum() / target.sum()))

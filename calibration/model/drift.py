@@ -1,0 +1,104 @@
+"""Expected drift of a table between its calibration and a play, as deviations of its responses.
+
+A table drifts in as many ways as it has modes, and a few more: temperature moves the frequencies of all modes
+together, the frame and the glue those of each mode, and its damping; an amplifier's channels drift in gain
+and delay. Each of these is one number with a standard deviation, and moves the responses of every patch at
+every point at once. Against what they have in common, several patches can be planned
+(`calibration.drive.inversion`).
+
+A response is a sum over poles; a mode's number moves its pole, and the residue stays: in velocity it is force
+times shape over the modal mass, which no drift of the frequency changes. Calibrations of several patches are
+fitted one by one, so that their poles of one mode differ a little: poles nearer to each other than the sum of
+their half-widths are one mode. Deviations are differences for a standard deviation up and down, not
+derivatives, because a drift may be as large as a resonance is wide. Assumptions: drifts are independent of
+each other; the residues stay. A change of the shapes (a finger, a loose patch) breaks them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...instruments.arrays import ComplexArray, FloatArray, IntArray
+from .model import Model
+
+__all__ = ["Drift", "mode_deviations"]
+
+
+@dataclass(frozen=True)
+class Drift:
+    """Standard deviations of what changes between calibration and play; relative where no unit is given.
+
+    The defaults are estimates: three times what `haploop recalibrate` accepts of resonances, half of what it
+    accepts of damping.
+    """
+
+    common: float = 0.01
+    """Frequencies of all modes, alike."""
+    own: float = 0.005
+    """Frequency of each mode."""
+    damping: float = 0.1
+    """Damping ratio of each mode."""
+    gain: float = 0.01
+    """Velocity per volt of each patch."""
+    delay: float = 2e-6
+    """Delay of each patch (s)."""
+
+    @property
+    def modes(self) -> bool:
+        """True when a mode is expected to change."""
+        return bool(self.common or self.own or self.damping)
+
+
+def mode_deviations(models: Sequence[Model], f: FloatArray, drift: Drift) -> ComplexArray:
+    """(deviations, models, frequencies) m/s per V: what each number of the modes changes, at `f` (Hz).
+
+    The sum over the deviations of their products is the covariance of the responses.
+    """
+    modes = _modes(models)
+    count = int(max(each.max() for each in modes)) + 1
+    s = np.asarray(2j * np.pi * f, dtype=np.complex128)
+    found = []
+    for which, turned, damped in (
+        (None, drift.common, 0.0),
+        *((k, drift.own, 0.0) for k in range(count)),
+        *((k, 0.0, drift.damping) for k in range(count)),
+    ):
+        if turned or damped:
+            for sign in (1.0, -1.0):
+                found.append(
+                    [
+                        _moved(m, own, s, which, (sign * turned, sign * damped))
+                        for m, own in zip(models, modes, strict=True)
+                    ]
+                )
+    return np.asarray(np.array(found).reshape(len(found), len(models), len(s)) / np.sqrt(2))
+
+
+def _moved(
+    model: Model, modes: IntArray, s: ComplexArray, which: int | None, by: tuple[float, float]
+) -> ComplexArray:
+    """(frequencies,): change of a response where a mode's frequency and damping change (None: all modes')."""
+    changed: ComplexArray = np.zeros(len(s), dtype=np.complex128)
+    chosen = modes >= 0 if which is None else modes == which
+    for p, r in zip(model.poles[chosen], model.residues[chosen], strict=True):
+        moved = (1 + by[0]) * complex(p.real * (1 + by[1]), p.imag)
+        for pole, residue, sign in ((moved, r, 1.0), (p, r, -1.0)):
+            changed += sign * (residue / (s - pole) + np.conj(residue) / (s - np.conj(pole)))
+    return changed
+
+
+def _modes(models: Sequence[Model]) -> list[IntArray]:
+    """Number of the mode of each pole of each model; -1 for a real pole."""
+    poles = np.concatenate([m.poles for m in models])
+    numbers = np.full(len(poles), -1)
+    order = [k for k in np.argsort(np.abs(poles)) if poles[k].imag > 0]
+    number = 0
+    for before, k in zip([None, *order], order, strict=False):
+        if before is not None and abs(poles[k]) - abs(poles[before]) > -poles[k].real - poles[before].real:
+            number += 1
+        numbers[k] = number
+    ends = np.cumsum([len(m.poles) for m in models])
+    return list(np.split(numbers, ends[:-1]))

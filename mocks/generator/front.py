@@ -1,0 +1,103 @@
+"""What a client asks beside the signal: the display, the list of waveforms, modulation that is off."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+from .channel import Channel
+from .products import Product
+from .scpi import Entry, ScpiError, number_of, word_of
+
+__all__ = ["Display", "front_entries"]
+
+_KINDS = ("AM", "FM", "PM", "PWM", "FSKey", "BPSK", "SUM")
+_RATE = "[:SOURce#]:FUNCtion:ARBitrary:SRATe"
+_ON_OFF = {"ON": "1", "1": "1", "OFF": "0", "0": "0"}
+
+
+class Display:
+    """The instrument's screen."""
+
+    def __init__(self) -> None:
+        self.text = ""
+        self.on = "1"
+
+    def write(self, argument: str) -> None:
+        """Show a quoted text."""
+        self.text = argument.strip().strip("\"'")
+
+    def switch(self, argument: str) -> None:
+        """Switch the screen."""
+        self.on = _ON_OFF[word_of(argument, tuple(_ON_OFF))]
+
+
+def front_entries(
+    display: Display,
+    channel: Callable[[int], Channel],
+    product: Product,
+    text: Callable[[float], str],
+    apply: Callable[[int], None],
+) -> dict[str, Entry]:
+    """Entries of these commands; `apply` puts out what was set."""
+    entries = {
+        ":DISPlay[:STATe]": Entry(lambda n, _: display.on, lambda n, a: display.switch(a)),
+        ":DISPlay:TEXT": Entry(lambda n, _: f'"{display.text}"', lambda n, a: display.write(a)),
+        ":DISPlay:TEXT:CLEar": Entry(put=lambda n, _: display.write("")),
+    }
+    entries |= {
+        f"[:SOURce#]:{kind}[:STATe]" if not product.by_mode else f"[:SOURce#]:{kind}:STATe": Entry(
+            lambda n, _: product.booleans[0], lambda n, argument: _unmodulated(argument)
+        )
+        for kind in _KINDS
+    }
+    if product.by_mode:
+        entries |= {
+            "[:SOURce#]:DATA:VOLatile:CATalog": Entry(get=lambda n, _: _catalogue(channel(n))),
+            "[:SOURce#]:DATA:VOLatile:FREE": Entry(get=lambda n, _: _free(channel(n), product.memory)),
+            "[:SOURce#]:FUNCtion:ARBitrary:POINts": Entry(get=lambda n, _: f"{_points(channel(n)):+d}"),
+            **{
+                f"[:SOURce#]:FUNCtion:ARBitrary:{name}": Entry(
+                    partial(_get_pace, channel, text, power), partial(_put_pace, channel, apply, power)
+                )
+                for name, power in (("FREQuency", 1), ("PERiod", -1))
+            },
+        }
+    return entries
+
+
+def _unmodulated(argument: str) -> None:
+    if _ON_OFF[word_of(argument, tuple(_ON_OFF))] == "1":
+        raise ScpiError(-221, "Settings conflict; nothing here modulates")
+
+
+def _catalogue(channel: Channel) -> str:
+    return ",".join(dict.fromkeys(['"INT:\\BUILTIN\\EXP_RISE.ARB"', *channel.points]))
+
+
+def _free(channel: Channel, memory: int) -> str:
+    return f"{memory - sum(map(len, channel.points.values())):+d}"
+
+
+def _points(channel: Channel) -> int:
+    if channel.arb not in channel.points:
+        raise ScpiError(786, "Specified arb waveform does not exist")
+    return len(channel.points[channel.arb])
+
+
+def _get_pace(
+    channel: Callable[[int], Channel], text: Callable[[float], str], power: int, n: int, argument: str
+) -> str:
+    one = channel(n)
+    return text((one.values[_RATE] / _points(one)) ** power)
+
+
+def _put_pace(
+    channel: Callable[[int], Channel], apply: Callable[[int], None], power: int, n: int, argument: str
+) -> None:
+    one = channel(n)
+    value = number_of(argument)
+    if value <= 0:
+        raise ScpiError(-222, "Data out of range")
+    one.values[_RATE] = value**power * _points(one)
+    apply(n)
