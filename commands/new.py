@@ -109,7 +109,7 @@ def new(folder: Path, buttons: str | None, participants: int | None, presses: in
     haploop.load_study(folder)
     haploop.load_rig_file(paths[0])
     print_line(
-        f"Made {folder}. Read {paths[3]} for what to run; first: cd {folder}, haploop doctor --rig rig.toml"
+        f"Made {folder}: read {paths[3]} for what to run; first: cd {folder}, haploop doctor --rig rig.toml"
     )
     return 0
 

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from ..instruments.describing import Found
 from ..terminal.progress import note, print_json, print_line
 from . import front as haploop
 from .asking import asker
 from .options import JSON, NewFile
+
+if TYPE_CHECKING:
+    from ..instruments.describing import Found
 
 __all__ = ["rig"]
 

@@ -7,11 +7,13 @@ question. What was taken by the file's word is shown with the word, and a mappin
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from ...acquisition import hdf5
 from ...instruments import ConfigurationError, DataError
 from ...instruments.arrays import FloatArray
 from ..columns import SI, Table, per_unit, read_table, unit_of
@@ -114,6 +116,9 @@ def understand(path: str | Path, mapping: FileMapping | None = None) -> Understa
     Raises ConfigurationError for a mapping that contradicts the file, DataError for one that cannot be read.
     """
     path, told = Path(path), mapping or FileMapping()
+    with suppress(DataError):  # of somebody else
+        kind = hdf5.kind_of(path)
+        raise ConfigurationError(f"{path} is a {kind} of haploop already, and needs no import: haploop show.")
     table = read_table(path, told.format, told.decimal)
     found = _Finder(table, told)
     return found.understanding()

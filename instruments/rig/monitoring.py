@@ -4,16 +4,52 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
+
+import numpy as np
 
 from ..clock import Clock
-from ..daq import Block
-from ..progress import Progress
+from ..daq import Block, Capture
+from ..errors import ConfigurationError
+from ..progress import Progress, silent
 from ..safety import AbortMonitor, Limiter, Lockouts, Renewal, combined, trip
 from ..signals import deliver
 from .ratings import ratings
 from .roles import Instruments
 
-__all__ = ["Monitoring"]
+__all__ = ["Monitoring", "Take"]
+
+
+class Take:
+    """The patches of a play, what is recorded meanwhile and for how long (s) after it, and who is told."""
+
+    def __init__(
+        self,
+        patches: Collection[str],
+        channels: Sequence[str],
+        tail: float = 0.0,
+        progress: Progress = silent,
+    ) -> None:
+        """Raises ConfigurationError for a tail that cannot be recorded."""
+        if not 0 <= tail < np.inf:
+            raise ConfigurationError(f"Recording can go on for 0 s or more after a drive, not for {tail} s.")
+        self.patches, self.channels = tuple(dict.fromkeys(patches)), tuple(channels)
+        self.tail, self.progress = tail, progress
+
+    def samples_after(self, rate_hz: float) -> int:
+        """Samples that are recorded after a drive."""
+        return max(1, round(self.tail * rate_hz))
+
+    def only(self, capture: Capture, samples: int) -> Capture:
+        """Reduce a capture to the requested channels and at most `samples` samples."""
+        rows = [capture.channels.index(channel) for channel in self.channels]
+        return replace(
+            capture,
+            channels=self.channels,
+            volts=capture.volts[rows, :samples],
+            delays=capture.delays[rows],
+            overload=capture.overload[rows],
+        )
 
 
 class Monitoring:
@@ -46,7 +82,7 @@ class Monitoring:
 
     @contextmanager
     def monitored(
-        self, patches: Collection[str], channels: Sequence[str], samples: int, progress: Progress
+        self, take: Take, samples: int
     ) -> Iterator[tuple[tuple[str, ...], Callable[[Block], None]]]:
         """Yield the channels to record, with the monitored ones, and the function to call on every block.
 
@@ -56,7 +92,7 @@ class Monitoring:
         """
         rig = self._rig
         laser = rig.vibrometer if rig.has("vibrometer") else None
-        limits = combined(ratings(rig, len(frozenset(patches))))
+        limits = combined(ratings(rig, len(take.patches)))
         abort_monitor = AbortMonitor(
             rig.file.abort,
             rig.sensors,
@@ -65,8 +101,8 @@ class Monitoring:
             rate_hz=rig.table.rate_hz,
             warm=self._limiter.warm,
         )
-        recorded = tuple(dict.fromkeys([*channels, *abort_monitor.channels]))
-        into, total = f"patch {', '.join(sorted(patches))}", samples / rig.table.rate_hz
+        recorded = tuple(dict.fromkeys([*take.channels, *abort_monitor.channels]))
+        into, total = f"patch {', '.join(sorted(take.patches))}", samples / rig.table.rate_hz
         publish = self._live_run("play", into, recorded, rig.table.rate_hz)
 
         def each(block: Block) -> None:
@@ -74,7 +110,7 @@ class Monitoring:
                 self._renewal.alive()
             abort_monitor.check(block, recorded)
             publish(block)
-            progress(f"Play into {into}", min(block.end / rig.table.rate_hz, total), total, "s")
+            take.progress(f"Play into {into}", min(block.end / rig.table.rate_hz, total), total, "s")
             deliver()
 
         try:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -19,12 +20,11 @@ from ..daq import Block, Capture, Stream
 from ..errors import ConfigurationError, InstrumentError
 from ..generator import Sweep, Waveform
 from ..limits import Limits
-from ..progress import Progress, silent
 from ..safety import Limiter, combined, exit_within
 from ..signals import uninterrupted
 from .alignment import align, find
 from .gain_proof import HZ, TOO_MUCH, UNPROVED, level_of, loudest, tone
-from .monitoring import Monitoring
+from .monitoring import Monitoring, Take
 from .ratings import figures
 from .roles import Instruments
 
@@ -59,45 +59,29 @@ class Playing:
         self._make_safe = make_safe
         self._proved = proved
 
-    def excite(
-        self,
-        drive: FloatArray,
-        patches: Collection[str],
-        channels: Sequence[str],
-        tail: float = 0.0,
-        progress: Progress = silent,
-    ) -> Capture:
+    def excite(self, drive: FloatArray, take: Take) -> Capture:
         """See `Rig.excite`."""
         rig = self._rig
         if rig.amplifier.inputs:
-            return self.excite_each(dict.fromkeys(patches, drive), channels, tail, progress)
+            return self.excite_each(dict.fromkeys(take.patches, drive), take)
         rate_hz = rig.table.rate_hz
-        _refuse_tail(tail)
         if not rig.feeds_amplifier("player"):
             own = {rig.amplifier.input: drive}
-            self._prove_each(own, patches)
-            return self._played(own, patches, channels, tail, progress)
-        self._limiter.check(drive, rate_hz, self._ratings(len(frozenset(patches))))
-        if drive.any() and patches:
-            self.prove_gain(min(patches))
-        capture = self._by_player(drive, patches, channels, tail, progress)
-        if drive.any():
-            return self._aligned(capture, drive, channels, len(drive) + max(1, round(tail * rate_hz)))
-        return _only(channels, capture, len(drive) + max(1, round(tail * rate_hz)))
+            self._prove_each(own, take.patches)
+            return self._played(own, take)
+        self._limiter.check(drive, rate_hz, self._ratings(len(take.patches)))
+        if drive.any() and take.patches:
+            self.prove_gain(min(take.patches))
+        capture, count = self._by_player(drive, take), len(drive) + take.samples_after(rate_hz)
+        return self._aligned(capture, drive, take, count) if drive.any() else take.only(capture, count)
 
-    def excite_each(
-        self,
-        drives: Mapping[str, FloatArray],
-        channels: Sequence[str],
-        tail: float = 0.0,
-        progress: Progress = silent,
-    ) -> Capture:
+    def excite_each(self, drives: Mapping[str, FloatArray], take: Take) -> Capture:
         """See `Rig.excite_each`."""
         rig = self._rig
         inputs = rig.amplifier.inputs
         if len(drives) == 1 and not inputs:
-            [(patch, drive)] = drives.items()
-            return self.excite(drive, (patch,), channels, tail, progress)
+            [drive] = drives.values()
+            return self.excite(drive, take)
         missing = [patch for patch in drives if patch not in inputs]
         if missing or not drives:
             raise ConfigurationError(
@@ -105,43 +89,33 @@ class Playing:
                 f"{', '.join(missing) or '(none was named)'}: play one patch at a time, or give 'input' in "
                 "[amplifier] a name for each patch."
             )
-        _refuse_tail(tail)
         own = {inputs[patch]: drive for patch, drive in drives.items()}
-        mixed = [p for p, drive in drives.items() if not np.array_equal(own[inputs[p]], drive)]
+        same = partial(np.array_equal, equal_nan=True)  # NaN is for the limiter to refuse
+        mixed = [p for p, drive in drives.items() if not same(own[inputs[p]], drive)]
         if mixed:
             raise ConfigurationError(
                 f"Patch {mixed[0]} shares its amplifier channel {inputs[mixed[0]]!r} with another patch, and "
                 "they were to get different drives: give each patch in 'input' of [amplifier] its own."
             )
         self._prove_each(own, tuple(drives))
-        return self._played(own, tuple(drives), channels, tail, progress)
+        return self._played(own, take)
 
-    def generate(
-        self,
-        waveform: Waveform,
-        patches: Collection[str],
-        channels: Sequence[str],
-        tail: float = 0.0,
-        progress: Progress = silent,
-    ) -> Capture:
+    def generate(self, waveform: Waveform, take: Take) -> Capture:
         """See `Rig.generate`."""
         rig = self._rig
-        _refuse_tail(tail)
         if not rig.feeds_amplifier("generator"):
             raise ConfigurationError(
                 f"The generator of the rig {rig.name!r} is wired to {rig.generator.output!r}, and its "
                 f"amplifier's input is {rig.amplifier.input!r}: give both the same name in the rig file."
             )
-        self._limiter.check_waveform(waveform, _SLACK, rig.amplifier, self._ratings(len(frozenset(patches))))
-        patch = min(patches, default="")
+        self._limiter.check_waveform(waveform, _SLACK, rig.amplifier, self._ratings(len(take.patches)))
+        patch = min(take.patches, default="")
         self._prove(
             rig.generator.output,
             patch,
-            lambda level: self._generated(
-                replace(_PROOF, amplitude=level), (patch,), (rig.monitor(patch),), 0.0, silent
-            ),
+            lambda level: self._generated(replace(_PROOF, amplitude=level), self._proof(patch)),
         )
-        return self._generated(waveform, patches, channels, tail, progress)
+        return self._generated(waveform, take)
 
     def prove_gain(self, patch: str) -> None:
         """See `Rig.prove_gain`."""
@@ -149,8 +123,8 @@ class Playing:
         rate_hz, level = rig.table.rate_hz, level_of(combined(self._ratings(1)))
         source = rig.amplifier.inputs.get(patch, rig.amplifier.input)
         if rig.feeds_amplifier("player"):
-            drive, row = tone(level, rate_hz), rig.drive_monitor().channels[:1]
-            self._prove(source, patch, lambda _: self._by_player(drive, (patch,), row, 0.0, silent))
+            proof = Take((patch,), rig.drive_monitor().channels[:1])
+            self._prove(source, patch, lambda _: self._by_player(tone(level, rate_hz), proof))
         elif not rig.feeds_amplifier("generator"):
             self._prove_each({source: tone(level, rate_hz)}, (patch,))
 
@@ -166,9 +140,12 @@ class Playing:
                     source,
                     patch,
                     lambda level, s=source, p=patch: self._played(  # type: ignore[misc]
-                        {s: tone(level, rate_hz)}, (p,), (self._rig.monitor(p),), 0.0, silent
+                        {s: tone(level, rate_hz)}, self._proof(p)
                     ),
                 )
+
+    def _proof(self, patch: str) -> Take:
+        return Take((patch,), (self._rig.monitor(patch),))
 
     def _prove(self, source: str, patch: str, play: Callable[[float], Capture]) -> None:
         """Prove the gain from an amplifier's input to a patch, once in a session, by the drive monitor.
@@ -202,99 +179,67 @@ class Playing:
                 "and nothing else was played: is the amplifier on, and the monitor's cable and scale right?"
             )
 
-    def _played(
-        self,
-        drives: Mapping[str, FloatArray],
-        patches: Collection[str],
-        channels: Sequence[str],
-        tail: float,
-        progress: Progress,
-    ) -> Capture:
+    def _played(self, drives: Mapping[str, FloatArray], take: Take) -> Capture:
         """Play drives (V at the patch) on the DAQ's outputs."""
         rig = self._rig
         rate_hz = rig.table.rate_hz
-        permitted = self._limiter.permit(drives, rate_hz, frozenset(patches), rig.amplifier, self._ratings)
+        permitted = self._limiter.permit(drives, rate_hz, take.patches, rig.amplifier, self._ratings)
         with uninterrupted(), permitted as volts:
             samples = len(next(iter(volts.values())))
-            count = samples + max(1, round(tail * rate_hz))
+            count = samples + take.samples_after(rate_hz)
             padded = {output: np.pad(v, (0, count - samples)) for output, v in volts.items()}
             with (
-                self._monitoring.monitored(patches, channels, count, progress) as (recorded, each),
-                self._connected(patches),
+                self._monitoring.monitored(take, count) as (recorded, each),
+                self._connected(take.patches),
                 self._streamed(recorded, count, padded) as stream,
             ):
-                return _only(channels, stream.capture(each), count)
+                return take.only(stream.capture(each), count)
 
-    def _by_player(
-        self,
-        drive: FloatArray,
-        patches: Collection[str],
-        channels: Sequence[str],
-        tail: float,
-        progress: Progress,
-    ) -> Capture:
+    def _by_player(self, drive: FloatArray, take: Take) -> Capture:
         """Play a drive (V at the patch) on the player, and record until it has certainly been played."""
         rig = self._rig
         output, rate_hz = rig.player.output, rig.table.rate_hz
         permitted = self._limiter.permit(
-            {output: drive}, rate_hz, frozenset(patches), rig.amplifier, self._ratings, rig.player.rendered
+            {output: drive}, rate_hz, take.patches, rig.amplifier, self._ratings, rig.player.rendered
         )
         with uninterrupted(), permitted as volts:
-            total = len(drive) + max(1, round(tail * rate_hz)) + round(rig.player.max_latency * rate_hz)
+            total = len(drive) + take.samples_after(rate_hz) + round(rig.player.max_latency * rate_hz)
             with (
-                self._monitoring.monitored(patches, channels, total, progress) as (recorded, each),
-                self._connected(patches),
+                self._monitoring.monitored(take, total) as (recorded, each),
+                self._connected(take.patches),
                 self._streamed(recorded, total) as stream,
                 exit_within(rig.player.identity, rig.player.play(volts[output], rate_hz)),
             ):
                 return stream.capture(each)
 
-    def _aligned(self, capture: Capture, drive: FloatArray, channels: Sequence[str], count: int) -> Capture:
+    def _aligned(self, capture: Capture, drive: FloatArray, take: Take, count: int) -> Capture:
         """Put what a player played (V at the patch) on the drive's own clock, by the drive monitor."""
         rate_hz, monitor = self._rig.table.rate_hz, self._rig.drive_monitor()
         row = capture.channels.index(monitor.channels[0])
         measured = monitor.to_si(capture.volts[[row]])[0]
         delay = float(capture.delays[row])
         found = find(measured, drive, rate_hz, delay, self._rig.player.response)
-        return _only(channels, align(capture, found, count), count)
+        return take.only(align(capture, found, count), count)
 
-    def _generated(
-        self,
-        waveform: Waveform,
-        patches: Collection[str],
-        channels: Sequence[str],
-        tail: float,
-        progress: Progress,
-    ) -> Capture:
+    def _generated(self, waveform: Waveform, take: Take) -> Capture:
         """Play a waveform, in volts at the patch."""
+        rig = self._rig
         permitted = self._limiter.permit_waveform(
-            self._rig.generator.output,
-            waveform,
-            _SLACK,
-            frozenset(patches),
-            self._rig.amplifier,
-            self._ratings,
+            rig.generator.output, waveform, _SLACK, take.patches, rig.amplifier, self._ratings
         )
         with uninterrupted(), permitted as at_output:
-            return self._generated_at(at_output, patches, channels, tail, progress)
+            return self._generated_at(at_output, take)
 
-    def _generated_at(
-        self,
-        waveform: Waveform,
-        patches: Collection[str],
-        channels: Sequence[str],
-        tail: float,
-        progress: Progress,
-    ) -> Capture:
+    def _generated_at(self, waveform: Waveform, take: Take) -> Capture:
         """Play a waveform, in volts at the generator's output."""
         rig = self._rig
         triggered: list[float] = []
         ended = False
-        total = round((waveform.duration + tail + _SLACK) * rig.table.rate_hz)
+        total = round((waveform.duration + take.tail + _SLACK) * rig.table.rate_hz)
         rig.generator.configure(waveform)
         with (
-            self._monitoring.monitored(patches, channels, total, progress) as (recorded, each),
-            self._connected(patches),
+            self._monitoring.monitored(take, total) as (recorded, each),
+            self._connected(take.patches),
         ):
 
             def follow(block: Block) -> None:
@@ -314,7 +259,7 @@ class Playing:
 
             rig.generator.arm()
             with self._streamed(recorded, total) as stream:
-                capture = _only(channels, stream.capture(follow), total)
+                capture = take.only(stream.capture(follow), total)
         if not ended:
             raise InstrumentError(
                 f"The waveform of the {rig.generator.identity} had not ended when recording ended: it was "
@@ -356,20 +301,3 @@ class Playing:
         """The limits as they were when the rig was opened. Raises LimitError when they are others now."""
         with self._limiter.refusals_noted():
             return self._limiter.kept.ratings(patches, figures(self._rig))
-
-
-def _only(channels: Sequence[str], capture: Capture, samples: int) -> Capture:
-    """Reduce a capture to the requested channels and at most `samples` samples."""
-    rows = [capture.channels.index(channel) for channel in channels]
-    return replace(
-        capture,
-        channels=tuple(channels),
-        volts=capture.volts[rows, :samples],
-        delays=capture.delays[rows],
-        overload=capture.overload[rows],
-    )
-
-
-def _refuse_tail(tail: float) -> None:
-    if not 0 <= tail < np.inf:
-        raise ConfigurationError(f"Recording can go on for 0 s or more after a drive, not for {tail} s.")

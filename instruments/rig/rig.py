@@ -35,7 +35,7 @@ from ..safety import (
 )
 from ..signals import at_console_close, at_program_end, ending_in_order, uninterrupted
 from .declared_settings import DeclaredSettings
-from .monitoring import Monitoring
+from .monitoring import Monitoring, Take
 from .playing import Playing
 from .ratings import figures, ratings
 from .roles import Instruments, Role
@@ -202,7 +202,7 @@ class Rig(Instruments, InNotebook):
 
         Raises LimitError, ConfigurationError, InstrumentError.
         """
-        return self._collected(self._playing.excite(drive, patches, channels, tail, progress))
+        return self._collected(self._playing.excite(drive, Take(patches, channels, tail, progress)))
 
     def excite_each(
         self,
@@ -217,7 +217,7 @@ class Rig(Instruments, InNotebook):
         one patch. One alone is played on any amplifier. Raises ConfigurationError for an amplifier without a
         channel for each patch, and as `excite` does.
         """
-        return self._collected(self._playing.excite_each(drives, channels, tail, progress))
+        return self._collected(self._playing.excite_each(drives, Take(drives, channels, tail, progress)))
 
     def generate(
         self,
@@ -237,7 +237,7 @@ class Rig(Instruments, InNotebook):
 
         Raises LimitError, ConfigurationError, InstrumentError.
         """
-        return self._collected(self._playing.generate(waveform, patches, channels, tail, progress))
+        return self._collected(self._playing.generate(waveform, Take(patches, channels, tail, progress)))
 
     def prove_gain(self, patch: str) -> None:
         """Prove the amplifier's gain at a volt now, where the first play into this patch would do it.

@@ -60,9 +60,12 @@ def _apply(box: Answering, product: Product, shape: str, n: int, argument: str) 
 def _rigol(
     box: Answering, n: int, shape: str, names: list[str], given: list[str]
 ) -> tuple[list[str], list[str]]:
-    """Headers and arguments where the DG1000Z has others: noise without a frequency, points by their rate."""
+    """Headers and arguments where the DG1000Z has others: points by their rate, noise without a frequency.
+
+    QCoDeS's driver sends noise with all four arguments; they are taken as well.
+    """
     match shape:
-        case "NOISe":
+        case "NOISe" if len(given) < 3:
             return names, ["", *given]
         case "ARBitrary":
             box.answer(f"SOUR{n}:FUNC:ARB:MODE SRAT")
@@ -76,4 +79,10 @@ def _applied(box: Answering, product: Product, n: int, argument: str) -> str:
     shape, *numbers = (box.get(f"SOUR{n}:{header}?") for header in ("FUNC", *_NAMES))
     if product.by_mode:
         return f'"{shape} {",".join(numbers)}"'
-    return ",".join([shape, *numbers, box.get(f"SOUR{n}:PHAS?")])
+    phase = box.get(f"SOUR{n}:PHAS?")
+    match shape:
+        case "NOIS":
+            return ",".join(["NOISE", "DEF", *numbers[1:], "DEF"])
+        case "ARB" if box.get(f"SOUR{n}:FUNC:ARB:MODE?") == "SRAT":
+            return ",".join(["ARB", box.get(f"SOUR{n}:FUNC:ARB:SRAT?"), *numbers[1:]])
+    return ",".join([{"PULS": "PULSE", "ARB": "USER"}.get(shape, shape), *numbers, phase])

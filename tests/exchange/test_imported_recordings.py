@@ -172,3 +172,10 @@ def test_who_pressed_is_asked_for(presses: Written, tmp_path: Path, run: Run) ->
     refused = run("import", tmp_path / "a.csv", "-o", tmp_path / "out.h5")
     assert refused.exit_code == 2 and "--participant P01 and --button NAME" in refused.stderr
     assert refused.stderr.count("\n") == 1 and not (tmp_path / "out.h5").exists()
+
+
+def test_a_file_of_haploop_needs_no_import(tmp_path: Path) -> None:
+    with haploop.open_rig("simulated") as rig:
+        haploop.record(rig, "push", "P01", 1, tmp_path)
+    with pytest.raises(haploop.ConfigurationError, match="is a recording of haploop already"):
+        haploop.understand(tmp_path / "P01-push.h5")

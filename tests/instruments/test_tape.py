@@ -456,6 +456,7 @@ def test_commands_of_a_tape(run: Run, whole: Path, tmp_path: Path, monkeypatch: 
         (["tape", "show", "none.tape"], 2, "cannot be read"),
         (["doctor", "--simulate", "tape:none.tape"], 2, "cannot be read"),
         (["doctor", "--simulate", "tape"], 2, "is not twin, wire or tape:FILE"),
+        (["doctor", "--simulate", "tape:"], 2, "is not twin, wire or tape:FILE"),
         (["doctor", "--simulate", f"tape:{whole}", "--tape", "new.tape"], 2, "leave out --tape"),
         (["doctor", "--simulate", "twin", "--tape", "new.tape"], 2, "A twin makes no calls"),
         (["demo", "--tape", "new.tape"], 2, "A twin makes no calls"),

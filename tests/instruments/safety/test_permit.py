@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -101,7 +101,7 @@ def test_a_permitted_drive_starts_once_and_no_other(world: World) -> None:
 
 def test_what_was_judged_is_a_copy_whatever_the_amplifier_returns(world: World) -> None:
     drive = DRIVE.copy()
-    amplifier: Any = SimpleNamespace(to_input=lambda volts: volts)
+    amplifier: Any = SimpleNamespace(to_input=lambda volts: volts, sharing=len)
     with world.limiter.permit({"one": drive}, RATE, ("A",), amplifier, rated(LIMITS)) as volts:
         drive[:] = 400.0
         np.testing.assert_array_equal(volts["one"], DRIVE)
@@ -113,13 +113,14 @@ def test_one_drive_is_held_to_the_limits_of_all_its_patches_and_several_to_those
     def ratings(count: int) -> Ratings:
         return {"the rig": replace(LIMITS, max=25.0 / count)}
 
-    def permit(*outputs: str) -> Any:
-        drives = dict.fromkeys(outputs, DRIVE)
-        return world.limiter.permit(drives, RATE, ("A", "B"), world.amplifier, ratings)
+    def permit(outputs: Mapping[str, str] | str) -> Any:
+        amplifier = E413.open(E413.Settings(input=outputs, gain=50), world.clock)
+        drives = dict.fromkeys(["one"] if outputs == "one" else ["one", "two"], DRIVE)
+        return world.limiter.permit(drives, RATE, ("A", "B"), amplifier, ratings)
 
     with pytest.raises(LimitError, match=r"rises to 20 V at sample 2, 7\.5 V beyond"), permit("one"):
         pass
-    with permit("one", "two") as volts:
+    with permit({"A": "one", "B": "two"}) as volts:
         assert set(volts) == {"one", "two"}
 
 

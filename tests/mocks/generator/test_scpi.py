@@ -343,6 +343,25 @@ def test_rigol_names_its_settings_in_its_own_way(wired: tuple[Box, Bench]) -> No
 
 
 @pytest.mark.parametrize(
+    "applied, told",
+    [
+        ("PULS 500,1,0.5,90", "PULSE,5.000000E+02,1.000000E+00,5.000000E-01,9.000000E+01"),
+        ("NOIS 500,1,0.5,0", "NOISE,DEF,1.000000E+00,5.000000E-01,DEF"),
+        ("NOIS 1,0.5", "NOISE,DEF,1.000000E+00,5.000000E-01,DEF"),
+        ("USER 500,1,0.5,0", "USER,5.000000E+02,1.000000E+00,5.000000E-01,0.000000E+00"),
+        ("ARB 2000,1,0.5", "ARB,2.000000E+03,1.000000E+00,5.000000E-01"),
+    ],
+)
+def test_rigol_tells_what_is_applied_as_qcodes_reads_it(
+    wired: tuple[Box, Bench], applied: str, told: str
+) -> None:
+    box, _ = wired
+    ask(box, f":SOUR1:APPL:{applied}")
+    assert ask(box, ":SOUR1:APPL?") == told
+    assert ask(box, "SYST:ERR?") == '0,"No error"'
+
+
+@pytest.mark.parametrize(
     "line",
     [
         "SOUR1:DATA VOLATILE, 0, 1, 0, -1, -1, -1, -1, -1",
