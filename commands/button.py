@@ -24,6 +24,7 @@ from .options import (
     PLAYS,
     PLOT,
     PRESSES,
+    QUIET,
     ChosenRig,
     Measure,
     on_rig,
@@ -83,6 +84,7 @@ def button() -> None:
     show_default=True,
     help="Maximum number of iterative corrections of the drive.",
 )
+@QUIET
 @ERROR
 @LEVEL
 @AVERAGE
@@ -95,6 +97,7 @@ def make(
     out: Path,
     method: Literal["modulated", "broadband"],
     iterations: int,
+    quiet_at: Sequence[str],
     error: float | None,
     level: float | None,
     average: AverageMethod,
@@ -123,9 +126,16 @@ def make(
     ):
         trade = haploop.Trade()
         if chosen:
-            trade = haploop.trade_for(press, loaded, opened, wanted, method)
+            trade = haploop.trade_for(press, loaded, opened, wanted, method, quiet_at)
         made = haploop.build_button(
-            opened, press, loaded, method=method, trade=trade, iterations=iterations, progress=steps
+            opened,
+            press,
+            loaded,
+            method=method,
+            trade=trade,
+            quiet_at=quiet_at,
+            iterations=iterations,
+            progress=steps,
         )
         made.save(out)
     show.print_made(contents.file_contents(out), out, as_json)

@@ -40,6 +40,7 @@ __all__ = [
     "PLAYS",
     "PLOT",
     "PRESSES",
+    "QUIET",
     "RIG",
     "SIMULATE",
     "TAPED",
@@ -224,6 +225,13 @@ PATCHES = click.option(
     metavar="LIST",
     help="Patches to play at once, for example A,B,C,D; -c FILE.h5 then stands for FILE-A.h5, FILE-B.h5 and "
     "so on.  [default: those of the calibrations]",
+)
+QUIET = click.option(
+    "--quiet-at",
+    type=Names(),
+    default=(),
+    metavar="LIST",
+    help="Grid points that are to be silent, for example 31,57: fewer than patches, each calibrated as well.",
 )
 PLAYS = click.option(
     "--plays",

@@ -126,6 +126,11 @@ def save(figure: Figure, path: str | Path) -> None:
     save_picture(figure, path, simulated=False)  # it is marked already
 
 
+def __dir__() -> list[str]:
+    """What the tab key finds: the figures, and nothing else."""
+    return list(__all__)
+
+
 def _some(things: Sequence[_One], what: str) -> Sequence[_One]:
     if not things:
         raise DataError(f"There are no {what} to plot.")

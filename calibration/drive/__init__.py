@@ -9,13 +9,14 @@ from .drive import BAND, BEFORE, Drive, Method, drive_for, modulate
 from .feeling import check_feeling
 from .finger_check import check_under_finger
 from .learning import Iteration, Learning, learn
-from .loudness import ButtonPlan, Loudness, Offer, Offers, plan_button, trade_for
+from .loudness import ButtonPlan, Loudness, Offer, Offers, offered, plan_button, trade_for
 from .paper_baseline import paper_drive
-from .trade import Trade
+from .trade import STEADY, Trade
 
 __all__ = [
     "BAND",
     "BEFORE",
+    "STEADY",
     "TOLERANCE",
     "ButtonPlan",
     "Check",
@@ -37,6 +38,7 @@ __all__ = [
     "drive_for",
     "learn",
     "modulate",
+    "offered",
     "paper_drive",
     "plan_button",
     "play_button",

@@ -43,11 +43,13 @@ class Actuation:
     rows: tuple[tuple[Calibration, ...], ...]
 
     @classmethod
-    def of(cls, calibrations: Sequence[Calibration]) -> Actuation:
-        """Order calibrations by patch and point, as they come first.
+    def of(cls, calibration: Calibration | Sequence[Calibration], quiet_at: Sequence[str] = ()) -> Actuation:
+        """Order calibrations by patch, as they come first, and by point: the silent ones last.
 
-        Raises ConfigurationError when a pair is missing or there twice, or when they are not of one rig.
+        Raises ConfigurationError when a pair is missing or there twice, when they are not of one rig, and
+        what `_quiet` raises.
         """
+        calibrations = [calibration] if isinstance(calibration, Calibration) else calibration
         by_place = {(c.response.patch, c.response.point): c for c in calibrations}
         patches = tuple(dict.fromkeys(patch for patch, _ in by_place))
         points = tuple(dict.fromkeys(point for _, point in by_place))
@@ -67,7 +69,38 @@ class Actuation:
                 "patches of one table are calibrated on one rig."
             )
         rows = tuple(tuple(by_place[patch, point] for patch in patches) for point in points)
-        return cls(patches, points, rows)
+        return cls(patches, points, rows)._quiet(quiet_at)
+
+    def _at(self, points: Sequence[str]) -> Actuation:
+        """The same patches at some of the points. Raises ConfigurationError for one without a calibration."""
+        unknown = [point for point in points if point not in self.points]
+        if unknown:
+            raise ConfigurationError(
+                f"No patch was calibrated at the {unknown[0]} point: there are calibrations of "
+                f"{', '.join(self.points)}."
+            )
+        by_point = dict(zip(self.points, self.rows, strict=True))
+        return Actuation(self.patches, tuple(points), tuple(by_point[point] for point in points))
+
+    def _quiet(self, quiet_at: Sequence[str]) -> Actuation:
+        """The first point that is not to be silent, and those that are to be.
+
+        Raises ConfigurationError for more silent points than patches less one, and where other points are
+        calibrated that nobody names.
+        """
+        most = len(self.patches) - 1
+        moved = [point for point in self.points if point not in quiet_at]
+        if len(moved) != 1:
+            raise ConfigurationError(
+                f"One point is to move, and {len(moved)} of the calibrated ones are not to be silent "
+                f"({', '.join(moved) or 'none'}): name all others as silent, or leave their calibrations out."
+            )
+        if len(quiet_at) > most:
+            raise ConfigurationError(
+                f"{len(quiet_at)} points cannot be silent: each takes a patch of its own beside the one that "
+                f"moves the {moved[0]} point, and {len(self.patches)} patches leave {most}."
+            )
+        return self._at((*moved, *quiet_at))
 
     @property
     def own(self) -> tuple[Calibration, ...]:

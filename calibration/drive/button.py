@@ -34,7 +34,7 @@ class DigitalButton(InNotebook):
 
     press: Representative
     calibrations: tuple[Calibration, ...]
-    """One of each patch."""
+    """One of each patch at each point."""
     learning: Learning
     check: Check
     created: str
@@ -84,19 +84,21 @@ def build_button(
     *,
     method: Method = "modulated",
     trade: Trade = TRADE,
+    quiet_at: Sequence[str] = (),
     iterations: int = 5,
     plays: int = 8,
     progress: Progress = silent,
 ) -> DigitalButton:
     """Compute the drive of a press, improve it by up to `iterations` corrections, and check it.
 
-    `calibration` may be several, of several patches, and `trade` how loud it is to be: see `drive_for`.
+    `calibration` may be several, of several patches, `trade` how loud it is to be, and `quiet_at` points that
+    are kept silent: see `drive_for`.
     A button that fails its check is returned as well: see `DigitalButton.passed`.
     Raises what `drive_for`, `learn` and `check` raise.
     """
     calibrations = (calibration,) if isinstance(calibration, Calibration) else tuple(calibration)
     _refuse_other_world(rig, calibrations)
-    drive = drive_for(press, calibrations, rig.limits, method=method, trade=trade)
+    drive = drive_for(press, calibrations, rig.limits, method=method, trade=trade, quiet_at=quiet_at)
     refuse_foreign(rig, drive)
 
     learning = learn(rig, drive, calibrations, iterations=iterations, plays=plays, progress=progress)

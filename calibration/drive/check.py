@@ -24,7 +24,7 @@ from .agreement import (
     shared_power,
     trend,
 )
-from .checked import Check, ThirdOctaves, Tones
+from .checked import Check, Silence, ThirdOctaves, Tones
 from .drive import Drive
 from .playing import Played, play, refuse_foreign, target_of
 from .verdict import Signs, judged
@@ -52,7 +52,8 @@ def check(
     """Play a drive `plays` times and compare the whole motion of the surface with the drive's target.
 
     `press`, if given, must be the one that the drive was computed for: ConfigurationError
-    otherwise. `progress` is called after each play. A signal that leaves its range, a dead
+    otherwise. `progress` is called after each play. The laser visits the
+    points that are to be silent as well. A signal that leaves its range, a dead
     patch or a blocked laser fails the check, with its reason. Raises ConfigurationError for fewer than
     three plays or a drive made for another rig or sample rate, and what `Rig.excite` raises.
     """
@@ -65,8 +66,19 @@ def check(
         )
     prepare(rig, drive.point)
     doing = f"Check the {drive.button} button"
-    played = play(rig, drive, plays, progress=part_of(progress, doing, 0, plays))
-    return compare(drive, played, rig)
+    total = plays * (1 + len(drive.quiet_at))
+    played = play(rig, drive, plays, progress=part_of(progress, doing, 0, total))
+    silent = []
+    for number, point in enumerate(drive.quiet_at, 1):
+        prepare(rig, point)
+        there = play(rig, drive, plays, progress=part_of(progress, doing, number * plays, total))
+        target = target_of(drive, there.rate_hz)
+        still = error_spectra(np.zeros((1, len(target))), target)
+        moved = error_spectra(there.accelerations[:, : len(target)], target) - still
+        # Within the band: the laser's noise beyond it would hide what is silent.
+        inside = lines_inside(drive.band, len(target), there.rate_hz)
+        silent.append(Silence(point, shared_power(moved[:, inside])))
+    return replace(compare(drive, played, rig), silent=tuple(silent))
 
 
 def compare(drive: Drive, played: Played, rig: Rig) -> Check:

@@ -16,7 +16,7 @@ from ..perception import LabThreshold
 from .agreement import SharedPower, finite
 from .drive import Drive
 
-__all__ = ["Check", "ThirdOctaves", "Tones", "Verdict"]
+__all__ = ["Check", "Silence", "ThirdOctaves", "Tones", "Verdict"]
 
 Verdict = Literal["pass", "fail", "not shown"]
 """Outcome of a check. Not shown: the plays do not tell on which side of the tolerance the error lies, because
@@ -56,6 +56,19 @@ class Tones:
     """Their rms, over the target's."""
 
 
+@dataclass(frozen=True)
+class Silence:
+    """A point that is to be silent, and its motion within the drive's band, over the target's mean square."""
+
+    point: str
+    motion: SharedPower
+
+    @property
+    def contrast_db(self) -> float:
+        """Level of the target over the motion here (dB): at least that, where noise hides the motion."""
+        return float(-20 * np.log10(max(self.motion.root, self.motion.floor, 1e-6)))
+
+
 @dataclass(frozen=True, eq=False)
 class Check(InNotebook):
     """Measured motion of a drive against its target, with no gain, lag or filter fitted.
@@ -92,6 +105,8 @@ class Check(InNotebook):
     reasons: tuple[str, ...]
     notes: tuple[str, ...]
     simulated: bool
+    silent: tuple[Silence, ...] = ()
+    """Points that are to be silent, as the laser saw them."""
     lab: LabThreshold | None = None
     """Detection threshold of the lab's people, when the rig's file had one."""
 
@@ -165,6 +180,7 @@ class Check(InNotebook):
             "tones_hz": self.tones.hz.tolist(),
             "tones": self.tones.share,
             "plays": self.plays,
+            "silent": {one.point: one.contrast_db for one in self.silent},
             "verdict": self.verdict,
             "passed": self.passed,
             "reasons": list(self.reasons),

@@ -102,12 +102,16 @@ class ResponseEstimate:
 
         limit = float(table.reach(limits).max())
         periodic = scipy.fft.irfft(target, grid.samples)
-        plan = plan_for(table, periodic[None], grid, self.drive.band, limits, self.drive.drift)
+        silent = np.zeros((len(table.points) - 1, grid.samples))
+        plan = plan_for(
+            table, np.concatenate([periodic[None], silent]), grid, self.drive.band, limits, self.drive.drift
+        )
+        towards = missed + (self.gain * linear_volts).sum(axis=0)
         plan = replace(
             plan,
-            target=(missed + (self.gain * linear_volts).sum(axis=0))[None],
-            gain=self.gain[None],
-            covariance=self.covariance,
+            target=np.concatenate([towards[None], plan.target[1:]]),
+            gain=np.concatenate([self.gain[None], plan.gain[1:]]),
+            covariance=self.covariance + table.covariance(grid.frequencies)[1:].sum(axis=0),
             operating_point=linear_volts,
             ridge=_CAUTION,
         )

@@ -11,7 +11,7 @@ import numpy as np
 import scipy
 
 from ...acquisition import hdf5
-from ...instruments import ConfigurationError, DataError, Limits
+from ...instruments import DataError, Limits
 from ...instruments.arrays import FloatArray
 from ...instruments.notebook import InNotebook
 from ...instruments.vibrometer import DERIVATIVE, shown
@@ -20,7 +20,7 @@ from ..response import Response
 from ..spectra import band_window, fade, resample, third_octaves
 from .actuation import Actuation
 from .inversion import Plan
-from .planning import distorted, plan_for, planned_by
+from .planning import distorted, plan_for, planned_by, quiet_motion
 from .trade import BUDGET, STEADY, TRADE, Trade
 
 if TYPE_CHECKING:
@@ -90,6 +90,10 @@ class Drive(InNotebook):
     """Content hash of the calibrations used."""
     trade: Trade = TRADE
     """What it was planned for."""
+    quiet_at: tuple[str, ...] = ()
+    """Points that are to be silent."""
+    quiet_motion: tuple[tuple[float, float], ...] = ()
+    """For each, the rms motion expected there over the target's: as calibrated, and after the drift."""
     drift: Drift = STEADY
     """Drift of the table that was planned against."""
     drifted_error: float = 0.0
@@ -227,6 +231,7 @@ def drive_for(
     band: tuple[float, float] = BAND,
     inversion: Literal["optimised", "regularised"] = "optimised",
     trade: Trade = TRADE,
+    quiet_at: Sequence[str] = (),
 ) -> Drive:
     """The drive that makes the calibrated point reproduce a press.
 
@@ -237,25 +242,22 @@ def drive_for(
     range. `trade` says how much error is accepted for output, and which drift of the table is planned against
     (see `inversion.max_output`; `inversion.min_peak` for "regularised", which is scaled to the limits instead
     of planned within them). Wherever the response was measured, motion outside the band counts as error;
-    elsewhere the drive has no power. The drive has zero ends and zero mean. A response given without a
-    calibration is fitted first.
+    elsewhere the drive has no power. Points of `quiet_at` are kept silent: each patch must be calibrated
+    there too, and there are fewer of them than patches. The drive has zero ends and zero mean. A response
+    given without a calibration is fitted first.
 
     Raises DataError for a press that cannot be driven or a response that is too noisy, LimitError
     when the limits leave no headroom.
     """
     if isinstance(calibration, Response):
         calibration = Calibration.of(calibration)
-    table = Actuation.of([calibration] if isinstance(calibration, Calibration) else calibration)
-    if len(table.points) > 1:
-        raise ConfigurationError(
-            f"A drive is for one point, and the calibrations are of {', '.join(table.points)}: leave the "
-            "others out."
-        )
+    table = Actuation.of(calibration, quiet_at)
     grid = target_grid(press, table, method)
     band = table.measured_well(band)
     target, in_band = grid.within(band)
     drift = trade.drift_for(table)
-    plan = plan_for(table, target[None], grid, band, limits, drift)
+    targets = np.concatenate([target[None], np.zeros((len(quiet_at), len(target)))])
+    plan = plan_for(table, targets, grid, band, limits, drift)
     planned = planned_by(plan, trade, trade.budget(drift), float(table.reach(limits).max()), inversion)
 
     smooth = grid.smooth
@@ -299,6 +301,8 @@ def drive_for(
         sources=tuple((str(name), str(content)) for name, content in press.sources),
         calibration=table.digest,
         trade=trade,
+        quiet_at=tuple(quiet_at),
+        quiet_motion=quiet_motion(table, plan, played, grid, drift),
         drift=drift,
         drifted_error=float(np.hypot(plan.error(played), missed)),
     )

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,7 +26,7 @@ from .trade import BUDGET, Trade
 if TYPE_CHECKING:
     from ...acquisition import Representative
 
-__all__ = ["ButtonPlan", "Loudness", "Offer", "Offers", "plan_button", "trade_for"]
+__all__ = ["ButtonPlan", "Loudness", "Offer", "Offers", "offered", "plan_button", "trade_for"]
 
 _ERRORS = (BUDGET, 0.03, 0.06, 0.11, TOLERANCE)
 """Errors for which a curve is computed."""
@@ -111,6 +112,14 @@ class ButtonPlan(InNotebook):
         return hdf5.restore(cls, hdf5.read(path, "plan"), path)
 
 
+def offered(drives: Sequence[Drive], lab: LabThreshold | None = None) -> Offers:
+    """The curve of drives of one method at the same patches, from the most like to the loudest."""
+    first = drives[0]
+    # Where the least error is more than was asked for, several drives are the same.
+    offers = dict.fromkeys(Offer(d.expected_error, _level(d, lab), d.scale, d.peak) for d in drives)
+    return Offers(first.method, first.patch, first.in_band, tuple(offers))
+
+
 def plan_button(
     press: Representative,
     calibration: Calibration | Sequence[Calibration],
@@ -118,20 +127,23 @@ def plan_button(
     methods: Sequence[Method] = ("modulated", "broadband"),
     progress: Progress = silent,
 ) -> ButtonPlan:
-    """Compute the curve of each method, within a rig's limits. Raises what `drive_for` raises."""
+    """Compute the curve of each method, of the first patch alone and of all at once, within a rig's limits.
+
+    Raises what `drive_for` raises.
+    """
     lab = lab_threshold(rig)
+    every = (calibration,) if isinstance(calibration, Calibration) else tuple(calibration)
+    together = [every[:1], every] if len(every) > 1 else [every]
     curves: list[Offers] = []
-    doing, count = f"Plan the {press.button} button", len(methods) * len(_ERRORS)
-    for method in methods:
+    doing, count = f"Plan the {press.button} button", len(together) * len(methods) * len(_ERRORS)
+    for method, some in product(methods, together):
         drives: list[Drive] = []
         for error in _ERRORS:
             progress(doing, len(curves) * len(_ERRORS) + len(drives), count, "")
-            drives.append(drive_for(press, calibration, rig.limits, method=method, trade=Trade(error)))
-        first = drives[0]
-        # Where the least error is more than was asked for, several drives are the same.
-        offered = dict.fromkeys(Offer(d.expected_error, _level(d, lab), d.scale, d.peak) for d in drives)
-        curves.append(Offers(method, first.patch, first.in_band, tuple(offered)))
+            drives.append(drive_for(press, some, rig.limits, method=method, trade=Trade(error)))
+        curves.append(offered(drives, lab))
     progress(doing, count, count, "")
+    first = drives[0]
     return ButtonPlan(
         button=press.button,
         rig=first.rig,
@@ -148,6 +160,7 @@ def trade_for(
     rig: Rig,
     loudness: Loudness,
     method: Method = "modulated",
+    quiet_at: Sequence[str] = (),
 ) -> Trade:
     """The trade with which a drive is what was asked for.
 
@@ -156,7 +169,7 @@ def trade_for(
     """
 
     def at(error: float) -> Drive:
-        return drive_for(press, calibration, rig.limits, method=method, trade=Trade(error))
+        return drive_for(press, calibration, rig.limits, method=method, trade=Trade(error), quiet_at=quiet_at)
 
     def level(drive: Drive) -> float:
         return _level(drive, lab)

@@ -14,7 +14,7 @@ from .actuation import Actuation
 from .inversion import Plan, State, max_output, min_peak, within
 from .trade import STEADY, Trade
 
-__all__ = ["Inversion", "PlanGrid", "distorted", "plan_for", "planned_by"]
+__all__ = ["Inversion", "PlanGrid", "distorted", "plan_for", "planned_by", "quiet_motion"]
 
 Inversion = Literal["optimised", "regularised"]
 _SPREAD = 0.6
@@ -76,6 +76,22 @@ def planned_by(plan: Plan, trade: Trade, budget: float, reach: float, inversion:
     for _ in range(_SETTLING):
         drive, state = within(plan, reach / trade.scale, state)
     return drive
+
+
+def quiet_motion(
+    table: Actuation, plan: Plan, linear_volts: FloatArray, grid: PlanGrid, drift: Drift
+) -> tuple[tuple[float, float], ...]:
+    """Of each point but the first: rms motion over the target's, as calibrated and after a drift."""
+    if len(table.points) == 1:
+        return ()
+    V, known = scipy.fft.rfft(linear_volts)[:, plan.known], plan.known
+    f = scipy.fft.rfftfreq(linear_volts.shape[1], 1 / grid.rate_hz)[known]
+    still = (np.abs(np.einsum("qpl,pl->ql", plan.gain[1:][..., known], V)) ** 2).sum(axis=1)
+    changed = np.einsum("pl,qprl,rl->q", V.conj(), table.drifted(f, drift)[1:], V).real
+    return tuple(
+        (float(np.sqrt(one / plan.wanted)), float(np.sqrt((one + more) / plan.wanted)))
+        for one, more in zip(still, changed, strict=True)
+    )
 
 
 def distorted(table: Actuation, plan: Plan, linear_volts: FloatArray) -> float:

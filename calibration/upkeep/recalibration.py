@@ -320,8 +320,8 @@ def _drives(buttons: Mapping[str, DigitalButton]) -> dict[Place, dict[str, Drive
     """The drives at each place, by button."""
     drives: dict[Place, dict[str, Drive]] = {}
     for name, button in buttons.items():
-        for place in places_of(button.drive):
-            drives.setdefault(place, {})[name] = button.drive
+        for patch in button.drive.patches:
+            drives.setdefault((patch, button.drive.point), {})[name] = button.drive
     return drives
 
 
@@ -411,6 +411,7 @@ def _made_anew(
                 [made.calibrations[place] for place in places],
                 method=cast(Method, old.drive.method),
                 trade=old.drive.trade,
+                quiet_at=old.drive.quiet_at,
                 iterations=iterations,
                 progress=prefixed(progress, name),
             )

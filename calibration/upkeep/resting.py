@@ -33,8 +33,9 @@ fingers and palms damp by 7.5 times it and more (168 hands and 32 such drifts on
 for two that changed the response by 0.3 %."""
 _FALL, _NOISE = 0.3, 0.01
 """Largest fall of another mode's, over the largest rise, and beside it, with which it may still be a body."""
-_UNLIKE = 0.25
-"""Least difference between modes, over the largest rise: a change of all dampings alike has none."""
+_UNLIKE = 0.5
+"""Least difference between modes, over the largest rise: under hands it was 0.63 and more. A change of all
+dampings alike has none, and a drift of all frequencies, which seems to damp by 0.8 of itself, up to 0.42."""
 _SEEN = 0.05
 """Peak of a resonance, over the strongest of the band, from which its damping is known well enough."""
 TAKE_AWAY = (

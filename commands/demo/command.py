@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +13,7 @@ from ...reports import show
 from ...terminal.exits import CommandState
 from ...terminal.progress import Steps, note, print_json, print_line
 from .. import front as haploop
-from ..options import JSON, PATH, RIG, SIMULATE, TAPED, tape_session
+from ..options import JSON, PATH, RIG, SIMULATE, TAPED, Names, tape_session
 
 if TYPE_CHECKING:
     from ...instruments.driver import Mode
@@ -32,6 +33,12 @@ __all__ = ["demo"]
     show_default=True,
     help="Number of simulated participants.",
 )
+@click.option(
+    "--patches",
+    type=Names(),
+    metavar="LIST",
+    help="Patches to play at once, for example A.  [default: all that have an amplifier channel, or A]",
+)
 @RIG
 @SIMULATE
 @TAPED
@@ -42,6 +49,7 @@ def demo(
     out: Path | None,
     seed: int | None,
     participants: int,
+    patches: Sequence[str] | None,
     rig: str,
     simulate: Mode | None,
     tape: Path | None,
@@ -49,7 +57,8 @@ def demo(
 ) -> int:
     """Run the complete workflow on a simulated rig.
 
-    Writes recordings, representative presses, a calibration, drives and a report into a folder.
+    Writes recordings, representative presses, a calibration, drives and a report into a folder. With `--rig
+    four-channel`, four patches play at once, loud enough to be felt.
     """
     file = haploop.load_rig_file(rig)
     if tape is not None:
@@ -63,7 +72,13 @@ def demo(
             steps(doing, done, total, unit)
 
         summary = haploop.run_demo(
-            folder, rig, seed=seed, participants=participants, mode=simulate, progress=progress
+            folder,
+            rig,
+            seed=seed,
+            participants=participants,
+            patches=patches,
+            mode=simulate,
+            progress=progress,
         )
     from .report import demo_contents  # noqa: PLC0415
 

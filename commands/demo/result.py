@@ -55,6 +55,11 @@ class Demo:
     wall_s: float
 
     @property
+    def patches(self) -> str:
+        """Names of the patches that played, for people."""
+        return self.buttons[0].check.drive.patch
+
+    @property
     def passed(self) -> bool:
         """True when every button passed its check."""
         return all(result.check.passed for result in self.buttons)

@@ -4,13 +4,24 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from ...acquisition import Recording, Representative, record, representative
-from ...calibration import ButtonPlan, Check, Waveforms, calibrate_keeping, drive_for, plan_button
-from ...calibration.drive import Method, check
+from ...calibration import (
+    ButtonPlan,
+    Calibration,
+    Check,
+    Trade,
+    Waveforms,
+    calibrate_keeping,
+    drive_for,
+    plan_button,
+)
+from ...calibration.drive import STEADY, Method, check, offered
+from ...calibration.model import calibration_of
 from ...exchange.live import published
 from ...instruments import ConfigurationError, Rig, load_rig_file, open_rig
 from ...instruments.clock import Clock, RealClock
@@ -38,6 +49,9 @@ _RESULTS = (
 """Files and folders written by a demo."""
 _METHODS: tuple[Method, ...] = ("modulated",)
 """Methods that are planned: the one that is played."""
+_LOUD = Trade(error=0.05, drift=STEADY)
+"""What several patches are planned for: they are played minutes after they were calibrated, and can be loud
+enough to be felt, which one patch cannot."""
 
 
 def run_demo(
@@ -46,6 +60,7 @@ def run_demo(
     *,
     seed: int | None = None,
     participants: int = 1,
+    patches: Sequence[str] | None = None,
     mode: Mode | None = None,
     progress: Progress = silent,
     clock: Clock | None = None,
@@ -53,7 +68,8 @@ def run_demo(
     """Run the workflow on a simulated rig and write all results into a folder (see `claim_folder`).
 
     A lab's rig file is always simulated, with twins unless `mode` is "wire": no hardware is used.
-    `seed` overrides the seed in the file. Returns the summary, which is also written as `summary.json`
+    `seed` overrides the seed in the file. `patches` play at once; by default all that have an amplifier
+    channel of their own, or else A. Returns the summary, which is also written as `summary.json`
     beside `report.html`, `calibration.h5`, `calibration-waveforms.h5`, `recordings/`, `presses/`, `drives/`,
     `checks/` and `plans/`. Error, floor, verdict and response can be computed again from these files.
 
@@ -67,7 +83,8 @@ def run_demo(
     overrides = {} if seed is None else {"seed": seed}
     simulate = mode or file.simulate or "twin"
     with open_rig(file, simulate=simulate, simulation=overrides) as opened, published(opened):
-        demo = _loop(opened, folder, participants, str(rig), progress, lambda: clock.now() - began)
+        played = _patches(opened, patches)
+        demo = _loop(opened, folder, participants, played, str(rig), progress, lambda: clock.now() - began)
     step = "Write the report"
     progress(step, 0, 1, "")
     summary = summarise(demo)
@@ -107,8 +124,43 @@ def claim_folder(out: str | Path | None) -> Path:
     return out
 
 
+def _patches(rig: Rig, asked: Sequence[str] | None) -> tuple[str, ...]:
+    """The patches that play at once. Raises ConfigurationError for one that the table does not have."""
+    if asked is None:
+        own = tuple(patch for patch in rig.table.patches if patch in rig.amplifier.inputs)
+        return own if len(own) > 1 else ("A",)
+    unknown = [patch for patch in asked if patch not in rig.table.patches]
+    if unknown:
+        raise ConfigurationError(
+            f"The table of the rig {rig.name!r} has no patch {unknown[0]!r}: "
+            f"{', '.join(rig.table.patches)} are there."
+        )
+    return tuple(asked)
+
+
+def _calibrations(rig: Rig, out: Path, patches: Sequence[str], progress: Progress) -> list[Calibration]:
+    """Calibrate each patch: into calibration.h5, or several into calibration-A.h5 and so on."""
+    found = []
+    for patch in patches:
+        file = out / "calibration.h5"
+        doing = prefixed(progress, "Calibrate the table")
+        if len(patches) > 1:
+            file, doing = calibration_of(file, patch), prefixed(progress, f"Calibrate patch {patch}")
+        calibration, waveforms = calibrate_keeping(rig, patch, "button", doing)
+        calibration.save(file)
+        waveforms.save(Waveforms.beside(file))
+        found.append(calibration)
+    return found
+
+
 def _loop(
-    rig: Rig, out: Path, participants: int, source: str, progress: Progress, wall: Callable[[], float]
+    rig: Rig,
+    out: Path,
+    participants: int,
+    patches: Sequence[str],
+    source: str,
+    progress: Progress,
+    wall: Callable[[], float],
 ) -> Demo:
     assert rig.simulation is not None
     truth = rig.simulation.truth  # for the report only; no step below uses it
@@ -132,11 +184,8 @@ def _loop(
         presses[button].save(out / "presses" / f"{button}.h5")
         progress(step, 1, 1, "")
 
-    calibration, waveforms = calibrate_keeping(rig, "A", "button", prefixed(progress, "Calibrate the table"))
-    calibration.save(out / "calibration.h5")
-    waveforms.save(Waveforms.beside(out / "calibration.h5"))
-    del waveforms
-
+    calibrations = _calibrations(rig, out, patches, progress)
+    calibration, *others = calibrations
     checks: dict[str, Check] = {}
     plans: dict[str, ButtonPlan] = {}
     (out / "drives").mkdir()
@@ -145,12 +194,16 @@ def _loop(
     for button in BUTTONS:
         step = f"Compute the drive of the {button} button"
         progress(step, 0, 1, "")
-        drive = drive_for(presses[button], calibration, rig.limits)
+        trade = _LOUD if others else Trade()
+        drive = drive_for(presses[button], calibrations, rig.limits, trade=trade)
         drive.save(out / "drives" / f"{button}.h5")
         progress(step, 1, 1, "")
         checks[button] = check(rig, drive, progress=progress)
         checks[button].save(out / "checks" / f"{button}.h5")
-        plans[button] = plan_button(presses[button], calibration, rig, _METHODS, progress)
+        plan = plan_button(presses[button], calibration, rig, _METHODS, progress)
+        if others:
+            plan = replace(plan, curves=(*plan.curves, offered([drive])))
+        plans[button] = plan
         plans[button].save(out / "plans" / f"{button}.h5")
 
     response = calibration.response

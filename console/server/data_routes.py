@@ -38,7 +38,7 @@ from ...calibration.spectra import resample, third_octaves
 from ...exchange.catalogue import list_files
 from ...instruments import DataError, HaploopError
 from ...instruments.arrays import FloatArray
-from ...reports.contents import experiment_contents
+from ...reports.contents import experiment_contents, one_style
 from ...reports.figures import activation_time, trend
 from ..data_folder import DataFolder, store_of
 from .lab import lab, names
@@ -344,10 +344,10 @@ def _button(data: DataFolder, asked: Mapping[str, str]) -> Any:
         "patch": drive.patch,
         "point": drive.point,
         "check": check.summary(),
-        "felt": feeling.sentence,
+        "felt": one_style(feeling.sentence),
         "loudness_db": feeling.loudness_db,
         "in_band": drive.in_band,
-        "notes": feeling.notes,
+        "notes": [one_style(note) for note in feeling.notes],
         "step_s": step / check.rate_hz,
         "recorded": np.round(recorded[begin:end:step], 4),
         "target": np.round(check.target[begin:end:step], 4),

@@ -10,7 +10,7 @@ import math
 import shutil
 import threading
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import Any
 
@@ -45,6 +45,7 @@ from ...calibration import (
 from ...instruments import ConfigurationError, DataError, Progress, Rig, RigFile
 from ...instruments.files import check_destination, reserved
 from ...instruments.operator import ConfirmSettings
+from ...reports.contents import one_style
 from ..data_folder import DataFolder, store_of
 from .board import Board
 from .presenting import Stimuli, present_stimuli
@@ -225,7 +226,10 @@ def _preflight(tools: Tools, wanted: Mapping[str, Any]) -> Work:
         raise ConfigurationError(f"The mass must be 0.05 to 10 kg, not {mass:g}.")
 
     def work(rig: Rig) -> dict[str, Any]:
-        findings = [asdict(finding) for finding in examine(rig, mass, tools.progress)]
+        findings = [
+            _finding(one.name, one.instrument, one.status, one_style(one.sentence))
+            for one in examine(rig, mass, tools.progress)
+        ]
         findings += [_space(tools), _calibrated(tools)]
         if rig.file.amplifier is not None and rig.mode is None:
             findings.append(_amplifier_off(rig))

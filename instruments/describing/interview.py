@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 
 from ..errors import ConfigurationError
 
@@ -49,6 +51,17 @@ class Interview:
                 return answer
             self.tell("It is needed: look at the data sheet, or leave with Ctrl-C.")
         raise ConfigurationError(f"{question} was not answered.")
+
+    def figure(self, key: str, question: str) -> str:
+        """A number that only the person knows, of either sign, as it was written."""
+        for _ in range(5):
+            answer = self.needed(key, question).replace(",", ".")
+            with suppress(ValueError):
+                if math.isfinite(float(answer)):
+                    return answer
+            self.tell(f"{answer!r} is no number: write it without its unit.")
+            self.answers.pop(key)
+        raise ConfigurationError(f"{question} was not answered with a number.")
 
     def number(self, key: str, question: str, default: str = "", least: float = 0.0) -> float | None:
         """A number above `least`; None where nothing was said."""

@@ -204,8 +204,8 @@ def _amplifier(parts: Parts) -> None:
         ("current_peak", "Peak current (A)", "0.1"), ("current_average", "Average current (A)", "0.05"),
         ("bandwidth_hz", "Bandwidth (Hz)", "5000"),
     ):  # fmt: skip
-        table[key] = ask.needed(f"amplifier {key}", f"Amplifier: {question}, such as {default}")
-    ratio = ask.needed("monitor", "Its monitor or a divider: volts there per volt at the DAQ, such as 100")
+        table[key] = ask.figure(f"amplifier {key}", f"Amplifier: {question}, such as {default}")
+    ratio = ask.figure("monitor", "Its monitor or a divider: volts there per volt at the DAQ, such as 100")
     parts.table("sensors.drive").update({"channels": _list([parts.channel("drive", "5")]), "ratio": ratio})
 
 
@@ -225,7 +225,7 @@ def _actuator(parts: Parts) -> None:
                  ("thermal_time", "Thermal time constant (s)", "2")),
     }  # fmt: skip
     for key, question, default in questions[kind]:
-        table[key] = ask.needed(f"actuator {key}", f"{question}, such as {default}")
+        table[key] = ask.figure(f"actuator {key}", f"{question}, such as {default}")
 
 
 def _relay(parts: Parts) -> None:
@@ -277,9 +277,9 @@ def _pick_up(parts: Parts) -> None:
         ("bandwidth_hz", "Bandwidth (Hz)", "20000"),
         ("delay", "Delay (s)", "0"),
     ):  # fmt: skip
-        table[key] = ask.needed(f"pick-up {key}", f"{question}, such as {default}")
+        table[key] = ask.figure(f"pick-up {key}", f"{question}, such as {default}")
     if quantity == "acceleration":
-        table["mass"] = ask.needed("pick-up mass", "Its mass (kg), such as 0.002")
+        table["mass"] = ask.figure("pick-up mass", "Its mass (kg), such as 0.002")
 
 
 def _generator(parts: Parts) -> None:

@@ -7,6 +7,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ...acquisition import Representative
 from ...calibration import Check, DigitalButton, Feeling, check_feeling
 from ...calibration.drive import SharedPower
@@ -181,6 +183,12 @@ def _check_facts(check: Check, feeling: Feeling) -> Iterator[Fact]:
         f"{_error(check.whole)}, at most {percent(check.tolerance)}; up to {check.judged_hz:.0f} Hz, in "
         f"{check.plays} plays",
     )
+    for one, (still, drifted) in zip(check.silent, check.drive.quiet_motion, strict=False):
+        yield fact(
+            f"Silence at point {one.point}",
+            f"{one.contrast_db:.0f} dB below the target; {_below(still)} dB were expected, "
+            f"{_below(drifted)} dB after a drift",
+        )
     envelopes = f"of the envelopes {check.envelope_correlation:.4f}"
     noise = f"{percent(check.whole.floor)}, within the band {percent(check.within.floor)}"
     yield from detailed(
@@ -193,6 +201,10 @@ def _check_facts(check: Check, feeling: Feeling) -> Iterator[Fact]:
         ]
     )
     yield from feeling_facts(feeling)
+
+
+def _below(motion: float) -> str:
+    return f"{-20 * np.log10(max(motion, 1e-6)):.0f}"
 
 
 def _error(part: SharedPower) -> str:

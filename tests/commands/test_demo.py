@@ -10,6 +10,9 @@ import h5py
 import pytest
 
 from haploop.acquisition import Recording
+from haploop.commands.demo.report import demo_contents
+from haploop.commands.demo.run import _patches
+from haploop.instruments import ConfigurationError, open_rig
 from tests.command_line import Demo, Run
 from tests.documents.pages import ROOT, blocks
 
@@ -81,6 +84,19 @@ def test_the_report_stands_alone(demo: Demo) -> None:
     assert "Everything here is simulated" in report
     for button in demo.summary["buttons"].values():
         assert button["sources"][0]["sha256"] in report
+
+
+def test_each_button_says_in_one_sentence_who_feels_it_and_what_would_settle_it(demo: Demo) -> None:
+    said = "\n".join(demo_contents(demo.summary).notes)
+    for name, button in demo.summary["buttons"].items():
+        assert f"{name.capitalize()}: {button['feeling']['sentence']}" in said
+        assert re.search(r"(feels? it|feel it) \(\d+ dB (above|below) threshold; .* of people\)", said)
+    assert said.count("A threshold experiment of this lab settles it.") == 1
+    # The plant's strength is an estimate as well, and the answer moves with it.
+    acts = [b["feeling"]["acts"]["pressing"] for b in demo.summary["buttons"].values()]
+    needed = max(one["higher_db"] - one["above_threshold_db"] for one in acts)
+    times = re.search(r"with ([\d.]+) times that or more all these buttons would be felt", said)
+    assert times and float(times[1]) == pytest.approx(10 ** (needed / 20), rel=0.05)
 
 
 def test_a_second_demo_overwrites_nothing(demo: Demo, run: Run) -> None:
@@ -172,3 +188,28 @@ def test_a_picture_takes_no_file_s_place(demo: Demo, run: Run, tmp_path: Any) ->
     assert run("show", recording, "--plot", there).exit_code == 2
     assert run("show", recording, "--plot", tmp_path / "picture.xyz").exit_code == 2
     assert recording.read_bytes() == before and there.read_text() == "mine"
+
+
+def test_the_patches_that_play_are_those_with_a_channel_of_their_own() -> None:
+    for name, asked, played in (
+        ("simulated", None, ("A",)),
+        ("four-channel", None, ("A", "B", "C", "D")),
+        ("four-channel", ("C",), ("C",)),
+    ):
+        with open_rig(name, simulate="twin") as rig:
+            assert _patches(rig, asked) == played
+            with pytest.raises(ConfigurationError, match="has no patch 'X'"):
+                _patches(rig, ("A", "X"))
+
+
+def test_four_patches_are_felt_at_8_percent_of_error_and_say_so(
+    request: pytest.FixtureRequest, run: Run, tmp_path: Any
+) -> None:
+    if not request.config.getoption("--full"):
+        pytest.skip("calibrates four patches: runs with --full")
+    result = run("demo", "--rig", "four-channel", "--out", tmp_path / "four", "--json")
+    summary = json.loads(result.stdout)
+    assert result.exit_code == 0 and summary["patch"] == "A, B, C, D"
+    for button in summary["buttons"].values():
+        assert button["whole"]["interval"][1] <= 0.08 and button["feeling"]["felt"] == "yes"
+        assert button["feeling"]["sentence"].startswith("A person who presses with ")

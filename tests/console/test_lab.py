@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from haploop.console.data_folder import DataFolder
-from haploop.console.server.lab import lab
+from haploop.console.server.lab import lab, names
 from haploop.exchange.catalogue import index
 from tests.command_line import Demo
 
@@ -35,6 +35,21 @@ def test_newest_results_come_first_with_their_verdicts(data: DataFolder, demo: D
     assert [one["about"] for one in newest[:3]] == ["toggle", "push", "latch"]
     assert newest[0]["result"] == "pass"
     assert newest[3]["result"].startswith("complete ") and newest[3]["about"].startswith("P01 ")
+
+
+def test_names_are_those_of_studies_and_of_recordings(data: DataFolder, demo: Demo) -> None:
+    assert names(data, {})["participants"] == {"study": [], "recorded": []}
+    shutil.copytree(demo.folder / "recordings", data.root / "recordings")
+    for name, text in (
+        ("pilot", 'name = "pilot"\nbuttons = ["soft"]\nparticipants = ["P07"]\n'),
+        ("wrong", 'name = "wrong"\n'),  # what is wrong with it, the first page says
+    ):
+        (data.root / name).mkdir()
+        (data.root / name / "study.toml").write_text(text, encoding="utf-8")
+    found = names(data, {})
+    assert found["participants"] == {"study": ["P07"], "recorded": ["P01"]}
+    assert found["buttons"] == {"study": ["soft"], "recorded": ["latch", "push", "toggle"]}
+    assert found["recordings"] == ["P01-latch", "P01-push", "P01-toggle"]
 
 
 def test_studies_say_what_is_due_and_a_broken_one_what_is_wrong(data: DataFolder) -> None:

@@ -5,11 +5,12 @@ import re
 import numpy as np
 import pytest
 
+import haploop
 from haploop.instruments import DataError
 from haploop.reports.contents import Cell, Contents, Grid, Verdict, fact, plain, verdict_cell
 from haploop.reports.figures.encoding import png
 from haploop.reports.figures.paper import Profile, activation_forces, profiles
-from haploop.reports.figures.plotting import active, continuous_phase, spectrum
+from haploop.reports.figures.plotting import active, continuous_phase, smoothed, spectrum
 from haploop.reports.html import CaptionedFigure, Page
 
 RATE = 5000.0
@@ -35,6 +36,16 @@ def test_spectral_density_integrates_to_the_mean_square() -> None:
     signal = np.random.default_rng(1).standard_normal(5000)
     frequencies, density = spectrum(signal, RATE)
     assert np.sum(density) * frequencies[1] == pytest.approx(np.mean(signal**2), rel=1e-9)
+
+
+def test_means_of_a_density_keep_its_power_and_thin_its_noise() -> None:
+    noise = np.random.default_rng(1).normal(size=50_000)
+    f, density = spectrum(noise, 5000)
+    middle, means = smoothed(f, density, 2500)
+    assert len(middle) == 100 and np.all(np.diff(middle) > 0)
+    assert means.mean() == pytest.approx(density.mean(), rel=0.01)
+    assert means.max() / means.min() < 2 < density.max() / density[1:].min()
+    assert dir(haploop.plot) == sorted(haploop.plot.__all__)
 
 
 def test_spectral_density_is_largest_where_the_signal_is() -> None:

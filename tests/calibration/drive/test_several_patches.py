@@ -13,6 +13,7 @@ from haploop.calibration import (
     Calibration,
     DigitalButton,
     Drift,
+    Multisine,
     Trade,
     build_button,
     calibrate,
@@ -126,6 +127,44 @@ def test_what_cannot_be_is_said_before_anything_is_played(four: Four, button: Di
         Trade(scale=-1)
     with pytest.raises(DataError, match="a signal for each patch"):
         replace(button.drive, patches=("A", "B"))
+
+
+@pytest.fixture(scope="module")
+def beside(four: Four) -> tuple[Calibration, ...]:
+    """Calibrations of all patches at another point."""
+    return tuple(calibrate(four.rig, patch, "57", excitation=Multisine()) for patch in "ABCD")
+
+
+def test_a_point_is_kept_silent_and_the_laser_visits_it(four: Four, beside: tuple[Calibration, ...]) -> None:
+    rig, press = four.rig, make_press()
+    alone = drive_for(press, four.calibrations[0], rig.limits)
+    trade, every = Trade(scale=alone.scale), [*four.calibrations, *beside]
+    loud = drive_for(press, four.calibrations, rig.limits, trade=trade)
+    quiet = drive_for(press, every, rig.limits, trade=trade, quiet_at=["57"])
+    assert quiet.quiet_at == ("57",) and loud.quiet_at == ()
+    ((still, drifted),) = quiet.quiet_motion
+    assert still < 0.1 and still < drifted < 0.25
+    result = check(rig, quiet, plays=3)
+    assert result.passed
+    (silence,) = result.silent
+    assert silence.point == "57" and silence.contrast_db > 20
+    assert result.summary()["silent"] == {"57": silence.contrast_db}
+    still_trade = replace(trade, drift=Drift(0, 0, 0, 0, 0))
+    quietest = drive_for(press, every, rig.limits, trade=still_trade, quiet_at=["57"])
+    assert quietest.quiet_motion[0][0] < 0.1 * still
+    # Planned against no drift, it is quieter; and it moves when nobody asks for silence there.
+    (moved,) = check(rig, replace(loud, quiet_at=("57",)), plays=3).silent
+    assert moved.contrast_db < 15
+
+
+def test_silence_that_cannot_be_is_refused_in_a_sentence(four: Four, beside: tuple[Calibration, ...]) -> None:
+    press, limits, ours = make_press(), four.rig.limits, [four.calibrations[0], beside[0]]
+    with pytest.raises(ConfigurationError, match=r"1 points cannot be silent.* 1 patches leave 0"):
+        drive_for(press, ours, limits, quiet_at=["57"])
+    with pytest.raises(ConfigurationError, match="One point is to move, and 2 of the calibrated"):
+        drive_for(press, ours, limits)
+    with pytest.raises(ConfigurationError, match="No patch was calibrated at the 58 point"):
+        drive_for(press, four.calibrations, limits, quiet_at=["58"])
 
 
 def test_one_amplifier_for_all_patches_is_told_before_anything_is_played(

@@ -145,6 +145,20 @@ def test_a_wrong_answer_is_asked_again(tmp_path: Path) -> None:
     assert file.daq.driver == "sound-card" and "'toaster' is none of them." in asked
 
 
+def test_a_figure_with_its_unit_is_asked_again_at_once(tmp_path: Path) -> None:
+    """And not all forty questions, when the file turns out to be none."""
+    given = iter(["7.4 kHz", "nan", "7400"])
+    told: list[str] = []
+    plain = asker({"Force:": "20 N/V", **TABLE}, [])
+
+    def ask(question: str, default: str) -> str:
+        return next(given) if "Amplifier: Bandwidth" in question else plain(question, default)
+
+    file = haploop.new_rig(tmp_path / "lab.toml", ask, simulated_computer(), told.append)
+    assert file.amplifier is not None and file.amplifier.settings["bandwidth_hz"] == 7400
+    assert told == [f"'{one}' is no number: write it without its unit." for one in ("7.4 kHz", "nan")]
+
+
 def test_nothing_is_overwritten(tmp_path: Path, run: Run) -> None:
     path = tmp_path / "lab.toml"
     path.write_text("mine\n")
