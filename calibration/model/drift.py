@@ -9,9 +9,10 @@ every point at once. Against what they have in common, several patches can be pl
 A response is a sum over poles; a mode's number moves its pole, and the residue stays: in velocity it is force
 times shape over the modal mass, which no drift of the frequency changes. Calibrations of several patches are
 fitted one by one, so that their poles of one mode differ a little: poles nearer to each other than the sum of
-their half-widths are one mode. Deviations are differences for a standard deviation up and down, not
-derivatives, because a drift may be as large as a resonance is wide. Assumptions: drifts are independent of
-each other; the residues stay. A change of the shapes (a finger, a loose patch) breaks them.
+their half-widths are one mode. Poles with no resonance among them stand for what is far away, often as large
+parts that cancel, and stay where they are. Deviations are differences for a standard deviation up and down,
+not derivatives, because a drift may be as large as a resonance is wide. Assumptions: drifts are independent
+of each other; the residues stay. A change of the shapes (a finger, a loose patch) breaks them.
 """
 
 from __future__ import annotations
@@ -91,7 +92,7 @@ def _moved(
 
 
 def _modes(models: Sequence[Model]) -> list[IntArray]:
-    """Number of the mode of each pole of each model; -1 for a real pole."""
+    """Number of the mode of each pole of each model; -1 for one that belongs to no resonance."""
     poles = np.concatenate([m.poles for m in models])
     numbers = np.full(len(poles), -1)
     order = [k for k in np.argsort(np.abs(poles)) if poles[k].imag > 0]
@@ -100,5 +101,7 @@ def _modes(models: Sequence[Model]) -> list[IntArray]:
         if before is not None and abs(poles[k]) - abs(poles[before]) > -poles[k].real - poles[before].real:
             number += 1
         numbers[k] = number
+    resonances = numbers[np.concatenate([m.resonant for m in models])]
+    numbers[~np.isin(numbers, resonances)] = -1
     ends = np.cumsum([len(m.poles) for m in models])
     return list(np.split(numbers, ends[:-1]))
