@@ -58,7 +58,7 @@ def demo(
     """Run the complete workflow on a simulated rig.
 
     Writes recordings, representative presses, a calibration, drives and a report into a folder. With `--rig
-    four-channel`, four patches play at once, loud enough to be felt.
+    four-channel`, four patches play at once, some five times as loud.
     """
     file = haploop.load_rig_file(rig)
     if tape is not None:

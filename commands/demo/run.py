@@ -50,8 +50,8 @@ _RESULTS = (
 _METHODS: tuple[Method, ...] = ("modulated",)
 """Methods that are planned: the one that is played."""
 _LOUD = Trade(error=0.05, drift=STEADY)
-"""What several patches are planned for: they are played minutes after they were calibrated, and can be loud
-enough to be felt, which one patch cannot."""
+"""What several patches are planned for: they are played minutes after they were calibrated. Of seeds 0 and 3,
+five buttons of six are felt by most people even with the highest threshold that there may be."""
 
 
 def run_demo(
