@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -31,6 +32,8 @@ KINDS = {
 """Served name of each driver's wire; a wire of another package has its driver's name."""
 _MARK = "# Written by haploop twin"
 """Beginning of a rig file that may be written over."""
+_PATIENCE = 3
+"""Ctrl-C at which another program is killed."""
 
 
 @dataclass(frozen=True)
@@ -161,17 +164,28 @@ def run_command(command: tuple[str, ...], environment: Mapping[str, str]) -> int
         program = subprocess.Popen(command, env=dict(environment))
     except OSError as error:
         raise click.UsageError(f"{command[0]} cannot be run: {error.strerror}") from None
+    # Counted, not raised: an exception as the program ends would lose its exit code, which is told once.
+    interrupts: list[int] = []
+
+    def interrupted(number: int, _: object) -> None:
+        interrupts.append(number)
+        if len(interrupts) == _PATIENCE:
+            program.kill()
+
+    before = signal.getsignal(signal.SIGINT)
+    if before != signal.SIG_IGN:
+        signal.signal(signal.SIGINT, interrupted)
     with program:
-        for patience in (True, True, False):
-            try:
-                return program.wait()
-            except KeyboardInterrupt as stop:
-                if getattr(stop, "exit_code", None) is not None:
-                    program.terminate()
-                    raise
-                if not patience:
-                    program.kill()
-        return program.wait()
+        try:
+            while True:
+                # With a time-out, because Ctrl-C does not interrupt an unlimited wait on Windows.
+                with suppress(subprocess.TimeoutExpired):
+                    return program.wait(0.25)
+        except KeyboardInterrupt:
+            program.terminate()
+            raise
+        finally:
+            signal.signal(signal.SIGINT, before)
 
 
 def _nothing(file: RigFile, kind: str | None) -> str:

@@ -14,7 +14,9 @@ from tests.command_line import Demo
 def test_every_file_of_a_demo_is_loaded_as_what_it_holds(demo: Demo) -> None:
     files = sorted(demo.folder.glob("**/*.h5"))
     found = {type(one).__name__ for one in haploop.load(files)}
-    assert found == {"Calibration", "Check", "Drive", "Recording", "Representative", "Waveforms"}
+    assert found == {
+        "ButtonPlan", "Calibration", "Check", "Drive", "Recording", "Representative", "Waveforms",
+    }  # fmt: skip
 
 
 def test_folders_are_loaded_by_what_stands_in_them(tmp_path: Path) -> None:

@@ -34,7 +34,9 @@ DRIVE = Drive(
     known=(15.0, 625.0), predicted_error=0.1, unreached="", rig="simulated", simulated=True, sources=(),
     calibration="",
 )  # fmt: skip
-RIG: Any = SimpleNamespace(simulated=False, limits=SimpleNamespace(peak=50.0))
+RIG: Any = SimpleNamespace(
+    simulated=False, limits=SimpleNamespace(peak=50.0), file=SimpleNamespace(people=None)
+)
 
 
 def noise(play: int) -> np.ndarray:
