@@ -210,7 +210,9 @@ def burst(peak: float, rate_hz: float = 50_000.0) -> Any:
         times > 0.05, np.sin(np.pi * (times - 0.05) / 0.05) ** 2, 1e-4 * np.sin(np.pi * times / 0.05)
     )
     volts = peak * shape * np.sin(2 * np.pi * 260 * times)
-    return SimpleNamespace(volts=volts[np.newaxis], target=volts, rate_hz=rate_hz, patches=("A",))
+    return SimpleNamespace(
+        volts=volts[np.newaxis], target=volts, rate_hz=rate_hz, patches=("A",), by_patch={"A": volts}
+    )
 
 
 def verified(rig: Rig, drive: Any, date: Callable[[], str] | None = None) -> VerifiedButton:

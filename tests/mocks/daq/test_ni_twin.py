@@ -220,7 +220,7 @@ def test_a_script_of_another_program(tmp_path: Path) -> None:
 def test_ctrl_c_ends_a_script_as_the_script_says(tmp_path: Path, sent: signal.Signals, code: int) -> None:
     """A loop until Ctrl-C, as NI's own examples have it: what ends well is no failure of haploop's."""
     (tmp_path / "script.py").write_text(
-        "import time\nprint('running', flush=True)\ntry:\n    time.sleep(60)\n"
+        "import time\ntry:\n    print('running', flush=True)\n    time.sleep(60)\n"
         "except KeyboardInterrupt:\n    raise SystemExit(3)\n",
         encoding="utf-8",
     )
