@@ -91,7 +91,8 @@ def named(page: Any, label: str, name: str) -> None:
     """Choose a name from a list; write one that is new."""
     field = page.get_by_label(f"New {label.lower()}")
     listed = page.get_by_label(label, exact=True)
-    expect(listed.or_(field).filter(visible=True)).to_have_count(1, timeout=WAIT)
+    # Both are there while a new name is being written.
+    expect(listed.or_(field).filter(visible=True).first).to_be_visible(timeout=WAIT)
     if listed.is_visible():  # what is known is offered
         known = listed.locator(f'option[value="{name}"]').count()
         listed.select_option(name if known else "+")
