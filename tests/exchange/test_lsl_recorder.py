@@ -125,7 +125,8 @@ def test_a_recorder_keeps_it_beside_an_eeg_and_over_a_restart(tmp_path: Path) ->
     assert about["simulated"] == ["true"]
     assert len(found[OURS]["clock_times"]) > offsets > 0
     stamps, eeg = found[OURS]["time_stamps"], found["eeg"]["time_stamps"]
-    assert np.diff(stamps).min() > 0 and eeg[0] < stamps[0] and stamps[-1] < eeg[-1]
+    # Within a second, because a busy computer lets the first or the last samples of either wait.
+    assert np.diff(stamps).min() > 0 and eeg[0] < stamps[0] + 1 and stamps[-1] < eeg[-1] + 1
     # Blocks may be missing on a busy computer; what came is what was recorded, before and after the restart.
     received = found[OURS]["time_series"][:, labels.index(("Fz", "N"))]
     forces = [_force(recording) for recording in recordings]

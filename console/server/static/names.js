@@ -26,7 +26,7 @@ export function naming(id, another, changed = () => {}) {
       list.disabled = !known.size;
       $(`${id}-list`).classList.toggle("hidden", !known.size);
       show();
-      changed();
+      if (value() !== before) changed();
     },
   };
 }

@@ -20,6 +20,7 @@ async function look() {
   recorded = names.recordings;
   who.offer(names.participants);
   what.offer(names.buttons);
+  suggest();
 }
 function suggest() {
   const plain = who.value() && what.value() ? `${who.value()}-${what.value()}` : "", taken = new Set(recorded.map((name) => name.toLowerCase()));
