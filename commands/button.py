@@ -14,10 +14,12 @@ from ..reports import contents, outputs, show
 from ..terminal.progress import Steps
 from . import front as haploop
 from .options import (
+    ALSO,
     AVERAGE,
     CALIBRATION,
     COLUMNS,
     JSON,
+    MAP,
     NEW,
     PATCHES,
     PATH,
@@ -31,7 +33,7 @@ from .options import (
 )
 
 if TYPE_CHECKING:
-    from ..acquisition import AverageMethod
+    from ..acquisition import AverageMethod, Representative
     from ..reports.figures import Columns
 
 __all__ = ["button"]
@@ -85,6 +87,8 @@ def button() -> None:
     help="Maximum number of iterative corrections of the drive.",
 )
 @QUIET
+@ALSO
+@MAP
 @ERROR
 @LEVEL
 @AVERAGE
@@ -98,6 +102,8 @@ def make(
     method: Literal["modulated", "broadband"],
     iterations: int,
     quiet_at: Sequence[str],
+    also: Sequence[tuple[str, Path]],
+    map_folder: Path | None,
     error: float | None,
     level: float | None,
     average: AverageMethod,
@@ -112,34 +118,53 @@ def make(
     plan` shows what there is to choose); without them the drive is as like as it can be. With calibrations of
     several patches and an amplifier channel for each, all play at once, and the drives are planned so that a
     drift of the table changes the motion as little as possible; they are as loud as 6 % of error after a
-    drift of 1 % allows.
+    drift of 1 % allows. Other points can be kept silent (`--quiet-at`) or play a press of their own at the
+    same time (`--also`); the check visits each with the laser.
 
     Exit codes: 0 the check passed, 1 it did not (the file is written and states why).
     """
     chosen, wanted = (error, level) != (None, None), haploop.Loudness(error, level)
     loaded = haploop.load_calibrations(calibrations, patches or ())
     press = haploop.load_press(presses, average)
+    elsewhere = _elsewhere(quiet_at, also, average)
+    if map_folder is not None:
+        loaded = haploop.with_map(loaded, haploop.VibrationMap.load(map_folder), tuple(elsewhere))
     with (
-        reserved(out, size=sizes.BUTTON + (iterations + 1) * sizes.STEP),
+        reserved(out, size=sizes.BUTTON + (iterations + 1) * sizes.STEP + len(also) * sizes.CHECK),
         rig.opened() as opened,
         Steps() as steps,
     ):
         trade = haploop.Trade()
         if chosen:
-            trade = haploop.trade_for(press, loaded, opened, wanted, method, quiet_at)
+            trade = haploop.trade_for(press, loaded, opened, wanted, method, elsewhere)
         made = haploop.build_button(
             opened,
             press,
             loaded,
             method=method,
             trade=trade,
-            quiet_at=quiet_at,
+            elsewhere=elsewhere,
             iterations=iterations,
             progress=steps,
         )
         made.save(out)
     show.print_made(contents.file_contents(out), out, as_json)
     return 0 if made.passed else 1
+
+
+def _elsewhere(
+    quiet_at: Sequence[str], also: Sequence[tuple[str, Path]], average: AverageMethod
+) -> dict[str, Representative | None]:
+    """What each other point is to do: the press of the recordings that are named with it, or silence."""
+    files: dict[str, list[Path]] = {}
+    for point, path in also:
+        files.setdefault(point, []).append(path)
+    if both := sorted(set(files) & set(quiet_at)):
+        raise click.UsageError(f"Point {both[0]} cannot be silent and play a press.")
+    wanted: dict[str, Representative | None] = {
+        point: haploop.load_press(paths, average) for point, paths in files.items()
+    }
+    return wanted | dict.fromkeys(quiet_at)
 
 
 @button.command()

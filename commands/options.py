@@ -25,11 +25,13 @@ if TYPE_CHECKING:
     from ..instruments.tape import Player
 
 __all__ = [
+    "ALSO",
     "ATTEMPTS",
     "AVERAGE",
     "CALIBRATION",
     "COLUMNS",
     "JSON",
+    "MAP",
     "NEW",
     "NOTES",
     "ONLY",
@@ -231,7 +233,23 @@ QUIET = click.option(
     type=Names(),
     default=(),
     metavar="LIST",
-    help="Grid points that are to be silent, for example 31,57: fewer than patches, each calibrated as well.",
+    help="Grid points that are to be silent, for example 31,57. Each is calibrated as well, or taken from "
+    "--map.",
+)
+ALSO = click.option(
+    "--also",
+    type=(str, PATH),
+    multiple=True,
+    metavar="POINT PRESS",
+    help="Grid point that is to play another press at the same time; repeatable. All points together are no "
+    "more than patches.",
+)
+MAP = click.option(
+    "--map",
+    "map_folder",
+    type=PATH,
+    metavar="DIR",
+    help="Folder of a map (`haploop map`), for points of --quiet-at and --also without a calibration.",
 )
 PLAYS = click.option(
     "--plays",

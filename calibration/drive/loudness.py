@@ -20,7 +20,9 @@ from ...instruments.progress import Progress, silent
 from ..model import Calibration
 from ..perception import LabThreshold, Sensation, lab_threshold, levels_of, pressing_act
 from .check import TOLERANCE
-from .drive import Drive, Method, drive_for
+from .drive import Drive, drive_for
+from .elsewhere import NOWHERE, Wanted
+from .targets import Method
 from .trade import BUDGET, Trade
 
 if TYPE_CHECKING:
@@ -160,7 +162,7 @@ def trade_for(
     rig: Rig,
     loudness: Loudness,
     method: Method = "modulated",
-    quiet_at: Sequence[str] = (),
+    elsewhere: Wanted = NOWHERE,
 ) -> Trade:
     """The trade with which a drive is what was asked for.
 
@@ -169,7 +171,9 @@ def trade_for(
     """
 
     def at(error: float) -> Drive:
-        return drive_for(press, calibration, rig.limits, method=method, trade=Trade(error), quiet_at=quiet_at)
+        return drive_for(
+            press, calibration, rig.limits, method=method, trade=Trade(error), elsewhere=elsewhere
+        )
 
     def level(drive: Drive) -> float:
         return _level(drive, lab)

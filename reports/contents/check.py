@@ -11,7 +11,7 @@ import numpy as np
 
 from ...acquisition import Representative
 from ...calibration import Check, DigitalButton, Feeling, check_feeling
-from ...calibration.drive import SharedPower
+from ...calibration.drive import Elsewhere, SharedPower
 from ...calibration.perception import Levels
 from .. import figures
 from . import captions
@@ -183,12 +183,7 @@ def _check_facts(check: Check, feeling: Feeling) -> Iterator[Fact]:
         f"{_error(check.whole)}, at most {percent(check.tolerance)}; up to {check.judged_hz:.0f} Hz, in "
         f"{check.plays} plays",
     )
-    for one, (still, drifted) in zip(check.silent, check.drive.quiet_motion, strict=False):
-        yield fact(
-            f"Silence at point {one.point}",
-            f"{one.contrast_db:.0f} dB below the target; {_below(still)} dB were expected, "
-            f"{_below(drifted)} dB after a drift",
-        )
+    yield from _elsewhere_facts(check)
     envelopes = f"of the envelopes {check.envelope_correlation:.4f}"
     noise = f"{percent(check.whole.floor)}, within the band {percent(check.within.floor)}"
     yield from detailed(
@@ -201,6 +196,40 @@ def _check_facts(check: Check, feeling: Feeling) -> Iterator[Fact]:
         ]
     )
     yield from feeling_facts(feeling)
+
+
+def _elsewhere_facts(check: Check) -> Iterator[Fact]:
+    """What other points did: silent ones, and those with a button of their own."""
+    planned = {one.point: one for one in check.drive.elsewhere}
+    for silence in check.silent:
+        still, drifted = planned[silence.point].expected
+        yield fact(
+            f"Silence at point {silence.point}",
+            f"{silence.contrast_db:.0f} dB below the target; {_below(still)} dB were expected, "
+            f"{_below(drifted)} dB after a drift{_known(planned[silence.point])}",
+        )
+    for other in check.others:
+        one = planned[other.drive.point]
+        expected = " and ".join(percent(error) for error in one.expected)
+        yield fact(
+            f"{one.button} at point {one.point}",
+            [
+                verdict_cell(other.verdict),
+                f"error {_error(other.whole)}; {expected} were expected, as calibrated and after a drift"
+                f"{_known(one)}",
+            ],
+        )
+    for seen in (check, *check.others) if check.others else ():
+        for point, level in seen.crosstalk_db:
+            yield fact(
+                f"Crosstalk at the {seen.drive.point} point",
+                f"at most {level:.0f} dB of the button at the {point} point",
+            )
+
+
+def _known(one: Elsewhere) -> str:
+    """How well the responses of a point are known."""
+    return f"; the point is known to {percent(one.known_to)} ({one.known_from})"
 
 
 def _below(motion: float) -> str:
