@@ -263,8 +263,8 @@ ran on the product itself, and all or some figures are estimates, but for {known
 in the file say which.
 
 Another product is
-[described in the rig file](../how-to/describe-your-rig.md#a-card-that-haploop-does-not-know), or by a package:
-an entry point of the group `haploop.ni_products` is a mapping of such rows.
+[described in the rig file](../how-to/describe-your-rig.md#a-card-that-haploop-does-not-know), or by a
+package: an entry point of the group `haploop.ni_products` is a mapping of such rows.
 
 Inputs are against ground, differential; s: each has its own converter. Rates are conversions per second of
 all inputs together, or of each where they are simultaneous.
