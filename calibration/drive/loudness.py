@@ -1,8 +1,8 @@
 """How loud a drive can be, and at what error: the curve between them, and the choice on it.
 
-Within the limits of the rig a drive is louder only if more of the target is given up. The error is the one
-expected of the whole motion before any correction by playing (`Drive.expected_error`); the level is that of
-the drive's target above the threshold of a finger that presses.
+Within the limits of the rig a drive is louder only if more of the target is given up. Errors are those
+expected of the whole motion before any correction by playing, as calibrated and after a drift; the level is
+that of the drive's target above the threshold of a finger that presses.
 """
 
 from __future__ import annotations
@@ -43,7 +43,8 @@ class Loudness:
     """What is asked of a drive: at most `error`, or at least `level`, or both."""
 
     error: float | None = None
-    """Largest expected error; as loud as the limits allow. None: what a check tolerates."""
+    """Largest expected error (`Drive.expected_error`); as loud as the limits allow. None: what a check
+    tolerates."""
     level: float | None = None
     """Least level above the threshold of a finger that presses (dB), at the least error."""
 
@@ -61,7 +62,9 @@ class Offer:
     """One point of a curve: a drive that the limits allow."""
 
     error: float
-    """Expected error of the whole motion, before corrections."""
+    """Expected error of the whole motion as calibrated, before corrections."""
+    drifted: float
+    """The same after a drift of the table, whether it is planned against or not."""
     level: float
     """dB above the threshold of a finger that presses."""
     scale: float
@@ -116,7 +119,9 @@ def offered(drives: Sequence[Drive], lab: LabThreshold | None = None) -> Offers:
     """The curve of drives of one method at the same patches, from the most like to the loudest."""
     first = drives[0]
     # Where the least error is more than was asked for, several drives are the same.
-    offers = dict.fromkeys(Offer(d.expected_error, _level(d, lab), d.scale, d.peak) for d in drives)
+    offers = dict.fromkeys(
+        Offer(d.predicted_error, d.drifted_error, _level(d, lab), d.scale, d.peak) for d in drives
+    )
     return Offers(first.method, first.patch, first.in_band, tuple(offers))
 
 

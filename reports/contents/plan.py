@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ...calibration import ButtonPlan
+from ...calibration import ButtonPlan, Drift
 from .. import figures
 from . import captions
 from .parts import Contents, Drawing, Grid, fact, plain
@@ -22,6 +22,7 @@ def plan_contents(plan: ButtonPlan) -> Contents:
                     curve.method,
                     curve.patch,
                     percent(one.error),
+                    percent(one.drifted),
                     fixed(one.level, 1, "dB"),
                     sensation.answer,
                     fixed(one.scale, 3),
@@ -34,6 +35,7 @@ def plan_contents(plan: ButtonPlan) -> Contents:
                     "patch": curve.patch,
                     "in_band": curve.in_band,
                     "error": one.error,
+                    "drifted_error": one.drifted,
                     "above_threshold_db": one.level,
                     "people": sensation.people,
                     "felt": sensation.answer,
@@ -67,9 +69,10 @@ def plan_drawing(plan: ButtonPlan) -> Drawing:
     )
 
 
-_HEADINGS = ("Method", "Patch", "Error", "Level", "Felt", "Size", "Drive")
+_HEADINGS = ("Method", "Patch", "Error", "Drifted", "Level", "Felt", "Size", "Drive")
 _EXPLAINED = (
-    "Error: expected of the whole motion, before corrections by playing. Level: above the threshold of a "
-    "finger that presses. Felt: by most people who press. Choose with `haploop button make --error 5` or "
-    "`--level 10dB`."
+    "Error: expected of the whole motion as calibrated, before corrections by playing. Drifted: the same if "
+    f"the table has drifted by {Drift().common:.0%}, which drives of several patches are planned against. "
+    "Level: above the threshold of a finger that presses. Felt: by most people who press. Choose with "
+    "`haploop button make --error 5` (of one patch as calibrated, of several drifted) or `--level 10dB`."
 )
