@@ -21,6 +21,7 @@ from ..model import Calibration
 from ..perception import LabThreshold, Sensation, lab_threshold, levels_of, pressing_act
 from .check import TOLERANCE
 from .drive import Drive, Method, drive_for
+from .parallel import Wired, parallel_wirings
 from .trade import BUDGET, Trade
 
 if TYPE_CHECKING:
@@ -97,6 +98,9 @@ class ButtonPlan(InNotebook):
     """Recordings that the press stands for: file name, content hash."""
     lab: LabThreshold | None = None
     """The lab's threshold, when the rig's file had one."""
+    parallel: tuple[Wired, ...] = ()
+    """What the patches would play in parallel, by the first method, where one channel of the amplifier drives
+    all: as wired, the loudest of them as wired, and the loudest with wires swapped; each once."""
 
     def __repr__(self) -> str:
         return f"<ButtonPlan {self.button} on {self.rig}: {len(self.curves)} curves>"
@@ -134,11 +138,14 @@ def plan_button(
 ) -> ButtonPlan:
     """Compute the curve of each method, of the first patch alone and of all at once, within a rig's limits.
 
-    Raises what `drive_for` raises.
+    Where one channel of the amplifier drives all patches, they cannot be played at once: what they would play
+    in parallel is computed instead. Raises what `drive_for` raises.
     """
     lab = lab_threshold(rig)
     every = (calibration,) if isinstance(calibration, Calibration) else tuple(calibration)
-    together = [every[:1], every] if len(every) > 1 else [every]
+    several = len(every) > 1
+    shared = several and rig.amplifier.sharing({c.response.patch for c in every}) == len(every)
+    together = [every[:1], every] if several and not shared else [every[:1]]
     curves: list[Offers] = []
     doing, count = f"Plan the {press.button} button", len(together) * len(methods) * len(_ERRORS)
     for method, some in product(methods, together):
@@ -156,6 +163,7 @@ def plan_button(
         simulated=first.simulated,
         sources=first.sources,
         lab=lab,
+        parallel=parallel_wirings(press, every, rig.limits_for, methods[0], lab) if shared else (),
     )
 
 
