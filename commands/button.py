@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import click
 
@@ -13,28 +12,16 @@ from ..instruments.files import reserved
 from ..reports import contents, outputs, show
 from ..terminal.progress import Steps
 from . import front as haploop
+from .grouped import AskedElsewhere, AskedPress, Shown, on_elsewhere, on_press, shown
 from .options import (
-    ALSO,
-    AVERAGE,
-    CALIBRATION,
-    COLUMNS,
     JSON,
-    MAP,
     NEW,
-    PATCHES,
     PATH,
     PLAYS,
-    PLOT,
-    PRESSES,
-    QUIET,
     ChosenRig,
     Measure,
     on_rig,
 )
-
-if TYPE_CHECKING:
-    from ..acquisition import AverageMethod, Representative
-    from ..reports.figures import Columns
 
 __all__ = ["button"]
 
@@ -59,9 +46,7 @@ def button() -> None:
 
 
 @button.command()
-@PRESSES
-@CALIBRATION
-@PATCHES
+@on_press
 @click.option(
     "--out",
     "-o",
@@ -86,27 +71,19 @@ def button() -> None:
     show_default=True,
     help="Maximum number of iterative corrections of the drive.",
 )
-@QUIET
-@ALSO
-@MAP
+@on_elsewhere
 @ERROR
 @LEVEL
-@AVERAGE
 @on_rig()
 @JSON
 def make(
-    presses: Sequence[Path],
-    calibrations: Sequence[Path],
-    patches: Sequence[str] | None,
+    asked: AskedPress,
+    elsewhere: AskedElsewhere,
     out: Path,
     method: Literal["modulated", "broadband"],
     iterations: int,
-    quiet_at: Sequence[str],
-    also: Sequence[tuple[str, Path]],
-    map_folder: Path | None,
     error: float | None,
     level: float | None,
-    average: AverageMethod,
     rig: ChosenRig,
     as_json: bool,
 ) -> int:
@@ -124,26 +101,24 @@ def make(
     Exit codes: 0 the check passed, 1 it did not (the file is written and states why).
     """
     chosen, wanted = (error, level) != (None, None), haploop.Loudness(error, level)
-    loaded = haploop.load_calibrations(calibrations, patches or ())
-    press = haploop.load_press(presses, average)
-    elsewhere = _elsewhere(quiet_at, also, average)
-    if map_folder is not None:
-        loaded = haploop.with_map(loaded, haploop.VibrationMap.load(map_folder), tuple(elsewhere))
+    loaded, press = asked.load_calibrations(), asked.load_press()
+    there = elsewhere.load_wanted(asked.average)
+    loaded = elsewhere.load_calibrations(loaded)
     with (
-        reserved(out, size=sizes.BUTTON + (iterations + 1) * sizes.STEP + len(also) * sizes.CHECK),
+        reserved(out, size=sizes.BUTTON + (iterations + 1) * sizes.STEP + len(there) * sizes.CHECK),
         rig.opened() as opened,
         Steps() as steps,
     ):
         trade = haploop.Trade()
         if chosen:
-            trade = haploop.trade_for(press, loaded, opened, wanted, method, elsewhere)
+            trade = haploop.trade_for(press, loaded, opened, wanted, method, there)
         made = haploop.build_button(
             opened,
             press,
             loaded,
             method=method,
             trade=trade,
-            elsewhere=elsewhere,
+            elsewhere=there,
             iterations=iterations,
             progress=steps,
         )
@@ -152,54 +127,23 @@ def make(
     return 0 if made.passed else 1
 
 
-def _elsewhere(
-    quiet_at: Sequence[str], also: Sequence[tuple[str, Path]], average: AverageMethod
-) -> dict[str, Representative | None]:
-    """What each other point is to do: the press of the recordings that are named with it, or silence."""
-    files: dict[str, list[Path]] = {}
-    for point, path in also:
-        files.setdefault(point, []).append(path)
-    if both := sorted(set(files) & set(quiet_at)):
-        raise click.UsageError(f"Point {both[0]} cannot be silent and play a press.")
-    wanted: dict[str, Representative | None] = {
-        point: haploop.load_press(paths, average) for point, paths in files.items()
-    }
-    return wanted | dict.fromkeys(quiet_at)
-
-
 @button.command()
-@PRESSES
-@CALIBRATION
-@PATCHES
+@on_press
 @click.option("--out", "-o", type=NEW, metavar="PLAN.h5", help="Plan file to write, for a report.")
-@AVERAGE
 @on_rig()
-@PLOT
-@COLUMNS
-@JSON
-def plan(
-    presses: Sequence[Path],
-    calibrations: Sequence[Path],
-    patches: Sequence[str] | None,
-    out: Path | None,
-    average: AverageMethod,
-    rig: ChosenRig,
-    plot: Path | None,
-    columns: Columns,
-    as_json: bool,
-) -> int:
+@shown
+def plan(asked: AskedPress, out: Path | None, rig: ChosenRig, shown: Shown) -> int:
     """Show what error buys which loudness, without playing anything.
 
     PRESS as of `haploop button make`. Within the limits of the rig, a louder button is less like the recorded
     one: the table has both for each method, and whether a person feels it who presses.
     """
-    loaded = haploop.load_calibrations(calibrations, patches or ())
-    press = haploop.load_press(presses, average)
+    loaded, press = asked.load_calibrations(), asked.load_press()
     with rig.opened() as opened, Steps() as steps:
         planned = haploop.plan_button(press, loaded, opened, progress=steps)
     if out is not None:
         planned.save(out)
-    show.print_contents(contents.plan_contents(planned), as_json, plot, columns)
+    shown.print(contents.plan_contents(planned))
     return 0
 
 

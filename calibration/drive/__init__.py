@@ -12,12 +12,14 @@ from .finger_check import check_under_finger
 from .learning import Iteration, Learning, learn
 from .loudness import ButtonPlan, Loudness, Offer, Offers, offered, plan_button, trade_for
 from .paper_baseline import paper_drive
+from .parallel import COMPARED_AT, Wired, Wiring
 from .targets import BEFORE, Method, modulate
 from .trade import STEADY, Trade
 
 __all__ = [
     "BAND",
     "BEFORE",
+    "COMPARED_AT",
     "NOWHERE",
     "STEADY",
     "TOLERANCE",
@@ -35,6 +37,8 @@ __all__ = [
     "SharedPower",
     "Trade",
     "Wanted",
+    "Wired",
+    "Wiring",
     "build_button",
     "check",
     "check_feeling",

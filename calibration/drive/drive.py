@@ -88,7 +88,8 @@ class Drive(InNotebook):
     drift: Drift = STEADY
     """Drift of the table that was planned against."""
     drifted_error: float = 0.0
-    """Error expected of the whole motion when the table has drifted so, `predicted_error` included."""
+    """Error expected of the whole motion when the table has drifted so, `predicted_error` included; by
+    `Drift()` where no drift was planned against."""
 
     def __post_init__(self) -> None:
         """Raises DataError for signals that no calibration makes, so that nobody plots or plays them."""
@@ -129,8 +130,9 @@ class Drive(InNotebook):
 
         Of several buttons that of the worst.
         """
-        others = [error for one in self.elsewhere if one.button for error in one.expected]
-        return max(self.predicted_error, self.drifted_error, *others)
+        own = self.predicted_error, self.drifted_error
+        each = [own, *(one.expected for one in self.elsewhere if one.button)]
+        return max(error[self.drift != STEADY] for error in each)
 
     @property
     def points(self) -> tuple[str, ...]:
@@ -204,7 +206,9 @@ def drive_for(
     band = table.measured_well(band, [point for point in table.points if elsewhere.get(point, press)])
     targets, in_band = grid.within(band)
     drift = trade.drift_for(table)
-    plan = plan_for(table, targets, grid, band, limits, drift)
+    drifting = plan_for(table, targets, grid, band, limits, Drift() if drift == STEADY else drift)
+    steady = replace(drifting, drift=0.0)
+    plan = steady if drift == STEADY else drifting
     planned = planned_by(plan, trade, trade.budget(drift), float(table.reach(limits).max()), inversion)
 
     smooth = grid.smooth
@@ -226,8 +230,7 @@ def drive_for(
         _, by = table.headroom(volts, limits)
     else:
         by = f"{_RANGE_USED:.0%} of the vibrometer's {shown(response.pickup, response.pickup_range)}"
-    steady = replace(plan, drift=0.0)
-    errors = expected_errors(table, plan, played)
+    errors = expected_errors(table, drifting, played)
     each = tuple(
         Elsewhere(
             point=point,

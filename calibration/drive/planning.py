@@ -15,7 +15,7 @@ from .actuation import Actuation
 from .inversion import Plan, State, max_output, min_peak, within
 from .trade import STEADY, Trade
 
-__all__ = ["Inversion", "PlanGrid", "expected_errors", "plan_for", "planned_by"]
+__all__ = ["Inversion", "PlanGrid", "distorted", "expected_errors", "plan_for", "planned_by", "slew_of"]
 
 Inversion = Literal["optimised", "regularised"]
 _SPREAD = 0.6
@@ -55,7 +55,6 @@ def plan_for(
     known = (f >= low) & (f <= high)
     there = known & (f <= table.known_elsewhere[:, None])
     gain = np.where(there[:, None], table.gain(np.clip(f, low, high)), 0.0)
-    slew = min(limits.slew, limits.current_peak / limits.capacitance if limits.capacitance else np.inf)
     power = (np.abs(gain[0]) ** 2).mean(axis=0)
     reach = table.reach(limits)
     return Plan(
@@ -67,8 +66,14 @@ def plan_for(
         typical=float(np.median(power[(f >= band[0]) & (f <= band[1])])),
         reach=reach / reach.max(),
         drift=np.where(there[:, None, None], table.drifted(f, drift), 0.0) if drift != STEADY else 0.0,
-        slew=slew / grid.rate_hz / limits.peak,
+        slew=slew_of(limits, grid.rate_hz),
     )
+
+
+def slew_of(limits: Limits, rate_hz: float) -> float:
+    """`Plan.slew`: what the slew rate and the current into the load allow from one sample to the next."""
+    slew = min(limits.slew, limits.current_peak / limits.capacitance if limits.capacitance else np.inf)
+    return slew / rate_hz / limits.peak
 
 
 def planned_by(plan: Plan, trade: Trade, budget: float, reach: float, inversion: Inversion) -> FloatArray:
@@ -88,10 +93,10 @@ def expected_errors(table: Actuation, plan: Plan, linear_volts: FloatArray) -> F
     """
     V = scipy.fft.rfft(linear_volts)
     each = [replace(plan, drift=0.0).left_at(V), plan.left_at(V)]
-    return np.sqrt(np.array(each).T / plan.wanted + _distorted(table, plan, V)[:, None] ** 2)
+    return np.sqrt(np.array(each).T / plan.wanted + distorted(table, plan, V)[:, None] ** 2)
 
 
-def _distorted(table: Actuation, plan: Plan, V: ComplexArray) -> FloatArray:
+def distorted(table: Actuation, plan: Plan, V: ComplexArray) -> FloatArray:
     """(points,): error expected from distortion, over the target's rms.
 
     Linear volts that the hysteresis model misses are spread over the band by it; the table then moves as it
