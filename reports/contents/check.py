@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -41,17 +42,33 @@ def check_contents(check: Check, press: Representative | None = None, file: Path
         kind="check",
         simulated=check.simulated,
         rig=drive.rig,
-        verdicts=[_verdict(f"Check of the {drive.button} button", check, feeling)],
-        figures=[
-            Drawing.alone(
-                "check",
-                f"Check of the {drive.button} button: {check.verdict}",
-                captions.CHECK,
-                lambda columns: figures.check_figure(check, columns),
-                f"n = {check.plays} plays.",
-            )
-        ],
+        verdicts=[_verdict(f"Check of the {drive.button} button", check, feeling), *_others(check)],
+        figures=[_check_drawing("check", check), *_other_drawings(check)],
     )
+
+
+def _check_drawing(name: str, check: Check, there: str = "") -> Drawing:
+    return Drawing.alone(
+        name,
+        f"Check of the {check.drive.button} button{there}: {check.verdict}",
+        captions.CHECK,
+        lambda columns: figures.check_figure(check, columns),
+        f"n = {check.plays} plays.",
+    )
+
+
+def _other_drawings(check: Check) -> Iterator[Drawing]:
+    """A figure of each button that another point plays at the same time."""
+    for other in check.others:
+        point = other.drive.point
+        yield _check_drawing(f"check-{point}", other, f" at the {point} point")
+
+
+def _others(check: Check, presses: Sequence[Representative] = ()) -> Iterator[Verdict]:
+    """The verdict on each button that another point plays at the same time; `presses` are theirs."""
+    for other, press in zip_longest(check.others, presses):
+        title = f"The {other.drive.button} button at the {other.drive.point} point"
+        yield _verdict(title, other, check_feeling(other, press))
 
 
 def button_contents(button: DigitalButton) -> Contents:
@@ -84,7 +101,7 @@ def button_contents(button: DigitalButton) -> Contents:
         kind="button",
         simulated=button.simulated,
         rig=drive.rig,
-        verdicts=[_verdict(title, check, feeling)],
+        verdicts=[_verdict(title, check, feeling), *_others(check, button.others)],
         figures=_figures_of(button, feeling),
         picture=Drawing.alone(
             f"button-{press.button}",
@@ -162,6 +179,7 @@ def _figures_of(button: DigitalButton, feeling: Feeling) -> Sequence[Drawing]:
             lambda columns: figures.iterations_figure(button, columns),
             f"n = {check.plays} plays, {len(learning.iterations) - 1} corrections.",
         ),
+        *_other_drawings(check),
     ]
 
 

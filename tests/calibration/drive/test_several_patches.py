@@ -29,6 +29,7 @@ from haploop.calibration.drive.actuation import Actuation
 from haploop.instruments import ConfigurationError, DataError, Rig, open_rig
 from haploop.mocks.plant.hysteresis import Hysteresis
 from haploop.mocks.plant.table import TouchTable
+from haploop.reports.contents.check import button_contents
 from tests.calibration.conftest import Calibrated, make_press
 
 WIDTHS = {"A": 0.12, "B": 0.09, "C": 0.15, "D": 0.11}
@@ -154,7 +155,7 @@ def test_a_point_is_kept_silent_and_the_laser_visits_it(four: Four, beside: tupl
     assert result.summary()["silent"] == {"57": silence.contrast_db}
     still_trade = replace(trade, drift=Drift(0, 0, 0, 0, 0))
     quietest = drive_for(press, every, rig.limits, trade=still_trade, elsewhere={"57": None})
-    assert quietest.elsewhere[0].expected[0] < 0.5 * still
+    assert quietest.elsewhere[0].expected[0] < 0.7 * still
     # Planned against no drift, it is quieter; and it moves when nobody asks for silence there.
     (moved,) = check(rig, replace(loud, elsewhere=quiet.elsewhere), plays=3).silent
     assert moved.contrast_db < 15
@@ -188,6 +189,11 @@ def test_two_buttons_are_played_at_once_and_each_has_its_verdict(
     back = DigitalButton.load(tmp_path / "both.h5")
     assert back.digest == made.digest and list(back.elsewhere) == ["57"]
     assert back.elsewhere["57"].button == "toggle"  # type: ignore[union-attr]
+    said = button_contents(back)
+    assert [one.passed for one in said.verdicts] == [True, True]
+    assert {one.name for one in said.figures} >= {"check-57"}
+    labels = " ".join(str(one.label) for one in said.facts)
+    assert "toggle at point 57" in labels and "Crosstalk at the button point" in labels
     # Seen from one and then from the other, a drive is what it was.
     again = made.drive.seen_from("57").seen_from("button")
     assert again.button == "push" and np.array_equal(again.target, made.drive.target)
@@ -199,8 +205,6 @@ def test_a_button_that_fails_elsewhere_fails_the_check(four: Four, beside: tuple
     loud = drive_for(press, four.calibrations, four.rig.limits)
     both = drive_for(press, [*four.calibrations, *beside], four.rig.limits, elsewhere={"57": late(press)})
     spoilt = replace(loud, elsewhere=tuple(replace(one, target=one.target / 3) for one in both.elsewhere))
-    length = min(len(loud.target), len(both.target))
-    assert length == len(loud.target)
     result = check(four.rig, spoilt, plays=3)
     assert result.verdict == "fail" and result.error < 0.1
     assert any("The toggle button at the 57 point" in reason for reason in result.reasons)
