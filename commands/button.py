@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import click
 
@@ -13,26 +13,17 @@ from ..instruments.files import reserved
 from ..reports import contents, outputs, show
 from ..terminal.progress import Steps
 from . import front as haploop
+from .grouped import AskedPress, Shown, on_press, shown
 from .options import (
-    AVERAGE,
-    CALIBRATION,
-    COLUMNS,
     JSON,
     NEW,
-    PATCHES,
     PATH,
     PLAYS,
-    PLOT,
-    PRESSES,
     QUIET,
     ChosenRig,
     Measure,
     on_rig,
 )
-
-if TYPE_CHECKING:
-    from ..acquisition import AverageMethod
-    from ..reports.figures import Columns
 
 __all__ = ["button"]
 
@@ -64,9 +55,7 @@ def button() -> None:
 
 
 @button.command()
-@PRESSES
-@CALIBRATION
-@PATCHES
+@on_press
 @click.option(
     "--out",
     "-o",
@@ -95,13 +84,10 @@ def button() -> None:
 @ERROR
 @LEVEL
 @DRIFT
-@AVERAGE
 @on_rig()
 @JSON
 def make(
-    presses: Sequence[Path],
-    calibrations: Sequence[Path],
-    patches: Sequence[str] | None,
+    asked: AskedPress,
     out: Path,
     method: Literal["modulated", "broadband"],
     iterations: int,
@@ -109,7 +95,6 @@ def make(
     error: float | None,
     level: float | None,
     drift: float | None,
-    average: AverageMethod,
     rig: ChosenRig,
     as_json: bool,
 ) -> int:
@@ -128,8 +113,7 @@ def make(
     usual = haploop.Drift()
     against = None if drift is None else usual.times(drift / usual.common)
     chosen, wanted = (error, level) != (None, None), haploop.Loudness(error, level, against)
-    loaded = haploop.load_calibrations(calibrations, patches or ())
-    press = haploop.load_press(presses, average)
+    loaded, press = asked.load_calibrations(), asked.load_press()
     with (
         reserved(out, size=sizes.BUTTON + (iterations + 1) * sizes.STEP),
         rig.opened() as opened,
@@ -154,38 +138,22 @@ def make(
 
 
 @button.command()
-@PRESSES
-@CALIBRATION
-@PATCHES
+@on_press
 @click.option("--out", "-o", type=NEW, metavar="PLAN.h5", help="Plan file to write, for a report.")
-@AVERAGE
 @on_rig()
-@PLOT
-@COLUMNS
-@JSON
-def plan(
-    presses: Sequence[Path],
-    calibrations: Sequence[Path],
-    patches: Sequence[str] | None,
-    out: Path | None,
-    average: AverageMethod,
-    rig: ChosenRig,
-    plot: Path | None,
-    columns: Columns,
-    as_json: bool,
-) -> int:
+@shown
+def plan(asked: AskedPress, out: Path | None, rig: ChosenRig, shown: Shown) -> int:
     """Show what error buys which loudness, without playing anything.
 
     PRESS as of `haploop button make`. Within the limits of the rig, a louder button is less like the recorded
     one: the table has both for each method, and whether a person feels it who presses.
     """
-    loaded = haploop.load_calibrations(calibrations, patches or ())
-    press = haploop.load_press(presses, average)
+    loaded, press = asked.load_calibrations(), asked.load_press()
     with rig.opened() as opened, Steps() as steps:
         planned = haploop.plan_button(press, loaded, opened, progress=steps)
     if out is not None:
         planned.save(out)
-    show.print_contents(contents.plan_contents(planned), as_json, plot, columns)
+    shown.print(contents.plan_contents(planned))
     return 0
 
 

@@ -1,11 +1,7 @@
-"""A rig file for each NI product, and what runs on it: doctor, record, calibrate and check, on twin and wire.
-
-`python -m tests.mocks.daq.product_rigs docs/reference/ni-products.md` writes the page of the products.
-"""
+"""A rig file for each NI product, and what runs on it: doctor, record, calibrate, check, on twin and wire."""
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -250,58 +246,3 @@ def pressed(folder: Path) -> Pressed:
         return file
 
     return press
-
-
-# The page
-
-_HEAD = """# NI products
-
-The NI products that the simulator knows, from `mocks/daq/products.toml`. Doctor, recording, calibration and
-check run on a generated rig of each, on twin and wire, as far as it has inputs and rates for them (a table is
-calibrated from 20 kHz on). With the 12 bits of an NI 9201 a check shows neither pass nor fail. Nothing here
-ran on the product itself, and all or some figures are estimates, but for {known}: `source` and `estimates`
-in the file say which.
-
-Another product is
-[described in the rig file](../how-to/describe-your-rig.md#a-card-that-haploop-does-not-know), or by a
-package: an entry point of the group `haploop.ni_products` is a mapping of such rows.
-
-Inputs are against ground, differential; s: each has its own converter. Rates are conversions per second of
-all inputs together, or of each where they are simultaneous.
-
-"""
-_COLUMNS = ("products", "inputs", "ranges (± V)", "bits", "rate (S/s)", "outputs", "counters")
-
-
-def _cells(product: Product) -> tuple[str, ...]:
-    """Return what the page says of a product; of one without analog inputs, no inputs."""
-    inputs = f"{product.ai_single_ended}, {product.ai_differential}{' s' if product.ai_simultaneous else ''}"
-    read = (
-        inputs,
-        ", ".join(f"{v:g}" for v in product.ai_ranges),
-        str(product.ai_bits),
-        _si(product.ai_rate_hz),
-    )
-    written = f"{product.ao_channels}, {_si(product.ao_rate_hz)}" if product.ao_channels else ""
-    return (*(read if product.ai_ranges else ("",) * 4), written, str(product.counters or ""))
-
-
-def _si(value: float) -> str:
-    if value >= 1e6:
-        return f"{value / 1e6:.3g} M"
-    return f"{value / 1e3:.3g} k" if value >= 1e3 else f"{value:g}"
-
-
-def page() -> str:
-    """Return the page: a row for all products whose figures are the same."""
-    alike: dict[tuple[str, ...], list[str]] = {}
-    for product in PRODUCTS.values():
-        alike.setdefault(_cells(product), []).append(product.name)
-    rows = [f"| {' | '.join((', '.join(names), *cells))} |" for cells, names in alike.items()]
-    known = [p.name for p in PRODUCTS.values() if p.source != "estimate" and not p.estimates]
-    head = _HEAD.format(known=" and ".join(known))
-    return "\n".join([f"{head}| {' | '.join(_COLUMNS)} |", "|---" * len(_COLUMNS) + "|", *rows, ""])
-
-
-if __name__ == "__main__":
-    Path(sys.argv[1]).write_text(page(), encoding="utf-8")
