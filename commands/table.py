@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -25,8 +27,13 @@ from .options import (
     on_table,
 )
 
+if TYPE_CHECKING:
+    from ..calibration import Calibration, Waveforms
+
 __all__ = ["calibrate", "check"]
 
+_FEWEST = 3
+"""Changes from which `with_scatter` tells a scatter."""
 
 FINGER = click.option(
     "--finger",
@@ -74,6 +81,14 @@ FORCE = click.option(
     show_default=True,
     help="Keep what was measured in FILE-waveforms.h5 (0.13 MB for each second).",
 )
+@click.option(
+    "--since",
+    multiple=True,
+    type=PATH,
+    metavar="FILE.h5",
+    help="Earlier calibration of the same patches, named as with --out; may be repeated. Tells how channels' "
+    "gains and delays scatter, which drives of several patches are planned against.",
+)
 @FINGER
 @FORCE
 @click.option("--bare", type=PATH, metavar="FILE.h5", help="With --finger: the bare table's calibration.")
@@ -89,6 +104,7 @@ def calibrate(
     point: str,
     out: Path,
     waveforms: bool,
+    since: Sequence[Path],
     finger: str | None,
     force: float | None,
     bare: Path | None,
@@ -107,6 +123,12 @@ def calibrate(
     made = [out] if len(patches) == 1 else [haploop.calibration_of(out, patch) for patch in patches]
     measured = [haploop.Waveforms.beside(path) for path in made]
     files = (*made, *measured) if waveforms else tuple(made)
+    earlier = [one for path in dict.fromkeys(since) for one in haploop.load_calibrations([path], patches)]
+    if since and len([one for one in earlier if one.response.point == point]) < _FEWEST:
+        raise click.UsageError(
+            f"--since needs {_FEWEST} earlier calibrations of these patches at the {point} point, one of "
+            "each of three patches or more of one: fewer tell no scatter."
+        )
     for path in files:
         outputs.check_new_file(path)
     with (
@@ -115,16 +137,25 @@ def calibrate(
         Steps() as steps,
     ):
         on_table(opened, point)
-        for patch, path, kept_in in zip(patches, made, measured, strict=True):
-            calibration, kept = haploop.calibrate_keeping(opened, patch, point, steps)
-            calibration.save(path)
-            if waveforms:
-                kept.save(kept_in)
+        found: list[tuple[Calibration, Waveforms]] = []
+        try:
+            for patch in patches:
+                found.append(haploop.calibrate_keeping(opened, patch, point, steps))
+            if earlier:
+                stated = haploop.with_scatter([one for one, _ in found], earlier)
+                kept = [replace(k, calibration=c.digest) for c, (_, k) in zip(stated, found, strict=True)]
+                found = list(zip(stated, kept, strict=True))
+        finally:
+            # What was measured is kept, also when another patch or the comparison failed.
+            for (calibration, played), path, kept_in in zip(found, made, measured, strict=False):
+                calibration.save(path)
+                if waveforms:
+                    played.save(kept_in)
     if len(made) == 1:
-        found = contents.file_contents(out)
+        shown = contents.file_contents(out)
     else:
-        found = contents.calibrations_contents(haploop.load_calibrations(made))
-    show.print_contents(found, as_json)
+        shown = contents.calibrations_contents(haploop.load_calibrations(made))
+    show.print_contents(shown, as_json)
     return 0
 
 
