@@ -1,6 +1,6 @@
 """A rig: all instruments of a rig file, opened together."""
 
-from .gain_proof import UNPROVED
+from .gain_proof import UNPROVED, UnshownError
 from .json_schema import rig_schema
 from .logbook import log_entries, reset_lockout
 from .opening import hardware, open_rig
@@ -10,6 +10,7 @@ from .taping import check_recordable, tape_rig
 __all__ = [
     "UNPROVED",
     "Rig",
+    "UnshownError",
     "check_recordable",
     "hardware",
     "log_entries",

@@ -11,9 +11,10 @@ from __future__ import annotations
 import numpy as np
 
 from ..arrays import FloatArray
+from ..errors import InstrumentError
 from ..limits import Limits
 
-__all__ = ["HZ", "TOO_MUCH", "UNPROVED", "level_of", "loudest", "tone"]
+__all__ = ["HZ", "TOO_MUCH", "UNPROVED", "UnshownError", "level_of", "loudest", "tone"]
 
 UNPROVED = (
     "The gain of the amplifier cannot be proved on this rig, because it has no [sensors.drive]: nothing "
@@ -31,6 +32,22 @@ HZ = 225.0
 _SECONDS, _RAMP = 0.07, 0.01
 _WINDOW = 0.04
 """Length over which the amplitude is measured (s): whole periods of the tone and of 50 Hz."""
+
+
+class UnshownError(InstrumentError):
+    """The monitor of a patch does not show the volts of the proof, so nothing else was played.
+
+    `share` is what it showed of them, and `elsewhere` the monitors that did show them.
+    """
+
+    def __init__(self, patch: str, level: float, share: float, elsewhere: tuple[str, ...]) -> None:
+        self.share, self.elsewhere = share, elsewhere
+        found = f", and {' and '.join(elsewhere)} showed them" if elsewhere else ""
+        super().__init__(
+            f"The monitor of patch {patch} showed {share * level:.3g} V when {level:g} V were played to "
+            f"prove the gain{found}, so nothing else was played: is the amplifier on, does the contact "
+            "close, and are the monitor's cable and scale right?"
+        )
 
 
 def level_of(limits: Limits) -> float:
