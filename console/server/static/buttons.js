@@ -19,6 +19,7 @@ async function list() {
   const page = (path, name) => el("a", { href: path }, name);
   choose($("recordings"), found.recordings, { first: ["There is no recording yet: first ", page("/record", "record the button"), "."] });
   choose($("calibrations"), found.calibrations, { first: ["There is no calibration yet: first ", page("/table", "calibrate a patch"), "."] });
+  if (found.calibrations.length === 1) $("calibrations").options[0].selected = true;
   choose($("button"), found.buttons, { last: true, first: ["There is no digital button yet: first make one, from recordings and a calibration."] });
   await show(true);
 }

@@ -40,7 +40,8 @@ def test_a_button_of_four_patches_is_made_checked_and_shown(browser, tmp_path):
         told(page, "No patch was calibrated at the 58 point")
         page.get_by_label("Points to keep silent").fill("")
         page.get_by_role("button", name="Compute, play and check").click()
-        page.get_by_label("The simulated person").check()
+        expect(page.locator("#prompt")).to_contain_text("PDV-100", timeout=WAIT)
+        page.keyboard.press("n")
         expect(page.locator("#job")).to_contain_text("Make a digital button four: done", timeout=4 * WAIT)
         expect(page.locator("#verdict")).to_have_text("pass", timeout=WAIT)
         said = page.locator("#said-of-it")
@@ -49,6 +50,8 @@ def test_a_button_of_four_patches_is_made_checked_and_shown(browser, tmp_path):
             "".join(f"drive of patch {patch}" for patch in "ABCD")
         )
         page.get_by_role("button", name="Play again and check").click()
+        expect(page.locator("#prompt")).to_contain_text("PDV-100", timeout=WAIT)
+        page.keyboard.press("n")
         told(page, "Play buttons/four.h5: done")
         expect(page.get_by_label("Check", exact=True).locator("option")).to_have_count(2, timeout=WAIT)
         page.get_by_label("Check", exact=True).select_option(index=1)
@@ -57,6 +60,10 @@ def test_a_button_of_four_patches_is_made_checked_and_shown(browser, tmp_path):
             page.set_viewport_size({"width": width, "height": 900})
             assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), width
             page.screenshot(path=tmp_path / f"buttons-{width}.png", full_page=True)
+        report = haploop.write_report([data / "buttons" / "four.h5"], tmp_path / "report.html").html
+        page.goto(report.as_uri())
+        wider = "[...document.querySelectorAll('.table')].map((one) => one.scrollWidth - one.clientWidth)"
+        assert set(page.evaluate(wider)) == {0}, "a phone shows the verdicts whole"
         button = haploop.DigitalButton.load(data / "buttons" / "four.h5")
         assert button.drive.patches == tuple("ABCD") and len(button.calibrations) == 4
         assert not tab.errors
