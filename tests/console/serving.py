@@ -24,7 +24,7 @@ class Served:
     base: str
     token: str
     data: Path
-    rig: str
+    rig: str = "simulated"
 
     @property
     def url(self) -> str:
