@@ -40,13 +40,13 @@ class UnshownError(InstrumentError):
     `share` is what it showed of them, and `elsewhere` the monitors that did show them.
     """
 
-    def __init__(self, patch: str, level: float, share: float, elsewhere: tuple[str, ...]) -> None:
+    def __init__(self, patch: str, share: float, elsewhere: tuple[str, ...]) -> None:
         self.share, self.elsewhere = share, elsewhere
-        found = f", and {' and '.join(elsewhere)} showed them" if elsewhere else ""
+        found = f", and {' and '.join(elsewhere)} shows it" if elsewhere else ""
         super().__init__(
-            f"The monitor of patch {patch} showed {share * level:.3g} V when {level:g} V were played to "
-            f"prove the gain{found}, so nothing else was played: is the amplifier on, does the contact "
-            "close, and are the monitor's cable and scale right?"
+            f"The drive monitor shows {share:.2g} V for each volt that patch {patch} was to get when the "
+            f"gain was proved{found}, so nothing else was played: check the amplifier, the contact, and the "
+            "monitor's cable and scale."
         )
 
 

@@ -181,7 +181,7 @@ class Playing:
         if not shown[0] >= level / 2:
             others = zip(capture.channels[1:], shown[1:], strict=True)
             elsewhere = tuple(channel for channel, volts in others if volts >= level / 2)
-            raise UnshownError(patch, level, shown[0] / level, elsewhere)
+            raise UnshownError(patch, shown[0] / level, elsewhere)
         self._proved.add(source)
 
     def _played(self, drives: Mapping[str, FloatArray], take: Take) -> Capture:

@@ -243,7 +243,7 @@ def test_the_operator_confirms_what_no_software_can_read(
     ("full_scale", "says"),
     [
         (2.8, r"Patch A got .* to prove the gain: .* a player's volume"),
-        (0.0, "The monitor of patch A showed 0.* V when 1 V"),
+        (0.0, "monitor shows 0.* V for each volt"),
         (-1.4, "upside down"),  # a tone, whose neighbouring half waves are nearly as good
     ],
 )
