@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
+from .. import instruments
 from ..calibration import sizes
 from ..instruments.files import reserved
 from ..instruments.operator import RestFinger
 from ..reports import contents, outputs, show
-from ..terminal.progress import Steps
+from ..terminal.progress import Steps, note
 from . import front as haploop
 from .grouped import AskedPress, on_press
 from .options import (
@@ -26,9 +26,6 @@ from .options import (
     on_rig,
     on_table,
 )
-
-if TYPE_CHECKING:
-    from ..calibration import Calibration, Waveforms
 
 __all__ = ["calibrate", "check"]
 
@@ -115,6 +112,8 @@ def calibrate(
     """Measure the table's response and fit a model.
 
     With --finger and --bare, measure what a resting fingertip does to a calibration, in a few seconds.
+
+    Exit codes: 0 calibrated, 1 calibrated, and --since tells nothing of the channels.
     """
     if finger is not None:
         return _calibrate_finger(RestFinger(finger, beside or "", force or 1.0), bare, out, rig, as_json)
@@ -137,26 +136,25 @@ def calibrate(
         Steps() as steps,
     ):
         on_table(opened, point)
-        found: list[tuple[Calibration, Waveforms]] = []
-        try:
-            for patch in patches:
-                found.append(haploop.calibrate_keeping(opened, patch, point, steps))
-            if earlier:
-                stated = haploop.with_scatter([one for one, _ in found], earlier)
-                kept = [replace(k, calibration=c.digest) for c, (_, k) in zip(stated, found, strict=True)]
-                found = list(zip(stated, kept, strict=True))
-        finally:
-            # What was measured is kept, also when another patch or the comparison failed.
-            for (calibration, played), path, kept_in in zip(found, made, measured, strict=False):
-                calibration.save(path)
-                if waveforms:
-                    played.save(kept_in)
+        found = [haploop.calibrate_keeping(opened, patch, point, steps) for patch in patches]
+        stated, unsaid = [calibration for calibration, _ in found], ""
+        if earlier:
+            try:
+                stated = haploop.with_scatter(stated, earlier)
+            except instruments.DataError as error:
+                unsaid = f"{error} The estimates of it stay."
+        for calibration, (_, kept), path, kept_in in zip(stated, found, made, measured, strict=True):
+            calibration.save(path)
+            if waveforms:
+                replace(kept, calibration=calibration.digest).save(kept_in)
+    if unsaid:
+        note(unsaid)
     if len(made) == 1:
         shown = contents.file_contents(out)
     else:
         shown = contents.calibrations_contents(haploop.load_calibrations(made))
     show.print_contents(shown, as_json)
-    return 0
+    return 1 if unsaid else 0
 
 
 def _calibrate_finger(asked: RestFinger, bare: Path | None, out: Path, rig: ChosenRig, as_json: bool) -> int:
