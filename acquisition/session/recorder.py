@@ -51,6 +51,7 @@ def record(
     participant: str,
     presses: int,
     out: str | Path,
+    *,
     progress: Progress = silent,
     on_verdict: Callable[[PressVerdict], None] = ignore,
     protocol: Protocol | None = None,

@@ -297,6 +297,7 @@ def run_study(
     study: Study,
     participants: Collection[str] = (),
     buttons: Collection[str] = (),
+    *,
     progress: Progress = silent,
     on_verdict: Callable[[str, str, PressVerdict], None] = ignore,
     on_request: Callable[[Request], None] = ignore,

@@ -87,6 +87,7 @@ class SerialLine(TextLine):
         port: str,
         baud: int,
         timeout: float,
+        *,
         how: SerialSettings = _USUAL,
         end: bytes = b"\n",
     ) -> None:

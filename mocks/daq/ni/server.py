@@ -59,6 +59,7 @@ class NiServer(Closing):
         devices: Inventory | Iterable[NiDevice],
         nodes: Nodes | None = None,
         wiring: Mapping[str, str] | None = None,
+        *,
         clock: Clock | None = None,
         port: int = 0,
         rtsi: bool = False,
