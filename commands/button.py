@@ -31,6 +31,13 @@ LEVEL = click.option(
     metavar="DB",
     help="At least so far above the threshold of a finger that presses, for example 10dB.",
 )
+DRIFT = click.option(
+    "--drift",
+    type=Measure("%", 0.01),
+    metavar="PERCENT",
+    help="Drift of all resonances that is planned against, dampings and the rest in proportion: a "
+    "smaller one is louder.  [default: 1 with several patches, none with one]",
+)
 
 
 @click.group(no_args_is_help=True)
@@ -67,6 +74,7 @@ def button() -> None:
 @QUIET
 @ERROR
 @LEVEL
+@DRIFT
 @on_rig()
 @JSON
 def make(
@@ -77,6 +85,7 @@ def make(
     quiet_at: Sequence[str],
     error: float | None,
     level: float | None,
+    drift: float | None,
     rig: ChosenRig,
     as_json: bool,
 ) -> int:
@@ -92,14 +101,16 @@ def make(
 
     Exit codes: 0 the check passed, 1 it did not (the file is written and states why).
     """
-    chosen, wanted = (error, level) != (None, None), haploop.Loudness(error, level)
+    usual = haploop.Drift()
+    against = None if drift is None else usual.times(drift / usual.common)
+    chosen, wanted = (error, level) != (None, None), haploop.Loudness(error, level, against)
     loaded, press = asked.load_calibrations(), asked.load_press()
     with (
         reserved(out, size=sizes.BUTTON + (iterations + 1) * sizes.STEP),
         rig.opened() as opened,
         Steps() as steps,
     ):
-        trade = haploop.Trade()
+        trade = haploop.Trade(drift=against)
         if chosen:
             trade = haploop.trade_for(press, loaded, opened, wanted, method, quiet_at)
         made = haploop.build_button(

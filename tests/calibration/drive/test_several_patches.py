@@ -13,6 +13,7 @@ from haploop.calibration import (
     Calibration,
     DigitalButton,
     Drift,
+    Loudness,
     Multisine,
     Trade,
     build_button,
@@ -22,6 +23,7 @@ from haploop.calibration import (
     drive_for,
     load_calibrations,
     plan_button,
+    trade_for,
 )
 from haploop.calibration.drive import check
 from haploop.calibration.drive.actuation import Actuation
@@ -206,3 +208,16 @@ def test_a_plan_compares_one_patch_and_four_as_calibrated_and_after_a_drift(four
         assert offer.error < 0.06 and 0.5 * drifted < offer.drifted < 2 * drifted
     assert alone.offers[1].drifted > 4 * every.offers[1].drifted
     assert every.offers[0].error < every.offers[0].drifted
+
+
+def test_a_smaller_drift_that_is_planned_against_is_louder(four: Four) -> None:
+    press, drives = make_press(), []
+    for drift in (Drift(), Drift().times(0.1)):
+        wanted = Loudness(error=0.08, drift=drift)
+        trade = trade_for(press, four.calibrations, four.rig, wanted)
+        assert trade.drift == drift
+        drives.append(drive_for(press, four.calibrations, four.rig.limits, trade=trade))
+    steady, loud = drives
+    assert all(0.06 < drive.expected_error <= 0.08 for drive in drives)
+    assert loud.scale > 1.2 * steady.scale
+    assert (Drift().times(0.1).common, Drift().times(0.1).damping) == pytest.approx((0.001, 0.01))
