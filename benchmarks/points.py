@@ -25,7 +25,16 @@ from benchmarks.drives import snap
 from benchmarks.patches import WIDTHS, opened
 from benchmarks.table import Row
 from haploop.acquisition import Representative
-from haploop.calibration import Drive, Trade, VibrationMap, calibrate, drive_for, map_plan, with_map
+from haploop.calibration import (
+    Drive,
+    Multisine,
+    Trade,
+    VibrationMap,
+    calibrate,
+    drive_for,
+    map_plan,
+    with_map,
+)
 from haploop.calibration.drive import STEADY, Wanted
 from haploop.calibration.response import settle
 from haploop.instruments import Rig
@@ -90,7 +99,8 @@ def made(rig: Rig, rng: np.random.Generator) -> dict[str, Drive]:
         points = sorted({int(point) for point in (*near.values(), *far)})
         haploop.measure_map(rig, Path(folder) / "map", map_plan(rig, points=points))
         found = VibrationMap.load(Path(folder) / "map")
-    own, limits, press = [calibrate(rig, patch) for patch in WIDTHS], rig.limits, snap()
+    own = [calibrate(rig, patch, excitation=Multisine()) for patch in WIDTHS]
+    limits, press = rig.limits, snap()
     scale = drive_for(press, own[0], limits).scale
     taken = with_map(own, found, [*near.values(), *far])
 

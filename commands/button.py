@@ -13,15 +13,7 @@ from ..reports import contents, outputs, show
 from ..terminal.progress import Steps
 from . import front as haploop
 from .grouped import AskedElsewhere, AskedPress, Shown, on_elsewhere, on_press, shown
-from .options import (
-    JSON,
-    NEW,
-    PATH,
-    PLAYS,
-    ChosenRig,
-    Measure,
-    on_rig,
-)
+from .options import JSON, NEW, PATH, PLAYS, ChosenRig, Measure, on_rig
 
 __all__ = ["button"]
 

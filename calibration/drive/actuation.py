@@ -124,17 +124,12 @@ class Actuation:
 
     @property
     def known(self) -> tuple[float, float]:
-        """Lowest and highest frequency (Hz) at which every response of the first point was measured.
+        """Lowest and highest frequency (Hz) at which every response was measured.
 
-        And every other one at the lowest.
+        Beyond it a drive would move points in a way that nobody knows.
         """
-        low = max(known(c)[0] for row in self.rows for c in row)
-        return low, min(known(c)[1] for c in self.own)
-
-    @property
-    def known_elsewhere(self) -> FloatArray:
-        """(points,): highest frequency (Hz) at which every response of each point was measured."""
-        return np.array([min(known(c)[1] for c in row) for row in self.rows])
+        edges = np.array([known(c) for row in self.rows for c in row])
+        return float(edges[:, 0].max()), float(edges[:, 1].min())
 
     def known_to(self, row: int, band: tuple[float, float]) -> float:
         """Standard deviation of the responses at a point within `band` (Hz), over them (rms)."""
@@ -197,7 +192,8 @@ class Actuation:
             moved = deviations * np.array([_per_linear_volt(c, f[lines]) for c in every])
             moved = moved.reshape(len(moved), *shape, int(lines.sum()))
             found[..., lines] = np.einsum("kqpl,kqrl->qprl", moved.conj(), moved)
-        size = drift.gain**2 + (drift.delay * 2 * np.pi * f) ** 2
+        gains, delays = np.array([_channel(c, drift) for c in self.own]).T[:, :, None]
+        size = gains**2 + (delays * 2 * np.pi * f) ** 2
         each = np.arange(shape[1])
         found[:, each, each] += np.abs(self.gain(f)) ** 2 * size
         return found
@@ -270,6 +266,15 @@ def measured_well(response: Response, band: tuple[float, float]) -> tuple[float,
 def _acceleration(calibration: Calibration, f: FloatArray) -> ComplexArray:
     """(lines,) m/s^2 per linear volt commanded."""
     return _velocity(calibration, f) * _per_linear_volt(calibration, f)
+
+
+def _channel(calibration: Calibration, drift: Drift) -> tuple[float, float]:
+    """Standard deviations of the channel's gain and delay (s): those of the drift, or as it states them."""
+    own = calibration.scatter
+    return (
+        own.gain if drift.gain is None else drift.gain,
+        own.delay if drift.delay is None else drift.delay,
+    )
 
 
 def _velocity(calibration: Calibration, f: FloatArray) -> ComplexArray:

@@ -102,6 +102,8 @@ class Drive(InNotebook):
             )
         if any(np.shape(one.target) != np.shape(self.target) for one in self.elsewhere):
             raise DataError("the drive has a target at another point that is not as long as its own.")
+        if len(set(self.patches)) < len(self.patches):
+            raise DataError(f"the drive has two signals for one patch ({self.patch}).")
         if not 0 < self.rate_hz < np.inf:
             raise DataError(f"the drive has {self.rate_hz:g} samples/s.")
         if self.peak > _REACH:

@@ -47,25 +47,23 @@ def plan_for(
 ) -> Plan:
     """The plan, in linear volts, for targets ((points, grid) m/s^2) within `band` (Hz).
 
-    Motion that is not wanted counts wherever the response was measured, also outside the band: at points
-    other than the first, up to where theirs was.
+    Motion that is not wanted counts wherever the response was measured, also outside the band.
     """
     f = scipy.fft.rfftfreq(targets.shape[1], 1 / grid.rate_hz)
     low, high = table.known
     known = (f >= low) & (f <= high)
-    there = known & (f <= table.known_elsewhere[:, None])
-    gain = np.where(there[:, None], table.gain(np.clip(f, low, high)), 0.0)
+    gain = np.where(known, table.gain(np.clip(f, low, high)), 0.0)
     power = (np.abs(gain[0]) ** 2).mean(axis=0)
     reach = table.reach(limits)
     return Plan(
         target=scipy.fft.rfft(targets),
         gain=gain,
         known=known,
-        covariance=np.where(there[:, None, None], table.covariance(f), 0.0),
+        covariance=table.covariance(f),
         window=grid.window,
         typical=float(np.median(power[(f >= band[0]) & (f <= band[1])])),
         reach=reach / reach.max(),
-        drift=np.where(there[:, None, None], table.drifted(f, drift), 0.0) if drift != STEADY else 0.0,
+        drift=table.drifted(f, drift) if drift != STEADY else 0.0,
         slew=slew_of(limits, grid.rate_hz),
     )
 
