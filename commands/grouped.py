@@ -32,7 +32,7 @@ __all__ = [
     "on_elsewhere",
     "on_press",
     "on_prompts",
-    "shown",
+    "showing",
 ]
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
@@ -212,4 +212,4 @@ COLUMNS = click.option(
     show_default=True,
     help="Width of the picture: one or two columns of a journal (88 or 180 mm).",
 )
-shown = grouped("shown", Shown, PLOT, COLUMNS, JSON)
+showing = grouped("shown", Shown, PLOT, COLUMNS, JSON)
