@@ -98,7 +98,7 @@ class Drive(InNotebook):
     """Drift of the table that was planned against."""
     drifted_error: float = 0.0
     """Error expected of the whole motion when the table has drifted so, `predicted_error` included; by
-    `Drift()` where no drift was planned against."""
+    `Drift()` where no drift of modes was planned against."""
 
     def __post_init__(self) -> None:
         """Raises DataError for signals that no calibration makes, so that nobody plots or plays them."""
@@ -136,7 +136,7 @@ class Drive(InNotebook):
     @property
     def expected_error(self) -> float:
         """Error expected before any correction: where a drift is planned against, of a table that drifted."""
-        return self.predicted_error if self.drift == STEADY else self.drifted_error
+        return self.drifted_error if self.drift.modes else self.predicted_error
 
     @property
     def peak(self) -> float:
@@ -260,9 +260,10 @@ def drive_for(
     target, in_band = grid.within(band)
     drift = trade.drift_for(table)
     targets = np.concatenate([target[None], np.zeros((len(quiet_at), len(target)))])
-    drifting = plan_for(table, targets, grid, band, limits, Drift() if drift == STEADY else drift)
-    steady = replace(drifting, drift=0.0)
-    plan = steady if drift == STEADY else drifting
+    plan = plan_for(table, targets, grid, band, limits, drift)
+    steady, drifting = replace(plan, drift=0.0), plan
+    if not drift.modes:
+        drifting = replace(plan, drift=table.drifted(grid.frequencies, Drift()).sum(axis=0))
     planned = planned_by(plan, trade, trade.budget(drift), float(table.reach(limits).max()), inversion)
 
     smooth = grid.smooth
