@@ -3,7 +3,7 @@
 from .calibrating import calibrate, calibrate_keeping
 from .calibration import Calibration, ChannelScatter, calibration_of, load_calibrations
 from .channel_scatter import ChannelChange, channel_change, with_scatter
-from .drift import Drift, mode_deviations
+from .drift import Drift, apart, mode_deviations
 from .even_order import even_order
 from .finger import Finger, calibrate_finger, under_finger
 from .model import Model, Resonance, fit
@@ -17,6 +17,7 @@ __all__ = [
     "Finger",
     "Model",
     "Resonance",
+    "apart",
     "calibrate",
     "calibrate_finger",
     "calibrate_keeping",
