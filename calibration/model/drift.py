@@ -51,10 +51,13 @@ class Drift:
     def __post_init__(self) -> None:
         """Raises ConfigurationError for a size that no deviation has."""
         for name, size in asdict(self).items():
-            if size is not None and not 0 <= size < 1:
+            if size is None:
+                continue
+            if not 0 <= size < 1:
                 raise ConfigurationError(
                     f"A drift cannot be {name} = {size:g}: it is 0 or more, and below 1."
                 )
+            object.__setattr__(self, name, float(size))  # a file tells a whole number from others
 
     def times(self, factor: float) -> Drift:
         """A drift of so many times the size; what a calibration states stays."""
