@@ -25,17 +25,19 @@ if TYPE_CHECKING:
 __all__ = ["TAKE_AWAY", "Dampings", "dampings_of", "told_touched"]
 
 _LEAST = 0.01
-"""Rise of a mode's damping ratio (logarithm) from which it is one: 1 % of a resonance's height. Tables as
-they were, with three times the noise, hum or a wider hysteresis seem damped by up to 0.3 % (simulated)."""
+"""Rise of a mode's damping ratio (logarithm), beyond what the fit leaves open and beyond the least of the
+modes, from which it is one: 1 % of a resonance's height."""
 _CLEAR = 5.0
-"""The same over the fit's residual: modes that drift by 1 to 3 % each seem damped by up to 5.2 times it, and
-fingers and palms damp by 7.5 times it and more (168 hands and 32 such drifts on eight simulated tables), but
-for two that changed the response by 0.3 %."""
-_FALL, _NOISE = 0.3, 0.01
-"""Largest fall of another mode's, over the largest rise, and beside it, with which it may still be a body."""
+"""Least rise over the fit's residual: where modes drift by 1 to 3 % each the fit may not find all of them, and
+what it leaves is no noise."""
+_FALL = 0.1
+"""Sure fall of another mode's, over the largest rise, with which it is no body: under hands none fell."""
 _UNLIKE = 0.5
 """Least difference between modes, over the largest rise: under hands it was 0.63 and more. A change of all
 dampings alike has none, and a drift of all frequencies, which seems to damp by 0.8 of itself, up to 0.42."""
+_EDGE = 0.02
+"""Distance from the band's upper edge, over it, within which a mode is not looked at: half of its resonance
+was not measured, and a drift takes it out of the band or brings another in."""
 _SEEN = 0.05
 """Peak of a resonance, over the strongest of the band, from which its damping is known well enough."""
 TAKE_AWAY = (
@@ -46,36 +48,50 @@ TAKE_AWAY = (
 
 @dataclass(frozen=True)
 class Dampings:
-    """How the dampings of the modes of a place changed: logarithms of the largest and the least factor."""
+    """How the dampings of the modes of a place changed: logarithms of factors."""
 
     highest: float = 0.0
+    """Change of the mode that rose most, beyond what the fit leaves open."""
+    risen: float = 0.0
+    """By how much it rose at least."""
     lowest: float = 0.0
+    """Change of the mode that rose least, or fell."""
+    fallen: float = 0.0
+    """By how much it fell at least; negative where it rose."""
     left: float = 0.0
     """Residual of the fit that told them."""
 
     @property
     def touched(self) -> bool:
         """True when a body that rests on the table explains them, and one factor does not."""
-        rise, fall = self.highest, max(-self.lowest, 0.0)
-        clear = rise > max(_LEAST, _CLEAR * self.left)
-        return clear and fall < _FALL * rise + _NOISE and self.highest - self.lowest > _UNLIKE * rise
+        clear = self.risen - max(self.lowest, 0.0) > _LEAST and self.highest > _CLEAR * self.left
+        unlike = self.highest - self.lowest > _UNLIKE * self.highest
+        return clear and unlike and self.fallen < _FALL * self.highest
 
     @property
     def inverse(self) -> Dampings:
         """The change back."""
-        return Dampings(-self.lowest, -self.highest, self.left)
+        return Dampings(-self.lowest, self.fallen, -self.highest, self.risen, self.left)
 
 
 def dampings_of(model: Model, laid: Overlay) -> Dampings:
     """Changes of damping of a model's modes, by what was laid over them."""
     weight = laid.weight
     hz = np.abs(model.poles) / (2 * np.pi)
-    inside = (hz > BAND[0]) & (hz < BAND[1]) & (model.poles.imag > 0)
+    highest = np.maximum(hz, hz * (1 + laid.shift))
+    inside = (hz > BAND[0]) & (highest < (1 - _EDGE) * BAND[1]) & (model.poles.imag > 0)
     if not inside.any():
         return Dampings()
     known = inside & (weight > _SEEN * weight[inside].max())
-    changes = np.log(laid.dampings[known])
-    return Dampings(float(changes.max()), float(changes.min()), laid.left)
+    change, unsure = np.log(laid.dampings[known]), laid.unsure[known]
+    up, down = int(np.argmax(change - unsure)), int(np.argmin(change + unsure))
+    return Dampings(
+        highest=float(change[up]),
+        risen=float(change[up] - unsure[up]),
+        lowest=float(change[down]),
+        fallen=float(-change[down] - unsure[down]),
+        left=laid.left,
+    )
 
 
 def told_touched(verdicts: Sequence[Verdict]) -> tuple[str, ...]:
