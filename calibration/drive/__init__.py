@@ -11,11 +11,13 @@ from .finger_check import check_under_finger
 from .learning import Iteration, Learning, learn
 from .loudness import ButtonPlan, Loudness, Offer, Offers, offered, plan_button, trade_for
 from .paper_baseline import paper_drive
+from .parallel import COMPARED_AT, Wired, Wiring
 from .trade import STEADY, Trade
 
 __all__ = [
     "BAND",
     "BEFORE",
+    "COMPARED_AT",
     "STEADY",
     "TOLERANCE",
     "ButtonPlan",
@@ -30,6 +32,8 @@ __all__ = [
     "Offers",
     "SharedPower",
     "Trade",
+    "Wired",
+    "Wiring",
     "build_button",
     "check",
     "check_feeling",

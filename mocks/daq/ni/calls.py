@@ -7,13 +7,7 @@ from datetime import UTC, timedelta
 from typing import Any
 
 from nidaqmx._stubs import nidaqmx_pb2 as pb
-from nidaqmx.constants import (
-    SampleTimingType,
-    Signal,
-    TaskMode,
-    TimestampEvent,
-    TriggerType,
-)
+from nidaqmx.constants import SampleTimingType, Signal, TaskMode, TimestampEvent, TriggerType
 from nidaqmx.utils import unflatten_channel_string
 
 from .channels import CREATES
@@ -24,16 +18,15 @@ from .keeping import KEEPING
 from .power_calls import POWER
 from .storage import STORAGE
 from .system import NiSystem
+from .taking import Alive, Call
 from .tasks import Task
 from .tdms import log
 from .teds_calls import TEDS
 from .transfers import TRANSFERS
 from .upkeep import UPKEEP
+from .waveform_calls import WAVEFORMS
 
 __all__ = ["CALLS"]
-
-Alive = Callable[[], bool]
-Call = Callable[[NiSystem, Any, Alive], Any]
 
 
 def _properties(kind: str, fixed: dict[str, Any], fields: dict[str, str]) -> Call:
@@ -301,6 +294,7 @@ CALLS: dict[str, Call] = {
     **STORAGE,
     **TEDS,
     **UPKEEP,
+    **WAVEFORMS,
     "CfgChangeDetectionTiming": _change_detection,
     "ExportSignal": _export_signal,
     "ConfigureLogging": _logging,
