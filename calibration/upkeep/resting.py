@@ -10,11 +10,12 @@ damps some modes more does the same. No response tells the two apart; a person c
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...instruments.arrays import FloatArray
 from ..drive import BAND
 from ..model import Model
 from .overlay import Overlay
@@ -28,10 +29,11 @@ _LEAST = 0.01
 """Rise of a mode's damping ratio (logarithm), beyond what the fit leaves open and beyond the least of the
 modes, from which it is one: 1 % of a resonance's height."""
 _CLEAR = 5.0
-"""Least rise over the fit's residual: where modes drift by 1 to 3 % each the fit may not find all of them, and
-what it leaves is no noise."""
-_FALL = 0.1
-"""Sure fall of another mode's, over the largest rise, with which it is no body: under hands none fell."""
+"""Least rise over the fit's residual: where modes drift by 1 to 3 % each the fit may not find all of them,
+and what it leaves is no noise."""
+_FALL, _NOISE = 0.3, 0.01
+"""Largest fall of another mode's, over the rise, and beside it, with which it may still be a body: under
+hands none fell by more than 0.008."""
 _UNLIKE = 0.5
 """Least difference between modes, over the largest rise: under hands it was 0.63 and more. A change of all
 dampings alike has none, and a drift of all frequencies, which seems to damp by 0.8 of itself, up to 0.42."""
@@ -46,32 +48,39 @@ TAKE_AWAY = (
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Dampings:
-    """How the dampings of the modes of a place changed: logarithms of factors."""
+    """How the dampings of the modes of a place changed; arrays are (modes,)."""
 
-    highest: float = 0.0
-    """Change of the mode that rose most, beyond what the fit leaves open."""
-    risen: float = 0.0
-    """By how much it rose at least."""
-    lowest: float = 0.0
-    """Change of the mode that rose least, or fell."""
-    fallen: float = 0.0
-    """By how much it fell at least; negative where it rose."""
+    change: FloatArray = field(default_factory=lambda: np.zeros(1))
+    """Logarithm of each one's factor."""
+    unsure: FloatArray = field(default_factory=lambda: np.zeros(1))
+    """How far the fit leaves it open."""
     left: float = 0.0
-    """Residual of the fit that told them."""
+    """Residual of that fit."""
+
+    @property
+    def risen(self) -> float:
+        """Change of the mode that rose most, beyond what the fit leaves open."""
+        return float(self.change[np.argmax(self.change - self.unsure)])
+
+    @property
+    def lowest(self) -> float:
+        """Least change."""
+        return float(self.change.min())
 
     @property
     def touched(self) -> bool:
         """True when a body that rests on the table explains them, and one factor does not."""
-        clear = self.risen - max(self.lowest, 0.0) > _LEAST and self.highest > _CLEAR * self.left
-        unlike = self.highest - self.lowest > _UNLIKE * self.highest
-        return clear and unlike and self.fallen < _FALL * self.highest
+        rise, lowest = self.risen, self.lowest
+        sure = float((self.change - self.unsure).max())
+        clear = sure - max(lowest, 0.0) > _LEAST and rise > _CLEAR * self.left
+        return clear and rise - lowest > _UNLIKE * rise and -lowest < _FALL * rise + _NOISE
 
     @property
     def inverse(self) -> Dampings:
         """The change back."""
-        return Dampings(-self.lowest, self.fallen, -self.highest, self.risen, self.left)
+        return replace(self, change=-self.change)
 
 
 def dampings_of(model: Model, laid: Overlay) -> Dampings:
@@ -83,15 +92,7 @@ def dampings_of(model: Model, laid: Overlay) -> Dampings:
     if not inside.any():
         return Dampings()
     known = inside & (weight > _SEEN * weight[inside].max())
-    change, unsure = np.log(laid.dampings[known]), laid.unsure[known]
-    up, down = int(np.argmax(change - unsure)), int(np.argmin(change + unsure))
-    return Dampings(
-        highest=float(change[up]),
-        risen=float(change[up] - unsure[up]),
-        lowest=float(change[down]),
-        fallen=float(-change[down] - unsure[down]),
-        left=laid.left,
-    )
+    return Dampings(np.log(laid.dampings[known]), laid.unsure[known], laid.left)
 
 
 def told_touched(verdicts: Sequence[Verdict]) -> tuple[str, ...]:
@@ -99,7 +100,7 @@ def told_touched(verdicts: Sequence[Verdict]) -> tuple[str, ...]:
     return tuple(
         f"Something seems to rest on the table: seen by patch {one.patch} at the {one.point} point, the "
         f"dampings of its modes changed by {np.expm1(one.dampings.lowest):+.0%} to "
-        f"{np.expm1(one.dampings.highest):+.0%}, as a finger or a palm changes them, and a drift hardly."
+        f"{np.expm1(one.dampings.risen):+.0%}, as a finger or a palm changes them, and a drift hardly."
         for one in verdicts
         if one.dampings.touched
     )

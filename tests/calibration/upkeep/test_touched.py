@@ -146,7 +146,7 @@ def test_real_drift_is_no_hand_and_a_hand_on_a_drifted_table_is_one(
 
 @pytest.mark.parametrize("patch", list("ABCD"))
 def test_no_patch_takes_a_drift_for_a_hand(calibrated: Calibrated, patch: str) -> None:
-    """A patch sees some modes weakly, beside others or at the band's edge: no response tells their dampings."""
+    """It sees some modes weakly, beside others or at the band's edge: no response tells their dampings."""
     rng, active = np.random.default_rng(7), calibrated.calibration
     whole, f = modes(calibrated), active.response.frequencies
     place = calibrated.rig.simulation.plant.place("button")
