@@ -10,12 +10,11 @@ damps some modes more does the same. No response tells the two apart; a person c
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...instruments.arrays import FloatArray
 from ..drive import BAND
 from ..model import Model
 from .overlay import Overlay
@@ -48,39 +47,39 @@ TAKE_AWAY = (
 )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Dampings:
-    """How the dampings of the modes of a place changed; arrays are (modes,)."""
+    """How the dampings of the modes of a place changed."""
 
-    change: FloatArray = field(default_factory=lambda: np.zeros(1))
-    """Logarithm of each one's factor."""
-    unsure: FloatArray = field(default_factory=lambda: np.zeros(1))
-    """How far the fit leaves it open."""
+    changes: tuple[float, ...] = (0.0,)
+    """Logarithm of each mode's factor."""
+    unsure: tuple[float, ...] = (0.0,)
+    """How far the fit leaves each of them open."""
     left: float = 0.0
     """Residual of that fit."""
 
     @property
     def risen(self) -> float:
         """Change of the mode that rose most, beyond what the fit leaves open."""
-        return float(self.change[np.argmax(self.change - self.unsure)])
+        return max(zip(self.changes, self.unsure, strict=True), key=lambda mode: mode[0] - mode[1])[0]
 
     @property
     def lowest(self) -> float:
         """Least change."""
-        return float(self.change.min())
+        return min(self.changes)
 
     @property
     def touched(self) -> bool:
         """True when a body that rests on the table explains them, and one factor does not."""
         rise, lowest = self.risen, self.lowest
-        sure = float((self.change - self.unsure).max())
+        sure = max(change - unsure for change, unsure in zip(self.changes, self.unsure, strict=True))
         clear = sure - max(lowest, 0.0) > _LEAST and rise > _CLEAR * self.left
         return clear and rise - lowest > _UNLIKE * rise and -lowest < _FALL * rise + _NOISE
 
     @property
     def inverse(self) -> Dampings:
         """The change back."""
-        return replace(self, change=-self.change)
+        return replace(self, changes=tuple(-change for change in self.changes))
 
 
 def dampings_of(model: Model, laid: Overlay) -> Dampings:
@@ -92,7 +91,8 @@ def dampings_of(model: Model, laid: Overlay) -> Dampings:
     if not inside.any():
         return Dampings()
     known = inside & (weight > _SEEN * weight[inside].max())
-    return Dampings(np.log(laid.dampings[known]), laid.unsure[known], laid.left)
+    changes, unsure = np.log(laid.dampings[known]), laid.unsure[known]
+    return Dampings(tuple(changes.tolist()), tuple(unsure.tolist()), laid.left)
 
 
 def told_touched(verdicts: Sequence[Verdict]) -> tuple[str, ...]:
