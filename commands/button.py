@@ -13,7 +13,7 @@ from ..instruments.files import reserved
 from ..reports import contents, outputs, show
 from ..terminal.progress import Steps
 from . import front as haploop
-from .grouped import AskedPress, Shown, on_press, shown
+from .grouped import AskedPress, Shown, on_press, showing
 from .options import JSON, NEW, PATH, PLAYS, QUIET, ChosenRig, Measure, on_rig
 
 __all__ = ["button"]
@@ -132,7 +132,7 @@ def make(
 @on_press
 @click.option("--out", "-o", type=NEW, metavar="PLAN.h5", help="Plan file to write, for a report.")
 @on_rig()
-@shown
+@showing
 def plan(asked: AskedPress, out: Path | None, rig: ChosenRig, shown: Shown) -> int:
     """Show what error buys which loudness, without playing anything.
 
