@@ -6,8 +6,8 @@
 Each table is calibrated bare, with noise, hysteresis and quantisation, and has a button. Then somebody leans
 on it: fingertips of 0.25 to 5 N and palms, of people and at places drawn at random, on panes of the whole, a
 third and a tenth of the mass, on the table as it was and on a drifted one. `recalibrate` runs on it, with
-nobody there, on a copy of the history; nothing may be adopted. Tables with a drift alone are only looked at, by
-every patch, as a rig with a channel for each is: one that takes the drift for a hand is enough.
+nobody there, on a copy of the history; nothing may be adopted. Tables with a drift alone are only looked at,
+by every patch, as a rig with a channel for each is: one that takes the drift for a hand is enough.
 A hand that is not named matters by how much it changes the response, which is shown. Seeds are hashes.
 """
 
