@@ -171,7 +171,7 @@ class _Problem:
         # A group's damping is the common one and its own.
         own = back[3 + self.count :] + back[1]
         reach = np.einsum("ij,jk,ik->i", own, lines.T @ lines, own) ** 0.5 / self.misfit
-        return (left * reach)[self.groups]
+        return np.asarray(left * reach[self.groups])
 
     def _model(self, x: FloatArray) -> Model:
         model, gain = self._moved(*self._of_poles(x)), float(np.exp(x[2]))
