@@ -194,7 +194,7 @@ def test_two_buttons_are_played_at_once_and_each_has_its_verdict(
     assert back.digest == made.digest and list(back.elsewhere) == ["57"]
     assert back.elsewhere["57"].button == "toggle"  # type: ignore[union-attr]
     said = button_contents(back)
-    assert [one.passed for one in said.verdicts] == [True, True]
+    assert [one.good for one in said.verdicts] == [True, True]
     assert {one.name for one in said.figures} >= {"check-57"}
     labels = " ".join(str(one.label) for one in said.facts)
     assert "toggle at point 57" in labels and "Crosstalk at the button point" in labels
