@@ -2,7 +2,7 @@
 
 from .actuation import drift_change
 from .agreement import SharedPower
-from .button import DigitalButton, build_button, play_button
+from .button import DigitalButton, build_button, button_under_finger, play_button
 from .check import TOLERANCE, check
 from .checked import Check
 from .drive import BAND, BEFORE, Drive, Method, drive_for, modulate
@@ -11,6 +11,7 @@ from .finger_check import check_under_finger
 from .learning import Iteration, Learning, learn
 from .loudness import ButtonPlan, Loudness, Offer, Offers, offered, plan_button, trade_for
 from .paper_baseline import paper_drive
+from .pressed import PressedDrives, pressed_drives
 from .trade import STEADY, Trade
 
 __all__ = [
@@ -28,9 +29,11 @@ __all__ = [
     "Method",
     "Offer",
     "Offers",
+    "PressedDrives",
     "SharedPower",
     "Trade",
     "build_button",
+    "button_under_finger",
     "check",
     "check_feeling",
     "check_under_finger",
@@ -42,5 +45,6 @@ __all__ = [
     "paper_drive",
     "plan_button",
     "play_button",
+    "pressed_drives",
     "trade_for",
 ]

@@ -4,7 +4,8 @@ from .calibrating import calibrate, calibrate_keeping
 from .calibration import Calibration, calibration_of, load_calibrations
 from .drift import Drift, mode_deviations
 from .even_order import even_order
-from .finger import Finger, calibrate_finger, under_finger
+from .finger import Finger, PlateModes, at_force, under_finger
+from .finger_measuring import calibrate_finger
 from .model import Model, Resonance, fit
 from .uncertainty import standard_deviation
 
@@ -13,7 +14,9 @@ __all__ = [
     "Drift",
     "Finger",
     "Model",
+    "PlateModes",
     "Resonance",
+    "at_force",
     "calibrate",
     "calibrate_finger",
     "calibrate_keeping",

@@ -71,6 +71,8 @@ class TableSettings(_Section):
     patch_places: dict[str, tuple[Fraction, Fraction]] = Field(default_factory=FrozenDict)
     """Places of the patches, as fractions of the table's width and height from the corner at its first
     grid point: `haploop doctor` finds swapped relay channels by them."""
+    force: bool = False
+    """Whether the rig's force sensor carries the table, and so feels a finger that presses it."""
 
     @field_validator("patch_places")
     @classmethod

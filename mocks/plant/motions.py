@@ -137,6 +137,9 @@ def _forces(
     volts += rest[list(outputs), np.newaxis] + (own @ upright)[:, np.newaxis] * _weight(scene, sensor, times)
     pressed = _on_axes(sensor, np.array([_LATERAL["x"], _LATERAL["y"], 1.0]))
     volts += (own @ pressed)[:, np.newaxis] * _seen(scene, sensor, times)
+    if scene.section.force:
+        # A hand's force changes slowly, beside the sensor's response.
+        volts += (own @ upright)[:, np.newaxis] * scene.pressed(times)
     return _clipped(sensor, volts)
 
 
