@@ -27,9 +27,4 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
     )
     shutil.copytree(ROOT, package, ignore=skipped)
     config.plugins["mkdocstrings"].config["handlers"]["python"]["paths"] = [str(package.parent)]
-    # The decisions, in the order of their numbers: a new one needs no other entry.
-    pages = sorted(page.name for page in (ROOT / "docs" / "decisions").glob("[0-9]*.md"))
-    for part in config.nav or []:
-        if "Decisions" in part:
-            part["Decisions"] += [f"decisions/{name}" for name in pages]
     return config

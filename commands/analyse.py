@@ -4,21 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import click
 
 from ..reports import contents, show
 from ..terminal.progress import Steps
 from . import front as haploop
-from .options import COLUMNS, JSON, ONLY, PATH, PLOT
+from .grouped import Shown, shown
+from .options import JSON, ONLY, PATH
 
 if TYPE_CHECKING:
     from ..experiments import Rows
 
 __all__ = ["analyse"]
-
-Columns = Literal[1, 2]
 
 
 @click.group(no_args_is_help=True)
@@ -33,17 +32,13 @@ def analyse() -> None:
 )
 @click.option("--between", metavar="COLUMN", default="", help="Between factor.  [default: group]")
 @ONLY
-@PLOT
-@COLUMNS
-@JSON
+@shown
 def confusion(
     file: Path,
     within: str,
     between: str,
     only: Sequence[tuple[str, str]],
-    plot: Path | None,
-    columns: Columns,
-    as_json: bool,
+    shown: Shown,
 ) -> int:
     """Confusion matrices, and how well each class was told.
 
@@ -53,8 +48,7 @@ def confusion(
     """
     rows = _rows(file, only)
     result = haploop.analyse_identification(rows, within, between)
-    found = contents.identification_contents(result, rows.simulated)
-    show.print_contents(found, as_json, plot, columns)
+    shown.print(contents.identification_contents(result, rows.simulated))
     return 0
 
 
@@ -71,18 +65,14 @@ def confusion(
 @click.option("--between", metavar="COLUMN", default="", help="Between factor.  [default: group]")
 @click.option("--as-rated", is_flag=True, help="Do not normalise by geometric means.")
 @ONLY
-@PLOT
-@COLUMNS
-@JSON
+@shown
 def ratings(
     file: Path,
     factors: tuple[str, str],
     between: str,
     as_rated: bool,
     only: Sequence[tuple[str, str]],
-    plot: Path | None,
-    columns: Columns,
-    as_json: bool,
+    shown: Shown,
 ) -> int:
     """Effects on ratings: all adjective pairs together, and each.
 
@@ -90,8 +80,7 @@ def ratings(
     """
     rows = _rows(file, only)
     result = haploop.analyse_ratings(rows, factors, between, normalised=not as_rated)
-    found = contents.ratings_contents(result, rows.simulated)
-    show.print_contents(found, as_json, plot, columns)
+    shown.print(contents.ratings_contents(result, rows.simulated))
     return 0
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import click
 
@@ -14,28 +14,19 @@ from ..instruments.operator import RestFinger
 from ..reports import contents, outputs, show
 from ..terminal.progress import Steps
 from . import front as haploop
+from .grouped import AskedPress, Shown, on_press, shown
 from .options import (
-    AVERAGE,
-    CALIBRATION,
-    COLUMNS,
     FINGER,
     FORCE,
     JSON,
     NEW,
-    PATCHES,
     PATH,
     PLAYS,
-    PLOT,
-    PRESSES,
     QUIET,
     ChosenRig,
     Measure,
     on_rig,
 )
-
-if TYPE_CHECKING:
-    from ..acquisition import AverageMethod
-    from ..reports.figures import Columns
 
 __all__ = ["button"]
 
@@ -52,6 +43,13 @@ LEVEL = click.option(
     metavar="DB",
     help="At least so far above the threshold of a finger that presses, for example 10dB.",
 )
+DRIFT = click.option(
+    "--drift",
+    type=Measure("%", 0.01),
+    metavar="PERCENT",
+    help="Drift of all resonances that is planned against, dampings and the rest in proportion: a "
+    "smaller one is louder.  [default: 1 with several patches, none with one]",
+)
 
 
 @click.group(no_args_is_help=True)
@@ -60,9 +58,7 @@ def button() -> None:
 
 
 @button.command()
-@PRESSES
-@CALIBRATION
-@PATCHES
+@on_press
 @click.option(
     "--out",
     "-o",
@@ -90,20 +86,18 @@ def button() -> None:
 @QUIET
 @ERROR
 @LEVEL
-@AVERAGE
+@DRIFT
 @on_rig()
 @JSON
 def make(
-    presses: Sequence[Path],
-    calibrations: Sequence[Path],
-    patches: Sequence[str] | None,
+    asked: AskedPress,
     out: Path,
     method: Literal["modulated", "broadband"],
     iterations: int,
     quiet_at: Sequence[str],
     error: float | None,
     level: float | None,
-    average: AverageMethod,
+    drift: float | None,
     rig: ChosenRig,
     as_json: bool,
 ) -> int:
@@ -119,15 +113,16 @@ def make(
 
     Exit codes: 0 the check passed, 1 it did not (the file is written and states why).
     """
-    chosen, wanted = (error, level) != (None, None), haploop.Loudness(error, level)
-    loaded = haploop.load_calibrations(calibrations, patches or ())
-    press = haploop.load_press(presses, average)
+    usual = haploop.Drift()
+    against = None if drift is None else usual.times(drift / usual.common)
+    chosen, wanted = (error, level) != (None, None), haploop.Loudness(error, level, against)
+    loaded, press = asked.load_calibrations(), asked.load_press()
     with (
         reserved(out, size=sizes.BUTTON + (iterations + 1) * sizes.STEP),
         rig.opened() as opened,
         Steps() as steps,
     ):
-        trade = haploop.Trade()
+        trade = haploop.Trade(drift=against)
         if chosen:
             trade = haploop.trade_for(press, loaded, opened, wanted, method, quiet_at)
         made = haploop.build_button(
@@ -146,38 +141,22 @@ def make(
 
 
 @button.command()
-@PRESSES
-@CALIBRATION
-@PATCHES
+@on_press
 @click.option("--out", "-o", type=NEW, metavar="PLAN.h5", help="Plan file to write, for a report.")
-@AVERAGE
 @on_rig()
-@PLOT
-@COLUMNS
-@JSON
-def plan(
-    presses: Sequence[Path],
-    calibrations: Sequence[Path],
-    patches: Sequence[str] | None,
-    out: Path | None,
-    average: AverageMethod,
-    rig: ChosenRig,
-    plot: Path | None,
-    columns: Columns,
-    as_json: bool,
-) -> int:
+@shown
+def plan(asked: AskedPress, out: Path | None, rig: ChosenRig, shown: Shown) -> int:
     """Show what error buys which loudness, without playing anything.
 
     PRESS as of `haploop button make`. Within the limits of the rig, a louder button is less like the recorded
     one: the table has both for each method, and whether a person feels it who presses.
     """
-    loaded = haploop.load_calibrations(calibrations, patches or ())
-    press = haploop.load_press(presses, average)
+    loaded, press = asked.load_calibrations(), asked.load_press()
     with rig.opened() as opened, Steps() as steps:
         planned = haploop.plan_button(press, loaded, opened, progress=steps)
     if out is not None:
         planned.save(out)
-    show.print_contents(contents.plan_contents(planned), as_json, plot, columns)
+    shown.print(contents.plan_contents(planned))
     return 0
 
 

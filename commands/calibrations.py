@@ -13,7 +13,8 @@ from ..reports import contents, outputs
 from ..reports import show as display
 from ..terminal.progress import Steps, print_json, print_line
 from . import front as haploop
-from .options import COLUMNS, JSON, PATH, PICTURE, RIG, TAPE, ChosenRig, on_rig, on_table
+from .grouped import COLUMNS
+from .options import JSON, PATH, PICTURE, RIG, TAPE, ChosenRig, on_rig, on_table
 
 if TYPE_CHECKING:
     from ..calibration import History

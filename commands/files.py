@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Literal
 
 import click
 
@@ -14,17 +13,16 @@ from ..reports import show as display
 from ..terminal.browser import open_page
 from ..terminal.progress import SIMULATED, Steps, note, print_json, print_line
 from . import front as haploop
-from .options import COLUMNS, JSON, PATH, PLOT
+from .grouped import Shown, shown
+from .options import JSON, PATH
 
 __all__ = ["list_command", "recover", "report", "show", "verify"]
 
 
 @click.command()
 @click.argument("files", nargs=-1, required=True, type=PATH, metavar="FILE...")
-@PLOT
-@COLUMNS
-@JSON
-def show(files: Sequence[Path], plot: Path | None, columns: Literal[1, 2], as_json: bool) -> int:
+@shown
+def show(files: Sequence[Path], shown: Shown) -> int:
     """Show the contents of a file.
 
     FILE is a recording, a representative press, a calibration, a drive, a check, a digital button, or the
@@ -36,7 +34,7 @@ def show(files: Sequence[Path], plot: Path | None, columns: Literal[1, 2], as_js
         found = contents.forces_contents(contents.recordings_in(files))
     else:
         found = contents.file_contents(files[0])
-    display.print_contents(found, as_json, plot, columns)
+    shown.print(found)
     return 0
 
 

@@ -25,28 +25,21 @@ if TYPE_CHECKING:
     from ..instruments.tape import Player
 
 __all__ = [
-    "ATTEMPTS",
     "AVERAGE",
-    "CALIBRATION",
-    "COLUMNS",
     "FINGER",
     "FORCE",
     "JSON",
     "NEW",
     "NOTES",
     "ONLY",
-    "PATCHES",
     "PATH",
-    "PATIENCE",
     "PICTURE",
     "PLAYS",
     "PLOT",
-    "PRESSES",
     "QUIET",
     "RIG",
     "SIMULATE",
     "TAPED",
-    "WAIT",
     "ChosenRig",
     "FiniteRange",
     "Measure",
@@ -68,13 +61,6 @@ RIG = click.option(
 )
 
 JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON object on standard output.")
-COLUMNS = click.option(
-    "--columns",
-    type=click.IntRange(1, 2),
-    default=2,
-    show_default=True,
-    help="Width of the picture: one or two columns of a journal (88 or 180 mm).",
-)
 ONLY = click.option(
     "--only",
     nargs=2,
@@ -98,23 +84,6 @@ class FiniteRange(click.FloatRange):
         return found
 
 
-WAIT = click.option(
-    "--wait",
-    type=FiniteRange(0, 86_400),
-    metavar="SECONDS",
-    help="How long a session waits for a participant who is away, in all, before it ends.  [default: 600]",
-)
-PATIENCE = click.option(
-    "--patience",
-    type=FiniteRange(0, 600, min_open=True),
-    metavar="SECONDS",
-    help="How long each prompt has before it is repeated.  [default: 15]",
-)
-ATTEMPTS = click.option(
-    "--attempts",
-    type=click.IntRange(1, 100),
-    help="Attempts at one press before the session ends.  [default: 5]",
-)
 PATH = click.Path(path_type=Path)
 
 
@@ -210,24 +179,6 @@ TAPED = click.option(
 NEW = NewFile()
 PICTURE = NewFile(".png", ".pdf", ".svg")
 PLOT = click.option("--plot", type=PICTURE, metavar="OUT.png", help="Also draw a figure (PNG, PDF, SVG).")
-PRESSES = click.argument("presses", nargs=-1, required=True, type=PATH, metavar="PRESS...")
-CALIBRATION = click.option(
-    "--calibration",
-    "-c",
-    "calibrations",
-    required=True,
-    multiple=True,
-    type=PATH,
-    metavar="FILE",
-    help="Calibration file written by `haploop calibrate`; repeatable, one for each patch.",
-)
-PATCHES = click.option(
-    "--patches",
-    type=Names(),
-    metavar="LIST",
-    help="Patches to play at once, for example A,B,C,D; -c FILE.h5 then stands for FILE-A.h5, FILE-B.h5 and "
-    "so on.  [default: those of the calibrations]",
-)
 QUIET = click.option(
     "--quiet-at",
     type=Names(),

@@ -11,7 +11,8 @@ import click
 from ..reports import contents, show
 from ..terminal.progress import note
 from . import front as haploop
-from .options import ATTEMPTS, AVERAGE, JSON, NEW, NOTES, PATH, PATIENCE, WAIT, ChosenRig, on_rig
+from .grouped import Prompts, on_prompts
+from .options import AVERAGE, JSON, NEW, NOTES, PATH, ChosenRig, on_rig
 
 if TYPE_CHECKING:
     from ..acquisition import AverageMethod
@@ -35,9 +36,7 @@ __all__ = ["record", "represent"]
 )
 @click.option("--name", default="", help="Name of the file, if not PARTICIPANT-BUTTON.")
 @NOTES
-@WAIT
-@PATIENCE
-@ATTEMPTS
+@on_prompts
 @on_rig()
 @JSON
 def record(
@@ -47,9 +46,7 @@ def record(
     out: Path,
     name: str,
     notes: str,
-    wait: float | None,
-    patience: float | None,
-    attempts: int | None,
+    prompts: Prompts,
     rig: ChosenRig,
     as_json: bool,
 ) -> int:
@@ -69,12 +66,7 @@ def record(
                 f"{path} already exists and is not overwritten: give this recording a name of its own with "
                 f"--name, such as {path.stem}-2."
             )
-        protocol = haploop.Protocol(
-            wait=600.0 if wait is None else wait,
-            patience=15.0 if patience is None else patience,
-            attempts=5 if attempts is None else attempts,
-            segmentation=haploop.segmentation_for(button),
-        )
+        protocol = haploop.Protocol(wait=600.0, segmentation=haploop.segmentation_for(button))
         recording = haploop.record(
             opened,
             button,
@@ -83,7 +75,7 @@ def record(
             out,
             meter.progress,
             meter.on_verdict,
-            protocol=protocol,
+            protocol=prompts.adapt(protocol),
             notes=notes,
             on_request=meter.on_request,
             name=name,

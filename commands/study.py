@@ -6,14 +6,15 @@ import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from ..reports import contents, outputs, show
 from ..terminal.progress import Steps, print_json, print_line
 from . import front as haploop
-from .options import ATTEMPTS, JSON, NOTES, PATH, PATIENCE, WAIT, ChosenRig, average_option, on_rig
+from .grouped import Prompts, on_prompts
+from .options import JSON, NOTES, PATH, ChosenRig, average_option, on_rig
 
 if TYPE_CHECKING:
     from ..acquisition import AverageMethod
@@ -87,9 +88,7 @@ def new(folder: Path) -> int:
 @click.option("--participant", "-p", "participants", multiple=True, help="Only this one; repeatable.")
 @click.option("--button", "-b", "buttons", multiple=True, help="Only this one; repeatable.")
 @NOTES
-@WAIT
-@PATIENCE
-@ATTEMPTS
+@on_prompts
 @on_rig(_RIG)
 @JSON
 def run(
@@ -97,9 +96,7 @@ def run(
     participants: Sequence[str],
     buttons: Sequence[str],
     notes: str,
-    wait: float | None,
-    patience: float | None,
-    attempts: int | None,
+    prompts: Prompts,
     rig: ChosenRig,
     as_json: bool,
 ) -> int:
@@ -109,8 +106,6 @@ def run(
     Enter to reject the preceding press.
     """
     opened = haploop.load_study(path)
-    options = {"wait": wait, "patience": patience, "attempts": attempts}
-    given: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
     rig = replace(rig, name=rig.name or _own_rig(opened.path, opened.file.rig))
     with rig.opened() as instruments:
         rig.state.recordings = opened.folder
@@ -124,7 +119,7 @@ def run(
                 meter.on_study_verdict,
                 meter.on_request,
                 notes=notes,
-                adapt=lambda protocol: replace(protocol, **given),
+                adapt=prompts.adapt,
             )
     show.print_contents(contents.study_contents(opened, opened.progress()), as_json)
     return 0
@@ -227,7 +222,6 @@ def repeat(participant: str, button: str, reason: str, path: Path) -> int:
 
 
 def _reject(path: Path, participant: str, button: str, numbers: Sequence[int], reason: str) -> int:
-
     rejected = haploop.load_study(path).reject(participant, button, numbers, reason)
     numbers = sorted({one.number for one in rejected})
     print_line(

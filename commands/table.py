@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
@@ -15,25 +14,19 @@ from ..instruments.operator import RestFinger
 from ..reports import contents, outputs, show
 from ..terminal.progress import Steps
 from . import front as haploop
+from .grouped import AskedPress, on_press
 from .options import (
-    AVERAGE,
-    CALIBRATION,
     FINGER,
     FORCE,
     JSON,
     NEW,
-    PATCHES,
     PATH,
     PLAYS,
-    PRESSES,
     ChosenRig,
     Names,
     on_rig,
     on_table,
 )
-
-if TYPE_CHECKING:
-    from ..acquisition import AverageMethod
 
 __all__ = ["calibrate", "check"]
 
@@ -168,9 +161,7 @@ def _calibrate_finger(asked: RestFinger, looked: _Looked, out: Path, rig: Chosen
 
 
 @click.command()
-@PRESSES
-@CALIBRATION
-@PATCHES
+@on_press
 @click.option(
     "--out",
     "-o",
@@ -181,18 +172,14 @@ def _calibrate_finger(asked: RestFinger, looked: _Looked, out: Path, rig: Chosen
 @PLAYS
 @FINGER
 @FORCE
-@AVERAGE
 @on_rig()
 @JSON
 def check(
-    presses: Sequence[Path],
-    calibrations: Sequence[Path],
-    patches: Sequence[str] | None,
+    asked: AskedPress,
     out: Path | None,
     plays: int,
     finger: str | None,
     force: float | None,
-    average: AverageMethod,
     rig: ChosenRig,
     as_json: bool,
 ) -> int:
@@ -208,16 +195,16 @@ def check(
 
     Exit codes: 0 the check passed, 1 it failed or the plays do not show it.
     """
-    loaded = haploop.load_calibrations(calibrations, patches or ())
+    if finger is None and force is not None:
+        raise click.UsageError("--force belongs to --finger PARTICIPANT.")
+    loaded = asked.load_calibrations()
     held = next((one.finger for one in loaded if one.finger), None)
     if held is not None and finger is None:
         raise haploop.ConfigurationError(
-            f"{calibrations[0]} holds under {held.participant}'s finger, and a check of the bare table "
+            f"{asked.calibrations[0]} holds under {held.participant}'s finger, and a check of the bare table "
             f"says nothing about it: check with --finger {held.participant}."
         )
-    if finger is None and force is not None:
-        raise click.UsageError("--force belongs to --finger PARTICIPANT.")
-    press = haploop.load_press(presses, average)
+    press = asked.load_press()
     kept = outputs.dated_check(press.button) if out is None else None
     files = (kept,) if kept else outputs.check_files(out or Path(), press.button)
     with (
@@ -228,8 +215,8 @@ def check(
         for one in loaded:
             if one.response.simulated != opened.simulated:
                 raise haploop.ConfigurationError(
-                    f"{calibrations[0]} was measured on a {_kind(one.response.simulated)} table, but the rig "
-                    f"{opened.name!r} is {_kind(opened.simulated)}: calibrate that rig first."
+                    f"{asked.calibrations[0]} was measured on a {_kind(one.response.simulated)} table, but "
+                    f"the rig {opened.name!r} is {_kind(opened.simulated)}: calibrate that rig first."
                 )
         if finger is None:
             drive = haploop.drive_for(press, loaded, opened.limits)

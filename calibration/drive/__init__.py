@@ -11,12 +11,14 @@ from .finger_check import check_under_finger
 from .learning import Iteration, Learning, learn
 from .loudness import ButtonPlan, Loudness, Offer, Offers, offered, plan_button, trade_for
 from .paper_baseline import paper_drive
+from .parallel import COMPARED_AT, Wired, Wiring
 from .pressed import PressedDrives, pressed_drives
 from .trade import STEADY, Trade
 
 __all__ = [
     "BAND",
     "BEFORE",
+    "COMPARED_AT",
     "STEADY",
     "TOLERANCE",
     "ButtonPlan",
@@ -32,6 +34,8 @@ __all__ = [
     "PressedDrives",
     "SharedPower",
     "Trade",
+    "Wired",
+    "Wiring",
     "build_button",
     "button_under_finger",
     "check",

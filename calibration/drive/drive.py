@@ -97,7 +97,8 @@ class Drive(InNotebook):
     drift: Drift = STEADY
     """Drift of the table that was planned against."""
     drifted_error: float = 0.0
-    """Error expected of the whole motion when the table has drifted so, `predicted_error` included."""
+    """Error expected of the whole motion when the table has drifted so, `predicted_error` included; by
+    `Drift()` where no drift was planned against."""
 
     def __post_init__(self) -> None:
         """Raises DataError for signals that no calibration makes, so that nobody plots or plays them."""
@@ -133,7 +134,7 @@ class Drive(InNotebook):
     @property
     def expected_error(self) -> float:
         """Error expected before any correction: where a drift is planned against, of a table that drifted."""
-        return max(self.predicted_error, self.drifted_error)
+        return self.predicted_error if self.drift == STEADY else self.drifted_error
 
     @property
     def peak(self) -> float:
@@ -257,7 +258,9 @@ def drive_for(
     target, in_band = grid.within(band)
     drift = trade.drift_for(table)
     targets = np.concatenate([target[None], np.zeros((len(quiet_at), len(target)))])
-    plan = plan_for(table, targets, grid, band, limits, drift)
+    drifting = plan_for(table, targets, grid, band, limits, Drift() if drift == STEADY else drift)
+    steady = replace(drifting, drift=0.0)
+    plan = steady if drift == STEADY else drifting
     planned = planned_by(plan, trade, trade.budget(drift), float(table.reach(limits).max()), inversion)
 
     smooth = grid.smooth
@@ -279,7 +282,6 @@ def drive_for(
         _, by = table.headroom(volts, limits)
     else:
         by = f"{_RANGE_USED:.0%} of the vibrometer's {shown(response.pickup, response.pickup_range)}"
-    steady = replace(plan, drift=0.0)
     missed = distorted(table, plan, played)
     return Drive(
         button=press.button,
@@ -304,7 +306,7 @@ def drive_for(
         quiet_at=tuple(quiet_at),
         quiet_motion=quiet_motion(table, plan, played, grid, drift),
         drift=drift,
-        drifted_error=float(np.hypot(plan.error(played), missed)),
+        drifted_error=float(np.hypot(drifting.error(played), missed)),
     )
 
 

@@ -1,8 +1,8 @@
 """How loud a drive can be, and at what error: the curve between them, and the choice on it.
 
-Within the limits of the rig a drive is louder only if more of the target is given up. The error is the one
-expected of the whole motion before any correction by playing (`Drive.expected_error`); the level is that of
-the drive's target above the threshold of a finger that presses.
+Within the limits of the rig a drive is louder only if more of the target is given up. Errors are those
+expected of the whole motion before any correction by playing, as calibrated and after a drift; the level is
+that of the drive's target above the threshold of a finger that presses.
 """
 
 from __future__ import annotations
@@ -17,10 +17,11 @@ from ...acquisition import hdf5
 from ...instruments import ConfigurationError, Rig
 from ...instruments.notebook import InNotebook
 from ...instruments.progress import Progress, silent
-from ..model import Calibration
+from ..model import Calibration, Drift
 from ..perception import LabThreshold, Sensation, lab_threshold, levels_of, pressing_act
 from .check import TOLERANCE
 from .drive import Drive, Method, drive_for
+from .parallel import Wired, parallel_wirings
 from .trade import BUDGET, Trade
 
 if TYPE_CHECKING:
@@ -43,9 +44,12 @@ class Loudness:
     """What is asked of a drive: at most `error`, or at least `level`, or both."""
 
     error: float | None = None
-    """Largest expected error; as loud as the limits allow. None: what a check tolerates."""
+    """Largest expected error (`Drive.expected_error`); as loud as the limits allow. None: what a check
+    tolerates."""
     level: float | None = None
     """Least level above the threshold of a finger that presses (dB), at the least error."""
+    drift: Drift | None = None
+    """See `Trade`: a smaller one leaves more volts for loudness."""
 
     def __post_init__(self) -> None:
         """Raises ConfigurationError for an error that no check tolerates."""
@@ -61,7 +65,9 @@ class Offer:
     """One point of a curve: a drive that the limits allow."""
 
     error: float
-    """Expected error of the whole motion, before corrections."""
+    """Expected error of the whole motion as calibrated, before corrections."""
+    drifted: float
+    """The same after a drift of the table, whether it is planned against or not."""
     level: float
     """dB above the threshold of a finger that presses."""
     scale: float
@@ -94,6 +100,9 @@ class ButtonPlan(InNotebook):
     """Recordings that the press stands for: file name, content hash."""
     lab: LabThreshold | None = None
     """The lab's threshold, when the rig's file had one."""
+    parallel: tuple[Wired, ...] = ()
+    """What the patches would play in parallel, by the first method, where one channel of the amplifier drives
+    all: as wired, the loudest of them as wired, and the loudest with wires swapped; each once."""
 
     def __repr__(self) -> str:
         return f"<ButtonPlan {self.button} on {self.rig}: {len(self.curves)} curves>"
@@ -116,7 +125,9 @@ def offered(drives: Sequence[Drive], lab: LabThreshold | None = None) -> Offers:
     """The curve of drives of one method at the same patches, from the most like to the loudest."""
     first = drives[0]
     # Where the least error is more than was asked for, several drives are the same.
-    offers = dict.fromkeys(Offer(d.expected_error, _level(d, lab), d.scale, d.peak) for d in drives)
+    offers = dict.fromkeys(
+        Offer(d.predicted_error, d.drifted_error, _level(d, lab), d.scale, d.peak) for d in drives
+    )
     return Offers(first.method, first.patch, first.in_band, tuple(offers))
 
 
@@ -129,11 +140,14 @@ def plan_button(
 ) -> ButtonPlan:
     """Compute the curve of each method, of the first patch alone and of all at once, within a rig's limits.
 
-    Raises what `drive_for` raises.
+    Where one channel of the amplifier drives all patches, they cannot be played at once: what they would play
+    in parallel is computed instead. Raises what `drive_for` raises.
     """
     lab = lab_threshold(rig)
     every = (calibration,) if isinstance(calibration, Calibration) else tuple(calibration)
-    together = [every[:1], every] if len(every) > 1 else [every]
+    several = len(every) > 1
+    shared = several and rig.amplifier.sharing({c.response.patch for c in every}) == len(every)
+    together = [every[:1], every] if several and not shared else [every[:1]]
     curves: list[Offers] = []
     doing, count = f"Plan the {press.button} button", len(together) * len(methods) * len(_ERRORS)
     for method, some in product(methods, together):
@@ -151,6 +165,7 @@ def plan_button(
         simulated=first.simulated,
         sources=first.sources,
         lab=lab,
+        parallel=parallel_wirings(press, every, rig.limits_for, methods[0], lab) if shared else (),
     )
 
 
@@ -168,8 +183,13 @@ def trade_for(
     `drive_for` raises.
     """
 
+    def traded(error: float) -> Trade:
+        return Trade(error, drift=loudness.drift)
+
     def at(error: float) -> Drive:
-        return drive_for(press, calibration, rig.limits, method=method, trade=Trade(error), quiet_at=quiet_at)
+        return drive_for(
+            press, calibration, rig.limits, method=method, trade=traded(error), quiet_at=quiet_at
+        )
 
     def level(drive: Drive) -> float:
         return _level(drive, lab)
@@ -184,16 +204,16 @@ def trade_for(
         )
     wanted = loudness.level
     if wanted is not None and level(closest) >= wanted:
-        return Trade(BUDGET)
+        return traded(BUDGET)
     error, loudest = _loudest(at, most, closest)
     if wanted is None:
-        return Trade(error)
+        return traded(error)
     if level(loudest) < wanted:
         raise ConfigurationError(
             f"The {press.button} button cannot be {wanted:.1f} dB above the threshold of a pressing finger: "
             f"within the limits, with at most {most:.0%} of error, {level(loudest):.1f} dB is the most."
         )
-    return Trade(
+    return traded(
         _least(lambda error: level(at(error)), wanted, (BUDGET, level(closest)), (error, level(loudest)))
     )
 

@@ -14,7 +14,7 @@ from .actuation import Actuation
 from .inversion import Plan, State, max_output, min_peak, within
 from .trade import STEADY, Trade
 
-__all__ = ["Inversion", "PlanGrid", "distorted", "plan_for", "planned_by", "quiet_motion"]
+__all__ = ["Inversion", "PlanGrid", "distorted", "plan_for", "planned_by", "quiet_motion", "slew_of"]
 
 Inversion = Literal["optimised", "regularised"]
 _SPREAD = 0.6
@@ -52,7 +52,6 @@ def plan_for(
     low, high = table.known
     known = (f >= low) & (f <= high)
     gain = np.where(known, table.gain(np.clip(f, low, high)), 0.0)
-    slew = min(limits.slew, limits.current_peak / limits.capacitance if limits.capacitance else np.inf)
     power = (np.abs(gain[0]) ** 2).mean(axis=0)
     reach = table.reach(limits)
     return Plan(
@@ -64,8 +63,14 @@ def plan_for(
         typical=float(np.median(power[(f >= band[0]) & (f <= band[1])])),
         reach=reach / reach.max(),
         drift=table.drifted(f, drift).sum(axis=0) if drift != STEADY else 0.0,
-        slew=slew / grid.rate_hz / limits.peak,
+        slew=slew_of(limits, grid.rate_hz),
     )
+
+
+def slew_of(limits: Limits, rate_hz: float) -> float:
+    """`Plan.slew`: what the slew rate and the current into the load allow from one sample to the next."""
+    slew = min(limits.slew, limits.current_peak / limits.capacitance if limits.capacitance else np.inf)
+    return slew / rate_hz / limits.peak
 
 
 def planned_by(plan: Plan, trade: Trade, budget: float, reach: float, inversion: Inversion) -> FloatArray:

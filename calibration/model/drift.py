@@ -18,7 +18,7 @@ of each other; the residues stay. A change of the shapes (a finger, a loose patc
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
@@ -46,6 +46,10 @@ class Drift:
     """Velocity per volt of each patch."""
     delay: float = 2e-6
     """Delay of each patch (s)."""
+
+    def times(self, factor: float) -> Drift:
+        """A drift of so many times the size."""
+        return Drift(**{name: factor * size for name, size in asdict(self).items()})
 
     @property
     def modes(self) -> bool:

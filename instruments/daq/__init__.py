@@ -1,6 +1,6 @@
 """DAQs: the role, a DAQ beside another one, and the drivers."""
 
 from .free_running import Alongside, FreeRunning
-from .role import Block, Capture, Daq, Stream, refuse_unknown
+from .role import Block, Capture, Daq, Stream, StreamRequest
 
-__all__ = ["Alongside", "Block", "Capture", "Daq", "FreeRunning", "Stream", "refuse_unknown"]
+__all__ = ["Alongside", "Block", "Capture", "Daq", "FreeRunning", "Stream", "StreamRequest"]

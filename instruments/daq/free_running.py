@@ -11,7 +11,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from ..arrays import BoolArray, ComplexArray, FloatArray
 from ..clock import Clock
 from ..errors import ConfigurationError, InstrumentError
 from .arrival_clock import ArrivalClock
-from .role import Block, Daq, Stream
+from .role import Block, Daq, Stream, StreamRequest
 
 __all__ = ["Alongside", "Edge", "FreeRunning"]
 
@@ -93,28 +93,22 @@ class Alongside(Daq):
         self.simulated = daq.simulated or along.simulated
         self.declared = daq.declared
 
-    def _stream(
-        self,
-        channels: Sequence[str],
-        rate_hz: float,
-        block: int,
-        samples: int | None,
-        play: Mapping[str, FloatArray] | None,
-    ) -> Stream:
+    def _stream(self, request: StreamRequest) -> Stream:
+        channels = request.channels
         own = [name for name in channels if name not in self.along.channels]
         if len(own) == len(channels):
-            return self.daq._stream(channels, rate_hz, block, samples, play)
+            return self.daq._stream(request)
         edge = self.along.edge
         # Of these the free-running one has need, whether they are asked for or not.
         needed = [edge.channel] if edge is not None else [self._base] if not own and self._base else []
-        read = list(dict.fromkeys([*own, *needed]))
+        read = tuple(dict.fromkeys([*own, *needed]))
         if not read:
             raise ConfigurationError(
                 f"{', '.join(channels)} of {self.along.identity} cannot be read without a channel of the "
                 "DAQ, on whose clock they are placed: add one."
             )
         self.along.settle()
-        return _AlongsideStream(self, tuple(channels), self.daq._stream(read, rate_hz, block, samples, play))
+        return _AlongsideStream(self, channels, self.daq._stream(replace(request, channels=read)))
 
     def cards(self, channels: Sequence[str]) -> Mapping[str, Sequence[str]]:
         """See `Daq.cards`: the free-running one's are with the DAQ's first card, on whose clock they are

@@ -17,14 +17,13 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from ..arrays import FloatArray
 from ..clock import Clock
 from ..driver import one_name
 from ..errors import ConfigurationError, InstrumentError, LimitError
 from ..signals import uninterrupted
 from .ni_filters import FILTERS
 from .ni_settings import NiSettings, Output, device_of
-from .role import Daq, Stream, refuse_unknown
+from .role import Daq, Stream, StreamRequest
 
 if TYPE_CHECKING:
     from .ni_outputs import NiOutputs
@@ -97,27 +96,19 @@ class NiDaq(Daq):
             sessions.close()
             raise
 
-    def _stream(
-        self,
-        channels: Sequence[str],
-        rate_hz: float,
-        block: int,
-        samples: int | None,
-        play: Mapping[str, FloatArray] | None,
-    ) -> Stream:
+    def _stream(self, request: StreamRequest) -> Stream:
         from .ni_cards import Plan  # noqa: PLC0415
         from .ni_stream import NiStream  # noqa: PLC0415
 
-        play = play or {}
-        self._refuse(channels, block, samples, play)
+        self._refuse(request)
         known, outputs = self._settings.channels, self._settings.outputs
         plan = Plan.of(
-            {name: known[name].terminal for name in channels},
-            {name: outputs[name].terminal for name in play},
+            {name: known[name].terminal for name in request.channels},
+            {name: outputs[name].terminal for name in request.play},
             self._cards,
         )
         with self._reading:
-            stream = NiStream(self, plan, tuple(channels), rate_hz, block, samples, dict(play))
+            stream = NiStream(self, plan, request)
             self._streams.append(stream)
         return stream
 
@@ -244,14 +235,12 @@ class NiDaq(Daq):
 
     # Checks
 
-    def _refuse(
-        self, channels: Sequence[str], block: int, samples: int | None, play: Mapping[str, FloatArray]
-    ) -> None:
-        known, outputs = self._settings.channels, self._settings.outputs
-        refuse_unknown(channels, play, known, outputs)
+    def _refuse(self, request: StreamRequest) -> None:
+        channels, play, outputs = request.channels, request.play, self._settings.outputs
+        request.refuse_unknown(self._settings.channels, outputs)
         if not channels or len(set(channels)) != len(channels):
             raise ConfigurationError("A stream needs at least one channel, and each channel once.")
-        if block < 1 or (samples is not None and samples < 2):
+        if request.block < 1 or (request.samples is not None and request.samples < 2):
             raise ConfigurationError("A block has 1 sample or more, a finite stream 2 or more.")
         if 0 in map(len, play.values()):
             raise LimitError("A waveform has a sample or more.")

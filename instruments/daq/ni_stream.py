@@ -6,7 +6,7 @@ clock"), armed before it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack
 from typing import Any, Protocol
 
@@ -23,7 +23,7 @@ from .ni_inputs import add_counter, add_input, factor
 from .ni_outputs import NiOutputs
 from .ni_sentences import cut_off, other_rate, zeroed
 from .ni_settings import NiSettings
-from .role import Block, Stream
+from .role import Block, Stream, StreamRequest
 
 __all__ = ["NiStream"]
 
@@ -74,22 +74,12 @@ class Cards(Protocol):
 class NiStream(Stream):
     """See `Stream`."""
 
-    def __init__(
-        self,
-        daq: Cards,
-        plan: Plan,
-        channels: tuple[str, ...],
-        rate_hz: float,
-        block: int,
-        samples: int | None,
-        play: dict[str, FloatArray],
-    ) -> None:
-        self.channels = channels
-        self._daq, self._plan = daq, plan
-        self._block, self._samples = block, samples
+    def __init__(self, daq: Cards, plan: Plan, request: StreamRequest) -> None:
+        self.channels, rate_hz = request.channels, request.rate_hz
+        self._daq, self._plan, self._request = daq, plan, request
         order = [name for _, names in plan.inputs for name in names]
         order += [name for _, name in plan.counters]
-        self._rows = [order.index(name) for name in channels]
+        self._rows = [order.index(name) for name in self.channels]
         self._inputs: list[Any] = []
         self._counters: list[Any] = []
         self._player: Any = None
@@ -113,7 +103,7 @@ class NiStream(Stream):
                             f"{home} would sample at {own:g} Hz on the clock of {plan.master}, which runs at "
                             f"{self.rate_hz:g} Hz: choose a rate that both cards have."
                         )
-                    self._refuse_other_rate(home, rate_hz, play)
+                    self._refuse_other_rate(home)
                     listed = list(task.ai_channels)
                     if len(listed) != len(names):
                         raise InstrumentError(
@@ -133,8 +123,8 @@ class NiStream(Stream):
                 ranges.append(daq.settings.channels[name].range)
                 widths.append(0.0)
             self._measure(np.array(delays), np.array(ranges), np.array(widths))
-            if play:
-                self._arm_player(play)
+            if request.play:
+                self._arm_player(request.play)
             for (home, _), task in zip(plan.counters, self._counters, strict=True):
                 with daq.talking_to(home):
                     task.start()
@@ -166,9 +156,9 @@ class NiStream(Stream):
 
     def __iter__(self) -> Iterator[Block]:
         """See `Stream.__iter__`."""
-        first = 0
-        while self._open and (self._samples is None or first < self._samples):
-            count = self._block if self._samples is None else min(self._block, self._samples - first)
+        for first, count in self._request.blocks():
+            if not self._open:
+                return
             volts = self._read(first, count)
             size = np.abs(volts)
             # NaN fails this comparison too.
@@ -180,7 +170,6 @@ class NiStream(Stream):
             self._refuse_cut_off(first + count)
             overload = np.any(size >= self._end, axis=1)
             yield Block(first, volts[self._rows], overload[self._rows])
-            first += count
 
     def close(self) -> None:
         """See `Stream.close`."""
@@ -221,8 +210,8 @@ class NiStream(Stream):
         for name in names:
             add_input(task, settings.channels[name])
         source = "" if home == self._plan.master else f"/{self._plan.master}/ai/SampleClock"
-        kept = max(int(settings.buffer_s * rate_hz), 2 * self._block)
-        if self._samples is None:
+        kept = max(int(settings.buffer_s * rate_hz), 2 * self._request.block)
+        if self._request.samples is None:
             task.timing.cfg_samp_clk_timing(
                 rate_hz, source, sample_mode=AcquisitionType.CONTINUOUS, samps_per_chan=kept
             )
@@ -230,7 +219,7 @@ class NiStream(Stream):
             task.in_stream.input_buf_size = kept
         else:
             task.timing.cfg_samp_clk_timing(
-                rate_hz, source, sample_mode=AcquisitionType.FINITE, samps_per_chan=self._samples
+                rate_hz, source, sample_mode=AcquisitionType.FINITE, samps_per_chan=self._request.samples
             )
         if settings.ai_conv_rate is not None:
             for card in self._plan.scanning(names, settings):
@@ -242,12 +231,12 @@ class NiStream(Stream):
         """Create the task of a counter that counts on the master's sample clock."""
         task = self._daq.task(f"{home} counter {name}")
         add_counter(task, self._daq.settings.channels[name])
-        finite = self._samples is not None
+        finite = self._request.samples is not None
         task.timing.cfg_samp_clk_timing(
             self.rate_hz,
             f"/{self._plan.master}/ai/SampleClock",
             sample_mode=AcquisitionType.FINITE if finite else AcquisitionType.CONTINUOUS,
-            samps_per_chan=self._samples or max(2 * self._block, round(self.rate_hz)),
+            samps_per_chan=self._request.samples or max(2 * self._request.block, round(self.rate_hz)),
         )
         return task
 
@@ -260,16 +249,20 @@ class NiStream(Stream):
             for late, product, given in zip(conversions, products, own, strict=True)
         ]
 
-    def _refuse_other_rate(self, home: str, asked: float, play: dict[str, FloatArray]) -> None:
+    def _refuse_other_rate(self, home: str) -> None:
         """Refuse a rate far from what was asked: some cards have few, and choose the next one.
 
         A waveform that is played along keeps its length only at the very rate that it was made for.
         """
-        near = abs(self.rate_hz / asked - 1) <= _PLAYED if play else asked / 2 < self.rate_hz < 2 * asked
+        asked = self._request.rate_hz
+        if self._request.play:
+            near = abs(self.rate_hz / asked - 1) <= _PLAYED
+        else:
+            near = asked / 2 < self.rate_hz < 2 * asked
         if not near:
             raise other_rate(home, self.rate_hz, asked)
 
-    def _arm_player(self, play: dict[str, FloatArray]) -> None:
+    def _arm_player(self, play: Mapping[str, FloatArray]) -> None:
         """Load the waveforms; they begin with the master's first sample."""
         home = self._plan.output
         assert home is not None, "a waveform has an output"
@@ -309,7 +302,7 @@ class NiStream(Stream):
         second = round(_COUNTED * self.rate_hz)
         if (
             len(self._plan.inputs) > 1
-            and self._samples is None
+            and self._request.samples is None
             and (first + count) // second > first // second
         ):
             self._refuse_drift()
@@ -347,7 +340,7 @@ class NiStream(Stream):
     @property
     def _whole(self) -> int:
         """Samples to be played: an acquisition that is shorter than the waveform ends it, by its clock."""
-        return self._length if self._samples is None else min(self._length, self._samples)
+        return self._length if self._request.samples is None else min(self._length, self._request.samples)
 
     def _refuse_drift(self) -> None:
         """Check that cards on one clock have taken equally many samples."""
@@ -355,7 +348,7 @@ class NiStream(Stream):
         asked = [*self._inputs, self._inputs[0]]
         with self._daq.talking_to(self._plan.master):
             before, *counts, after = [int(task.in_stream.total_samp_per_chan_acquired) for task in asked]
-        apart = max(_APART * self.rate_hz, 2 * self._block)
+        apart = max(_APART * self.rate_hz, 2 * self._request.block)
         for (home, _), count in zip(self._plan.inputs[1:], counts, strict=True):
             if not before - apart <= count <= after + apart:
                 raise InstrumentError(

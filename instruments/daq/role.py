@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import final
 
 import numpy as np
@@ -14,7 +14,7 @@ from ..closing import Closing
 from ..errors import ConfigurationError, LimitError
 from ..interlock import Interlocked
 
-__all__ = ["Block", "Capture", "Daq", "Stream", "refuse_unknown"]
+__all__ = ["Block", "Capture", "Daq", "Stream", "StreamRequest"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,23 +98,43 @@ class Stream(Closing, ABC):
         )
 
 
-def refuse_unknown(
-    channels: Sequence[str],
-    play: Mapping[str, FloatArray],
-    known: Collection[str],
-    outputs: Collection[str],
-) -> None:
-    """Refuse what no DAQ can stream: names that the rig file does not have, waveforms of different lengths.
+@dataclass(frozen=True, eq=False)
+class StreamRequest:
+    """The parameters of `Daq.stream`; `play` is empty when nothing plays."""
 
-    `known` and `outputs` are the names of the rig file's channels and outputs. Raises ConfigurationError and
-    LimitError.
-    """
-    for name in [c for c in channels if c not in known] + [o for o in play if o not in outputs]:
-        raise ConfigurationError(
-            f"The DAQ has no channel {name!r}; the rig file names {', '.join([*known, *outputs])}."
-        )
-    if len({len(volts) for volts in play.values()}) > 1:
-        raise LimitError("All waveforms that are played together must have the same length.")
+    channels: tuple[str, ...]
+    rate_hz: float
+    block: int
+    samples: int | None = None
+    play: Mapping[str, FloatArray] = field(default_factory=dict)
+
+    def refuse_unknown(self, known: Collection[str], outputs: Collection[str]) -> None:
+        """Refuse what no DAQ can stream: names that the rig file does not have, waveforms of unequal length.
+
+        `known` and `outputs` are the names of the rig file's channels and outputs. Raises ConfigurationError
+        and LimitError.
+        """
+        for name in [c for c in self.channels if c not in known] + [o for o in self.play if o not in outputs]:
+            raise ConfigurationError(
+                f"The DAQ has no channel {name!r}; the rig file names {', '.join([*known, *outputs])}."
+            )
+        if len({len(volts) for volts in self.play.values()}) > 1:
+            raise LimitError("All waveforms that are played together must have the same length.")
+
+    @property
+    def length(self) -> int:
+        """Samples of the waveforms; 0 when nothing plays."""
+        return max((len(volts) for volts in self.play.values()), default=0)
+
+    def blocks(self) -> Iterator[tuple[int, int]]:
+        """Give each block's first sample and its number of samples; the last one of a finite stream may be
+        short.
+        """
+        first = 0
+        while self.samples is None or first < self.samples:
+            count = self.block if self.samples is None else min(self.block, self.samples - first)
+            yield first, count
+            first += count
 
 
 class Daq(Interlocked, ABC):
@@ -153,17 +173,10 @@ class Daq(Interlocked, ABC):
         """
         for output, volts in (play or {}).items():
             self._interlock.authorise(output, volts, rate_hz)
-        return self._stream(channels, rate_hz, block, samples, play)
+        return self._stream(StreamRequest(tuple(channels), rate_hz, block, samples, dict(play or {})))
 
     @abstractmethod
-    def _stream(
-        self,
-        channels: Sequence[str],
-        rate_hz: float,
-        block: int,
-        samples: int | None,
-        play: Mapping[str, FloatArray] | None,
-    ) -> Stream:
+    def _stream(self, request: StreamRequest) -> Stream:
         """Do the driver's part of `stream`."""
 
     def clear_left(self) -> None:

@@ -9,7 +9,7 @@ bridged by a straight line, and counted among the recording's readings.
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Self
 
@@ -24,7 +24,7 @@ from ..tape import taped_line
 from ..transport import ByteLine, SerialBytes, TapedBytes
 from .arrival_clock import ArrivalClock
 from .free_running import Edge, FreeRunning
-from .role import Block, Stream
+from .role import Block, Stream, StreamRequest
 from .serial_codec import Decoder, Frame
 from .serial_settings import SerialSettings
 
@@ -87,29 +87,20 @@ class SerialAdc(FreeRunning):
 
     # As the only DAQ
 
-    def _stream(
-        self,
-        channels: Sequence[str],
-        rate_hz: float,
-        block: int,
-        samples: int | None,
-        play: Mapping[str, FloatArray] | None,
-    ) -> Stream:
-        unknown = [
-            name for name in (*channels, *(play or {})) if name not in self.channels or name in (play or {})
-        ]
+    def _stream(self, request: StreamRequest) -> Stream:
+        unknown = [*(name for name in request.channels if name not in self.channels), *request.play]
         if unknown:
             raise ConfigurationError(
                 f"The DAQ has no channel {unknown[0]!r}; the rig file names {', '.join(self.channels)}, and "
                 f"{self.identity} has no outputs."
             )
-        own = self._settings.rate_hz
+        own, rate_hz = self._settings.rate_hz, request.rate_hz
         if not abs(rate_hz - own) <= 1e-9 * own:
             raise ConfigurationError(
                 f"{self.identity} sends {own:g} frames a second, and {rate_hz:g} were asked for: write "
                 f"rate_hz = {own:g} at the top of the rig file."
             )
-        return _SerialStream(self, tuple(channels), block, samples)
+        return _SerialStream(self, request)
 
     def zero(self) -> None:
         """See `Daq.zero`: it has no outputs."""
@@ -322,20 +313,21 @@ def _overload(volts: FloatArray, ranges: FloatArray) -> BoolArray:
 class _SerialStream(Stream):
     """See `Stream`: the frames of an only DAQ."""
 
-    def __init__(self, daq: SerialAdc, channels: tuple[str, ...], block: int, samples: int | None) -> None:
-        self.channels, self.rate_hz = channels, daq.settings.rate_hz
-        self.delays = np.zeros(len(channels))
-        self.full_scale = np.array([daq.channels[name] for name in channels])
-        self._daq, self._block, self._samples = daq, block, samples
+    def __init__(self, daq: SerialAdc, request: StreamRequest) -> None:
+        self.channels, self.rate_hz = request.channels, daq.settings.rate_hz
+        self.delays = np.zeros(len(self.channels))
+        self.full_scale = np.array([daq.channels[name] for name in self.channels])
+        self._daq, self._request = daq, request
         self._open = True
         daq.take(0.0)
         self._begin = daq.end
 
     def __iter__(self) -> Iterator[Block]:
         """See `Stream.__iter__`."""
-        daq, first = self._daq, 0
-        while self._open and (self._samples is None or first < self._samples):
-            count = self._block if self._samples is None else min(self._block, self._samples - first)
+        daq = self._daq
+        for first, count in self._request.blocks():
+            if not self._open:
+                return
             begin = self._begin + first
             self._wait(begin + count)
             daq.refuse_rate()
@@ -350,10 +342,7 @@ class _SerialStream(Stream):
                 )
             daq.drop(begin + count)
             volts = daq.volts(frames, self.channels)
-            yield Block(
-                first, volts, np.any(np.abs(volts) >= self.full_scale[:, np.newaxis] * (1 - 1e-6), axis=1)
-            )
-            first += count
+            yield Block(first, volts, _overload(volts, self.full_scale))
 
     def close(self) -> None:
         """See `Stream.close`."""

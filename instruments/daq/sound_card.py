@@ -13,7 +13,7 @@ Volts at full scale and volume, AC coupling: `portaudio.py` of this room.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any, Self
 
 import numpy as np
@@ -26,7 +26,7 @@ from ..inbox import Inbox
 from ..portaudio import LEAD, Audio, AudioStream, found, high_pass, load, refuse_mean
 from ..tape import taped_line
 from ..taped_audio import on_tape
-from .role import Block, Daq, Stream, refuse_unknown
+from .role import Block, Daq, Stream, StreamRequest
 from .sound_settings import SoundSettings
 
 __all__ = ["SoundCardDaq"]
@@ -104,19 +104,10 @@ class SoundCardDaq(Daq):
         """See `Daq.output_response`: the output's AC coupling."""
         return high_pass(frequencies, self._settings.outputs[output].high_pass_hz)
 
-    def _stream(
-        self,
-        channels: Sequence[str],
-        rate_hz: float,
-        block: int,
-        samples: int | None,
-        play: Mapping[str, FloatArray] | None,
-    ) -> Stream:
-        play = play or {}
-        self._refuse(channels, rate_hz, play)
-        stream = SoundCardStream(self, tuple(channels), block, samples, dict(play))
-        self._stream_open = stream
-        return stream
+    def _stream(self, request: StreamRequest) -> Stream:
+        self._refuse(request)
+        self._stream_open = SoundCardStream(self, request)
+        return self._stream_open
 
     def zero(self) -> None:
         """See `Daq.zero`: without a stream, the card puts out nothing."""
@@ -140,17 +131,17 @@ class SoundCardDaq(Daq):
         """The rig's clock."""
         return self._clock
 
-    def _refuse(self, channels: Sequence[str], rate_hz: float, play: Mapping[str, FloatArray]) -> None:
-        known, outputs = self._settings.channels, self._settings.outputs
-        refuse_unknown(channels, play, known, outputs)
-        own = self._settings.rate_hz
+    def _refuse(self, request: StreamRequest) -> None:
+        outputs = self._settings.outputs
+        request.refuse_unknown(self._settings.channels, outputs)
+        own, rate_hz = self._settings.rate_hz, request.rate_hz
         if not abs(rate_hz - own) <= _SAME * own:
             raise ConfigurationError(
                 f"{self.identity} runs at {own:g} samples/s ('rate_hz' in [daq]), and {rate_hz:g} were asked "
                 f"for: write rate_hz = {own:g} at the top of the rig file for recordings, and in [table] for "
                 "drives."
             )
-        for name, volts in play.items():
+        for name, volts in request.play.items():
             most = min(outputs[name].highest, outputs[name].volts_per_full_scale)
             if not np.all(np.isfinite(volts)) or np.abs(volts).max(initial=0.0) > most:
                 raise LimitError(
@@ -164,19 +155,12 @@ class SoundCardDaq(Daq):
 class SoundCardStream(Stream):
     """See `Stream`."""
 
-    def __init__(
-        self,
-        daq: SoundCardDaq,
-        channels: tuple[str, ...],
-        block: int,
-        samples: int | None,
-        play: dict[str, FloatArray],
-    ) -> None:
-        settings = daq.settings
+    def __init__(self, daq: SoundCardDaq, request: StreamRequest) -> None:
+        settings, channels, play = daq.settings, request.channels, request.play
         self.channels, self.rate_hz = channels, settings.rate_hz
         self.delays = np.zeros(len(channels))
         self.full_scale = np.array([settings.channels[name].volts_per_full_scale for name in channels])
-        self._daq, self._block, self._samples = daq, block, samples
+        self._daq, self._request = daq, request
         self._rows = [settings.channels[name].input - 1 for name in channels]
         lead = round(LEAD * self.rate_hz)
         self._skip = lead + ((settings.latency or 0) if play else 0)
@@ -211,9 +195,9 @@ class SoundCardStream(Stream):
     def __iter__(self) -> Iterator[Block]:
         """See `Stream.__iter__`."""
         self._take(self._skip)
-        first = 0
-        while (self._open or self._zeroed) and (self._samples is None or first < self._samples):
-            count = self._block if self._samples is None else min(self._block, self._samples - first)
+        for first, count in self._request.blocks():
+            if not (self._open or self._zeroed):
+                return
             taken = self._take(count)
             if taken.shape[1] < count:
                 return  # it was closed
@@ -221,7 +205,6 @@ class SoundCardStream(Stream):
                 self._monitor.heard(taken)
             volts = taken[self._rows] * self.full_scale[:, np.newaxis]
             yield Block(first, volts, np.any(np.abs(taken[self._rows]) >= _END, axis=1))
-            first += count
 
     def close(self) -> None:
         """See `Stream.close`: PortAudio drops what waits to be played."""

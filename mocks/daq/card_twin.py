@@ -7,12 +7,12 @@ and its outputs. NI's twin is one of these, with NI's products and NI's sentence
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ...instruments.arrays import BoolArray, FloatArray
-from ...instruments.daq import Block, Daq, Stream, refuse_unknown
+from ...instruments.daq import Block, Daq, Stream, StreamRequest
 from ...instruments.errors import ConfigurationError, HaploopError, InstrumentError, LimitError
 from ..plant import Plant, PlayStopped, Run, SamplesLost
 from .converter import convert, noise_of, put_out
@@ -131,19 +131,13 @@ class CardTwin(Daq):
             f"{card.name} ({f'{card.device}, ' if card.device else ''}twin)" for card in cards
         )
 
-    def _stream(
-        self,
-        channels: Sequence[str],
-        rate_hz: float,
-        block: int,
-        samples: int | None,
-        play: Mapping[str, FloatArray] | None,
-    ) -> Stream:
-        rate_hz = self._rate(channels, rate_hz, play or {})
-        self._refuse(channels, rate_hz, play or {})
+    def _stream(self, request: StreamRequest) -> Stream:
+        request = replace(request, rate_hz=self._rate(request))
+        self._refuse(request)
+        rate_hz, play = request.rate_hz, request.play
         shares: list[_Share] = []
         for card in self._cards:
-            mine = tuple(c for c in channels if self._card_of[c] is card)
+            mine = tuple(c for c in request.channels if self._card_of[c] is card)
             if mine:
                 noise = noise_of(self._plant.settings.seed, card.label, self._starts[card.label])
                 self._starts[card.label] += 1
@@ -157,13 +151,10 @@ class CardTwin(Daq):
         if play:
             # The plant takes what stood on the outputs until now, before it is replaced.
             self._plant.advance(start)
-        for name, volts in (play or {}).items():
+        for name, volts in play.items():
             put = put_out(volts, self._home_of[name])
             self._outputs[name].play(Run(start, 1 / rate_hz, put))
-        length = max((len(volts) for volts in (play or {}).values()), default=0)
-        return _CardStream(
-            self, shares, channels, _Plan(rate_hz, block, samples, start, tuple(play or ()), length)
-        )
+        return _CardStream(self, shares, request, start)
 
     def zero(self) -> None:
         """See `Daq.zero`."""
@@ -196,9 +187,9 @@ class CardTwin(Daq):
         """Input range of a channel (+- V)."""
         return card.channels[channel]
 
-    def _rate(self, channels: Sequence[str], rate_hz: float, play: Mapping[str, FloatArray]) -> float:
-        """Rate at which the cards really sample `channels` when `rate_hz` is asked for."""
-        return rate_hz
+    def _rate(self, request: StreamRequest) -> float:
+        """Rate at which the cards really sample when `request.rate_hz` is asked for."""
+        return request.rate_hz
 
     def _delays(self, card: Card, rate_hz: float, channels: Sequence[str]) -> FloatArray:
         """Delays of the conversions of `channels` after the clock edge, (channels,) s."""
@@ -239,13 +230,13 @@ class CardTwin(Daq):
                     self._outputs[name].cut_off(now)
                 raise self._ended(card, stopped, played) from None
 
-    def _refuse(self, channels: Sequence[str], rate_hz: float, play: Mapping[str, FloatArray]) -> None:
-        refuse_unknown(channels, play, self._card_of, self._outputs)
+    def _refuse(self, request: StreamRequest) -> None:
+        request.refuse_unknown(self._card_of, self._outputs)
         for card in self._cards:
-            count = sum(self._card_of[c] is card and c not in card.counters for c in channels)
+            count = sum(self._card_of[c] is card and c not in card.counters for c in request.channels)
             if count:
-                _refuse_rate(card, rate_hz, count)
-        for name, volts in play.items():
+                _refuse_rate(card, request.rate_hz, count)
+        for name, volts in request.play.items():
             card = self._home_of[name]
             most = card.outputs[name]
             least = 0.0 if card.ao_unipolar else -most
@@ -301,42 +292,28 @@ class _Share:
         return volts, overload
 
 
-@dataclass(frozen=True)
-class _Plan:
-    """How a stream runs: see `Daq.stream`."""
-
-    rate_hz: float
-    block: int
-    samples: int | None
-    start: float
-    """Time of the first sample (s)."""
-    playing: tuple[str, ...]
-    """Outputs that play."""
-    length: int
-    """Samples of the waveforms."""
-
-
 class _CardStream(Stream):
-    """See `Stream`."""
+    """See `Stream`. Its first sample is taken at `start` (s)."""
 
-    def __init__(self, daq: CardTwin, shares: Sequence[_Share], channels: Sequence[str], plan: _Plan) -> None:
-        self.channels = tuple(channels)
-        self.rate_hz = plan.rate_hz
-        self._daq, self._plant, self._shares, self._plan = daq, daq._plant, shares, plan
+    def __init__(self, daq: CardTwin, shares: Sequence[_Share], request: StreamRequest, start: float) -> None:
+        self.channels, self.rate_hz = request.channels, request.rate_hz
+        self._daq, self._plant, self._shares = daq, daq._plant, shares
+        self._request, self._start = request, start
         self._zeroed = daq._times_zeroed
         order = [channel for share in shares for channel in share.channels]
-        self._rows = [order.index(channel) for channel in channels]
+        self._rows = [order.index(channel) for channel in self.channels]
         self.delays = np.concatenate([share.delays for share in shares])[self._rows]
         self.full_scale = np.concatenate([share.ranges for share in shares])[self._rows]
         self._open = True
 
     def __iter__(self) -> Iterator[Block]:
         """See `Stream.__iter__`."""
-        plan, daq, first = self._plan, self._daq, 0
+        request, daq = self._request, self._daq
         in_order = self._rows == list(range(len(self._rows)))
-        while self._open and (plan.samples is None or first < plan.samples):
-            count = plan.block if plan.samples is None else min(plan.block, plan.samples - first)
-            edges = plan.start + (first + np.arange(count)) / self.rate_hz
+        for first, count in request.blocks():
+            if not self._open:
+                return
+            edges = self._start + (first + np.arange(count)) / self.rate_hz
             # A filter's delay is of the past.
             self._plant.clock.sleep(edges[-1] + max(0.0, self.delays.max()) - self._plant.clock.now())
             parts, overloads = [], []
@@ -354,25 +331,24 @@ class _CardStream(Stream):
                     converted = share.counted(rows, *converted)
                 parts.append(converted[0])
                 overloads.append(converted[1])
-            if daq._times_zeroed != self._zeroed and first < plan.length:
-                raise daq._zeroed(list(dict.fromkeys(daq._home_of[name] for name in plan.playing)))
-            daq.cut_off(plan.playing, first + count)
-            if plan.samples is None and self._plant.faults:
+            if daq._times_zeroed != self._zeroed and first < request.length:
+                raise daq._zeroed(list(dict.fromkeys(daq._home_of[name] for name in request.play)))
+            daq.cut_off(tuple(request.play), first + count)
+            if request.samples is None and self._plant.faults:
                 self._refuse_drift(edges[-1])
             volts, overload = np.concatenate(parts), np.concatenate(overloads)
             if not in_order:
                 volts, overload = volts[self._rows], overload[self._rows]
             yield Block(first, volts, overload)
-            first += count
 
     def _refuse_drift(self, now: float) -> None:
         """Raise InstrumentError, as a driver does, when the cards' sample counts differ too much."""
         counts = {}
         for share in self._shares:
-            begin, end = self._plant.lateness(share.card.label, np.array([self._plan.start, now]))
-            counts[share.card.label] = round((now - self._plan.start - (end - begin)) * self.rate_hz)
+            begin, end = self._plant.lateness(share.card.label, np.array([self._start, now]))
+            counts[share.card.label] = round((now - self._start - (end - begin)) * self.rate_hz)
         fewest, most = min(counts, key=counts.__getitem__), max(counts, key=counts.__getitem__)
-        if counts[most] - counts[fewest] > max(_APART * self.rate_hz, 2 * self._plan.block):
+        if counts[most] - counts[fewest] > max(_APART * self.rate_hz, 2 * self._request.block):
             raise InstrumentError(
                 f"{fewest} has taken {counts[fewest]} samples and {most} {counts[most]}: they do not "
                 "run on one clock. Check the RTSI cable."

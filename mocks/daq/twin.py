@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ...instruments.arrays import FloatArray
+from ...instruments.daq import StreamRequest
 from ...instruments.daq.ni_daqmx import NiDaq
 from ...instruments.daq.ni_filters import filter_delay
 from ...instruments.daq.ni_sentences import cut_off, other_rate, refused, unclocked, zeroed
@@ -64,15 +65,16 @@ class DaqTwin(CardTwin):
             interval = 1 / self._settings.ai_conv_rate
         return np.arange(count, dtype=np.float64) * interval - filter_delay(product.name, rate_hz)
 
-    def _rate(self, channels: Sequence[str], rate_hz: float, play: Mapping[str, FloatArray]) -> float:
+    def _rate(self, request: StreamRequest) -> float:
         """The rate of a delta-sigma converter among the cards, which is the clock of all."""
-        used = {self._card_of[c].device for c in channels if c in self._card_of}
+        rate_hz = request.rate_hz
+        used = {self._card_of[c].device for c in request.channels if c in self._card_of}
         products = [self._products[device] for device in sorted(used)]
         own = max((p.sample_rate(rate_hz) for p in products if p.delta_sigma), default=rate_hz)
         for device in sorted(used):
             if own < self._products[device].ai_rate_least_hz * (1 - 1e-3):
                 raise refused(device, _TOO_SLOW, f"{rate_hz:g} Hz is below what it has.")
-        if not abs(own / rate_hz - 1) <= (_PLAYED if play else 1.0):
+        if not abs(own / rate_hz - 1) <= (_PLAYED if request.play else 1.0):
             raise other_rate(" and ".join(sorted(used)), own, rate_hz)
         return own
 
@@ -87,20 +89,20 @@ class DaqTwin(CardTwin):
     def _zeroed(self, cards: Sequence[Card]) -> HaploopError:
         return zeroed(" and ".join(card.device for card in cards))
 
-    def _refuse(self, channels: Sequence[str], rate_hz: float, play: Mapping[str, FloatArray]) -> None:
-        super()._refuse(channels, rate_hz, play)
-        if all(channel in self._card_of[channel].counters for channel in channels):
-            raise unclocked(channels)
-        for name in play:
+    def _refuse(self, request: StreamRequest) -> None:
+        super()._refuse(request)
+        if all(channel in self._card_of[channel].counters for channel in request.channels):
+            raise unclocked(request.channels)
+        for name in request.play:
             card = self._home_of[name]
             most = self._products[card.device].ao_rate_hz
-            if rate_hz > most * (1 + 1e-9):
+            if request.rate_hz > most * (1 + 1e-9):
                 raise refused(card.device, _TOO_FAST if most else _UNSUPPORTED, (
-                    f"Its outputs take {most:g} values per second, not {rate_hz:g}."
+                    f"Its outputs take {most:g} values per second, not {request.rate_hz:g}."
                     if most
                     else f"The outputs of a {card.name} have no sample clock."
                 ))  # fmt: skip
-        used = {self._card_of[channel].device for channel in channels}
+        used = {self._card_of[channel].device for channel in request.channels}
         if len(used) > 1 and not self._plant.has_rtsi():
             first = next(device for device in self._products if device in used)
             raise refused(first, _NO_CABLE, "")

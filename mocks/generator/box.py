@@ -17,8 +17,22 @@ from ...instruments.clock import Clock
 from ..plant import Source
 from .apply import apply_entries
 from .channel import HIGHEST, Channel
-from .front import Display, front_entries
-from .headers import ARB_MODE, BOOLEANS, BURST_MODE, NUMBERS, OWN_WORDS, TRIGGERS, WORDS
+from .front import PACES, front_entries
+from .headers import (
+    ARB_MODE,
+    BOOLEANS,
+    BURST_MODE,
+    NUMBERS,
+    OWN_WORDS,
+    SHAPE,
+    SPACING,
+    START,
+    STOP,
+    TRIGGERS,
+    UNIT,
+    WORDS,
+)
+from .levels import QUANTITIES, Quantity, within
 from .products import Product
 from .pulses import FREQUENCY, HOLD, PULSES, duty, hold, pulse_value, set_pulse
 from .scpi import Entry, ScpiDevice, ScpiError, number_of, word_of
@@ -28,19 +42,16 @@ from .waveform import Output, Playing, Points
 __all__ = ["Box", "Input"]
 
 _CHANNELS = (1, 2)
-_LOWEST = 2e-3
 _INFINITE = 9.9e37
 
 
-_START, _STOP = list(NUMBERS)[1:3]
 _TIME = "[:SOURce#]:SWEep:TIME"
 _ON, _SWEEP = ":OUTPut#[:STATe]", "[:SOURce#]:SWEep:STATe"
-_SHAPE, _UNIT, _SPACING = list(WORDS)[:3]
 _DUTY, _SYMMETRY = "[:SOURce#]:FUNCtion:SQUare:DCYCle", "[:SOURce#]:FUNCtion:RAMP:SYMMetry"
 _BURST, _CYCLES = "[:SOURce#]:BURSt:STATe", "[:SOURce#]:BURSt:NCYCles"
 _BURST_PERIOD, _BURST_PHASE = "[:SOURce#]:BURSt:INTernal:PERiod", "[:SOURce#]:BURSt:PHASe"
 _RATE = "[:SOURce#]:FUNCtion:ARBitrary:SRATe"
-_CONTINUOUS, _LIMITED = ":INITiate#:CONTinuous", "[:SOURce#]:VOLTage:LIMit:STATe"
+_CONTINUOUS = ":INITiate#:CONTinuous"
 
 
 class Input(Protocol):
@@ -116,20 +127,14 @@ class Box:
             h: Entry(partial(get, h, low, high), partial(put, h, low, high))
             for h, (_, low, high) in self._numbers.items()
         }
+        quantities = QUANTITIES | (PACES if self._product.by_mode else {})
+        entries |= {h: self._quantity(quantity) for h, quantity in quantities.items()}
         entries |= {h: Entry(partial(self._get_on, h), partial(self._put_on, h)) for h in BOOLEANS}
         entries |= {
             h: Entry(partial(self._get_word, h), partial(self._put_word, h, w))
             for h, w in self._words.items()
         }
         entries |= {
-            "[:SOURce#]:VOLTage[:LEVel][:IMMediate][:AMPLitude]": Entry(self._get_level, self._put_level),
-            "[:SOURce#]:VOLTage[:LEVel][:IMMediate]:OFFSet": Entry(self._get_offset, self._put_offset),
-            "[:SOURce#]:VOLTage[:LEVel][:IMMediate]:HIGH": Entry(
-                partial(self._get_end, 1), partial(self._put_end, 1)
-            ),
-            "[:SOURce#]:VOLTage[:LEVel][:IMMediate]:LOW": Entry(
-                partial(self._get_end, -1), partial(self._put_end, -1)
-            ),
             ":OUTPut#:LOAD": Entry(self._get_load, self._put_load),
             ":OUTPut#:IMPedance": Entry(self._get_load, self._put_load),
             "[:SOURce#]:FUNCtion:ARBitrary": Entry(lambda n, _: self._channel(n).arb, self._select),
@@ -137,10 +142,6 @@ class Box:
             "[:SOURce#]:DATA:ARBitrary": Entry(put=partial(self._load_points, 1.0)),
             "[:SOURce#]:DATA:ARBitrary:DAC": Entry(put=partial(self._load_points, 32767.0)),
             "[:SOURce#]:PHASe:SYNChronize": Entry(put=lambda n, _: None),
-            "[:SOURce#]:VOLTage:LIMit:HIGH": Entry(partial(self._get_limit, 1), partial(self._put_limit, 1)),
-            "[:SOURce#]:VOLTage:LIMit:LOW": Entry(partial(self._get_limit, -1), partial(self._put_limit, -1)),
-            "[:SOURce#]:FREQuency:CENTer": Entry(self._get_centre, self._put_centre),
-            "[:SOURce#]:FREQuency:SPAN": Entry(self._get_span, self._put_span),
             ":ABORt": Entry(put=lambda n, _: self._abort()),
             ":INITiate#[:IMMediate]": Entry(put=lambda n, _: self._arm(n)),
             ":SYSTem:ERRor[:NEXT]": Entry(get=lambda n, _: self._device.next_error()),
@@ -149,7 +150,7 @@ class Box:
             ":SYSTem:VERSion": Entry(get=lambda n, _: "1999.0"),
         }
         entries |= apply_entries(self, self._product)
-        entries |= front_entries(Display(), self._channel, self._product, self._text, self._apply)
+        entries |= front_entries(self._channel, self._product)
         pulse = "[:SOURce#]:FUNCtion:PULSe" if self._product.by_mode else "[:SOURce#][:FUNCtion]:PULSe"
         entries |= {
             f"{pulse}:{name}": Entry(partial(self._get_pulse, name), partial(self._put_pulse, name))
@@ -176,6 +177,16 @@ class Box:
 
     # Settings
 
+    def _quantity(self, quantity: Quantity) -> Entry:
+        def get(n: int, argument: str) -> str:
+            return self._text(quantity.get(self._channel(n)))
+
+        def put(n: int, argument: str) -> None:
+            quantity.put(self._channel(n), argument, self.fail)
+            self._apply(n)
+
+        return Entry(get, put)
+
     def _get_number(self, header: str, low: float, high: float, n: int, argument: str) -> str:
         ends = {"MINimum": low, "MAXimum": high}
         value = number_of(argument, ends) if argument else self._channel(n).values[header]
@@ -186,7 +197,7 @@ class Box:
         endless = {"INFinity": _INFINITE} if header == _CYCLES and self._product.by_mode else {}
         value = number_of(argument, ends | endless)
         self._channel(n).values[header] = (
-            value if value in endless.values() else self._within(value, low, high)
+            value if value in endless.values() else within(value, low, high, self.fail)
         )
         self._apply(n)
 
@@ -198,7 +209,7 @@ class Box:
     def _put_pulse(self, name: str, n: int, argument: str) -> None:
         low, high = PULSES[name]
         value = number_of(argument, {"MINimum": low, "MAXimum": high})
-        set_pulse(self._channel(n), name, self._within(value, low, high))
+        set_pulse(self._channel(n), name, within(value, low, high, self.fail))
         self._apply(n)
 
     def _get_on(self, header: str, n: int, argument: str) -> str:
@@ -232,112 +243,6 @@ class Box:
         self._channel(n).values[_SWEEP] = float(word_of(argument, ("CW", "FIXed", "SWEep")) == "SWE")
         self._apply(n)
 
-    # Voltages are stored without load, and reported for the load that is set
-
-    def _get_level(self, n: int, argument: str) -> str:
-        channel = self._channel(n)
-        rms = channel.peak_to_peak * channel.share / 2 / math.sqrt(2)
-        match channel.words[_UNIT]:
-            case "VRMS":
-                return self._text(rms)
-            case "DBM":
-                return self._text(10 * math.log10(1e3 * rms**2 / channel.load))
-        return self._text(channel.peak_to_peak * channel.share)
-
-    def _put_level(self, n: int, argument: str) -> None:
-        channel = self._channel(n)
-        ends = {"MINimum": _LOWEST * channel.share, "MAXimum": HIGHEST * channel.share}
-        volts = number_of(argument, ends)
-        match channel.words[_UNIT]:
-            case "VRMS":
-                volts *= 2 * math.sqrt(2)
-            case "DBM":
-                volts = 2 * math.sqrt(2) * math.sqrt(channel.load * 1e-3 * 10 ** (volts / 10))
-        most = HIGHEST - (0 if channel.is_direct else 2 * abs(channel.offset))
-        wanted = self._within(volts / channel.share, _LOWEST, most)
-        channel.peak_to_peak, _ = self._limited(channel, wanted, channel.offset)
-        self._apply(n)
-
-    def _limited(self, channel: Channel, peak_to_peak: float, offset: float) -> tuple[float, float]:
-        """Amplitude and offset within the voltage limits, if they are on."""
-        if not channel.values[_LIMITED]:
-            return peak_to_peak, offset
-        most = 2 * min(channel.high - offset, offset - channel.low)
-        if channel.is_direct or peak_to_peak <= most + 1e-12:
-            return peak_to_peak, min(max(offset, channel.low), channel.high)
-        self.fail(ScpiError(-221, "Settings conflict; amplitude limited by voltage limits"))
-        return max(most, _LOWEST), offset
-
-    def _get_limit(self, side: int, n: int, argument: str) -> str:
-        channel = self._channel(n)
-        return self._text((channel.high if side > 0 else channel.low) * channel.share)
-
-    def _put_limit(self, side: int, n: int, argument: str) -> None:
-        channel = self._channel(n)
-        ends = {"MINimum": -HIGHEST / 2 * channel.share, "MAXimum": HIGHEST / 2 * channel.share}
-        volts = number_of(argument, ends) / channel.share
-        present = side * channel.offset + channel.peak_to_peak / 2
-        if side * volts < present - 1e-12:
-            self.fail(ScpiError(-221, "Settings conflict; limit moved to the signal that is put out"))
-            volts = side * present
-        volts = self._within(volts, -HIGHEST / 2, HIGHEST / 2)
-        if side > 0:
-            channel.high = volts
-        else:
-            channel.low = volts
-
-    def _get_centre(self, n: int, argument: str) -> str:
-        values = self._channel(n).values
-        return self._text((values[_START] + values[_STOP]) / 2)
-
-    def _put_centre(self, n: int, argument: str) -> None:
-        values = self._channel(n).values
-        self._put_ends(n, number_of(argument), values[_STOP] - values[_START])
-
-    def _get_span(self, n: int, argument: str) -> str:
-        values = self._channel(n).values
-        return self._text(values[_STOP] - values[_START])
-
-    def _put_span(self, n: int, argument: str) -> None:
-        values = self._channel(n).values
-        self._put_ends(n, (values[_START] + values[_STOP]) / 2, number_of(argument))
-
-    def _put_ends(self, n: int, centre: float, span: float) -> None:
-        """Set a centre and a span, narrower where it would reach below zero or beyond the highest."""
-        values = self._channel(n).values
-        _, low, high = NUMBERS[_START]
-        centre = self._within(centre, low, high)
-        most = 2 * min(centre - low, high - centre)
-        if abs(span) > most:
-            self.fail(ScpiError(-221, "Settings conflict; span changed due to centre frequency"))
-            span = most
-        values[_START], values[_STOP] = centre - span / 2, centre + span / 2
-        self._apply(n)
-
-    def _get_offset(self, n: int, argument: str) -> str:
-        return self._text(self._channel(n).offset * self._channel(n).share)
-
-    def _put_offset(self, n: int, argument: str) -> None:
-        channel = self._channel(n)
-        most = (HIGHEST - (0 if channel.is_direct else channel.peak_to_peak)) / 2
-        wanted = self._within(number_of(argument) / channel.share, -most, most)
-        channel.peak_to_peak, channel.offset = self._limited(channel, channel.peak_to_peak, wanted)
-        self._apply(n)
-
-    def _get_end(self, side: int, n: int, argument: str) -> str:
-        channel = self._channel(n)
-        return self._text((channel.offset + side * channel.peak_to_peak / 2) * channel.share)
-
-    def _put_end(self, side: int, n: int, argument: str) -> None:
-        channel = self._channel(n)
-        other = channel.offset - side * channel.peak_to_peak / 2
-        end = self._within(number_of(argument) / channel.share, -HIGHEST / 2, HIGHEST / 2)
-        if side * (end - other) < _LOWEST:
-            other = end - side * _LOWEST  # As the instruments do, move the other end.
-            self.fail(ScpiError(-221, "Settings conflict; high level must be above low level"))
-        channel.peak_to_peak, channel.offset = side * (end - other), (end + other) / 2
-        self._apply(n)
-
     def _get_load(self, n: int, argument: str) -> str:
         load = self._channel(n).load
         return self._product.infinite if math.isinf(load) else self._text(load)
@@ -346,9 +251,9 @@ class Box:
         ends = {"INFinity": _INFINITE, "MINimum": 1.0, "MAXimum": 1e4, "DEFault": 50.0}
         ohms = number_of(argument, ends)
         channel = self._channel(n)
-        channel.load = math.inf if ohms >= _INFINITE else self._within(ohms, 1.0, 1e4)
-        if math.isinf(channel.load) and channel.words[_UNIT] == "DBM":
-            channel.words[_UNIT] = "VPP"
+        channel.load = math.inf if ohms >= _INFINITE else within(ohms, 1.0, 1e4, self.fail)
+        if math.isinf(channel.load) and channel.words[UNIT] == "DBM":
+            channel.words[UNIT] = "VPP"
 
     # Arbitrary waveforms
 
@@ -371,7 +276,7 @@ class Box:
     def _receive(self, kind: str, n: int, argument: str) -> None:
         channel = self._channel(n)
         if receive(self._device, channel, kind, argument, self._product.memory):
-            channel.words[_SHAPE] = "ARB"
+            channel.words[SHAPE] = "ARB"
             self._apply(n)
 
     def _select(self, n: int, name: str) -> None:
@@ -438,19 +343,19 @@ class Box:
         self.playing.set(
             Output(
                 on=bool(values[_ON]),
-                shape=words[_SHAPE],
+                shape=words[SHAPE],
                 amplitude=channel.peak_to_peak / 2 * (-1 if words[":OUTPut#:POLarity"] == "INV" else 1),
                 offset=channel.offset,
                 frequency=values[FREQUENCY],
-                duty=duty(channel) if words[_SHAPE] == "PULS" else values[_DUTY] / 100,
+                duty=duty(channel) if words[SHAPE] == "PULS" else values[_DUTY] / 100,
                 symmetry=values[_SYMMETRY] / 100,
                 points=points,
                 rate_hz=values[FREQUENCY] * len(points) if points and by_frequency else values[_RATE],
-                sweep=(values[_START], values[_STOP], values[_TIME]) if values[_SWEEP] else None,
+                sweep=(values[START], values[STOP], values[_TIME]) if values[_SWEEP] else None,
                 burst=(cycles, period) if values[_BURST] else None,
                 burst_phase=values[_BURST_PHASE] / 360,
                 delay=values.get(":TRIGger#:DELay", values["[:SOURce#]:BURSt:TDELay"]),
-                logarithmic=words[_SPACING] == "LOG",
+                logarithmic=words[SPACING] == "LOG",
                 repeats=self._trigger(channel) in ("IMM", "INT", "TIM") and not (endless and values[_BURST]),
             )
         )
@@ -462,14 +367,6 @@ class Box:
 
     def _text(self, value: float) -> str:
         return format(value, self._product.number)
-
-    def _within(self, value: float, low: float, high: float) -> float:
-        """Clip a value to its limits and queue an error, as both families do."""
-        if low <= value <= high:
-            return value
-        end = "lower" if value < low else "upper"
-        self.fail(ScpiError(-222, f"Data out of range; value clipped to {end} limit"))
-        return min(max(value, low), high)
 
 
 def _arb(name: str) -> str:

@@ -6,10 +6,11 @@ from collections.abc import Callable
 from functools import partial
 
 from .channel import Channel
+from .levels import Fail, Quantity
 from .products import Product
 from .scpi import Entry, ScpiError, number_of, word_of
 
-__all__ = ["Display", "front_entries"]
+__all__ = ["PACES", "front_entries"]
 
 _KINDS = ("AM", "FM", "PM", "PWM", "FSKey", "BPSK", "SUM")
 _RATE = "[:SOURce#]:FUNCtion:ARBitrary:SRATe"
@@ -32,14 +33,9 @@ class Display:
         self.on = _ON_OFF[word_of(argument, tuple(_ON_OFF))]
 
 
-def front_entries(
-    display: Display,
-    channel: Callable[[int], Channel],
-    product: Product,
-    text: Callable[[float], str],
-    apply: Callable[[int], None],
-) -> dict[str, Entry]:
-    """Entries of these commands; `apply` puts out what was set."""
+def front_entries(channel: Callable[[int], Channel], product: Product) -> dict[str, Entry]:
+    """Entries of these commands."""
+    display = Display()
     entries = {
         ":DISPlay[:STATe]": Entry(lambda n, _: display.on, lambda n, a: display.switch(a)),
         ":DISPlay:TEXT": Entry(lambda n, _: f'"{display.text}"', lambda n, a: display.write(a)),
@@ -56,12 +52,6 @@ def front_entries(
             "[:SOURce#]:DATA:VOLatile:CATalog": Entry(get=lambda n, _: _catalogue(channel(n))),
             "[:SOURce#]:DATA:VOLatile:FREE": Entry(get=lambda n, _: _free(channel(n), product.memory)),
             "[:SOURce#]:FUNCtion:ARBitrary:POINts": Entry(get=lambda n, _: f"{_points(channel(n)):+d}"),
-            **{
-                f"[:SOURce#]:FUNCtion:ARBitrary:{name}": Entry(
-                    partial(_get_pace, channel, text, power), partial(_put_pace, channel, apply, power)
-                )
-                for name, power in (("FREQuency", 1), ("PERiod", -1))
-            },
         }
     return entries
 
@@ -85,19 +75,18 @@ def _points(channel: Channel) -> int:
     return len(channel.points[channel.arb])
 
 
-def _get_pace(
-    channel: Callable[[int], Channel], text: Callable[[float], str], power: int, n: int, argument: str
-) -> str:
-    one = channel(n)
-    return text((one.values[_RATE] / _points(one)) ** power)
-
-
-def _put_pace(
-    channel: Callable[[int], Channel], apply: Callable[[int], None], power: int, n: int, argument: str
-) -> None:
-    one = channel(n)
+def _put_pace(power: int, channel: Channel, argument: str, fail: Fail) -> None:
     value = number_of(argument)
     if value <= 0:
         raise ScpiError(-222, "Data out of range")
-    one.values[_RATE] = value**power * _points(one)
-    apply(n)
+    channel.values[_RATE] = value**power * _points(channel)
+
+
+PACES = {
+    f"[:SOURce#]:FUNCtion:ARBitrary:{name}": Quantity(
+        lambda channel, power=power: (channel.values[_RATE] / _points(channel)) ** power,  # type: ignore[misc]
+        partial(_put_pace, power),
+    )
+    for name, power in (("FREQuency", 1), ("PERiod", -1))
+}
+"""How fast Keysight's points are put out, by headers: their rate, stated as that of the whole waveform."""

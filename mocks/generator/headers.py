@@ -9,16 +9,23 @@ from __future__ import annotations
 from .pulses import FREQUENCY, HOLD
 from .waveform import SHAPES
 
-__all__ = ["ARB_MODE", "BOOLEANS", "BURST_MODE", "NUMBERS", "OWN_WORDS", "TRIGGERS", "WORDS"]
+__all__ = [
+    "ARB_MODE", "BOOLEANS", "BURST_MODE", "LIMITED", "NUMBERS", "OWN_WORDS", "SHAPE", "SPACING",
+    "START", "STOP", "TRIGGERS", "UNIT", "WORDS"
+]  # fmt: skip
 
 ARB_MODE = "[:SOURce#]:FUNCtion:ARBitrary:MODE"
 BURST_MODE = "[:SOURce#]:BURSt:MODE"
+START, STOP = "[:SOURce#]:FREQuency:STARt", "[:SOURce#]:FREQuency:STOP"
+LIMITED = "[:SOURce#]:VOLTage:LIMit:STATe"
+SHAPE, UNIT = "[:SOURce#]:FUNCtion[:SHAPe]", "[:SOURce#]:VOLTage:UNIT"
+SPACING = "[:SOURce#]:SWEep:SPACing"
 
 # Header: default, lowest, highest. Settings without an effect on the plant are stored and reported only.
 NUMBERS: dict[str, tuple[float, float, float]] = {
     FREQUENCY: (1e3, 1e-6, 60e6),
-    "[:SOURce#]:FREQuency:STARt": (100, 1e-6, 60e6),
-    "[:SOURce#]:FREQuency:STOP": (1e3, 1e-6, 60e6),
+    START: (100, 1e-6, 60e6),
+    STOP: (1e3, 1e-6, 60e6),
     "[:SOURce#]:PHASe[:ADJust]": (0, -360, 360),
     "[:SOURce#]:SWEep:TIME": (1, 1e-3, 500),
     "[:SOURce#]:SWEep:RTIMe": (0, 0, 500),
@@ -40,13 +47,13 @@ BOOLEANS = {
     ":OUTPut#[:STATe]": False,
     ":OUTPut#:SYNC[:STATe]": True,
     ":OUTPut#:TRIGger": False,
-    "[:SOURce#]:VOLTage:LIMit:STATe": False,
+    LIMITED: False,
     ":INITiate#:CONTinuous": True,
 }
 WORDS: dict[str, tuple[str, ...]] = {
-    "[:SOURce#]:FUNCtion[:SHAPe]": SHAPES,
-    "[:SOURce#]:VOLTage:UNIT": ("VPP", "VRMS", "DBM"),
-    "[:SOURce#]:SWEep:SPACing": ("LINear", "LOGarithmic"),
+    SHAPE: SHAPES,
+    UNIT: ("VPP", "VRMS", "DBM"),
+    SPACING: ("LINear", "LOGarithmic"),
     "[:SOURce#]:BURSt:IDLE": ("FPT", "TOP", "CENTER", "BOTTOM"),
     "[:SOURce#]:FUNCtion:ARBitrary:ADVance": ("SRATe", "TRIGger"),
     "[:SOURce#]:FUNCtion:ARBitrary:FILTer": ("NORMal", "STEP", "OFF"),

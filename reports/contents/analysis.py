@@ -65,14 +65,12 @@ def identification_contents(result: Identification, simulated: bool, of: str = "
         max((one.people for one in result.performance), default=0),
     )
     by = f" by {people} participants" if people else ""
-    drawing = Drawing(
+    drawing = Drawing.alone(
         "confusion",
         "Which button was answered",
         captions.CONFUSION,
-        [result],
-        lambda some, columns: figures.confusion_figure(some[0], columns),
-        lambda _: f"n = {trials} trials{by}.",
-        several=1,
+        lambda columns: figures.confusion_figure(result, columns),
+        f"n = {trials} trials{by}.",
     )
     notes = [f"Intervals of 95 %, {kind}.", *result.notes]
     return _contents(f"Matching{of}", tables, notes, simulated, [values], [drawing])
@@ -124,14 +122,12 @@ def ratings_contents(result: Ratings, simulated: bool, of: str = "") -> Contents
         ],
         notes=result.notes,
     )
-    drawing = Drawing(
+    drawing = Drawing.alone(
         "ratings",
         "Adjective ratings",
         captions.RATINGS,
-        [result],
-        lambda some, columns: figures.ratings_figure(some[0], columns),
-        lambda _: f"Ratings {kind}, n = {len(result.people)} participants.",
-        several=1,
+        lambda columns: figures.ratings_figure(result, columns),
+        f"Ratings {kind}, n = {len(result.people)} participants.",
     )
     left_out = f"Left out, because a rating is missing: {', '.join(result.left_out)}."
     notes = [*([left_out] if result.left_out else []), *result.notes]

@@ -212,14 +212,14 @@ def drive_facts(drive: Drive) -> Iterator[Fact]:
     )
     yield fact("Scale", f"{drive.scale:.4f} of the recorded acceleration", scale=drive.scale)
     predicted = percent(drive.predicted_error)
+    by = drive.drift.common or Drift().common
+    unplanned = "" if drive.drift.common else ", which it was not planned against"
     yield from detailed(
         [
             fact("Predicted error", predicted, predicted_error=drive.predicted_error),
             fact(
                 "After a drift",
-                f"{percent(drive.drifted_error)} when the table drifts by {drive.drift.common:.1%}"
-                if drive.drift.common
-                else "",
+                f"{percent(drive.drifted_error)} when the table drifts by {by:.1%}{unplanned}",
                 drifted_error=drive.drifted_error,
                 drift=asdict(drive.drift),
             ),

@@ -43,14 +43,12 @@ def check_contents(check: Check, press: Representative | None = None, file: Path
         rig=drive.rig,
         verdicts=[_verdict(f"Check of the {drive.button} button", check, feeling)],
         figures=[
-            Drawing(
+            Drawing.alone(
                 "check",
                 f"Check of the {drive.button} button: {check.verdict}",
                 captions.CHECK,
-                [check],
-                lambda some, columns: figures.check_figure(some[0], columns),
-                lambda _: f"n = {check.plays} plays.",
-                several=1,
+                lambda columns: figures.check_figure(check, columns),
+                f"n = {check.plays} plays.",
             )
         ],
     )
@@ -89,13 +87,12 @@ def button_contents(button: DigitalButton) -> Contents:
         rig=drive.rig,
         verdicts=[_verdict(title, check, feeling)],
         figures=_figures_of(button, feeling),
-        picture=Drawing(
+        picture=Drawing.alone(
             f"button-{press.button}",
             title,
             captions.LEARNING,
-            [button],
-            lambda some, columns: figures.button_figure(some[0], columns),
-            _plays,
+            lambda columns: figures.button_figure(button, columns),
+            _plays([button]),
         ),
     )
 
@@ -179,14 +176,12 @@ def _figures_of(button: DigitalButton, feeling: Feeling) -> Sequence[Drawing]:
             ),
             lambda some: _plays([one for one, _ in some]),
         ),
-        Drawing(
+        Drawing.alone(
             f"button-{press.button}",
             f"Digital {press.button} button: {check.verdict}",
             captions.ITERATIONS,
-            [button],
-            lambda some, columns: figures.iterations_figure(some[0], columns),
-            lambda _: f"n = {check.plays} plays, {len(learning.iterations) - 1} corrections.",
-            several=1,
+            lambda columns: figures.iterations_figure(button, columns),
+            f"n = {check.plays} plays, {len(learning.iterations) - 1} corrections.",
         ),
     ]
 

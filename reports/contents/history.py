@@ -71,13 +71,12 @@ def history_contents(history: History) -> Contents:
         [values],
         [grid] if rows else [],
         [] if rows else [none],
-        picture=Drawing(
+        picture=Drawing.alone(
             "trend",
             "Calibrations over time",
             captions.TREND,
-            [history],
-            lambda some, columns: figures.trend(some[0], columns),
-            lambda some: f"n = {len(some[0].looks)} looks.",
+            lambda columns: figures.trend(history, columns),
+            f"n = {len(history.looks)} looks.",
         ),
     )
 
@@ -177,24 +176,21 @@ def outcome_contents(
     if outcome.verdicts:
         tables.append(_places(outcome))
     drawings = [
-        Drawing(
+        Drawing.alone(
             "before-and-after",
             "Before and after",
             captions.BEFORE_AND_AFTER,
-            [outcome],
-            lambda some, _: figures.before_and_after(some[0].before, after),
-            lambda _: "",
+            lambda _: figures.before_and_after(outcome.before, after),
         )
     ]
     if outcome.kind == "restored":
+        previous = calibrations_of(history.find(outcome.active.parent))
         drawings.append(
-            Drawing(
+            Drawing.alone(
                 "responses",
                 "The table's response",
                 "Models of the previous and of the active calibration.",
-                [calibrations_of(history.find(outcome.active.parent))],
-                lambda some, _: figures.responses(some[0], calibrations),
-                lambda _: "",
+                lambda _: figures.responses(previous, calibrations),
             )
         )
     return Contents(

@@ -65,14 +65,12 @@ def map_contents(found: VibrationMap) -> Contents:
         f"{done} of {planned} points; residual {percent(residual)}",
         " ".join(f"Point {point}: {reason}" for point, reason in found.skipped),
     )
-    drawing = Drawing(
+    drawing = Drawing.alone(
         "map",
         "Vibration map",
         captions.MAP,
-        [found],
-        lambda some, columns: figures.map_figure(some[0], columns),
-        lambda _: f"n = {done} of {plan.rows * plan.columns} points, at {plan.level:.1f} V peak.",
-        several=1,
+        lambda columns: figures.map_figure(found, columns),
+        f"n = {done} of {plan.rows * plan.columns} points, at {plan.level:.1f} V peak.",
     )
     return Contents(
         f"Vibration map of the rig {plan.rig}",

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, is_dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
 
@@ -139,6 +139,13 @@ class Drawing:
     """Says of how many things (n) and of which the figure is."""
     identity: Hashable = None
     several: int = 3
+
+    @classmethod
+    def alone(
+        cls, name: str, title: str, caption: str, draw: Callable[[Columns], Figure], said: str = ""
+    ) -> Self:
+        """A figure of one thing only; `said` stands in place of `count`."""
+        return cls(name, title, caption, [None], lambda _, columns: draw(columns), lambda _: said, several=1)
 
 
 @dataclass(frozen=True, eq=False)

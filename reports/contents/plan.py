@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from ...calibration import ButtonPlan
+from collections.abc import Iterator
+from typing import Any
+
+from ...calibration import ButtonPlan, Drift
+from ...calibration.drive import COMPARED_AT, Wired
 from .. import figures
 from . import captions
 from .parts import Contents, Drawing, Grid, fact, plain
@@ -22,6 +26,7 @@ def plan_contents(plan: ButtonPlan) -> Contents:
                     curve.method,
                     curve.patch,
                     percent(one.error),
+                    percent(one.drifted),
                     fixed(one.level, 1, "dB"),
                     sensation.answer,
                     fixed(one.scale, 3),
@@ -34,6 +39,7 @@ def plan_contents(plan: ButtonPlan) -> Contents:
                     "patch": curve.patch,
                     "in_band": curve.in_band,
                     "error": one.error,
+                    "drifted_error": one.drifted,
                     "above_threshold_db": one.level,
                     "people": sensation.people,
                     "felt": sensation.answer,
@@ -44,14 +50,56 @@ def plan_contents(plan: ButtonPlan) -> Contents:
     first = plan.sensation(plan.curves[0].offers[0])
     return Contents(
         f"Plan of the {plan.button} button",
-        [fact(button=plan.button, offers=plain(values))],
+        [
+            fact(
+                button=plan.button,
+                offers=plain(values),
+                parallel=plain([_wired(one) for one in plan.parallel]),
+            )
+        ],
         kind="plan",
         tables=[Grid("", _HEADINGS, rows, below=_EXPLAINED)],
-        notes=[first.reservation],
+        notes=[*_in_parallel(plan), first.reservation],
         simulated=plan.simulated,
         rig=plan.rig,
         figures=[plan_drawing(plan)],
     )
+
+
+def _in_parallel(plan: ButtonPlan) -> Iterator[str]:
+    """What patches that share a channel of the amplifier would play in parallel; nothing without them."""
+    if not plan.parallel:
+        return
+    first = plan.curves[0]
+    told: list[str] = []
+    for one in plan.parallel:
+        swapped = (
+            f" with the wires of {', '.join(one.wiring.reversed)} swapped" if one.wiring.reversed else ""
+        )
+        patches, error = ", ".join(one.wiring.patches), f"({percent(one.error)} of error)"
+        times = (
+            f"{one.louder:.1f} times"
+            if told
+            else f"would be {one.louder:.1f} times as loud as {first.patch} alone"
+        )
+        told.append(f"{patches}{swapped or ' as wired'} {times} {error}")
+    yield (
+        "One channel of the amplifier drives all patches, so that one plays at a time. In parallel on it, "
+        f"within its limits for so many, {'; '.join(told)} (computed for {first.method} drives planned for "
+        f"{COMPARED_AT:.0%} of error; haploop does not play patches in parallel)."
+    )
+
+
+def _wired(one: Wired) -> dict[str, Any]:
+    return {
+        "patches": one.wiring.patches,
+        "swapped": one.wiring.reversed,
+        "error": one.error,
+        "above_threshold_db": one.level,
+        "scale": one.scale,
+        "drive_peak_v": one.peak,
+        "louder": one.louder,
+    }
 
 
 def plan_drawing(plan: ButtonPlan) -> Drawing:
@@ -67,9 +115,10 @@ def plan_drawing(plan: ButtonPlan) -> Drawing:
     )
 
 
-_HEADINGS = ("Method", "Patch", "Error", "Level", "Felt", "Size", "Drive")
+_HEADINGS = ("Method", "Patch", "Error", "Drifted", "Level", "Felt", "Size", "Drive")
 _EXPLAINED = (
-    "Error: expected of the whole motion, before corrections by playing. Level: above the threshold of a "
-    "finger that presses. Felt: by most people who press. Choose with `haploop button make --error 5` or "
-    "`--level 10dB`."
+    "Error: expected of the whole motion as calibrated, before corrections by playing. Drifted: the same if "
+    f"the table has drifted by {Drift().common:.0%}, which drives of several patches are planned against. "
+    "Level: above the threshold of a finger that presses. Felt: by most people who press. Choose with "
+    "`haploop button make --error 5` (of one patch as calibrated, of several drifted) or `--level 10dB`."
 )

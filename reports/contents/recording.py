@@ -210,14 +210,12 @@ def _travelled(recording: Recording, presses: Sequence[ButtonPress]) -> list[Dra
     if not (presses and recording.has("force") and recording.has("displacement")):
         return []
     return [
-        Drawing(
+        Drawing.alone(
             "travel",
             f"Force over travel of the {recording.button} button",
             captions.TRAVEL,
-            [(recording, presses)],
-            lambda some, columns: figures.travel_figure(some[0][0], some[0][1], columns),
-            lambda some: f"{some[0][0].button} by {some[0][0].participant}, n = {len(some[0][1])} presses",
-            several=1,
+            lambda columns: figures.travel_figure(recording, presses, columns),
+            f"{recording.button} by {recording.participant}, n = {len(presses)} presses",
         )
     ]
 

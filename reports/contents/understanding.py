@@ -61,13 +61,12 @@ def understanding_contents(found: Understanding) -> Contents:
             questions=[{"key": one.key, "what": one.what, "option": one.option} for one in open_],
         ),
     ]
-    drawing = Drawing(
+    drawing = Drawing.alone(
         "columns",
         "A file as it was understood",
         captions.COLUMNS,
-        [found],
-        lambda some, columns: figures.columns_figure(some, columns),  # noqa: PLW0108 - loads matplotlib
-        lambda some: some[0].path.name,
+        lambda columns: figures.columns_figure([found], columns),
+        found.path.name,
     )
     drawn = any(len(signal.values) for signal in found.signals.values())
     return Contents(

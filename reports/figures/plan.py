@@ -23,7 +23,7 @@ def plan_figure(plans: Sequence[ButtonPlan], columns: Columns = 2) -> Figure:
         figure, grid = panels((len(plans) + 1) // 2, min(len(plans), 2), 2.1, columns)
         places = [axes for row in grid for axes in row]
         for number, (plan, axes) in enumerate(zip(plans, places, strict=False)):
-            rows = (len(plan.curves) + 2) // 2 if number < 2 else 0
+            rows = (len(plan.curves) + 3) // 2 if number < 2 else 0
             letter(axes, number, plan.button.capitalize(), rows)
             _draw(axes, plan)
             if number < 2:
@@ -48,6 +48,27 @@ def _draw(axes: Axes, plan: ButtonPlan) -> None:
             markersize=3.5,
             label=f"{curve.method}, {curve.patch}",
         )
+        axes.plot(
+            [one.level for one in curve.offers],
+            [100 * one.drifted for one in curve.offers],
+            color=colour(number),
+            linestyle=dash(number),
+            linewidth=0.7,
+            marker=_MARKS[number % len(_MARKS)],
+            markersize=3.5,
+            fillstyle="none",
+            label=f"_{curve.method}, {curve.patch}, drifted",
+        )
+    axes.plot(
+        [],
+        [],
+        color=GREY,
+        linestyle="none",
+        marker="o",
+        markersize=3.5,
+        fillstyle="none",
+        label="after a drift",
+    )
     axes.set_ylim(bottom=0)
     axes.xaxis.set_major_locator(MultipleLocator(5))
     axes.set_xlabel("Level above threshold, pressing (dB)")

@@ -6,8 +6,9 @@ Not collected with the suite: test_conformance.py runs this file as a test run o
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, ClassVar
 
@@ -36,6 +37,7 @@ from haploop.instruments.conformance import (
     RelayConformance,
     VibrometerConformance,
 )
+from haploop.instruments.daq import StreamRequest
 from haploop.instruments.daq.ni_daqmx import NiDaq
 from haploop.instruments.errors import InstrumentError, LimitError
 from haploop.instruments.generator.role import Generator
@@ -279,10 +281,8 @@ class BrokenDaq(DaqConformance):
 
 class TestLosesABlock(BrokenDaq):
     class kind(Cards):  # noqa: N801
-        def _stream(self, *args: Any, **more: Any) -> Stream:
-            return Changed(
-                super()._stream(*args, **more), lambda blocks: (b for b in blocks if b.first != 64)
-            )
+        def _stream(self, request: StreamRequest) -> Stream:
+            return Changed(super()._stream(request), lambda blocks: (b for b in blocks if b.first != 64))
 
     breaks: ClassVar = {"test_a_finite_stream_delivers_exactly_its_samples"}
 
@@ -291,7 +291,7 @@ class TestHidesALostBlock(BrokenDaq):
     """The index goes on as if nothing had happened: only the count of samples can tell."""
 
     class kind(Cards):  # noqa: N801
-        def _stream(self, *args: Any, **more: Any) -> Stream:
+        def _stream(self, request: StreamRequest) -> Stream:
             def change(blocks: Iterator[Block]) -> Iterator[Block]:
                 lost = 0
                 for number, block in enumerate(blocks):
@@ -300,7 +300,7 @@ class TestHidesALostBlock(BrokenDaq):
                     else:
                         yield Block(block.first - lost, block.volts, block.overload)
 
-            return Changed(super()._stream(*args, **more), change)
+            return Changed(super()._stream(request), change)
 
     breaks: ClassVar = {
         "test_outputs_that_are_held_play_and_rest",
@@ -313,9 +313,9 @@ class TestHidesALostBlock(BrokenDaq):
 
 class TestPrefersItsOwnOrder(BrokenDaq):
     class kind(Cards):  # noqa: N801
-        def _stream(self, channels: Sequence[str], *args: Any, **more: Any) -> Stream:
-            stream = super()._stream(sorted(channels), *args, **more)
-            stream.channels = tuple(channels)
+        def _stream(self, request: StreamRequest) -> Stream:
+            stream = super()._stream(replace(request, channels=tuple(sorted(request.channels))))
+            stream.channels = request.channels
             return stream
 
     breaks: ClassVar = {"test_rows_keep_the_order_asked_for", "test_a_row_is_its_channels"}
@@ -323,16 +323,9 @@ class TestPrefersItsOwnOrder(BrokenDaq):
 
 class TestPlaysLate(BrokenDaq):
     class kind(Cards):  # noqa: N801
-        def _stream(
-            self,
-            channels: Sequence[str],
-            rate_hz: float,
-            block: int,
-            samples: int | None,
-            play: Mapping[str, FloatArray] | None,
-        ) -> Stream:
-            late = {name: np.concatenate([np.zeros(5), wave]) for name, wave in (play or {}).items()}
-            return super()._stream(channels, rate_hz, block, samples, late)
+        def _stream(self, request: StreamRequest) -> Stream:
+            late = {name: np.concatenate([np.zeros(5), wave]) for name, wave in request.play.items()}
+            return super()._stream(replace(request, play=late))
 
     breaks: ClassVar = {
         "test_outputs_that_are_held_play_and_rest",
@@ -343,21 +336,20 @@ class TestPlaysLate(BrokenDaq):
 
 class TestClipsInSilence(BrokenDaq):
     class kind(Cards):  # noqa: N801
-        def _refuse(self, channels: Sequence[str], rate_hz: float, play: Mapping[str, FloatArray]) -> None:
-            super()._refuse(channels, rate_hz, {name: np.zeros(1) for name in play})
+        def _refuse(self, request: StreamRequest) -> None:
+            super()._refuse(replace(request, play={name: np.zeros(1) for name in request.play}))
 
     breaks: ClassVar = {"test_a_waveform_that_cannot_be_played_is_refused"}
 
 
 class TestRefusesTooLate(BrokenDaq):
     class kind(Cards):  # noqa: N801
-        def _stream(self, *args: Any, **more: Any) -> Stream:
+        def _stream(self, request: StreamRequest) -> Stream:
             try:
-                return super()._stream(*args, **more)
+                return super()._stream(request)
             except LimitError:
-                channels, rate_hz, block, samples, play = args
-                good = {name: np.full(5, 1.0) for name in play}
-                list(super()._stream(channels, rate_hz, block, samples, good))
+                good = {name: np.full(5, 1.0) for name in request.play}
+                list(super()._stream(replace(request, play=good)))
                 raise
 
     breaks: ClassVar = {"test_a_waveform_that_cannot_be_played_is_refused"}
@@ -378,8 +370,9 @@ class TestLeavesTheOutputOn(BrokenDaq):
 
 class TestPassesOverWhatItDoesNotKnow(BrokenDaq):
     class kind(Cards):  # noqa: N801
-        def _stream(self, channels: Sequence[str], *args: Any, **more: Any) -> Stream:
-            return super()._stream([c for c in channels if c in BrokenDaq.channels], *args, **more)
+        def _stream(self, request: StreamRequest) -> Stream:
+            known = tuple(c for c in request.channels if c in BrokenDaq.channels)
+            return super()._stream(replace(request, channels=known))
 
     breaks: ClassVar = {"test_an_unknown_channel_is_refused"}
 

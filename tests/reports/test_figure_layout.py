@@ -76,7 +76,12 @@ def rated(names: Sequence[str] = ("Rough-Smooth", "Unclear-Clear", "Weak-Strong"
 def planned(button: str) -> ButtonPlan:
     """A plan of two methods at one and at four patches, of which nothing was computed."""
     curves = [
-        Offers(method, patches, 0.6, tuple(Offer(0.02 * n, 2.0 * n + above, 0.1, 48.0) for n in range(1, 11)))
+        Offers(
+            method,
+            patches,
+            0.6,
+            tuple(Offer(0.02 * n, 0.03 * n, 2.0 * n + above, 0.1, 48.0) for n in range(1, 11)),
+        )
         for above, patches in ((-8.0, "A"), (4.0, "A, B, C, D"))
         for method in ("modulated", "broadband")
     ]

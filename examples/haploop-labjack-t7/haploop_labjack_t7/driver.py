@@ -8,7 +8,7 @@ what is read, as the package's example stream_in_with_aperiodic_stream_out does.
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from typing import Annotated, Any, Literal, Self
 
@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from haploop.instruments import Block, Clock, ConfigurationError, Daq, InstrumentError, LimitError, Stream
-from haploop.instruments.daq import refuse_unknown
+from haploop.instruments.daq import StreamRequest
 
 FASTEST = 100_000.0
 """Samples of inputs and DACs per second, all together (data sheet, "Stream Mode")."""
@@ -84,9 +84,10 @@ class LabJackT7(Daq):
                     taken[dac] = name
             return self
 
-        def refuse(self, channels: Sequence[str], rate_hz: float, play: Mapping[str, np.ndarray]) -> None:
+        def refuse(self, request: StreamRequest) -> None:
             """Raise for a stream that the T7 cannot run."""
-            refuse_unknown(channels, play, self.channels, self.outputs)
+            channels, rate_hz, play = request.channels, request.rate_hz, request.play
+            request.refuse_unknown(self.channels, self.outputs)
             dacs = sum(len(self.outputs[name].dacs) for name in play)
             if (total := rate_hz * (len(channels) + dacs)) > FASTEST:
                 raise ConfigurationError(
@@ -125,16 +126,9 @@ class LabJackT7(Daq):
             ) from None
         return cls(settings, ljm)
 
-    def _stream(
-        self,
-        channels: Sequence[str],
-        rate_hz: float,
-        block: int,
-        samples: int | None,
-        play: Mapping[str, np.ndarray] | None,
-    ) -> Stream:
-        self._settings.refuse(channels, rate_hz, play or {})
-        self._running = _T7Stream(self, tuple(channels), rate_hz, block, samples, play or {})
+    def _stream(self, request: StreamRequest) -> Stream:
+        self._settings.refuse(request)
+        self._running = _T7Stream(self, request)
         return self._running
 
     def clear_left(self) -> None:
@@ -197,22 +191,14 @@ class LabJackT7(Daq):
 
 
 class _T7Stream(Stream):
-    def __init__(
-        self,
-        daq: LabJackT7,
-        channels: tuple[str, ...],
-        rate_hz: float,
-        block: int,
-        samples: int | None,
-        play: Mapping[str, np.ndarray],
-    ) -> None:
+    def __init__(self, daq: LabJackT7, request: StreamRequest) -> None:
         settings, ljm = daq.settings, daq.ljm
-        self.channels = channels
+        self.channels = channels = request.channels
         self.delays = INTERVAL * np.arange(len(channels))
         self.full_scale = np.array([float(settings.channels[name].range) for name in channels])
-        self._daq, self._block, self._samples = daq, block, samples
-        self._dacs = _dac_values(settings, play)
-        self._length = max((len(volts) for volts in self._dacs.values()), default=0)
+        self._daq, self._request = daq, request
+        self._block, rate_hz = request.block, request.rate_hz
+        self._dacs = _dac_values(settings, request.play)
         self._written, self._read = 0, 0
         self._cut, self._open = False, True
         for name in channels:
@@ -230,21 +216,21 @@ class _T7Stream(Stream):
         # First in the scan, so that an input of the same scan sees the DAC's new value.
         scan = [STREAM_OUT + index for index in range(len(self._dacs))]
         scan += [2 * settings.channels[name].ain for name in channels]
-        self.rate_hz = float(daq.call(ljm.eStreamStart, daq.handle, block, len(scan), scan, rate_hz))
+        self.rate_hz = float(daq.call(ljm.eStreamStart, daq.handle, self._block, len(scan), scan, rate_hz))
 
     @property
     def plays(self) -> bool:
         return self._open and bool(self._dacs)
 
     def __iter__(self) -> Iterator[Block]:
-        first = 0
-        while (self._open or self._cut) and (self._samples is None or first < self._samples):
+        for first, count in self._request.blocks():
             if self._cut:
                 raise InstrumentError(
                     "The T7 was set to zero by this program while it played: the waveform was not played "
                     "whole, and what was measured is not used."
                 )
-            count = self._block if self._samples is None else min(self._block, self._samples - first)
+            if not self._open:
+                return
             data, _, _ = self._daq.call(self._daq.ljm.eStreamRead, self._daq.handle)
             # The package's array has room for the DACs, which give no data.
             rows = np.array(data[: self._block * len(self.channels)], dtype=np.float64)
@@ -258,7 +244,6 @@ class _T7Stream(Stream):
             if self._dacs:
                 self._feed()
             yield Block(first, volts, np.any(np.abs(volts) >= self.full_scale[:, np.newaxis], axis=1))
-            first += count
 
     def close(self) -> None:
         if self._open:
@@ -274,7 +259,7 @@ class _T7Stream(Stream):
     def cut_short(self) -> None:
         """Stop a play, whose DACs the stream would go on setting."""
         if self.plays:
-            self._cut = self._read < self._length
+            self._cut = self._read < self._request.length
             self.release()
 
     def _feed(self) -> None:

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-
-import numpy as np
-
+from haploop.instruments.daq import StreamRequest
 from haploop.mocks.daq import Card, CardTwin
 from haploop.mocks.plant import Plant
 
@@ -29,6 +26,6 @@ class T7Twin(CardTwin):
         )
         super().__init__(plant, card)
 
-    def _refuse(self, channels: Sequence[str], rate_hz: float, play: Mapping[str, np.ndarray]) -> None:
+    def _refuse(self, request: StreamRequest) -> None:
         """Refuse what the driver refuses, in its words."""
-        self._settings.refuse(channels, rate_hz, play)
+        self._settings.refuse(request)

@@ -24,16 +24,15 @@ from .keeping import KEEPING
 from .power_calls import POWER
 from .storage import STORAGE
 from .system import NiSystem
+from .taking import Alive, Call
 from .tasks import Task
 from .tdms import log
 from .teds_calls import TEDS
 from .transfers import TRANSFERS
 from .upkeep import UPKEEP
+from .waveform_calls import WAVEFORMS
 
 __all__ = ["CALLS"]
-
-Alive = Callable[[], bool]
-Call = Callable[[NiSystem, Any, Alive], Any]
 
 
 def _properties(kind: str, fixed: dict[str, Any], fields: dict[str, str]) -> Call:
@@ -301,6 +300,7 @@ CALLS: dict[str, Call] = {
     **STORAGE,
     **TEDS,
     **UPKEEP,
+    **WAVEFORMS,
     "CfgChangeDetectionTiming": _change_detection,
     "ExportSignal": _export_signal,
     "ConfigureLogging": _logging,

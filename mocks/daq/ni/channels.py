@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -62,12 +62,24 @@ def add(task: Task, channels: list[Channel]) -> None:
         names.add(channel.name)
 
 
-def _named(assigned: str, resolved: list[tuple[NiDevice, str]]) -> list[str]:
-    if not assigned:
-        return [f"{device.name}/{tail}" for device, tail in resolved]
-    if len(resolved) == 1:
-        return [assigned]
-    return [f"{assigned}{i}" for i in range(len(resolved))]
+_FITS: dict[str, Callable[[NiDevice, str], bool]] = {
+    "analog input": lambda device, tail: (
+        f"{device.name}/{tail}" in device.ai or tail.startswith(("_ao", "_board"))
+    ),
+    "analog output": lambda _, tail: tail.startswith("ao"),
+    "counter": lambda _, tail: "ctr" in tail,
+}
+"""What tells a terminal of each kind."""
+
+
+def _new(system: NiSystem, request: Any, terminals: str, kind: str) -> Iterator[tuple[str, NiDevice, str]]:
+    """Give the name, the device and the terminal of each channel to make. Raises DaqmxError."""
+    resolved, assigned = list(system.inventory.resolve(terminals)), request.name_to_assign_to_channel
+    for number, (device, tail) in enumerate(resolved):
+        if not _FITS[kind](device, tail):
+            raise _wrong_kind(device, tail, kind)
+        name = assigned or f"{device.name}/{tail}"
+        yield f"{name}{number}" if assigned and len(resolved) > 1 else name, device, tail
 
 
 def _limits(request: Any, kind: str, values: dict[str, Any]) -> None:
@@ -122,13 +134,8 @@ def _analog_input(call: str) -> Callable[[NiSystem, Any], None]:
             if "voltage_physical_channel" in given
             else request.physical_channel
         )
-        resolved = list(system.inventory.resolve(where))
         made = []
-        for name, (device, tail) in zip(
-            _named(request.name_to_assign_to_channel, resolved), resolved, strict=True
-        ):
-            if f"{device.name}/{tail}" not in device.ai and not tail.startswith(("_ao", "_board")):
-                raise _wrong_kind(device, tail, "analog input")
+        for name, device, tail in _new(system, request, where, "analog input"):
             values: dict[str, Any] = {
                 "AI_MEAS_TYPE": row.usage.value,
                 "AI_MEAS_TYPE_NAME": row.usage.name,
@@ -231,13 +238,8 @@ def _analog_output(usage: UsageTypeAO, units: str) -> Callable[[NiSystem, Any], 
 
     def create(system: NiSystem, request: Any) -> None:
         task = system.task(request.task.name)
-        resolved = list(system.inventory.resolve(request.physical_channel))
         made = []
-        for name, (device, tail) in zip(
-            _named(request.name_to_assign_to_channel, resolved), resolved, strict=True
-        ):
-            if not tail.startswith("ao"):
-                raise _wrong_kind(device, tail, "analog output")
+        for name, device, tail in _new(system, request, request.physical_channel, "analog output"):
             values: dict[str, Any] = {
                 "AO_OUTPUT_TYPE": usage.value,
                 units: field(request, "units"),
@@ -253,12 +255,8 @@ def _analog_output(usage: UsageTypeAO, units: str) -> Callable[[NiSystem, Any], 
 
 def _function_generation(system: NiSystem, request: Any) -> None:
     task = system.task(request.task.name)
-    resolved = list(system.inventory.resolve(request.physical_channel))
-    names = _named(request.name_to_assign_to_channel, resolved)
     made = []
-    for name, (device, tail) in zip(names, resolved, strict=True):
-        if not tail.startswith("ao"):
-            raise _wrong_kind(device, tail, "analog output")
+    for name, device, tail in _new(system, request, request.physical_channel, "analog output"):
         values: dict[str, Any] = {
             "AO_OUTPUT_TYPE": UsageTypeAO.FUNCTION_GENERATION.value,
             "AO_FUNC_GEN_TYPE": field(request, "type"),
@@ -326,13 +324,8 @@ def _counter(call: str) -> Callable[[NiSystem, Any], None]:
 
     def create(system: NiSystem, request: Any) -> None:
         task = system.task(request.task.name)
-        resolved = list(system.inventory.resolve(request.counter))
         made = []
-        for name, (device, tail) in zip(
-            _named(request.name_to_assign_to_channel, resolved), resolved, strict=True
-        ):
-            if "ctr" not in tail:
-                raise _wrong_kind(device, tail, "counter")
+        for name, device, tail in _new(system, request, request.counter, "counter"):
             values: dict[str, Any] = {
                 "CI_MEAS_TYPE" if row.kind == "ci" else "CO_OUTPUT_TYPE": row.usage.value
             }

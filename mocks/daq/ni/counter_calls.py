@@ -7,20 +7,17 @@ from typing import Any
 
 import numpy as np
 from nidaqmx._stubs import nidaqmx_pb2 as pb
-from nidaqmx.constants import FillMode
 
 from ....instruments.arrays import FloatArray
 from .channel import Channel, timebase_of
 from .errors import DaqmxError, DAQmxErrors
-from .fields import field
+from .fields import flattened, is_by_scan
 from .signalling import change_pulses
 from .system import NiSystem
-from .taking import Alive, Taken, take, wanted_channels
+from .taking import Alive, Call, Taken, take, take_one
 from .tasks import Task
 
 __all__ = ["COUNTING"]
-
-Call = Callable[[NiSystem, Any, Alive], Any]
 
 _PAIRS = {
     "Freq": ("frequency", "duty_cycle"),
@@ -30,28 +27,14 @@ _PAIRS = {
 """Fields of a pulse by the name of its calls."""
 
 
-def _take(system: NiSystem, request: Any, alive: Alive, count: int) -> Taken:
+def _take(system: NiSystem, request: Any, alive: Alive, take: Callable[..., Taken] = take) -> Taken:
     task = system.task(request.task.name)
     if task.channels and task.kind != "ci":
         raise DaqmxError(
             DAQmxErrors.READ_NO_INPUT_CHANS_IN_TASK,
             f"Read cannot be performed, because task {task.name!r} has no counter inputs.",
         )
-    space = None
-    if "array_size_in_samps" in request.DESCRIPTOR.fields_by_name:
-        space = request.array_size_in_samps // max(1, len(wanted_channels(task)))
-    return take(system, task, count, request.timeout, alive, space)
-
-
-def _one(system: NiSystem, request: Any, alive: Alive) -> Taken:
-    taken = _take(system, request, alive, 1)
-    if not taken.count:
-        raise DaqmxError(
-            DAQmxErrors.SAMPLES_NOT_YET_AVAILABLE,
-            "Some or all of the samples requested have not yet been acquired.",
-            read=0,
-        )
-    return taken
+    return take(system, request, alive)
 
 
 def _scaled(taken: Taken) -> FloatArray:
@@ -65,10 +48,9 @@ def _reader(name: str, whole: bool) -> Call:
     reply = getattr(pb, f"Read{name}Response")
 
     def call(system: NiSystem, request: Any, alive: Alive) -> Any:
-        taken = _take(system, request, alive, request.num_samps_per_chan)
+        taken = _take(system, request, alive)
         rows = taken.rows[::2] if whole else _scaled(taken)
-        by_scan = field(request, "fill_mode") == FillMode.GROUP_BY_SCAN_NUMBER.value
-        flat = np.ascontiguousarray(rows.T if by_scan else rows).ravel()
+        flat = flattened(rows, request)
         answer = reply(status=taken.status, samps_per_chan_read=taken.count)
         answer.read_array.extend(flat.astype(np.int64).tolist() if whole else flat.tolist())
         return answer
@@ -80,7 +62,7 @@ def _reader_of_one(name: str, whole: bool) -> Call:
     reply = getattr(pb, f"Read{name}Response")
 
     def call(system: NiSystem, request: Any, alive: Alive) -> Any:
-        taken = _one(system, request, alive)
+        taken = _take(system, request, alive, take_one)
         return reply(value=int(taken.rows[0, 0]) if whole else float(_scaled(taken)[0, 0]))
 
     return call
@@ -90,12 +72,10 @@ def _pair_reader(name: str) -> Call:
     reply, fields = getattr(pb, f"ReadCtr{name}Response"), _PAIRS[name]
 
     def call(system: NiSystem, request: Any, alive: Alive) -> Any:
-        taken = _take(system, request, alive, request.num_samps_per_chan)
-        by_scan = field(request, "interleaved") == FillMode.GROUP_BY_SCAN_NUMBER.value
+        taken = _take(system, request, alive)
         answer = reply(status=taken.status, samps_per_chan_read=taken.count)
         for place, of in enumerate(fields):
-            rows = taken.rows[place::2]
-            flat = np.ascontiguousarray(rows.T if by_scan else rows).ravel()
+            flat = flattened(taken.rows[place::2], request, "interleaved")
             getattr(answer, f"read_array_{of}").extend(_numbers(name, flat))
         return answer
 
@@ -106,7 +86,7 @@ def _pair_reader_of_one(name: str) -> Call:
     reply, fields = getattr(pb, f"ReadCtr{name}ScalarResponse"), _PAIRS[name]
 
     def call(system: NiSystem, request: Any, alive: Alive) -> Any:
-        taken = _one(system, request, alive)
+        taken = _take(system, request, alive, take_one)
         return reply(**{of: _numbers(name, taken.rows[place])[0] for place, of in enumerate(fields)})
 
     return call
@@ -138,7 +118,7 @@ def _pair_writer(name: str) -> Call:
         task = system.task(request.task.name)
         channels = len(task.channels)
         given = [np.array(list(getattr(request, of)), np.float64) for of in fields]
-        by_scan = field(request, "data_layout") == FillMode.GROUP_BY_SCAN_NUMBER.value
+        by_scan = is_by_scan(request, "data_layout")
         rows = [part.reshape(-1, channels).T if by_scan else part.reshape(channels, -1) for part in given]
         _put(system, task, name, rows, request.auto_start)
         return reply(num_samps_per_chan_written=int(rows[0].shape[1]))

@@ -14,13 +14,12 @@ from .fields import field
 from .scales import Scale, linear, mapped, polynomial, reverse_coefficients, tabulated
 from .storage import read_stored
 from .system import NiSystem
+from .taking import Alive, Call
 from .tasks import Task
 from .upkeep import read_calibration, write_calibration
 from .watchdog import Watchdog
 
 __all__ = ["KEEPING", "read_kept", "write_kept"]
-
-Call = Callable[[NiSystem, Any, Callable[[], bool]], Any]
 
 
 def read_kept(system: NiSystem, kind: str, name: str, request: Any) -> Any:
@@ -63,7 +62,7 @@ def _scale(system: NiSystem, name: str) -> Scale:
 
 
 def _creating(make: Callable[[Any, dict[str, Any]], Scale]) -> Call:
-    def call(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+    def call(system: NiSystem, request: Any, alive: Alive) -> None:
         common = {"SCALED_UNITS": request.scaled_units}
         if units := field(request, "pre_scaled_units"):
             common["PRE_SCALED_UNITS"] = units
@@ -72,7 +71,7 @@ def _creating(make: Callable[[Any, dict[str, Any]], Scale]) -> Call:
     return call
 
 
-def _reverse(system: NiSystem, request: Any, alive: Callable[[], bool]) -> Any:
+def _reverse(system: NiSystem, request: Any, alive: Alive) -> Any:
     r = request
     found = reverse_coefficients(
         list(r.forward_coeffs), r.min_val_x, r.max_val_x, r.num_points_to_compute, r.reverse_poly_order
@@ -93,7 +92,7 @@ def _watchdog(system: NiSystem, request: Any) -> Watchdog:
     return task.watchdog
 
 
-def _create_watchdog(system: NiSystem, request: Any, alive: Callable[[], bool]) -> Any:
+def _create_watchdog(system: NiSystem, request: Any, alive: Alive) -> Any:
     system.inventory.device(request.device_name)
     task, new = system.create_task(request.session_name)
     if new:
@@ -103,14 +102,14 @@ def _create_watchdog(system: NiSystem, request: Any, alive: Callable[[], bool]) 
     return reply
 
 
-def _control_watchdog(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+def _control_watchdog(system: NiSystem, request: Any, alive: Alive) -> None:
     _watchdog(system, request).control(WDTTaskAction(field(request, "action")), system.clock.now())
 
 
 def _expiration(properties: dict[str, str]) -> Call:
     """Make a call that sets the outputs' expiration states; `properties` maps properties to fields."""
 
-    def call(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+    def call(system: NiSystem, request: Any, alive: Alive) -> None:
         watchdog = _watchdog(system, request)
         names = unflatten_channel_string(request.channel_names)
         list(system.inventory.resolve(request.channel_names))

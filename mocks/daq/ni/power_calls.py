@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from nidaqmx._stubs import nidaqmx_pb2 as pb
-from nidaqmx.constants import FillMode
 
 from ....instruments.arrays import FloatArray
 from .channel import Channel
-from .fields import field
+from .fields import flattened
 from .system import NiSystem
-from .taking import Alive, take, wanted_channels
+from .taking import Alive, Call, take
 
 __all__ = ["POWER"]
-
-Call = Callable[[NiSystem, Any, Alive], Any]
 
 _CODES = (4096.0, 8192.0)
 """Codes per volt and per ampere (NI's own tests)."""
@@ -37,16 +34,13 @@ def _reader(name: str, coded: bool) -> Call:
     reply = getattr(pb, f"Read{name}Response")
 
     def call(system: NiSystem, request: Any, alive: Alive) -> Any:
-        task = system.task(request.task.name)
-        space = request.array_size_in_samps // max(1, len(wanted_channels(task)))
-        result = take(system, task, request.num_samps_per_chan, request.timeout, alive, space)
+        result = take(system, request, alive)
         answer = reply(status=result.status, samps_per_chan_read=result.count)
-        by_scan = field(request, "fill_mode") == FillMode.GROUP_BY_SCAN_NUMBER.value
         targets = (answer.read_array_voltage, answer.read_array_current)
         for target, rows, codes in zip(
             targets, _supplied(result.channels, result.count), _CODES, strict=True
         ):
-            flat = (rows.T if by_scan else rows).ravel()
+            flat = flattened(rows, request)
             target.extend((flat * codes).astype(int).tolist() if coded else flat.tolist())
         return answer
 
@@ -54,7 +48,7 @@ def _reader(name: str, coded: bool) -> Call:
 
 
 def _read_one(system: NiSystem, request: Any, alive: Alive) -> Any:
-    result = take(system, system.task(request.task.name), 1, request.timeout, alive)
+    result = take(system, request, alive)
     volts, amperes = _supplied(result.channels, 1)
     return pb.ReadPowerScalarF64Response(voltage=float(volts[0, 0]), current=float(amperes[0, 0]))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -23,10 +23,10 @@ from .channels import add
 from .devices import Inventory
 from .errors import DaqmxError, DAQmxErrors
 from .system import NiSystem
+from .taking import Alive, Call
 
 __all__ = ["STORAGE", "SavedChannel", "SavedTask", "read_stored", "saved_in_export"]
 
-Call = Callable[[NiSystem, Any, Callable[[], bool]], Any]
 
 _OVERWRITE, _EDITABLE, _DELETABLE = 1, 2, 4
 """Option bits of a request to save something."""
@@ -100,7 +100,7 @@ def _task(system: NiSystem, name: str) -> SavedTask:
     return found
 
 
-def _save_task(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+def _save_task(system: NiSystem, request: Any, alive: Alive) -> None:
     task = system.task(request.task.name)
     name = request.save_as or task.name
     _replaces(request, "Task", name, system.saved_tasks)
@@ -109,7 +109,7 @@ def _save_task(system: NiSystem, request: Any, alive: Callable[[], bool]) -> Non
     )
 
 
-def _load_task(system: NiSystem, request: Any, alive: Callable[[], bool]) -> Any:
+def _load_task(system: NiSystem, request: Any, alive: Alive) -> Any:
     saved = _task(system, request.session_name)
     task, new = system.create_task(request.session_name)
     if new:
@@ -120,7 +120,7 @@ def _load_task(system: NiSystem, request: Any, alive: Callable[[], bool]) -> Any
     return reply
 
 
-def _delete_task(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+def _delete_task(system: NiSystem, request: Any, alive: Alive) -> None:
     _task(system, request.task_name)
     del system.saved_tasks[request.task_name]
 
@@ -137,7 +137,7 @@ def _channel(system: NiSystem, name: str) -> SavedChannel:
     return found
 
 
-def _save_channel(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+def _save_channel(system: NiSystem, request: Any, alive: Alive) -> None:
     task = system.task(request.task.name)
     own = next((c for c in task.channels if c.name == request.channel_name), None)
     if own is None:
@@ -150,12 +150,12 @@ def _save_channel(system: NiSystem, request: Any, alive: Callable[[], bool]) -> 
     system.saved_channels[name] = SavedChannel(replace(_copied(own), name=name), _options(request))
 
 
-def _delete_channel(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+def _delete_channel(system: NiSystem, request: Any, alive: Alive) -> None:
     _channel(system, request.channel_name)
     del system.saved_channels[request.channel_name]
 
 
-def _add_channels(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+def _add_channels(system: NiSystem, request: Any, alive: Alive) -> None:
     task = system.task(request.task.name)
     channels = []
     for name in unflatten_channel_string(request.channel_names):
@@ -168,7 +168,7 @@ def _add_channels(system: NiSystem, request: Any, alive: Callable[[], bool]) -> 
 # Scales
 
 
-def _save_scale(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+def _save_scale(system: NiSystem, request: Any, alive: Alive) -> None:
     if request.scale_name not in system.scales:
         raise DaqmxError(
             DAQmxErrors.CUSTOM_SCALE_DOES_NOT_EXIST,
@@ -179,7 +179,7 @@ def _save_scale(system: NiSystem, request: Any, alive: Callable[[], bool]) -> No
     system.scales[request.save_as or request.scale_name] = scale
 
 
-def _delete_scale(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+def _delete_scale(system: NiSystem, request: Any, alive: Alive) -> None:
     if system.scales.pop(request.scale_name, None) is None:
         raise DaqmxError(
             DAQmxErrors.CUSTOM_SCALE_DOES_NOT_EXIST,

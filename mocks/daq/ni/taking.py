@@ -17,10 +17,12 @@ from .system import NiSystem
 from .tasks import Task
 from .tdms import log
 
-__all__ = ["Alive", "Taken", "take", "wanted_channels"]
+__all__ = ["Alive", "Call", "Taken", "take", "take_one"]
 
 Alive = Callable[[], bool]
 """Returns True while the waiting client is connected."""
+Call = Callable[[NiSystem, Any, Alive], Any]
+"""Serves a request."""
 
 
 @dataclass(frozen=True)
@@ -37,15 +39,44 @@ class Taken:
         """Samples per channel."""
         return int(self.rows.shape[1])
 
+    @property
+    def scaled(self) -> Any:
+        """The samples in the units of each channel's custom scale, or in volts without one."""
+        if all(channel.scale is None for channel in self.channels):
+            return self.rows
+        return np.array([
+            row if channel.scale is None else channel.scale.to_units(row)
+            for channel, row in zip(self.channels, self.rows, strict=True)
+        ]).reshape(self.rows.shape)  # fmt: skip
 
-def take(
-    system: NiSystem, task: Task, wanted: int, timeout: float, alive: Alive, space: int | None = None
-) -> Taken:
-    """Wait for `wanted` samples per channel and return them. Raises DaqmxError.
+    def lines(self) -> list[tuple[Channel, Any]]:
+        """Return each channel with the rows of its own lines."""
+        ends = np.cumsum([len(channel.physical) for channel in self.channels])
+        return list(zip(self.channels, np.split(self.rows, ends[:-1]), strict=True))
 
-    -1 means all samples of a finite task, or the samples available now, at most `space` per channel: the
-    program allocated its array before more samples arrived.
+
+def take_one(system: NiSystem, request: Any, alive: Alive) -> Taken:
+    """Wait for one sample per channel and return it. Raises DaqmxError, also when none comes in time."""
+    taken = take(system, request, alive)
+    if not taken.count:
+        raise DaqmxError(
+            DAQmxErrors.SAMPLES_NOT_YET_AVAILABLE,
+            "Some or all of the samples requested have not yet been acquired.",
+            read=0,
+        )
+    return taken
+
+
+def take(system: NiSystem, request: Any, alive: Alive, room: int | None = None) -> Taken:
+    """Wait for the samples that a read call wants, one per channel by default. Raises DaqmxError.
+
+    -1 means all samples of a finite task, or the samples available now, at most those that fit: the program
+    allocated its array, of `room` samples, before more arrived.
     """
+    task, timeout = system.task(request.task.name), request.timeout
+    wanted = getattr(request, "num_samps_per_chan", 1)
+    room = getattr(request, "array_size_in_samps", None) if room is None else room
+    space = None if room is None else room // max(1, len(wanted_channels(task)))
     _refuse_unreadable(system, task)
     if not task.running:
         system.start(task, auto=True)

@@ -2,27 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from .errors import DaqmxError, DAQmxErrors
 from .system import NiSystem
+from .taking import Alive, Call
 from .teds import BASIC, not_detected, teds_from_file
 
 __all__ = ["TEDS"]
 
-Call = Callable[[NiSystem, Any, Callable[[], bool]], Any]
 
-
-def _configure(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+def _configure(system: NiSystem, request: Any, alive: Alive) -> None:
     for device, tail in system.inventory.resolve(request.physical_channel):
         if not request.file_path:
             raise not_detected(f"{device.name}/{tail}")
         system.teds[f"{device.name}/{tail}"] = teds_from_file(Path(request.file_path))
 
 
-def _clear(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+def _clear(system: NiSystem, request: Any, alive: Alive) -> None:
     for device, tail in system.inventory.resolve(request.physical_channel):
         system.teds.pop(f"{device.name}/{tail}", None)
 
@@ -30,7 +28,7 @@ def _clear(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
 def _write(of: str) -> Call:
     """Make a call that writes into a sensor's memory: there is none here that can be written to."""
 
-    def call(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+    def call(system: NiSystem, request: Any, alive: Alive) -> None:
         ((device, tail), *_) = system.inventory.resolve(request.physical_channel)
         given = getattr(request, of)
         if of == "file_path" and given:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from datetime import UTC, datetime
 from typing import Any
 
@@ -13,10 +12,10 @@ from nidaqmx.utils import unflatten_channel_string
 from .errors import DaqmxError, DAQmxErrors
 from .fields import field
 from .system import NiSystem
+from .taking import Alive, Call
 
 __all__ = ["UPKEEP", "read_calibration", "write_calibration"]
 
-Call = Callable[[NiSystem, Any, Callable[[], bool]], Any]
 
 _CALIBRATION: dict[str, Any] = {
     "SELF_CAL_SUPPORTED": True,
@@ -52,7 +51,7 @@ def write_calibration(system: NiSystem, name: str, request: Any, value: Any) -> 
 def _dated(kind: str) -> Call:
     reply = getattr(pb, f"Get{kind}CalLastDateAndTimeResponse")
 
-    def call(system: NiSystem, request: Any, alive: Callable[[], bool]) -> Any:
+    def call(system: NiSystem, request: Any, alive: Alive) -> Any:
         device = system.inventory.device(request.device_name)
         when = system.upkeep.get((device.name, f"{kind} calibrated"), system.epoch)
         return reply(year=when.year, month=when.month, day=when.day, hour=when.hour, minute=when.minute)
@@ -60,16 +59,16 @@ def _dated(kind: str) -> Call:
     return call
 
 
-def _self_calibrate(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+def _self_calibrate(system: NiSystem, request: Any, alive: Alive) -> None:
     device = system.inventory.device(request.device_name)
     system.upkeep[device.name, "Self calibrated"] = datetime.now(UTC)
 
 
-def _device_exists(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+def _device_exists(system: NiSystem, request: Any, alive: Alive) -> None:
     system.inventory.device(request.device_name)
 
 
-def _task_exists(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+def _task_exists(system: NiSystem, request: Any, alive: Alive) -> None:
     """Do what a calibration of a simulated sensor does: nothing."""
     _ = system.task(request.task.name).kind
 
@@ -87,7 +86,7 @@ def _lines(system: NiSystem, names: str) -> list[str]:
 def _set_lines(of: str) -> Call:
     """Make a call that stores states of digital lines under `of`."""
 
-    def call(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+    def call(system: NiSystem, request: Any, alive: Alive) -> None:
         for entry in getattr(request, of):
             for line in _lines(system, entry.channel_names):
                 system.upkeep[line, of] = entry.state
@@ -96,19 +95,19 @@ def _set_lines(of: str) -> Call:
 
 
 def _get_lines(reply: type[Any], of: str, default: int) -> Call:
-    def call(system: NiSystem, request: Any, alive: Callable[[], bool]) -> Any:
+    def call(system: NiSystem, request: Any, alive: Alive) -> Any:
         states = [system.upkeep.get((_lines(system, name)[0], of), default) for name in request.channel_name]
         return reply(**{of: states})
 
     return call
 
 
-def _set_family(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+def _set_family(system: NiSystem, request: Any, alive: Alive) -> None:
     device = system.inventory.device(request.device_name)
     system.upkeep[device.name, "logic family"] = field(request, "logic_family")
 
 
-def _get_family(system: NiSystem, request: Any, alive: Callable[[], bool]) -> Any:
+def _get_family(system: NiSystem, request: Any, alive: Alive) -> Any:
     device = system.inventory.device(request.device_name)
     family = system.upkeep.get((device.name, "logic family"), LogicFamily.FIVE_V.value)
     return pb.GetDigitalLogicFamilyPowerUpStateResponse(logic_family=family)
@@ -125,14 +124,14 @@ def _set_output(system: NiSystem, name: str, volts: float, kind: int) -> None:
     system.upkeep[f"{device.name}/{tail}", "power-up"] = (volts, kind)
 
 
-def _set_outputs(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+def _set_outputs(system: NiSystem, request: Any, alive: Alive) -> None:
     names = unflatten_channel_string(request.channel_names)
     kinds = list(request.channel_type_array)
     for name, volts, kind in zip(names, request.state_array, kinds, strict=True):
         _set_output(system, name, volts, kind)
 
 
-def _set_outputs_of_device(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+def _set_outputs_of_device(system: NiSystem, request: Any, alive: Alive) -> None:
     for entry in request.power_up_states:
         for name in unflatten_channel_string(entry.channel_names):
             _set_output(system, name, entry.state, field(entry, "channel_type"))
@@ -145,7 +144,7 @@ def _state(system: NiSystem, name: str) -> tuple[float, int]:
     return found
 
 
-def _get_outputs(system: NiSystem, request: Any, alive: Callable[[], bool]) -> Any:
+def _get_outputs(system: NiSystem, request: Any, alive: Alive) -> Any:
     states = [_state(system, name) for name in unflatten_channel_string(request.channel_names)]
     return pb.GetAnalogPowerUpStatesWithOutputTypeResponse(
         state_array=[volts for volts, _ in states],
@@ -154,7 +153,7 @@ def _get_outputs(system: NiSystem, request: Any, alive: Callable[[], bool]) -> A
     )
 
 
-def _get_outputs_of_device(system: NiSystem, request: Any, alive: Callable[[], bool]) -> Any:
+def _get_outputs_of_device(system: NiSystem, request: Any, alive: Alive) -> Any:
     return pb.GetAnalogPowerUpStatesResponse(
         power_up_states=[_state(system, entry.channel_name)[0] for entry in request.channels]
     )
@@ -163,14 +162,14 @@ def _get_outputs_of_device(system: NiSystem, request: Any, alive: Callable[[], b
 # Routes, networks, memories
 
 
-def _connect(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+def _connect(system: NiSystem, request: Any, alive: Alive) -> None:
     source, target = (
         _terminal(system, text) for text in (request.source_terminal, request.destination_terminal)
     )
     system.terminals.connect(source, target)
 
 
-def _disconnect(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+def _disconnect(system: NiSystem, request: Any, alive: Alive) -> None:
     system.terminals.disconnect(_terminal(system, request.destination_terminal))
 
 
@@ -179,14 +178,14 @@ def _terminal(system: NiSystem, text: str) -> str:
     return system.inventory.terminal(system.inventory.device(head), f"/{text.lstrip('/')}")
 
 
-def _unreachable(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+def _unreachable(system: NiSystem, request: Any, alive: Alive) -> None:
     raise DaqmxError(
         DAQmxErrors.NETWORK_TARGET_NOT_FOUND,
         f"The network device cannot be found: nothing answers at {request.ip_address!r}.",
     )
 
 
-def _remove(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+def _remove(system: NiSystem, request: Any, alive: Alive) -> None:
     device = system.inventory.device(request.device_name)
     raise DaqmxError(
         DAQmxErrors.NETWORK_DAQ_DEVICE_NOT_SUPPORTED,
@@ -194,7 +193,7 @@ def _remove(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
     )
 
 
-def _no_memory(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+def _no_memory(system: NiSystem, request: Any, alive: Alive) -> None:
     device = system.inventory.device(request.device_name)
     raise DaqmxError(
         DAQmxErrors.ID_PIN_NO_EEPROM, f"{device.name} has no memory at the ID pin {request.id_pin_name!r}."

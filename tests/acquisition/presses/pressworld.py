@@ -195,8 +195,8 @@ class WorldDaq(Daq):
         self.fails_at = self.gap_at = 10**9
         self.streams: list[WorldStream] = []
 
-    def _stream(self, channels, rate_hz, block, samples=None, play=None):
-        self.streams.append(WorldStream(self, channels, rate_hz, block))
+    def _stream(self, request):
+        self.streams.append(WorldStream(self, request.channels, request.rate_hz, request.block))
         return self.streams[-1]
 
     def zero(self) -> None: ...

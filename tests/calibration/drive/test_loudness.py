@@ -92,3 +92,6 @@ def test_a_plan_is_kept_shown_and_drawn(plan: ButtonPlan, tmp_path: Path) -> Non
     np.testing.assert_allclose(
         drawn["modulated, A"], [(one.level, 100 * one.error) for one in plan.curves[0].offers]
     )
+    np.testing.assert_allclose(
+        drawn["_modulated, A, drifted"], [(one.level, 100 * one.drifted) for one in plan.curves[0].offers]
+    )

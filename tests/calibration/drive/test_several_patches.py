@@ -13,6 +13,7 @@ from haploop.calibration import (
     Calibration,
     DigitalButton,
     Drift,
+    Loudness,
     Multisine,
     Trade,
     build_button,
@@ -21,6 +22,8 @@ from haploop.calibration import (
     drift_change,
     drive_for,
     load_calibrations,
+    plan_button,
+    trade_for,
 )
 from haploop.calibration.drive import check
 from haploop.calibration.drive.actuation import Actuation
@@ -102,7 +105,8 @@ def test_a_button_of_several_patches_is_kept_whole(button: DigitalButton, tmp_pa
 
 def test_one_patch_is_not_planned_against_a_drift(four: Four) -> None:
     alone = drive_for(make_press(), four.calibrations[0], four.rig.limits)
-    assert alone.drift == Drift(0, 0, 0, 0, 0) and alone.drifted_error == alone.predicted_error
+    assert alone.drift == Drift(0, 0, 0, 0, 0) and alone.expected_error == alone.predicted_error
+    assert alone.drifted_error > 0.2
     assert 0.2 < drift_change(four.calibrations[:1], Drift()) < 1
 
 
@@ -189,3 +193,31 @@ def test_calibrations_of_several_patches_are_found_by_one_name(four: Four, tmp_p
         load_calibrations(files, ("A", "C"))
     with pytest.raises(DataError, match="table-D"):
         load_calibrations([path], ("D",))
+
+
+def test_a_plan_compares_one_patch_and_four_as_calibrated_and_after_a_drift(four: Four) -> None:
+    plan = plan_button(make_press(), four.calibrations, four.rig, methods=("modulated",))
+    alone, every = plan.curves
+    assert (alone.patch, every.patch) == ("A", "A, B, C, D")
+    # Each is what the check of that drive finds, on the table as it was calibrated and on one that drifted.
+    for curve, some in ((alone, four.calibrations[:1]), (every, four.calibrations)):
+        offer = curve.offers[1]
+        drive = drive_for(make_press(), some, four.rig.limits, trade=Trade(scale=offer.scale))
+        with opened(mode_drift=0.01) as rig:
+            drifted = check(rig, drive, plays=3).error
+        assert offer.error < 0.06 and 0.5 * drifted < offer.drifted < 2 * drifted
+    assert alone.offers[1].drifted > 4 * every.offers[1].drifted
+    assert every.offers[0].error < every.offers[0].drifted
+
+
+def test_a_smaller_drift_that_is_planned_against_is_louder(four: Four) -> None:
+    press, drives = make_press(), []
+    for drift in (Drift(), Drift().times(0.1)):
+        wanted = Loudness(error=0.08, drift=drift)
+        trade = trade_for(press, four.calibrations, four.rig, wanted)
+        assert trade.drift == drift
+        drives.append(drive_for(press, four.calibrations, four.rig.limits, trade=trade))
+    steady, loud = drives
+    assert all(0.06 < drive.expected_error <= 0.08 for drive in drives)
+    assert loud.scale > 1.2 * steady.scale
+    assert (Drift().times(0.1).common, Drift().times(0.1).damping) == pytest.approx((0.001, 0.01))

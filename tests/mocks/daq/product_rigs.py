@@ -1,13 +1,7 @@
-"""A rig file for each NI product, and what runs on it: doctor, record, calibrate and check, on twin and wire.
-
-`python -m tests.mocks.daq.product_rigs PAGE` runs all of them and writes the page with what it found; with
-names of products behind the page, only those run, and the other rows stay.
-"""
+"""A rig file for each NI product, and what runs on it: doctor, record, calibrate, check, on twin and wire."""
 
 from __future__ import annotations
 
-import sys
-import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -252,104 +246,3 @@ def pressed(folder: Path) -> Pressed:
         return file
 
     return press
-
-
-# The page
-
-_MODES: tuple[Mode, ...] = ("twin", "wire")
-_HEAD = """# NI products
-
-Simulated products, from the table `mocks/daq/products.toml`, and what ran on a generated rig of each, on twin
-and wire (`python -m tests.mocks.daq.product_rigs docs/reference/ni-products.md`). Nothing here ran on the
-product itself.
-
-A product that is not here is described in the rig file, with the fields of a row of the table:
-
-```toml
-[daq.products."USB-6999"]
-like = "USB-6211"
-ai_ranges = [10.0, 1.0]
-source = "its data sheet"
-```
-
-or by a package, with an entry point of the group `haploop.ni_products` that is a mapping of such rows.
-
-Inputs are against ground, differential; s: each has its own converter. Rates are conversions per second
-of all inputs together, or of each where they are simultaneous. "with" names the product that gave the
-rig the terminals which this one lacks. A dash: the product has no terminals for it, too few inputs, or
-too low a rate (a table is calibrated from 20 kHz on). \\*: the row, or figures in it, are estimates, as
-`source` and `estimates` say. "Not shown" is a verdict of `check`: what was measured shows neither that it
-passes nor that it fails.
-
-"""
-_COLUMNS = [
-    "product",
-    "inputs",
-    "ranges (± V)",
-    "bits",
-    "rate (S/s)",
-    "outputs",
-    "counters",
-    "with",
-    "doctor",
-    "record",
-    "calibrate",
-    "check",
-]
-
-
-def row(rig: Rig, results: dict[Mode, dict[str, str]]) -> str:
-    """Return the page's row of a product."""
-    product = PRODUCTS[rig.product]
-    inputs = f"{product.ai_single_ended}, {product.ai_differential}{' s' if product.ai_simultaneous else ''}"
-    ranges = ", ".join(f"{value:g}" for value in product.ai_ranges)
-    outputs = f"{product.ao_channels}, {_si(product.ao_rate_hz)}" if product.ao_channels else ""
-    cells = [
-        product.name + (" \\*" if product.source == "estimate" or product.estimates else ""),
-        inputs if product.ai_ranges else "",
-        ranges,
-        str(product.ai_bits) if product.ai_ranges else "",
-        _si(product.ai_rate_hz) if product.ai_ranges else "",
-        outputs,
-        str(product.counters or ""),
-        rig.partner,
-    ]
-    for step in ("doctor", "record", "calibrate", "check"):
-        told = [results[mode].get(step, "-") for mode in _MODES]
-        cells.append(
-            told[0] if told[0] == told[1] else ", ".join(map(": ".join, zip(_MODES, told, strict=True)))
-        )
-    return f"| {' | '.join(cells)} |"
-
-
-def _si(value: float) -> str:
-    if value >= 1e6:
-        return f"{value / 1e6:.3g} M"
-    return f"{value / 1e3:.3g} k" if value >= 1e3 else f"{value:g}"
-
-
-def main(page: Path, names: list[str]) -> None:
-    """Run the rigs of `names`, or all, and write the page."""
-    before = {} if not page.exists() else {
-        line.split("|")[1].strip().removesuffix(" \\*"): line
-        for line in page.read_text(encoding="utf-8").splitlines() if line.startswith("| ")
-    }  # fmt: skip
-    rows: list[str] = []
-    with tempfile.TemporaryDirectory() as place:
-        press = pressed(Path(place))
-        for name in PRODUCTS:
-            if names and name not in names:
-                rows += [before[name]] if name in before else []
-                continue
-            rig, results = of(name), {}
-            for mode in _MODES:
-                with tempfile.TemporaryDirectory() as folder:
-                    results[mode] = run(rig, mode, Path(folder), press)
-            rows.append(row(rig, results))
-            print(rows[-1], flush=True)
-    head = [f"| {' | '.join(_COLUMNS)} |", "|---" * len(_COLUMNS) + "|"]
-    page.write_text("\n".join([_HEAD, *head, *rows, ""]), encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main(Path(sys.argv[1]), sys.argv[2:])

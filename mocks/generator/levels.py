@@ -1,0 +1,150 @@
+"""Voltages and sweep ends of a simulated function generator, which depend on each other.
+
+Voltages are stored without load, and set and reported for the load that is declared. A value that cannot be
+is moved to one that can, with an error in the queue, as both families do it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+from .channel import HIGHEST, Channel
+from .headers import LIMITED, NUMBERS, START, STOP, UNIT
+from .scpi import ScpiError, number_of
+
+__all__ = ["QUANTITIES", "Fail", "Quantity", "within"]
+
+Fail = Callable[[ScpiError], None]
+"""Puts an error into the queue; the command goes on."""
+
+_LOWEST = 2e-3
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number of a channel that is computed from its settings."""
+
+    get: Callable[[Channel], float]
+    put: Callable[[Channel, str, Fail], None]
+    """Set it to an argument. Raises ScpiError for none."""
+
+
+def within(value: float, low: float, high: float, fail: Fail) -> float:
+    """Clip a value to its limits, with an error."""
+    if low <= value <= high:
+        return value
+    end = "lower" if value < low else "upper"
+    fail(ScpiError(-222, f"Data out of range; value clipped to {end} limit"))
+    return min(max(value, low), high)
+
+
+def _level(channel: Channel) -> float:
+    rms = channel.peak_to_peak * channel.share / 2 / math.sqrt(2)
+    match channel.words[UNIT]:
+        case "VRMS":
+            return rms
+        case "DBM":
+            return 10 * math.log10(1e3 * rms**2 / channel.load)
+    return channel.peak_to_peak * channel.share
+
+
+def _put_level(channel: Channel, argument: str, fail: Fail) -> None:
+    ends = {"MINimum": _LOWEST * channel.share, "MAXimum": HIGHEST * channel.share}
+    volts = number_of(argument, ends)
+    match channel.words[UNIT]:
+        case "VRMS":
+            volts *= 2 * math.sqrt(2)
+        case "DBM":
+            volts = 2 * math.sqrt(2) * math.sqrt(channel.load * 1e-3 * 10 ** (volts / 10))
+    most = HIGHEST - (0 if channel.is_direct else 2 * abs(channel.offset))
+    wanted = within(volts / channel.share, _LOWEST, most, fail)
+    channel.peak_to_peak, _ = _limited(channel, wanted, channel.offset, fail)
+
+
+def _limited(channel: Channel, peak_to_peak: float, offset: float, fail: Fail) -> tuple[float, float]:
+    """Amplitude and offset within the voltage limits, if they are on."""
+    if not channel.values[LIMITED]:
+        return peak_to_peak, offset
+    most = 2 * min(channel.high - offset, offset - channel.low)
+    if channel.is_direct or peak_to_peak <= most + 1e-12:
+        return peak_to_peak, min(max(offset, channel.low), channel.high)
+    fail(ScpiError(-221, "Settings conflict; amplitude limited by voltage limits"))
+    return max(most, _LOWEST), offset
+
+
+def _put_offset(channel: Channel, argument: str, fail: Fail) -> None:
+    most = (HIGHEST - (0 if channel.is_direct else channel.peak_to_peak)) / 2
+    wanted = within(number_of(argument) / channel.share, -most, most, fail)
+    channel.peak_to_peak, channel.offset = _limited(channel, channel.peak_to_peak, wanted, fail)
+
+
+def _end(side: int, channel: Channel) -> float:
+    return (channel.offset + side * channel.peak_to_peak / 2) * channel.share
+
+
+def _put_end(side: int, channel: Channel, argument: str, fail: Fail) -> None:
+    other = channel.offset - side * channel.peak_to_peak / 2
+    end = within(number_of(argument) / channel.share, -HIGHEST / 2, HIGHEST / 2, fail)
+    if side * (end - other) < _LOWEST:
+        other = end - side * _LOWEST  # As the instruments do, move the other end.
+        fail(ScpiError(-221, "Settings conflict; high level must be above low level"))
+    channel.peak_to_peak, channel.offset = side * (end - other), (end + other) / 2
+
+
+def _limit(side: int, channel: Channel) -> float:
+    return (channel.high if side > 0 else channel.low) * channel.share
+
+
+def _put_limit(side: int, channel: Channel, argument: str, fail: Fail) -> None:
+    ends = {"MINimum": -HIGHEST / 2 * channel.share, "MAXimum": HIGHEST / 2 * channel.share}
+    volts = number_of(argument, ends) / channel.share
+    present = side * channel.offset + channel.peak_to_peak / 2
+    if side * volts < present - 1e-12:
+        fail(ScpiError(-221, "Settings conflict; limit moved to the signal that is put out"))
+        volts = side * present
+    volts = within(volts, -HIGHEST / 2, HIGHEST / 2, fail)
+    if side > 0:
+        channel.high = volts
+    else:
+        channel.low = volts
+
+
+def _centre(channel: Channel) -> float:
+    return (channel.values[START] + channel.values[STOP]) / 2
+
+
+def _span(channel: Channel) -> float:
+    return channel.values[STOP] - channel.values[START]
+
+
+def _put_sweep(channel: Channel, centre: float, span: float, fail: Fail) -> None:
+    """Set a centre and a span, narrower where it would reach below zero or beyond the highest."""
+    _, low, high = NUMBERS[START]
+    centre = within(centre, low, high, fail)
+    most = 2 * min(centre - low, high - centre)
+    if abs(span) > most:
+        fail(ScpiError(-221, "Settings conflict; span changed due to centre frequency"))
+        span = most
+    channel.values[START], channel.values[STOP] = centre - span / 2, centre + span / 2
+
+
+_VOLTAGE = "[:SOURce#]:VOLTage"
+_NOW = f"{_VOLTAGE}[:LEVel][:IMMediate]"
+QUANTITIES: dict[str, Quantity] = {
+    f"{_NOW}[:AMPLitude]": Quantity(_level, _put_level),
+    f"{_NOW}:OFFSet": Quantity(lambda channel: channel.offset * channel.share, _put_offset),
+    f"{_NOW}:HIGH": Quantity(partial(_end, 1), partial(_put_end, 1)),
+    f"{_NOW}:LOW": Quantity(partial(_end, -1), partial(_put_end, -1)),
+    f"{_VOLTAGE}:LIMit:HIGH": Quantity(partial(_limit, 1), partial(_put_limit, 1)),
+    f"{_VOLTAGE}:LIMit:LOW": Quantity(partial(_limit, -1), partial(_put_limit, -1)),
+    "[:SOURce#]:FREQuency:CENTer": Quantity(
+        _centre, lambda channel, given, fail: _put_sweep(channel, number_of(given), _span(channel), fail)
+    ),
+    "[:SOURce#]:FREQuency:SPAN": Quantity(
+        _span, lambda channel, given, fail: _put_sweep(channel, _centre(channel), number_of(given), fail)
+    ),
+}
+"""Quantities by their headers."""
