@@ -231,9 +231,9 @@ def check(
 
     Exit codes: 0 the check passed, 1 it failed or the plays do not show it.
     """
-    loaded = haploop.DigitalButton.load(file)
     if finger is None and force is not None:
         raise click.UsageError("--force belongs to --finger PARTICIPANT.")
+    loaded = haploop.DigitalButton.load(file)
     resting = None
     if finger is not None:
         nominal = loaded.pressed.nominal if loaded.pressed else 1.0

@@ -17,8 +17,7 @@ import numpy as np
 from ...acquisition import Representative
 from ...instruments import ConfigurationError, DataError, Limits
 from ...instruments.notebook import InNotebook
-from ..model import Calibration, at_force
-from ..model.finger import GROWS
+from ..model import GROWS, Calibration, at_force
 from .drive import Drive, Method, drive_for
 from .trade import TRADE, Trade
 

@@ -4,12 +4,13 @@ from .calibrating import calibrate, calibrate_keeping
 from .calibration import Calibration, calibration_of, load_calibrations
 from .drift import Drift, mode_deviations
 from .even_order import even_order
-from .finger import Finger, PlateModes, at_force, under_finger
+from .finger import GROWS, Finger, PlateModes, at_force, under_finger
 from .finger_measuring import calibrate_finger
 from .model import Model, Resonance, fit
 from .uncertainty import standard_deviation
 
 __all__ = [
+    "GROWS",
     "Calibration",
     "Drift",
     "Finger",

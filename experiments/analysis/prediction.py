@@ -80,6 +80,12 @@ def predict_answers(buttons: Sequence[DigitalButton], seed: int = 0) -> Predicti
     classes = tuple(one.press.button for one in buttons)
     if len(classes) < 2 or len(set(classes)) < len(classes):
         raise ConfigurationError("A prediction needs at least two digital buttons, each of another name.")
+    if len({repr(one.check.lab) for one in buttons}) > 1:  # a force that is not known is NaN
+        raise ConfigurationError(
+            "The buttons were checked with different thresholds of people ([people] in the rig file): check "
+            "them "
+            "again on one rig, for the answer would depend on which comes first."
+        )
     act = pressing_act(buttons[0].check.lab)
     felt = np.array([_felt(one) for one in buttons]) - act.shift
     wanted = np.array([_recorded(one) for one in buttons]) - act.shift
