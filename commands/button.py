@@ -15,18 +15,7 @@ from ..reports import contents, outputs, show
 from ..terminal.progress import Steps
 from . import front as haploop
 from .grouped import AskedPress, Shown, on_press, shown
-from .options import (
-    FINGER,
-    FORCE,
-    JSON,
-    NEW,
-    PATH,
-    PLAYS,
-    QUIET,
-    ChosenRig,
-    Measure,
-    on_rig,
-)
+from .options import FINGER, FORCE, JSON, NEW, PATH, PLAYS, QUIET, ChosenRig, Measure, on_rig
 
 __all__ = ["button"]
 

@@ -115,9 +115,9 @@ def run(
                 opened,
                 participants,
                 buttons,
-                meter.progress,
-                meter.on_study_verdict,
-                meter.on_request,
+                progress=meter.progress,
+                on_verdict=meter.on_study_verdict,
+                on_request=meter.on_request,
                 notes=notes,
                 adapt=prompts.adapt,
             )

@@ -15,18 +15,7 @@ from ..reports import contents, outputs, show
 from ..terminal.progress import Steps
 from . import front as haploop
 from .grouped import AskedPress, on_press
-from .options import (
-    FINGER,
-    FORCE,
-    JSON,
-    NEW,
-    PATH,
-    PLAYS,
-    ChosenRig,
-    Names,
-    on_rig,
-    on_table,
-)
+from .options import FINGER, FORCE, JSON, NEW, PATH, PLAYS, ChosenRig, Names, on_rig, on_table
 
 __all__ = ["calibrate", "check"]
 

@@ -174,7 +174,7 @@ def _loop(
         step = f"Record the {button} button"
         for index, name in enumerate(names):
             each = part_of(progress, step, index * PRESSES, participants * PRESSES)
-            recorded = record(rig, button, name, PRESSES, out / "recordings", each)
+            recorded = record(rig, button, name, PRESSES, out / "recordings", progress=each)
             recordings.setdefault(button, []).append(recorded)
 
     presses: dict[str, Representative] = {}

@@ -1,6 +1,7 @@
 """A rig: all instruments of a rig file, opened together."""
 
 from .gain_proof import UNPROVED as UNPROVED
+from .gain_proof import UnshownError as UnshownError
 from .json_schema import rig_schema as rig_schema
 from .logbook import log_entries as log_entries
 from .logbook import reset_lockout as reset_lockout

@@ -1,5 +1,6 @@
 """Sensors: values that convert volts to SI, described in the rig file by what they measure."""
 
+from .linear_table import LinearTable as LinearTable
 from .rest import fault_along_vertical as fault_along_vertical
 from .rest import fault_at_rest as fault_at_rest
 from .rest import loss as loss
@@ -17,7 +18,6 @@ from .tables import AccelerationTable as AccelerationTable
 from .tables import Described as Described
 from .tables import DisplacementTable as DisplacementTable
 from .tables import ForceTable as ForceTable
-from .tables import LinearTable as LinearTable
 from .tables import VelocityTable as VelocityTable
 from .transfer import Measured as Measured
 from .transfer import Transfer as Transfer

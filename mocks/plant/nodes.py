@@ -36,6 +36,8 @@ class Run:
     start: float
     period: float
     values: FloatArray
+    node: str = ""
+    """The amplifier's input that it drives, where it comes from the plant."""
 
     @property
     def times(self) -> FloatArray:

@@ -49,15 +49,20 @@ pytestmark = pytest.mark.many_plays
 @pytest.fixture
 def looked_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """The first look of a test stands for those that follow: the same rig, of which nothing has changed."""
-    looks: list[Any] = []
-    real = recalibration.look_at
 
-    def look(*args: Any, **more: Any) -> Any:
-        if not looks:
-            looks.append(real(*args, **more))
-        return looks[0]
+    def once(name: str) -> None:
+        found: list[Any] = []
+        real = getattr(recalibration, name)
 
-    monkeypatch.setattr(recalibration, "look_at", look)
+        def first(*args: Any, **more: Any) -> Any:
+            if not found:
+                found.append(real(*args, **more))
+            return found[0]
+
+        monkeypatch.setattr(recalibration, name, first)
+
+    once("look_at")
+    once("touched_since")
 
 
 def left_alone(rig: Rig, aimed_at: str = "button") -> Rig:
