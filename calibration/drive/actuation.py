@@ -183,7 +183,8 @@ class Actuation:
             moved = deviations * np.array([_per_linear_volt(c, f[lines]) for c in every])
             moved = moved.reshape(len(moved), *shape, int(lines.sum()))
             found[..., lines] = np.einsum("kqpl,kqrl->qprl", moved.conj(), moved)
-        size = drift.gain**2 + (drift.delay * 2 * np.pi * f) ** 2
+        gains, delays = np.array([_channel(c, drift) for c in self.own]).T[:, :, None]
+        size = gains**2 + (delays * 2 * np.pi * f) ** 2
         each = np.arange(shape[1])
         found[:, each, each] += np.abs(self.gain(f)) ** 2 * size
         return found
@@ -251,6 +252,15 @@ def measured_well(response: Response, band: tuple[float, float]) -> tuple[float,
             f"{float(coherence.max()):.2f} at best, and {_LEAST_COHERENCE} is needed."
         )
     return float(low), float(high)
+
+
+def _channel(calibration: Calibration, drift: Drift) -> tuple[float, float]:
+    """Standard deviations of the channel's gain and delay (s): those of the drift, or as it states them."""
+    own = calibration.scatter
+    return (
+        own.gain if drift.gain is None else drift.gain,
+        own.delay if drift.delay is None else drift.delay,
+    )
 
 
 def _velocity(calibration: Calibration, f: FloatArray) -> ComplexArray:

@@ -1,7 +1,8 @@
 """Rational models of responses, and the calibration that contains response and model."""
 
 from .calibrating import calibrate, calibrate_keeping
-from .calibration import Calibration, calibration_of, load_calibrations
+from .calibration import Calibration, ChannelScatter, calibration_of, load_calibrations
+from .channel_scatter import ChannelChange, channel_change, with_scatter
 from .drift import Drift, mode_deviations
 from .even_order import even_order
 from .finger import GROWS, Finger, PlateModes, at_force, under_finger
@@ -12,6 +13,8 @@ from .uncertainty import standard_deviation
 __all__ = [
     "GROWS",
     "Calibration",
+    "ChannelChange",
+    "ChannelScatter",
     "Drift",
     "Finger",
     "Model",
@@ -22,10 +25,12 @@ __all__ = [
     "calibrate_finger",
     "calibrate_keeping",
     "calibration_of",
+    "channel_change",
     "even_order",
     "fit",
     "load_calibrations",
     "mode_deviations",
     "standard_deviation",
     "under_finger",
+    "with_scatter",
 ]

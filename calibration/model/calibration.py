@@ -13,7 +13,24 @@ from ..response import Hysteresis, Response, fit_hysteresis
 from .finger import Finger
 from .model import Model, fit
 
-__all__ = ["Calibration", "calibration_of", "load_calibrations"]
+__all__ = ["Calibration", "ChannelScatter", "calibration_of", "load_calibrations"]
+
+
+@dataclass(frozen=True)
+class ChannelScatter:
+    """Standard deviations of what changes between a calibration and a later time, of one channel and patch.
+
+    The defaults are estimates, for what was not measured.
+    """
+
+    gain: float = 0.01
+    """Velocity per volt, relative."""
+    delay: float = 2e-6
+    """s."""
+    changes: int = 0
+    """Changes of channels from which they were told; 0 for estimates."""
+    seconds: float = 0.0
+    """Longest time between two calibrations among them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +53,8 @@ class Calibration(InNotebook):
     Measured with a multisine at the largest level. It limits what a drive reaches without learning; 0 if not
     measured.
     """
+    scatter: ChannelScatter = ChannelScatter()
+    """Of its channel: see `calibration.model.channel_scatter`."""
     finger: Finger | None = None
     """Fingertip on the point that response and model hold for; None for the bare table."""
 

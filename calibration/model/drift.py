@@ -18,14 +18,14 @@ of each other; the residues stay. A change of the shapes (a finger, a loose patc
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 
 from ...instruments.arrays import ComplexArray, FloatArray, IntArray
 from .model import Model
 
-__all__ = ["Drift", "mode_deviations"]
+__all__ = ["Drift", "mode_deviations", "modes_of"]
 
 
 @dataclass(frozen=True)
@@ -42,14 +42,15 @@ class Drift:
     """Frequency of each mode."""
     damping: float = 0.1
     """Damping ratio of each mode."""
-    gain: float = 0.01
-    """Velocity per volt of each patch."""
-    delay: float = 2e-6
-    """Delay of each patch (s)."""
+    gain: float | None = None
+    """Velocity per volt of each patch; None: as its calibration states it (`Calibration.scatter`)."""
+    delay: float | None = None
+    """Delay of each patch (s); None as well."""
 
     def times(self, factor: float) -> Drift:
-        """A drift of so many times the size."""
-        return Drift(**{name: factor * size for name, size in asdict(self).items()})
+        """A drift of so many times the size; what a calibration states stays."""
+        gain, delay = (None if one is None else factor * one for one in (self.gain, self.delay))
+        return Drift(factor * self.common, factor * self.own, factor * self.damping, gain, delay)
 
     @property
     def modes(self) -> bool:
@@ -62,7 +63,7 @@ def mode_deviations(models: Sequence[Model], f: FloatArray, drift: Drift) -> Com
 
     The sum over the deviations of their products is the covariance of the responses.
     """
-    modes = _modes(models)
+    modes = modes_of(models)
     count = int(max(each.max() for each in modes)) + 1
     s = np.asarray(2j * np.pi * f, dtype=np.complex128)
     found = []
@@ -95,7 +96,7 @@ def _moved(
     return changed
 
 
-def _modes(models: Sequence[Model]) -> list[IntArray]:
+def modes_of(models: Sequence[Model]) -> list[IntArray]:
     """Number of the mode of each pole of each model; -1 for one that belongs to no resonance."""
     poles = np.concatenate([m.poles for m in models])
     numbers = np.full(len(poles), -1)

@@ -210,7 +210,7 @@ def test_the_patches_that_play_are_those_with_a_channel_of_their_own() -> None:
     ("levels", "method"),
     [
         ({"modulated": 8.0, "broadband": 12.0}, "modulated"),
-        ({"modulated": 4.0, "broadband": 8.0}, "broadband"),
+        ({"modulated": 6.5, "broadband": 8.0}, "broadband"),
         ({"modulated": 4.0, "broadband": 3.0}, "modulated"),
     ],
 )
