@@ -14,7 +14,7 @@ from ..instruments.operator import RestFinger
 from ..reports import contents, outputs, show
 from ..terminal.progress import Steps
 from . import front as haploop
-from .grouped import AskedPress, Shown, on_press, shown
+from .grouped import AskedPress, Shown, on_press, showing
 from .options import FINGER, FORCE, JSON, NEW, PATH, PLAYS, QUIET, ChosenRig, Measure, on_rig
 
 __all__ = ["button"]
@@ -133,7 +133,7 @@ def make(
 @on_press
 @click.option("--out", "-o", type=NEW, metavar="PLAN.h5", help="Plan file to write, for a report.")
 @on_rig()
-@shown
+@showing
 def plan(asked: AskedPress, out: Path | None, rig: ChosenRig, shown: Shown) -> int:
     """Show what error buys which loudness, without playing anything.
 

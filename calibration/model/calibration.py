@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -119,15 +120,29 @@ def load_calibrations(paths: Sequence[str | Path], patches: Sequence[str] = ()) 
     files: list[str | Path] = []
     for path in paths:
         named = [calibration_of(path, patch) for patch in patches]
-        files += named if named and not Path(path).exists() else [path]
+        there = Path(path).exists()
+        beside = _patches_beside(Path(path)) if not there and not named else []
+        if beside:
+            raise ConfigurationError(
+                f"There is no file {path}, and beside it there are calibrations of patches "
+                f"{', '.join(beside)}: name those that are to play (--patches {','.join(beside)})."
+            )
+        files += named if named and not there else [path]
     found = [Calibration.load(path) for path in files]
-    there = [one.response.patch for one in found]
-    missing = [patch for patch in patches if patch not in there]
+    read = [one.response.patch for one in found]
+    missing = [patch for patch in patches if patch not in read]
     if missing:
         raise ConfigurationError(
-            f"There is no calibration of patch {', '.join(missing)} among those given ({', '.join(there)}): "
+            f"There is no calibration of patch {', '.join(missing)} among those given ({', '.join(read)}): "
             f"calibrate it (haploop calibrate --patch {','.join(missing)})."
         )
     if patches:
         found = [one for patch in patches for one in found if one.response.patch == patch]
     return tuple(found)
+
+
+def _patches_beside(path: Path) -> list[str]:
+    """Patches whose files `calibration_of` names."""
+    found = sorted(path.parent.glob(f"{glob.escape(path.stem)}-*{path.suffix}"))
+    names = [one.stem.removeprefix(f"{path.stem}-") for one in found]
+    return [name for name in names if "-" not in name and name != "waveforms"]

@@ -25,7 +25,7 @@ import numpy as np
 from ...instruments.arrays import ComplexArray, FloatArray, IntArray
 from .model import Model
 
-__all__ = ["Drift", "mode_deviations", "modes_of"]
+__all__ = ["Drift", "apart", "mode_deviations", "modes_of"]
 
 
 @dataclass(frozen=True)
@@ -56,6 +56,19 @@ class Drift:
     def modes(self) -> bool:
         """True when a mode is expected to change."""
         return bool(self.common or self.own or self.damping)
+
+
+def apart(one: Model, other: Model) -> float:
+    """Relative difference of the resonances of two fits of one table: the median over those of `one`.
+
+    Each is compared with the nearest of the other. A mode that one of them hardly sees is far off, and so are
+    some near the ends of the band; half of them are not.
+    """
+    own, others = (np.array([r.frequency_hz for r in model.resonances]) for model in (one, other))
+    if not len(own) or not len(others):
+        return 0.0
+    shifts = np.abs(others[None, :] / own[:, None] - 1)
+    return float(np.median(shifts.min(axis=1)))
 
 
 def mode_deviations(models: Sequence[Model], f: FloatArray, drift: Drift) -> ComplexArray:

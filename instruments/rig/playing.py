@@ -15,7 +15,6 @@ from functools import partial
 import numpy as np
 
 from ..arrays import FloatArray
-from ..clock import Clock
 from ..daq import Block, Capture, Stream
 from ..errors import ConfigurationError, InstrumentError
 from ..generator import Sweep, Waveform
@@ -42,7 +41,6 @@ class Playing:
     def __init__(
         self,
         rig: Instruments,
-        clock: Clock,
         limiter: Limiter,
         monitoring: Monitoring,
         make_safe: Callable[[], None],
@@ -53,7 +51,6 @@ class Playing:
         On a rig without a drive monitor it has those that the audit log says are not proved.
         """
         self._rig = rig
-        self._clock = clock
         self._limiter = limiter
         self._monitoring = monitoring
         self._make_safe = make_safe
@@ -252,8 +249,8 @@ class Playing:
                 each(block)
                 if not triggered:
                     rig.generator.trigger()
-                    triggered.append(self._clock.now())
-                elif not ended and self._clock.now() >= triggered[0] + waveform.duration:
+                    triggered.append(rig.clock.now())
+                elif not ended and rig.clock.now() >= triggered[0] + waveform.duration:
                     if not rig.generator.is_on:
                         raise InstrumentError(
                             f"The {rig.generator.identity} was switched off while its waveform was played: "

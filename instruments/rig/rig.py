@@ -54,8 +54,7 @@ class Rig(Instruments, InNotebook):
         mode: Mode | None,
         hardware: Collection[str],
     ) -> None:
-        super().__init__(file)
-        self.clock = clock
+        super().__init__(file, clock)
         self.simulation = simulation
         self.mode = mode
         self.hardware = frozenset(hardware)
@@ -143,8 +142,8 @@ class Rig(Instruments, InNotebook):
     def _playing(self) -> Playing:
         # Created for each play: stored, it would form a reference cycle with the rig, and a closed rig
         # would keep its simulated world until the garbage collector runs.
-        monitoring = Monitoring(self, self._lockouts, self._limiter, self.live_run, self.clock)
-        return Playing(self, self.clock, self._limiter, monitoring, self.make_safe, self._proved)
+        monitoring = Monitoring(self, self._lockouts, self._limiter, self.live_run)
+        return Playing(self, self._limiter, monitoring, self.make_safe, self._proved)
 
     def tap(self, capacity: int = 16) -> Tap:
         """Return a tap on the newest blocks of all further recordings and plays. See `Tap`."""

@@ -118,7 +118,7 @@ def test_the_order_of_the_patches_is_that_of_the_calibrations(four: Four) -> Non
 def test_what_cannot_be_is_said_before_anything_is_played(four: Four, button: DigitalButton) -> None:
     a, b, *_ = four.calibrations
     press, limits = make_press(), four.rig.limits
-    with pytest.raises(ConfigurationError, match="one calibration of each patch"):
+    with pytest.raises(ConfigurationError, match="2 calibrations of patch A at the button point were"):
         drive_for(press, [a, a], limits)
     elsewhere = replace(b, response=replace(b.response, point="31"))
     with pytest.raises(ConfigurationError, match="no calibration of patch A at the 31 point"):
@@ -193,6 +193,26 @@ def test_calibrations_of_several_patches_are_found_by_one_name(four: Four, tmp_p
         load_calibrations(files, ("A", "C"))
     with pytest.raises(DataError, match="table-D"):
         load_calibrations([path], ("D",))
+    (tmp_path / "table-A-waveforms.h5").touch()
+    with pytest.raises(ConfigurationError, match=r"of patches A, B, C: .* \(--patches A,B,C\)"):
+        load_calibrations([path])
+
+
+def test_calibrations_that_do_not_belong_together_are_refused_in_a_sentence(four: Four) -> None:
+    """Of another table, or of another day; their order does not matter."""
+    a, b, c, d = four.calibrations
+    press, limits = make_press(), four.rig.limits
+    moved = replace(c, model=replace(c.model, poles=1.01 * c.model.poles))
+    says = r"patch A at the button point \(.*\) and of patch C at .* differ by 1.0%: they are of two tables"
+    with pytest.raises(ConfigurationError, match=says):
+        drive_for(press, (a, b, moved, d), limits)
+    with open_rig("four-channel", simulate="twin", simulation={"seed": SEED + 1}) as rig:
+        stranger = calibrate(rig, "C")
+    with pytest.raises(ConfigurationError, match=r"patch C .* differ by .* of two tables"):
+        drive_for(press, (a, b, stranger, d), limits)
+    straight, turned = (drive_for(press, four.calibrations[::step], limits) for step in (1, -1))
+    assert turned.patches == tuple("DCBA") and turned.scale == pytest.approx(straight.scale, rel=0.02)
+    assert turned.drifted_error == pytest.approx(straight.drifted_error, rel=0.05)
 
 
 def test_a_plan_compares_one_patch_and_four_as_calibrated_and_after_a_drift(four: Four) -> None:
