@@ -55,7 +55,7 @@ def test_what_is_odd_about_a_finger_is_one_sentence(demo: Demo, made: Path, run:
         (("--map", tmp_path), "holds no map"),
         (("--beside", "999"), "999"),
         (("--beside", "20"), "is the one under the finger"),
-        (("--force", "nan"), "--force"),
+        (("--force", "nan"), "nan N was asked for"),
     ):
         result = run(*asked, *more)
         assert result.exit_code == 2 and told in result.stderr and not out.exists(), result.stderr
