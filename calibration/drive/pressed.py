@@ -18,7 +18,8 @@ from ...acquisition import Representative
 from ...instruments import ConfigurationError, DataError, Limits
 from ...instruments.notebook import InNotebook
 from ..model import GROWS, Calibration, at_force
-from .drive import Drive, Method, drive_for
+from .drive import Drive, drive_for
+from .targets import Method
 from .trade import TRADE, Trade
 
 __all__ = ["PressedDrives", "pressed_drives"]
