@@ -89,7 +89,7 @@ class Drive(InNotebook):
     """Drift of the table that was planned against."""
     drifted_error: float = 0.0
     """Error expected of the whole motion when the table has drifted so, `predicted_error` included; by
-    `Drift()` where no drift was planned against."""
+    `Drift()` where no drift of modes was planned against."""
 
     def __post_init__(self) -> None:
         """Raises DataError for signals that no calibration makes, so that nobody plots or plays them."""
@@ -134,7 +134,7 @@ class Drive(InNotebook):
         """
         own = self.predicted_error, self.drifted_error
         each = [own, *(one.expected for one in self.elsewhere if one.button)]
-        return max(error[self.drift != STEADY] for error in each)
+        return max(error[self.drift.modes] for error in each)
 
     @property
     def points(self) -> tuple[str, ...]:
@@ -208,9 +208,10 @@ def drive_for(
     band = table.measured_well(band, [point for point in table.points if elsewhere.get(point, press)])
     targets, in_band = grid.within(band)
     drift = trade.drift_for(table)
-    drifting = plan_for(table, targets, grid, band, limits, Drift() if drift == STEADY else drift)
-    steady = replace(drifting, drift=0.0)
-    plan = steady if drift == STEADY else drifting
+    plan = plan_for(table, targets, grid, band, limits, drift)
+    steady, drifting = replace(plan, drift=0.0), plan
+    if not drift.modes:
+        drifting = replace(plan, drift=table.drifted(grid.frequencies, Drift()))
     planned = planned_by(plan, trade, trade.budget(drift), float(table.reach(limits).max()), inversion)
 
     smooth = grid.smooth

@@ -129,6 +129,8 @@ def test_what_cannot_be_is_said_before_anything_is_played(four: Four, button: Di
         drive_for(press, [a, replace(b, response=replace(b.response, rig="another"))], limits)
     with pytest.raises(ConfigurationError, match="for an error or for a scale"):
         Trade(error=0.1, scale=0.1)
+    with pytest.raises(ConfigurationError, match=r"A drift cannot be common = -0\.01"):
+        Drift().times(-1)
     with pytest.raises(ConfigurationError, match="scale = -1"):
         Trade(scale=-1)
     with pytest.raises(DataError, match="a signal for each patch"):
