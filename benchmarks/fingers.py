@@ -104,8 +104,13 @@ def study(seed: int, people: Sequence[str], press: Representative, found: Found,
                 if mass not in others:
                     other = haploop.calibrate_finger(rig, bare, "P99")
                     others[mass] = haploop.drive_for(press, other, rig.limits)
-                own = haploop.calibrate_finger(rig, bare, person)
-                seen = haploop.calibrate_finger(rig, bare, person, plate=plate)
+                try:
+                    own = haploop.calibrate_finger(rig, bare, person)
+                    seen = haploop.calibrate_finger(rig, bare, person, plate=plate)
+                except haploop.DataError as error:
+                    found.checks.append(f"{mass:g} kg, {person}: not calibrated: {error}")
+                    print(found.checks[-1], flush=True)
+                    continue
                 for way, made in (("the point itself", own), ("four points beside, and the map", seen)):
                     assert made.finger is not None
                     pair = true_finger(rig, made, person), made.finger.uncertainty

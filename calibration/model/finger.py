@@ -53,9 +53,9 @@ _BAND = (75.0, 600.0)
 _START, _WITHIN, _TRIES = (700.0, 300.0), ((20.0, 20.0), (2e4, 5e3)), 80
 """First guess of r and d (1/s), the least and most of both, and the most evaluations of a search."""
 _MISFIT, _BESIDE = 0.04, 0.1
-"""Largest residual of the responses under the finger, over what the finger changed: a fingertip leaves up to
-0.03, a palm or a second finger 0.07 and more (simulated). Beside the point and without a map the ratios leave
-more."""
+"""Largest residual of the responses under the finger, over what the finger changed, where the laser sees its
+point, and beside it. There a fingertip leaves up to 0.02, a palm or a second finger 0.07 and more (simulated);
+beside it shapes and ratios leave up to 0.07 of a fingertip's, so that a palm on a heavy pane is not told."""
 _NOISE = 0.004
 """Residual (relative rms) that noise leaves, beside that."""
 _CHANGED = 0.015
@@ -206,8 +206,8 @@ def find_finger(
             f"Nothing seems to rest at the {asked.point} point: the response changed by {changed:.1%} only. "
             f"{asked.participant} rests a fingertip there from when that is asked until it is to be lifted."
         )
-    guessed = plate is None and any(look.under.point != bare.response.point for look in looks)
-    if misfit > (_BESIDE if guessed else _MISFIT) * changed + _NOISE:
+    beside = any(look.under.point != bare.response.point for look in looks)
+    if misfit > (_BESIDE if beside else _MISFIT) * changed + _NOISE:
         raise DataError(
             f"Under the finger the response differs by {changed:.1%} from the bare one, and a fingertip at "
             f"the point leaves {misfit:.1%} of it unexplained: hold still, touch nothing else, and see that "
