@@ -29,7 +29,7 @@ def commands_in(text: str) -> Iterator[str]:
 
 def wrong_in(line: str) -> str:
     """Return what of a command does not exist; empty if all of it does."""
-    words = line.split()[1:]
+    words = line.replace("\\|", "|").split()[1:]
     command: click.Command = cli
     context = click.Context(command)
     while words and isinstance(command, click.Group):
