@@ -20,15 +20,9 @@ from pathlib import Path
 from typing import Any
 
 from ..instruments import DataError
-from ..instruments.files import (
-    appended,
-    make_folder,
-    os_error_text,
-    private_files,
-    sync_folder,
-    whole_file,
-)
+from ..instruments.files import appended, make_folder, os_error_text, private_files, whole_file
 from ..instruments.json_text import as_file, as_line, with_hash
+from ..instruments.publishing import sync_folder
 from .json_files import read_json
 
 __all__ = [

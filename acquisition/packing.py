@@ -29,6 +29,7 @@ def write_packed(
     name: str,
     values: NDArray[Any],
     chunks: tuple[int, ...] | bool = True,
+    *,
     fletcher32: bool = False,
     attributes: Mapping[str, Any] = MappingProxyType({}),
 ) -> None:

@@ -26,6 +26,7 @@ from .map import VibrationMap as VibrationMap
 from .map import map_plan as map_plan
 from .map import measure_map as measure_map
 from .model import Calibration as Calibration
+from .model import ChannelScatter as ChannelScatter
 from .model import Drift as Drift
 from .model import Finger as Finger
 from .model import Model as Model
@@ -37,6 +38,7 @@ from .model import calibration_of as calibration_of
 from .model import fit as fit
 from .model import load_calibrations as load_calibrations
 from .model import under_finger as under_finger
+from .model import with_scatter as with_scatter
 from .perception import Feeling as Feeling
 from .perception import LabThreshold as LabThreshold
 from .perception import feeling_of as feeling_of

@@ -11,7 +11,7 @@ import click
 from ..reports import contents, show
 from ..terminal.progress import Steps
 from . import front as haploop
-from .grouped import Shown, shown
+from .grouped import Shown, showing
 from .options import JSON, ONLY, PATH
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def analyse() -> None:
 )
 @click.option("--between", metavar="COLUMN", default="", help="Between factor.  [default: group]")
 @ONLY
-@shown
+@showing
 def confusion(
     file: Path,
     within: str,
@@ -65,7 +65,7 @@ def confusion(
 @click.option("--between", metavar="COLUMN", default="", help="Between factor.  [default: group]")
 @click.option("--as-rated", is_flag=True, help="Do not normalise by geometric means.")
 @ONLY
-@shown
+@showing
 def ratings(
     file: Path,
     factors: tuple[str, str],

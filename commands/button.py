@@ -13,17 +13,8 @@ from ..instruments.files import reserved
 from ..reports import contents, outputs, show
 from ..terminal.progress import Steps
 from . import front as haploop
-from .grouped import AskedPress, Shown, on_press, shown
-from .options import (
-    JSON,
-    NEW,
-    PATH,
-    PLAYS,
-    QUIET,
-    ChosenRig,
-    Measure,
-    on_rig,
-)
+from .grouped import AskedPress, Shown, on_press, showing
+from .options import JSON, NEW, PATH, PLAYS, QUIET, ChosenRig, Measure, on_rig
 
 __all__ = ["button"]
 
@@ -39,6 +30,13 @@ LEVEL = click.option(
     type=Measure("dB"),
     metavar="DB",
     help="At least so far above the threshold of a finger that presses, for example 10dB.",
+)
+DRIFT = click.option(
+    "--drift",
+    type=Measure("%", 0.01),
+    metavar="PERCENT",
+    help="Drift of all resonances that is planned against, dampings and the rest in proportion: a "
+    "smaller one is louder.  [default: 1 with several patches, none with one]",
 )
 
 
@@ -76,6 +74,7 @@ def button() -> None:
 @QUIET
 @ERROR
 @LEVEL
+@DRIFT
 @on_rig()
 @JSON
 def make(
@@ -86,6 +85,7 @@ def make(
     quiet_at: Sequence[str],
     error: float | None,
     level: float | None,
+    drift: float | None,
     rig: ChosenRig,
     as_json: bool,
 ) -> int:
@@ -101,14 +101,16 @@ def make(
 
     Exit codes: 0 the check passed, 1 it did not (the file is written and states why).
     """
-    chosen, wanted = (error, level) != (None, None), haploop.Loudness(error, level)
+    usual = haploop.Drift()
+    against = None if drift is None else usual.times(drift / usual.common)
+    chosen, wanted = (error, level) != (None, None), haploop.Loudness(error, level, against)
     loaded, press = asked.load_calibrations(), asked.load_press()
     with (
         reserved(out, size=sizes.BUTTON + (iterations + 1) * sizes.STEP),
         rig.opened() as opened,
         Steps() as steps,
     ):
-        trade = haploop.Trade()
+        trade = haploop.Trade(drift=against)
         if chosen:
             trade = haploop.trade_for(press, loaded, opened, wanted, method, quiet_at)
         made = haploop.build_button(
@@ -130,7 +132,7 @@ def make(
 @on_press
 @click.option("--out", "-o", type=NEW, metavar="PLAN.h5", help="Plan file to write, for a report.")
 @on_rig()
-@shown
+@showing
 def plan(asked: AskedPress, out: Path | None, rig: ChosenRig, shown: Shown) -> int:
     """Show what error buys which loudness, without playing anything.
 

@@ -11,7 +11,7 @@ import click
 from .. import instruments
 from ..reports import contents, outputs
 from ..reports import show as display
-from ..terminal.progress import Steps, print_json, print_line
+from ..terminal.progress import Steps, print_either
 from . import front as haploop
 from .grouped import COLUMNS
 from .options import JSON, PATH, PICTURE, RIG, TAPE, ChosenRig, on_rig, on_table
@@ -133,10 +133,8 @@ def plot(out: Path, columns: Literal[1, 2], calibrations: Path | None, rig: str,
     figure = haploop.trend(history, columns)
     simulated = contents.simulated(history)
     outputs.save_picture(figure, out, simulated)
-    if as_json:
-        print_json({"plot": str(out), "simulated": simulated, "looks": len(history.looks)})
-    else:
-        print_line(f"Plot: {out}")
+    values = {"plot": str(out), "simulated": simulated, "looks": len(history.looks)}
+    print_either(as_json, values, f"Plot: {out}")
     return 0
 
 

@@ -12,7 +12,7 @@ import click
 
 from ..instruments.files import new_file
 from ..reports import contents, outputs, show
-from ..terminal.progress import Steps, note, print_json, print_line
+from ..terminal.progress import Steps, note, print_either, print_line
 from . import front as haploop
 from .options import JSON, PATH, ChosenRig, FiniteRange, NewFile, on_rig
 
@@ -226,13 +226,12 @@ def export(file: str, out: Path, practice: bool, data: Path | None, as_json: boo
     store = _store(file, data)
     lines = haploop.export_answers(store, out, practice)
     unfinished = [f"{one.path.parent.name}/{one.path.name}" for one in store.unfinished()]
-    if as_json:
-        description = str(out.with_suffix(".json"))
-        print_json({"file": str(out), "description": description, "lines": lines, "unfinished": unfinished})
-    else:
-        print_line(f"{out} has {lines} lines; {out.with_suffix('.json')} describes its columns.")
-        if unfinished:
-            print_line(f"Not complete: {', '.join(unfinished)}. Their lines say so (column complete).")
+    description = str(out.with_suffix(".json"))
+    said = [f"{out} has {lines} lines; {description} describes its columns."]
+    if unfinished:
+        said.append(f"Not complete: {', '.join(unfinished)}. Their lines say so (column complete).")
+    values = {"file": str(out), "description": description, "lines": lines, "unfinished": unfinished}
+    print_either(as_json, values, *said)
     return 0
 
 
@@ -252,13 +251,12 @@ def withdraw(file: str, participant: str, yes: bool, data: Path | None, as_json:
     if not yes:
         click.confirm(f"Delete all answers of {participant} in {store.folder}?", abort=True, err=True)
     done = store.withdraw(participant)
-    if as_json:
-        print_json({"participant": participant, "deleted": list(done.files), "time": done.time})
-    else:
-        print_line(
-            f"Deleted {len(done.files)} files of {participant}: {', '.join(done.files) or 'none'}. Tables "
-            "exported before, recordings of presses, and backups may still hold something of them."
-        )
+    print_either(
+        as_json,
+        {"participant": participant, "deleted": list(done.files), "time": done.time},
+        f"Deleted {len(done.files)} files of {participant}: {', '.join(done.files) or 'none'}. Tables "
+        "exported before, recordings of presses, and backups may still hold something of them.",
+    )
     return 0
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from ..terminal.progress import SIMULATED, print_json, print_line
+from ..terminal.progress import SIMULATED, print_either
 from . import front as haploop
 from .options import JSON, PATH
 
@@ -45,11 +45,8 @@ def export(files: Sequence[Path], format: str, out: Path, as_json: bool) -> int:
     A file of a format without units gets a sidecar, PATH.json.
     """  # noqa: D301 - click's mark must be the character itself
     done = haploop.export_file(files, format, out)
-    if as_json:
-        written = [str(file) for file in done.files]
-        print_json({"kind": done.kind, "to": done.format, "files": written, "simulated": done.simulated})
-    else:
-        print_line(f"{' and '.join(map(str, done.files))}: {done.kind} as {done.format}.")
-        if done.simulated:
-            print_line(SIMULATED)
+    written = [str(file) for file in done.files]
+    values = {"kind": done.kind, "to": done.format, "files": written, "simulated": done.simulated}
+    said = f"{' and '.join(written)}: {done.kind} as {done.format}."
+    print_either(as_json, values, said, *([SIMULATED] if done.simulated else []))
     return 0

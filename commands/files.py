@@ -13,7 +13,7 @@ from ..reports import show as display
 from ..terminal.browser import open_page
 from ..terminal.progress import SIMULATED, Steps, note, print_json, print_line
 from . import front as haploop
-from .grouped import Shown, shown
+from .grouped import Shown, showing
 from .options import JSON, PATH
 
 __all__ = ["list_command", "recover", "report", "show", "verify"]
@@ -21,7 +21,7 @@ __all__ = ["list_command", "recover", "report", "show", "verify"]
 
 @click.command()
 @click.argument("files", nargs=-1, required=True, type=PATH, metavar="FILE...")
-@shown
+@showing
 def show(files: Sequence[Path], shown: Shown) -> int:
     """Show the contents of a file.
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ..reports.contents import Contents
     from ..reports.figures import Columns
 
-__all__ = ["AskedPress", "Prompts", "Shown", "grouped", "on_press", "on_prompts", "shown"]
+__all__ = ["AskedPress", "Prompts", "Shown", "grouped", "on_press", "on_prompts", "showing"]
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 
@@ -146,4 +146,4 @@ COLUMNS = click.option(
     show_default=True,
     help="Width of the picture: one or two columns of a journal (88 or 180 mm).",
 )
-shown = grouped("shown", Shown, PLOT, COLUMNS, JSON)
+showing = grouped("shown", Shown, PLOT, COLUMNS, JSON)

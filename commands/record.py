@@ -73,11 +73,11 @@ def record(
             participant,
             presses,
             out,
-            meter.progress,
-            meter.on_verdict,
+            progress=meter.progress,
+            on_verdict=meter.on_verdict,
+            on_request=meter.on_request,
             protocol=prompts.adapt(protocol),
             notes=notes,
-            on_request=meter.on_request,
             name=name,
         )
     show.print_contents(contents.file_contents(recording.path), as_json)

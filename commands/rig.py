@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ..terminal.progress import note, print_json, print_line
+from ..terminal.progress import note, print_either
 from . import front as haploop
 from .asking import asker
 from .options import JSON, NewFile
@@ -40,12 +40,11 @@ def new(file: Path, base: str | None, simulate: bool, as_json: bool) -> int:
         made = haploop.new_rig(
             file, asker("run it at a terminal, or begin with a shipped rig by --base"), _found(simulate), note
         )
-    if as_json:
-        print_json({"rig": str(file), "name": made.name, "digest": made.digest})
-    else:
-        print_line(
-            f"{file}: the rig {made.name!r}. Try it on twins: haploop doctor --rig {file} --simulate twin"
-        )
+    print_either(
+        as_json,
+        {"rig": str(file), "name": made.name, "digest": made.digest},
+        f"{file}: the rig {made.name!r}. Try it on twins: haploop doctor --rig {file} --simulate twin",
+    )
     return 0
 
 

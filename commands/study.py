@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ..reports import contents, outputs, show
-from ..terminal.progress import Steps, print_json, print_line
+from ..terminal.progress import Steps, print_either, print_line
 from . import front as haploop
 from .grouped import Prompts, on_prompts
 from .options import JSON, NOTES, PATH, ChosenRig, average_option, on_rig
@@ -115,9 +115,9 @@ def run(
                 opened,
                 participants,
                 buttons,
-                meter.progress,
-                meter.on_study_verdict,
-                meter.on_request,
+                progress=meter.progress,
+                on_verdict=meter.on_study_verdict,
+                on_request=meter.on_request,
                 notes=notes,
                 adapt=prompts.adapt,
             )
@@ -179,18 +179,17 @@ def process(out: Path, workers: int | None, dask: str | None, path: Path, as_jso
     opened = haploop.load_study(path)
     with Steps() as steps:
         done = haploop.process_study(opened, out, workers=workers, dask=dask, progress=steps)
-    if as_json:
-        print_json(
-            {
-                "folder": str(done.folder),
-                "presses": done.presses,
-                "parts": done.parts,
-                "computed": done.computed,
-                "buttons": done.buttons,
-            }
-        )
-    else:
-        print_line(f"{done.folder}: {done.presses} presses; {done.computed} of {done.parts} parts computed.")
+    print_either(
+        as_json,
+        {
+            "folder": str(done.folder),
+            "presses": done.presses,
+            "parts": done.parts,
+            "computed": done.computed,
+            "buttons": done.buttons,
+        },
+        f"{done.folder}: {done.presses} presses; {done.computed} of {done.parts} parts computed.",
+    )
     return 0
 
 

@@ -3,30 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import click
 
+from .. import instruments
 from ..calibration import sizes
 from ..instruments.files import reserved
 from ..instruments.operator import RestFinger
 from ..reports import contents, outputs, show
-from ..terminal.progress import Steps
+from ..terminal.progress import Steps, note
 from . import front as haploop
 from .grouped import AskedPress, on_press
-from .options import (
-    JSON,
-    NEW,
-    PATH,
-    PLAYS,
-    ChosenRig,
-    Names,
-    on_rig,
-    on_table,
-)
+from .options import JSON, NEW, PATH, PLAYS, ChosenRig, Names, on_rig, on_table
 
 __all__ = ["calibrate", "check"]
 
+_FEWEST = 3
+"""Changes from which `with_scatter` tells a scatter."""
 
 FINGER = click.option(
     "--finger",
@@ -74,6 +69,14 @@ FORCE = click.option(
     show_default=True,
     help="Keep what was measured in FILE-waveforms.h5 (0.13 MB for each second).",
 )
+@click.option(
+    "--since",
+    multiple=True,
+    type=PATH,
+    metavar="FILE.h5",
+    help="Earlier calibration of the same patches, named as with --out; may be repeated. Tells how channels' "
+    "gains and delays scatter, which drives of several patches are planned against.",
+)
 @FINGER
 @FORCE
 @click.option("--bare", type=PATH, metavar="FILE.h5", help="With --finger: the bare table's calibration.")
@@ -89,6 +92,7 @@ def calibrate(
     point: str,
     out: Path,
     waveforms: bool,
+    since: Sequence[Path],
     finger: str | None,
     force: float | None,
     bare: Path | None,
@@ -99,6 +103,8 @@ def calibrate(
     """Measure the table's response and fit a model.
 
     With --finger and --bare, measure what a resting fingertip does to a calibration, in a few seconds.
+
+    Exit codes: 0 calibrated, 1 calibrated, and --since tells nothing of the channels.
     """
     if finger is not None:
         return _calibrate_finger(RestFinger(finger, beside or "", force or 1.0), bare, out, rig, as_json)
@@ -107,6 +113,12 @@ def calibrate(
     made = [out] if len(patches) == 1 else [haploop.calibration_of(out, patch) for patch in patches]
     measured = [haploop.Waveforms.beside(path) for path in made]
     files = (*made, *measured) if waveforms else tuple(made)
+    earlier = [one for path in dict.fromkeys(since) for one in haploop.load_calibrations([path], patches)]
+    if since and len([one for one in earlier if one.response.point == point]) < _FEWEST:
+        raise click.UsageError(
+            f"--since needs {_FEWEST} earlier calibrations of these patches at the {point} point, one of "
+            "each of three patches or more of one: fewer tell no scatter."
+        )
     for path in files:
         outputs.check_new_file(path)
     with (
@@ -115,17 +127,25 @@ def calibrate(
         Steps() as steps,
     ):
         on_table(opened, point)
-        for patch, path, kept_in in zip(patches, made, measured, strict=True):
-            calibration, kept = haploop.calibrate_keeping(opened, patch, point, steps)
+        found = [haploop.calibrate_keeping(opened, patch, point, steps) for patch in patches]
+        stated, unsaid = [calibration for calibration, _ in found], ""
+        if earlier:
+            try:
+                stated = haploop.with_scatter(stated, earlier)
+            except instruments.DataError as error:
+                unsaid = f"{error} The estimates of it stay."
+        for calibration, (_, kept), path, kept_in in zip(stated, found, made, measured, strict=True):
             calibration.save(path)
             if waveforms:
-                kept.save(kept_in)
+                replace(kept, calibration=calibration.digest).save(kept_in)
+    if unsaid:
+        note(unsaid)
     if len(made) == 1:
-        found = contents.file_contents(out)
+        shown = contents.file_contents(out)
     else:
-        found = contents.calibrations_contents(haploop.load_calibrations(made))
-    show.print_contents(found, as_json)
-    return 0
+        shown = contents.calibrations_contents(haploop.load_calibrations(made))
+    show.print_contents(shown, as_json)
+    return 1 if unsaid else 0
 
 
 def _calibrate_finger(asked: RestFinger, bare: Path | None, out: Path, rig: ChosenRig, as_json: bool) -> int:

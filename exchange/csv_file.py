@@ -11,15 +11,7 @@ import numpy as np
 
 from ..instruments.arrays import FloatArray
 from ..instruments.files import new_file
-from .views import (
-    Cell,
-    PressTable,
-    Responses,
-    Signals,
-    sidecar,
-    write_json,
-    write_sidecar,
-)
+from .views import Cell, PressTable, Responses, Signals, sidecar, write_json, write_sidecar
 
 __all__ = ["write_presses", "write_responses", "write_rows", "write_signals"]
 

@@ -29,6 +29,7 @@ __all__ = [
     "Bars",
     "Steps",
     "note",
+    "print_either",
     "print_json",
     "print_line",
     "print_table",
@@ -127,6 +128,15 @@ def print_json(values: Mapping[str, Any]) -> None:
 def print_line(sentence: str) -> None:
     """Print a sentence on standard output."""
     say(_console(stderr=False), sentence)
+
+
+def print_either(as_json: bool, values: Mapping[str, Any], *sentences: str) -> None:
+    """Print a command's JSON object, or else its sentences."""
+    if as_json:
+        print_json(values)
+        return
+    for sentence in sentences:
+        print_line(sentence)
 
 
 def print_table(table: Table) -> None:

@@ -68,15 +68,14 @@ ENTRY_POINTS = {
 def handed_on(package: str) -> set[str]:
     """The names that a package's door hands on."""
     folder = folder_of(package)
-    if "__all__" not in (folder / "__init__.py").read_text(encoding="utf-8"):
-        return set()
     stub = folder / "__init__.pyi"
-    door = stub if stub.is_file() else folder / "__init__.py"
+    door = (stub if stub.is_file() else folder / "__init__.py").read_text(encoding="utf-8")
     return {
         alias.asname or alias.name
-        for node in ast.walk(ast.parse(door.read_text(encoding="utf-8")))
+        for node in ast.walk(ast.parse(door))
         if isinstance(node, ast.ImportFrom)
         for alias in node.names
+        if alias.asname or "__all__" in door
     }
 
 

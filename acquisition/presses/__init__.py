@@ -1,44 +1,25 @@
 """Presses in a recording: segmentation, quality check, and the representative press."""
 
-from .averaging import AverageMethod
-from .filtering import high_pass
-from .judging import judged
-from .pressing import NAMES, LivePressing, levels_of, press_quantity
-from .protocol import Protocol
-from .quality import QualityCheck, accepted_presses, activation_forces
-from .registration import WarpModel
-from .representative import (
-    Representative,
-    Window,
-    load_press,
-    representative,
-)
-from .restlessness import restlessness
-from .segmentation import ButtonPress, Detector, find_presses
-from .segmentation_settings import SEGMENTATIONS, Segmentation, segmentation_for
-
-__all__ = [
-    "NAMES",
-    "SEGMENTATIONS",
-    "AverageMethod",
-    "ButtonPress",
-    "Detector",
-    "LivePressing",
-    "Protocol",
-    "QualityCheck",
-    "Representative",
-    "Segmentation",
-    "WarpModel",
-    "Window",
-    "accepted_presses",
-    "activation_forces",
-    "find_presses",
-    "high_pass",
-    "judged",
-    "levels_of",
-    "load_press",
-    "press_quantity",
-    "representative",
-    "restlessness",
-    "segmentation_for",
-]
+from .averaging import AverageMethod as AverageMethod
+from .filtering import high_pass as high_pass
+from .judging import judged as judged
+from .pressing import NAMES as NAMES
+from .pressing import LivePressing as LivePressing
+from .pressing import levels_of as levels_of
+from .pressing import press_quantity as press_quantity
+from .protocol import Protocol as Protocol
+from .quality import QualityCheck as QualityCheck
+from .quality import accepted_presses as accepted_presses
+from .quality import activation_forces as activation_forces
+from .registration import WarpModel as WarpModel
+from .representative import Representative as Representative
+from .representative import Window as Window
+from .representative import load_press as load_press
+from .representative import representative as representative
+from .restlessness import restlessness as restlessness
+from .segmentation import ButtonPress as ButtonPress
+from .segmentation import Detector as Detector
+from .segmentation import find_presses as find_presses
+from .segmentation_settings import SEGMENTATIONS as SEGMENTATIONS
+from .segmentation_settings import Segmentation as Segmentation
+from .segmentation_settings import segmentation_for as segmentation_for

@@ -21,16 +21,7 @@ from threadpoolctl import threadpool_limits
 
 from ...instruments import ConfigurationError
 from ...instruments.arrays import BoolArray, FloatArray, IntArray
-from .barycentre import (
-    WarpingPath,
-    alike,
-    along,
-    barycentre,
-    centred,
-    lags_along,
-    paths_to,
-    read_at,
-)
+from .barycentre import WarpingPath, alike, along, barycentre, centred, lags_along, paths_to, read_at
 from .registration import WarpModel, leads, register
 from .spline_rows import moved
 from .spool import Spool

@@ -15,17 +15,7 @@ import scipy
 from ...instruments import DataError, Sensors
 from ...instruments.arrays import FloatArray
 from ...instruments.sensors import Restorer
-from ..recording import (
-    BLOCK,
-    EVENT,
-    FLAGS,
-    VERDICT,
-    Contents,
-    Header,
-    PressVerdict,
-    Recording,
-    to_codes,
-)
+from ..recording import BLOCK, EVENT, FLAGS, VERDICT, Contents, Header, PressVerdict, Recording, to_codes
 from .pressing import Levels, press_quantity, pressing
 from .protocol import Protocol
 from .restlessness import crept, hum_of

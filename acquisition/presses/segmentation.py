@@ -191,9 +191,9 @@ class _Finder:
             instant = activation - recording.delay("force") * rate_hz
             at_activation = _value_at(self._signal, instant, p.fit * rate_hz) - rest
         stage = None
-        if activation is not None and self._shaken is not None:
+        if activation is not None:
             pressed = None if force is None or at_activation is None else (force, at_activation)
-            stage = _first_stage(recording, self._shaken, pressed, start, onset, activation, p)
+            stage = self._first_stage(pressed, start, onset, activation)
         return ButtonPress(
             start=start,
             onset=onset,
@@ -207,6 +207,39 @@ class _Finder:
             saturated=bool(np.any(recording.saturated[onset : release + 1])),
             activated_by=by or "",
         )
+
+    def _first_stage(
+        self, force: tuple[FloatArray, float] | None, start: int, onset: int, activation: float
+    ) -> float | None:
+        """Find the instant of the first click in the acceleration; None without one.
+
+        The search starts where the force (above its rest, and at the activation) shows that the cap is
+        pressed, and at the onset without a force.
+        """
+        recording, shaken, p = self._recording, self._shaken, self._p
+        if shaken is None:
+            return None
+        rate_hz = recording.rate_hz
+        late = recording.delay(recording.motion or "acceleration") * rate_hz
+        with_it = round(activation - late - p.stage_gap * rate_hz)
+        begin = max(onset, with_it - round((p.stage_lead - p.stage_gap) * rate_hz))
+        if force is not None:
+            pressed = np.flatnonzero(force[0][onset:with_it] > p.stage_force * force[1])
+            if not len(pressed):
+                return None
+            begin = max(begin, onset + int(pressed[0]))
+        before, main = shaken[begin:with_it], shaken[with_it : with_it + round(0.04 * rate_hz)]
+        if not len(before) or not len(main):
+            return None
+        quiet = shaken[start:onset]
+        noise = float(np.sqrt(np.mean(quiet**2))) if len(quiet) else 0.0
+        largest = int(np.argmax(before))
+        if before[largest] <= max(p.stage_share * float(main.max()), p.stage_noise * noise):
+            return None
+        # The click begins where the signal near its largest swing first exceeds the noise.
+        near = max(0, largest - round(0.008 * rate_hz))
+        level = max(0.15 * float(before[largest]), 3 * noise)
+        return begin + near + int(np.argmax(before[near : largest + 1] > level)) - 0.5 + late
 
 
 def _rest_before(force: FloatArray, span: Span, low: int, margin: int) -> float:
@@ -241,43 +274,6 @@ def _switching(
     # The contact changed between the sample before and this one: half a sample early, on average.
     shift = start - 0.5 + recording.delay("activation") * recording.rate_hz
     return first + shift, None if back is None else back + shift
-
-
-def _first_stage(
-    recording: Recording,
-    shaken: FloatArray,
-    force: tuple[FloatArray, float] | None,
-    start: int,
-    onset: int,
-    activation: float,
-    p: Segmentation,
-) -> float | None:
-    """Find the instant of the first click in the acceleration; None without one.
-
-    The search starts where the force (above its rest, and at the activation) shows that the cap is pressed,
-    and at the onset without a force.
-    """
-    rate_hz = recording.rate_hz
-    late = recording.delay(recording.motion or "acceleration") * rate_hz
-    with_it = round(activation - late - p.stage_gap * rate_hz)
-    begin = max(onset, with_it - round((p.stage_lead - p.stage_gap) * rate_hz))
-    if force is not None:
-        pressed = np.flatnonzero(force[0][onset:with_it] > p.stage_force * force[1])
-        if not len(pressed):
-            return None
-        begin = max(begin, onset + int(pressed[0]))
-    before, main = shaken[begin:with_it], shaken[with_it : with_it + round(0.04 * rate_hz)]
-    if not len(before) or not len(main):
-        return None
-    quiet = shaken[start:onset]
-    noise = float(np.sqrt(np.mean(quiet**2))) if len(quiet) else 0.0
-    largest = int(np.argmax(before))
-    if before[largest] <= max(p.stage_share * float(main.max()), p.stage_noise * noise):
-        return None
-    # The click begins where the signal near its largest swing first exceeds the noise.
-    near = max(0, largest - round(0.008 * rate_hz))
-    level = max(0.15 * float(before[largest]), 3 * noise)
-    return begin + near + int(np.argmax(before[near : largest + 1] > level)) - 0.5 + late
 
 
 def _first_lasting(state: BoolArray, begin: int, window: int) -> int | None:

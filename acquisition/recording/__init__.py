@@ -1,39 +1,26 @@
 """Recording files: format, writing, reading, salvage, rejections, export."""
 
-from .file_format import Contents, Header, file_name, to_codes
-from .part_reader import PartReader
-from .readings import AlongFile, AlongReading, reading_event
-from .recording import Recording
-from .recovery import recover, set_aside
-from .rejections import Rejection, add_rejections
-from .rows import BLOCK, EVENT, FLAGS, VERDICT, Event, PressVerdict
-from .salvage import content_hash, finish, verify
-from .whole import write_recording
-from .writer import Writer
-
-__all__ = [
-    "BLOCK",
-    "EVENT",
-    "FLAGS",
-    "VERDICT",
-    "AlongFile",
-    "AlongReading",
-    "Contents",
-    "Event",
-    "Header",
-    "PartReader",
-    "PressVerdict",
-    "Recording",
-    "Rejection",
-    "Writer",
-    "add_rejections",
-    "content_hash",
-    "file_name",
-    "finish",
-    "reading_event",
-    "recover",
-    "set_aside",
-    "to_codes",
-    "verify",
-    "write_recording",
-]
+from .file_format import Contents as Contents
+from .file_format import Header as Header
+from .file_format import file_name as file_name
+from .file_format import to_codes as to_codes
+from .part_reader import PartReader as PartReader
+from .readings import AlongFile as AlongFile
+from .readings import AlongReading as AlongReading
+from .readings import reading_event as reading_event
+from .recording import Recording as Recording
+from .recovery import recover as recover
+from .recovery import set_aside as set_aside
+from .rejections import Rejection as Rejection
+from .rejections import add_rejections as add_rejections
+from .rows import BLOCK as BLOCK
+from .rows import EVENT as EVENT
+from .rows import FLAGS as FLAGS
+from .rows import VERDICT as VERDICT
+from .rows import Event as Event
+from .rows import PressVerdict as PressVerdict
+from .salvage import content_hash as content_hash
+from .salvage import finish as finish
+from .salvage import verify as verify
+from .whole import write_recording as write_recording
+from .writer import Writer as Writer

@@ -15,7 +15,8 @@ import h5py
 import numpy as np
 
 from ...instruments import ConfigurationError, DataError, InstrumentError
-from ...instruments.files import existing, os_error_text, publish
+from ...instruments.files import existing, os_error_text
+from ...instruments.publishing import publish
 from ...instruments.safety import is_marked, marked
 from ..checksum import opened, stated, unreadable
 from ..own_process import allow_memory, answer_of

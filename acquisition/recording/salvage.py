@@ -20,17 +20,7 @@ from ..line_files import check_marked, is_marks, line_problems
 from ..packing import write_packed
 from .file_format import CODES, Contents, Header, read_header, write_header
 from .readings import file_problems
-from .rows import (
-    BLOCK,
-    EVENT,
-    VERDICT,
-    Codes,
-    block_dtype,
-    events_in,
-    finished_row,
-    samples_crc,
-    whole,
-)
+from .rows import BLOCK, EVENT, VERDICT, Codes, block_dtype, events_in, finished_row, samples_crc, whole
 
 __all__ = [
     "CHUNK",

@@ -24,16 +24,7 @@ from ...instruments.closing import Closing
 from ...instruments.files import WRITE_ERRORS, allocate, existing, os_error_text, private_files, whole_file
 from ..checksum import add_checksum, created
 from .file_format import Header, codes_per_volt, convert, write_header
-from .rows import (
-    EVENT,
-    VERDICT,
-    Event,
-    PressVerdict,
-    block_dtype,
-    crc32,
-    event_row,
-    verdict_row,
-)
+from .rows import EVENT, VERDICT, Event, PressVerdict, block_dtype, crc32, event_row, verdict_row
 
 __all__ = ["Writer"]
 

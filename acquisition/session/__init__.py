@@ -1,25 +1,11 @@
 """Recording sessions: from the DAQ's stream to a study of many sessions."""
 
-from .looking import look
-from .recorder import record
-from .study import (
-    Study,
-    StudyProgress,
-    load_study,
-    open_part,
-    run_study,
-    with_presses,
-)
-from .study_file import williams_row
-
-__all__ = [
-    "Study",
-    "StudyProgress",
-    "load_study",
-    "look",
-    "open_part",
-    "record",
-    "run_study",
-    "williams_row",
-    "with_presses",
-]
+from .looking import look as look
+from .recorder import record as record
+from .study import Study as Study
+from .study import StudyProgress as StudyProgress
+from .study import load_study as load_study
+from .study import open_part as open_part
+from .study import run_study as run_study
+from .study import with_presses as with_presses
+from .study_file import williams_row as williams_row

@@ -11,30 +11,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ...instruments import (
-    Block,
-    Clock,
-    ConfigurationError,
-    DataError,
-    InstrumentError,
-    Request,
-    Rig,
-    Stream,
-)
+from ...instruments import Block, Clock, ConfigurationError, DataError, InstrumentError, Request, Rig, Stream
 from ...instruments.files import check_destination, private_files
 from ...instruments.progress import Progress, silent
 from ...instruments.safety import marked
 from ...instruments.signals import uninterrupted
 from ..presses import Protocol, segmentation_for
-from ..recording import (
-    Header,
-    PressVerdict,
-    Recording,
-    Writer,
-    file_name,
-    finish,
-    set_aside,
-)
+from ..recording import Header, PressVerdict, Recording, Writer, file_name, finish, set_aside
 from .along import Along
 from .session_run import Session, SessionRun, Told, ignore, telling_sensor
 from .stream_reader import GapError, OverrunError, StreamReader
@@ -51,6 +34,7 @@ def record(
     participant: str,
     presses: int,
     out: str | Path,
+    *,
     progress: Progress = silent,
     on_verdict: Callable[[PressVerdict], None] = ignore,
     protocol: Protocol | None = None,

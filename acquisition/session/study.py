@@ -16,26 +16,11 @@ from datetime import UTC, datetime
 from functools import cached_property, partial
 from pathlib import Path
 
-from ...instruments import (
-    ConfigurationError,
-    Consent,
-    DataError,
-    InstrumentError,
-    Ready,
-    Request,
-    Rig,
-)
+from ...instruments import ConfigurationError, Consent, DataError, InstrumentError, Ready, Request, Rig
 from ...instruments.progress import Progress, silent
 from ...instruments.safety import hold
 from ..presses import AverageMethod, Protocol, Representative, representative
-from ..recording import (
-    PressVerdict,
-    Recording,
-    Rejection,
-    add_rejections,
-    file_name,
-    finish,
-)
+from ..recording import PressVerdict, Recording, Rejection, add_rejections, file_name, finish
 from .recorder import run_session
 from .session_run import Session, Told, ignore
 from .study_file import StudyFile, load_study_file
@@ -297,6 +282,7 @@ def run_study(
     study: Study,
     participants: Collection[str] = (),
     buttons: Collection[str] = (),
+    *,
     progress: Progress = silent,
     on_verdict: Callable[[str, str, PressVerdict], None] = ignore,
     on_request: Callable[[Request], None] = ignore,

@@ -109,6 +109,8 @@ class Drive(InNotebook):
                 "the drive and its target are not a signal for each patch and one for the target, of one "
                 "length with finite values."
             )
+        if len(set(self.patches)) < len(self.patches):
+            raise DataError(f"the drive has two signals for one patch ({self.patch}).")
         if not 0 < self.rate_hz < np.inf:
             raise DataError(f"the drive has {self.rate_hz:g} samples/s.")
         if self.peak > _REACH:

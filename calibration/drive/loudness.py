@@ -17,7 +17,7 @@ from ...acquisition import hdf5
 from ...instruments import ConfigurationError, Rig
 from ...instruments.notebook import InNotebook
 from ...instruments.progress import Progress, silent
-from ..model import Calibration
+from ..model import Calibration, Drift
 from ..perception import LabThreshold, Sensation, lab_threshold, levels_of, pressing_act
 from .check import TOLERANCE
 from .drive import Drive, Method, drive_for
@@ -48,6 +48,8 @@ class Loudness:
     tolerates."""
     level: float | None = None
     """Least level above the threshold of a finger that presses (dB), at the least error."""
+    drift: Drift | None = None
+    """See `Trade`: a smaller one leaves more volts for loudness."""
 
     def __post_init__(self) -> None:
         """Raises ConfigurationError for an error that no check tolerates."""
@@ -181,8 +183,13 @@ def trade_for(
     `drive_for` raises.
     """
 
+    def traded(error: float) -> Trade:
+        return Trade(error, drift=loudness.drift)
+
     def at(error: float) -> Drive:
-        return drive_for(press, calibration, rig.limits, method=method, trade=Trade(error), quiet_at=quiet_at)
+        return drive_for(
+            press, calibration, rig.limits, method=method, trade=traded(error), quiet_at=quiet_at
+        )
 
     def level(drive: Drive) -> float:
         return _level(drive, lab)
@@ -197,16 +204,16 @@ def trade_for(
         )
     wanted = loudness.level
     if wanted is not None and level(closest) >= wanted:
-        return Trade(BUDGET)
+        return traded(BUDGET)
     error, loudest = _loudest(at, most, closest)
     if wanted is None:
-        return Trade(error)
+        return traded(error)
     if level(loudest) < wanted:
         raise ConfigurationError(
             f"The {press.button} button cannot be {wanted:.1f} dB above the threshold of a pressing finger: "
             f"within the limits, with at most {most:.0%} of error, {level(loudest):.1f} dB is the most."
         )
-    return Trade(
+    return traded(
         _least(lambda error: level(at(error)), wanted, (BUDGET, level(closest)), (error, level(loudest)))
     )
 

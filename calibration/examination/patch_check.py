@@ -19,7 +19,8 @@ import scipy
 
 from ...instruments import Capture, HaploopError, InstrumentError, Rig
 from ...instruments.arrays import BoolArray, ComplexArray, FloatArray
-from ...instruments.vibrometer import shown
+from ...instruments.rig import UnshownError
+from ...instruments.vibrometer import shown as shown_as
 from ..response import linear_sweep
 from .finding import Finding
 
@@ -47,13 +48,15 @@ _CLEAR = 1.3
 @dataclass(frozen=True)
 class _Answer:
     """Result of one sweep, per volt commanded: `drive` V at the patch, `seen` m/s (rms over the band),
-    `in_phase` m/s (in phase with the drive). `problem` is a sentence about a signal out of range.
+    `in_phase` m/s (in phase with the drive). `problem` is a sentence about a signal out of range, and
+    `elsewhere` are the monitors of other patches that show the drive.
     """
 
     drive: float
-    seen: float
-    in_phase: float
-    problem: str | None
+    seen: float = 0.0
+    in_phase: float = 0.0
+    problem: str | None = None
+    elsewhere: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -64,6 +67,8 @@ class _Answers:
     of: dict[tuple[str, str], _Answer]
     silence: _Answer
     refused: dict[str, str]
+    alone: bool
+    """Whether each patch has a channel of the amplifier of its own."""
 
     def best(self) -> dict[str, _Answer]:
         """The strongest answer to each patch, over all places."""
@@ -132,27 +137,33 @@ def _measure(rig: Rig) -> _Answers:
             raise InstrumentError(
                 f"The operator did not confirm this request, so no patch was tested: {rig.aim(point)}"
             )
-        silence = silence or _play(rig, sweep, (), silent)
+        silence = silence or _play(rig, sweep, silent=silent)
         for patch in (p for p in patches if p not in refused):
             try:
-                of[place, patch] = _play(rig, sweep, (patch,))
+                of[place, patch] = _play(rig, sweep, patch)
                 while of[place, patch].problem and rig.actuator.kind == "coil" and level > _WEAKEST:
                     # A coil may move the table much more than a patch does, and how much is not known yet.
                     level, sweep = level / 4, sweep / 4
-                    of[place, patch] = _play(rig, sweep, (patch,))
+                    of[place, patch] = _play(rig, sweep, patch)
+            except UnshownError as error:
+                of[place, patch] = _Answer(error.share, elsewhere=error.elsewhere)
             except HaploopError as error:
+                if rig.lockout is not None:
+                    raise  # nothing is played any more
                 refused[patch] = str(error)
     assert silence is not None, "there is a point"
-    return _Answers(level, of, silence, refused)
+    return _Answers(level, of, silence, refused, bool(rig.amplifier.inputs))
 
 
-def _play(rig: Rig, sweep: FloatArray, patches: tuple[str, ...], silent: bool = False) -> _Answer:
-    """Play the sweep, or with `silent` silence of the same length, and measure the answer."""
+def _play(rig: Rig, sweep: FloatArray, patch: str = "", silent: bool = False) -> _Answer:
+    """Play the sweep, into `patch` or into open contacts, or silence as long, and measure the answer.
+
+    Of open contacts the drive is that of the monitor which shows most.
+    """
     sensor = rig.sensors.drive
     assert sensor is not None
-    capture = rig.excite(
-        0 * sweep if silent else sweep, patches, (sensor.channels[0], rig.vibrometer.channel), _TAIL
-    )
+    channels, played = sensor.channels, 0 * sweep if silent else sweep
+    capture = rig.excite(played, (patch,) if patch else (), (*channels, rig.vibrometer.channel), _TAIL)
     samples, rate_hz = capture.volts.shape[1], capture.rate_hz
     f = scipy.fft.rfftfreq(samples, 1 / rate_hz)
     inside = (f > _BAND[0]) & (f < _BAND[1])
@@ -161,16 +172,25 @@ def _play(rig: Rig, sweep: FloatArray, patches: tuple[str, ...], silent: bool = 
     # The laser's delay, and those of the card's channels, rotate the phase: they are removed. A delta-sigma
     # input's filter alone turns it several times within the band.
     skew = np.exp(-2j * np.pi * f * capture.delays[:, None])
-    drive = _spectrum(sensor.to_si(capture.volts[:1])[0], samples, inside) * skew[0]
-    velocity = _spectrum(rig.vibrometer.to_si(capture.volts[1]), samples, inside) * skew[1]
-    drive = np.asarray(drive / rig.daq.response(sensor.channels[0], f))
+    velocity = _spectrum(rig.vibrometer.to_si(capture.volts[-1]), samples, inside) * skew[-1]
     velocity = np.asarray(velocity / rig.motion_response(f))
     power = float((np.abs(commanded) ** 2).sum())
+
+    def shown(row: int) -> float:
+        """Volts that a monitor shows, per volt commanded."""
+        drive = _spectrum(sensor.to_si(capture.volts[:-1])[row], samples, inside) * skew[row]
+        drive = np.asarray(drive / rig.daq.response(channels[row], f))
+        return float((drive * commanded.conj()).real.sum() / power)
+
+    drives = {channel: shown(row) for row, channel in enumerate(channels)}
+    strongest = max(drives, key=lambda channel: abs(drives[channel]))
+    own = rig.monitor(patch) if patch else strongest
     return _Answer(
-        drive=float((drive * commanded.conj()).real.sum() / power),
+        drive=drives[own],
         seen=float(np.sqrt((np.abs(velocity) ** 2).sum() / power)),
         in_phase=float((velocity * commanded.conj()).real.sum() / power),
         problem=_overload(rig, capture),
+        elsewhere=tuple(c for c, drive in drives.items() if c != own and abs(drive) > _REACHED),
     )
 
 
@@ -179,14 +199,14 @@ def _spectrum(signal: FloatArray, samples: int, inside: BoolArray) -> ComplexArr
 
 
 def _overload(rig: Rig, capture: Capture) -> str | None:
-    fastest = float(np.abs(rig.vibrometer.to_si(capture.volts[1])).max())
-    if capture.overload[1] or fastest > rig.vibrometer.range:
+    fastest = float(np.abs(rig.vibrometer.to_si(capture.volts[-1])).max())
+    if capture.overload[-1] or fastest > rig.vibrometer.range:
         return (
             f"The {rig.vibrometer.quantity} reached the end of the "
-            f"{shown(rig.vibrometer.quantity, rig.vibrometer.range)} range at {_LEVEL:g} V: "
+            f"{shown_as(rig.vibrometer.quantity, rig.vibrometer.range)} range at {_LEVEL:g} V: "
             "there is too little light (focus the laser, or use reflective tape), or the range is too small."
         )
-    if capture.overload[0]:
+    if capture.overload[:-1].any():
         return "The drive monitor left its input range: increase the range of its channel in the rig file."
     return None
 
@@ -208,20 +228,42 @@ def _drive_findings(answers: _Answers) -> Iterator[Finding]:
         )
         yield Finding("Gain", "amplifier", "red", sentence)
         return
-    for patch in best.keys() - reached.keys():
+    for patch in sorted(best.keys() - reached.keys()):
         sentence = (
             "The box reports this patch as connected, but no voltage reaches it: the contact does not "
             "close, or the wire is disconnected."
         )
+        if best[patch].elsewhere:
+            sentence = (
+                f"The drive of this patch shows on {' and '.join(best[patch].elsewhere)}, and not on its own "
+                "monitor: the dividers of two patches are swapped. Swap their cables, or the channels in "
+                "[sensors.drive]."
+            )
+        elif answers.alone:
+            sentence += " Or its channel of the amplifier is off, or its divider is not connected."
         yield Finding(f"Patch {patch}", "relay", "red", sentence)
-    if reached:
-        gain = float(np.median(list(reached.values())))
-        measured = f"{gain:.3f} V arrive at the patch for each volt commanded"
+    if answers.alone:
+        yield from _gains({f"patch {patch}": gain for patch, gain in sorted(reached.items())})
+    elif reached:
+        yield from _gains({"the patch": float(np.median(list(reached.values())))})
+
+
+def _gains(gains: dict[str, float]) -> Iterator[Finding]:
+    """Findings on what arrives of a volt; one for all that are right."""
+    right = []
+    for whose, gain in gains.items():
+        measured = f"{gain:.3f} V arrive at {whose} for each volt commanded"
         if abs(gain - 1) > _GAIN:
             what = "correct the gain switch, or gain in [amplifier] and ratio in [sensors.drive]."
             yield Finding("Gain", "amplifier", "red", f"{measured}: {what}")
         else:
-            yield Finding("Gain", "amplifier", "green", f"{measured}.")
+            right.append(measured)
+    if right and len(gains) == 1:
+        yield Finding("Gain", "amplifier", "green", f"{right[0]}.")
+    elif right and len(right) == len(gains):
+        lowest, highest = min(gains.values()), max(gains.values())
+        sentence = f"{lowest:.3f} to {highest:.3f} V arrive at {', '.join(gains)} for each volt commanded."
+        yield Finding("Gain", "amplifier", "green", sentence)
 
 
 def _wiring(in_phase: dict[tuple[str, str], float], patches: list[str]) -> Finding:

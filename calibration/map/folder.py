@@ -24,7 +24,8 @@ from ...acquisition import hdf5
 from ...acquisition.json_files import read_json, write_json
 from ...instruments import ConfigurationError, DataError
 from ...instruments.arrays import ComplexArray
-from ...instruments.files import new_file, os_error_text, publish
+from ...instruments.files import new_file, os_error_text
+from ...instruments.publishing import publish
 from ..response import Multisine
 
 __all__ = ["MapFolder", "MapPlan", "PointMeasurement", "Step"]

@@ -1,8 +1,9 @@
 """Rational models of responses, and the calibration that contains response and model."""
 
 from .calibrating import calibrate, calibrate_keeping
-from .calibration import Calibration, calibration_of, load_calibrations
-from .drift import Drift, mode_deviations
+from .calibration import Calibration, ChannelScatter, calibration_of, load_calibrations
+from .channel_scatter import ChannelChange, channel_change, with_scatter
+from .drift import Drift, apart, mode_deviations
 from .even_order import even_order
 from .finger import Finger, calibrate_finger, under_finger
 from .model import Model, Resonance, fit
@@ -10,18 +11,23 @@ from .uncertainty import standard_deviation
 
 __all__ = [
     "Calibration",
+    "ChannelChange",
+    "ChannelScatter",
     "Drift",
     "Finger",
     "Model",
     "Resonance",
+    "apart",
     "calibrate",
     "calibrate_finger",
     "calibrate_keeping",
     "calibration_of",
+    "channel_change",
     "even_order",
     "fit",
     "load_calibrations",
     "mode_deviations",
     "standard_deviation",
     "under_finger",
+    "with_scatter",
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +14,24 @@ from ..response import Hysteresis, Response, fit_hysteresis
 from .finger import Finger
 from .model import Model, fit
 
-__all__ = ["Calibration", "calibration_of", "load_calibrations"]
+__all__ = ["Calibration", "ChannelScatter", "calibration_of", "load_calibrations"]
+
+
+@dataclass(frozen=True)
+class ChannelScatter:
+    """Standard deviations of what changes between a calibration and a later time, of one channel and patch.
+
+    The defaults are estimates, for what was not measured.
+    """
+
+    gain: float = 0.01
+    """Velocity per volt, relative."""
+    delay: float = 2e-6
+    """s."""
+    changes: int = 0
+    """Changes of channels from which they were told; 0 for estimates."""
+    seconds: float = 0.0
+    """Longest time between two calibrations among them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +54,8 @@ class Calibration(InNotebook):
     Measured with a multisine at the largest level. It limits what a drive reaches without learning; 0 if not
     measured.
     """
+    scatter: ChannelScatter = ChannelScatter()
+    """Of its channel: see `calibration.model.channel_scatter`."""
     finger: Finger | None = None
     """Fingertip on the point that response and model hold for; None for the bare table."""
 
@@ -100,15 +120,29 @@ def load_calibrations(paths: Sequence[str | Path], patches: Sequence[str] = ()) 
     files: list[str | Path] = []
     for path in paths:
         named = [calibration_of(path, patch) for patch in patches]
-        files += named if named and not Path(path).exists() else [path]
+        there = Path(path).exists()
+        beside = _patches_beside(Path(path)) if not there and not named else []
+        if beside:
+            raise ConfigurationError(
+                f"There is no file {path}, and beside it there are calibrations of patches "
+                f"{', '.join(beside)}: name those that are to play (--patches {','.join(beside)})."
+            )
+        files += named if named and not there else [path]
     found = [Calibration.load(path) for path in files]
-    there = [one.response.patch for one in found]
-    missing = [patch for patch in patches if patch not in there]
+    read = [one.response.patch for one in found]
+    missing = [patch for patch in patches if patch not in read]
     if missing:
         raise ConfigurationError(
-            f"There is no calibration of patch {', '.join(missing)} among those given ({', '.join(there)}): "
+            f"There is no calibration of patch {', '.join(missing)} among those given ({', '.join(read)}): "
             f"calibrate it (haploop calibrate --patch {','.join(missing)})."
         )
     if patches:
         found = [one for patch in patches for one in found if one.response.patch == patch]
     return tuple(found)
+
+
+def _patches_beside(path: Path) -> list[str]:
+    """Patches whose files `calibration_of` names."""
+    found = sorted(path.parent.glob(f"{glob.escape(path.stem)}-*{path.suffix}"))
+    names = [one.stem.removeprefix(f"{path.stem}-") for one in found]
+    return [name for name in names if "-" not in name and name != "waveforms"]

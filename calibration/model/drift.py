@@ -25,7 +25,7 @@ import numpy as np
 from ...instruments.arrays import ComplexArray, FloatArray, IntArray
 from .model import Model
 
-__all__ = ["Drift", "mode_deviations"]
+__all__ = ["Drift", "apart", "mode_deviations", "modes_of"]
 
 
 @dataclass(frozen=True)
@@ -42,10 +42,15 @@ class Drift:
     """Frequency of each mode."""
     damping: float = 0.1
     """Damping ratio of each mode."""
-    gain: float = 0.01
-    """Velocity per volt of each patch."""
-    delay: float = 2e-6
-    """Delay of each patch (s)."""
+    gain: float | None = None
+    """Velocity per volt of each patch; None: as its calibration states it (`Calibration.scatter`)."""
+    delay: float | None = None
+    """Delay of each patch (s); None as well."""
+
+    def times(self, factor: float) -> Drift:
+        """A drift of so many times the size; what a calibration states stays."""
+        gain, delay = (None if one is None else factor * one for one in (self.gain, self.delay))
+        return Drift(factor * self.common, factor * self.own, factor * self.damping, gain, delay)
 
     @property
     def modes(self) -> bool:
@@ -53,12 +58,25 @@ class Drift:
         return bool(self.common or self.own or self.damping)
 
 
+def apart(one: Model, other: Model) -> float:
+    """Relative difference of the resonances of two fits of one table: the median over those of `one`.
+
+    Each is compared with the nearest of the other. A mode that one of them hardly sees is far off, and so are
+    some near the ends of the band; half of them are not.
+    """
+    own, others = (np.array([r.frequency_hz for r in model.resonances]) for model in (one, other))
+    if not len(own) or not len(others):
+        return 0.0
+    shifts = np.abs(others[None, :] / own[:, None] - 1)
+    return float(np.median(shifts.min(axis=1)))
+
+
 def mode_deviations(models: Sequence[Model], f: FloatArray, drift: Drift) -> ComplexArray:
     """(deviations, models, frequencies) m/s per V: what each number of the modes changes, at `f` (Hz).
 
     The sum over the deviations of their products is the covariance of the responses.
     """
-    modes = _modes(models)
+    modes = modes_of(models)
     count = int(max(each.max() for each in modes)) + 1
     s = np.asarray(2j * np.pi * f, dtype=np.complex128)
     found = []
@@ -91,7 +109,7 @@ def _moved(
     return changed
 
 
-def _modes(models: Sequence[Model]) -> list[IntArray]:
+def modes_of(models: Sequence[Model]) -> list[IntArray]:
     """Number of the mode of each pole of each model; -1 for one that belongs to no resonance."""
     poles = np.concatenate([m.poles for m in models])
     numbers = np.full(len(poles), -1)

@@ -1,81 +1,44 @@
 """Frequency responses: excitation, estimators, hysteresis, exchange files."""
 
-from .channels import Channels
-from .excitation import (
-    Excitation,
-    LinearSweep,
-    Multisine,
-    linear_sweep,
-    plan_excitation,
-)
-from .hysteresis import HALF_WIDTHS, Hysteresis, even_terms, operators
-from .hysteresis_of_levels import fit_hysteresis
-from .measuring import (
-    QUICK,
-    SWEEP,
-    BothSigns,
-    Play,
-    Spot,
-    distortion,
-    excite,
-    measure_above,
-    measure_both_signs,
-    measure_response,
-    overloaded,
-    plausible,
-    prepare,
-    quick_level,
-    quick_response,
-    response_from,
-)
-from .modes import Modes, Plays, fit_modes
-from .response import Response
-from .settling import RESOLVED, refuse_silent_drive, ringing_of, settle
-from .terms import rows, terms_of
-from .uff import read_uff, read_uff_sets, write_uff, write_uff_sets
-from .waveforms import Waveforms
-
-__all__ = [
-    "HALF_WIDTHS",
-    "QUICK",
-    "RESOLVED",
-    "SWEEP",
-    "BothSigns",
-    "Channels",
-    "Excitation",
-    "Hysteresis",
-    "LinearSweep",
-    "Modes",
-    "Multisine",
-    "Play",
-    "Plays",
-    "Response",
-    "Spot",
-    "Waveforms",
-    "distortion",
-    "even_terms",
-    "excite",
-    "fit_hysteresis",
-    "fit_modes",
-    "linear_sweep",
-    "measure_above",
-    "measure_both_signs",
-    "measure_response",
-    "operators",
-    "overloaded",
-    "plan_excitation",
-    "plausible",
-    "prepare",
-    "quick_level",
-    "quick_response",
-    "read_uff",
-    "read_uff_sets",
-    "refuse_silent_drive",
-    "response_from",
-    "ringing_of",
-    "rows",
-    "settle",
-    "terms_of",
-    "write_uff",
-    "write_uff_sets",
-]
+from .channels import Channels as Channels
+from .excitation import Excitation as Excitation
+from .excitation import LinearSweep as LinearSweep
+from .excitation import Multisine as Multisine
+from .excitation import linear_sweep as linear_sweep
+from .excitation import plan_excitation as plan_excitation
+from .hysteresis import HALF_WIDTHS as HALF_WIDTHS
+from .hysteresis import Hysteresis as Hysteresis
+from .hysteresis import even_terms as even_terms
+from .hysteresis import operators as operators
+from .hysteresis_of_levels import fit_hysteresis as fit_hysteresis
+from .measuring import QUICK as QUICK
+from .measuring import SWEEP as SWEEP
+from .measuring import BothSigns as BothSigns
+from .measuring import Play as Play
+from .measuring import Spot as Spot
+from .measuring import distortion as distortion
+from .measuring import excite as excite
+from .measuring import measure_above as measure_above
+from .measuring import measure_both_signs as measure_both_signs
+from .measuring import measure_response as measure_response
+from .measuring import overloaded as overloaded
+from .measuring import plausible as plausible
+from .measuring import prepare as prepare
+from .measuring import quick_level as quick_level
+from .measuring import quick_response as quick_response
+from .measuring import response_from as response_from
+from .modes import Modes as Modes
+from .modes import Plays as Plays
+from .modes import fit_modes as fit_modes
+from .response import Response as Response
+from .settling import RESOLVED as RESOLVED
+from .settling import refuse_silent_drive as refuse_silent_drive
+from .settling import ringing_of as ringing_of
+from .settling import settle as settle
+from .terms import rows as rows
+from .terms import terms_of as terms_of
+from .uff import read_uff as read_uff
+from .uff import read_uff_sets as read_uff_sets
+from .uff import write_uff as write_uff
+from .uff import write_uff_sets as write_uff_sets
+from .waveforms import Waveforms as Waveforms

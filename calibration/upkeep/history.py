@@ -24,8 +24,9 @@ from pydantic import TypeAdapter, ValidationError
 
 from ...acquisition.json_files import append_json, changing, json_hash, read_json, write_json
 from ...instruments import DataError
-from ...instruments.files import Room, os_error_text, room, sync_folder
+from ...instruments.files import Room, os_error_text, room
 from ...instruments.notebook import InNotebook
+from ...instruments.publishing import sync_folder
 from ...instruments.safety import hold
 
 __all__ = ["Activation", "Generation", "History"]

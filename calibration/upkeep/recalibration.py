@@ -404,7 +404,12 @@ def _made_anew(
                 made.before[name] = check(rig, old.drive, plays=_PLAYS_BEFORE, progress=old_drive)
             for place in places:
                 if place not in made.calibrations:
-                    made.calibrations[place], made.waveforms[place] = calibrate_keeping(rig, *place, progress)
+                    found, kept = calibrate_keeping(rig, *place, progress)
+                    # How its channel scatters takes several calibrations to tell, and is not forgotten.
+                    known = next((c.scatter for c in old.calibrations if place_of(c) == place), found.scatter)
+                    found = replace(found, scatter=known)
+                    made.calibrations[place] = found
+                    made.waveforms[place] = replace(kept, calibration=found.digest)
             made.after[name] = build_button(
                 rig,
                 old.press,

@@ -81,6 +81,7 @@ def _button(result: ButtonResult) -> dict[str, Any]:
         "scale": drive.scale,
         "band_hz": drive.band,
         "in_band": drive.in_band,
+        "method": drive.method,
         "predicted_error": drive.predicted_error,
         **measured.summary(),
         "feeling": feeling_values(check_feeling(measured, result.press)),
@@ -115,6 +116,7 @@ def demo_contents(summary: Mapping[str, Any]) -> Contents:
         for name, b in buttons.items()
     ]
     said = [f"{name}: {one}" for name, b in buttons.items() for one in (*b["reasons"], *b["notes"])]
+    recorded = [name for name, b in buttons.items() if b["method"] == "broadband"]
     felt = [f"{name.capitalize()}: {b['feeling']['sentence']}" for name, b in buttons.items()]
     return Contents(
         _TITLE,
@@ -122,6 +124,11 @@ def demo_contents(summary: Mapping[str, Any]) -> Contents:
         notes=[
             *felt,
             *dict.fromkeys(b["feeling"]["notes"][0] for b in buttons.values()),
+            *(
+                [f"{', '.join(recorded).capitalize()}: played as recorded, without a carrier ({_AS_IS})."]
+                if recorded
+                else []
+            ),
             *_strength(summary),
             *_louder(summary),
             *said,
@@ -158,15 +165,16 @@ def _strength(summary: Mapping[str, Any]) -> Iterator[str]:
     )
 
 
+_AS_IS = "on the carrier it is not known whether most people would feel it"
 _TITLE = "From a press to a verified digital button"
 _HEADINGS = (
     "Button", "Presses", "Force", "(true)", "Drive", "In band", "Error", "(95 %)", "Felt", "Loudness",
     "Verdict",
 )  # fmt: skip
 _EXPLAINED = (
-    "In band: share of the modulated press's energy within the band that is played. Error: of the whole "
-    "motion, with its 95 % confidence interval. Felt: by most people who press. Loudness: beside the "
-    "recorded press, both weighted with the threshold of a finger that presses."
+    "In band: share of the press's energy, modulated or as recorded, within the band that is played. Error: "
+    "of the whole motion, with its 95 % confidence interval. Felt: by most people who press. Loudness: "
+    "beside the recorded press, both weighted with the threshold of a finger that presses."
 )
 
 
@@ -237,7 +245,6 @@ def _captioned_figures(demo: Demo) -> Sequence[CaptionedFigure]:
     response = demo.calibration.response
     forces = {r.button: r.forces for r in results if r.forces}
     truth = {r.button: float(np.mean(r.true_forces)) for r in results if r.true_forces}
-    carrier = results[0].check.drive.carrier_hz
     drawn = (
         (
             figures.profiles([figures.Profile.of(r.press) for r in results]),
@@ -263,8 +270,7 @@ def _captioned_figures(demo: Demo) -> Sequence[CaptionedFigure]:
         (
             figures.drives([r.check.drive for r in results], demo.limits),
             f"The drives at patch {demo.patches}",
-            f"{captions.DRIVES} Each press modulated onto {carrier:.2f} Hz and divided by the response, as "
-            "large as the rig's limits allow.",
+            f"{captions.DRIVES} {_modulated(results)} divided by the response, as large as the limits allow.",
         ),
         (
             figures.comparison([(r.press, r.check) for r in results]),
@@ -278,6 +284,15 @@ def _captioned_figures(demo: Demo) -> Sequence[CaptionedFigure]:
         ),
     )
     return [CaptionedFigure(*one, simulated=True) for one in drawn]
+
+
+def _modulated(results: Sequence[ButtonResult]) -> str:
+    """How the presses were played, as the beginning of a sentence."""
+    told = []
+    for one in results:
+        carrier = one.check.drive.carrier_hz
+        told.append(f"{one.button} {f'modulated onto {carrier:.2f} Hz' if carrier else 'as recorded'}")
+    return f"{', '.join(told).capitalize()};"
 
 
 def _counts(demo: Demo) -> str:

@@ -14,14 +14,17 @@ from ...calibration import (
     ButtonPlan,
     Calibration,
     Check,
+    Drift,
+    Drive,
     Trade,
     Waveforms,
     calibrate_keeping,
     drive_for,
     plan_button,
 )
-from ...calibration.drive import STEADY, Method, check, offered
+from ...calibration.drive import Method, Offers, check, offered
 from ...calibration.model import calibration_of
+from ...calibration.perception import Sensation, pressing_act
 from ...exchange.live import published
 from ...instruments import ConfigurationError, Rig, load_rig_file, open_rig
 from ...instruments.clock import Clock, RealClock
@@ -47,11 +50,13 @@ _RESULTS = (
     "report.html",
 )
 """Files and folders written by a demo."""
-_METHODS: tuple[Method, ...] = ("modulated",)
-"""Methods that are planned: the one that is played."""
-_LOUD = Trade(error=0.05, drift=STEADY)
-"""What several patches are planned for: they are played minutes after they were calibrated. Of seeds 0 and 3,
-five buttons of six are felt by most people even with the highest threshold that there may be."""
+_SURE = 1.0
+"""Level (dB) by which a drive is planned above what most people feel: up to 0.5 dB less was measured."""
+_METHODS: tuple[Method, ...] = ("modulated", "broadband")
+"""Methods that several patches play by: the first that most people feel, or else the louder."""
+_LOUD = Trade(error=0.065, drift=Drift().times(0.1))
+"""What several patches are planned for: 8 % of error with what distortion adds, and a tenth of the usual
+drift, because they are played minutes after they were calibrated."""
 
 
 def run_demo(
@@ -172,7 +177,7 @@ def _loop(
         step = f"Record the {button} button"
         for index, name in enumerate(names):
             each = part_of(progress, step, index * PRESSES, participants * PRESSES)
-            recorded = record(rig, button, name, PRESSES, out / "recordings", each)
+            recorded = record(rig, button, name, PRESSES, out / "recordings", progress=each)
             recordings.setdefault(button, []).append(recorded)
 
     presses: dict[str, Representative] = {}
@@ -194,15 +199,15 @@ def _loop(
     for button in BUTTONS:
         step = f"Compute the drive of the {button} button"
         progress(step, 0, 1, "")
-        trade = _LOUD if others else Trade()
-        drive = drive_for(presses[button], calibrations, rig.limits, trade=trade)
+        plan = plan_button(presses[button], calibration, rig, _METHODS[:1], progress)
+        drive = drive_for(presses[button], calibration, rig.limits)
+        if others:
+            drive, curve = _loud(presses[button], calibrations, rig, plan)
+            plan = replace(plan, curves=(*plan.curves, curve))
         drive.save(out / "drives" / f"{button}.h5")
         progress(step, 1, 1, "")
         checks[button] = check(rig, drive, progress=progress)
         checks[button].save(out / "checks" / f"{button}.h5")
-        plan = plan_button(presses[button], calibration, rig, _METHODS, progress)
-        if others:
-            plan = replace(plan, curves=(*plan.curves, offered([drive])))
         plans[button] = plan
         plans[button].save(out / "plans" / f"{button}.h5")
 
@@ -242,6 +247,20 @@ def _loop(
         simulated_s=rig.clock.now() - start,
         wall_s=wall(),
     )
+
+
+def _loud(
+    press: Representative, calibrations: Sequence[Calibration], rig: Rig, plan: ButtonPlan
+) -> tuple[Drive, Offers]:
+    """The drive of several patches, and where it lies in a plan."""
+    found: list[tuple[Drive, Offers]] = []
+    for method in _METHODS:
+        drive = drive_for(press, calibrations, rig.limits, method=method, trade=_LOUD)
+        found.append((drive, offered([drive], plan.lab)))
+        level = found[-1][1].offers[0].level - _SURE
+        if Sensation(pressing_act(plan.lab), level).answer == "yes":
+            return found[-1]
+    return max(found, key=lambda one: one[1].offers[0].level)
 
 
 def _loss(rig: Rig, resonance_hz: float) -> str | None:

@@ -335,13 +335,13 @@ def _button(data: DataFolder, asked: Mapping[str, str]) -> Any:
     low, high = check.octaves.hz[0], check.octaves.hz[-1]
     begin, end = _loud(check.target)
     step = max(1, round(check.rate_hz / _SHOWN_HZ))
-    # Of several patches the one with the largest volts is drawn.
-    volts = max(drive.volts, key=lambda own: float(np.abs(own).max()))
+    at = _times(begin, end, step, check.rate_hz)
+    drives = {p: np.round(np.interp(at, _clock(drive), own), 3) for p, own in drive.by_patch.items()}
+    loudest, volts = max(drive.by_patch.items(), key=lambda own: float(np.abs(own[1]).max()))
     return {
         "name": button.press.button,
         "simulated": check.simulated,
         "created": button.created,
-        "patch": drive.patch,
         "point": drive.point,
         "check": check.summary(),
         "felt": one_style(feeling.sentence),
@@ -352,7 +352,8 @@ def _button(data: DataFolder, asked: Mapping[str, str]) -> Any:
         "recorded": np.round(recorded[begin:end:step], 4),
         "target": np.round(check.target[begin:end:step], 4),
         "measured": np.round(check.measured[begin:end:step], 4),
-        "drive": np.round(np.interp(_times(begin, end, step, check.rate_hz), _clock(drive), volts), 3),
+        "drives": drives,
+        "loudest": loudest,
         "octaves_hz": check.octaves.hz,
         "recorded_db": third_octaves(recorded, check.rate_hz, low * 0.99, high * 1.01)[1],
         "drive_db": third_octaves(volts, drive.rate_hz, low * 0.99, high * 1.01)[1],

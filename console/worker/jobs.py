@@ -28,7 +28,6 @@ from ...acquisition import (
     set_aside,
 )
 from ...calibration import (
-    Calibration,
     DigitalButton,
     History,
     Waveforms,
@@ -37,6 +36,7 @@ from ...calibration import (
     build_button,
     calibrate_keeping,
     examine,
+    load_calibrations,
     map_plan,
     measure_map,
     play_button,
@@ -169,8 +169,8 @@ def _record(tools: Tools, wanted: Mapping[str, Any]) -> Work:
             participant,
             presses,
             out,
-            tools.progress,
-            lambda press: tools.on_verdict(participant, button, press),
+            progress=tools.progress,
+            on_verdict=lambda press: tools.on_verdict(participant, button, press),
             protocol=protocol,
             notes=notes,
             name=name,
@@ -197,8 +197,8 @@ def _study(tools: Tools, wanted: Mapping[str, Any]) -> Work:
             study,
             participants,
             buttons,
-            tools.progress,
-            tools.on_verdict,
+            progress=tools.progress,
+            on_verdict=tools.on_verdict,
             notes=notes,
             adapt=lambda protocol: replace(protocol, pause=_PAUSE, block=_BLOCK),
         )
@@ -330,7 +330,11 @@ def _make(tools: Tools, wanted: Mapping[str, Any]) -> Work:
     recordings = [Recording.open(tools.data.path(name)) for name in wanted.get("recordings", ())]
     if not recordings:
         raise ConfigurationError("Choose at least one recording.")
-    calibration = Calibration.load(tools.data.path(wanted.get("calibration", "")))
+    chosen = wanted.get("calibrations") or ()
+    if isinstance(chosen, str) or not chosen:
+        raise ConfigurationError("Choose at least one calibration.")
+    calibrations = load_calibrations([tools.data.path(name) for name in chosen])
+    quiet_at = str(wanted.get("quiet_at") or "").replace(",", " ").split()
     iterations = _whole(wanted.get("iterations", 5), "The number of corrections", 0, 20)
     path = tools.data.path(f"buttons/{clean(wanted.get('name') or recordings[0].button, 'The name', 1)}.h5")
     check_destination(path)
@@ -338,7 +342,14 @@ def _make(tools: Tools, wanted: Mapping[str, Any]) -> Work:
     def work(rig: Rig) -> dict[str, Any]:
         press = representative(recordings)
         with reserved(path, size=sizes.BUTTON + (iterations + 1) * sizes.STEP):
-            made = build_button(rig, press, calibration, iterations=iterations, progress=tools.progress)
+            made = build_button(
+                rig,
+                press,
+                calibrations,
+                quiet_at=quiet_at,
+                iterations=iterations,
+                progress=tools.progress,
+            )
             made.save(path)
         return {"file": tools.data.name(path), "verdict": made.check.verdict}
 

@@ -18,7 +18,7 @@ _PLAYED = ("drive", "check", "button")
 
 KINDS = (
     *("recording", "representative", "calibration", "waveforms", "drive", "learning", "check", "button"),
-    *("plan", "map", "map point", "map modes", "study", "damaged", "unreadable"),
+    *("plan", "map", "map point", "map modes", "study", "experiment", "damaged", "unreadable"),
 )
 """What the kind of a file can be."""
 

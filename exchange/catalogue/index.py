@@ -63,27 +63,27 @@ def list_files(
             raise ConfigurationError(f"There is no folder {folder}: check the name.")
         seen |= _look(path)
     path = Path(index) if index else user_cache_path("haploop") / f"catalogue-{_VERSION}.sqlite3"
+
+    def asked(path: Path | None, anew: bool) -> tuple[Entry, ...]:
+        with closing(_opened(path)) as database:
+            _refresh(database, seen, anew, progress)
+            return _found(database, seen, sql, values)
+
     try:
-        return _asked(path, seen, sql, values, rebuild, progress)
+        return asked(path, rebuild)
     except (sqlite3.DatabaseError, ValueError, TypeError, OverflowError) as error:  # it may be damaged anyhow
         if isinstance(error, sqlite3.OperationalError):
             # The cache cannot be written, or another command is writing it: do without.
-            return _asked(None, seen, sql, values, True, progress)
+            return asked(None, True)
         try:
             path.unlink(missing_ok=True)
         except OSError:  # nor can it be removed
-            return _asked(None, seen, sql, values, True, progress)
-        return _asked(path, seen, sql, values, True, progress)
+            return asked(None, True)
+        return asked(path, True)
 
 
-def _asked(
-    path: Path | None,
-    seen: dict[str, str],
-    sql: str,
-    values: list[str],
-    rebuild: bool,
-    progress: Progress,
-) -> tuple[Entry, ...]:
+def _opened(path: Path | None) -> sqlite3.Connection:
+    """The index in a file of its owner, or in memory without one."""
     if path is not None:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -91,44 +91,54 @@ def _asked(
             os.close(os.open(path, os.O_RDWR | os.O_CREAT, 0o600))
         except OSError:
             path = None
-    with closing(sqlite3.connect(path or ":memory:", timeout=10.0)) as database:
-        columns = ", ".join(f"{name} TEXT NOT NULL" for name in _NAMES)
-        made = [row[1] for row in database.execute("PRAGMA table_info(files)")]
-        if made and made != ["source", "mark", "hash", *_NAMES]:
-            database.execute("DROP TABLE files")  # of another version of haploop
-        database.execute(
-            f"CREATE TABLE IF NOT EXISTS files (source TEXT PRIMARY KEY, mark TEXT, hash TEXT, {columns})"
-        )
-        known = dict(database.execute("SELECT source, mark FROM files")) if not rebuild else {}
-        stale = [source for source, mark in seen.items() if known.get(source) != mark]
-        if stale:
-            holes = ", ".join("?" for _ in range(len(_NAMES) + 3))
-            with database:
-                for count, (source, entry) in enumerate(_read(stale, progress), 1):
-                    # A file that is not ours is remembered too, without a kind.
-                    kept = entry or Entry(source, "")
-                    mark = seen[source] if kept.settled else ""
-                    row = (source, mark, *astuple(kept))
-                    database.execute(
-                        f"INSERT OR REPLACE INTO files VALUES ({holes})", (*row[:2], _hash(row), *row[2:])
-                    )
-                    if count % _KEPT == 0:
-                        database.commit()
-        database.execute("CREATE TEMP TABLE here (source TEXT PRIMARY KEY)")
-        database.executemany("INSERT INTO here VALUES (?)", ((source,) for source in seen))
-        count = 0
-        for source, mark, stated, *own in database.execute("SELECT * FROM files NATURAL JOIN here"):
-            count += 1
-            if stated != _hash((source, mark, *own)):
-                raise sqlite3.DatabaseError("a row does not match its hash")
-        if count != len(seen):
-            raise sqlite3.DatabaseError("a row is missing")
-        found = database.execute(
-            f"SELECT {', '.join(_NAMES)} FROM files NATURAL JOIN here "
-            f"WHERE kind != '' AND {sql} ORDER BY file",
-            values,
-        )
-        return tuple(Entry(*row) for row in found)
+    return sqlite3.connect(path or ":memory:", timeout=10.0)
+
+
+def _refresh(database: sqlite3.Connection, seen: dict[str, str], anew: bool, progress: Progress) -> None:
+    """Read the files that are new or changed, or all of them `anew`."""
+    columns = ", ".join(f"{name} TEXT NOT NULL" for name in _NAMES)
+    made = [row[1] for row in database.execute("PRAGMA table_info(files)")]
+    if made and made != ["source", "mark", "hash", *_NAMES]:
+        database.execute("DROP TABLE files")  # of another version of haploop
+    database.execute(
+        f"CREATE TABLE IF NOT EXISTS files (source TEXT PRIMARY KEY, mark TEXT, hash TEXT, {columns})"
+    )
+    known = dict(database.execute("SELECT source, mark FROM files")) if not anew else {}
+    stale = [source for source, mark in seen.items() if known.get(source) != mark]
+    if not stale:
+        return
+    holes = ", ".join("?" for _ in range(len(_NAMES) + 3))
+    with database:
+        for count, (source, entry) in enumerate(_read(stale, progress), 1):
+            # A file that is not ours is remembered too, without a kind.
+            kept = entry or Entry(source, "")
+            mark = seen[source] if kept.settled else ""
+            row = (source, mark, *astuple(kept))
+            database.execute(
+                f"INSERT OR REPLACE INTO files VALUES ({holes})", (*row[:2], _hash(row), *row[2:])
+            )
+            if count % _KEPT == 0:
+                database.commit()
+
+
+def _found(
+    database: sqlite3.Connection, seen: dict[str, str], sql: str, values: list[str]
+) -> tuple[Entry, ...]:
+    """The entries seen that meet a condition. Raises sqlite3.DatabaseError for a damaged index."""
+    database.execute("CREATE TEMP TABLE here (source TEXT PRIMARY KEY)")
+    database.executemany("INSERT INTO here VALUES (?)", ((source,) for source in seen))
+    count = 0
+    for source, mark, stated, *own in database.execute("SELECT * FROM files NATURAL JOIN here"):
+        count += 1
+        if stated != _hash((source, mark, *own)):
+            raise sqlite3.DatabaseError("a row does not match its hash")
+    if count != len(seen):
+        raise sqlite3.DatabaseError("a row is missing")
+    found = database.execute(
+        f"SELECT {', '.join(_NAMES)} FROM files NATURAL JOIN here WHERE kind != '' AND {sql} ORDER BY file",
+        values,
+    )
+    return tuple(Entry(*row) for row in found)
 
 
 def _hash(row: tuple[object, ...]) -> str:

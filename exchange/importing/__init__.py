@@ -1,30 +1,19 @@
 """Files of any lab: read as columns, understood with a mapping, imported as a recording or a press."""
 
-from ..columns import FORMATS
-from .files import becomes, destination, import_file
-from .mapping import ROLES, FileMapping
-from .names import named
-from .press import import_press, press_of, presses_in
-from .recording import import_recording
-from .response import import_response, is_response_file
-from .understanding import Question, Signal, Understanding, understand
-
-__all__ = [
-    "FORMATS",
-    "ROLES",
-    "FileMapping",
-    "Question",
-    "Signal",
-    "Understanding",
-    "becomes",
-    "destination",
-    "import_file",
-    "import_press",
-    "import_recording",
-    "import_response",
-    "is_response_file",
-    "named",
-    "press_of",
-    "presses_in",
-    "understand",
-]
+from ..columns import FORMATS as FORMATS
+from .files import becomes as becomes
+from .files import destination as destination
+from .files import import_file as import_file
+from .mapping import ROLES as ROLES
+from .mapping import FileMapping as FileMapping
+from .names import named as named
+from .press import import_press as import_press
+from .press import press_of as press_of
+from .press import presses_in as presses_in
+from .recording import import_recording as import_recording
+from .response import import_response as import_response
+from .response import is_response_file as is_response_file
+from .understanding import Question as Question
+from .understanding import Signal as Signal
+from .understanding import Understanding as Understanding
+from .understanding import understand as understand

@@ -1,60 +1,39 @@
 """Statistics of experiments: identification, ratings, and the power of a plan."""
 
-from .anova import Effect, Sphericity, anova
-from .confusion import METRICS, Confusion, confusion_of, confusions_by
-from .effect_size import eta_squared_interval
-from .identification import Identification, Performance, analyse_identification
-from .lab import lab_threshold_of, people_table
-from .manova import (
-    MultivariateEffect,
-    eta_squared_of_f,
-    manova_independent,
-    manova_repeated,
-)
-from .pairs import Comparison, compare_levels
-from .power import Power, PowerPlan, load_power_plan, power_of
-from .prediction import PAPER, Prediction, participant_model, predict_answers
-from .proportions import clustered_interval, wilson_interval
-from .ratings import PairRatings, Ratings, analyse_ratings, normalise
-from .table import Rows, read_rows
-from .threshold import Threshold, analyse_thresholds
-
-__all__ = [
-    "METRICS",
-    "PAPER",
-    "Comparison",
-    "Confusion",
-    "Effect",
-    "Identification",
-    "MultivariateEffect",
-    "PairRatings",
-    "Performance",
-    "Power",
-    "PowerPlan",
-    "Prediction",
-    "Ratings",
-    "Rows",
-    "Sphericity",
-    "Threshold",
-    "analyse_identification",
-    "analyse_ratings",
-    "analyse_thresholds",
-    "anova",
-    "clustered_interval",
-    "compare_levels",
-    "confusion_of",
-    "confusions_by",
-    "eta_squared_interval",
-    "eta_squared_of_f",
-    "lab_threshold_of",
-    "load_power_plan",
-    "manova_independent",
-    "manova_repeated",
-    "normalise",
-    "participant_model",
-    "people_table",
-    "power_of",
-    "predict_answers",
-    "read_rows",
-    "wilson_interval",
-]
+from .anova import Effect as Effect
+from .anova import Sphericity as Sphericity
+from .anova import anova as anova
+from .confusion import METRICS as METRICS
+from .confusion import Confusion as Confusion
+from .confusion import confusion_of as confusion_of
+from .confusion import confusions_by as confusions_by
+from .effect_size import eta_squared_interval as eta_squared_interval
+from .identification import Identification as Identification
+from .identification import Performance as Performance
+from .identification import analyse_identification as analyse_identification
+from .lab import lab_threshold_of as lab_threshold_of
+from .lab import people_table as people_table
+from .manova import MultivariateEffect as MultivariateEffect
+from .manova import eta_squared_of_f as eta_squared_of_f
+from .manova import manova_independent as manova_independent
+from .manova import manova_repeated as manova_repeated
+from .pairs import Comparison as Comparison
+from .pairs import compare_levels as compare_levels
+from .power import Power as Power
+from .power import PowerPlan as PowerPlan
+from .power import load_power_plan as load_power_plan
+from .power import power_of as power_of
+from .prediction import PAPER as PAPER
+from .prediction import Prediction as Prediction
+from .prediction import participant_model as participant_model
+from .prediction import predict_answers as predict_answers
+from .proportions import clustered_interval as clustered_interval
+from .proportions import wilson_interval as wilson_interval
+from .ratings import PairRatings as PairRatings
+from .ratings import Ratings as Ratings
+from .ratings import analyse_ratings as analyse_ratings
+from .ratings import normalise as normalise
+from .table import Rows as Rows
+from .table import read_rows as read_rows
+from .threshold import Threshold as Threshold
+from .threshold import analyse_thresholds as analyse_thresholds

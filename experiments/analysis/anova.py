@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -86,38 +87,42 @@ def anova(
             "each factor needs two levels, and there must be more people than groups."
         )
     flat = values.reshape(people, -1)
-    strata = []
+    strata: list[list[_Term]] = []
     for effect, contrasts in within_contrasts(levels):
         y = flat @ contrasts
         names = tuple(within[factor] for factor in effect)
         terms = [(names, slice(0, 1))] if effect else []
         if between:
             terms.append(((between, *names), slice(1, design.shape[1])))
-        strata.append([(named, *products(y, design, columns), columns) for named, columns in terms])
-        if not terms:  # without a between factor, people's means are an error only
-            strata[-1] = [((), *products(y, design, slice(0, 1)), slice(0, 0))]
-    all_errors = sum(float(np.trace(stratum[0][2])) for stratum in strata)
+        # Without a between factor, people's means are an error only.
+        strata.append(
+            [_Term(named, *products(y, design, columns), columns) for named, columns in terms]
+            or [_Term((), *products(y, design, slice(0, 1)), slice(0, 0))]
+        )
+    all_errors = sum(float(np.trace(stratum[0].error)) for stratum in strata)
     if all_errors <= 1e-12 * float(np.sum((flat - flat.mean()) ** 2)):
         raise DataError("The values do not vary within the cells, so nothing can be tested.")
     found = [
-        _effect(named, hypothesis, error, columns.stop - columns.start, error_df, all_errors, flat.shape[1])
+        _effect(term, error_df, all_errors, flat.shape[1])
         for stratum in strata
-        for named, hypothesis, error, columns in stratum
-        if named
+        for term in stratum
+        if term.factors
     ]
     return tuple(sorted(found, key=lambda effect: len(effect.factors)))
 
 
-def _effect(
-    factors: tuple[str, ...],
-    h: FloatArray,
-    e: FloatArray,
-    rank: int,
-    error_df: int,
-    all_errors: float,
-    cells: int,
-) -> Effect:
-    width = len(e)
+class _Term(NamedTuple):
+    """An effect's factors, its sums of products and those of its error, and its columns of the design."""
+
+    factors: tuple[str, ...]
+    hypothesis: FloatArray
+    error: FloatArray
+    columns: slice
+
+
+def _effect(term: _Term, error_df: int, all_errors: float, cells: int) -> Effect:
+    factors, h, e, columns = term
+    width, rank = len(e), columns.stop - columns.start
     df, residual_df = rank * width, error_df * width
     ss, error = float(np.trace(h)), float(np.trace(e))
     f = ss / df / (error / residual_df) if error > 0 else (np.inf if ss > 0 else np.nan)

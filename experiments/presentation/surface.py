@@ -11,13 +11,7 @@ from ...calibration import DigitalButton
 from ...instruments import Camera, ConfigurationError, DataError, LimitError, Rig
 from ...instruments.operator import Request, TakeTarget, Target
 from ...instruments.progress import Progress, silent
-from ..contact import (
-    SeenSurface,
-    VerifiedButton,
-    calibrate_meter,
-    learn_background,
-    verify_button,
-)
+from ..contact import SeenSurface, VerifiedButton, calibrate_meter, learn_background, verify_button
 from ..protocol import Experiment
 
 __all__ = ["TouchSurface", "prepare_surface"]

@@ -1,44 +1,21 @@
 """Experiments as files, and what comes next in a session."""
 
-from .design import Balance, balance_of
-from .experiment_file import (
-    Experiment,
-    ExperimentFile,
-    example_names,
-    load_experiment,
-)
-from .rating import Rated, Timing, timing_of
-from .steps import (
-    Answer,
-    Assignment,
-    Course,
-    Step,
-    digital_button,
-    group_of_slot,
-    played_by_rig,
-    right_answer,
-    session_levels,
-    valid,
-)
-
-__all__ = [
-    "Answer",
-    "Assignment",
-    "Balance",
-    "Course",
-    "Experiment",
-    "ExperimentFile",
-    "Rated",
-    "Step",
-    "Timing",
-    "balance_of",
-    "digital_button",
-    "example_names",
-    "group_of_slot",
-    "load_experiment",
-    "played_by_rig",
-    "right_answer",
-    "session_levels",
-    "timing_of",
-    "valid",
-]
+from .design import Balance as Balance
+from .design import balance_of as balance_of
+from .experiment_file import Experiment as Experiment
+from .experiment_file import ExperimentFile as ExperimentFile
+from .experiment_file import example_names as example_names
+from .experiment_file import load_experiment as load_experiment
+from .rating import Rated as Rated
+from .rating import Timing as Timing
+from .rating import timing_of as timing_of
+from .steps import Answer as Answer
+from .steps import Assignment as Assignment
+from .steps import Course as Course
+from .steps import Step as Step
+from .steps import digital_button as digital_button
+from .steps import group_of_slot as group_of_slot
+from .steps import played_by_rig as played_by_rig
+from .steps import right_answer as right_answer
+from .steps import session_levels as session_levels
+from .steps import valid as valid

@@ -1,30 +1,16 @@
 """Sessions of an experiment: durable logs, resuming, withdrawal and export."""
 
-from .export import export_answers, sidecar_of
-from .log import Event, EventLog, read_log
-from .session import (
-    AGAIN,
-    Answerer,
-    Presents,
-    Session,
-    open_session,
-    run_session,
-)
-from .store import Store, StoredSession, Withdrawal
-
-__all__ = [
-    "AGAIN",
-    "Answerer",
-    "Event",
-    "EventLog",
-    "Presents",
-    "Session",
-    "Store",
-    "StoredSession",
-    "Withdrawal",
-    "export_answers",
-    "open_session",
-    "read_log",
-    "run_session",
-    "sidecar_of",
-]
+from .export import export_answers as export_answers
+from .export import sidecar_of as sidecar_of
+from .log import Event as Event
+from .log import EventLog as EventLog
+from .log import read_log as read_log
+from .session import AGAIN as AGAIN
+from .session import Answerer as Answerer
+from .session import Presents as Presents
+from .session import Session as Session
+from .session import open_session as open_session
+from .session import run_session as run_session
+from .store import Store as Store
+from .store import StoredSession as StoredSession
+from .store import Withdrawal as Withdrawal

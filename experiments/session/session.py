@@ -13,15 +13,7 @@ from typing import Any, Protocol
 
 from ...instruments import ConfigurationError, DataError
 from ...instruments.clock import Clock
-from ..protocol import (
-    Answer,
-    Assignment,
-    Course,
-    Step,
-    right_answer,
-    session_levels,
-    valid,
-)
+from ..protocol import Answer, Assignment, Course, Step, right_answer, session_levels, valid
 from .log import Event, EventLog
 from .store import Store
 

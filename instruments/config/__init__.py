@@ -1,45 +1,25 @@
 """Files that describe a rig: the rig file and the force sensor's calibration file."""
 
-from .actuator import Actuator
-from .contradictions import lacks, range_of
-from .model_file import load_model
-from .ratings import RatingSource, require_source
-from .rig_file import (
-    AbortLimits,
-    Device,
-    People,
-    Recalibration,
-    RigFile,
-    SimulationSettings,
-    TableSettings,
-    roles,
-)
-from .rig_reading import fault_kinds, load_rig_file
-from .toml_lines import key_lines, parse_toml, place, read_text
-from .validation import told, validate, validate_kind
-
-__all__ = [
-    "AbortLimits",
-    "Actuator",
-    "Device",
-    "People",
-    "RatingSource",
-    "Recalibration",
-    "RigFile",
-    "SimulationSettings",
-    "TableSettings",
-    "fault_kinds",
-    "key_lines",
-    "lacks",
-    "load_model",
-    "load_rig_file",
-    "parse_toml",
-    "place",
-    "range_of",
-    "read_text",
-    "require_source",
-    "roles",
-    "told",
-    "validate",
-    "validate_kind",
-]
+from .actuator import Actuator as Actuator
+from .contradictions import lacks as lacks
+from .contradictions import range_of as range_of
+from .model_file import load_model as load_model
+from .ratings import RatingSource as RatingSource
+from .ratings import require_source as require_source
+from .rig_file import AbortLimits as AbortLimits
+from .rig_file import Device as Device
+from .rig_file import People as People
+from .rig_file import Recalibration as Recalibration
+from .rig_file import RigFile as RigFile
+from .rig_file import SimulationSettings as SimulationSettings
+from .rig_file import TableSettings as TableSettings
+from .rig_file import roles as roles
+from .rig_reading import fault_kinds as fault_kinds
+from .rig_reading import load_rig_file as load_rig_file
+from .toml_lines import key_lines as key_lines
+from .toml_lines import parse_toml as parse_toml
+from .toml_lines import place as place
+from .toml_lines import read_text as read_text
+from .validation import told as told
+from .validation import validate as validate
+from .validation import validate_kind as validate_kind

@@ -12,26 +12,14 @@ Further capabilities of a rig (a second connection, a view of the contacts, a fa
 docs/how-to/adding-an-instrument.md has a complete example. Only tests import this package: it needs pytest.
 """
 
-from .amplifier import AmplifierConformance
-from .camera import CameraConformance
-from .daq import DaqConformance
-from .generator import GeneratorConformance
-from .operator import OperatorConformance
-from .player import PlayerConformance
-from .relay import RelayConformance
-from .suite import Conformance, Fired, bypass_interlock
-from .vibrometer import VibrometerConformance
-
-__all__ = [
-    "AmplifierConformance",
-    "CameraConformance",
-    "Conformance",
-    "DaqConformance",
-    "Fired",
-    "GeneratorConformance",
-    "OperatorConformance",
-    "PlayerConformance",
-    "RelayConformance",
-    "VibrometerConformance",
-    "bypass_interlock",
-]
+from .amplifier import AmplifierConformance as AmplifierConformance
+from .camera import CameraConformance as CameraConformance
+from .daq import DaqConformance as DaqConformance
+from .generator import GeneratorConformance as GeneratorConformance
+from .operator import OperatorConformance as OperatorConformance
+from .player import PlayerConformance as PlayerConformance
+from .relay import RelayConformance as RelayConformance
+from .suite import Conformance as Conformance
+from .suite import Fired as Fired
+from .suite import bypass_interlock as bypass_interlock
+from .vibrometer import VibrometerConformance as VibrometerConformance

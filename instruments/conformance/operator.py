@@ -4,17 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from ..operator import (
-    Aim,
-    ConfirmSettings,
-    Consent,
-    Operator,
-    Press,
-    Ready,
-    Request,
-    Rest,
-    Touch,
-)
+from ..operator import Aim, ConfirmSettings, Consent, Operator, Press, Ready, Request, Rest, Touch
 from .suite import Conformance
 
 __all__ = ["OperatorConformance"]

@@ -60,7 +60,9 @@ def interpreter_on(line: TapedLine, options: Callable[[], Any], hidden: dict[str
     # It is no answer: a recorder would keep one for each task of a night.
     line.call("interpreter", lambda: made.append(_before(options())), failures=_FAILURES)
     real = made[0] if made else None
-    return _Chosen(Proxied(line, real, _FAILURES, hidden, lambda name: name.startswith("read_")))
+    return _Chosen(
+        Proxied(line, real, failures=_FAILURES, hidden=hidden, fills=lambda name: name.startswith("read_"))
+    )
 
 
 _before = utils._select_interpreter

@@ -1,19 +1,12 @@
 """Live views of the blocks streamed on a rig, in the same program or in another one."""
 
-from .levels import Level, levels, quantities, signals
-from .publisher import Publisher
-from .tap import Feed, LiveBlock, Run, Tap
-from .watching import watch_live
-
-__all__ = [
-    "Feed",
-    "Level",
-    "LiveBlock",
-    "Publisher",
-    "Run",
-    "Tap",
-    "levels",
-    "quantities",
-    "signals",
-    "watch_live",
-]
+from .levels import Level as Level
+from .levels import levels as levels
+from .levels import quantities as quantities
+from .levels import signals as signals
+from .publisher import Publisher as Publisher
+from .tap import Feed as Feed
+from .tap import LiveBlock as LiveBlock
+from .tap import Run as Run
+from .tap import Tap as Tap
+from .watching import watch_live as watch_live

@@ -14,7 +14,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection, Mapping
-from contextlib import suppress
 from typing import Annotated, Self
 
 import serial
@@ -25,7 +24,7 @@ from ..clock import Clock
 from ..driver import one_name
 from ..errors import ConfigurationError, InstrumentError
 from ..tape import Failure, taped_line
-from ..transport import SerialSettings, serial_trouble
+from ..transport import SerialSettings, close_port, serial_trouble
 from .board import BoardSettings, ChannelRelay, ChannelState
 
 __all__ = ["DIGITS", "PROMPT", "SerialRelay", "answer_in"]
@@ -114,14 +113,8 @@ class _Board:
 
     def release(self) -> None:
         port, self._port = self._port, None
-        if port is None:
-            return
-        # pyserial does not close a socket whose far end has already closed.
-        link = getattr(port, "_socket", None)
-        with suppress(OSError):
-            port.close()
-        if link is not None:
-            link.close()
+        if port is not None:
+            close_port(port)
 
     def _read(self, channel: int) -> bool:
         command = f"relay read {DIGITS[channel]}"

@@ -11,9 +11,10 @@ from __future__ import annotations
 import numpy as np
 
 from ..arrays import FloatArray
+from ..errors import InstrumentError
 from ..limits import Limits
 
-__all__ = ["HZ", "TOO_MUCH", "UNPROVED", "level_of", "loudest", "tone"]
+__all__ = ["HZ", "TOO_MUCH", "UNPROVED", "UnshownError", "level_of", "loudest", "tone"]
 
 UNPROVED = (
     "The gain of the amplifier cannot be proved on this rig, because it has no [sensors.drive]: nothing "
@@ -31,6 +32,22 @@ HZ = 225.0
 _SECONDS, _RAMP = 0.07, 0.01
 _WINDOW = 0.04
 """Length over which the amplitude is measured (s): whole periods of the tone and of 50 Hz."""
+
+
+class UnshownError(InstrumentError):
+    """The monitor of a patch does not show the volts of the proof, so nothing else was played.
+
+    `share` is what it showed of them, and `elsewhere` the monitors that did show them.
+    """
+
+    def __init__(self, patch: str, share: float, elsewhere: tuple[str, ...]) -> None:
+        self.share, self.elsewhere = share, elsewhere
+        found = f", and {' and '.join(elsewhere)} shows it" if elsewhere else ""
+        super().__init__(
+            f"The drive monitor shows {share:.2g} V for each volt that patch {patch} was to get when the "
+            f"gain was proved{found}, so nothing else was played: check the amplifier, the contact, and the "
+            "monitor's cable and scale."
+        )
 
 
 def level_of(limits: Limits) -> float:

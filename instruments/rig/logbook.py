@@ -10,15 +10,7 @@ from typing import Any
 from ..config import RigFile, load_rig_file
 from ..driver import Mode
 from ..errors import ConfigurationError
-from ..safety import (
-    Audit,
-    clear_lockout,
-    entries,
-    lockout_of,
-    lockouts_folder,
-    reserve,
-    state_folder,
-)
+from ..safety import Audit, clear_lockout, entries, lockout_of, lockouts_folder, reserve, state_folder
 from .opening import hardware
 
 __all__ = ["log_entries", "reset_lockout"]

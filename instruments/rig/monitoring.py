@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..clock import Clock
 from ..daq import Block, Capture
 from ..errors import ConfigurationError
 from ..progress import Progress, silent
@@ -64,19 +63,17 @@ class Monitoring:
         lockouts: Lockouts,
         limiter: Limiter,
         live_run: Callable[[str, str, Collection[str], float], Callable[[Block], None]],
-        clock: Clock,
     ) -> None:
         self._rig = rig
         self._lockouts = lockouts
         self._limiter = limiter
         self._live_run = live_run
-        self._clock = clock
         self._renewal: Renewal | None = None
 
     @contextmanager
     def renewed(self) -> Iterator[None]:
         """Renew the relay's dead-man while blocks come. See `Renewal`."""
-        self._renewal = Renewal(self._rig.relay, self._clock)
+        self._renewal = Renewal(self._rig.relay, self._rig.clock)
         with self._renewal.running():
             yield
 

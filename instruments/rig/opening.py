@@ -12,7 +12,7 @@ from pydantic import BaseModel
 from .. import entry_points
 from ..clock import RealClock
 from ..config import Device, RigFile, SimulationSettings, load_rig_file, validate
-from ..daq import Daq
+from ..daq import Alongside, Daq
 from ..driver import TAPE, Driver, Mode, Simulation, hardware_of, settings_of
 from ..errors import ConfigurationError, HaploopError, InstrumentError
 from ..operator import Operator
@@ -89,7 +89,7 @@ def _played(rig: str | Path | RigFile | None, mode: Mode, simulated: bool) -> Ri
 def _complete(opened: Rig, holding: AbstractContextManager[object]) -> Rig:
     """Open the instruments of a rig."""
     try:
-        opened.holding(holding)
+        opened._stack.enter_context(holding)  # what must outlast the instruments
         _connect(opened)
     except BaseException:
         opened.close()
@@ -195,7 +195,9 @@ def _connect(rig: Rig) -> None:
     if rig.file.wiring == "direct" and rig.has("amplifier"):
         rig.adopt("relay", DirectWire(rig.table.patches))
     if rig.has("adc"):
-        rig.place_along()
+        channels = rig.file.daq.settings.get("channels")
+        base = next(iter(channels), None) if isinstance(channels, Mapping) else None
+        rig._roles["daq"] = Alongside(rig._roles["daq"], rig._roles["adc"], rig.clock, base)
     rig.complete()
 
 

@@ -15,7 +15,6 @@ from functools import partial
 import numpy as np
 
 from ..arrays import FloatArray
-from ..clock import Clock
 from ..daq import Block, Capture, Stream
 from ..errors import ConfigurationError, InstrumentError
 from ..generator import Sweep, Waveform
@@ -23,7 +22,7 @@ from ..limits import Limits
 from ..safety import Limiter, combined, exit_within
 from ..signals import uninterrupted
 from .alignment import align, find
-from .gain_proof import HZ, TOO_MUCH, UNPROVED, level_of, loudest, tone
+from .gain_proof import HZ, TOO_MUCH, UNPROVED, UnshownError, level_of, loudest, tone
 from .monitoring import Monitoring, Take
 from .ratings import figures
 from .roles import Instruments
@@ -42,7 +41,6 @@ class Playing:
     def __init__(
         self,
         rig: Instruments,
-        clock: Clock,
         limiter: Limiter,
         monitoring: Monitoring,
         make_safe: Callable[[], None],
@@ -53,7 +51,6 @@ class Playing:
         On a rig without a drive monitor it has those that the audit log says are not proved.
         """
         self._rig = rig
-        self._clock = clock
         self._limiter = limiter
         self._monitoring = monitoring
         self._make_safe = make_safe
@@ -62,14 +59,16 @@ class Playing:
     def excite(self, drive: FloatArray, take: Take) -> Capture:
         """See `Rig.excite`."""
         rig = self._rig
-        if rig.amplifier.inputs:
+        if rig.amplifier.inputs and take.patches:
             return self.excite_each(dict.fromkeys(take.patches, drive), take)
+        if rig.amplifier.inputs:  # into open contacts, on every channel
+            return self._played(dict.fromkeys(rig.amplifier.inputs.values(), drive), take)
         rate_hz = rig.table.rate_hz
         if not rig.feeds_amplifier("player"):
             own = {rig.amplifier.input: drive}
             self._prove_each(own, take.patches)
             return self._played(own, take)
-        self._limiter.check(drive, rate_hz, self._ratings(len(take.patches)))
+        self._limiter.check({rig.player.output: drive}, rate_hz, self._ratings(len(take.patches)))
         if drive.any() and take.patches:
             self.prove_gain(min(take.patches))
         capture, count = self._by_player(drive, take), len(drive) + take.samples_after(rate_hz)
@@ -123,36 +122,40 @@ class Playing:
         rate_hz, level = rig.table.rate_hz, level_of(combined(self._ratings(1)))
         source = rig.amplifier.inputs.get(patch, rig.amplifier.input)
         if rig.feeds_amplifier("player"):
-            proof = Take((patch,), rig.drive_monitor().channels[:1])
+            proof = Take((patch,), rig.drive_monitor().channels)
             self._prove(source, patch, lambda _: self._by_player(tone(level, rate_hz), proof))
         elif not rig.feeds_amplifier("generator"):
             self._prove_each({source: tone(level, rate_hz)}, (patch,))
 
     def _prove_each(self, drives: Mapping[str, FloatArray], patches: Collection[str]) -> None:
         """Prove the gain of what these drives of the DAQ's outputs pass; see `_prove`."""
+        if not any(drive.any() for drive in drives.values()):
+            return
         inputs, rate_hz = self._rig.amplifier.inputs, self._rig.table.rate_hz
+        # All of them before the first is proved: what is refused is refused before anything is written.
+        self._limiter.check(drives, rate_hz, self._ratings(self._rig.amplifier.sharing(patches)))
         for source in drives:
-            if any(drive.any() for drive in drives.values()):
-                patch = next((p for p in sorted(patches) if inputs.get(p, source) == source), "")
-                sharing = self._rig.amplifier.sharing(patches)
-                self._limiter.check(drives[source], rate_hz, self._ratings(sharing))
-                self._prove(
-                    source,
-                    patch,
-                    lambda level, s=source, p=patch: self._played(  # type: ignore[misc]
-                        {s: tone(level, rate_hz)}, self._proof(p)
-                    ),
-                )
+            patch = next((p for p in sorted(patches) if inputs.get(p, source) == source), "")
+            self._prove(
+                source,
+                patch,
+                lambda level, s=source, p=patch: self._played(  # type: ignore[misc]
+                    {s: tone(level, rate_hz)}, self._proof(p)
+                ),
+            )
 
     def _proof(self, patch: str) -> Take:
-        return Take((patch,), (self._rig.monitor(patch),))
+        """What is recorded of a proof: the monitor of the patch first, and every other one."""
+        rig = self._rig
+        others = rig.sensors.drive.channels if rig.sensors.drive else ()
+        return Take((patch,), tuple(dict.fromkeys((rig.monitor(patch), *others))))
 
     def _prove(self, source: str, patch: str, play: Callable[[float], Capture]) -> None:
         """Prove the gain from an amplifier's input to a patch, once in a session, by the drive monitor.
 
-        `play` plays an amplitude (V at the patch), and captures the monitor. Nothing is proved with no patch
-        connected, nor without a monitor: the audit log then says so. Locks the rig out with an
-        InstrumentError.
+        `play` plays an amplitude (V at the patch), and captures the patch's monitor and then the others.
+        Nothing is proved with no patch connected, nor without a monitor: the audit log then says so. Locks
+        the rig out with an InstrumentError for more volts than that, and raises UnshownError for less.
         """
         rig = self._rig
         if source in self._proved or not patch:
@@ -163,21 +166,20 @@ class Playing:
             return
         level = level_of(combined(self._ratings(1)))
         capture = play(level)
-        measured = loudest(rig.sensors.drive.to_si(capture.volts)[0], capture.rate_hz)
-        if not measured <= TOO_MUCH * level:
+        shown = [loudest(own, capture.rate_hz) for own in rig.sensors.drive.to_si(capture.volts)]
+        # A volt that shows on the wrong monitor is as much evidence of a wrong gain.
+        if not max(shown) <= TOO_MUCH * level:
             why = (
-                f"The patch got {measured:.3g} V when {level:g} V were played to prove the gain: correct "
-                "gain in [amplifier], ratio in [sensors.drive], or a player's volume."
+                f"Patch {patch} got {max(shown):.3g} V when {level:g} V were played to prove the gain: "
+                "correct gain in [amplifier], ratio in [sensors.drive], or a player's volume."
             )
             self._limiter.lock_out(why)
             raise InstrumentError(f"{why} Nothing else was played; `haploop reset` clears the lockout.")
-        if measured >= level / 2:  # else a contact may not have closed, and the next play proves it
-            self._proved.add(source)
-        elif rig.file.wiring == "direct":
-            raise InstrumentError(
-                f"The monitor showed {measured:.3g} V when {level:g} V were played to prove the gain, "
-                "and nothing else was played: is the amplifier on, and the monitor's cable and scale right?"
-            )
+        if not shown[0] >= level / 2:
+            others = zip(capture.channels[1:], shown[1:], strict=True)
+            elsewhere = tuple(channel for channel, volts in others if volts >= level / 2)
+            raise UnshownError(patch, shown[0] / level, elsewhere)
+        self._proved.add(source)
 
     def _played(self, drives: Mapping[str, FloatArray], take: Take) -> Capture:
         """Play drives (V at the patch) on the DAQ's outputs."""
@@ -247,8 +249,8 @@ class Playing:
                 each(block)
                 if not triggered:
                     rig.generator.trigger()
-                    triggered.append(self._clock.now())
-                elif not ended and self._clock.now() >= triggered[0] + waveform.duration:
+                    triggered.append(rig.clock.now())
+                elif not ended and rig.clock.now() >= triggered[0] + waveform.duration:
                     if not rig.generator.is_on:
                         raise InstrumentError(
                             f"The {rig.generator.identity} was switched off while its waveform was played: "

@@ -5,14 +5,14 @@ from __future__ import annotations
 import os
 import threading
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from types import TracebackType
 from typing import Any, Self
 
 from ..arrays import FloatArray
 from ..clock import Clock
 from ..config import RigFile
-from ..daq import Alongside, Block, Capture
+from ..daq import Block, Capture
 from ..driver import Mode, Simulation
 from ..errors import ConfigurationError
 from ..frozen import Frozen
@@ -54,8 +54,7 @@ class Rig(Instruments, InNotebook):
         mode: Mode | None,
         hardware: Collection[str],
     ) -> None:
-        super().__init__(file)
-        self.clock = clock
+        super().__init__(file, clock)
         self.simulation = simulation
         self.mode = mode
         self.hardware = frozenset(hardware)
@@ -80,10 +79,6 @@ class Rig(Instruments, InNotebook):
         self._reaching, self._closing = threading.RLock(), threading.RLock()
         self._collections: list[list[Capture]] = []
 
-    def holding(self, context: AbstractContextManager[object]) -> None:
-        """Enter a context that must outlast the instruments: a lock on them, or their simulation."""
-        self._stack.enter_context(context)
-
     def adopt(self, role: str, instrument: Any) -> None:
         """Take over an open instrument: close it with the rig, and make the limiter its interlock."""
         if isinstance(instrument, Interlocked):
@@ -94,12 +89,6 @@ class Rig(Instruments, InNotebook):
         if hasattr(instrument, "close"):
             self._stack.callback(self._safe.let_go, role)
         self._safe.adopt(role)
-
-    def place_along(self) -> None:
-        """Make one Daq of the DAQ and the one on its own clock beside it."""
-        channels = self.file.daq.settings.get("channels")
-        base = next(iter(channels), None) if isinstance(channels, Mapping) else None
-        self._roles["daq"] = Alongside(self._roles["daq"], self._roles["adc"], self.clock, base)
 
     def complete(self) -> None:
         """Finish opening: from now on, the safe state is reached before the program ends in any way."""
@@ -153,8 +142,8 @@ class Rig(Instruments, InNotebook):
     def _playing(self) -> Playing:
         # Created for each play: stored, it would form a reference cycle with the rig, and a closed rig
         # would keep its simulated world until the garbage collector runs.
-        monitoring = Monitoring(self, self._lockouts, self._limiter, self.live_run, self.clock)
-        return Playing(self, self.clock, self._limiter, monitoring, self.make_safe, self._proved)
+        monitoring = Monitoring(self, self._lockouts, self._limiter, self.live_run)
+        return Playing(self, self._limiter, monitoring, self.make_safe, self._proved)
 
     def tap(self, capacity: int = 16) -> Tap:
         """Return a tap on the newest blocks of all further recordings and plays. See `Tap`."""

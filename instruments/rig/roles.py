@@ -10,6 +10,7 @@ import numpy as np
 
 from ..amplifier import Amplifier
 from ..arrays import ComplexArray, FloatArray
+from ..clock import Clock
 from ..config import Actuator, RigFile, TableSettings
 from ..daq import Daq
 from ..entry_points import role_class
@@ -30,8 +31,9 @@ Role = TypeVar("Role")
 class Instruments(Frozen):
     """The open instruments of a rig file. Access to one that the rig lacks raises ConfigurationError."""
 
-    def __init__(self, file: RigFile) -> None:
+    def __init__(self, file: RigFile, clock: Clock) -> None:
         self.file = file
+        self.clock = clock
         self._roles: dict[str, Any] = {}
 
     @property

@@ -1,41 +1,27 @@
 """Keep volts within limits and bring a rig to its safe state."""
 
-from .abort_monitor import AbortMonitor, trip
-from .audit import Audit, entries, log_problems, now_utc, state_folder, who
-from .deadline import exit_within, run_within
-from .figures import Figures
-from .judge import combined
-from .limiter import Limiter
-from .lock import hold, is_marked, marked, reserve
-from .lockout import Lockout, Lockouts, clear_lockout, lockout_of, lockouts_folder
-from .outputs import Outputs
-from .renewal import Renewal
-from .safe_state import SafeState
-
-__all__ = [
-    "AbortMonitor",
-    "Audit",
-    "Figures",
-    "Limiter",
-    "Lockout",
-    "Lockouts",
-    "Outputs",
-    "Renewal",
-    "SafeState",
-    "clear_lockout",
-    "combined",
-    "entries",
-    "exit_within",
-    "hold",
-    "is_marked",
-    "lockout_of",
-    "lockouts_folder",
-    "log_problems",
-    "marked",
-    "now_utc",
-    "reserve",
-    "run_within",
-    "state_folder",
-    "trip",
-    "who",
-]
+from .abort_monitor import AbortMonitor as AbortMonitor
+from .abort_monitor import trip as trip
+from .audit import Audit as Audit
+from .audit import entries as entries
+from .audit import log_problems as log_problems
+from .audit import now_utc as now_utc
+from .audit import state_folder as state_folder
+from .audit import who as who
+from .deadline import exit_within as exit_within
+from .deadline import run_within as run_within
+from .figures import Figures as Figures
+from .judge import combined as combined
+from .limiter import Limiter as Limiter
+from .lock import hold as hold
+from .lock import is_marked as is_marked
+from .lock import marked as marked
+from .lock import reserve as reserve
+from .lockout import Lockout as Lockout
+from .lockout import Lockouts as Lockouts
+from .lockout import clear_lockout as clear_lockout
+from .lockout import lockout_of as lockout_of
+from .lockout import lockouts_folder as lockouts_folder
+from .outputs import Outputs as Outputs
+from .renewal import Renewal as Renewal
+from .safe_state import SafeState as SafeState

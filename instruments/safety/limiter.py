@@ -157,13 +157,7 @@ class Limiter:
         own = {output: np.array(drive) for output, drive in drives.items()}
         with self.refusals_noted():
             self._refuse_elsewhere(patches, any(drive.any() for drive in own.values()))
-            for drive in own.values():
-                self._judge.check(drive, rate_hz, held_to)
-            if len({len(drive) for drive in own.values()}) > 1:
-                raise LimitError("Drives that are played at once must be of one length.")
-            spans = [sounding(drive) for drive in own.values() if drive.any()]
-            seconds = (max(s for _, s in spans) - min(f for f, _ in spans)) / rate_hz if spans else 0.0
-            self._judge.check_duty(seconds, held_to)
+            seconds = self._check_each(own, rate_hz, held_to)
             volts = {output: amplifier.to_input(drive) for output, drive in own.items()}
             if rendered is not None:
                 gain = 1 / float(amplifier.to_input(np.ones(1))[0])
@@ -212,10 +206,21 @@ class Limiter:
         with self._lasting(permit, seconds, heat, output=output, peak=peak, waveform=str(at_output)):
             yield at_output
 
-    def check(self, drive: FloatArray, rate_hz: float, ratings: Ratings) -> None:
-        """Refuse a drive ((samples,) V at the patch) that `permit` would refuse. Raises LimitError."""
+    def check(self, drives: Mapping[str, FloatArray], rate_hz: float, ratings: Ratings) -> None:
+        """Refuse drives ((samples,) V at the patch) that `permit` would refuse. Raises LimitError."""
         with self.refusals_noted():
+            self._check_each(drives, rate_hz, ratings)
+
+    def _check_each(self, drives: Mapping[str, FloatArray], rate_hz: float, ratings: Ratings) -> float:
+        """Refuse drives beyond a limit; return for how long they sound (s). Raises LimitError."""
+        for drive in drives.values():
             self._judge.check(drive, rate_hz, ratings)
+        if len({len(drive) for drive in drives.values()}) > 1:
+            raise LimitError("Drives that are played at once must be of one length.")
+        spans = [sounding(drive) for drive in drives.values() if drive.any()]
+        seconds = (max(s for _, s in spans) - min(f for f, _ in spans)) / rate_hz if spans else 0.0
+        self._judge.check_duty(seconds, ratings)
+        return seconds
 
     def check_waveform(
         self, waveform: Waveform, rest: float, amplifier: Amplifier, held_to: Ratings

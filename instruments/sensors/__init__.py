@@ -1,45 +1,28 @@
 """Sensors: values that convert volts to SI, described in the rig file by what they measure."""
 
-from .rest import fault_along_vertical, fault_at_rest, loss, upside_down
-from .restoring import Restorer
-from .sensor import UNITS, AnalogChannel, Divider, LinearSensor, Scale, Sensor, Switch
-from .sensors import Sensors
-from .tables import (
-    AccelerationTable,
-    Described,
-    DisplacementTable,
-    ForceTable,
-    LinearTable,
-    VelocityTable,
-)
-from .transfer import Measured, Transfer, high_pass, low_pass
-from .units import G, value_of, with_unit
-
-__all__ = [
-    "UNITS",
-    "AccelerationTable",
-    "AnalogChannel",
-    "Described",
-    "DisplacementTable",
-    "Divider",
-    "ForceTable",
-    "G",
-    "LinearSensor",
-    "LinearTable",
-    "Measured",
-    "Restorer",
-    "Scale",
-    "Sensor",
-    "Sensors",
-    "Switch",
-    "Transfer",
-    "VelocityTable",
-    "fault_along_vertical",
-    "fault_at_rest",
-    "high_pass",
-    "loss",
-    "low_pass",
-    "upside_down",
-    "value_of",
-    "with_unit",
-]
+from .linear_table import LinearTable as LinearTable
+from .rest import fault_along_vertical as fault_along_vertical
+from .rest import fault_at_rest as fault_at_rest
+from .rest import loss as loss
+from .rest import upside_down as upside_down
+from .restoring import Restorer as Restorer
+from .sensor import UNITS as UNITS
+from .sensor import AnalogChannel as AnalogChannel
+from .sensor import Divider as Divider
+from .sensor import LinearSensor as LinearSensor
+from .sensor import Scale as Scale
+from .sensor import Sensor as Sensor
+from .sensor import Switch as Switch
+from .sensors import Sensors as Sensors
+from .tables import AccelerationTable as AccelerationTable
+from .tables import Described as Described
+from .tables import DisplacementTable as DisplacementTable
+from .tables import ForceTable as ForceTable
+from .tables import VelocityTable as VelocityTable
+from .transfer import Measured as Measured
+from .transfer import Transfer as Transfer
+from .transfer import high_pass as high_pass
+from .transfer import low_pass as low_pass
+from .units import G as G
+from .units import value_of as value_of
+from .units import with_unit as with_unit

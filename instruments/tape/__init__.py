@@ -9,28 +9,18 @@ A tape is gzip of JSON lines (`zcat`, `jq`), each with the hash of all lines so 
 it is the last.
 """
 
-from .lines import Failure, Proxied, TapedLine, on_line, taped_line
-from .masking import mask
-from .player import Player, TapeClock, TapeError
-from .recorder import Recorder
-from .sessions import current, played, recorded
-from .tape_file import TapeLines
-from .values import Handle
-
-__all__ = [
-    "Failure",
-    "Handle",
-    "Player",
-    "Proxied",
-    "Recorder",
-    "TapeClock",
-    "TapeError",
-    "TapeLines",
-    "TapedLine",
-    "current",
-    "mask",
-    "on_line",
-    "played",
-    "recorded",
-    "taped_line",
-]
+from .lines import Failure as Failure
+from .lines import Proxied as Proxied
+from .lines import TapedLine as TapedLine
+from .lines import on_line as on_line
+from .lines import taped_line as taped_line
+from .masking import mask as mask
+from .player import Player as Player
+from .player import TapeClock as TapeClock
+from .player import TapeError as TapeError
+from .recorder import Recorder as Recorder
+from .sessions import current as current
+from .sessions import played as played
+from .sessions import recorded as recorded
+from .tape_file import TapeLines as TapeLines
+from .values import Handle as Handle

@@ -101,6 +101,7 @@ class Proxied:
         self,
         line: TapedLine,
         target: Any,
+        *,
         failures: tuple[Failure, ...] = (),
         hidden: Mapping[str, str] | None = None,
         fills: Callable[[str], bool] = lambda _name: False,

@@ -1,18 +1,12 @@
 """Lines to instruments: text over serial ports, sockets and VISA, and bytes that come by themselves."""
 
-from .byte_line import Arrival, ByteLine, SerialBytes, TapedBytes
-from .serial_line import SerialLine, SerialSettings, serial_trouble
-from .text_line import Line
-from .visa_line import VisaLine
-
-__all__ = [
-    "Arrival",
-    "ByteLine",
-    "Line",
-    "SerialBytes",
-    "SerialLine",
-    "SerialSettings",
-    "TapedBytes",
-    "VisaLine",
-    "serial_trouble",
-]
+from .byte_line import Arrival as Arrival
+from .byte_line import ByteLine as ByteLine
+from .byte_line import SerialBytes as SerialBytes
+from .byte_line import TapedBytes as TapedBytes
+from .serial_line import SerialLine as SerialLine
+from .serial_line import SerialSettings as SerialSettings
+from .serial_line import close_port as close_port
+from .serial_line import serial_trouble as serial_trouble
+from .text_line import Line as Line
+from .visa_line import VisaLine as VisaLine

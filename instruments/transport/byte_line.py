@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from contextlib import suppress
 from typing import Protocol
 
 import serial
@@ -13,7 +12,7 @@ from ..clock import Clock
 from ..errors import InstrumentError
 from ..inbox import Inbox
 from ..tape import Failure, TapedLine
-from .serial_line import serial_trouble
+from .serial_line import close_port, serial_trouble
 
 __all__ = ["Arrival", "ByteLine", "SerialBytes", "TapedBytes"]
 
@@ -85,13 +84,7 @@ class SerialBytes:
             return
         self._closed.set()
         self._thread.join(1.0)
-        link = getattr(self._port, "_socket", None)
-        with suppress(serial.SerialException, OSError):
-            if link is not None:  # pyserial waits 0.3 s after closing one
-                self._port.is_open = False
-                link.close()
-            else:
-                self._port.close()
+        close_port(self._port)
 
     def _read(self) -> None:
         try:

@@ -13,7 +13,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from ..clock import RealClock
 from .text_line import Port, TextLine
 
-__all__ = ["SerialLine", "SerialSettings", "serial_trouble"]
+__all__ = ["SerialLine", "SerialSettings", "close_port", "serial_trouble"]
 
 _POLL = 0.02
 """Time-out of one read (s): pyserial's is fixed while the port is open."""
@@ -87,6 +87,7 @@ class SerialLine(TextLine):
         port: str,
         baud: int,
         timeout: float,
+        *,
         how: SerialSettings = _USUAL,
         end: bytes = b"\n",
     ) -> None:
@@ -119,14 +120,21 @@ class _SerialPort(Port):
             raise ConnectionError(serial_trouble(error)) from None
 
     def close(self) -> None:
-        # pyserial waits 0.3 s after closing a socket, and leaves it open when the far end closed first.
-        link = getattr(self._port, "_socket", None)
-        if link is not None:
-            self._port.is_open = False
+        close_port(self._port)
+
+
+def close_port(port: Any) -> None:
+    """Close a port of pyserial, in any state; raises nothing.
+
+    Of a socket pyserial waits 0.3 s after closing it, and leaves it open when the far end closed first.
+    """
+    link = getattr(port, "_socket", None)
+    with suppress(serial.SerialException, OSError):
+        if link is None:
+            port.close()
+        else:
+            port.is_open = False
             link.close()
-            return
-        with suppress(serial.SerialException, OSError):
-            self._port.close()
 
 
 def serial_trouble(error: Exception) -> str:

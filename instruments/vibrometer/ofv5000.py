@@ -92,7 +92,7 @@ class Ofv5000(Vibrometer):
     def connect(cls, settings: Settings, clock: Clock) -> Self:
         """Connect as `open`, but accept any range that the controller is set to."""
         end = _ENDS[settings.terminator]
-        line = SerialLine(_NAME, settings.port, settings.baud, settings.timeout, settings, end)
+        line = SerialLine(_NAME, settings.port, settings.baud, settings.timeout, how=settings, end=end)
         try:
             return cls(settings, clock, line)
         except BaseException:

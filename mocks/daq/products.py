@@ -9,13 +9,13 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, Literal, get_args
 
 from pydantic import TypeAdapter, ValidationError
 
 from ...instruments.daq.ni_settings import Channel
+from ...instruments.entry_points import entries
 from ...instruments.errors import ConfigurationError
 
 __all__ = ["PRODUCTS", "Product", "convert_interval", "described", "input_range"]
@@ -231,7 +231,7 @@ def described(rows: Mapping[str, Mapping[str, Any]]) -> dict[str, Product]:
     Raises ConfigurationError with one sentence that names the product and what is missing or wrong.
     """
     found = dict(PRODUCTS)
-    for entry in entry_points(group="haploop.ni_products"):
+    for entry in entries("haploop.ni_products"):
         found |= _read(entry.load(), _TABLE)
     return found | _read(rows, _TABLE)
 

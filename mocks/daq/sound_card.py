@@ -86,8 +86,17 @@ class Line:
 
     def volts(self, times: FloatArray) -> FloatArray:
         """Volts that stood on it at past times, (times,) s."""
-        steps = np.concatenate([np.array([-np.inf]), *(run.times for run in self._past)])
-        values = np.concatenate([np.zeros(1), *(run.values for run in self._past)])
+        asked: list[Run] = []
+        for run in reversed(self._past):
+            if run.start <= times[-1] + 1e-9:
+                asked.append(run)
+            if run.start <= times[0] + 1e-9:
+                break
+        else:
+            asked.append(Run(-np.inf, np.inf, np.zeros(1)))
+        asked.reverse()
+        steps = np.concatenate([run.times for run in asked])
+        values = np.concatenate([run.values for run in asked])
         return np.asarray(values[np.searchsorted(steps, times + 1e-9, side="right") - 1])
 
 

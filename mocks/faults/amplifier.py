@@ -6,6 +6,7 @@ import numpy as np
 
 from ...instruments.arrays import FloatArray
 from ...instruments.bounded import Positive
+from ...instruments.config import RigFile
 from ..plant import FaultSettings, OnAmplifier, Run, TimedFault
 
 __all__ = ["AmplifierGain", "AmplifierTrip"]
@@ -17,10 +18,19 @@ class AmplifierGain(OnAmplifier):
     class Settings(FaultSettings):
         gain: Positive = 25.0
         """V per V."""
+        patch: str | None = None
+        """The patch whose channel it is; None for every one."""
 
     settings: Settings
 
+    def __init__(self, settings: Settings, file: RigFile, rng: np.random.Generator) -> None:
+        super().__init__(settings, file, rng)
+        inputs = file.amplifier.settings.get("input") if file.amplifier else None
+        self._node = inputs.get(settings.patch) if isinstance(inputs, dict) else None
+
     def gain(self, gain: float, run: Run) -> float:
+        if self._node not in (None, run.node):
+            return gain
         if run.values.any():
             self.mark(run.start)
         return self.settings.gain

@@ -54,18 +54,19 @@ class Hysteresis:
             return volts
         if np.all(volts == self._last):
             return _bent(np.asarray(self._linear * volts + self._weights @ self._play))
-        _, ends, rising, lengths = sections(self._last, volts)
+        _, ends, _, lengths = sections(self._last, volts)
         section = np.repeat(np.arange(len(ends)), lengths)
-        turns = list(zip(ends.tolist(), rising.tolist(), strict=True))
+        turns = ends.tolist()
         out = np.asarray(self._linear * volts)
         lower, upper = np.empty_like(volts), np.empty_like(volts)
         for i, (radius, weight) in enumerate(zip(_RADII.tolist(), self._weights.tolist(), strict=True)):
             at, begin = float(self._play[i]), []
-            for end, rises in turns:
+            for end in turns:
                 begin.append(at)
-                pushed = end - radius if rises else end + radius
-                if (pushed > at) is rises:
-                    at = pushed
+                if at < end - radius:
+                    at = end - radius
+                elif at > end + radius:
+                    at = end + radius
             np.maximum(np.array(begin).take(section), np.subtract(volts, radius, out=lower), out=lower)
             np.minimum(lower, np.add(volts, radius, out=upper), out=lower)
             out += np.multiply(weight, lower, out=lower)

@@ -36,12 +36,15 @@ class Run:
     start: float
     period: float
     values: FloatArray
+    node: str = ""
+    """The amplifier's input that it drives, where it comes from the plant."""
 
     @property
     def times(self) -> FloatArray:
         """The time of each value, (steps,) s."""
-        steps = np.arange(1, len(self.values), dtype=np.float64)
-        return np.insert(self.start + steps * self.period, 0, self.start)
+        times = np.full(len(self.values), self.start)
+        times[1:] += self.period * np.arange(1, len(times))  # the first of a held value is not inf x 0
+        return times
 
 
 class Source(Protocol):

@@ -270,7 +270,7 @@ class Plant(Scene):
         for node in {node for node, _ in group.played}:
             own = [place for place in self._last if place[0] == node]
             added = sum(group.played.get(place, np.full(count, self._last[place])) for place in own)
-            run = Run(group.start, group.period, np.asarray(added))
+            run = Run(group.start, group.period, np.asarray(added), node)
             outputs[node] = self._amplifier.output(run, self.faults.at(OnAmplifier))
         self._apply(group.start, group.period, outputs)
 

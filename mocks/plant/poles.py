@@ -2,7 +2,9 @@
 
 Within a step the state has a closed form. Over many steps only the state at the start of each block is
 computed; the output in between is a matrix product: the blocks' initial states times their decay, plus the
-blocks' levels times the impulse response. That is ten times as fast as a recursion for each pole.
+blocks' levels times the impulse response. The blocks' states follow from one another by doubling: each takes
+in the sum of the 1, 2, 4... blocks before it. Both together take a 30th of the time of a recursion for each
+pole. What depends on the period and the lateness of the samples only is kept from block to block.
 """
 
 from __future__ import annotations
@@ -11,7 +13,6 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import pairwise
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -29,6 +30,10 @@ _BLOCK = 64
 """Steps per block: fewer make more blocks, more make longer products."""
 _EVEN = 1e-9
 """Tolerance for treating samples as evenly spaced (s)."""
+_SAME = 1e-12
+"""Difference (s) below which two latenesses of samples are one."""
+_KEPT = 8
+"""Number of latenesses and weights that are kept with their matrices."""
 _GONE = 1e-30
 """Magnitude below which a state is set to zero: denormal numbers would take a hundred times as long."""
 
@@ -39,19 +44,61 @@ class Poles:
 
     poles: ComplexArray
     inputs: FloatArray | ComplexArray
-    _powers: dict[float, ComplexArray] = field(default_factory=dict)
+    _steps: dict[float, _Steps] = field(default_factory=dict)
 
     @cached_property
     def settled(self) -> ComplexArray:
         """States that a level of minus one settles at, (poles, channels)."""
         return self.inputs / self.poles[:, None]
 
-    def powers(self, period: float) -> ComplexArray:
-        """Return the decay of each state after 0 to `_BLOCK` steps of `period` (s), (steps, poles)."""
-        if period not in self._powers:
-            self._powers.clear()
-            self._powers[period] = np.exp(np.arange(_BLOCK + 1)[:, None] * period * self.poles)
-        return self._powers[period]
+    def steps(self, period: float) -> _Steps:
+        """Return what happens within a block of steps of `period` (s)."""
+        if period not in self._steps:
+            self._steps.clear()
+            powers = np.exp(np.arange(_BLOCK + 1)[:, None] * period * self.poles)
+            self._steps[period] = _Steps(self, powers)
+        return self._steps[period]
+
+
+@dataclass(frozen=True, eq=False)
+class _Steps:
+    """Steps of one period within a block."""
+
+    of: Poles
+    powers: ComplexArray
+    """Decay of each state after 0 to `_BLOCK` steps, (steps, poles)."""
+    _seen: dict[tuple[int, int], tuple[ComplexArray, FloatArray, dict[int, FloatArray]]] = field(
+        default_factory=dict
+    )
+
+    @cached_property
+    def pushes(self) -> ComplexArray:
+        """State at a block's end of a unit force in each of its steps, (steps, poles)."""
+        return np.asarray((self.powers[1] - 1) / self.of.poles * self.powers[:_BLOCK][::-1])
+
+    def seen(self, late: float, weights: ComplexArray) -> tuple[FloatArray, dict[int, FloatArray]]:
+        """Return matrices to the weighted output `late` s after the start of each of a block's steps.
+
+        From the parts of the state at the block's start, (parts, steps), and from the levels of each channel
+        with a share, (steps, steps).
+        """
+        key = round(late / _SAME), id(weights)
+        if key not in self._seen:
+            while len(self._seen) >= _KEPT:
+                del self._seen[next(iter(self._seen))]
+            of, powers = self.of, self.powers
+            kept = np.exp(of.poles * late)
+            onward = weights * kept * powers[:_BLOCK]
+            forced: dict[int, FloatArray] = {}
+            for channel, own in enumerate(of.inputs.T):
+                if np.any(own * weights):
+                    impulse = np.zeros(2 * _BLOCK - 1)
+                    impulse[_BLOCK - 1] = (weights * own * (kept - 1) / of.poles).sum().real
+                    impulse[_BLOCK:] = (onward[:-1] @ (own * (powers[1] - 1) / of.poles)).real
+                    forced[channel] = np.ascontiguousarray(sliding_window_view(impulse, _BLOCK)[::-1])
+            # The weights are kept too: another array could get the number of one that is freed.
+            self._seen[key] = weights, np.ascontiguousarray(_as_real(onward.conj()).T), forced
+        return self._seen[key][1:]
 
 
 class Stretch:
@@ -143,44 +190,37 @@ class Stretch:
         block, more = divmod(step, _BLOCK)
         state = self._begins[block]
         if len(self._moving):
-            of, powers = self._of, self._of.powers(self._period)
+            of, steps = self._of, self._of.steps(self._period)
             own = of.inputs[:, self._moving]
             within = self._levels[:, block * _BLOCK : step]
-            pushes = (powers[1] - 1) / of.poles * powers[:more][::-1]
-            state = powers[more] * state + np.einsum("lp,cl,pc->p", pushes, within, own)
-            state = state + own @ self._levels[:, step] / of.poles
+            pushed = (within @ steps.pushes[_BLOCK - more :] * own.T).sum(axis=0)
+            state = steps.powers[more] * state + pushed + own @ self._levels[:, step] / of.poles
         return np.asarray(state)
 
     def _blocks(self, state: ComplexArray) -> ComplexArray:
         begins = np.empty((self._levels.shape[1] // _BLOCK, len(state)), dtype=np.complex128)
         begins[0] = state
         if len(begins) > 1:
-            of, powers = self._of, self._of.powers(self._period)
-            pushes = _as_real((powers[1] - 1) / of.poles * powers[:_BLOCK][::-1])
-            added = np.zeros_like(begins)
+            of, steps = self._of, self._of.steps(self._period)
+            pushes = _as_real(steps.pushes)
+            begins[1:] = 0.0
             for levels, channel in zip(self._levels, self._moving, strict=True):
-                by_block = levels.reshape(-1, _BLOCK)
-                added += of.inputs[:, channel] * (by_block @ pushes).view(np.complex128)
-            begins[1:] = added[:-1]
-            for before, now in pairwise(begins):
-                np.add(now, powers[_BLOCK] * before, out=now)
+                by_block = levels.reshape(-1, _BLOCK)[:-1]
+                begins[1:] += of.inputs[:, channel] * (by_block @ pushes).view(np.complex128)
+            decay, before = steps.powers[_BLOCK], 1
+            while before < len(begins):
+                begins[before:] += decay * begins[:-before]
+                decay, before = decay * decay, 2 * before
         return begins
 
     def _along(self, first: int, stop: int, late: float, weights: ComplexArray) -> FloatArray:
         """Return the weighted output `late` s after the start of each of consecutive steps, (steps,)."""
-        of, powers = self._of, self._of.powers(self._period)
         blocks = slice(first // _BLOCK, -(-stop // _BLOCK))
-        kept = np.exp(of.poles * late)
-        onward = weights * kept * powers[:_BLOCK]
-        out = _as_real(self._begins[blocks]) @ _as_real(onward.conj()).T
-        for levels, channel in zip(self._levels, self._moving, strict=True):
-            own = of.inputs[:, channel]
-            if not np.any(own * weights):
-                continue
-            impulse = np.zeros(2 * _BLOCK - 1)
-            impulse[_BLOCK - 1] = (weights * own * (kept - 1) / of.poles).sum().real
-            impulse[_BLOCK:] = (onward[:-1] @ (own * (powers[1] - 1) / of.poles)).real
-            out += levels.reshape(-1, _BLOCK)[blocks] @ sliding_window_view(impulse, _BLOCK)[::-1]
+        onward, forced = self._of.steps(self._period).seen(late, weights)
+        out = _as_real(self._begins[blocks]) @ onward
+        for levels, channel in zip(self._levels, self._moving.tolist(), strict=True):
+            if channel in forced:
+                out += levels.reshape(-1, _BLOCK)[blocks] @ forced[channel]
         from_first = blocks.start * _BLOCK
         return np.asarray(out.ravel()[first - from_first : stop - from_first])
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict
+from functools import partial
 from typing import Any
 
 from ...calibration import LabThreshold
@@ -26,6 +27,8 @@ from .parts import Contents, Drawing, Fact, Grid, fact, plain
 from .words import ANSWERS_SIMULATED, interval, percent
 
 __all__ = ["identification_contents", "power_contents", "ratings_contents", "thresholds_contents"]
+
+_answers = partial(Contents, origin=ANSWERS_SIMULATED)
 
 
 def identification_contents(result: Identification, simulated: bool, of: str = "") -> Contents:
@@ -73,7 +76,7 @@ def identification_contents(result: Identification, simulated: bool, of: str = "
         f"n = {trials} trials{by}.",
     )
     notes = [f"Intervals of 95 %, {kind}.", *result.notes]
-    return _contents(f"Matching{of}", tables, notes, simulated, [values], [drawing])
+    return _answers(f"Matching{of}", [values], tables, notes, simulated=simulated, figures=[drawing])
 
 
 def ratings_contents(result: Ratings, simulated: bool, of: str = "") -> Contents:
@@ -131,7 +134,7 @@ def ratings_contents(result: Ratings, simulated: bool, of: str = "") -> Contents
     )
     left_out = f"Left out, because a rating is missing: {', '.join(result.left_out)}."
     notes = [*([left_out] if result.left_out else []), *result.notes]
-    return _contents(f"Ratings{of}", tables, notes, simulated, [values], [drawing])
+    return _answers(f"Ratings{of}", [values], tables, notes, simulated=simulated, figures=[drawing])
 
 
 def power_contents(found: Sequence[Power]) -> Contents:
@@ -177,7 +180,7 @@ def thresholds_contents(
     tables = [Grid("Thresholds (75 % right, but for lapses)", headings, rows)]
     notes = [*([note] if known else []), *of.remarks]
     facts = [fact(thresholds=values, notes=list(of.remarks)), *_lab_facts(lab)]
-    return _contents("", tables, notes, of.simulated, facts)
+    return _answers("", facts, tables, notes, simulated=of.simulated)
 
 
 def _lab_facts(lab: LabThreshold | None) -> Iterator[Fact]:
@@ -191,19 +194,6 @@ def _lab_facts(lab: LabThreshold | None) -> Iterator[Fact]:
         people=plain(asdict(lab)),
     )
     yield fact("For the rig file", people_table(lab).splitlines(), people_toml=people_table(lab))
-
-
-def _contents(
-    title: str,
-    tables: Sequence[Grid],
-    notes: Sequence[str],
-    simulated: bool,
-    facts: Sequence[Fact],
-    drawings: Sequence[Drawing] = (),
-) -> Contents:
-    return Contents(
-        title, facts, tables, notes, simulated=simulated, origin=ANSWERS_SIMULATED, figures=drawings
-    )
 
 
 def _level(by: Sequence[str], key: Sequence[str]) -> str:

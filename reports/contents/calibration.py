@@ -85,7 +85,7 @@ def calibration_contents(calibration: Calibration) -> Contents:
             model_error=model.error,
             stable=stable,
         ),
-        *detailed([drift_fact([calibration])]),
+        *detailed([channel_fact([calibration]), drift_fact([calibration])]),
     ]
     verdict = Verdict(
         f"Calibration, patch {patch} at {point}",
@@ -149,7 +149,7 @@ def calibrations_contents(calibrations: Sequence[Calibration]) -> Contents:
                 },
             )
         )
-    facts.append(drift_fact(calibrations))
+    facts += [channel_fact(calibrations), drift_fact(calibrations)]
     patches = ", ".join(one.response.patch for one in calibrations)
     return Contents(
         f"Calibrations of patches {patches} at the {first.point} point",
@@ -157,6 +157,17 @@ def calibrations_contents(calibrations: Sequence[Calibration]) -> Contents:
         kind="calibrations",
         simulated=first.simulated,
         rig=first.rig,
+    )
+
+
+def channel_fact(calibrations: Sequence[Calibration]) -> Fact:
+    """How the channels' gains and delays scatter, of which drives of several patches are planned."""
+    widest = max((one.scatter for one in calibrations), key=lambda one: one.gain)
+    how = f"{widest.changes} changes within {widest.seconds / 3600:.1f} h" if widest.changes else "estimates"
+    return fact(
+        "Channel",
+        f"scatters by {percent(widest.gain, 2)} of gain and {1e6 * widest.delay:.2g} us of delay ({how})",
+        channel=asdict(widest),
     )
 
 

@@ -18,14 +18,14 @@ from .history import trend as trend
 from .map import animate_map as animate_map
 from .map import map_figure as map_figure
 from .measured_response import response as response
-from .paper import Profile as Profile
 from .paper import activation_forces as activation_forces
 from .paper import activation_time as activation_time
 from .paper import comparison as comparison
 from .paper import drives as drives
-from .paper import force_over_travel as force_over_travel
-from .paper import profiles as profiles
 from .plan import plan_figure as plan_figure
 from .plotting import Columns as Columns
 from .press import recording_figure as recording_figure
 from .press import travel_figure as travel_figure
+from .profiles import Profile as Profile
+from .profiles import force_over_travel as force_over_travel
+from .profiles import profiles as profiles

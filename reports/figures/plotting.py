@@ -40,6 +40,7 @@ __all__ = [
     "log_scale",
     "new_figure",
     "panels",
+    "share_x",
     "smoothed",
     "spectrum",
     "style",
@@ -272,3 +273,13 @@ def unit_peak(signal: FloatArray) -> FloatArray:
     """Scale a signal to unit peak magnitude; a zero signal stays zero."""
     peak = float(np.max(np.abs(signal), initial=0.0))
     return signal / peak if peak > 0 else signal
+
+
+def share_x(grid: Any, hide: bool = True) -> None:
+    """Give the panels of a column the same x axis; with `hide`, labels below the last one only."""
+    side_by_side = grid.shape[1] == 1 or grid[0, 0].get_gridspec().ncols > 1
+    for column in grid.T if hide else ():
+        for axes in column[1:]:
+            axes.sharex(column[0])
+        for axes in column[:-1] if side_by_side else ():
+            axes.tick_params(labelbottom=False)

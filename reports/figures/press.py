@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 
 from ...acquisition import ButtonPress, Recording, high_pass
 from ...instruments import DataError
-from .paper import Profile, force_over_travel, profiles
 from .plotting import Columns
+from .profiles import Profile, force_over_travel, profiles
 
 __all__ = ["recording_figure", "travel_figure"]
 

@@ -4,12 +4,16 @@ import json
 import math
 import re
 import shutil
+from types import SimpleNamespace
 from typing import Any
 
 import h5py
 import pytest
 
 from haploop.acquisition import Recording
+from haploop.calibration import ButtonPlan
+from haploop.calibration.drive import Offer, Offers
+from haploop.commands.demo import run as run_module
 from haploop.commands.demo.report import demo_contents
 from haploop.commands.demo.run import _patches
 from haploop.instruments import ConfigurationError, open_rig
@@ -200,6 +204,29 @@ def test_the_patches_that_play_are_those_with_a_channel_of_their_own() -> None:
             assert _patches(rig, asked) == played
             with pytest.raises(ConfigurationError, match="has no patch 'X'"):
                 _patches(rig, ("A", "X"))
+
+
+@pytest.mark.parametrize(
+    ("levels", "method"),
+    [
+        ({"modulated": 8.0, "broadband": 12.0}, "modulated"),
+        ({"modulated": 6.5, "broadband": 8.0}, "broadband"),
+        ({"modulated": 4.0, "broadband": 3.0}, "modulated"),
+    ],
+)
+def test_several_patches_play_on_the_carrier_unless_only_the_press_itself_is_felt(
+    monkeypatch: pytest.MonkeyPatch, levels: dict[str, float], method: str
+) -> None:
+    def offer(drives: list[Any], lab: object) -> Offers:
+        [made] = drives
+        return Offers(made.method, "A, B", 0.6, (Offer(0.07, 0.07, levels[made.method], 0.4, 48.0),))
+
+    monkeypatch.setattr(run_module, "drive_for", lambda *_, method, trade: SimpleNamespace(method=method))
+    monkeypatch.setattr(run_module, "offered", offer)
+    rig: Any = SimpleNamespace(limits=None)
+    press: Any = None
+    drive, curve = run_module._loud(press, [], rig, ButtonPlan("toggle", "lab", (), True, ()))
+    assert (drive.method, curve.method) == (method, method)
 
 
 def test_four_patches_are_felt_at_8_percent_of_error_and_say_so(

@@ -33,9 +33,9 @@ def assert_safe(rig: Rig) -> None:
     assert rig.simulation.truth.peak < 11
 
 
-@pytest.mark.parametrize("seed", [0, 7])
-def test_a_rig_as_its_file_says_is_all_green(open: OpenRig, seed: int) -> None:
-    rig = open("haptable", seed=seed)
+@pytest.mark.parametrize(("name", "seed"), [("haptable", 0), ("haptable", 7), ("four-channel", 0)])
+def test_a_rig_as_its_file_says_is_all_green(open: OpenRig, name: str, seed: int) -> None:
+    rig = open(name, seed=seed)
     findings = examine(rig)
     assert {f.status for f in findings} == {"green"}, of_status(findings, "red") + of_status(
         findings, "yellow"
@@ -155,6 +155,39 @@ def test_one_thing_that_is_wrong_is_one_red_sentence(
     assert asked.fired
     if "relay-" not in fault["kind"] and not of_one_card:
         assert_safe(rig)
+
+
+@pytest.mark.many_plays
+@pytest.mark.parametrize(
+    ("fault", "instrument", "says"),
+    [
+        ({"kind": "amplifier-gain", "patch": "C", "gain": 40}, "amplifier", "0.797 V arrive at patch C"),
+        ({"kind": "amplifier-gain", "patch": "C", "gain": 200}, "table", "Patch C got 4.0"),
+        ({"kind": "sensor-disconnected", "channel": "drive_c"}, "relay", "no voltage reaches it"),
+        ({"kind": "relay-welded", "patch": "D"}, "relay", "no voltage reaches it"),
+        ({"kind": "relay-welded", "patch": "D", "after": 50.69}, "relay", "a contact is welded closed"),
+        ({"kind": "patch-dead", "patch": "B"}, "table", "the patch is dead"),
+    ],
+    ids=lambda value: "-".join(map(str, value.values())) if isinstance(value, dict) else "",
+)
+def test_one_thing_that_is_wrong_on_one_of_four_channels_is_one_red_sentence(
+    open: OpenRig, fault: dict[str, Any], instrument: str, says: str
+) -> None:
+    rig = open("four-channel", faults=[fault])
+    red = of_status(examine(rig), "red")
+    assert [finding.instrument for finding in red] == [instrument], red
+    assert says in red[0].sentence
+    if fault["kind"] != "relay-welded":
+        assert_safe(rig)
+
+
+def test_swapped_monitors_of_two_patches_are_named(open: OpenRig, monkeypatch: pytest.MonkeyPatch) -> None:
+    rig = open("four-channel")
+    right = rig.monitor
+    monkeypatch.setattr(rig, "monitor", lambda p: right({"B": "C", "C": "B"}.get(p, p)))
+    red = of_status(examine(rig), "red")
+    assert [finding.name for finding in red] == ["Patch B", "Patch C"]
+    assert "shows on drive_b, and not on its own monitor" in red[0].sentence
 
 
 def test_a_saturated_gauge_is_named(open: OpenRig) -> None:

@@ -41,7 +41,11 @@ channel = "laser"{PICKUPS["acceleration"]}"""
 @pytest.mark.timeout(900)
 @pytest.mark.usefixtures("few_callbacks")
 @pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=[pytest.mark.long] * (n != "voice-coil")) for n in (*LABS, "glued")]
+    "name",
+    [
+        pytest.param(n, marks=[pytest.mark.long] * (n != "voice-coil"))
+        for n in (*LABS, "glued", "four-channel")
+    ],
 )
 def test_from_doctor_to_recalibration(
     name: str, mode: str, full: bool, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -55,6 +59,7 @@ def test_from_doctor_to_recalibration(
         rig_file = tmp_path / "glued.toml"
         rig_file.write_text(ACCELEROMETER, encoding="utf-8")
     on = ("--rig", rig_file, "--simulate", mode)
+    several = ("--patches", "A,B,C,D") if name == "four-channel" else ()
     recording, press, calibration, button = (
         tmp_path / one for one in ("P01-push.h5", "press.h5", "calibration.h5", "push.h5")
     )
@@ -67,10 +72,14 @@ def test_from_doctor_to_recalibration(
     done("doctor", *on)
     done("record", "push", "-p", "P01", "-n", 2, *on, "--out", tmp_path)
     done("represent", recording, "--out", press)
-    done("calibrate", *on, "--out", calibration)
+    done("calibrate", *on, *several, "--out", calibration)
     assert "pass" in done(
-        "button", "make", recording, "-c", calibration, "-o", button, "--iterations", 0, *on
+        "button", "make", recording, "-c", calibration, *several, "-o", button, "--iterations", 0, *on
     )
+    checked = tmp_path / "check.h5"
+    assert "pass" in done("button", "check", button, *on, "--out", checked)
+    for file in (button, checked):
+        assert f"at patch {', '.join('ABCD' if several else 'A')}" in done("show", file)
     history = ("--calibrations", tmp_path / "history")
     done("calibrations", "adopt", button, "--rig", rig_file, "--reason", "first", *history)
     assert "The calibration holds" in done("recalibrate", *on, *history)
@@ -92,7 +101,7 @@ def played_and_true(
     def watched(drives: dict[str, FloatArray], *args: Any, **more: Any) -> Capture:
         truth = rig.simulation.truth  # type: ignore[union-attr]
         record = truth.record()
-        [volts] = drives.values()
+        volts = drives[drive.patches[0]]
         capture = excite(drives, *args, **more)
         if len(volts) >= size and np.array_equal(volts[len(volts) - size :], drive.volts[0]):
             start = next(one.start for one in record if one.closed and np.isfinite(one.period))

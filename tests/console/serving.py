@@ -24,6 +24,7 @@ class Served:
     base: str
     token: str
     data: Path
+    rig: str = "simulated"
 
     @property
     def url(self) -> str:
@@ -45,7 +46,8 @@ def start(data: Path, *options: str, state: Path) -> Served:
     line = process.stdout.readline()
     assert line, process.wait()
     base, _, token = json.loads(line)["url"].partition("/#")
-    return Served(process, base, token, data)
+    rig = options[options.index("--rig") + 1] if "--rig" in options else "simulated"
+    return Served(process, base, token, data, rig)
 
 
 def end(one: Served) -> None:

@@ -18,6 +18,8 @@ from pydantic import ValidationError
 import haploop
 from haploop.acquisition import Representative
 from haploop.calibration import DigitalButton
+from haploop.exchange.haptic_files import write_android
+from haploop.exchange.views import Envelope
 from tests.exchange.conftest import Files
 from tests.exchange.published_rules import RULES
 
@@ -177,3 +179,13 @@ def test_a_press_without_motion_is_refused(files: Files, tmp_path: Path) -> None
     still.save(tmp_path / "still.h5")
     with pytest.raises(haploop.DataError, match="no motion"):
         haploop.export_file(tmp_path / "still.h5", "ahap", tmp_path / "still.ahap")
+
+
+def test_a_step_of_android_has_the_mean_of_the_envelope_within_it(tmp_path: Path) -> None:
+    line = np.array([0.0, 1.0])
+    about: Any = {"simulated": True, "software": "", "source": ""}
+    envelope = Envelope("a ramp of 50 ms", 0.05 * line, line, 100 * line, 3.0, about)
+    write_android(envelope, tmp_path / "ramp.json")
+    found = json.loads((tmp_path / "ramp.json").read_text(encoding="utf-8"))
+    assert found["timings"] == [5] * 10
+    assert found["amplitudes"] == [13, 38, 64, 89, 115, 140, 166, 191, 217, 242]  # 25.5 (k + 1/2)

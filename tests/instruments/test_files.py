@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from haploop.instruments import ConfigurationError, DataError
-from haploop.instruments import files as published
-from haploop.instruments.files import check_destination, new_file, publish, reserved, room, whole_file
+from haploop.instruments import ConfigurationError, DataError, publishing
+from haploop.instruments.files import check_destination, new_file, reserved, room, whole_file
+from haploop.instruments.publishing import publish
 
 
 def no_links(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -70,14 +70,14 @@ def test_a_file_is_replaced_that_somebody_reads(tmp_path: Path) -> None:
 def test_what_somebody_writes_into_the_claim_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "a.txt"
     no_links(monkeypatch)
-    empty = published._empty
+    empty = publishing._empty
 
     def late(claim: Path) -> bool:
         if claim.stat().st_size == 0:
             claim.write_text("theirs")
         return empty(claim)
 
-    monkeypatch.setattr(published, "_empty", late)
+    monkeypatch.setattr(publishing, "_empty", late)
     with pytest.raises(DataError, match="not overwritten"):
         written(path)
     assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("a.txt", "theirs")]

@@ -8,8 +8,8 @@ import pytest
 import haploop
 from haploop.instruments import DataError
 from haploop.reports.contents import Cell, Contents, Grid, Verdict, fact, plain, verdict_cell
+from haploop.reports.figures import Profile, activation_forces, profiles
 from haploop.reports.figures.encoding import png
-from haploop.reports.figures.paper import Profile, activation_forces, profiles
 from haploop.reports.figures.plotting import active, continuous_phase, smoothed, spectrum
 from haploop.reports.html import CaptionedFigure, Page
 

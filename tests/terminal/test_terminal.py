@@ -60,8 +60,8 @@ def test_a_meter_counts_measures_and_counts_down(tmp_path: Path) -> None:
         tell = rig.operator.tell
         rig.operator.tell = lambda request: (tell(request), look())[0]  # type: ignore[assignment, func-returns-value]
         record(
-            rig, "latch", "P01", 2, tmp_path, lambda *p: (meter.progress(*p), look()),
-            lambda press: (meter.on_verdict(press), look()),
+            rig, "latch", "P01", 2, tmp_path, progress=lambda *p: (meter.progress(*p), look()),
+            on_verdict=lambda press: (meter.on_verdict(press), look()),
             protocol=Protocol(wait=60), on_request=meter.on_request,
         )  # fmt: skip
         meter.lines()
@@ -86,7 +86,7 @@ def test_a_meter_says_nothing_is_done_before_the_first_block() -> None:
 def test_a_meter_is_plain_lines_where_there_is_no_terminal(tmp_path: Path) -> None:
     shown = screen()
     with open_rig("simulated", simulate="twin") as rig, Meter(rig, shown) as meter:
-        record(rig, "push", "P01", 2, tmp_path, meter.progress, meter.on_verdict)
+        record(rig, "push", "P01", 2, tmp_path, progress=meter.progress, on_verdict=meter.on_verdict)
     said = shown.file.getvalue()  # type: ignore[attr-defined]
     assert said == "Record the push button: 0 of 2 presses.\n1 of 2 presses.\n2 of 2 presses.\n"
 
@@ -115,7 +115,7 @@ def test_a_studys_meter_counts_in_all_and_is_away_while_a_question_is_asked(tmp_
             meter.on_study_verdict(participant, button, press)
 
         rig.operator.confirm = answer  # type: ignore[assignment, method-assign]
-        assert run_study(rig, study, (), (), meter.progress, verdict, meter.on_request)
+        assert run_study(rig, study, progress=meter.progress, on_verdict=verdict, on_request=meter.on_request)
     told = {one for one in asked if one[0] in ("Consent", "Ready", "Verdict")}
     assert told == {("Consent", 0), ("Ready", 0), ("Verdict", 1)}
     assert "P01, push: 1 of 2; 3 of 4 in all. Press 2" in "\n".join(lines)

@@ -5,7 +5,7 @@ const ask = newest(), fields = ["kind", "participant", "button", "since", "verdi
 async function list() {
   const asked = new URLSearchParams(fields.map((name) => [name, $(name).value]));
   let found;
-  try { found = await ask(`/api/catalogue?${asked}`); say(""); } catch (error) { say(error.message, "error"); return; }
+  try { found = await ask(`/api/catalogue?${asked}`); say(""); } catch (error) { say(error.message, "error"); $("count").textContent = ""; fill($("files")); return; }
   if (!found) return;
   const { files, of } = found, nothing = !of && !fields.some((name) => $(name).value);
   $("nothing").classList.toggle("hidden", !nothing);

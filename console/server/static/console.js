@@ -73,12 +73,18 @@ export async function post(path, values = {}) {
 
 export const start = (kind, parameters) => command("start", { kind, parameters });
 
-// Only the newest of several answers is drawn, in whatever order they come.
+// Only the newest of several answers is drawn, in whatever order they come; of an older one no error is said either.
 export function newest() {
   let count = 0;
   return async (path) => {
-    const mine = ++count, found = await get(path);
-    return mine === count ? found : null;
+    const mine = ++count;
+    try {
+      const found = await get(path);
+      return mine === count ? found : null;
+    } catch (error) {
+      if (mine !== count) return null;
+      throw error;
+    }
   };
 }
 

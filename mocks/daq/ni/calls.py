@@ -7,13 +7,7 @@ from datetime import UTC, timedelta
 from typing import Any
 
 from nidaqmx._stubs import nidaqmx_pb2 as pb
-from nidaqmx.constants import (
-    SampleTimingType,
-    Signal,
-    TaskMode,
-    TimestampEvent,
-    TriggerType,
-)
+from nidaqmx.constants import SampleTimingType, Signal, TaskMode, TimestampEvent, TriggerType
 from nidaqmx.utils import unflatten_channel_string
 
 from .channels import CREATES

@@ -59,6 +59,7 @@ class NiServer(Closing):
         devices: Inventory | Iterable[NiDevice],
         nodes: Nodes | None = None,
         wiring: Mapping[str, str] | None = None,
+        *,
         clock: Clock | None = None,
         port: int = 0,
         rtsi: bool = False,
@@ -93,12 +94,12 @@ class NiServer(Closing):
     def inject(self, device: str, code: DAQmxErrors) -> None:
         """Make the next read on `device` fail with `code`."""
         with self._system.lock:
-            self._system.inject(device, code)
+            self._system.failures.inject(device, code)
 
     def fail(self, device: str, code: DAQmxErrors | None) -> None:
         """Make every use of `device` fail with `code` from now on; None ends that."""
         with self._system.lock:
-            self._system.fail(device, code)
+            self._system.failures.fail(device, code)
 
     def connect(self, terminal: str, node: str) -> None:
         """Connect an input to a node of `nodes` from now on. Raises DaqmxError for an unknown terminal."""
@@ -229,7 +230,7 @@ class _Service(grpc.GenericRpcHandler):  # type: ignore[misc]
             if name == "ClearTask":
                 self._events.forget(self._system.task(request.task.name))
             elif hasattr(request, "task") and name != "StopTask":
-                self._system.refuse(request.task.name)
+                self._system.failures.refuse(self._system.tasks.get(request.task.name))
             answer = CALLS[name](self._system, request, alive)
             return reply() if answer is None else answer
 

@@ -17,7 +17,8 @@ from ...clock import VirtualClock
 from ...plant import Nodes, PlayStopped
 from ..converter import STOPPED, noise_of
 from .devices import Inventory, NiDevice
-from .errors import DaqmxError, DAQmxErrors, error_string
+from .errors import DaqmxError, DAQmxErrors
+from .failures import Failures
 from .looking import Terminals
 from .signalling import begin_measuring, begin_pulses, glimpse, reference_terminal
 from .tasks import State, Task
@@ -70,8 +71,7 @@ class NiSystem:
         }
         self.terminals = Terminals(self.wiring, nodes, self.outputs, self._clock_at)
         self._reserved: dict[tuple[str, str], Task] = {}
-        self._injected: dict[str, DAQmxErrors] = {}
-        self._failing: dict[str, DAQmxErrors] = {}
+        self.failures = Failures(inventory)
         self._acquisitions: Counter[str] = Counter()
         self._unnamed = 0
         for name, node in self.wiring.items():
@@ -116,37 +116,6 @@ class NiSystem:
                 if self.outputs[name].driven:
                     self.outputs[name].hold(0.0, self.clock.now())
 
-    def inject(self, device: str, code: DAQmxErrors) -> None:
-        """Make the next read on `device` fail with `code`."""
-        self._injected[device] = code
-
-    def fail(self, device: str, code: DAQmxErrors | None) -> None:
-        """Make every use of `device` fail with `code` from now on; None ends that.
-
-        PAL_RESOURCE_RESERVED is another program's task: the device's tasks can be made, and not reserved.
-        """
-        name = self.inventory.device(device).name
-        if code is None:
-            self._failing.pop(name, None)
-        else:
-            self._failing[name] = code
-
-    def refuse(self, name: str, reserving: bool = False) -> None:
-        """Raise DaqmxError when a device of a task fails for good, or another program has reserved it."""
-        task = self.tasks.get(name)
-        for device in task.devices if task is not None and task.channels else ():
-            code = self._failing.get(device.name)
-            if code is not None and (reserving or code is not DAQmxErrors.PAL_RESOURCE_RESERVED):
-                sentence = error_string(code.value).partition("\n")[0]
-                raise DaqmxError(code, f"{sentence}\n\nDevice: {device.name}")
-
-    def injected(self, task: Task) -> DAQmxErrors | None:
-        """Return, once, the failure injected for the next read of `task`, or None."""
-        for device in task.devices:
-            if device.name in self._injected:
-                return self._injected.pop(device.name)
-        return None
-
     # States
 
     def verify(self, task: Task) -> None:
@@ -165,9 +134,9 @@ class NiSystem:
         if task.watchdog is not None:
             task.state = State.RESERVED
             return
-        self.refuse(task.name, reserving=True)
+        self.failures.refuse(task, reserving=True)
         self.verify(task)
-        wanted = self._resources(task)
+        wanted = task.resources
         for key in wanted:
             holder = self._reserved.get(key)
             if holder is not None and holder is not task:
@@ -346,7 +315,7 @@ class NiSystem:
     def _signal(self, task: Task, terminal: str) -> str | None:
         """Return `terminal` if another task must drive it, else None. Raises DaqmxError without a route."""
         match = _SIGNAL.fullmatch(terminal)
-        if match is None or terminal in self.emits(task):
+        if match is None or terminal in task.emits:
             return None
         source = self.inventory.device(match["device"])
         if not self.rtsi and not self.inventory.routed(source, task.device):
@@ -361,25 +330,13 @@ class NiSystem:
         """Time to look again at a task whose next sample the signals decide (s); None for another."""
         return glimpse(self.inventory, self.terminals, task, self.clock.now())
 
-    def emits(self, task: Task) -> set[str]:
-        """Return the terminals that a running task drives."""
-        names = {task.device.name, task.device.chassis or task.device.name}
-        if task.kind == "co":
-            number = re.sub(r"\D", "", task.channels[0].physical[0])
-            return {f"/{name}/Ctr{number}InternalOutput" for name in names}
-        if task.kind == "ci":
-            return set()
-        return {
-            f"/{name}/{task.kind}/{signal}" for name in names for signal in ("SampleClock", "StartTrigger")
-        }
-
     def _clock_at(self, terminal: str) -> tuple[float, float] | None:
         """Rate (Hz) and first edge (s) of a running task's sample clock at `terminal`, or None."""
         if not terminal.lower().endswith("/sampleclock"):
             return None
         running = (task for task in self.tasks.values() if task.channels and task.running and task.timed)
         for task in running:
-            if task.kind != "co" and task.clock.start is not None and terminal in self.emits(task):
+            if task.kind != "co" and task.clock.start is not None and terminal in task.emits:
                 return task.clock.rate_hz, task.clock.start
         return None
 
@@ -388,7 +345,7 @@ class NiSystem:
         for other in self.tasks.values():
             if other is task or not other.channels or not other.running or other.waits_for:
                 continue
-            if terminal in self.emits(other):
+            if terminal in other.emits:
                 task.clock = other.clock
                 task.offset = other.clock.edges(now)
                 return True
@@ -409,7 +366,7 @@ class NiSystem:
         if task.pretrigger is not None and not reference_terminal(self.inventory, self.terminals, task):
             # As on NI's simulated devices: a signal that nothing drives is there at once.
             task.reference = task.pretrigger
-        for terminal in self.emits(task):
+        for terminal in task.emits:
             for other in list(self.tasks.values()):
                 if other.running and terminal in other.waits_for:
                     other.waits_for.discard(terminal)
@@ -427,18 +384,3 @@ class NiSystem:
     def regenerates(task: Task) -> bool:
         """Return True when the output buffer repeats after its end."""
         return bool(task.setting("Write", "REGEN_MODE", 10097) == 10097)
-
-    def _resources(self, task: Task) -> set[tuple[str, str]]:
-        """Return the exclusive resources of a task: sampling engine, outputs, counters."""
-        keys: set[tuple[str, str]] = set()
-        for channel in task.channels:
-            device = channel.device.name
-            if channel.kind == "ai":
-                keys.add((device, "ai"))
-            elif channel.kind in ("ao", "ci", "co"):
-                keys.update((device, name) for name in channel.physical)
-            elif channel.kind == "do":
-                keys.update((device, f"do {name}") for name in channel.physical)
-            if task.timed and channel.kind in ("ao", "di", "do"):
-                keys.add((device, f"{channel.kind} sample clock"))
-        return keys

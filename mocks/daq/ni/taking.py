@@ -164,7 +164,7 @@ def _refuse_unreadable(system: NiSystem, task: Task) -> None:
             f"Read cannot be performed, because task {task.name!r} has no input channels: only digital "
             "lines written on demand can be read back.",
         )
-    injected = system.injected(task)
+    injected = system.failures.of_read(task)
     if injected is not None:
         system.stop(task)
         raise DaqmxError(injected, f"The acquisition of {task.device.name} was stopped.", read=0)

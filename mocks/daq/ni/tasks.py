@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import deque
 from dataclasses import dataclass
 from enum import IntEnum
@@ -282,6 +283,35 @@ class Task:
     def late(self) -> int:
         """Pulses beyond its samples that it needs to be done: 1 of old cards on another's clock."""
         return int(self.kind == "ao" and self.shares is not None and self.device.product.ends_late)
+
+    @property
+    def emits(self) -> set[str]:
+        """Terminals that it drives while it runs."""
+        names = {self.device.name, self.device.chassis or self.device.name}
+        if self.kind == "co":
+            number = re.sub(r"\D", "", self.channels[0].physical[0])
+            return {f"/{name}/Ctr{number}InternalOutput" for name in names}
+        if self.kind == "ci":
+            return set()
+        return {
+            f"/{name}/{self.kind}/{signal}" for name in names for signal in ("SampleClock", "StartTrigger")
+        }
+
+    @property
+    def resources(self) -> set[tuple[str, str]]:
+        """What it alone can have: sampling engine, outputs, counters."""
+        keys: set[tuple[str, str]] = set()
+        for channel in self.channels:
+            device = channel.device.name
+            if channel.kind == "ai":
+                keys.add((device, "ai"))
+            elif channel.kind in ("ao", "ci", "co"):
+                keys.update((device, name) for name in channel.physical)
+            elif channel.kind == "do":
+                keys.update((device, f"do {name}") for name in channel.physical)
+            if self.timed and channel.kind in ("ao", "di", "do"):
+                keys.add((device, f"{channel.kind} sample clock"))
+        return keys
 
     def verify(self) -> None:
         """Check the combination of the settings. Raises DaqmxError."""

@@ -10,6 +10,7 @@ import pytest
 import scipy.signal
 
 from haploop.acquisition.presses.pressing import shaken
+from haploop.acquisition.presses.quality import _times
 from haploop.acquisition.presses.segmentation import Detector, Span, _first_lasting, find_presses
 from haploop.acquisition.presses.segmentation_settings import Segmentation
 from haploop.instruments import load_rig_file
@@ -267,3 +268,24 @@ def spans_of(force: np.ndarray) -> list[Span]:
     detector.feed(force)
     detector.finish()
     return detector.spans
+
+
+# How often a button was pressed
+
+
+@pytest.mark.parametrize(
+    ("force", "times"),
+    [
+        ([0, 10, 0], 1),
+        ([0, 2.9, 0.5, 10, 0], 1),  # before the press a touch, of less than 0.3 of it
+        ([0, 3.1, 0.5, 10, 0], 2),
+        ([0, 10, 1, 2.9, 0], 1),  # after it
+        ([0, 10, 1, 3.0, 0], 1),
+        ([0, 10, 1, 3.1, 0], 2),
+        ([0, 10, 3.4, 10, 0], 2),
+        ([0, 10, 3.6, 10, 0], 1),  # the finger has not left it, at more than 0.35
+        ([0, 10, 0, 10, 0, 10], 3),
+    ],
+)
+def test_a_second_press_has_a_third_of_the_force_and_a_fall_before_it(force: list[float], times: int) -> None:
+    assert _times(np.array(force, dtype=float)) == times

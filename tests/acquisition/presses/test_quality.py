@@ -112,7 +112,9 @@ def crowded(rig, **flaws):
 def test_a_bad_press_is_kept_marked_and_asked_for_again(tmp_path, button, flaw, flag, reason):
     rig = crowded(world_rig(seed=9), press2=flaw)
     told = []
-    recording = record(rig, button, "P01", 3, tmp_path, lambda _, done, of, __: told.append((done, of)))
+    recording = record(
+        rig, button, "P01", 3, tmp_path, progress=lambda _, done, of, __: told.append((done, of))
+    )
     presses = [(p.number, p.attempt, p.flags, p.reason) for p in recording.verdicts]
     assert presses == [(1, 1, (), ""), (2, 1, (flag,), reason), (2, 2, (), ""), (3, 1, (), "")]
     assert told == [(0, 3), (1, 3), (2, 3), (3, 3)]
@@ -152,9 +154,8 @@ def test_the_operator_rejects_the_press_before(tmp_path):
     answers = iter([False] * 40 + [True] + [False] * 10_000)
     rig.operator.rejects = lambda: next(answers)
     live, told = [], []
-    recording = record(
-        rig, "push", "P01", 3, tmp_path, lambda _, done, of, __: told.append((done, of)), live.append
-    )
+    count = lambda _, done, of, __: told.append((done, of))  # noqa: E731
+    recording = record(rig, "push", "P01", 3, tmp_path, progress=count, on_verdict=live.append)
     rejected = [press for press in live if press.flags]
     assert [press.flags for press in rejected] == [("rejected",)]
     number = rejected[0].number

@@ -30,7 +30,9 @@ def assert_kept(rig, path, at_least: int) -> Recording:
 def test_every_press_is_asked_for_once_the_one_before_has_ended(tmp_path, button):
     rig = world_rig(seed=1)
     told = []
-    recording = record(rig, button, "P01", 4, tmp_path, lambda _, done, of, __: told.append((done, of)))
+    recording = record(
+        rig, button, "P01", 4, tmp_path, progress=lambda _, done, of, __: told.append((done, of))
+    )
     assert recording.path == tmp_path / f"P01-{button}.h5"
     assert rig.operator.requests == [Rest(0.5), *(Press(button, "P01", n, 4) for n in (1, 2, 3, 4))]
     assert told == [(0, 4), (1, 4), (2, 4), (3, 4), (4, 4)]

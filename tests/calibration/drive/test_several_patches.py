@@ -13,6 +13,7 @@ from haploop.calibration import (
     Calibration,
     DigitalButton,
     Drift,
+    Loudness,
     Multisine,
     Trade,
     build_button,
@@ -22,6 +23,7 @@ from haploop.calibration import (
     drive_for,
     load_calibrations,
     plan_button,
+    trade_for,
 )
 from haploop.calibration.drive import check
 from haploop.calibration.drive.actuation import Actuation
@@ -116,7 +118,7 @@ def test_the_order_of_the_patches_is_that_of_the_calibrations(four: Four) -> Non
 def test_what_cannot_be_is_said_before_anything_is_played(four: Four, button: DigitalButton) -> None:
     a, b, *_ = four.calibrations
     press, limits = make_press(), four.rig.limits
-    with pytest.raises(ConfigurationError, match="one calibration of each patch"):
+    with pytest.raises(ConfigurationError, match="2 calibrations of patch A at the button point were"):
         drive_for(press, [a, a], limits)
     elsewhere = replace(b, response=replace(b.response, point="31"))
     with pytest.raises(ConfigurationError, match="no calibration of patch A at the 31 point"):
@@ -191,6 +193,26 @@ def test_calibrations_of_several_patches_are_found_by_one_name(four: Four, tmp_p
         load_calibrations(files, ("A", "C"))
     with pytest.raises(DataError, match="table-D"):
         load_calibrations([path], ("D",))
+    (tmp_path / "table-A-waveforms.h5").touch()
+    with pytest.raises(ConfigurationError, match=r"of patches A, B, C: .* \(--patches A,B,C\)"):
+        load_calibrations([path])
+
+
+def test_calibrations_that_do_not_belong_together_are_refused_in_a_sentence(four: Four) -> None:
+    """Of another table, or of another day; their order does not matter."""
+    a, b, c, d = four.calibrations
+    press, limits = make_press(), four.rig.limits
+    moved = replace(c, model=replace(c.model, poles=1.01 * c.model.poles))
+    says = r"patch A at the button point \(.*\) and of patch C at .* differ by 1.0%: they are of two tables"
+    with pytest.raises(ConfigurationError, match=says):
+        drive_for(press, (a, b, moved, d), limits)
+    with open_rig("four-channel", simulate="twin", simulation={"seed": SEED + 1}) as rig:
+        stranger = calibrate(rig, "C")
+    with pytest.raises(ConfigurationError, match=r"patch C .* differ by .* of two tables"):
+        drive_for(press, (a, b, stranger, d), limits)
+    straight, turned = (drive_for(press, four.calibrations[::step], limits) for step in (1, -1))
+    assert turned.patches == tuple("DCBA") and turned.scale == pytest.approx(straight.scale, rel=0.02)
+    assert turned.drifted_error == pytest.approx(straight.drifted_error, rel=0.05)
 
 
 def test_a_plan_compares_one_patch_and_four_as_calibrated_and_after_a_drift(four: Four) -> None:
@@ -206,3 +228,16 @@ def test_a_plan_compares_one_patch_and_four_as_calibrated_and_after_a_drift(four
         assert offer.error < 0.06 and 0.5 * drifted < offer.drifted < 2 * drifted
     assert alone.offers[1].drifted > 4 * every.offers[1].drifted
     assert every.offers[0].error < every.offers[0].drifted
+
+
+def test_a_smaller_drift_that_is_planned_against_is_louder(four: Four) -> None:
+    press, drives = make_press(), []
+    for drift in (Drift(), Drift().times(0.1)):
+        wanted = Loudness(error=0.08, drift=drift)
+        trade = trade_for(press, four.calibrations, four.rig, wanted)
+        assert trade.drift == drift
+        drives.append(drive_for(press, four.calibrations, four.rig.limits, trade=trade))
+    steady, loud = drives
+    assert all(0.06 < drive.expected_error <= 0.08 for drive in drives)
+    assert loud.scale > 1.2 * steady.scale
+    assert (Drift().times(0.1).common, Drift().times(0.1).damping) == pytest.approx((0.001, 0.01))

@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from haploop.calibration import Calibration, Waveforms
+from haploop.calibration import Calibration, ChannelScatter, Waveforms
 from haploop.calibration.drive.button import DigitalButton
 from haploop.calibration.upkeep import recalibration
 from haploop.calibration.upkeep.history import History
@@ -38,6 +38,7 @@ from haploop.instruments import (
     log_entries,
 )
 from haploop.instruments.operator.unattended import Unattended
+from haploop.instruments.progress import silent
 from tests.calibration.conftest import Calibrated
 from tests.calibration.map.killing import Victims
 from tests.calibration.upkeep.conftest import WHEN
@@ -49,15 +50,20 @@ pytestmark = pytest.mark.many_plays
 @pytest.fixture
 def looked_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """The first look of a test stands for those that follow: the same rig, of which nothing has changed."""
-    looks: list[Any] = []
-    real = recalibration.look_at
 
-    def look(*args: Any, **more: Any) -> Any:
-        if not looks:
-            looks.append(real(*args, **more))
-        return looks[0]
+    def once(name: str) -> None:
+        found: list[Any] = []
+        real = getattr(recalibration, name)
 
-    monkeypatch.setattr(recalibration, "look_at", look)
+        def first(*args: Any, **more: Any) -> Any:
+            if not found:
+                found.append(real(*args, **more))
+            return found[0]
+
+        monkeypatch.setattr(recalibration, name, first)
+
+    once("look_at")
+    once("touched_since")
 
 
 def left_alone(rig: Rig, aimed_at: str = "button") -> Rig:
@@ -180,6 +186,21 @@ def test_another_hysteresis_is_a_drift_that_is_found_and_brought_back(
 def kept(rig: Rig, calibration: Calibration) -> tuple[Calibration, Waveforms]:
     """What `calibrate_keeping` returns, with no plays."""
     return calibration, Waveforms.of(rig, (), calibration.digest, "A", "button")
+
+
+def test_a_new_calibration_keeps_what_is_known_of_its_channel(
+    calibrated: Calibrated, history: History, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (button,) = buttons_of(history.active()).values()
+    scatter = ChannelScatter(gain=0.002, delay=1e-7, changes=8, seconds=86_400.0)
+    known = replace(button, calibrations=(replace(button.calibrations[0], scatter=scatter),))
+    new = button.calibrations[0]
+    monkeypatch.setattr(recalibration, "calibrate_keeping", lambda rig, *_: kept(rig, new))
+    monkeypatch.setattr(recalibration, "build_button", lambda *_args, **_more: button)
+    monkeypatch.setattr(recalibration, "touched_since", lambda *_: [])
+    anew = recalibration._made_anew(calibrated.rig, {"push": known}, {"push": button.check}, 1, silent)
+    [(place, made)] = anew.calibrations.items()
+    assert made.scatter == scatter and anew.waveforms[place].calibration == made.digest
 
 
 @pytest.mark.usefixtures("looked_once")
@@ -354,6 +375,7 @@ from haploop.calibration.upkeep import recalibration
 from haploop.calibration.upkeep.history import History
 from haploop.instruments import open_rig
 from haploop.instruments.operator.unattended import Unattended
+from haploop.instruments.progress import silent
 from tests.calibration.map.killing import serve
 
 def once(function):

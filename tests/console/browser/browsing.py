@@ -71,7 +71,7 @@ class Tab:
         self.hosts: set[str] = set()
         self.page = self.another()
         self.page.goto(console.url)
-        expect(self.page.locator("#rig")).to_contain_text("Rig simulated", timeout=WAIT)
+        expect(self.page.locator("#rig")).to_have_text(f"Rig {console.rig}", timeout=WAIT)
 
     def another(self) -> Any:
         page = self.context.new_page()
@@ -83,7 +83,7 @@ class Tab:
 
 def visit(tab: Tab, console: Served, name: str) -> Any:
     tab.page.goto(f"{console.base}/{name}")
-    expect(tab.page.locator("#rig")).to_contain_text("Rig simulated", timeout=WAIT)
+    expect(tab.page.locator("#rig")).to_have_text(f"Rig {console.rig}", timeout=WAIT)
     return tab.page
 
 

@@ -80,7 +80,14 @@ def test_files_shows_experiments_too(tab, console):
     page = visit(tab, console, "catalogue")
     page.get_by_label("Kind").select_option("experiment")
     page.get_by_role("button", name="List").click()
-    expect(page.locator("#files")).to_contain_text("rating/experiment.toml", timeout=2 * WAIT)
+    # Of the answer to this question: the files of any kind, which the page lists first, hold it too.
+    expect(page.locator("#count")).to_have_text("2 files", timeout=2 * WAIT)
+    expect(page.locator("#files tr")).to_have_count(2)
+    expect(page.locator("#files")).to_contain_text("rating/experiment.toml")
+    page.get_by_label("Other, such as patch=A").fill("patches=A")
+    page.get_by_role("button", name="List").click()
+    expect(page.locator("#said")).to_contain_text("'patches=A' is no condition", timeout=WAIT)
+    expect(page.locator("#files tr")).to_have_count(0)
 
 
 def test_a_participant_who_is_recorded_again_gets_a_name_for_the_file(tab, console):

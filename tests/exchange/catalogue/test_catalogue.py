@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import sqlite3
 import sys
@@ -16,6 +17,7 @@ import haploop
 from haploop.acquisition import Recording
 from haploop.acquisition.recording import Rejection, add_rejections
 from haploop.exchange.catalogue import index as catalogue_index
+from haploop.experiments import load_experiment
 from tests.calibration.conftest import make_press
 from tests.command_line import Demo, Run
 from tests.exchange.conftest import make_check, make_drive
@@ -45,6 +47,25 @@ def index(tmp_path: Path) -> Path:
 
 def names(entries: tuple[haploop.Entry, ...]) -> list[str]:
     return [Path(entry.file).name for entry in entries]
+
+
+def test_every_kind_that_a_page_offers_or_a_file_has_can_be_asked_for(tmp_path: Path, index: Path) -> None:
+    """ "experiment" was refused: the Files page then showed what it had listed before, with an error."""
+    root = Path(haploop.__file__).parent
+    page = (root / "console/server/static/catalogue.html").read_text(encoding="utf-8")
+    offered = re.findall(r"<option>([a-z ]+)</option>", page.partition("</select>")[0])
+    written = [
+        kind
+        for source in (root / "calibration").rglob("*.py")
+        for kind in re.findall(r'hdf5\.write\(\w[\w.()]*, "([a-z ]+)"', source.read_text(encoding="utf-8"))
+    ]
+    assert len(offered) == 10 and len(written) >= 9
+    (tmp_path / "data" / "rating").mkdir(parents=True)
+    text = load_experiment("rating").path.read_text(encoding="utf-8")
+    (tmp_path / "data" / "rating" / "experiment.toml").write_text(text, encoding="utf-8")
+    for kind in {*offered, *written}:
+        found = haploop.list_files([tmp_path / "data"], f"kind={kind}", index=index)
+        assert names(found) == ["experiment.toml"] * (kind == "experiment")
 
 
 def test_each_file_is_listed_with_what_it_holds(folder: Path, index: Path) -> None:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy
 
 from haploop.experiments.contact.area import (
     Background,
@@ -187,3 +188,18 @@ def test_light_that_has_changed_is_told_before_the_blobs_that_it_makes() -> None
     assert "more than one finger" in seen(*two).problem
     found = seen(*two, light=40.0)
     assert found.others == 1 and found.problem.startswith("The light changed by +40")
+
+
+@pytest.mark.parametrize(("deviation", "sharp"), [(4.8, True), (5.2, False)])
+def test_an_edge_of_a_known_deviation_is_sharp_up_to_five_pixels(deviation: float, sharp: bool) -> None:
+    """A disc behind a Gaussian blur, of which the average over 3 x 3 pixels is a part: 2/3 of variance."""
+    rows, columns = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    inside = 36 - np.hypot(rows - 60, columns - 80)
+    soft = 10.0 + 100 * scipy.special.ndtr(inside / np.sqrt(deviation**2 - 2 / 3))
+    background = Background(np.full(SHAPE, 10.0), 0.3)
+    if sharp:
+        area = calibrate_meter([taken(soft)] * 2, background, 1e-6 * np.pi * 36**2).square_metres
+        assert area == pytest.approx(1e-6, rel=0.02)
+    else:
+        with pytest.raises(DataError, match=r"blurred over 5\.[23] pixels"):
+            calibrate_meter([taken(soft)] * 2, background, 1e-6)

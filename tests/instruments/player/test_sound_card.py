@@ -242,8 +242,8 @@ def test_the_operator_confirms_what_no_software_can_read(
 @pytest.mark.parametrize(
     ("full_scale", "says"),
     [
-        (2.8, r"The patch got .* to prove the gain: .* a player's volume"),
-        (0.0, "does not show the drive"),
+        (2.8, r"Patch A got .* to prove the gain: .* a player's volume"),
+        (0.0, "monitor shows 0.* V for each volt"),
         (-1.4, "upside down"),  # a tone, whose neighbouring half waves are nearly as good
     ],
 )

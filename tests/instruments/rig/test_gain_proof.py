@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from haploop.instruments import InstrumentError, LimitError, Rig, RigFile, Sweep, load_rig_file, open_rig
+from haploop.instruments.driver import Mode
 from haploop.instruments.rig.gain_proof import TOO_MUCH, loudest, tone
 from haploop.instruments.safety.audit import entries
 from tests.instruments.safety.at_the_patch import bursts
@@ -74,6 +75,56 @@ def test_each_channel_of_an_amplifier_is_proved() -> None:
             rig.excite_each(patches, ["drive"])
         played = [e["output"] for e in entries(rig.audit.folder) if e["kind"] == "played" and e["peak"] <= 1]
         assert played == ["amplifier", "amplifier_c", "amplifier_b"]
+
+
+@pytest.mark.parametrize("mode", ["twin", "wire"])
+def test_a_gain_that_is_wrong_on_one_channel_is_found_at_a_volt(mode: Mode) -> None:
+    wrong = {"faults": [{"kind": "amplifier-gain", "patch": "C", "gain": 250.0}]}
+    with open_rig("four-channel", simulate=mode, simulation=wrong) as rig:
+        rig.excite_each({"A": TONE, "B": TONE}, ["drive"])
+        record = rig.simulation.truth.record()
+        with pytest.raises(InstrumentError, match=r"Patch C got 5\.\d* V when 1 V were played"):
+            rig.excite_each(dict.fromkeys("ABCD", TONE), ["drive"])
+        assert max(burst.high for burst in bursts(record)) < 5.5
+        assert rig.lockout is not None and "Patch C" in rig.lockout.why
+        with pytest.raises(LimitError, match="locked out"):
+            rig.excite_each({"A": TONE}, ["drive"])
+        assert not rig.simulation.truth.closed
+
+
+@pytest.mark.parametrize("mode", ["twin", "wire"])
+@pytest.mark.parametrize("file", ["four-channel", "simulated"])
+def test_nothing_is_played_while_a_patchs_monitor_is_dead(mode: Mode, file: str) -> None:
+    """With a monitor that shows nothing, neither the proof nor the abort monitor looks after the patch."""
+    dead, patch = ("drive_c", "C") if file == "four-channel" else ("drive", "A")
+    faults = [
+        {"kind": "sensor-disconnected", "channel": dead},
+        {"kind": "amplifier-gain", "gain": 250.0, "patch": patch},
+    ]
+    with open_rig(file, simulate=mode, simulation={"faults": faults}) as rig:
+        for _ in range(2):
+            with pytest.raises(InstrumentError, match=f"that patch {patch} was to get .* nothing else"):
+                rig.excite_each(dict.fromkeys("ABCD" if file == "four-channel" else "A", TONE), ["drive"])
+        assert rig.simulation.truth.peak < 5.5 and not rig.simulation.truth.closed
+
+
+def test_a_volt_that_shows_on_another_patchs_monitor_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    with open_rig("four-channel", simulate="twin") as rig:
+        right = rig.monitor
+        monkeypatch.setattr(rig, "monitor", lambda p: right({"B": "C", "C": "B"}.get(p, p)))
+        with pytest.raises(InstrumentError, match=r"patch B was to get .* and drive_b shows it"):
+            rig.excite_each({"A": TONE, "B": TONE}, ["drive"])
+        assert rig.simulation.truth.peak < 1.1
+
+
+def test_what_is_refused_of_several_drives_is_refused_before_the_first_is_proved() -> None:
+    with open_rig("four-channel", simulate="twin") as rig:
+        broken, high = TONE.copy(), 6 * TONE
+        broken[100] = np.nan
+        for bad, says in ((broken, "is nan at sample 100"), (high, "falls to"), (TONE[:-1], "of one length")):
+            with pytest.raises(LimitError, match=says):
+                rig.excite_each({"A": TONE, "B": TONE, "C": bad, "D": TONE}, ["drive"])
+        assert rig.simulation.truth.peak == 0
 
 
 def test_nothing_is_proved_for_a_drive_that_is_refused_or_silent() -> None:

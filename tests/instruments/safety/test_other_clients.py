@@ -41,11 +41,11 @@ class Client:
         self.name = name
         self.taken = self.refused = 0
 
-    def write(self, volts: float = 8.0) -> bool:
+    def write(self, volts: float = 8.0, output: str = "Dev2/ao0") -> bool:
         """Write volts once; False when the output is reserved."""
         try:
             with nidaqmx.Task(self.name, grpc_options=GrpcSessionOptions(self.channel, self.name)) as task:
-                task.ao_channels.add_ao_voltage_chan("Dev2/ao0")
+                task.ao_channels.add_ao_voltage_chan(output)
                 task.write(volts, auto_start=True)
         except DaqError as error:
             assert error.error_code == REFUSED

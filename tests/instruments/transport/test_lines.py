@@ -100,7 +100,7 @@ def test_another_end_is_named(end: bytes, reply: bytes, sentence: str) -> None:
 
 
 def test_a_port_that_is_not_there_is_one_sentence() -> None:
-    line = SerialLine("It", "/dev/no-such-port", 9600, 0.1, SerialSettings(parity="even"))
+    line = SerialLine("It", "/dev/no-such-port", 9600, 0.1, how=SerialSettings(parity="even"))
     with pytest.raises(InstrumentError, match="cannot be opened"):
         line.send("Get")
 

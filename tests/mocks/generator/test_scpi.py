@@ -424,3 +424,45 @@ def test_modulation_can_only_be_off(each: Box) -> None:
     assert "No error" in (ask(each, "SYST:ERR?") or "")
     ask(each, "SOUR1:AM:STAT ON")
     assert ask(each, "SYST:ERR?") == '-221,"Settings conflict; nothing here modulates"'
+
+
+def test_every_voltage_is_that_at_the_load_which_is_set(box: Box) -> None:
+    """50 Ohm in the instrument: half at a load of 50 Ohm, a third at 25, all of it without."""
+    ask(box, "OUTP:LOAD INF;:VOLT 3;:VOLT:OFFS 0.6;:VOLT:LIM:HIGH 6;LOW -9")
+    asked = ("VOLT?", "VOLT:OFFS?", "VOLT:HIGH?", "VOLT:LOW?", "VOLT:LIM:HIGH?", "VOLT:LIM:LOW?")
+    without = np.array([3, 0.6, 2.1, -0.9, 6, -9])
+    rms = 3 / 2 / 2**0.5
+    for load, share in (("INF", 1.0), ("50", 1 / 2), ("25", 1 / 3)):
+        ask(box, f"OUTP:LOAD {load}")
+        np.testing.assert_allclose([number(box, one) for one in asked], share * without, rtol=1e-9)
+        ask(box, "VOLT:UNIT VRMS")
+        assert number(box, "VOLT?") == pytest.approx(share * rms)
+        if load != "INF":
+            ask(box, "VOLT:UNIT DBM")
+            watts = (share * rms) ** 2 / float(load)
+            assert number(box, "VOLT?") == pytest.approx(10 * np.log10(watts / 1e-3))
+        ask(box, "VOLT:UNIT VPP")
+
+
+@pytest.mark.parametrize(
+    ("line", "asked", "without"),
+    [
+        ("VOLT 1", "VOLT?", 3),
+        ("VOLT MIN", "VOLT?", 2e-3),
+        ("VOLT:OFFS 0;:VOLT MAX", "VOLT?", 20),
+        ("VOLT:OFFS 0.2", "VOLT:OFFS?", 0.6),
+        ("VOLT:HIGH 1", "VOLT:HIGH?", 3),
+        ("VOLT:LOW -1", "VOLT:LOW?", -3),
+        ("VOLT:LIM:HIGH 2", "VOLT:LIM:HIGH?", 6),
+        ("VOLT:LIM:LOW -2", "VOLT:LIM:LOW?", -6),
+        ("VOLT:LIM:HIGH 2;HIGH MAX", "VOLT:LIM:HIGH?", 10),
+        ("VOLT:LIM:LOW -2;LOW MIN", "VOLT:LIM:LOW?", -10),
+    ],
+)
+def test_what_is_set_at_a_load_is_three_times_as_much_without(
+    box: Box, line: str, asked: str, without: float
+) -> None:
+    ask(box, f"OUTP:LOAD 25;:{line}")
+    assert ask(box, "SYST:ERR?") == '+0,"No error"'
+    ask(box, "OUTP:LOAD INF")
+    assert number(box, asked) == pytest.approx(without)

@@ -1,0 +1,45 @@
+"""`calibrate --since`: how channels scatter."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from haploop.calibration import Calibration, Waveforms
+from haploop.commands import front
+from tests.command_line import Demo, Run
+
+
+def test_earlier_calibrations_tell_how_a_channel_scatters(
+    demo: Demo, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    table = demo.folder / "calibration.h5"
+    first, earlier = Calibration.load(table), []
+    measured = first, Waveforms.load(Waveforms.beside(table))
+    monkeypatch.setattr(front, "calibrate_keeping", lambda *_: measured, raising=False)
+    for number, gain in enumerate((0.998, 1.0, 1.003)):
+        response = replace(first.response, velocity=gain * first.response.velocity)
+        earlier += ["--since", tmp_path / f"{number}.h5"]
+        replace(first, response=response).save(tmp_path / f"{number}.h5")
+    out = tmp_path / "table.h5"
+    made = run("calibrate", *earlier, "--out", out, "--json")
+    assert made.exit_code == 0, made.stderr
+    channel, again = json.loads(made.stdout)["channel"], Calibration.load(out)
+    assert channel["changes"] == 3 and again.scatter.gain == channel["gain"] == pytest.approx(
+        0.0036, abs=0.0005
+    )
+    assert Waveforms.load(Waveforms.beside(out)).calibration == again.digest
+
+    # What was measured is kept when nothing can be said of its channel.
+    other = replace(first.response, velocity=first.response.velocity[::-1])
+    replace(first, response=other).save(tmp_path / "other.h5")
+    failed = run("calibrate", *earlier, "--since", tmp_path / "other.h5", "--out", tmp_path / "kept.h5")
+    assert failed.exit_code == 1 and "no gain, delay or drift" in " ".join(failed.stderr.split())
+    assert Calibration.load(tmp_path / "kept.h5").digest == first.digest
+
+    few = run("calibrate", "--since", table, "--out", tmp_path / "few.h5")
+    assert few.exit_code == 2 and "--since needs 3 earlier calibrations" in " ".join(few.stderr.split())
+    assert not (tmp_path / "few.h5").exists()
