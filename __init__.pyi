@@ -75,6 +75,7 @@ from .calibration import read_uff as read_uff
 from .calibration import recalibrate as recalibrate
 from .calibration import trade_for as trade_for
 from .calibration import under_finger as under_finger
+from .calibration import with_map as with_map
 from .calibration import with_scatter as with_scatter
 from .calibration import write_uff as write_uff
 from .commands.demo.run import claim_folder as claim_folder

@@ -23,8 +23,7 @@ import numpy as np
 from benchmarks.table import Row, ratios
 from haploop.acquisition import Representative
 from haploop.calibration import Calibration, Check, Drive, calibrate, drive_for, learn, paper_drive
-from haploop.calibration.drive import check
-from haploop.calibration.drive.drive import Method
+from haploop.calibration.drive import Method, check
 from haploop.calibration.drive.paper_baseline import ORDERS
 from haploop.instruments import Rig, open_rig
 

@@ -6,7 +6,8 @@
 Each table is calibrated bare, with noise, hysteresis and quantisation, and has a button. Then somebody leans
 on it: fingertips of 0.25 to 5 N and palms, of people and at places drawn at random, on panes of the whole, a
 third and a tenth of the mass, on the table as it was and on a drifted one. `recalibrate` runs on it, with
-nobody there, on a copy of the history; nothing may be adopted. Tables with a drift alone are only looked at.
+nobody there, on a copy of the history; nothing may be adopted. Tables with a drift alone are only looked at,
+by every patch, as a rig with a channel for each is: one that takes the drift for a hand is enough.
 A hand that is not named matters by how much it changes the response, which is shown. Seeds are hashes.
 """
 
@@ -73,7 +74,8 @@ def conditions(rng: np.random.Generator) -> Iterator[Condition]:
         yield f"finger on a drifted table, {mass:g} kg", True, {"pane_mass": mass, "faults": both}
         yield f"palm, {mass:g} kg", True, {"pane_mass": mass, "faults": [hand(force=5.0, palm=True)]}
     yield "as it was", False, {}
-    yield "all modes by 1 to 3 %", False, {"mode_drift": float(rng.choice([-0.03, -0.01, 0.01, 0.03]))}
+    yield "all modes by 1 %", False, {"mode_drift": 0.01}
+    yield "all modes by 1 to 3 %", False, {"mode_drift": float(rng.choice([-0.03, -0.01, 0.02, 0.03]))}
     yield "each mode by 1 %", False, {"faults": [drift(frequency_each=0.01)]}
     yield "each mode by 3 %", False, {"faults": [drift(frequency_each=0.03)]}
     yield "all dampings by 20 to 30 %", False, {"damping_scale": float(rng.choice([0.7, 0.8, 1.2, 1.3]))}
@@ -92,7 +94,8 @@ def run(tables: int, seed: str, press: Representative, folder: Path) -> Mapping[
         own = int(hashlib.sha256(f"{seed} {number}".encode()).hexdigest()[:7], 16)
         rng, kept = np.random.default_rng(own), folder / f"{own}"
         with haploop.open_rig("simulated", simulation={"seed": own}) as rig:
-            active = haploop.calibrate(rig, "A", "button")
+            every = [haploop.calibrate(rig, patch, "button") for patch in "ABCD"]
+            active = every[0]
             button = haploop.build_button(rig, press, active, iterations=0)
             f = active.response.frequencies
             bare = rig.simulation.truth.velocity_response("A", "button", f)
@@ -116,7 +119,7 @@ def run(tables: int, seed: str, press: Representative, folder: Path) -> Mapping[
                     )
                     shutil.rmtree(folder / "copy")
                 else:
-                    look = look_at(rig, [active], {}, None, silent)
+                    look = look_at(rig, every, {}, None, silent)
                     found[name].append(Found(there, look.touched, change, look.kind, False))
             print(f"table {own}, {name}: {found[name][-1]}", flush=True)
     return found

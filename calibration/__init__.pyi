@@ -25,6 +25,7 @@ from .examination import examine_loop as examine_loop
 from .map import VibrationMap as VibrationMap
 from .map import map_plan as map_plan
 from .map import measure_map as measure_map
+from .map import with_map as with_map
 from .model import Calibration as Calibration
 from .model import ChannelScatter as ChannelScatter
 from .model import Drift as Drift

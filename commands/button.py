@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -13,8 +12,8 @@ from ..instruments.files import reserved
 from ..reports import contents, outputs, show
 from ..terminal.progress import Steps
 from . import front as haploop
-from .grouped import AskedPress, Shown, on_press, showing
-from .options import JSON, NEW, PATH, PLAYS, QUIET, ChosenRig, Measure, on_rig
+from .grouped import AskedElsewhere, AskedPress, Shown, on_elsewhere, on_press, showing
+from .options import JSON, NEW, PATH, PLAYS, ChosenRig, Measure, on_rig
 
 __all__ = ["button"]
 
@@ -71,7 +70,7 @@ def button() -> None:
     show_default=True,
     help="Maximum number of iterative corrections of the drive.",
 )
-@QUIET
+@on_elsewhere
 @ERROR
 @LEVEL
 @DRIFT
@@ -79,10 +78,10 @@ def button() -> None:
 @JSON
 def make(
     asked: AskedPress,
+    elsewhere: AskedElsewhere,
     out: Path,
     method: Literal["modulated", "broadband"],
     iterations: int,
-    quiet_at: Sequence[str],
     error: float | None,
     level: float | None,
     drift: float | None,
@@ -97,7 +96,8 @@ def make(
     plan` shows what there is to choose); without them the drive is as like as it can be. With calibrations of
     several patches and an amplifier channel for each, all play at once, and the drives are planned so that a
     drift of the table changes the motion as little as possible; they are as loud as 6 % of error after a
-    drift of 1 % allows.
+    drift of 1 % allows. Other points can be kept silent (`--quiet-at`) or play a press of their own at the
+    same time (`--also`); the check visits each with the laser.
 
     Exit codes: 0 the check passed, 1 it did not (the file is written and states why).
     """
@@ -105,21 +105,23 @@ def make(
     against = None if drift is None else usual.times(drift / usual.common)
     chosen, wanted = (error, level) != (None, None), haploop.Loudness(error, level, against)
     loaded, press = asked.load_calibrations(), asked.load_press()
+    there = elsewhere.load_wanted(asked.average)
+    loaded = elsewhere.load_calibrations(loaded)
     with (
-        reserved(out, size=sizes.BUTTON + (iterations + 1) * sizes.STEP),
+        reserved(out, size=sizes.BUTTON + (iterations + 1) * sizes.STEP + len(there) * sizes.CHECK),
         rig.opened() as opened,
         Steps() as steps,
     ):
         trade = haploop.Trade(drift=against)
         if chosen:
-            trade = haploop.trade_for(press, loaded, opened, wanted, method, quiet_at)
+            trade = haploop.trade_for(press, loaded, opened, wanted, method, there)
         made = haploop.build_button(
             opened,
             press,
             loaded,
             method=method,
             trade=trade,
-            quiet_at=quiet_at,
+            elsewhere=there,
             iterations=iterations,
             progress=steps,
         )

@@ -23,7 +23,17 @@ if TYPE_CHECKING:
     from ..reports.contents import Contents
     from ..reports.figures import Columns
 
-__all__ = ["AskedPress", "Prompts", "Shown", "grouped", "on_press", "on_prompts", "showing"]
+__all__ = [
+    "AskedElsewhere",
+    "AskedPress",
+    "Prompts",
+    "Shown",
+    "grouped",
+    "on_elsewhere",
+    "on_press",
+    "on_prompts",
+    "showing",
+]
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 
@@ -86,6 +96,62 @@ on_press = grouped(
         "and so on.  [default: those of the calibrations]",
     ),
     AVERAGE,
+)
+
+
+@dataclass(frozen=True)
+class AskedElsewhere:
+    """What other points of the table are to do at the same time."""
+
+    quiet_at: Sequence[str]
+    also: Sequence[tuple[str, Path]]
+    map_folder: Path | None
+
+    def load_wanted(self, average: AverageMethod) -> dict[str, Representative | None]:
+        """Read the press of each point that plays one; None where it is silent."""
+        files: dict[str, list[Path]] = {}
+        for point, path in self.also:
+            files.setdefault(point, []).append(path)
+        if both := sorted(set(files) & set(self.quiet_at)):
+            raise click.UsageError(f"Point {both[0]} cannot be silent and play a press.")
+        presses = {point: haploop.load_press(paths, average) for point, paths in files.items()}
+        return {**presses, **dict.fromkeys(self.quiet_at)}
+
+    def load_calibrations(self, calibrations: Sequence[Calibration]) -> tuple[Calibration, ...]:
+        """Add to calibrations those of points that only the map has."""
+        if self.map_folder is None:
+            return tuple(calibrations)
+        points = (*(point for point, _ in self.also), *self.quiet_at)
+        return haploop.with_map(
+            calibrations, haploop.VibrationMap.load(self.map_folder), tuple(dict.fromkeys(points))
+        )
+
+
+on_elsewhere = grouped(
+    "elsewhere",
+    AskedElsewhere,
+    click.option(
+        "--quiet-at",
+        type=Names(),
+        default=(),
+        metavar="LIST",
+        help="Grid points that are to be silent, for example 31,57.",
+    ),
+    click.option(
+        "--also",
+        type=(str, PATH),
+        multiple=True,
+        metavar="POINT PRESS",
+        help="Grid point that is to play another press at the same time; repeatable. Points are no more than "
+        "patches, the button's included.",
+    ),
+    click.option(
+        "--map",
+        "map_folder",
+        type=PATH,
+        metavar="DIR",
+        help="Folder of `haploop map`, for points of --quiet-at and --also without a calibration.",
+    ),
 )
 
 

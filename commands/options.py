@@ -34,7 +34,6 @@ __all__ = [
     "PICTURE",
     "PLAYS",
     "PLOT",
-    "QUIET",
     "RIG",
     "SIMULATE",
     "TAPED",
@@ -177,13 +176,6 @@ TAPED = click.option(
 NEW = NewFile()
 PICTURE = NewFile(".png", ".pdf", ".svg")
 PLOT = click.option("--plot", type=PICTURE, metavar="OUT.png", help="Also draw a figure (PNG, PDF, SVG).")
-QUIET = click.option(
-    "--quiet-at",
-    type=Names(),
-    default=(),
-    metavar="LIST",
-    help="Grid points that are to be silent, for example 31,57: fewer than patches, each calibrated as well.",
-)
 PLAYS = click.option(
     "--plays",
     type=click.IntRange(3, 1000),

@@ -15,6 +15,8 @@ from urllib.parse import urlsplit
 
 import click
 
+from ..instruments.signals import STOPPING
+
 if TYPE_CHECKING:
     from ..instruments import RigFile
     from ..mocks.plant import Plant
@@ -33,7 +35,7 @@ KINDS = {
 _MARK = "# Written by haploop twin"
 """Beginning of a rig file that may be written over."""
 _PATIENCE = 3
-"""Ctrl-C at which another program is killed."""
+"""Ctrl-C or SIGTERM at which another program is killed."""
 
 
 @dataclass(frozen=True)
@@ -157,35 +159,39 @@ def served(asked: Asked) -> Iterator[Served]:
 def run_command(command: tuple[str, ...], environment: Mapping[str, str]) -> int:
     """Run another program and return its exit code. Raises click.UsageError when there is no such program.
 
-    Ctrl-C reaches the program as well, which may end by it as it means to: it is waited for, and killed at
-    the third. SIGTERM reaches haploop alone, and is handed on.
+    A program that a signal ended has 128 and the signal's number, as a shell says it. Ctrl-C reaches the
+    program as well, and SIGTERM is handed on. The program may end by either as it means to: it is waited
+    for, and killed at the third.
     """
     try:
         program = subprocess.Popen(command, env=dict(environment))
     except OSError as error:
         raise click.UsageError(f"{command[0]} cannot be run: {error.strerror}") from None
     # Counted, not raised: an exception as the program ends would lose its exit code, which is told once.
-    interrupts: list[int] = []
+    stops: list[int] = []
 
-    def interrupted(number: int, _: object) -> None:
-        interrupts.append(number)
-        if len(interrupts) == _PATIENCE:
+    def stop(number: int, _: object) -> None:
+        stops.append(number)
+        if len(stops) == _PATIENCE:
             program.kill()
+        elif number != signal.SIGINT:
+            program.terminate()
 
-    before = signal.getsignal(signal.SIGINT)
-    if before != signal.SIG_IGN:
-        signal.signal(signal.SIGINT, interrupted)
+    before = ((number, signal.getsignal(number)) for number in STOPPING)
+    heeded = {number: handler for number, handler in before if handler != signal.SIG_IGN}
     with program:
         try:
-            while True:
+            for number in heeded:
+                signal.signal(number, stop)
+            code = None
+            while code is None:
                 # With a time-out, because Ctrl-C does not interrupt an unlimited wait on Windows.
                 with suppress(subprocess.TimeoutExpired):
-                    return program.wait(0.25)
-        except KeyboardInterrupt:
-            program.terminate()
-            raise
+                    code = program.wait(0.25)
         finally:
-            signal.signal(signal.SIGINT, before)
+            for number, handler in heeded.items():
+                signal.signal(number, handler)
+    return code if code >= 0 else 128 - code
 
 
 def _nothing(file: RigFile, kind: str | None) -> str:

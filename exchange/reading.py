@@ -109,7 +109,7 @@ def representative_signals(path: Path) -> Signals:
 def drive_signals(path: Path) -> Signals:
     """Volts at the patch, and the target's acceleration. Raises DataError."""
     drive = Drive.load(path)
-    channels = (*_volts(drive), Channel("target", "m/s^2", drive.target))
+    channels = (*_volts(drive), *_targets(drive))
     about = _about(path, drive.simulated, _drive_about(drive))
     return Signals(f"Drive of {drive.button}", drive.rate_hz, channels, channels[0].name, about)
 
@@ -134,7 +134,7 @@ def button_signals(path: Path) -> Signals:
     measured = np.interp(time, np.arange(len(check.measured)) / check.rate_hz, check.measured, right=0.0)
     channels = (
         *_volts(drive),
-        Channel("target", "m/s^2", drive.target),
+        *_targets(drive),
         Channel("measured", "m/s^2", measured),
     )
     about = _about(path, button.simulated, _check_about(check))
@@ -302,6 +302,12 @@ def _volts(drive: Drive) -> tuple[Channel, ...]:
     """The volts of each patch; of one alone they have no other name."""
     names = ["volts"] if len(drive.patches) == 1 else [f"volts_{patch}" for patch in drive.patches]
     return tuple(Channel(name, "V", own) for name, own in zip(names, drive.volts, strict=True))
+
+
+def _targets(drive: Drive) -> tuple[Channel, ...]:
+    """The target of the drive's own point, and those of others with a button of their own."""
+    others = [(f"target_{one.point}", one.target) for one in drive.elsewhere if one.button]
+    return tuple(Channel(name, "m/s^2", target) for name, target in (("target", drive.target), *others))
 
 
 def _drive_about(drive: Drive) -> About:

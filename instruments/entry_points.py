@@ -131,12 +131,19 @@ def entries(group: str, name: str | None = None) -> metadata.EntryPoints:
 
 
 @lru_cache(maxsize=32)
-def _of(group: str, _places: tuple[tuple[str, int | None], ...]) -> metadata.EntryPoints:
-    """Read the entry points of a group, once for all uses: it takes milliseconds.
+def _of(group: str, places: tuple[tuple[str, int | None], ...]) -> metadata.EntryPoints:
+    found: metadata.EntryPoints = _installed(places).select(group=group)
+    return found
 
-    They are read again when a package was added or removed, which changes the time of its folder.
+
+@lru_cache(maxsize=1)
+def _installed(_places: tuple[tuple[str, int | None], ...]) -> Any:
+    """Read the entry points of all packages, once for all groups: it takes tens of milliseconds.
+
+    They are read again when a package was added or removed, which changes the time of its folder. Python 3.11
+    returns groups, and later ones EntryPoints; both select.
     """
-    return metadata.entry_points(group=group)
+    return metadata.entry_points()
 
 
 def _changed(path: str) -> int | None:

@@ -5,25 +5,29 @@ from .agreement import SharedPower
 from .button import DigitalButton, build_button, play_button
 from .check import TOLERANCE, check
 from .checked import Check
-from .drive import BAND, BEFORE, Drive, Method, drive_for, modulate
+from .drive import BAND, Drive, drive_for
+from .elsewhere import NOWHERE, Elsewhere, Wanted
 from .feeling import check_feeling
 from .finger_check import check_under_finger
 from .learning import Iteration, Learning, learn
 from .loudness import ButtonPlan, Loudness, Offer, Offers, offered, plan_button, trade_for
 from .paper_baseline import paper_drive
 from .parallel import COMPARED_AT, Wired, Wiring
+from .targets import BEFORE, Method, modulate
 from .trade import STEADY, Trade
 
 __all__ = [
     "BAND",
     "BEFORE",
     "COMPARED_AT",
+    "NOWHERE",
     "STEADY",
     "TOLERANCE",
     "ButtonPlan",
     "Check",
     "DigitalButton",
     "Drive",
+    "Elsewhere",
     "Iteration",
     "Learning",
     "Loudness",
@@ -32,6 +36,7 @@ __all__ = [
     "Offers",
     "SharedPower",
     "Trade",
+    "Wanted",
     "Wired",
     "Wiring",
     "build_button",

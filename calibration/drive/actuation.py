@@ -7,7 +7,7 @@ hysteresis), because the table is linear in them; `commanded` converts them to v
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -39,7 +39,7 @@ _Values = TypeVar("_Values", FloatArray, ComplexArray)
 class Actuation:
     """Calibrations of `patches` at `points`: rows of points, of each patch in turn.
 
-    The first point is the one that is to move. A patch's law and path are those of its calibration there.
+    The first point is the one that has the press. A patch's law and path are those of its calibration there.
     """
 
     patches: tuple[str, ...]
@@ -47,11 +47,13 @@ class Actuation:
     rows: tuple[tuple[Calibration, ...], ...]
 
     @classmethod
-    def of(cls, calibration: Calibration | Sequence[Calibration], quiet_at: Sequence[str] = ()) -> Actuation:
-        """Order calibrations by patch, as they come first, and by point: the silent ones last.
+    def of(
+        cls, calibration: Calibration | Sequence[Calibration], elsewhere: Collection[str] = ()
+    ) -> Actuation:
+        """Order calibrations by patch, as they come first, and by point: those of `elsewhere` last.
 
         Raises ConfigurationError when a pair is missing or there twice, when they are not of one rig or of
-        one state of its table, and what `_quiet` raises.
+        one state of its table, and what `_before` raises.
         """
         calibrations = [calibration] if isinstance(calibration, Calibration) else calibration
         by_place = {(c.response.patch, c.response.point): c for c in calibrations}
@@ -81,38 +83,32 @@ class Actuation:
             )
         _refuse_apart(list(by_place.values()))
         rows = tuple(tuple(by_place[patch, point] for patch in patches) for point in points)
-        return cls(patches, points, rows)._quiet(quiet_at)
+        return cls(patches, points, rows)._before(elsewhere)
 
-    def _at(self, points: Sequence[str]) -> Actuation:
-        """The same patches at some of the points. Raises ConfigurationError for one without a calibration."""
-        unknown = [point for point in points if point not in self.points]
-        if unknown:
+    def _before(self, elsewhere: Collection[str]) -> Actuation:
+        """The first point that is not elsewhere, and those that are.
+
+        Raises ConfigurationError for more points than patches, for one without a calibration, and where other
+        points are calibrated that nobody names.
+        """
+        if len(elsewhere) >= len(self.patches):
+            raise ConfigurationError(
+                f"{len(elsewhere) + 1} points cannot be moved or kept silent at once by {len(self.patches)} "
+                "patches: each point takes a patch of its own."
+            )
+        if unknown := [point for point in elsewhere if point not in self.points]:
             raise ConfigurationError(
                 f"No patch was calibrated at the {unknown[0]} point: there are calibrations of "
-                f"{', '.join(self.points)}."
+                f"{', '.join(self.points)}. Calibrate each patch there, or take the point from a map."
             )
-        by_point = dict(zip(self.points, self.rows, strict=True))
-        return Actuation(self.patches, tuple(points), tuple(by_point[point] for point in points))
-
-    def _quiet(self, quiet_at: Sequence[str]) -> Actuation:
-        """The first point that is not to be silent, and those that are to be.
-
-        Raises ConfigurationError for more silent points than patches less one, and where other points are
-        calibrated that nobody names.
-        """
-        most = len(self.patches) - 1
-        moved = [point for point in self.points if point not in quiet_at]
-        if len(moved) != 1:
+        own = [point for point in self.points if point not in elsewhere]
+        if len(own) != 1:
             raise ConfigurationError(
-                f"One point is to move, and {len(moved)} of the calibrated ones are not to be silent "
-                f"({', '.join(moved) or 'none'}): name all others as silent, or leave their calibrations out."
+                f"One point is to have the press, and {len(own)} of the calibrated ones are left for it "
+                f"({', '.join(own) or 'none'}): name what the others are for, or leave them out."
             )
-        if len(quiet_at) > most:
-            raise ConfigurationError(
-                f"{len(quiet_at)} points cannot be silent: each takes a patch of its own beside the one that "
-                f"moves the {moved[0]} point, and {len(self.patches)} patches leave {most}."
-            )
-        return self._at((*moved, *quiet_at))
+        points, by_point = (*own, *elsewhere), dict(zip(self.points, self.rows, strict=True))
+        return Actuation(self.patches, points, tuple(by_point[point] for point in points))
 
     @property
     def own(self) -> tuple[Calibration, ...]:
@@ -126,20 +122,32 @@ class Actuation:
 
     @property
     def digest(self) -> str:
-        """Content hash of all inputs to a drive; of one calibration its own."""
-        digests = [c.digest for row in self.rows for c in row]
+        """Content hash of all inputs to a drive, whichever point is the first; of one calibration its own."""
+        digests = sorted(c.digest for row in self.rows for c in row)
         return digests[0] if len(digests) == 1 else hashlib.sha256("".join(digests).encode()).hexdigest()
 
     @property
-    def carrier(self) -> Calibration:
-        """The calibration whose resonance moves the first point most: its resonance carries buttons."""
-        return max(self.own, key=lambda c: abs(c.model.velocity(np.array([c.carrier_hz]))[0]))
+    def carriers(self) -> tuple[float, ...]:
+        """Of each point, the resonance (Hz) of the patch that moves it most there: it carries buttons."""
+        most = (
+            max(row, key=lambda c: abs(c.model.velocity(np.array([c.carrier_hz]))[0])) for row in self.rows
+        )
+        return tuple(one.carrier_hz for one in most)
 
     @property
     def known(self) -> tuple[float, float]:
-        """Lowest and highest frequency (Hz) at which every response was measured."""
+        """Lowest and highest frequency (Hz) at which every response was measured.
+
+        Beyond it a drive would move points in a way that nobody knows.
+        """
         edges = np.array([known(c) for row in self.rows for c in row])
         return float(edges[:, 0].max()), float(edges[:, 1].min())
+
+    def known_to(self, row: int, band: tuple[float, float]) -> float:
+        """Standard deviation of the responses at a point within `band` (Hz), over them (rms)."""
+        f = np.linspace(*band, _LINES)
+        deviations, gains = ([of(c, f) for c in self.rows[row]] for of in (_deviation, _acceleration))
+        return float(np.linalg.norm(deviations) / np.linalg.norm(gains))
 
     @property
     def ringing(self) -> float:
@@ -148,13 +156,14 @@ class Actuation:
         slowest = min(2 * np.pi * r.frequency_hz * r.damping for r in found)
         return float(np.clip(np.log(100) / slowest, 0.3, 2.0))
 
-    def measured_well(self, band: tuple[float, float]) -> tuple[float, float]:
-        """The part of `band` (Hz) in which every response at the first point was measured well.
+    def measured_well(self, band: tuple[float, float], points: Collection[str]) -> tuple[float, float]:
+        """The part of `band` (Hz) in which every response at `points` was measured well.
 
         Raises DataError when there is none.
         """
-        for calibration in self.own:
-            band = measured_well(calibration.response, band)
+        for point, row in zip(self.points, self.rows, strict=True):
+            for calibration in row if point in points else ():
+                band = measured_well(calibration.response, band)
         return band
 
     def gain(self, f: FloatArray) -> ComplexArray:
@@ -165,7 +174,7 @@ class Actuation:
         hysteresis; its delay may stay, because hysteresis does not depend on time. Beyond the model's band it
         is the measured response itself.
         """
-        return np.array([[_velocity(c, f) * _per_linear_volt(c, f) for c in row] for row in self.rows])
+        return np.array([[_acceleration(c, f) for c in row] for row in self.rows])
 
     def covariance(self, f: FloatArray) -> ComplexArray:
         """(points, patches, patches, lines): covariance of `gain` as measured, each patch on its own.
@@ -281,6 +290,11 @@ def measured_well(response: Response, band: tuple[float, float]) -> tuple[float,
             f"{float(coherence.max()):.2f} at best, and {_LEAST_COHERENCE} is needed."
         )
     return float(low), float(high)
+
+
+def _acceleration(calibration: Calibration, f: FloatArray) -> ComplexArray:
+    """(lines,) m/s^2 per linear volt commanded."""
+    return _velocity(calibration, f) * _per_linear_volt(calibration, f)
 
 
 def _channel(calibration: Calibration, drift: Drift) -> tuple[float, float]:

@@ -15,9 +15,11 @@ from ...instruments.progress import Progress, silent
 from ..model import Calibration
 from .check import check
 from .checked import Check
-from .drive import Drive, Method, drive_for
+from .drive import Drive, drive_for
+from .elsewhere import NOWHERE, Wanted
 from .learning import Learning, learn
 from .playing import refuse_foreign
+from .targets import Method
 from .trade import TRADE, Trade
 
 __all__ = ["DigitalButton", "build_button", "play_button"]
@@ -41,6 +43,8 @@ class DigitalButton(InNotebook):
     """Time of creation, ISO 8601, UTC."""
     made_with: str
     """Version of haploop."""
+    others: tuple[Representative, ...] = ()
+    """The presses that other points play at the same time, in the drive's order."""
 
     def __repr__(self) -> str:
         simulated = ", simulated" if self.simulated else ""
@@ -51,6 +55,12 @@ class DigitalButton(InNotebook):
     def drive(self) -> Drive:
         """The drive, with the target on the same clock."""
         return self.check.drive
+
+    @property
+    def elsewhere(self) -> Wanted:
+        """What other points are to do: see `drive_for`."""
+        presses = iter(self.others)
+        return {one.point: next(presses) if one.button else None for one in self.drive.elsewhere}
 
     @property
     def passed(self) -> bool:
@@ -84,21 +94,21 @@ def build_button(
     *,
     method: Method = "modulated",
     trade: Trade = TRADE,
-    quiet_at: Sequence[str] = (),
+    elsewhere: Wanted = NOWHERE,
     iterations: int = 5,
     plays: int = 8,
     progress: Progress = silent,
 ) -> DigitalButton:
     """Compute the drive of a press, improve it by up to `iterations` corrections, and check it.
 
-    `calibration` may be several, of several patches, `trade` how loud it is to be, and `quiet_at` points that
-    are kept silent: see `drive_for`.
+    `calibration` may be several, of several patches, `trade` how loud it is to be, and `elsewhere` what
+    other points are to do: see `drive_for`.
     A button that fails its check is returned as well: see `DigitalButton.passed`.
     Raises what `drive_for`, `learn` and `check` raise.
     """
     calibrations = (calibration,) if isinstance(calibration, Calibration) else tuple(calibration)
     _refuse_other_world(rig, calibrations)
-    drive = drive_for(press, calibrations, rig.limits, method=method, trade=trade, quiet_at=quiet_at)
+    drive = drive_for(press, calibrations, rig.limits, method=method, trade=trade, elsewhere=elsewhere)
     refuse_foreign(rig, drive)
 
     learning = learn(rig, drive, calibrations, iterations=iterations, plays=plays, progress=progress)
@@ -108,6 +118,7 @@ def build_button(
         calibrations=calibrations,
         learning=learning,
         check=result,
+        others=tuple(one for one in elsewhere.values() if one is not None),
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         made_with=f"haploop {metadata.version('haploop')}",
     )

@@ -27,7 +27,7 @@ from .agreement import (
 from .checked import Check, Silence, ThirdOctaves, Tones
 from .drive import Drive
 from .playing import Played, play, refuse_foreign, target_of
-from .verdict import Signs, judged
+from .verdict import Signs, all_judged, judged
 
 if TYPE_CHECKING:
     from ...acquisition import Representative
@@ -51,9 +51,11 @@ def check(
 ) -> Check:
     """Play a drive `plays` times and compare the whole motion of the surface with the drive's target.
 
+    The laser visits the other points of the drive as well: each button is compared and judged, and the check
+    passes if all do; of a silent point it is measured how much it moves.
+
     `press`, if given, must be the one that the drive was computed for: ConfigurationError
-    otherwise. `progress` is called after each play. The laser visits the
-    points that are to be silent as well. A signal that leaves its range, a dead
+    otherwise. `progress` is called after each play. A signal that leaves its range, a dead
     patch or a blocked laser fails the check, with its reason. Raises ConfigurationError for fewer than
     three plays or a drive made for another rig or sample rate, and what `Rig.excite` raises.
     """
@@ -66,19 +68,22 @@ def check(
         )
     prepare(rig, drive.point)
     doing = f"Check the {drive.button} button"
-    total = plays * (1 + len(drive.quiet_at))
+    total = plays * len(drive.points)
     played = play(rig, drive, plays, progress=part_of(progress, doing, 0, total))
-    silent = []
-    for number, point in enumerate(drive.quiet_at, 1):
-        prepare(rig, point)
+    result, silent, others = compare(drive, played, rig), [], []
+    for number, one in enumerate(drive.elsewhere, 1):
+        prepare(rig, one.point)
         there = play(rig, drive, plays, progress=part_of(progress, doing, number * plays, total))
+        if one.button:
+            others.append(compare(drive.seen_from(one.point), there, rig))
+            continue
         target = target_of(drive, there.rate_hz)
         still = error_spectra(np.zeros((1, len(target))), target)
         moved = error_spectra(there.accelerations[:, : len(target)], target) - still
         # Within the band: the laser's noise beyond it would hide what is silent.
         inside = lines_inside(drive.band, len(target), there.rate_hz)
-        silent.append(Silence(point, shared_power(moved[:, inside])))
-    return replace(compare(drive, played, rig), silent=tuple(silent))
+        silent.append(Silence(one.point, shared_power(moved[:, inside])))
+    return all_judged(replace(result, silent=tuple(silent), others=tuple(others)))
 
 
 def compare(drive: Drive, played: Played, rig: Rig) -> Check:

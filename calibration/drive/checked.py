@@ -107,6 +107,8 @@ class Check(InNotebook):
     simulated: bool
     silent: tuple[Silence, ...] = ()
     """Points that are to be silent, as the laser saw them."""
+    others: tuple[Check, ...] = ()
+    """The same drive as the laser saw it at each point with a button of its own."""
     lab: LabThreshold | None = None
     """Detection threshold of the lab's people, when the rig's file had one."""
 
@@ -156,6 +158,19 @@ class Check(InNotebook):
         return len(self.accelerations)
 
     @property
+    def crosstalk_db(self) -> tuple[tuple[str, float], ...]:
+        """Of each other button's point: level at most of its button here, over its motion there (dB).
+
+        All motion within the band that is not wanted here is counted, whatever it is from.
+        """
+        here = max(self.within.root, self.within.floor, 1e-6) * float(np.linalg.norm(self.drive.target))
+        return tuple(
+            (one.point, float(20 * np.log10(here / np.linalg.norm(one.target))))
+            for one in self.drive.elsewhere
+            if one.button
+        )
+
+    @property
     def measured(self) -> FloatArray:
         """(samples,) m/s^2: mean of the plays, whole motion."""
         return np.asarray(self.accelerations.mean(axis=0))
@@ -181,6 +196,8 @@ class Check(InNotebook):
             "tones": self.tones.share,
             "plays": self.plays,
             "silent": {one.point: one.contrast_db for one in self.silent},
+            "crosstalk_db": {point: finite(level) for point, level in self.crosstalk_db},
+            "others": {one.drive.point: one.summary() for one in self.others},
             "verdict": self.verdict,
             "passed": self.passed,
             "reasons": list(self.reasons),

@@ -19,10 +19,11 @@ from ...instruments import Limits
 from ...instruments.arrays import ComplexArray, FloatArray
 from ..spectra import fade, resample
 from .actuation import Actuation
-from .drive import FADE, Drive
+from .drive import Drive
 from .inversion import within
 from .planning import plan_for
 from .playing import Played
+from .targets import FADE
 
 __all__ = ["ResponseEstimate"]
 
@@ -102,16 +103,19 @@ class ResponseEstimate:
 
         limit = float(table.reach(limits).max())
         periodic = scipy.fft.irfft(target, grid.samples)
-        silent = np.zeros((len(table.points) - 1, grid.samples))
-        plan = plan_for(
-            table, np.concatenate([periodic[None], silent]), grid, self.drive.band, limits, self.drive.drift
-        )
+        targets = [periodic, *(grid.down(one.target) for one in self.drive.elsewhere)]
+        plan = plan_for(table, np.array(targets), grid, self.drive.band, limits, self.drive.drift)
         towards = missed + (self.gain * linear_volts).sum(axis=0)
+        # Another button moves as it does now, which no plays of this one tell more about.
+        held = [
+            motion if one.button else 0.0 * motion
+            for one, motion in zip(self.drive.elsewhere, plan.moved(linear_volts)[1:], strict=True)
+        ]
         plan = replace(
             plan,
-            target=np.concatenate([towards[None], plan.target[1:]]),
+            target=np.array([towards, *held]),
             gain=np.concatenate([self.gain[None], plan.gain[1:]]),
-            covariance=self.covariance + table.covariance(grid.frequencies)[1:].sum(axis=0),
+            covariance=np.concatenate([self.covariance[None], plan.covariance[1:]]),
             operating_point=linear_volts,
             ridge=_CAUTION,
         )

@@ -17,37 +17,30 @@ from ...instruments.notebook import InNotebook
 from ...instruments.vibrometer import DERIVATIVE, shown
 from ..model import Calibration, Drift
 from ..response import Response
-from ..spectra import band_window, fade, resample, third_octaves
+from ..spectra import resample, third_octaves
 from .actuation import Actuation
+from .elsewhere import NOWHERE, Elsewhere, Wanted
 from .inversion import Plan
-from .planning import distorted, plan_for, planned_by, quiet_motion
+from .planning import expected_errors, plan_for, planned_by
+from .targets import Method, target_grid
 from .trade import BUDGET, STEADY, TRADE, Trade
 
 if TYPE_CHECKING:
     from ...acquisition import Representative
 
-__all__ = ["BAND", "Drive", "Method", "drive_for", "modulate"]
-
-Method = Literal["modulated", "broadband"]
-"""Target of the surface: the press modulated with the table's resonance, as in the paper, or the press
-itself."""
+__all__ = ["BAND", "Drive", "drive_for"]
 
 BAND = (75.0, 600.0)
 """Hz: the band of a press that a drive reproduces. Below its first mode a table hardly moves, and the
 paper's sweep ends at 625 Hz. The band is the same for every press and table, so that an error is never
 small because the target is small."""
-BEFORE, _AFTER = 0.30, 0.20
-"""Seconds that a drive may begin before the press and end after it. Where patch and point differ, the
-inverse is not causal: it moves the plate before the press, so that the point moves as the target does."""
-FADE = 0.02
-"""Fade time (s) at the start and at the end of a drive."""
-_LEAST_RATE = 5000.0
-"""Lowest sample rate (samples/s) at which a drive is optimised: eight samples a period at 600 Hz."""
 _TRIES = 20
 _RANGE_USED = 0.8
 """Share of the vibrometer's range that a drive may use."""
 _REACH = 1000.0
 """V: no amplifier of a patch reaches this. A rig's own limits are lower, and are checked before a play."""
+_OWN = ("point", "button", "target", "scale", "carrier_hz", "in_band", "sources", "unreached")
+"""What belongs to a drive's own point."""
 _ALL = 0.99
 """Fraction of the target above which nothing is reported as unreached."""
 
@@ -90,15 +83,13 @@ class Drive(InNotebook):
     """Content hash of the calibrations used."""
     trade: Trade = TRADE
     """What it was planned for."""
-    quiet_at: tuple[str, ...] = ()
-    """Points that are to be silent."""
-    quiet_motion: tuple[tuple[float, float], ...] = ()
-    """For each, the rms motion expected there over the target's: as calibrated, and after the drift."""
+    elsewhere: tuple[Elsewhere, ...] = ()
+    """What other points are to do at the same time."""
     drift: Drift = STEADY
     """Drift of the table that was planned against."""
     drifted_error: float = 0.0
     """Error expected of the whole motion when the table has drifted so, `predicted_error` included; by
-    `Drift()` where no drift was planned against."""
+    `Drift()` where no drift of modes was planned against."""
 
     def __post_init__(self) -> None:
         """Raises DataError for signals that no calibration makes, so that nobody plots or plays them."""
@@ -109,6 +100,8 @@ class Drive(InNotebook):
                 "the drive and its target are not a signal for each patch and one for the target, of one "
                 "length with finite values."
             )
+        if any(np.shape(one.target) != np.shape(self.target) for one in self.elsewhere):
+            raise DataError("the drive has a target at another point that is not as long as its own.")
         if len(set(self.patches)) < len(self.patches):
             raise DataError(f"the drive has two signals for one patch ({self.patch}).")
         if not 0 < self.rate_hz < np.inf:
@@ -135,8 +128,32 @@ class Drive(InNotebook):
 
     @property
     def expected_error(self) -> float:
-        """Error expected before any correction: where a drift is planned against, of a table that drifted."""
-        return self.predicted_error if self.drift == STEADY else self.drifted_error
+        """Error expected before any correction: where a drift is planned against, of a table that drifted.
+
+        Of several buttons that of the worst.
+        """
+        own = self.predicted_error, self.drifted_error
+        each = [own, *(one.expected for one in self.elsewhere if one.button)]
+        return max(error[self.drift.modes] for error in each)
+
+    @property
+    def points(self) -> tuple[str, ...]:
+        """Its own point, and the others that it plans for."""
+        return (self.point, *(one.point for one in self.elsewhere))
+
+    def seen_from(self, point: str) -> Drive:
+        """The same drive with the button of another point as its own, and its own as one elsewhere."""
+        (other,) = (one for one in self.elsewhere if one.point == point)
+        own = {name: getattr(self, name) for name in _OWN}
+        errors = self.predicted_error, self.drifted_error
+        mine = Elsewhere(**own, expected=errors, known_to=0.0, known_from="")
+        return replace(
+            self,
+            **{name: getattr(other, name) for name in _OWN},
+            predicted_error=other.expected[0],
+            drifted_error=other.expected[1],
+            elsewhere=tuple(mine if one is other else one for one in self.elsewhere),
+        )
 
     @property
     def peak(self) -> float:
@@ -153,78 +170,6 @@ class Drive(InNotebook):
         return hdf5.restore(cls, hdf5.read(path, "drive"), path)
 
 
-def modulate(acceleration: FloatArray, rate_hz: float, carrier_hz: float) -> FloatArray:
-    """Equation 1 of the paper: A_digital(t) = A_physical(t) sin(2 pi f_c t), t = 0 at the first sample."""
-    t = np.arange(len(acceleration)) / rate_hz
-    return np.asarray(acceleration * np.sin(2 * np.pi * carrier_hz * t))
-
-
-@dataclass(frozen=True, eq=False)
-class TargetGrid:
-    """A press on the clock of its drive, at the press's own rate; arrays are (grid,).
-
-    The grid is periodic and holds a margin before the press, the press, a margin after it (together
-    `drive_length` samples, each of which becomes `oversampling` of the drive's), and the ringing, which
-    must not wrap.
-    """
-
-    acceleration: FloatArray
-    window: FloatArray
-    """One within the drive, with faded ends, and zero after it."""
-    drive_length: int
-    """Length of the drive in samples at the press's rate."""
-    start: int
-    """Sample at which the press begins."""
-    oversampling: int
-    rate_hz: float
-    carrier_hz: float
-
-    @property
-    def frequencies(self) -> FloatArray:
-        """Frequencies of its lines (Hz)."""
-        return np.asarray(scipy.fft.rfftfreq(len(self.window), 1 / self.rate_hz))
-
-    def within(self, band: tuple[float, float]) -> tuple[FloatArray, float]:
-        """(grid,) m/s^2 cut to `band` (Hz), and the share of the energy that is left."""
-        spectrum = scipy.fft.rfft(self.acceleration)
-        cut = spectrum * band_window(self.frequencies, *band)
-        share = float((np.abs(cut) ** 2).sum() / (np.abs(spectrum) ** 2).sum())
-        return np.asarray(scipy.fft.irfft(cut, len(self.window))), share
-
-    def on_drive(self, signal: FloatArray) -> FloatArray:
-        """(..., grid) at the press's rate to the drive's length and rate."""
-        oversampled = resample(signal, signal.shape[-1] * self.oversampling)
-        return oversampled[..., : self.drive_length * self.oversampling]
-
-    @property
-    def smooth(self) -> FloatArray:
-        """`window` on the drive's clock."""
-        edge = round(FADE * self.rate_hz) * self.oversampling
-        return fade(self.drive_length * self.oversampling, edge, edge)
-
-
-def target_grid(press: Representative, table: Actuation, method: Method) -> TargetGrid:
-    """The target acceleration of a press, before band limit and scale.
-
-    Raises DataError for a press that cannot be driven.
-    """
-    oversampling = _oversampling(press, table.rate_hz)
-    edge = max(1, round(FADE / 2 * press.rate_hz))
-    own = np.asarray(press.acceleration) * fade(len(press.acceleration), edge, edge)
-    carrier_hz = table.carrier.carrier_hz if method == "modulated" else 0.0
-    if method == "modulated":
-        own = modulate(own, press.rate_hz, carrier_hz)
-    before = round(BEFORE * press.rate_hz)
-    drive_length = before + len(own) + round(_AFTER * press.rate_hz)
-    ringing = round(table.ringing * press.rate_hz)
-    length = scipy.fft.next_fast_len(drive_length + ringing, real=True)
-    acceleration, window = np.zeros(length), np.zeros(length)
-    acceleration[before : before + len(own)] = own
-    fading = round(FADE * press.rate_hz)
-    window[:drive_length] = fade(drive_length, fading, fading)
-    return TargetGrid(acceleration, window, drive_length, before, oversampling, press.rate_hz, carrier_hz)
-
-
 def drive_for(
     press: Representative,
     calibration: Calibration | Response | Sequence[Calibration],
@@ -234,7 +179,7 @@ def drive_for(
     band: tuple[float, float] = BAND,
     inversion: Literal["optimised", "regularised"] = "optimised",
     trade: Trade = TRADE,
-    quiet_at: Sequence[str] = (),
+    elsewhere: Wanted = NOWHERE,
 ) -> Drive:
     """The drive that makes the calibrated point reproduce a press.
 
@@ -245,24 +190,28 @@ def drive_for(
     range. `trade` says how much error is accepted for output, and which drift of the table is planned against
     (see `inversion.max_output`; `inversion.min_peak` for "regularised", which is scaled to the limits instead
     of planned within them). Wherever the response was measured, motion outside the band counts as error;
-    elsewhere the drive has no power. Points of `quiet_at` are kept silent: each patch must be calibrated
-    there too, and there are fewer of them than patches. The drive has zero ends and zero mean. A response
-    given without a calibration is fitted first.
+    elsewhere the drive has no power. The drive has zero ends and zero mean. A response given without a
+    calibration is fitted first.
+
+    `elsewhere` says what other points are to do at the same time: play a press of their own, each with the
+    carrier of its point, all at one scale and begun together, or keep silent (None). Each patch must be
+    calibrated there too, or taken from a map (`with_map`), and there are no more points than patches.
 
     Raises DataError for a press that cannot be driven or a response that is too noisy, LimitError
     when the limits leave no headroom.
     """
     if isinstance(calibration, Response):
         calibration = Calibration.of(calibration)
-    table = Actuation.of(calibration, quiet_at)
-    grid = target_grid(press, table, method)
-    band = table.measured_well(band)
-    target, in_band = grid.within(band)
+    table = Actuation.of(calibration, elsewhere)
+    presses = [press, *elsewhere.values()]
+    grid = target_grid(presses, table, method)
+    band = table.measured_well(band, [point for point in table.points if elsewhere.get(point, press)])
+    targets, in_band = grid.within(band)
     drift = trade.drift_for(table)
-    targets = np.concatenate([target[None], np.zeros((len(quiet_at), len(target)))])
-    drifting = plan_for(table, targets, grid, band, limits, Drift() if drift == STEADY else drift)
-    steady = replace(drifting, drift=0.0)
-    plan = steady if drift == STEADY else drifting
+    plan = plan_for(table, targets, grid, band, limits, drift)
+    steady, drifting = replace(plan, drift=0.0), plan
+    if not drift.modes:
+        drifting = replace(plan, drift=table.drifted(grid.frequencies, Drift()))
     planned = planned_by(plan, trade, trade.budget(drift), float(table.reach(limits).max()), inversion)
 
     smooth = grid.smooth
@@ -273,7 +222,7 @@ def drive_for(
     played = resample(np.pad(linear_volts, ((0, 0), (0, finer - linear_volts.shape[1]))), length)
     response = table.own[0].response
     omega = 2j * np.pi * np.maximum(grid.frequencies, 1.0)
-    shown_by = plan.moved(scipy.fft.rfft(played))[0] * omega ** (DERIVATIVE[response.pickup] - 1)
+    shown_by = plan.moved(scipy.fft.rfft(played)) * omega ** (DERIVATIVE[response.pickup] - 1)
     range_scale = _RANGE_USED * response.pickup_range / float(np.abs(scipy.fft.irfft(shown_by, length)).max())
     wanted = np.inf if trade.scale is None else trade.scale
     reached = float((table.reach(limits) / np.abs(linear_volts).max(axis=1)).min())
@@ -284,46 +233,57 @@ def drive_for(
         _, by = table.headroom(volts, limits)
     else:
         by = f"{_RANGE_USED:.0%} of the vibrometer's {shown(response.pickup, response.pickup_range)}"
-    missed = distorted(table, plan, played)
+    errors = expected_errors(table, drifting, played)
+    each = tuple(
+        Elsewhere(
+            point=point,
+            button=one.button if one else "",
+            target=scale * grid.on_drive(targets[row]),
+            scale=float(scale),
+            carrier_hz=grid.carriers[row],
+            in_band=float(in_band[row]),
+            sources=_sources(one),
+            unreached=_unreached(steady.at(row), played, grid.rate_hz, band, scale, in_band[row], by)
+            if one
+            else "",
+            expected=(float(errors[row, 0]), float(errors[row, 1])),
+            known_to=table.known_to(row, band),
+            known_from=table.rows[row][0].response.source,
+        )
+        for row, (point, one) in enumerate(zip(table.points, presses, strict=True))
+    )
+    # Where nothing is to move, motion is an error of the button that makes it.
+    silent = [row for row, one in enumerate(presses) if one is None]
+    predicted, drifted = (float(np.linalg.norm(errors[[0, *silent], when])) for when in (0, 1))
+    own = each[0]
     return Drive(
-        button=press.button,
+        button=own.button,
         patches=table.patches,
-        point=table.points[0],
+        point=own.point,
         rate_hz=table.rate_hz,
         volts=volts,
-        target=scale * grid.on_drive(target),
-        scale=float(scale),
+        target=own.target,
+        scale=own.scale,
         method=method,
-        carrier_hz=grid.carrier_hz,
+        carrier_hz=own.carrier_hz,
         band=band,
-        in_band=in_band,
+        in_band=own.in_band,
         known=table.known,
-        predicted_error=float(np.hypot(steady.error(played), missed)),
-        unreached=_unreached(steady, played, grid.rate_hz, band, scale, in_band, by),
+        predicted_error=predicted,
+        unreached=own.unreached,
         rig=response.rig,
-        simulated=bool(press.simulated or response.simulated),
-        sources=tuple((str(name), str(content)) for name, content in press.sources),
+        simulated=bool(response.simulated or any(one.simulated for one in presses if one)),
+        sources=own.sources,
         calibration=table.digest,
         trade=trade,
-        quiet_at=tuple(quiet_at),
-        quiet_motion=quiet_motion(table, plan, played, grid, drift),
+        elsewhere=each[1:],
         drift=drift,
-        drifted_error=float(np.hypot(drifting.error(played), missed)),
+        drifted_error=drifted,
     )
 
 
-def _oversampling(press: Representative, rate_hz: float) -> int:
-    """Samples of the drive per sample of the press. Raises DataError for a press that cannot be driven."""
-    own = np.asarray(press.acceleration)
-    if own.ndim != 1 or len(own) < 0.05 * press.rate_hz or not np.all(np.isfinite(own)) or not np.any(own):
-        raise DataError(f"The press of {press.button!r} holds no acceleration that could be driven.")
-    factor = round(rate_hz / press.rate_hz)
-    if abs(factor * press.rate_hz - rate_hz) > 1e-6 * rate_hz or press.rate_hz < _LEAST_RATE:
-        raise DataError(
-            f"The press of {press.button!r} has {press.rate_hz:g} samples/s, and drives have {rate_hz:g}: "
-            f"that must be a multiple, and {_LEAST_RATE:g} is the least."
-        )
-    return factor
+def _sources(press: Representative | None) -> tuple[tuple[str, str], ...]:
+    return tuple((str(name), str(content)) for name, content in press.sources) if press else ()
 
 
 def _within(

@@ -11,7 +11,7 @@ import scipy
 from ...instruments.arrays import FloatArray
 from ..perception import Feeling, Pressed, feeling_of
 from .checked import Check
-from .drive import BEFORE
+from .targets import BEFORE
 
 if TYPE_CHECKING:
     from ...acquisition import Representative

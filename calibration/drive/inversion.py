@@ -5,7 +5,10 @@ p's drive. G is a random number about its estimate on each line: it was measured
 E the covariance of the measurement, which counts from V0, a drive whose outcome was measured, and D that of
 the drift, which counts from zero, the expected squared error is the sum over the lines of
 
-    sum over q of |target_q - sum over p of G_qp V_p|^2 + (V - V0)* E (V - V0) + V* D V.
+    sum over q of w_q^2 (|target_q - sum over p of G_qp V_p|^2 + (V - V0)* E_q (V - V0) + V* D_q V).
+
+A point that is to be silent has the target zero and the weight of the first point, which is one; a point with
+a target of its own is weighted so that its error counts over that target as the first one's over its own.
 
 The covariances regularise: where G is uncertain the drives stay what they were, and of all drives that move
 the points alike those are taken whose motion a drift changes least. One patch leaves no such choice, several
@@ -23,7 +26,7 @@ Lines that were not measured get no drive.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -50,9 +53,8 @@ class Plan:
 
     `target` is (points, lines), the targets' spectra: zero at a point that is to be silent. `gain` is
     (points, patches, lines), target per volt; `known` (lines,) True where it was measured: elsewhere no drive
-    has power. `covariance` and `drift` are (patches, patches, lines) as in the module, summed over the
-    points. `window` (samples,) is the share of the limit available to the drives over time: zero where they
-    must be zero.
+    has power. `covariance` and `drift` are (points, patches, patches, lines) as in the module. `window`
+    (samples,) is the share of the limit available to the drives over time: zero where they must be zero.
     """
 
     target: ComplexArray
@@ -74,23 +76,53 @@ class Plan:
     where the table hardly moves."""
 
     @cached_property
+    def weights(self) -> FloatArray:
+        """(points,): w^2 of the module."""
+        power = (np.abs(self.target) ** 2).sum(axis=1)
+        return np.asarray(power[0] / np.where(power > 0, power, power[0]))
+
+    @cached_property
     def power(self) -> ComplexArray:
         """(lines, patches, patches): expected power of the motion that drives make, without `ridge`."""
-        own = np.einsum("qpl,qrl->lpr", self.gain.conj(), self.gain)
-        return np.asarray(own + np.moveaxis(self.covariance + self.drift, 2, 0))
+        own = np.einsum("q,qpl,qrl->lpr", self.weights, self.gain.conj(), self.gain)
+        return np.asarray(own + np.moveaxis(self.uncertain + self._summed(self.drift), 2, 0))
+
+    @cached_property
+    def uncertain(self) -> ComplexArray:
+        """(patches, patches, lines): `covariance` of all points, weighted."""
+        return np.asarray(self._summed(self.covariance))
 
     @cached_property
     def pull(self) -> ComplexArray:
         """(patches, lines): the right side of the normal equations, without the operating point."""
-        return np.asarray(np.einsum("qpl,ql->pl", self.gain.conj(), self.target))
+        return np.asarray(np.einsum("q,qpl,ql->pl", self.weights, self.gain.conj(), self.target))
 
-    def left(self, V: ComplexArray) -> float:
-        """Expected squared error of spectra (patches, lines) over all known lines, uncertainty included."""
-        away = V - self.operating_point
-        missed = (np.abs(self.missed(V)) ** 2).sum(axis=0) + _form(self.covariance, away)
+    def _summed(self, matrices: ComplexArray | float) -> ComplexArray | float:
+        if isinstance(matrices, float):
+            return matrices
+        return np.asarray(np.einsum("q,qprl->prl", self.weights, matrices))
+
+    def left_at(self, V: ComplexArray) -> FloatArray:
+        """(points,): expected squared error of spectra (patches, lines), weighted, over all known lines.
+
+        Uncertainty and drift are included.
+        """
+        missed = np.abs(self.missed(V)) ** 2 + _form(self.covariance, V - self.operating_point)
         if not isinstance(self.drift, float):
             missed = missed + _form(self.drift, V)
-        return float(missed[self.known].sum())
+        return np.asarray(self.weights * missed[:, self.known].sum(axis=1))
+
+    def left(self, V: ComplexArray) -> float:
+        """`left_at`, summed over the points."""
+        return float(self.left_at(V).sum())
+
+    def at(self, row: int) -> Plan:
+        """The plan of one of its points alone."""
+        own = slice(row, row + 1)
+        drift = self.drift if isinstance(self.drift, float) else self.drift[own]
+        return replace(
+            self, target=self.target[own], gain=self.gain[own], covariance=self.covariance[own], drift=drift
+        )
 
     def missed(self, V: ComplexArray) -> ComplexArray:
         """(points, lines): target less expected motion."""
@@ -102,11 +134,14 @@ class Plan:
 
     @property
     def wanted(self) -> float:
-        """Squared target, summed over points and lines."""
-        return float((np.abs(self.target) ** 2).sum())
+        """Squared target of the first point, summed over the lines."""
+        return float((np.abs(self.target[0]) ** 2).sum())
 
     def error(self, drive: FloatArray) -> float:
-        """Expected rms error of drives (patches, samples) over the target's rms, uncertainty included."""
+        """Expected rms error of drives (patches, samples) over the target's rms, uncertainty included.
+
+        Of several points it is the root of the sum of their squares: none has more.
+        """
         return float(np.sqrt(self.left(scipy.fft.rfft(drive)) / self.wanted))
 
 
@@ -177,7 +212,7 @@ def within(plan: Plan, limit: float, state: State | None = None) -> tuple[FloatA
     ridge = plan.ridge * plan.typical
     right_side = plan.pull + ridge * plan.operating_point
     if not isinstance(plan.operating_point, float):
-        right_side = right_side + np.einsum("prl,rl->pl", plan.covariance, plan.operating_point)
+        right_side = right_side + np.einsum("prl,rl->pl", plan.uncertain, plan.operating_point)
     rho = _SPLITTING * plan.typical
     added = rho * (np.abs(constraints[:, 0]) ** 2).sum(axis=0) + ridge
     inverse = np.linalg.inv(plan.power + added[:, None, None] * np.eye(len(plan.reach)))
@@ -198,8 +233,8 @@ def within(plan: Plan, limit: float, state: State | None = None) -> tuple[FloatA
 
 
 def _form(matrix: ComplexArray, V: ComplexArray) -> FloatArray:
-    """(lines,): V* M V on each line, for M (patches, patches, lines) and V (patches, lines)."""
-    return np.asarray(np.einsum("pl,prl,rl->l", V.conj(), matrix, V).real)
+    """(points, lines): V* M V on each line; M is (points, patches, patches, lines), V (patches, lines)."""
+    return np.asarray(np.einsum("pl,qprl,rl->ql", V.conj(), matrix, V).real)
 
 
 def _peak(plan: Plan, drive: FloatArray) -> float:

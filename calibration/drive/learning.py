@@ -123,7 +123,7 @@ def learn(
     """
     if plays < 3:
         raise ConfigurationError("Learning needs at least 3 plays: it has to tell error from noise.")
-    table = Actuation.of(calibration, drive.quiet_at)
+    table = Actuation.of(calibration, drive.points[1:])
     if drive.calibration != table.digest:
         raise ConfigurationError(
             "The drive was computed from another calibration than the one given: compute it again."

@@ -20,8 +20,10 @@ from ...instruments.progress import Progress, silent
 from ..model import Calibration, Drift
 from ..perception import LabThreshold, Sensation, lab_threshold, levels_of, pressing_act
 from .check import TOLERANCE
-from .drive import Drive, Method, drive_for
+from .drive import Drive, drive_for
+from .elsewhere import NOWHERE, Wanted
 from .parallel import Wired, parallel_wirings
+from .targets import Method
 from .trade import BUDGET, Trade
 
 if TYPE_CHECKING:
@@ -175,7 +177,7 @@ def trade_for(
     rig: Rig,
     loudness: Loudness,
     method: Method = "modulated",
-    quiet_at: Sequence[str] = (),
+    elsewhere: Wanted = NOWHERE,
 ) -> Trade:
     """The trade with which a drive is what was asked for.
 
@@ -188,7 +190,7 @@ def trade_for(
 
     def at(error: float) -> Drive:
         return drive_for(
-            press, calibration, rig.limits, method=method, trade=traded(error), quiet_at=quiet_at
+            press, calibration, rig.limits, method=method, trade=traded(error), elsewhere=elsewhere
         )
 
     def level(drive: Drive) -> float:

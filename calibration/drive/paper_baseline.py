@@ -19,7 +19,8 @@ from ...instruments.arrays import ComplexArray, FloatArray
 from ..model import Calibration
 from ..spectra import fade, resample
 from .actuation import Actuation
-from .drive import BAND, FADE, Drive, Method, target_grid
+from .drive import BAND, Drive
+from .targets import FADE, Method, target_grid
 
 __all__ = ["ORDERS", "paper_drive"]
 
@@ -45,9 +46,9 @@ def paper_drive(
     it the inverse grows without bound. Raises what `drive_for` raises.
     """
     table = Actuation.of([calibration])
-    grid = target_grid(press, table, method)
-    band = table.measured_well(band)
-    target, in_band = grid.within(band)
+    grid = target_grid([press], table, method)
+    band = table.measured_well(band, table.points)
+    (target,), (in_band,) = grid.within(band)
     poles, residues, constant = _inverse(calibration, order, band)
     # The grid includes the ringing: a causal inverse moves after the press, and cannot before it.
     acceleration = resample(target, len(target) * grid.oversampling)
@@ -70,7 +71,7 @@ def paper_drive(
         target=scale * acceleration,
         scale=scale,
         method=f"paper baseline, order {order}, {method}",
-        carrier_hz=grid.carrier_hz,
+        carrier_hz=grid.carriers[0],
         band=band,
         in_band=in_band,
         known=table.known,

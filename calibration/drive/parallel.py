@@ -23,9 +23,10 @@ from ...instruments.arrays import FloatArray
 from ..model import Calibration
 from ..perception import LabThreshold, levels_of, pressing_act
 from .actuation import Actuation
-from .drive import BAND, Method, TargetGrid, target_grid
+from .drive import BAND
 from .inversion import Plan, max_output, min_peak
 from .planning import distorted, plan_for, slew_of
+from .targets import Method, TargetGrid, target_grid
 
 if TYPE_CHECKING:
     from ...acquisition import Representative
@@ -108,8 +109,8 @@ class _Channel:
         method: Method,
     ) -> _Channel:
         table = Actuation.of(calibrations)
-        grid, band = target_grid(press, table, method), table.measured_well(BAND)
-        target, _ = grid.within(band)
+        grid, band = target_grid([press], table, method), table.measured_well(BAND, table.points)
+        [target], _ = grid.within(band)
         plan = plan_for(table, target[None], grid, band, limits_for(len(table.patches)))
         return cls(table, grid, target, plan, limits_for)
 
@@ -132,9 +133,8 @@ class _Channel:
         law = self.table.own[own[0]].hysteresis
         volts = law.from_linear_volts(scale * linear[0])
         some = Actuation.of([self.table.own[k] for k in own])
-        distortion = distorted(
-            some, replace(self.plan, gain=self.plan.gain[:, own]), np.repeat(linear, len(own), axis=0)
-        )
+        each = scipy.fft.rfft(np.repeat(linear, len(own), axis=0))
+        [distortion] = distorted(some, replace(self.plan, gain=self.plan.gain[:, own]), each)
         signs = _signs(wiring)
         laws = [
             signs[k] * self.table.own[row].hysteresis.to_linear_volts(signs[k] * volts)
@@ -162,7 +162,7 @@ class _Channel:
         return replace(
             self.plan,
             gain=gain[None, None],
-            covariance=np.einsum("ppl->l", self.plan.covariance[np.ix_(own, own)])[None, None],
+            covariance=np.einsum("ppl->l", self.plan.covariance[0][np.ix_(own, own)])[None, None, None],
             reach=np.ones(1),
             slew=slew_of(limits, self.grid.rate_hz),
         )

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Literal, Protocol
 
 import numpy as np
 import scipy
 
 from ...instruments import Limits
-from ...instruments.arrays import FloatArray
+from ...instruments.arrays import ComplexArray, FloatArray
 from ..model import Drift
 from .actuation import Actuation
 from .inversion import Plan, State, max_output, min_peak, within
 from .trade import STEADY, Trade
 
-__all__ = ["Inversion", "PlanGrid", "distorted", "plan_for", "planned_by", "quiet_motion", "slew_of"]
+__all__ = ["Inversion", "PlanGrid", "distorted", "expected_errors", "plan_for", "planned_by", "slew_of"]
 
 Inversion = Literal["optimised", "regularised"]
 _SPREAD = 0.6
@@ -58,11 +59,11 @@ def plan_for(
         target=scipy.fft.rfft(targets),
         gain=gain,
         known=known,
-        covariance=table.covariance(f).sum(axis=0),
+        covariance=table.covariance(f),
         window=grid.window,
         typical=float(np.median(power[(f >= band[0]) & (f <= band[1])])),
         reach=reach / reach.max(),
-        drift=table.drifted(f, drift).sum(axis=0) if drift != STEADY else 0.0,
+        drift=table.drifted(f, drift) if drift != STEADY else 0.0,
         slew=slew_of(limits, grid.rate_hz),
     )
 
@@ -83,31 +84,25 @@ def planned_by(plan: Plan, trade: Trade, budget: float, reach: float, inversion:
     return drive
 
 
-def quiet_motion(
-    table: Actuation, plan: Plan, linear_volts: FloatArray, grid: PlanGrid, drift: Drift
-) -> tuple[tuple[float, float], ...]:
-    """Of each point but the first: rms motion over the target's, as calibrated and after a drift."""
-    if len(table.points) == 1:
-        return ()
-    V, known = scipy.fft.rfft(linear_volts)[:, plan.known], plan.known
-    f = scipy.fft.rfftfreq(linear_volts.shape[1], 1 / grid.rate_hz)[known]
-    still = (np.abs(np.einsum("qpl,pl->ql", plan.gain[1:][..., known], V)) ** 2).sum(axis=1)
-    changed = np.einsum("pl,qprl,rl->q", V.conj(), table.drifted(f, drift)[1:], V).real
-    return tuple(
-        (float(np.sqrt(one / plan.wanted)), float(np.sqrt((one + more) / plan.wanted)))
-        for one, more in zip(still, changed, strict=True)
-    )
+def expected_errors(table: Actuation, plan: Plan, linear_volts: FloatArray) -> FloatArray:
+    """(points, 2): rms error expected of each point, over its target's: as calibrated, and after the drift.
+
+    At a point that is to be silent it is all the motion, over the first point's target.
+    """
+    V = scipy.fft.rfft(linear_volts)
+    each = [replace(plan, drift=0.0).left_at(V), plan.left_at(V)]
+    return np.sqrt(np.array(each).T / plan.wanted + distorted(table, plan, V)[:, None] ** 2)
 
 
-def distorted(table: Actuation, plan: Plan, linear_volts: FloatArray) -> float:
-    """Error expected from distortion, over the target's rms.
+def distorted(table: Actuation, plan: Plan, V: ComplexArray) -> FloatArray:
+    """(points,): error expected from distortion, over the target's rms.
 
     Linear volts that the hysteresis model misses are spread over the band by it; the table then moves as it
     does there, also where the drives themselves have little power.
     """
     target = np.abs(plan.target[0]) ** 2
     inside = target > 1e-6 * target.max()
-    spread = (np.abs(scipy.fft.rfft(linear_volts)) ** 2).sum(axis=1) / inside.sum()
-    moved = (np.abs(plan.gain[0][:, plan.known]) ** 2).sum(axis=1)
+    spread = (np.abs(V) ** 2).sum(axis=1) / inside.sum()
+    moved = (np.abs(plan.gain[..., plan.known]) ** 2).sum(axis=2)
     own = np.array([c.distortion for c in table.own])
-    return float(_SPREAD * np.sqrt((own**2 * spread * moved).sum() / target.sum()))
+    return np.asarray(_SPREAD * np.sqrt(plan.weights * (moved @ (own**2 * spread)) / target.sum()))

@@ -8,9 +8,9 @@ import numpy as np
 
 from ..perception import levels_of, sensations_of
 from .agreement import SharedPower, plays_needed
-from .checked import Check
+from .checked import Check, Verdict
 
-__all__ = ["LEAST_MOVED", "UNSEEN", "Signs", "judged", "one_factor"]
+__all__ = ["LEAST_MOVED", "UNSEEN", "Signs", "all_judged", "judged", "one_factor"]
 
 LEAST_IN_BAND = 0.25
 """Smallest share of the modulated press's energy in the drive's band: matching less is no match."""
@@ -21,6 +21,7 @@ _EXCESS = 1.02
 """Measured volts over the limit that are attributed to the monitor's noise and gain error."""
 _FACTOR = 0.05
 """Distance of a factor over the whole motion from one, from which it is told."""
+_WORSE: tuple[Verdict, ...] = ("pass", "not shown", "fail")
 _TOLD = 0.05
 """Share of the target from which tones that were taken out are told."""
 
@@ -49,6 +50,16 @@ def judged(result: Check, signs: Signs) -> Check:
     if doubt := _doubt(result, signs):
         return replace(result, verdict="not shown", reasons=(f"Not shown: {doubt}",), notes=notes)
     return replace(result, verdict="pass", notes=notes)
+
+
+def all_judged(result: Check) -> Check:
+    """The check with the worst verdict of all its buttons, and the reasons of each."""
+    verdict, reasons = result.verdict, list(result.reasons)
+    for other in result.others:
+        named = f"The {other.drive.button} button at the {other.drive.point} point"
+        reasons += [f"{named}: {reason}" for reason in other.reasons]
+        verdict = max(verdict, other.verdict, key=_WORSE.index)
+    return replace(result, verdict=verdict, reasons=tuple(reasons))
 
 
 def _said(result: Check) -> str:

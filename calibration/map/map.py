@@ -84,6 +84,10 @@ class VibrationMap(InNotebook):
     """Relative shift of all frequencies at each repeated measurement of the first point."""
     table_seconds: float
     """Time that the table was in use (s), connecting and disconnecting included."""
+    content: str
+    """SHA-256 over the measurements."""
+    created: str
+    """Time of the latest measurement, ISO 8601, UTC."""
 
     def __repr__(self) -> str:
         plan = self.plan
@@ -129,6 +133,8 @@ class VibrationMap(InNotebook):
             superposition=tuple(zip(tested, map(float, fitted.superposition), strict=True)),
             drift=fitted.drift,
             table_seconds=float(sum(r.seconds for r in measurements.values())),
+            content=fitted.sources,
+            created=max(r.created for r in measurements.values()),
         )
 
     @property

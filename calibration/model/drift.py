@@ -18,10 +18,11 @@ of each other; the residues stay. A change of the shapes (a finger, a loose patc
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from ...instruments import ConfigurationError
 from ...instruments.arrays import ComplexArray, FloatArray, IntArray
 from .model import Model
 
@@ -46,6 +47,17 @@ class Drift:
     """Velocity per volt of each patch; None: as its calibration states it (`Calibration.scatter`)."""
     delay: float | None = None
     """Delay of each patch (s); None as well."""
+
+    def __post_init__(self) -> None:
+        """Raises ConfigurationError for a size that no deviation has."""
+        for name, size in asdict(self).items():
+            if size is None:
+                continue
+            if not 0 <= size < 1:
+                raise ConfigurationError(
+                    f"A drift cannot be {name} = {size:g}: it is 0 or more, and below 1."
+                )
+            object.__setattr__(self, name, float(size))  # a file tells a whole number from others
 
     def times(self, factor: float) -> Drift:
         """A drift of so many times the size; what a calibration states stays."""

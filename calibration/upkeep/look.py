@@ -129,8 +129,8 @@ def look_at(
 
 
 def places_of(drive: Drive) -> tuple[Place, ...]:
-    """Patch and point of each patch of a drive, at the point that moves and at those that are silent."""
-    return tuple((patch, point) for point in (drive.point, *drive.quiet_at) for patch in drive.patches)
+    """Patch and point of each patch of a drive, at its own point and at the others that it plans for."""
+    return tuple((patch, point) for point in drive.points for patch in drive.patches)
 
 
 def touched_since(rig: Rig, calibration: Calibration, progress: Progress) -> list[str]:

@@ -59,6 +59,8 @@ class Overlay:
     """Factor of each pole's damping ratio, of that fit."""
     left: float
     """`residual` of that fit."""
+    unsure: FloatArray
+    """By how much of its logarithm what that fit leaves could have changed each of `dampings`, (poles,)."""
     weight: FloatArray
     """Peak of each pole's resonance over that of the strongest."""
     residual: float
@@ -155,7 +157,21 @@ class _Problem:
         factor, dampings = float(np.exp(close[2])), np.exp(self._of_poles(close)[1])
         weight = peaks / peaks.max()
         left, residual = self._residual(close), self._residual(x)
-        return Overlay(moved, np.expm1(a), np.exp(b), gain, factor, dampings, left, weight, residual)
+        unsure = replace(self, misfit=_CLOSE).unsure(close, left)
+        return Overlay(moved, np.expm1(a), np.exp(b), gain, factor, dampings, left, unsure, weight, residual)
+
+    def unsure(self, x: FloatArray, left: float) -> FloatArray:
+        """Most that a residual of this size changes each pole's damping: the one that looks most like it.
+
+        A weak mode is little of the response, and poles that lie close stand in for each other.
+        """
+        rows = self._slope(x)
+        lines = rows[: 2 * len(self.f)]
+        back = np.linalg.inv(rows.T @ rows)
+        # A group's damping is the common one and its own.
+        own = back[3 + self.count :] + back[1]
+        reach = np.einsum("ij,jk,ik->i", own, lines.T @ lines, own) ** 0.5 / self.misfit
+        return np.asarray(left * reach[self.groups])
 
     def _model(self, x: FloatArray) -> Model:
         model, gain = self._moved(*self._of_poles(x)), float(np.exp(x[2]))

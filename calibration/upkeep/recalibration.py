@@ -416,7 +416,7 @@ def _made_anew(
                 [made.calibrations[place] for place in places],
                 method=cast(Method, old.drive.method),
                 trade=old.drive.trade,
-                quiet_at=old.drive.quiet_at,
+                elsewhere=old.elsewhere,
                 iterations=iterations,
                 progress=prefixed(progress, name),
             )

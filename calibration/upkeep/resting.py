@@ -10,7 +10,7 @@ damps some modes more does the same. No response tells the two apart; a person c
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,17 +25,20 @@ if TYPE_CHECKING:
 __all__ = ["TAKE_AWAY", "Dampings", "dampings_of", "told_touched"]
 
 _LEAST = 0.01
-"""Rise of a mode's damping ratio (logarithm) from which it is one: 1 % of a resonance's height. Tables as
-they were, with three times the noise, hum or a wider hysteresis seem damped by up to 0.3 % (simulated)."""
+"""Rise of a mode's damping ratio (logarithm), beyond what the fit leaves open and beyond the least of the
+modes, from which it is one: 1 % of a resonance's height."""
 _CLEAR = 5.0
-"""The same over the fit's residual: modes that drift by 1 to 3 % each seem damped by up to 5.2 times it, and
-fingers and palms damp by 7.5 times it and more (168 hands and 32 such drifts on eight simulated tables), but
-for two that changed the response by 0.3 %."""
+"""Least rise over the fit's residual: where modes drift by 1 to 3 % each the fit may not find all of them,
+and what it leaves is no noise."""
 _FALL, _NOISE = 0.3, 0.01
-"""Largest fall of another mode's, over the largest rise, and beside it, with which it may still be a body."""
+"""Largest fall of another mode's, over the rise, and beside it, with which it may still be a body: under
+hands none fell by more than 0.008."""
 _UNLIKE = 0.5
 """Least difference between modes, over the largest rise: under hands it was 0.63 and more. A change of all
 dampings alike has none, and a drift of all frequencies, which seems to damp by 0.8 of itself, up to 0.42."""
+_EDGE = 0.02
+"""Distance from the band's upper edge, over it, within which a mode is not looked at: half of its resonance
+was not measured, and a drift takes it out of the band or brings another in."""
 _SEEN = 0.05
 """Peak of a resonance, over the strongest of the band, from which its damping is known well enough."""
 TAKE_AWAY = (
@@ -46,36 +49,50 @@ TAKE_AWAY = (
 
 @dataclass(frozen=True)
 class Dampings:
-    """How the dampings of the modes of a place changed: logarithms of the largest and the least factor."""
+    """How the dampings of the modes of a place changed."""
 
-    highest: float = 0.0
-    lowest: float = 0.0
+    changes: tuple[float, ...] = (0.0,)
+    """Logarithm of each mode's factor."""
+    unsure: tuple[float, ...] = (0.0,)
+    """How far the fit leaves each of them open."""
     left: float = 0.0
-    """Residual of the fit that told them."""
+    """Residual of that fit."""
+
+    @property
+    def risen(self) -> float:
+        """Change of the mode that rose most, beyond what the fit leaves open."""
+        return max(zip(self.changes, self.unsure, strict=True), key=lambda mode: mode[0] - mode[1])[0]
+
+    @property
+    def lowest(self) -> float:
+        """Least change."""
+        return min(self.changes)
 
     @property
     def touched(self) -> bool:
         """True when a body that rests on the table explains them, and one factor does not."""
-        rise, fall = self.highest, max(-self.lowest, 0.0)
-        clear = rise > max(_LEAST, _CLEAR * self.left)
-        return clear and fall < _FALL * rise + _NOISE and self.highest - self.lowest > _UNLIKE * rise
+        rise, lowest = self.risen, self.lowest
+        sure = max(change - unsure for change, unsure in zip(self.changes, self.unsure, strict=True))
+        clear = sure - max(lowest, 0.0) > _LEAST and rise > _CLEAR * self.left
+        return clear and rise - lowest > _UNLIKE * rise and -lowest < _FALL * rise + _NOISE
 
     @property
     def inverse(self) -> Dampings:
         """The change back."""
-        return Dampings(-self.lowest, -self.highest, self.left)
+        return replace(self, changes=tuple(-change for change in self.changes))
 
 
 def dampings_of(model: Model, laid: Overlay) -> Dampings:
     """Changes of damping of a model's modes, by what was laid over them."""
     weight = laid.weight
     hz = np.abs(model.poles) / (2 * np.pi)
-    inside = (hz > BAND[0]) & (hz < BAND[1]) & (model.poles.imag > 0)
+    highest = np.maximum(hz, hz * (1 + laid.shift))
+    inside = (hz > BAND[0]) & (highest < (1 - _EDGE) * BAND[1]) & (model.poles.imag > 0)
     if not inside.any():
         return Dampings()
     known = inside & (weight > _SEEN * weight[inside].max())
-    changes = np.log(laid.dampings[known])
-    return Dampings(float(changes.max()), float(changes.min()), laid.left)
+    changes, unsure = np.log(laid.dampings[known]), laid.unsure[known]
+    return Dampings(tuple(changes.tolist()), tuple(unsure.tolist()), laid.left)
 
 
 def told_touched(verdicts: Sequence[Verdict]) -> tuple[str, ...]:
@@ -83,7 +100,7 @@ def told_touched(verdicts: Sequence[Verdict]) -> tuple[str, ...]:
     return tuple(
         f"Something seems to rest on the table: seen by patch {one.patch} at the {one.point} point, the "
         f"dampings of its modes changed by {np.expm1(one.dampings.lowest):+.0%} to "
-        f"{np.expm1(one.dampings.highest):+.0%}, as a finger or a palm changes them, and a drift hardly."
+        f"{np.expm1(one.dampings.risen):+.0%}, as a finger or a palm changes them, and a drift hardly."
         for one in verdicts
         if one.dampings.touched
     )

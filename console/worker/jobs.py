@@ -346,7 +346,7 @@ def _make(tools: Tools, wanted: Mapping[str, Any]) -> Work:
                 rig,
                 press,
                 calibrations,
-                quiet_at=quiet_at,
+                elsewhere=dict.fromkeys(quiet_at),
                 iterations=iterations,
                 progress=tools.progress,
             )

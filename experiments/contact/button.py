@@ -201,7 +201,9 @@ def without_lead_in(drive: Drive, left_out: float = 5e-3) -> tuple[Drive, float]
         return drive, 0.0
     volts = drive.volts[:, begin:].copy()
     volts[:, :rise] *= np.sin(np.pi / 2 * np.arange(rise) / rise) ** 2
-    return replace(drive, volts=volts, target=drive.target[begin:]), float(energy[begin - 1])
+    there = tuple(replace(one, target=one.target[begin:]) for one in drive.elsewhere)
+    cut = replace(drive, volts=volts, target=drive.target[begin:], elsewhere=there)
+    return cut, float(energy[begin - 1])
 
 
 def run_button(

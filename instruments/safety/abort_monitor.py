@@ -20,7 +20,7 @@ from ..daq import Block
 from ..errors import InstrumentError, LimitError
 from ..files import whole_file
 from ..limits import Limits
-from ..sensors import Sensors
+from ..sensors import Divider, Sensors
 from ..vibrometer import Vibrometer
 from .audit import make_folder, now_utc, who
 from .lockout import Lockouts
@@ -84,7 +84,7 @@ class AbortMonitor:
         drive, force = sensors.drive, sensors.force
         if drive is not None:
             self._quantities.append(
-                _Quantity("the drive", drive.channels, lambda v: _volts(drive.to_si(v), abort.drive, limits))
+                _Quantity("the drive", drive.channels, lambda v: _volts(drive, v, abort.drive, limits))
             )
             if limits.coil is not None:
                 warming = _Warming(limits, limits.coil, rate_hz, warm, len(drive.channels))
@@ -149,18 +149,20 @@ def trip(lockouts: Lockouts, monitor: AbortMonitor, recorded: Collection[str], r
             np.savez(file, volts=volts, channels=channels, rate_hz=rate_hz, first=first, why=why)
 
 
-def _volts(measured: FloatArray, most: float | None, limits: Limits) -> str:
-    """The first violation in (drive monitors, samples) V, or ""."""
-    for own in measured:
+def _volts(monitors: Divider, volts: FloatArray, most: float | None, limits: Limits) -> str:
+    """The first violation in (drive monitors, samples) V of the DAQ, or ""."""
+    several = len(monitors.channels) > 1
+    for own, channel in zip(monitors.to_si(volts), monitors.channels, strict=True):
+        patch = f"The patch on {channel}" if several else "The patch"
         if most is not None:
             found = _beyond(own, most, "V")
             if found:
-                return f"The patch got {found}"
+                return f"{patch} got {found}"
             continue
         try:
             limits.check_measured(own, _EXCESS)
         except LimitError as error:
-            return str(error)
+            return str(error).replace("The patch", patch, 1)
     return ""
 
 

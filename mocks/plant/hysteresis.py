@@ -6,7 +6,7 @@ The model is rate-independent, remembers its turning points and closes minor loo
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,13 +53,10 @@ class Hysteresis:
         if not self._weights.any():
             return volts
         if np.all(volts == self._last):
-            return _bent(np.asarray(self._linear * volts + self._weights @ self._play))
+            return np.full(len(volts), _bent(self._linear * self._last + self._weights @ self._play))
         _, ends, _, lengths = sections(self._last, volts)
-        section = np.repeat(np.arange(len(ends)), lengths)
-        turns = ends.tolist()
-        out = np.asarray(self._linear * volts)
-        lower, upper = np.empty_like(volts), np.empty_like(volts)
-        for i, (radius, weight) in enumerate(zip(_RADII.tolist(), self._weights.tolist(), strict=True)):
+        turns, begins = ends.tolist(), np.empty((len(_RADII), len(ends)))
+        for i, radius in enumerate(_RADII.tolist()):
             at, begin = float(self._play[i]), []
             for end in turns:
                 begin.append(at)
@@ -67,12 +64,14 @@ class Hysteresis:
                     at = end - radius
                 elif at > end + radius:
                     at = end + radius
-            np.maximum(np.array(begin).take(section), np.subtract(volts, radius, out=lower), out=lower)
-            np.minimum(lower, np.add(volts, radius, out=upper), out=lower)
-            out += np.multiply(weight, lower, out=lower)
-            self._play[i] = at
+            begins[i], self._play[i] = begin, at
+        # A play stays where the section found it, until the volts are its radius away.
+        behind = np.repeat(begins, lengths, axis=1)
+        behind -= volts
+        np.maximum(behind, -_RADII[:, None], out=behind)
+        np.minimum(behind, _RADII[:, None], out=behind)
         self._last = float(volts[-1])
-        return _bent(out)
+        return np.asarray(_bent((self._linear + self._weights.sum()) * volts + self._weights @ behind))
 
 
 def sections(last: float, volts: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray, NDArray[np.intp]]:
@@ -91,5 +90,5 @@ def sections(last: float, volts: FloatArray) -> tuple[FloatArray, FloatArray, Bo
     return path[starts], ends, rising, np.diff(np.concatenate([starts, [len(volts)]]))
 
 
-def _bent(linear_volts: FloatArray) -> FloatArray:
+def _bent(linear_volts: Any) -> Any:
     return linear_volts * (1 + _ASYMMETRY / AMPLITUDE * linear_volts)

@@ -67,38 +67,56 @@ class _Steps:
     of: Poles
     powers: ComplexArray
     """Decay of each state after 0 to `_BLOCK` steps, (steps, poles)."""
-    _seen: dict[tuple[int, int], tuple[ComplexArray, FloatArray, dict[int, FloatArray]]] = field(
-        default_factory=dict
-    )
+    _views: dict[tuple[int, int], _View] = field(default_factory=dict)
 
     @cached_property
     def pushes(self) -> ComplexArray:
         """State at a block's end of a unit force in each of its steps, (steps, poles)."""
         return np.asarray((self.powers[1] - 1) / self.of.poles * self.powers[:_BLOCK][::-1])
 
-    def seen(self, late: float, weights: ComplexArray) -> tuple[FloatArray, dict[int, FloatArray]]:
-        """Return matrices to the weighted output `late` s after the start of each of a block's steps.
-
-        From the parts of the state at the block's start, (parts, steps), and from the levels of each channel
-        with a share, (steps, steps).
-        """
+    def view(self, late: float, weights: ComplexArray) -> _View:
+        """Return how the states are seen `late` s after the start of each step."""
         key = round(late / _SAME), id(weights)
-        if key not in self._seen:
-            while len(self._seen) >= _KEPT:
-                del self._seen[next(iter(self._seen))]
-            of, powers = self.of, self.powers
-            kept = np.exp(of.poles * late)
-            onward = weights * kept * powers[:_BLOCK]
-            forced: dict[int, FloatArray] = {}
-            for channel, own in enumerate(of.inputs.T):
-                if np.any(own * weights):
-                    impulse = np.zeros(2 * _BLOCK - 1)
-                    impulse[_BLOCK - 1] = (weights * own * (kept - 1) / of.poles).sum().real
-                    impulse[_BLOCK:] = (onward[:-1] @ (own * (powers[1] - 1) / of.poles)).real
-                    forced[channel] = np.ascontiguousarray(sliding_window_view(impulse, _BLOCK)[::-1])
-            # The weights are kept too: another array could get the number of one that is freed.
-            self._seen[key] = weights, np.ascontiguousarray(_as_real(onward.conj()).T), forced
-        return self._seen[key][1:]
+        if key not in self._views:
+            while len(self._views) >= _KEPT:
+                del self._views[next(iter(self._views))]
+            self._views[key] = _View(self, weights, np.exp(self.of.poles * late))
+        return self._views[key]
+
+
+@dataclass(frozen=True, eq=False)
+class _View:
+    """The weighted output at one time within each of a block's steps, as matrices."""
+
+    steps: _Steps
+    weights: ComplexArray
+    """Kept, because another array could get the number of one that is freed."""
+    kept: ComplexArray
+    """Decay of each state since the start of a step."""
+    _forced: dict[int, FloatArray | None] = field(default_factory=dict)
+
+    @cached_property
+    def onward(self) -> ComplexArray:
+        """Share of the state at the block's start, (steps, poles)."""
+        return np.asarray(self.weights * self.kept * self.steps.powers[:_BLOCK])
+
+    @cached_property
+    def begun(self) -> FloatArray:
+        """From the parts of the state at the block's start, (parts, steps)."""
+        return np.ascontiguousarray(_as_real(self.onward.conj()).T)
+
+    def forced(self, channel: int) -> FloatArray | None:
+        """From a channel's levels in the block, (steps, steps); None for a channel that is not seen."""
+        if channel not in self._forced:
+            of, powers = self.steps.of, self.steps.powers
+            own, impulse = of.inputs[:, channel], np.zeros(2 * _BLOCK - 1)
+            impulse[_BLOCK - 1] = (self.weights * own * (self.kept - 1) / of.poles).sum().real
+            impulse[_BLOCK:] = (self.onward[:-1] @ (own * (powers[1] - 1) / of.poles)).real
+            seen = np.any(own * self.weights)
+            self._forced[channel] = (
+                np.ascontiguousarray(sliding_window_view(impulse, _BLOCK)[::-1]) if seen else None
+            )
+        return self._forced[channel]
 
 
 class Stretch:
@@ -216,11 +234,12 @@ class Stretch:
     def _along(self, first: int, stop: int, late: float, weights: ComplexArray) -> FloatArray:
         """Return the weighted output `late` s after the start of each of consecutive steps, (steps,)."""
         blocks = slice(first // _BLOCK, -(-stop // _BLOCK))
-        onward, forced = self._of.steps(self._period).seen(late, weights)
-        out = _as_real(self._begins[blocks]) @ onward
+        view = self._of.steps(self._period).view(late, weights)
+        out = _as_real(self._begins[blocks]) @ view.begun
         for levels, channel in zip(self._levels, self._moving.tolist(), strict=True):
-            if channel in forced:
-                out += levels.reshape(-1, _BLOCK)[blocks] @ forced[channel]
+            forced = view.forced(channel)
+            if forced is not None:
+                out += levels.reshape(-1, _BLOCK)[blocks] @ forced
         from_first = blocks.start * _BLOCK
         return np.asarray(out.ravel()[first - from_first : stop - from_first])
 

@@ -219,15 +219,18 @@ def drive_facts(drive: Drive) -> Iterator[Fact]:
         in_band=drive.in_band,
     )
     yield fact("Scale", f"{drive.scale:.4f} of the recorded acceleration", scale=drive.scale)
+    for one in drive.elsewhere:
+        carrier = f", with {one.carrier_hz:.2f} Hz" if one.carrier_hz else ""
+        yield fact(f"At point {one.point}", f"{one.button}{carrier}" if one.button else "silence")
     predicted = percent(drive.predicted_error)
-    by = drive.drift.common or Drift().common
-    unplanned = "" if drive.drift.common else ", which it was not planned against"
+    planned = drive.drift if drive.drift.modes else Drift()
+    unplanned = "" if drive.drift.modes else ", which it was not planned against"
     yield from detailed(
         [
             fact("Predicted error", predicted, predicted_error=drive.predicted_error),
             fact(
                 "After a drift",
-                f"{percent(drive.drifted_error)} when the table drifts by {by:.1%}{unplanned}",
+                f"{percent(drive.drifted_error)} when the table drifts by {planned.common:.1%}{unplanned}",
                 drifted_error=drive.drifted_error,
                 drift=asdict(drive.drift),
             ),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy as np
 
 from ...acquisition import Representative
 from ...calibration import Check, DigitalButton, Feeling, check_feeling
-from ...calibration.drive import SharedPower
+from ...calibration.drive import Elsewhere, SharedPower
 from ...calibration.perception import Levels
 from .. import figures
 from . import captions
@@ -41,17 +42,33 @@ def check_contents(check: Check, press: Representative | None = None, file: Path
         kind="check",
         simulated=check.simulated,
         rig=drive.rig,
-        verdicts=[_verdict(f"Check of the {drive.button} button", check, feeling)],
-        figures=[
-            Drawing.alone(
-                "check",
-                f"Check of the {drive.button} button: {check.verdict}",
-                captions.CHECK,
-                lambda columns: figures.check_figure(check, columns),
-                f"n = {check.plays} plays.",
-            )
-        ],
+        verdicts=[_verdict(f"Check of the {drive.button} button", check, feeling), *_others(check)],
+        figures=[_check_drawing("check", check), *_other_drawings(check)],
     )
+
+
+def _check_drawing(name: str, check: Check, there: str = "") -> Drawing:
+    return Drawing.alone(
+        name,
+        f"Check of the {check.drive.button} button{there}: {check.verdict}",
+        captions.CHECK,
+        lambda columns: figures.check_figure(check, columns),
+        f"n = {check.plays} plays.",
+    )
+
+
+def _other_drawings(check: Check) -> Iterator[Drawing]:
+    """A figure of each button that another point plays at the same time."""
+    for other in check.others:
+        point = other.drive.point
+        yield _check_drawing(f"check-{point}", other, f" at the {point} point")
+
+
+def _others(check: Check, presses: Sequence[Representative] = ()) -> Iterator[Verdict]:
+    """The verdict on each button that another point plays at the same time; `presses` are theirs."""
+    for other, press in zip_longest(check.others, presses):
+        title = f"The {other.drive.button} button at the {other.drive.point} point"
+        yield _verdict(title, other, check_feeling(other, press))
 
 
 def button_contents(button: DigitalButton) -> Contents:
@@ -84,7 +101,7 @@ def button_contents(button: DigitalButton) -> Contents:
         kind="button",
         simulated=button.simulated,
         rig=drive.rig,
-        verdicts=[_verdict(title, check, feeling)],
+        verdicts=[_verdict(title, check, feeling), *_others(check, button.others)],
         figures=_figures_of(button, feeling),
         picture=Drawing.alone(
             f"button-{press.button}",
@@ -162,6 +179,7 @@ def _figures_of(button: DigitalButton, feeling: Feeling) -> Sequence[Drawing]:
             lambda columns: figures.iterations_figure(button, columns),
             f"n = {check.plays} plays, {len(learning.iterations) - 1} corrections.",
         ),
+        *_other_drawings(check),
     ]
 
 
@@ -178,12 +196,7 @@ def _check_facts(check: Check, feeling: Feeling) -> Iterator[Fact]:
         f"{_error(check.whole)}, at most {percent(check.tolerance)}; up to {check.judged_hz:.0f} Hz, in "
         f"{check.plays} plays",
     )
-    for one, (still, drifted) in zip(check.silent, check.drive.quiet_motion, strict=False):
-        yield fact(
-            f"Silence at point {one.point}",
-            f"{one.contrast_db:.0f} dB below the target; {_below(still)} dB were expected, "
-            f"{_below(drifted)} dB after a drift",
-        )
+    yield from _elsewhere_facts(check)
     envelopes = f"of the envelopes {check.envelope_correlation:.4f}"
     noise = f"{percent(check.whole.floor)}, within the band {percent(check.within.floor)}"
     yield from detailed(
@@ -196,6 +209,40 @@ def _check_facts(check: Check, feeling: Feeling) -> Iterator[Fact]:
         ]
     )
     yield from feeling_facts(feeling)
+
+
+def _elsewhere_facts(check: Check) -> Iterator[Fact]:
+    """What other points did: silent ones, and those with a button of their own."""
+    planned = {one.point: one for one in check.drive.elsewhere}
+    for silence in check.silent:
+        still, drifted = planned[silence.point].expected
+        yield fact(
+            f"Silence at point {silence.point}",
+            f"{silence.contrast_db:.0f} dB below the target; {_below(still)} dB were expected, "
+            f"{_below(drifted)} dB after a drift{_known(planned[silence.point])}",
+        )
+    for other in check.others:
+        one = planned[other.drive.point]
+        expected = " and ".join(percent(error) for error in one.expected)
+        yield fact(
+            f"{one.button} at point {one.point}",
+            [
+                verdict_cell(other.verdict),
+                f"error {_error(other.whole)}; {expected} were expected, as calibrated and after a drift"
+                f"{_known(one)}",
+            ],
+        )
+    for seen in (check, *check.others) if check.others else ():
+        for point, level in seen.crosstalk_db:
+            yield fact(
+                f"Crosstalk at the {seen.drive.point} point",
+                f"at most {level:.0f} dB of the button at the {point} point",
+            )
+
+
+def _known(one: Elsewhere) -> str:
+    """How well the responses of a point are known."""
+    return f"; the point is known to {percent(one.known_to)} ({one.known_from})"
 
 
 def _below(motion: float) -> str:

@@ -12,7 +12,7 @@ from scipy.fft import irfft, rfft, rfftfreq
 from haploop.calibration import Calibration, Check, Drive, Finger
 from haploop.calibration.drive import build_button, check_under_finger, drive_for
 from haploop.calibration.drive.actuation import Actuation
-from haploop.calibration.drive.drive import target_grid
+from haploop.calibration.drive.targets import target_grid
 from haploop.calibration.model import calibrate_finger, under_finger
 from haploop.instruments import ConfigurationError, DataError, InstrumentError, Rig
 from haploop.instruments.operator import RestFinger
@@ -79,7 +79,9 @@ def test_a_finger_s_calibration_is_a_file_and_keeps_the_bare_table_s_carrier(
     assert Calibration.load(tmp_path / "P07.h5").digest == made.digest != bare.digest
     assert "P07's finger" in repr(made)
     assert made.carrier_hz == bare.carrier_hz == bare.model.resonance_hz
-    assert target_grid(make_press(), Actuation.of([made]), "modulated").carrier_hz == bare.model.resonance_hz
+    assert (
+        target_grid([make_press()], Actuation.of([made]), "modulated").carriers[0] == bare.model.resonance_hz
+    )
     harder = under_finger(bare, finger_of(made), 5.0)
     assert finger_of(harder).force == 5.0 and finger_of(harder).load.sum() > finger_of(made).load.sum()
     with pytest.raises(ConfigurationError, match="a finger's already"):

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from haploop.calibration import calibrate, drive_for, quick_response
+from haploop.calibration import Multisine, calibrate, drive_for, quick_response
 from haploop.calibration.examination import examine
 from haploop.instruments import InstrumentError, Rig, load_rig_file, open_rig
 from tests.calibration.conftest import make_press
@@ -108,7 +108,7 @@ def test_a_glued_accelerometer_lowers_the_resonance_by_its_mass(tmp_path: Path) 
 def test_a_drive_stays_within_the_range_of_what_is_shown(tmp_path: Path) -> None:
     """The displacement that a drive makes is within the share of the range that a drive may use."""
     with rig_of("displacement", tmp_path) as rig:
-        calibration = calibrate(rig)
+        calibration = calibrate(rig, excitation=Multisine())
         drive = drive_for(make_press(), calibration, rig.limits)
         assert "V at the patch" in drive.unreached
         small = replace(calibration, response=replace(calibration.response, pickup_range=1e-7))
@@ -133,7 +133,7 @@ def test_a_coil_is_planned_within_its_heat(tmp_path: Path) -> None:
     assert file.actuator is not None
     actuator = file.actuator.model_copy(update={"watts": 0.004})
     with open_rig(file.model_copy(update={"actuator": actuator})) as rig:
-        calibration = calibrate(rig)
+        calibration = calibrate(rig, excitation=Multisine())
         drive = drive_for(make_press(), calibration, rig.limits)
         assert drive.peak < 1.0 and calibration.response.level < 0.5
         rig.excite_each(drive.by_patch, ("laser",))

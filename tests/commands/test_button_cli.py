@@ -46,6 +46,22 @@ def test_a_button_is_made_shown_and_verified(
     assert taken.exit_code == 2 and "exists" in taken.output
 
 
+def test_points_that_cannot_be_are_refused_before_anything_is_played(
+    demo: Demo, run: Run, tmp_path: Path
+) -> None:
+    recording = next((demo.folder / "recordings").glob("*latch*.h5"))
+    asked = ("button", "make", recording, "-c", demo.folder / "calibration.h5", "-o", tmp_path / "no.h5")
+    for more, told in (
+        (("--quiet-at", "57"), "2 points cannot be moved or kept silent at once by 1 patches"),
+        (("--quiet-at", "57", "--also", "57", recording), "Point 57 cannot be silent and play a press"),
+        (("--also", "57", tmp_path / "none.h5"), "none.h5"),
+        (("--quiet-at", "57", "--map", tmp_path), "holds no map"),
+    ):
+        result = run(*asked, *more)
+        assert result.exit_code in (2, 3) and told in " ".join(result.output.split())
+        assert "Play" not in result.output and not (tmp_path / "no.h5").exists()
+
+
 def test_a_press_is_represented_by_the_method_that_is_asked_for(demo: Demo, run: Run, tmp_path: Path) -> None:
     recordings = sorted((demo.folder / "recordings").glob("*latch*.h5"))
     result = run("represent", *recordings, "-o", tmp_path / "both.h5")

@@ -60,6 +60,7 @@ def vibration_map(points: range) -> VibrationMap:
     return VibrationMap(
         plan, tuple(map(str, points)), (), Modes(poles, np.ones((len(plan.patches), 1))), shares,
         np.ones(len(plan.patches), complex), np.zeros(len(points)), (), np.zeros(1), 60.0,
+        "0" * 64, "2026-11-22T09:00:00+00:00",
     )  # fmt: skip
 
 

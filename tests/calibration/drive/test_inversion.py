@@ -24,7 +24,7 @@ def plan() -> Plan:
         gain += sign * s**2 / (s**2 + 2 * 0.01 * w * s + w**2)
     inside = (f > 150) & (f < 600)
     target = rfft(np.exp(-since / 0.02) * np.sin(2 * np.pi * 260 * since) * (t > 0.3)) * inside
-    uncertain = np.full((1, 1, len(f)), 1e-6 + 0j)
+    uncertain = np.full((1, 1, 1, len(f)), 1e-6 + 0j)
     window = np.zeros(n)
     window[:4500] = fade(4500, 100, 100)
     typical = float(np.median(np.abs(gain[inside]) ** 2))
@@ -78,7 +78,7 @@ def test_uncertainty_is_part_of_the_expected_error(plan: Plan) -> None:
 
 
 def test_an_impossible_budget_gives_the_best_there_is(plan: Plan) -> None:
-    hopeless = replace(plan, covariance=np.abs(plan.gain) ** 2)
+    hopeless = replace(plan, covariance=np.abs(plan.gain[None]) ** 2)
     drive, error = max_output(hopeless, 0.05)
     assert error > 0.05
     assert error <= min_peak(hopeless, 0.05)[1] * 1.001
@@ -110,8 +110,14 @@ def table(shift: float = 0.0) -> np.ndarray:
 
 @pytest.fixture
 def several(plan: Plan) -> Plan:
-    covariance = 1e-6 * np.eye(3)[:, :, None] * np.ones(len(plan.known), complex)
+    covariance = 1e-6 * np.eye(3)[None, :, :, None] * np.ones(len(plan.known), complex)
     return replace(plan, gain=table()[:1], covariance=covariance, reach=np.ones(3))
+
+
+def at_both(several: Plan, second: np.ndarray) -> Plan:
+    """A target for the second point as well."""
+    covariance = np.repeat(several.covariance, 2, axis=0)
+    return replace(several, gain=table(), target=np.array([several.target[0], second]), covariance=covariance)
 
 
 def after(plan: Plan, drive: np.ndarray, shift: float) -> float:
@@ -123,7 +129,7 @@ def after(plan: Plan, drive: np.ndarray, shift: float) -> float:
 
 def test_several_patches_are_planned_against_a_drift(several: Plan) -> None:
     changes = [table(shift)[0] - table()[0] for shift in (0.01, -0.01)]
-    drift = sum(np.einsum("pl,rl->prl", c.conj(), c) for c in changes) / 2
+    drift = sum(np.einsum("pl,rl->prl", c.conj(), c) for c in changes)[None] / 2
     plain, _ = max_output(several, 0.02)
     limit = 2 * float(np.abs(plain).max())
     steady, _ = within(replace(several, drift=drift), limit)
@@ -146,7 +152,7 @@ def test_the_reach_of_each_patch_is_kept(several: Plan) -> None:
 
 def test_a_point_is_kept_silent_beside_one_that_moves(several: Plan) -> None:
     """Two points and three patches: the second point has a target of zero."""
-    both = replace(several, gain=table(), target=np.array([several.target[0], 0 * several.target[0]]))
+    both = at_both(several, 0 * several.target[0])
     drive, _ = within(both, 1.0)
     alone, _ = within(several, 1.0)
 
@@ -155,3 +161,15 @@ def test_a_point_is_kept_silent_beside_one_that_moves(several: Plan) -> None:
 
     assert loud(drive)[1] < 0.01 * loud(drive)[0]
     assert loud(alone)[1] > 0.2 * loud(alone)[0]
+
+
+def test_two_points_have_presses_of_their_own(several: Plan) -> None:
+    """The second is weak: its error counts over its own target, as the first's over its."""
+    later = 0.05 * np.exp(-2j * np.pi * rfftfreq(6000, 1 / 5000.0) * 0.1) * several.target[0]
+    both = at_both(several, later)
+    drive, _ = within(both, 1.0)
+    errors = np.sqrt(both.left_at(rfft(drive)) / both.wanted)
+    assert np.all(errors < 0.03) and both.error(drive) == pytest.approx(np.linalg.norm(errors))
+    missed = both.missed(rfft(drive))[1][both.known]
+    assert np.linalg.norm(missed) < 0.03 * np.linalg.norm(later)
+    assert both.at(1).error(drive) == pytest.approx(errors[1])

@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 
 from haploop.calibration import Drive, Learning, calibrate, drive_for, learn
-from haploop.calibration.drive import check
+from haploop.calibration.drive import Method, check
 from haploop.calibration.drive import learning as learning_module
 from haploop.calibration.drive.agreement import shared_power
 from haploop.calibration.drive.correction import ResponseEstimate
-from haploop.calibration.drive.drive import Method
 from haploop.instruments import ConfigurationError
 from haploop.instruments.arrays import FloatArray
 from haploop.pytest_plugin import Rigs

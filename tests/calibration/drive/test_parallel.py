@@ -81,7 +81,7 @@ def test_a_wiring_plays_what_a_table_plays_on_which_it_is_one_patch(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     # As one patch they would have another strongest resonance, and play another target.
-    monkeypatch.setattr(Calibration, "carrier_hz", Actuation.of(calibrations).carrier.carrier_hz)
+    monkeypatch.setattr(Calibration, "carrier_hz", Actuation.of(calibrations).carriers[0])
     told = wired[Wiring(("A", "C"), swapped)]
     with opened(1.0, -1.0 if swapped else 1.0) as joined:
         one = calibrate(joined, "A", excitation=Multisine())

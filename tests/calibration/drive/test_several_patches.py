@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from haploop.acquisition import Representative
 from haploop.calibration import (
     Calibration,
     DigitalButton,
@@ -30,6 +31,7 @@ from haploop.calibration.drive.actuation import Actuation
 from haploop.instruments import ConfigurationError, DataError, Rig, open_rig
 from haploop.mocks.plant.hysteresis import Hysteresis
 from haploop.mocks.plant.table import TouchTable
+from haploop.reports.contents.check import button_contents
 from tests.calibration.conftest import Calibrated, make_press
 
 WIDTHS = {"A": 0.12, "B": 0.09, "C": 0.15, "D": 0.11}
@@ -127,6 +129,8 @@ def test_what_cannot_be_is_said_before_anything_is_played(four: Four, button: Di
         drive_for(press, [a, replace(b, response=replace(b.response, rig="another"))], limits)
     with pytest.raises(ConfigurationError, match="for an error or for a scale"):
         Trade(error=0.1, scale=0.1)
+    with pytest.raises(ConfigurationError, match=r"A drift cannot be common = -0\.01"):
+        Drift().times(-1)
     with pytest.raises(ConfigurationError, match="scale = -1"):
         Trade(scale=-1)
     with pytest.raises(DataError, match="a signal for each patch"):
@@ -144,9 +148,9 @@ def test_a_point_is_kept_silent_and_the_laser_visits_it(four: Four, beside: tupl
     alone = drive_for(press, four.calibrations[0], rig.limits)
     trade, every = Trade(scale=alone.scale), [*four.calibrations, *beside]
     loud = drive_for(press, four.calibrations, rig.limits, trade=trade)
-    quiet = drive_for(press, every, rig.limits, trade=trade, quiet_at=["57"])
-    assert quiet.quiet_at == ("57",) and loud.quiet_at == ()
-    ((still, drifted),) = quiet.quiet_motion
+    quiet = drive_for(press, every, rig.limits, trade=trade, elsewhere={"57": None})
+    assert quiet.points == ("button", "57") and loud.points == ("button",)
+    still, drifted = quiet.elsewhere[0].expected
     assert still < 0.1 and still < drifted < 0.25
     result = check(rig, quiet, plays=3)
     assert result.passed
@@ -154,21 +158,78 @@ def test_a_point_is_kept_silent_and_the_laser_visits_it(four: Four, beside: tupl
     assert silence.point == "57" and silence.contrast_db > 20
     assert result.summary()["silent"] == {"57": silence.contrast_db}
     still_trade = replace(trade, drift=Drift(0, 0, 0, 0, 0))
-    quietest = drive_for(press, every, rig.limits, trade=still_trade, quiet_at=["57"])
-    assert quietest.quiet_motion[0][0] < 0.1 * still
+    quietest = drive_for(press, every, rig.limits, trade=still_trade, elsewhere={"57": None})
+    assert quietest.elsewhere[0].expected[0] < 0.7 * still
     # Planned against no drift, it is quieter; and it moves when nobody asks for silence there.
-    (moved,) = check(rig, replace(loud, quiet_at=("57",)), plays=3).silent
+    (moved,) = check(rig, replace(loud, elsewhere=quiet.elsewhere), plays=3).silent
     assert moved.contrast_db < 15
 
 
-def test_silence_that_cannot_be_is_refused_in_a_sentence(four: Four, beside: tuple[Calibration, ...]) -> None:
+def late(press: Representative, by: float = 0.02) -> Representative:
+    """Another button's press: weaker, and `by` s later."""
+    shifted = 0.6 * np.roll(press.acceleration, round(by * press.rate_hz))
+    return replace(press, button="toggle", acceleration=shifted, sources=(("P01-toggle.h5", "1" * 64),))
+
+
+def test_two_buttons_are_played_at_once_and_each_has_its_verdict(
+    four: Four, beside: tuple[Calibration, ...], tmp_path: Path
+) -> None:
+    press, wanted = make_press(), {"57": late(make_press())}
+    alone = drive_for(press, four.calibrations[0], four.rig.limits)
+    trade = Trade(scale=alone.scale, drift=Drift(0, 0, 0, 0, 0))
+    every = [*four.calibrations, *beside]
+    made = build_button(four.rig, press, every, trade=trade, elsewhere=wanted, iterations=0, plays=4)
+    (toggle,) = made.check.others
+    assert made.passed and toggle.passed and toggle.drive.button == "toggle" and toggle.drive.point == "57"
+    assert made.check.error < 0.08 and toggle.error < 0.12
+    # Each with the carrier of its own point, and begun together.
+    assert made.drive.carrier_hz == four.calibrations[0].carrier_hz != toggle.drive.carrier_hz
+    ((point, level),) = toggle.crosstalk_db
+    assert point == "button" and -50 < level < -15
+    # What the laser saw is what the plant did, at both points.
+    assert toggle.within.root < 2 * toggle.drive.predicted_error < 0.2
+    assert np.linalg.norm(toggle.target) > 0.3 * np.linalg.norm(made.check.target)
+    made.save(tmp_path / "both.h5")
+    back = DigitalButton.load(tmp_path / "both.h5")
+    assert back.digest == made.digest and list(back.elsewhere) == ["57"]
+    assert back.elsewhere["57"].button == "toggle"  # type: ignore[union-attr]
+    said = button_contents(back)
+    assert [one.passed for one in said.verdicts] == [True, True]
+    assert {one.name for one in said.figures} >= {"check-57"}
+    labels = " ".join(str(one.label) for one in said.facts)
+    assert "toggle at point 57" in labels and "Crosstalk at the button point" in labels
+    # Seen from one and then from the other, a drive is what it was.
+    again = made.drive.seen_from("57").seen_from("button")
+    assert again.button == "push" and np.array_equal(again.target, made.drive.target)
+
+
+def test_a_button_that_fails_elsewhere_fails_the_check(four: Four, beside: tuple[Calibration, ...]) -> None:
+    """The first is as planned, and the other has volts that are not its own."""
+    press = make_press()
+    loud = drive_for(press, four.calibrations, four.rig.limits)
+    both = drive_for(press, [*four.calibrations, *beside], four.rig.limits, elsewhere={"57": late(press)})
+    spoilt = replace(loud, elsewhere=tuple(replace(one, target=one.target / 3) for one in both.elsewhere))
+    result = check(four.rig, spoilt, plays=3)
+    assert result.verdict == "fail" and result.error < 0.1
+    assert any("The toggle button at the 57 point" in reason for reason in result.reasons)
+
+
+def test_more_points_than_patches_are_refused_in_a_sentence(
+    four: Four, beside: tuple[Calibration, ...]
+) -> None:
     press, limits, ours = make_press(), four.rig.limits, [four.calibrations[0], beside[0]]
-    with pytest.raises(ConfigurationError, match=r"1 points cannot be silent.* 1 patches leave 0"):
-        drive_for(press, ours, limits, quiet_at=["57"])
-    with pytest.raises(ConfigurationError, match="One point is to move, and 2 of the calibrated"):
+    with pytest.raises(ConfigurationError, match=r"2 points cannot be moved .* by 1 patches"):
+        drive_for(press, ours, limits, elsewhere={"57": None})
+    with pytest.raises(ConfigurationError, match="One point is to have the press, and 2 of the cal"):
         drive_for(press, ours, limits)
     with pytest.raises(ConfigurationError, match="No patch was calibrated at the 58 point"):
-        drive_for(press, four.calibrations, limits, quiet_at=["58"])
+        drive_for(press, four.calibrations, limits, elsewhere={"58": None})
+    two, wanted = [*four.calibrations[:2], *beside[:2]], {"57": late(press), "58": None}
+    with pytest.raises(ConfigurationError, match="3 points cannot be moved or kept silent at once by 2 pat"):
+        drive_for(press, two, limits, elsewhere=wanted)
+    slower = replace(late(press), rate_hz=10_000.0)
+    with pytest.raises(DataError, match="5000 samples/s and that of 'toggle' 10000"):
+        drive_for(press, [*four.calibrations, *beside], limits, elsewhere={"57": slower})
 
 
 def test_one_amplifier_for_all_patches_is_told_before_anything_is_played(

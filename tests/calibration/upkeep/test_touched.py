@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from haploop.calibration.model.model import fit
+from haploop.calibration.response import Response
 from haploop.calibration.upkeep import recalibration
 from haploop.calibration.upkeep.drift import compare
 from haploop.calibration.upkeep.history import History
@@ -140,3 +142,24 @@ def test_real_drift_is_no_hand_and_a_hand_on_a_drifted_table_is_one(
     light = replace(drifted, masses=whole.masses * rng.choice([0.1, 0.33]))
     force, where = rng.uniform(0.5, 5), (rng.uniform(0.15, 0.85), rng.uniform(0.15, 0.85))
     assert touched(light, Fingertip.of(rng).at("a finger", where, force))
+
+
+@pytest.mark.parametrize("patch", list("ABCD"))
+def test_no_patch_takes_a_drift_for_a_hand(calibrated: Calibrated, patch: str) -> None:
+    """It sees some modes weakly, beside others or at the band's edge: no response tells their dampings."""
+    rng, active = np.random.default_rng(7), calibrated.calibration
+    whole, f = modes(calibrated), active.response.frequencies
+    place = calibrated.rig.simulation.plant.place("button")
+
+    def response(changed: Any) -> Response:
+        shown = touched_velocity(changed, (), place, f)[patch]
+        noise = rng.standard_normal((2, len(f)))
+        shown = shown + 0.002 * np.sqrt(np.mean(np.abs(shown) ** 2)) * (noise[0] + 1j * noise[1])
+        return replace(active.response, patch=patch, velocity=shown)
+
+    bare = response(whole)
+    own = replace(active, response=bare, model=fit(bare))
+    each = [1 + 0.01 * rng.standard_normal(len(whole.natural_hz)) for _ in range(8)]
+    for factor in (0.98, 0.99, 1.0, 1.005, 1.01, 1.02, *each):
+        drifted = replace(whole, natural_hz=factor * whole.natural_hz)
+        assert not compare(own, response(drifted), {}).dampings.touched, factor

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import haploop
+from haploop.calibration.drive.checked import Silence
 from tests.console.browser.browsing import WAIT, Tab, expect, told, visit
 from tests.console.serving import served
 
@@ -60,11 +62,17 @@ def test_a_button_of_four_patches_is_made_checked_and_shown(browser, tmp_path):
             page.set_viewport_size({"width": width, "height": 900})
             assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), width
             page.screenshot(path=tmp_path / f"buttons-{width}.png", full_page=True)
+        button = haploop.DigitalButton.load(data / "buttons" / "four.h5")
+        assert button.drive.patches == tuple("ABCD") and len(button.calibrations) == 4
+        silent = (Silence("57", button.check.within),)
+        quiet = replace(button, check=replace(button.check, silent=silent))
+        quiet.save(data / "buttons" / "quiet.h5")
+        page.reload()
+        page.get_by_label("Digital button").select_option("buttons/quiet.h5")
+        expect(said).to_contain_text("Point 57, which is to be silent, moves", timeout=WAIT)
         report = haploop.write_report([data / "buttons" / "four.h5"], tmp_path / "report.html").html
         page.goto(report.as_uri())
         wider = "[...document.querySelectorAll('.table')].map((one) => one.scrollWidth - one.clientWidth)"
         assert set(page.evaluate(wider)) == {0}, "a phone shows the verdicts whole"
-        button = haploop.DigitalButton.load(data / "buttons" / "four.h5")
-        assert button.drive.patches == tuple("ABCD") and len(button.calibrations) == 4
         assert not tab.errors
         tab.context.close()

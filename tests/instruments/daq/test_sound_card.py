@@ -17,8 +17,8 @@ from haploop.instruments.config import validate
 from haploop.instruments.conformance import DaqConformance, Fired, bypass_interlock
 from haploop.instruments.daq.sound_card import SoundCardDaq
 from haploop.mocks.clock import VirtualClock
-from haploop.mocks.daq.sound_card import DRIFT, LATENCY, DuplexCard
-from haploop.mocks.plant import Faults, Plant
+from haploop.mocks.daq.sound_card import DRIFT, LATENCY, DuplexCard, Line
+from haploop.mocks.plant import Faults, Plant, Run
 
 SIMULATED = load_rig_file("simulated")
 RATE = 48_000.0
@@ -288,3 +288,17 @@ def test_zero_ends_no_recording() -> None:
         next(blocks)
         bench.daq.zero()
         assert next(blocks).first == 480
+
+
+def test_a_cable_carries_what_stood_on_the_output_at_each_time() -> None:
+    """Three periods of 4 ms with a hole between the second and the third: nothing before, the last held."""
+    line = Line(2.0, 0.0)
+    for number, start in enumerate((1.0, 1.004, 1.012)):
+        line.put(Run(start, 1e-3, np.arange(4.0) + 10 * number))
+    line.take(2.0)
+    times = np.array([0.5, 1.0, 1.0035, 1.004, 1.0079, 1.011, 1.012, 1.0149, 1.5])
+    volts = 2.0 * np.array([0, 0, 3, 10, 13, 13, 20, 22, 23])
+    np.testing.assert_array_equal(line.volts(times), volts)
+    for first in range(len(times)):
+        for end in range(first + 1, len(times) + 1):
+            np.testing.assert_array_equal(line.volts(times[first:end]), volts[first:end])

@@ -57,6 +57,27 @@ def kinds(rig: Rig) -> list[str]:
     return [str(entry["kind"]) for entry in entries(rig.audit.folder)]
 
 
+@pytest.mark.parametrize("allowed", [None, 45.0])
+def test_more_volts_on_one_channel_stop_the_plays_of_all(allowed: float | None) -> None:
+    fault = {"kind": "amplifier-gain", "patch": "C", "gain": 100.0}
+    whole = load_rig_file("four-channel")
+    whole = whole.model_copy(
+        update={
+            "abort": AbortLimits(drive=allowed),
+            "simulation": whole.simulation.model_copy(update={"faults": (fault,)}),
+        }
+    )
+    with open_rig(whole) as rig:
+        record = rig.simulation.truth.record()
+        with pytest.raises(InstrumentError, match=r"The patch on drive_c got .* The play was stopped"):
+            rig.excite_each(dict.fromkeys("ABCD", tone(rig)), ["laser"])
+        assert rig.lockout is not None and "on drive_c" in rig.lockout.why
+        assert not rig.simulation.truth.closed
+    beyond = next(f.start for f in record if np.abs(f.volts).max() > (allowed or 1.1 * 48))
+    last = max(f.start for f in record if np.abs(f.volts).max() > 1)
+    assert last - beyond < TWO_BLOCKS
+
+
 def test_more_volts_than_are_allowed_stop_the_play_within_two_blocks() -> None:
     with open_rig(DOUBLED) as rig:
         record = rig.simulation.truth.record()
@@ -215,7 +236,7 @@ def test_each_of_several_drive_monitors_is_tested(row: int, drive: float | None)
         watched.check(Block(0, volts, np.array([True, True, True])), ("one", "two", "other"))
     for value in (0.501, -0.501, np.nan):
         volts[row, 40] = value
-        with pytest.raises(InstrumentError, match="The patch got"):
+        with pytest.raises(InstrumentError, match=f"The patch on {('one', 'two')[row]} got"):
             monitor(Limits(min=-50 / 1.1, max=50 / 1.1), drive).check(
                 Block(0, volts, np.zeros(3, bool)), ("one", "two", "other")
             )

@@ -67,3 +67,15 @@ def test_what_has_died_away_is_rest() -> None:
     one = Stretch(of, 0.0, PERIOD, np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 0.0]]))
     two = Stretch(of, 100.0, PERIOD, np.zeros((3, 5)), one)
     assert not np.any(two.seen(100.0 + np.arange(500) * PERIOD, WEIGHTS))
+
+
+def test_what_is_kept_of_one_view_is_no_part_of_another() -> None:
+    """Other weights, another lateness, another period, and weights in the memory of some that are gone."""
+    rng = np.random.default_rng(1)
+    shared, moves = made(), levels("all move", 200, rng)
+    for period in (PERIOD, 2 * PERIOD, PERIOD):
+        for number in range(24):
+            weights, late = WEIGHTS * (1 + number // 2), (2 + number % 2) * 1e-6
+            times = 5.0 + np.arange(200) * period + late
+            alone = Stretch(made(), 5.0, period, moves).seen(times, weights)
+            np.testing.assert_array_equal(Stretch(shared, 5.0, period, moves).seen(times, weights), alone)
