@@ -38,13 +38,16 @@ from .calibration import Loudness as Loudness
 from .calibration import Model as Model
 from .calibration import Multisine as Multisine
 from .calibration import Outcome as Outcome
+from .calibration import PressedDrives as PressedDrives
 from .calibration import Response as Response
 from .calibration import Trade as Trade
 from .calibration import VibrationMap as VibrationMap
 from .calibration import Waveforms as Waveforms
 from .calibration import activate as activate
 from .calibration import adopt as adopt
+from .calibration import at_force as at_force
 from .calibration import build_button as build_button
+from .calibration import button_under_finger as button_under_finger
 from .calibration import calibrate as calibrate
 from .calibration import calibrate_finger as calibrate_finger
 from .calibration import calibrate_keeping as calibrate_keeping
@@ -70,6 +73,7 @@ from .calibration import paper_drive as paper_drive
 from .calibration import plan_button as plan_button
 from .calibration import plan_excitation as plan_excitation
 from .calibration import play_button as play_button
+from .calibration import pressed_drives as pressed_drives
 from .calibration import quick_response as quick_response
 from .calibration import read_uff as read_uff
 from .calibration import recalibrate as recalibrate

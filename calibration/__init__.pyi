@@ -5,8 +5,10 @@ from .drive import Drive as Drive
 from .drive import Iteration as Iteration
 from .drive import Learning as Learning
 from .drive import Loudness as Loudness
+from .drive import PressedDrives as PressedDrives
 from .drive import Trade as Trade
 from .drive import build_button as build_button
+from .drive import button_under_finger as button_under_finger
 from .drive import check as check
 from .drive import check_feeling as check_feeling
 from .drive import check_under_finger as check_under_finger
@@ -17,6 +19,7 @@ from .drive import modulate as modulate
 from .drive import paper_drive as paper_drive
 from .drive import plan_button as plan_button
 from .drive import play_button as play_button
+from .drive import pressed_drives as pressed_drives
 from .drive import trade_for as trade_for
 from .examination import Finding as Finding
 from .examination import examine as examine
@@ -32,6 +35,7 @@ from .model import Drift as Drift
 from .model import Finger as Finger
 from .model import Model as Model
 from .model import Resonance as Resonance
+from .model import at_force as at_force
 from .model import calibrate as calibrate
 from .model import calibrate_finger as calibrate_finger
 from .model import calibrate_keeping as calibrate_keeping
@@ -55,6 +59,7 @@ from .response import plan_excitation as plan_excitation
 from .response import quick_response as quick_response
 from .response import read_uff as read_uff
 from .response import write_uff as write_uff
+from .resting_finger import TableForce as TableForce
 from .upkeep import Generation as Generation
 from .upkeep import History as History
 from .upkeep import Outcome as Outcome

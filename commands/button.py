@@ -1,7 +1,8 @@
-"""`haploop button make`, `check`: compute and verify a digital button."""
+"""`haploop button make`, `under`, `check`: compute and verify a digital button."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -9,11 +10,12 @@ import click
 
 from ..calibration import sizes
 from ..instruments.files import reserved
+from ..instruments.operator import RestFinger
 from ..reports import contents, outputs, show
 from ..terminal.progress import Steps
 from . import front as haploop
 from .grouped import AskedElsewhere, AskedPress, Shown, on_elsewhere, on_press, showing
-from .options import JSON, NEW, PATH, PLAYS, ChosenRig, Measure, on_rig
+from .options import FINGER, FORCE, JSON, NEW, PATH, PLAYS, ChosenRig, Measure, on_rig
 
 __all__ = ["button"]
 
@@ -153,6 +155,45 @@ def plan(asked: AskedPress, out: Path | None, rig: ChosenRig, shown: Shown) -> i
 @button.command()
 @click.argument("file", type=PATH)
 @click.option(
+    "--calibration",
+    "-c",
+    "calibrations",
+    type=PATH,
+    multiple=True,
+    required=True,
+    metavar="FINGER.h5",
+    help="Calibration under the finger (haploop calibrate --finger); one of each patch.",
+)
+@click.option("--out", "-o", type=NEW, required=True, metavar="NEW.h5", help="Digital button file to write.")
+@PLAYS
+@on_rig()
+@JSON
+def under(
+    file: Path, calibrations: Sequence[Path], out: Path, plays: int, rig: ChosenRig, as_json: bool
+) -> int:
+    """Give a digital button drives for one person's finger.
+
+    FILE stays as it is; NEW.h5 holds three drives more, for a light, a nominal and a firm finger, each
+    checked while the finger rests on the point with that force.
+
+    Exit codes: 0 all checks passed, 1 one did not (the file is written and states why).
+    """
+    loaded = haploop.DigitalButton.load(file)
+    fingers = haploop.load_calibrations(calibrations)
+    with (
+        reserved(out, size=2 * sizes.BUTTON + 3 * plays * sizes.PLAY),
+        rig.opened() as opened,
+        Steps() as steps,
+    ):
+        made = haploop.button_under_finger(opened, loaded, fingers, plays=plays, progress=steps)
+        made.save(out)
+    show.print_made(contents.file_contents(out), out, as_json)
+    return 0 if made.passed else 1
+
+
+@button.command()
+@click.argument("file", type=PATH)
+@click.option(
     "--out",
     "-o",
     type=NEW,
@@ -160,23 +201,42 @@ def plan(asked: AskedPress, out: Path | None, rig: ChosenRig, shown: Shown) -> i
     help="Check file to write.  [default: dated, in the folder checks]",
 )
 @PLAYS
+@FINGER
+@FORCE
 @on_rig()
 @JSON
-def check(file: Path, out: Path | None, plays: int, rig: ChosenRig, as_json: bool) -> int:
+def check(
+    file: Path,
+    out: Path | None,
+    plays: int,
+    finger: str | None,
+    force: float | None,
+    rig: ChosenRig,
+    as_json: bool,
+) -> int:
     """Play a digital button, measure it, and compare.
 
     The rig must be the one that FILE was made on. FILE is not changed; every play is kept in a check's file.
+    With --finger, a fingertip rests on the point meanwhile, and of the drives that `haploop button under`
+    made the one is played that its force calls for: the force sensor's, where one carries the table, or else
+    the nominal one.
 
     Exit codes: 0 the check passed, 1 it failed or the plays do not show it.
     """
+    if finger is None and force is not None:
+        raise click.UsageError("--force belongs to --finger PARTICIPANT.")
     loaded = haploop.DigitalButton.load(file)
+    resting = None
+    if finger is not None:
+        nominal = loaded.pressed.nominal if loaded.pressed else 1.0
+        resting = RestFinger(finger, loaded.drive.point, force or nominal)
     out = out or outputs.dated_check(file.stem)
     with (
         reserved(out, size=sizes.CHECK + plays * sizes.PLAY),
         rig.opened() as opened,
         Steps() as steps,
     ):
-        result = haploop.play_button(opened, loaded, plays=plays, progress=steps)
+        result = haploop.play_button(opened, loaded, finger=resting, plays=plays, progress=steps)
         result.save(out)
     show.print_made(contents.check_contents(result, loaded.press, out), out, as_json)
     return 0 if result.passed else 1

@@ -14,6 +14,7 @@ EXAMPLES = {
     "button check": "haploop button check latch.h5 --rig lab.toml",
     "button make": "haploop button make recordings/P01-latch.h5 -c calibration.h5 -o latch.h5",
     "button plan": "haploop button plan press.h5 -c calibration.h5 --plot plan.png",
+    "button under": "haploop button under push.h5 -c P01-finger.h5 -o push-P01.h5 --rig lab.toml",
     "calibrate": "haploop calibrate --patch A --point button --out calibration.h5",
     "calibrations activate": 'haploop calibrations activate 2 --rig lab.toml --reason "back in room 3"',
     "calibrations adopt": 'haploop calibrations adopt latch.h5 --rig lab.toml --reason "new plate"',

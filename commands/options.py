@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "AVERAGE",
+    "FINGER",
+    "FORCE",
     "JSON",
     "NEW",
     "NOTES",
@@ -182,6 +184,17 @@ PLAYS = click.option(
     default=8,
     show_default=True,
     help="Number of plays: more plays narrow the interval of the error.",
+)
+FINGER = click.option(
+    "--finger",
+    metavar="PARTICIPANT",
+    help="While this participant's fingertip rests on the point: when asked, rest it and hold still.",
+)
+FORCE = click.option(
+    "--force",
+    type=click.FloatRange(0.1, 20),
+    metavar="N",
+    help="Force of that finger (N).  [default: 1, or the calibration's]",
 )
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 _AVERAGES = ("automatic", "barycentre", "registration", "mean")

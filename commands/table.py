@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import click
@@ -16,24 +16,12 @@ from ..reports import contents, outputs, show
 from ..terminal.progress import Steps, note
 from . import front as haploop
 from .grouped import AskedPress, on_press
-from .options import JSON, NEW, PATH, PLAYS, ChosenRig, Names, on_rig, on_table
+from .options import FINGER, FORCE, JSON, NEW, PATH, PLAYS, ChosenRig, Names, on_rig, on_table
 
 __all__ = ["calibrate", "check"]
 
 _FEWEST = 3
 """Changes from which `with_scatter` tells a scatter."""
-
-FINGER = click.option(
-    "--finger",
-    metavar="PARTICIPANT",
-    help="While this participant's fingertip rests on the point: when asked, rest it and hold still.",
-)
-FORCE = click.option(
-    "--force",
-    type=click.FloatRange(0.1, 20),
-    metavar="N",
-    help="Force of that finger (N).  [default: 1, or the calibration's]",
-)
 
 
 @click.command()
@@ -82,8 +70,17 @@ FORCE = click.option(
 @click.option("--bare", type=PATH, metavar="FILE.h5", help="With --finger: the bare table's calibration.")
 @click.option(
     "--beside",
-    metavar="POINT",
-    help="With --finger: grid point that the laser looks at, where it does not see the one under the finger.",
+    type=Names(),
+    metavar="LIST",
+    help="With --finger: grid points that the laser looks at, where it does not see the one under it.",
+)
+@click.option(
+    "--map",
+    "mapped",
+    type=PATH,
+    metavar="DIR",
+    help="With --finger: map of the table, whose modes tell what the finger does at its own point; without "
+    "--beside the laser looks at the four grid points next to it.",
 )
 @on_rig()
 @JSON
@@ -96,7 +93,8 @@ def calibrate(
     finger: str | None,
     force: float | None,
     bare: Path | None,
-    beside: str | None,
+    beside: Sequence[str] | None,
+    mapped: Path | None,
     rig: ChosenRig,
     as_json: bool,
 ) -> int:
@@ -107,9 +105,10 @@ def calibrate(
     Exit codes: 0 calibrated, 1 calibrated, and --since tells nothing of the channels.
     """
     if finger is not None:
-        return _calibrate_finger(RestFinger(finger, beside or "", force or 1.0), bare, out, rig, as_json)
-    if bare or beside or force:
-        raise click.UsageError("--bare, --beside and --force belong to --finger PARTICIPANT.")
+        looked = _Looked(bare, tuple(beside or ()), mapped)
+        return _calibrate_finger(RestFinger(finger, "", force or 1.0), looked, out, rig, as_json)
+    if bare or beside or mapped or force:
+        raise click.UsageError("--bare, --beside, --map and --force belong to --finger PARTICIPANT.")
     made = [out] if len(patches) == 1 else [haploop.calibration_of(out, patch) for patch in patches]
     measured = [haploop.Waveforms.beside(path) for path in made]
     files = (*made, *measured) if waveforms else tuple(made)
@@ -148,20 +147,31 @@ def calibrate(
     return 1 if unsaid else 0
 
 
-def _calibrate_finger(asked: RestFinger, bare: Path | None, out: Path, rig: ChosenRig, as_json: bool) -> int:
-    """Calibrate for a finger; `asked.point` is where the laser looks, or empty for the point under it."""
-    if bare is None:
+@dataclass(frozen=True)
+class _Looked:
+    """From what a finger is found: the bare calibration, where the laser looks, and a map's folder."""
+
+    bare: Path | None
+    beside: tuple[str, ...]
+    mapped: Path | None
+
+
+def _calibrate_finger(asked: RestFinger, looked: _Looked, out: Path, rig: ChosenRig, as_json: bool) -> int:
+    if looked.bare is None:
         raise click.UsageError("--finger needs --bare FILE.h5, the calibration of the bare table.")
-    loaded = haploop.Calibration.load(bare)
+    loaded = haploop.Calibration.load(looked.bare)
+    plate = haploop.VibrationMap.load(looked.mapped).plate_modes() if looked.mapped else None
     outputs.check_new_file(out)
     with reserved(out, size=sizes.CALIBRATION), rig.opened() as opened, Steps() as steps:
-        on_table(opened, asked.point or loaded.response.point)
+        for point in looked.beside or (loaded.response.point,):
+            on_table(opened, point)
         haploop.calibrate_finger(
             opened,
             loaded,
             asked.participant,
             force=asked.force,
-            beside=asked.point or None,
+            beside=looked.beside,
+            plate=plate,
             progress=steps,
         ).save(out)
     show.print_contents(contents.file_contents(out), as_json)
@@ -197,7 +207,9 @@ def check(
     import`). Computes the representative press and its drive, plays the drive, measures the table, and
     compares the result with the press. Every play is kept in the check's file. With --finger, a fingertip
     rests on the point meanwhile, and the verdict is of the motion under it; the laser has to see the point
-    from the other side of the pane.
+    from the other side of the pane. With a calibration under a finger, and a force sensor that carries the
+    table, drives are made for a light, a nominal and a firm finger, and the one is played that the force
+    calls for.
 
     Exit codes: 0 the check passed, 1 it failed or the plays do not show it.
     """
@@ -224,13 +236,18 @@ def check(
                     f"{asked.calibrations[0]} was measured on a {_kind(one.response.simulated)} table, but "
                     f"the rig {opened.name!r} is {_kind(opened.simulated)}: calibrate that rig first."
                 )
-        drive = haploop.drive_for(press, loaded, opened.limits)
         if finger is None:
+            drive = haploop.drive_for(press, loaded, opened.limits)
             result = haploop.check(opened, drive, plays=plays, progress=steps)
         else:
-            nominal = held.force if held else 1.0
+            by_force = held is not None and opened.table.force
             result = haploop.check_under_finger(
-                opened, drive, finger, force=force or nominal, plays=plays, progress=steps
+                opened,
+                (haploop.pressed_drives if by_force else haploop.drive_for)(press, loaded, opened.limits),
+                finger,
+                force=force or (held.force if held else 1.0),
+                plays=plays,
+                progress=steps,
             )
         if out is not None:
             outputs.save_check(out, press, result)

@@ -2,7 +2,7 @@
 
 from .actuation import drift_change
 from .agreement import SharedPower
-from .button import DigitalButton, build_button, play_button
+from .button import DigitalButton, build_button, button_under_finger, play_button
 from .check import TOLERANCE, check
 from .checked import Check
 from .drive import BAND, Drive, drive_for
@@ -13,6 +13,7 @@ from .learning import Iteration, Learning, learn
 from .loudness import ButtonPlan, Loudness, Offer, Offers, offered, plan_button, trade_for
 from .paper_baseline import paper_drive
 from .parallel import COMPARED_AT, Wired, Wiring
+from .pressed import PressedDrives, pressed_drives
 from .targets import BEFORE, Method, modulate
 from .trade import STEADY, Trade
 
@@ -34,12 +35,14 @@ __all__ = [
     "Method",
     "Offer",
     "Offers",
+    "PressedDrives",
     "SharedPower",
     "Trade",
     "Wanted",
     "Wired",
     "Wiring",
     "build_button",
+    "button_under_finger",
     "check",
     "check_feeling",
     "check_under_finger",
@@ -51,5 +54,6 @@ __all__ = [
     "paper_drive",
     "plan_button",
     "play_button",
+    "pressed_drives",
     "trade_for",
 ]

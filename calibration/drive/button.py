@@ -3,26 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 
 from ...acquisition import Representative, hdf5
-from ...instruments import ConfigurationError, Rig
+from ...instruments import ConfigurationError, DataError, Rig
 from ...instruments.notebook import InNotebook
+from ...instruments.operator import RestFinger
 from ...instruments.progress import Progress, silent
 from ..model import Calibration
 from .check import check
 from .checked import Check
 from .drive import Drive, drive_for
 from .elsewhere import NOWHERE, Wanted
+from .finger_check import check_under_finger
 from .learning import Learning, learn
 from .playing import refuse_foreign
+from .pressed import PressedDrives, pressed_drives
 from .targets import Method
 from .trade import TRADE, Trade
 
-__all__ = ["DigitalButton", "build_button", "play_button"]
+__all__ = ["DigitalButton", "build_button", "button_under_finger", "play_button"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +48,19 @@ class DigitalButton(InNotebook):
     """Version of haploop."""
     others: tuple[Representative, ...] = ()
     """The presses that other points play at the same time, in the drive's order."""
+    pressed: PressedDrives | None = None
+    """Drives for one person's finger, by the force with which it presses; None for a button of the bare
+    table."""
+    pressed_checks: tuple[Check, ...] = ()
+    """Check of each of these, under that finger with its force."""
+
+    def refuse_nonsense(self) -> None:
+        """See `hdf5.restore`. Raises DataError for drives for a finger that were not each checked."""
+        drives = self.pressed.drives if self.pressed else ()
+        if [one.drive.volts.tobytes() for one in self.pressed_checks] != [
+            one.volts.tobytes() for one in drives
+        ]:
+            raise DataError("the button's drives for a finger do not have a check each.")
 
     def __repr__(self) -> str:
         simulated = ", simulated" if self.simulated else ""
@@ -64,13 +80,13 @@ class DigitalButton(InNotebook):
 
     @property
     def passed(self) -> bool:
-        """True when its check passed."""
-        return self.check.passed
+        """True when its check passed, and that of each drive for a finger."""
+        return self.check.passed and all(one.passed for one in self.pressed_checks)
 
     @property
     def simulated(self) -> bool:
         """True when a source or the rig of the check is simulated."""
-        return self.check.simulated
+        return any(one.simulated for one in (self.check, *self.pressed_checks))
 
     @property
     def digest(self) -> str:
@@ -124,25 +140,80 @@ def build_button(
     )
 
 
+def button_under_finger(
+    rig: Rig,
+    button: DigitalButton,
+    fingers: Calibration | Sequence[Calibration],
+    *,
+    plays: int = 8,
+    progress: Progress = silent,
+) -> DigitalButton:
+    """Return a digital button with drives for a person's finger, each checked under it with its force.
+
+    `fingers` is the calibration for that finger, or one of each of the button's patches. The operator is
+    asked to rest the finger with each of the forces in turn. A button whose checks do not pass is returned as
+    well. Raises ConfigurationError for calibrations of other patches than the button's, or of another point,
+    and what `pressed_drives` and `check_under_finger` raise.
+    """
+    calibrations = (fingers,) if isinstance(fingers, Calibration) else tuple(fingers)
+    drive = button.drive
+    there = tuple(one.response.patch for one in calibrations)
+    points = {one.response.point for one in calibrations}
+    if there != drive.patches or points != {drive.point}:
+        raise ConfigurationError(
+            f"The button is played by patch {drive.patch} at the {drive.point} point, and the finger was "
+            "calibrated "
+            f"with patch {', '.join(there)} at {', '.join(sorted(points))}: calibrate it there."
+        )
+    if drive.elsewhere:
+        others = ", ".join(one.point for one in drive.elsewhere)
+        raise ConfigurationError(
+            f"The button's drives are planned for other points too ({others}), and what a finger does there "
+            "is not "
+            "known: make it for its own point alone."
+        )
+    _refuse_other_world(rig, calibrations, fingers=True)
+    method: Method = "broadband" if drive.method == "broadband" else "modulated"
+    trade = replace(drive.trade, scale=None)
+    made = pressed_drives(button.press, calibrations, rig.limits, method=method, trade=trade)
+    checks = [
+        check_under_finger(rig, one, made.participant, force=force, plays=plays, progress=progress)
+        for force, one in zip(made.forces, made.drives, strict=True)
+    ]
+    return replace(button, pressed=made, pressed_checks=tuple(checks))
+
+
 def play_button(
     rig: Rig,
     button: DigitalButton,
     *,
+    finger: RestFinger | None = None,
     plays: int = 8,
     progress: Progress = silent,
 ) -> Check:
     """Verify a digital button by playing it: does the rig still reproduce it?
 
-    Raises ConfigurationError on a rig other than the one it was made on, and what `check` raises.
+    With a `finger`, it rests on the button's point meanwhile, and the drive is the one for its force. Raises
+    ConfigurationError on a rig other than the one it was made on, and for a finger that the button has no
+    drives for; and what `check` and `check_under_finger` raise.
     """
     _refuse_other_world(rig, button.calibrations)
-    return check(rig, button.drive, button.press, plays=plays, progress=progress)
+    if finger is None:
+        return check(rig, button.drive, button.press, plays=plays, progress=progress)
+    if button.pressed is None:
+        raise ConfigurationError(
+            f"The digital {button.press.button} was made for the bare table: make its drives for a finger "
+            "(haploop button under)."
+        )
+    return check_under_finger(
+        rig, button.pressed, finger.participant, force=finger.force, plays=plays, progress=progress
+    )
 
 
-def _refuse_other_world(rig: Rig, calibrations: Sequence[Calibration]) -> None:
+def _refuse_other_world(rig: Rig, calibrations: Sequence[Calibration], *, fingers: bool = False) -> None:
     for calibration in calibrations:
         response = calibration.response
-        if calibration.finger is not None:
+        if calibration.finger is not None and not fingers:
             raise ConfigurationError(
                 f"The calibration holds under {calibration.finger.participant}'s finger, and a button is "
                 "learned and checked on the bare table: give the bare table's, or check a drive under the "

@@ -17,9 +17,10 @@ import scipy
 from threadpoolctl import threadpool_limits
 
 from ...acquisition import hdf5
-from ...instruments import DataError
+from ...instruments import DataError, RigFile
 from ...instruments.arrays import ComplexArray, FloatArray, IntArray
 from ...instruments.notebook import InNotebook
+from ..model import PlateModes
 from ..response import HALF_WIDTHS, Hysteresis, Modes, Plays, fit_modes, operators
 from .folder import MapFolder, MapPlan, PointMeasurement
 
@@ -29,6 +30,14 @@ ALL = "all"
 """The configuration of all patches in parallel."""
 BAND = (30.0, 600.0)
 """Band (Hz) in which a map is compared and searched."""
+_WHOLE = 0.75
+"""Least share of the grid's points from which the shapes of a pane are known."""
+_BEYOND = 1.3
+"""Highest frequency of a mode that is used, over the upper end of the band."""
+_WEAK, _ALIKE = 0.003, 0.7
+"""Strength of a mode over the strongest's, below which it is none, and mean product of two shapes of a mean
+square of one, above which they are one: poles that describe what a mode leaves had 0.97 and more
+(simulated)."""
 _FINE = 50
 """Samples per period of the highest frequency at which hysteresis is simulated."""
 
@@ -185,12 +194,19 @@ class VibrationMap(InNotebook):
         Strength is the peak velocity of the mode alone, over all points and patches.
         """
         p = self.modes.poles
+        hz = np.abs(p) / (2 * np.pi)
+        order = [int(np.argmin(np.abs(hz - one))) for one, _ in self._strengths(*BAND)]
+        return tuple((float(hz[k]), float(-p.real[k] / abs(p[k]))) for k in order)
+
+    def _strengths(self, low: float, high: float) -> list[tuple[float, float]]:
+        """Frequency (Hz) and strength of each mode between two frequencies, strongest first."""
+        p = self.modes.poles
         count = len(p)
         residues = self.shares[..., :count] + 1j * self.shares[..., count : 2 * count]
         strength = np.sqrt((np.abs(residues) ** 2).sum(axis=(0, 1))) / -p.real
         hz = np.abs(p) / (2 * np.pi)
-        order = [k for k in np.argsort(-strength) if BAND[0] < hz[k] < BAND[1] and strength[k] > 0]
-        return tuple((float(hz[k]), float(-p.real[k] / abs(p[k]))) for k in order)
+        order = [k for k in np.argsort(-strength) if low < hz[k] < high and strength[k] > 0]
+        return [(float(hz[k]), float(strength[k])) for k in order]
 
     def shape(self, frequency_hz: float) -> FloatArray:
         """Shape (points,) of the mode nearest to a frequency: real, with a largest deflection of 1."""
@@ -201,6 +217,39 @@ class VibrationMap(InNotebook):
         _, _, rows = np.linalg.svd(residues, full_matrices=False)
         mode = rows[0] * np.exp(-0.5j * np.angle((rows[0] ** 2).sum()))
         return np.asarray(mode.real / mode.real[int(np.argmax(np.abs(mode.real)))])
+
+    def plate_modes(self) -> PlateModes:
+        """The modes of the pane, for `calibrate_finger`: strongest first, and each shape once.
+
+        Shapes of different modes of a pane have nothing in common; a pole whose shape is that of a stronger
+        mode describes what that one leaves. Raises DataError for a map of less than three quarters of the
+        grid: what a shape is over the pane is then not known.
+        """
+        plan, p = self.plan, self.modes.poles
+        grid = plan.rows * plan.columns
+        if len(self.points) < _WHOLE * grid:
+            raise DataError(
+                f"The map has {len(self.points)} of {grid} points: the modes of the pane need {_WHOLE:.0%} "
+                "of them. "
+                "Measure more of it (haploop map)."
+            )
+        table = RigFile.model_validate_json(plan.rig_file).table
+        assert table is not None  # it was measured on it
+        strongest = 0.0
+        poles: list[complex] = []
+        shapes: list[FloatArray] = []
+        for frequency_hz, strength in self._strengths(plan.low, _BEYOND * plan.high):
+            strongest = strongest or strength
+            shape = self.shape(frequency_hz)
+            shape = shape / np.sqrt(np.mean(shape**2))
+            if strength < _WEAK * strongest or any(abs(np.mean(shape * one)) > _ALIKE for one in shapes):
+                continue
+            poles.append(complex(p[int(np.argmin(np.abs(np.abs(p) / (2 * np.pi) - frequency_hz)))]))
+            shapes.append(shape)
+        if not poles:
+            raise DataError("The map has no mode: look at its resonances (haploop show).")
+        button = str(table.button_point)
+        return PlateModes(self.points, button, np.array(poles), np.array(shapes), self.residual)
 
 
 def _fit(

@@ -5,19 +5,23 @@ from .calibration import Calibration, ChannelScatter, calibration_of, load_calib
 from .channel_scatter import ChannelChange, channel_change, with_scatter
 from .drift import Drift, apart, mode_deviations
 from .even_order import even_order
-from .finger import Finger, calibrate_finger, under_finger
+from .finger import GROWS, Finger, PlateModes, at_force, under_finger
+from .finger_measuring import calibrate_finger
 from .model import Model, Resonance, fit
 from .uncertainty import standard_deviation
 
 __all__ = [
+    "GROWS",
     "Calibration",
     "ChannelChange",
     "ChannelScatter",
     "Drift",
     "Finger",
     "Model",
+    "PlateModes",
     "Resonance",
     "apart",
+    "at_force",
     "calibrate",
     "calibrate_finger",
     "calibrate_keeping",

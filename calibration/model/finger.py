@@ -1,4 +1,4 @@
-"""A calibration for a table with a finger on it: the bare one, and what the finger does to it.
+"""What a fingertip that rests on the table does to a response, and how it is found.
 
 A fingertip at the point x is a spring k and a damper c on a mass m, of impedance
 
@@ -8,49 +8,91 @@ With the mobility Y_xx = sum of g_j h_j(s) over modes, h_j = s / (s^2 + 2 z w s 
 
     H_x / (1 + Z Y_xx),    and at another point y    H_y - Z Y_yx H_x / (1 + Z Y_xx)
 
-Neither modal masses nor shapes are known, and none is needed: the products l_j = c g_j, none of which is
-negative, are found from one response under the finger by least squares, for the r and d that leave least, and
-the ratios of shapes at y and x are those of the bare responses' residues. So the laser may look at x (from
-the other side of the pane) or at a point beside. Another force scales l, r and d: all grow as F^0.35, as a
-spring does that grows as F^0.7, and a damper as F^0.35 (estimates: docs/hardware.md, "Fingers on the table").
+Without a map of the table neither modal masses nor shapes are known, and none is needed: the products l_j = c
+g_j, none of which is negative, are found from responses under the finger by least squares, for the r and d
+that leave least. So the laser may look at x (from the other side of the pane), or at one or several points y
+beside: the ratio of a mode's shape at y and x is that of the residues of the bare responses there.
 
-What breaks it: a finger that is not one mass (several, or a palm), and one that does not hold still.
+A map shows the shapes p_j of a pane's modes, those too that the calibrated patch hardly drives. Of a uniform
+pane of mass M a mode's mass is M times the mean square of its shape, so that g_j = p_j(x)^2 / M and Y_yx =
+sum of p_j(y) p_j(x) h_j / M, with shapes of a mean square of one: one real number c / M is left to find, with
+r and d.
+
+Another force scales l, r and d: all grow as F^0.35, as a spring does that grows as F^0.7, and a damper as
+F^0.35 (estimates: docs/hardware.md, "Fingers on the table").
+
+What breaks it: a finger that is not one mass (several, or a palm), and one that does not hold still; with a
+map, a pane that is not uniform. The uncertainty that is stated has three parts: what of the responses under
+the finger is not explained, the ratios, and that nobody holds a force.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
 
-from ...instruments import ConfigurationError, DataError, InstrumentError, Rig
+from ...instruments import DataError
 from ...instruments.arrays import ComplexArray, FloatArray
-from ...instruments.operator import LiftFinger, RestFinger
-from ...instruments.progress import Progress, prefixed, silent
-from ..response import Response, quick_response
+from ...instruments.operator import RestFinger
+from ..response import Response
 from .model import Model, fit
 
 if TYPE_CHECKING:
     from .calibration import Calibration
 
-__all__ = ["Finger", "calibrate_finger", "under_finger"]
+__all__ = ["GROWS", "Finger", "Look", "PlateModes", "at_force", "find_finger", "under_finger"]
 
-_GROWS = 0.35
+GROWS = 0.35
 """Exponent of the damper's growth with force."""
-_FORCES = (0.1, 20.0)
-"""Forces (N) of a fingertip that rests."""
 _BAND = (75.0, 600.0)
 """Lines (Hz) that tell a finger: the band of drives."""
 _START, _WITHIN, _TRIES = (700.0, 300.0), ((20.0, 20.0), (2e4, 5e3)), 80
 """First guess of r and d (1/s), the least and most of both, and the most evaluations of a search."""
-_COMES = 0.5
-"""Time (s) that a finger gets to come to rest, or to leave."""
-_MISFIT = 0.1
-"""Largest residual of the response under the finger, over what the finger changed, and beside `_NOISE`."""
-_NOISE = 0.007
-"""Residual (relative rms) that noise leaves."""
+_MISFIT, _BESIDE = 0.04, 0.1
+"""Largest residual of the responses under the finger, over what the finger changed, where the laser sees
+its point, and beside it. There a fingertip leaves up to 0.02, a palm or a second finger 0.07 and more
+(simulated); beside it shapes and ratios leave up to 0.07 of a fingertip's, so that a palm on a heavy pane is
+not told."""
+_NOISE = 0.004
+"""Residual (relative rms) that noise leaves, beside that."""
+_CHANGED = 0.015
+"""Relative change of the response below which nothing rests on the table: two looks at a bare one differ by
+less, and 0.25 N on the paper's pane change it by more (simulated)."""
+_WANDERS = 0.06
+"""Standard deviation of a held force, relative (estimate: docs/hardware.md, "Fingers on the table")."""
+_NEAR = 0.05
+"""Largest relative distance of a map's mode from a pole that is the same mode: tables drift by less."""
+_HALF_WIDTHS = 3.0
+"""Half of the lines about a pole that show how well its residue is known, over its half-width."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlateModes:
+    """Modes of a pane, from a map of all of it; shapes have a mean square of one over the pane."""
+
+    points: tuple[str, ...]
+    button: str
+    """The button's point, by its number."""
+    poles: ComplexArray
+    """(modes,) rad/s, imaginary parts > 0."""
+    shapes: FloatArray
+    """(modes, points)"""
+    residual: FloatArray
+    """(points,): relative rms that the modes leave of each point's motion."""
+
+    def at(self, point: str) -> int:
+        """The place of a point among `points`. Raises DataError for one that was not measured."""
+        name = self.button if point == "button" else point
+        if name not in self.points:
+            raise DataError(
+                f"The map has no point {name}: measure it (haploop map), or calibrate the finger without "
+                "the map."
+            )
+        return self.points.index(name)
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,81 +101,51 @@ class Finger:
 
     participant: str
     force: float
-    """Force (N) that was asked for."""
+    """Force (N) that was asked for, or measured by the force sensor under the table."""
     load: FloatArray
-    """(poles,) of the bare model, 1/s: l_j of the theory, at that force."""
+    """(poles,), 1/s: l_j of the theory, at that force."""
+    poles: ComplexArray
+    """rad/s, of the modes that the finger loads: the bare model's, or a map's."""
     stiff: float
     """1/s: r of the theory, at that force."""
     slow: float
     """1/s: d of the theory, at that force."""
     bare: Model
-    """The bare table's model, whose poles these are."""
+    """The bare table's model."""
     changed: float
     """Relative rms change of the response at the point."""
     misfit: float
-    """Relative rms of the response under the finger that one fingertip does not explain."""
-    beside: str
-    """Point that the laser looked at; empty for the point itself."""
+    """Relative rms of the responses under the finger that one fingertip does not explain."""
+    uncertainty: float
+    """Relative standard deviation (rms) of the response at the point under the finger, at that force, over
+    the bare one."""
+    beside: tuple[str, ...]
+    """Points that the laser looked at; empty for the point itself."""
+    mapped: bool = False
+    """Whether a map of the table told the shapes of its modes there."""
 
     def refuse_nonsense(self) -> None:
         """See `hdf5.restore`. Raises DataError for a finger that no measurement finds."""
-        if self.load.shape != self.bare.poles.shape or not np.all(self.load >= 0):
+        if np.ndim(self.load) != 1 or self.load.shape != self.poles.shape or not np.all(self.load >= 0):
             raise DataError("the finger's load is not one number of 0 or more for each pole.")
-        if not all(0 < one < np.inf for one in (self.force, self.stiff, self.slow, *np.ravel(1 + self.load))):
-            raise DataError("the finger's force or impedance is not a positive number.")
+        numbers = (self.force, self.stiff, self.slow, *np.ravel(1 + self.load))
+        if not np.all(np.isfinite(self.poles)) or not np.all(self.poles.real < 0):
+            raise DataError("the poles of the modes that the finger loads are not stable.")
+        told = (self.changed, self.misfit, self.uncertainty)
+        if not all(0 < one < np.inf for one in numbers) or not all(0 <= one < np.inf for one in told):
+            raise DataError("the finger's force, impedance or uncertainty is not a positive number.")
 
     def factor(self, f: FloatArray, force: float | None = None) -> ComplexArray:
         """Return the response under the finger over the bare one, (frequencies,), at `f` (Hz)."""
-        scale = 1.0 if force is None else (force / self.force) ** _GROWS
-        parts = _mobilities(self.bare, f) * _shape(f, scale * self.stiff, scale * self.slow)[:, None]
-        return np.asarray(1 / (1 + scale * (parts @ self.load)))
+        return np.asarray(1 / (1 + _loads(self, f, force) @ np.ones(len(self.load))))
 
 
-def calibrate_finger(
-    rig: Rig,
-    bare: Calibration,
-    participant: str,
-    *,
-    force: float = 1.0,
-    beside: str | None = None,
-    progress: Progress = silent,
-) -> Calibration:
-    """Measure what a participant's resting fingertip does to a calibration, in two seconds of a multisine.
+@dataclass(frozen=True, eq=False)
+class Look:
+    """The responses of one point: of the bare table, and under the finger."""
 
-    The operator is asked to rest the fingertip at the calibration's point, and to lift it afterwards. The
-    laser sees the point from the other side of the pane, or another point, `beside`, whose bare response is
-    measured first. The carrier stays the bare table's.
-
-    Raises ConfigurationError for a calibration that is a finger's already, for another rig's, and for a force
-    that no finger rests with; InstrumentError when nobody rests a finger; DataError when what rests is no
-    fingertip; and what `measure_response` raises.
-    """
-    response = bare.response
-    if bare.finger is not None:
-        raise ConfigurationError("Give a calibration of the bare table: this one is a finger's already.")
-    if (response.rig, response.simulated) != (rig.name, rig.simulated):
-        raise ConfigurationError(f"The calibration is of another rig, {response.rig!r}: calibrate this one.")
-    if not _FORCES[0] <= force <= _FORCES[1]:
-        raise ConfigurationError(
-            f"A fingertip rests with {_FORCES[0]:g} to {_FORCES[1]:g} N, and {force:g} N was asked for."
-        )
-    law, seen_at = bare.hysteresis, beside or response.point
-    at_rest = response
-    if seen_at != response.point:
-        told = prefixed(progress, "bare")
-        at_rest = quick_response(rig, response.patch, seen_at, told, hysteresis=law)
-    if not rig.operator.confirm(RestFinger(participant, response.point, force)):
-        raise InstrumentError(
-            f"Nobody rests a finger at the {response.point} point: {participant} must be there."
-        )
-    try:
-        rig.clock.sleep(_COMES)
-        told = prefixed(progress, "under the finger")
-        under = quick_response(rig, response.patch, seen_at, told, hysteresis=law)
-    finally:
-        rig.operator.confirm(LiftFinger())
-        rig.clock.sleep(_COMES)
-    return under_finger(bare, _finger(bare, at_rest, under, RestFinger(participant, response.point, force)))
+    at_rest: Response
+    under: Response
 
 
 def under_finger(bare: Calibration, finger: Finger, force: float | None = None) -> Calibration:
@@ -143,7 +155,7 @@ def under_finger(bare: Calibration, finger: Finger, force: float | None = None) 
     """
     response = bare.response
     velocity = response.velocity * finger.factor(response.frequencies, force)
-    scale = 1.0 if force is None else (force / finger.force) ** _GROWS
+    scale = _scale(finger, force)
     found = replace(
         finger,
         load=scale * finger.load,
@@ -155,25 +167,30 @@ def under_finger(bare: Calibration, finger: Finger, force: float | None = None) 
     return replace(bare, response=loaded, model=fit(loaded), finger=found)
 
 
-def _finger(bare: Calibration, at_rest: Response, under: Response, asked: RestFinger) -> Finger:
-    """Find the load of a finger from the responses of where the laser looked, bare and under it."""
+def at_force(calibration: Calibration, force: float) -> Calibration:
+    """Return a finger's calibration as it is at another force (N). Raises DataError for one of no finger."""
+    finger = calibration.finger
+    if finger is None:
+        raise DataError("A calibration of the bare table is of no force: calibrate with a finger.")
+    response = calibration.response
+    without = replace(response, velocity=response.velocity / finger.factor(response.frequencies))
+    return under_finger(replace(calibration, response=without, model=finger.bare), finger, force)
+
+
+def find_finger(
+    bare: Calibration, looks: Sequence[Look], asked: RestFinger, plate: PlateModes | None = None
+) -> Finger:
+    """Find the load of a finger on the calibrated point from one or several looks.
+
+    Raises DataError when nothing seems to rest there, when what rests is no fingertip, and for a map without
+    one of the points.
+    """
     model = bare.model
-    beside = at_rest is not bare.response
-    f = under.frequencies
-    inside = (f >= _BAND[0]) & (f <= _BAND[1])
-    f, loaded = f[inside], under.velocity[inside]
-    here = model.velocity(f)
-    seen = _Seen(
-        f=f,
-        here=here,
-        there=fit(at_rest).velocity(f) if beside else here,
-        loaded=loaded,
-        parts=_mobilities(model, f),
-        ratios=_ratios(model, at_rest) if beside else np.ones(len(model.poles)),
-    )
+    basis = _Basis.of(model) if plate is None else _Basis.of_plate(model, plate, asked.point)
+    seen = [_seen(bare, look, basis, plate) for look in looks]
 
     def left(x: FloatArray) -> float:
-        return seen.solved(*np.exp(x).tolist())[1]
+        return _solved(basis, seen, *np.exp(x).tolist())[1]
 
     found = scipy.optimize.minimize(
         left,
@@ -183,17 +200,62 @@ def _finger(bare: Calibration, at_rest: Response, under: Response, asked: RestFi
         options={"xatol": 0.02, "fatol": 1e-5, "maxfev": _TRIES},
     )
     stiff, slow = (float(value) for value in np.exp(found.x))
-    load, misfit = seen.solved(stiff, slow)
-    changed = float(np.linalg.norm(seen.there - loaded) / np.linalg.norm(seen.there))
-    if misfit > _MISFIT * changed + _NOISE:
+    load, misfit = _solved(basis, seen, stiff, slow)
+    changed = float(np.sqrt(np.mean([one.changed**2 for one in seen])))
+    if changed < _CHANGED:
         raise DataError(
-            f"Under the finger the response differs by {changed:.0%} from the bare one, and a fingertip at "
-            f"the point leaves {misfit:.0%} of it unexplained: hold still, touch nothing else, and see that "
+            f"Nothing seems to rest at the {asked.point} point: the response changed by {changed:.1%} only. "
+            f"{asked.participant} rests a fingertip there from when that is asked until it is to be lifted."
+        )
+    beside = any(look.under.point != bare.response.point for look in looks)
+    if misfit > (_BESIDE if beside else _MISFIT) * changed + _NOISE:
+        raise DataError(
+            f"Under the finger the response differs by {changed:.1%} from the bare one, and a fingertip at "
+            f"the point leaves {misfit:.1%} of it unexplained: hold still, touch nothing else, and see that "
             "the table has not drifted since it was calibrated."
         )
-    made = Finger(asked.participant, asked.force, load, stiff, slow, model, 0.0, misfit, "")
-    own = float(np.linalg.norm((made.factor(f) - 1) * here) / np.linalg.norm(here))
-    return replace(made, changed=own, beside=at_rest.point if beside else "")
+    made = Finger(
+        participant=asked.participant,
+        force=asked.force,
+        load=load,
+        poles=basis.poles,
+        stiff=stiff,
+        slow=slow,
+        bare=model,
+        changed=0.0,
+        misfit=misfit,
+        uncertainty=0.0,
+        beside=tuple(one.under.point for one in looks if one.under.point != bare.response.point),
+        mapped=plate is not None,
+    )
+    here = seen[0].here
+    own_change = float(np.linalg.norm((made.factor(seen[0].f) - 1) * here) / np.linalg.norm(here))
+    return replace(made, changed=own_change, uncertainty=_uncertainty(made, seen))
+
+
+@dataclass(frozen=True, eq=False)
+class _Basis:
+    """Poles of the modes that a finger loads, and (poles, unknowns) of which its load is made."""
+
+    poles: ComplexArray
+    own: FloatArray
+
+    @classmethod
+    def of(cls, model: Model) -> _Basis:
+        """Of a model, whose modes have any masses."""
+        return cls(model.poles, np.eye(len(model.poles)))
+
+    @classmethod
+    def of_plate(cls, model: Model, plate: PlateModes, point: str) -> _Basis:
+        """Of a map, whose modes have one mass, with the frequencies of the model: a table drifts."""
+        scales = [np.abs(pole) / np.abs(plate.poles) for pole in model.poles[model.resonant]]
+        nearest = [float(one[np.argmin(np.abs(one - 1))]) for one in scales]
+        alike = [one for one in nearest if abs(one - 1) < _NEAR]
+        if not alike:
+            raise DataError(
+                "No resonance of the calibration is one of the map's: they are of different tables."
+            )
+        return cls(plate.poles * float(np.median(alike)), plate.shapes[:, plate.at(point), None] ** 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,38 +266,67 @@ class _Seen:
     here: ComplexArray
     there: ComplexArray
     loaded: ComplexArray
-    parts: ComplexArray
-    ratios: FloatArray
+    cross: FloatArray
+    """(poles, unknowns): of which l_j times the ratio of shapes is made."""
+    spread: FloatArray
+    """(poles,): standard deviation of the ratios, over the ratios."""
 
-    def solved(self, stiff: float, slow: float) -> tuple[FloatArray, float]:
-        """Return the load (poles,) for a finger of r and d, and the relative residual that it leaves."""
-        parts = self.parts * _shape(self.f, stiff, slow)[:, None]
-        # there - loaded = sum_j l_j Z_j (ratio_j here - (there - loaded)): linear in l, none is negative.
-        lost = self.there - self.loaded
-        columns = parts * (self.ratios * self.here[:, None] - lost[:, None])
-        load, _ = scipy.optimize.nnls(
-            np.concatenate([columns.real, columns.imag]), np.concatenate([lost.real, lost.imag])
-        )
-        explained = self.there - (parts @ (self.ratios * load)) * self.here / (1 + parts @ load)
-        return load, float(np.linalg.norm(explained - self.loaded) / np.linalg.norm(self.loaded))
+    @property
+    def changed(self) -> float:
+        """Relative rms change of the response where it was seen."""
+        return float(np.linalg.norm(self.there - self.loaded) / np.linalg.norm(self.there))
 
 
-def _shape(f: FloatArray, stiff: float, slow: float) -> ComplexArray:
-    """Z / c of the theory at `f` (Hz)."""
-    s = 2j * np.pi * np.maximum(np.asarray(f), 1e-3)
-    return np.asarray(s * (s + stiff) / (s**2 + slow * s + slow * stiff))
+def _solved(basis: _Basis, seen: Sequence[_Seen], stiff: float, slow: float) -> tuple[FloatArray, float]:
+    """Return the load (poles,) for a finger of r and d, and the relative residual that it leaves."""
+    parts = [_mobilities(basis.poles, one.f) * _shape(one.f, stiff, slow)[:, None] for one in seen]
+    rows, wanted = [], []
+    for one, part in zip(seen, parts, strict=True):
+        # there - loaded = Z Y_yx here - Z Y_xx (there - loaded): linear in the unknowns, none is negative.
+        lost, size = one.there - one.loaded, np.linalg.norm(one.loaded)
+        columns = ((part @ one.cross) * one.here[:, None] - (part @ basis.own) * lost[:, None]) / size
+        rows += [columns.real, columns.imag]
+        wanted += [lost.real / size, lost.imag / size]
+    unknown, _ = scipy.optimize.nnls(np.concatenate(rows), np.concatenate(wanted))
+    load = basis.own @ unknown
+    left = []
+    for one, part in zip(seen, parts, strict=True):
+        shown = one.there - (part @ (one.cross @ unknown)) * one.here / (1 + part @ load)
+        left.append(np.linalg.norm(shown - one.loaded) / np.linalg.norm(one.loaded))
+    return load, float(np.sqrt(np.mean(np.square(left))))
 
 
-def _mobilities(model: Model, f: FloatArray) -> ComplexArray:
-    """h_j of the theory, (frequencies, poles); nothing for real poles."""
-    s = 2j * np.pi * np.asarray(f)[:, None]
-    p = model.poles
-    found = s / ((s - p) * (s - np.conj(p)))
-    return np.asarray(np.where(p.imag > 0, found, 0.0))
+def _seen(bare: Calibration, look: Look, basis: _Basis, plate: PlateModes | None) -> _Seen:
+    model, point = bare.model, bare.response.point
+    f = look.under.frequencies
+    inside = (f >= _BAND[0]) & (f <= _BAND[1])
+    f = f[inside]
+    here = model.velocity(f)
+    cross, spread = basis.own, np.zeros(len(basis.poles))
+    beside = look.at_rest is not bare.response
+    if plate is not None:
+        own, there = plate.at(point), plate.at(look.under.point)
+        cross = (plate.shapes[:, own] * plate.shapes[:, there])[:, None]
+        spread = np.full(len(basis.poles), np.hypot(plate.residual[own], plate.residual[there]))
+    elif beside:
+        ratios, spread = _ratios(model, look.at_rest)
+        cross = np.diag(ratios)
+    return _Seen(
+        f=f,
+        here=here,
+        there=fit(look.at_rest).velocity(f) if beside else here,
+        loaded=look.under.velocity[inside],
+        cross=cross,
+        spread=spread,
+    )
 
 
-def _ratios(model: Model, response: Response) -> FloatArray:
-    """Each mode's shape where a bare response was measured over that at the model's point, (poles,)."""
+def _ratios(model: Model, response: Response) -> tuple[FloatArray, FloatArray]:
+    """Each mode's shape at a point over that at the model's, (poles,), by its bare response; how well it is
+    known.
+
+    What the model's poles leave of it near a resonance, over that resonance, is how well its ratio is known.
+    """
     f = response.frequencies
     inside = (f >= model.band[0]) & (f <= model.band[1])
     f, s = f[inside], 2j * np.pi * f[inside, None]
@@ -244,8 +335,52 @@ def _ratios(model: Model, response: Response) -> FloatArray:
     columns = np.concatenate([near + mirror, 1j * (near - mirror)[:, paired], np.ones_like(s), s], axis=1)
     sizes = np.linalg.norm(columns, axis=0)
     rows = np.concatenate([columns.real, columns.imag]) / sizes
-    measured = np.concatenate([response.velocity[inside].real, response.velocity[inside].imag])
-    solved = np.linalg.lstsq(rows, measured, rcond=None)[0] / sizes
+    measured = response.velocity[inside]
+    solved = np.linalg.lstsq(rows, np.concatenate([measured.real, measured.imag]), rcond=None)[0] / sizes
     residues = solved[: len(paired)].astype(np.complex128)
     residues[paired] += 1j * solved[len(paired) : len(paired) + paired.sum()]
-    return np.asarray((residues * np.conj(model.residues)).real / np.abs(model.residues) ** 2)
+    left = np.abs(measured - columns @ solved) ** 2
+    spread = np.zeros(len(paired))
+    for k, pole in enumerate(model.poles):
+        about = np.abs(2 * np.pi * f - pole.imag) < _HALF_WIDTHS * -pole.real
+        if paired[k] and about.any():
+            own = np.abs(residues[k] * near[about, k]) ** 2
+            spread[k] = np.sqrt(left[about].sum() / own.sum())
+    found = (residues * np.conj(model.residues)).real / np.abs(model.residues) ** 2
+    return np.asarray(found), np.minimum(spread, 1.0)
+
+
+def _uncertainty(finger: Finger, seen: Sequence[_Seen]) -> float:
+    """See `Finger.uncertainty`."""
+    first = seen[0]
+    loads, factor = _loads(finger, first.f, None), finger.factor(first.f)
+    moved = (factor**2 * first.here)[:, None] * loads
+    spread = np.sqrt(np.mean([one.spread**2 for one in seen], axis=0))
+    of_ratios = float(np.linalg.norm(moved * spread))
+    of_force = GROWS * _WANDERS * float(np.linalg.norm(moved.sum(axis=1)))
+    size = float(np.linalg.norm(factor * first.here))
+    return float(np.sqrt(finger.misfit**2 + (of_ratios**2 + of_force**2) / size**2))
+
+
+def _scale(finger: Finger, force: float | None) -> float:
+    return 1.0 if force is None else float((force / finger.force) ** GROWS)
+
+
+def _loads(finger: Finger, f: FloatArray, force: float | None) -> ComplexArray:
+    """(frequencies, poles): Z Y_xx of the theory, mode by mode."""
+    scale = _scale(finger, force)
+    shape = _shape(f, scale * finger.stiff, scale * finger.slow)
+    return np.asarray(_mobilities(finger.poles, f) * shape[:, None] * (scale * finger.load))
+
+
+def _shape(f: FloatArray, stiff: float, slow: float) -> ComplexArray:
+    """Z / c of the theory at `f` (Hz)."""
+    s = 2j * np.pi * np.maximum(np.asarray(f), 1e-3)
+    return np.asarray(s * (s + stiff) / (s**2 + slow * s + slow * stiff))
+
+
+def _mobilities(p: ComplexArray, f: FloatArray) -> ComplexArray:
+    """h_j of the theory for poles p, (frequencies, poles); nothing for real poles."""
+    s = 2j * np.pi * np.asarray(f)[:, None]
+    found = s / ((s - p) * (s - np.conj(p)))
+    return np.asarray(np.where(p.imag > 0, found, 0.0))

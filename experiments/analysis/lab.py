@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Sequence
 
@@ -64,7 +65,7 @@ def people_table(lab: LabThreshold) -> str:
         f"threshold = {lab.shift:.1f}      # dB over the table's for a finger that presses",
         f"uncertainty = {max(lab.uncertainty, 0.1):.1f}    # dB, half of its interval of 95 %",
         f"spread = {max(lab.spread, 0.1):.1f}         # dB, standard deviation between people",
-        f'button = "{lab.button}"',
+        f"button = {json.dumps(lab.button, ensure_ascii=False)}",
     ]
     if lab.force > 0:
         lines.append(f"force = {lab.force:.1f}          # N")

@@ -15,6 +15,7 @@ Scientific Reports 15, 2025.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -80,6 +81,12 @@ def predict_answers(buttons: Sequence[DigitalButton], seed: int = 0) -> Predicti
     classes = tuple(one.press.button for one in buttons)
     if len(classes) < 2 or len(set(classes)) < len(classes):
         raise ConfigurationError("A prediction needs at least two digital buttons, each of another name.")
+    if len({repr(one.check.lab) for one in buttons}) > 1:  # a force that is not known is NaN
+        raise ConfigurationError(
+            "The buttons were checked with different thresholds of people ([people] in the rig file): check "
+            "them "
+            "again on one rig, for the answer would depend on which comes first."
+        )
     act = pressing_act(buttons[0].check.lab)
     felt = np.array([_felt(one) for one in buttons]) - act.shift
     wanted = np.array([_recorded(one) for one in buttons]) - act.shift
@@ -112,8 +119,8 @@ def participant_model(prediction: Prediction, seed: int = 0) -> str:
     ]
     for name, row in zip(prediction.classes, prediction.cells, strict=True):
         each = zip(prediction.classes, row, strict=True)
-        cells = ", ".join(f'"{other}" = {cell:.4f}' for other, cell in each)
-        lines.append(f'answers."{name}" = {{ {cells} }}')
+        cells = ", ".join(f"{_quoted(other)} = {cell:.4f}" for other, cell in each)
+        lines.append(f"answers.{_quoted(name)} = {{ {cells} }}")
     amplitude = 10 ** (-np.mean(prediction.levels) / 20)
     lines += [
         "",
@@ -122,6 +129,11 @@ def participant_model(prediction: Prediction, seed: int = 0) -> str:
         f"spread = {prediction.act.spread * np.log(10) / 20:.3f}",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _quoted(name: str) -> str:
+    """A key of TOML, which quotes as JSON does."""
+    return json.dumps(name, ensure_ascii=False)
 
 
 def _felt(button: DigitalButton) -> FloatArray:

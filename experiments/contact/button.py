@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from ...calibration import Check, DigitalButton, Drive, check
+from ...calibration import Check, DigitalButton, Drive, PressedDrives, TableForce, check
 from ...instruments import ConfigurationError, DataError, Rig
 from ...instruments.arrays import FloatArray
 from ...instruments.progress import Progress, silent
@@ -34,6 +34,8 @@ _RISE = 5e-3
 """Time in which a drive without its lead-in rises (s)."""
 _PARTS = (1.0, 0.2, 0.02, 0.0)
 """Parts of the lead-in that are tried to be left out."""
+_WEIGHED = 0.01
+"""Time (s) in which the force of a press is read: it adds to the latency."""
 _ONSET = 0.1
 """Share of the target's peak at which it counts as begun to be felt."""
 
@@ -94,6 +96,9 @@ class VerifiedButton:
     """Local date of the check."""
     left_out: float
     """Share of the target's energy in the lead-in that is not played, and was not in the check."""
+    pressed: PressedDrives | None = None
+    """Drives for a finger by its force, which are played instead; each passed its check under that finger
+    when the button was made, and today the bare table did. Without the same lead-in."""
 
     def refuse_stale(self, rig: Rig) -> None:
         """Raise ConfigurationError unless the check holds on this rig today."""
@@ -130,6 +135,10 @@ class Played:
     """s from the middle of the exposure to where the target motion reaches a tenth of its peak."""
     scale: float = 1.0
     """Volts that were played, over those of the verified drive."""
+    force: float | None = None
+    """Force (N) that the sensor under the table read before the play; None where none did."""
+    made_for: float | None = None
+    """Force (N) of the drive that was played; None for that of the bare table."""
 
 
 @dataclass(frozen=True)
@@ -165,8 +174,9 @@ def verify_button(
     A recorded press begins some tenths of a second before the button activates. At run time the finger has
     pressed already, so that the drive begins where the target has had the share `left_out` of its energy. A
     table that rings long needs some of the volts before that: if the check does not pass, less is left out,
-    down to nothing. The check is of exactly what will be played. Raises DataError when not even the whole
-    drive passes, ConfigurationError for a button of another world, and what `haploop.check` raises.
+    down to nothing. The check is of exactly what will be played on the bare table. Raises DataError when not
+    even the whole drive passes, or one for a finger did not, ConfigurationError for a button of another
+    world, and what `haploop.check` raises.
     """
     if button.simulated != rig.simulated:
         kinds = {True: "simulated", False: "real"}
@@ -175,11 +185,22 @@ def verify_button(
             f"{rig.name!r} "
             f"is {kinds[rig.simulated]}: make a button on this rig."
         )
+    pressed = button.pressed
+    if pressed is not None and not all(one.passed for one in button.pressed_checks):
+        raise DataError(
+            f"A drive of the digital {button.press.button} for {pressed.participant}'s finger did not pass "
+            "its "
+            "check: make them again (haploop button under)."
+        )
     for part in _PARTS:
         drive, cut = without_lead_in(button.drive, part * left_out)
         result = check(rig, drive, button.press, progress=progress)
         if result.passed:
-            return VerifiedButton(button, result, rig, _today(), cut)
+            if pressed is not None:
+                pressed = pressed.replaced(
+                    [without_lead_in(one, part * left_out)[0] for one in pressed.drives]
+                )
+            return VerifiedButton(button, result, rig, _today(), cut, pressed)
     raise DataError(
         f"The digital {button.press.button} is not verified today ({' '.join(result.reasons)}): "
         "make it again."
@@ -217,8 +238,9 @@ def run_button(
 ) -> tuple[Played, ...]:
     """Play the button each time that the finger activates it, until it was pressed `presses` times.
 
-    Every drive goes through the rig's limiter. `ask` is called for each touch that is to come: at first,
-    after a press, and after a touch that did not activate the button.
+    Every drive goes through the rig's limiter. Of drives for a finger the one is played that its force calls
+    for, which the force sensor under the table reads at the press, or the nominal one. `ask` is called for
+    each touch that is to come: at first, after a press, and after a touch that did not activate the button.
 
     Raises DataError when no press comes within `timeout` (s), ConfigurationError for a button that is not
     verified today, and what `Rig.excite` raises.
@@ -234,6 +256,10 @@ def run_button(
         for patch in button.check.drive.patches:
             rig.prove_gain(patch)  # else in the first press, which would be felt late
     seen.skip()
+    # A force is told from what the sensor shows while nothing presses; else the nominal drive is played.
+    free = verified.pressed is not None and seen.contact().area == 0
+    weighed = TableForce.at_rest(rig) if free else None
+    seen.skip()
     begun, since = activator.lifts, rig.clock.now()
     ask()
     while pressed < presses or (release is not None and activator.pressed):
@@ -248,13 +274,17 @@ def run_button(
         if kind is None or chosen is None:
             continue
         pressed += kind == "press"
-        drive = chosen.check.drive
+        drive, force, made_for = chosen.check.drive, None, None
+        if chosen.pressed is not None:
+            force = weighed.read(_WEIGHED) if weighed is not None else None
+            number = chosen.pressed.number(force)
+            drive, made_for = chosen.pressed.drives[number], chosen.pressed.forces[number]
         timer = _Timer(rig)
         volts = {patch: rendering.scale * own for patch, own in drive.by_patch.items()}
         rig.excite_each(volts, tuple(dict.fromkeys(map(rig.monitor, volts))), progress=timer)
         latency = float(timer.begun - contact.time)
         onset = latency + _onset(drive.target) / drive.rate_hz
-        found.append(Played(kind, contact, latency, onset, rendering.scale))
+        found.append(Played(kind, contact, latency, onset, rendering.scale, force, made_for))
         seen.skip()
         since = rig.clock.now()
     return tuple(found)

@@ -166,4 +166,6 @@ def _values(one: Played) -> dict[str, Any]:
         "latency": one.latency,
         "onset": one.onset,
         "scale": one.scale,
+        "force": one.force,
+        "made_for": one.made_for,
     }

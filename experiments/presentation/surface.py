@@ -94,8 +94,9 @@ def _refuse_amplitudes(rig: Rig, experiment: Experiment, name: str, button: Digi
     if comparison is None:
         return
     largest = max(comparison.standard, comparison.highest or 0.0, *comparison.levels, 0.0)
-    drive = button.drive
-    room, binding = min(rig.limits.headroom(own, drive.rate_hz) for own in drive.volts)
+    drives = [button.drive, *(button.pressed.drives if button.pressed else ())]
+    each = [rig.limits.headroom(own, drive.rate_hz) for drive in drives for own in drive.volts]
+    room, binding = min(each)
     if largest > room:
         raise LimitError(
             f"{experiment.path} compares up to {largest:g} times the drive of the digital {name}, and the "
@@ -115,4 +116,6 @@ def _noted(one: VerifiedButton) -> dict[str, Any]:
         "verified": one.date,
         "error": one.check.error,
         "left_out": one.left_out,
+        "finger": one.pressed.participant if one.pressed else None,
+        "force_sensor": one.rig.table.force,
     }

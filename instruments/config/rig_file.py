@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
     BaseModel,
@@ -18,7 +18,7 @@ from pydantic import (
 from pydantic_core import InitErrorDetails
 
 from .. import entry_points
-from ..bounded import Finite, Fraction, Negative, NotNegative, Positive, Seed
+from ..bounded import Fraction, Negative, NotNegative, Positive, Seed
 from ..frozen import FrozenDict, frozen
 from ..limits import Limits
 from ..sensors import Sensors
@@ -71,6 +71,8 @@ class TableSettings(_Section):
     patch_places: dict[str, tuple[Fraction, Fraction]] = Field(default_factory=FrozenDict)
     """Places of the patches, as fractions of the table's width and height from the corner at its first
     grid point: `haploop doctor` finds swapped relay channels by them."""
+    force: bool = False
+    """Whether the rig's force sensor carries the table, and so feels a finger that presses it."""
 
     @field_validator("patch_places")
     @classmethod
@@ -109,6 +111,12 @@ class DriveLimits(_Section):
         return Limits(**self.model_dump())
 
 
+_NORMAL = 1.96
+"""Half of a normal distribution's interval of 95 %, over its standard deviation: Student's is wider."""
+_ROUNDED = 0.15
+"""What rounding to 0.1 dB can take from an uncertainty, and add to that of a spread (dB)."""
+
+
 class People(_Section):
     """The `[people]` table: the detection threshold that a lab measured with its own people.
 
@@ -116,20 +124,39 @@ class People(_Section):
     whether a person who presses feels a motion.
     """
 
-    number: Annotated[int, Field(ge=3)]
+    number: Annotated[int, Field(ge=3, le=100_000)]
     """People who took part."""
-    threshold: Finite
+    threshold: Annotated[float, Field(ge=-60, le=60)]
     """Threshold of the mean person, over the table's for a finger that presses (dB)."""
-    uncertainty: Positive
+    uncertainty: Annotated[float, Field(gt=0, le=60)]
     """Half of its interval of 95 % (dB)."""
-    spread: Positive
+    spread: Annotated[float, Field(gt=0, le=60)]
     """Standard deviation between people (dB)."""
-    button: str
+    button: Annotated[str, Field(min_length=1, max_length=80)]
     """Button that was played."""
-    force: Positive | None = None
+    force: Annotated[float, Field(gt=0, le=100)] | None = None
     """Force at its activation (N)."""
     simulated: bool = False
     """Whether simulated participants answered."""
+
+    @field_validator("button")
+    @classmethod
+    def _shown(cls, button: str) -> str:
+        if not button.isprintable():
+            raise ValueError("use characters that can be printed")
+        return button
+
+    @model_validator(mode="after")
+    def _as_sure_as_it_can_be(self) -> Self:
+        least = _NORMAL * self.spread / self.number**0.5
+        if self.uncertainty < least - _ROUNDED:
+            raise ValueError(
+                f"{self.number} people who differ by {self.spread:g} dB tell their mean to {least:.1f} dB "
+                "at best, "
+                f"and not to uncertainty = {self.uncertainty:g}: take the table that haploop analyse "
+                "thresholds wrote"
+            )
+        return self
 
 
 class AbortLimits(_Section):

@@ -33,6 +33,13 @@ def sensor_contradictions(file: RigFile) -> Iterator[tuple[Location, str]]:
             "the force sensor is AC-coupled, and does not show a force that stays: leave abort.force out, or "
             "use a DC-coupled sensor",
         )
+    if file.table is not None and file.table.force and (force is None or force.ac_coupled):
+        has = "there is no [sensors.force]" if force is None else "the force sensor is AC-coupled"
+        yield (
+            ("table", "force"),
+            f"{has}, and a finger that rests on the table is felt by a DC-coupled sensor: describe one, or "
+            "write force = false",
+        )
 
 
 def _told(file: RigFile, channel: str) -> Mapping[str, Any]:

@@ -14,6 +14,7 @@ from typing import Protocol
 
 import numpy as np
 
+from ...instruments.arrays import FloatArray
 from .contact import Contact
 
 __all__ = ["Fingertip", "Hand", "Palm", "Resting"]
@@ -142,9 +143,13 @@ class Hand:
 
     def force(self, time: float) -> float:
         """Force (N) at a time (s)."""
-        up = np.clip((time - self.begin) / _RISE, 0, 1)
-        down = np.clip((self.end + _FALL - time) / _FALL, 0, 1)
-        turns = 2 * np.pi * np.array(_WANDER_HZ) * time + self._phases
-        wander = _WANDER * math.sqrt(2 / len(_WANDER_HZ)) * float(np.sin(turns).sum())
-        shape = float(np.sin(np.pi / 2 * up) ** 2 * np.sin(np.pi / 2 * down) ** 2)
-        return self._force * shape * max(1 + wander, 0.1)
+        return float(self.felt(np.array(time)))
+
+    def felt(self, times: FloatArray) -> FloatArray:
+        """Force (N) at times (s), an array of any shape."""
+        up = np.clip((times - self.begin) / _RISE, 0, 1)
+        down = np.clip((self.end + _FALL - times) / _FALL, 0, 1)
+        turns = 2 * np.pi * np.array(_WANDER_HZ) * times[..., None] + self._phases
+        wander = _WANDER * math.sqrt(2 / len(_WANDER_HZ)) * np.sin(turns).sum(axis=-1)
+        shape = np.sin(np.pi / 2 * up) ** 2 * np.sin(np.pi / 2 * down) ** 2
+        return np.asarray(self._force * shape * np.maximum(1 + wander, 0.1))

@@ -28,11 +28,11 @@ FORCE_NOISE = 0.03
 CELL_NOISE = 0.01
 """Standard deviation of a force sensor of one to three axes (N; estimate)."""
 FORCE_DRIFT = 0.05 / 60
-"""Drift of Fz (N/s; estimate; docs/hardware.md, "Force sensor")."""
+"""Drift of Fz (N/s; estimate)."""
 FORCE_WARM = 3600.0
-"""Warm-up time, after which the force does not drift (s; estimate; docs/hardware.md, "Force sensor")."""
+"""Warm-up time, after which the force does not drift (s; estimate)."""
 WEIGHT = 4.0
-"""Weight of the box on the force sensor (N; estimate; docs/hardware.md, "Force sensor")."""
+"""Weight of the box on the force sensor (N; estimate)."""
 ACCELEROMETER_NOISE = 300e-6 * GRAVITY
 """Noise density of the z axis of a DC-coupled one, used for every axis (m/s^2 per sqrt(Hz); estimate;
 docs/hardware.md, "Accelerometer")."""
@@ -137,6 +137,9 @@ def _forces(
     volts += rest[list(outputs), np.newaxis] + (own @ upright)[:, np.newaxis] * _weight(scene, sensor, times)
     pressed = _on_axes(sensor, np.array([_LATERAL["x"], _LATERAL["y"], 1.0]))
     volts += (own @ pressed)[:, np.newaxis] * _seen(scene, sensor, times)
+    if scene.section.force:
+        # A hand's force changes slowly, beside the sensor's response.
+        volts += (own @ upright)[:, np.newaxis] * scene.pressed(times)
     return _clipped(sensor, volts)
 
 

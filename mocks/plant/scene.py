@@ -122,6 +122,19 @@ class Scene(ABC):
                 total += press.force(times)
         return total
 
+    def pressed(self, times: FloatArray) -> FloatArray:
+        """Return the force (N) of all fingers and palms on the table at `times` (s), an array of any
+        shape.
+        """
+        total = np.zeros(times.shape)
+        if times.size:
+            for hand in self.hands:
+                total += hand.felt(times)
+            for touch in self.touches:
+                if touch.stop > times.min():
+                    total += touch.force(times)
+        return total
+
     # Actions of people
 
     def press(self, request: Press) -> None:

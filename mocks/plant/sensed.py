@@ -27,7 +27,7 @@ VIBROMETER_NOISE = 0.02e-6
 """Noise density of the 20 mm/s range, used in every range (m/s per sqrt(Hz); estimate; docs/hardware.md,
 "PDV-100")."""
 PICKUP_NOISE = {"displacement": 1e-6, "acceleration": 1e-7}
-"""Noise density over the range (per sqrt(Hz); estimates; docs/hardware.md, "Other pick-ups")."""
+"""Noise density over the range (per sqrt(Hz); estimates)."""
 
 
 Signal = Callable[[FloatArray], FloatArray]

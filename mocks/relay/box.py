@@ -18,10 +18,9 @@ from ..plant import Faults, OnRelay, RelayFailure, Switched, Switches
 __all__ = ["BoxAdapter", "BoxFault", "Contacts", "RelayTwin", "SimulatedBox", "box_in"]
 
 _LATENCY = (3e-3, 10e-3)
-"""Limits of the random delay from command to the box's processor (s; estimate; docs/hardware.md, "Relay
-box")."""
+"""Limits of the random delay from command to the box's processor (s; estimate: USB and HTTP)."""
 _OPERATE = 1e-3
-"""Delay from the processor to the contact (s; estimate; docs/hardware.md, "Relay box")."""
+"""Delay from the processor to the contact (s; estimate: 0.5 to 2 ms)."""
 
 
 class Contacts(Protocol):

@@ -30,17 +30,20 @@ def _finger(calibration: Calibration) -> list[Fact]:
     finger = calibration.finger
     if finger is None:
         return []
-    beside = f", seen at point {finger.beside}" if finger.beside else ""
+    beside = f", seen at {', '.join(finger.beside)}" if finger.beside else ""
+    beside += ", by a map" if finger.mapped else ""
     return [
         fact(
             "Under a finger",
             f"{finger.participant}, {finger.force:g} N{beside}: it changes the response by "
-            f"{percent(finger.changed)}, and {percent(finger.misfit)} is not explained",
+            f"{percent(finger.changed)}, known to {percent(finger.uncertainty)}",
             finger=finger.participant,
             finger_force=finger.force,
             finger_beside=finger.beside,
             finger_changed=finger.changed,
             finger_misfit=finger.misfit,
+            finger_uncertainty=finger.uncertainty,
+            finger_mapped=finger.mapped,
             carrier_hz=calibration.carrier_hz,
         )
     ]

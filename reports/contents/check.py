@@ -92,6 +92,7 @@ def button_contents(button: DigitalButton) -> Contents:
         *_check_facts(check, feeling),
         *drive_facts(drive),
         fact("Corrections", f"{len(tried) - 1} tried, {kept} kept. {learning.stopped}"),
+        *_under_a_finger(button),
         *detailed(_origins(button, tried)),
     ]
     title = f"Digital {press.button} button"
@@ -111,6 +112,26 @@ def button_contents(button: DigitalButton) -> Contents:
             _plays([button]),
         ),
     )
+
+
+def _under_a_finger(button: DigitalButton) -> list[Fact]:
+    """The drives for a finger, and what their checks say; nothing for a button of the bare table."""
+    if button.pressed is None:
+        return []
+    each = [
+        f"{force:.3g} N: {one.verdict}, error {one.error:.1%} ({one.interval[0]:.1%} to "
+        f"{one.interval[1]:.1%})"
+        for force, one in zip(button.pressed.forces, button.pressed_checks, strict=True)
+    ]
+    return [
+        fact(
+            f"Under {button.pressed.participant}'s finger",
+            each,
+            finger=button.pressed.participant,
+            finger_forces=list(button.pressed.forces),
+            finger_checks=[one.summary() for one in button.pressed_checks],
+        )
+    ]
 
 
 def _origins(button: DigitalButton, tried: Sequence[str]) -> list[Fact]:

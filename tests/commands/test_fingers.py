@@ -38,6 +38,7 @@ def test_options_of_a_finger_need_one(demo: Demo, run: Run, tmp_path: Path) -> N
     for asked in (
         ("calibrate", "--bare", table, "-o", out),
         ("calibrate", "--beside", "21", "-o", out),
+        ("calibrate", "--map", tmp_path, "-o", out),
         ("calibrate", "--finger", "P01", "-o", out),
         ("calibrate", "--finger", "P01", "--bare", table, "--force", 0, "-o", out),
         ("check", demo.folder / "presses" / "push.h5", "-c", table, "--force", 1),
@@ -45,3 +46,25 @@ def test_options_of_a_finger_need_one(demo: Demo, run: Run, tmp_path: Path) -> N
         result = run(*asked)
         assert result.exit_code == 2 and not out.exists(), result.stderr
         assert "--finger" in result.stderr or "--force" in result.stderr
+
+
+def test_what_is_odd_about_a_finger_is_one_sentence(demo: Demo, made: Path, run: Run, tmp_path: Path) -> None:
+    table, button, out = demo.folder / "calibration.h5", made / "latch.h5", tmp_path / "x.h5"
+    asked = ("calibrate", "--finger", "P01", "--bare", table, "-o", out)
+    for more, told in (
+        (("--map", tmp_path), "holds no map"),
+        (("--beside", "999"), "999"),
+        (("--beside", "20"), "is the one under the finger"),
+        (("--force", "nan"), "nan N was asked for"),
+    ):
+        result = run(*asked, *more)
+        assert result.exit_code == 2 and told in result.stderr and not out.exists(), result.stderr
+    for command, told in (
+        (("button", "check", button, "--finger", "P01"), "was made for the bare table"),
+        (("button", "check", button, "--force", 1), "--force belongs to --finger"),
+        (("button", "under", button, "-c", table, "-o", out), "under one person's finger"),
+        (("button", "under", table, "-c", table, "-o", out), "is not a haploop button"),
+    ):
+        result = run(*command)
+        assert result.exit_code == 2 and told in " ".join(result.stderr.split()), result.stderr
+        assert not out.exists()

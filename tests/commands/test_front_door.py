@@ -35,8 +35,9 @@ WORK = {
         "Calibration",
         "calibration_of",
         "load_calibrations",
+        "VibrationMap",
     ],
-    "check": ["Recording", "representative", "drive_for", "check", "check_under_finger"],
+    "check": ["Recording", "representative", "drive_for", "pressed_drives", "check", "check_under_finger"],
     "map": ["open_rig", "map_plan", "measure_map", "VibrationMap", "animate_map"],
     "button make": [
         "load_calibrations",
@@ -47,6 +48,7 @@ WORK = {
         "DigitalButton",
     ],
     "button plan": ["load_press", "load_calibrations", "plan_button", "ButtonPlan"],
+    "button under": ["DigitalButton", "load_calibrations", "button_under_finger"],
     "button check": ["DigitalButton", "play_button"],
     "experiment new": ["load_experiment", "example_names"],
     "experiment run": ["load_experiment", "Store", "open_session", "run_session", "Session"],

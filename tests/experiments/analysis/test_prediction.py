@@ -142,3 +142,24 @@ def answered(model: Any, found: Prediction) -> np.ndarray:
                 )  # fmt: skip
                 counts[row, found.classes.index(who.answer(step))] += 1
     return counts / counts.sum(axis=1, keepdims=True)
+
+
+def test_buttons_of_two_labs_are_not_compared() -> None:
+    """The threshold would be that of whichever comes first."""
+    one, other, third = three(20)
+    unknown = replace(NO_DOUBT, force=float("nan"))
+    for lab in (None, replace(NO_DOUBT, shift=9.0), unknown):
+        other.check.lab = lab
+        with pytest.raises(ConfigurationError, match="different thresholds"):
+            predict_answers([one, other, third])
+    for one in (same := three(20)):
+        one.check.lab = replace(NO_DOUBT, force=float("nan"))
+    assert predict_answers(same).overall[0] > 0.5
+
+
+@pytest.mark.parametrize("name", ['a "quoted" one', "back\\slash", "über 1.0"])
+def test_any_name_of_a_button_makes_a_model_that_can_be_read(name: str, tmp_path: Path) -> None:
+    found = predict_answers([button(name, -300, SNAPS["push"]), button("push", 40, SNAPS["push"])])
+    path = tmp_path / "model.toml"
+    path.write_text(participant_model(found), encoding="utf-8")
+    assert load_participant_model(path) is not None

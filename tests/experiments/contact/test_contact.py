@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -13,6 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from haploop.calibration import PressedDrives
 from haploop.experiments.contact import (
     Activator,
     Contact,
@@ -49,13 +51,13 @@ faults = [{faults}]
 
 @contextmanager
 def rig_with_camera(
-    folder: Path, faults: str = "", seed: int = 1, way: Mode = "twin"
+    folder: Path, faults: str = "", seed: int = 1, way: Mode = "twin", lines: str = ""
 ) -> Iterator[tuple[Rig, Any]]:
     """With `way` "wire" OpenCV reads the simulated camera's live stream, and nidaqmx talks to the cards."""
     if way == "wire":
         pytest.importorskip("cv2")
     path = folder / f"rig-{seed}.toml"
-    path.write_text(RIG.format(seed=seed, faults=faults), encoding="utf-8")
+    path.write_text(RIG.format(seed=seed, faults=faults) + lines, encoding="utf-8")
     with open_rig(str(path), simulate=way) as rig:
         camera = rig.role(Camera)
         camera.start()
@@ -249,6 +251,30 @@ def test_a_button_plays_once_a_press_within_a_frame_of_the_crossing(tmp_path: Pa
         told = latency_of(found)
         assert told.count == 3 and 0.02 < told.median <= told.p95 <= told.worst < 0.1
         assert truth.peak < 22 and not truth.closed
+
+
+@pytest.mark.parametrize("sensor", ["true", "false"])
+def test_the_force_at_the_press_chooses_the_drive(tmp_path: Path, sensor: str) -> None:
+    """Without a force sensor under the table it is the nominal one; the choice costs a hundredth of a
+    second."""
+    with rig_with_camera(tmp_path, lines=f"[table]\nforce = {sensor}") as (rig, camera):
+        seen = calibrated(rig, camera)
+        drives = tuple(burst(volts) for volts in (10.0, 15.0, 20.0))
+        pressed = PressedDrives("P01", 0.4, (0.4, 2.5, 9.0), drives)
+        button = replace(verified(rig, burst(5.0)), pressed=pressed)
+
+        def ask() -> None:
+            rig.operator.tell(Touch("P01", "as a button", 1, 1))
+
+        [played] = run_button(seen, Rendering(button), Activator(110e-6, 20e-6), ask=ask)
+        plant = rig.simulation.plant  # type: ignore[union-attr]
+        if sensor == "true":
+            true = plant.touches[-1].force(np.array(played.contact.time + 0.02))
+            assert played.force == pytest.approx(float(true), abs=0.4) and played.made_for == 2.5
+        else:
+            assert played.force is None and played.made_for == 0.4
+        assert plant.peak == pytest.approx(15.0 if sensor == "true" else 10.0, rel=0.1)
+        assert played.latency < 0.06
 
 
 def test_no_drive_outside_the_limits(tmp_path: Path) -> None:
