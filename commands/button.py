@@ -98,8 +98,8 @@ def make(
     plan` shows what there is to choose); without them the drive is as like as it can be. With calibrations of
     several patches and an amplifier channel for each, all play at once, and the drives are planned so that a
     drift of the table changes the motion as little as possible; they are as loud as 6 % of error after a
-    drift of 1 % allows. Other points can be kept silent (`--quiet-at`) or play a press of their own at the
-    same time (`--also`); the check visits each with the laser.
+    drift of 1 % allows. With `--quiet-at` other points are kept silent, with `--also` they play a press of
+    their own at the same time; the check visits each with the laser.
 
     Exit codes: 0 the check passed, 1 it did not (the file is written and states why).
     """

@@ -86,7 +86,7 @@ def test_a_button_that_nobody_can_feel_is_not_verified(result: Check) -> None:
 
 def with_people(rig: Rig, **more: Any) -> RigFile:
     """The rig's file with a lab's threshold, 9 dB below the table's."""
-    people = People(number=12, threshold=-9.0, uncertainty=2.0, spread=4.0, button="push", force=3.8, **more)
+    people = People(number=12, threshold=-9.0, uncertainty=2.5, spread=4.0, button="push", force=3.8, **more)
     return rig.file.model_copy(update={"people": people})
 
 
