@@ -52,11 +52,11 @@ _BAND = (75.0, 600.0)
 """Lines (Hz) that tell a finger: the band of drives."""
 _START, _WITHIN, _TRIES = (700.0, 300.0), ((20.0, 20.0), (2e4, 5e3)), 80
 """First guess of r and d (1/s), the least and most of both, and the most evaluations of a search."""
-_MISFIT, _BESIDE = 0.04, 0.1
+_MISFIT, _BESIDE = 0.06, 0.1
 """Largest residual of the responses under the finger, over what the finger changed, where the laser sees
-its point, and beside it. There a fingertip leaves up to 0.02, a palm or a second finger 0.07 and more
-(simulated); beside it shapes and ratios leave up to 0.07 of a fingertip's, so that a palm on a heavy pane is
-not told."""
+its point, and beside it. There a fingertip leaves up to 0.062, `_NOISE` included, and a palm or a second
+finger 0.07 and more: on the paper's pane the two are hardly apart. Beside it fingertips leave up to 0.07
+(simulated)."""
 _NOISE = 0.004
 """Residual (relative rms) that noise leaves, beside that."""
 _CHANGED = 0.015
