@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import Any
 from urllib.request import Request, urlopen
 
+from haploop.instruments import load_rig_file
+
 __all__ = ["Served", "served"]
 
 
@@ -47,7 +49,7 @@ def start(data: Path, *options: str, state: Path) -> Served:
     assert line, process.wait()
     base, _, token = json.loads(line)["url"].partition("/#")
     rig = options[options.index("--rig") + 1] if "--rig" in options else "simulated"
-    return Served(process, base, token, data, rig)
+    return Served(process, base, token, data, load_rig_file(rig).name)
 
 
 def end(one: Served) -> None:

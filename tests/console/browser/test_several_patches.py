@@ -60,7 +60,8 @@ def test_a_button_of_four_patches_is_made_checked_and_shown(browser, tmp_path):
         expect(page.locator("#verdict")).to_have_text("pass", timeout=WAIT)
         for width in (1400, 390):
             page.set_viewport_size({"width": width, "height": 900})
-            assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), width
+            # Plots are drawn anew after the page has another width.
+            page.wait_for_function("document.documentElement.scrollWidth <= innerWidth", timeout=WAIT)
             page.screenshot(path=tmp_path / f"buttons-{width}.png", full_page=True)
         button = haploop.DigitalButton.load(data / "buttons" / "four.h5")
         assert button.drive.patches == tuple("ABCD") and len(button.calibrations) == 4
