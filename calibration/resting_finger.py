@@ -39,8 +39,9 @@ def refuse_force(force: float) -> None:
 
 @contextmanager
 def resting(rig: Rig, asked: RestFinger) -> Iterator[None]:
-    """Have a finger rest while this context lasts, however it ends. Raises InstrumentError when nobody
-    does.
+    """Have a finger rest while this context lasts, however it ends.
+
+    Raises InstrumentError when nobody does.
     """
     if not rig.operator.confirm(asked):
         raise InstrumentError(
@@ -83,8 +84,7 @@ class TableForce:
         if force < LEAST:
             raise InstrumentError(
                 f"Nobody rests a finger at the {asked.point} point: the force sensor reads {force:.2f} N, "
-                "and "
-                f"{asked.participant} was asked for {asked.force:g} N."
+                f"and {asked.participant} was asked for {asked.force:g} N."
             )
         return force
 
@@ -94,8 +94,7 @@ class TableForce:
         if self.sensor.saturated(volts, self.rest).any():
             raise InstrumentError(
                 "The force on the table is beyond the force sensor's range: press with less, and look "
-                "whether "
-                "anything lies on the table."
+                "whether anything lies on the table."
             )
         return float(self.sensor.along(volts, self.rest).mean())
 

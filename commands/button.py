@@ -14,8 +14,17 @@ from ..instruments.operator import RestFinger
 from ..reports import contents, outputs, show
 from ..terminal.progress import Steps
 from . import front as haploop
-from .grouped import AskedElsewhere, AskedPress, Shown, on_elsewhere, on_press, showing
-from .options import FINGER, FORCE, JSON, NEW, PATH, PLAYS, ChosenRig, Measure, on_rig
+from .grouped import (
+    AskedElsewhere,
+    AskedPlays,
+    AskedPress,
+    Shown,
+    on_elsewhere,
+    on_plays,
+    on_press,
+    showing,
+)
+from .options import JSON, NEW, PATH, PLAYS, ChosenRig, Measure, on_rig
 
 __all__ = ["button"]
 
@@ -200,17 +209,13 @@ def under(
     metavar="CHECK.h5",
     help="Check file to write.  [default: dated, in the folder checks]",
 )
-@PLAYS
-@FINGER
-@FORCE
+@on_plays
 @on_rig()
 @JSON
 def check(
     file: Path,
     out: Path | None,
-    plays: int,
-    finger: str | None,
-    force: float | None,
+    played: AskedPlays,
     rig: ChosenRig,
     as_json: bool,
 ) -> int:
@@ -223,20 +228,18 @@ def check(
 
     Exit codes: 0 the check passed, 1 it failed or the plays do not show it.
     """
-    if finger is None and force is not None:
-        raise click.UsageError("--force belongs to --finger PARTICIPANT.")
     loaded = haploop.DigitalButton.load(file)
     resting = None
-    if finger is not None:
+    if played.finger is not None:
         nominal = loaded.pressed.nominal if loaded.pressed else 1.0
-        resting = RestFinger(finger, loaded.drive.point, force or nominal)
+        resting = RestFinger(played.finger, loaded.drive.point, played.force or nominal)
     out = out or outputs.dated_check(file.stem)
     with (
-        reserved(out, size=sizes.CHECK + plays * sizes.PLAY),
+        reserved(out, size=sizes.CHECK + played.plays * sizes.PLAY),
         rig.opened() as opened,
         Steps() as steps,
     ):
-        result = haploop.play_button(opened, loaded, finger=resting, plays=plays, progress=steps)
+        result = haploop.play_button(opened, loaded, finger=resting, plays=played.plays, progress=steps)
         result.save(out)
     show.print_made(contents.check_contents(result, loaded.press, out), out, as_json)
     return 0 if result.passed else 1

@@ -15,7 +15,7 @@ import click
 
 from ..reports import show
 from . import front as haploop
-from .options import AVERAGE, JSON, PATH, PLOT, FiniteRange, Names
+from .options import AVERAGE, FINGER, FORCE, JSON, PATH, PLAYS, PLOT, FiniteRange, Names
 
 if TYPE_CHECKING:
     from ..acquisition import AverageMethod, Protocol, Representative
@@ -25,11 +25,13 @@ if TYPE_CHECKING:
 
 __all__ = [
     "AskedElsewhere",
+    "AskedPlays",
     "AskedPress",
     "Prompts",
     "Shown",
     "grouped",
     "on_elsewhere",
+    "on_plays",
     "on_press",
     "on_prompts",
     "showing",
@@ -97,6 +99,23 @@ on_press = grouped(
     ),
     AVERAGE,
 )
+
+
+@dataclass(frozen=True)
+class AskedPlays:
+    """How often a drive is played for a check, and under whose finger, at which force (N)."""
+
+    plays: int
+    finger: str | None
+    force: float | None
+
+    def __post_init__(self) -> None:
+        """Raises click.UsageError for a force of nobody's finger."""
+        if self.finger is None and self.force is not None:
+            raise click.UsageError("--force belongs to --finger PARTICIPANT.")
+
+
+on_plays = grouped("played", AskedPlays, PLAYS, FINGER, FORCE)
 
 
 @dataclass(frozen=True)

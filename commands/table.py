@@ -15,8 +15,8 @@ from ..instruments.operator import RestFinger
 from ..reports import contents, outputs, show
 from ..terminal.progress import Steps, note
 from . import front as haploop
-from .grouped import AskedPress, on_press
-from .options import FINGER, FORCE, JSON, NEW, PATH, PLAYS, ChosenRig, Names, on_rig, on_table
+from .grouped import AskedPlays, AskedPress, on_plays, on_press
+from .options import FINGER, FORCE, JSON, NEW, PATH, ChosenRig, Names, on_rig, on_table
 
 __all__ = ["calibrate", "check"]
 
@@ -187,17 +187,13 @@ def _calibrate_finger(asked: RestFinger, looked: _Looked, out: Path, rig: Chosen
     metavar="DIR",
     help="Folder for press, drive, check and a plot.  [default: only the check, dated, in checks]",
 )
-@PLAYS
-@FINGER
-@FORCE
+@on_plays
 @on_rig()
 @JSON
 def check(
     asked: AskedPress,
     out: Path | None,
-    plays: int,
-    finger: str | None,
-    force: float | None,
+    played: AskedPlays,
     rig: ChosenRig,
     as_json: bool,
 ) -> int:
@@ -213,11 +209,9 @@ def check(
 
     Exit codes: 0 the check passed, 1 it failed or the plays do not show it.
     """
-    if finger is None and force is not None:
-        raise click.UsageError("--force belongs to --finger PARTICIPANT.")
     loaded = asked.load_calibrations()
     held = next((one.finger for one in loaded if one.finger), None)
-    if held is not None and finger is None:
+    if held is not None and played.finger is None:
         raise haploop.ConfigurationError(
             f"{asked.calibrations[0]} holds under {held.participant}'s finger, and a check of the bare table "
             f"says nothing about it: check with --finger {held.participant}."
@@ -226,7 +220,7 @@ def check(
     kept = outputs.dated_check(press.button) if out is None else None
     files = (kept,) if kept else outputs.check_files(out or Path(), press.button)
     with (
-        reserved(*files, size=sizes.CHECK + plays * sizes.PLAY),
+        reserved(*files, size=sizes.CHECK + played.plays * sizes.PLAY),
         rig.opened() as opened,
         Steps() as steps,
     ):
@@ -236,17 +230,17 @@ def check(
                     f"{asked.calibrations[0]} was measured on a {_kind(one.response.simulated)} table, but "
                     f"the rig {opened.name!r} is {_kind(opened.simulated)}: calibrate that rig first."
                 )
-        if finger is None:
+        if played.finger is None:
             drive = haploop.drive_for(press, loaded, opened.limits)
-            result = haploop.check(opened, drive, plays=plays, progress=steps)
+            result = haploop.check(opened, drive, plays=played.plays, progress=steps)
         else:
             by_force = held is not None and opened.table.force
             result = haploop.check_under_finger(
                 opened,
                 (haploop.pressed_drives if by_force else haploop.drive_for)(press, loaded, opened.limits),
-                finger,
-                force=force or (held.force if held else 1.0),
-                plays=plays,
+                played.finger,
+                force=played.force or (held.force if held else 1.0),
+                plays=played.plays,
                 progress=steps,
             )
         if out is not None:

@@ -162,8 +162,7 @@ def button_under_finger(
     if there != drive.patches or points != {drive.point}:
         raise ConfigurationError(
             f"The button is played by patch {drive.patch} at the {drive.point} point, and the finger was "
-            "calibrated "
-            f"with patch {', '.join(there)} at {', '.join(sorted(points))}: calibrate it there."
+            f"calibrated with patch {', '.join(there)} at {', '.join(sorted(points))}: calibrate it there."
         )
     if drive.elsewhere:
         others = ", ".join(one.point for one in drive.elsewhere)

@@ -96,8 +96,7 @@ class _Presence:
         if left:
             raise InstrumentError(
                 f"{self._asked.participant}'s finger left the table before the plays were over: rest it "
-                "until "
-                "you are asked to lift it."
+                "until you are asked to lift it."
             )
 
 

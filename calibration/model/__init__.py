@@ -3,7 +3,7 @@
 from .calibrating import calibrate, calibrate_keeping
 from .calibration import Calibration, ChannelScatter, calibration_of, load_calibrations
 from .channel_scatter import ChannelChange, channel_change, with_scatter
-from .drift import Drift, apart, mode_deviations
+from .drift import Drift, apart, mode_deviations, pole_slopes
 from .even_order import even_order
 from .finger import GROWS, Finger, PlateModes, at_force, under_finger
 from .finger_measuring import calibrate_finger
@@ -31,6 +31,7 @@ __all__ = [
     "fit",
     "load_calibrations",
     "mode_deviations",
+    "pole_slopes",
     "standard_deviation",
     "under_finger",
     "with_scatter",

@@ -21,7 +21,7 @@ import numpy as np
 from ...instruments import ConfigurationError, DataError
 from ...instruments.arrays import ComplexArray, FloatArray, IntArray
 from .calibration import Calibration, ChannelScatter
-from .drift import modes_of
+from .drift import modes_of, pole_slopes
 from .model import Model
 
 __all__ = ["ChannelChange", "channel_change", "with_scatter"]
@@ -140,13 +140,9 @@ class _Fit:
         late, moved = self._late(x), self._moved(x)
         H = late * moved.velocity(self.s.imag / (2 * np.pi))
         columns = [H / (1 + x[0]), -self.s * H]
-        by_shift, by_damping = np.zeros((2, self.modes, len(self.s)), dtype=np.complex128)
-        for k, first, p, r in zip(self.numbers, self.model.poles, moved.poles, moved.residues, strict=True):
-            if k >= 0:
-                near, mirror = r / (self.s - p) ** 2, np.conj(r) / (self.s - np.conj(p)) ** 2
-                by_shift[k] += late * (near * p + mirror * np.conj(p)) / (1 + x[2 + k])
-                by_damping[k] += late * (near + mirror) * first.real * (1 + x[2 + k])
-        slope = np.array([*columns, *by_shift, *by_damping]).T
+        member = self.numbers[:, None] == np.arange(self.modes)
+        by_mode = [late[:, None] * (one @ member) for one in pole_slopes(moved, self.s.imag / (2 * np.pi))]
+        slope = np.column_stack([*columns, np.hstack(by_mode) / (1 + x[2:])])
         prior = np.repeat([_SHIFT, _DAMPING], self.modes)
         scale = np.concatenate([[1.0, 1e-6], prior])
         weight = 1 / (_MISFIT * np.linalg.norm(self.was))

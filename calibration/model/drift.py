@@ -26,7 +26,7 @@ from ...instruments import ConfigurationError
 from ...instruments.arrays import ComplexArray, FloatArray, IntArray
 from .model import Model
 
-__all__ = ["Drift", "apart", "mode_deviations", "modes_of"]
+__all__ = ["Drift", "apart", "mode_deviations", "modes_of", "pole_slopes"]
 
 
 @dataclass(frozen=True)
@@ -119,6 +119,15 @@ def _moved(
         for pole, residue, sign in ((moved, r, 1.0), (p, r, -1.0)):
             changed += sign * (residue / (s - pole) + np.conj(residue) / (s - np.conj(pole)))
     return changed
+
+
+def pole_slopes(model: Model, f: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+    """(frequencies, poles) each: what the logarithms of a pole's frequency and damping change, per unit."""
+    p, r = model.poles, model.residues
+    s = 2j * np.pi * f[:, None]
+    near = r / (s - p) ** 2
+    mirror = np.where(p.imag > 0, np.conj(r) / (s - np.conj(p)) ** 2, 0)
+    return np.asarray(near * p + mirror * np.conj(p)), np.asarray((near + mirror) * p.real)
 
 
 def modes_of(models: Sequence[Model]) -> list[IntArray]:

@@ -31,14 +31,13 @@ def calibrate_finger(
     plate: PlateModes | None = None,
     progress: Progress = silent,
 ) -> Calibration:
-    """Measure what a participant's resting fingertip does to a calibration, by two seconds of a multisine a
-    point.
+    """Measure what a participant's resting fingertip does to a calibration: two seconds a point.
 
-    The operator is asked to rest the fingertip at the calibration's point, and to lift it afterwards. The
-    laser sees the point from the other side of the pane, or looks at points `beside`, whose bare responses
-    are measured first. `plate` are the modes of a map (`VibrationMap.plate_modes`); with it and without
-    `beside` the laser looks at the grid points next to the finger. The carrier stays the bare table's. Where
-    the force sensor carries the table, the force is the one that it reads.
+    A multisine is played. The operator is asked to rest the fingertip at the calibration's point, and to lift
+    it afterwards. The laser sees the point from the other side of the pane, or looks at points `beside`,
+    whose bare responses are measured first. `plate` are the modes of a map (`VibrationMap.plate_modes`); with
+    it and without `beside` the laser looks at the grid points next to the finger. The carrier stays the bare
+    table's. Where the force sensor carries the table, the force is the one that it reads.
 
     Raises ConfigurationError for a calibration that is a finger's already, for another rig's, for points that
     are not beside the finger's, and for a force that no finger rests with; InstrumentError when nobody rests
@@ -98,8 +97,7 @@ def _refuse_points(file: RigFile, own: str, points: Sequence[str]) -> None:
         if int(point) == _number(file, own):
             raise ConfigurationError(
                 f"Point {point} is the one under the finger: name others, or leave --beside out where the "
-                "laser "
-                "sees it from the other side of the pane."
+                "laser sees it from the other side of the pane."
             )
 
 

@@ -15,7 +15,7 @@ import scipy
 from numpy.typing import NDArray
 
 from ...instruments.arrays import ComplexArray, FloatArray, IntArray
-from ..model import Model
+from ..model import Model, pole_slopes
 
 __all__ = ["Overlay", "lay_over"]
 
@@ -80,8 +80,9 @@ def lay_over(model: Model, f: FloatArray, measured: ComplexArray) -> Overlay:
     )
     starts = {coarse.common_start(), 0.0}
     found = min((problem.refined(coarse.searched(start)) for start in starts), key=problem.cost)
-    close = replace(problem, misfit=_CLOSE).refined(found)
-    return problem.overlay(found, close)
+    closer = replace(problem, misfit=_CLOSE)
+    close = closer.refined(found)
+    return problem.overlay(found, close, closer.reach(close))
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +149,7 @@ class _Problem:
     def cost(self, x: FloatArray) -> float:
         return float((self._rows(x) ** 2).sum())
 
-    def overlay(self, x: FloatArray, close: FloatArray) -> Overlay:
+    def overlay(self, x: FloatArray, close: FloatArray, reach: FloatArray) -> Overlay:
         a, b = self._of_poles(x)
         gain, moved = float(np.exp(x[2])), self._model(x)
         peaks = np.abs(self.model.residues) / -self.model.poles.real
@@ -157,11 +158,11 @@ class _Problem:
         factor, dampings = float(np.exp(close[2])), np.exp(self._of_poles(close)[1])
         weight = peaks / peaks.max()
         left, residual = self._residual(close), self._residual(x)
-        unsure = replace(self, misfit=_CLOSE).unsure(close, left)
+        unsure = left * reach
         return Overlay(moved, np.expm1(a), np.exp(b), gain, factor, dampings, left, unsure, weight, residual)
 
-    def unsure(self, x: FloatArray, left: float) -> FloatArray:
-        """Most that a residual of this size changes each pole's damping: the one that looks most like it.
+    def reach(self, x: FloatArray) -> FloatArray:
+        """Most that a residual of unit size changes each pole's damping: the one that looks most like it.
 
         A weak mode is little of the response, and poles that lie close stand in for each other.
         """
@@ -171,7 +172,7 @@ class _Problem:
         # A group's damping is the common one and its own.
         own = back[3 + self.count :] + back[1]
         reach = np.einsum("ij,jk,ik->i", own, lines.T @ lines, own) ** 0.5 / self.misfit
-        return np.asarray(left * reach[self.groups])
+        return np.asarray(reach[self.groups])
 
     def _model(self, x: FloatArray) -> Model:
         model, gain = self._moved(*self._of_poles(x)), float(np.exp(x[2]))
@@ -237,15 +238,12 @@ class _Problem:
         """Jacobian of `_rows`."""
         a, b = self._of_poles(x)
         model, n = self._moved(a, b), self.count
-        p, r = model.poles, np.exp(x[2]) * model.residues / self.size
-        s = 2j * np.pi * self.f[:, None]
-        near = r / (s - p) ** 2
-        mirror = np.where(p.imag > 0, np.conj(r) / (s - np.conj(p)) ** 2, 0)
-        by_shift, by_damping = near * p + mirror * np.conj(p), (near + mirror) * p.real
-        member = self.groups[:, None] == np.arange(n)
+        gain = np.exp(x[2]) / self.size
+        by_shift, by_damping = pole_slopes(model, self.f)
+        member = gain * (self.groups[:, None] == np.arange(n))
         shift, damping = by_shift @ member, by_damping @ member
-        gain = np.exp(x[2]) * model.velocity(self.f) / self.size
-        columns = np.column_stack([shift.sum(axis=1), damping.sum(axis=1), gain, shift, damping])
+        level = gain * model.velocity(self.f)
+        columns = np.column_stack([shift.sum(axis=1), damping.sum(axis=1), level, shift, damping])
         rows = -np.concatenate([columns.real, columns.imag]) / self.misfit
         prior = np.zeros((2 * n, 3 + 2 * n))
         prior[:, 3:] = np.diag(np.repeat([1 / _SPREAD, 1 / _DAMPING_SPREAD], n))

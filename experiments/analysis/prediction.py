@@ -84,8 +84,7 @@ def predict_answers(buttons: Sequence[DigitalButton], seed: int = 0) -> Predicti
     if len({repr(one.check.lab) for one in buttons}) > 1:  # a force that is not known is NaN
         raise ConfigurationError(
             "The buttons were checked with different thresholds of people ([people] in the rig file): check "
-            "them "
-            "again on one rig, for the answer would depend on which comes first."
+            "them again on one rig, for the answer would depend on which comes first."
         )
     act = pressing_act(buttons[0].check.lab)
     felt = np.array([_felt(one) for one in buttons]) - act.shift

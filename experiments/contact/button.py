@@ -189,8 +189,7 @@ def verify_button(
     if pressed is not None and not all(one.passed for one in button.pressed_checks):
         raise DataError(
             f"A drive of the digital {button.press.button} for {pressed.participant}'s finger did not pass "
-            "its "
-            "check: make them again (haploop button under)."
+            "its check: make them again (haploop button under)."
         )
     for part in _PARTS:
         drive, cut = without_lead_in(button.drive, part * left_out)
