@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..instruments.flag import Flag
 from .serving import Asked, has_terminals, ports_of, run_command, served
 
 if TYPE_CHECKING:
@@ -176,9 +177,9 @@ def _serve(kind: str | None, how: _Serving) -> int:
 
 
 @contextmanager
-def _stopped() -> Iterator[threading.Event]:
+def _stopped() -> Iterator[Flag]:
     """Give an event that Ctrl-C and SIGTERM set; both end serving normally, with exit code 0."""
-    stopped = threading.Event()
+    stopped = Flag()
     before = {
         number: signal.signal(number, lambda _number, _frame: stopped.set())
         for number in (signal.SIGINT, signal.SIGTERM)
@@ -190,7 +191,7 @@ def _stopped() -> Iterator[threading.Event]:
             signal.signal(number, handler)
 
 
-def _wait(stopped: threading.Event, plant: Plant, press: str | None) -> None:
+def _wait(stopped: Flag, plant: Plant, press: str | None) -> None:
     """Wait until stopped; if `press` names a button, press it every `_EVERY` seconds."""
     from ..instruments import Press, RealClock  # noqa: PLC0415
 

@@ -27,6 +27,7 @@ from ..instruments import (
     watch_live,
 )
 from ..instruments.driver import Mode
+from ..instruments.flag import Flag
 from ..terminal.progress import note
 from .lsl import Outlets, send
 
@@ -72,7 +73,7 @@ def looking(rig: Rig) -> Iterator[Tap]:
 
     A failure while looking ends the tap, and is raised by whoever takes from it.
     """
-    wanted = threading.Event()
+    wanted = Flag()
     wanted.set()
     tap = rig.tap()
 

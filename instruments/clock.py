@@ -7,6 +7,8 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 
+from .flag import Flag
+
 __all__ = ["Clock", "RealClock", "VirtualClock"]
 
 
@@ -24,7 +26,7 @@ class Clock(ABC):
     def sleep(self, duration: float) -> None:
         """Return when `duration` seconds have passed on this clock; at once when it is not positive."""
 
-    def wait(self, event: threading.Event, duration: float) -> bool:
+    def wait(self, event: Flag, duration: float) -> bool:
         """Wait for an event, at most `duration` seconds; return True when it is set."""
         return event.wait(duration)
 

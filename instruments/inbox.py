@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import threading
 from collections import deque
 from collections.abc import Iterator
 from typing import Generic, TypeVar
+
+from .flag import Flag
 
 __all__ = ["Inbox"]
 
@@ -24,7 +25,7 @@ class Inbox(Generic[Item]):
     def __init__(self, most: int | None = None) -> None:
         # No lock is shared with the taker: an append to a full deque drops the oldest in one step.
         self._items: deque[Item] = deque(maxlen=most)
-        self._changed = threading.Event()
+        self._changed = Flag()
         self._ended = False
 
     def __len__(self) -> int:

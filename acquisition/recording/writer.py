@@ -22,6 +22,7 @@ import numpy as np
 from ...instruments import Block, ConfigurationError, DataError, InstrumentError
 from ...instruments.closing import Closing
 from ...instruments.files import WRITE_ERRORS, allocate, existing, os_error_text, private_files, whole_file
+from ...instruments.flag import Flag
 from ..checksum import add_checksum, created
 from .file_format import Header, codes_per_volt, convert, write_header
 from .rows import EVENT, VERDICT, Event, PressVerdict, block_dtype, crc32, event_row, verdict_row
@@ -69,7 +70,7 @@ class Writer(Closing):
         self._unsynced = 0
         self._failure: OSError | None = None
         self._closing = False
-        self._due = threading.Event()
+        self._due = Flag()
         self._file = self._arm()
         self._thread = threading.Thread(target=self._commit, name="haploop-committer", daemon=True)
         self._thread.start()

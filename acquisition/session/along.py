@@ -109,7 +109,8 @@ class _Poller:
         self._asked: int | None = None
         """Sample index of the pending request; None without one."""
         self._failing = self._hung = self._stopped = False
-        self._change = threading.Condition()
+        self._lock = threading.RLock()
+        self._change = threading.Condition(self._lock)
         self._thread = threading.Thread(target=self._run, name=f"haploop-{role}", daemon=True)
         self.events: deque[Event] = deque()
         """Readings: appended by the instrument's thread, taken by the writing thread."""
@@ -132,7 +133,7 @@ class _Poller:
 
     def ask(self, index: int) -> None:
         """Request a reading, if one is due at sample `index` and the last one has arrived."""
-        with self._change:
+        with self._lock:
             if self._asked is None and index >= self._due and not self._stopped:
                 self._asked = index
                 # Multiples of the period, so that a late request does not delay all later ones.
@@ -144,7 +145,7 @@ class _Poller:
 
     def wait(self) -> None:
         """Wait, at most `_HUNG` s of real time, until no request is pending; never for a hung instrument."""
-        with self._change:
+        with self._lock:
             if not self._hung and not self._change.wait_for(lambda: self._asked is None, _HUNG):
                 self._say_hung(self._asked or 0)
 
@@ -153,7 +154,7 @@ class _Poller:
 
         A failure becomes an event at sample `index`.
         """
-        with self._change:
+        with self._lock:
             if self._stopped:
                 return
             self._stopped = True
@@ -171,7 +172,7 @@ class _Poller:
 
     def _run(self) -> None:
         while True:
-            with self._change:
+            with self._lock:
                 self._change.wait_for(lambda: self._asked is not None or self._stopped)
                 if self._asked is None:
                     return
@@ -185,7 +186,7 @@ class _Poller:
                 self._failing = True
             else:
                 self._failing = False
-            with self._change:
+            with self._lock:
                 self._asked, self._hung = None, False
                 self._change.notify_all()
 

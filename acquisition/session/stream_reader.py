@@ -12,6 +12,7 @@ from types import TracebackType
 from typing import Self
 
 from ...instruments import Block, Clock, InstrumentError, Stream
+from ...instruments.flag import Flag
 from ...instruments.inbox import Inbox
 
 __all__ = ["GapError", "OverrunError", "StreamReader"]
@@ -46,8 +47,8 @@ class StreamReader:
         # The block being consumed stays at the head until its consumer asks for the next, so that an
         # interrupt between any two instructions loses no block.
         self._queue: Inbox[Block | BaseException | None] = Inbox()
-        self._stopping = threading.Event()
-        self._handled = threading.Event()
+        self._stopping = Flag()
+        self._handled = Flag()
         self._thread = threading.Thread(target=self._read, name="haploop-reader", daemon=True)
         self._next = 0
 

@@ -15,6 +15,7 @@ import scipy
 from ...instruments import DataError, HaploopError, LiveBlock, RealClock, RigFile, Tap, watch_live
 from ...instruments.arrays import FloatArray
 from ...instruments.driver import Mode
+from ...instruments.flag import Flag
 from ...instruments.live import Run, quantities
 from .buckets import Buckets
 
@@ -52,7 +53,7 @@ class LiveScope:
         self._file, self._simulate = file, simulate
         self._clock = RealClock()
         self._address: str | None = None
-        self._closing = threading.Event()
+        self._closing = Flag()
         self._lock = threading.Lock()
         self._run: Run | None = None
         self._rows: list[_Row] = []

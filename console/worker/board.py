@@ -20,29 +20,30 @@ class Board:
     def __init__(self, **values: Any) -> None:
         self._values = values
         self._version = 1
-        self._changed = threading.Condition()
+        self._lock = threading.RLock()
+        self._changed = threading.Condition(self._lock)
 
     def __getitem__(self, name: str) -> Any:
         """Return a value; not to be changed in place."""
-        with self._changed:
+        with self._lock:
             return self._values[name]
 
     def set(self, **values: Any) -> None:
         """Replace values."""
-        with self._changed:
+        with self._lock:
             self._values |= values
             self._version += 1
             self._changed.notify_all()
 
     def change(self, name: str, by: Callable[[Any], Any]) -> None:
         """Replace a value by a function of it, in one step."""
-        with self._changed:
+        with self._lock:
             self._values[name] = by(self._values[name])
             self._version += 1
             self._changed.notify_all()
 
     def snapshot(self, after: int = 0, timeout: float = 0.0) -> str:
         """Return values and `version` as JSON, once the version is above `after`, or after `timeout` s."""
-        with self._changed:
+        with self._lock:
             self._changed.wait_for(lambda: self._version > after, timeout)
             return json.dumps({**self._values, "version": self._version})

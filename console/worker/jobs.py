@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import shutil
-import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -44,6 +43,7 @@ from ...calibration import (
 )
 from ...instruments import ConfigurationError, DataError, Progress, Rig, RigFile
 from ...instruments.files import check_destination, reserved
+from ...instruments.flag import Flag
 from ...instruments.operator import ConfirmSettings
 from ...reports.contents import one_style
 from ..data_folder import DataFolder, store_of
@@ -81,7 +81,7 @@ class Tools:
     progress: Progress
     on_verdict: Callable[[str, str, PressVerdict], None]
     stimuli: Stimuli
-    looking: threading.Event
+    looking: Flag
     """Set while the sensors are looked at, and cleared to end that."""
 
 

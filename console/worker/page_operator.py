@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import threading
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import asdict
 
 from ...instruments import InstrumentError, Operator
+from ...instruments.flag import Flag
 from ...instruments.operator import (
     Aim,
     Cable,
@@ -36,11 +36,11 @@ class PageOperator(Operator):
     `nobody` says when no page has been there for so long that a question will not be answered.
     """
 
-    def __init__(self, board: Board, person: Operator | None, nobody: threading.Event) -> None:
+    def __init__(self, board: Board, person: Operator | None, nobody: Flag) -> None:
         self._board, self._person, self._nobody = board, person, nobody
         self._number = 0
         self._answer: tuple[int, bool] | None = None
-        self._answered = threading.Event()
+        self._answered = Flag()
         self._reject = False
         self._notes: deque[str] = deque()
         self._waiting: Request | None = None

@@ -6,7 +6,6 @@ the board, from where the server writes it into the log.
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -20,6 +19,7 @@ from ...experiments import (
     prepare_surface,
 )
 from ...instruments import ConfigurationError, DataError, Progress, Rig
+from ...instruments.flag import Flag
 from ...instruments.inbox import Inbox
 from .board import Board
 
@@ -29,7 +29,7 @@ __all__ = ["Stimuli", "present_stimuli"]
 class Stimuli:
     """What the pages ask a running job to present. For any thread."""
 
-    def __init__(self, board: Board, nobody: threading.Event) -> None:
+    def __init__(self, board: Board, nobody: Flag) -> None:
         self._board, self._nobody = board, nobody
         self._asked: Inbox[Mapping[str, Any] | None] = Inbox()
 

@@ -22,6 +22,7 @@ from ...instruments import (
     open_rig,
 )
 from ...instruments.driver import Mode
+from ...instruments.flag import Flag
 from ...instruments.inbox import Inbox
 from ...instruments.safety import is_marked
 from ...instruments.signals import uninterrupted
@@ -62,8 +63,8 @@ class Worker:
         self._operator: PageOperator | None = None
         self._left_safe = False
         """Whether the rig was opened and left in the safe state, confirmed, by the job that runs."""
-        self._ended = threading.Event()
-        self._abandoned = threading.Event()
+        self._ended = Flag()
+        self._abandoned = Flag()
         self._heard = self._clock.now()
         mode = simulate or file.simulate
         self.board = Board(
@@ -97,7 +98,7 @@ class Worker:
             file.at_rest,
         )
         self._stimuli = Stimuli(self.board, self._abandoned)
-        self._looking = threading.Event()
+        self._looking = Flag()
         self._tools = Tools(
             self.board, data, file, self._progress, self._verdict, self._stimuli, self._looking
         )

@@ -22,6 +22,7 @@ from ..clock import RealClock
 from ..closing import Closing
 from ..errors import InstrumentError
 from ..files import os_error_text
+from ..flag import Flag
 from .frames import TOKEN, frame_of
 from .tap import Feed
 
@@ -44,7 +45,7 @@ class Publisher(Closing):
 
     def __init__(self, feed: Feed, rig: str, folder: Path) -> None:
         self._feed = feed
-        self._closing = threading.Event()
+        self._closing = Flag()
         self._token = secrets.token_hex(TOKEN // 2)
         self._clients: set[socket.socket] = set()
         self._changing = threading.Lock()

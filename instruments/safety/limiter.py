@@ -21,6 +21,7 @@ from ..amplifier import Amplifier
 from ..arrays import FloatArray
 from ..clock import Clock
 from ..errors import DataError, InstrumentError, LimitError
+from ..flag import Flag
 from ..generator import Waveform
 from ..limits import Limits, sounding
 from ..relay import LOST
@@ -75,7 +76,7 @@ class Limiter:
         self._permit: _Permit | None = None
         self._player = 0
         """Thread that has the permit."""
-        self._idle = threading.Event()
+        self._idle = Flag()
         self._idle.set()
         self._process: int | None = os.getpid()
         """The process in which the rig is open."""

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from ..clock import Clock
+from ..flag import Flag
 from ..relay import Relay
 from .deadline import DEADLINE
 
@@ -33,7 +34,7 @@ class Renewal:
         self._relay = relay
         self._clock = clock
         self._own = clock.real and relay.dead_man < threading.TIMEOUT_MAX
-        self._ended = threading.Event()
+        self._ended = Flag()
         self._failure: Exception | None = None
         self._seen = clock.now()
 

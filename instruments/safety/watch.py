@@ -12,6 +12,7 @@ from collections.abc import Callable
 
 from ..clock import Clock
 from ..errors import HaploopError
+from ..flag import Flag
 from .deadline import DEADLINE
 
 __all__ = ["Watch"]
@@ -32,14 +33,14 @@ class Watch:
         self._clock = clock
         self._look = look
         self._goes_on = goes_on
-        self._ended = threading.Event()
+        self._ended = Flag()
         self._thread: threading.Thread | None = None
 
     def begin(self) -> None:
         """Start to look."""
         self.on = True
         if self._clock.real:
-            self._ended = threading.Event()
+            self._ended = Flag()
             self._thread = threading.Thread(
                 target=self._run, args=(self._ended,), name="watch of a closed contact", daemon=True
             )
@@ -53,7 +54,7 @@ class Watch:
         if thread not in (None, threading.current_thread()):
             thread.join(DEADLINE)
 
-    def _run(self, ended: threading.Event) -> None:
+    def _run(self, ended: Flag) -> None:
         while not self._clock.wait(ended, _OFTEN):
             try:
                 self._look()

@@ -22,6 +22,7 @@ import numpy as np
 
 from ..clock import VirtualClock
 from ..errors import DataError, InstrumentError
+from ..flag import Flag
 from .lines import Call
 from .tape_file import TapeLines
 from .values import Handles, as_json, from_json
@@ -47,7 +48,7 @@ class TapeClock(VirtualClock):
         super().__init__(start)
         self.real = real
 
-    def wait(self, event: threading.Event, duration: float) -> bool:
+    def wait(self, event: Flag, duration: float) -> bool:
         """See `Clock.wait`."""
         end = self.now() + _RARELY * duration
         while not event.wait(_LOOK):

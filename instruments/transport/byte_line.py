@@ -10,6 +10,7 @@ import serial
 
 from ..clock import Clock
 from ..errors import InstrumentError
+from ..flag import Flag
 from ..inbox import Inbox
 from ..tape import Failure, TapedLine
 from .serial_line import close_port, serial_trouble
@@ -55,7 +56,7 @@ class SerialBytes:
                 "or close the program that uses it."
             ) from None
         self._inbox: Inbox[Arrival] = Inbox()
-        self._closed = threading.Event()
+        self._closed = Flag()
         self._gone: str | None = None
         self._thread = threading.Thread(target=self._read, name="haploop-bytes", daemon=True)
         self._thread.start()

@@ -13,6 +13,7 @@ import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 
+from ...instruments.flag import Flag
 from .loopback import Loopback, ReplyFault
 
 __all__ = ["Disturbance", "faulty_line"]
@@ -42,7 +43,7 @@ def faulty_line(
 
 class _Line:
     def __init__(self, port: int, disturbance: Disturbance) -> None:
-        self.closing = threading.Event()
+        self.closing = Flag()
         self._port, self._disturbance = port, disturbance
 
     def serve(self, client: socket.socket) -> None:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from ...instruments.closing import Closing
+from ...instruments.flag import Flag
 
 __all__ = ["HOST", "Loopback", "ReplyFault"]
 
@@ -60,7 +61,7 @@ class ReplyFault:
         self.fired += fires
         return fires
 
-    def send(self, link: socket.socket, reply: bytes, closing: threading.Event, spare: int = 0) -> bool:
+    def send(self, link: socket.socket, reply: bytes, closing: Flag, spare: int = 0) -> bool:
         """Send a reply as this fault changes it, with the first `spare` bytes intact.
 
         Returns True when the connection may go on. For protocol-specific kinds the reply is sent
@@ -101,7 +102,7 @@ class Loopback(Closing):
     """
 
     def __init__(self, serve: Callable[[socket.socket], None], port: int = 0) -> None:
-        self.closing = threading.Event()
+        self.closing = Flag()
         """Set when the server stops; every wait in `serve` must wait on this event."""
         self._server = _Server((HOST, port), serve)
         self.port: int = self._server.server_address[1]

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 from ...instruments.errors import ConfigurationError
+from ...instruments.flag import Flag
 
 __all__ = ["pseudo_terminal"]
 
@@ -28,7 +29,7 @@ def pseudo_terminal(host: str, port: int) -> Iterator[str]:
 
     ours, theirs = os.openpty()
     tty.setraw(theirs)
-    ended = threading.Event()
+    ended = Flag()
     with socket.create_connection((host, port)) as link:
         thread = threading.Thread(target=_copy, args=(ours, link, ended), daemon=True)
         thread.start()
@@ -42,7 +43,7 @@ def pseudo_terminal(host: str, port: int) -> Iterator[str]:
             os.close(ours)
 
 
-def _copy(terminal: int, link: socket.socket, ended: threading.Event) -> None:
+def _copy(terminal: int, link: socket.socket, ended: Flag) -> None:
     """Copy bytes in both directions."""
     both: list[int | socket.socket] = [terminal, link]
     with suppress(OSError):

@@ -12,6 +12,7 @@ from typing import Any
 from nidaqmx._stubs import nidaqmx_pb2 as pb
 from nidaqmx.constants import EveryNSamplesEventType
 
+from ....instruments.flag import Flag
 from ...clock import VirtualClock
 from .errors import DaqmxError, DAQmxErrors
 from .fields import field
@@ -80,7 +81,7 @@ class Events:
         """
         clock = self._system.clock
         assert isinstance(clock, VirtualClock)
-        real = threading.Event()  # time.sleep may be virtual
+        real = Flag()  # time.sleep may be virtual
         while clock.now() < until:
             with self._system.lock:
                 due = [when for each in self._listeners.values() if (when := self._due(each)) is not None]

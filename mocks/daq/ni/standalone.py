@@ -6,12 +6,12 @@ import configparser
 import re
 import signal
 import sys
-import threading
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 from ....instruments.errors import ConfigurationError, InstrumentError
+from ....instruments.flag import Flag
 from ...plant import Nodes
 from ..products import PRODUCTS, Product, described
 from .devices import Inventory, NiDevice, devices_from_ini
@@ -86,7 +86,7 @@ def run(
     The first line on standard output is "Server listening on port N"; devices that are left out
     are named on standard error. Raises InstrumentError when the port is not available.
     """
-    told = threading.Event()
+    told = Flag()
     for kind in (signal.SIGINT, signal.SIGTERM):
         signal.signal(kind, lambda _number, _frame: told.set())
     for sentence in inventory.left_out:
