@@ -29,8 +29,9 @@ import pytest
 
 from haploop.acquisition import Protocol, Recording, record, verify
 from haploop.calibration import LinearSweep, build_button, calibrate
+from haploop.calibration.upkeep.adoption import adopt, calibrations_of
 from haploop.calibration.upkeep.history import History
-from haploop.calibration.upkeep.recalibration import adopt, calibrations_of, recalibrate
+from haploop.calibration.upkeep.recalibration import recalibrate
 from haploop.instruments import DataError, InstrumentError, Rig, load_rig_file, open_rig
 from tests.calibration.conftest import make_press
 

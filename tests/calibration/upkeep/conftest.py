@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 
 from haploop.calibration.drive.button import build_button
+from haploop.calibration.upkeep.adoption import adopt
 from haploop.calibration.upkeep.history import History
-from haploop.calibration.upkeep.recalibration import adopt, recalibrate
+from haploop.calibration.upkeep.recalibration import recalibrate
 from tests.calibration.conftest import Calibrated, make_press
 
 WHEN = datetime(2026, 7, 31, 2, 15, tzinfo=UTC)

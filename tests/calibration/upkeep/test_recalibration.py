@@ -15,19 +15,17 @@ from typing import Any
 
 import pytest
 
-from haploop.calibration import Calibration, ChannelScatter, Waveforms
+from haploop.calibration import Calibration, ChannelScatter, Check, Waveforms
 from haploop.calibration.drive.button import DigitalButton
 from haploop.calibration.upkeep import recalibration
-from haploop.calibration.upkeep.history import History
-from haploop.calibration.upkeep.recalibration import (
-    Outcome,
+from haploop.calibration.upkeep.adoption import (
     activate,
     adopt,
     buttons_of,
     calibrations_of,
-    checks_before,
-    recalibrate,
 )
+from haploop.calibration.upkeep.history import History
+from haploop.calibration.upkeep.recalibration import Outcome, recalibrate
 from haploop.instruments import (
     ConfigurationError,
     DataError,
@@ -126,7 +124,8 @@ def test_three_percent_are_brought_back(open: OpenRig, history: History) -> None
     assert {n: b.check.within.root for n, b in buttons_of(active).items()} == {
         n: b.check.within.root for n, b in outcome.after.items()
     }
-    assert checks_before(active)["push-A-button"].within.root == outcome.before["push-A-button"].within.root
+    (kept_check,) = active.paths("before")
+    assert Check.load(kept_check).within.root == outcome.before["push-A-button"].within.root
     assert rig.simulation.truth.resonance_hz == pytest.approx(
         calibrations_of(active)[0].model.resonance_hz, rel=1e-3
     )

@@ -1,0 +1,156 @@
+"""What a generation of calibrations holds, and how one becomes active: buttons are adopted, or an earlier
+generation is activated again. Nothing is played.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from datetime import UTC, datetime
+from typing import Any
+
+from ...instruments import ConfigurationError, DataError, RigFile
+from ...instruments.safety import Audit, state_folder
+from ..drive import Check, DigitalButton
+from ..model import Calibration
+from .history import Generation, History
+from .look import place_of
+from .sensor_health import MATTERS
+
+__all__ = [
+    "activate",
+    "adopt",
+    "buttons_of",
+    "calibrations_of",
+    "disturbed_in_check",
+    "parts",
+]
+
+
+def adopt(
+    history: History,
+    buttons: Sequence[DigitalButton],
+    *,
+    actor: str,
+    reason: str,
+    when: datetime | None = None,
+    rig: RigFile | None = None,
+) -> Generation:
+    """Make verified buttons, together with the active ones of other names, the active generation.
+
+    That is how a history begins, and how a button is added to it or replaced. The audit log of their rig
+    is told first: of `rig`, or of the rig file that is stored in the calibrations. Raises ConfigurationError
+    for buttons of another rig than `rig`, and DataError for a button that did not pass its check or was
+    disturbed in it, for two of one name, for one of another rig than the rest, and for a log that cannot be
+    written.
+    """
+    when = when or datetime.now(UTC)
+    _refuse_made_elsewhere(rig, [c for button in buttons for c in button.calibrations])
+    named = {_name(button): button for button in buttons}
+    if len(named) < len(buttons) or not buttons:
+        raise DataError("Give one button or more, and each name (button, patch and point) only once.")
+    for name, button in named.items():
+        if not button.passed:
+            raise DataError(f"The button {name} did not pass its check, so that it is not adopted.")
+    disturbed = disturbed_in_check(named)
+    if disturbed:
+        raise DataError(f"{disturbed[0]} Remove what disturbs it, and make the button anew to adopt it.")
+    with history.hold():
+        parent = history.active() if history.activations else None
+        every = (buttons_of(parent) if parent else {}) | named
+        rigs = {(b.drive.rig, b.simulated) for b in every.values()}
+        if len(rigs) > 1:
+            told = ", ".join(f"{rig}{' (simulated)' if simulated else ''}" for rig, simulated in sorted(rigs))
+            raise DataError(f"These buttons were made on different rigs ({told}): keep a history for each.")
+        made = [c for button in every.values() for c in button.calibrations]
+        audit = _audit(rig, made)
+        newest = sorted(made, key=lambda c: c.response.created)
+        generation = history.add(
+            parts({place_of(c): c for c in newest}.values(), every, {}),
+            when=when,
+            reason=reason,
+            details={"adopted": sorted(named)},
+            parent=parent.name if parent else "",
+        )
+        audit.note("adopted", calibration=generation.name, buttons=sorted(named), reason=reason)
+        history.activate(generation, when=when, actor=actor, reason=reason)
+    return generation
+
+
+def activate(
+    history: History,
+    name: str,
+    *,
+    actor: str,
+    reason: str,
+    when: datetime | None = None,
+    rig: RigFile | None = None,
+) -> Generation:
+    """Make an earlier generation, by its name or number, the active one again. Nothing is played.
+
+    The audit log of its rig is told first: of `rig`, or of the rig file that is stored in the calibrations.
+    Raises ConfigurationError for calibrations of another rig than `rig`, and DataError for one that is not
+    there or is damaged, and for a log that cannot be written.
+    """
+    when = when or datetime.now(UTC)
+    with history.hold():
+        generation = history.find(name)
+        generation.verify()
+        calibrations = calibrations_of(generation)
+        _refuse_made_elsewhere(rig, calibrations)
+        _audit(rig, calibrations).note("activated", calibration=generation.name, reason=reason)
+        history.activate(generation, when=when, actor=actor, reason=reason)
+    return generation
+
+
+def _audit(rig: RigFile | None, calibrations: Sequence[Calibration]) -> Audit:
+    response = calibrations[0].response
+    file = rig or RigFile.model_validate_json(response.rig_file)
+    return Audit(file, state_folder(file, response.simulated), response.simulated)
+
+
+def _refuse_made_elsewhere(rig: RigFile | None, calibrations: Sequence[Calibration]) -> None:
+    others = [c.response.rig for c in calibrations if rig and c.response.rig != rig.name]
+    if rig and others:
+        raise ConfigurationError(
+            f"The calibration was made on the rig {others[0]!r}, not on {rig.name!r}: use that rig's --rig."
+        )
+
+
+def calibrations_of(generation: Generation) -> tuple[Calibration, ...]:
+    """The calibration of each place of a generation. Raises DataError for what is damaged."""
+    return tuple(Calibration.load(path) for path in generation.paths("calibrations"))
+
+
+def buttons_of(generation: Generation) -> dict[str, DigitalButton]:
+    """A generation's digital buttons by name. Raises DataError for what is damaged."""
+    return {path.stem: DigitalButton.load(path) for path in generation.paths("buttons")}
+
+
+def parts(
+    calibrations: Iterable[Calibration], buttons: Mapping[str, DigitalButton], before: Mapping[str, Check]
+) -> dict[str, Any]:
+    """The parts of a generation, by file name."""
+    return {
+        **{f"calibrations/{'-'.join(place_of(c))}.h5": c for c in calibrations},
+        **{f"buttons/{name}.h5": button for name, button in buttons.items()},
+        **{f"before/{name}.h5": check for name, check in before.items()},
+    }
+
+
+def _name(button: DigitalButton) -> str:
+    name = f"{button.press.button}-{'+'.join(button.drive.patches)}-{button.drive.point}"
+    # A button may be called anything, and its name becomes a file's.
+    return re.sub(r"[^\w.+-]+", "_", name)
+
+
+def disturbed_in_check(buttons: Mapping[str, DigitalButton]) -> list[str]:
+    """A sentence on each button in whose check steady tones disturbed the laser more than is activated.
+
+    Written so that NaN is told too.
+    """
+    return [
+        f"{name}: tones of {button.check.tones.share:.0%} of the target disturbed the laser in its check."
+        for name, button in buttons.items()
+        if not button.check.tones.share <= MATTERS
+    ]
