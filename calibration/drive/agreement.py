@@ -168,10 +168,11 @@ def plays_needed(power: SharedPower, limit: float) -> int | None:
     """Number of plays whose interval of the root would not contain `limit`; None when 64 do not suffice.
 
     The deviation is taken to fall with the root of the number of plays: products of noise alone fall faster.
+    What the value has beyond an error of 100 % is taken for noise, which more plays would not find again.
     """
     for plays in range(power.plays + 1, _MOST_PLAYS + 1):
         reach = _quantile(plays) * power.deviation * np.sqrt(power.plays / plays)
-        if abs(max(power.value, 0.0) - limit**2) > reach:
+        if abs(min(max(power.value, 0.0), 1.0) - limit**2) > reach:
             return plays
     return None
 

@@ -27,9 +27,9 @@ __all__ = ["TAKE_AWAY", "Dampings", "dampings_of", "told_touched"]
 _LEAST = 0.01
 """Rise of a mode's damping ratio (logarithm), beyond what the fit leaves open and beyond the least of the
 modes, from which it is one: 1 % of a resonance's height."""
-_CLEAR = 5.0
+_CLEAR = 7.0
 """Least rise over the fit's residual: where modes drift by 1 to 3 % each the fit may not find all of them,
-and what it leaves is no noise."""
+and what it leaves is no noise: then a mode seemed to rise by up to 5.2 of it."""
 _FALL, _NOISE = 0.3, 0.01
 """Largest fall of another mode's, over the rise, and beside it, with which it may still be a body: under
 hands none fell by more than 0.008."""

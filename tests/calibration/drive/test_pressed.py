@@ -60,7 +60,7 @@ def test_the_drive_is_that_of_the_force_which_the_sensor_reads(
     rig = open(weighed, pane_mass=0.2)
     made = pressed_drives(make_press(), finger, rig.limits)
     assert made.forces == pytest.approx((0.4, 1.0, 3.0)) and made.nominal == 1.0
-    assert len({round(one.scale, 4) for one in made.drives}) == 1
+    assert np.ptp([one.scale for one in made.drives]) < 0.011 * made.drives[1].scale
     pressing(rig, monkeypatch, 4.0)
     firm = check_under_finger(rig, made, "P07", plays=3)
     nominal = check_under_finger(rig, made.drives[1], "P07", plays=3)
