@@ -8,6 +8,7 @@ noise: it makes the power negative, or its deviation vanish (`dependence`).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,6 +28,7 @@ __all__ = [
     "odd_play",
     "plays_needed",
     "shared_power",
+    "summed",
     "trend",
 ]
 
@@ -100,13 +102,18 @@ def finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def error_spectra(accelerations: FloatArray, target: FloatArray) -> ComplexArray:
+def error_spectra(
+    accelerations: FloatArray, target: FloatArray, over: FloatArray | None = None
+) -> ComplexArray:
     """(plays, lines) of the differences of (plays, samples) from the target, whose power is one.
 
-    The sum of the squared magnitudes over all lines is the squared error.
+    The sum of the squared magnitudes over all lines is the squared error: over that of the target, or of the
+    signal `over`, as where the target is zero.
     """
     wanted = _lines(target)
-    return np.asarray((_lines(accelerations) - wanted) / np.linalg.norm(wanted))
+    return np.asarray(
+        (_lines(accelerations) - wanted) / np.linalg.norm(wanted if over is None else _lines(over))
+    )
 
 
 def followed(missed: ComplexArray, target: FloatArray) -> tuple[float, float]:
@@ -142,6 +149,15 @@ def shared_power(spectra: ComplexArray) -> SharedPower:
     pairs = apart @ apart.T
     least = float(np.sqrt((pairs.sum() - np.trace(pairs)) / 4)) * 2 / (plays * (plays - 1))
     return SharedPower(value, float(np.sqrt((plays - 1) * np.var(left_out))), noise, plays, least)
+
+
+def summed(powers: Sequence[SharedPower]) -> SharedPower:
+    """The sum of powers that were measured in different plays, each in as many."""
+    deviation, least = (
+        float(np.linalg.norm([getattr(one, name) for one in powers])) for name in ("deviation", "least")
+    )
+    value, noise = sum(one.value for one in powers), sum(one.noise for one in powers)
+    return SharedPower(value, deviation, noise, powers[0].plays, least)
 
 
 def dependence(whole: ComplexArray, inside: BoolArray) -> str:

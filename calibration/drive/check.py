@@ -26,7 +26,7 @@ from .agreement import (
 )
 from .checked import Check, Silence, ThirdOctaves, Tones
 from .drive import Drive
-from .playing import Played, play, refuse_foreign, target_of
+from .playing import Played, play, refuse_foreign, targets_of
 from .verdict import Signs, all_judged, judged
 
 if TYPE_CHECKING:
@@ -77,9 +77,8 @@ def check(
         if one.button:
             others.append(compare(drive.seen_from(one.point), there, rig))
             continue
-        target = target_of(drive, there.rate_hz)
-        still = error_spectra(np.zeros((1, len(target))), target)
-        moved = error_spectra(there.accelerations[:, : len(target)], target) - still
+        target = targets_of(drive, there.rate_hz)[0]
+        moved = error_spectra(there.accelerations[:, : len(target)], 0 * target, target)
         # Within the band: the laser's noise beyond it would hide what is silent.
         inside = lines_inside(drive.band, len(target), there.rate_hz)
         silent.append(Silence(one.point, shared_power(moved[:, inside])))
@@ -89,7 +88,7 @@ def check(
 def compare(drive: Drive, played: Played, rig: Rig) -> Check:
     """Compare measured plays with the target of their drive."""
     rate_hz = played.rate_hz
-    target = target_of(drive, rate_hz)
+    target = targets_of(drive, rate_hz)[0]
     accelerations = played.accelerations[:, : len(target)]
     inside = lines_inside(drive.band, len(target), rate_hz)
     missed = error_spectra(accelerations, target)

@@ -2,14 +2,16 @@
 
 Every play updates a stale response by a Kalman step on each line, weighted by the excitation of that
 line against the plays' noise and the distortion that no response describes. A correction is planned
-within the limits, as the drive itself is; error hidden by the plays' noise is not corrected, and the
-correction stays as close to the played drive as the response's uncertainty demands.
+within the limits, as the drive itself is, for all points of the drive at once; error hidden by the plays'
+noise is not corrected, and the correction stays as close to the played drive as the response's uncertainty
+demands.
 After Bristow, Tharayil and Alleyne, "A survey of iterative learning control", IEEE Control Systems
 Magazine 26, 2006 (norm-optimal learning; here with its weights from measured variances).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,8 +30,8 @@ from .targets import FADE
 __all__ = ["ResponseEstimate"]
 
 _DISTORTION = 0.02
-"""Share of the motion that even a correct response does not describe: a patch's hysteresis, an
-amplifier's nonlinearity."""
+"""Share of a patch's motion that even a correct response does not describe: its hysteresis, an amplifier's
+nonlinearity. At a silent point the motions of the patches cancel, and these shares do not."""
 _CAUTION = 1e-3
 """Penalty for a change of the drive, over the median power of the gain: every change, even on lines that
 move nothing, passes through the patch's hysteresis and adds a little of its error."""
@@ -45,10 +47,10 @@ _TRIES = 8
 
 @dataclass(frozen=True, eq=False)
 class ResponseEstimate:
-    """Estimated response from linear volts to acceleration, for one drive's target.
+    """Estimated response from linear volts to acceleration, for one drive's targets.
 
-    `gain` is (patches, lines) m/s^2 per linear volt, `covariance` (patches, patches, lines) its covariance:
-    of the conjugate of each row's patch with each column's.
+    `gain` is (points, patches, lines) m/s^2 per linear volt, `covariance` (points, patches, patches, lines)
+    its covariance: of the conjugate of each row's patch with each column's.
     """
 
     drive: Drive
@@ -57,14 +59,15 @@ class ResponseEstimate:
     gain: ComplexArray
     covariance: ComplexArray
     last: tuple[ComplexArray, ComplexArray, FloatArray] | None = None
-    """The latest play: linear volts (patches, lines), acceleration, and its noise power, (lines,) each."""
+    """The latest play: linear volts (patches, lines), acceleration, and its noise power, (points, lines)
+    each."""
 
     @classmethod
     def of(cls, drive: Drive, table: Actuation) -> ResponseEstimate:
         """The prior from the calibrations, before any play."""
         grid = _Grid.of(drive, table)
         f = grid.frequencies
-        return cls(drive, table, grid, table.gain(f)[0], table.covariance(f)[0])
+        return cls(drive, table, grid, table.gain(f), table.covariance(f))
 
     @property
     def tail(self) -> float:
@@ -72,8 +75,8 @@ class ResponseEstimate:
         grid = self.grid
         return min(_LISTEN, grid.samples / grid.rate_hz - grid.played / self.drive.rate_hz)
 
-    def after(self, volts: FloatArray, played: Played) -> ResponseEstimate:
-        """The estimate updated by a play: the first one directly, later ones by the change since the last.
+    def after(self, volts: FloatArray, played: Sequence[Played]) -> ResponseEstimate:
+        """The estimate updated by plays, seen at each point: the first directly, later ones by the change.
 
         Each is weighted by its noise and by the distortion that no response describes.
         """
@@ -86,37 +89,30 @@ class ResponseEstimate:
         return replace(estimate, last=(linear_volts, motion, noise))
 
     def correction(
-        self, volts: FloatArray, played: Played, step: float, limits: Limits
+        self, volts: FloatArray, played: Sequence[Played], step: float, limits: Limits
     ) -> tuple[FloatArray, float]:
-        """Volts expected to be closer to the target than `volts`, and the expected improvement.
+        """Volts expected to be closer to the targets than `volts`, and the expected improvement.
 
-        The remaining error of the plays of `volts` is corrected within the limits, as far as it exceeds
-        their noise and as the response is certain; the share `step` of the change is applied. Returns
-        (patches, samples) V, and the expected decrease of the squared error, over the target's.
+        The remaining error of the plays of `volts`, seen at each point, is corrected within the limits, as
+        far as it exceeds their noise and as the response is certain; the share `step` of the change is
+        applied. Returns (patches, samples) V, and the expected decrease of the squared error, over the
+        target's: the sum over the points.
         """
-        grid, table = self.grid, self.table
+        grid, table, drive = self.grid, self.table, self.drive
         linear_volts, motion, noise = self._spectra(volts, played)
-        target = scipy.fft.rfft(grid.down(self.drive.target))
-        missed = target - motion
+        targets = grid.down(np.array([drive.target, *(one.target for one in drive.elsewhere)]))
+        plan = plan_for(table, targets, grid, drive.band, limits, drive.drift)
+        missed = plan.target - motion
         power = grid.pooled(np.abs(missed) ** 2)
         missed *= np.maximum(0.0, 1 - noise / np.maximum(power, 1e-30))
 
         limit = float(table.reach(limits).max())
-        periodic = scipy.fft.irfft(target, grid.samples)
-        targets = [periodic, *(grid.down(one.target) for one in self.drive.elsewhere)]
-        plan = plan_for(table, np.array(targets), grid, self.drive.band, limits, self.drive.drift)
-        towards = missed + (self.gain * linear_volts).sum(axis=0)
-        # Another button moves as it does now, which no plays of this one tell more about.
-        held = [
-            motion if one.button else 0.0 * motion
-            for one, motion in zip(self.drive.elsewhere, plan.moved(linear_volts)[1:], strict=True)
-        ]
         plan = replace(
             plan,
-            target=np.array([towards, *held]),
-            gain=np.concatenate([self.gain[None], plan.gain[1:]]),
-            covariance=np.concatenate([self.covariance[None], plan.covariance[1:]]),
+            gain=self.gain,
+            covariance=self.covariance,
             operating_point=linear_volts,
+            beside=plan.target - missed - self._moved(linear_volts),
             ridge=_CAUTION,
         )
         now = table.linear(volts)
@@ -136,35 +132,50 @@ class ResponseEstimate:
             new = table.commanded(changed, grid.smooth)
             headroom, _ = table.headroom(new, limits)
         taken = plan.left(linear_volts) - plan.left(self._linear_volts(new))
-        return new, float(taken / (np.abs(target) ** 2).sum())
+        return new, taken / plan.wanted
 
     def _corrected(
         self, linear_volts: ComplexArray, motion: ComplexArray, noise: FloatArray
     ) -> ResponseEstimate:
         pooled = self.grid.pooled
         drive_power = (np.abs(linear_volts) ** 2).sum(axis=0)
-        error = noise + _DISTORTION**2 * pooled(np.abs(motion) ** 2)
-        unexpected = motion - (self.gain * linear_volts).sum(axis=0)
+        each = (np.abs(self.gain * linear_volts) ** 2).sum(axis=1)
+        error = noise + _DISTORTION**2 * pooled(each)
+        unexpected = motion - self._moved(linear_volts)
         # Where a table has changed, the error of the response exceeds its stated covariance.
         surprise = pooled(np.abs(unexpected) ** 2 - error)
         seen = surprise / np.maximum(pooled(drive_power), 1e-30)
         # A line that was hardly driven would suggest an error larger than the gain: it is bounded.
-        seen = np.minimum(seen, np.abs(self.gain).max() ** 2)
+        seen = np.minimum(seen, np.abs(self.gain).max(axis=(1, 2))[:, None] ** 2)
         stated = _along(self.covariance, linear_volts) / np.maximum(drive_power, 1e-30)
         more = np.maximum(np.where(surprise > error, seen, 0.0) - stated, 0.0)
-        covariance = self.covariance + more * np.eye(len(self.gain))[:, :, None]
-        # A Kalman step: one motion is measured, and corrects each patch by its share in what was uncertain.
-        shares = np.einsum("prl,rl->pl", covariance, linear_volts)
-        known = shares / np.maximum(_along(covariance, linear_volts) + error, 1e-30)
-        gain = self.gain + known.conj() * unexpected
-        return replace(self, gain=gain, covariance=covariance - known[:, None] * shares[None].conj())
+        covariance = self.covariance + more[:, None, None] * np.eye(len(linear_volts))[:, :, None]
+        # A Kalman step: one motion of each point is measured, and corrects each patch by its share in what
+        # was uncertain.
+        shares = np.einsum("qprl,rl->qpl", covariance, linear_volts)
+        known = shares / np.maximum(_along(covariance, linear_volts) + error, 1e-30)[:, None]
+        gain = self.gain + known.conj() * unexpected[:, None]
+        return replace(self, gain=gain, covariance=covariance - known[:, :, None] * shares[:, None].conj())
 
-    def _spectra(self, volts: FloatArray, played: Played) -> tuple[ComplexArray, ComplexArray, FloatArray]:
-        """Linear volts (patches, lines), mean acceleration (lines,), and the noise power left in the mean."""
-        scale = self.drive.rate_hz / played.rate_hz
-        motions = np.array([scipy.fft.rfft(self.grid.sampled(a, scale)) for a in played.accelerations])
-        noise = self.grid.pooled(np.var(motions, axis=0, ddof=1) / len(motions))
-        return self._linear_volts(volts), motions.mean(axis=0), noise
+    def _moved(self, linear_volts: ComplexArray) -> ComplexArray:
+        """(points, lines): expected acceleration."""
+        return np.asarray(np.einsum("qpl,pl->ql", self.gain, linear_volts))
+
+    def _spectra(
+        self, volts: FloatArray, played: Sequence[Played]
+    ) -> tuple[ComplexArray, ComplexArray, FloatArray]:
+        """Linear volts (patches, lines), mean acceleration, and noise power left in it, (points, lines)."""
+        motions = np.array(
+            [
+                [
+                    scipy.fft.rfft(self.grid.sampled(a, self.drive.rate_hz / one.rate_hz))
+                    for a in one.accelerations
+                ]
+                for one in played
+            ]
+        )
+        noise = self.grid.pooled(np.var(motions, axis=1, ddof=1) / motions.shape[1])
+        return self._linear_volts(volts), motions.mean(axis=1), noise
 
     def _linear_volts(self, volts: FloatArray) -> ComplexArray:
         """(patches, lines) linear volts of commanded volts."""
@@ -176,8 +187,8 @@ class ResponseEstimate:
 
 
 def _along(covariance: ComplexArray, linear_volts: ComplexArray) -> FloatArray:
-    """(lines,): variance of the motion that linear volts (patches, lines) make."""
-    return np.asarray(np.einsum("pl,prl,rl->l", linear_volts.conj(), covariance, linear_volts).real)
+    """(points, lines): variance of the motion that linear volts (patches, lines) make."""
+    return np.asarray(np.einsum("pl,qprl,rl->ql", linear_volts.conj(), covariance, linear_volts).real)
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,6 +242,6 @@ class _Grid:
         return resample(signal, self.samples * self.factor)[..., : self.played]
 
     def pooled(self, power: FloatArray) -> FloatArray:
-        """Power (lines,) averaged over neighbouring lines."""
+        """Power (..., lines) averaged over neighbouring lines."""
         lines = max(1, round(_POOL_HZ * self.samples / self.rate_hz))
         return np.asarray(scipy.ndimage.uniform_filter1d(power, lines, mode="nearest"))

@@ -71,6 +71,8 @@ class Plan:
     """Largest allowed step from one sample to the next, over the limit."""
     operating_point: ComplexArray | float = 0.0
     """(patches, lines): spectra of drives whose outcome was measured; zero before any was played."""
+    beside: ComplexArray | float = 0.0
+    """(points, lines): motion measured there that `gain` does not describe, and that stays as it is."""
     ridge: float = 5e-6
     """Penalty for a difference from `operating_point` on every line, over `typical`: it limits the drive
     where the table hardly moves."""
@@ -95,7 +97,9 @@ class Plan:
     @cached_property
     def pull(self) -> ComplexArray:
         """(patches, lines): the right side of the normal equations, without the operating point."""
-        return np.asarray(np.einsum("q,qpl,ql->pl", self.weights, self.gain.conj(), self.target))
+        return np.asarray(
+            np.einsum("q,qpl,ql->pl", self.weights, self.gain.conj(), self.target - self.beside)
+        )
 
     def _summed(self, matrices: ComplexArray | float) -> ComplexArray | float:
         if isinstance(matrices, float):
@@ -126,7 +130,7 @@ class Plan:
 
     def missed(self, V: ComplexArray) -> ComplexArray:
         """(points, lines): target less expected motion."""
-        return np.asarray(self.target - self.moved(V))
+        return np.asarray(self.target - self.beside - self.moved(V))
 
     def moved(self, V: ComplexArray) -> ComplexArray:
         """(points, lines): expected motion."""

@@ -4,11 +4,14 @@ Plain iterative learning diverges with a stale response, and writes the measurem
 a step without improvement is undone and halved, and in the end the best drive is replayed beside the first,
 in plays that had no part in the selection. The corrections know the patch's even order as it is now: it is
 identified anew before the first one, because no response describes it.
+
+Where a drive plans for several points, the laser visits each of them, and one correction is for all: errors
+are squared, over the target of each point, and summed. A silent point's error is its motion within the band.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -21,10 +24,18 @@ from ...instruments.progress import Progress, part_of, silent
 from ..model import Calibration, even_order
 from ..response import measure_both_signs, prepare
 from .actuation import Actuation
-from .agreement import SharedPower, dependence, error_spectra, followed, lines_inside, shared_power
+from .agreement import (
+    SharedPower,
+    dependence,
+    error_spectra,
+    followed,
+    lines_inside,
+    shared_power,
+    summed,
+)
 from .correction import ResponseEstimate
 from .drive import Drive
-from .playing import Played, play_by_turns, refuse_foreign, target_of
+from .playing import Played, play_by_turns, refuse_foreign, targets_of
 from .verdict import LEAST_MOVED, UNSEEN, one_factor
 
 __all__ = ["Iteration", "Learning", "learn"]
@@ -50,16 +61,18 @@ _DISTURBED = "Something periodic disturbs the laser in step with the plays"
 class Iteration:
     """One drive that was played, and its result.
 
-    `volts` is (patches, samples) V as commanded, `accelerations` (plays, samples) m/s^2, the whole motion in
-    each play, at `rate_hz`. `whole` is the squared error of the whole motion over the target's mean square,
-    `within` the part of it within the drive's band.
+    `volts` is (patches, samples) V as commanded, `accelerations` (points, plays, samples) m/s^2, the whole
+    motion in each play, at `rate_hz`. `each_whole` is, of each point, the squared error of the whole motion
+    over the target's mean square, `each_within` the part of it within the drive's band. Of a silent point
+    both are the motion within the band, over the target of the drive's own point: noise of the laser beyond
+    the band hides what is silent.
     """
 
     volts: FloatArray
     accelerations: FloatArray
     rate_hz: float
-    whole: SharedPower
-    within: SharedPower
+    each_whole: tuple[SharedPower, ...]
+    each_within: tuple[SharedPower, ...]
     kept: bool
     reason: str
     """Reason for keeping or rejecting it."""
@@ -67,9 +80,19 @@ class Iteration:
     """True when there is evidence that noise is not independent from play to play: its errors are wrong."""
 
     @property
+    def whole(self) -> SharedPower:
+        """`each_whole`, summed over the points."""
+        return summed(self.each_whole)
+
+    @property
+    def within(self) -> SharedPower:
+        """`each_within`, summed over the points."""
+        return summed(self.each_within)
+
+    @property
     def measured(self) -> FloatArray:
-        """(samples,) m/s^2: mean of the plays."""
-        return np.asarray(self.accelerations.mean(axis=0))
+        """(points, samples) m/s^2: mean of the plays."""
+        return np.asarray(self.accelerations.mean(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,9 +100,9 @@ class Learning:
     """Every drive that was tried; the first is the initial one.
 
     `best` is the number of the iteration whose drive is `drive`. `first_again` and `best_again` are the
-    errors within the band of first and best in the final replay, alternately, after the last
-    iteration: plays that had no part in the selection. Without an improvement they are those of the first
-    iteration.
+    errors within the band, over all points, of first and best in the final replay, alternately, after the
+    last iteration: plays that had no part in the selection. Without an improvement they are those of the
+    first iteration.
     """
 
     iterations: tuple[Iteration, ...]
@@ -111,11 +134,12 @@ def learn(
 ) -> Learning:
     """Improve a drive by playing it: `plays` plays, then up to `iterations` corrections of as many.
 
-    It ends when the error reaches the plays' noise, when the expected improvement of a correction is below
-    that noise, or when smaller steps bring no improvement; at once, when a signal left its range, the surface
-    did not follow, or most of the error is one factor, as a laser that is askew makes it. The target stays
-    unchanged. The result is the first drive, unless another was closer to the target by more than the noise
-    of plays that had no part in its selection.
+    The laser visits each of the drive's points for every correction. It ends when the error reaches the
+    plays' noise, when the expected improvement of a correction is below that noise, or when smaller steps
+    bring no improvement; at once, when a signal left its range, the surface did not follow, or most of the
+    error is one factor, as a laser that is askew makes it. The target stays unchanged. The result is the
+    first drive, unless another was closer to the target by more than the noise of plays that had no part in
+    its selection.
     `progress` is called with the plays done and their largest possible number.
 
     Raises ConfigurationError for fewer than three plays, or a drive of another calibration or rig, and
@@ -129,38 +153,32 @@ def learn(
             "The drive was computed from another calibration than the one given: compute it again."
         )
     refuse_foreign(rig, drive)
-    prepare(rig, drive.point)
     estimate = ResponseEstimate.of(drive, table)
-    doing, total, done = f"Learn the {drive.button} button", (iterations + 3) * plays, 0
-
-    def played(*waveforms: FloatArray) -> list[Played]:
-        nonlocal done
-        before, done = done, done + plays * len(waveforms)
-        given = [replace(drive, volts=volts) for volts in waveforms]
-        return play_by_turns(rig, given, plays, estimate.tail, part_of(progress, doing, before, total))
-
-    [outcome] = played(drive.volts)
-    first = _iteration(drive, drive.volts, outcome.accelerations, outcome.rate_hz)
+    total = (iterations + 3) * plays * len(drive.points)
+    rounds = _Rounds(rig, drive, plays, estimate.tail, progress, total)
+    [outcome] = rounds.played(drive.volts)
+    first = _iteration(drive, drive.volts, outcome)
     tried = [replace(first, kept=True, reason="the drive as computed")]
     best, step = 0, 1.0
     stopped = (
-        _unlearnable(outcome, target_of(drive, outcome.rate_hz))
+        _unlearnable(drive, outcome)
         or (f"{first.reason}. Nothing can be learnt from these plays." if first.disturbed else "")
-        or _of_the_laser(first, target_of(drive, outcome.rate_hz))
+        or _of_the_laser(drive, outcome)
         or _ended(tried, best, step, iterations)
     )
     if not stopped:
+        rounds.aim(drive.point)
         estimate = _informed(rig, drive, table).after(drive.volts, outcome)
     while not stopped and not (stopped := _ended(tried, best, step, iterations)):
         volts, expected = estimate.correction(tried[best].volts, outcome, step, rig.limits)
         if expected < _STEP_SIGNIFICANCE * tried[best].within.deviation:
             stopped = "The expected improvement of a correction is below the plays' noise."
             break
-        [result] = played(volts)
+        [result] = rounds.played(volts)
         estimate = estimate.after(volts, result)
-        new = _iteration(drive, volts, result.accelerations, result.rate_hz)
-        if result.overload or new.disturbed:
-            new, step = replace(new, reason=result.overload or new.reason), step / 2
+        new, overload = _iteration(drive, volts, result), _overload(result)
+        if overload or new.disturbed:
+            new, step = replace(new, reason=overload or new.reason), step / 2
         elif _better(tried[best], new, _STEP_SIGNIFICANCE):
             new = replace(new, kept=True, reason="closer to the target by more than the noise")
             best, outcome = len(tried), result
@@ -169,20 +187,54 @@ def learn(
             new, step = replace(new, reason=reason), step / 2
         tried.append(new)
 
-    first_again, best_again = _again(drive, tried, best, played) if best else (tried[0], tried[0])
+    first_again, best_again = _again(drive, tried, best, rounds) if best else (tried[0], tried[0])
     disturbed = first_again.disturbed or best_again.disturbed
     if best and (disturbed or not _better(first_again, best_again, _FINAL_SIGNIFICANCE)):
         noise = "the best drive was not closer by more than the noise"
         stopped += f" Played again, {'the plays were disturbed' if disturbed else noise}: the first is kept."
         tried[1:] = [replace(iteration, kept=False) for iteration in tried[1:]]
         best = 0
-    progress(doing, total, total, "plays")
+    progress(rounds.doing, total, total, "plays")
     chosen = drive
     if best:
-        # The whole motion errs by no less than the band: noise outside may say so.
-        error = max(best_again.whole.root, best_again.within.root)
-        chosen = replace(drive, volts=tried[best].volts, predicted_error=error)
+        chosen = _measured(replace(drive, volts=tried[best].volts), best_again)
     return Learning(tuple(tried), best, first_again.within.root, best_again.within.root, stopped, chosen)
+
+
+@dataclass
+class _Rounds:
+    """Plays of a drive's waveforms, in which the laser visits each of its points."""
+
+    rig: Rig
+    drive: Drive
+    plays: int
+    tail: float
+    progress: Progress
+    total: int
+    done: int = 0
+    aimed: str = ""
+
+    @property
+    def doing(self) -> str:
+        """What the progress is of."""
+        return f"Learn the {self.drive.button} button"
+
+    def aim(self, point: str) -> None:
+        """Aim the laser at a point, unless it is there."""
+        if point != self.aimed:
+            prepare(self.rig, point)
+            self.aimed = point
+
+    def played(self, *waveforms: FloatArray) -> list[tuple[Played, ...]]:
+        """Of each waveform, its plays as the laser sees them at each point."""
+        given, seen = [replace(self.drive, volts=volts) for volts in waveforms], {}
+        # The point at which the laser is comes first: to move it may take a person.
+        for point in sorted(self.drive.points, key=lambda point: point != self.aimed):
+            self.aim(point)
+            told = part_of(self.progress, self.doing, self.done, self.total)
+            seen[point] = play_by_turns(self.rig, given, self.plays, self.tail, told)
+            self.done += self.plays * len(waveforms)
+        return list(zip(*(seen[point] for point in self.drive.points), strict=True))
 
 
 def _informed(rig: Rig, drive: Drive, table: Actuation) -> ResponseEstimate:
@@ -198,15 +250,41 @@ def _informed(rig: Rig, drive: Drive, table: Actuation) -> ResponseEstimate:
     return ResponseEstimate.of(drive, replace(table, rows=(tuple(now), *table.rows[1:])))
 
 
-def _iteration(drive: Drive, volts: FloatArray, accelerations: FloatArray, rate_hz: float) -> Iteration:
-    target = target_of(drive, rate_hz)
-    accelerations = accelerations[:, : len(target)]
-    missed = error_spectra(accelerations, target)
-    inside = lines_inside(drive.band, len(target), rate_hz)
-    whole, within = shared_power(missed), shared_power(missed[:, inside])
-    evidence = dependence(missed, inside)
+def _iteration(drive: Drive, volts: FloatArray, seen: Sequence[Played]) -> Iteration:
+    """One drive, as seen at each of its points."""
+    rate_hz = seen[0].rate_hz
+    targets = targets_of(drive, rate_hz)
+    samples = targets.shape[1]
+    inside = lines_inside(drive.band, samples, rate_hz)
+    accelerations = np.array([one.accelerations[:, :samples] for one in seen])
+    evidence, whole, within = "", [], []
+    for own, target in zip(accelerations, targets, strict=True):
+        missed = error_spectra(own, target, target if target.any() else targets[0])
+        evidence = evidence or dependence(missed, inside)
+        within.append(shared_power(missed[:, inside]))
+        whole.append(shared_power(missed) if target.any() else within[-1])
     said = f"{_DISTURBED}: {evidence}" if evidence else ""
-    return Iteration(volts, accelerations, rate_hz, whole, within, False, said, bool(evidence))
+    return Iteration(volts, accelerations, rate_hz, tuple(whole), tuple(within), False, said, bool(evidence))
+
+
+def _measured(drive: Drive, again: Iteration) -> Drive:
+    """A drive with the errors that were measured of it in place of those that were expected."""
+    # The whole motion errs by no less than the band: noise outside may say so.
+    errors = [
+        max(whole.root, within.root)
+        for whole, within in zip(again.each_whole, again.each_within, strict=True)
+    ]
+    others = tuple(
+        replace(one, expected=(error, one.expected[1]))
+        for one, error in zip(drive.elsewhere, errors[1:], strict=True)
+    )
+    silent = [one.expected[0] for one in others if not one.button]
+    return replace(drive, predicted_error=float(np.linalg.norm([errors[0], *silent])), elsewhere=others)
+
+
+def _overload(seen: Sequence[Played]) -> str | None:
+    """Sentence about a signal that left its range at one of the points, if any did."""
+    return next((one.overload for one in seen if one.overload), None)
 
 
 def _better(before: Iteration, after: Iteration, significance: float) -> bool:
@@ -225,10 +303,16 @@ def _fallen(before: SharedPower, after: SharedPower) -> float:
     return (before.value - after.value) / max(deviation, 1e-30)
 
 
-def _unlearnable(played: Played, target: FloatArray) -> str:
+def _unlearnable(drive: Drive, seen: Sequence[Played]) -> str:
     """Reason why nothing can be learnt from the first plays; empty when something can."""
-    if played.overload:
-        return f"{played.overload} Nothing can be learnt from these plays."
+    if overload := _overload(seen):
+        return f"{overload} Nothing can be learnt from these plays."
+    each = zip(seen, targets_of(drive, seen[0].rate_hz), strict=True)
+    return next(filter(None, (_unmoved(one, target) for one, target in each if target.any())), "")
+
+
+def _unmoved(played: Played, target: FloatArray) -> str:
+    """Reason why a point that has a target teaches nothing; empty when it does."""
     moved = shared_power(played.accelerations[:, : len(target)].astype(np.complex128))
     least, reach = LEAST_MOVED**2 * float(target @ target), _MOTION_SIGNIFICANCE * moved.deviation
     # Written so that NaN is refused too.
@@ -242,14 +326,18 @@ def _unlearnable(played: Played, target: FloatArray) -> str:
     return f"The surface did not follow the drive: {UNSEEN}. Nothing can be learnt from these plays."
 
 
-def _of_the_laser(first: Iteration, target: FloatArray) -> str:
+def _of_the_laser(drive: Drive, seen: Sequence[Played]) -> str:
     """Reason not to learn an error that a laser's scale makes as well; empty when there is none."""
-    missed = error_spectra(first.accelerations[:, : len(target)], target)
-    said = one_factor(first.whole, followed(missed, target), _FACTOR)
-    return said and (
-        f"{said} Nothing is learnt, because a wrong scale would make the drive wrong by it: aim the laser "
-        "square to the surface; if the factor stays, calibrate the patch anew."
-    )
+    for one, target in zip(seen, targets_of(drive, seen[0].rate_hz), strict=True):
+        if not target.any():
+            continue
+        missed = error_spectra(one.accelerations[:, : len(target)], target)
+        if said := one_factor(shared_power(missed), followed(missed, target), _FACTOR):
+            return (
+                f"{said} Nothing is learnt, because a wrong scale would make the drive wrong by it: aim the "
+                "laser square to the surface; if the factor stays, calibrate the patch anew."
+            )
+    return ""
 
 
 def _ended(tried: list[Iteration], best: int, step: float, iterations: int) -> str:
@@ -263,13 +351,10 @@ def _ended(tried: list[Iteration], best: int, step: float, iterations: int) -> s
     return ""
 
 
-def _again(
-    drive: Drive, tried: list[Iteration], best: int, played: Callable[..., list[Played]]
-) -> tuple[Iteration, Iteration]:
+def _again(drive: Drive, tried: list[Iteration], best: int, rounds: _Rounds) -> tuple[Iteration, Iteration]:
     """First and best, played alternately so that a drift of the table affects both."""
     both = tried[0].volts, tried[best].volts
     first, last = (
-        _iteration(drive, volts, result.accelerations, result.rate_hz)
-        for volts, result in zip(both, played(*both), strict=True)
+        _iteration(drive, volts, result) for volts, result in zip(both, rounds.played(*both), strict=True)
     )
     return first, last

@@ -16,7 +16,7 @@ from ..response import overloaded, settle
 from ..spectra import fade, resample
 from .drive import Drive
 
-__all__ = ["Played", "play", "play_by_turns", "refuse_foreign", "target_of"]
+__all__ = ["Played", "play", "play_by_turns", "refuse_foreign", "targets_of"]
 
 _TAIL = 0.1
 """Recording time (s) after the drive, so that the vibrometer's delay truncates nothing."""
@@ -113,11 +113,13 @@ def _calmed(
     return accelerations - taken, tones[lessens], rms
 
 
-def target_of(drive: Drive, rate_hz: float) -> FloatArray:
-    """(samples,) m/s^2: a drive's target at the sample rate of its plays."""
+def targets_of(drive: Drive, rate_hz: float) -> FloatArray:
+    """(points, samples) m/s^2: a drive's target at each of its points, at the sample rate of its plays."""
     factor = round(drive.rate_hz / rate_hz)
     samples = -(-len(drive.target) // factor)
-    return resample(np.pad(drive.target, (0, samples * factor - len(drive.target))), samples)
+    added = samples * factor - len(drive.target)
+    targets = np.array([drive.target, *(one.target for one in drive.elsewhere)])
+    return resample(np.pad(targets, ((0, 0), (0, added))), samples)
 
 
 def refuse_foreign(rig: Rig, drive: Drive) -> None:

@@ -76,7 +76,8 @@ def button_contents(button: DigitalButton) -> Contents:
     press, drive, check, learning = button.press, button.drive, button.check, button.learning
     feeling, kept = check_feeling(check, press), sum(one.kept for one in learning.iterations[1:])
     tried = [
-        f"{number}: in band {one.within.root:.1%}, {'kept' if one.kept else 'not kept'}: {one.reason}"
+        f"{number}: in band {', '.join(f'{power.root:.1%}' for power in one.each_within)}, "
+        f"{'kept' if one.kept else 'not kept'}: {one.reason}"
         for number, one in enumerate(learning.iterations)
     ]
     facts = [

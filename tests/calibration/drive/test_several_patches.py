@@ -22,16 +22,19 @@ from haploop.calibration import (
     calibration_of,
     drift_change,
     drive_for,
+    learn,
     load_calibrations,
     plan_button,
     trade_for,
 )
-from haploop.calibration.drive import check
+from haploop.calibration.drive import check, loudness
 from haploop.calibration.drive.actuation import Actuation
+from haploop.calibration.perception import levels_of, pressing_act
 from haploop.instruments import ConfigurationError, DataError, Rig, open_rig
 from haploop.mocks.plant.hysteresis import Hysteresis
 from haploop.mocks.plant.table import TouchTable
 from haploop.reports.contents.check import button_contents
+from haploop.reports.contents.plan import plan_contents
 from tests.calibration.conftest import Calibrated, make_press
 
 WIDTHS = {"A": 0.12, "B": 0.09, "C": 0.15, "D": 0.11}
@@ -45,8 +48,9 @@ class Unlike(TouchTable):
         return Hysteresis(WIDTHS[patch])
 
 
-def opened(**plant: float) -> Rig:
-    return open_rig("four-channel", simulate="twin", simulation={"seed": SEED}, plant=Unlike(**plant))
+def opened(noise: float = 1.0, **plant: float) -> Rig:
+    simulation = {"seed": SEED, "vibrometer_noise_scale": noise}
+    return open_rig("four-channel", simulate="twin", simulation=simulation, plant=Unlike(**plant))
 
 
 @dataclass(frozen=True)
@@ -201,6 +205,31 @@ def test_two_buttons_are_played_at_once_and_each_has_its_verdict(
     # Seen from one and then from the other, a drive is what it was.
     again = made.drive.seen_from("57").seen_from("button")
     assert again.button == "push" and np.array_equal(again.target, made.drive.target)
+
+
+@pytest.mark.many_plays
+@pytest.mark.parametrize("there", ["toggle", "silence"])
+def test_corrections_are_of_every_point(four: Four, beside: tuple[Calibration, ...], there: str) -> None:
+    """On a table that has drifted since, by what a laser without noise sees of the drive before and after."""
+    press, every = make_press(), [*four.calibrations, *beside]
+    alone = drive_for(press, four.calibrations[0], four.rig.limits)
+    trade = Trade(scale=0.7 * alone.scale, drift=Drift(0, 0, 0, 0, 0))
+    wanted = {"57": late(press) if there == "toggle" else None}
+    drive = drive_for(press, every, four.rig.limits, trade=trade, elsewhere=wanted)
+    with opened(mode_drift=0.005) as rig:
+        learning = learn(rig, drive, every, iterations=2, plays=4)
+    with opened(mode_drift=0.005, noise=0.0) as rig:
+        before, after = (check(rig, one, plays=3) for one in (drive, learning.drive))
+    assert after.error < 0.6 * before.error
+    first, best = learning.iterations[0], learning.iterations[learning.best]
+    assert [len(one.each_within) for one in (first, best)] == [2, 2]
+    if there == "toggle":
+        assert after.others[0].error < 0.6 * before.others[0].error
+        (measured,) = (one.expected[0] for one in learning.drive.elsewhere)
+        assert measured == pytest.approx(after.others[0].error, abs=0.04)
+    else:
+        assert after.silent[0].contrast_db > before.silent[0].contrast_db + 4
+    assert learning.drive.predicted_error == pytest.approx(after.error, abs=0.04)
 
 
 def test_a_button_that_fails_elsewhere_fails_the_check(four: Four, beside: tuple[Calibration, ...]) -> None:
