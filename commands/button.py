@@ -144,17 +144,21 @@ def make(
 @button.command()
 @on_press
 @click.option("--out", "-o", type=NEW, metavar="PLAN.h5", help="Plan file to write, for a report.")
+@on_elsewhere
 @on_rig()
 @showing
-def plan(asked: AskedPress, out: Path | None, rig: ChosenRig, shown: Shown) -> int:
+def plan(asked: AskedPress, elsewhere: AskedElsewhere, out: Path | None, rig: ChosenRig, shown: Shown) -> int:
     """Show what error buys which loudness, without playing anything.
 
     PRESS as of `haploop button make`. Within the limits of the rig, a louder button is less like the recorded
-    one: the table has both for each method, and whether a person feels it who presses.
+    one: the table has both for each method, and whether a person feels it who presses. With `--quiet-at` and
+    `--also` it is that of the worst of all points.
     """
     loaded, press = asked.load_calibrations(), asked.load_press()
+    there = elsewhere.load_wanted(asked.average)
+    loaded = elsewhere.load_calibrations(loaded)
     with rig.opened() as opened, Steps() as steps:
-        planned = haploop.plan_button(press, loaded, opened, progress=steps)
+        planned = haploop.plan_button(press, loaded, opened, progress=steps, elsewhere=there)
     if out is not None:
         planned.save(out)
     shown.print(contents.plan_contents(planned))

@@ -132,9 +132,13 @@ class Drive(InNotebook):
 
         Of several buttons that of the worst.
         """
+        return self.worst_error(self.drift.modes)
+
+    def worst_error(self, drifted: bool) -> float:
+        """Error expected of the worst of its buttons, as calibrated or after the drift."""
         own = self.predicted_error, self.drifted_error
         each = [own, *(one.expected for one in self.elsewhere if one.button)]
-        return max(error[self.drift.modes] for error in each)
+        return max(error[drifted] for error in each)
 
     @property
     def points(self) -> tuple[str, ...]:

@@ -67,11 +67,12 @@ class Offer:
     """One point of a curve: a drive that the limits allow."""
 
     error: float
-    """Expected error of the whole motion as calibrated, before corrections."""
+    """Expected error of the whole motion as calibrated, before corrections: of several buttons, of the
+    worst."""
     drifted: float
     """The same after a drift of the table, whether it is planned against or not."""
     level: float
-    """dB above the threshold of a finger that presses."""
+    """dB above the threshold of a finger that presses: of several buttons, of the weakest."""
     scale: float
     """Size over that of the recorded press."""
     peak: float
@@ -105,6 +106,8 @@ class ButtonPlan(InNotebook):
     parallel: tuple[Wired, ...] = ()
     """What the patches would play in parallel, by the first method, where one channel of the amplifier drives
     all: as wired, the loudest of them as wired, and the loudest with wires swapped; each once."""
+    elsewhere: tuple[tuple[str, str], ...] = ()
+    """Other points that do something at the same time: each with its button's name, empty where silent."""
 
     def __repr__(self) -> str:
         return f"<ButtonPlan {self.button} on {self.rig}: {len(self.curves)} curves>"
@@ -128,7 +131,7 @@ def offered(drives: Sequence[Drive], lab: LabThreshold | None = None) -> Offers:
     first = drives[0]
     # Where the least error is more than was asked for, several drives are the same.
     offers = dict.fromkeys(
-        Offer(d.predicted_error, d.drifted_error, _level(d, lab), d.scale, d.peak) for d in drives
+        Offer(d.worst_error(False), d.worst_error(True), _level(d, lab), d.scale, d.peak) for d in drives
     )
     return Offers(first.method, first.patch, first.in_band, tuple(offers))
 
@@ -139,24 +142,35 @@ def plan_button(
     rig: Rig,
     methods: Sequence[Method] = ("modulated", "broadband"),
     progress: Progress = silent,
+    elsewhere: Wanted = NOWHERE,
 ) -> ButtonPlan:
     """Compute the curve of each method, of the first patch alone and of all at once, within a rig's limits.
 
-    Where one channel of the amplifier drives all patches, they cannot be played at once: what they would play
-    in parallel is computed instead. Raises what `drive_for` raises.
+    Where other points are to do something at the same time (see `drive_for`), of all patches only, because
+    one alone cannot. Where one channel of the amplifier drives all patches, they cannot be played at once:
+    what they would play in parallel is computed instead. Raises ConfigurationError for other points with such
+    an amplifier, and what `drive_for` raises.
     """
     lab = lab_threshold(rig)
     every = (calibration,) if isinstance(calibration, Calibration) else tuple(calibration)
-    several = len(every) > 1
-    shared = several and rig.amplifier.sharing({c.response.patch for c in every}) == len(every)
-    together = [every[:1], every] if several and not shared else [every[:1]]
+    patches = {c.response.patch for c in every}
+    several = len(patches) > 1
+    shared = several and rig.amplifier.sharing(patches) == len(patches)
+    if shared and elsewhere:
+        raise ConfigurationError(
+            f"One channel of the amplifier drives patches {', '.join(sorted(patches))}, so that all play one "
+            f"waveform, and no other point ({', '.join(elsewhere)}) can be moved or kept silent beside the "
+            "button: plan without it."
+        )
+    together = [every] if elsewhere else [every[:1], every] if several and not shared else [every[:1]]
     curves: list[Offers] = []
     doing, count = f"Plan the {press.button} button", len(together) * len(methods) * len(_ERRORS)
     for method, some in product(methods, together):
         drives: list[Drive] = []
         for error in _ERRORS:
             progress(doing, len(curves) * len(_ERRORS) + len(drives), count, "")
-            drives.append(drive_for(press, some, rig.limits, method=method, trade=Trade(error)))
+            drive = drive_for(press, some, rig.limits, method=method, trade=Trade(error), elsewhere=elsewhere)
+            drives.append(drive)
         curves.append(offered(drives, lab))
     progress(doing, count, count, "")
     first = drives[0]
@@ -168,6 +182,7 @@ def plan_button(
         sources=first.sources,
         lab=lab,
         parallel=parallel_wirings(press, every, rig.limits_for, methods[0], lab) if shared else (),
+        elsewhere=tuple((one.point, one.button) for one in first.elsewhere),
     )
 
 
@@ -256,4 +271,6 @@ def _least(
 
 
 def _level(drive: Drive, lab: LabThreshold | None) -> float:
-    return levels_of(drive.target, drive.rate_hz).pressing - pressing_act(lab).shift
+    """Level (dB) above the threshold of a finger that presses: of the weakest button."""
+    targets = [drive.target, *(one.target for one in drive.elsewhere if one.button)]
+    return min(levels_of(one, drive.rate_hz).pressing for one in targets) - pressing_act(lab).shift

@@ -55,15 +55,29 @@ def plan_contents(plan: ButtonPlan) -> Contents:
                 button=plan.button,
                 offers=plain(values),
                 parallel=plain([_wired(one) for one in plan.parallel]),
+                elsewhere=dict(plan.elsewhere),
             )
         ],
         kind="plan",
         tables=[Grid("", _HEADINGS, rows, below=_EXPLAINED)],
-        notes=[*_in_parallel(plan), first.reservation],
+        notes=[*_at_other_points(plan), *_in_parallel(plan), first.reservation],
         simulated=plan.simulated,
         rig=plan.rig,
         figures=[plan_drawing(plan)],
     )
+
+
+def _at_other_points(plan: ButtonPlan) -> Iterator[str]:
+    """What other points do in a plan, and how it counts; nothing without them."""
+    buttons = [f"the {button} button at point {point}" for point, button in plan.elsewhere if button]
+    silent = [point for point, button in plan.elsewhere if not button]
+    if buttons:
+        yield (
+            f"At the same time play {', '.join(buttons)}: errors are those of the worst button, and levels "
+            "those of the weakest."
+        )
+    if silent:
+        yield f"Points that are to be silent: {', '.join(silent)}. What moves there counts as error."
 
 
 def _in_parallel(plan: ButtonPlan) -> Iterator[str]:

@@ -320,6 +320,32 @@ def test_a_plan_compares_one_patch_and_four_as_calibrated_and_after_a_drift(four
     assert every.offers[0].error < every.offers[0].drifted
 
 
+def test_a_plan_counts_what_other_points_do(
+    four: Four,
+    beside: tuple[Calibration, ...],
+    calibrated: Calibrated,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Errors are those of the worst button, and levels those of the weakest."""
+    press, every, rig = make_press(), [*four.calibrations, *beside], four.rig
+    monkeypatch.setattr(loudness, "_ERRORS", (0.06,))
+    wanted = {"57": late(press)}
+    plan = plan_button(press, every, rig, methods=("modulated",), elsewhere=wanted)
+    (curve,) = plan.curves
+    (offer,) = curve.offers
+    drive = drive_for(press, every, rig.limits, trade=Trade(0.06), elsewhere=wanted)
+    (toggle,) = drive.elsewhere
+    assert curve.patch == "A, B, C, D" and offer.scale == drive.scale
+    assert offer.error == max(drive.predicted_error, toggle.expected[0])
+    assert offer.drifted == max(drive.drifted_error, toggle.expected[1])
+    levels = [levels_of(one.target, drive.rate_hz).pressing for one in (drive, toggle)]
+    assert offer.level == pytest.approx(min(levels) - pressing_act(plan.lab).shift)
+    said = plan_contents(plan).notes[0]
+    assert "play the toggle button at point 57" in said and "worst button" in said
+    with pytest.raises(ConfigurationError, match=r"no other point \(57\) can be moved or kept silent"):
+        plan_button(press, every, calibrated.rig, elsewhere=wanted)
+
+
 def test_a_smaller_drift_that_is_planned_against_is_louder(four: Four) -> None:
     press, drives = make_press(), []
     for drift in (Drift(), Drift().times(0.1)):
