@@ -124,16 +124,25 @@ class AskedElsewhere:
 
     quiet_at: Sequence[str]
     also: Sequence[tuple[str, Path]]
+    times: Sequence[tuple[str, float]]
     map_folder: Path | None
 
-    def load_wanted(self, average: AverageMethod) -> dict[str, Representative | None]:
-        """Read the press of each point that plays one; None where it is silent."""
+    def load_wanted(
+        self, average: AverageMethod
+    ) -> dict[str, Representative | tuple[Representative, float] | None]:
+        """Read the press of each point that plays one, and its size; None where it is silent."""
         files: dict[str, list[Path]] = {}
         for point, path in self.also:
             files.setdefault(point, []).append(path)
         if both := sorted(set(files) & set(self.quiet_at)):
             raise click.UsageError(f"Point {both[0]} cannot be silent and play a press.")
-        presses = {point: haploop.load_press(paths, average) for point, paths in files.items()}
+        sizes = dict(self.times)
+        if nowhere := sorted(set(sizes) - set(files)):
+            raise click.UsageError(f"--times {nowhere[0]} belongs to --also {nowhere[0]} PRESS.")
+        presses = {
+            point: (haploop.load_press(paths, average), sizes.get(point, 1.0))
+            for point, paths in files.items()
+        }
         return {**presses, **dict.fromkeys(self.quiet_at)}
 
     def load_calibrations(self, calibrations: Sequence[Calibration]) -> tuple[Calibration, ...]:
@@ -163,6 +172,14 @@ on_elsewhere = grouped(
         metavar="POINT PRESS",
         help="Grid point that is to play another press at the same time; repeatable. Points are no more than "
         "patches, the button's included.",
+    ),
+    click.option(
+        "--times",
+        type=(str, float),
+        multiple=True,
+        metavar="POINT SIZE",
+        help="Size at which a press of --also is played, over that of the button's own, for example 57 0.5.  "
+        "[default: 1]",
     ),
     click.option(
         "--map",

@@ -17,7 +17,7 @@ from ..model import Calibration
 from .check import check
 from .checked import Check
 from .drive import Drive, drive_for
-from .elsewhere import NOWHERE, Wanted
+from .elsewhere import NOWHERE, Wanted, sized
 from .finger_check import check_under_finger
 from .learning import Learning, learn
 from .playing import refuse_foreign
@@ -76,7 +76,10 @@ class DigitalButton(InNotebook):
     def elsewhere(self) -> Wanted:
         """What other points are to do: see `drive_for`."""
         presses = iter(self.others)
-        return {one.point: next(presses) if one.button else None for one in self.drive.elsewhere}
+        return {
+            one.point: (next(presses), one.scale / self.drive.scale) if one.button else None
+            for one in self.drive.elsewhere
+        }
 
     @property
     def passed(self) -> bool:
@@ -134,7 +137,7 @@ def build_button(
         calibrations=calibrations,
         learning=learning,
         check=result,
-        others=tuple(one for one in elsewhere.values() if one is not None),
+        others=tuple(one for one, _ in sized(elsewhere) if one is not None),
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         made_with=f"haploop {metadata.version('haploop')}",
     )

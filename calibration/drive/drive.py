@@ -19,7 +19,7 @@ from ..model import Calibration, Drift
 from ..response import Response
 from ..spectra import resample, third_octaves
 from .actuation import Actuation
-from .elsewhere import NOWHERE, Elsewhere, Wanted
+from .elsewhere import NOWHERE, Elsewhere, Wanted, sized
 from .inversion import Plan
 from .planning import expected_errors, plan_for, planned_by
 from .targets import Method, target_grid
@@ -198,8 +198,9 @@ def drive_for(
     calibration is fitted first.
 
     `elsewhere` says what other points are to do at the same time: play a press of their own, each with the
-    carrier of its point, all at one scale and begun together, or keep silent (None). Each patch must be
-    calibrated there too, or taken from a map (`with_map`), and there are no more points than patches.
+    carrier of its point, begun together and at one scale, or at that times a size of its own where one is
+    given with the press; or keep silent (None). Each patch must be calibrated there too, or taken from a map
+    (`with_map`), and there are no more points than patches.
 
     Raises DataError for a press that cannot be driven or a response that is too noisy, LimitError
     when the limits leave no headroom.
@@ -207,10 +208,13 @@ def drive_for(
     if isinstance(calibration, Response):
         calibration = Calibration.of(calibration)
     table = Actuation.of(calibration, elsewhere)
-    presses = [press, *elsewhere.values()]
+    others = sized(elsewhere)
+    presses = [press, *(one for one, _ in others)]
     grid = target_grid(presses, table, method)
     band = table.measured_well(band, [point for point in table.points if elsewhere.get(point, press)])
     targets, in_band = grid.within(band)
+    sizes = np.array([1.0, *(size for _, size in others)])
+    targets = targets * sizes[:, None]
     drift = trade.drift_for(table)
     plan = plan_for(table, targets, grid, band, limits, drift)
     steady, drifting = replace(plan, drift=0.0), plan
@@ -243,11 +247,13 @@ def drive_for(
             point=point,
             button=one.button if one else "",
             target=scale * grid.on_drive(targets[row]),
-            scale=float(scale),
+            scale=float(scale * sizes[row]),
             carrier_hz=grid.carriers[row],
             in_band=float(in_band[row]),
             sources=_sources(one),
-            unreached=_unreached(steady.at(row), played, grid.rate_hz, band, scale, in_band[row], by)
+            unreached=_unreached(
+                steady.at(row), played, grid.rate_hz, band, scale * sizes[row], in_band[row], by
+            )
             if one
             else "",
             expected=(float(errors[row, 0]), float(errors[row, 1])),

@@ -6,17 +6,35 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias
 
+from ...instruments import ConfigurationError
 from ...instruments.arrays import FloatArray
 
 if TYPE_CHECKING:
     from ...acquisition import Representative
 
-__all__ = ["NOWHERE", "Elsewhere", "Wanted"]
+__all__ = ["NOWHERE", "Elsewhere", "Wanted", "sized"]
 
-Wanted: TypeAlias = "Mapping[str, Representative | None]"
-"""What is wanted at other points: a press that is to be played there, or None for silence."""
+Wanted: TypeAlias = "Mapping[str, Representative | tuple[Representative, float] | None]"
+"""What is wanted at other points: a press that is to be played there, alone or with its size over that of the
+drive's own press, or None for silence."""
 
 NOWHERE: Wanted = {}
+_MOST = 100.0
+
+
+def sized(wanted: Wanted) -> list[tuple[Representative | None, float]]:
+    """Of each other point its press, None where it is silent, and its size over the drive's own.
+
+    Raises ConfigurationError for a size that no press has.
+    """
+    each = [one if isinstance(one, tuple) else (one, 1.0) for one in wanted.values()]
+    for point, (_, size) in zip(wanted, each, strict=True):
+        if not 1 / _MOST <= size <= _MOST:
+            raise ConfigurationError(
+                f"The button at point {point} cannot be {size:g} times the size of the drive's own: it is "
+                f"{1 / _MOST:g} to {_MOST:g} times."
+            )
+    return each
 
 
 @dataclass(frozen=True, eq=False)

@@ -224,7 +224,8 @@ def drive_facts(drive: Drive) -> Iterator[Fact]:
     yield fact("Scale", f"{drive.scale:.4f} of the recorded acceleration", scale=drive.scale)
     for one in drive.elsewhere:
         carrier = f", with {one.carrier_hz:.2f} Hz" if one.carrier_hz else ""
-        yield fact(f"At point {one.point}", f"{one.button}{carrier}" if one.button else "silence")
+        scale = f"{one.scale:.4f} of the recorded acceleration"
+        yield fact(f"At point {one.point}", f"{one.button}, {scale}{carrier}" if one.button else "silence")
     predicted = percent(drive.predicted_error)
     planned = drive.drift if drive.drift.modes else Drift()
     unplanned = "" if drive.drift.modes else ", which it was not planned against"

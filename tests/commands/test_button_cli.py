@@ -54,12 +54,15 @@ def test_points_that_cannot_be_are_refused_before_anything_is_played(
     for more, told in (
         (("--quiet-at", "57"), "2 points cannot be moved or kept silent at once by 1 patches"),
         (("--quiet-at", "57", "--also", "57", recording), "Point 57 cannot be silent and play a press"),
+        (("--times", "57", "0.5"), "--times 57 belongs to --also 57 PRESS"),
         (("--also", "57", tmp_path / "none.h5"), "none.h5"),
         (("--quiet-at", "57", "--map", tmp_path), "holds no map"),
     ):
         result = run(*asked, *more)
         assert result.exit_code in (2, 3) and told in " ".join(result.output.split())
         assert "Play" not in result.output and not (tmp_path / "no.h5").exists()
+        planned = run("button", "plan", *asked[2:5], *more)
+        assert planned.exit_code in (2, 3) and told in " ".join(planned.output.split())
 
 
 def test_a_press_is_represented_by_the_method_that_is_asked_for(demo: Demo, run: Run, tmp_path: Path) -> None:

@@ -178,7 +178,7 @@ def late(press: Representative, by: float = 0.02) -> Representative:
 def test_two_buttons_are_played_at_once_and_each_has_its_verdict(
     four: Four, beside: tuple[Calibration, ...], tmp_path: Path
 ) -> None:
-    press, wanted = make_press(), {"57": late(make_press())}
+    press, wanted = make_press(), {"57": (late(make_press()), 0.9)}
     alone = drive_for(press, four.calibrations[0], four.rig.limits)
     trade = Trade(scale=alone.scale, drift=Drift(0, 0, 0, 0, 0))
     every = [*four.calibrations, *beside]
@@ -196,7 +196,9 @@ def test_two_buttons_are_played_at_once_and_each_has_its_verdict(
     made.save(tmp_path / "both.h5")
     back = DigitalButton.load(tmp_path / "both.h5")
     assert back.digest == made.digest and list(back.elsewhere) == ["57"]
-    assert back.elsewhere["57"].button == "toggle"  # type: ignore[union-attr]
+    kept, size = back.elsewhere["57"]  # type: ignore[misc]
+    assert kept.button == "toggle" and size == pytest.approx(0.9)
+    assert toggle.drive.scale == pytest.approx(0.9 * made.drive.scale)
     said = button_contents(back)
     assert [one.good for one in said.verdicts] == [True, True]
     assert {one.name for one in said.figures} >= {"check-57"}
@@ -256,6 +258,9 @@ def test_more_points_than_patches_are_refused_in_a_sentence(
     two, wanted = [*four.calibrations[:2], *beside[:2]], {"57": late(press), "58": None}
     with pytest.raises(ConfigurationError, match="3 points cannot be moved or kept silent at once by 2 pat"):
         drive_for(press, two, limits, elsewhere=wanted)
+    for size in (0.0, float("nan"), 1000.0):
+        with pytest.raises(ConfigurationError, match=r"point 57 cannot be .* times the size"):
+            drive_for(press, [*four.calibrations, *beside], limits, elsewhere={"57": (late(press), size)})
     slower = replace(late(press), rate_hz=10_000.0)
     with pytest.raises(DataError, match="5000 samples/s and that of 'toggle' 10000"):
         drive_for(press, [*four.calibrations, *beside], limits, elsewhere={"57": slower})
