@@ -19,6 +19,7 @@ from .recording import Recording as Recording
 from .recording import content_hash as content_hash
 from .recording import file_name as file_name
 from .recording import recover as recover
+from .recording import refuse_name as refuse_name
 from .recording import set_aside as set_aside
 from .recording import verify as verify
 from .session import Study as Study

@@ -33,7 +33,7 @@ def refuse_force(force: float) -> None:
     """Raise ConfigurationError for a force (N) that no fingertip rests with."""
     if not FORCES[0] <= force <= FORCES[1]:
         raise ConfigurationError(
-            f"A fingertip rests with {FORCES[0]:g} to {FORCES[1]:g} N, and {force:g} N was asked for."
+            f"A fingertip rests with {FORCES[0]:g} to {FORCES[1]:g} N, and not with {force:.3g} N."
         )
 
 

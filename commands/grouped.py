@@ -149,6 +149,8 @@ class AskedElsewhere:
         """Add to calibrations those of points that only the map has."""
         if self.map_folder is None:
             return tuple(calibrations)
+        if not self.also and not self.quiet_at:
+            raise click.UsageError("--map belongs to --quiet-at and --also: it has what other points need.")
         points = (*(point for point, _ in self.also), *self.quiet_at)
         return haploop.with_map(
             calibrations, haploop.VibrationMap.load(self.map_folder), tuple(dict.fromkeys(points))

@@ -192,7 +192,7 @@ FINGER = click.option(
 )
 FORCE = click.option(
     "--force",
-    type=click.FloatRange(0.1, 20),
+    type=FiniteRange(0.1, 20),
     metavar="N",
     help="Force of that finger (N).  [default: 1, or the calibration's]",
 )
@@ -320,7 +320,7 @@ def _world(rig: Rig) -> str:
 def on_table(rig: Rig, point: str) -> None:
     """Raise ConfigurationError for a point that is not on the rig's table."""
     points = rig.table.rows * rig.table.columns
-    if point != "button" and not (point.isdecimal() and int(point) < points):
+    if point != "button" and point not in map(str, range(points)):
         raise haploop.ConfigurationError(
             f"The table has no point {point!r}: use 'button', or a number from 0 to {points - 1}."
         )

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import click
+from click.core import ParameterSource
 
 from .. import instruments
 from ..calibration import sizes
@@ -105,6 +106,7 @@ def calibrate(
     Exit codes: 0 calibrated, 1 calibrated, and --since tells nothing of the channels.
     """
     if finger is not None:
+        _refuse_given("patches", "point", "waveforms", "since")
         looked = _Looked(bare, tuple(beside or ()), mapped)
         return _calibrate_finger(RestFinger(finger, "", force or 1.0), looked, out, rig, as_json)
     if bare or beside or mapped or force:
@@ -145,6 +147,17 @@ def calibrate(
         shown = contents.calibrations_contents(haploop.load_calibrations(made))
     show.print_contents(shown, as_json)
     return 1 if unsaid else 0
+
+
+def _refuse_given(*names: str) -> None:
+    """Raise click.UsageError where one of these options of the bare table was given beside --finger."""
+    context = click.get_current_context()
+    for option in context.command.params:
+        if option.name in names and context.get_parameter_source(option.name) is not ParameterSource.DEFAULT:
+            raise click.UsageError(
+                f"{option.opts[0]} does not belong to --finger: patch and point are those of the --bare "
+                "calibration, and no waveforms are kept."
+            )
 
 
 @dataclass(frozen=True)
@@ -241,6 +254,7 @@ def check(
                 played.finger,
                 force=played.force or (held.force if held else 1.0),
                 plays=played.plays,
+                made_for=None if by_force else held,
                 progress=steps,
             )
         if out is not None:

@@ -3,6 +3,7 @@
 from .file_format import Contents as Contents
 from .file_format import Header as Header
 from .file_format import file_name as file_name
+from .file_format import refuse_name as refuse_name
 from .file_format import to_codes as to_codes
 from .part_reader import PartReader as PartReader
 from .readings import AlongFile as AlongFile

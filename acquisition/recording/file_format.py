@@ -34,6 +34,7 @@ __all__ = [
     "file_name",
     "from_codes",
     "read_header",
+    "refuse_name",
     "to_codes",
     "write_header",
 ]
@@ -134,13 +135,18 @@ class Contents:
         return digest.hexdigest()
 
 
-def file_name(participant: str, button: str, name: str = "") -> str:
-    """`<participant>-<button>.h5`, or `<name>.h5`. Raises ConfigurationError for an invalid name."""
+def refuse_name(participant: str) -> None:
+    """Raise ConfigurationError for a participant who is not named by a pseudonym: files are shared."""
     if not _PSEUDONYM.fullmatch(participant):
         raise ConfigurationError(
             f"{participant!r} is not a valid participant pseudonym: use one to four letters, then one to "
             "four digits, such as P01. Do not use a person's name."
         )
+
+
+def file_name(participant: str, button: str, name: str = "") -> str:
+    """`<participant>-<button>.h5`, or `<name>.h5`. Raises ConfigurationError for an invalid name."""
+    refuse_name(participant)
     if not _BUTTON.fullmatch(button):
         raise ConfigurationError(
             f"{button!r} is not a valid button name: use up to 40 letters, digits, '_' and '-', "

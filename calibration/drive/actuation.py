@@ -14,7 +14,7 @@ from typing import TypeVar
 import numpy as np
 import scipy
 
-from ...instruments import ConfigurationError, DataError, Limits
+from ...instruments import ConfigurationError, DataError, Limits, RigFile
 from ...instruments.arrays import ComplexArray, FloatArray
 from ..model import Calibration, Drift, apart, mode_deviations, standard_deviation
 from ..response import Response
@@ -81,6 +81,8 @@ class Actuation:
                 f"The calibrations are of {len(made)} rigs ({', '.join(sorted(rig for rig, *_ in made))}): "
                 "patches of one table are calibrated on one rig."
             )
+        _refuse_fingers(calibrations)
+        _refuse_one_place(points, calibrations[0].response)
         _refuse_apart(list(by_place.values()))
         rows = tuple(tuple(by_place[patch, point] for patch in patches) for point in points)
         return cls(patches, points, rows)._before(elsewhere)
@@ -102,10 +104,15 @@ class Actuation:
                 f"{', '.join(self.points)}. Calibrate each patch there, or take the point from a map."
             )
         own = [point for point in self.points if point not in elsewhere]
+        if not own:
+            raise ConfigurationError(
+                f"Every calibrated point ({', '.join(self.points)}) is to be silent or to play a press of "
+                "its own, and none is left for the button."
+            )
         if len(own) != 1:
             raise ConfigurationError(
                 f"One point is to have the press, and {len(own)} of the calibrated ones are left for it "
-                f"({', '.join(own) or 'none'}): name what the others are for, or leave them out."
+                f"({', '.join(own)}): name what the others are for, or leave them out."
             )
         points, by_point = (*own, *elsewhere), dict(zip(self.points, self.rows, strict=True))
         return Actuation(self.patches, points, tuple(by_point[point] for point in points))
@@ -240,6 +247,28 @@ class Actuation:
         """
         each = [(v, _arriving(c, v)) for c, v in zip(self.own, volts, strict=True)]
         return min(limits.headroom(waveform, self.rate_hz) for pair in each for waveform in pair)
+
+
+def _refuse_fingers(calibrations: Sequence[Calibration]) -> None:
+    """Raise ConfigurationError for calibrations of which not all hold under the same person's finger."""
+    fingers = dict.fromkeys(c.finger.participant if c.finger else None for c in calibrations)
+    if len(fingers) > 1:
+        held = " and ".join(f"under {one}'s finger" if one else "of the bare table" for one in fingers)
+        raise ConfigurationError(
+            f"The calibrations are {held}: give those of the bare table, or of one person's finger."
+        )
+
+
+def _refuse_one_place(points: Sequence[str], response: Response) -> None:
+    """Raise ConfigurationError for the button's point and its own number as two points."""
+    if "button" not in points or len(points) < 2 or not response.rig_file:
+        return
+    table = RigFile.model_validate_json(response.rig_file).table
+    number = str(table.button_point) if table else ""
+    if number in points:
+        raise ConfigurationError(
+            f"Point {number} is the button point: one place cannot do two things. Name another point."
+        )
 
 
 def _refuse_apart(calibrations: Sequence[Calibration]) -> None:

@@ -15,7 +15,7 @@ from ...instruments.operator import RestFinger
 from ...instruments.progress import Progress, silent
 from ..model import Calibration
 from .check import check
-from .checked import Check
+from .checked import Check, Verdict
 from .drive import Drive, drive_for
 from .elsewhere import NOWHERE, Wanted, sized
 from .finger_check import check_under_finger
@@ -24,6 +24,7 @@ from .playing import refuse_foreign
 from .pressed import PressedDrives, pressed_drives
 from .targets import Method
 from .trade import TRADE, Trade
+from .verdict import worst
 
 __all__ = ["DigitalButton", "build_button", "button_under_finger", "play_button"]
 
@@ -65,7 +66,7 @@ class DigitalButton(InNotebook):
     def __repr__(self) -> str:
         simulated = ", simulated" if self.simulated else ""
         error = f"error {100 * self.check.error:.1f} %"
-        return f"<DigitalButton {self.press.button}: {self.check.verdict}, {error}{simulated}>"
+        return f"<DigitalButton {self.press.button}: {self.verdict}, {error}{simulated}>"
 
     @property
     def drive(self) -> Drive:
@@ -82,9 +83,14 @@ class DigitalButton(InNotebook):
         }
 
     @property
+    def verdict(self) -> Verdict:
+        """The worst of its check's verdict and those of the drives for a finger."""
+        return worst(one.verdict for one in (self.check, *self.pressed_checks))
+
+    @property
     def passed(self) -> bool:
         """True when its check passed, and that of each drive for a finger."""
-        return self.check.passed and all(one.passed for one in self.pressed_checks)
+        return self.verdict == "pass"
 
     @property
     def simulated(self) -> bool:
@@ -156,23 +162,25 @@ def button_under_finger(
     `fingers` is the calibration for that finger, or one of each of the button's patches. The operator is
     asked to rest the finger with each of the forces in turn. A button whose checks do not pass is returned as
     well. Raises ConfigurationError for calibrations of other patches than the button's, or of another point,
-    and what `pressed_drives` and `check_under_finger` raise.
+    for a button of another rig, and what `pressed_drives` and `check_under_finger` raise.
     """
-    calibrations = (fingers,) if isinstance(fingers, Calibration) else tuple(fingers)
     drive = button.drive
+    refuse_foreign(rig, drive)
+    order = {patch: number for number, patch in enumerate(drive.patches)}
+    given = (fingers,) if isinstance(fingers, Calibration) else tuple(fingers)
+    calibrations = sorted(given, key=lambda one: order.get(one.response.patch, len(order)))
+    if drive.elsewhere:
+        others = ", ".join(one.point for one in drive.elsewhere)
+        raise ConfigurationError(
+            f"The button's drives are planned for other points too ({others}), and what a finger does there "
+            "is not known: make it for its own point alone."
+        )
     there = tuple(one.response.patch for one in calibrations)
     points = {one.response.point for one in calibrations}
     if there != drive.patches or points != {drive.point}:
         raise ConfigurationError(
             f"The button is played by patch {drive.patch} at the {drive.point} point, and the finger was "
             f"calibrated with patch {', '.join(there)} at {', '.join(sorted(points))}: calibrate it there."
-        )
-    if drive.elsewhere:
-        others = ", ".join(one.point for one in drive.elsewhere)
-        raise ConfigurationError(
-            f"The button's drives are planned for other points too ({others}), and what a finger does there "
-            "is not "
-            "known: make it for its own point alone."
         )
     _refuse_other_world(rig, calibrations, fingers=True)
     method: Method = "broadband" if drive.method == "broadband" else "modulated"

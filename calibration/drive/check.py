@@ -12,7 +12,7 @@ from ...instruments import ConfigurationError, Rig
 from ...instruments.arrays import ComplexArray, FloatArray
 from ...instruments.progress import Progress, part_of, silent
 from ..perception import lab_threshold
-from ..response import prepare
+from ..response import prepare, unseen
 from ..spectra import third_octaves
 from .agreement import (
     SharedPower,
@@ -77,12 +77,23 @@ def check(
         if one.button:
             others.append(compare(drive.seen_from(one.point), there, rig))
             continue
-        target = targets_of(drive, there.rate_hz)[0]
-        moved = error_spectra(there.accelerations[:, : len(target)], 0 * target, target)
-        # Within the band: the laser's noise beyond it would hide what is silent.
-        inside = lines_inside(drive.band, len(target), there.rate_hz)
-        silent.append(Silence(one.point, shared_power(moved[:, inside])))
+        silent.append(_silence(rig, drive, one.point, there))
     return all_judged(replace(result, silent=tuple(silent), others=tuple(others)))
+
+
+def _silence(rig: Rig, drive: Drive, point: str, played: Played) -> Silence:
+    """How much a point moves that is to be silent.
+
+    A laser that sees nothing shows silence too: whether it sees this point is measured, by what one patch
+    moves.
+    """
+    target = targets_of(drive, played.rate_hz)[0]
+    moved = error_spectra(played.accelerations[:, : len(target)], 0 * target, target)
+    # Within the band: the laser's noise beyond it would hide what is silent.
+    inside = lines_inside(drive.band, len(target), played.rate_hz)
+    return Silence(
+        point, shared_power(moved[:, inside]), played.overload or unseen(rig, drive.patches[0], point)
+    )
 
 
 def compare(drive: Drive, played: Played, rig: Rig) -> Check:
@@ -128,6 +139,10 @@ def compare(drive: Drive, played: Played, rig: Rig) -> Check:
         dependent=dependent,
         overload=played.overload,
         limit=rig.limits.peak,
+        volts=tuple(
+            (patch, got, float(np.abs(own).max()))
+            for patch, got, own in zip(drive.patches, played.peaks, drive.volts, strict=True)
+        ),
     )
     return judged(_without_errors(result) if dependent else result, signs)
 

@@ -62,10 +62,17 @@ class Silence:
 
     point: str
     motion: SharedPower
+    unseen: str = ""
+    """Sentence that says why nothing was seen of it; empty for a point that the laser saw."""
 
     @property
     def contrast_db(self) -> float:
-        """Level of the target over the motion here (dB): at least that, where noise hides the motion."""
+        """Level of the target over the motion here (dB): at least that, where noise hides the motion.
+
+        NaN where nothing is known of it.
+        """
+        if self.unseen or not self.motion.possible:
+            return float("nan")
         return float(-20 * np.log10(max(self.motion.root, self.motion.floor, 1e-6)))
 
 
@@ -195,7 +202,7 @@ class Check(InNotebook):
             "tones_hz": self.tones.hz.tolist(),
             "tones": self.tones.share,
             "plays": self.plays,
-            "silent": {one.point: one.contrast_db for one in self.silent},
+            "silent": {one.point: finite(one.contrast_db) for one in self.silent},
             "crosstalk_db": {point: finite(level) for point, level in self.crosstalk_db},
             "others": {one.drive.point: one.summary() for one in self.others},
             "verdict": self.verdict,

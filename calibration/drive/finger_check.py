@@ -12,14 +12,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...instruments import InstrumentError, Rig
+from ...acquisition import refuse_name
+from ...instruments import ConfigurationError, InstrumentError, Rig
 from ...instruments.operator import RestFinger
 from ...instruments.progress import Progress, silent
+from ..model import Finger
 from ..response import Response, quick_response
 from ..resting_finger import LEAST, TableForce, refuse_force, resting
 from .check import check
 from .checked import Check
 from .drive import BAND, Drive
+from .playing import refuse_foreign
 from .pressed import PressedDrives
 
 __all__ = ["check_under_finger"]
@@ -36,18 +39,24 @@ def check_under_finger(
     *,
     force: float = 1.0,
     plays: int = 8,
+    made_for: Finger | None = None,
     progress: Progress = silent,
 ) -> Check:
     """Check a drive while a participant's fingertip rests at its point with about a force (N).
 
     The operator is asked to rest it, and to lift it when the plays are over, however they end. Of
     `PressedDrives` the one is checked that the force calls for, by the force sensor where it carries the
-    table, or the nominal one. The verdict is of the motion under the finger, and says so in its notes. Raises
-    ConfigurationError for a force that is none, InstrumentError when nobody rests a finger or it leaves
-    before the plays are over, and what `check` raises.
+    table, or the nominal one; `made_for` is the finger that a single drive was made for. The verdict is of
+    the motion under the finger, and says so in its notes. Raises ConfigurationError for a force that is none,
+    InstrumentError when nobody rests a finger or it leaves before the plays are over, and what `check`
+    raises.
     """
+    refuse_name(participant)
     refuse_force(force)
+    if plays < 3:
+        raise ConfigurationError("A check needs at least 3 plays: their differences are its uncertainty.")
     one = drive if isinstance(drive, Drive) else drive.drives[0]
+    refuse_foreign(rig, one)  # before somebody rests a finger
     asked = RestFinger(participant, one.point, force)
     presence = _Presence(rig, asked, one.patches[0])
     with resting(rig, asked):
@@ -59,6 +68,8 @@ def check_under_finger(
     notes = [under, told] if told else [under]
     if isinstance(drive, PressedDrives) and drive.participant != participant:
         notes.append(f"The drive was made for {drive.participant}'s finger.")
+    if made_for is not None and (made_for.participant, made_for.force) != (participant, force):
+        notes.append(f"The drive was made for {made_for.participant}'s finger at {made_for.force:.3g} N.")
     return replace(result, notes=(*notes, *result.notes))
 
 

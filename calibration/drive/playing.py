@@ -35,14 +35,19 @@ class Played:
     accelerations: FloatArray
     rate_hz: float
     judged_hz: float
-    peak: float
-    """Largest voltage at any patch (V)."""
+    peaks: tuple[float, ...]
+    """Largest voltage (V) at each patch of the drive."""
     overload: str | None
     """Sentence about the signal that left its range, if any."""
     tones_hz: FloatArray = field(default_factory=lambda: np.zeros(0))
     """(tones,) Hz: steady tones of the background that were taken out of every play."""
     tones_rms: float = 0.0
     """Rms (m/s^2) of what was taken out, in the mean play."""
+
+    @property
+    def peak(self) -> float:
+        """Largest voltage at any patch (V)."""
+        return max(self.peaks)
 
 
 def play(rig: Rig, drive: Drive, plays: int, tail: float = 0.0, progress: Progress = silent) -> Played:
@@ -72,7 +77,7 @@ def play_by_turns(
         capture = rig.excite_each(volts, channels, tail + _TAIL)
         acceleration = _acceleration(rig, capture, top, factor, lead)
         records.append(Record(acceleration, (slice(round(_EDGE * one.rate_hz) // factor, lead // factor),)))
-        peaks.append(_peak(rig, capture))
+        peaks.append(_peaks(rig, capture, one.patches))
         problems.append(overloaded(rig, capture))
         progress("Play", number + 1, len(leads), "plays")
     rate_hz = one.rate_hz / factor
@@ -83,7 +88,8 @@ def play_by_turns(
         own = slice(turn, None, len(drives))
         accelerations, kept, rms = _calmed(records[own], samples, tones, rate_hz)
         overload = next((p for p in problems[own] if p), None)
-        found.append(Played(accelerations, rate_hz, top, max(peaks[own]), overload, kept, rms))
+        most = tuple(np.max(peaks[own], axis=0).tolist())
+        found.append(Played(accelerations, rate_hz, top, most, overload, kept, rms))
     return found
 
 
@@ -161,7 +167,8 @@ def _acceleration(rig: Rig, capture: Capture, top: float, factor: int, rest: int
     return np.asarray(scipy.fft.irfft(moved, samples) / factor)
 
 
-def _peak(rig: Rig, capture: Capture) -> float:
+def _peaks(rig: Rig, capture: Capture, patches: Sequence[str]) -> list[float]:
     assert rig.sensors.drive is not None
-    monitors = [row for row, name in enumerate(capture.channels) if name != rig.vibrometer.channel]
-    return float(np.abs(rig.sensors.drive.to_si(capture.volts[monitors])).max())
+    monitors = [capture.channels.index(rig.monitor(patch)) for patch in patches]
+    volts = np.abs(rig.sensors.drive.to_si(capture.volts[monitors]))
+    return [float(most) for most in volts.max(axis=1)]

@@ -18,6 +18,7 @@ from ...acquisition import Representative
 from ...instruments import ConfigurationError, DataError, Limits
 from ...instruments.notebook import InNotebook
 from ..model import GROWS, Calibration, at_force
+from ..resting_finger import FORCES
 from .drive import Drive, drive_for
 from .targets import Method
 from .trade import TRADE, Trade
@@ -26,7 +27,8 @@ __all__ = ["PressedDrives", "pressed_drives"]
 
 _OVER_NOMINAL = (0.4, 1.0, 3.0)
 """Forces of a light, a nominal and a firm finger, over the one that the finger was calibrated with: with 1 N,
-presses from 0.25 to 5 N have a drive that is made for an impedance within a fifth of theirs."""
+presses from 0.25 to 5 N have a drive that is made for an impedance within a fifth of theirs. No force is
+beyond those of a fingertip that rests."""
 
 _ONE_SCALE = 0.01
 """Relative difference of scales that nobody feels: a twentieth of what is just noticed."""
@@ -103,7 +105,8 @@ def pressed_drives(
             "Drives for a finger need calibrations under one person's finger (haploop calibrate --finger)."
         )
     nominal = held[0].force
-    forces = tuple(share * nominal for share in _OVER_NOMINAL)
+    least, most = FORCES
+    forces = tuple(dict.fromkeys(min(max(share * nominal, least), most) for share in _OVER_NOMINAL))
     loaded = [tuple(at_force(one, force) for one in calibrations) for force in forces]
 
     def planned(own: Sequence[Calibration], trade: Trade) -> Drive:

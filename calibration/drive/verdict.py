@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..perception import levels_of, sensations_of
 from .agreement import SharedPower, plays_needed
-from .checked import Check, Verdict
+from .checked import Check, Silence, Verdict
 
-__all__ = ["LEAST_MOVED", "UNSEEN", "Signs", "all_judged", "judged", "one_factor"]
+__all__ = ["LEAST_MOVED", "UNSEEN", "Signs", "all_judged", "judged", "one_factor", "worst"]
 
 LEAST_IN_BAND = 0.25
 """Smallest share of the modulated press's energy in the drive's band: matching less is no match."""
@@ -19,6 +20,8 @@ LEAST_MOVED = 0.3
 UNSEEN = "the patch is not connected, or the laser does not see the surface"
 _EXCESS = 1.02
 """Measured volts over the limit that are attributed to the monitor's noise and gain error."""
+_ARRIVES = 0.8
+"""Share of a patch's volts that have to be measured at it."""
 _FACTOR = 0.05
 """Distance of a factor over the whole motion from one, from which it is told."""
 _WORSE: tuple[Verdict, ...] = ("pass", "not shown", "fail")
@@ -40,6 +43,8 @@ class Signs:
     """Sentence about a signal that left its range."""
     limit: float
     """The rig's largest voltage (V)."""
+    volts: tuple[tuple[str, float, float], ...] = ()
+    """Of each patch its name, the largest volts that were measured at it, and those of the drive."""
 
 
 def judged(result: Check, signs: Signs) -> Check:
@@ -52,14 +57,49 @@ def judged(result: Check, signs: Signs) -> Check:
     return replace(result, verdict="pass", notes=notes)
 
 
+def worst(verdicts: Iterable[Verdict]) -> Verdict:
+    """The worst of verdicts."""
+    return max(verdicts, key=_WORSE.index)
+
+
 def all_judged(result: Check) -> Check:
-    """The check with the worst verdict of all its buttons, and the reasons of each."""
+    """The check with the worst verdict of all its buttons and silent points, and the reasons of each."""
     verdict, reasons = result.verdict, list(result.reasons)
     for other in result.others:
         named = f"The {other.drive.button} button at the {other.drive.point} point"
         reasons += [f"{named}: {reason}" for reason in other.reasons]
-        verdict = max(verdict, other.verdict, key=_WORSE.index)
+        verdict = worst((verdict, other.verdict))
+    for silence in result.silent:
+        own, reason = _of_silence(silence, result.tolerance)
+        reasons += [reason] if reason else []
+        verdict = worst((verdict, own))
     return replace(result, verdict=verdict, reasons=tuple(reasons))
+
+
+def _of_silence(silence: Silence, tolerance: float) -> tuple[Verdict, str]:
+    """The verdict on a point that is to be silent, and why it is not silent.
+
+    Its motion is an error as any other, over the target of the drive's own point.
+    """
+    named = f"the {silence.point} point, which is to be silent,"
+    if silence.unseen:
+        return "fail", f"Nothing is known of {named[:-1]}. {silence.unseen}"
+    if not silence.motion.possible:
+        return "not shown", (
+            f"Not shown: something periodic disturbs the laser at {named} in step with the plays (mains, a "
+            "fan, a motor): stop it, and check again."
+        )
+    low, high = silence.motion.interval
+    moves = (
+        f"{named} moves by {silence.motion.root:.1%} of the target (95 % confidence: {low:.1%} to {high:.1%})"
+    )
+    if low > tolerance:
+        return "fail", f"{moves[0].upper()}{moves[1:]}, and {tolerance:.0%} is accepted."
+    if high > tolerance:
+        return "not shown", (
+            f"Not shown: {moves}, which does not tell on which side of the accepted {tolerance:.0%} it lies."
+        )
+    return "pass", ""
 
 
 def _said(result: Check) -> str:
@@ -76,11 +116,13 @@ def _failures(result: Check, signs: Signs) -> list[str]:
         failures.append(
             f"The patch got {result.drive_measured_peak:.1f} V, and the rig's limit is {signs.limit:.1f} V."
         )
-    if result.drive_measured_peak < 0.8 * drive.peak:
-        failures.append(
-            f"The patch got {result.drive_measured_peak:.2g} V where the drive has {drive.peak:.1f} V: "
-            "check the amplifier, the relay and the drive monitor."
-        )
+    for patch, got, planned in signs.volts:
+        if got < _ARRIVES * planned:
+            who = "The patch" if len(signs.volts) == 1 else f"Patch {patch}"
+            failures.append(
+                f"{who} got {got:.2g} V where the drive has {planned:.1f} V: check the amplifier, the relay "
+                "and the drive monitor."
+            )
     low_hz, high_hz = drive.band
     # Written so that NaN fails too.
     if not signs.dependent and not result.interval[0] <= result.tolerance:

@@ -39,6 +39,7 @@ from ...instruments import DataError
 from ...instruments.arrays import ComplexArray, FloatArray
 from ...instruments.operator import RestFinger
 from ..response import Response
+from ..resting_finger import refuse_force
 from .model import Model, fit
 
 if TYPE_CHECKING:
@@ -151,8 +152,11 @@ class Look:
 def under_finger(bare: Calibration, finger: Finger, force: float | None = None) -> Calibration:
     """Return a bare calibration as it is under a finger, at another force (N) than the measured one if given.
 
-    Three drives for three forces are three of these.
+    Three drives for three forces are three of these. Raises ConfigurationError for a force that no fingertip
+    rests with.
     """
+    if force is not None:
+        refuse_force(force)
     response = bare.response
     velocity = response.velocity * finger.factor(response.frequencies, force)
     scale = _scale(finger, force)
@@ -161,14 +165,17 @@ def under_finger(bare: Calibration, finger: Finger, force: float | None = None) 
         load=scale * finger.load,
         stiff=scale * finger.stiff,
         slow=scale * finger.slow,
-        force=force or finger.force,
+        force=finger.force if force is None else force,
     )
     loaded = replace(response, velocity=velocity)
     return replace(bare, response=loaded, model=fit(loaded), finger=found)
 
 
 def at_force(calibration: Calibration, force: float) -> Calibration:
-    """Return a finger's calibration as it is at another force (N). Raises DataError for one of no finger."""
+    """Return a finger's calibration as it is at another force (N).
+
+    Raises DataError for one of no finger, and what `under_finger` raises.
+    """
     finger = calibration.finger
     if finger is None:
         raise DataError("A calibration of the bare table is of no force: calibrate with a finger.")

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...acquisition import refuse_name
 from ...instruments import ConfigurationError, Rig, RigFile
 from ...instruments.operator import RestFinger
 from ...instruments.progress import Progress, prefixed, silent
@@ -48,6 +50,7 @@ def calibrate_finger(
         raise ConfigurationError("Give a calibration of the bare table: this one is a finger's already.")
     if (response.rig, response.simulated) != (rig.name, rig.simulated):
         raise ConfigurationError(f"The calibration is of another rig, {response.rig!r}: calibrate this one.")
+    refuse_name(participant)
     refuse_force(force)
     points = tuple(dict.fromkeys([beside] if isinstance(beside, str) else beside))
     if plate is not None and not points:
@@ -69,7 +72,10 @@ def calibrate_finger(
         felt += [weighed.found(asked)] if weighed else []
     if felt:
         asked = replace(asked, force=float(np.mean(felt)))
-    return under_finger(bare, find_finger(bare, looks, asked, plate))
+        refuse_force(asked.force)
+    made = under_finger(bare, find_finger(bare, looks, asked, plate))
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    return replace(made, response=replace(made.response, created=now))
 
 
 def neighbours(file: RigFile, point: str, measured: Sequence[str]) -> tuple[str, ...]:
@@ -90,7 +96,7 @@ def _refuse_points(file: RigFile, own: str, points: Sequence[str]) -> None:
     assert table is not None
     count = table.rows * table.columns
     for point in points:
-        if not point.isdecimal() or not int(point) < count:
+        if point not in map(str, range(count)):
             raise ConfigurationError(
                 f"There is no point {point!r} beside the finger: the grid has points from 0 to {count - 1}."
             )

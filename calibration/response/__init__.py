@@ -27,6 +27,7 @@ from .measuring import prepare as prepare
 from .measuring import quick_level as quick_level
 from .measuring import quick_response as quick_response
 from .measuring import response_from as response_from
+from .measuring import unseen as unseen
 from .modes import Modes as Modes
 from .modes import Plays as Plays
 from .modes import fit_modes as fit_modes

@@ -41,6 +41,7 @@ __all__ = [
     "quick_level",
     "quick_response",
     "response_from",
+    "unseen",
 ]
 
 ABOVE_HZ = 600.0
@@ -242,6 +243,21 @@ def prepare(rig: Rig, point: str) -> None:
             f"The vibrometer sees {level:.0%} of its light at the {point} point: focus the laser, or "
             "put a piece of reflective tape there."
         )
+
+
+def unseen(rig: Rig, patch: str, point: str) -> str:
+    """Why the laser sees nothing at a point of what a patch moves, as a sentence; empty where it sees that.
+
+    To be called as `measure_above`. Raises what `excite` raises.
+    """
+    settle(rig, (patch,))
+    peak = quick_level(rig)
+    capture = excite(rig, QUICK, patch, peak)
+    try:
+        plausible(response_from(Spot(rig, patch, point), capture, Play(QUICK, peak)))
+    except (DataError, InstrumentError) as error:
+        return str(error)
+    return ""
 
 
 def overloaded(rig: Rig, capture: Capture) -> str | None:

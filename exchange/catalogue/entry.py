@@ -120,12 +120,11 @@ def _played(path: Path, own: dict[str, str]) -> Entry:
     }
     made = kinds[kind].load(path)
     drive = made if isinstance(made, Drive) else made.drive
-    check = made.check if isinstance(made, DigitalButton) else made if isinstance(made, Check) else None
     return Entry(
         **own,
         button=drive.button,
         date=made.created if isinstance(made, DigitalButton) else "",
-        verdict=check.verdict if check else "",
+        verdict="" if isinstance(made, Drive) else made.verdict,
         rig=drive.rig,
         simulated=_yes(made.simulated),
         patch=drive.patch,

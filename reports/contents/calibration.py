@@ -53,6 +53,8 @@ def calibration_contents(calibration: Calibration) -> Contents:
     """What a calibration says: the measured response, and the model that was fitted to it."""
     response, model = calibration.response, calibration.model
     patch, point, repeats = response.patch, response.point, response.repeats
+    # Presses keep the bare table's carrier under a finger.
+    carrier = calibration.finger.bare if calibration.finger else model
     low, high = response.frequencies[[0, -1]]
     radius, known = response.confidence(), response.coherence
     lowest, median = (float(known.min()), float(np.median(known))) if known.size else (None, None)
@@ -81,7 +83,7 @@ def calibration_contents(calibration: Calibration) -> Contents:
             resonances=[_resonance(one) for one in model.resonances],
         ),
         fact("Damping ratio", damping(model.carriers[0])),
-        fact("Carrier", model.ambiguity, carriers_hz=[one.frequency_hz for one in model.carriers]),
+        fact("Carrier", carrier.ambiguity, carriers_hz=[one.frequency_hz for one in carrier.carriers]),
         fact(
             "Model",
             f"{percent(model.error)} from the response, {'stable' if stable else 'UNSTABLE'}",

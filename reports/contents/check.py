@@ -90,7 +90,7 @@ def button_contents(button: DigitalButton) -> Contents:
             rig=drive.rig,
             point=drive.point,
         ),
-        *_check_facts(check, feeling),
+        *_check_facts(check, feeling, button.others),
         *drive_facts(drive),
         fact("Corrections", f"{len(tried) - 1} tried, {kept} kept. {learning.stopped}"),
         *_under_a_finger(button),
@@ -98,12 +98,16 @@ def button_contents(button: DigitalButton) -> Contents:
     ]
     title = f"Digital {press.button} button"
     return Contents(
-        f"{title}, {verdict_cell(check.verdict).text}",
+        f"{title}, {verdict_cell(button.verdict).text}",
         facts,
         kind="button",
         simulated=button.simulated,
         rig=drive.rig,
-        verdicts=[_verdict(title, check, feeling), *_others(check, button.others)],
+        verdicts=[
+            _verdict(title, check, feeling),
+            *_others(check, button.others),
+            *_pressed_verdicts(button),
+        ],
         figures=_figures_of(button, feeling),
         picture=Drawing.alone(
             f"button-{press.button}",
@@ -113,6 +117,15 @@ def button_contents(button: DigitalButton) -> Contents:
             _plays([button]),
         ),
     )
+
+
+def _pressed_verdicts(button: DigitalButton) -> Iterator[Verdict]:
+    """The verdict on each drive for a finger."""
+    if button.pressed is None:
+        return
+    for force, one in zip(button.pressed.forces, button.pressed_checks, strict=True):
+        subject = f"Under {button.pressed.participant}'s finger, {force:.3g} N"
+        yield _verdict(subject, one, check_feeling(one, button.press))
 
 
 def _under_a_finger(button: DigitalButton) -> list[Fact]:
@@ -139,6 +152,7 @@ def _origins(button: DigitalButton, tried: Sequence[str]) -> list[Fact]:
     """Each correction, and what a button was made from."""
     learning, drive = button.learning, button.drive
     calibrated = max(one.response.created for one in button.calibrations)
+    recordings = [*drive.sources, *(source for one in drive.elsewhere for source in one.sources)]
     return [
         fact(
             "Learning",
@@ -163,8 +177,8 @@ def _origins(button: DigitalButton, tried: Sequence[str]) -> list[Fact]:
         ),
         fact(
             "Recordings",
-            [f"{name}, SHA-256 {content}" for name, content in drive.sources],
-            sources=[{"file": name, "sha256": content} for name, content in drive.sources],
+            [f"{name}, SHA-256 {content}" for name, content in recordings],
+            sources=[{"file": name, "sha256": content} for name, content in recordings],
         ),
         fact("Content", f"SHA-256 {button.digest}", content_sha256=button.digest),
     ]
@@ -209,7 +223,7 @@ def _plays(buttons: Sequence[DigitalButton]) -> str:
     return sentence([f"{one.press.button}, n = {one.check.plays} plays" for one in buttons])
 
 
-def _check_facts(check: Check, feeling: Feeling) -> Iterator[Fact]:
+def _check_facts(check: Check, feeling: Feeling, presses: Sequence[Representative] = ()) -> Iterator[Fact]:
     """The verdict with its reasons, the errors that it is of, and what a finger would feel."""
     low, high = check.drive.band
     yield fact("Verdict", [verdict_cell(check.verdict), *check.reasons, *check.notes])
@@ -218,7 +232,7 @@ def _check_facts(check: Check, feeling: Feeling) -> Iterator[Fact]:
         f"{_error(check.whole)}, at most {percent(check.tolerance)}; up to {check.judged_hz:.0f} Hz, in "
         f"{check.plays} plays",
     )
-    yield from _elsewhere_facts(check)
+    yield from _elsewhere_facts(check, presses)
     envelopes = f"of the envelopes {check.envelope_correlation:.4f}"
     noise = f"{percent(check.whole.floor)}, within the band {percent(check.within.floor)}"
     yield from detailed(
@@ -233,17 +247,18 @@ def _check_facts(check: Check, feeling: Feeling) -> Iterator[Fact]:
     yield from feeling_facts(feeling)
 
 
-def _elsewhere_facts(check: Check) -> Iterator[Fact]:
-    """What other points did: silent ones, and those with a button of their own."""
+def _elsewhere_facts(check: Check, presses: Sequence[Representative]) -> Iterator[Fact]:
+    """What other points did: silent ones, and those with a button of their own, of `presses`."""
     planned = {one.point: one for one in check.drive.elsewhere}
     for silence in check.silent:
         still, drifted = planned[silence.point].expected
         yield fact(
             f"Silence at point {silence.point}",
-            f"{silence.contrast_db:.0f} dB below the target; {_below(still)} dB were expected, "
+            f"{_contrast(silence.contrast_db)}; {_below(still)} dB were expected, "
             f"{_below(drifted)} dB after a drift{_known(planned[silence.point])}",
         )
-    for other in check.others:
+    for other, press in zip_longest(check.others, presses):
+        felt = check_feeling(other, press)
         one = planned[other.drive.point]
         expected = " and ".join(percent(error) for error in one.expected)
         yield fact(
@@ -252,6 +267,8 @@ def _elsewhere_facts(check: Check) -> Iterator[Fact]:
                 verdict_cell(other.verdict),
                 f"error {_error(other.whole)}; {expected} were expected, as calibrated and after a drift"
                 f"{_known(one)}",
+                felt.sentence,
+                ", ".join(filter(None, (_played(other), loudness(felt)))),
             ],
         )
     for seen in (check, *check.others) if check.others else ():
@@ -260,6 +277,10 @@ def _elsewhere_facts(check: Check) -> Iterator[Fact]:
                 f"Crosstalk at the {seen.drive.point} point",
                 f"at most {level:.0f} dB of the button at the {point} point",
             )
+
+
+def _contrast(level: float) -> str:
+    return f"{level:.0f} dB below the target" if math.isfinite(level) else "not known"
 
 
 def _known(one: Elsewhere) -> str:
@@ -277,17 +298,20 @@ def _error(part: SharedPower) -> str:
 
 def _verdict(subject: str, check: Check, feeling: Feeling) -> Verdict:
     """Is it like the recorded press, can it be felt, how loud is it, and how much of the press is it?"""
-    played = (
-        f"plays {percent(check.drive.in_band)} of the press's energy, at {check.drive.scale:.3f} of its size"
-    )
     return Verdict(
         subject,
         check.verdict,
         check.passed,
         f"error {_error(check.whole)} of at most {percent(check.tolerance, 0)}, n = {check.plays} plays",
         " ".join((*check.reasons, *check.notes)),
-        (feeling.sentence.removesuffix("."), ", ".join(filter(None, (played, loudness(feeling))))),
+        (feeling.sentence.removesuffix("."), ", ".join(filter(None, (_played(check), loudness(feeling))))),
     )
+
+
+def _played(check: Check) -> str:
+    """How much of the press is played."""
+    drive = check.drive
+    return f"plays {percent(drive.in_band)} of the press's energy, at {drive.scale:.3f} of its size"
 
 
 def loudness(feeling: Feeling) -> str:

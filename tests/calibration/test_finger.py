@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import pytest
 from scipy.fft import irfft, rfft, rfftfreq
 
 from haploop.calibration import Calibration, Check, Drive, Finger
-from haploop.calibration.drive import build_button, check_under_finger, drive_for
+from haploop.calibration.drive import build_button, check_under_finger, drive_for, finger_check
 from haploop.calibration.drive.actuation import Actuation
 from haploop.calibration.drive.targets import target_grid
 from haploop.calibration.model import calibrate_finger, under_finger
@@ -129,7 +130,7 @@ def test_the_check_s_verdict_is_of_the_motion_under_the_finger(
 
 
 def test_nobody_and_wrong_requests_are_told_and_the_finger_leaves(
-    calibrated: Calibrated, drive: Drive, open: OpenRig
+    calibrated: Calibrated, drive: Drive, open: OpenRig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rig, bare = open(), calibrated.calibration
     for force in (0.0, 30.0):
@@ -137,8 +138,24 @@ def test_nobody_and_wrong_requests_are_told_and_the_finger_leaves(
             calibrate_finger(rig, bare, "P07", force=force)
         with pytest.raises(ConfigurationError, match="fingertip rests with"):
             check_under_finger(rig, drive, "P07", force=force)
-    with pytest.raises(ConfigurationError, match="3 plays"):
-        check_under_finger(rig, drive, "P07", plays=2)
+    for who in ("", "Jane Doe", "../../etc"):
+        with pytest.raises(ConfigurationError, match="not a valid participant pseudonym"):
+            calibrate_finger(rig, bare, who)
+        with pytest.raises(ConfigurationError, match="not a valid participant pseudonym"):
+            check_under_finger(rig, drive, who)
+    with monkeypatch.context() as nobody:
+        nobody.setattr(rig.operator, "confirm", lambda _request: pytest.fail("somebody was asked"))
+        with pytest.raises(ConfigurationError, match="3 plays"):
+            check_under_finger(rig, drive, "P07", plays=2)
+        with pytest.raises(ConfigurationError, match="of the rig 'another'"):
+            check_under_finger(rig, replace(drive, rig="another"), "P07")
+
+    def broken(*_args: object, **_more: object) -> Check:
+        raise InstrumentError("it broke")
+
+    with monkeypatch.context() as failing, pytest.raises(InstrumentError, match="it broke"):
+        failing.setattr(finger_check, "check", broken)
+        check_under_finger(rig, drive, "P07")
     rig.clock.sleep(1.0)
     rig.simulation.truth.velocity_response("A", "button", BAND)
     assert not any(rig.simulation.plant.surface._contacts)

@@ -55,7 +55,10 @@ def test_what_is_odd_about_a_finger_is_one_sentence(demo: Demo, made: Path, run:
         (("--map", tmp_path), "holds no map"),
         (("--beside", "999"), "999"),
         (("--beside", "20"), "is the one under the finger"),
-        (("--force", "nan"), "nan N was asked for"),
+        (("--force", "nan"), "a number from 0.1 to 20 (found 'nan')"),
+        (("--patches", "A,B"), "--patch does not belong to --finger"),
+        (("--point", "57"), "--point does not belong to --finger"),
+        (("--since", table), "--since does not belong to --finger"),
     ):
         result = run(*asked, *more)
         assert result.exit_code == 2 and told in result.stderr and not out.exists(), result.stderr

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from haploop.calibration import Calibration, DigitalButton
+from haploop.calibration import Calibration, Check, DigitalButton, Drive
 from haploop.calibration.drive import (
     PressedDrives,
     build_button,
@@ -17,13 +17,21 @@ from haploop.calibration.drive import (
     check_under_finger,
     drive_for,
     play_button,
+    pressed,
     pressed_drives,
 )
 from haploop.calibration.model import at_force, calibrate_finger
 from haploop.instruments import ConfigurationError, DataError, InstrumentError, Rig, load_rig_file
 from haploop.instruments.operator import LiftFinger, RestFinger
+from haploop.reports.contents.check import button_contents
 from tests.calibration.conftest import Calibrated, make_press
 from tests.conftest import OpenRig
+
+DRIVE = Drive(
+    button="push", patches=("A",), point="button", rate_hz=20_000.0, volts=np.ones((1, 9)), target=np.ones(9),
+    scale=0.1, method="modulated", carrier_hz=264.0, band=(75.0, 600.0), in_band=0.9, known=(15.0, 625.0),
+    predicted_error=0.02, unreached="", rig="simulated", simulated=True, sources=(), calibration="",
+)  # fmt: skip
 
 pytestmark = [pytest.mark.many_plays, pytest.mark.requires("simulation")]
 
@@ -53,6 +61,10 @@ def pressing(rig: Rig, monkeypatch: pytest.MonkeyPatch, force: float | None) -> 
     monkeypatch.setattr(rig.operator, "confirm", answered)
 
 
+def of_rig(check: Check, name: str) -> Check:
+    return replace(check, drive=replace(check.drive, rig=name))
+
+
 def test_the_drive_is_that_of_the_force_which_the_sensor_reads(
     finger: Calibration, weighed: str, open: OpenRig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -76,6 +88,8 @@ def test_without_a_force_sensor_the_nominal_is_played_and_that_is_said(
     rig = open(pane_mass=0.2)
     made = pressed_drives(make_press(), finger, rig.limits)
     result = check_under_finger(rig, made, "P08", force=4.0, plays=3)
+    told = check_under_finger(rig, made.drives[1], "P08", plays=3, made_for=finger.finger).notes
+    assert told[1] == "The drive was made for P07's finger at 1 N."
     assert result.drive is made.drives[1]
     assert result.notes[1].startswith("No force sensor carries the table") and "nominal" in result.notes[1]
     assert result.notes[2] == "The drive was made for P07's finger."
@@ -129,6 +143,20 @@ def test_nobody_there_and_a_finger_that_leaves_are_told(
         check_under_finger(rig, drive, "P07", plays=3)
 
 
+def test_the_firm_and_the_light_finger_rest_with_forces_that_fingers_have(
+    finger: Calibration, open: OpenRig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a calibration with 10 N three times that was asked for, after two checks had been played."""
+    rig = open(pane_mass=0.2)
+    monkeypatch.setattr(pressed, "drive_for", lambda *_args, **_more: DRIVE)
+    assert finger.finger is not None
+    for nominal, forces in ((10.0, (4.0, 10.0, 20.0)), (20.0, (8.0, 20.0)), (0.1, (0.1, 0.3))):
+        own = replace(finger, finger=replace(finger.finger, force=nominal))
+        made = pressed_drives(make_press(), own, rig.limits)
+        assert made.forces == pytest.approx(forces) and len(made.drives) == len(forces)
+        made.refuse_nonsense()
+
+
 def test_a_finger_that_lifts_while_it_is_calibrated_is_no_finger(
     calibrated: Calibrated, open: OpenRig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -163,6 +191,8 @@ def test_a_button_holds_its_drives_for_a_finger_and_a_check_of_each(
     with pytest.raises(ConfigurationError, match="under one person's finger"):
         button_under_finger(rig, button, bare)
     own = calibrate_finger(rig, bare, "P07")
+    with pytest.raises(ConfigurationError, match="from a calibration of the rig 'another'"):
+        button_under_finger(rig, replace(button, check=of_rig(button.check, "another")), own)
     elsewhere = replace(own, response=replace(own.response, point="31"))
     with pytest.raises(ConfigurationError, match="with patch A at 31"):
         button_under_finger(rig, button, elsewhere)
@@ -172,6 +202,11 @@ def test_a_button_holds_its_drives_for_a_finger_and_a_check_of_each(
     again = DigitalButton.load(tmp_path / "push-P07.h5")
     assert again.digest == made.digest != button.digest and again.pressed is not None
     assert again.pressed.participant == "P07"
+    assert made.verdict == "pass" and len(button_contents(made).verdicts) == 4
+    lost = replace(made.pressed_checks[2], verdict="fail")
+    spoilt = replace(made, pressed_checks=(*made.pressed_checks[:2], lost))
+    assert not spoilt.passed and spoilt.verdict == "fail" and "FAIL" in button_contents(spoilt).title
+    assert "fail" in repr(spoilt) and spoilt.check.passed
     firm = play_button(rig, again, finger=RestFinger("P07", "button", 4.0), plays=3)
     assert np.array_equal(firm.drive.volts, again.pressed.drives[2].volts)
     with pytest.raises(DataError, match="a check each"):

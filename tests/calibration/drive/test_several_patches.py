@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from haploop.calibration import (
     Calibration,
     DigitalButton,
     Drift,
+    Finger,
     Loudness,
     Multisine,
     Trade,
@@ -35,10 +37,12 @@ from haploop.mocks.plant.hysteresis import Hysteresis
 from haploop.mocks.plant.table import TouchTable
 from haploop.reports.contents.check import button_contents
 from haploop.reports.contents.plan import plan_contents
-from tests.calibration.conftest import Calibrated, make_press
+from tests.calibration.conftest import Calibrated, make_press, tamper
 
 WIDTHS = {"A": 0.12, "B": 0.09, "C": 0.15, "D": 0.11}
 SEED = 3
+UNTOLD = np.zeros(0), np.zeros(0, complex), 1.0, 1.0
+NOTHING: dict[str, Any] = {"changed": 0.1, "misfit": 0.0, "uncertainty": 0.0, "beside": ()}
 
 
 class Unlike(TouchTable):
@@ -131,6 +135,13 @@ def test_what_cannot_be_is_said_before_anything_is_played(four: Four, button: Di
         drive_for(press, [a, elsewhere], limits)
     with pytest.raises(ConfigurationError, match="are of 2 rigs"):
         drive_for(press, [a, replace(b, response=replace(b.response, rig="another"))], limits)
+    touched = replace(b, finger=Finger("P07", 1.0, *UNTOLD, bare=b.model, **NOTHING))
+    with pytest.raises(ConfigurationError, match="of the bare table and under P07's finger: give"):
+        drive_for(press, [a, touched], limits)
+    number = str(four.rig.table.button_point)
+    same = [replace(one, response=replace(one.response, point=number)) for one in four.calibrations]
+    with pytest.raises(ConfigurationError, match=f"Point {number} is the button point: one place"):
+        drive_for(press, [*four.calibrations, *same], limits, elsewhere={number: None})
     with pytest.raises(ConfigurationError, match="for an error or for a scale"):
         Trade(error=0.1, scale=0.1)
     with pytest.raises(ConfigurationError, match=r"A drift cannot be common = -0\.01"):
@@ -165,8 +176,38 @@ def test_a_point_is_kept_silent_and_the_laser_visits_it(four: Four, beside: tupl
     quietest = drive_for(press, every, rig.limits, trade=still_trade, elsewhere={"57": None})
     assert quietest.elsewhere[0].expected[0] < 0.7 * still
     # Planned against no drift, it is quieter; and it moves when nobody asks for silence there.
-    (moved,) = check(rig, replace(loud, elsewhere=quiet.elsewhere), plays=3).silent
-    assert moved.contrast_db < 15
+    spoilt = check(rig, replace(loud, elsewhere=quiet.elsewhere), plays=3)
+    assert spoilt.silent[0].contrast_db < 15 and spoilt.error < 0.1
+    assert spoilt.verdict == "fail" and "The 57 point, which is to be silent, moves" in spoilt.reasons[0]
+
+
+def test_a_laser_that_sees_nothing_shows_no_silence(
+    four: Four, beside: tuple[Calibration, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Somebody stands in the beam while it is aimed at the silent point."""
+    rig, every = four.rig, [*four.calibrations, *beside]
+    alone = drive_for(make_press(), four.calibrations[0], rig.limits)
+    trade = Trade(scale=alone.scale)
+    quiet = drive_for(make_press(), every, rig.limits, trade=trade, elsewhere={"57": None})
+    aimed, confirm = [], rig.operator.confirm
+
+    def confirmed(request: Any) -> bool:
+        aimed.append(request)
+        return confirm(request)
+
+    monkeypatch.setattr(rig.operator, "confirm", confirmed)
+    blocked = {
+        "laser": lambda volts: np.random.default_rng(5).normal(0, 3e-4, len(volts)) if blind() else volts
+    }
+
+    def blind() -> bool:
+        return any(getattr(one, "point", "") == "57" for one in aimed)
+
+    tamper(rig, monkeypatch, **blocked)
+    result = check(rig, quiet, plays=3)
+    assert result.verdict == "fail" and result.error < 0.1
+    (reason,) = result.reasons
+    assert "Nothing is known of the 57 point" in reason and "coherence" in reason
 
 
 def late(press: Representative, by: float = 0.02) -> Representative:
@@ -204,6 +245,10 @@ def test_two_buttons_are_played_at_once_and_each_has_its_verdict(
     assert {one.name for one in said.figures} >= {"check-57"}
     labels = " ".join(str(one.label) for one in said.facts)
     assert "toggle at point 57" in labels and "Crosstalk at the button point" in labels
+    by_label = {str(one.label): str(one.lines) for one in said.facts}
+    # How much of it is played, how like it is, and how loud, as of the drive's own button.
+    assert all(told in by_label["toggle at point 57"] for told in ("person who presses", "than the press"))
+    assert "P01-push.h5" in by_label["Recordings"] and "P01-toggle.h5" in by_label["Recordings"]
     # Seen from one and then from the other, a drive is what it was.
     again = made.drive.seen_from("57").seen_from("button")
     assert again.button == "push" and np.array_equal(again.target, made.drive.target)

@@ -21,7 +21,9 @@ from haploop.calibration.drive.agreement import (
     trend,
 )
 from haploop.calibration.drive.check import compare
+from haploop.calibration.drive.checked import Silence
 from haploop.calibration.drive.playing import Played
+from haploop.calibration.drive.verdict import all_judged
 from haploop.instruments import DataError
 
 RATE = 5000.0
@@ -56,7 +58,7 @@ def judged(
     """Each play moves by its share of the target, something outside the band, and noise of its own."""
     shares = np.broadcast_to(share, plays)
     moved = np.array([shares[k] * TARGET + outside * OUTSIDE + spread * noise(k) for k in range(plays)])
-    return compare(replace(DRIVE, **drive), Played(moved, RATE, 1000.0, peak, overload), RIG)
+    return compare(replace(DRIVE, **drive), Played(moved, RATE, 1000.0, (peak,), overload), RIG)
 
 
 # Figures
@@ -90,7 +92,7 @@ def test_the_third_octave_error_is_over_the_bands_that_hold_the_target() -> None
     weak = TARGET + 0.05 * OUTSIDE  # 26 dB below: within 30
     found = compare(
         replace(DRIVE, target=weak),
-        Played(np.array([TARGET + 0.1 * OUTSIDE] * 3), RATE, 1000.0, 40.0, None),
+        Played(np.array([TARGET + 0.1 * OUTSIDE] * 3), RATE, 1000.0, (40.0,), None),
         RIG,
     )
     assert found.octaves.error_db == pytest.approx(20 * np.log10(2) / np.sqrt(2), rel=1e-6)
@@ -114,7 +116,7 @@ def test_tones_that_were_taken_out_are_told_from_five_percent_of_the_target_on(
     share: float, told: bool
 ) -> None:
     rms = share * np.sqrt(2.0)  # of a sine of 2 m/s^2
-    played = Played(np.array([TARGET] * 3), RATE, 1000.0, 40.0, None, np.array([50.0]), rms)
+    played = Played(np.array([TARGET] * 3), RATE, 1000.0, (40.0,), None, np.array([50.0]), rms)
     found = compare(DRIVE, played, RIG)
     assert found.tones.share == pytest.approx(share, rel=1e-3)
     said = [note for note in found.notes if "steady tones at 50.0 Hz" in note]
@@ -227,7 +229,7 @@ def test_evidence_of_dependence_takes_every_error_away(spread: float, says: str)
     """In the first, the noise in the band hides it in the whole."""
     plays = disturbed(spread)
     assert shared_power(error_spectra(plays, TARGET)).possible == (spread > 0)
-    found = compare(DRIVE, Played(plays, RATE, 1000.0, 40.0, None), RIG)
+    found = compare(DRIVE, Played(plays, RATE, 1000.0, (40.0,), None), RIG)
     assert found.verdict == "not shown" and found.reasons[0].startswith(f"Not shown: {says}")
     assert np.isnan([found.error, *found.interval, found.within.root, found.outside.root]).all()
     assert np.isnan(found.correlation)
@@ -290,17 +292,17 @@ def test_a_play_unlike_the_others_is_no_pass_and_is_named() -> None:
     for added, verdict in ((0.15, "pass"), (0.25, "not shown")):
         shaken = moved.copy()
         shaken[3] += added * noise(20)
-        found = compare(DRIVE, Played(shaken, RATE, 1000.0, 40.0, None), RIG)
+        found = compare(DRIVE, Played(shaken, RATE, 1000.0, (40.0,), None), RIG)
         assert found.verdict == verdict and found.notes[0].startswith("Play 4 of 6 differs from all others")
     assert found.reasons == ("Not shown: play 4 is not of the same motion as the others; check again.",)
-    assert compare(DRIVE, Played(moved, RATE, 1000.0, 40.0, None), RIG).notes == judged(1.0).notes
+    assert compare(DRIVE, Played(moved, RATE, 1000.0, (40.0,), None), RIG).notes == judged(1.0).notes
 
 
 def test_a_drift_is_named_by_its_size() -> None:
     shares = 1 + np.linspace(-0.04, 0.04, 6)
     rng = np.random.default_rng(1)
     moved = np.array([s * TARGET + 1e-3 * rng.standard_normal(len(T)) for s in shares])
-    found = compare(DRIVE, Played(moved, RATE, 1000.0, 40.0, None), RIG)
+    found = compare(DRIVE, Played(moved, RATE, 1000.0, (40.0,), None), RIG)
     assert found.drift == pytest.approx(0.08, rel=0.01)
     said = "The motion changed by 8.0% of the target from the first play to the last"
     assert any(note.startswith(said) for note in found.notes)
@@ -311,7 +313,7 @@ def test_noise_that_would_hide_a_tone_above_the_band_is_told(size: float, told: 
     # In the mean of five plays, a tone of 0.45 in each is a fifth of the target.
     high = [np.sin(2 * np.pi * (600 + k) * T) + np.sin(2 * np.pi * (800 + k) * T) for k in range(5)]
     moved = np.array([TARGET + size * 2 * one for one in high])
-    found = compare(DRIVE, Played(moved, RATE, 1000.0, 40.0, None), RIG)
+    found = compare(DRIVE, Played(moved, RATE, 1000.0, (40.0,), None), RIG)
     assert found.verdict == "pass"
     said = "Above 562 Hz, the noise left in the mean of 5 plays exceeds 20% of the target's strongest third"
     assert any(note.startswith(said) for note in found.notes) is told
@@ -428,3 +430,48 @@ def test_an_odd_play_is_three_times_as_far_as_the_others() -> None:
     spectra[1, 1] = 6.1
     number, apart = odd_play(spectra)
     assert number == 2 and apart == pytest.approx(np.sqrt(1 + 6.1**2))
+
+
+# Several patches and silent points
+
+
+def test_each_patch_has_to_get_its_own_volts() -> None:
+    """Without it a channel that is switched off hides behind another that plays as much."""
+    volts = np.array([1.0, 0.5])[:, None] * DRIVE.volts
+    two = replace(DRIVE, patches=("A", "B"), volts=volts)
+    moved = np.array([1.1 * TARGET] * 3)
+    for peaks, patch in (
+        ((40.0, 20.0), ""),
+        ((40.0, 15.0), "Patch B got 15 V"),
+        ((31.0, 20.0), "Patch A got"),
+    ):
+        found = compare(two, Played(moved, RATE, 1000.0, peaks, None), RIG)
+        assert found.passed == (not patch) and patch in " ".join(found.reasons)
+        assert found.drive_measured_peak == max(peaks)
+
+
+def still(share: float, noise: float = 0.0, **more: Any) -> Check:
+    """A check that passes at its own point, and what another point moves that is to be silent."""
+    power = SharedPower(share**2, noise, noise**2, 5, more.pop("least", 0.0))
+    return all_judged(replace(judged(1.05), silent=(Silence("57", power, **more),)))
+
+
+def test_a_silent_point_that_moves_fails_the_check() -> None:
+    quiet, loud = still(0.19), still(0.21)
+    assert quiet.passed and quiet.silent[0].contrast_db == pytest.approx(14.4, abs=0.1)
+    assert loud.verdict == "fail" and loud.error == quiet.error
+    (reason,) = loud.reasons
+    assert reason.startswith("The 57 point, which is to be silent, moves by 21.0% of the target (95 % conf")
+    unsure = still(0.19, noise=0.02)
+    assert unsure.verdict == "not shown" and "on which side of the accepted 20% it lies" in unsure.reasons[0]
+
+
+def test_a_silent_point_that_nobody_saw_is_not_silent() -> None:
+    blind = still(0.0, unseen="The laser left its range.")
+    assert blind.verdict == "fail" and blind.summary()["silent"] == {"57": None}
+    assert blind.reasons == (
+        "Nothing is known of the 57 point, which is to be silent. The laser left its range.",
+    )
+    hum = still(0.0, noise=1e-9, least=0.1)
+    assert hum.verdict == "not shown" and hum.summary()["silent"] == {"57": None}
+    assert "in step with the plays" in hum.reasons[0]

@@ -1,0 +1,182 @@
+"""Fingers on a pane whose modes are known, without a rig: every response is exact, to the last digit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from haploop.calibration import Calibration, Finger
+from haploop.calibration.model import PlateModes, at_force, under_finger
+from haploop.calibration.model.finger import Look, find_finger
+from haploop.calibration.model.model import fit
+from haploop.calibration.response import Response
+from haploop.calibration.response.response import LINEAR
+from haploop.instruments import ConfigurationError, DataError
+from haploop.instruments.operator import RestFinger
+from haploop.mocks.plant import Fingertip, Modes, Palm
+from haploop.mocks.plant.contact import Contact
+from haploop.mocks.plant.touched import touched_velocity
+
+F = np.arange(60.0, 640.0, 1.0)
+BAND = (F >= 75) & (F <= 600)
+PLACES = {"button": (0.31, 0.37), "21": (0.36, 0.37), "22": (0.31, 0.30)}
+
+
+def shape(place: tuple[float, float]) -> np.ndarray:
+    """Six modes of a pane that rests on its edges; their mean square over the pane is one."""
+    across, along = (np.sin(np.pi * np.arange(1, 4)[:, None] * at)[:, 0] for at in place)
+    pairs = ((0, 0), (1, 0), (0, 1), (1, 1), (2, 0), (2, 1))
+    return np.array([2 * across[m] * along[n] for m, n in pairs])
+
+
+@dataclass(frozen=True)
+class Pane:
+    """Its modes, and what a calibration of it holds."""
+
+    modes: Modes
+    bare: Calibration
+
+    def response(self, contacts: tuple[Contact, ...] = (), point: str = "button") -> Response:
+        velocity = touched_velocity(self.modes, contacts, PLACES[point], F)["A"]
+        return replace(self.bare.response, velocity=velocity, point=point)
+
+    def found(self, contacts: tuple[Contact, ...], unlike: float = 0.0, seed: int = 1) -> Finger:
+        """The finger by the response at its point, of which `unlike`, over the change, no finger explains."""
+        under = self.response(contacts)
+        rng, size = (
+            np.random.default_rng(seed),
+            np.linalg.norm((under.velocity - self.bare.response.velocity)[BAND]),
+        )
+        other = rng.standard_normal(len(F)) + 1j * rng.standard_normal(len(F))
+        spoilt = under.velocity + unlike * size * other / np.linalg.norm(other[BAND])
+        look = Look(self.bare.response, replace(under, velocity=spoilt))
+        return find_finger(self.bare, [look], RestFinger("P07", "button", 1.0))
+
+    def factor(self, force: float) -> np.ndarray:
+        """What the finger makes of the response, (lines,), by the plant."""
+        under = self.response(tip(force)).velocity
+        return np.asarray((under / self.bare.response.velocity)[BAND])
+
+
+def pane(mass: float) -> Pane:
+    hz, damping = np.array([96.0, 171.0, 243.0, 322.0, 401.0, 533.0]), np.array([9, 7, 8, 11, 9, 10]) * 1e-3
+    force = {"A": np.array([0.9, 1.1, -1.6, 0.7, 1.2, -0.8]) * 1e-2}
+    modes = Modes(hz, damping, force, shape, masses=np.full(6, mass))
+    none, empty = np.zeros(0), np.zeros(0, complex)
+    velocity = modes.velocity("A", PLACES["button"], F)
+    response = Response(
+        "A", "button", F, velocity, 1e-4 * np.abs(velocity), none, np.ones(len(F), complex), none,
+        np.zeros((0, 0)), 1, 50.0, none, empty, 0.1, "exact", "by hand", "none", "", True, "2026-11-25",
+    )  # fmt: skip
+    return Pane(modes, Calibration(response, fit(response), LINEAR, 20000.0))
+
+
+@pytest.fixture(scope="module")
+def light() -> Pane:
+    return pane(0.2)
+
+
+@pytest.fixture(scope="module")
+def heavy() -> Pane:
+    return pane(0.96)
+
+
+def relative(found: np.ndarray, true: np.ndarray) -> float:
+    return float(np.linalg.norm(found - true) / np.linalg.norm(true))
+
+
+def tip(force: float = 1.0, place: str = "button") -> tuple[Contact, ...]:
+    return Fingertip().at("a finger", PLACES[place], force)
+
+
+def test_a_finger_is_found_and_follows_its_law_to_other_forces(light: Pane) -> None:
+    found = light.found(tip())
+    for force in (0.25, 1.0, 4.0):
+        assert relative(found.factor(F[BAND], force), light.factor(force)) < 0.01, force
+    assert found.misfit < 0.002 and found.force == 1.0
+    # Z of the theory: r = k / c and d = c / m.
+    assert found.stiff == pytest.approx(1300 / 1.8, rel=0.2) and found.slow == pytest.approx(300, rel=0.2)
+    bare = light.bare.response.velocity[BAND]
+    assert found.changed == pytest.approx(relative(light.factor(1.0) * bare, bare), rel=0.02)
+
+
+def test_what_no_fingertip_explains_is_refused_beyond_its_limit(light: Pane, heavy: Pane) -> None:
+    """6 % of what the finger changed, and 0.4 % of the response for noise."""
+    for one, force, least, most in ((light, 1.0, 0.037, 0.044), (heavy, 0.1, 0.08, 0.11)):
+        kept = one.found(tip(force), least)
+        limit = 0.06 * kept.changed + 0.004
+        assert 0.8 * limit < kept.misfit < limit
+        with pytest.raises(DataError, match=r"leaves .* of it unexplained"):
+            one.found(tip(force), most)
+
+
+def test_a_palm_and_two_fingers_are_refused_on_a_light_pane(light: Pane) -> None:
+    two = (*tip(), *Fingertip().at("another", (0.62, 0.55), 1.0))
+    for hands in (Palm().at("a palm", PLACES["button"], 5.0), two):
+        with pytest.raises(DataError, match="unexplained"):
+            light.found(hands)
+
+
+def test_nothing_is_no_finger_and_the_lightest_is_one(heavy: Pane) -> None:
+    with pytest.raises(DataError, match=r"Nothing seems to rest .* P07 rests a fingertip"):
+        heavy.found(Fingertip(13.0, 0.018, 6e-5).at("a crumb", PLACES["button"], 1.0))
+    crumb = Fingertip(65.0, 0.09, 3e-4).at("five of them", PLACES["button"], 1.0)
+    assert 0.015 < heavy.found(crumb).changed < 0.025
+
+
+def test_the_uncertainty_is_that_of_a_hand_that_wanders(light: Pane) -> None:
+    """With an exact response nothing else is left: 6 % of the force, part of which two seconds average."""
+    found, bare = light.found(tip()), light.bare.response.velocity[BAND]
+    low, high = (light.factor(force) * bare for force in (0.94, 1.06))
+    wanders = float(np.linalg.norm(high - low) / 2 / np.linalg.norm(light.factor(1.0) * bare))
+    assert 0.4 * wanders < found.uncertainty < 0.8 * wanders
+    spoilt = light.found(tip(), 0.03)
+    assert spoilt.uncertainty == pytest.approx(np.hypot(spoilt.misfit, found.uncertainty), rel=0.1)
+
+
+@pytest.mark.parametrize("mapped", [False, True])
+def test_what_is_seen_beside_tells_of_the_finger_s_own_point(light: Pane, mapped: bool) -> None:
+    points = tuple(PLACES)
+    poles = (
+        2 * np.pi * light.modes.natural_hz * (-light.modes.damping + 1j * np.sqrt(1 - light.modes.damping**2))
+    )
+    shapes = np.array([shape(PLACES[point]) for point in points]).T
+    plate = PlateModes(("20", *points[1:]), "20", poles, shapes, np.full(3, 0.01)) if mapped else None
+    looks = [Look(light.response((), point), light.response(tip(), point)) for point in points[1:]]
+    found = find_finger(light.bare, looks, RestFinger("P07", "button", 1.0), plate)
+    assert relative(found.factor(F[BAND]), light.factor(1.0)) < 0.01
+    assert found.beside == ("21", "22") and found.mapped is mapped
+    if plate is None:
+        return
+    # What the map leaves of the points' motion, once here and once there, is how well ratios are known.
+    worse = replace(plate, residual=np.full(3, 0.1))
+    told = find_finger(light.bare, looks, RestFinger("P07", "button", 1.0), worse).uncertainty
+    loads = np.linalg.norm(found.factor(F[BAND]) - 1)
+    assert told > 2 * found.uncertainty and loads > 0
+
+
+def test_beside_the_finger_a_tenth_may_be_left(light: Pane) -> None:
+    rng = np.random.default_rng(2)
+
+    def looked(unlike: float) -> Finger:
+        looks = []
+        for point in ("21", "22"):
+            bare, under = light.response((), point), light.response(tip(), point)
+            other = rng.standard_normal(len(F)) + 1j * rng.standard_normal(len(F))
+            size = np.linalg.norm((under.velocity - bare.velocity)[BAND]) / np.linalg.norm(other[BAND])
+            looks.append(Look(bare, replace(under, velocity=under.velocity + unlike * size * other)))
+        return find_finger(light.bare, looks, RestFinger("P07", "button", 1.0))
+
+    assert looked(0.055).beside == ("21", "22")
+    with pytest.raises(DataError, match="unexplained"):
+        looked(0.08)
+
+
+def test_a_force_that_no_fingertip_rests_with_has_no_response(light: Pane) -> None:
+    made = under_finger(light.bare, light.found(tip()))
+    for force in (0.0, -1.0, float("nan"), 30.0):
+        with pytest.raises(ConfigurationError, match=r"rests with 0\.1 to 20 N"):
+            at_force(made, force)
+    assert at_force(made, 0.1).finger is not None
