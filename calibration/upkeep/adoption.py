@@ -139,7 +139,9 @@ def parts(
 
 
 def _name(button: DigitalButton) -> str:
-    name = f"{button.press.button}-{'+'.join(button.drive.patches)}-{button.drive.point}"
+    drive = button.drive
+    others = "".join(f"-{one.button or 'silent'}-{one.point}" for one in drive.elsewhere)
+    name = f"{button.press.button}-{'+'.join(drive.patches)}-{drive.point}{others}"
     # A button may be called anything, and its name becomes a file's.
     return re.sub(r"[^\w.+-]+", "_", name)
 
@@ -150,7 +152,8 @@ def disturbed_in_check(buttons: Mapping[str, DigitalButton]) -> list[str]:
     Written so that NaN is told too.
     """
     return [
-        f"{name}: tones of {button.check.tones.share:.0%} of the target disturbed the laser in its check."
+        f"{name}: tones of {one.tones.share:.0%} of the target disturbed the laser in its check."
         for name, button in buttons.items()
-        if not button.check.tones.share <= MATTERS
+        for one in (button.check, *button.check.others)
+        if not one.tones.share <= MATTERS
     ]

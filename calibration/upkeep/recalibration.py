@@ -42,6 +42,10 @@ _RECENT = 9
 _LEFT = 1.0
 """Time (s) for which a table rests after somebody has taken a hand away."""
 _FREE = "Somebody confirmed that nothing rests on the table, so that the dampings count as a drift."
+_NONE_PLAYED = (
+    "No button was played, because each needs the laser at a point that it was not aimed at: whether they "
+    "are right takes somebody to aim it (--attended)."
+)
 _PLAYS_BEFORE = 4
 """Plays of each old drive on the drifted table, enough to measure its error."""
 
@@ -53,7 +57,8 @@ Kind = Literal["unchanged", "restored", "drifted", "touched", "broken"]
 class Outcome:
     """Findings and actions of `recalibrate`.
 
-    `unchanged`: the active calibration holds, and the button that was played passed its check. `restored`:
+    `unchanged`: the active calibration holds, and the button that was played passed its check; none is played
+    where each needs the laser at a point that nobody aims it at. `restored`:
     the table had drifted, and another calibration, in which every button passed, is active. `drifted`: the
     table had drifted, and not every button could be restored. `touched`: something seems to rest on it, or
     came or left meanwhile. `broken`: a place or an instrument has failed. Only `restored` changes anything.
@@ -133,9 +138,11 @@ def recalibrate(
         gained = common_factors(look.verdicts, since, limits.factor)
         far = bool(common_factors(look.verdicts, since, limits.gain))
         if outcome.kind == "unchanged" and not far:
-            turn = _turn(history, active, buttons, look)
-            hides = bool(disturbed and look.laser and look.laser.hides(buttons[turn].drive))
-            outcome = _played(rig, outcome, (turn, buttons[turn]), hides, progress)
+            if turn := _turn(history, active, buttons, look):
+                hides = bool(disturbed and look.laser and look.laser.hides(buttons[turn].drive))
+                outcome = _played(rig, outcome, (turn, buttons[turn]), hides, progress)
+            else:
+                outcome = _with(outcome, _NONE_PLAYED)
         if gained and outcome.kind != "broken":
             kind = "broken" if far or outcome.kind == "drifted" else outcome.kind
             outcome = _with(replace(outcome, kind=kind), *gained)
@@ -205,11 +212,12 @@ def _turn(history: History, active: Generation, buttons: Mapping[str, DigitalBut
     """The button to play: of those played least often in this generation's looks, the one with least margin.
 
     So every button has its turn, and the one that is closest to its tolerance is the first of each round.
+    Empty when the laser was not at all points of any button.
     """
     looks = [entry for entry in history.looks if entry["compared_with"] == active.name]
     times = {name: sum(name in entry["played"] for entry in looks) for name in buttons}
     here = [name for name, b in buttons.items() if look.measured.issuperset(places_of(b.drive))]
-    return min(here, key=lambda name: (times[name], _margin(buttons[name].check)))
+    return min(here, key=lambda name: (times[name], _margin(buttons[name].check)), default="")
 
 
 def _margin(check: Check) -> float:
@@ -261,6 +269,8 @@ class _Anew:
     """Sentences on what came to rest on the table, or left it, while buttons were made."""
     broken: str = ""
     """Sentence on the instrument that failed; the rest was not made then."""
+    without: list[str] = field(default_factory=list)
+    """Sentences on drives for a finger, which take that person to be made anew."""
 
 
 def _made_anew(
@@ -305,6 +315,11 @@ def _made_anew(
             return made
         else:
             made.failed += [f"{name}: {reason}" for reason in made.after[name].check.reasons]
+            if old.pressed:
+                made.without.append(
+                    f"{name} has no drives for {old.pressed.participant}'s finger now: make them again "
+                    "(haploop calibrate --finger, button under)."
+                )
     return made
 
 
@@ -350,6 +365,7 @@ def _activated(rig: Rig, history: History, found: Outcome, anew: _Anew, actor: s
     return _with(
         replace(found, active=generation),
         f"Every button was made anew and passed; {generation.name} is the active calibration now.",
+        *anew.without,
     )
 
 

@@ -11,11 +11,14 @@ from collections.abc import Mapping
 from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from haploop.calibration import Calibration, ChannelScatter, Check, Waveforms
+from haploop.calibration.drive import Elsewhere
 from haploop.calibration.drive.button import DigitalButton
 from haploop.calibration.upkeep import recalibration
 from haploop.calibration.upkeep.adoption import (
@@ -192,7 +195,8 @@ def test_a_new_calibration_keeps_what_is_known_of_its_channel(
 ) -> None:
     (button,) = buttons_of(history.active()).values()
     scatter = ChannelScatter(gain=0.002, delay=1e-7, changes=8, seconds=86_400.0)
-    known = replace(button, calibrations=(replace(button.calibrations[0], scatter=scatter),))
+    pressed: Any = SimpleNamespace(participant="P07")
+    known = replace(button, calibrations=(replace(button.calibrations[0], scatter=scatter),), pressed=pressed)
     new = button.calibrations[0]
     monkeypatch.setattr(recalibration, "calibrate_keeping", lambda rig, *_: kept(rig, new))
     monkeypatch.setattr(recalibration, "build_button", lambda *_args, **_more: button)
@@ -200,6 +204,8 @@ def test_a_new_calibration_keeps_what_is_known_of_its_channel(
     anew = recalibration._made_anew(calibrated.rig, {"push": known}, {"push": button.check}, 1, silent)
     [(place, made)] = anew.calibrations.items()
     assert made.scatter == scatter and anew.waveforms[place].calibration == made.digest
+    # Drives for a finger take that person to be made anew, and their loss is told.
+    assert anew.without[0].startswith("push has no drives for P07's finger now: make them again")
 
 
 @pytest.mark.usefixtures("looked_once")
@@ -287,6 +293,25 @@ def test_a_point_that_nobody_aims_at_is_not_measured(calibrated: Calibrated, his
     )
 
 
+def test_a_button_that_needs_another_point_is_not_played_when_nobody_aims_there(
+    open: OpenRig, history: History, tmp_path: Path
+) -> None:
+    """A night with two-button files alone ended in an internal error."""
+    (push,) = buttons_of(history.active()).values()
+    (here,) = push.calibrations
+    there = replace(here, response=replace(here.response, point="57"))
+    still = Elsewhere(
+        "57", "", np.zeros(len(push.drive.target)), 0.1, 0.0, 1.0, (), "", (0.1, 0.2), 0.01, "measured"
+    )
+    check = replace(push.check, drive=replace(push.drive, elsewhere=(still,)))
+    own = History(tmp_path / "own")
+    adopt(own, [replace(push, calibrations=(here, there), check=check)], actor="a test", reason="quiet")
+    assert set(buttons_of(own.active())) == {"push-A-button-silent-57"}
+    outcome = recalibrate(left_alone(open()), own, when=WHEN)
+    assert outcome.kind == "unchanged" and not outcome.before
+    assert outcome.sentences[-1].startswith("No button was played, because each needs the laser at a point")
+
+
 class _Elsewhere(Unattended):
     def __init__(self, inner: Any) -> None:
         super().__init__("37")
@@ -356,9 +381,10 @@ def test_what_did_not_pass_or_was_disturbed_is_not_adopted(history: History) -> 
         adopt(history, [bad], actor="", reason="")
     for share in (0.15, float("nan")):
         tones = replace(good.check.tones, share=share)
-        hum = replace(good, check=replace(good.check, tones=tones))
-        with pytest.raises(DataError, match=r"push-A-button: tones of .* disturbed the laser in its check"):
-            adopt(history, [hum], actor="", reason="")
+        hum = replace(good.check, tones=tones)
+        for check in (hum, replace(good.check, others=(hum,))):
+            with pytest.raises(DataError, match=r"push-A-button: tones of .* disturbed the laser in its ch"):
+                adopt(history, [replace(good, check=check)], actor="", reason="")
     with pytest.raises(DataError, match="only once"):
         adopt(history, [good, good], actor="", reason="")
     assert content(history) == before
