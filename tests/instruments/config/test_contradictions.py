@@ -52,6 +52,16 @@ scale = 0.005
 range = 0.02
 bandwidth_hz = 20000
 """
+PEOPLE = """
+base = "simulated"
+[people]
+number = 12
+threshold = -3.5
+uncertainty = 3.5
+spread = 5.0
+button = "push"
+force = 2.0
+"""
 GLUED = ("scale = 0.005\nrange = 0.02", 'quantity = "acceleration"\nscale = 98\nrange = 490\nmass = 0.002')
 
 
@@ -221,3 +231,44 @@ def test_a_table_needs_an_actuator(tmp_path: Path) -> None:
         ConfigurationError, match=r"table: a rig with a \[table\] needs an \[actuator\]: write kind"
     ):
         load_rig_file(file)
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ("number = 12", "number = 2"),
+        ("number = 12", "number = 100001"),
+        ("threshold = -3.5", "threshold = -61"),
+        ("threshold = -3.5", "threshold = 61"),
+        ("threshold = -3.5", "threshold = nan"),
+        ("uncertainty = 3.5", "uncertainty = 0"),
+        ("uncertainty = 3.5", "uncertainty = 61"),
+        ("spread = 5.0", "spread = 0"),
+        ("spread = 5.0", "spread = 61"),
+        ("spread = 5.0", "spread = 6.5"),
+        ("force = 2.0", "force = 0"),
+        ("force = 2.0", "force = 101"),
+        ('"push"', '""'),
+        ('"push"', '"a\\u0007bell"'),
+        ('"push"', f'"{"x" * 81}"'),
+    ],
+)
+def test_people_that_no_lab_can_have_measured_are_refused(tmp_path: Path, before: str, after: str) -> None:
+    path = tmp_path / "people.toml"
+    path.write_text(PEOPLE, encoding="utf-8")
+    assert load_rig_file(path).people is not None
+    path.write_text(PEOPLE.replace(before, after), encoding="utf-8")
+    with pytest.raises(ConfigurationError, match="people"):
+        load_rig_file(path)
+
+
+def test_a_mean_is_known_as_well_as_so_many_people_tell_it_and_no_better(tmp_path: Path) -> None:
+    """12 who differ by 5 dB tell it to 2.8 dB at best; 0.1 dB are lost by rounding."""
+    path = tmp_path / "people.toml"
+    for uncertainty, good in ((2.74, True), (2.6, False), (60, True)):
+        path.write_text(PEOPLE.replace("uncertainty = 3.5", f"uncertainty = {uncertainty}"), encoding="utf-8")
+        if good:
+            load_rig_file(path)
+            continue
+        with pytest.raises(ConfigurationError, match=r"12 people who differ by 5 dB tell .* to 2\.8 dB"):
+            load_rig_file(path)
