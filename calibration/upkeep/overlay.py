@@ -62,7 +62,7 @@ class Overlay:
     unsure: FloatArray
     """By how much of its logarithm what that fit leaves could have changed each of `dampings`, (poles,)."""
     weight: FloatArray
-    """Peak of each pole's resonance over that of the strongest."""
+    """Peak of each pole's resonance over that of the strongest; 0 where no line shows it."""
     residual: float
     """Rms of what no drift explains, over that of the response."""
 
@@ -153,10 +153,11 @@ class _Problem:
         a, b = self._of_poles(x)
         gain, moved = float(np.exp(x[2])), self._model(x)
         peaks = np.abs(self.model.residues) / -self.model.poles.real
-        paired = self.model.poles.imag > 0
-        peaks = np.where(paired, peaks, 0.0)
+        hz = np.abs(self.model.poles) / (2 * np.pi)
+        shown = (self.model.poles.imag > 0) & (hz >= self.f[0]) & (hz <= self.f[-1])
+        peaks = np.where(shown, peaks, 0.0)
         factor, dampings = float(np.exp(close[2])), np.exp(self._of_poles(close)[1])
-        weight = peaks / peaks.max()
+        weight = peaks / max(float(peaks.max()), 1e-300)
         left, residual = self._residual(close), self._residual(x)
         unsure = left * reach
         return Overlay(moved, np.expm1(a), np.exp(b), gain, factor, dampings, left, unsure, weight, residual)

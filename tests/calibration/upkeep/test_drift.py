@@ -104,6 +104,25 @@ def test_a_single_mode_that_moved_is_a_drift(calibrated: Calibrated, drive: Driv
         assert "moved each on its own" in " ".join(verdict.sentences)
 
 
+def test_a_pole_far_above_the_band_is_no_mode_that_moved(calibrated: Calibrated) -> None:
+    """It stands for what is far away, and no line shows where it is; its peak would be the highest of all."""
+    active = calibrated.calibration
+    model = active.model
+    far, strength = 2 * np.pi * 1846 * (-4e-4 + 1j), 30 * np.abs(model.residues).max()
+    whole = replace(
+        model,
+        poles=np.append(model.poles, far),
+        residues=np.append(model.residues, strength),
+        resonant=np.append(model.resonant, False),
+        decay_deviation=np.append(model.decay_deviation, 1.0),
+    )
+    f = np.arange(75.0, 600.0, 0.5)
+    laid = lay_over(whole, f, replace(whole, poles=1.01 * whole.poles).velocity(f))
+    assert laid.weight[-1] == 0 and laid.weight.max() == 1
+    main = int(np.argmin(np.abs(np.abs(model.poles) / (2 * np.pi) - model.resonance_hz)))
+    assert laid.weight[main] > 0.9 and laid.shift[main] == pytest.approx(0.01, rel=1e-3)
+
+
 @pytest.mark.requires("simulation")
 @pytest.mark.parametrize(("patch", "point"), [("A", p) for p in ("19", "32")] + [("B", "button")])
 def test_the_next_point_and_another_patch_are_broken(calibrated: Calibrated, patch: str, point: str) -> None:
