@@ -65,6 +65,7 @@ from .calibration import lab_threshold as lab_threshold
 from .calibration import learn as learn
 from .calibration import linear_sweep as linear_sweep
 from .calibration import load_calibrations as load_calibrations
+from .calibration import load_elsewhere as load_elsewhere
 from .calibration import map_plan as map_plan
 from .calibration import measure_map as measure_map
 from .calibration import measure_response as measure_response

@@ -15,6 +15,7 @@ from .drive import check_under_finger as check_under_finger
 from .drive import drift_change as drift_change
 from .drive import drive_for as drive_for
 from .drive import learn as learn
+from .drive import load_elsewhere as load_elsewhere
 from .drive import modulate as modulate
 from .drive import paper_drive as paper_drive
 from .drive import plan_button as plan_button

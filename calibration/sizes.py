@@ -6,7 +6,7 @@ still is written if the disk has the room then.
 
 from __future__ import annotations
 
-__all__ = ["BUTTON", "CALIBRATION", "CHECK", "PLAY", "STEP", "WAVEFORMS"]
+__all__ = ["BUTTON", "CALIBRATION", "CHECK", "PLAY", "STEP", "WAVEFORMS", "of_button"]
 
 CALIBRATION = 2_000_000
 WAVEFORMS = 48_000_000
@@ -19,3 +19,8 @@ BUTTON = 12_000_000
 """A digital button without what it learned from."""
 STEP = 2_000_000
 """One iteration of learning."""
+
+
+def of_button(iterations: int, elsewhere: int = 0) -> int:
+    """A digital button with at most so many corrections, and something wanted at so many other points."""
+    return BUTTON + (iterations + 1) * STEP + elsewhere * CHECK

@@ -112,26 +112,21 @@ def make(
 
     Exit codes: 0 the check passed, 1 it did not (the file is written and states why).
     """
-    usual = haploop.Drift()
-    against = None if drift is None else usual.times(drift / usual.common)
-    chosen, wanted = (error, level) != (None, None), haploop.Loudness(error, level, against)
+    loudness = haploop.Loudness(error, level, None if drift is None else haploop.Drift.usual(drift))
     loaded, press = asked.load_calibrations(), asked.load_press()
     there = elsewhere.load_wanted(asked.average)
-    loaded = elsewhere.load_calibrations(loaded)
+    loaded = elsewhere.load_calibrations(loaded, there)
     with (
-        reserved(out, size=sizes.BUTTON + (iterations + 1) * sizes.STEP + len(there) * sizes.CHECK),
+        reserved(out, size=sizes.of_button(iterations, len(there))),
         rig.opened() as opened,
         Steps() as steps,
     ):
-        trade = haploop.Trade(drift=against)
-        if chosen:
-            trade = haploop.trade_for(press, loaded, opened, wanted, method, there)
         made = haploop.build_button(
             opened,
             press,
             loaded,
             method=method,
-            trade=trade,
+            trade=haploop.trade_for(press, loaded, opened, loudness, method, there),
             elsewhere=there,
             iterations=iterations,
             progress=steps,
@@ -156,7 +151,7 @@ def plan(asked: AskedPress, elsewhere: AskedElsewhere, out: Path | None, rig: Ch
     """
     loaded, press = asked.load_calibrations(), asked.load_press()
     there = elsewhere.load_wanted(asked.average)
-    loaded = elsewhere.load_calibrations(loaded)
+    loaded = elsewhere.load_calibrations(loaded, there)
     with rig.opened() as opened, Steps() as steps:
         planned = haploop.plan_button(press, loaded, opened, progress=steps, elsewhere=there)
     if out is not None:

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import wraps
 from pathlib import Path
@@ -131,30 +131,17 @@ class AskedElsewhere:
         self, average: AverageMethod
     ) -> dict[str, Representative | tuple[Representative, float] | None]:
         """Read the press of each point that plays one, and its size; None where it is silent."""
-        files: dict[str, list[Path]] = {}
-        for point, path in self.also:
-            files.setdefault(point, []).append(path)
-        if both := sorted(set(files) & set(self.quiet_at)):
-            raise click.UsageError(f"Point {both[0]} cannot be silent and play a press.")
-        sizes = dict(self.times)
-        if nowhere := sorted(set(sizes) - set(files)):
-            raise click.UsageError(f"--times {nowhere[0]} belongs to --also {nowhere[0]} PRESS.")
-        presses = {
-            point: (haploop.load_press(paths, average), sizes.get(point, 1.0))
-            for point, paths in files.items()
-        }
-        return {**presses, **dict.fromkeys(self.quiet_at)}
+        return haploop.load_elsewhere(self.also, self.quiet_at, self.times, average)
 
-    def load_calibrations(self, calibrations: Sequence[Calibration]) -> tuple[Calibration, ...]:
-        """Add to calibrations those of points that only the map has."""
+    def load_calibrations(
+        self, calibrations: Sequence[Calibration], points: Collection[str]
+    ) -> tuple[Calibration, ...]:
+        """Add to calibrations those of `points` that only the map has."""
         if self.map_folder is None:
             return tuple(calibrations)
-        if not self.also and not self.quiet_at:
+        if not points:
             raise click.UsageError("--map belongs to --quiet-at and --also: it has what other points need.")
-        points = (*(point for point, _ in self.also), *self.quiet_at)
-        return haploop.with_map(
-            calibrations, haploop.VibrationMap.load(self.map_folder), tuple(dict.fromkeys(points))
-        )
+        return haploop.with_map(calibrations, haploop.VibrationMap.load(self.map_folder), points)
 
 
 on_elsewhere = grouped(

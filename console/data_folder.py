@@ -52,6 +52,10 @@ class DataFolder:
             return ""
         return name
 
+    def found(self, pattern: str) -> list[str]:
+        """Return the names of what a glob pattern finds, in order, without those that `path` refuses."""
+        return sorted(filter(None, map(self.shown, self.root.glob(pattern))))
+
     def name(self, path: Path) -> str:
         """Return the name of a path below this folder, with forward slashes.
 

@@ -6,7 +6,7 @@ from .button import DigitalButton, build_button, button_under_finger, play_butto
 from .check import TOLERANCE, check
 from .checked import Check
 from .drive import BAND, Drive, drive_for
-from .elsewhere import NOWHERE, Elsewhere, Wanted
+from .elsewhere import NOWHERE, Elsewhere, Wanted, load_elsewhere
 from .feeling import check_feeling
 from .finger_check import check_under_finger
 from .learning import Iteration, Learning, learn
@@ -49,6 +49,7 @@ __all__ = [
     "drift_change",
     "drive_for",
     "learn",
+    "load_elsewhere",
     "modulate",
     "offered",
     "paper_drive",

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
+from ...acquisition import load_press
 from ...instruments import ConfigurationError
 from ...instruments.arrays import FloatArray
 
 if TYPE_CHECKING:
-    from ...acquisition import Representative
+    from ...acquisition import AverageMethod, Representative
 
-__all__ = ["NOWHERE", "Elsewhere", "Wanted", "sized"]
+__all__ = ["NOWHERE", "Elsewhere", "Wanted", "load_elsewhere", "sized"]
 
 Wanted: TypeAlias = "Mapping[str, Representative | tuple[Representative, float] | None]"
 """What is wanted at other points: a press that is to be played there, alone or with its size over that of the
@@ -35,6 +37,32 @@ def sized(wanted: Wanted) -> list[tuple[Representative | None, float]]:
                 f"{1 / _MOST:g} to {_MOST:g} times."
             )
     return each
+
+
+def load_elsewhere(
+    also: Iterable[tuple[str, str | Path]],
+    quiet_at: Iterable[str],
+    times: Iterable[tuple[str, float]] = (),
+    method: AverageMethod = "automatic",
+) -> dict[str, Representative | tuple[Representative, float] | None]:
+    """Read what is wanted at other points: `also` is points with a file of their press each, or with several
+    recordings of it; the points `quiet_at` are to be silent; `times` are sizes of presses over the drive's own.
+
+    Raises ConfigurationError for a point that is both, or a size without a press; and what `load_press` raises.
+    """
+    files: dict[str, list[str | Path]] = {}
+    for point, path in also:
+        files.setdefault(point, []).append(path)
+    silent, sizes = dict.fromkeys(quiet_at), dict(times)
+    if both := sorted(files.keys() & silent.keys()):
+        raise ConfigurationError(f"Point {both[0]} cannot be silent and play a press: leave one out.")
+    if nowhere := sorted(sizes.keys() - files.keys()):
+        raise ConfigurationError(
+            f"A size is given for point {nowhere[0]}, and no press that is to be played there (--also "
+            f"{nowhere[0]} PRESS)."
+        )
+    presses = {point: (load_press(paths, method), sizes.get(point, 1.0)) for point, paths in files.items()}
+    return {**presses, **silent}
 
 
 @dataclass(frozen=True, eq=False)

@@ -43,11 +43,13 @@ _OVER = 0.25
 
 @dataclass(frozen=True)
 class Loudness:
-    """What is asked of a drive: at most `error`, or at least `level`, or both."""
+    """What is asked of a drive: at most `error`, or at least `level`, or both; without them it is as like as
+    it can be.
+    """
 
     error: float | None = None
-    """Largest expected error (`Drive.expected_error`); as loud as the limits allow. None: what a check
-    tolerates."""
+    """Largest expected error (`Drive.expected_error`); as loud as the limits allow. None beside a `level`:
+    what a check tolerates."""
     level: float | None = None
     """Least level above the threshold of a finger that presses (dB), at the least error."""
     drift: Drift | None = None
@@ -211,6 +213,8 @@ def trade_for(
     def level(drive: Drive) -> float:
         return _level(drive, lab)
 
+    if loudness.error is None and loudness.level is None:
+        return Trade(drift=loudness.drift)
     lab = lab_threshold(rig)
     most = TOLERANCE if loudness.error is None else loudness.error
     closest = at(BUDGET)

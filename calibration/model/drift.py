@@ -59,6 +59,11 @@ class Drift:
                 )
             object.__setattr__(self, name, float(size))  # a file tells a whole number from others
 
+    @classmethod
+    def usual(cls, common: float) -> Drift:
+        """The usual drift, at the size at which all resonances move by `common`."""
+        return cls().times(common / cls().common)
+
     def times(self, factor: float) -> Drift:
         """A drift of so many times the size; what a calibration states stays."""
         gain, delay = (None if one is None else factor * one for one in (self.gain, self.delay))

@@ -183,7 +183,7 @@ def recalibrate(
 
 def _size(active: Generation, iterations: int) -> int:
     """Room (bytes) for a generation in the place of `active`."""
-    each = sizes.CHECK + sizes.BUTTON + (iterations + 1) * sizes.STEP
+    each = sizes.CHECK + sizes.of_button(iterations)
     places = len(active.paths("calibrations")) * (sizes.CALIBRATION + sizes.WAVEFORMS)
     return places + len(active.paths("buttons")) * each
 

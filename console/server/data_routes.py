@@ -21,26 +21,22 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
-from ...acquisition import Representative, load_study
+from ...acquisition import load_study
 from ...acquisition.recording import PartReader
 from ...calibration import (
     Calibration,
-    Check,
-    DigitalButton,
-    Drive,
     History,
     VibrationMap,
     Waveforms,
-    check_feeling,
 )
 from ...calibration.map import MapFolder
-from ...calibration.spectra import resample, third_octaves
 from ...exchange.catalogue import list_files
 from ...instruments import DataError, HaploopError
 from ...instruments.arrays import FloatArray
-from ...reports.contents import experiment_contents, one_style
-from ...reports.figures import activation_time, trend
+from ...reports.contents import experiment_contents
+from ...reports.figures import trend
 from ..data_folder import DataFolder, store_of
+from .button_route import button_shown
 from .lab import lab, names
 
 __all__ = ["data_routes"]
@@ -51,8 +47,6 @@ _MOST_PRESSES = 12
 _MOST_FILES = 500
 _ASKED = ("kind", "participant", "button", "verdict")
 _FORCE_HZ = 1000.0
-_SHOWN_HZ = 5000.0
-"""Samples per second of the waveforms of a check that are sent."""
 
 
 def data_routes(data: DataFolder) -> list[Route]:
@@ -89,7 +83,7 @@ def data_routes(data: DataFolder) -> list[Route]:
         route("/api/trend", _trend),
         route("/api/map", _map),
         route("/api/shape", _shape),
-        route("/api/button", _button),
+        route("/api/button", button_shown),
     ]
 
 
@@ -112,9 +106,7 @@ def _plain(value: Any) -> Any:
 
 
 def _files(data: DataFolder, _: Mapping[str, str]) -> Any:
-    def found(pattern: str) -> list[str]:
-        return sorted(filter(None, map(data.shown, data.root.glob(pattern))))
-
+    found = data.found
     return {
         "recordings": found("recordings/*.h5") + found("*/recordings/*.h5"),
         "studies": [name.removesuffix("/study.toml") for name in found("*/study.toml")],
@@ -323,77 +315,3 @@ def _shape(data: DataFolder, asked: Mapping[str, str]) -> Any:
     frequency = min(resonances, key=lambda f: abs(f - near))
     shape = found.grid(np.asarray(found.shape(frequency)))
     return {"frequency_hz": frequency, "resonances": resonances, "shape": shape / np.nanmax(np.abs(shape))}
-
-
-def _button(data: DataFolder, asked: Mapping[str, str]) -> Any:
-    """A digital button with its own check, or another check of it: waveforms, spectra, levels."""
-    button = DigitalButton.load(data.path(asked.get("file", "")))
-    check = Check.load(data.path(asked["check"])) if asked.get("check") else button.check
-    feeling = check_feeling(check, button.press)
-    drive = check.drive
-    recorded = _recorded(button.press, check)
-    low, high = check.octaves.hz[0], check.octaves.hz[-1]
-    begin, end = _loud(check.target)
-    step = max(1, round(check.rate_hz / _SHOWN_HZ))
-    at = _times(begin, end, step, check.rate_hz)
-    drives = {p: np.round(np.interp(at, _clock(drive), own), 3) for p, own in drive.by_patch.items()}
-    loudest, volts = max(drive.by_patch.items(), key=lambda own: float(np.abs(own[1]).max()))
-    return {
-        "name": button.press.button,
-        "simulated": check.simulated,
-        "created": button.created,
-        "point": drive.point,
-        "check": check.summary(),
-        "felt": one_style(feeling.sentence),
-        "loudness_db": feeling.loudness_db,
-        "in_band": drive.in_band,
-        "notes": [one_style(note) for note in feeling.notes],
-        "step_s": step / check.rate_hz,
-        "recorded": np.round(recorded[begin:end:step], 4),
-        "target": np.round(check.target[begin:end:step], 4),
-        "measured": np.round(check.measured[begin:end:step], 4),
-        "drives": drives,
-        "loudest": loudest,
-        "octaves_hz": check.octaves.hz,
-        "recorded_db": third_octaves(recorded, check.rate_hz, low * 0.99, high * 1.01)[1],
-        "drive_db": third_octaves(volts, drive.rate_hz, low * 0.99, high * 1.01)[1],
-        "target_db": check.octaves.target_db,
-        "measured_db": check.octaves.measured_db,
-        "floor_db": check.octaves.floor_db,
-        "checks": [
-            name
-            for name in _files(data, {})["checks"]
-            if name.startswith(f"checks/{Path(asked.get('file', '')).stem}-")
-        ],
-    }
-
-
-def _recorded(press: Representative, check: Check) -> FloatArray:
-    """The recorded press at the times of a check, scaled as its target; zeros before and after."""
-    samples = round(len(press.acceleration) * check.rate_hz / press.rate_hz)
-    finer = check.drive.scale * resample(press.acceleration, samples)
-    first = round(
-        (activation_time(press, check.drive) - press.activation_index / press.rate_hz) * check.rate_hz
-    )
-    found = np.zeros(len(check.target))
-    begin, end = max(0, first), min(len(found), first + samples)
-    if begin < end:
-        found[begin:end] = finer[begin - first : end - first]
-    return found
-
-
-def _loud(target: FloatArray) -> tuple[int, int]:
-    """The part of a target that holds its motion, with a margin."""
-    loud = np.flatnonzero(np.abs(target) > 0.01 * np.abs(target).max())
-    if not len(loud):
-        return 0, len(target)
-    margin = max(1, (loud[-1] - loud[0]) // 10)
-    return max(0, int(loud[0] - margin)), min(len(target), int(loud[-1] + margin))
-
-
-def _times(begin: int, end: int, step: int, rate_hz: float) -> FloatArray:
-    return np.arange(begin, end, step) / rate_hz
-
-
-def _clock(drive: Drive) -> FloatArray:
-    return np.arange(len(drive.target)) / drive.rate_hz

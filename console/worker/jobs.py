@@ -8,51 +8,43 @@ from __future__ import annotations
 
 import math
 import shutil
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any
 
 from ...acquisition import (
-    PressVerdict,
     Protocol,
     Recording,
     file_name,
     load_study,
     look,
     record,
-    representative,
     run_study,
     segmentation_for,
     set_aside,
 )
 from ...calibration import (
-    DigitalButton,
     History,
     Waveforms,
     activate,
-    adopt,
-    build_button,
     calibrate_keeping,
     examine,
-    load_calibrations,
     map_plan,
     measure_map,
-    play_button,
     sizes,
 )
-from ...instruments import ConfigurationError, DataError, Progress, Rig, RigFile
+from ...instruments import ConfigurationError, DataError, Rig
 from ...instruments.files import check_destination, reserved
-from ...instruments.flag import Flag
 from ...instruments.operator import ConfirmSettings
 from ...reports.contents import one_style
-from ..data_folder import DataFolder, store_of
-from .board import Board
-from .presenting import Stimuli, present_stimuli
+from ..data_folder import store_of
+from .button_jobs import ACTOR, adopt_button, check, make
+from .job import Job, Tools, Work, clean, numbers, whole, words
+from .presenting import present_stimuli
 
-__all__ = ["JOBS", "Job", "Tools", "clean", "numbers"]
+__all__ = ["JOBS"]
 
-Work = Callable[[Rig], dict[str, Any]]
 _PAUSE = 1800.0
 """s: total pause of a session; the space for its samples is allocated before the first one."""
 _BLOCK = 0.04
@@ -60,76 +52,8 @@ _BLOCK = 0.04
 _WAIT = 600.0
 _SPACE = 1e9
 """Bytes free below which the preflight is not green: a session allocates up to some hundred megabytes."""
-_PLAYS = 8
-"""Plays of a check."""
 _OLD_DAYS = 1.0
 """Time since the active calibration was made or verified, from which the preflight is not green."""
-_ACTOR = "the console"
-_MOST_POINTS = 9999
-"""Largest number of a grid point that is looked for: a typing error must not fill the memory."""
-_LONGEST = 200
-"""Bytes of a text that a page sends: what an event of a recording holds."""
-
-
-@dataclass(frozen=True)
-class Tools:
-    """What a job needs beside the rig."""
-
-    board: Board
-    data: DataFolder
-    file: RigFile
-    progress: Progress
-    on_verdict: Callable[[str, str, PressVerdict], None]
-    stimuli: Stimuli
-    looking: Flag
-    """Set while the sensors are looked at, and cleared to end that."""
-
-
-@dataclass(frozen=True)
-class Job:
-    """A kind of job: `prepare` checks the parameters; `gated` ones need a preflight first."""
-
-    prepare: Callable[[Tools, Mapping[str, Any]], Work]
-    title: Callable[[Mapping[str, Any]], str]
-    gated: bool = False
-    needs_rig: bool = True
-
-
-def clean(text: object, what: str, least: int = 0) -> str:
-    """Return a text of a page on one line. Raises ConfigurationError when it is too long or too short."""
-    line = " ".join(str(text).split())
-    if not least <= len(line) or len(line.encode()) > _LONGEST:
-        raise ConfigurationError(f"{what} must have {least} to {_LONGEST} characters, not {len(line)}.")
-    return line
-
-
-def _whole(value: object, what: str, least: int, most: int) -> int:
-    try:
-        number = int(str(value))
-    except ValueError:
-        number = least - 1
-    if not least <= number <= most:
-        raise ConfigurationError(
-            f"{what} must be a whole number from {least} to {most}, not {str(value)[:20]!r}."
-        )
-    return number
-
-
-def numbers(text: str) -> list[int] | None:
-    """Read grid points such as "0, 5, 12-20"; None for all. Raises ConfigurationError."""
-    found: list[int] = []
-    for part in filter(None, (part.strip() for part in text.split(","))):
-        first, _, last = part.partition("-")
-        if not (first.isdecimal() and (last or first).isdecimal() and len(part) < 12):
-            raise ConfigurationError(f"Points are numbers such as 0, 5, 12-20; {part[:20]!r} is none.")
-        begin, end = int(first), int(last or first)
-        if not begin <= end <= _MOST_POINTS:
-            raise ConfigurationError(
-                f"Points go from a smaller number to a larger one, {_MOST_POINTS} at most; {part[:20]!r} "
-                "does not."
-            )
-        found += range(begin, end + 1)
-    return found or None
 
 
 def _notes(tools: Tools, given: object) -> str:
@@ -152,7 +76,7 @@ def _look(tools: Tools, _wanted: Mapping[str, Any]) -> Work:
 
 def _record(tools: Tools, wanted: Mapping[str, Any]) -> Work:
     button, participant = str(wanted.get("button", "")), str(wanted.get("participant", ""))
-    presses = _whole(wanted.get("presses", 10), "The number of presses", 1, 200)
+    presses = whole(wanted.get("presses", 10), "The number of presses", 1, 200)
     notes = _notes(tools, wanted.get("notes"))
     out = tools.data.path("recordings")
     name = str(wanted.get("name") or "")
@@ -313,7 +237,7 @@ def _calibrate(tools: Tools, wanted: Mapping[str, Any]) -> Work:
 
 def _map(tools: Tools, wanted: Mapping[str, Any]) -> Work:
     points = numbers(str(wanted.get("points") or ""))
-    patches = str(wanted.get("patches") or "").replace(",", " ").split() or None
+    patches = words(wanted.get("patches")) or None
     folder = tools.data.path(f"maps/{clean(wanted.get('name') or 'map', 'The name', 1)}")
 
     def work(rig: Rig) -> dict[str, Any]:
@@ -326,72 +250,13 @@ def _map(tools: Tools, wanted: Mapping[str, Any]) -> Work:
     return work
 
 
-def _make(tools: Tools, wanted: Mapping[str, Any]) -> Work:
-    recordings = [Recording.open(tools.data.path(name)) for name in wanted.get("recordings", ())]
-    if not recordings:
-        raise ConfigurationError("Choose at least one recording.")
-    chosen = wanted.get("calibrations") or ()
-    if isinstance(chosen, str) or not chosen:
-        raise ConfigurationError("Choose at least one calibration.")
-    calibrations = load_calibrations([tools.data.path(name) for name in chosen])
-    quiet_at = str(wanted.get("quiet_at") or "").replace(",", " ").split()
-    iterations = _whole(wanted.get("iterations", 5), "The number of corrections", 0, 20)
-    path = tools.data.path(f"buttons/{clean(wanted.get('name') or recordings[0].button, 'The name', 1)}.h5")
-    check_destination(path)
-
-    def work(rig: Rig) -> dict[str, Any]:
-        press = representative(recordings)
-        with reserved(path, size=sizes.BUTTON + (iterations + 1) * sizes.STEP):
-            made = build_button(
-                rig,
-                press,
-                calibrations,
-                elsewhere=dict.fromkeys(quiet_at),
-                iterations=iterations,
-                progress=tools.progress,
-            )
-            made.save(path)
-        return {"file": tools.data.name(path), "verdict": made.check.verdict}
-
-    return work
-
-
-def _check(tools: Tools, wanted: Mapping[str, Any]) -> Work:
-    path = tools.data.path(wanted.get("button", ""))
-    button = DigitalButton.load(path)
-
-    def work(rig: Rig) -> dict[str, Any]:
-        now = datetime.now(UTC)
-        saved = tools.data.path(f"checks/{path.stem}-{now:%Y%m%dT%H%M%S}.h5")
-        with reserved(saved, size=sizes.CHECK + _PLAYS * sizes.PLAY):
-            result = play_button(rig, button, plays=_PLAYS, progress=tools.progress)
-            result.save(saved)
-        # The button's file is never changed: the new check stands beside it.
-        return {"file": tools.data.name(path), "check": tools.data.name(saved), "verdict": result.verdict}
-
-    return work
-
-
-def _adopt(tools: Tools, wanted: Mapping[str, Any]) -> Work:
-    button = DigitalButton.load(tools.data.path(wanted.get("button", "")))
-    reason = clean(wanted.get("reason", ""), "The reason", 3)
-
-    def work(_: Rig) -> dict[str, Any]:
-        history = History(tools.data.path("calibrations"))
-        return {
-            "generation": adopt(history, [button], actor=_ACTOR, reason=reason, rig=tools.file).name,
-        }
-
-    return work
-
-
 def _activate(tools: Tools, wanted: Mapping[str, Any]) -> Work:
     name = str(wanted.get("generation", ""))
     reason = clean(wanted.get("reason", ""), "The reason", 3)
 
     def work(_: Rig) -> dict[str, Any]:
         history = History(tools.data.path("calibrations"))
-        return {"generation": activate(history, name, actor=_ACTOR, reason=reason, rig=tools.file).name}
+        return {"generation": activate(history, name, actor=ACTOR, reason=reason, rig=tools.file).name}
 
     return work
 
@@ -424,9 +289,9 @@ JOBS: dict[str, Job] = {
     "study": Job(_study, lambda p: f"Study {p.get('study')}", gated=True),
     "calibrate": Job(_calibrate, lambda p: f"Calibrate patch {p.get('patch', 'A')}"),
     "map": Job(_map, lambda p: f"Map {p.get('name') or 'map'}"),
-    "make": Job(_make, lambda p: f"Make a digital button {p.get('name') or ''}".strip()),
-    "check": Job(_check, lambda p: f"Play {p.get('button')}"),
-    "adopt": Job(_adopt, lambda p: f"Adopt {p.get('button')}", needs_rig=False),
+    "make": Job(make, lambda p: f"Make a digital button {p.get('name') or ''}".strip()),
+    "check": Job(check, lambda p: f"Play {p.get('button')}"),
+    "adopt": Job(adopt_button, lambda p: f"Adopt {p.get('button')}", needs_rig=False),
     "activate": Job(_activate, lambda p: f"Activate {p.get('generation')}", needs_rig=False),
     "surface": Job(_surface, lambda p: f"Rig for the experiment {p.get('experiment')}"),
     "safe": Job(_safe, lambda _: "Reach the safe state"),

@@ -28,7 +28,8 @@ from ...instruments.safety import is_marked
 from ...instruments.signals import uninterrupted
 from ..data_folder import DataFolder
 from .board import Board
-from .jobs import JOBS, Tools, Work, clean
+from .job import Tools, Work, clean
+from .jobs import JOBS
 from .observer import Observer
 from .page_operator import PageOperator
 from .presenting import Stimuli

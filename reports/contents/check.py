@@ -21,7 +21,15 @@ from .parts import Contents, Drawing, Fact, Verdict, detailed, fact, plain, verd
 from .press import press_drawing
 from .words import interval, percent, sentence
 
-__all__ = ["button_contents", "check_contents", "feeling_facts", "feeling_values"]
+__all__ = [
+    "button_contents",
+    "check_contents",
+    "crosstalk_facts",
+    "feeling_facts",
+    "feeling_values",
+    "other_facts",
+    "silence_facts",
+]
 
 
 def check_contents(check: Check, press: Representative | None = None, file: Path | None = None) -> Contents:
@@ -232,7 +240,9 @@ def _check_facts(check: Check, feeling: Feeling, presses: Sequence[Representativ
         f"{_error(check.whole)}, at most {percent(check.tolerance)}; up to {check.judged_hz:.0f} Hz, in "
         f"{check.plays} plays",
     )
-    yield from _elsewhere_facts(check, presses)
+    yield from silence_facts(check)
+    yield from other_facts(check, presses)
+    yield from crosstalk_facts(check)
     envelopes = f"of the envelopes {check.envelope_correlation:.4f}"
     noise = f"{percent(check.whole.floor)}, within the band {percent(check.within.floor)}"
     yield from detailed(
@@ -247,8 +257,8 @@ def _check_facts(check: Check, feeling: Feeling, presses: Sequence[Representativ
     yield from feeling_facts(feeling)
 
 
-def _elsewhere_facts(check: Check, presses: Sequence[Representative]) -> Iterator[Fact]:
-    """What other points did: silent ones, and those with a button of their own, of `presses`."""
+def silence_facts(check: Check) -> Iterator[Fact]:
+    """By how much the points that are to be silent are."""
     planned = {one.point: one for one in check.drive.elsewhere}
     for silence in check.silent:
         still, drifted = planned[silence.point].expected
@@ -257,6 +267,13 @@ def _elsewhere_facts(check: Check, presses: Sequence[Representative]) -> Iterato
             f"{_contrast(silence.contrast_db)}; {_below(still)} dB were expected, "
             f"{_below(drifted)} dB after a drift{_known(planned[silence.point])}",
         )
+
+
+def other_facts(check: Check, presses: Sequence[Representative]) -> Iterator[Fact]:
+    """What became of each button that another point plays at the same time, of `presses`: the verdict, the
+    error, who feels it, and how much of the press it is.
+    """
+    planned = {one.point: one for one in check.drive.elsewhere}
     for other, press in zip_longest(check.others, presses):
         felt = check_feeling(other, press)
         one = planned[other.drive.point]
@@ -271,6 +288,10 @@ def _elsewhere_facts(check: Check, presses: Sequence[Representative]) -> Iterato
                 ", ".join(filter(None, (_played(other), loudness(felt)))),
             ],
         )
+
+
+def crosstalk_facts(check: Check) -> Iterator[Fact]:
+    """How much of each button moves the point of another."""
     for seen in (check, *check.others) if check.others else ():
         for point, level in seen.crosstalk_db:
             yield fact(

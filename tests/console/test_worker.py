@@ -17,6 +17,7 @@ from haploop.acquisition import Recording
 from haploop.console.data_folder import DataFolder
 from haploop.console.worker import Address, WorkerLink, jobs, stopping
 from haploop.console.worker import worker as workers
+from haploop.console.worker.job import Job
 from haploop.console.worker.listener import Listener
 from haploop.console.worker.worker import Worker
 from haploop.instruments import ConfigurationError, InstrumentError, load_rig_file
@@ -178,7 +179,7 @@ def test_stop_reaches_the_safe_state_from_its_own_thread_when_the_job_hangs(tmp_
                 free.wait(0.05)
         return {}
 
-    monkeypatch.setitem(jobs.JOBS, "hang", jobs.Job(lambda _tools, _wanted: hang, lambda _: "Hang"))
+    monkeypatch.setitem(jobs.JOBS, "hang", Job(lambda _tools, _wanted: hang, lambda _: "Hang"))
 
     def operator() -> None:
         begin(worker, "hang")
@@ -202,8 +203,8 @@ def test_a_job_that_was_asked_for_before_stop_does_not_begin_after_it(tmp_path, 
         assert read.wait(DEADLINE)
         return begun.append
 
-    monkeypatch.setitem(jobs.JOBS, "slow", jobs.Job(slow, lambda _: "Slow"))
-    monkeypatch.setitem(jobs.JOBS, "quick", jobs.Job(lambda _tools, _wanted: begun.append, lambda _: "Quick"))
+    monkeypatch.setitem(jobs.JOBS, "slow", Job(slow, lambda _: "Slow"))
+    monkeypatch.setitem(jobs.JOBS, "quick", Job(lambda _tools, _wanted: begun.append, lambda _: "Quick"))
 
     def start() -> None:
         try:
@@ -250,7 +251,7 @@ def test_stop_in_a_job_without_the_rig_reads_the_rig_back_all_the_same(tmp_path,
         return {}
 
     monkeypatch.setattr(workers, "open_rig", counted)
-    job = jobs.Job(lambda _tools, _wanted: work, lambda _: "Paper", needs_rig=False)
+    job = Job(lambda _tools, _wanted: work, lambda _: "Paper", needs_rig=False)
     monkeypatch.setitem(jobs.JOBS, "paper", job)
 
     def operator() -> None:
@@ -265,7 +266,7 @@ def test_stop_in_a_job_without_the_rig_reads_the_rig_back_all_the_same(tmp_path,
 def opening_with(monkeypatch: pytest.MonkeyPatch, open_rig: Callable[..., object]) -> None:
     """Have the rig opened by `open_rig`, for a job "any" that does nothing with it."""
     monkeypatch.setattr(workers, "open_rig", open_rig)
-    monkeypatch.setitem(jobs.JOBS, "any", jobs.Job(lambda _tools, _wanted: lambda _: {}, lambda _: "Any"))
+    monkeypatch.setitem(jobs.JOBS, "any", Job(lambda _tools, _wanted: lambda _: {}, lambda _: "Any"))
 
 
 def test_stop_says_when_the_rig_could_not_be_opened(tmp_path, monkeypatch):

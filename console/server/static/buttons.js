@@ -6,18 +6,20 @@ asking("Nothing is being played.");
 const chosen = (id) => [...$(id).selectedOptions].map((option) => option.value);
 $("make-form").addEventListener("submit", (event) => {
   event.preventDefault();
-  start("make", { recordings: chosen("recordings"), calibrations: chosen("calibrations"), quiet_at: $("quiet").value, iterations: Number($("iterations").value), name: $("name").value });
+  start("make", { recordings: chosen("recordings"), calibrations: chosen("calibrations"), error: $("error").value, level: $("level").value, drift: $("drift").value, quiet_at: $("quiet").value, also: chosen("also"), also_at: $("also-at").value, map: $("map").value, iterations: Number($("iterations").value), name: $("name").value });
 });
 $("play").addEventListener("click", () => start("check", { button: $("button").value }));
 $("adopt-form").addEventListener("submit", async (event) => { event.preventDefault(); if (await start("adopt", { button: $("button").value, reason: $("why").value })) $("why").value = ""; });
 $("button").addEventListener("change", () => show(true));
-$("check").addEventListener("change", () => show(false));
+for (const id of ["check", "point"]) $(id).addEventListener("change", () => show(false));
 document.addEventListener("hello", list);
 
 async function list() {
   const found = await get("/api/files");
   const page = (path, name) => el("a", { href: path }, name);
   choose($("recordings"), found.recordings, { first: ["There is no recording yet: first ", page("/record", "record the button"), "."] });
+  choose($("also"), found.recordings);
+  choose($("map"), ["", ...found.maps], { empty: "none" });
   choose($("calibrations"), found.calibrations, { first: ["There is no calibration yet: first ", page("/table", "calibrate a patch"), "."] });
   if (found.calibrations.length === 1) $("calibrations").options[0].selected = true;
   choose($("button"), found.buttons, { last: true, first: ["There is no digital button yet: first make one, from recordings and a calibration."] });
@@ -30,16 +32,23 @@ async function show(anew) {
   const name = $("button").value;
   if (!name) { $("verdict").textContent = ""; return; }
   let found;
-  try { found = await ask(`/api/button?file=${encodeURIComponent(name)}${!anew && $("check").value ? `&check=${encodeURIComponent($("check").value)}` : ""}`); } catch (error) { say(error.message, "error"); return; }
+  const asked = new URLSearchParams({ file: name });
+  for (const id of anew ? [] : ["check", "point"]) if ($(id).value) asked.set(id, $(id).value);
+  try { found = await ask(`/api/button?${asked}`); } catch (error) { say(error.message, "error"); return; }
   if (!found) return;
   plots.forEach((one) => one.destroy());
   plots = [];
-  for (const id of ["motion-plot", "drive-plot", "octave-plot", "legend", "reasons"]) fill($(id));
+  for (const id of ["motion-plot", "drive-plot", "octave-plot", "legend", "reasons", "each-point"]) fill($(id));
   if (anew) fill($("check"), el("option", { value: "" }, "the one that it was made with"), ...found.checks.map((one) => el("option", { value: one }, one)));
+  choose($("point"), found.points);
+  $("point").value = found.point;
+  $("point-list").classList.toggle("hidden", found.points.length < 2);
+  $("points").classList.toggle("hidden", !found.each_point.length);
+  $("each-point").append(...found.each_point.map((one) => el("tr", {}, el("th", { scope: "row" }, one.label), el("td", {}, ...(one.verdict ? [el("strong", { class: one.passed ? "good" : "bad" }, one.verdict), ", "] : []), one.said))));
   const drives = Object.entries(found.drives), several = drives.length > 1, check = found.check, percent = (value) => (value === null ? "-" : `${(100 * value).toFixed(1)} %`);
   $("verdict").textContent = check.verdict;
   $("verdict").className = `verdict ${check.passed ? "good" : "bad"}`;
-  $("said-of-it").textContent = `${found.name}, patch ${drives.map(([patch]) => patch).join(" + ")} at the ${found.point} point${found.simulated ? ", simulated" : ""}. Error of the whole motion ${percent(check.whole.error)} (${percent(check.whole.interval[0])} to ${percent(check.whole.interval[1])}) over ${check.plays} plays; outside the band ${percent(check.outside.error)}. It plays ${percent(found.in_band)} of the recorded press's energy${found.loudness_db === null ? "" : `, ${Math.abs(found.loudness_db).toFixed(0)} dB ${found.loudness_db < 0 ? "quieter" : "louder"}`}. ${found.felt}${Object.entries(check.silent).map(([point, less]) => ` Point ${point}, which is to be silent, moves ${less === null ? "by an unknown amount" : `${less.toFixed(0)} dB less than the target`}.`).join("")}`;
+  $("said-of-it").textContent = `${found.name}, patch ${drives.map(([patch]) => patch).join(" + ")} at the ${found.point} point${found.simulated ? ", simulated" : ""}. Error of the whole motion ${percent(check.whole.error)} (${percent(check.whole.interval[0])} to ${percent(check.whole.interval[1])}) over ${check.plays} plays; outside the band ${percent(check.outside.error)}. It plays ${percent(found.in_band)} of the recorded press's energy${found.loudness_db === null ? "" : `, ${Math.abs(found.loudness_db).toFixed(0)} dB ${found.loudness_db < 0 ? "quieter" : "louder"}`}. ${found.felt}`;
   fill($("reasons"), ...[...new Set([...check.reasons, ...check.notes, ...found.notes])].map((one) => el("li", {}, one)));
   const times = found.target.map((_, k) => 1000 * k * found.step_s);
   $("legend").append(legend(["target", "measured (mean of the plays)", "recorded press, scaled as the target", ...(several ? [] : ["drive"])]));

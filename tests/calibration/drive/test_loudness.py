@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from haploop.calibration import ButtonPlan, Loudness, drive_for, plan_button, trade_for
+from haploop.calibration import ButtonPlan, Drift, Loudness, Trade, drive_for, plan_button, trade_for
+from haploop.calibration.drive import TOLERANCE
 from haploop.calibration.perception import levels_of
 from haploop.instruments import ConfigurationError
 from haploop.reports import plot
@@ -51,7 +52,7 @@ def test_as_loud_as_an_error_allows(calibrated: Calibrated) -> None:
 
 
 def test_at_least_a_level_at_the_least_error(calibrated: Calibrated) -> None:
-    loudest = level(calibrated, Loudness())[1]
+    loudest = level(calibrated, Loudness(error=TOLERANCE))[1]
     wanted = loudest - 3
     error, reached = level(calibrated, Loudness(level=wanted))
     assert wanted <= reached < wanted + 1
@@ -59,6 +60,13 @@ def test_at_least_a_level_at_the_least_error(calibrated: Calibrated) -> None:
     assert level(calibrated, Loudness(error=0.85 * error))[1] < wanted
     # What is reached without giving anything up is not made louder.
     assert level(calibrated, Loudness(level=-40)) == level(calibrated, Loudness(level=-50))
+
+
+def test_without_a_choice_it_is_as_like_as_it_can_be(calibrated: Calibrated) -> None:
+    for drift in (None, Drift.usual(0.002)):
+        wanted = trade_for(make_press(), calibrated.calibration, calibrated.rig, Loudness(drift=drift))
+        assert wanted == Trade(drift=drift)
+    assert Drift.usual(0.002).common == 0.002 and Drift.usual(Drift().common) == Drift()
 
 
 def test_what_the_limits_do_not_allow_is_refused_with_what_they_do(calibrated: Calibrated) -> None:
