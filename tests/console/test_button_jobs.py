@@ -16,7 +16,7 @@ from haploop.console.worker import button_jobs
 from haploop.console.worker.worker import Worker
 from haploop.instruments import ConfigurationError, DataError, load_rig_file
 from tests.calibration.conftest import make_press
-from tests.console.test_worker import begin, ended, pages, until
+from tests.console.test_worker import DEADLINE, begin, ended, pages, until
 
 OWN = [f"calibrations-made/{patch}-button.h5" for patch in "AB"]
 PUSH, TOGGLE = "recordings/push.h5", "recordings/toggle.h5"
@@ -51,7 +51,7 @@ def work(data: DataFolder, **wanted: object) -> dict[str, Any]:
     def operator() -> None:
         asked = {"recordings": [PUSH], "calibrations": OWN, "name": "made", "iterations": 0}
         begin(worker, "make", **{**asked, **wanted})
-        until(over)
+        until(over, 4 * DEADLINE)
 
     with pages(worker, operator):
         found: dict[str, Any] = worker.board["job"]

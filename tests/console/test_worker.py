@@ -26,8 +26,8 @@ from haploop.reports.contents.recording import recording_contents
 DEADLINE = 60.0
 
 
-def until(what: Callable[[], object]) -> None:
-    end = time.monotonic() + DEADLINE
+def until(what: Callable[[], object], seconds: float = DEADLINE) -> None:
+    end = time.monotonic() + seconds
     while not what():
         assert time.monotonic() < end, "It did not come."
         time.sleep(0.01)

@@ -116,7 +116,7 @@ def test_two_buttons_and_a_silent_point_as_loud_as_an_error_allows(browser, tmp_
         made(page, "both")
         button = haploop.DigitalButton.load(data / "buttons" / "both.h5")
         assert button.drive.points == ("button", "57", "75")
-        assert 0.005 < button.drive.trade.error < 0.15 and button.drive.drift.common == 0.001
+        assert 0.1 < button.drive.expected_error <= 0.15 and button.drive.drift.common == 0.001
         rows = page.locator("#each-point tr")
         expect(rows).to_have_count(5, timeout=WAIT)
         expect(rows.nth(0)).to_contain_text(f"push at the button point{button.check.verdict}, error")
