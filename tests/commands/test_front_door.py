@@ -44,6 +44,7 @@ WORK = {
         "representative",
         "Loudness",
         "trade_for",
+        "load_elsewhere",
         "build_button",
         "DigitalButton",
     ],

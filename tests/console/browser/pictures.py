@@ -25,6 +25,7 @@ from PIL import Image
 import haploop
 from haploop.reports.figures import png
 from tests.console.browser.browsing import CHROMIUM, OPTIONS, WAIT, expect, fill, named, playwright
+from tests.console.browser.test_several_patches import fill_two_buttons, made, save_what_it_takes
 from tests.console.serving import Served, served
 
 PICTURES = Path(__file__).parents[3] / "docs" / "pictures"
@@ -129,7 +130,7 @@ class Album:
 
     def visit(self, name: str) -> Any:
         self.page.goto(f"{self.console.base}/{name}")
-        expect(self.page.locator("#rig")).to_contain_text("Rig simulated", timeout=WAIT)
+        expect(self.page.locator("#rig")).to_have_text(f"Rig {self.console.rig}", timeout=WAIT)
         return self.page
 
     def participant(self) -> Any:
@@ -140,12 +141,14 @@ class Album:
         shown.goto(self.console.base + link.get_attribute("href"))
         return shown
 
-    def take(self, name: str, page: Any = None) -> None:
-        """Save a picture of a whole page, in few colours."""
+    def take(self, name: str, page: Any = None, part: str = "") -> None:
+        """Save a picture of a whole page, or of the part with a heading, in few colours."""
         page = page or self.page
         page.evaluate("scrollTo(0, 0)")
         page.wait_for_timeout(700)  # plots are drawn at the next frames
-        shot = Image.open(BytesIO(page.screenshot(full_page=True))).convert("RGB")
+        seen = page.locator("section").filter(has=page.get_by_role("heading", name=part)) if part else page
+        taken = seen.screenshot() if part else seen.screenshot(full_page=True)
+        shot = Image.open(BytesIO(taken)).convert("RGB")
         path = PICTURES / f"console-{name}.png"
         _few_colours(shot).save(path, optimize=True)
         print(f"{path.name}: {shot.width} x {shot.height}, {path.stat().st_size / 1e3:.0f} kB", flush=True)
@@ -268,6 +271,17 @@ def experiments(album: Album) -> None:
         shown.context.close()
 
 
+def two_buttons(album: Album) -> None:
+    """Two buttons of four patches at once, and a point that is kept silent."""
+    page = album.visit("buttons")
+    if not (album.console.data / "buttons" / "both.h5").exists():
+        fill_two_buttons(page)
+        made(page, "both")
+    expect(page.locator("#each-point tr")).to_have_count(5, timeout=WAIT)
+    page.locator("#octave-plot canvas").wait_for(timeout=WAIT)
+    album.take("two-buttons", part="Look at one")
+
+
 def figures(data: Path) -> None:
     """The figures of the console's own data; those of a map and of forces need more than it measures."""
     buttons = [haploop.DigitalButton.load(path) for path in sorted(data.glob("buttons/*.h5"))]
@@ -298,15 +312,17 @@ def main() -> None:
         if not data.is_dir():
             data.mkdir(parents=True)
             make_data(data)
+        several = folder / "several"
+        if not several.is_dir():
+            save_what_it_takes(several)
         figures(data)
-        with (
-            playwright.sync_playwright() as program,
-            served(data, "--port", "0", state=folder / "state") as console,
-        ):
+        with playwright.sync_playwright() as program:
             browser = program.chromium.launch(executable_path=CHROMIUM, args=OPTIONS)
-            for part in PARTS:
-                if len(sys.argv) < 3 or part.__name__ in sys.argv[2:]:
-                    part(Album(browser, console))
+            for lab, rig, parts in ((data, "simulated", PARTS), (several, "four-channel", (two_buttons,))):
+                with served(lab, "--port", "0", "--rig", rig, state=folder / "state") as console:
+                    for part in parts:
+                        if len(sys.argv) < 3 or part.__name__ in sys.argv[2:]:
+                            part(Album(browser, console))
             browser.close()
 
 

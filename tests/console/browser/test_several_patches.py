@@ -29,6 +29,19 @@ def save_what_it_takes(data: Path) -> None:
         haploop.measure_map(rig, data / "maps" / "map", haploop.map_plan(rig, points=(0, 13, 57, 75, 83)))
 
 
+def fill_two_buttons(page: Any) -> None:
+    """The push, the toggle at point 57 by the map, silence at 75, as loud as 15 % of error allows."""
+    page.get_by_label("Recordings of one button").select_option("recordings/P01-push.h5")
+    page.get_by_label("Calibrations").select_option([f"calibrations-made/{p}-button.h5" for p in "ABCD"])
+    page.get_by_label("Corrections, at most").fill("0")
+    page.get_by_label("Expected error, at most (%)").fill("15")
+    page.get_by_label("Drift of the resonances").fill("0.1")
+    page.get_by_label("Points to keep silent").fill("75")
+    page.get_by_label("Recordings of a second button").select_option("recordings/P01-toggle.h5")
+    page.get_by_label("Point of the second button").fill("57")
+    page.get_by_label("Map, for points without").select_option("maps/map")
+
+
 def made(page: Any, name: str) -> None:
     """Have a button made, and do all that the rig asks for meanwhile."""
     page.get_by_label("Name of the file").fill(name)
@@ -98,21 +111,19 @@ def test_two_buttons_and_a_silent_point_as_loud_as_an_error_allows(browser, tmp_
     with served(data, "--port", "0", "--rig", "four-channel", state=tmp_path / "state") as console:
         tab = Tab(browser, console)
         page = visit(tab, console, "buttons")
-        page.get_by_label("Recordings of one button").select_option("recordings/P01-push.h5")
-        page.get_by_label("Calibrations").select_option([f"calibrations-made/{p}-button.h5" for p in "ABCD"])
-        page.get_by_label("Corrections, at most").fill("0")
-        error = page.get_by_label("Expected error, at most (%)")
+        fill_two_buttons(page)
+        error, there = (
+            page.get_by_label("Expected error, at most (%)"),
+            page.get_by_label("Point of the second"),
+        )
         error.fill("50")
         page.get_by_role("button", name="Compute, play and check").click()
         assert error.evaluate("(one) => one.validationMessage") == "A number from 0.1 to 20."
         error.fill("15")
-        page.get_by_label("Drift of the resonances").fill("0.1")
-        page.get_by_label("Points to keep silent").fill("75")
-        page.get_by_label("Recordings of a second button").select_option("recordings/P01-toggle.h5")
+        there.fill("")
         page.get_by_role("button", name="Compute, play and check").click()
         expect(page.locator("#said")).to_contain_text("Name the one point at which the second", timeout=WAIT)
-        page.get_by_label("Point of the second button").fill("57")
-        page.get_by_label("Map, for points without").select_option("maps/map")
+        there.fill("57")
         made(page, "both")
         button = haploop.DigitalButton.load(data / "buttons" / "both.h5")
         assert button.drive.points == ("button", "57", "75")
