@@ -46,9 +46,11 @@ def load_elsewhere(
     method: AverageMethod = "automatic",
 ) -> dict[str, Representative | tuple[Representative, float] | None]:
     """Read what is wanted at other points: `also` is points with a file of their press each, or with several
-    recordings of it; the points `quiet_at` are to be silent; `times` are sizes of presses over the drive's own.
+    recordings of it; the points `quiet_at` are to be silent; `times` are sizes of presses over the
+    drive's own.
 
-    Raises ConfigurationError for a point that is both, or a size without a press; and what `load_press` raises.
+    Raises ConfigurationError for a point that is both, or a size without a press; and what `load_press`
+    raises.
     """
     files: dict[str, list[str | Path]] = {}
     for point, path in also:
@@ -57,10 +59,7 @@ def load_elsewhere(
     if both := sorted(files.keys() & silent.keys()):
         raise ConfigurationError(f"Point {both[0]} cannot be silent and play a press: leave one out.")
     if nowhere := sorted(sizes.keys() - files.keys()):
-        raise ConfigurationError(
-            f"A size is given for point {nowhere[0]}, and no press that is to be played there (--also "
-            f"{nowhere[0]} PRESS)."
-        )
+        raise ConfigurationError(f"A size is given for point {nowhere[0]}, and no press to play there.")
     presses = {point: (load_press(paths, method), sizes.get(point, 1.0)) for point, paths in files.items()}
     return {**presses, **silent}
 

@@ -41,7 +41,7 @@ def make(tools: Tools, wanted: Mapping[str, Any]) -> Work:
     calibrated = files(tools.data, wanted.get("calibrations"))
     if not calibrated:
         raise ConfigurationError("Choose at least one calibration.")
-    also, quiet_at = _also(tools, wanted), words(wanted.get("quiet_at"))
+    also, times, quiet_at = *_also(tools, wanted), words(wanted.get("quiet_at"))
     chosen = str(wanted.get("map") or "")
     map_folder = tools.data.path(chosen) if chosen else None
     loudness = _loudness(wanted)
@@ -51,7 +51,7 @@ def make(tools: Tools, wanted: Mapping[str, Any]) -> Work:
 
     def work(rig: Rig) -> dict[str, Any]:
         tools.progress("Compute the drive", 0, 1, "")
-        elsewhere = load_elsewhere(also, quiet_at)
+        elsewhere = load_elsewhere(also, quiet_at, times)
         press, calibrations = load_press(presses), load_calibrations(calibrated)
         if map_folder is not None:
             calibrations = with_map(calibrations, VibrationMap.load(map_folder), elsewhere)
@@ -82,14 +82,17 @@ def _loudness(wanted: Mapping[str, Any]) -> Loudness:
     )
 
 
-def _also(tools: Tools, wanted: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """The second button's point, with each of its recordings."""
+def _also(tools: Tools, wanted: Mapping[str, Any]) -> tuple[list[tuple[str, str]], list[tuple[str, float]]]:
+    """The second button's point, with each of its recordings, and with its size."""
     points, recordings = words(wanted.get("also_at")), files(tools.data, wanted.get("also"))
     if recordings and len(points) != 1:
         raise ConfigurationError("Name the one point at which the second button is to play, for example 57.")
     if points and not recordings:
         raise ConfigurationError("Choose recordings of the second button, or leave its point empty.")
-    return [(points[0], str(path)) for path in recordings]
+    size = number(wanted.get("size"), "The size of the second button", "times the first one's")
+    if size is not None and not recordings:
+        raise ConfigurationError("Choose recordings of the second button, or leave its size empty.")
+    return [(points[0], str(path)) for path in recordings], [] if size is None else [(points[0], size)]
 
 
 def check(tools: Tools, wanted: Mapping[str, Any]) -> Work:

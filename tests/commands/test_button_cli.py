@@ -54,7 +54,7 @@ def test_points_that_cannot_be_are_refused_before_anything_is_played(
     for more, told in (
         (("--quiet-at", "57"), "2 points cannot be moved or kept silent at once by 1 patches"),
         (("--quiet-at", "57", "--also", "57", recording), "Point 57 cannot be silent and play a press"),
-        (("--times", "57", "0.5"), "--times 57 belongs to --also 57 PRESS"),
+        (("--times", "57", "0.5"), "A size is given for point 57, and no press to play there"),
         (("--also", "57", tmp_path / "none.h5"), "none.h5"),
         (("--quiet-at", "57", "--map", tmp_path), "holds no map"),
     ):

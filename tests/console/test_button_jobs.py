@@ -72,6 +72,11 @@ def work(data: DataFolder, **wanted: object) -> dict[str, Any]:
         ({"also": [TOGGLE]}, "Name the one point at which the second button is to play"),
         ({"also": [TOGGLE], "also_at": "57, 75"}, "Name the one point at which the second button is to play"),
         ({"also_at": "57"}, "Choose recordings of the second button"),
+        ({"size": "0.5"}, "Choose recordings of the second button, or leave its size empty."),
+        (
+            {"also": [TOGGLE], "also_at": "57", "size": "half"},
+            "The size of the second button must be a number",
+        ),
         ({"also": ["../push.h5"], "also_at": "57"}, "is no file of the console's data folder"),
         ({"map": "../map"}, "is no file of the console's data folder"),
         ({"name": ""}, "The name must have"),
@@ -95,6 +100,7 @@ def test_what_cannot_be_is_refused_at_once_in_one_sentence(
         ({"quiet_at": "button"}, "None of the calibrated points (button) is left for the press itself"),
         ({"map": "recordings", "quiet_at": "57"}, "holds no map"),
         ({"also": ["recordings/none.h5"], "also_at": "57"}, "none.h5"),
+        ({"also": [TOGGLE], "also_at": "57", "size": "0", "map": "maps/map"}, "cannot be 0 times the size"),
     ],
 )
 def test_what_the_files_do_not_allow_is_said_and_nothing_is_played(
@@ -123,11 +129,12 @@ def test_how_loud_is_what_the_command_would_be_told(
 
 
 def test_two_buttons_at_once_from_a_map_and_what_came_of_both(data: DataFolder) -> None:
-    job = work(data, also=[TOGGLE], also_at="57", map="maps/map", name="both")
+    job = work(data, also=[TOGGLE], also_at="57", size="0.5", map="maps/map", name="both")
     assert job["state"] == "done", job["sentence"]
     button = DigitalButton.load(data.path("buttons/both.h5"))
     (there,) = button.drive.elsewhere
     assert (there.point, there.known_from[:3]) == ("57", "map") and len(button.others) == 1
+    assert there.scale == pytest.approx(0.5 * button.drive.scale)
     assert job["result"]["verdict"] == button.check.verdict
 
     own, other = (shown(data, point) for point in ("", "57"))

@@ -6,7 +6,7 @@ asking("Nothing is being played.");
 const chosen = (id) => [...$(id).selectedOptions].map((option) => option.value);
 $("make-form").addEventListener("submit", (event) => {
   event.preventDefault();
-  start("make", { recordings: chosen("recordings"), calibrations: chosen("calibrations"), error: $("error").value, level: $("level").value, drift: $("drift").value, quiet_at: $("quiet").value, also: chosen("also"), also_at: $("also-at").value, map: $("map").value, iterations: Number($("iterations").value), name: $("name").value });
+  start("make", { recordings: chosen("recordings"), calibrations: chosen("calibrations"), error: $("error").value, level: $("level").value, drift: $("drift").value, quiet_at: $("quiet").value, also: chosen("also"), also_at: $("also-at").value, size: $("size").value, map: $("map").value, iterations: Number($("iterations").value), name: $("name").value });
 });
 $("play").addEventListener("click", () => start("check", { button: $("button").value }));
 $("adopt-form").addEventListener("submit", async (event) => { event.preventDefault(); if (await start("adopt", { button: $("button").value, reason: $("why").value })) $("why").value = ""; });

@@ -47,7 +47,7 @@ def made(page: Any, name: str) -> None:
     page.get_by_label("Name of the file").fill(name)
     page.get_by_role("button", name="Compute, play and check").click()
     done = page.locator("#job").filter(has_text=f"Make a digital button {name}: done")
-    for _ in range(4):
+    for _ in range(30):  # each point is aimed at for what is learnt, and for the check
         expect(done.or_(page.locator("#yes:enabled"))).to_be_visible(timeout=4 * WAIT)
         if done.is_visible():
             return
