@@ -92,7 +92,7 @@ def _each_point(check: Check, presses: Sequence[Representative]) -> list[dict[st
         return []
     rows: list[dict[str, Any]] = []
     own = f"error {percent(check.whole.root)} ({interval(check.whole.interval)})"
-    errors = [own, *(text_of(known.lines[-1]) for known in other_facts(check))]
+    errors = [own, *(text_of(known.lines[1]) for known in other_facts(check, presses[1:]))]
     for one, press, error in zip((check, *check.others), presses, errors, strict=False):
         rows.append(
             {

@@ -44,6 +44,11 @@ def make(tools: Tools, wanted: Mapping[str, Any]) -> Work:
     also, times, quiet_at = *_also(tools, wanted), words(wanted.get("quiet_at"))
     chosen = str(wanted.get("map") or "")
     map_folder = tools.data.path(chosen) if chosen else None
+    if chosen and not (also or quiet_at):
+        raise ConfigurationError(
+            "The map is for other points: name those that are to be silent or to play a second button, or "
+            "choose no map."
+        )
     loudness = _loudness(wanted)
     iterations = whole(wanted.get("iterations", 5), "The number of corrections", 0, 20)
     path = tools.data.path(f"buttons/{clean(wanted.get('name') or '', 'The name', 1)}.h5")
