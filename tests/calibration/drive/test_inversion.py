@@ -77,6 +77,16 @@ def test_uncertainty_is_part_of_the_expected_error(plan: Plan) -> None:
     assert replace(plan, covariance=1e4 * plan.covariance).error(drive) > 1.5 * error
 
 
+def test_the_uncertainty_counts_from_the_drive_whose_outcome_was_measured(plan: Plan) -> None:
+    drive, _ = min_peak(plan, 0.1)
+    unsure = replace(plan, covariance=1e6 * plan.covariance)
+    known = replace(unsure, operating_point=rfft(drive))
+    exact = replace(plan, covariance=0 * plan.covariance)
+    assert known.error(drive) == pytest.approx(exact.error(drive), rel=1e-9)
+    assert unsure.error(drive) > 2 * known.error(drive)
+    assert known.error(0.5 * drive) > exact.error(0.5 * drive)
+
+
 def test_an_impossible_budget_gives_the_best_there_is(plan: Plan) -> None:
     hopeless = replace(plan, covariance=np.abs(plan.gain[None]) ** 2)
     drive, error = max_output(hopeless, 0.05)

@@ -236,7 +236,7 @@ def test_a_table_needs_an_actuator(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("before", "after"),
     [
-        ("number = 12", "number = 2"),
+        ("number = 12\nthreshold = -3.5\nuncertainty = 3.5", "number = 2\nthreshold = -3.5\nuncertainty = 9"),
         ("number = 12", "number = 100001"),
         ("threshold = -3.5", "threshold = -61"),
         ("threshold = -3.5", "threshold = 61"),
@@ -244,7 +244,7 @@ def test_a_table_needs_an_actuator(tmp_path: Path) -> None:
         ("uncertainty = 3.5", "uncertainty = 0"),
         ("uncertainty = 3.5", "uncertainty = 61"),
         ("spread = 5.0", "spread = 0"),
-        ("spread = 5.0", "spread = 61"),
+        ("uncertainty = 3.5\nspread = 5.0", "uncertainty = 40\nspread = 61"),
         ("spread = 5.0", "spread = 6.5"),
         ("force = 2.0", "force = 0"),
         ("force = 2.0", "force = 101"),
