@@ -41,6 +41,8 @@ _LISTEN = 0.5
 """Longest recording after a drive (s): a drive leaves the table nearly still."""
 _PLAN_RATE = 5000.0
 """Sample rate (samples/s) at which corrections are planned."""
+_NEAR_HZ = 50.0
+"""How far (Hz) a resonance may have moved: 8 % at the upper end of the band."""
 _TRIES = 8
 """Attempts at a lower limit."""
 
@@ -146,7 +148,7 @@ class ResponseEstimate:
         surprise = pooled(np.abs(unexpected) ** 2 - error)
         seen = surprise / np.maximum(pooled(drive_power), 1e-30)
         # A line that was hardly driven would suggest an error larger than the gain: it is bounded.
-        seen = np.minimum(seen, np.abs(self.gain).max(axis=(1, 2))[:, None] ** 2)
+        seen = np.minimum(seen, self.grid.highest(np.abs(self.gain).max(axis=1)) ** 2)
         stated = _along(self.covariance, linear_volts) / np.maximum(drive_power, 1e-30)
         more = np.maximum(np.where(surprise > error, seen, 0.0) - stated, 0.0)
         covariance = self.covariance + more[:, None, None] * np.eye(len(linear_volts))[:, :, None]
@@ -240,6 +242,11 @@ class _Grid:
     def up(self, signal: FloatArray) -> FloatArray:
         """(..., samples) to the drive's (..., played)."""
         return resample(signal, self.samples * self.factor)[..., : self.played]
+
+    def highest(self, gain: FloatArray) -> FloatArray:
+        """The largest gain (..., lines) near each line: as large as a resonance that moved makes it there."""
+        lines = 2 * round(_NEAR_HZ * self.samples / self.rate_hz) + 1
+        return np.asarray(scipy.ndimage.maximum_filter1d(gain, lines, mode="nearest"))
 
     def pooled(self, power: FloatArray) -> FloatArray:
         """Power (..., lines) averaged over neighbouring lines."""
