@@ -1,4 +1,4 @@
-"""Which pages run: README and tutorial always, the others with `--pages`, as CI does."""
+"""Which pages run: README always, the others with `--pages`, as CI does."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pytest
 
 from tests.documents.pages import name_of
 
-ALWAYS = ("README.md", "docs/tutorial.md")
+ALWAYS = ("README.md",)
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

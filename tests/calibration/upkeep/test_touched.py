@@ -145,7 +145,7 @@ def test_real_drift_is_no_hand_and_a_hand_on_a_drifted_table_is_one(
 
 
 @pytest.mark.parametrize("patch", list("ABCD"))
-def test_no_patch_takes_a_drift_for_a_hand(calibrated: Calibrated, patch: str) -> None:
+def test_no_patch_takes_a_drift_for_a_hand(calibrated: Calibrated, patch: str, full: bool) -> None:
     """It sees some modes weakly, beside others or at the band's edge: no response tells their dampings."""
     rng, active = np.random.default_rng(7), calibrated.calibration
     whole, f = modes(calibrated), active.response.frequencies
@@ -159,7 +159,9 @@ def test_no_patch_takes_a_drift_for_a_hand(calibrated: Calibrated, patch: str) -
 
     bare = response(whole)
     own = replace(active, response=bare, model=fit(bare))
-    each = [1 + 0.01 * rng.standard_normal(len(whole.natural_hz)) for _ in range(8)]
+    each = [
+        1 + 0.01 * rng.standard_normal(len(whole.natural_hz)) for _ in range(8 if full or patch == "D" else 3)
+    ]
     for factor in (0.98, 0.99, 1.0, 1.005, 1.01, 1.02, *each):
         drifted = replace(whole, natural_hz=factor * whole.natural_hz)
         assert not compare(own, response(drifted), {}).dampings.touched, factor
