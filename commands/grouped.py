@@ -20,6 +20,7 @@ from .options import AVERAGE, FINGER, FORCE, JSON, PATH, PLAYS, PLOT, FiniteRang
 if TYPE_CHECKING:
     from ..acquisition import AverageMethod, Protocol, Representative
     from ..calibration import Calibration
+    from ..calibration.drive import Wanted
     from ..reports.contents import Contents
     from ..reports.figures import Columns
 
@@ -127,9 +128,7 @@ class AskedElsewhere:
     times: Sequence[tuple[str, float]]
     map_folder: Path | None
 
-    def load_wanted(
-        self, average: AverageMethod
-    ) -> dict[str, Representative | tuple[Representative, float] | None]:
+    def load_wanted(self, average: AverageMethod) -> Wanted:
         """Read the press of each point that plays one, and its size; None where it is silent."""
         return haploop.load_elsewhere(self.also, self.quiet_at, self.times, average)
 

@@ -44,7 +44,7 @@ def load_elsewhere(
     quiet_at: Iterable[str],
     times: Iterable[tuple[str, float]] = (),
     method: AverageMethod = "automatic",
-) -> dict[str, Representative | tuple[Representative, float] | None]:
+) -> Wanted:
     """Read what is wanted at other points: `also` is points with a file of their press each, or with several
     recordings of it; the points `quiet_at` are to be silent; `times` are sizes of presses over the
     drive's own.
