@@ -9,8 +9,6 @@ import signal
 import sys
 from types import FrameType
 
-__all__ = ["main"]
-
 _ALLOCATIONS = 20_000
 """New objects after which Python looks for garbage; its own default is 700."""
 _NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")

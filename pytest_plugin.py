@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from .instruments import Rig, RigFile
     from .mocks.daq.ni import NiTwin
 
-__all__ = ["OpenRig", "Rigs"]
-
 OpenRig = Callable[..., "Rig"]
 
 pytest.register_assert_rewrite("haploop.instruments.conformance")

@@ -22,18 +22,6 @@ import h5py
 from ..instruments import DataError
 from ..instruments.signals import uninterrupted
 
-__all__ = [
-    "UNREADABLE",
-    "USER_BLOCK",
-    "Stated",
-    "add_checksum",
-    "bounded",
-    "created",
-    "opened",
-    "stated",
-    "unreadable",
-]
-
 USER_BLOCK = 512
 """Bytes before the HDF5 data, which its readers skip; the smallest number that HDF5 allows."""
 

@@ -30,8 +30,6 @@ from ..instruments.files import new_file
 from .checksum import add_checksum, bounded, created, opened, stated, unreadable
 from .packing import write_packed
 
-__all__ = ["Flat", "digest", "flatten", "kind_of", "read", "restore", "write"]
-
 Flat = dict[str, NDArray[Any] | float | int | bool | str]
 """A dataclass flattened to plain values, with slashes in the names of nested fields."""
 Value = TypeVar("Value")

@@ -18,15 +18,6 @@ from ..instruments.files import new_file, os_error_text, whole_file
 from ..instruments.json_text import KEYS, VERSION, as_file, content_hash, from_text
 from ..instruments.safety import marked
 
-__all__ = [
-    "append_json",
-    "changing",
-    "is_json",
-    "json_hash",
-    "read_json",
-    "write_json",
-]
-
 _LARGEST = 1 << 28
 """Bytes of a file that are read; a list of 10^5 entries has a tenth of it."""
 _PATIENCE = 10.0

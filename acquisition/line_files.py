@@ -25,19 +25,6 @@ from ..instruments.json_text import as_file, as_line, with_hash
 from ..instruments.publishing import sync_folder
 from .json_files import read_json
 
-__all__ = [
-    "Line",
-    "LineFile",
-    "Mark",
-    "check_mark",
-    "check_marked",
-    "is_marks",
-    "line_problems",
-    "read_lines",
-    "read_marks",
-    "write_marks",
-]
-
 _LARGEST = 1 << 28
 """Bytes of a log that are read."""
 _MARKS = "marks.json"

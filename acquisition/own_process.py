@@ -10,8 +10,6 @@ from pathlib import Path
 if sys.platform == "linux":
     import resource
 
-__all__ = ["allow_memory", "answer_of"]
-
 _PATIENCE = 60.0
 """Seconds for a file, and as many again for each `pace` bytes."""
 _SPARE = 200 << 20

@@ -21,8 +21,6 @@ except ImportError:  # no wheel for this processor
 
     _deflated = partial(compress, level=4)
 
-__all__ = ["write_packed"]
-
 
 def write_packed(
     group: h5py.Group,

@@ -18,8 +18,6 @@ import scipy
 
 from ..instruments.arrays import BoolArray, ComplexArray, FloatArray
 
-__all__ = ["LONGEST_REST", "Record", "heard", "rests", "steady", "tones_in", "tones_of"]
-
 _SHORTEST, LONGEST_REST = 0.25, 0.5
 """Length of a rest (s). The shortest tells 50 from 60 Hz; between both, a tone of 20 Hz turns five times."""
 _CHANCE, _ROOM = 1e-9, 1.5

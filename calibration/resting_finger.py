@@ -16,8 +16,6 @@ from ..instruments.arrays import FloatArray
 from ..instruments.operator import LiftFinger, RestFinger
 from ..instruments.sensors import LinearSensor
 
-__all__ = ["FORCES", "LEAST", "TableForce", "refuse_force", "resting"]
-
 FORCES = (0.1, 20.0)
 """Forces (N) of a fingertip that rests."""
 

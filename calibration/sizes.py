@@ -6,8 +6,6 @@ still is written if the disk has the room then.
 
 from __future__ import annotations
 
-__all__ = ["BUTTON", "CALIBRATION", "CHECK", "PLAY", "STEP", "WAVEFORMS", "of_button"]
-
 CALIBRATION = 2_000_000
 WAVEFORMS = 48_000_000
 """Of one calibration, as measured; a third of it, packed."""

@@ -7,8 +7,6 @@ import scipy
 
 from ..instruments.arrays import FloatArray
 
-__all__ = ["band_window", "fade", "resample", "third_octaves"]
-
 
 def fade(samples: int, rise: int, fall: int) -> FloatArray:
     """Window (samples,) that rises to one over the first `rise` samples and falls over the last `fall`."""

@@ -17,8 +17,6 @@ from .options import JSON, ONLY, PATH
 if TYPE_CHECKING:
     from ..experiments import Rows
 
-__all__ = ["analyse"]
-
 
 @click.group(no_args_is_help=True)
 def analyse() -> None:

@@ -9,8 +9,6 @@ import click
 
 from . import front as haploop
 
-__all__ = ["asker"]
-
 
 def asker(instead: str) -> Callable[[str, str], str]:
     """Return what asks a question, with the answer that Enter gives.

@@ -26,9 +26,6 @@ from .grouped import (
 )
 from .options import JSON, NEW, PATH, PLAYS, ChosenRig, Measure, on_rig
 
-__all__ = ["button"]
-
-
 ERROR = click.option(
     "--error",
     type=Measure("%", 0.01),

@@ -19,8 +19,6 @@ from .options import JSON, PATH, PICTURE, RIG, TAPE, ChosenRig, on_rig, on_table
 if TYPE_CHECKING:
     from ..calibration import History
 
-__all__ = ["calibrations", "recalibrate"]
-
 CALIBRATIONS = click.option(
     "--calibrations",
     type=PATH,

@@ -32,8 +32,6 @@ from .table import calibrate, check
 from .tape import tape
 from .twin import twin
 
-__all__ = ["cli", "main"]
-
 
 @click.group(
     "haploop", cls=Commands, no_args_is_help=True, context_settings={"help_option_names": ["-h", "--help"]}

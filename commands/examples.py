@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import click
 
-__all__ = ["COURSES", "EXAMPLES", "show_examples"]
-
 EXAMPLES = {
     "analyse confusion": "haploop analyse confusion answers.csv --plot confusion.pdf",
     "analyse power": "haploop analyse power plan.toml --runs 1000",

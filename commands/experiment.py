@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from ..instruments import Rig
     from ..instruments.clock import Clock
 
-__all__ = ["experiment"]
-
 FILE = click.argument("file", metavar="EXPERIMENT")
 DATA = click.option(
     "--data",

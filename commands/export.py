@@ -11,8 +11,6 @@ from ..terminal.progress import SIMULATED, print_either
 from . import front as haploop
 from .options import JSON, PATH
 
-__all__ = ["export"]
-
 _FORMATS = (
     "csv", "wav", "wav48", "mat", "uff", "sep005", "netcdf", "parquet", "nwb", "ahap", "haptic", "android",
     "hjif",

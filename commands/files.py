@@ -16,8 +16,6 @@ from . import front as haploop
 from .grouped import Shown, showing
 from .options import JSON, PATH
 
-__all__ = ["list_command", "recover", "report", "show", "verify"]
-
 
 @click.command()
 @click.argument("files", nargs=-1, required=True, type=PATH, metavar="FILE...")

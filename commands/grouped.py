@@ -24,20 +24,6 @@ if TYPE_CHECKING:
     from ..reports.contents import Contents
     from ..reports.figures import Columns
 
-__all__ = [
-    "AskedElsewhere",
-    "AskedPlays",
-    "AskedPress",
-    "Prompts",
-    "Shown",
-    "grouped",
-    "on_elsewhere",
-    "on_plays",
-    "on_press",
-    "on_prompts",
-    "showing",
-]
-
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 
 

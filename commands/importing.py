@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from ..exchange import FileMapping, Understanding
     from ..exchange.importing import Question
 
-__all__ = ["import_"]
-
 _FORMATS = ("csv", "wav", "mat", "hdf5", "numpy", "tdms", "xlsx", "uff", "sep005")
 _ROLES = ("force", "acceleration", "displacement")
 

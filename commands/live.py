@@ -9,8 +9,6 @@ import click
 from . import front as haploop
 from .options import ChosenRig, FiniteRange, on_rig
 
-__all__ = ["live"]
-
 
 @click.command(short_help="Show what the sensors read, now or in a recording.")
 @on_rig()

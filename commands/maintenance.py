@@ -9,8 +9,6 @@ from ..terminal.progress import Steps, note, print_json
 from . import front as haploop
 from .options import JSON, ChosenRig, FiniteRange, on_rig
 
-__all__ = ["doctor", "log", "reset", "schema"]
-
 
 @click.command()
 @click.option(

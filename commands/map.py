@@ -11,8 +11,6 @@ from ..terminal.progress import Steps, note
 from . import front as haploop
 from .options import JSON, PATH, ChosenRig, FiniteRange, NewFile, on_rig
 
-__all__ = ["map_command"]
-
 
 @click.command("map")
 @click.option(

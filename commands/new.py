@@ -18,8 +18,6 @@ from .asking import asker
 from .options import PATH
 from .study import STUDY_FORM
 
-__all__ = ["new"]
-
 _README = """\
 # {name}
 

@@ -24,32 +24,6 @@ if TYPE_CHECKING:
     from ..instruments.driver import Mode
     from ..instruments.tape import Player
 
-__all__ = [
-    "AVERAGE",
-    "FINGER",
-    "FORCE",
-    "JSON",
-    "NEW",
-    "NOTES",
-    "ONLY",
-    "PATH",
-    "PICTURE",
-    "PLAYS",
-    "PLOT",
-    "RIG",
-    "SIMULATE",
-    "TAPED",
-    "ChosenRig",
-    "FiniteRange",
-    "Measure",
-    "Names",
-    "NewFile",
-    "average_option",
-    "on_rig",
-    "on_table",
-    "tape_session",
-]
-
 RIG = click.option(
     "--rig",
     "-r",

@@ -17,8 +17,6 @@ from .options import AVERAGE, JSON, NEW, NOTES, PATH, ChosenRig, on_rig
 if TYPE_CHECKING:
     from ..acquisition import AverageMethod
 
-__all__ = ["record", "represent"]
-
 
 @click.command()
 @click.argument("button")

@@ -15,8 +15,6 @@ from .options import JSON, NewFile
 if TYPE_CHECKING:
     from ..instruments.describing import Found
 
-__all__ = ["rig"]
-
 
 @click.group()
 def rig() -> None:

@@ -17,8 +17,6 @@ from .options import PATH, RIG, SIMULATE, TAPED
 if TYPE_CHECKING:
     from ..instruments.driver import Mode
 
-__all__ = ["serve"]
-
 
 @click.command()
 @RIG

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from ..instruments import RigFile
     from ..mocks.plant import Plant
 
-__all__ = ["KINDS", "Asked", "Served", "has_terminals", "ports_of", "run_command", "served"]
-
 KINDS = {
     "ni-daqmx": "ni",
     "yocto-maxicoupler": "yocto",

@@ -19,8 +19,6 @@ from .options import JSON, NOTES, PATH, ChosenRig, average_option, on_rig
 if TYPE_CHECKING:
     from ..acquisition import AverageMethod
 
-__all__ = ["STUDY_FORM", "study"]
-
 STUDY = click.option(
     "--study",
     "-s",

@@ -19,8 +19,6 @@ from . import front as haploop
 from .grouped import AskedPlays, AskedPress, on_plays, on_press
 from .options import FINGER, FORCE, JSON, NEW, PATH, ChosenRig, Names, on_rig, on_table
 
-__all__ = ["calibrate", "check"]
-
 _FEWEST = 3
 """Changes from which `with_scatter` tells a scatter."""
 

@@ -15,8 +15,6 @@ from .options import JSON, PATH, NewFile
 if TYPE_CHECKING:
     from ..instruments.tape import TapeLines
 
-__all__ = ["tape"]
-
 _ERRORS = 10
 """Errors that are shown."""
 

@@ -19,8 +19,6 @@ from .serving import Asked, has_terminals, ports_of, run_command, served
 if TYPE_CHECKING:
     from ..mocks.plant import Plant
 
-__all__ = ["twin"]
-
 _EVERY = 3.0
 """s: interval between two simulated presses."""
 

@@ -7,8 +7,6 @@ from pathlib import Path
 from ..experiments import Store, load_experiment
 from ..instruments import ConfigurationError
 
-__all__ = ["DataFolder", "store_of"]
-
 
 class DataFolder:
     """A folder, and the only way from a name that a page sent to a path."""

@@ -13,8 +13,6 @@ from ..instruments.arrays import FloatArray
 from ..instruments.files import new_file
 from .views import Cell, PressTable, Responses, Signals, sidecar, write_json, write_sidecar
 
-__all__ = ["write_presses", "write_responses", "write_rows", "write_signals"]
-
 
 def write_signals(signals: Signals, path: Path) -> None:
     """One row a sample, the time first; a sidecar keeps the origin."""

@@ -30,8 +30,6 @@ from . import (
 )
 from .views import About, Envelope, PressTable, Responses, Signals, sidecar
 
-__all__ = ["FORMATS", "Exported", "export_file"]
-
 View = TypeVar("View", Signals, Responses, PressTable, Envelope)
 Export = Callable[[Path, Path], About]
 

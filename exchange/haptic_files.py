@@ -17,8 +17,6 @@ from ..instruments import DataError
 from ..instruments.arrays import FloatArray
 from .views import Envelope, write_json
 
-__all__ = ["write_ahap", "write_android", "write_hjif", "write_meta"]
-
 _SHARPNESS_HZ = (65.0, 300.0)
 _MAPPED = "Frequency 0 to 1 is {:g} to {:g} Hz, linear, clipped.".format(*_SHARPNESS_HZ)
 _AHAP_POINTS = 16

@@ -31,8 +31,6 @@ from ..instruments.flag import Flag
 from ..terminal.progress import note
 from .lsl import Outlets, send
 
-__all__ = ["find", "looking", "published", "show_json", "show_meter", "stream"]
-
 _REFRESH = 0.5
 """Seconds of one wait for a block; the loop then checks whether the rig was closed."""
 _RETRY = 0.2

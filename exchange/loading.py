@@ -13,8 +13,6 @@ from ..calibration.map import VibrationMap
 from ..experiments import load_experiment
 from ..instruments import DataError
 
-__all__ = ["RESULTS", "load"]
-
 RESULTS: Mapping[str, tuple[type, Callable[[Path], Any]]] = {
     "recording": (Recording, Recording.open),
     "representative": (Representative, Representative.load),

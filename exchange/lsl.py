@@ -16,8 +16,6 @@ from ..instruments.arrays import FloatArray
 from ..instruments.extras import optional
 from ..instruments.live import Run, signals
 
-__all__ = ["Outlets", "Stamps", "send"]
-
 _DENSEST = 0.5
 """Smallest step of stamps, of the sample period."""
 Labels = tuple[tuple[str, str], ...]

@@ -13,8 +13,6 @@ from ..instruments.arrays import FloatArray
 from ..instruments.files import new_file
 from .views import Responses, Signals
 
-__all__ = ["write_responses", "write_signals"]
-
 
 def write_signals(signals: Signals, path: Path) -> None:
     """`time`, `rate_hz`, each channel by its name, and the structures `units`, `delays` and `about`."""

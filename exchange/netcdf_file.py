@@ -13,8 +13,6 @@ import scipy
 from ..instruments.files import new_file
 from .views import About, Responses, Signals
 
-__all__ = ["write_responses", "write_signals"]
-
 _UDUNITS = {"m/s^2": "m s-2", "m/s": "m s-1", "(m/s)/V": "m s-1 V-1"}
 """Units whose names differ in UDUNITS, which CF asks for."""
 

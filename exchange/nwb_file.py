@@ -11,8 +11,6 @@ from ..instruments.extras import optional
 from ..instruments.files import new_file
 from .views import PressTable, Signals
 
-__all__ = ["write_recording"]
-
 _UNITS = {"m/s^2": "m/s^2", "1": "n.a."}
 
 

@@ -13,8 +13,6 @@ from ..instruments.extras import optional
 from ..instruments.files import new_file
 from .views import About, PressTable, Responses, Signals
 
-__all__ = ["write_presses", "write_responses", "write_signals"]
-
 
 def write_signals(signals: Signals, path: Path) -> None:
     """A column a channel, the time first."""

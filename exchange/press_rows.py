@@ -11,8 +11,6 @@ from ..acquisition import ButtonPress, PressVerdict, Recording, find_presses, hi
 from ..instruments.arrays import FloatArray
 from .views import About, Cell, PressTable
 
-__all__ = ["COLUMNS", "press_table"]
-
 COLUMNS: Mapping[str, str] = MappingProxyType(
     {
         "study": "",

@@ -44,8 +44,6 @@ from .csv_file import write_rows
 from .press_rows import COLUMNS, press_table
 from .workers import worker_pool
 
-__all__ = ["Processed", "process_study"]
-
 _ALONE = 8
 """Tasks up to which one process computes them: starting others takes as long."""
 _PART = "part of a study"

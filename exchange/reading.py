@@ -18,22 +18,6 @@ from ..terminal.progress import SIMULATED
 from .press_rows import press_table
 from .views import About, Channel, Envelope, PressTable, Responses, Signals
 
-__all__ = [
-    "button_signals",
-    "calibration_responses",
-    "check_signals",
-    "drive_signals",
-    "envelope_of_button",
-    "envelope_of_check",
-    "envelope_of_drive",
-    "envelope_of_representative",
-    "map_responses",
-    "recording_presses",
-    "recording_signals",
-    "representative_signals",
-    "study_presses",
-]
-
 _SMOOTHING = 0.002
 """s: standard deviation of the window over which amplitude and frequency are averaged; a click lasts 10."""
 _LINE_ERROR = 0.01

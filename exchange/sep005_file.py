@@ -14,8 +14,6 @@ import numpy as np
 from ..instruments import DataError
 from .views import Channel, Signals, even_rate, write_json
 
-__all__ = ["read_signals", "write_signals"]
-
 _QUANTITIES = {"N": "f", "m/s^2": "a", "m/s": "v", "m": "d"}
 
 

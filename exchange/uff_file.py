@@ -13,8 +13,6 @@ from ..instruments import DataError
 from ..terminal.progress import SIMULATED
 from .views import About, Channel, Responses, Signals
 
-__all__ = ["has_responses", "read_signals", "write_responses", "write_signals"]
-
 _TIME_RESPONSE, _FRF = 1, 4
 _SECONDS = 17
 _DATA_TYPES = {"m": 8, "m/s": 11, "m/s^2": 12, "N": 13, "V": 1}

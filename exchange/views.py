@@ -16,21 +16,6 @@ from ..instruments.arrays import FloatArray, IntArray
 from ..instruments.files import new_file
 from ..terminal.progress import SIMULATED
 
-__all__ = [
-    "About",
-    "Cell",
-    "Channel",
-    "Envelope",
-    "PressTable",
-    "Responses",
-    "Signals",
-    "even_rate",
-    "read_sidecar",
-    "sidecar",
-    "write_json",
-    "write_sidecar",
-]
-
 About = Mapping[str, str | float | int | bool]
 """Where data come from: source, content hash, simulated or not, and what else is known."""
 Cell = str | float | int | bool | None

@@ -17,8 +17,6 @@ from ..instruments import DataError
 from ..instruments.files import new_file
 from .views import Channel, Signals, read_sidecar, sidecar, write_sidecar
 
-__all__ = ["read_signals", "write_float", "write_sound_card"]
-
 _SOUND_CARD_HZ = 48_000
 _FULL_SCALE = 32_767
 _HEADROOM = 0.89

@@ -7,8 +7,6 @@ import os
 from concurrent.futures import ProcessPoolExecutor
 from threading import Thread
 
-__all__ = ["worker_pool"]
-
 
 def worker_pool(count: int | None, *needs: str) -> ProcessPoolExecutor:
     """Create a pool of `count` processes, None for one a core, that have these modules loaded.

@@ -9,8 +9,6 @@ from collections.abc import Callable
 
 from .flag import Flag
 
-__all__ = ["Clock", "RealClock", "VirtualClock"]
-
 
 class Clock(ABC):
     """Monotonic time. Nothing else in the product calls the time module."""

@@ -17,8 +17,6 @@ import numpy as np
 
 from .arrays import FloatArray
 
-__all__ = ["Coil"]
-
 
 @dataclass(frozen=True)
 class Coil:

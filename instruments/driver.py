@@ -12,8 +12,6 @@ from .clock import Clock
 from .config import Device, validate
 from .frozen import frozen_fields
 
-__all__ = ["TAPE", "Driver", "Mode", "Simulation", "hardware_of", "is_arithmetic", "one_name", "settings_of"]
-
 Mode = str
 """How a rig is simulated: "twin", "wire", or "tape:FILE"."""
 TAPE = "tape:"

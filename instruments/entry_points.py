@@ -18,24 +18,6 @@ from pydantic import BaseModel
 from .errors import ConfigurationError
 from .signals import uninterrupted
 
-__all__ = [
-    "DRIVERS",
-    "FAULTS",
-    "PLANTS",
-    "ROLES",
-    "SIMULATION",
-    "TWINS",
-    "WIRES",
-    "driver_class",
-    "entries",
-    "installed",
-    "load",
-    "name_of",
-    "named",
-    "plant_class",
-    "role_class",
-]
-
 ROLES, DRIVERS, TWINS, WIRES = "haploop.roles", "haploop.drivers", "haploop.twins", "haploop.wires"
 FAULTS, PLANTS, SIMULATION = "haploop.faults", "haploop.plants", "haploop.simulation"
 

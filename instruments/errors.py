@@ -6,8 +6,6 @@ configuration is 2, an instrument that failed is 3.
 
 from __future__ import annotations
 
-__all__ = ["ConfigurationError", "DataError", "HaploopError", "InstrumentError", "LimitError"]
-
 
 class HaploopError(Exception):
     """Base of all errors that haploop raises on purpose; `str(error)` is one clear sentence."""

@@ -7,8 +7,6 @@ from typing import Any
 
 from .errors import ConfigurationError
 
-__all__ = ["optional"]
-
 
 def optional(module: str, extra: str, user: str) -> Any:
     """Import `module` for `user`, the subject of the error's sentence.

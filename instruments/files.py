@@ -27,24 +27,6 @@ from typing import BinaryIO, cast
 from .errors import ConfigurationError, DataError
 from .publishing import publish, replaced, sync_folder
 
-__all__ = [
-    "WRITE_ERRORS",
-    "Room",
-    "allocate",
-    "appended",
-    "check_destination",
-    "existing",
-    "make_folder",
-    "new_file",
-    "os_error_text",
-    "paths_of",
-    "private_files",
-    "reserved",
-    "room",
-    "whole_file",
-]
-
-
 _A_WHILE = 60.0
 """Age from which a part that nobody has open is a killed program's, on Windows (s)."""
 

@@ -11,8 +11,6 @@ from __future__ import annotations
 import threading
 from contextlib import suppress
 
-__all__ = ["Flag"]
-
 _SLICE = 0.1
 """Longest single wait (s): on Windows, Ctrl-C interrupts none. A wait that is interrupted just after it ended
 costs others no more than this."""

@@ -8,8 +8,6 @@ from pydantic import BaseModel
 
 from .errors import ConfigurationError
 
-__all__ = ["Frozen", "FrozenDict", "FrozenList", "FrozenSet", "frozen", "frozen_fields"]
-
 Key = TypeVar("Key")
 Value = TypeVar("Value")
 Model = TypeVar("Model", bound=BaseModel)

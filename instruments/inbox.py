@@ -8,8 +8,6 @@ from typing import Generic, TypeVar
 
 from .flag import Flag
 
-__all__ = ["Inbox"]
-
 Item = TypeVar("Item")
 
 _SLICE = 0.1

@@ -22,8 +22,6 @@ from .errors import LimitError
 from .frozen import Frozen
 from .waveforms import Waveform
 
-__all__ = ["Interlock", "Interlocked"]
-
 
 class Interlock(Protocol):
     """Authorises every action of a role that can put volts on a patch."""

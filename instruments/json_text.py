@@ -13,8 +13,6 @@ from functools import cache
 from importlib import metadata
 from typing import Any
 
-__all__ = ["KEYS", "VERSION", "as_file", "as_line", "content_hash", "from_text", "of_file", "with_hash"]
-
 VERSION = 1
 KEYS = {"format", "format_version", "software", "content"}
 """Keys of a file, beside its hash."""

@@ -11,8 +11,6 @@ from .arrays import FloatArray
 from .coil import Coil
 from .errors import LimitError
 
-__all__ = ["Limits", "sounding"]
-
 _SUSTAINED = 1.0
 """Window of the average current (s), placed where a drive draws most: silence elsewhere must not hide a
 burst."""

@@ -9,8 +9,6 @@ import scipy
 
 from .arrays import FloatArray
 
-__all__ = ["Hum", "mains_hum"]
-
 _MAINS = (50.0, 60.0)
 _HIGHEST = 650.0
 """Highest harmonic that is looked for (Hz)."""

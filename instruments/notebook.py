@@ -9,8 +9,6 @@ from . import entry_points
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["NOTEBOOK", "InNotebook"]
-
 NOTEBOOK = "haploop.notebook"
 """Group of the entry point that makes the HTML: tables and pictures are not this room's affair."""
 

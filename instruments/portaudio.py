@@ -16,8 +16,6 @@ from .arrays import ComplexArray, FloatArray
 from .errors import ConfigurationError, InstrumentError, LimitError
 from .extras import optional
 
-__all__ = ["LEAD", "Audio", "AudioStream", "found", "high_pass", "load", "refuse_mean"]
-
 LEAD = 0.05
 """Silence before a waveform (s), in which a sleeping card unmutes (estimate)."""
 _MEAN = 0.01

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Protocol
 
-__all__ = ["Progress", "part_of", "prefixed", "silent"]
-
 
 class Progress(Protocol):
     """Callback that a long step calls at its start, during it and at its end.

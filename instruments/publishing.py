@@ -9,8 +9,6 @@ from pathlib import Path
 
 from .clock import RealClock
 
-__all__ = ["publish", "replaced", "sync_folder"]
-
 _PATIENCE = 5.0
 """Time to wait for those who read a file that is replaced (s)."""
 

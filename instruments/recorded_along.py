@@ -13,8 +13,6 @@ from typing import Protocol, runtime_checkable
 
 from .clock import Clock
 
-__all__ = ["NewFile", "Reading", "RecordedAlong"]
-
 
 @dataclass(frozen=True)
 class Reading:

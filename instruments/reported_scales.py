@@ -14,8 +14,6 @@ from typing import Any
 from .errors import ConfigurationError
 from .sensors import Scale, Sensors
 
-__all__ = ["compare_scales"]
-
 _TOLERANCE = 1e-3
 """Relative tolerance: rig files give four digits or more."""
 

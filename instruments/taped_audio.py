@@ -16,8 +16,6 @@ import numpy as np
 
 from .tape import Failure, Handle, TapedLine
 
-__all__ = ["TapedAudio", "on_tape"]
-
 
 class _PortAudioError(Exception):
     """Stands for sounddevice's error where it is not installed."""

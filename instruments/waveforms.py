@@ -17,8 +17,6 @@ from .arrays import FloatArray
 from .errors import ConfigurationError
 from .limits import sounding
 
-__all__ = ["Arbitrary", "Burst", "Sweep", "Waveform"]
-
 _FINE = 64
 """Samples per period of a sine: they find its extremes to 0.2 %."""
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from ..instruments.describing import Found, FoundCard
 
-__all__ = ["simulated_computer"]
-
 
 def simulated_computer() -> Found:
     """What a lab's computer might list."""

@@ -9,8 +9,6 @@ import scipy
 
 from ..instruments.arrays import FloatArray
 
-__all__ = ["FRAMES", "CallbackAbort", "CallbackStop", "Coupling", "Flags", "PortAudioError"]
-
 FRAMES = 480
 """Frames per callback: 10 ms at 48 kHz (estimate)."""
 

@@ -14,8 +14,6 @@ from .clock import RealTimeClock, VirtualClock
 from .plant import KINDS, Faults, OnLine, Plant, PlantSource, Truth
 from .transport import ReplyFault, faulty_line
 
-__all__ = ["Simulation"]
-
 
 class Simulation:
     """See `haploop.instruments.rig.rig.Simulation`. One plant, on a virtual clock, behind every instrument.

@@ -13,8 +13,6 @@ from .contents import Contents, Grid, contents_of, text_of
 from .figures import Columns, mark_simulated, png
 from .plot import shown
 
-__all__ = ["html", "plot"]
-
 _DPI = 100.0
 _STYLE = "text-align:left;vertical-align:top;font-weight:normal"
 

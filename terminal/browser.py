@@ -7,8 +7,6 @@ import sys
 import webbrowser
 from pathlib import Path
 
-__all__ = ["open_page"]
-
 
 def open_page(page: Path) -> bool:
     """Open a page in the person's browser; False where nobody watches, or there is no screen.

@@ -25,8 +25,6 @@ from ..instruments import HaploopError
 from ..instruments.signals import STOPPING, uninterrupted
 from .usage import usage_sentence
 
-__all__ = ["CommandState", "Commands", "usable_streams"]
-
 INTERNAL_ERROR = 70
 """A bug in haploop: EX_SOFTWARE of sysexits."""
 

@@ -24,20 +24,6 @@ from rich.progress import (
 from rich.table import Column, Table
 from rich.text import Text
 
-__all__ = [
-    "SIMULATED",
-    "Bars",
-    "Steps",
-    "note",
-    "print_either",
-    "print_json",
-    "print_line",
-    "print_table",
-    "rows_of",
-    "say",
-    "shown",
-]
-
 SIMULATED = "Simulated: no real instrument measured this."
 """What stands below each result, in each file and on each page of a simulated rig."""
 

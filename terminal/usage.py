@@ -13,8 +13,6 @@ from typing import Any
 
 import click
 
-__all__ = ["usage_sentence"]
-
 
 def usage_sentence(error: click.UsageError, command: str) -> str:
     """The sentence for an error that click has raised within `command`, such as "haploop record"."""

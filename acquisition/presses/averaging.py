@@ -26,8 +26,6 @@ from .registration import WarpModel, leads, register
 from .spline_rows import moved
 from .spool import Spool
 
-__all__ = ["BARYCENTRE", "CENTRED", "MEAN", "REGISTRATION", "Average", "AverageMethod", "average"]
-
 AverageMethod = Literal["automatic", "barycentre", "registration", "mean"]
 BARYCENTRE, REGISTRATION, MEAN = "two-level barycentre", "two-level registration", "two-level mean"
 CENTRED = "two-level barycentre, centred in time"

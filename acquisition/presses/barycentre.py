@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 
 from ...instruments.arrays import BoolArray, FloatArray
 
-__all__ = ["WarpingPath", "alike", "along", "barycentre", "centred", "lags_along", "paths_to", "read_at"]
-
 WarpingPath = NDArray[np.int32]
 """(2, steps): samples of a template, and those of a curve that they are compared with."""
 _ROUNDS, _SETTLED = 5, 0.97

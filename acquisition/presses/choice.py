@@ -14,8 +14,6 @@ from .quality import accepted_presses, is_of
 from .segmentation import ButtonPress
 from .sensor_faults import axis_fault, signal_fault, upside_down
 
-__all__ = ["few", "held", "single", "usable"]
-
 
 def usable(recording: Recording, left_out: list[str]) -> list[Activated]:
     """Presses with their activation instants (samples); the others are added to `left_out`."""

@@ -13,8 +13,6 @@ from ...instruments.arrays import FloatArray
 from ..recording import Recording
 from .segmentation import ButtonPress
 
-__all__ = ["Activated", "Cuttable", "common_opening", "cut_out", "slow_signals"]
-
 Activated = tuple[ButtonPress, float]
 """A press, and the instant of its activation (samples)."""
 

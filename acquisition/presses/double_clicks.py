@@ -17,8 +17,6 @@ import scipy
 
 from ...instruments.arrays import FloatArray
 
-__all__ = ["double_clicks"]
-
 _LEAST = 4
 """Presses from which the usual ones are told."""
 _BURST = 0.004

@@ -9,8 +9,6 @@ from ...instruments import DataError, LinearSensor
 from ...instruments.arrays import ComplexArray, FloatArray
 from ..recording import Recording
 
-__all__ = ["bandwidth_of", "high_pass", "noise_gain", "undone"]
-
 _RIPPLE = 1e-4
 """Added to the power response before division: limits the gain to 50, and makes a gain of 10 come out 1 %
 low."""

@@ -7,8 +7,6 @@ from .protocol import Protocol
 from .quality import QualityCheck
 from .segmentation import Span, find_presses
 
-__all__ = ["judged"]
-
 _BEFORE = 1.0
 """s before a press that are looked at, unless another press is nearer."""
 

@@ -22,8 +22,6 @@ from ...instruments.sensors import Restorer
 from ..recording import Recording
 from .segmentation_settings import Segmentation
 
-__all__ = ["NAMES", "Levels", "LivePressing", "levels_of", "press_quantity", "pressing", "shaken"]
-
 _ORDER = ("force", "displacement", "acceleration", "velocity")
 NAMES = {"force": "force", "displacement": "travel", "acceleration": "acceleration", "velocity": "velocity"}
 """What each is called in sentences."""

@@ -9,8 +9,6 @@ from typing import Self
 from ...instruments import DataError
 from .segmentation_settings import Segmentation
 
-__all__ = ["Protocol"]
-
 
 @dataclass(frozen=True)
 class Protocol:

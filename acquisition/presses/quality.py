@@ -22,8 +22,6 @@ from .restlessness import crept, hum_of
 from .segmentation import ButtonPress, Span, find_presses
 from .sensor_faults import axis_fault, doubt, signal_fault
 
-__all__ = ["QualityCheck", "accepted_presses", "activation_forces", "is_of"]
-
 _RATING = 0.8
 """Largest fraction of the force sensor's rating in a press (a choice)."""
 _LIGHT = 0.3

@@ -23,8 +23,6 @@ from .barycentre import WarpingPath, paths_to
 from .spline_rows import SplineRows, moved, splines
 from .spool import Spool
 
-__all__ = ["Registration", "WarpModel", "leads", "register"]
-
 _COARSE = 4
 """Every so many samples are compared with their median, which is slow to find."""
 _BLOCK = 96

@@ -40,8 +40,6 @@ from .segmentation_settings import Segmentation, segmentation_for
 from .sensor_faults import upside_down
 from .spool import Spool
 
-__all__ = ["Representative", "Window", "load_press", "representative"]
-
 _LARGEST = 1e9
 """Samples/s, N and m/s^2 that no press reaches."""
 _KIND = "representative"

@@ -7,8 +7,6 @@ import numpy as np
 from ...instruments.arrays import FloatArray
 from ...instruments.mains import mains_hum
 
-__all__ = ["crept", "hum_of", "restlessness"]
-
 _HUM_SHARE = 0.5
 """Smallest share of a restless force's power in mains hum at which that is the cause."""
 _STEADY = 0.9

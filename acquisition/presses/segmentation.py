@@ -29,8 +29,6 @@ from .pressing import Levels, levels_of, pressing, shaken
 from .segmentation_settings import Segmentation, segmentation_for
 from .snaps import Snaps
 
-__all__ = ["ButtonPress", "Detector", "Span", "find_presses"]
-
 
 class Span(NamedTuple):
     """A detected press: first sample, end (exclusive), and the value at rest (N, with force) at that time."""

@@ -28,8 +28,6 @@ from ...instruments.sensors import fault_along_vertical, fault_at_rest
 from ...instruments.sensors import upside_down as turned_over
 from ..recording import Recording
 
-__all__ = ["axis_fault", "doubt", "signal_fault", "upside_down"]
-
 _NAMES = {
     "acceleration": "accelerometer",
     "velocity": "velocity sensor",

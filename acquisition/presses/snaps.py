@@ -20,8 +20,6 @@ from ...instruments.arrays import FloatArray
 from ..recording import Recording
 from .segmentation_settings import Segmentation
 
-__all__ = ["Snaps"]
-
 _DEEP = 0.5
 """Depth of a fall over the deepest one's from which it can be the activation."""
 _LOUD = 0.6

@@ -9,8 +9,6 @@ import scipy
 
 from ...instruments.arrays import FloatArray, IntArray
 
-__all__ = ["SplineRows", "moved", "splines"]
-
 _TOGETHER = 64
 """Rows that are evaluated at once: these fit into a processor's cache."""
 

@@ -12,8 +12,6 @@ import numpy as np
 from ...instruments import DataError
 from ...instruments.arrays import FloatArray
 
-__all__ = ["Spool"]
-
 _IN_MEMORY = 8_000_000
 """Bytes up to which arrays stay in memory."""
 

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     from .recording import Recording
 
-__all__ = ["data_frame", "dataset"]
-
 _UNITS = {
     "force": "N",
     "acceleration": "m/s^2",

@@ -23,22 +23,6 @@ from ...instruments import ConfigurationError, DataError
 from ...instruments.arrays import BoolArray, FloatArray
 from .rows import Codes
 
-__all__ = [
-    "CODES",
-    "FORMAT",
-    "VERSION",
-    "Contents",
-    "Header",
-    "codes_per_volt",
-    "convert",
-    "file_name",
-    "from_codes",
-    "read_header",
-    "refuse_name",
-    "to_codes",
-    "write_header",
-]
-
 FORMAT = "haploop recording"
 VERSION = 4
 CODES = 32768

@@ -15,8 +15,6 @@ import scipy
 
 from ...instruments.arrays import FloatArray
 
-__all__ = ["differentiated"]
-
 _LEAST_HZ, _SHARE = 100.0, 0.4
 """Lowest upper edge of the band (Hz); highest, over the sample rate."""
 _ABOVE = 4.0

@@ -18,8 +18,6 @@ from .rejections import without_rejected
 from .rows import Event, PressVerdict, events_in, verdicts_in
 from .salvage import codes_between, records_after, tables
 
-__all__ = ["PartReader"]
-
 
 class PartReader:
     """Reads what was added to a recording since the last look, and parts of it. For any thread.

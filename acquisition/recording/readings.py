@@ -16,8 +16,6 @@ from typing import NamedTuple
 from ...instruments import DataError, NewFile, Reading
 from .rows import EVENT, Event
 
-__all__ = ["AlongFile", "AlongReading", "file_problems", "files_in", "reading_event", "readings_in"]
-
 _LONGEST = EVENT["text"].itemsize
 
 

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-__all__ = ["Recording"]
-
 _ORDERS = {"acceleration": 0, "velocity": 1, "displacement": 2}
 """Derivatives from each to the acceleration; the first that a recording has is used."""
 

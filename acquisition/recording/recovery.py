@@ -25,8 +25,6 @@ from .recording import Recording
 from .rows import EVENT, Event, event_row, verdicts_in
 from .salvage import intact_part, later_rows, read_blocks, write_finished
 
-__all__ = ["recover", "set_aside"]
-
 
 def recover(path: str | Path) -> Path:
     """Salvage the intact part of a recording into a new file `<name>.recovered.h5`; `path` is not touched.

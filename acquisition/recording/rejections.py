@@ -14,8 +14,6 @@ from ...instruments.files import private_files
 from ..json_files import append_json, read_json
 from .rows import PressVerdict
 
-__all__ = ["Rejection", "add_rejections", "without_rejected"]
-
 _FILE, _KIND = "rejections.json", "rejections"
 
 

@@ -22,22 +22,6 @@ from .file_format import CODES, Contents, Header, read_header, write_header
 from .readings import file_problems
 from .rows import BLOCK, EVENT, VERDICT, Codes, block_dtype, events_in, finished_row, samples_crc, whole
 
-__all__ = [
-    "CHUNK",
-    "codes_between",
-    "content_hash",
-    "ending_at",
-    "finish",
-    "intact_part",
-    "later_rows",
-    "read_blocks",
-    "read_contents",
-    "records_after",
-    "tables",
-    "verify",
-    "write_finished",
-]
-
 CHUNK = 8192
 """Samples of a chunk of all channels. Within a chunk each channel's samples are contiguous, which halves the
 compressed size."""

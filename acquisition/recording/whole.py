@@ -18,8 +18,6 @@ from .rows import Event, PressVerdict
 from .salvage import finish
 from .writer import Writer
 
-__all__ = ["write_recording"]
-
 _BLOCK = 0.05
 """s of a block, as when presses are recorded."""
 

@@ -27,8 +27,6 @@ from ..checksum import add_checksum, created
 from .file_format import Header, codes_per_volt, convert, write_header
 from .rows import EVENT, VERDICT, Event, PressVerdict, block_dtype, crc32, event_row, verdict_row
 
-__all__ = ["Writer"]
-
 _COMMIT_PERIOD = 0.05
 """Seconds between two syncs (measured: 50 to 100 ms costs nothing)."""
 _COMMIT_BYTES = 8 << 20

@@ -20,8 +20,6 @@ from ...instruments import Clock, ConfigurationError, HaploopError, InstrumentEr
 from ...instruments.safety import run_within
 from ..recording import Event, Writer, reading_event
 
-__all__ = ["Along"]
-
 _HUNG = 5.0
 """Seconds without an answer after which an instrument counts as hung."""
 

@@ -8,8 +8,6 @@ from itertools import chain
 from ...instruments import ConfigurationError, Rig
 from .stream_reader import StreamReader
 
-__all__ = ["look"]
-
 _BLOCK = 0.04
 """s: 25 blocks a second, so that a view moves as a person expects."""
 

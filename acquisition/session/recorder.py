@@ -22,8 +22,6 @@ from .along import Along
 from .session_run import Session, SessionRun, Told, ignore, telling_sensor
 from .stream_reader import GapError, OverrunError, StreamReader
 
-__all__ = ["MOST_PRESSES", "record", "run_session"]
-
 MOST_PRESSES = 1000
 """Largest number of presses in one recording, which is preallocated and read as a whole."""
 

@@ -28,8 +28,6 @@ from ...instruments.progress import Progress, silent
 from ..presses import NAMES, Detector, LivePressing, Protocol, QualityCheck, press_quantity, restlessness
 from ..recording import PressVerdict, Writer
 
-__all__ = ["Session", "SessionRun", "Told", "ignore", "telling_sensor"]
-
 _HISTORY = 1.0
 """s: samples before a press kept for its quality check."""
 

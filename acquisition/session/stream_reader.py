@@ -15,8 +15,6 @@ from ...instruments import Block, Clock, InstrumentError, Stream
 from ...instruments.flag import Flag
 from ...instruments.inbox import Inbox
 
-__all__ = ["GapError", "OverrunError", "StreamReader"]
-
 _POLL = 0.1
 """Interval at which the reader looks whether it is to stop (s)."""
 _STOP_DEADLINE = 10.0

@@ -25,8 +25,6 @@ from .recorder import run_session
 from .session_run import Session, Told, ignore
 from .study_file import StudyFile, load_study_file
 
-__all__ = ["Study", "StudyProgress", "load_study", "open_part", "run_study", "with_presses"]
-
 CONSENT = "consent"
 """Kind of the event that states in each recording that consent was confirmed."""
 

@@ -17,8 +17,6 @@ from ...instruments.config import load_model
 from ..presses import AverageMethod, Protocol, Segmentation, segmentation_for
 from ..recording import file_name
 
-__all__ = ["ButtonSettings", "Prompts", "StudyFile", "load_study_file", "williams_row"]
-
 Count = Annotated[int, Field(ge=1, le=1000)]
 Order = Literal["counterbalanced", "random", "as-listed"]
 

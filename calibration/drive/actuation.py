@@ -19,8 +19,6 @@ from ...instruments.arrays import ComplexArray, FloatArray
 from ..model import Calibration, Drift, apart, mode_deviations, standard_deviation
 from ..response import Response
 
-__all__ = ["Actuation", "drift_change", "known", "measured_well"]
-
 _SETTLED = 0.2
 """Seconds in which the decay that a coupling capacitor adds to the end of a drive dies out."""
 

@@ -17,21 +17,6 @@ import scipy
 
 from ...instruments.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 
-__all__ = [
-    "CONFIDENCE",
-    "SharedPower",
-    "dependence",
-    "error_spectra",
-    "finite",
-    "followed",
-    "lines_inside",
-    "odd_play",
-    "plays_needed",
-    "shared_power",
-    "summed",
-    "trend",
-]
-
 CONFIDENCE = 0.95
 """Probability that an interval contains the surface's own value."""
 _UNLIKELY = 1e-5

@@ -26,8 +26,6 @@ from .targets import Method
 from .trade import TRADE, Trade
 from .verdict import worst
 
-__all__ = ["DigitalButton", "build_button", "button_under_finger", "play_button"]
-
 
 @dataclass(frozen=True, eq=False)
 class DigitalButton(InNotebook):

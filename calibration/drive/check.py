@@ -32,8 +32,6 @@ from .verdict import Signs, all_judged, judged
 if TYPE_CHECKING:
     from ...acquisition import Representative
 
-__all__ = ["TOLERANCE", "check", "compare"]
-
 TOLERANCE = 0.20
 """Largest error of the whole motion. About the just noticeable difference of vibration amplitude well above
 threshold (docs/hardware.md, "Buttons and people")."""

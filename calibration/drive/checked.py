@@ -16,8 +16,6 @@ from ..perception import LabThreshold
 from .agreement import SharedPower, finite
 from .drive import Drive
 
-__all__ = ["Check", "Silence", "ThirdOctaves", "Tones", "Verdict"]
-
 Verdict = Literal["pass", "fail", "not shown"]
 """Outcome of a check. Not shown: the plays do not tell on which side of the tolerance the error lies, because
 of their noise, or because that is not independent from play to play."""

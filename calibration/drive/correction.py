@@ -27,8 +27,6 @@ from .planning import plan_for
 from .playing import Played
 from .targets import FADE
 
-__all__ = ["ResponseEstimate"]
-
 _DISTORTION = 0.02
 """Share of a patch's motion that even a correct response does not describe: its hysteresis, an amplifier's
 nonlinearity. At a silent point the motions of the patches cancel, and these shares do not."""

@@ -28,8 +28,6 @@ from .trade import BUDGET, STEADY, TRADE, Trade
 if TYPE_CHECKING:
     from ...acquisition import Representative
 
-__all__ = ["BAND", "Drive", "drive_for"]
-
 BAND = (75.0, 600.0)
 """Hz: the band of a press that a drive reproduces. Below its first mode a table hardly moves, and the
 paper's sweep ends at 625 Hz. The band is the same for every press and table, so that an error is never

@@ -14,8 +14,6 @@ from ...instruments.arrays import FloatArray
 if TYPE_CHECKING:
     from ...acquisition import AverageMethod, Representative
 
-__all__ = ["NOWHERE", "Elsewhere", "Wanted", "load_elsewhere", "sized"]
-
 Wanted: TypeAlias = "Mapping[str, Representative | tuple[Representative, float] | None]"
 """What is wanted at other points: a press that is to be played there, alone or with its size over that of the
 drive's own press, or None for silence."""

@@ -16,8 +16,6 @@ from .targets import BEFORE
 if TYPE_CHECKING:
     from ...acquisition import Representative
 
-__all__ = ["check_feeling"]
-
 _RATES = 1000
 """Largest denominator of the ratio of two sample rates."""
 

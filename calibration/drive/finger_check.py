@@ -25,8 +25,6 @@ from .drive import BAND, Drive
 from .playing import refuse_foreign
 from .pressed import PressedDrives
 
-__all__ = ["check_under_finger"]
-
 _CHANGED = 0.015
 """Relative change of the response below which nothing rests on the table: two looks at the same one differ by
 up to 0.005 (simulated), and 0.25 N on the paper's pane change it by 0.03 and more."""

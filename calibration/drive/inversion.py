@@ -34,8 +34,6 @@ import scipy
 
 from ...instruments.arrays import BoolArray, ComplexArray, FloatArray
 
-__all__ = ["Plan", "max_output", "min_peak", "within"]
-
 _ITERATIONS = 60
 _SPLITTING, _RELAXATION = 1e-3, 1.7
 """Weight of the splitting over the median power of the gain, and over-relaxation factor. Drives planned

@@ -38,8 +38,6 @@ from .drive import Drive
 from .playing import Played, play_by_turns, refuse_foreign, targets_of
 from .verdict import LEAST_MOVED, UNSEEN, one_factor
 
-__all__ = ["Iteration", "Learning", "learn"]
-
 _STEP_SIGNIFICANCE = 1.0
 """Improvement, in standard deviations, required to accept a step."""
 _STEP_HARM = 1.0

@@ -29,8 +29,6 @@ from .trade import BUDGET, Trade
 if TYPE_CHECKING:
     from ...acquisition import Representative
 
-__all__ = ["ButtonPlan", "Loudness", "Offer", "Offers", "offered", "plan_button", "trade_for"]
-
 _ERRORS = (BUDGET, 0.03, 0.06, 0.11, TOLERANCE)
 """Errors for which a curve is computed."""
 _STEPS = 3

@@ -22,8 +22,6 @@ from .actuation import Actuation
 from .drive import BAND, Drive
 from .targets import FADE, Method, target_grid
 
-__all__ = ["ORDERS", "paper_drive"]
-
 ORDERS = tuple(range(2, 34, 2))
 """Numbers of poles to try: the paper states none."""
 _LINES = 600

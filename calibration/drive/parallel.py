@@ -31,8 +31,6 @@ from .targets import Method, TargetGrid, target_grid
 if TYPE_CHECKING:
     from ...acquisition import Representative
 
-__all__ = ["COMPARED_AT", "Wired", "Wiring", "parallel_wirings"]
-
 _PLANNED = 3
 """Wirings that are planned, of those as wired and of all."""
 COMPARED_AT = 0.05

@@ -15,8 +15,6 @@ from .actuation import Actuation
 from .inversion import Plan, State, max_output, min_peak, within
 from .trade import STEADY, Trade
 
-__all__ = ["Inversion", "PlanGrid", "distorted", "expected_errors", "plan_for", "planned_by", "slew_of"]
-
 Inversion = Literal["optimised", "regularised"]
 _SPREAD = 0.6
 """Error of a drive over that which distortion would make if it were spread evenly over the band: part of it

@@ -16,8 +16,6 @@ from ..response import overloaded, settle
 from ..spectra import fade, resample
 from .drive import Drive
 
-__all__ = ["Played", "play", "play_by_turns", "refuse_foreign", "targets_of"]
-
 _TAIL = 0.1
 """Recording time (s) after the drive, so that the vibrometer's delay truncates nothing."""
 _EDGE = 0.03

@@ -23,8 +23,6 @@ from .drive import Drive, drive_for
 from .targets import Method
 from .trade import TRADE, Trade
 
-__all__ = ["PressedDrives", "pressed_drives"]
-
 _OVER_NOMINAL = (0.4, 1.0, 3.0)
 """Forces of a light, a nominal and a firm finger, over the one that the finger was calibrated with: with 1 N,
 presses from 0.25 to 5 N have a drive that is made for an impedance within a fifth of theirs. No force is

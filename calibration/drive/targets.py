@@ -17,8 +17,6 @@ from .actuation import Actuation
 if TYPE_CHECKING:
     from ...acquisition import Representative
 
-__all__ = ["BEFORE", "FADE", "Method", "TargetGrid", "modulate", "target_grid"]
-
 Method = Literal["modulated", "broadband"]
 """Target of the surface: the press modulated with the table's resonance, as in the paper, or the press
 itself."""

@@ -8,8 +8,6 @@ from ...instruments import ConfigurationError
 from ..model import Drift
 from .actuation import Actuation
 
-__all__ = ["BUDGET", "STEADY", "TRADE", "Trade"]
-
 STEADY = Drift(common=0.0, own=0.0, damping=0.0, gain=0.0, delay=0.0)
 """A table that does not drift."""
 BUDGET = 0.005

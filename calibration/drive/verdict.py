@@ -11,8 +11,6 @@ from ..perception import levels_of, sensations_of
 from .agreement import SharedPower, plays_needed
 from .checked import Check, Silence, Verdict
 
-__all__ = ["LEAST_MOVED", "UNSEEN", "Signs", "all_judged", "judged", "one_factor", "worst"]
-
 LEAST_IN_BAND = 0.25
 """Smallest share of the modulated press's energy in the drive's band: matching less is no match."""
 LEAST_MOVED = 0.3

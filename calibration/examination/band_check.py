@@ -14,8 +14,6 @@ from collections.abc import Iterator, Sequence
 from ...instruments import Rig
 from .finding import Finding
 
-__all__ = ["check_bands"]
-
 _FELT_HZ = 250.0
 """Where the skin of a finger is most sensitive to displacement (Pacinian corpuscles; a textbook's figure)."""
 

@@ -9,8 +9,6 @@ import numpy as np
 from ...instruments import Camera, Rig
 from .finding import Finding
 
-__all__ = ["check_camera"]
-
 _FRAMES = 20
 _BRIGHT, _DARK = 200.0, 2.0
 """Grey levels: above, a finger saturates; below, the lamps are off or the lens is covered."""

@@ -31,8 +31,6 @@ from .sensor_check import (
     check_noise,
 )
 
-__all__ = ["examine", "examine_each"]
-
 _DIVIDER = 100.0
 """Ratio of the usual divider of a drive monitor (docs/hardware.md, "divider at the patches")."""
 _SAME = 0.01

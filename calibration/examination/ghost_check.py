@@ -18,8 +18,6 @@ from ...instruments.arrays import FloatArray
 from .finding import Finding
 from .sensor_check import COUNTS
 
-__all__ = ["check_ghosts"]
-
 _TURNS = 4
 _TURN = 0.1
 """Number of readings of each kind, and their length (s): whole periods of 50 and of 60 Hz."""

@@ -21,8 +21,6 @@ from ...instruments.operator import Cable, Uncable
 from ...instruments.progress import Progress, silent
 from .finding import Finding, Status
 
-__all__ = ["examine_loop"]
-
 _TONE_HZ = 200.0
 """Frequency that every voltmeter measures."""
 _READ = 8.0

@@ -24,8 +24,6 @@ from ...instruments.vibrometer import shown as shown_as
 from ..response import linear_sweep
 from .finding import Finding
 
-__all__ = ["check_patches"]
-
 _LEVEL = 10.0
 """V at the patch."""
 _ALLOWED, _WEAKEST = 0.98, 0.01

@@ -15,8 +15,6 @@ from ..background import Record, tones_in, tones_of
 from ..spectra import resample
 from .finding import Finding, Status
 
-__all__ = ["COUNTS", "cards", "check_clock", "check_force", "check_gravity", "check_noise"]
-
 _GRAVITY = 9.80665
 _MASS_TOLERANCE = 0.05
 _NOTHING = 1.0

@@ -26,8 +26,6 @@ from ..model import Calibration, fit
 from ..response import Modes
 from .map import VibrationMap
 
-__all__ = ["with_map"]
-
 _FAR = 0.02
 """Relative change of the table's frequencies since a map from which it is not used."""
 _LEAST_FOUND = 0.7

@@ -28,8 +28,6 @@ from ...instruments.files import new_file, os_error_text
 from ...instruments.publishing import publish
 from ..response import Multisine
 
-__all__ = ["MapFolder", "MapPlan", "PointMeasurement", "Step"]
-
 _PLAN = "map.json"
 _BESIDES = 100_000
 """Bytes of a step's file that are no spectra, at most."""

@@ -24,8 +24,6 @@ from ..model import PlateModes
 from ..response import HALF_WIDTHS, Hysteresis, Modes, Plays, fit_modes, operators
 from .folder import MapFolder, MapPlan, PointMeasurement
 
-__all__ = ["ALL", "Best", "VibrationMap"]
-
 ALL = "all"
 """The configuration of all patches in parallel."""
 BAND = (30.0, 600.0)

@@ -16,8 +16,6 @@ from ...instruments.progress import Progress, silent
 from ..response import Channels, overloaded, refuse_silent_drive
 from .folder import MapFolder, MapPlan, PointMeasurement, Step
 
-__all__ = ["map_plan", "measure_map"]
-
 _ATTEMPTS = 3
 """Attempts at a point before it is skipped."""
 _DIM = 0.1

@@ -18,8 +18,6 @@ from ..response import (
 from .calibration import Calibration
 from .even_order import even_order
 
-__all__ = ["calibrate", "calibrate_keeping", "examined"]
-
 
 def calibrate(
     rig: Rig,

@@ -14,8 +14,6 @@ from ..response import Hysteresis, Response, fit_hysteresis
 from .finger import Finger
 from .model import Model, fit
 
-__all__ = ["Calibration", "ChannelScatter", "calibration_of", "load_calibrations"]
-
 
 @dataclass(frozen=True)
 class ChannelScatter:

@@ -24,8 +24,6 @@ from .calibration import Calibration, ChannelScatter
 from .drift import modes_of, pole_slopes
 from .model import Model
 
-__all__ = ["ChannelChange", "channel_change", "with_scatter"]
-
 _ROUNDS = 6
 """Steps of the fit: of modes that moved by a third of their width, four suffice."""
 _SHIFT, _DAMPING = 0.02, 0.3

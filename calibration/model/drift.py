@@ -26,8 +26,6 @@ from ...instruments import ConfigurationError
 from ...instruments.arrays import ComplexArray, FloatArray, IntArray
 from .model import Model
 
-__all__ = ["Drift", "apart", "mode_deviations", "modes_of", "pole_slopes"]
-
 
 @dataclass(frozen=True)
 class Drift:

@@ -17,8 +17,6 @@ from ...instruments.arrays import ComplexArray, FloatArray
 from ..response import BothSigns, even_terms, rows, terms_of
 from .calibration import Calibration
 
-__all__ = ["even_order"]
-
 _RING = 2.0
 """Time (s) after the drive in which the simulated table falls silent, so that nothing wraps."""
 _SIGNIFICANT = 12.0

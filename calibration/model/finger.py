@@ -45,8 +45,6 @@ from .model import Model, fit
 if TYPE_CHECKING:
     from .calibration import Calibration
 
-__all__ = ["GROWS", "Finger", "Look", "PlateModes", "at_force", "find_finger", "under_finger"]
-
 GROWS = 0.35
 """Exponent of the damper's growth with force."""
 _BAND = (75.0, 600.0)

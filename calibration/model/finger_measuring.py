@@ -20,8 +20,6 @@ from .finger import Look, PlateModes, find_finger, under_finger
 if TYPE_CHECKING:
     from .calibration import Calibration
 
-__all__ = ["calibrate_finger", "neighbours"]
-
 
 def calibrate_finger(
     rig: Rig,

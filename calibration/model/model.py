@@ -17,8 +17,6 @@ from .projection import Lines, Projection
 from .rational import fit_poles
 from .resonant import decay_deviation, resonant
 
-__all__ = ["Model", "Resonance", "fit"]
-
 _FAST = 1000.0
 """Corner of the slope in state space, over the band's upper end: s alone is not proper."""
 _UNKNOWN = 1e-3

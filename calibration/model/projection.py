@@ -10,8 +10,6 @@ import scipy
 
 from ...instruments.arrays import ComplexArray, FloatArray
 
-__all__ = ["Lines", "Projection"]
-
 _ALIKE = 30
 """Largest distance (lines) at which noise may be correlated."""
 _ENOUGH = 1000

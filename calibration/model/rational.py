@@ -12,8 +12,6 @@ from threadpoolctl import threadpool_limits
 from ...instruments.arrays import ComplexArray, FloatArray
 from .projection import Lines, Projection
 
-__all__ = ["fit_poles"]
-
 _MOST_POLES = 100
 _STEPS, _LAST = 6, 30
 """Largest number of refinement steps during the search for the order, and of the last refinement."""

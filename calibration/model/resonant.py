@@ -7,8 +7,6 @@ import numpy as np
 from ...instruments.arrays import BoolArray, FloatArray
 from .projection import Projection
 
-__all__ = ["decay_deviation", "resonant"]
-
 _SHARE = 0.5
 """Part of the response that a resonance makes up at its own frequency, at least."""
 _SUPPORT = 5

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from .calibration import Calibration
     from .model import Model
 
-__all__ = ["standard_deviation"]
-
 _MISFIT_HZ = 2.5
 """Band over which the residual is averaged as a complex number: what stays is a misfit of the model."""
 _POWER_HZ = 10.0

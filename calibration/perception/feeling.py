@@ -23,8 +23,6 @@ from .levels import (
 from .sensation import Answer, Sensation
 from .thresholds import thresholds
 
-__all__ = ["Feeling", "Pressed", "feeling_of", "sensations_of"]
-
 _CLOSE_TO_NOISE = 3.0
 """Level of a residual over that of the noise (dB) below which it may be noise alone."""
 _WORTH_SAYING = 0.1

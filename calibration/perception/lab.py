@@ -19,8 +19,6 @@ from .thresholds import Act, thresholds
 if TYPE_CHECKING:
     from ...instruments import Rig
 
-__all__ = ["LabThreshold", "lab_threshold", "pressing_act"]
-
 
 @dataclass(frozen=True)
 class LabThreshold:

@@ -11,21 +11,6 @@ import scipy
 from ...instruments.arrays import ComplexArray, FloatArray
 from .thresholds import REFERENCE, thresholds
 
-__all__ = [
-    "OCTAVES",
-    "SHORT",
-    "Levels",
-    "Sensitivity",
-    "decibels",
-    "event_levels",
-    "levels_of",
-    "mean_levels",
-    "pressing",
-    "resting",
-    "running_level",
-    "spans_above",
-]
-
 SHORT = 0.02
 """Window (s) in which a level is drawn over time. It shows a snap, and is not judged by."""
 OCTAVES = 1000.0 * 10.0 ** (np.arange(-17, 1) / 10)

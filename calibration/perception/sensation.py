@@ -16,8 +16,6 @@ import scipy
 
 from .thresholds import Act
 
-__all__ = ["Answer", "Sensation", "shares"]
-
 Answer = Literal["yes", "no", "not known"]
 """Do most people feel it? "yes" if so even with the highest threshold that the act may have, "no" if not even
 with the lowest."""

@@ -13,8 +13,6 @@ import numpy as np
 from ...instruments import DataError
 from ...instruments.arrays import FloatArray
 
-__all__ = ["REFERENCE", "Act", "Curve", "Difference", "Thresholds", "parse_thresholds", "thresholds"]
-
 REFERENCE = 1e-6
 """Reference of vibration levels (m/s^2 rms; ISO 1683)."""
 _MARKS = ("found", "estimate")

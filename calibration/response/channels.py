@@ -10,8 +10,6 @@ import scipy
 
 from ...instruments.arrays import ComplexArray, FloatArray
 
-__all__ = ["Channels"]
-
 _FITS = 0.005
 """Relative rms misfit up to which the path from command to monitor counts as a hold and one pole."""
 _CORNERS = (300.0, 3e5)

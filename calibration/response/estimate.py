@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 from ...instruments.arrays import ComplexArray, FloatArray
 
-__all__ = ["FrfEstimate"]
-
 
 @dataclass(frozen=True, eq=False)
 class FrfEstimate:

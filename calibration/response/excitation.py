@@ -14,8 +14,6 @@ from ...instruments import ConfigurationError
 from ...instruments.arrays import FloatArray, IntArray
 from ..spectra import fade
 
-__all__ = ["Excitation", "LinearSweep", "Multisine", "Planned", "linear_sweep", "plan_excitation"]
-
 _FADE_IN, _FADE_OUT = 0.1, 0.03
 """Fade times of a sweep (s). A step at its end would excite every mode; at the paper's 89 Hz/s the fade
 takes the last 2.7 Hz."""

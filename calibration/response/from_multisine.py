@@ -15,8 +15,6 @@ from .local_rational import local_rational
 from .modal_estimate import modal_estimate, nothing
 from .modes import Modes, Plays, fit_modes
 
-__all__ = ["from_multisine"]
-
 _POOL = 25
 """Neighbouring lines whose noise is averaged: it is smooth over frequency."""
 _MARGIN = 10

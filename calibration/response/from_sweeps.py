@@ -11,8 +11,6 @@ from .channels import Channels
 from .estimate import FrfEstimate
 from .excitation import LinearSweep
 
-__all__ = ["from_sweeps"]
-
 _LOWEST = 20.0
 """Lowest frequency (Hz): below it the sweep fades in."""
 _END = 5.0

@@ -21,8 +21,6 @@ import numpy as np
 
 from ...instruments.arrays import ComplexArray, FloatArray
 
-__all__ = ["HALF_WIDTHS", "Hysteresis", "even_terms", "first_harmonic", "operators"]
-
 HALF_WIDTHS = np.array([0.0, 0.02, 0.05, 0.09, 0.14, 0.2, 0.28, 0.38, 0.5, 0.65, 0.82])
 """Half-widths of the operators fitted to multisines, over the level; 0 is the volts themselves. Seven
 up to 0.65 of the level made an error of 0.2 % in a map's gains (measured)."""

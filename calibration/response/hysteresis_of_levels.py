@@ -8,8 +8,6 @@ import scipy
 from .hysteresis import Hysteresis, first_harmonic
 from .response import Response
 
-__all__ = ["fit_hysteresis"]
-
 _SHARES = np.array([0.0, 0.02, 0.03, 0.04, 0.055, 0.075, 0.1, 0.14, 0.2, 0.28, 0.39, 0.54, 0.75])
 """Half-widths of the operators fitted to sweeps, over the largest level; 0 is the part without hysteresis."""
 _TRUST = 1e-3

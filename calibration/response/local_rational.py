@@ -25,8 +25,6 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from ...instruments.arrays import ComplexArray, FloatArray, IntArray
 
-__all__ = ["Local", "local_rational"]
-
 _HALF = 10
 """Lines on either side: fewer average less noise, more bias the response within 5 Hz."""
 _ORDER = 2

@@ -24,26 +24,6 @@ from .settling import full_level, refuse_silent_drive, settle
 if TYPE_CHECKING:
     from .estimate import FrfEstimate
 
-__all__ = [
-    "QUICK",
-    "SWEEP",
-    "BothSigns",
-    "Play",
-    "Spot",
-    "distortion",
-    "excite",
-    "measure_above",
-    "measure_both_signs",
-    "measure_response",
-    "overloaded",
-    "plausible",
-    "prepare",
-    "quick_level",
-    "quick_response",
-    "response_from",
-    "unseen",
-]
-
 ABOVE_HZ = 600.0
 """Lowest frequency (Hz) of the response above the band: a little below the end of the usual excitations."""
 _MARGIN = 0.99

@@ -16,8 +16,6 @@ from ...instruments.arrays import ComplexArray, FloatArray
 from .modes import Modes, Plays
 from .terms import moved, rows, terms_of
 
-__all__ = ["ModalEstimate", "modal_estimate", "nothing"]
-
 _NEAR, _FAR = 5, 25
 """Lines over which the power of the residual is averaged: few, for hum, and many."""
 _UNSEEN = 1e-11

@@ -26,8 +26,6 @@ from ...instruments import DataError
 from ...instruments.arrays import BoolArray, ComplexArray, FloatArray
 from .terms import moved, rows, terms_of
 
-__all__ = ["Modes", "Plays", "fit_modes"]
-
 _STEPS = 12
 """Largest number of refinement steps."""
 _CONVERGED = 1e-3

@@ -11,8 +11,6 @@ from ...instruments.arrays import ComplexArray, FloatArray
 from ...instruments.vibrometer import Quantity
 from .hysteresis import Hysteresis
 
-__all__ = ["LINEAR", "Response"]
-
 _CREST = 1.66
 """Crest factor of the multisines here."""
 LINEAR = Hysteresis(np.zeros(1), np.ones(1), 1.0)

@@ -16,8 +16,6 @@ from ...instruments import Capture, InstrumentError, Rig
 from ...instruments.arrays import FloatArray
 from ...instruments.progress import Progress, silent
 
-__all__ = ["RESOLVED", "full_level", "refuse_silent_drive", "ringing_of", "run_down", "settle"]
-
 _HZ, _CYCLES = 40.0, 16
 """Frequency (Hz) and number of cycles of the run-down, below a table's first mode. After it the first play
 differs from the fifth by 0.4 % of its target; with half the cycles by 0.7 % (measured)."""

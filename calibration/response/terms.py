@@ -6,8 +6,6 @@ import numpy as np
 
 from ...instruments.arrays import ComplexArray, FloatArray
 
-__all__ = ["moved", "rows", "terms_of"]
-
 
 def rows(values: ComplexArray) -> FloatArray:
     """(..., 2 lines): real and imaginary parts by turns, of (..., lines)."""

@@ -23,8 +23,6 @@ from ...instruments.arrays import ComplexArray, FloatArray
 from ...instruments.files import new_file, os_error_text
 from .response import Response
 
-__all__ = ["read_uff", "read_uff_sets", "write_uff", "write_uff_sets"]
-
 _FRF, _COHERENCE = 4, 6
 _FREQUENCY, _GENERAL, _UNKNOWN = 18, 1, 0
 _POWERS = {8: 1, 11: 0, 12: -1}

@@ -12,8 +12,6 @@ from ...acquisition import hdf5
 from ...instruments import Capture, Rig
 from ...instruments.vibrometer import Quantity
 
-__all__ = ["Waveforms"]
-
 _BESIDE = "-waveforms"
 """How the name of a calibration's file goes on for its waveforms."""
 

@@ -17,15 +17,6 @@ from .history import Generation, History
 from .look import place_of
 from .sensor_health import MATTERS
 
-__all__ = [
-    "activate",
-    "adopt",
-    "buttons_of",
-    "calibrations_of",
-    "disturbed_in_check",
-    "parts",
-]
-
 
 def adopt(
     history: History,

@@ -18,8 +18,6 @@ from .drift import Verdict
 from .history import Generation, History
 from .look import Place
 
-__all__ = ["common_factors", "factors_since"]
-
 
 def common_factors(
     verdicts: Sequence[Verdict], since: Mapping[Place, float], accepted: float

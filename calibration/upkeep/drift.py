@@ -23,8 +23,6 @@ from .overlay import Overlay, lay_over
 from .prediction import motion_change
 from .resting import Dampings, dampings_of
 
-__all__ = ["Kind", "PlaceMetrics", "Verdict", "compare", "together"]
-
 Kind = Literal["unchanged", "drifted", "broken"]
 
 _MOST = 0.1

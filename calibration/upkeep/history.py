@@ -29,8 +29,6 @@ from ...instruments.notebook import InNotebook
 from ...instruments.publishing import sync_folder
 from ...instruments.safety import hold
 
-__all__ = ["Activation", "Generation", "History"]
-
 _MANIFEST, _ACTIVATIONS, _LOOKS = "generation.json", "activations.json", "looks.json"
 _FIRST = "make one with `haploop calibrations adopt`"
 _NAME = re.compile(r"(\d{4,})-\d{8}T\d{6}Z")

@@ -32,8 +32,6 @@ from .sensor_health import (
     without_spikes,
 )
 
-__all__ = ["Look", "Place", "look_at", "place_of", "places_of", "touched_since"]
-
 Place = tuple[str, str]
 """Patch and point."""
 

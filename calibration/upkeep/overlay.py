@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 from ...instruments.arrays import ComplexArray, FloatArray, IntArray
 from ..model import Model, pole_slopes
 
-__all__ = ["Overlay", "lay_over"]
-
 _FURTHEST = 0.12
 """Largest common shift (logarithm) in the search."""
 _GRID = 0.0025

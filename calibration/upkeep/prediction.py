@@ -15,8 +15,6 @@ from ..drive import Drive
 from ..model import Calibration, Model
 from ..response import Hysteresis
 
-__all__ = ["motion_change"]
-
 _RING = 0.3
 """Time (s) after a drive in which the table's ringing does not wrap to its beginning."""
 

@@ -35,8 +35,6 @@ from .look import Look, Place, look_at, place_of, places_of, touched_since
 from .resting import TAKE_AWAY, told_touched
 from .sensor_health import laser_at_rest
 
-__all__ = ["Outcome", "recalibrate"]
-
 _RECENT = 9
 """Looks whose median noise is the laser's usual noise."""
 _LEFT = 1.0

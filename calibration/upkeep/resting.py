@@ -22,8 +22,6 @@ from .overlay import Overlay
 if TYPE_CHECKING:
     from .drift import Verdict
 
-__all__ = ["TAKE_AWAY", "Dampings", "dampings_of", "told_touched"]
-
 _LEAST = 0.01
 """Rise of a mode's damping ratio (logarithm), beyond what the fit leaves open and beyond the least of the
 modes, from which it is one: 1 % of a resonance's height."""

@@ -18,15 +18,6 @@ from ..drive import BAND, Drive
 from ..response import RESOLVED, ringing_of
 from ..spectra import fade
 
-__all__ = [
-    "MATTERS",
-    "LaserAtRest",
-    "laser_at_rest",
-    "laser_or_patch",
-    "loose_accelerometer",
-    "without_spikes",
-]
-
 _NOISIER, _QUIETER = 4.0, 0.7
 """Noise of the laser at rest, over its usual noise, beyond which the laser is at fault: a blocked laser has
 ten times; the DAQ alone, without a laser, half of a PDV-100's (measured on the simulated rig)."""

@@ -18,8 +18,6 @@ from ..options import JSON, PATH, RIG, SIMULATE, TAPED, Names, tape_session
 if TYPE_CHECKING:
     from ...instruments.driver import Mode
 
-__all__ = ["demo"]
-
 
 @click.command()
 @click.option("--out", "-o", type=PATH, help="Folder for the results.  [default: a new haploop-demo]")

@@ -31,8 +31,6 @@ from ...reports.contents import (
 from ...reports.html import CaptionedFigure, Page
 from .result import PRESSES, ButtonResult, Demo
 
-__all__ = ["demo_contents", "report", "summarise"]
-
 
 def summarise(demo: Demo) -> dict[str, Any]:
     """Summarise a run for `summary.json`: finite numbers, or null where nothing was measured."""

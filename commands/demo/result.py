@@ -11,8 +11,6 @@ from ...acquisition import Recording, Representative
 from ...calibration import ButtonPlan, Calibration, Check
 from ...instruments.arrays import ComplexArray, FloatArray
 
-__all__ = ["BUTTONS", "PRESSES", "ButtonResult", "Demo"]
-
 BUTTONS = ("latch", "toggle", "push")
 """Buttons of the paper (figure 2)."""
 PRESSES = 10

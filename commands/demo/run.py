@@ -36,8 +36,6 @@ from ...reports.contents import forces_in
 from .report import report, summarise
 from .result import BUTTONS, PRESSES, ButtonResult, Demo
 
-__all__ = ["claim_folder", "run_demo"]
-
 _RESULTS = (
     "recordings",
     "presses",

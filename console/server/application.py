@@ -26,8 +26,6 @@ from .follower import Follower
 from .live_scope import LiveScope
 from .security import PARTICIPANT, Access, Guard
 
-__all__ = ["application"]
-
 _STATIC = Path(__file__).parent / "static"
 PAGES = ("record", "study", "preflight", "table", "buttons", "experiment", "catalogue", "participant")
 """Pages beside the first one: PAGE.html in the folder of static files."""

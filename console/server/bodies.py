@@ -11,8 +11,6 @@ from starlette.requests import Request
 
 from ...instruments import ConfigurationError
 
-__all__ = ["LARGEST", "PATIENCE", "json_object"]
-
 LARGEST = 1 << 16
 """Bytes of a request, or of a message on a socket: the participant's page is the least trusted one."""
 PATIENCE = 10.0

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from ...instruments.arrays import FloatArray
 
-__all__ = ["Buckets"]
-
 
 class Buckets:
     """The newest `kept` buckets of `size` samples of several rows."""

@@ -25,8 +25,6 @@ from ...reports.contents import (
 from ...reports.figures import activation_time
 from ..data_folder import DataFolder
 
-__all__ = ["button_shown"]
-
 _SHOWN_HZ = 5000.0
 """Samples per second of the waveforms of a check that are sent."""
 

@@ -20,8 +20,6 @@ from ...instruments import ConfigurationError, DataError, HaploopError, Instrume
 from ...instruments.safety import marked
 from ..data_folder import DataFolder, store_of
 
-__all__ = ["Conductor"]
-
 Worker = Callable[[str, Mapping[str, Any]], tuple[int, dict[str, Any]]]
 """Sends the worker a command; returns status and answer. Raises InstrumentError."""
 

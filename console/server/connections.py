@@ -9,8 +9,6 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from .bodies import PATIENCE
 
-__all__ = ["ImpatientProtocol"]
-
 
 class ImpatientProtocol(H11Protocol):
     """HTTP that closes a connection on which no request was made for up to twice `PATIENCE`.

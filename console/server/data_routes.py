@@ -39,8 +39,6 @@ from ..data_folder import DataFolder, store_of
 from .button_route import button_shown
 from .lab import lab, names
 
-__all__ = ["data_routes"]
-
 _BEFORE, _AFTER = 0.25, 0.5
 """s around the activation of a press that are shown."""
 _MOST_PRESSES = 12

@@ -16,8 +16,6 @@ from .conductor import Conductor
 from .follower import Follower
 from .security import ANSWER
 
-__all__ = ["experiment_routes"]
-
 
 def experiment_routes(conductor: Conductor, follower: Follower) -> list[Route]:
     """Return the routes; after each request all pages are told."""

@@ -11,8 +11,6 @@ from ...instruments import HaploopError, InstrumentError
 from ..worker import Address, WorkerLink
 from .live_scope import LiveScope
 
-__all__ = ["Follower"]
-
 _RETRY = 1.0
 
 

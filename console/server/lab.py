@@ -14,8 +14,6 @@ from ...exchange.catalogue import list_files
 from ...instruments import DataError, HaploopError
 from ..data_folder import DataFolder
 
-__all__ = ["lab", "names"]
-
 _NEWEST = 6
 """Results that are shown."""
 _NAMED = 3

@@ -19,8 +19,6 @@ from ...instruments.flag import Flag
 from ...instruments.live import Run, quantities
 from .buckets import Buckets
 
-__all__ = ["LiveScope", "driven_coherence"]
-
 _BUCKET = 0.01
 """s in one bucket."""
 _KEPT = 2000

@@ -15,8 +15,6 @@ from typing import Any
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-__all__ = ["Access", "Guard", "is_loopback"]
-
 PARTICIPANT = "/api/participant"
 """What a participant may see."""
 ANSWER = "/api/participant/answer"

@@ -21,8 +21,6 @@ from .follower import Follower
 from .live_scope import LiveScope
 from .security import Access
 
-__all__ = ["serve_console"]
-
 
 def serve_console(
     rig: str,

@@ -14,8 +14,6 @@ from ...instruments import RigFile
 from ...instruments.driver import Mode
 from ...instruments.safety import state_folder
 
-__all__ = ["Address", "address_path", "written"]
-
 
 @dataclass(frozen=True)
 class Address:

@@ -11,8 +11,6 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
-__all__ = ["Board"]
-
 
 class Board:
     """Named values of JSON's types with a version that grows with every change. For any thread."""

@@ -26,8 +26,6 @@ from ...instruments import ConfigurationError, Rig
 from ...instruments.files import check_destination, reserved
 from .job import Tools, Work, clean, files, number, whole, words
 
-__all__ = ["ACTOR", "adopt_button", "check", "make"]
-
 ACTOR = "the console"
 _PLAYS = 8
 """Plays of a check."""

@@ -15,8 +15,6 @@ from ..data_folder import DataFolder
 from .board import Board
 from .presenting import Stimuli
 
-__all__ = ["Job", "Tools", "Work", "clean", "files", "number", "numbers", "whole", "words"]
-
 Work = Callable[[Rig], dict[str, Any]]
 _MOST_POINTS = 9999
 """Largest number of a grid point that is looked for: a typing error must not fill the memory."""

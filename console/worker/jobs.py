@@ -43,8 +43,6 @@ from .button_jobs import ACTOR, adopt_button, check, make
 from .job import Job, Tools, Work, clean, numbers, whole, words
 from .presenting import present_stimuli
 
-__all__ = ["JOBS"]
-
 _PAUSE = 1800.0
 """s: total pause of a session; the space for its samples is allocated before the first one."""
 _BLOCK = 0.04

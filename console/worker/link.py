@@ -19,8 +19,6 @@ from ...instruments.driver import Mode
 from ...instruments.safety import is_marked, marked
 from .address import Address, address_path
 
-__all__ = ["WorkerHangsError", "WorkerLink", "find_worker", "free_tape", "serving", "start_worker"]
-
 _START = 60.0
 """s for a worker to start: importing alone takes seconds on a slow disk."""
 _ANSWER = 30.0

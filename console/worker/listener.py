@@ -19,8 +19,6 @@ from urllib.parse import unquote
 from ...instruments import HaploopError
 from .worker import Worker
 
-__all__ = ["Listener"]
-
 _LARGEST = 1 << 20
 _LONG_POLL = 10.0
 _DEADLINE = 5.0

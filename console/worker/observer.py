@@ -15,8 +15,6 @@ import numpy as np
 from ...instruments import LiveBlock, Rig
 from .board import Board
 
-__all__ = ["Observer"]
-
 _WAIT = 0.25
 _CAPACITY = 400
 """Blocks: 16 s of a recording, in which this thread need not run."""

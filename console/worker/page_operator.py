@@ -24,8 +24,6 @@ from ...instruments.operator import (
 )
 from .board import Board
 
-__all__ = ["PageOperator"]
-
 _POLL = 0.1
 """Seconds of one wait for an answer: on Windows an unlimited wait ignores STOP."""
 

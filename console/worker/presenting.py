@@ -23,8 +23,6 @@ from ...instruments.flag import Flag
 from ...instruments.inbox import Inbox
 from .board import Board
 
-__all__ = ["Stimuli", "present_stimuli"]
-
 
 class Stimuli:
     """What the pages ask a running job to present. For any thread."""

@@ -19,8 +19,6 @@ from typing import Any
 from ...instruments import ConfigurationError, RealClock, Rig
 from .board import Board
 
-__all__ = ["Stopping"]
-
 _GRACE = 1.0
 """s from STOP until the safe state is reached by another thread."""
 _CONFIRMED = 20.0

@@ -35,8 +35,6 @@ from .page_operator import PageOperator
 from .presenting import Stimuli
 from .stopping import Stopping
 
-__all__ = ["Worker"]
-
 _ORPHANED = 60.0
 """s without a server after which an idle worker ends."""
 _ABANDONED = 600.0

@@ -11,8 +11,6 @@ from ...instruments.errors import HaploopError
 if TYPE_CHECKING:
     from ...acquisition import Recording
 
-__all__ = ["Entry", "entry_of"]
-
 _PLAYED = ("drive", "check", "button")
 
 

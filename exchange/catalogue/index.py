@@ -26,8 +26,6 @@ from ..workers import worker_pool
 from .entry import Entry, entry_of
 from .where import condition
 
-__all__ = ["list_files"]
-
 _VERSION = 2
 """Part of the index's name: to be raised when `Entry` changes."""
 _NAMED = ("map.json", "study.toml", "experiment.toml")

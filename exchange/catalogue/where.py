@@ -9,8 +9,6 @@ from dataclasses import fields
 from ...instruments.errors import ConfigurationError
 from .entry import KINDS, Entry
 
-__all__ = ["condition"]
-
 _NAMES = [field.name for field in fields(Entry)]
 _SHAPE = re.compile(r"\s*(\w+)\s*(!=|>=|<=|=)\s*(.*?)\s*")
 _SQL = {"=": "GLOB", "!=": "NOT GLOB", ">=": ">=", "<=": "<="}

@@ -22,8 +22,6 @@ from ...instruments import ConfigurationError, DataError
 from ...instruments.extras import optional
 from ...instruments.files import os_error_text
 
-__all__ = ["Tree", "tree_of"]
-
 _PACE = 1 << 26
 """Bytes of a file for which its reader has another minute."""
 _PACKED = 100

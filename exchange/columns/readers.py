@@ -14,8 +14,6 @@ from ..views import Signals
 from . import text_file, tree_table
 from .table import Column, Table
 
-__all__ = ["FORMATS", "format_of", "read_table"]
-
 _SIGNALS: Mapping[str, Callable[[Path, float | None], Signals]] = {
     "wav": wav_file.read_signals,
     "uff": uff_file.read_signals,

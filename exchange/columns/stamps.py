@@ -10,8 +10,6 @@ import numpy as np
 
 from ...instruments.arrays import FloatArray
 
-__all__ = ["is_stamp", "seconds_of"]
-
 _CLOCK = r"(?P<h>\d{1,2}):(?P<m>\d{2}):(?P<s>\d{2}(?:[.,]\d+)?)\s*(?P<half>[AaPp][Mm])?"
 _STAMPS = tuple(
     re.compile(rf"\s*{day}{between}(?:{_CLOCK})?\s*(?:Z|[+-]\d\d:?\d\d)?\s*\Z")

@@ -9,8 +9,6 @@ from pathlib import Path
 from ...instruments.arrays import FloatArray
 from ..views import About
 
-__all__ = ["Column", "Table"]
-
 
 @dataclass(frozen=True, eq=False)
 class Column:

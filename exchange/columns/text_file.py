@@ -17,8 +17,6 @@ from .table import Column, Table
 from .text_rows import Body, body_of, decoded, is_blank, is_number, stops
 from .units import split_heading, unit_of
 
-__all__ = ["read_table", "table_of"]
-
 _MARKS = "#%;/!\"' "
 """Signs of a comment, before a line of headings."""
 _LESS = ("comment", "comments", "kommentar")

@@ -18,8 +18,6 @@ from pathlib import Path
 from ...instruments import DataError
 from .stamps import is_stamp
 
-__all__ = ["Body", "body_of", "decoded", "is_blank", "is_number", "numeric_rows", "stops"]
-
 _POINT = re.compile(r"\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?\s*\Z")
 _COMMA = re.compile(r"\s*[-+]?(?:\d+,?\d*|,\d+)(?:[eEdD][-+]?\d+)?\s*\Z")
 _BLANKS = {

@@ -16,8 +16,6 @@ from .text_file import table_of
 from .text_rows import numeric_rows
 from .units import split_heading
 
-__all__ = ["read_table"]
-
 _RATES = ("rate_hz", "fs", "sample_rate", "samplerate", "sampling_rate", "sampling_frequency", "rate", "sr")
 _STEPS = ("dt", "wf_increment", "delta_t", "sample_interval", "sampling_interval", "increment", "ts")
 _UNITS = ("unit", "units", "unit_string", "ni_unitdescription", "unit_str")

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 
 from ...instruments import ConfigurationError
 
-__all__ = ["SI", "Unit", "per_unit", "split_heading", "unit_of"]
-
 SI = {"time": "s", "force": "N", "acceleration": "m/s^2", "displacement": "m", "voltage": "V"}
 """Unit of each quantity that a file's columns can have."""
 _G = 9.80665

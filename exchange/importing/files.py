@@ -11,8 +11,6 @@ from .press import press_of, presses_in
 from .recording import recording_of
 from .understanding import Understanding
 
-__all__ = ["becomes", "destination", "import_file"]
-
 
 def becomes(found: Understanding, activation: float | None = None) -> Literal["recording", "press"]:
     """What a file is imported as, unless its mapping says: a recording when it holds several presses."""

@@ -12,8 +12,6 @@ from ...instruments.config import parse_toml, read_text, validate
 from ...instruments.files import new_file
 from ..columns import SI
 
-__all__ = ["ROLES", "FileMapping", "Role"]
-
 Role = Literal["time", "force", "acceleration", "displacement", "activation"]
 ROLES: tuple[Role, ...] = ("time", "force", "acceleration", "displacement", "activation")
 """What a column can be; acceleration is the vertical one."""

@@ -8,8 +8,6 @@ from pathlib import Path
 from ...instruments import ConfigurationError
 from .mapping import FileMapping
 
-__all__ = ["named"]
-
 _PARTS = {"participant": r"(?P<participant>[A-Za-z]{1,4}[0-9]{1,4})", "button": r"(?P<button>[A-Za-z0-9-]+?)"}
 
 

@@ -16,8 +16,6 @@ from ...instruments.arrays import FloatArray
 from .mapping import FileMapping
 from .understanding import Understanding, understand
 
-__all__ = ["RATE_HZ", "import_press", "presses_in", "resampled"]
-
 RATE_HZ = 5000.0
 """Samples per second of what is imported: the paper's, of which the drives' rate is a multiple."""
 _LONGEST = Window().longest

@@ -27,8 +27,6 @@ from .mapping import FileMapping
 from .press import RATE_HZ, presses_in, resampled
 from .understanding import Signal, Understanding, understand
 
-__all__ = ["import_recording", "recording_of"]
-
 _REST = 0.5
 """s: hands off, as in a session."""
 _FILLED = 1e-3

@@ -9,8 +9,6 @@ from ...instruments import ConfigurationError, RigFile
 from .. import uff_file
 from ..columns import format_of
 
-__all__ = ["import_response", "is_response_file"]
-
 
 def is_response_file(path: str | Path, format: str | None = None) -> bool:
     """True for a UFF file of frequency responses; False for signals. `format` as in a `Mapping`.

@@ -11,8 +11,6 @@ from ...instruments.arrays import FloatArray
 from ..columns import Column, Table, unit_of
 from .mapping import Role
 
-__all__ = ["columns_of"]
-
 _WORDS: dict[Role, str] = {
     "time": r"((elapsed ?)?time|zeit|temps|t|timestamps?|zeitstempel|datum|date|uhrzeit|x-axis|x_value|"
     r"micros|millis|seconds)\W*\Z|time\b|zeit\b",

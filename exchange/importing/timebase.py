@@ -19,8 +19,6 @@ import scipy
 from ...instruments import DataError
 from ...instruments.arrays import FloatArray
 
-__all__ = ["Hole", "TimeBase", "filled", "holes_of", "on_grid", "time_base"]
-
 _EVEN = 0.01
 """Largest deviation of a stamp, in steps, that is none."""
 _ROUNDED = 1.1

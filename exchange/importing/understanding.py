@@ -21,8 +21,6 @@ from .mapping import ROLES, FileMapping, Role
 from .roles import columns_of
 from .timebase import Hole, TimeBase, filled, holes_of, on_grid, time_base
 
-__all__ = ["Question", "Signal", "Understanding", "understand"]
-
 _PLAUSIBLE = (200.0, 200_000.0)
 """Samples per second, a factor of 1000, within which a time without a unit can be in one unit only."""
 _SLOWEST, _FASTEST = 100.0, 1e8

@@ -18,8 +18,6 @@ from ...instruments.arrays import FloatArray
 from .effect_size import eta_squared_interval
 from .linear import between_design, products, within_contrasts
 
-__all__ = ["Effect", "Sphericity", "anova"]
-
 
 @dataclass(frozen=True)
 class Sphericity:

@@ -13,8 +13,6 @@ from ...instruments import DataError
 from ...instruments.arrays import FloatArray
 from .table import Rows
 
-__all__ = ["Cells", "cells_of", "uneven_groups"]
-
 
 @dataclass(frozen=True, eq=False)
 class Cells:

@@ -15,8 +15,6 @@ from ...instruments import DataError
 from .proportions import Interval, clustered_interval, wilson_interval
 from .table import Rows
 
-__all__ = ["METRICS", "Confusion", "Metric", "confusion_of", "confusions_by"]
-
 Metric = Literal["accuracy", "precision", "sensitivity"]
 METRICS: tuple[Metric, ...] = ("accuracy", "precision", "sensitivity")
 Counts = npt.NDArray[np.int64]

@@ -8,8 +8,6 @@ from collections.abc import Callable
 import numpy as np
 import scipy
 
-__all__ = ["cohen_interval", "eta_squared_interval"]
-
 _LARGE = 1e4
 """|t| from which a t value's numerator counts as certain: 1e-8 of it is left out."""
 

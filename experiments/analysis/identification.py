@@ -16,8 +16,6 @@ from .confusion import METRICS, Confusion, Metric, confusion_of, confusions_by
 from .pairs import Comparison, compare_levels
 from .table import Rows
 
-__all__ = ["Identification", "Performance", "analyse_identification"]
-
 
 @dataclass(frozen=True)
 class Performance:

@@ -14,8 +14,6 @@ from ...calibration.perception import LabThreshold, levels_of
 from ...instruments import DataError
 from .threshold import Threshold
 
-__all__ = ["lab_threshold_of", "people_table"]
-
 _LEAST_PEOPLE = 3
 
 

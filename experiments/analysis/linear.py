@@ -13,8 +13,6 @@ import numpy as np
 
 from ...instruments.arrays import FloatArray
 
-__all__ = ["between_design", "products", "within_contrasts"]
-
 
 def within_contrasts(levels: Sequence[int]) -> Iterator[tuple[tuple[int, ...], FloatArray]]:
     """Each effect of crossed within factors: indices of its factors, and its contrasts (cells, df).

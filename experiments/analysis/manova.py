@@ -11,8 +11,6 @@ import scipy
 from ...instruments.arrays import FloatArray
 from .linear import between_design, products, within_contrasts
 
-__all__ = ["MultivariateEffect", "eta_squared_of_f", "manova_independent", "manova_repeated"]
-
 
 @dataclass(frozen=True)
 class MultivariateEffect:

@@ -14,8 +14,6 @@ from ...instruments.arrays import FloatArray
 from .effect_size import cohen_interval
 from .linear import between_design
 
-__all__ = ["Comparison", "bonferroni", "compare_levels", "paired"]
-
 
 @dataclass(frozen=True)
 class Comparison:

@@ -18,8 +18,6 @@ from ...instruments.progress import Progress, silent
 from .anova import anova
 from .proportions import Interval, wilson_interval
 
-__all__ = ["Power", "PowerPlan", "load_power_plan", "power_of"]
-
 
 class PowerPlan(BaseModel):
     """A planned experiment: expected fractions of right answers, and how much people differ.

@@ -27,8 +27,6 @@ from ...calibration.perception import Act, event_levels, pressing_act, threshold
 from ...instruments import ConfigurationError
 from ...instruments.arrays import FloatArray
 
-__all__ = ["PAPER", "Prediction", "participant_model", "predict_answers"]
-
 PAPER = {
     "latch": {"latch": (75, 100), "toggle": (0, 25), "push": (0, 19)},
     "toggle": {"latch": (0, 27), "toggle": (67, 87), "push": (6, 25)},

@@ -8,8 +8,6 @@ from collections.abc import Sequence
 import numpy as np
 import scipy
 
-__all__ = ["clustered_interval", "wilson_interval"]
-
 Interval = tuple[float, float]
 
 

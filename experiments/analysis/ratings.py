@@ -15,8 +15,6 @@ from .manova import MultivariateEffect, manova_independent, manova_repeated
 from .pairs import Comparison, bonferroni, compare_levels, paired
 from .table import Rows
 
-__all__ = ["PairRatings", "Ratings", "analyse_ratings", "normalise"]
-
 
 @dataclass(frozen=True, eq=False)
 class PairRatings:

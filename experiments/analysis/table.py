@@ -12,8 +12,6 @@ from pathlib import Path
 
 from ...instruments import DataError
 
-__all__ = ["Rows", "read_rows"]
-
 
 @dataclass(frozen=True)
 class Rows:

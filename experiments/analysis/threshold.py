@@ -12,8 +12,6 @@ from ...instruments import DataError
 from ...instruments.extras import optional
 from .table import Rows
 
-__all__ = ["Threshold", "analyse_thresholds"]
-
 _LEAST_TRIALS = 20
 
 

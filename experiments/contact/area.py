@@ -16,16 +16,6 @@ from ...instruments import Camera, DataError, Frame, Rig
 from ...instruments.arrays import FloatArray
 from ...instruments.clock import Clock
 
-__all__ = [
-    "Background",
-    "Contact",
-    "ContactMeter",
-    "SeenSurface",
-    "calibrate_meter",
-    "drop_old_frames",
-    "learn_background",
-]
-
 _SATURATED = 250
 _DETECTED = 6.0
 """Brightness over the noise of the smoothed image above which a pixel belongs to a finger."""

@@ -15,18 +15,6 @@ from ...instruments.arrays import FloatArray
 from ...instruments.progress import Progress, silent
 from .area import Contact, SeenSurface
 
-__all__ = [
-    "BUDGET",
-    "Activator",
-    "Latency",
-    "Played",
-    "VerifiedButton",
-    "latency_of",
-    "run_button",
-    "verify_button",
-    "without_lead_in",
-]
-
 BUDGET = 0.054
 """s: asynchrony of a haptic and an acoustic attack that people notice (arXiv 1906.11571), our budget for
 frame to drive. For a finger that feels its own press there may be less."""

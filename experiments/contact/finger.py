@@ -12,8 +12,6 @@ import numpy as np
 from ...instruments import DataError, Touch
 from .area import Contact, SeenSurface
 
-__all__ = ["FingerCalibration", "activation_areas", "calibrate_finger", "press_area", "watch_touch"]
-
 LEAST_RATIO = 1.3
 """Smallest A_max over A_min with which three buttons can be told apart (our choice)."""
 MOST_SCATTER = 0.25

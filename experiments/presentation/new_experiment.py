@@ -13,8 +13,6 @@ from ...instruments import ConfigurationError
 from ...instruments.files import check_destination, new_file
 from ..protocol import load_experiment
 
-__all__ = ["new_experiment"]
-
 
 def new_experiment(folder: str | Path, example: str | Path, buttons: Sequence[str | Path] = ()) -> None:
     """Copy an example's file into a folder as `experiment.toml`, and its digital buttons beside it.

@@ -19,8 +19,6 @@ from ..protocol import Assignment, ExperimentFile, Step, digital_button, played_
 from ..session import Event
 from .surface import TouchSurface
 
-__all__ = ["Logged", "Presenter", "fingers_in"]
-
 _ATTEMPTS = 3
 """Times that a press of the finger calibration, and the whole of it, is tried."""
 _TIMEOUT = 120.0

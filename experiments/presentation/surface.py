@@ -14,8 +14,6 @@ from ...instruments.progress import Progress, silent
 from ..contact import SeenSurface, VerifiedButton, calibrate_meter, learn_background, verify_button
 from ..protocol import Experiment
 
-__all__ = ["TouchSurface", "prepare_surface"]
-
 _FRAMES = 10
 """Frames of the target."""
 

@@ -11,8 +11,6 @@ from ...acquisition import williams_row
 from .experiment_file import ExperimentFile
 from .steps import counterbalanced_count, group_of_slot
 
-__all__ = ["Balance", "balance_of"]
-
 
 @dataclass(frozen=True)
 class Balance:

@@ -15,17 +15,6 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 from ...instruments.bounded import Finite, Positive, Seed
 from ...instruments.config import load_model
 
-__all__ = [
-    "Block",
-    "Comparison",
-    "Experiment",
-    "ExperimentFile",
-    "Factor",
-    "Question",
-    "example_names",
-    "load_experiment",
-]
-
 Kind = Literal["identification", "rating", "two-interval", "staircase"]
 BlockOrder = Literal["random", "random-in-repetition", "counterbalanced", "as-listed"]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 _.-]{0,39}$")]

@@ -12,8 +12,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Literal
 
-__all__ = ["FASTEST", "SLOWEST", "Rated", "Timing", "rated", "timing_of"]
-
 FASTEST = 0.1
 """s for one choice or one scale. Nobody answers a stimulus sooner: Luce, Response Times (1986)."""
 SLOWEST = 600.0

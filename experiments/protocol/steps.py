@@ -20,20 +20,6 @@ from ...instruments import DataError
 from .experiment_file import Block, Comparison, ExperimentFile
 from .rating import Rated, rated
 
-__all__ = [
-    "Answer",
-    "Assignment",
-    "Course",
-    "Step",
-    "counterbalanced_count",
-    "digital_button",
-    "group_of_slot",
-    "played_by_rig",
-    "right_answer",
-    "session_levels",
-    "valid",
-]
-
 Answer = str | int | Mapping[str, Rated]
 """A name (identification), 1 or 2 (two intervals), what was set for each pair (rating), or "done"."""
 

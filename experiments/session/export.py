@@ -14,8 +14,6 @@ from ..protocol import Answer, ExperimentFile, Step, session_levels, timing_of
 from .log import Event
 from .store import Store, StoredSession
 
-__all__ = ["export_answers", "sidecar_of"]
-
 _COLUMNS = {
     "participant": "Pseudonym",
     "group": "Group of the participant",

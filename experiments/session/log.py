@@ -15,8 +15,6 @@ from ...acquisition.line_files import Line, LineFile, Mark, check_mark, read_lin
 from ...instruments import DataError
 from ...instruments.clock import Clock
 
-__all__ = ["Event", "EventLog", "events_of", "read_log"]
-
 
 @dataclass(frozen=True)
 class Event:

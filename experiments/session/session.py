@@ -17,8 +17,6 @@ from ..protocol import Answer, Assignment, Course, Step, right_answer, session_l
 from .log import Event, EventLog
 from .store import Store
 
-__all__ = ["AGAIN", "Answerer", "Presents", "Session", "open_session", "run_session"]
-
 
 class Answerer(Protocol):
     """Who answers: a person at a terminal, or a simulated participant."""

@@ -24,8 +24,6 @@ from ...instruments.safety import hold
 from ..protocol import Answer, Assignment, Course, Experiment, Step, group_of_slot, valid
 from .log import Event, events_of, read_log
 
-__all__ = ["Store", "StoredSession", "Withdrawal"]
-
 _WITHDRAWALS = "withdrawals.jsonl"
 
 

@@ -20,8 +20,6 @@ from ..config import RigFile
 from ..limits import Limits
 from .role import Amplifier
 
-__all__ = ["AnalogAmplifier", "AnalogSettings", "Monitor"]
-
 
 class Monitor(BaseModel):
     """An output of the amplifier that shows what it puts out, on a channel of the DAQ."""

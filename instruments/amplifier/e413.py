@@ -15,9 +15,6 @@ from ..clock import Clock
 from ..config import RatingSource, require_source
 from .analog import AnalogAmplifier, AnalogSettings
 
-__all__ = ["E413"]
-
-
 _OWN = {"min": -100.0, "max": 400.0, "gain": 50.0, "current_peak": 0.1, "current_average": 0.05}
 """The product's own figures: V, V, V per V, A, A."""
 

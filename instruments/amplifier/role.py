@@ -11,8 +11,6 @@ from ..arrays import FloatArray
 from ..frozen import Frozen
 from ..limits import Limits
 
-__all__ = ["Amplifier"]
-
 
 class Amplifier(Frozen, ABC):
     """A voltage amplifier between a DAQ output and the relay. Safe state: zero volts at its input.

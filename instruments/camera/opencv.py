@@ -23,8 +23,6 @@ from ..extras import optional
 from ..tape import Proxied, TapedLine, taped_line
 from .role import Camera, Frame
 
-__all__ = ["OpenCvCamera"]
-
 _OPENED_IN, _READ_IN = 5000, 1000
 """Longest waits for a stream and for one of its frames (ms). For a camera OpenCV has its own."""
 _ARRIVALS = 600

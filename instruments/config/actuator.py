@@ -16,8 +16,6 @@ from ..bounded import Finite, NotNegative, Positive
 from ..coil import Coil
 from ..limits import Limits
 
-__all__ = ["Actuator"]
-
 _KEYS = {"piezo": ("capacitance", "min", "max"), "coil": ("resistance", "volts", "watts", "thermal_time")}
 """Keys that a kind needs."""
 _OTHERS = {"piezo": (), "coil": ("inductance", "force_factor")}

@@ -14,8 +14,6 @@ from xml.etree import ElementTree as Xml
 
 from ..errors import ConfigurationError
 
-__all__ = ["AtiCalibration", "read_ati_cal"]
-
 _AXES = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
 _LONGEST = 1 << 20
 _POUND_FORCE = 4.4482216152605

@@ -16,8 +16,6 @@ from .toml_lines import Location
 if TYPE_CHECKING:
     from .rig_file import RigFile
 
-__all__ = ["contradictions", "lacks", "range_of"]
-
 
 def contradictions(file: RigFile, settings: Mapping[str, Any]) -> Iterator[tuple[Location, str]]:
     """Yield the place and the clause of each; `settings` are the validated ones of the installed drivers."""

@@ -9,8 +9,6 @@ from typing import Any
 from ..errors import ConfigurationError
 from .toml_lines import read_text
 
-__all__ = ["read_frf"]
-
 _MOST = 10_000
 """Largest number of rows."""
 

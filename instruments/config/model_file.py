@@ -11,8 +11,6 @@ from pydantic import BaseModel
 from .toml_lines import key_lines, parse_toml, place, read_text
 from .validation import validate
 
-__all__ = ["load_model"]
-
 Model = TypeVar("Model", bound=BaseModel)
 
 

@@ -6,8 +6,6 @@ from typing import Annotated
 
 from pydantic import Field
 
-__all__ = ["RatingSource", "require_source"]
-
 RatingSource = Annotated[str, Field(min_length=5, max_length=200, pattern=r"\S")] | None
 """Where a figure beyond the product's own is from: a data sheet of another version, or who measured it."""
 

@@ -24,17 +24,6 @@ from ..limits import Limits
 from ..sensors import Sensors
 from .actuator import Actuator
 
-__all__ = [
-    "AbortLimits",
-    "Device",
-    "People",
-    "Recalibration",
-    "RigFile",
-    "SimulationSettings",
-    "TableSettings",
-    "roles",
-]
-
 
 class _Section(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")

@@ -19,8 +19,6 @@ from .rig_file import RigFile, SimulationSettings, roles
 from .toml_lines import Places, key_lines, parse_toml, place, read_text
 from .validation import validate, validate_kind
 
-__all__ = ["fault_kinds", "load_rig_file"]
-
 
 def load_rig_file(path: str | Path) -> RigFile:
     """Read and validate a rig file; the bare name of a rig that haploop ships is found as well.

@@ -14,8 +14,6 @@ from .toml_lines import Location
 if TYPE_CHECKING:
     from .rig_file import RigFile
 
-__all__ = ["sensor_contradictions"]
-
 _SLACK = 1.05
 """Part of a channel's range by which a sensor's may exceed it: data sheets round both."""
 

@@ -11,8 +11,6 @@ from typing import Any
 from ..errors import ConfigurationError
 from ..files import os_error_text
 
-__all__ = ["Location", "Places", "key_lines", "parse_toml", "place", "read_text"]
-
 Location = tuple[str | int, ...]
 """Location of a key: names of tables and keys, and indices within arrays."""
 

@@ -13,8 +13,6 @@ from ..errors import ConfigurationError
 from ..sensors import Described
 from .toml_lines import Location
 
-__all__ = ["told", "validate", "validate_kind"]
-
 Model = TypeVar("Model", bound=BaseModel)
 
 

@@ -10,8 +10,6 @@ from ..amplifier import Amplifier
 from ..errors import LimitError
 from .suite import Conformance, refused
 
-__all__ = ["AmplifierConformance"]
-
 
 class AmplifierConformance(Conformance):
     """Give a fixture `amplifier`."""

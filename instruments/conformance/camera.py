@@ -11,8 +11,6 @@ from ..camera import Camera
 from ..errors import InstrumentError
 from .suite import Conformance, refused
 
-__all__ = ["CameraConformance"]
-
 
 class CameraConformance(Conformance):
     """Give a fixture `camera`: a driver that has just been opened, and that gives ten frames at least.

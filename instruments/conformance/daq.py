@@ -14,8 +14,6 @@ from ..daq import Block, Daq
 from ..errors import ConfigurationError, InstrumentError, LimitError
 from .suite import Conformance, bypass_interlock, refused
 
-__all__ = ["DaqConformance"]
-
 _SEED = 5
 _ALIKE = 0.75
 """Correlation of a random waveform with itself, smoothed; with any other it is below 0.5."""

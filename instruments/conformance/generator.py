@@ -12,8 +12,6 @@ from ..errors import ConfigurationError, InstrumentError, LimitError
 from ..generator import Burst, Generator, Sweep, Waveform
 from .suite import Conformance, bypass_interlock, refused
 
-__all__ = ["GeneratorConformance"]
-
 
 class _Unknown(Sweep):
     """A kind of waveform that no driver knows."""

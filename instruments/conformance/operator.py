@@ -7,8 +7,6 @@ import pytest
 from ..operator import Aim, ConfirmSettings, Consent, Operator, Press, Ready, Request, Rest, Touch
 from .suite import Conformance
 
-__all__ = ["OperatorConformance"]
-
 _REQUESTS = (
     Press(button="latch", participant="P01", number=1, of=1),
     Rest(duration=0.1),

@@ -13,8 +13,6 @@ from ..errors import InstrumentError, LimitError
 from ..player import Player
 from .suite import Conformance, bypass_interlock, one_sentence, refused
 
-__all__ = ["PlayerConformance"]
-
 
 class _BodyError(Exception):
     """Error raised in the body of a play."""

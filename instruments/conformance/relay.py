@@ -13,8 +13,6 @@ from ..errors import ConfigurationError, InstrumentError, LimitError
 from ..relay import Relay
 from .suite import Conformance, bypass_interlock, one_sentence, refused
 
-__all__ = ["RelayConformance"]
-
 _LONGEST_WAIT = 30.0
 """Real seconds that a test may wait for a dead-man."""
 

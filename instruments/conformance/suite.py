@@ -14,8 +14,6 @@ from ..errors import ConfigurationError, DataError, HaploopError, InstrumentErro
 from ..generator import Waveform
 from ..interlock import Interlocked
 
-__all__ = ["Conformance", "Fired", "bypass_interlock", "one_sentence", "refused"]
-
 Value = TypeVar("Value")
 
 _KINDS = (ConfigurationError, DataError, InstrumentError, LimitError)

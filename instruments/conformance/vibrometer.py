@@ -11,8 +11,6 @@ from ..errors import InstrumentError
 from ..vibrometer import DERIVATIVE, Vibrometer
 from .suite import Conformance, one_sentence, refused
 
-__all__ = ["VibrometerConformance"]
-
 
 class VibrometerConformance(Conformance):
     """Give a fixture `vibrometer`: a driver that has just been opened."""

@@ -18,8 +18,6 @@ import numpy as np
 
 from ..arrays import FloatArray
 
-__all__ = ["ArrivalClock"]
-
 _BUCKET = 0.5
 """Interval of whose arrivals the earliest is kept (s)."""
 _KEPT = 240

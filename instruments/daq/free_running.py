@@ -21,8 +21,6 @@ from ..errors import ConfigurationError, InstrumentError
 from .arrival_clock import ArrivalClock
 from .role import Block, Daq, Stream, StreamRequest
 
-__all__ = ["Alongside", "Edge", "FreeRunning"]
-
 _LATE = 2.0
 """Time (s) by which a free-running DAQ may be behind the other one."""
 _STEP = 0.005

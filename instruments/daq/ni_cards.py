@@ -16,9 +16,6 @@ from .ni_sentences import unclocked
 from .ni_sessions import Sessions
 from .ni_settings import NiSettings, device_of
 
-__all__ = ["Card", "Plan", "believed", "find_cards", "numbers_of"]
-
-
 _PATIENCE = 5.0
 """Time for a device server to answer when it is asked for its cards' numbers (s)."""
 _READ_OUTPUTS = (ProductCategory.M_SERIES_DAQ, ProductCategory.X_SERIES_DAQ)

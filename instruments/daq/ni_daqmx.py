@@ -32,8 +32,6 @@ if TYPE_CHECKING:
 
 # NI's library is loaded when cards are opened: a simulated rig needs the settings alone.
 
-__all__ = ["NiDaq"]
-
 
 class NiDaq(Daq):
     """See `Daq`."""

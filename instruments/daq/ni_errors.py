@@ -10,8 +10,6 @@ from nidaqmx.errors import DaqError, DaqNotFoundError, DaqNotSupportedError, Rpc
 from ..errors import HaploopError, InstrumentError
 from .ni_sentences import first_line, refused
 
-__all__ = ["translated", "understood"]
-
 
 @contextmanager
 def translated(device: str, server: str | None) -> Iterator[None]:

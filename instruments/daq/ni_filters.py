@@ -9,8 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["FILTERS", "Filter", "filter_delay"]
-
 
 @dataclass(frozen=True)
 class Filter:

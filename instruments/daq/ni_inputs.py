@@ -20,8 +20,6 @@ from nidaqmx.constants import (
 
 from .ni_settings import Channel
 
-__all__ = ["add_counter", "add_input", "factor"]
-
 _CONFIGS = {
     "default": TerminalConfiguration.DEFAULT,
     "diff": TerminalConfiguration.DIFF,

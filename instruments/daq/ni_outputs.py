@@ -23,8 +23,6 @@ from ..errors import HaploopError, InstrumentError
 from .ni_sentences import refused
 from .ni_settings import Output
 
-__all__ = ["NiOutputs"]
-
 _IN_USE = -50103
 _TRIES = 10
 """Attempts to reserve the outputs, which another program's single write holds for an instant."""

@@ -9,17 +9,6 @@ from collections.abc import Sequence
 
 from ..errors import ConfigurationError, InstrumentError
 
-__all__ = [
-    "CONFIGURATION",
-    "SENTENCES",
-    "cut_off",
-    "first_line",
-    "other_rate",
-    "refused",
-    "unclocked",
-    "zeroed",
-]
-
 
 def refused(device: str, code: int, said: str) -> InstrumentError | ConfigurationError:
     """The error that `device` answered with NI's `code` and message, as one sentence."""

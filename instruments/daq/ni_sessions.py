@@ -27,8 +27,6 @@ from ..errors import InstrumentError
 from ..signals import uninterrupted
 from ..tape import Failure, TapedLine, taped_line
 
-__all__ = ["Sessions"]
-
 # grpc prints a traceback for an answer that it cannot parse, besides raising the error caught here.
 logging.getLogger("grpc").addHandler(logging.NullHandler())
 

@@ -9,8 +9,6 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 
 from ..bounded import NotNegative, Positive
 
-__all__ = ["Channel", "NiSettings", "Output", "device_of"]
-
 Terminal = Annotated[str, Field(pattern=r"^[^/\s]+/\w+$")]
 
 

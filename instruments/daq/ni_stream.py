@@ -25,8 +25,6 @@ from .ni_sentences import cut_off, other_rate, zeroed
 from .ni_settings import NiSettings
 from .role import Block, Stream, StreamRequest
 
-__all__ = ["NiStream"]
-
 _LATE = 5.0
 """Delay beyond which a block counts as lost (s)."""
 _BEYOND = 2.0

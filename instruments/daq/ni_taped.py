@@ -23,8 +23,6 @@ from nidaqmx.errors import (
 
 from ..tape import Failure, Proxied, TapedLine
 
-__all__ = ["interpreter_on"]
-
 _FAILURES = (
     Failure(DaqReadError, lambda e: (str(e), int(e.error_code), int(e.samps_per_chan_read))),
     Failure(DaqWriteError, lambda e: (str(e), int(e.error_code), int(e.samps_per_chan_written))),

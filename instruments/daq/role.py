@@ -14,8 +14,6 @@ from ..closing import Closing
 from ..errors import ConfigurationError, LimitError
 from ..interlock import Interlocked
 
-__all__ = ["Block", "Capture", "Daq", "Stream", "StreamRequest"]
-
 
 @dataclass(frozen=True, eq=False)
 class Block:

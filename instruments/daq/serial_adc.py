@@ -28,8 +28,6 @@ from .role import Block, Stream, StreamRequest
 from .serial_codec import Decoder, Frame
 from .serial_settings import SerialSettings
 
-__all__ = ["SerialAdc"]
-
 _LATE = 2.0
 """Time without a frame after which the board counts as silent (s)."""
 _STEP = 0.005

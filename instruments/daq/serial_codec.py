@@ -18,8 +18,6 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-__all__ = ["Decoder", "Frame", "Framing"]
-
 Frame = tuple[float, ...] | None
 """Values of the columns of one frame; None for a damaged one."""
 _LONGEST_LINE = 4096

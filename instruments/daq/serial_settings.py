@@ -11,8 +11,6 @@ from ..bounded import Finite, NotNegative, Positive
 from ..config import RigFile, lacks
 from .serial_codec import Framing
 
-__all__ = ["SerialSettings"]
-
 
 class _Section(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")

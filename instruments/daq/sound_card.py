@@ -29,8 +29,6 @@ from ..taped_audio import on_tape
 from .role import Block, Daq, Stream, StreamRequest
 from .sound_settings import SoundSettings
 
-__all__ = ["SoundCardDaq"]
-
 _LATE = 2.0
 """Delay beyond which a block counts as lost (s)."""
 _POLL = 0.002

@@ -10,8 +10,6 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from ..bounded import Positive
 from ..config import RigFile
 
-__all__ = ["SoundSettings"]
-
 Corner = Annotated[float, Field(ge=0, le=50)]
 
 

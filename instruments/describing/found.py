@@ -12,8 +12,6 @@ from typing import TypeVar
 
 from ..extras import optional
 
-__all__ = ["Found", "FoundCard", "look_for_hardware"]
-
 
 @dataclass(frozen=True)
 class FoundCard:

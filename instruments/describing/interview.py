@@ -8,8 +8,6 @@ from contextlib import suppress
 
 from ..errors import ConfigurationError
 
-__all__ = ["Ask", "Interview"]
-
 Ask = Callable[[str, str], str]
 """Asks a person: the question, and the answer that Enter gives."""
 

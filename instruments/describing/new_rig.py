@@ -17,8 +17,6 @@ from .found import Found
 from .interview import Ask, Interview
 from .parts import Parts, daq, driven, sensors
 
-__all__ = ["new_rig", "new_rig_on"]
-
 _TRIES = 5
 
 

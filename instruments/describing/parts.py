@@ -12,8 +12,6 @@ from ..errors import ConfigurationError
 from .found import Found, FoundCard
 from .interview import Interview
 
-__all__ = ["Parts", "daq", "driven", "sensors"]
-
 _QUANTITIES = {
     "force": ("Force", "20 N/V, 0.25 V/N, -4.3 pC/N, 2 mV/V, or the .cal file of six gauges"),
     "acceleration": ("Vertical acceleration", "100 mV/g, 10 pC/g, or ADXL335"),

@@ -9,8 +9,6 @@ from ..errors import ConfigurationError
 from ..interlock import Interlocked
 from ..waveforms import Waveform
 
-__all__ = ["Generator"]
-
 
 class Generator(Interlocked, ABC):
     """A function generator. Safe state: output off. Opening the driver changes nothing.

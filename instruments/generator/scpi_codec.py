@@ -9,8 +9,6 @@ from __future__ import annotations
 import math
 import re
 
-__all__ = ["error_of", "number_of", "switch_of", "words_of"]
-
 _NUMBER = re.compile(r"[+-]?(?:\d{1,40}(?:\.\d{0,40})?|\.\d{1,40})(?:[eE][+-]?\d{1,3})?")
 _ERROR = re.compile(r'([+-]?\d{1,6})\s*,\s*(?:"([^"]*(?:""[^"]*)*)"|([^",]*))')
 _INFINITE = 9e37

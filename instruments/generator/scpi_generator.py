@@ -24,8 +24,6 @@ from ..waveforms import Arbitrary, Burst, Sweep, Waveform
 from .role import Generator
 from .scpi_codec import error_of, number_of, switch_of, words_of
 
-__all__ = ["Dg1000z", "Keysight33500", "ScpiGenerator"]
-
 Value = TypeVar("Value")
 
 _TOLERANCE = 1e-3

@@ -18,8 +18,6 @@ from ..sensors import Sensors
 from ..vibrometer import QUANTITIES, Quantity
 from .tap import LiveBlock, Run
 
-__all__ = ["PREFIX", "TOKEN", "frame_of", "header_of", "lengths_of", "volts_of"]
-
 _PREFIX = struct.Struct("<4sIQ")
 _MAGIC = b"HLV1"
 _LARGEST_HEADER = 1 << 20

@@ -11,9 +11,6 @@ from ..sensors import Sensor
 from ..vibrometer import UNITS
 from .tap import LiveBlock, Run
 
-__all__ = ["Level", "levels", "quantities", "signals"]
-
-
 Quantities = tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...], FloatArray]
 """Names, units, channels and (quantities, samples) values."""
 

@@ -26,8 +26,6 @@ from ..flag import Flag
 from .frames import TOKEN, frame_of
 from .tap import Feed
 
-__all__ = ["ADDRESS_FILES", "Publisher"]
-
 ADDRESS_FILES = "live-*.json"
 """Names of the address files in a state folder."""
 

@@ -20,8 +20,6 @@ from ..inbox import Inbox
 from ..sensors import Sensors
 from ..vibrometer import Quantity
 
-__all__ = ["Feed", "LiveBlock", "Run", "Tap"]
-
 Array = TypeVar("Array", FloatArray, BoolArray)
 
 

@@ -22,8 +22,6 @@ from .frames import PREFIX, TOKEN, header_of, lengths_of, volts_of
 from .publisher import ADDRESS_FILES
 from .tap import LiveBlock, Tap
 
-__all__ = ["watch_live"]
-
 ByteArray = npt.NDArray[np.uint8]
 
 _CONNECT_DEADLINE = 2.0

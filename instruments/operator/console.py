@@ -12,8 +12,6 @@ from pydantic import BaseModel, ConfigDict
 from ..clock import Clock
 from .role import Consent, Operator, Request, UnansweredError
 
-__all__ = ["Console"]
-
 
 class Console(Operator):
     """See `Operator`."""

@@ -9,27 +9,6 @@ from typing import Literal
 
 from ..errors import InstrumentError
 
-__all__ = [
-    "Aim",
-    "Cable",
-    "ConfirmSettings",
-    "Consent",
-    "LiftFinger",
-    "Operator",
-    "Place",
-    "Press",
-    "Ready",
-    "Remove",
-    "Request",
-    "Rest",
-    "RestFinger",
-    "TakeTarget",
-    "Target",
-    "Touch",
-    "UnansweredError",
-    "Uncable",
-]
-
 
 @dataclass(frozen=True)
 class Press:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from .role import Aim, ConfirmSettings, Operator, Request, Rest
 
-__all__ = ["Unattended"]
-
 
 class Unattended(Operator):
     """Answers at once, on the assumption that nothing was moved since the person left.

@@ -9,8 +9,6 @@ from typing import final
 from ..arrays import ComplexArray, FloatArray
 from ..interlock import Interlocked
 
-__all__ = ["Player"]
-
 
 class Player(Interlocked, ABC):
     """Plays waveforms into the amplifier, from an unknown start time and on its own clock.

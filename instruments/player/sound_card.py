@@ -25,8 +25,6 @@ from ..tape import taped_line
 from ..taped_audio import on_tape
 from .role import Player
 
-__all__ = ["SoundCard", "at_rate"]
-
 _GUARD = 0.02
 """Silence after a waveform (s), so that resampling rings there and not into the start."""
 

@@ -19,9 +19,6 @@ from ..clock import Clock
 from ..errors import ConfigurationError, InstrumentError
 from .role import Relay
 
-__all__ = ["BoardSettings", "ChannelRelay", "ChannelState", "RelayBoard", "read_back"]
-
-
 _PATIENCE = 0.1
 """Time for a command to show in the read-back (s): ten times that of USB (docs/hardware.md, "Relay box")."""
 

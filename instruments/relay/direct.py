@@ -11,8 +11,6 @@ from collections.abc import Collection
 from ..errors import ConfigurationError
 from .role import Relay
 
-__all__ = ["LOST", "DirectWire"]
-
 LOST = (
     "This rig has no relay, so nothing opens by itself: if this program is killed, the computer stops or the "
     "amplifier fails, the actuator keeps what the amplifier puts out, which may be any value of the drive, "

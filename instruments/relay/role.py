@@ -8,8 +8,6 @@ from typing import final
 
 from ..interlock import Interlocked
 
-__all__ = ["Relay"]
-
 
 class Relay(Interlocked, ABC):
     """A relay box between the amplifier and the patches.

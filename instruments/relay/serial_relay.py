@@ -27,8 +27,6 @@ from ..tape import Failure, taped_line
 from ..transport import SerialSettings, close_port, serial_trouble
 from .board import BoardSettings, ChannelRelay, ChannelState
 
-__all__ = ["DIGITS", "PROMPT", "SerialRelay", "answer_in"]
-
 DIGITS = "0123456789ABCDEFGHIJKLMNOPQRSTUV"
 """Channel numbers in the board's notation."""
 PROMPT = b">"

@@ -30,8 +30,6 @@ from ..errors import ConfigurationError, InstrumentError
 from ..tape import Failure, taped_line
 from .board import BoardSettings, ChannelRelay, ChannelState, read_back
 
-__all__ = ["Yocto"]
-
 CHANNELS = 8
 """Channels of a box (docs/hardware.md, "Relay box")."""
 _PRODUCT = "Yocto-MaxiCoupler"

@@ -18,8 +18,6 @@ from ..arrays import ComplexArray, FloatArray
 from ..daq import Capture
 from ..errors import InstrumentError
 
-__all__ = ["Aligned", "Timing", "align", "find"]
-
 _LEAST = 0.5
 """Correlation of measured and commanded drive below which the drive counts as not found."""
 _MOST_DRIFT = 500e-6

@@ -6,8 +6,6 @@ from ..errors import InstrumentError
 from ..operator import ConfirmSettings
 from .roles import Instruments
 
-__all__ = ["DeclaredSettings"]
-
 
 class DeclaredSettings:
     """The declared settings of a rig's instruments that are already confirmed."""

@@ -14,8 +14,6 @@ from ..arrays import FloatArray
 from ..errors import InstrumentError
 from ..limits import Limits
 
-__all__ = ["HZ", "TOO_MUCH", "UNPROVED", "UnshownError", "level_of", "loudest", "tone"]
-
 UNPROVED = (
     "The gain of the amplifier cannot be proved on this rig, because it has no [sensors.drive]: nothing "
     "shows what a patch really gets, and the rig cannot be calibrated."

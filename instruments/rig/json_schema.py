@@ -12,8 +12,6 @@ from .. import entry_points
 from ..config import RigFile, fault_kinds, roles
 from ..errors import ConfigurationError
 
-__all__ = ["rig_schema"]
-
 
 def rig_schema() -> dict[str, Any]:
     """Build the schema of rig files, with the installed drivers and faults.

@@ -13,8 +13,6 @@ from ..errors import ConfigurationError
 from ..safety import Audit, clear_lockout, entries, lockout_of, lockouts_folder, reserve, state_folder
 from .opening import hardware
 
-__all__ = ["log_entries", "reset_lockout"]
-
 
 def log_entries(rig: str | Path | RigFile, simulate: Mode | None = None) -> Iterator[Mapping[str, Any]]:
     """Read the audit log of rigs of this name, oldest entry first.

@@ -16,8 +16,6 @@ from ..signals import deliver
 from .ratings import ratings
 from .roles import Instruments
 
-__all__ = ["Monitoring", "Take"]
-
 
 class Take:
     """The patches of a play, what is recorded meanwhile and for how long (s) after it, and who is told."""

@@ -23,8 +23,6 @@ from ..tape import Player, Recorder, current
 from .rig import Rig
 from .taping import PlayedWorld, TapedOperator, check_recordable, is_of_hardware, recording
 
-__all__ = ["hardware", "open_rig", "simulated_file"]
-
 
 def open_rig(
     rig: str | Path | RigFile | None = None,

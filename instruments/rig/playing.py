@@ -27,8 +27,6 @@ from .monitoring import Monitoring, Take
 from .ratings import figures
 from .roles import Instruments
 
-__all__ = ["Playing"]
-
 _SLACK = 0.5
 """Time for a generator to answer its trigger and for a block to arrive (s)."""
 _PROOF = Sweep(start_hz=HZ - 1, stop_hz=HZ + 1, duration=0.1, amplitude=1.0)

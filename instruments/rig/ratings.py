@@ -8,8 +8,6 @@ from ..limits import Limits
 from ..safety import Figures
 from .roles import Instruments
 
-__all__ = ["figures", "ratings"]
-
 _VOLTS = (-100.0, -1.0, 1.0, 50.0, 400.0)
 """Volts at the patch at which the amplifier's gain is noted."""
 

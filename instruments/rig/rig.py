@@ -40,8 +40,6 @@ from .playing import Playing
 from .ratings import figures, ratings
 from .roles import Instruments, Role
 
-__all__ = ["Rig"]
-
 
 class Rig(Instruments, InNotebook):
     """Open instruments. Made by `open_rig`; a context whose exit reaches the safe state."""

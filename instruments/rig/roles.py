@@ -23,8 +23,6 @@ from ..relay import Relay
 from ..sensors import Divider, Sensors
 from ..vibrometer import Vibrometer
 
-__all__ = ["Instruments", "Role"]
-
 Role = TypeVar("Role")
 
 

@@ -20,8 +20,6 @@ from ..operator import Operator, Request, UnansweredError
 from ..tape import Failure, Player, Recorder, TapedLine, current, on_line, taped_line
 from .rig import Rig
 
-__all__ = ["PlayedWorld", "TapedOperator", "check_recordable", "is_of_hardware", "recording", "tape_rig"]
-
 _UNANSWERED = (Failure(UnansweredError),)
 
 

@@ -25,8 +25,6 @@ from ..vibrometer import Vibrometer
 from .audit import make_folder, now_utc, who
 from .lockout import Lockouts
 
-__all__ = ["AbortMonitor", "trip"]
-
 _EXCESS = 1.1
 """Measured volts over the limit at which a play is stopped: beyond the drive monitor's noise and error."""
 _KEPT = 10

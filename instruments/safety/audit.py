@@ -30,8 +30,6 @@ from ..frozen import Frozen
 from ..json_text import as_line, from_text
 from .file_lock import release, taken
 
-__all__ = ["Audit", "entries", "log_problems", "make_folder", "now_utc", "state_folder", "who"]
-
 _LONGEST_LINE = 1 << 20
 """Bytes of a line that are read at once: a log without an end of line is damaged."""
 _A_LINE = 0.01

@@ -10,8 +10,6 @@ from typing import TypeVar
 
 from ..errors import InstrumentError
 
-__all__ = ["exit_within", "run_within"]
-
 Value = TypeVar("Value")
 
 DEADLINE = 5.0

@@ -16,8 +16,6 @@ from ..errors import DataError
 from ..json_text import as_file, of_file
 from . import machine
 
-__all__ = ["MINUTE", "Span", "clear_old", "count_plays", "plays_of"]
-
 MINUTE = 60.0
 """Window of the duty (s)."""
 _KIND = "duty"

@@ -13,8 +13,6 @@ from dataclasses import dataclass
 from ..errors import LimitError
 from ..limits import Limits
 
-__all__ = ["Figures", "Kept"]
-
 
 @dataclass(frozen=True)
 class Figures:

@@ -18,8 +18,6 @@ from ..json_text import as_file, of_file
 from ..limits import Limits
 from . import machine
 
-__all__ = ["Heat", "keep_warmth", "warmth_of"]
-
 _KIND = "heat"
 
 Warmth = tuple[float, float]

@@ -25,8 +25,6 @@ from .duty import MINUTE, Span, clear_old, count_plays, plays_of
 from .heat import Heat
 from .lockout import Lockouts
 
-__all__ = ["Heating", "Judge", "Ratings", "combined"]
-
 Ratings = Mapping[str, Limits]
 """Limits by owner: the amplifier's, the relay's, a patch's, the rig file's own."""
 

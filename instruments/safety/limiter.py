@@ -32,8 +32,6 @@ from .lockout import Lockout, Lockouts
 from .outputs import Outputs, Standing
 from .watch import Watch
 
-__all__ = ["Limiter"]
-
 _SELDOM = 60.0
 """Longest interval (s) at which volts that stand again and again are logged."""
 Rendered = Callable[[FloatArray, float], tuple[FloatArray, float]]

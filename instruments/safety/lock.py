@@ -17,8 +17,6 @@ from . import machine
 from .audit import who
 from .file_lock import taken
 
-__all__ = ["InUse", "hold", "is_marked", "marked", "reserve"]
-
 _TRIES = 1000
 """Attempts to lock a file that its last holder removes meanwhile."""
 _LOOKS = 20

@@ -19,8 +19,6 @@ from ..json_text import as_file, of_file
 from . import machine
 from .audit import Audit, now_utc, who
 
-__all__ = ["Lockout", "Lockouts", "clear_lockout", "lockout_of", "lockouts_folder", "set_lockout"]
-
 _KIND = "lockout"
 
 

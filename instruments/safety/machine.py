@@ -16,8 +16,6 @@ from pathlib import Path
 
 from ..errors import InstrumentError
 
-__all__ = ["file_for", "folder", "open_file", "read", "write"]
-
 _NO_LINK = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
 _FLAGS = _NO_LINK | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0) | getattr(os, "O_NOINHERIT", 0)
 # A sticky file is not cleared away by systemd-tmpfiles, which would end a lockout after 30 days.

@@ -15,8 +15,6 @@ import numpy as np
 
 from ..errors import HaploopError, InstrumentError
 
-__all__ = ["Outputs", "Standing"]
-
 _ZERO = 0.02
 """Largest volts that count as zero where an output is read back (V): ten times the offset error of a card's
 own channel for it, and 1 V at a patch behind a gain of 50."""

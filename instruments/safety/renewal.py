@@ -16,8 +16,6 @@ from ..flag import Flag
 from ..relay import Relay
 from .deadline import DEADLINE
 
-__all__ = ["Renewal"]
-
 _OFTEN = 5
 """Renewals in one dead-man time: the thread may be late by four fifths of it."""
 _ALIVE = 0.5

@@ -12,8 +12,6 @@ from .audit import Audit
 from .deadline import run_within
 from .outputs import Outputs, Standing
 
-__all__ = ["SafeState"]
-
 _REST = 0.05
 """Zero drive before the relay switches (s): several time constants of the amplifier (docs/hardware.md,
 "Amplifier")."""

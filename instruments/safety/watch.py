@@ -15,8 +15,6 @@ from ..errors import HaploopError
 from ..flag import Flag
 from .deadline import DEADLINE
 
-__all__ = ["Watch"]
-
 _OFTEN = 0.2
 """Interval of the looks (s)."""
 

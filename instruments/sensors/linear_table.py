@@ -16,8 +16,6 @@ from .sensor import LinearSensor, Motion
 from .transfer import Measured, Root, Transfer
 from .units import Dimensions, dimensions, value_of, with_unit
 
-__all__ = ["LinearTable", "in_units"]
-
 Stated = Finite | str
 """A number in SI, or a number with its unit."""
 

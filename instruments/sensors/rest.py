@@ -8,8 +8,6 @@ from ..arrays import FloatArray
 from .sensor import LinearSensor
 from .units import G
 
-__all__ = ["fault_along_vertical", "fault_at_rest", "loss", "upside_down"]
-
 _TILT = 0.35 * G
 """The zero-g tolerance of an ADXL335 is 0.3 g on z (estimate; docs/hardware.md, "Accelerometer"), and a
 little more is allowed."""

@@ -12,8 +12,6 @@ import numpy as np
 from ..arrays import FloatArray
 from .sensor import LinearSensor
 
-__all__ = ["Restorer"]
-
 _LOWEST_HZ = 0.005
 """Corner that remains: a press of half a second fades by 2 %."""
 _CHUNK = 4096

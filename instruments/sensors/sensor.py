@@ -20,8 +20,6 @@ from ..bounded import Finite, Positive
 from ..frozen import FrozenDict, frozen
 from .transfer import Transfer
 
-__all__ = ["UNITS", "AnalogChannel", "Divider", "LinearSensor", "Motion", "Scale", "Sensor", "Switch"]
-
 Motion = Literal["force", "acceleration", "displacement", "velocity"]
 """What a linear sensor measures. Force and displacement rise as a button is pressed; acceleration and
 velocity are positive upwards."""

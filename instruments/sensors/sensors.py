@@ -12,8 +12,6 @@ from ..frozen import FrozenDict
 from .sensor import AnalogChannel, Divider, LinearSensor, Scale, Sensor, Switch
 from .tables import AccelerationTable, Described, DisplacementTable, ForceTable, VelocityTable
 
-__all__ = ["Sensors"]
-
 _TAKEN = (
     *("force", "acceleration", "displacement", "velocity", "travel", "activation", "drive", "saturated"),
     *("time", "elapsed_time", "axis", "Fx", "Fy", "Fz", "Tx", "Ty", "Tz"),

@@ -14,8 +14,6 @@ from .linear_table import LinearTable, in_units
 from .sensor import LinearSensor
 from .units import Dimensions, G, dimensions
 
-__all__ = ["AccelerationTable", "Described", "DisplacementTable", "ForceTable", "VelocityTable"]
-
 _OUTPUT_RESISTANCE = 32e3
 """Resistance of each output of an ADXL335 (ohm; data sheet; docs/hardware.md, "Accelerometer")."""
 _RATIOMETRIC_RANGE = 3.0 * G

@@ -17,8 +17,6 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from ..arrays import ComplexArray, FloatArray
 from ..bounded import Finite, NotNegative, Positive
 
-__all__ = ["Measured", "Root", "Transfer", "high_pass", "low_pass"]
-
 Root = Positive | tuple[Positive, Annotated[float, Field(gt=0, le=1)]]
 """A real pole or zero by its frequency (Hz), or a pair by its frequency and damping ratio."""
 

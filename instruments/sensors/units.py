@@ -10,8 +10,6 @@ import re
 from collections import Counter
 from collections.abc import Mapping
 
-__all__ = ["G", "dimensions", "value_of", "with_unit"]
-
 G = 9.80665
 """Standard gravity (m/s^2)."""
 

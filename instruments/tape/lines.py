@@ -11,8 +11,6 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Call", "Deck", "Failure", "Proxied", "TapedLine", "on_line", "taped_line"]
-
 
 @dataclass(frozen=True)
 class Failure:

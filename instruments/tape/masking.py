@@ -11,8 +11,6 @@ from typing import Any
 from ..errors import ConfigurationError, DataError
 from .tape_file import TapeLines, TapeWriter
 
-__all__ = ["mask"]
-
 _NI_SERIAL = 0x632
 """NI's attribute for a device's serial number."""
 _KEYS = re.compile(r'\\*"(?:serialNumber|logicalName|serial)\\*":\s*\\*"([^"\\]+)\\*"')

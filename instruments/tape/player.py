@@ -27,8 +27,6 @@ from .lines import Call
 from .tape_file import TapeLines
 from .values import Handles, as_json, from_json
 
-__all__ = ["Opening", "Player", "TapeClock", "TapeError"]
-
 _RARELY = 1.5
 """What repeats a call by time does so less often than on the tape, and never asks for more than it holds."""
 _LOOK = 0.005

@@ -23,8 +23,6 @@ from .lines import Call
 from .tape_file import KIND, VERSION, TapeWriter
 from .values import Handles, as_json
 
-__all__ = ["Recorder"]
-
 _OFTEN = 0.25
 """Longest time between two flushes while calls are made (s)."""
 

@@ -11,8 +11,6 @@ from ..errors import ConfigurationError
 from .player import Player
 from .recorder import Recorder
 
-__all__ = ["current", "played", "recorded"]
-
 _current: ContextVar[Recorder | Player | None] = ContextVar("haploop_session", default=None)
 
 

@@ -13,8 +13,6 @@ from typing import Any, Self
 
 from ..errors import ConfigurationError, DataError
 
-__all__ = ["KIND", "VERSION", "TapeLines", "TapeWriter", "read_tape"]
-
 KIND, VERSION = "haploop tape", 1
 _HEX = 16
 """Digits of the running hash in each line."""

@@ -12,8 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Handle", "Handles", "array_of", "as_json", "from_json", "text_of"]
-
 
 @dataclass(frozen=True)
 class Handle:

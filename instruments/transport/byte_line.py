@@ -15,8 +15,6 @@ from ..inbox import Inbox
 from ..tape import Failure, TapedLine
 from .serial_line import close_port, serial_trouble
 
-__all__ = ["Arrival", "ByteLine", "SerialBytes", "TapedBytes"]
-
 Arrival = tuple[float, bytes]
 """Time (s of the rig's clock) and what had come by then."""
 

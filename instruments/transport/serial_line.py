@@ -13,8 +13,6 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from ..clock import RealClock
 from .text_line import Port, TextLine
 
-__all__ = ["SerialLine", "SerialSettings", "close_port", "serial_trouble"]
-
 _POLL = 0.02
 """Time-out of one read (s): pyserial's is fixed while the port is open."""
 

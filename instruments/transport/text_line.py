@@ -10,8 +10,6 @@ from ..clock import Clock, RealClock
 from ..errors import InstrumentError
 from ..tape import Failure, taped_line
 
-__all__ = ["Line", "Port", "TextLine"]
-
 _LONGEST = 4096
 """Longest reply (bytes)."""
 

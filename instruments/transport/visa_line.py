@@ -7,8 +7,6 @@ from typing import Any
 
 from .text_line import Port, TextLine
 
-__all__ = ["VisaLine"]
-
 
 class VisaLine(TextLine):
     """See `TextLine`. `resource` is a VISA name, `library` the VISA library: empty for the default."""

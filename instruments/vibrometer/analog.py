@@ -16,8 +16,6 @@ from ..clock import Clock
 from ..config import RigFile, lacks, range_of
 from .role import Quantity, Vibrometer, shown
 
-__all__ = ["AnalogVibrometer"]
-
 _MOST_VOLTS, _LEAST_VOLTS = 50.0, 0.1
 """Volts that an output can have at full scale."""
 _LOST_HZ = 60.0

@@ -30,8 +30,6 @@ from .ofv5000_codec import (
 )
 from .role import Vibrometer
 
-__all__ = ["Ofv5000"]
-
 Value = TypeVar("Value")
 
 _NAME = "OFV-5000"

@@ -11,19 +11,6 @@ import re
 from dataclasses import dataclass
 from typing import Literal, cast
 
-__all__ = [
-    "LEVEL_FULL",
-    "Command",
-    "duration_of",
-    "frequency_of",
-    "is_command",
-    "is_untold",
-    "level_of",
-    "ranges_of",
-    "scale_of",
-    "scale_text",
-]
-
 Verb = Literal["Get", "Set", "GetDevInfo"]
 
 LEVEL_FULL = 512

@@ -12,8 +12,6 @@ from pydantic import AfterValidator, BaseModel, ConfigDict
 
 from .analog import AnalogVibrometer
 
-__all__ = ["Pdv100"]
-
 _RANGES = (0.02, 0.1, 0.5)
 
 

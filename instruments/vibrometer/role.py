@@ -16,8 +16,6 @@ from ..arrays import ComplexArray, FloatArray
 from ..frozen import Frozen
 from ..sensors import low_pass
 
-__all__ = ["DERIVATIVE", "QUANTITIES", "UNITS", "Quantity", "Vibrometer", "shown"]
-
 Quantity = Literal["velocity", "displacement", "acceleration"]
 QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
 UNITS: dict[Quantity, str] = {"velocity": "m/s", "displacement": "m", "acceleration": "m/s^2"}

@@ -21,8 +21,6 @@ from ..plant import Plant
 from ..transport import Loopback
 from .twin import CameraTwin
 
-__all__ = ["CameraStream", "wire"]
-
 _BUFFER = 1 << 14
 """Bytes that wait in the server; the client's own buffer keeps some frames more."""
 _MICROSECOND = 1000

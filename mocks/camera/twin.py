@@ -17,8 +17,6 @@ from ...instruments.camera.role import Camera, Frame
 from ...instruments.errors import InstrumentError
 from ..plant import OnCamera, Plant
 
-__all__ = ["PIXELS_PER_METRE", "CameraTwin"]
-
 PIXELS_PER_METRE = 5.3e3
 _LAMP = 28.0
 """Grey levels at the image's centre without a finger."""

@@ -17,8 +17,6 @@ from ...instruments.errors import ConfigurationError, HaploopError, InstrumentEr
 from ..plant import Plant, PlayStopped, Run, SamplesLost
 from .converter import convert, noise_of, put_out
 
-__all__ = ["Card", "CardTwin"]
-
 _APART = 0.5
 """Largest difference between two cards' sample counts that is accepted, as time (s)."""
 _EXACT = 1e-9

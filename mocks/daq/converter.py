@@ -9,8 +9,6 @@ import numpy as np
 
 from ...instruments.arrays import BoolArray, FloatArray
 
-__all__ = ["LOST", "STOPPED", "Converters", "code_width", "convert", "noise_of", "put_out"]
-
 LOST = {
     "overrun": -200279,
     "overflow": -200010,

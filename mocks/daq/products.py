@@ -18,8 +18,6 @@ from ...instruments.daq.ni_settings import Channel
 from ...instruments.entry_points import entries
 from ...instruments.errors import ConfigurationError
 
-__all__ = ["PRODUCTS", "Product", "convert_interval", "described", "input_range"]
-
 Family = Literal[
     "E Series", "M Series", "X Series", "AO Series", "USB DAQ", "mioDAQ", "myDAQ", "DSA", "SC Express",
     "C Series", "TestScale", "Digital I/O", "CompactDAQ Chassis", "TestScale Chassis",

@@ -15,8 +15,6 @@ from ...instruments.transport import Arrival
 from ..plant import Plant, SamplesLost
 from ..transport import Loopback
 
-__all__ = ["Board", "BoardServer", "twin", "wire"]
-
 DRIFT = -0.013
 """Relative excess of the board's rate over the nominal one: of an HX711's own oscillator, which its data
 sheet does not state (estimate)."""

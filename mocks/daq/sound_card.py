@@ -20,8 +20,6 @@ from ...instruments.taped_audio import on_tape
 from ..plant import Plant, PlayStopped, Run, SamplesLost
 from ..portaudio import FRAMES, CallbackAbort, CallbackStop, Coupling, Flags, PortAudioError
 
-__all__ = ["DuplexCard", "twin"]
-
 DRIFT = 30e-6
 """Relative excess of the card's clock rate over the rig's (estimate, as all here; docs/hardware.md, "Sound
 card")."""

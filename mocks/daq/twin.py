@@ -19,9 +19,6 @@ from .card_twin import Card, CardTwin
 from .converter import LOST, STOPPED
 from .products import Product, convert_interval, described, input_range
 
-__all__ = ["DaqTwin"]
-
-
 _NO_CABLE = -89125
 """NI's error for cards without a trigger line between them."""
 _UNSUPPORTED, _TOO_FAST, _TOO_SLOW = -200077, -200332, -200331

@@ -9,8 +9,6 @@ from ...instruments.bounded import Positive
 from ...instruments.config import RigFile
 from ..plant import FaultSettings, OnAmplifier, Run, TimedFault
 
-__all__ = ["AmplifierGain", "AmplifierTrip"]
-
 
 class AmplifierGain(OnAmplifier):
     """The amplifier's gain differs from the rig file's."""

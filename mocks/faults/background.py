@@ -13,8 +13,6 @@ from ...instruments.bounded import NotNegative, Positive
 from ...instruments.config import RigFile
 from ..plant import FaultSettings, OnCards, TimedFault
 
-__all__ = ["FlickerNoise", "RotatingMachine"]
-
 _SLOWEST, _FASTEST = 0.3, 3000.0
 """Corners (Hz) between which flicker noise falls with the inverse of the frequency (estimate)."""
 _PROCESSES = 8

@@ -10,8 +10,6 @@ from pydantic import Field
 from ...instruments.bounded import Positive
 from ..plant import FaultSettings, OnCamera, PerEventFault, TimedFault
 
-__all__ = ["AmbientLight", "Defocus", "FramesLost", "SecondFinger"]
-
 
 class AmbientLight(TimedFault, OnCamera):
     """Daylight or a lamp adds to what the camera sees."""

@@ -14,8 +14,6 @@ from ...instruments.bounded import NotNegative, Positive
 from ...instruments.config import RigFile
 from ..plant import FaultSettings, OnCards, PerEventFault, PlayStopped, SamplesLost, ScheduledFault
 
-__all__ = ["ClockDrift", "DaqOverflow", "DaqOverrun", "PlayCutOff", "RtsiMissing", "SourceImpedance"]
-
 _MULTIPLEXER = 100e-12
 """Capacitance of a card's multiplexer and amplifier (F; estimate: X Series inputs have 100 pF)."""
 

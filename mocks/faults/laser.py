@@ -12,8 +12,6 @@ from ...instruments.bounded import Positive
 from ...instruments.config import RigFile
 from ..plant import FaultSettings, LaserHead, OnLaser, ScheduledFault, TimedFault
 
-__all__ = ["LaserAskew", "LaserBlocked", "LaserDropout", "LaserSpikes", "VibrometerRange"]
-
 
 class VibrometerRange(OnLaser):
     """The vibrometer's range differs from the rig file's."""

@@ -9,8 +9,6 @@ from pydantic import Field
 from ..plant import OnLine, PerEventFault
 from ..transport import ReplyFault
 
-__all__ = ["Reply"]
-
 
 class Reply(PerEventFault, OnLine):
     """An instrument's answers are disturbed on the line. For wires only, because a twin has no line."""

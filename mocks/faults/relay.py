@@ -8,8 +8,6 @@ from pydantic import field_validator
 
 from ..plant import FaultSettings, OnRelay, PerEventFault, RelayFailure
 
-__all__ = ["RelayLost", "RelayStuck", "RelaySwapped", "RelayWelded"]
-
 
 class RelaySwapped(OnRelay):
     """The wires of two patches are swapped at the relay's output."""

@@ -13,15 +13,6 @@ from ...instruments.bounded import NotNegative, Positive
 from ...instruments.config import RigFile
 from ..plant import FaultSettings, OnCards, OnSensors, TimedFault
 
-__all__ = [
-    "AccelerometerInverted",
-    "ForceCalibration",
-    "MainsHum",
-    "SensorCreep",
-    "SensorDisconnected",
-    "SensorSaturated",
-]
-
 RAIL = 15.0
 """Output of a saturated sensor (V): its supply, beyond every converter's range (estimate)."""
 

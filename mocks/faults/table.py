@@ -30,16 +30,6 @@ from ..plant import (
     place_of,
 )
 
-__all__ = [
-    "FrequencyDrift",
-    "HandOnTable",
-    "ModeDrift",
-    "PatchAsymmetry",
-    "PatchDead",
-    "PatchGain",
-    "PatchHysteresis",
-]
-
 _LAG = 0.36
 """Width of the loop of the even part of a patch whose even part lags."""
 Share = Annotated[float, Field(gt=-0.9, lt=9, allow_inf_nan=False)]

@@ -8,8 +8,6 @@ from typing import Protocol
 from .products import Product
 from .scpi import Entry, ScpiError
 
-__all__ = ["apply_entries"]
-
 _SHAPES = ("SINusoid", "SQUare", "TRIangle", "RAMP", "PULSe", "PRBS", "NOISe", "ARBitrary", "USER", "DC")
 _DEFAULTS = ("1000", "0.1", "0")
 """Frequency (Hz), amplitude (V peak to peak) and offset (V) of what is left out."""

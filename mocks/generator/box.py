@@ -39,8 +39,6 @@ from .scpi import Entry, ScpiDevice, ScpiError, number_of, word_of
 from .volatile import receive
 from .waveform import Output, Playing, Points
 
-__all__ = ["Box", "Input"]
-
 _CHANNELS = (1, 2)
 _INFINITE = 9.9e37
 

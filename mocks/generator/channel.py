@@ -7,8 +7,6 @@ import math
 from ...instruments.arrays import FloatArray
 from .waveform import Points
 
-__all__ = ["HIGHEST", "Channel"]
-
 _SOURCE = 50.0
 """Output impedance (ohm)."""
 HIGHEST = 20.0

@@ -10,8 +10,6 @@ from .levels import Fail, Quantity
 from .products import Product
 from .scpi import Entry, ScpiError, number_of, word_of
 
-__all__ = ["PACES", "front_entries"]
-
 _KINDS = ("AM", "FM", "PM", "PWM", "FSKey", "BPSK", "SUM")
 _RATE = "[:SOURce#]:FUNCtion:ARBitrary:SRATe"
 _ON_OFF = {"ON": "1", "1": "1", "OFF": "0", "0": "0"}

@@ -9,11 +9,6 @@ from __future__ import annotations
 from .pulses import FREQUENCY, HOLD
 from .waveform import SHAPES
 
-__all__ = [
-    "ARB_MODE", "BOOLEANS", "BURST_MODE", "LIMITED", "NUMBERS", "OWN_WORDS", "SHAPE", "SPACING",
-    "START", "STOP", "TRIGGERS", "UNIT", "WORDS"
-]  # fmt: skip
-
 ARB_MODE = "[:SOURce#]:FUNCtion:ARBitrary:MODE"
 BURST_MODE = "[:SOURce#]:BURSt:MODE"
 START, STOP = "[:SOURce#]:FREQuency:STARt", "[:SOURce#]:FREQuency:STOP"

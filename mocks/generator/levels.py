@@ -15,8 +15,6 @@ from .channel import HIGHEST, Channel
 from .headers import LIMITED, NUMBERS, START, STOP, UNIT
 from .scpi import ScpiError, number_of
 
-__all__ = ["QUANTITIES", "Fail", "Quantity", "within"]
-
 Fail = Callable[[ScpiError], None]
 """Puts an error into the queue; the command goes on."""
 

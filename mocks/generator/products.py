@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["DG1000Z", "KEYSIGHT_33500", "Product"]
-
 
 @dataclass(frozen=True)
 class Product:

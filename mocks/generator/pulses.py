@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from .channel import Channel
 
-__all__ = ["FREQUENCY", "HOLD", "PULSES", "duty", "hold", "pulse_value", "set_pulse"]
-
 FREQUENCY = "[:SOURce#]:FREQuency[:CW|:FIXed]"
 HOLD = "[:SOURce#]:FUNCtion:PULSe:HOLD"
 _WIDTH, _DUTY = "pulse width", "pulse duty"

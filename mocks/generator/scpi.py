@@ -15,8 +15,6 @@ import numpy as np
 
 from ...instruments.arrays import FloatArray
 
-__all__ = ["Entry", "ScpiDevice", "ScpiError", "number_of", "word_of"]
-
 _QUEUE = 20
 """Capacity of the error queue (docs/hardware.md, "Generators")."""
 _UNITS = {

@@ -10,8 +10,6 @@ from ..transport import DirectLine, LineServer
 from .box import Box, Input
 from .products import DG1000Z, KEYSIGHT_33500, Product
 
-__all__ = ["dg1000z", "dg1000z_wire", "keysight", "keysight_wire"]
-
 
 def keysight(settings: ScpiGenerator.Settings, plant: Input) -> Keysight33500:
     """Create the twin of a 33500: the real driver's class, connected to a box by calls."""

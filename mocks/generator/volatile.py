@@ -9,8 +9,6 @@ from .channel import Channel
 from .scpi import ScpiDevice, ScpiError, word_of
 from .waveform import Points
 
-__all__ = ["receive"]
-
 _NAME = '"VOLATILE"'
 _FULL = 16383
 """Code of the highest level (DG1000Z programming guide, 2-174)."""

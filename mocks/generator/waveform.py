@@ -12,8 +12,6 @@ from ...instruments.arrays import FloatArray
 from ...instruments.clock import Clock
 from ..plant import Run
 
-__all__ = ["SHAPES", "Output", "Playing", "Points"]
-
 SHAPES = ("SINusoid", "SQUare", "TRIangle", "RAMP", "PULSe", "PRBS", "NOISe", "ARBitrary", "DC")
 _PERIOD = 20e-6
 """Step of the output (s): far above the table's band, and as fine as a DAQ's drives."""

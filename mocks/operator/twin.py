@@ -22,8 +22,6 @@ from ...instruments.operator import (
 )
 from ..plant import Plant
 
-__all__ = ["OperatorTwin"]
-
 
 class OperatorTwin(Operator):
     """Simulated operator: follows every request, and confirms the instruments' settings truthfully."""

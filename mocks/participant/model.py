@@ -10,8 +10,6 @@ from pydantic import BaseModel, ConfigDict, Field
 from ...instruments.bounded import Fraction, Proportion, Seed
 from ...instruments.config import load_model
 
-__all__ = ["ParticipantModel", "load_participant_model"]
-
 Spread = Annotated[float, Field(ge=0, le=10)]
 
 

@@ -11,9 +11,6 @@ import numpy as np
 
 from .model import ParticipantModel
 
-__all__ = ["SimulatedParticipant"]
-
-
 _LEAST = 1e-4
 """Least probability of an answer: a logit is finite."""
 _PER_SCALE = 2.0

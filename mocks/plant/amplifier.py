@@ -11,8 +11,6 @@ from ...instruments.config import RigFile
 from .nodes import Run
 from .places import OnAmplifier
 
-__all__ = ["AMPLIFIER_GAIN_ERROR", "Amplifier"]
-
 AMPLIFIER_GAIN, AMPLIFIER_GAIN_ERROR = 50.0, 0.01
 """Gain of an E-413.D2 (V per V) and its relative tolerance (docs/hardware.md, "Amplifier")."""
 AMPLIFIER_LOW, AMPLIFIER_HIGH = -100.0, 400.0

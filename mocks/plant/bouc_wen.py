@@ -14,8 +14,6 @@ import numpy as np
 from ...instruments.arrays import FloatArray
 from .hysteresis import AMPLITUDE, sections
 
-__all__ = ["BoucWen"]
-
 _TOWARDS, _AWAY = 1 / 40.0, 1 / 16.0
 """Rates b - c (1/V), at which h falls to zero, and b + c, at which it saturates (estimates): they make a loop
 that is pointed at its ends, unlike that of the play operators."""

@@ -22,18 +22,6 @@ from ...instruments.arrays import FloatArray
 from ...instruments.operator import Press
 from .poles import ringing
 
-__all__ = [
-    "BUTTONS",
-    "FLAWS",
-    "Button",
-    "Finger",
-    "Flaw",
-    "Presses",
-    "SimulatedPress",
-    "button_named",
-    "press_button",
-]
-
 
 @dataclass(frozen=True)
 class Click:

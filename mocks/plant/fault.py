@@ -23,14 +23,6 @@ from ...instruments.arrays import BoolArray, FloatArray
 from ...instruments.bounded import NotNegative, Positive
 from ...instruments.config import RigFile
 
-__all__ = [
-    "Fault",
-    "FaultSettings",
-    "PerEventFault",
-    "ScheduledFault",
-    "TimedFault",
-]
-
 
 class FaultSettings(BaseModel):
     """One table of `[[simulation.faults]]`; `kind` is the name of its entry point."""

@@ -17,8 +17,6 @@ from ...instruments.errors import ConfigurationError
 from .fault import Fault, FaultSettings
 from .places import PLACES
 
-__all__ = ["KINDS", "FaultKinds", "Faults", "fault_class"]
-
 Place = TypeVar("Place", bound=Fault)
 
 

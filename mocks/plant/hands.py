@@ -17,8 +17,6 @@ import numpy as np
 from ...instruments.arrays import FloatArray
 from .contact import Contact
 
-__all__ = ["Fingertip", "Hand", "Palm", "Resting"]
-
 _STIFFNESS, _STIFFENS = 1300.0, 0.7
 _DAMPING, _DAMPS = 1.8, 0.35
 _PHALANX = 0.006

@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 
 from ...instruments.arrays import BoolArray, FloatArray
 
-__all__ = ["AMPLITUDE", "Hysteresis", "PatchLaw", "sections"]
-
 _RADII = np.array([2.0, 5.0, 10.0, 16.0, 24.0, 34.0])
 """Half-widths of the play operators (V; estimate)."""
 _ASYMMETRY = 0.01

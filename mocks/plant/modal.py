@@ -11,8 +11,6 @@ import numpy as np
 from ...instruments.arrays import ComplexArray, FloatArray
 from .poles import Poles
 
-__all__ = ["ModalPoles", "Modes", "Passing", "Power", "Seeing", "low_passes"]
-
 
 @dataclass(frozen=True, eq=False)
 class Modes:

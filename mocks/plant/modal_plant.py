@@ -18,8 +18,6 @@ from .modal_surface import ModalSurface
 from .softening import SofteningSurface
 from .surface import PlantSettings, place_of, table_of
 
-__all__ = ["Modal", "random_modal"]
-
 _PEAK = 1e-4
 """Largest response of a random plant's first patch at the button, 60 to 600 Hz (m/s per V): the table's."""
 

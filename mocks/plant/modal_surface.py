@@ -22,8 +22,6 @@ from .poles import Course
 from .surface import REMEMBERED, Surface
 from .touched import TouchedPoles, motion_of, touched_velocity
 
-__all__ = ["ModalSurface"]
-
 
 class ModalSurface(Surface):
     """See `Surface`. `modes` are constant, or a function of time (s) that is asked anew `every` so many s."""

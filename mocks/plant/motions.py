@@ -21,8 +21,6 @@ from .buttons import SimulatedPress
 from .places import OnSensors
 from .scene import GRAVITY, Scene
 
-__all__ = ["FORCE_NOISE", "Quantity", "shown_by"]
-
 FORCE_NOISE = 0.03
 """Standard deviation of Fz (N), measured on a real Mini40 (found; docs/hardware.md, "Force sensor")."""
 CELL_NOISE = 0.01

@@ -12,18 +12,6 @@ from ...instruments.arrays import FloatArray
 from ...instruments.clock import Clock
 from ...instruments.vibrometer import Quantity
 
-__all__ = [
-    "Called",
-    "LaserHead",
-    "Nodes",
-    "PlayStopped",
-    "Run",
-    "SamplesLost",
-    "Source",
-    "Switched",
-    "Switches",
-]
-
 
 @dataclass(frozen=True, eq=False)
 class Run:

@@ -11,8 +11,6 @@ from .hysteresis import PatchLaw
 from .poles import Course, Poles
 from .surface import AMPLIFIER_POLE_HZ, REMEMBERED
 
-__all__ = ["Patches"]
-
 
 class Patches:
     """The actuators of all patches of a surface, at rest at zero volts."""

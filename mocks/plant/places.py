@@ -21,19 +21,6 @@ from .hysteresis import PatchLaw
 from .modal import Modes
 from .nodes import LaserHead, Run
 
-__all__ = [
-    "PLACES",
-    "OnAmplifier",
-    "OnCamera",
-    "OnCards",
-    "OnLaser",
-    "OnLine",
-    "OnRelay",
-    "OnSensors",
-    "OnSurface",
-    "RelayFailure",
-]
-
 RelayFailure = Literal["lost", "stuck", "welded"]
 """lost: a command never reaches the box. stuck: a channel does not switch, and reports its real state.
 welded: a contact does not switch, but the box reports the commanded state."""

@@ -28,9 +28,6 @@ from .sensed import Output, Quantity, Signal, laser, signalled, wired
 from .surface import PlantSource
 from .truth import Truth
 
-__all__ = ["Plant"]
-
-
 _Place = tuple[str, type]
 """A node, and the kind of source that drives it."""
 _Reading = tuple[slice | list[int], Quantity, list[int], list[np.random.Generator]]

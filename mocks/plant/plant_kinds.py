@@ -20,8 +20,6 @@ from .places import OnSurface
 from .softening import SofteningSurface
 from .surface import PlantSettings, PlantSource, Surface, table_of
 
-__all__ = ["asked", "plant_source", "surface_and_laws"]
-
 
 def plant_source(file: RigFile) -> PlantSource:
     """Return the plant that a rig file names, with its settings.

@@ -22,8 +22,6 @@ from numpy.typing import NDArray
 
 from ...instruments.arrays import ComplexArray, FloatArray
 
-__all__ = ["Course", "Poles", "Stretch", "ringing"]
-
 Owner = TypeVar("Owner")
 
 _BLOCK = 64

@@ -25,8 +25,6 @@ from .plant_kinds import asked, plant_source, surface_and_laws
 from .surface import AMPLIFIER_POLE_HZ, PlantSource, place_of, table_of
 from .touches import SimulatedTouch, skin_of, touch_surface
 
-__all__ = ["GRAVITY", "AmplifierOutput", "Scene"]
-
 GRAVITY = 9.80665
 
 

@@ -20,8 +20,6 @@ from .modal_surface import ModalSurface
 from .poles import Course
 from .touched import TouchedPoles
 
-__all__ = ["SofteningSurface"]
-
 _STEPS = 256
 """Steps that are iterated together: within them the phase of a softened mode turns by little."""
 _ITERATIONS, _SMALL = 8, 1e-7

@@ -21,16 +21,6 @@ from ...instruments.vibrometer import Quantity
 from .contact import Contact
 from .hysteresis import Hysteresis, PatchLaw
 
-__all__ = [
-    "AMPLIFIER_POLE_HZ",
-    "REMEMBERED",
-    "PlantSettings",
-    "PlantSource",
-    "Surface",
-    "place_of",
-    "table_of",
-]
-
 AMPLIFIER_POLE_HZ = 5000.0
 """Bandwidth of an amplifier whose rig file tells none (docs/hardware.md, "Amplifier"): the pole between its
 staircase and the patch."""

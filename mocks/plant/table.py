@@ -20,8 +20,6 @@ from .modal_surface import ModalSurface
 from .softening import SofteningSurface
 from .surface import PlantSettings, place_of
 
-__all__ = ["PATCHES", "TouchTable", "make_plate", "warmed"]
-
 WIDTH, HEIGHT = 0.50, 0.35
 PATCH_WIDTH, PATCH_HEIGHT = 0.050, 0.030
 """Size of the ceramic of a P-876.A12 (m; found; docs/hardware.md, "Patches")."""

@@ -26,8 +26,6 @@ from .contact import Contact
 from .modal import ModalPoles, Modes, Passing, Power, Seeing, low_passes
 from .poles import Poles
 
-__all__ = ["Motion", "TouchedPoles", "motion_of", "touched_velocity"]
-
 
 @dataclass(frozen=True, eq=False)
 class Motion:

@@ -13,8 +13,6 @@ import numpy as np
 from ...instruments.arrays import FloatArray
 from ...instruments.operator import Touch
 
-__all__ = ["SimulatedTouch", "Skin", "skin_of", "touch_surface"]
-
 AREA_AT_1_N = 70e-6
 """m^2, of the mean person."""
 _FORCES = {"light": (0.4, 0.6), "firm": (3.5, 4.5), "as a button": (2.8, 4.0)}

@@ -12,8 +12,6 @@ from .scene import AmplifierOutput, Scene
 from .surface import Surface
 from .touches import SimulatedTouch
 
-__all__ = ["Truth"]
-
 
 @dataclass(frozen=True, eq=False)
 class Truth:

@@ -17,8 +17,6 @@ from ...instruments.taped_audio import on_tape
 from ..plant import Plant, Run
 from ..portaudio import FRAMES, CallbackAbort, CallbackStop, Coupling, Flags, PortAudioError
 
-__all__ = ["Card", "Jack", "twin"]
-
 FULL_SCALE = 1.4
 """Output at digital full scale (V peak; estimate, like all constants here; docs/hardware.md, "Sound
 card")."""

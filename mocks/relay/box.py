@@ -15,8 +15,6 @@ from ...instruments.relay import ChannelRelay, ChannelState
 from ...instruments.relay.yocto import Yocto
 from ..plant import Faults, OnRelay, RelayFailure, Switched, Switches
 
-__all__ = ["BoxAdapter", "BoxFault", "Contacts", "RelayTwin", "SimulatedBox", "box_in"]
-
 _LATENCY = (3e-3, 10e-3)
 """Limits of the random delay from command to the box's processor (s; estimate: USB and HTTP)."""
 _OPERATE = 1e-3

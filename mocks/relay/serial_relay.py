@@ -13,8 +13,6 @@ from ...instruments.relay.serial_relay import DIGITS, PROMPT, SerialRelay
 from ..transport import Loopback, ReplyFault
 from .box import BoxAdapter, Contacts, SimulatedBox, box_in
 
-__all__ = ["SerialRelayTwin", "SerialRelayWire", "wire"]
-
 _CHANNELS = range(8)
 _FIRMWARE = "00000008"
 _PINS = 8

@@ -22,8 +22,6 @@ from ...instruments.relay.yocto import Yocto
 from ..transport import Loopback, ReplyFault
 from .box import Contacts, SimulatedBox, box_in
 
-__all__ = ["YoctoHub", "wire"]
-
 _HUB_SERIAL = "VIRTHUB0-0000000001"
 _FIRMWARE = "60000"
 _INDEX = 1

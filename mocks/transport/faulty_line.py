@@ -16,8 +16,6 @@ from contextlib import contextmanager, suppress
 from ...instruments.flag import Flag
 from .loopback import Loopback, ReplyFault
 
-__all__ = ["Disturbance", "faulty_line"]
-
 Disturbance = Callable[[str], ReplyFault | None]
 """Return the fault of the answer to a request; None leaves the answer intact."""
 

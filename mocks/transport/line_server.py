@@ -11,8 +11,6 @@ from collections.abc import Callable, Sequence
 from ...instruments.errors import InstrumentError
 from .loopback import Loopback, ReplyFault
 
-__all__ = ["Answer", "DirectLine", "LineServer"]
-
 Answer = Callable[[str], Sequence[str]]
 """An instrument: takes a line (without its end) and returns the lines of its answer."""
 

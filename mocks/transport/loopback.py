@@ -15,8 +15,6 @@ from typing import Literal
 from ...instruments.closing import Closing
 from ...instruments.flag import Flag
 
-__all__ = ["HOST", "Loopback", "ReplyFault"]
-
 HOST = "127.0.0.1"
 """The only address on which simulated instruments listen: see `Loopback`."""
 

@@ -12,8 +12,6 @@ from contextlib import contextmanager, suppress
 from ...instruments.errors import ConfigurationError
 from ...instruments.flag import Flag
 
-__all__ = ["pseudo_terminal"]
-
 _LOOK = 0.1
 """Interval of looks for the end (s)."""
 

@@ -7,8 +7,6 @@ from typing import TypeVar
 from ...instruments.vibrometer.analog import AnalogVibrometer
 from ..plant import LaserHead, Plant
 
-__all__ = ["analog_vibrometer", "installed"]
-
 Driver = TypeVar("Driver", bound=AnalogVibrometer)
 
 

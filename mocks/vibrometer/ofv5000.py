@@ -13,8 +13,6 @@ from ...instruments.vibrometer.ofv5000_codec import LEVEL_FULL, Command, scale_o
 from ..plant import LaserHead, Plant
 from ..transport import DirectLine, LineServer
 
-__all__ = ["Controller", "twin", "wire"]
-
 DECODERS = {
     "VeloDec,0": ("VD-08", (0.0002, 0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05)),
     "VeloDec,1": ("VD-09", (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)),

@@ -6,8 +6,6 @@ from ...instruments.vibrometer.pdv100 import Pdv100
 from ..plant import Plant
 from .analog import installed
 
-__all__ = ["pdv100"]
-
 
 def pdv100(settings: Pdv100.Settings, plant: Plant) -> Pdv100:
     """Install a head with the rig file's settings; return the real driver, which is arithmetic only."""

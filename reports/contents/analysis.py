@@ -26,8 +26,6 @@ from . import captions
 from .parts import Contents, Drawing, Fact, Grid, fact, plain
 from .words import ANSWERS_SIMULATED, interval, percent
 
-__all__ = ["identification_contents", "power_contents", "ratings_contents", "thresholds_contents"]
-
 _answers = partial(Contents, origin=ANSWERS_SIMULATED)
 
 

@@ -14,16 +14,6 @@ from . import captions
 from .parts import Contents, Drawing, Fact, Verdict, detailed, fact
 from .words import damping, percent, sentence
 
-__all__ = [
-    "calibration_contents",
-    "calibrations_contents",
-    "drive_contents",
-    "drive_drawing",
-    "drive_facts",
-    "response_drawing",
-    "waveforms_contents",
-]
-
 
 def _finger(calibration: Calibration) -> list[Fact]:
     """The fingertip under which a calibration holds; nothing for the bare table."""

@@ -2,25 +2,6 @@
 
 from __future__ import annotations
 
-__all__ = [
-    "BEFORE_AND_AFTER",
-    "CHECK",
-    "COLUMNS",
-    "COMPARISON",
-    "CONFUSION",
-    "DRIVES",
-    "FEELING",
-    "FORCES",
-    "ITERATIONS",
-    "LEARNING",
-    "MAP",
-    "PLAN",
-    "PRESSES",
-    "RATINGS",
-    "RESPONSE",
-    "TRAVEL",
-]
-
 TRAVEL = (
     "Force in N over the travel of the cap in mm, of a whole press: down along the upper branch, up along "
     "the lower one. The dot is the activation."

@@ -12,8 +12,6 @@ from ...exchange.catalogue import Entry
 from .parts import Contents, Grid, fact
 from .words import counted
 
-__all__ = ["listing_contents"]
-
 _COLUMNS = ("participant", "button", "date", "verdict", "presses")
 
 

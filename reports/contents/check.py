@@ -21,16 +21,6 @@ from .parts import Contents, Drawing, Fact, Verdict, detailed, fact, plain, verd
 from .press import press_drawing
 from .words import interval, percent, sentence
 
-__all__ = [
-    "button_contents",
-    "check_contents",
-    "crosstalk_facts",
-    "feeling_facts",
-    "feeling_values",
-    "other_facts",
-    "silence_facts",
-]
-
 
 def check_contents(check: Check, press: Representative | None = None, file: Path | None = None) -> Contents:
     """What a check says.

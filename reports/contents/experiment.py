@@ -7,8 +7,6 @@ from ...instruments import DataError
 from .parts import Contents, Grid, fact
 from .words import ANSWERS_SIMULATED, counted
 
-__all__ = ["experiment_contents"]
-
 
 def experiment_contents(store: Store) -> Contents:
     """Each session that was begun, and each withdrawal.

@@ -19,8 +19,6 @@ from .plan import plan_contents
 from .press import press_contents
 from .recording import recording_contents
 
-__all__ = ["contents_of", "file_contents", "files_of", "recordings_in"]
-
 _SAID: dict[str, Callable[[Any], Contents]] = {
     "recording": recording_contents,
     "representative": press_contents,

@@ -13,8 +13,6 @@ from . import captions
 from .parts import Cell, Contents, Drawing, Grid, fact, verdict_cell
 from .words import damping, fixed, percent
 
-__all__ = ["difference_contents", "generation_contents", "history_contents", "outcome_contents", "simulated"]
-
 Place = tuple[str, str]
 
 _METRICS = (

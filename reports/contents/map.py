@@ -13,8 +13,6 @@ from . import captions
 from .parts import Contents, Drawing, Verdict, fact
 from .words import percent
 
-__all__ = ["map_contents"]
-
 _MICRO = 1e6
 _MODES = 8
 """Modes that are listed."""

@@ -22,21 +22,6 @@ if TYPE_CHECKING:
 
     from ..figures import Columns
 
-__all__ = [
-    "Cell",
-    "Contents",
-    "Drawing",
-    "Fact",
-    "Grid",
-    "Tone",
-    "Verdict",
-    "detailed",
-    "fact",
-    "plain",
-    "text_of",
-    "verdict_cell",
-]
-
 Tone = Literal["", "good", "bad", "doubtful", "aside"]
 """How a cell is set off: in colour where there is colour."""
 

@@ -12,8 +12,6 @@ from . import captions
 from .parts import Contents, Drawing, Grid, fact, plain
 from .words import fixed, percent, sentence
 
-__all__ = ["plan_contents", "plan_drawing"]
-
 
 def plan_contents(plan: ButtonPlan) -> Contents:
     """What a plan says."""

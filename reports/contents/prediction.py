@@ -7,8 +7,6 @@ from ...experiments import PAPER, Prediction
 from .parts import Contents, Fact, Grid, fact, plain
 from .words import fixed, percent
 
-__all__ = ["prediction_contents"]
-
 _PAPER_RIGHT = (0.70, 0.9233)
 """Right answers in the paper's four groups and days, least and most (findings of its tables III and IV)."""
 _NOT_KNOWN = (

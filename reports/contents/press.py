@@ -12,8 +12,6 @@ from . import captions
 from .parts import Contents, Drawing, fact
 from .words import SENSORS, derived, sentence, told_by
 
-__all__ = ["press_contents", "press_drawing"]
-
 _LISTED = 10
 """Most sentences of a kind in a table; JSON has all."""
 

@@ -15,8 +15,6 @@ from . import captions
 from .parts import Contents, Drawing, Fact, Verdict, fact
 from .words import counted, sentence, told_by
 
-__all__ = ["Forces", "forces_drawing", "forces_in", "recording_contents"]
-
 Forces = Mapping[str, Mapping[str, FloatArray]]
 """Force at activation (N) of each press: button -> participant -> (presses,)."""
 

@@ -16,8 +16,6 @@ from .parts import Cell, Contents, Grid, Tone, fact
 if TYPE_CHECKING:
     from ...calibration.examination import Finding
 
-__all__ = ["findings_contents", "log_contents"]
-
 _TONES: dict[str, Tone] = {"green": "good", "yellow": "doubtful", "red": "bad"}
 """Of each status, from the best to the worst."""
 _WHO = ("rig", "rig_sha256", "simulated", "user", "host", "pid", "command", "version")

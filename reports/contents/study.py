@@ -16,8 +16,6 @@ from .parts import Cell, Contents, Drawing, Fact, Grid, Verdict, fact
 from .press import press_drawing
 from .recording import forces_drawing, forces_in
 
-__all__ = ["forces_contents", "study_contents", "study_figures"]
-
 
 def study_contents(study: Study, progress: Sequence[StudyProgress]) -> Contents:
     """Progress of a study: presses, sessions and consents by participant and button."""

@@ -9,8 +9,6 @@ from .. import figures
 from . import captions
 from .parts import Cell, Contents, Drawing, Grid, fact
 
-__all__ = ["understanding_contents"]
-
 
 def understanding_contents(found: Understanding) -> Contents:
     """What a file holds, what is taken for what, and what only a person can know."""

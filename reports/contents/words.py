@@ -10,21 +10,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from ...calibration import Resonance
 
-__all__ = [
-    "ANSWERS_SIMULATED",
-    "SENSORS",
-    "counted",
-    "damping",
-    "derived",
-    "fixed",
-    "interval",
-    "one_style",
-    "percent",
-    "sentence",
-    "told_by",
-    "unbroken",
-]
-
 ANSWERS_SIMULATED = "Simulated participants answered: no person did."
 
 

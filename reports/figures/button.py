@@ -13,8 +13,6 @@ from ...calibration import Check, DigitalButton, check_feeling
 from .feeling import draw_feeling
 from .plotting import BLUE, GREY, INK, ORANGE, Columns, active, legend_under, letter, new_figure, style
 
-__all__ = ["button_figure", "check_figure", "iterations_figure"]
-
 
 def check_figure(check: Check, columns: Columns = 2) -> Figure:
     """Draw target and measured acceleration, third octaves with the plays' noise, and what is felt of it."""

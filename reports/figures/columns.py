@@ -11,8 +11,6 @@ from ...exchange.importing import Understanding, presses_in
 from ...instruments.arrays import FloatArray
 from .plotting import BLUE, GREEN, ORANGE, SOFT, VERMILLION, Columns, new_figure, style
 
-__all__ = ["columns_figure"]
-
 _COLOURS = {"force": VERMILLION, "displacement": ORANGE, "acceleration": BLUE, "activation": GREEN}
 _AXES = {
     "force": "force (N)", "displacement": "travel (mm)", "acceleration": "acceleration\n(m/s²)",

@@ -12,8 +12,6 @@ from matplotlib.figure import Figure
 
 from .plotting import SOFT, style
 
-__all__ = ["FORMATS", "encode", "lay_out", "mark_simulated", "on_page", "pdf_of", "png", "text_page"]
-
 DPI = 200.0
 _NO_DATE: dict[str, Any] = {"CreationDate": None, "Creator": None, "Producer": None}
 _STRIP = 0.15

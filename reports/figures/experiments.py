@@ -11,8 +11,6 @@ from matplotlib.figure import Figure
 from ...experiments import Confusion, Identification, Ratings
 from .plotting import INK, Columns, colour, hatch, legend_under, letter, panels, style
 
-__all__ = ["confusion_figure", "ratings_figure"]
-
 _PAIR_SIZE, _CLASS_SIZE = 6.5, 8.0
 """Sizes of labels (points)."""
 _WIDE = 0.6

@@ -13,8 +13,6 @@ from ...calibration import Feeling
 from ...calibration.perception import shares
 from .plotting import BLUE, GREEN, GREY, INK, VERMILLION, Columns, legend_under, letter, panels, style
 
-__all__ = ["draw_feeling", "feeling_figure"]
-
 _SHOWN_DB = 60.0
 """Range of levels that is drawn (dB)."""
 _TICKS = (50, 100, 200, 500, 1000)

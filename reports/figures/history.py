@@ -33,8 +33,6 @@ from .plotting import (
     style,
 )
 
-__all__ = ["before_and_after", "responses", "trend"]
-
 Place = tuple[str, str]
 
 _PANELS = (

@@ -20,8 +20,6 @@ from ...instruments.files import new_file
 from .encoding import mark_simulated
 from .plotting import GREY, INK, Columns, letter, new_figure, style
 
-__all__ = ["animate_map", "map_figure"]
-
 _SHAPES = 5
 """Number of mode shapes drawn."""
 _FRAMES = 24

@@ -27,8 +27,6 @@ from .plotting import (
 if TYPE_CHECKING:
     from ...calibration import Calibration
 
-__all__ = ["response"]
-
 
 def response(calibration: Calibration, truth: ComplexArray | None = None, columns: Columns = 2) -> Figure:
     """Draw the measured response, its coherence and phase, the fitted model, and the resonance.

@@ -41,14 +41,6 @@ if TYPE_CHECKING:
     from ...acquisition import Representative
     from ...calibration import Check, Drive
 
-__all__ = [
-    "activation_forces",
-    "activation_time",
-    "comparison",
-    "drives",
-]
-
-
 _TITLE = 42
 """Characters of a title that fit above a panel one column wide."""
 _NAMES = 40

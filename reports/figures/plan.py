@@ -12,8 +12,6 @@ from ...calibration import ButtonPlan
 from ...calibration.drive import TOLERANCE
 from .plotting import GREY, INK, Columns, colour, dash, legend_under, letter, panels, style
 
-__all__ = ["plan_figure"]
-
 _MARKS = "os^Dv"
 
 

@@ -18,35 +18,6 @@ from numpy.typing import NDArray
 
 from ...instruments.arrays import ComplexArray, FloatArray
 
-__all__ = [
-    "BLUE",
-    "GREEN",
-    "GREY",
-    "INK",
-    "ORANGE",
-    "SKY",
-    "SOFT",
-    "VERMILLION",
-    "Columns",
-    "active",
-    "colour",
-    "continuous_phase",
-    "dash",
-    "density_axis",
-    "hatch",
-    "label_below",
-    "legend_under",
-    "letter",
-    "log_scale",
-    "new_figure",
-    "panels",
-    "share_x",
-    "smoothed",
-    "spectrum",
-    "style",
-    "unit_peak",
-]
-
 # Palette of Okabe and Ito, distinguishable with any colour vision. Curves of one panel differ in brightness,
 # width, dashes or marks as well, because journals are printed in grey.
 BLUE, VERMILLION, GREEN = "#0072B2", "#D55E00", "#009E73"

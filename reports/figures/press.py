@@ -12,8 +12,6 @@ from ...instruments import DataError
 from .plotting import Columns
 from .profiles import Profile, force_over_travel, profiles
 
-__all__ = ["recording_figure", "travel_figure"]
-
 
 def recording_figure(
     recordings: Sequence[tuple[Recording, tuple[ButtonPress, ...]]], columns: Columns = 2

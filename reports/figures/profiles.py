@@ -33,8 +33,6 @@ from .plotting import (
 if TYPE_CHECKING:
     from ...acquisition import Representative
 
-__all__ = ["Profile", "force_over_travel", "profiles"]
-
 
 @dataclass(frozen=True, eq=False)
 class Profile:

@@ -27,8 +27,6 @@ from ..contents import (
 from ..figures import encode
 from .page import CaptionedFigure, Page
 
-__all__ = ["Report", "write_report"]
-
 _ORDER = ("forces", "presses", "map", "response", "plan", "drives", "check", "motion", "feeling")
 """Names of figures in the order in which they stand in a report; others follow."""
 

@@ -17,8 +17,6 @@ from ...terminal.progress import SIMULATED
 from ..contents import Contents, Verdict, one_style, text_of, unbroken
 from ..figures import mark_simulated, on_page, pdf_of, png, text_page
 
-__all__ = ["CaptionedFigure", "Page"]
-
 _LINES = 72
 """Lines of text on a page of the PDF."""
 _WORDS = 105

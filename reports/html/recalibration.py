@@ -11,8 +11,6 @@ from ...instruments.files import new_file, os_error_text
 from ..contents import outcome_contents
 from .page import CaptionedFigure, Page
 
-__all__ = ["write_recalibration"]
-
 
 def write_recalibration(history: History, outcome: Outcome) -> Path | None:
     """Write the report of a drifted table into the history's `reports`; None for an unchanged one.

@@ -16,8 +16,6 @@ from ...acquisition import PressVerdict
 from ...instruments import LiveBlock, Press, Request, Rest, Rig, levels
 from ...terminal.progress import say, shown
 
-__all__ = ["Meter", "rejection_line"]
-
 _BAR = 10
 """Characters of a level's bar."""
 _TOP = {"Fz": 5.0, "acceleration z": 1.0}

@@ -13,8 +13,6 @@ from ...instruments import Request, Rig
 from ...terminal.progress import say
 from .meter import Meter, rejection_line
 
-__all__ = ["StudyMeter"]
-
 
 class StudyMeter(Meter):
     """The meter of a study: shown while presses are recorded, and away while the operator is asked.

@@ -18,8 +18,6 @@ from ..contents import Cell, Contents, Grid, one_style, text_of
 if TYPE_CHECKING:
     from ..figures import Columns
 
-__all__ = ["print_contents", "print_made"]
-
 _MANY = 300
 """Rows from which a table is not fitted to the terminal: that takes 0.6 ms a row."""
 _STYLES = {"": "", "good": "green", "bad": "bold red", "doubtful": "yellow", "aside": "dim"}

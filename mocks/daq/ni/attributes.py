@@ -25,8 +25,6 @@ from .system import NiSystem
 from .tasks import Task
 from .teds import sensed
 
-__all__ = ["ATTRIBUTE_CALL", "serve"]
-
 ATTRIBUTE_CALL = re.compile(
     r"(?P<verb>Get|Set|Reset)(?P<kind>Chan|Timing|Trig|RealTime|Read|Write|Buffer|ExportedSignal|Device|PhysicalChan"
     r"|SystemInfo|Task|Scale|PersistedScale|PersistedTask|PersistedChan|CalInfo|Watchdog)Attribute(?P<ex>Ex)?(?P<type>\w*)"

@@ -26,8 +26,6 @@ from .errors import DaqmxError, DAQmxErrors
 from .server import NiServer
 from .standalone import inventory_from_file, inventory_of
 
-__all__ = ["NiTwin"]
-
 Time = Literal["virtual", "real"]
 Failure = Literal["overflow", "overrun", "removed", "reserved"]
 

@@ -26,8 +26,6 @@ from .transfers import TRANSFERS
 from .upkeep import UPKEEP
 from .waveform_calls import WAVEFORMS
 
-__all__ = ["CALLS"]
-
 
 def _properties(kind: str, fixed: dict[str, Any], fields: dict[str, str]) -> Call:
     """Make a configuration call that only sets properties: constants, and fields of its request by name."""

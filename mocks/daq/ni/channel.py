@@ -16,8 +16,6 @@ from .errors import DaqmxError, DAQmxErrors
 from .measurements import measured_scale
 from .scales import Scale
 
-__all__ = ["TIMEBASE_HZ", "Channel", "Kind", "counter_timebase", "default_terminal", "timebase_of"]
-
 Kind = Literal["ai", "ao", "di", "do", "ci", "co"]
 
 TIMEBASE_HZ = {"E Series": 20e6, "M Series": 80e6, "X Series": 100e6, "Digital I/O": 100e6, "C Series": 80e6}

@@ -29,8 +29,6 @@ from .system import NiSystem
 from .tasks import Task
 from .teds import teds_values
 
-__all__ = ["CREATES", "add", "refuse_input"]
-
 
 def add(task: Task, channels: list[Channel]) -> None:
     """Give a task channels. Raises DaqmxError for those that it cannot have together."""

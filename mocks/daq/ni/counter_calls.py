@@ -17,8 +17,6 @@ from .system import NiSystem
 from .taking import Alive, Call, Taken, take, take_one
 from .tasks import Task
 
-__all__ = ["COUNTING"]
-
 _PAIRS = {
     "Freq": ("frequency", "duty_cycle"),
     "Time": ("high_time", "low_time"),

@@ -13,8 +13,6 @@ from .counters import INPUTS
 from .system import NiSystem
 from .tasks import Task
 
-__all__ = ["COUNTER_FACTS", "socket_of"]
-
 
 def socket_of(channel: Channel, name: str) -> str | None:
     """Return the default terminal of the input that property `name` is about; None for any other."""

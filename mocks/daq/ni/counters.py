@@ -7,8 +7,6 @@ from typing import Literal
 
 from nidaqmx.constants import UsageTypeCI, UsageTypeCO
 
-__all__ = ["COUNTERS", "INPUTS", "Counter", "Input"]
-
 I, O = UsageTypeCI, UsageTypeCO  # noqa: E741
 
 

@@ -28,8 +28,6 @@ from .channel import Channel, default_terminal, timebase_of
 from .counters import INPUTS
 from .pulses import Transitions
 
-__all__ = ["Meter"]
-
 U = UsageTypeCI
 
 

@@ -8,8 +8,6 @@ from typing import Any
 
 from nidaqmx import constants as c
 
-__all__ = ["default_value"]
-
 _ZERO: dict[str, Any] = {
     "Bool": False,
     "Double": 0.0,

@@ -14,8 +14,6 @@ from ..products import Product, described
 from .errors import DaqmxError, DAQmxErrors
 from .scales import Scale, scale_from_export
 
-__all__ = ["CONFIGURATIONS", "Inventory", "NiDevice", "devices_from_ini"]
-
 CONFIGURATIONS = {
     "rse": TerminalConfiguration.RSE,
     "nrse": TerminalConfiguration.NRSE,

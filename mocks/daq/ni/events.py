@@ -19,8 +19,6 @@ from .fields import field
 from .system import NiSystem
 from .tasks import Task
 
-__all__ = ["Events"]
-
 _POLL = 0.02
 """Longest interval (s of real time) between checks of the clock while an event is expected."""
 _PATIENT, _HASTY = 10_000, 50

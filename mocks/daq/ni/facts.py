@@ -15,8 +15,6 @@ from .devices import Inventory, NiDevice
 from .errors import DaqmxError, DAQmxErrors
 from .system import NiSystem
 
-__all__ = ["CHANNEL_FACTS", "DEVICE_FACTS", "SYSTEM_FACTS"]
-
 _BUS_OF_NAME = {
     "USB": c.BusType.USB, "PXIe": c.BusType.PXIE, "PXI": c.BusType.PXI, "PCI": c.BusType.PCI,
     "PCIe": c.BusType.PCIE, "cDAQ": c.BusType.USB, "NI": c.BusType.COMPACT_DAQ, "TS": c.BusType.USB,

@@ -6,8 +6,6 @@ from .devices import Inventory
 from .errors import DaqmxError, DAQmxErrors, error_string
 from .tasks import Task
 
-__all__ = ["Failures"]
-
 
 class Failures:
     """Cards that fail in the next read, and those that fail for good."""

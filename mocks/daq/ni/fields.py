@@ -7,8 +7,6 @@ from typing import Any
 import numpy as np
 from nidaqmx.constants import FillMode
 
-__all__ = ["field", "flattened", "is_by_scan"]
-
 
 def field(request: Any, name: str) -> Any:
     """Return a field of a request, given as the enum or as its raw number."""

@@ -16,8 +16,6 @@ from .errors import DaqmxError
 from .system import NiSystem
 from .tasks import Chunk, Task
 
-__all__ = ["acquire", "samples"]
-
 _SINE_PERIOD = 100
 """Samples per period of the sine at an unwired analog input."""
 _HIGH = 0.5

@@ -19,8 +19,6 @@ from .tasks import Task
 from .upkeep import read_calibration, write_calibration
 from .watchdog import Watchdog
 
-__all__ = ["KEEPING", "read_kept", "write_kept"]
-
 
 def read_kept(system: NiSystem, kind: str, name: str, request: Any) -> Any:
     """Return property `name` of the request's scale, saved task or watchdog, or None."""

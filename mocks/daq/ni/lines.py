@@ -10,8 +10,6 @@ import numpy as np
 from ....instruments.arrays import FloatArray
 from .channel import Channel
 
-__all__ = ["line_order", "port_words", "word_lines"]
-
 
 def port_words(channels: Sequence[Channel], rows: Any) -> Any:
     """Pack (lines, samples) bool into (channels, samples) words: bit i is line i; higher ports follow."""

@@ -13,8 +13,6 @@ from .channel import Channel
 from .pulses import PulseTrain, Transitions, sampled, ticking
 from .terminals import OutputTerminal
 
-__all__ = ["Terminals"]
-
 _TIMEBASE = re.compile(r"(\d+)([kM])HzTimebase", re.IGNORECASE)
 _PER = {"k": 1e3, "m": 1e6}
 _HIGH = 0.5

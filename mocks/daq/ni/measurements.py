@@ -27,8 +27,6 @@ from nidaqmx.constants import (
 
 from .scales import Scale, linear, polynomial, tabulated
 
-__all__ = ["FIELDS", "MEASUREMENTS", "Measurement", "measured_scale"]
-
 U = UsageTypeAI
 
 

@@ -14,8 +14,6 @@ from .fields import flattened
 from .system import NiSystem
 from .taking import Alive, Call, take
 
-__all__ = ["POWER"]
-
 _CODES = (4096.0, 8192.0)
 """Codes per volt and per ampere (NI's own tests)."""
 

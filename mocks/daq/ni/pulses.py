@@ -14,8 +14,6 @@ import numpy as np
 
 from ....instruments.arrays import BoolArray, FloatArray
 
-__all__ = ["PulseTrain", "Transitions", "sampled", "ticking"]
-
 _GRID = 1e-5
 """Interval at which a function of time is looked at (s): shorter pulses are missed."""
 

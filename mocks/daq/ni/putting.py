@@ -14,8 +14,6 @@ from .system import NiSystem
 from .taking import Alive
 from .tasks import Task
 
-__all__ = ["put", "space"]
-
 
 def space(system: NiSystem, task: Task) -> int:
     """Return the samples per channel that can be written without waiting."""

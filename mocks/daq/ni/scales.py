@@ -13,16 +13,6 @@ from numpy.polynomial.polynomial import polyfit, polyval
 from ....instruments.arrays import FloatArray
 from .errors import DaqmxError, DAQmxErrors
 
-__all__ = [
-    "Scale",
-    "linear",
-    "mapped",
-    "polynomial",
-    "reverse_coefficients",
-    "scale_from_export",
-    "tabulated",
-]
-
 _OWN = {
     "LIN": ScaleType.LINEAR,
     "MAP": ScaleType.MAP_RANGES,

@@ -32,8 +32,6 @@ from .storage import saved_in_export
 from .system import NiSystem
 from .terminals import OutputTerminal
 
-__all__ = ["NiServer"]
-
 Corrupt = Callable[[str, bytes], bytes]
 """Function from a call's name and reply to the bytes that are sent instead."""
 

@@ -15,8 +15,6 @@ from .looking import Terminals
 from .pulses import PulseTrain
 from .tasks import Task
 
-__all__ = ["begin_measuring", "begin_pulses", "change_pulses", "glimpse", "reference_terminal"]
-
 _GLIMPSE = 1e-3
 """Interval at which a signal that somebody waits for is looked at (s)."""
 

@@ -17,8 +17,6 @@ from ..products import PRODUCTS, Product, described
 from .devices import Inventory, NiDevice, devices_from_ini
 from .server import NiServer
 
-__all__ = ["inventory_from_file", "inventory_of", "run"]
-
 _IN_A_SLOT = re.compile(r"(.+)Mod(\d+)")
 
 

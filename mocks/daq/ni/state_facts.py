@@ -15,8 +15,6 @@ from .putting import space
 from .system import NiSystem
 from .tasks import Task
 
-__all__ = ["CHANNEL_STATE", "TASK_STATE"]
-
 _CHANNEL_TYPE = {
     "ai": c.ChannelType.ANALOG_INPUT,
     "ao": c.ChannelType.ANALOG_OUTPUT,

@@ -25,9 +25,6 @@ from .errors import DaqmxError, DAQmxErrors
 from .system import NiSystem
 from .taking import Alive, Call
 
-__all__ = ["STORAGE", "SavedChannel", "SavedTask", "read_stored", "saved_in_export"]
-
-
 _OVERWRITE, _EDITABLE, _DELETABLE = 1, 2, 4
 """Option bits of a request to save something."""
 

@@ -25,8 +25,6 @@ from .tasks import State, Task
 from .teds import Teds
 from .terminals import OutputTerminal, Timebase
 
-__all__ = ["NiSystem"]
-
 _SIGNAL = re.compile(r"/(?P<device>[^/]+)/((ai|ao|di|do)/(SampleClock|StartTrigger)|Ctr\d+InternalOutput)")
 _LONGEST_WAIT = 86_400.0
 """Time-out of a wait without one (s): every wait has a deadline."""

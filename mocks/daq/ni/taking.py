@@ -17,8 +17,6 @@ from .system import NiSystem
 from .tasks import Task
 from .tdms import log
 
-__all__ = ["Alive", "Call", "Taken", "take", "take_one"]
-
 Alive = Callable[[], bool]
 """Returns True while the waiting client is connected."""
 Call = Callable[[NiSystem, Any, Alive], Any]

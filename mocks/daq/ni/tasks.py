@@ -22,8 +22,6 @@ from .pulses import PulseTrain
 from .terminals import Timebase
 from .watchdog import Watchdog
 
-__all__ = ["Chunk", "State", "Task"]
-
 
 class State(IntEnum):
     """State of a task; each state includes the ones before it."""

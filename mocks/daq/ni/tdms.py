@@ -22,8 +22,6 @@ from .errors import DaqmxError, DAQmxErrors
 from .system import NiSystem
 from .tasks import Task
 
-__all__ = ["log", "segment"]
-
 _MAGIC = b"TDSm"
 _FLAGS = 1 << 1 | 1 << 2 | 1 << 3
 """The segment has objects, they are a new list, and raw data."""

@@ -17,8 +17,6 @@ from nidaqmx.constants import BridgeConfiguration, TEDSUnits
 from .errors import DaqmxError, DAQmxErrors
 from .measurements import Measurement
 
-__all__ = ["BASIC", "Teds", "not_detected", "sensed", "teds_from_file", "teds_values"]
-
 _HEADER = 40
 """Entries of a file of bits before the sensor's own data."""
 BASIC = 64

@@ -10,8 +10,6 @@ from .system import NiSystem
 from .taking import Alive, Call
 from .teds import BASIC, not_detected, teds_from_file
 
-__all__ = ["TEDS"]
-
 
 def _configure(system: NiSystem, request: Any, alive: Alive) -> None:
     for device, tail in system.inventory.resolve(request.physical_channel):

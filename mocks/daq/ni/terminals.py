@@ -12,8 +12,6 @@ import numpy as np
 from ....instruments.arrays import FloatArray
 from ...plant import Run
 
-__all__ = ["OutputTerminal", "Timebase"]
-
 _MEMORY = 60.0
 """Past for which a terminal's values are kept (s)."""
 _EDGE = 1e-6

@@ -22,8 +22,6 @@ from .putting import put
 from .system import NiSystem
 from .taking import Alive, Call, Taken, take, take_one
 
-__all__ = ["TRANSFERS"]
-
 # Arrays of numbers
 
 

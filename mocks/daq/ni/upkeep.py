@@ -14,9 +14,6 @@ from .fields import field
 from .system import NiSystem
 from .taking import Alive, Call
 
-__all__ = ["UPKEEP", "read_calibration", "write_calibration"]
-
-
 _CALIBRATION: dict[str, Any] = {
     "SELF_CAL_SUPPORTED": True,
     "SELF_CAL_LAST_TEMP": 35.0,

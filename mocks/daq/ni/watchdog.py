@@ -12,8 +12,6 @@ from nidaqmx.constants import Edge, TriggerType, WDTTaskAction
 
 from .errors import DaqmxError, DAQmxErrors
 
-__all__ = ["Watchdog"]
-
 _DEFAULTS: dict[str, Any] = {
     "TIMEOUT": 10.0,
     "EXPIR_TRIG_TYPE": TriggerType.NONE.value,

@@ -16,8 +16,6 @@ from .system import NiSystem
 from .taking import Alive, Call, Taken, take
 from .tasks import Task
 
-__all__ = ["WAVEFORMS"]
-
 _TIMING, _PROPERTIES = 1, 2
 """Bits of NI's WaveformAttributeMode, which older clients lack."""
 

@@ -13,8 +13,6 @@ from ..products import described
 from .server import NiServer
 from .standalone import inventory_of
 
-__all__ = ["wire", "wiring_of"]
-
 
 @contextmanager
 def wire(settings: NiDaq.Settings, plant: Plant) -> Iterator[dict[str, Any]]:
