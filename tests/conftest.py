@@ -28,7 +28,7 @@ hypothesis.settings.load_profile("haploop")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """`--full`: experiments at their whole size: hours. `--long`, `--pages`: minutes, as in CI."""
+    """`--full`: experiments at their whole size: hours. `--long`: minutes, in CI. `--pages`: each night."""
     parser.addoption("--full", action="store_true", help="run long experiments at their full size")
     parser.addoption(
         "--long", action="store_true", help="run whole loops whose steps have tests of their own"
