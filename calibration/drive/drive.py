@@ -240,6 +240,11 @@ def drive_for(
     else:
         by = f"{_RANGE_USED:.0%} of the vibrometer's {shown(response.pickup, response.pickup_range)}"
     errors = expected_errors(table, drifting, played)
+
+    def unreached(row: int) -> str:
+        given_up = _given_up(steady.at(row), played, grid.rate_hz, band)
+        return " ".join(filter(None, [*_left_out(scale * sizes[row], by, in_band[row], band), given_up]))
+
     each = tuple(
         Elsewhere(
             point=point,
@@ -249,11 +254,7 @@ def drive_for(
             carrier_hz=grid.carriers[row],
             in_band=float(in_band[row]),
             sources=_sources(one),
-            unreached=_unreached(
-                steady.at(row), played, grid.rate_hz, band, scale * sizes[row], in_band[row], by
-            )
-            if one
-            else "",
+            unreached=unreached(row) if one else "",
             expected=(float(errors[row, 0]), float(errors[row, 1])),
             known_to=table.known_to(row, band),
             known_from=table.rows[row][0].response.source,
@@ -314,15 +315,7 @@ def _within(
     return volts, scale
 
 
-def _unreached(
-    plan: Plan,
-    played: FloatArray,
-    rate_hz: float,
-    band: tuple[float, float],
-    scale: float,
-    in_band: float,
-    by: str,
-) -> str:
+def _left_out(scale: float, by: str, in_band: float, band: tuple[float, float]) -> list[str]:
     sentences = []
     if scale < _ALL:
         sentences.append(
@@ -332,14 +325,17 @@ def _unreached(
         sentences.append(
             f"{1 - in_band:.0%} of the energy lies outside {band[0]:.0f} to {band[1]:.0f} Hz and is left out."
         )
+    return sentences
+
+
+def _given_up(plan: Plan, played: FloatArray, rate_hz: float, band: tuple[float, float]) -> str:
     length = played.shape[1]
     missed = scipy.fft.irfft(plan.missed(scipy.fft.rfft(played))[0] * plan.known, length)
     error = float(np.linalg.norm(missed) / np.linalg.norm(scipy.fft.irfft(plan.target[0], length)))
-    if error > BUDGET:
-        centres, levels = third_octaves(missed, rate_hz, *band)
-        sentences.append(
-            f"{error:.1%} of the target is given up, most near "
-            f"{centres[int(np.argmax(levels))]:.0f} Hz, for a larger output or because the response is not "
-            "known better."
-        )
-    return " ".join(sentences)
+    if error <= BUDGET:
+        return ""
+    centres, levels = third_octaves(missed, rate_hz, *band)
+    return (
+        f"{error:.1%} of the target is given up, most near {centres[int(np.argmax(levels))]:.0f} Hz, for a "
+        "larger output or because the response is not known better."
+    )
