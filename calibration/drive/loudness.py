@@ -31,10 +31,12 @@ if TYPE_CHECKING:
 
 _ERRORS = (BUDGET, 0.03, 0.06, 0.11, TOLERANCE)
 """Errors for which a curve is computed."""
-_STEPS = 3
-"""Drives that are computed to find an error."""
-_CLOSE, _NEXT = 0.95, 0.98
+_STEPS = 5
+"""Largest number of drives that are computed to find an error."""
+_CLOSE, _NEXT = 0.93, 0.98
 """Share of the error asked for from which a drive is loud enough, and that is tried next."""
+_STAIR = 0.92
+"""Share of a planned error from which another drive is planned: output rises in stairs (see `max_output`)."""
 _OVER = 0.25
 """Level (dB) beyond the one asked for that is aimed at."""
 
@@ -250,7 +252,8 @@ def _loudest(at: Callable[[float], Drive], most: float, closest: Drive) -> tuple
             if drive.expected_error > _CLOSE * most:
                 break
         beside = drive.expected_error**2 - error**2
-        error = max((_NEXT * most) ** 2 - beside, BUDGET**2) ** 0.5
+        aimed = max((_NEXT * most) ** 2 - beside, BUDGET**2) ** 0.5
+        error = aimed if drive.expected_error <= most else min(aimed, _STAIR * error)
     return best
 
 
