@@ -1,4 +1,4 @@
-"""The relay role on a serial board: the codec, and the same scenario on the twin and through a socket."""
+"""The serial relay board: its codec, and its lines through a socket."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from haploop.instruments.relay.role import Relay
 from haploop.instruments.relay.serial_relay import SerialRelay, answer_in
 from haploop.mocks.clock import VirtualClock
 from haploop.mocks.relay import SimulatedBox, box_in
-from haploop.mocks.relay.serial_relay import SerialRelayTwin, SerialRelayWire, wire
+from haploop.mocks.relay.serial_relay import SerialRelayWire
 from haploop.mocks.transport import Loopback, ReplyFault
 from tests.instruments.relay.contacts import Contacts
 
@@ -55,7 +55,7 @@ class Setup:
     bench: Contacts
     box: SimulatedBox
     relay: Relay
-    wire: SerialRelayWire | None = None
+    wire: SerialRelayWire
 
 
 def settings(**changes: object) -> SerialRelay.Settings:
@@ -74,34 +74,19 @@ def wired() -> Iterator[Setup]:
         relay.close()
 
 
-@pytest.fixture(params=["twin", "wire"])
-def setup(request: pytest.FixtureRequest) -> Setup:
-    if request.param == "wire":
-        found: Setup = request.getfixturevalue("wired")
-        return found
-    bench = Contacts(PATCHES)
-    twin = SerialRelayTwin(settings(), bench)
-    return Setup(bench, twin.box, twin)
+def test_says_that_it_cannot_open_by_itself(wired: Setup) -> None:
+    assert wired.relay.dead_man == math.inf
+    wired.relay.connect(["A"])
+    wired.bench.clock.sleep(1000)
+    wired.relay.renew()
+    assert wired.bench.closed() == {"A"}
 
 
-def test_says_that_it_cannot_open_by_itself(setup: Setup) -> None:
-    assert setup.relay.dead_man == math.inf
-    setup.relay.connect(["A"])
-    setup.bench.clock.sleep(1000)
-    setup.relay.renew()
-    assert setup.bench.closed() == {"A"}
-
-
-def test_close_changes_no_channel_and_frees_the_port(wired: Setup) -> None:
-    assert wired.wire is not None
-    wired.relay.connect(["D"])
+def test_close_frees_the_port(wired: Setup) -> None:
     wired.relay.close()
-    wired.relay.close()
-    assert wired.bench.closed() == {"D"}
     with pytest.raises(InstrumentError, match="open the rig again"):
         wired.relay.connected()
     again = SerialRelay.open(settings(port=wired.wire.url), wired.bench.clock)
-    assert again.connected() == {"D"}
     assert again.identity == f"The relay board at {wired.wire.url} (firmware 00000008)"
     again.close()
 
@@ -121,7 +106,6 @@ def test_close_changes_no_channel_and_frees_the_port(wired: Setup) -> None:
 def test_every_bad_answer_is_one_sentence_and_the_driver_recovers(
     wired: Setup, fault: ReplyFault, sentence: str
 ) -> None:
-    assert wired.wire is not None
     wired.wire.faults.append(fault)
     with pytest.raises(InstrumentError, match=sentence):
         wired.relay.connected()
@@ -133,7 +117,6 @@ def test_every_bad_answer_is_one_sentence_and_the_driver_recovers(
 
 def test_a_late_answer_is_not_taken_for_the_next_ones(wired: Setup) -> None:
     """The command that timed out is answered after the next has been sent."""
-    assert wired.wire is not None
     wired.relay.connect(["A"])
     wired.wire.faults.append(ReplyFault("delay", asked="relay read 0", delay=0.25, times=1))
     with pytest.raises(InstrumentError, match="did not answer 'relay read 0'"):
@@ -161,19 +144,14 @@ def test_what_a_board_says_unasked_is_not_taken_for_an_answer() -> None:
             relay.close()
 
 
-def test_a_board_that_is_unplugged_is_noticed(wired: Setup) -> None:
-    assert wired.wire is not None
+def test_a_channel_that_the_board_has_not_and_a_board_that_is_unplugged_are_told(wired: Setup) -> None:
+    with pytest.raises(InstrumentError, match=r"'relay read C' with '', which no such board does"):
+        SerialRelay.open(settings(port=wired.wire.url, patches={"A": 12}), wired.bench.clock)
     wired.relay.connect(["A"])
     wired.wire.close()
     for action in (wired.relay.renew, lambda: wired.relay.connect([])):
         with pytest.raises(InstrumentError, match="cannot be talked to"):
             action()
-
-
-def test_a_channel_that_the_board_has_not_is_refused(wired: Setup) -> None:
-    assert wired.wire is not None
-    with pytest.raises(InstrumentError, match=r"'relay read C' with '', which no such board does"):
-        SerialRelay.open(settings(port=wired.wire.url, patches={"A": 12}), wired.bench.clock)
 
 
 def test_nobody_at_the_port() -> None:
@@ -188,16 +166,6 @@ def test_nobody_at_the_port() -> None:
         SerialRelay.open(settings(port="no such port"), VirtualClock())
     with pytest.raises(ConfigurationError, match=r"'port' in .* 'nonsense://x': it is no name"):
         SerialRelay.open(settings(port="nonsense://x"), VirtualClock())
-
-
-def test_wire_gives_what_points_the_driver_at_it() -> None:
-    bench = Contacts(PATCHES)
-    asked = settings()
-    with wire(asked, bench) as override:
-        relay = SerialRelay.open(asked.model_copy(update=override), bench.clock)
-        relay.connect(["D"])
-        assert bench.closed() == {"D"}
-        relay.close()
 
 
 def test_the_other_commands_of_a_board() -> None:
