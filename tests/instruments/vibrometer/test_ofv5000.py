@@ -1,9 +1,9 @@
-"""The vibrometer role on the OFV-5000: the same scenario on the twin and through its serial lines."""
+"""The OFV-5000: its driver on a simulated controller, its serial line, and the words of its answers."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ from haploop.instruments.vibrometer.ofv5000_codec import (
 from haploop.mocks.clock import VirtualClock
 from haploop.mocks.plant import LaserHead, Plant
 from haploop.mocks.transport import DirectLine, LineServer, ReplyFault
-from haploop.mocks.vibrometer.ofv5000 import Controller, twin, wire
+from haploop.mocks.vibrometer.ofv5000 import Controller, twin
 
 RANGE = "Get,VeloDec,0,Range"
 
@@ -42,37 +42,33 @@ class Setup:
     clock: VirtualClock
     controller: Controller
     laser: Ofv5000
-    server: LineServer | None = field(default=None)
 
 
-@pytest.fixture(params=["twin", "wire"])
-def setup(request: pytest.FixtureRequest) -> Iterator[Setup]:
-    clock = VirtualClock()
-    box = controller(clock)
-    if request.param == "twin":
-        yield Setup(clock, box, Ofv5000(settings(), clock, DirectLine(box.answer)))
-        return
-    with LineServer(box.answer) as server:
-        laser = Ofv5000.open(settings(port=f"socket://{server.address}"), clock)
-        yield Setup(clock, box, laser, server)
-        laser.close()
+@dataclass
+class Wired(Setup):
+    server: LineServer
+
+    def faulty(self, kind: str, **more: object) -> ReplyFault:
+        fault = ReplyFault(kind, **more)  # type: ignore[arg-type]
+        self.server.faults.append(fault)
+        return fault
 
 
 @pytest.fixture
-def wired() -> Iterator[Setup]:
+def setup() -> Setup:
+    clock = VirtualClock()
+    box = controller(clock)
+    return Setup(clock, box, Ofv5000(settings(), clock, DirectLine(box.answer)))
+
+
+@pytest.fixture
+def wired() -> Iterator[Wired]:
     clock = VirtualClock()
     box = controller(clock)
     with LineServer(box.answer) as server:
         laser = Ofv5000.open(settings(port=f"socket://{server.address}"), clock)
-        yield Setup(clock, box, laser, server)
+        yield Wired(clock, box, laser, server)
         laser.close()
-
-
-def faulty(wired: Setup, kind: str, **more: object) -> ReplyFault:
-    assert wired.server is not None
-    fault = ReplyFault(kind, **more)  # type: ignore[arg-type]
-    wired.server.faults.append(fault)
-    return fault
 
 
 def test_reads_what_the_controller_is_set_to(setup: Setup) -> None:
@@ -87,17 +83,19 @@ def test_reads_what_the_controller_is_set_to(setup: Setup) -> None:
     assert laser.to_si(np.array([2.0]))[0] == pytest.approx(0.01)
 
 
-def test_signal_level_is_a_share_of_full_light(setup: Setup) -> None:
-    setup.controller.head.level = 0.25
-    assert setup.laser.signal_level() == 0.25
-    setup.controller.head.level = 0.0
-    assert setup.laser.signal_level() == 0.0
-
-
-def test_setting_the_range_scales_the_head(setup: Setup) -> None:
-    setup.laser.set_range(0.02)
-    assert setup.laser.scale == setup.controller.head.scale == 0.02
-    assert setup.laser.range == setup.controller.head.range == pytest.approx(0.2)
+def test_it_follows_the_controller_and_sets_it(setup: Setup) -> None:
+    for level in (0.25, 0.0):
+        setup.controller.head.level = level
+        assert setup.laser.signal_level() == level
+    for echo in (False, True):
+        setup.controller.echo = echo
+        scale = 0.005 if echo else 0.02
+        setup.laser.set_range(scale)
+        assert setup.laser.scale == setup.controller.head.scale == scale
+        assert setup.laser.range == setup.controller.head.range == pytest.approx(10 * scale)
+        before = setup.clock.now()
+        setup.laser.autofocus()
+        assert 2.5 < setup.clock.now() - before < 4
 
 
 def test_a_range_that_the_decoder_has_not_is_noticed(setup: Setup) -> None:
@@ -113,12 +111,6 @@ def test_a_range_changed_at_the_front_panel_is_found_by_reading_it_again(setup: 
         setup.laser.check_range()
 
 
-def test_autofocus_waits_for_the_search(setup: Setup) -> None:
-    before = setup.clock.now()
-    setup.laser.autofocus()
-    assert 2.5 < setup.clock.now() - before < 4
-
-
 def test_autofocus_gives_up_at_its_deadline(setup: Setup) -> None:
     setup.controller.focusable = False
     before = setup.clock.now()
@@ -127,38 +119,17 @@ def test_autofocus_gives_up_at_its_deadline(setup: Setup) -> None:
     assert setup.clock.now() - before < 31
 
 
-def test_an_echoing_interface_gives_the_same_answers(setup: Setup) -> None:
-    setup.controller.echo = True
-    setup.laser.set_range(0.02)
-    assert setup.laser.scale == 0.02
-    assert setup.laser.signal_level() == pytest.approx(0.8, abs=1e-2)
-    setup.laser.autofocus()
-
-
-def test_opening_refuses_another_range_and_changes_none() -> None:
-    clock = VirtualClock()
-    box = controller(clock, scale=0.05)
-    with LineServer(box.answer) as server:
-        wanted = settings(port=f"socket://{server.address}")
-        with pytest.raises(ConfigurationError, match="is set to the range 50mm/s/V"):
-            Ofv5000.open(wanted, clock)
-        assert box.head.scale == 0.05
-        laser = Ofv5000.connect(wanted, clock)
-        assert laser.scale == 0.05, "what is measured is scaled by what is set"
-        laser.set_range(wanted.scale)
-        laser.check_range()
-        laser.close()
-        laser.close()
-
-
-def test_a_decoder_without_highest_frequency_needs_it_in_the_rig_file() -> None:
-    clock = VirtualClock()
-    box = controller(clock)
-    lines = {"Get,VeloDec,0,MaxFreq": ["Not Available"]}
-    line = DirectLine(lambda asked: lines.get(asked) or box.answer(asked))
-    with pytest.raises(ConfigurationError, match="give 'bandwidth_hz'"):
-        Ofv5000(settings(), clock, line)
-    assert Ofv5000(settings(bandwidth_hz=5000), clock, line).bandwidth_hz == 5000
+def test_opening_refuses_another_range_and_changes_none(wired: Wired) -> None:
+    wired.controller.head.scale = 0.05
+    wanted = settings(port=f"socket://{wired.server.address}")
+    with pytest.raises(ConfigurationError, match="is set to the range 50mm/s/V"):
+        Ofv5000.open(wanted, wired.clock)
+    assert wired.controller.head.scale == 0.05
+    laser = Ofv5000.connect(wanted, wired.clock)
+    assert laser.scale == 0.05, "what is measured is scaled by what is set"
+    laser.set_range(wanted.scale)
+    laser.check_range()
+    laser.close()
 
 
 @pytest.mark.parametrize(
@@ -172,8 +143,8 @@ def test_a_decoder_without_highest_frequency_needs_it_in_the_rig_file() -> None:
         ("truncated", r"was lost after 'Get,VeloDec,0,Range'"),
     ],
 )
-def test_a_fault_of_the_line_is_one_sentence_and_passes(wired: Setup, kind: str, sentence: str) -> None:
-    fault = faulty(wired, kind, asked=RANGE, times=1)
+def test_a_fault_of_the_line_is_one_sentence_and_passes(wired: Wired, kind: str, sentence: str) -> None:
+    fault = wired.faulty(kind, asked=RANGE, times=1)
     with pytest.raises(InstrumentError, match=rf"^OFV-5000 at socket://\S+ .*{sentence}"):
         wired.laser.check_range()
     assert fault.fired == 1
@@ -181,10 +152,9 @@ def test_a_fault_of_the_line_is_one_sentence_and_passes(wired: Setup, kind: str,
     wired.laser.check_range()
 
 
-def test_a_late_answer_is_not_taken_for_the_next_one(wired: Setup) -> None:
-    assert wired.server is not None
+def test_a_late_answer_is_not_taken_for_the_next_one(wired: Wired) -> None:
     wired.laser.signal_level()
-    fault = faulty(wired, "delay", asked="SignalLevel", times=1, delay=0.25)
+    fault = wired.faulty("delay", asked="SignalLevel", times=1, delay=0.25)
     with pytest.raises(InstrumentError, match="did not answer"):
         wired.laser.signal_level()
     assert fault.fired == 1
@@ -224,29 +194,15 @@ def test_no_such_port_is_one_sentence() -> None:
         Ofv5000.open(settings(port="socket://127.0.0.1:1"), VirtualClock())
 
 
-def test_settings_name_a_velocity_decoder() -> None:
-    with pytest.raises(ValidationError, match="decoder"):
-        settings(decoder="DisplDec,0")
-
-
-@pytest.mark.parametrize("kind", ["twin", "wire"])
-def test_a_wrong_range_shows_in_the_data(kind: str) -> None:
+def test_a_wrong_range_shows_in_the_data() -> None:
     clock = VirtualClock()
     plant = Plant(load_rig_file("simulated"), clock)
     times = 1.0 + np.arange(5000) / 50_000
     clock.sleep(2)
-    if kind == "twin":
-        laser = twin(settings(), plant)
-        noise = plant.read(["laser"], times[np.newaxis]).std()
-        laser.set_range(0.05)
-        assert plant.read(["laser"], times[np.newaxis]).std() == pytest.approx(noise / 10, rel=0.1)
-        return
-    with wire(settings(), plant) as address:
-        laser = Ofv5000.open(settings(**address), clock)
-        noise = plant.read(["laser"], times[np.newaxis]).std()
-        laser.set_range(0.05)
-        assert plant.read(["laser"], times[np.newaxis]).std() == pytest.approx(noise / 10, rel=0.1)
-        laser.close()
+    laser = twin(settings(), plant)
+    noise = plant.read(["laser"], times[np.newaxis]).std()
+    laser.set_range(0.05)
+    assert plant.read(["laser"], times[np.newaxis]).std() == pytest.approx(noise / 10, rel=0.1)
 
 
 def test_codec() -> None:
@@ -257,25 +213,26 @@ def test_codec() -> None:
         assert str(command) == line
     for line in ("", "Get,VeloDec,0", "Set,VeloDec,0,Range", "Put,VeloDec,0,Range", "Get,VeloDec,x,Range"):
         assert Command.parse(line) is None
-    for text, value in (("5mm/s/V", 0.005), ("0.5 m/s/V", 0.5), ("100um/s/V", 1e-4)):
-        assert scale_of(text) == pytest.approx(value)
     assert scale_of(scale_text(0.125)) == 0.125
-    assert duration_of("12.3 us") == duration_of("12.3") == pytest.approx(12.3e-6)
-    assert duration_of("1.1ms") == pytest.approx(1.1e-3)
-    assert frequency_of("20 kHz") == frequency_of("20kHz") == 20e3
-    assert frequency_of("1.5 MHz") == 1.5e6
-    assert frequency_of("Not Available") is None
-    assert level_of("512") == 1.0
 
 
 @pytest.mark.parametrize(
     ("parse", "text", "value"),
     [
+        (scale_of, "5mm/s/V", 0.005),
+        (scale_of, "0.5 m/s/V", 0.5),
+        (scale_of, "100um/s/V", 1e-4),
+        (level_of, "512", 1.0),
+        (duration_of, "12.3 us", 12.3e-6),
+        (duration_of, "12.3", 12.3e-6),
+        (duration_of, "1.1ms", 1.1e-3),
         (duration_of, "1.23E-05", 12.3e-6),
         (duration_of, "0", 0.0),
         (duration_of, "1.23e+1 us", 12.3e-6),
         (scale_of, "5 mm/s / V", 0.005),
         (scale_of, "5.0E+00mm/s/V", 0.005),
+        (frequency_of, "20 kHz", 20e3),
+        (frequency_of, "1.5 MHz", 1.5e6),
         (frequency_of, "20000", 20e3),
         (frequency_of, "2.0E+04 Hz", 20e3),
         (frequency_of, "Not Installed", None),
@@ -287,16 +244,13 @@ def test_forms_in_which_firmware_may_write(parse, text: str, value) -> None:
     assert parse(text) == (value if value is None else pytest.approx(value))
 
 
-def untold(box: Controller, *attributes: str) -> DirectLine:
-    """A controller that does not tell some attributes."""
-    lines = {f"Get,VeloDec,0,{name}": ["Not Available"] for name in attributes}
-    return DirectLine(lambda asked: lines.get(asked) or box.answer(asked))
-
-
 def test_what_cannot_be_read_is_declared() -> None:
     clock = VirtualClock()
     box = controller(clock)
-    line = untold(box, "SignalDelay", "MaxFreq", "Range")
+    lines = {f"Get,VeloDec,0,{name}": ["Not Available"] for name in ("SignalDelay", "MaxFreq", "Range")}
+    line = DirectLine(lambda asked: lines.get(asked) or box.answer(asked))
+    with pytest.raises(ConfigurationError, match="give 'bandwidth_hz'"):
+        Ofv5000(settings(delay=1e-5, range_declared=True), clock, line)
     with pytest.raises(ConfigurationError, match="tells no delay: give 'delay'"):
         Ofv5000(settings(bandwidth_hz=5000), clock, line)
     with pytest.raises(InstrumentError, match="give range_declared = true"):
@@ -306,6 +260,8 @@ def test_what_cannot_be_read_is_declared() -> None:
     # A person confirms it, as for a laser without an interface.
     assert laser.declared is not None and "VeloDec,0 set to 5mm/s/V?" in laser.declared
     laser.check_range()
+    with pytest.raises(ValidationError, match="decoder"):
+        settings(decoder="DisplDec,0")
 
 
 @pytest.mark.parametrize("scale", [0.025, 0.125])
