@@ -400,10 +400,7 @@ class TestSpeaksMillimetres(BrokenVibrometer):
             super().__init__(settings)
             self.scale *= 1000
 
-    breaks: ClassVar = {
-        "test_range_and_scale_belong_together",
-        "test_signal_level_is_a_share",
-    }
+    breaks: ClassVar = {"test_range_and_scale_belong_together", "test_signal_level_is_a_share"}
 
 
 class TestForgetsItsDelay(BrokenVibrometer):

@@ -185,9 +185,5 @@ def test_the_stricter_of_each_limit_is_taken() -> None:
     assert (
         (both.min, both.max, both.capacitance)
         == (-4.0, 5.0, 2.0)
-        == (
-            strict.within(loose).min,
-            strict.within(loose).max,
-            strict.within(loose).capacitance,
-        )
+        == (strict.within(loose).min, strict.within(loose).max, strict.within(loose).capacitance)
     )

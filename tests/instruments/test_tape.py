@@ -83,10 +83,7 @@ def test_a_recording_over_the_wire_is_played_again_bit_by_bit(
     with haploop.recorded(tape) as recorder, haploop.open_rig("simulated", simulate="wire") as rig:
         first = press(rig, tmp_path / "wire")
     nothing_is_opened()
-    with (
-        haploop.played(tape) as player,
-        haploop.open_rig(simulate=f"tape:{tape}") as rig,
-    ):
+    with haploop.played(tape) as player, haploop.open_rig(simulate=f"tape:{tape}") as rig:
         assert rig.simulated
         second = press(rig, tmp_path / "tape")
     assert player.answered == player.calls == recorder.calls

@@ -82,124 +82,60 @@ def test_the_right_description_is_taken(tmp_path: Path) -> None:
     load_rig_file(written(tmp_path, GLUED))
 
 
+INVERTED = ('input = "amplifier"', 'input = "swept"\ninverting = true')
+SWEPT = (
+    "[table]",
+    '[generator]\ndriver = "keysight-33500"\nresource = "TCPIP::192.0.2.1::5025::SOCKET"\noutput = "swept"\n'
+    "[table]",
+)
+BARE = ('protected_by = "a fuse of 0.5 A"\n', "")
+COILS = COIL.partition("[actuator]\n")[2].partition("protected_by")[0]
+PIEZO = 'kind = "piezo"\ncapacitance = 1e-6\nmin = 0\nmax = 150\n'
+FAR = ("scale = 0.005\nrange = 0.02", 'quantity = "displacement"\nscale = 5e-5\nrange = 2e-4')
+SLOW_ABORT = ("[table]", "[abort]\nvelocity = 0.01\n\n[table]")
+SPEED = 'scale = 0.005\nquantity = "speed"\n'
+
+
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
         # amplifier
         ([("gain = 2\n", "gain = -2\n")], r"amplifier\.gain must be above 0"),
         ([('source = "its data sheet"\ninput', "input")], r"the key 'amplifier\.source' is missing"),
-        (
-            [("min = -12", "min = 0")],
-            r"amplifier\.min: .* use an amplifier that goes below 0 V \(min = -50\)",
-        ),
+        ([("min = -12", "min = 0")], r"amplifier\.min: .* goes below 0 V \(min = -50\)"),
         ([("current_peak = 1", "current_peak = 0.1")], r"current_average: 0\.5 A .* swap the two"),
-        (
-            [('channel = "drive", scale', 'channel = "monitr", scale')],
-            r"no channel 'monitr' .*: name the one",
-        ),
-        (
-            [('input = "amplifier"', 'input = "ao0"')],
-            r"no output 'ao0' .*\(amplifier\): name one of \[daq\.out",
-        ),
+        ([('channel = "drive", scale', 'channel = "monitr", scale')], r"no channel 'monitr' .*: name"),
+        ([('input = "amplifier"', 'input = "ao0"')], r"no output 'ao0' .*\(amplifier\): name one of"),
         ([('wiring = "direct"\nrelay = false\n', "")], r"monitor: .* put a divider behind the relay into"),
-        (
-            [
-                ('input = "amplifier"', 'input = "swept"\ninverting = true'),
-                (
-                    "[table]",
-                    '[generator]\ndriver = "keysight-33500"\nresource = "TCPIP::192.0.2.1::5025::SOCKET"\n'
-                    'output = "swept"\n\n[table]',
-                ),
-            ],
-            r"inverting: .* feed the amplifier from the DAQ, or use its non-inverting input",
-        ),
+        ([INVERTED, SWEPT], r"inverting: .* its non-inverting input"),
         # actuator
-        (
-            [('kind = "coil"', 'kind = "motor"')],
-            r"actuator\.kind must be 'piezo' or 'coil' \(found 'motor'\)",
-        ),
+        ([('kind = "coil"', 'kind = "motor"')], r"actuator\.kind must be 'piezo' or 'coil'"),
         ([("watts = 1\n", "")], r"actuator: a coil needs watts: add it to \[actuator\]"),
         ([("watts = 1\n", "watts = 3\n")], r"at volts = 4 into 8 ohm it can dissipate 2 W at most"),
-        (
-            [("watts = 1\n", "watts = 1\ncapacitance = 1e-9\n")],
-            r"a coil has no capacitance, .*: remove it, or",
-        ),
+        ([("watts = 1\n", "watts = 1\ncapacitance = 1e-9\n")], r"a coil has no capacitance, .*: remove it"),
         ([("thermal_time = 2", "thermal_time = 3600")], r"actuator\.thermal_time must be 600 or less"),
         ([("a fuse of 0.5 A", "nothing")], r"'nothing' protects nothing: name the fuse"),
         ([("a fuse of 0.5 A", "None yet")], r"'None yet' protects nothing"),
-        (
-            [('protected_by = "a fuse of 0.5 A"\n', "")],
-            r"can put out -12 to 12 V, the actuator takes -4 to 4 V",
-        ),
-        (
-            [('protected_by = "a fuse of 0.5 A"\n', ""), ("min = -12\nmax = 12", "min = -4\nmax = 5")],
-            r"gain: the amplifier can put out -4 to 5 V.* say in \[actuator\] what keeps it whole",
-        ),
-        (
-            [("[table]", "[limits]\nmax = 12\n\n[table]")],
-            r"limits\.max: 12 V is beyond the 4 V .*: write max = 4",
-        ),
-        (
-            [("[table]", "[limits]\nmin = -5\n\n[table]")],
-            r"limits\.min: -5 V is beyond the -4 V .*write min = -4",
-        ),
-        (
-            [
-                (
-                    COIL.partition("[actuator]\n")[2].partition("protected_by")[0],
-                    'kind = "piezo"\ncapacitance = 1e-6\nmin = 0\nmax = 150\n',
-                )
-            ],
-            r"actuator\.min: .* cannot follow a drive.* write the negative volts that it takes",
-        ),
+        ([BARE], r"can put out -12 to 12 V, the actuator takes -4 to 4 V"),
+        ([BARE, ("min = -12\nmax = 12", "min = -4\nmax = 5")], r"can put out -4 to 5 V.* what keeps it"),
+        ([("[table]", "[limits]\nmax = 12\n\n[table]")], r"limits\.max: 12 V .*: write max = 4"),
+        ([("[table]", "[limits]\nmin = -5\n\n[table]")], r"limits\.min: -5 V .*write min = -4"),
+        ([(COILS, PIEZO)], r"actuator\.min: .* cannot follow a drive.* write the negative volts"),
         # wiring
-        ([('wiring = "direct"', 'wiring = "none"')], r"wiring must be 'relay' or 'direct' \(found 'none'\)"),
-        (
-            [('patches = ["A"]', 'patches = ["A", "B"]')],
-            r'2 patches are named: write patches = \["A"\], or use',
-        ),
+        ([('wiring = "direct"', 'wiring = "none"')], r"wiring must be 'relay' or 'direct'"),
+        ([('patches = ["A"]', 'patches = ["A", "B"]')], r'2 patches are named: write patches = \["A"\]'),
         ([("relay = false\n", "")], r'wiring: .* remove \[relay\], or write wiring = "relay"'),
         # pick-up
-        (
-            [("scale = 0.005\n", "scale = 5\n")],
-            r"scale: its output would have 0\.004 V .*write range and scale",
-        ),
-        (
-            [("bandwidth_hz = 20000", "bandwidth_hz = 100000")],
-            r"is beyond half of the table's rate \(25000 Hz\)",
-        ),
-        (
-            [
-                ("scale = 0.005\nrange = 0.02", 'quantity = "displacement"\nscale = 5e-5\nrange = 2e-4'),
-                ("bandwidth_hz = 20000", "bandwidth_hz = 30000"),
-            ],
-            r"bandwidth_hz: 30000 Hz is beyond half .* set a lower low-pass filter on the instrument",
-        ),
-        (
-            [("bandwidth_hz = 20000", "bandwidth_hz = 20000\nhigh_pass_hz = 100")],
-            r"hides motion .*: switch it off",
-        ),
-        (
-            [('channel = "laser"', 'channel = "lasr"')],
-            r"no channel 'lasr' .*: name the one that it is wired to",
-        ),
-        (
-            [("range = 0.02", "range = 0.04")],
-            r"reaches 8 V at 40 mm/s, and the channel 'laser' ends at 5 V: write",
-        ),
-        (
-            [GLUED, ("mass = 0.002", "mass = 0")],
-            r"mass: an accelerometer loads the table: write its mass in kg",
-        ),
+        ([("scale = 0.005\n", "scale = 5\n")], r"scale: its output would have 0\.004 V .*write range and"),
+        ([("bandwidth_hz = 20000", "bandwidth_hz = 100000")], r"half of the table's rate \(25000 Hz\)"),
+        ([FAR, ("bandwidth_hz = 20000", "bandwidth_hz = 30000")], r"30000 Hz .* set a lower low-pass filter"),
+        ([("range = 0.02", "range = 0.02\nhigh_pass_hz = 100")], r"hides motion .*: switch it off"),
+        ([('channel = "laser"', 'channel = "lasr"')], r"no channel 'lasr' .*: name the one"),
+        ([("range = 0.02", "range = 0.04")], r"8 V at 40 mm/s, and the channel 'laser' ends at 5 V"),
+        ([GLUED, ("mass = 0.002", "mass = 0")], r"mass: an accelerometer .*: write its mass in kg"),
         ([("range = 0.02", "range = 0.02\nmass = 0.002")], r"shows velocity touches nothing: remove mass"),
-        (
-            [GLUED, ("[table]", "[abort]\nvelocity = 0.01\n\n[table]")],
-            r"write \[abort\] acceleration instead",
-        ),
-        (
-            [("scale = 0.005\n", 'scale = 0.005\nquantity = "speed"\n')],
-            r"quantity must be 'velocity', 'displ",
-        ),
+        ([GLUED, SLOW_ABORT], r"write \[abort\] acceleration instead"),
+        ([("scale = 0.005\n", SPEED)], r"quantity must be 'velocity', 'displ"),
         ([("scale = 0.005\n", "scale = 0.005\ndelay = 1.1\n")], r"vibrometer\.delay must be below 1"),
     ],
 )
@@ -245,7 +181,6 @@ def test_a_table_needs_an_actuator(tmp_path: Path) -> None:
         ("uncertainty = 3.5", "uncertainty = 61"),
         ("spread = 5.0", "spread = 0"),
         ("uncertainty = 3.5\nspread = 5.0", "uncertainty = 40\nspread = 61"),
-        ("spread = 5.0", "spread = 6.5"),
         ("force = 2.0", "force = 0"),
         ("force = 2.0", "force = 101"),
         ('"push"', '""'),
@@ -262,13 +197,15 @@ def test_people_that_no_lab_can_have_measured_are_refused(tmp_path: Path, before
         load_rig_file(path)
 
 
-def test_a_mean_is_known_as_well_as_so_many_people_tell_it_and_no_better(tmp_path: Path) -> None:
+@pytest.mark.parametrize("uncertainty", [2.74, 2.6])
+def test_a_mean_is_known_as_well_as_so_many_people_tell_it_and_no_better(
+    tmp_path: Path, uncertainty: float
+) -> None:
     """12 who differ by 5 dB tell it to 2.8 dB at best; 0.1 dB are lost by rounding."""
     path = tmp_path / "people.toml"
-    for uncertainty, good in ((2.74, True), (2.6, False), (60, True)):
-        path.write_text(PEOPLE.replace("uncertainty = 3.5", f"uncertainty = {uncertainty}"), encoding="utf-8")
-        if good:
-            load_rig_file(path)
-            continue
-        with pytest.raises(ConfigurationError, match=r"12 people who differ by 5 dB tell .* to 2\.8 dB"):
-            load_rig_file(path)
+    path.write_text(PEOPLE.replace("uncertainty = 3.5", f"uncertainty = {uncertainty}"), encoding="utf-8")
+    if uncertainty > 2.7:
+        load_rig_file(path)
+        return
+    with pytest.raises(ConfigurationError, match=r"12 people who differ by 5 dB tell .* to 2\.8 dB"):
+        load_rig_file(path)

@@ -313,19 +313,13 @@ def test_lost_samples_are_never_silence(
 
 
 def test_reader_that_comes_too_late(server: NiServer, bench: Bench) -> None:
-    with (
-        opened(server, bench, buffer_s=0.1) as daq,
-        daq.stream(["laser"], 5000, 100) as stream,
-    ):
+    with opened(server, bench, buffer_s=0.1) as daq, daq.stream(["laser"], 5000, 100) as stream:
         blocks = iter(stream)
         next(blocks)
         bench.clock.sleep(0.2)
         with pytest.raises(InstrumentError, match=r"make buffer_s in \[daq\] larger"):
             next(blocks)
-    with (
-        opened(server, bench, buffer_s=1) as daq,
-        daq.stream(["laser"], 5000, 100) as stream,
-    ):
+    with opened(server, bench, buffer_s=1) as daq, daq.stream(["laser"], 5000, 100) as stream:
         blocks = iter(stream)
         next(blocks)
         bench.clock.sleep(0.2)

@@ -121,11 +121,7 @@ def _driver_is_installed() -> bool:
 @pytest.mark.parametrize(
     "changes, error, sentence",
     [
-        (
-            {"devices": {"Dev1": "PCIe-6321"}},
-            ConfigurationError,
-            "Dev1 is a PCI-6034E, and the rig",
-        ),
+        ({"devices": {"Dev1": "PCIe-6321"}}, ConfigurationError, "Dev1 is a PCI-6034E, and the rig"),
         ({"devices": {"Dev9": "PCIe-6321"}}, InstrumentError, "no NI device 'Dev9'; the system lists Dev1"),
     ],
 )

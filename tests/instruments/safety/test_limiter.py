@@ -199,10 +199,7 @@ def tone(peak: float, hertz: float = 250.0, seconds: float = 0.2) -> np.ndarray:
     ],
 )
 def test_a_limit_is_met_and_not_passed(
-    limits: dict[str, float],
-    drive: Callable[[float], np.ndarray],
-    says: str,
-    seen: Callable[[Burst], float],
+    limits: dict[str, float], drive: Callable[[float], np.ndarray], says: str, seen: Callable[[Burst], float]
 ) -> None:
     file = held(**limits)
     (burst,) = played(file, drive(0.995))

@@ -18,13 +18,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, seed, settings
 from hypothesis import strategies as st
-from hypothesis.stateful import (
-    RuleBasedStateMachine,
-    initialize,
-    invariant,
-    rule,
-    run_state_machine_as_test,
-)
+from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule, run_state_machine_as_test
 
 from haploop.instruments import HaploopError, Rig, RigFile, Sweep, load_rig_file, open_rig
 from haploop.instruments.config.rig_file import AbortLimits, Device, DriveLimits
