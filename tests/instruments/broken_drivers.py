@@ -60,6 +60,17 @@ from tests.instruments.relay.contacts import Contacts
 PATCHES = {"A": 1, "B": 2, "D": 8}
 
 
+def breaks(suite: type[Any], *tests: str) -> Callable[[type[Any]], type[Any]]:
+    """Run a suite on a broken driver: exactly these of its tests must fail."""
+
+    def put(driver: type[Any]) -> type[Any]:
+        name = f"Test{driver.__name__}"
+        globals()[name] = type(name, (suite,), {"kind": driver, "breaks": {f"test_{test}" for test in tests}})
+        return driver
+
+    return put
+
+
 class Board(RelayTwin):
     """A good twin; `again` is what a second connection to its box finds."""
 
@@ -107,116 +118,94 @@ class TestNothingBroken(BrokenRelay):
     breaks: ClassVar[set[str]] = set()
 
 
-class TestLeavesOthersConnected(BrokenRelay):
-    class kind(Board):  # noqa: N801
-        def _connect(self, patches: Collection[str]) -> None:
-            super()._connect(patches and {*patches, *self.connected()})
-
-    breaks: ClassVar = {
-        "test_connects_exactly_these_patches",
-        "test_contacts_have_settled_when_connect_returns",
-    }
+@breaks(BrokenRelay, "connects_exactly_these_patches", "contacts_have_settled_when_connect_returns")
+class LeavesOthersConnected(Board):
+    def _connect(self, patches: Collection[str]) -> None:
+        super()._connect(patches and {*patches, *self.connected()})
 
 
-class TestBelievesItself(BrokenRelay):
-    class kind(Board):  # noqa: N801
-        asked: frozenset[str] = frozenset()
+@breaks(
+    BrokenRelay,
+    "the_dead_man_opens_a_box_that_is_left_alone",
+    "close_may_be_called_again",
+    "a_fault_is_one_error_in_time",
+)
+class BelievesItself(Board):
+    asked: frozenset[str] = frozenset()
 
-        def _connect(self, patches: Collection[str]) -> None:
-            with suppress(InstrumentError):
-                super()._connect(patches)
-            self.asked = frozenset(patches)
-
-        def connected(self) -> frozenset[str]:
-            return self.asked
-
-    breaks: ClassVar = {
-        "test_the_dead_man_opens_a_box_that_is_left_alone",
-        "test_close_may_be_called_again",
-        "test_a_fault_is_one_error_in_time",
-    }
-
-
-class TestSwitchesBeforeItLooks(BrokenRelay):
-    class kind(Board):  # noqa: N801
-        def _connect(self, patches: Collection[str]) -> None:
-            known = [p for p in patches if p in self.patches]
-            super()._connect(known)
+    def _connect(self, patches: Collection[str]) -> None:
+        with suppress(InstrumentError):
             super()._connect(patches)
+        self.asked = frozenset(patches)
 
-    breaks: ClassVar = {"test_an_unknown_patch_changes_nothing"}
+    def connected(self) -> frozenset[str]:
+        return self.asked
 
 
-class TestRaisesWhatItLikes(BrokenRelay):
-    class kind(Board):  # noqa: N801
-        def _connect(self, patches: Collection[str]) -> None:
-            for patch in patches:
-                PATCHES[patch]
+@breaks(BrokenRelay, "an_unknown_patch_changes_nothing")
+class SwitchesBeforeItLooks(Board):
+    def _connect(self, patches: Collection[str]) -> None:
+        known = [p for p in patches if p in self.patches]
+        super()._connect(known)
+        super()._connect(patches)
+
+
+@breaks(BrokenRelay, "an_unknown_patch_changes_nothing")
+class RaisesWhatItLikes(Board):
+    def _connect(self, patches: Collection[str]) -> None:
+        for patch in patches:
+            PATCHES[patch]
+        super()._connect(patches)
+
+
+@breaks(BrokenRelay, "close_may_be_called_again", "a_fault_is_one_error_in_time")
+class WritesAnEssay(Board):
+    def _connect(self, patches: Collection[str]) -> None:
+        try:
             super()._connect(patches)
-
-    breaks: ClassVar = {"test_an_unknown_patch_changes_nothing"}
-
-
-class TestWritesAnEssay(BrokenRelay):
-    class kind(Board):  # noqa: N801
-        def _connect(self, patches: Collection[str]) -> None:
-            try:
-                super()._connect(patches)
-            except InstrumentError as error:
-                raise InstrumentError(f"{error}\nTraceback: ...") from None
-
-    breaks: ClassVar = {"test_close_may_be_called_again", "test_a_fault_is_one_error_in_time"}
+        except InstrumentError as error:
+            raise InstrumentError(f"{error}\nTraceback: ...") from None
 
 
-class TestResetsWhenOpened(BrokenRelay):
-    class kind(Board):  # noqa: N801
-        def again(self) -> Relay:
-            other = super().again()
-            other.connect(())
-            return other
-
-    breaks: ClassVar = {"test_opening_changes_no_channel", "test_closing_changes_no_channel"}
+@breaks(BrokenRelay, "opening_changes_no_channel", "closing_changes_no_channel")
+class ResetsWhenOpened(Board):
+    def again(self) -> Relay:
+        other = super().again()
+        other.connect(())
+        return other
 
 
-class TestOpensTheBoxOnClose(BrokenRelay):
-    class kind(Board):  # noqa: N801
-        def close(self) -> None:
-            if not self._released:
-                self.connect(())
-            super().close()
-
-    breaks: ClassVar = {"test_opening_changes_no_channel", "test_closing_changes_no_channel"}
+@breaks(BrokenRelay, "opening_changes_no_channel", "closing_changes_no_channel")
+class OpensTheBoxOnClose(Board):
+    def close(self) -> None:
+        if not self._released:
+            self.connect(())
+        super().close()
 
 
-class TestClosesOnce(BrokenRelay):
-    class kind(Board):  # noqa: N801
-        def close(self) -> None:
-            self._check_open()
-            super().close()
-
-    breaks: ClassVar = {"test_close_may_be_called_again"}
+@breaks(BrokenRelay, "close_may_be_called_again")
+class ClosesOnce(Board):
+    def close(self) -> None:
+        self._check_open()
+        super().close()
 
 
-class TestHasNoDeadMan(BrokenRelay):
-    class kind(Board):  # noqa: N801
-        def __init__(self) -> None:
-            super().__init__()
-            self.box.pulse = lambda channel, length, delay=0.0: self.box.set_state(channel, True)  # type: ignore[method-assign]
+@breaks(BrokenRelay, "the_dead_man_opens_a_box_that_is_left_alone")
+class HasNoDeadMan(Board):
+    def __init__(self) -> None:
+        super().__init__()
+        self.box.pulse = lambda channel, length, delay=0.0: self.box.set_state(channel, True)  # type: ignore[method-assign]
 
-        def _connect(self, patches: Collection[str]) -> None:
-            dead_man, self.dead_man = self.dead_man, np.inf
-            super()._connect(patches)
-            self.dead_man = dead_man
-
-    breaks: ClassVar = {"test_the_dead_man_opens_a_box_that_is_left_alone"}
+    def _connect(self, patches: Collection[str]) -> None:
+        dead_man, self.dead_man = self.dead_man, np.inf
+        super()._connect(patches)
+        self.dead_man = dead_man
 
 
-class TestForgetsToRenew(BrokenRelay):
-    class kind(Board):  # noqa: N801
-        def _renew(self) -> None:
-            pass
-
-    breaks: ClassVar = {"test_renewing_puts_the_dead_man_off"}
+@breaks(BrokenRelay, "renewing_puts_the_dead_man_off")
+class ForgetsToRenew(Board):
+    def _renew(self) -> None:
+        pass
 
 
 class TestHangs(BrokenRelay):
@@ -279,102 +268,89 @@ class BrokenDaq(DaqConformance):
         return self.kind()
 
 
-class TestLosesABlock(BrokenDaq):
-    class kind(Cards):  # noqa: N801
-        def _stream(self, request: StreamRequest) -> Stream:
-            return Changed(super()._stream(request), lambda blocks: (b for b in blocks if b.first != 64))
-
-    breaks: ClassVar = {"test_a_finite_stream_delivers_exactly_its_samples"}
+@breaks(BrokenDaq, "a_finite_stream_delivers_exactly_its_samples")
+class LosesABlock(Cards):
+    def _stream(self, request: StreamRequest) -> Stream:
+        return Changed(super()._stream(request), lambda blocks: (b for b in blocks if b.first != 64))
 
 
-class TestHidesALostBlock(BrokenDaq):
+@breaks(
+    BrokenDaq,
+    "outputs_that_are_held_play_and_rest",
+    "a_finite_stream_delivers_exactly_its_samples",
+    "each_stream_counts_from_zero",
+    "a_row_is_its_channels",
+    "plays_on_the_clock_edge_of_sample_0",
+)
+class HidesALostBlock(Cards):
     """The index goes on as if nothing had happened: only the count of samples can tell."""
 
-    class kind(Cards):  # noqa: N801
-        def _stream(self, request: StreamRequest) -> Stream:
-            def change(blocks: Iterator[Block]) -> Iterator[Block]:
-                lost = 0
-                for number, block in enumerate(blocks):
-                    if number == 1:
-                        lost = block.volts.shape[1]
-                    else:
-                        yield Block(block.first - lost, block.volts, block.overload)
+    def _stream(self, request: StreamRequest) -> Stream:
+        def change(blocks: Iterator[Block]) -> Iterator[Block]:
+            lost = 0
+            for number, block in enumerate(blocks):
+                if number == 1:
+                    lost = block.volts.shape[1]
+                else:
+                    yield Block(block.first - lost, block.volts, block.overload)
 
-            return Changed(super()._stream(request), change)
-
-    breaks: ClassVar = {
-        "test_outputs_that_are_held_play_and_rest",
-        "test_a_finite_stream_delivers_exactly_its_samples",
-        "test_each_stream_counts_from_zero",
-        "test_a_row_is_its_channels",
-        "test_plays_on_the_clock_edge_of_sample_0",
-    }
+        return Changed(super()._stream(request), change)
 
 
-class TestPrefersItsOwnOrder(BrokenDaq):
-    class kind(Cards):  # noqa: N801
-        def _stream(self, request: StreamRequest) -> Stream:
-            stream = super()._stream(replace(request, channels=tuple(sorted(request.channels))))
-            stream.channels = request.channels
-            return stream
-
-    breaks: ClassVar = {"test_rows_keep_the_order_asked_for", "test_a_row_is_its_channels"}
+@breaks(BrokenDaq, "rows_keep_the_order_asked_for", "a_row_is_its_channels")
+class PrefersItsOwnOrder(Cards):
+    def _stream(self, request: StreamRequest) -> Stream:
+        stream = super()._stream(replace(request, channels=tuple(sorted(request.channels))))
+        stream.channels = request.channels
+        return stream
 
 
-class TestPlaysLate(BrokenDaq):
-    class kind(Cards):  # noqa: N801
-        def _stream(self, request: StreamRequest) -> Stream:
-            late = {name: np.concatenate([np.zeros(5), wave]) for name, wave in request.play.items()}
-            return super()._stream(replace(request, play=late))
-
-    breaks: ClassVar = {
-        "test_outputs_that_are_held_play_and_rest",
-        "test_a_row_is_its_channels",
-        "test_plays_on_the_clock_edge_of_sample_0",
-    }
-
-
-class TestClipsInSilence(BrokenDaq):
-    class kind(Cards):  # noqa: N801
-        def _refuse(self, request: StreamRequest) -> None:
-            super()._refuse(replace(request, play={name: np.zeros(1) for name in request.play}))
-
-    breaks: ClassVar = {"test_a_waveform_that_cannot_be_played_is_refused"}
+@breaks(
+    BrokenDaq,
+    "outputs_that_are_held_play_and_rest",
+    "a_row_is_its_channels",
+    "plays_on_the_clock_edge_of_sample_0",
+)
+class PlaysLate(Cards):
+    def _stream(self, request: StreamRequest) -> Stream:
+        late = {name: np.concatenate([np.zeros(5), wave]) for name, wave in request.play.items()}
+        return super()._stream(replace(request, play=late))
 
 
-class TestRefusesTooLate(BrokenDaq):
-    class kind(Cards):  # noqa: N801
-        def _stream(self, request: StreamRequest) -> Stream:
-            try:
-                return super()._stream(request)
-            except LimitError:
-                good = {name: np.full(5, 1.0) for name in request.play}
-                list(super()._stream(replace(request, play=good)))
-                raise
-
-    breaks: ClassVar = {"test_a_waveform_that_cannot_be_played_is_refused"}
+@breaks(BrokenDaq, "a_waveform_that_cannot_be_played_is_refused")
+class ClipsInSilence(Cards):
+    def _refuse(self, request: StreamRequest) -> None:
+        super()._refuse(replace(request, play={name: np.zeros(1) for name in request.play}))
 
 
-class TestLeavesTheOutputOn(BrokenDaq):
-    class kind(Cards):  # noqa: N801
-        def zero(self) -> None:
-            pass
-
-    breaks: ClassVar = {
-        "test_outputs_that_are_held_play_and_rest",
-        "test_an_output_holds_its_last_sample_until_the_stream_is_closed",
-        "test_an_exception_leaves_the_output_at_zero",
-        "test_zero_stops_what_plays",
-    }
+@breaks(BrokenDaq, "a_waveform_that_cannot_be_played_is_refused")
+class RefusesTooLate(Cards):
+    def _stream(self, request: StreamRequest) -> Stream:
+        try:
+            return super()._stream(request)
+        except LimitError:
+            good = {name: np.full(5, 1.0) for name in request.play}
+            list(super()._stream(replace(request, play=good)))
+            raise
 
 
-class TestPassesOverWhatItDoesNotKnow(BrokenDaq):
-    class kind(Cards):  # noqa: N801
-        def _stream(self, request: StreamRequest) -> Stream:
-            known = tuple(c for c in request.channels if c in BrokenDaq.channels)
-            return super()._stream(replace(request, channels=known))
+@breaks(
+    BrokenDaq,
+    "outputs_that_are_held_play_and_rest",
+    "an_output_holds_its_last_sample_until_the_stream_is_closed",
+    "an_exception_leaves_the_output_at_zero",
+    "zero_stops_what_plays",
+)
+class LeavesTheOutputOn(Cards):
+    def zero(self) -> None:
+        pass
 
-    breaks: ClassVar = {"test_an_unknown_channel_is_refused"}
+
+@breaks(BrokenDaq, "an_unknown_channel_is_refused")
+class PassesOverWhatItDoesNotKnow(Cards):
+    def _stream(self, request: StreamRequest) -> Stream:
+        known = tuple(c for c in request.channels if c in BrokenDaq.channels)
+        return super()._stream(replace(request, channels=known))
 
 
 class BrokenVibrometer(VibrometerConformance):
@@ -394,28 +370,25 @@ class BrokenVibrometer(VibrometerConformance):
         yield SimpleNamespace(fired=1)
 
 
-class TestSpeaksMillimetres(BrokenVibrometer):
-    class kind(BrokenVibrometer.kind):  # noqa: N801
-        def __init__(self, settings: Pdv100.Settings) -> None:
-            super().__init__(settings)
-            self.scale *= 1000
-
-    breaks: ClassVar = {"test_range_and_scale_belong_together", "test_signal_level_is_a_share"}
+@breaks(BrokenVibrometer, "range_and_scale_belong_together", "signal_level_is_a_share")
+class SpeaksMillimetres(BrokenVibrometer.kind):
+    def __init__(self, settings: Pdv100.Settings) -> None:
+        super().__init__(settings)
+        self.scale *= 1000
 
 
-class TestForgetsItsDelay(BrokenVibrometer):
-    class kind(Pdv100):  # noqa: N801
-        def response(self, frequencies: FloatArray) -> ComplexArray:
-            return np.asarray(np.abs(super().response(frequencies)), dtype=np.complex128)
+@breaks(
+    BrokenVibrometer,
+    "response_is_that_of_its_bandwidth_and_delay",
+    "signal_level_is_a_share",
+    "a_fault_is_one_error_in_time",
+)
+class ForgetsItsDelay(Pdv100):
+    def response(self, frequencies: FloatArray) -> ComplexArray:
+        return np.asarray(np.abs(super().response(frequencies)), dtype=np.complex128)
 
-        def signal_level(self) -> float:
-            return 87.0
-
-    breaks: ClassVar = {
-        "test_response_is_that_of_its_bandwidth_and_delay",
-        "test_signal_level_is_a_share",
-        "test_a_fault_is_one_error_in_time",
-    }
+    def signal_level(self) -> float:
+        return 87.0
 
 
 class TestMultipliesByItsGain(AmplifierConformance):
@@ -460,38 +433,28 @@ class TestIsOnWhenArmed(GeneratorConformance):
         return self.kind(settings, plant.clock, DirectLine(Box(KEYSIGHT_33500, plant, "amplifier").answer))
 
 
-class TestPlaysOn(OnASoundCard):
-    class kind(SoundCard):  # noqa: N801
-        def stop(self) -> None:
-            self._stream = None
-
-    breaks: ClassVar = {
-        "test_a_play_that_is_cut_short_is_an_error",
-        "test_an_error_of_the_body_counts",
-        "test_stop_ends_a_play",
-    }
+@breaks(
+    OnASoundCard, "a_play_that_is_cut_short_is_an_error", "an_error_of_the_body_counts", "stop_ends_a_play"
+)
+class PlaysOn(SoundCard):
+    def stop(self) -> None:
+        self._stream = None
 
 
-class TestClipsWhatIsTooLoud(OnASoundCard):
-    class kind(SoundCard):  # noqa: N801
-        def _samples(self, volts: FloatArray, rate_hz: float) -> FloatArray:
-            return super()._samples(np.clip(volts, -0.5, 0.5), rate_hz)
-
-    breaks: ClassVar = {"test_what_cannot_be_played_is_refused"}
+@breaks(OnASoundCard, "what_cannot_be_played_is_refused")
+class ClipsWhatIsTooLoud(SoundCard):
+    def _samples(self, volts: FloatArray, rate_hz: float) -> FloatArray:
+        return super()._samples(np.clip(volts, -0.5, 0.5), rate_hz)
 
 
-class TestTakesEveryPlayForWhole(OnASoundCard):
-    class kind(SoundCard):  # noqa: N801
-        @contextmanager
-        def _play(self, volts: FloatArray, rate_hz: float) -> Iterator[None]:
-            with suppress(InstrumentError), super()._play(volts, rate_hz):
-                yield
-
-    breaks: ClassVar = {
-        "test_a_play_that_is_cut_short_is_an_error",
-        "test_stop_ends_a_play",
-        "test_a_fault_is_one_error_in_time",
-    }
+@breaks(
+    OnASoundCard, "a_play_that_is_cut_short_is_an_error", "stop_ends_a_play", "a_fault_is_one_error_in_time"
+)
+class TakesEveryPlayForWhole(SoundCard):
+    @contextmanager
+    def _play(self, volts: FloatArray, rate_hz: float) -> Iterator[None]:
+        with suppress(InstrumentError), super()._play(volts, rate_hz):
+            yield
 
 
 class TestOffersWhatNobodyKnows(TestMultipliesByItsGain):
