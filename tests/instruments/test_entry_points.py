@@ -6,7 +6,7 @@ import json
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -92,10 +92,22 @@ def lamp(package: Package) -> Any:
     return __import__(name)
 
 
-def rig_file(folder: Path, text: str, base: str = "simulated") -> Path:
+LAMPS = '[lamp]\ndriver = "acme-lamp"\nport = "COM9"\n'
+
+
+def rig_file(folder: Path, text: str = LAMPS) -> Path:
     path = folder / "rig.toml"
-    path.write_text(f'base = "{base}"\n{text}', encoding="utf-8")
+    path.write_text(f'base = "simulated"\n{text}', encoding="utf-8")
     return path
+
+
+@pytest.fixture
+def connected(lamp: Any, tmp_path: Path) -> Iterator[Rig]:
+    """A rig with the lamp, whose relay is closed."""
+    rig = open_rig(rig_file(tmp_path))
+    rig.relay.connect(["A"])
+    yield rig
+    rig.close()
 
 
 def test_haploops_own_roles_are_entry_points_in_the_order_of_opening() -> None:
@@ -104,7 +116,7 @@ def test_haploops_own_roles_are_entry_points_in_the_order_of_opening() -> None:
 
 
 def test_a_role_from_outside_is_validated_opened_made_safe_and_closed(lamp: Any, tmp_path: Path) -> None:
-    path = rig_file(tmp_path, '[lamp]\ndriver = "acme-lamp"\nport = "COM9"\n')
+    path = rig_file(tmp_path)
     with open_rig(path) as rig:
         assert list(rig.instruments)[-1] == "lamp"
         rig.role(lamp.Lamp).light(0.5)
@@ -119,7 +131,7 @@ def test_a_simulation_opens_no_driver_that_has_no_twin(
     """It used to be opened as it is, and its outputs written, while everything was said to be simulated."""
     code = LAMP.replace("    arithmetic = True", says)
     lamp = __import__(package("acme-lamp", code, roles={"lamp": "Lamp"}, drivers={"acme-lamp": "AcmeLamp"}))
-    path = rig_file(tmp_path, '[lamp]\ndriver = "acme-lamp"\nport = "COM9"\n')
+    path = rig_file(tmp_path)
     with pytest.raises(ConfigurationError, match=rf"The lamp .* 'acme-lamp' has no {mode}, and would open"):
         open_rig(path, simulate=mode)
     assert lamp.LOG == []
@@ -131,7 +143,7 @@ def test_a_simulation_opens_no_driver_whose_wire_says_no_address(package: Packag
     )
     points: dict[str, dict[str, str]] = {"drivers": {"acme-lamp": "AcmeLamp"}, "wires": {"acme-lamp": "wire"}}
     lamp = __import__(package("acme-lamp", code, roles={"lamp": "Lamp"}, **points))
-    path = rig_file(tmp_path, '[lamp]\ndriver = "acme-lamp"\nport = "COM9"\n')
+    path = rig_file(tmp_path)
     with pytest.raises(ConfigurationError, match=r"has no twin, and would open .* or simulate as wire"):
         open_rig(path, simulate="twin")
     with pytest.raises(ConfigurationError, match="The wire of 'acme-lamp' replaces no setting"):
@@ -147,20 +159,8 @@ def test_its_settings_are_its_drivers(lamp: Any, tmp_path: Path) -> None:
         load_rig_file(path)
 
 
-def test_a_safe_state_from_outside_that_fails_is_told_and_the_relay_still_opens(
-    lamp: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def stuck(_self: object) -> None:
-        raise InstrumentError("The lamp is stuck.")
-
-    rig = open_rig(rig_file(tmp_path, '[lamp]\ndriver = "acme-lamp"\nport = "COM9"\n'))
-    rig.relay.connect(["A"])
-    monkeypatch.setattr(lamp.AcmeLamp, "make_safe", stuck)
-    with pytest.raises(InstrumentError, match="The lamp is stuck"):
-        rig.make_safe()
-    assert rig.relay.connected() == frozenset()
-    monkeypatch.undo()
-    rig.close()
+def stuck(_self: object) -> None:
+    raise InstrumentError("The lamp is stuck.")
 
 
 def dead(_self: object) -> None:
@@ -171,18 +171,18 @@ def leaving(_self: object) -> None:
     sys.exit("The vendor's library ends the program.")
 
 
-@pytest.mark.parametrize("broken", [property(dead), leaving], ids=["a property", "sys.exit"])
+@pytest.mark.parametrize(
+    ("broken", "says"),
+    [(stuck, "confirmed: The lamp is stuck"), (property(dead), "confirmed"), (leaving, "confirmed")],
+)
 def test_whatever_a_safe_state_from_outside_does_the_relay_opens(
-    lamp: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, broken: object
+    connected: Rig, lamp: Any, monkeypatch: pytest.MonkeyPatch, broken: object, says: str
 ) -> None:
-    rig = open_rig(rig_file(tmp_path, '[lamp]\ndriver = "acme-lamp"\nport = "COM9"\n'))
-    rig.relay.connect(["A"])
     monkeypatch.setattr(lamp.AcmeLamp, "make_safe", broken)
-    with pytest.raises(InstrumentError, match="The safe state was not confirmed"):
-        rig.make_safe()
-    assert rig.relay.connected() == frozenset()
+    with pytest.raises(InstrumentError, match=f"The safe state was not {says}"):
+        connected.make_safe()
+    assert connected.relay.connected() == frozenset()
     monkeypatch.undo()
-    rig.close()
 
 
 @pytest.mark.parametrize("volts", [False, True])
@@ -191,7 +191,7 @@ def test_only_what_puts_out_volts_is_made_safe_before_the_relay_opens(
 ) -> None:
     kind = type("Source", (Interlocked, lamp.AcmeLamp), {}) if volts else lamp.AcmeLamp
     monkeypatch.setattr(lamp.AcmeLamp, "open", lambda _settings, _clock: kind())
-    rig = open_rig(rig_file(tmp_path, '[lamp]\ndriver = "acme-lamp"\nport = "COM9"\n'))
+    rig = open_rig(rig_file(tmp_path))
     rig.relay.connect(["A"])
     connected: list[frozenset[str]] = []
     monkeypatch.setattr(lamp.AcmeLamp, "make_safe", lambda _self: connected.append(rig.relay.connected()))
@@ -201,14 +201,11 @@ def test_only_what_puts_out_volts_is_made_safe_before_the_relay_opens(
 
 
 def test_an_identity_that_hangs_later_keeps_no_relay_closed(
-    lamp: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    connected: Rig, lamp: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    rig = open_rig(rig_file(tmp_path, '[lamp]\ndriver = "acme-lamp"\nport = "COM9"\n'))
-    rig.relay.connect(["A"])
     monkeypatch.setattr(lamp.AcmeLamp, "identity", property(dead))
-    rig.make_safe()
-    assert rig.relay.connected() == frozenset()
-    rig.close()
+    connected.make_safe()
+    assert connected.relay.connected() == frozenset()
 
 
 @pytest.mark.parametrize("error", [ValueError("two\nlines"), SystemExit("bye")])
@@ -218,7 +215,7 @@ def test_a_driver_from_outside_that_cannot_be_opened_or_closed_is_named(
     def fail(*_: object) -> None:
         raise error
 
-    path = rig_file(tmp_path, '[lamp]\ndriver = "acme-lamp"\nport = "COM9"\n')
+    path = rig_file(tmp_path)
     monkeypatch.setattr(lamp.AcmeLamp, "close", fail)
     rig = open_rig(path)
     with pytest.raises(InstrumentError, match=type(error).__name__):
@@ -240,11 +237,11 @@ def test_a_role_need_not_be_called_like_its_class(package: Package, tmp_path: Pa
         assert rig.role(lamp.Lamp) is rig.instruments["beam"]
 
 
-@pytest.mark.parametrize("role", ["table", "name", "devices", "digest", "model_dump"])
-def test_a_role_with_an_unfortunate_name_stops_no_other_rig(package: Package, role: str) -> None:
-    package("acme-lamp", LAMP, roles={role: "Lamp"}, drivers={"acme-lamp": "AcmeLamp"})
+def test_roles_with_unfortunate_names_stop_no_other_rig(package: Package) -> None:
+    roles = dict.fromkeys(("table", "name", "devices", "digest", "model_dump"), "Lamp")
+    package("acme-lamp", LAMP, roles=roles, drivers={"acme-lamp": "AcmeLamp"})
     with open_rig("simulated") as rig:
-        assert role not in rig.instruments
+        assert not set(roles) & set(rig.instruments)
 
 
 def test_the_schema_has_its_table(lamp: Any) -> None:
@@ -286,28 +283,44 @@ BROKEN = {
 
 
 @pytest.mark.parametrize("how", BROKEN)
-def test_a_broken_driver_is_one_sentence_for_the_rig_that_uses_it_and_for_no_other(
+def test_a_broken_driver_is_one_sentence_for_the_rig_that_uses_it(
     package: Package, tmp_path: Path, how: str
 ) -> None:
     code, named, says = BROKEN[how]
     package("acme-broken", code, drivers={"broken": named})
-    path = rig_file(tmp_path, '[relay]\ndriver = "broken"\n')
     with pytest.raises(ConfigurationError, match="the package acme-broken") as caught:
-        load_rig_file(path)
+        load_rig_file(rig_file(tmp_path, '[relay]\ndriver = "broken"\n'))
     assert says in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("named", ["Nobody", "an_instance", "wrong_twin"])
+def test_a_broken_role_is_one_sentence_for_the_rig_that_uses_it(
+    package: Package, tmp_path: Path, named: str
+) -> None:
+    package("acme-lamp", LAMP, roles={"lamp": named}, drivers={"acme-lamp": "AcmeLamp"})
+    says = "cannot be loaded" if named == "Nobody" else "must be a class"
+    with pytest.raises(ConfigurationError, match=f"The role 'lamp' of the package acme-lamp .*{says}"):
+        load_rig_file(rig_file(tmp_path))
+
+
+def test_what_is_broken_stops_no_other_rig(package: Package) -> None:
+    for number, (code, named, _) in enumerate(BROKEN.values()):
+        package(f"acme-{number}", code, drivers={f"broken-{number}": named})
+    package("acme-role", LAMP, roles={"lamp": "Nobody"})
     with open_rig("simulated") as rig:
         assert isinstance(rig, Rig)
     schema = rig_schema()
-    assert "broken" not in schema["properties"]["relay"]["properties"]["driver"]["enum"]
-    assert "acme-broken" in schema["$comment"]
+    known = schema["properties"]["relay"]["properties"]["driver"]["enum"]
+    assert not [name for name in known if "broken" in name]
+    assert all(f"acme-{which}" in schema["$comment"] for which in (*range(len(BROKEN)), "role"))
 
 
 def test_ctrl_c_leaves_no_half_of_a_package(package: Package, tmp_path: Path) -> None:
     """Half of a module stays when its import is interrupted; of some, the rest cannot be imported then."""
     stop = "import signal\nsignal.raise_signal(signal.SIGINT)\n"
     module = package("acme-lamp", stop + LAMP, roles={"lamp": "Lamp"}, drivers={"acme-lamp": "AcmeLamp"})
-    path = rig_file(tmp_path, '[lamp]\ndriver = "acme-lamp"\nport = "COM9"\n')
+    path = rig_file(tmp_path)
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         with pytest.raises(KeyboardInterrupt):
@@ -315,21 +328,6 @@ def test_ctrl_c_leaves_no_half_of_a_package(package: Package, tmp_path: Path) ->
     finally:
         signal.signal(signal.SIGINT, before)
     assert hasattr(sys.modules[module], "raise_when")
-
-
-@pytest.mark.parametrize(
-    ("named", "says"),
-    [("Nobody", "cannot be loaded"), ("an_instance", "must be a class"), ("wrong_twin", "must be a class")],
-)
-def test_a_broken_role_is_one_sentence_for_the_rig_that_uses_it(
-    package: Package, tmp_path: Path, named: str, says: str
-) -> None:
-    package("acme-lamp", LAMP, roles={"lamp": named}, drivers={"acme-lamp": "AcmeLamp"})
-    path = rig_file(tmp_path, '[lamp]\ndriver = "acme-lamp"\nport = "COM9"\n')
-    with pytest.raises(ConfigurationError, match=f"The role 'lamp' of the package acme-lamp .*{says}"):
-        load_rig_file(path)
-    open_rig("simulated").close()
-    assert "acme-lamp" in rig_schema()["$comment"]
 
 
 def test_a_driver_for_another_role_is_named(tmp_path: Path) -> None:
@@ -356,7 +354,7 @@ def test_a_twin_that_is_none_is_named(package: Package, tmp_path: Path) -> None:
         twins={"acme-lamp": "wrong_twin"},
     )
     with pytest.raises(ConfigurationError, match="'acme-lamp' opened is no lamp, but an object of str"):
-        open_rig(rig_file(tmp_path, '[lamp]\ndriver = "acme-lamp"\nport = "COM9"\n'))
+        open_rig(rig_file(tmp_path))
 
 
 def test_the_command_line_ends_with_2_and_a_sentence(package: Package, tmp_path: Path) -> None:

@@ -16,11 +16,11 @@ def arrivals(rate_hz: float, seconds: float, wait: float, rng: np.random.Generat
 
 
 @pytest.mark.parametrize(
-    ("rate_hz", "drift"), [(80.0, -0.08), (80.0, 0.03), (1000.0, 50e-6), (5000.0, -2e-4)]
+    ("rate_hz", "drift"), [(80.0, -0.08), (80.0, 0.03), (1000.0, 50e-6), (2000.0, -2e-4)]
 )
 def test_the_earliest_arrivals_tell_begin_and_rate(rate_hz: float, drift: float, full: bool) -> None:
     own, wait = rate_hz * (1 + drift), 0.01
-    for seed in range(20 if full else 4):
+    for seed in range(20 if full else 2):
         clock = ArrivalClock(rate_hz)
         came = arrivals(own, 30.0, wait, np.random.default_rng(seed))
         for index, time in enumerate(came):

@@ -97,8 +97,6 @@ def test_resampling_is_exact_for_what_is_band_limited() -> None:
         (burst(1.01), {}, r"1.01 V peak was refused.*1 V"),
         (burst(1.5), {"highest": 2.0}, r"1.5 V peak was refused.*1.4 V"),
         (burst(0.5) + 0.02, {}, "AC-coupled, so take the mean off"),
-        (np.append(burst(0.5), np.nan), {}, "must be finite"),
-        (np.zeros(0), {}, "must have samples"),
     ],
 )
 def test_what_cannot_be_played_as_it_is_is_refused(
@@ -109,16 +107,6 @@ def test_what_cannot_be_played_as_it_is_is_refused(
         pass
     bench.wait(0.5)
     assert not bench.card.jack.begun and np.abs(bench.volts).max() == 0
-
-
-def test_an_underflow_is_a_failed_play() -> None:
-    bench = Bench()
-    bench.card.jack.starves_at = 9600
-    with pytest.raises(InstrumentError, match="ran out of samples"), bench.driver.play(burst(0.9), RATE):
-        bench.wait(1.0)
-    assert bench.card.jack.starves_at is None
-    with bench.driver.play(burst(0.9), RATE):  # the next one is a new trial
-        bench.wait(1.0)
 
 
 def test_a_busy_device_is_one_sentence() -> None:
@@ -197,10 +185,12 @@ def test_a_capture_is_on_the_drives_clock(open: OpenRig, tmp_path: Path) -> None
     assert rig.simulation.truth.closed == frozenset()
 
 
-@pytest.mark.parametrize("made", [lambda: burst(40), lambda: linear_sweep(RATE, 2.0, 625.0, 40.0)])
-@pytest.mark.parametrize("corner", [5.0, 2.0, 10.0])
+@pytest.mark.parametrize(
+    ("made", "corner"),
+    [(burst, 5.0), (burst, 2.0), (burst, 10.0), (lambda peak: linear_sweep(RATE, 2.0, 625.0, peak), 2.0)],
+)
 def test_the_begin_does_not_depend_on_what_the_coupling_is_believed_to_be(
-    open: OpenRig, made: Callable[[], FloatArray], corner: float, monkeypatch: pytest.MonkeyPatch
+    open: OpenRig, made: Callable[[float], FloatArray], corner: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Declared as 5 Hz: a wrong corner must not pass for a delay."""
     rig = open("sound-card")
@@ -210,17 +200,11 @@ def test_the_begin_does_not_depend_on_what_the_coupling_is_believed_to_be(
     monkeypatch.setattr(
         rig.daq, "stream", lambda *a, **k: (begun.append(rig.clock.now()), stream(*a, **k))[1]
     )
-    capture = rig.excite(made(), ["A"], ["drive"], tail=0.1)
+    capture = rig.excite(made(40.0), ["A"], ["drive"], tail=0.1)
     assert isinstance(capture, Aligned)
     truth = jack.begun[-1] + 0.05 / (1 + DRIFT) - begun[-1]
     # The amplifier's pole (31.8 us) and half a step of the card (10.4 us) come after the begin.
     assert capture.timing.begin - truth == pytest.approx(42.2e-6, abs=2e-6 if corner == 5 else 15e-6)
-
-
-def test_channels_are_given_as_asked_for(open: OpenRig) -> None:
-    capture = open("sound-card").excite(burst(40), ["A"], ["laser"], tail=0.1)
-    assert capture.channels == ("laser",) and capture.volts.shape == (1, 25_000)
-    assert capture.delays.shape == capture.overload.shape == (1,)
 
 
 def test_the_operator_confirms_what_no_software_can_read(
@@ -264,6 +248,9 @@ def test_an_underflow_on_the_rig_is_an_error_and_leaves_it_safe(open: OpenRig) -
     with pytest.raises(InstrumentError, match="ran out of samples"):
         rig.excite(burst(40), ["A"], ["drive", "laser"])
     assert rig.simulation.truth.closed == frozenset()
+    capture = rig.excite(burst(40), ["A"], ["laser"], tail=0.1)  # the next one is a new trial
+    assert capture.channels == ("laser",) and capture.volts.shape == (1, 25_000)
+    assert capture.delays.shape == capture.overload.shape == (1,)
 
 
 def test_the_safe_state_stops_a_play_before_the_relay_opens(

@@ -36,12 +36,11 @@ SOURCES = pytest.mark.parametrize(
 
 
 @SOURCES
-@pytest.mark.parametrize("gain", [5.0, 25.0])
 def test_a_gain_that_is_higher_than_the_file_says_is_found_at_a_volt(
-    file: RigFile, play: Callable[[Rig], Any], gain: float
+    file: RigFile, play: Callable[[Rig], Any]
 ) -> None:
     """A tenth of the true gain of 50 in the file once put 168 V on the patch for 0.2 s."""
-    stated = gain
+    stated = 25.0
     amplifier = file.amplifier.model_copy()  # type: ignore[union-attr]
     amplifier.__pydantic_extra__ = dict(amplifier.settings) | {"gain": stated, "rating_source": "a test"}
     with open_rig(file.model_copy(update={"amplifier": amplifier}), simulate="twin") as rig:
@@ -92,8 +91,7 @@ def test_a_gain_that_is_wrong_on_one_channel_is_found_at_a_volt(mode: Mode) -> N
         assert not rig.simulation.truth.closed
 
 
-@pytest.mark.parametrize("mode", ["twin", "wire"])
-@pytest.mark.parametrize("file", ["four-channel", "simulated"])
+@pytest.mark.parametrize(("mode", "file"), [("twin", "four-channel"), ("wire", "simulated")])
 def test_nothing_is_played_while_a_patchs_monitor_is_dead(mode: Mode, file: str) -> None:
     """With a monitor that shows nothing, neither the proof nor the abort monitor looks after the patch."""
     dead, patch = ("drive_c", "C") if file == "four-channel" else ("drive", "A")

@@ -30,9 +30,9 @@ def test_without_an_inductance_the_current_is_never_smaller() -> None:
 def test_a_steady_voltage_heats_as_one_body_does() -> None:
     volts = np.full(round(4 * RATE_HZ), 2.0)
     seconds = np.arange(1, len(volts) + 1) / RATE_HZ
-    assert COIL.heat(volts, RATE_HZ) == pytest.approx(0.5 * (1 - np.exp(-seconds / 2.0)), abs=1e-4)
+    np.testing.assert_allclose(COIL.heat(volts, RATE_HZ), 0.5 * (1 - np.exp(-seconds / 2.0)), atol=1e-4)
     warm = COIL.heat(0 * volts, RATE_HZ, warm=0.3)
-    assert warm == pytest.approx(0.3 * np.exp(-seconds / 2.0), rel=1e-3)
+    np.testing.assert_allclose(warm, 0.3 * np.exp(-seconds / 2.0), rtol=1e-3)
 
 
 def test_repeated_without_a_pause_a_drive_heats_to_its_mean() -> None:
