@@ -30,6 +30,8 @@ def test_a_lockout_of_one_piece_locks_out_every_rig_with_it_and_no_other(tmp_pat
     assert [lockout_of(folder, {one}) == FIRST for one in PIECES] == [one == piece for one in PIECES]
     clear_lockout(folder, PIECES)
     assert lockout_of(folder, PIECES) is None
+    set_lockout(folder, {piece}, SECOND)
+    assert lockout_of(folder, PIECES) == SECOND
 
 
 @pytest.mark.parametrize("piece", PIECES)

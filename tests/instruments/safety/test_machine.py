@@ -15,7 +15,7 @@ import pytest
 from haploop.instruments import InstrumentError
 from haploop.instruments.safety import machine
 from haploop.instruments.safety.lock import InUse, hold, is_marked, marked
-from haploop.instruments.safety.lockout import Lockout, clear_lockout, lockout_of, set_lockout
+from haploop.instruments.safety.lockout import Lockout, lockout_of, set_lockout
 
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="links, pipes and users of POSIX")
 PIECE = f"a card of test {os.getpid()}"
@@ -153,17 +153,6 @@ def test_everybody_may_write_there_and_nobody_removes_what_is_not_theirs(place: 
         assert stat.S_IMODE((place / "a").stat().st_mode) & 0o666 == 0o666
     finally:
         os.umask(before)
-
-
-def test_a_lockout_that_was_cleared_stays_so_and_can_be_set_again(place: Path) -> None:
-    folder = machine.folder()
-    clear_lockout(folder, {PIECE})  # of which there is none
-    for why in ("one", "two"):
-        set_lockout(folder, {PIECE}, Lockout("now", why, "me", ""))
-        found = lockout_of(folder, {PIECE})
-        assert found is not None and found.why == why
-        clear_lockout(folder, {PIECE})
-        assert lockout_of(folder, {PIECE}) is None
 
 
 def test_a_place_that_may_not_be_written_is_refused(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -311,6 +311,11 @@ def test_what_is_played_is_counted_before_it_begins_and_as_it_was(world: World) 
 
     limits = replace(LIMITS, duty=1.0 / 60)
     long = np.sin(np.arange(600) / 3)
+    with (
+        pytest.raises(LimitError, match="play a shorter one"),
+        world.permit({"one": long}, limits=Limits(duty=0.5 / 60)),
+    ):
+        pass
     with world.permit({"one": long}, limits=limits):
         assert counted() == [0.599]  # its first sample is zero
         world.clock.sleep(0.2)

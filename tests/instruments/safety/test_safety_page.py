@@ -12,8 +12,6 @@ from haploop.calibration.examination import examine
 from haploop.instruments import ConfigurationError, RigFile, load_rig_file, open_rig
 from haploop.instruments.config.rig_file import AbortLimits, Device
 from haploop.instruments.daq.ni_daqmx import NiDaq
-from haploop.instruments.json_text import from_text
-from haploop.instruments.safety.audit import entries, log_problems
 
 
 def with_relay(**settings: Any) -> RigFile:
@@ -54,17 +52,3 @@ def test_a_force_limit_that_a_card_cannot_test_is_an_error_before_anything_is_pl
         with pytest.raises(ConfigurationError, match=r"Dev1 \(PCI-6034E\) converts 200000 samples"):
             rig.excite(np.sin(np.arange(5000) / 30) * np.hanning(5000), ["A"], ["drive"])
         assert rig.simulation.truth.peak == 0
-
-
-def test_a_line_that_is_missing_from_the_log_is_not_noticed_and_a_changed_one_is() -> None:
-    with open_rig("simulated") as rig:
-        for number in range(3):
-            rig.audit.note("replaced", patch=str(number))
-        (log,) = rig.audit.folder.glob("log-*.jsonl")
-        lines = log.read_bytes().splitlines(keepends=True)
-        assert from_text(lines[-1])["patch"] == "2"
-        log.write_bytes(b"".join(lines[:-2] + lines[-1:]))
-        assert not log_problems(log)
-        log.write_bytes(b"".join([*lines[:-1], lines[-1].replace(b'"2"', b'"3"')]))
-        assert "1 damaged line" in log_problems(log)[0]
-        assert [e["kind"] for e in entries(rig.audit.folder)][-1] == "damaged"
