@@ -118,50 +118,43 @@ def _driver_is_installed() -> bool:
     return True
 
 
-@pytest.mark.parametrize(
-    "changes, error, sentence",
-    [
-        ({"devices": {"Dev1": "PCIe-6321"}}, ConfigurationError, "Dev1 is a PCI-6034E, and the rig"),
-        ({"devices": {"Dev9": "PCIe-6321"}}, InstrumentError, "no NI device 'Dev9'; the system lists Dev1"),
-    ],
-)
-def test_wrong_devices(
-    server: NiServer, bench: Bench, changes: dict[str, Any], error: type[Exception], sentence: str
-) -> None:
-    with pytest.raises(error, match=sentence), opened(server, bench, **changes):
-        pass
-
-
 def channel(terminal: str, range: float = 10, config: str = "rse") -> dict[str, Any]:
     return {"channels": {"a": {"terminal": terminal, "range": range, "config": config}}}
 
 
-@pytest.mark.parametrize(
-    "changes, sentence",
-    [
-        (channel("Dev2/ai77"), "Dev2 does not have a terminal"),
-        (channel("Dev2/ai0", range=11), "no range of .-11 V"),
-        (channel("Dev2/ai9", config="diff"), "terminal configuration DIFF"),
-    ],
-)
-def test_wrong_channels(server: NiServer, bench: Bench, changes: dict[str, Any], sentence: str) -> None:
-    with opened(server, bench, **changes) as daq, pytest.raises(ConfigurationError, match=sentence):
-        daq.stream(["a"], 5000, 100)
+def test_another_card_than_the_rig_file_says(server: NiServer, bench: Bench) -> None:
+    for devices, sentence in (
+        ({"Dev1": "PCIe-6321"}, "Dev1 is a PCI-6034E, and the rig"),
+        ({"Dev9": "PCIe-6321"}, "no NI device 'Dev9'; the system lists Dev1"),
+    ):
+        with (
+            pytest.raises((ConfigurationError, InstrumentError), match=sentence),
+            opened(server, bench, devices=devices),
+        ):
+            pass
 
 
 @pytest.mark.parametrize(
-    "request_, error, sentence",
+    ("changes", "request_", "sentence"),
     [
-        (lambda d: d.stream(["nobody"], 5000, 100), ConfigurationError, "no channel 'nobody'"),
-        (lambda d: d.stream(["laser", "laser"], 5000, 100), ConfigurationError, "each channel once"),
-        (lambda d: d.stream(["laser"], 1e6, 100), ConfigurationError, "cannot sample that fast"),
-        (lambda d: d.stream(["laser"], 5e3, 9, 9, {"x": np.ones(9)}), ConfigurationError, "no channel 'x'"),
-        (lambda d: d.stream(["laser"], 5e3, 9, 9, {"amplifier": np.full(9, 9.0)}), LimitError, "reaches 9 V"),
-        (lambda d: d.stream(["laser"], 5e3, 9, 9, {"amplifier": np.array([0, np.nan])}), LimitError, "nan"),
+        (channel("Dev2/ai77"), lambda d: d.stream(["a"], 5000, 100), "Dev2 does not have a terminal"),
+        (channel("Dev2/ai0", range=11), lambda d: d.stream(["a"], 5000, 100), "no range of .-11 V"),
+        (channel("Dev2/ai9", config="diff"), lambda d: d.stream(["a"], 5000, 100), "configuration DIFF"),
+        ({}, lambda d: d.stream(["laser", "laser"], 5000, 100), "each channel once"),
+        ({}, lambda d: d.stream(["laser"], 1e6, 100), "cannot sample that fast"),
+        ({}, lambda d: d.stream(["laser"], 5e3, 9, 9, {"x": np.ones(9)}), "no channel 'x'"),
+        ({}, lambda d: d.stream(["laser"], 5e3, 9, 9, {"amplifier": np.full(9, 9.0)}), "reaches 9 V"),
     ],
 )
-def test_wrong_requests(
-    daq: NiDaq, request_: Callable[[NiDaq], object], error: type[Exception], sentence: str
+def test_what_no_card_can_do_is_one_sentence(
+    server: NiServer,
+    bench: Bench,
+    changes: dict[str, Any],
+    request_: Callable[[NiDaq], object],
+    sentence: str,
 ) -> None:
-    with pytest.raises(error, match=sentence):
+    with (
+        opened(server, bench, **changes) as daq,
+        pytest.raises((ConfigurationError, LimitError), match=sentence),
+    ):
         request_(daq)
