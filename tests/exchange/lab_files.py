@@ -78,10 +78,6 @@ def no_header(path: Path, w: Written) -> None:
     path.write_text(text(w.columns()))
 
 
-def no_header_no_time(path: Path, w: Written) -> None:
-    path.write_text(text(w.columns()[:, 1:], "\t"))
-
-
 def spreadsheet_labview(path: Path, w: Written) -> None:
     """`Write To Spreadsheet File`: tabs, the locale's comma, six digits behind it, nothing else."""
     made = io.StringIO()
@@ -179,12 +175,6 @@ def old_tektronix(path: Path, w: Written) -> None:
     path.write_text("\n".join(rows) + "\n")
 
 
-def keysight(path: Path, w: Written) -> None:
-    made = io.StringIO()
-    np.savetxt(made, w.columns() * [1, 0.1, 0.1 / G, 1], fmt="%+.6E", delimiter=",")
-    path.write_text("x-axis,1,2,3\nsecond,Volt,Volt,Volt\n" + made.getvalue())
-
-
 def rigol(path: Path, w: Written) -> None:
     """A sequence number instead of a time; start and increment stand in the rows of headings and units."""
     values = w.columns() * [0, 0.1, 0.1 / G, 1]
@@ -213,12 +203,6 @@ def tdms_waveform(path: Path, w: Written) -> None:
     tdms(path, w, wf_increment=1 / w.rate_hz, wf_start_offset=0.0, wf_samples=len(w.force))
 
 
-def mat_vectors(path: Path, w: Written) -> None:
-    savemat(
-        path, {"fs": w.rate_hz, "acc": w.acceleration[:, None], "F": w.force[:, None], "sw": 5 * w.switch}
-    )
-
-
 def mat_struct(path: Path, w: Written) -> None:
     data = {"fs": w.rate_hz, "acc": w.acceleration[:, None], "t": w.time[:, None], "force": w.force}
     savemat(path, {"data": data | {"unit": "SI"}, "comment": "latch 3, finger 2"})
@@ -240,10 +224,6 @@ def mat_7_3(path: Path, w: Written) -> None:
         note.attrs["MATLAB_class"] = np.bytes_("char")
     with path.open("r+b") as raw:
         raw.write(b"MATLAB 7.3 MAT-file, Platform: PCWIN64, Created on: Fri Nov 20 14:03:11 2026")
-
-
-def npy(path: Path, w: Written) -> None:
-    np.save(path, w.columns().astype(np.float32)[:, 1:])
 
 
 def npy_named(path: Path, w: Written) -> None:
@@ -403,9 +383,6 @@ KINDS: Sequence[Kind] = (
     Kind("none.csv", no_header,
          {"time": 0, "force": 1, "acceleration": 2, "activation": 3, "units": {"time": "s", **SI}},
          lacks=("--time", "--force")),
-    Kind("none.txt", no_header_no_time,
-         {"rate_hz": 5000.0, "force": 0, "acceleration": 1, "activation": 2, "units": SI},
-         lacks=("--rate", "--force")),
     Kind("labview.txt", spreadsheet_labview,
          {"time": 0, "force": 1, "acceleration": 2, "activation": 3, "units": {"time": "s", **SI}},
          lacks=("--time", "--force")),
@@ -419,20 +396,14 @@ KINDS: Sequence[Kind] = (
     Kind("tek.csv", tektronix, THREE, lacks=("--force",)),
     Kind("tds.csv", old_tektronix, {"time": 0, "force": 1, "units": {"time": "s", "force": "0.1 V/N"}},
          lacks=("--force",)),
-    Kind("keysight.csv", keysight,
-         {"force": "1", "acceleration": "2", "activation": "3", "units": VOLTS}, lacks=("--force",)),
     Kind("rigol.csv", rigol, THREE, lacks=("--force",)),
     Kind("wave.tdms", tdms_waveform),
     Kind("plain.tdms", tdms, {"rate_hz": 5000.0}, lacks=("--rate",)),
-    Kind("vectors.mat", mat_vectors, {"acceleration": "acc", "force": "F", "activation": "sw", "units": SI},
-         lacks=("--unit",)),
     Kind("struct.mat", mat_struct, {"units": SI}, lacks=("--unit",)),
     Kind("matrix.mat", mat_matrix,
          {"time": 0, "force": 1, "acceleration": 2, "activation": 3, "units": {"time": "s", **SI}},
          lacks=("--force",)),
     Kind("new.mat", mat_7_3, {"units": SI}, lacks=("--unit",)),
-    Kind("matrix.npy", npy, {"rate_hz": 5000.0, "force": 0, "acceleration": 1, "activation": 2, "units": SI},
-         lacks=("--rate", "--force")),
     Kind("named.npy", npy_named, {"units": SI}, lacks=("--unit",)),
     Kind("several.npz", npz, {"units": SI}, lacks=("--unit",)),
     Kind("plain.h5", hdf5),

@@ -107,7 +107,7 @@ def test_a_clipped_signal_is_saturated(presses: Written, tmp_path: Path) -> None
     assert all("saturated" in p.flags for p in found.verdicts)
 
 
-@pytest.mark.parametrize("rate_hz", [1000, 12_800, 51_200, 44_100])
+@pytest.mark.parametrize("rate_hz", [1000, 44_100])
 def test_other_rates_become_ours(presses: Written, tmp_path: Path, rate_hz: int) -> None:
     from scipy.signal import resample_poly
 
@@ -155,23 +155,19 @@ def test_a_file_without_a_press_is_no_recording(tmp_path: Path) -> None:
     assert not (tmp_path / "out.h5").exists()
 
 
-def test_a_saved_mapping_does_not_say_who_pressed(presses: Written, tmp_path: Path, run: Run) -> None:
+def test_a_saved_mapping_does_not_say_who_pressed_who_is_asked_for(
+    presses: Written, tmp_path: Path, run: Run
+) -> None:
     """A hundred files would silently be one participant's."""
     german(tmp_path / "a.csv", presses)
-    saved = tmp_path / "lab.toml"
-    assert (
-        run("import", tmp_path / "a.csv", "-p", "P07", "--button", "push", "--save-mapping", saved).exit_code
-        == 0
-    )
+    saved, out = tmp_path / "lab.toml", tmp_path / "out.h5"
+    refused = run("import", tmp_path / "a.csv", "-o", out)
+    assert refused.exit_code == 2 and "--participant P01 and --button NAME" in refused.stderr
+    assert refused.stderr.count("\n") == 1 and not out.exists()
+    told = ("-p", "P07", "--button", "push", "--save-mapping", saved)
+    assert run("import", tmp_path / "a.csv", *told).exit_code == 0
     mapping = haploop.FileMapping.load(saved)
     assert mapping.force == "Kraft [N]" and mapping.participant is None and mapping.button is None
-
-
-def test_who_pressed_is_asked_for(presses: Written, tmp_path: Path, run: Run) -> None:
-    german(tmp_path / "a.csv", presses)
-    refused = run("import", tmp_path / "a.csv", "-o", tmp_path / "out.h5")
-    assert refused.exit_code == 2 and "--participant P01 and --button NAME" in refused.stderr
-    assert refused.stderr.count("\n") == 1 and not (tmp_path / "out.h5").exists()
 
 
 def test_a_file_of_haploop_needs_no_import(tmp_path: Path) -> None:

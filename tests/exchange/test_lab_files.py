@@ -13,7 +13,7 @@ from haploop.exchange.importing import presses_in
 from tests.command_line import Run
 from tests.exchange.lab_files import KINDS, Kind, Written, german, no_header
 
-SAVED = ("none.csv", "pico.csv", "vectors.mat", "plain.tdms", "millivolts.csv", "three.wav")
+SAVED = ("none.csv", "pico.csv", "struct.mat", "plain.tdms", "millivolts.csv", "three.wav")
 
 
 @pytest.fixture(scope="session")
@@ -127,21 +127,17 @@ TEXT = "t [s],F [N],a [m/s^2]\n" + "".join(f"{k / 1000:.4f},{1 + k % 7},{9.8 + k
         ("0,1\n" * 50, {}, "--decimal"),
         ("Zeit,Kraft\n" + "".join(f"0,{k:04d},1,{k % 10}\n" for k in range(50)), {}, "semicolons or tabs"),
         (TEXT, {"force": "G"}, "no column 'G' for force: it has t [s], F [N], a [m/s^2]"),
-        (TEXT, {"force": 7}, "no column 7"),
         (TEXT, {"force": 1, "acceleration": "F"}, "same column"),
-        (TEXT, {"units": {"force": "g"}}, "no unit of force: write N, mN"),
         (TEXT, {"units": {"force": "100 mV/g"}}, "no unit of force"),
         (TEXT, {"units": {"force": "0.1 V/N"}}, "needs no sensitivity"),
         (TEXT, {"units": {"force": "0 N"}}, "no unit of force"),
         (TEXT, {"units": {"force": "1e9 N"}}, "look at its unit"),
         (TEXT, {"rate_hz": 5.0}, "5 samples/s"),
-        (TEXT, {"rate_hz": float("nan")}, "samples/s"),
         (TEXT.replace("0.5000,", "0.0001,"), {}, "goes back in time"),
         (TEXT.replace("0.5000,", ","), {}, "no time in sample 501"),
         (TEXT[: len(TEXT) // 2] + "broken\n" + TEXT[len(TEXT) // 2 :], {}, "stops being a table"),
         ("Sample rate: 5000 Hz\n" + TEXT, {}, "say which is right"),
         ("t [ms];F [N]\n" + "1.000,0;0,003\n" * 50, {}, "no table of numbers"),
-        ("only words\nand more\n", {}, "no table of numbers"),
         ("\0\1\2" * 100, {}, "is no text"),
         ("", {}, "is empty"),
         (TEXT.replace("[N]", "[V]"), {}, "'force=0.25 V/N'"),
@@ -159,7 +155,7 @@ def test_what_cannot_be_understood_is_one_sentence(
     assert sentence in str(error.value) and "\n" not in str(error.value), str(error.value)
 
 
-@pytest.mark.parametrize("suffix", [".npy", ".mat", ".h5", ".tdms", ".xlsx", ".npz", ".lvm", ".wav"])
+@pytest.mark.parametrize("suffix", [".npy", ".mat", ".h5", ".tdms", ".npz", ".wav"])
 def test_a_file_of_noise_is_one_sentence(run: Run, tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"a{suffix}"
     path.write_bytes(bytes(np.random.default_rng(1).integers(0, 256, 5000, dtype=np.uint8)))

@@ -121,8 +121,10 @@ def test_two_runs_do_not_write_into_one_folder(
     assert content(tmp_path) == alone
 
 
-def test_what_is_done_is_not_done_again(folder: Path, alone: dict[str, bytes], tmp_path: Path) -> None:
-    study = haploop.load_study(folder)
+def test_what_is_done_is_not_done_again_and_what_was_changed_or_is_gone_is(
+    folder: Path, alone: dict[str, bytes], tmp_path: Path
+) -> None:
+    study, parts = haploop.load_study(folder), tmp_path / "parts"
 
     def stop() -> None:
         raise KeyboardInterrupt
@@ -130,21 +132,12 @@ def test_what_is_done_is_not_done_again(folder: Path, alone: dict[str, bytes], t
     with pytest.raises(KeyboardInterrupt):
         haploop.process_study(study, tmp_path, workers=1, progress=once(stop))
     assert haploop.process_study(study, tmp_path, workers=1).computed == 7
-    (tmp_path / "parts" / "P02-push.json").write_bytes(alone["parts/P02-push.json"][:100])
+    (parts / "P02-push.json").write_bytes(alone["parts/P02-push.json"][:100])
     assert haploop.process_study(study, tmp_path, workers=1).computed == 1
-    assert content(tmp_path) == alone
-
-
-def test_a_part_that_was_changed_or_is_gone_is_computed_again(
-    folder: Path, alone: dict[str, bytes], tmp_path: Path
-) -> None:
-    study = haploop.load_study(folder)
-    haploop.process_study(study, tmp_path, workers=1)
-    rows = tmp_path / "parts" / "P02-push.json"
+    rows, press = parts / "P02-push.json", parts / "P03-latch-press.h5"
     assert haploop.verify(rows) == ()
     rows.write_bytes(rows.read_bytes().replace(b'"peak_force_n": ', b'"peak_force_n": 1'))
     (tmp_path / "push.h5").unlink()
-    press = tmp_path / "parts" / "P03-latch-press.h5"
     press.write_bytes(press.read_bytes()[:-100] + bytes(100))
     assert haploop.process_study(study, tmp_path, workers=1).computed == 3
     assert content(tmp_path) == alone

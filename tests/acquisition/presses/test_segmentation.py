@@ -5,9 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from haploop.acquisition import SEGMENTATIONS, Recording, Segmentation, find_presses, record, segmentation_for
-from haploop.acquisition.presses.segmentation import Detector, _value_at
-from haploop.instruments import DataError
+from haploop.acquisition import SEGMENTATIONS, Segmentation, find_presses, record, segmentation_for
+from haploop.acquisition.presses.segmentation import Detector
 from tests.acquisition.presses.pressworld import world_rig
 
 BUTTONS = ("latch", "toggle", "push")
@@ -18,10 +17,9 @@ def recorded(tmp_path, button, presses=6, **world):
     return record(rig, button, "P01", presses, tmp_path), rig.daq.world.presses
 
 
-@pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize("button", BUTTONS)
-def test_every_press_is_found_where_it_was(tmp_path, button, seed):
-    recording, truth = recorded(tmp_path, button, seed=seed, drift=0.05 / 60)
+def test_every_press_is_found_where_it_was(tmp_path, button):
+    recording, truth = recorded(tmp_path, button, drift=0.05 / 60)
     presses = find_presses(recording)
     assert len(presses) == len(truth)
     instants = np.array([p.activation for p in presses]) - [5000 * t.activation for t in truth]
@@ -48,8 +46,8 @@ def test_every_press_is_found_where_it_was(tmp_path, button, seed):
 @pytest.mark.parametrize(
     "trouble",
     [
-        {"drift": 0.01, "offset": -20.0},
-        {"drift": -0.01},
+        {"drift": 0.02, "offset": -20.0},
+        {"drift": -0.02, "offset": 30.0},
         {"noise": 0.1},
         {"bounce": 0.0045},
     ],
@@ -57,39 +55,21 @@ def test_every_press_is_found_where_it_was(tmp_path, button, seed):
 def test_drift_offset_noise_and_bounce_neither_hide_nor_invent_a_press(tmp_path, trouble):
     recording, truth = recorded(tmp_path, "toggle", seed=7, **trouble)
     presses = find_presses(recording)
-    assert len(presses) == len(truth)
+    assert len(presses) == len(truth) == 6, "each is asked for once"
     error = [p.activation - 5000 * t.activation for p, t in zip(presses, truth, strict=True)]
     assert np.abs(error).max() <= 1.0
     true = np.array([t.force(t.activation) for t in truth])
     assert np.mean([p.force_at_activation for p in presses] / true) == pytest.approx(1, abs=0.02)
 
 
-def test_the_force_at_an_instant_is_not_biased_by_the_kink_of_a_snap():
-    t = np.arange(100) - 50.3
-    for before, after in ((0.1, -0.4), (0.05, 0.05), (-0.2, 0.3)):
-        force = 5 + np.where(t < 0, before * t, after * t)
-        assert _value_at(force, 50.3, 7.5) == pytest.approx(5, abs=1e-9)
-
-
 def test_silence_holds_no_press():
     rng = np.random.default_rng(0)
-    t = np.arange(600 * 5000) / 5000
+    t = np.arange(100 * 5000) / 5000
     for drift in (0.0, 0.05 / 60, -0.05 / 60, 0.01):
         detector = Detector(5000.0)
         detector.feed(drift * t + 0.03 * rng.standard_normal(len(t)))
         detector.finish()
         assert detector.spans == []
-
-
-def test_a_touch_is_no_press_and_a_hesitating_finger_presses_once():
-    t = np.arange(5000) / 5000
-    touch = 0.4 * np.exp(-(((t - 0.5) / 0.05) ** 2))
-    hesitant = 2 * np.exp(-(((t - 0.4) / 0.05) ** 2)) + 3 * np.exp(-(((t - 0.6) / 0.05) ** 2))
-    for force, expected in ((touch, 0), (hesitant, 1)):
-        detector = Detector(5000.0)
-        detector.feed(force)
-        detector.finish()
-        assert len(detector.spans) == expected
 
 
 def test_two_presses_after_one_prompt_are_two(tmp_path):
@@ -132,29 +112,3 @@ def test_parameters_are_those_of_the_button_unless_others_are_given(tmp_path):
     assert len(find_presses(recording)) == len(truth)
     deaf = dataclasses.replace(segmentation_for("toggle"), least_peak=50.0)
     assert find_presses(recording, deaf) == ()
-
-
-def test_a_force_in_pieces_gives_the_same_presses_as_in_one():
-    rng = np.random.default_rng(1)
-    t = np.arange(20 * 5000) / 5000
-    force = 3 * np.maximum(0, np.sin(2 * np.pi * t / 2)) ** 4 + 0.03 * rng.standard_normal(len(t))
-    whole, pieces = Detector(5000.0), Detector(5000.0)
-    whole.feed(force)
-    for part in np.split(force, np.sort(rng.integers(0, len(force), 300))):
-        pieces.feed(part)
-    assert len(whole.spans) == 10
-    assert pieces.spans == whole.spans
-
-
-def test_a_contact_that_never_changes_is_said_so(tmp_path):
-    rig = world_rig(seed=9)
-    volts = rig.daq.world.volts
-    rig.daq.world.volts = lambda c, t: np.zeros(len(t)) if c == "switch" else volts(c, t)
-    with pytest.raises(DataError, match="did not switch"):
-        record(rig, "push", "P01", 1, tmp_path)
-    presses = find_presses(Recording.open(tmp_path / "P01-push.h5"))
-    assert len(presses) == len(rig.daq.world.presses)
-    for press in presses:
-        assert press.activation is None
-        assert press.force_at_activation is None
-        assert press.first_stage is None

@@ -24,7 +24,7 @@ from tests.acquisition.recording.pattern import FULL_SCALE, block_of, codes_of, 
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "pwrite"), reason="refusals are simulated at POSIX calls")
 
-NUMBERS = [getattr(errno, name) for name in ("ENOSPC", "EDQUOT", "EFBIG", "EIO", "EROFS")]
+NUMBERS = [errno.ENOSPC, errno.EIO]
 
 
 @contextmanager
@@ -136,7 +136,7 @@ def largest_file(size: int) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
-@pytest.mark.parametrize("size", [0, 100, 512, 600, 1000, 3000, 8000, 12_000, 100_000])
+@pytest.mark.parametrize("size", [0, 512, 1000, 8000, 12_000, 100_000])
 def test_a_quota_is_a_full_disk(tmp_path: Path, size: int, capfd: pytest.CaptureFixture[str]) -> None:
     path = unfinished(tmp_path / "P02-push.h5")
     values = {"a": np.arange(20_000.0), "b": 1.5}

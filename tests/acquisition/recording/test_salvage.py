@@ -67,6 +67,8 @@ def test_of_an_unfinished_recording_the_blocks_before_a_damaged_one_are_kept(num
     assert contents.blocks["first"].tolist() == list(range(0, kept, 250))
     assert contents.events["sample"].tolist() == [250 * (n + 1) for n in range(number)]
     assert contents.presses["end"].tolist() == [250 * (n + 1) for n in range(number)]
+    if later:
+        assert any(f"{later} blocks after damaged ones" in problem for problem in verify(path))
     if number:
         recovered = Recording.open(recover(path))
         np.testing.assert_array_equal(recovered.volts, from_codes(codes_of(0, kept), FULL_SCALE))

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 
-from haploop.acquisition import PressVerdict, Recording, record, recover, verify
+from haploop.acquisition import Recording, record, recover, verify
 from haploop.acquisition.recording.file_format import from_codes
 from haploop.acquisition.recording.recovery import recover_damaged
 from haploop.acquisition.recording.salvage import CHUNK, finish
 from haploop.acquisition.recording.writer import Writer
-from haploop.instruments import Block, ConfigurationError, DataError, InstrumentError
+from haploop.instruments import Block, ConfigurationError, DataError
 from tests.acquisition.presses.pressworld import world_rig
 from tests.acquisition.recording.pattern import (
     CHANNELS,
@@ -40,20 +39,6 @@ def test_an_unfinished_file_is_an_ordinary_hdf5_file_while_it_grows(tmp_path):
             assert not recording.complete
 
 
-def test_a_short_last_block_and_a_block_written_twice_leave_no_wrong_row(tmp_path):
-    path = tmp_path / "P01-push.h5"
-    with Writer(path, header(), 250, 20) as writer:
-        writer.write(block_of(0), 0.0)
-        writer.write(block_of(0), 0.0)
-        writer.write(block_of(250, 17), 0.0)
-        with pytest.raises(InstrumentError, match="begins at sample"):
-            writer.write(block_of(1000), 0.0)
-        assert writer.written == 267
-    assert writer.committed == 267
-    full_scale = FULL_SCALE
-    assert np.array_equal(Recording.open(path).volts, from_codes(codes_of(0, 267), full_scale))
-
-
 def test_recovering_makes_it_whole_and_leaves_the_original_alone(tmp_path):
     path = unfinished(tmp_path / "P01-push.h5")
     before = path.read_bytes()
@@ -75,40 +60,6 @@ def test_recovering_makes_it_whole_and_leaves_the_original_alone(tmp_path):
     for folder in (tmp_path, ""):
         with pytest.raises(DataError, match="is a folder"):
             recover(folder)
-
-
-def test_of_one_attempt_the_last_judgement_counts(tmp_path):
-    path = tmp_path / "P01-push.h5"
-    flags = ("no-activation", "double")
-    second = PressVerdict(2, 1, 200, 250, math.nan, math.nan, False, flags, "Press it down.")
-    with Writer(path, header(), 250, 20) as writer:
-        writer.write(block_of(0), 0.0)
-        writer.write_verdict(second)
-        writer.write_verdict(PRESS)
-        writer.write_verdict(PRESS._replace(accepted=False, flags=("rejected",), reason="ü" * 150))
-        with pytest.raises(DataError, match="no press flag 'odd'; the flags are no-activation,"):
-            writer.write_verdict(PRESS._replace(flags=("odd",)))
-        with pytest.raises(DataError, match="the span must not end before it begins"):
-            writer.write_verdict(PRESS._replace(end=99))
-    for recording in (Recording.open(path), Recording.open(recover(path))):
-        first, other = recording.verdicts
-        assert first == PRESS._replace(accepted=False, flags=("rejected",), reason="ü" * 100)
-        assert math.isnan(other.activation)
-        assert other[:4] + other[6:] == second[:4] + second[6:]
-        assert recording.accepted == ()
-
-
-def test_a_torn_event_and_a_torn_press_are_none(tmp_path):
-    path = unfinished(tmp_path / "P01-push.h5")
-    with h5py.File(path) as file:
-        places = [file[name].id.get_offset() for name in ("events", "presses")]
-    with path.open("r+b") as raw:
-        for place in places:
-            raw.seek(place + 30)
-            raw.write(b"t")
-    recording = Recording.open(path)
-    assert (recording.events, recording.verdicts) == ([], ())
-    assert recording.duration == 0.4
 
 
 def cut(path: Path, folder: Path, keep: int) -> Path:
@@ -171,28 +122,6 @@ def test_what_is_behind_a_damaged_place_is_left_out(tmp_path):
     raw[chunk.byte_offset + 50] ^= 0xFF
     path.write_bytes(raw)
     assert Recording.open(saved_of(path)).volts.shape[1] == 4 * CHUNK // 250 * 250
-
-
-def test_of_what_was_changed_afterwards_the_samples_before_are_recovered(tmp_path):
-    path = unfinished(tmp_path / "P01-push.h5")
-    finish(path)
-    with h5py.File(path, "r+") as file:
-        file["codes"][3, 1000] += 1
-    recovered = Recording.open(recover(path))
-    assert np.array_equal(recovered.volts, from_codes(codes_of(0, 1000), FULL_SCALE))
-    assert "the rest of 0.40 s is damaged" in recovered.events[-1].text
-
-
-def test_a_torn_block_ends_the_recording_there(tmp_path):
-    path = unfinished(tmp_path / "P01-push.h5")
-    with h5py.File(path) as file:
-        place = file["blocks"].id.get_offset() + 5 * file["blocks"].dtype.itemsize
-    with path.open("r+b") as raw:
-        raw.seek(place + 1000)
-        raw.write(b"torn")
-    assert Recording.open(path).volts.shape[1] == 5 * 250
-    assert any("2 blocks after damaged ones" in problem for problem in verify(path))
-    assert "2 blocks after damaged ones" in Recording.open(recover(path)).events[-1].text
 
 
 def test_nothing_is_ever_overwritten(tmp_path):

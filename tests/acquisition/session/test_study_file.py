@@ -114,7 +114,9 @@ def test_a_button_s_own_settings(tmp_path):
     file = loaded(
         tmp_path,
         GOOD
-        + """
+        + """patience = 20
+attempts = 2
+wait = 5
 [prompts]
 press = "{button}!"
 [button.latch]
@@ -129,13 +131,10 @@ segmentation = { quiet = 0.2 }
     assert file.prompt_for("push") == "{button}!"
     assert file.protocol_for("latch").force == (3, 15)
     assert file.protocol_for("latch").segmentation == replace(segmentation_for("latch"), quiet=0.2)
-    assert file.protocol_for("push") == Protocol(wait=600, segmentation=segmentation_for("push"))
-
-
-def test_patience_and_attempts_are_the_study_s(tmp_path):
-    file = loaded(tmp_path, f"{GOOD}patience = 20\nattempts = 2\nwait = 5\n")
-    protocol = file.protocol_for("push")
-    assert (protocol.patience, protocol.attempts, protocol.wait) == (20, 2, 5)
+    own = Protocol(patience=20, attempts=2, wait=5, segmentation=segmentation_for("push"))
+    assert file.protocol_for("push") == own
+    usual = Protocol(wait=600, segmentation=segmentation_for("push"))
+    assert loaded(tmp_path, GOOD).protocol_for("push") == usual
 
 
 def test_participants_have_the_same_columns_and_no_prompt_holds_one(tmp_path):

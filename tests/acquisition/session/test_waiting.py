@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 from haploop.acquisition import Protocol, Recording, load_study, record, recover, set_aside, verify
-from haploop.acquisition.session.recorder import MOST_PRESSES
 from haploop.instruments import ConfigurationError, DataError, InstrumentError, Press
 from haploop.instruments.safety import is_marked, lock, marked
 from haploop.instruments.safety.lock import InUse
@@ -202,10 +201,3 @@ def test_what_holds_a_press_or_cannot_be_read_is_not_set_aside(tmp_path: Path) -
             record(world_rig(), "push", participant, 5, tmp_path)
         assert (tmp_path / f"{participant}-push.h5").read_bytes() == before
     assert len(list(tmp_path.iterdir())) == 2
-
-
-@pytest.mark.parametrize("presses", [MOST_PRESSES + 1, 10**9, 10**30])
-def test_more_presses_than_a_recording_can_hold_are_refused(tmp_path: Path, presses: int) -> None:
-    with pytest.raises(ConfigurationError, match=f"{presses} presses are too many for one recording"):
-        record(world_rig(), "push", "P01", presses, tmp_path)
-    assert list(tmp_path.iterdir()) == []

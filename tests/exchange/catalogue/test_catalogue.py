@@ -156,28 +156,20 @@ def test_a_folder_may_hold_anything(tmp_path: Path, folder: Path, index: Path, r
     assert shown.exit_code == 0 and "zero.h5" in shown.stdout
 
 
-def test_an_index_that_is_thrown_away_or_damaged_is_made_again(folder: Path, index: Path) -> None:
+def test_an_index_that_cannot_be_used_is_made_again_or_done_without(
+    folder: Path, index: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     before = haploop.list_files([folder], index=index)
     index.unlink()
     assert haploop.list_files([folder], index=index) == before
     index.write_bytes(b"no database at all" * 100)
     assert haploop.list_files([folder], index=index) == before
     assert haploop.list_files([folder], index=folder / "drive.h5" / "x") == before  # nowhere to write
-
-
-def test_an_index_of_another_version_is_made_again(folder: Path, index: Path) -> None:
-    before = haploop.list_files([folder], index=index)
-    with closing(sqlite3.connect(index)) as database:
+    with closing(sqlite3.connect(index)) as database:  # of another version
         database.execute("ALTER TABLE files DROP COLUMN verdict")
     assert haploop.list_files([folder], index=index) == before
-    with closing(sqlite3.connect(index)) as database:  # and is kept
+    with closing(sqlite3.connect(index)) as database:  # and the new one is kept
         assert database.execute("SELECT count(*) FROM files WHERE verdict = 'pass'").fetchone() == (1,)
-
-
-def test_an_index_that_another_program_writes_is_done_without(
-    folder: Path, index: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    before = haploop.list_files([folder], index=index)
     (folder / "drive.h5").rename(folder / "again.h5")
     connect = sqlite3.connect
     monkeypatch.setattr(sqlite3, "connect", lambda path, **_: connect(path, timeout=0.01))
