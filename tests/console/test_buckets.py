@@ -53,18 +53,14 @@ def test_a_bucket_with_a_missing_sample_shows_nothing():
     np.testing.assert_array_equal(np.isnan(extremes[0, 0]), [False] * 2 + [True] * 4 + [False] * 4)
 
 
-def test_a_view_that_comes_late_begins_where_it_came():
-    buckets = Buckets(1, SIZE, 1000)
-    buckets.add(10_020, np.ones((1, 200)))
-    assert buckets.since(0)[0] == 201
-    assert buckets.missed == 0
-
-
 def test_only_the_newest_buckets_are_kept():
     buckets = fed(np.arange(1000.0)[None], {300, 601}, kept=5)
     first, extremes = buckets.since(0)
     assert (first, list(extremes[1, 0])) == (15, [799, 849, 899, 949, 999])
     assert buckets.since(20)[1].shape == (2, 1, 0)
+    late = Buckets(1, SIZE, 1000)
+    late.add(10_020, np.ones((1, 200)))
+    assert (late.since(0)[0], late.missed) == (201, 0)
 
 
 def test_a_run_without_any_sensor_has_no_rows_and_is_followed_all_the_same():

@@ -283,16 +283,6 @@ def test_what_cannot_begin_is_one_sentence_and_leaves_nothing(console, values, s
     assert "runs already" in console.begin("P02")["error"]
 
 
-@pytest.mark.parametrize("body", [b"{", b"[]", b"3", b"[" * 60_000, b'{"turn": "' + b"x" * 70_000 + b'"}'])
-def test_a_request_that_is_no_object_is_one_sentence(console, body):
-    answer = console.participant.post("/api/participant/answer", content=body)
-    assert (
-        answer.status_code == 409
-        and "Traceback" not in answer.text
-        and "The request is" in answer.json()["error"]
-    )
-
-
 def test_progress_is_that_of_the_logs(console):
     console.begin()
     console.up_to("finger calibration")

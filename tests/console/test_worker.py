@@ -465,22 +465,26 @@ def test_the_listener_opens_for_its_tokens_only(listener):
 
 def test_the_listener_answers_the_consoles_pages_and_no_others(listener):
     page = "http://127.0.0.1:8735"
+    status, body, headers = ask(listener, "GET", "/")
+    assert status == 200 and b"STOP" in body and b"stop.js" in body
+    assert "default-src 'none'" in headers["Content-Security-Policy"]
+    assert b"fetch" in ask(listener, "GET", "/stop.js")[1]
     assert ask(listener, "POST", "/stop", b"stop-token", Origin=page)[0] == 403
     link = WorkerLink(Address(1, listener.port, "token", "stop-token", "data"))
+    for name in ("origins", "stop", "../origins", "/origins", "origins?", "state", "é\r\n"):
+        status, answer = link.command(name, ["http://evil.example"])  # type: ignore[arg-type]
+        assert status == 409 and "no command" in answer["error"], name
+    assert not listener.origins
     link.allow([page])
     status, _, headers = ask(listener, "POST", "/stop", b"stop-token", Origin=page)
     assert (status, headers["Access-Control-Allow-Origin"]) == (200, page)
     assert ask(listener, "POST", "/stop", b"stop-token", Origin="http://evil.example")[0] == 403
     assert ask(listener, "POST", "/stop", b"stop-token", Host="evil.example")[0] == 403
     assert ask(listener, "GET", "/state", Authorization="Bearer token", Host="evil.example")[0] == 403
-
-
-def test_a_page_names_commands_and_nothing_else_of_the_listener(listener):
-    link = WorkerLink(Address(1, listener.port, "token", "stop-token", "data"))
-    for name in ("origins", "stop", "../origins", "/origins", "origins?", "state", "é\r\n"):
-        status, answer = link.command(name, ["http://evil.example"])  # type: ignore[arg-type]
-        assert status == 409 and "no command" in answer["error"], name
-    assert not listener.origins
+    gone = WorkerLink(Address(1, 9, "token", "stop-token", "data"))
+    with pytest.raises(InstrumentError, match="does not answer"):
+        gone.state()
+    gone.end()
 
 
 def test_silent_connections_hold_nothing_up(listener, monkeypatch):
@@ -497,20 +501,6 @@ def test_silent_connections_hold_nothing_up(listener, monkeypatch):
         assert silent[0].recv(1) == b"", "the oldest one was closed"
     for one in silent:
         one.close()
-
-
-def test_the_worker_has_a_page_with_nothing_but_stop(listener):
-    status, body, headers = ask(listener, "GET", "/")
-    assert status == 200 and b"STOP" in body and b"stop.js" in body
-    assert "default-src 'none'" in headers["Content-Security-Policy"]
-    assert b"fetch" in ask(listener, "GET", "/stop.js")[1]
-
-
-def test_a_worker_that_has_gone_is_one_sentence(listener):
-    gone = WorkerLink(Address(1, 9, "token", "stop-token", "data"))
-    with pytest.raises(InstrumentError, match="does not answer"):
-        gone.state()
-    gone.end()
 
 
 def test_who_looks_gives_way_and_keeps_nothing(tmp_path):

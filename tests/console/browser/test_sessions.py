@@ -124,27 +124,3 @@ def test_the_scope_shows_every_channel_and_a_latched_overload(tab, console):
     expect(page.locator("#rate")).to_have_text(re.compile(r"^\d+ updates a second"), timeout=WAIT)
     expect(page.locator("#received")).to_contain_text("at 5000 Hz", timeout=WAIT)
     told(page, "by P15: done")
-
-
-def test_a_pause_of_a_minute(tab, console):
-    """The sitting waits with the file open; samples go on to it, and no press is looked for."""
-    page = visit(tab, console, "record")
-    fill(page, "P16", "toggle", 6)
-    page.get_by_role("button", name="Record", exact=True).click()
-    expect(page.locator("#count")).to_contain_text("P16", timeout=WAIT)
-    expect(page.locator("#last")).to_contain_text("good", timeout=WAIT)
-    page.keyboard.press("p")
-    expect(page.locator("#prompt")).to_contain_text("Paused", timeout=WAIT)
-    before = page.locator("#count").inner_text()
-    time.sleep(60)
-    assert page.locator("#count").inner_text() == before
-    page.keyboard.press("n")
-    told(page, "by P16: done")
-    recording = Recording.open(console.data / "recordings" / "P16-toggle.h5")
-    at = {event.kind: event.sample for event in recording.events}
-    # Simulated time stands still while the machine is too slow for it, so that it may have been less.
-    assert at["resumed"] - at["paused"] > 40 * recording.rate_hz
-    assert not any(at["paused"] < verdict.first < at["resumed"] for verdict in recording.verdicts)
-    assert recording.complete and len(recording.accepted) == 6
-    blocks = recording.blocks
-    assert (blocks["first"][1:] == blocks["first"][:-1] + blocks["count"][:-1]).all()

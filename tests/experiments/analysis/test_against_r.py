@@ -72,25 +72,22 @@ def agree(effects: Sequence[Effect], rows: dict[str, list[list[float]]]) -> None
         assert found == pytest.approx(flat, rel=EXACT), effect.name
 
 
-def test_two_within_and_one_between() -> None:
-    data = cells("balanced.csv", ["confirmation", "button"], ["v1"])
-    effects = anova(data.values[..., 0], data.factors, data.groups, "group")
-    assert len(effects) == 7
-    agree(effects, printed("balanced, v1"))
-
-
-def test_groups_of_different_size() -> None:
-    data = cells("unbalanced.csv", ["phase", "hour"], ["value"])
-    effects = anova(data.values[..., 0], data.factors, data.groups, "group")
-    assert len(effects) == 7
-    agree(effects, printed("unbalanced"))
-
-
-def test_no_between_factor() -> None:
-    data = cells("balanced.csv", ["confirmation", "button"], ["v2"], "")
-    effects = anova(data.values[..., 0], data.factors)
-    assert len(effects) == 3
-    agree(effects, printed("no between, balanced v2"))
+@pytest.mark.parametrize(
+    ("file", "within", "variable", "between", "section", "count"),
+    [
+        ("balanced.csv", ["confirmation", "button"], "v1", "group", "balanced, v1", 7),
+        ("unbalanced.csv", ["phase", "hour"], "value", "group", "unbalanced", 7),
+        ("balanced.csv", ["confirmation", "button"], "v2", "", "no between, balanced v2", 3),
+    ],
+)
+def test_two_within_and_one_between(
+    file: str, within: list[str], variable: str, between: str, section: str, count: int
+) -> None:
+    data = cells(file, within, [variable], between)
+    told = (data.groups, between) if between else ()
+    effects = anova(data.values[..., 0], data.factors, *told)
+    assert len(effects) == count
+    agree(effects, printed(section))
 
 
 def test_pairs_of_levels() -> None:

@@ -29,16 +29,12 @@ def test_bonferroni_multiplies_and_ends_at_one() -> None:
     assert found[1].p > 1 / 3 and found[2].p > 1 / 3
 
 
-def test_d_is_the_mean_over_the_deviation_of_the_differences() -> None:
+def test_within_groups_d_has_the_deviation_within_them() -> None:
     found = paired("a", "b", DIFFERENCES)
     assert found.d == pytest.approx(DIFFERENCES.mean() / DIFFERENCES.std(ddof=1))
     assert (found.df, found.weight) == (7, pytest.approx(8))
     assert found.p == pytest.approx(scipy.stats.ttest_1samp(DIFFERENCES, 0).pvalue)
-
-
-def test_within_groups_d_has_the_deviation_within_them() -> None:
-    groups = (0, 0, 0, 0, 0, 1, 1, 1)
-    found = paired("a", "b", DIFFERENCES, groups)
+    found = paired("a", "b", DIFFERENCES, (0, 0, 0, 0, 0, 1, 1, 1))
     parts = DIFFERENCES[:5], DIFFERENCES[5:]
     within = math.sqrt(sum(np.sum((part - part.mean()) ** 2) for part in parts) / 6)
     mean = (parts[0].mean() + parts[1].mean()) / 2

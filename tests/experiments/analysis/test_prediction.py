@@ -42,9 +42,8 @@ def test_what_is_far_above_threshold_and_unlike_is_told_apart() -> None:
     assert found.classes == tuple(SNAPS) and found.chance == pytest.approx(1 / 3)
     assert found.overall[0] > 0.93 and np.all(np.diag(found.cells) > 0.9)
     assert found.levels == pytest.approx([40] * 3, abs=0.5)
-
-
-def test_what_nobody_feels_is_guessed() -> None:
+    rights = [predict_answers(three(level)).overall[0] for level in (0, 15)]
+    assert rights[0] < rights[1] < found.overall[0]
     found = predict_answers(three(-30))
     assert found.overall == pytest.approx([1 / 3] * 3, abs=0.02)
     np.testing.assert_allclose(found.cells, 1 / 3, atol=0.02)
@@ -55,11 +54,6 @@ def test_two_of_one_motion_are_confused_and_a_third_is_not() -> None:
     found = predict_answers([latch, button("toggle", 40, SNAPS["toggle"]), push])
     np.testing.assert_allclose(found.cells[:2, :2], 0.5, atol=0.06)
     assert found.cells[2, 2] > 0.9
-
-
-def test_louder_is_told_better_and_all_as_quiet_as_each_other_counts_as_nothing() -> None:
-    rights = [predict_answers(three(level)).overall[0] for level in (0, 10, 20, 30)]
-    assert np.all(np.diff(rights) > 0)
 
 
 def test_rows_add_up_and_the_range_holds_what_one_draw_says() -> None:
@@ -113,21 +107,16 @@ def test_the_papers_ranges_are_those_of_its_matrices() -> None:
 
 
 def test_simulated_participants_answer_as_predicted(tmp_path: Path) -> None:
+    """Errors go where they were predicted to go."""
     found = predict_answers(three(18))
     path = tmp_path / "model.toml"
-    path.write_text(participant_model(found), encoding="utf-8")
-    model = load_participant_model(path)
-    np.testing.assert_allclose(answered(model, found), found.cells, atol=0.06)
+    cells = np.array([[0.4, 0.5, 0.1], [0.05, 0.6, 0.35], [0.3, 0.3, 0.4]])
+    for one in (found, replace(found, cells=cells)):
+        path.write_text(participant_model(one), encoding="utf-8")
+        model = load_participant_model(path)
+        np.testing.assert_allclose(answered(model, one), one.cells, atol=0.06)
     # They tell its amplitude from nothing where the mean person's threshold is.
     assert model.comparison.threshold * np.log(2) ** 0.5 == pytest.approx(10 ** (-18 / 20), rel=0.1)
-
-
-def test_errors_go_where_they_were_predicted_to_go(tmp_path: Path) -> None:
-    cells = np.array([[0.4, 0.5, 0.1], [0.05, 0.6, 0.35], [0.3, 0.3, 0.4]])
-    found = replace(predict_answers(three(18)), cells=cells)
-    path = tmp_path / "model.toml"
-    path.write_text(participant_model(found), encoding="utf-8")
-    np.testing.assert_allclose(answered(load_participant_model(path), found), cells, atol=0.06)
 
 
 def answered(model: Any, found: Prediction) -> np.ndarray:

@@ -84,54 +84,18 @@ def test_a_design_says_when_it_is_balanced() -> None:
     assert balance_of(load_experiment("rating").file, range(7)).balanced
 
 
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        (('groups = ["I", "II"]', 'groups = ["I", "II", "III"]'), "number of groups must be a multiple of 2"),
-        (('groups = ["I", "II"]', ""), "groups = 1 and sessions = 2 cannot balance"),
-        (("sessions = 2", "sessions = 3"), "groups = 2 and sessions = 3 cannot balance"),
-        (
-            ('[[factor]]\nname = "button"', '[[factor]]\nname = "noise"\nlevels = ["a", "b"]\n'
-             'varies = "session"\n[[factor]]\nname = "button"'),
-            "'confirmation', 'noise' vary by session, and change together",
-        ),
-    ],
-)  # fmt: skip
-def test_an_uneven_latin_square_is_refused(tmp_path: Path, change: tuple[str, str], said: str) -> None:
-    text = load_experiment("matching").path.read_text(encoding="utf-8")
-    assert change[0] in text
-    path = tmp_path / "experiment.toml"
-    path.write_text(text.replace(*change), encoding="utf-8")
-    with pytest.raises(ConfigurationError, match=said):
-        load_experiment(path)
-
-
-def test_a_factor_between_groups_needs_one_session_only(tmp_path: Path) -> None:
-    text = load_experiment("matching").path.read_text(encoding="utf-8")
-    path = tmp_path / "experiment.toml"
-    path.write_text(text.replace("sessions = 2", "sessions = 1"), encoding="utf-8")
-    assert load_experiment(path).file.sessions == 1
-
-
-def test_an_order_is_stored_by_its_seed() -> None:
+def test_an_order_is_stored_by_its_seed_and_six_participants_have_every_order() -> None:
     experiment = load_experiment("matching")
-    again = load_experiment("matching")
-    assert steps_of(experiment) == steps_of(again)
+    assert steps_of(experiment) == steps_of(load_experiment("matching"))
     assert steps_of(experiment) != steps_of(experiment, participant="P02")
     assert steps_of(experiment) != steps_of(experiment, session=2)
-
-
-def test_six_participants_have_three_buttons_in_every_order() -> None:
-    experiment = load_experiment("matching")
     orders = {
-        tuple(
-            step.stimulus["button"]
-            for step in steps_of(experiment, slot, participant=f"P{slot}")
-            if step.block == "familiarisation"
-        )
+        tuple(step.stimulus["button"] for step in steps if step.block == "familiarisation")
         for slot in range(6)
+        for steps in [steps_of(experiment, slot, participant=f"P{slot}")]
     }
     assert len(orders) == 6
+    assert all(steps_of(load_experiment(name)) for name in example_names()), "each example can be run"
 
 
 def test_two_blocks_alike_have_orders_of_their_own(tmp_path: Path) -> None:
@@ -183,11 +147,6 @@ def test_two_intervals_compare_each_level_in_both_orders() -> None:
     assert 40 <= first <= 80 and all(0.5 in step.values for step in steps)
 
 
-@pytest.mark.parametrize("name", example_names())
-def test_every_example_can_be_run(name: str) -> None:
-    assert steps_of(load_experiment(name))
-
-
 @pytest.mark.parametrize(
     ("change", "said"),
     [
@@ -201,18 +160,27 @@ def test_every_example_can_be_run(name: str) -> None:
         (('groups = ["I", "II"]', 'groups = ["I", "I"]'), "listed twice"),
         (('kind = "identification"', 'kind = "staircase"'), r"\[comparison\]"),
         (("seed = 2020", "seed = "), "not valid TOML"),
+        (('groups = ["I", "II"]', 'groups = ["I", "II", "III"]'), "number of groups must be a multiple of 2"),
+        (('groups = ["I", "II"]', ""), "groups = 1 and sessions = 2 cannot balance"),
+        (("sessions = 2", "sessions = 3"), "groups = 2 and sessions = 3 cannot balance"),
+        (
+            ('[[factor]]\nname = "button"', '[[factor]]\nname = "noise"\nlevels = ["a", "b"]\n'
+             'varies = "session"\n[[factor]]\nname = "button"'),
+            "'confirmation', 'noise' vary by session, and change together",
+        ),
     ],
-)
-def test_a_wrong_file_is_refused(tmp_path: Path, change: tuple[str, str], said: str) -> None:
+)  # fmt: skip
+def test_a_wrong_file_or_an_uneven_latin_square_is_refused(
+    tmp_path: Path, change: tuple[str, str], said: str
+) -> None:
     text = load_experiment("matching").path.read_text(encoding="utf-8")
     assert change[0] in text
     path = tmp_path / "experiment.toml"
     path.write_text(text.replace(*change), encoding="utf-8")
     with pytest.raises(ConfigurationError, match=said):
         load_experiment(tmp_path)
-
-
-def test_no_file_and_a_comment() -> None:
+    path.write_text(text.replace("sessions = 2", "sessions = 1"), encoding="utf-8")
+    assert load_experiment(path).file.sessions == 1, "a factor between groups needs one session only"
     with pytest.raises(ConfigurationError, match="matching, rating"):
         load_experiment("nothing.toml")
 
@@ -233,36 +201,25 @@ def test_an_answer_that_is_none_is_refused(answer: object) -> None:
         valid(step, answer)
 
 
-@pytest.mark.parametrize("value", [0.99, 101.1, float("nan"), "50", True, None])
-def test_a_rating_beyond_the_scale_is_refused(value: object) -> None:
-    step = steps_of(load_experiment("rating"))[0]
-    middle: dict[str, object] = {pair: {"value": 51.0, "touched": [1.0, 1.5]} for pair in step.choices}
-    assert valid(step, middle) == dict.fromkeys(step.choices, Rated(51.0, (1.0, 1.5)))
-    with pytest.raises(DataError, match=r"from 1 to 101, and when .* for Delayed-Quick "):
-        valid(step, middle | {"Delayed-Quick": {"value": value, "touched": [1.0]}})
-    with pytest.raises(DataError, match="from 1 to 101"):
-        valid(step, {"Delayed-Quick": {"value": 51.0, "touched": [1.0]}})
-
-
 @pytest.mark.parametrize(
     "one",
     [
-        51.0,
-        {"value": 51.0},
-        {"value": 51.0, "touched": []},
-        {"value": 51.0, "touched": None},
-        {"value": 51.0, "touched": "1"},
-        {"value": 51.0, "touched": [-0.1]},
+        *({"value": value, "touched": [1.0]} for value in (0.99, 101.1, float("nan"), "50", True, None)),
+        *({"value": 51.0, "touched": touched} for touched in ([], None, "1", [-0.1], [2.0, 1.0], [True])),
         {"value": 51.0, "touched": [float("nan")]},
-        {"value": 51.0, "touched": [2.0, 1.0]},
-        {"value": 51.0, "touched": [True]},
+        {"value": 51.0},
+        51.0,
     ],
 )
-def test_a_scale_that_was_not_touched_has_no_value(one: object) -> None:
+def test_a_rating_beyond_the_scale_or_that_was_not_touched_is_refused(one: object) -> None:
     step = steps_of(load_experiment("rating"))[0]
-    all_touched: dict[str, object] = {pair: {"value": 51.0, "touched": [1.0]} for pair in step.choices}
-    with pytest.raises(DataError, match=r"Delayed-Quick .a scale has no value until it is touched"):
-        valid(step, all_touched | {"Delayed-Quick": one})
+    middle: dict[str, object] = {pair: {"value": 51.0, "touched": [1.0, 1.5]} for pair in step.choices}
+    assert valid(step, middle) == dict.fromkeys(step.choices, Rated(51.0, (1.0, 1.5)))
+    said = r"from 1 to 101, and when .* for Delayed-Quick .a scale has no value until it is touched"
+    with pytest.raises(DataError, match=said):
+        valid(step, middle | {"Delayed-Quick": one})
+    with pytest.raises(DataError, match="from 1 to 101"):
+        valid(step, {"Delayed-Quick": {"value": 51.0, "touched": [1.0]}})
 
 
 @pytest.mark.parametrize(

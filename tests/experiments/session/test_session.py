@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from haploop.acquisition import verify
-from haploop.experiments.analysis import analyse_identification, analyse_ratings, read_rows
+from haploop.experiments.analysis import analyse_identification, read_rows
 from haploop.experiments.protocol import load_experiment
 from haploop.experiments.session import Store, export_answers, open_session, read_log
 from haploop.instruments import ConfigurationError, DataError, InstrumentError
@@ -22,7 +22,7 @@ from tests.experiments.session.sessions import answers, killed, run, store
 from tests.mutating import mutations, refused
 
 
-@pytest.mark.parametrize("after", [0, 5, 20, 51])
+@pytest.mark.parametrize("after", [0, 20, 51])
 def test_an_interrupted_session_continues_at_the_exact_trial(tmp_path: Path, after: int) -> None:
     whole, broken = store(tmp_path / "a"), store(tmp_path / "b")
     run(whole, "P01")
@@ -37,7 +37,7 @@ def test_an_interrupted_session_continues_at_the_exact_trial(tmp_path: Path, aft
     assert kinds.count("presented") == 53  # the one that was interrupted was presented twice
 
 
-@pytest.mark.parametrize("cut", [1, 30, 200])
+@pytest.mark.parametrize("cut", [1, 200])
 def test_a_line_that_was_cut_off_is_left_behind(tmp_path: Path, cut: int) -> None:
     where = store(tmp_path)
     with pytest.raises(KeyboardInterrupt):
@@ -84,55 +84,9 @@ def test_each_event_has_its_time(tmp_path: Path) -> None:
     assert all(event.time.endswith("+00:00") for event in events)
     head = events[0].values
     assert (head["participant"], head["session"], head["seed"], head["simulated"]) == ("P01", 1, 2020, True)
-
-
-@pytest.mark.skipif(os.name == "nt", reason="Windows has other permissions")
-def test_answers_of_people_can_be_read_by_their_owner_only(tmp_path: Path) -> None:
-    where = store(tmp_path)
-    run(where, "P01")
-    path = where.path_of("P01", 1)
-    assert (path.stat().st_mode & 0o777, path.parent.stat().st_mode & 0o777) == (0o600, 0o700)
-
-
-def test_days_come_in_order_and_end(tmp_path: Path) -> None:
-    where = store(tmp_path)
-    with (
-        pytest.raises(ConfigurationError, match="Session 2 of P01 is not due, but session 1"),
-        open_session(where, "P01", VirtualClock(), 2, simulated=True),
-    ):
-        pass
-    run(where, "P01")
-    run(where, "P01")
-    with pytest.raises(ConfigurationError, match="completed all 2 sessions"):
-        run(where, "P01")
-
-
-def test_people_and_simulated_participants_are_not_mixed(tmp_path: Path) -> None:
-    where = store(tmp_path)
-    run(where, "P01")
-    with (
-        pytest.raises(ConfigurationError, match="answers of simulated participants"),
-        open_session(where, "P02", VirtualClock()),
-    ):
-        pass
-
-
-def test_without_consent_nothing_is_begun(tmp_path: Path) -> None:
-    where = store(tmp_path)
-    with (
-        pytest.raises(DataError, match="has not consented"),
-        open_session(where, "P01", VirtualClock(), consent=lambda: False),
-    ):
-        pass
-    assert where.participants() == ()
-
-
-@pytest.mark.parametrize("name", ["Ann Smith", "../P01", "p01", "P", ""])
-def test_a_name_that_is_no_pseudonym_is_refused(tmp_path: Path, name: str) -> None:
-    where = store(tmp_path)
-    run(where, "P01")
-    with pytest.raises(ConfigurationError):
-        run(where, name)
+    path = where.path_of("P01", 1)  # of people, which only their owner may read
+    modes = (path.stat().st_mode & 0o777, path.parent.stat().st_mode & 0o777)
+    assert os.name == "nt" or modes == (0o600, 0o700)
 
 
 def test_a_changed_experiment_does_not_continue(tmp_path: Path) -> None:
@@ -146,14 +100,37 @@ def test_a_changed_experiment_does_not_continue(tmp_path: Path) -> None:
         run(Store(load_experiment(path), tmp_path / "answers"), "P01")
 
 
-def test_two_programs_exclude_each_other(tmp_path: Path) -> None:
+def test_what_may_not_begin_is_refused(tmp_path: Path) -> None:
     where = store(tmp_path)
     with (
+        pytest.raises(DataError, match="has not consented"),
+        open_session(where, "P01", VirtualClock(), consent=lambda: False),
+    ):
+        pass
+    assert where.participants() == ()
+    with (
+        pytest.raises(ConfigurationError, match="Session 2 of P01 is not due, but session 1"),
+        open_session(where, "P01", VirtualClock(), 2, simulated=True),
+    ):
+        pass
+    with (  # two programs
         open_session(where, "P01", VirtualClock(), simulated=True),
         pytest.raises(InstrumentError),
         open_session(where, "P02", VirtualClock(), simulated=True),
     ):
         pass
+    run(where, "P01")
+    with (
+        pytest.raises(ConfigurationError, match="answers of simulated participants"),
+        open_session(where, "P02", VirtualClock()),
+    ):
+        pass
+    for name in ("Ann Smith", "../P01", "p01", "P", ""):
+        with pytest.raises(ConfigurationError):
+            run(where, name)
+    run(where, "P01")
+    with pytest.raises(ConfigurationError, match="completed all 2 sessions"):
+        run(where, "P01")
 
 
 def test_an_answer_needs_a_presentation_and_a_valid_value(tmp_path: Path) -> None:
@@ -212,16 +189,6 @@ def test_answers_leave_as_a_tidy_table(tmp_path: Path) -> None:
         export_answers(store(tmp_path / "empty"), tmp_path / "none.csv")
 
 
-def test_ratings_leave_as_a_tidy_table(tmp_path: Path) -> None:
-    where = store(tmp_path, "rating")
-    for number in range(1, 9):
-        run(where, f"P{number:02}")
-    assert export_answers(where, tmp_path / "out.csv") == 8 * 6 * 7
-    result = analyse_ratings(read_rows(tmp_path / "out.csv"))
-    assert len(result.pairs) == 7 and len(result.people) == 8
-    assert set(result.levels[0]) == {"physical", "digital"}
-
-
 def test_a_program_that_was_killed_in_its_first_line_leaves_no_damage(tmp_path: Path) -> None:
     where = store(tmp_path)
     run(where, "P01")
@@ -256,7 +223,7 @@ def test_a_note_of_a_withdrawal_that_was_changed_lets_nobody_back(tmp_path: Path
     where.withdraw("P01")
     notes = where.folder / "withdrawals.jsonl"
     raw = notes.read_bytes()
-    for changed in mutations(raw, 200, seed=7):
+    for changed in mutations(raw, 60, seed=7):
         notes.write_bytes(changed)
         if not refused(where.withdrawals):
             left = {one.participant for one in where.withdrawals()}

@@ -34,7 +34,7 @@ def test_names(
     assert task.number_of_channels == len(names)
 
 
-def test_simulated_lines_count(task: nidaqmx.Task) -> None:
+def test_simulated_lines_count(task: nidaqmx.Task, other: nidaqmx.Task) -> None:
     task.di_channels.add_di_chan("Sim/port0/line7:0", line_grouping=TOGETHER)
     reader = DigitalSingleChannelReader(task.in_stream)
     lines = np.zeros(8, dtype=bool)
@@ -42,8 +42,13 @@ def test_simulated_lines_count(task: nidaqmx.Task) -> None:
     for _ in range(20):
         reader.read_one_sample_multi_line(lines)
         counted.append(int(np.packbits(lines, bitorder="little")[0]))
-
     assert counted == list(range(20))
+    other.di_channels.add_di_chan("Sim/port0/line0:2", line_grouping=EACH)
+    assert np.array(other.read(4)).tolist() == [
+        [False, True, False, True],
+        [False, False, True, True],
+        [False, False, False, False],
+    ]
 
 
 @pytest.mark.parametrize(
@@ -75,65 +80,25 @@ def test_channels_of_different_widths(task: nidaqmx.Task) -> None:
     assert np.array(task.read(2)).tolist() == [[0x02020202, 0x03030303], [2, 3]]
 
 
-def test_lines_per_channel_read_as_booleans(task: nidaqmx.Task) -> None:
-    task.di_channels.add_di_chan("Sim/port0/line0:2", line_grouping=EACH)
-
-    assert np.array(task.read(4)).tolist() == [
-        [False, True, False, True],
-        [False, False, True, True],
-        [False, False, False, False],
-    ]
-
-
-def test_clocked_waveforms(task: nidaqmx.Task) -> None:
+def test_clocked_waveforms(task: nidaqmx.Task, other: nidaqmx.Task) -> None:
+    """Columns go down a whole port, and follow named lines."""
     task.di_channels.add_di_chan("Sim/port0/line2:1", "pair", TOGETHER)
     task.timing.cfg_samp_clk_timing(1000, samps_per_chan=50)
-
     waveform = task.read_waveform(100)
-
-    assert waveform.sample_count == 50
-    assert waveform.channel_name == "pair"
+    assert waveform.sample_count == 50 and waveform.channel_name == "pair"
     assert waveform.data[:8].tolist() == [
         [0, 0], [0, 0], [0, 1], [0, 1], [1, 0], [1, 0], [1, 1], [1, 1]
     ]  # fmt: skip
     assert [s.name for s in waveform.signals] == ["Sim/port0/line1", "Sim/port0/line2"]
     assert waveform.signals[0].data[:4].tolist() == [0, 0, 1, 1]
     assert waveform.timing.sample_interval.total_seconds() == 1e-3
-
-
-def test_waveform_columns_go_down_a_whole_port_and_follow_named_lines(task: nidaqmx.Task) -> None:
-    task.di_channels.add_di_chan("Sim/port0/line2:0, Sim/port1", line_grouping=TOGETHER)
-    task.timing.cfg_samp_clk_timing(1000, samps_per_chan=10)
-
-    waveform = task.read_waveform(10)
-
+    task.stop()
+    other.di_channels.add_di_chan("Sim/port0/line2:0, Sim/port1", line_grouping=TOGETHER)
+    other.timing.cfg_samp_clk_timing(1000, samps_per_chan=10)
+    waveform = other.read_waveform(10)
     columns = ["".join(str(int(bit)) for bit in sample) for sample in waveform.data]
-    assert columns[1] == "001" + "00000001"
-    assert columns[6] == "110" + "00000110"
-    assert waveform.signals[0].name == "Sim/port1/line0"
-    assert waveform.signals[10].name == "Sim/port0/line2"
-
-
-def test_waveform_of_a_port_is_written_from_its_highest_line_down(
-    task: nidaqmx.Task, other: nidaqmx.Task
-) -> None:
-    task.do_channels.add_do_chan("Card/port1", line_grouping=TOGETHER)
-    other.di_channels.add_di_chan("Card/port1", line_grouping=TOGETHER)
-    task.start()
-    waveform = DigitalWaveform(1, 8)
-    waveform.data[0] = [0, 1, 0, 0, 1, 0, 1, 1]
-
-    assert DigitalSingleChannelWriter(task.out_stream).write_waveform(waveform) == 1
-
-    assert other.read() == 0b01001011
-
-
-def test_an_output_is_read_back(task: nidaqmx.Task) -> None:
-    task.do_channels.add_do_chan("Sim/port2", line_grouping=TOGETHER)
-    for value in (0xA5, 0x5A):
-        task.write(value)
-        assert task.read() == value
-    assert task.read(3) == [0x5A] * 3
+    assert (columns[1], columns[6]) == ("00100000001", "11000000110")
+    assert (waveform.signals[0].name, waveform.signals[10].name) == ("Sim/port1/line0", "Sim/port0/line2")
 
 
 @pytest.mark.parametrize("device", ["Card", "Sim"])
@@ -162,10 +127,24 @@ def test_ports_write(task: nidaqmx.Task, other: nidaqmx.Task, method: str, dtype
         other.di_channels.add_di_chan(f"Card/port{port}", line_grouping=TOGETHER)
     task.start()
     data = np.array([[1, 2, 3], [4, 5, 0xA5]], dtype=dtype)
-
     assert getattr(DigitalMultiChannelWriter(task.out_stream), f"write_many_sample_port_{method}")(data) == 3
-
     assert other.read() == [3, 0xA5]
+
+
+def test_a_waveform_of_a_port_is_written_from_its_highest_line_down_and_read_back(
+    task: nidaqmx.Task, other: nidaqmx.Task
+) -> None:
+    task.do_channels.add_do_chan("Card/port1", line_grouping=TOGETHER)
+    other.di_channels.add_di_chan("Card/port1", line_grouping=TOGETHER)
+    task.start()
+    waveform = DigitalWaveform(1, 8)
+    waveform.data[0] = [0, 1, 0, 0, 1, 0, 1, 1]
+    assert DigitalSingleChannelWriter(task.out_stream).write_waveform(waveform) == 1
+    assert other.read() == task.read() == 0b01001011
+    task.write(0x5A)
+    assert task.read(3) == [0x5A] * 3
+    with pytest.raises(nidaqmx.DaqError, match="number of lines in the data"):
+        DigitalSingleChannelWriter(task.out_stream).write_waveform(DigitalWaveform(4, 3))
 
 
 def test_clocked_output_ends_on_its_last_sample(task: nidaqmx.Task, other: nidaqmx.Task) -> None:
@@ -177,11 +156,3 @@ def test_clocked_output_ends_on_its_last_sample(task: nidaqmx.Task, other: nidaq
     task.wait_until_done(timeout=2)
 
     assert other.read() == 3
-
-
-def test_waveform_of_the_wrong_width(task: nidaqmx.Task) -> None:
-    task.do_channels.add_do_chan("Card/port0/line0", line_grouping=TOGETHER)
-    task.start()
-
-    with pytest.raises(nidaqmx.DaqError, match="number of lines in the data"):
-        DigitalSingleChannelWriter(task.out_stream).write_waveform(DigitalWaveform(4, 3))

@@ -82,7 +82,9 @@ def test_wrong_timing_is_refused(ai: nidaqmx.Task) -> None:
     )
 
 
-def test_conversion_clock_has_padding(options: nidaqmx.GrpcSessionOptions, ai: nidaqmx.Task) -> None:
+def test_conversion_clock_has_padding_and_a_module_device_context(
+    options: nidaqmx.GrpcSessionOptions, ai: nidaqmx.Task, other: nidaqmx.Task
+) -> None:
     with nidaqmx.Task(grpc_options=options) as old:
         old.ai_channels.add_ai_voltage_chan("Old/ai0:5")
         old.timing.cfg_samp_clk_timing(5000)
@@ -95,19 +97,14 @@ def test_conversion_clock_has_padding(options: nidaqmx.GrpcSessionOptions, ai: n
         code(lambda: ai.timing[device].samp_clk_rate)
         == DAQmxErrors.M_STUDIO_OPERATION_DOES_NOT_SUPPORT_DEVICE_CONTEXT
     )
-
-
-def test_module_has_device_context(options: nidaqmx.GrpcSessionOptions, task: nidaqmx.Task) -> None:
-    module = nidaqmx.system.Device("FrameMod2", grpc_options=options)
-    task.ai_channels.add_ai_voltage_chan("FrameMod2/ai0")
-    timing = task.timing[module]
-
+    other.ai_channels.add_ai_voltage_chan("FrameMod2/ai0")
+    timing = other.timing[nidaqmx.system.Device("FrameMod2", grpc_options=options)]
     assert timing.ai_conv_max_rate == 250e3 and timing.ai_conv_timebase_div == 1121
-    default = timing.ai_conv_active_edge
+    assert timing.ai_conv_active_edge == Edge.RISING
     timing.ai_conv_active_edge = Edge.FALLING
     assert timing.ai_conv_active_edge == Edge.FALLING
     del timing.ai_conv_active_edge
-    assert timing.ai_conv_active_edge == default == Edge.RISING
+    assert timing.ai_conv_active_edge == Edge.RISING
 
 
 def test_other_timing_types(task: nidaqmx.Task) -> None:
@@ -147,11 +144,8 @@ def test_triggers_are_remembered(ai: nidaqmx.Task) -> None:
     assert start.dig_edge_dig_fltr_timebase_rate == 0.0
     start.disable_start_trig()
     assert start.trig_type == TriggerType.NONE
-
-
-def test_triggers_need_a_clock(ai: nidaqmx.Task) -> None:
-    ai.triggers.start_trigger.trig_type = TriggerType.ANALOG_EDGE
-
+    ai.timing.samp_timing_type = SampleTimingType.ON_DEMAND
+    start.trig_type = TriggerType.ANALOG_EDGE
     assert code(lambda: ai.control(TaskMode.TASK_VERIFY)) == DAQmxErrors.TRIG_WHEN_ON_DEMAND_SAMP_TIMING
 
 
@@ -202,75 +196,52 @@ class Heard:
         return not self._semaphore.acquire(timeout=0.1)
 
 
-def test_events_of_several_acquisitions(ai: nidaqmx.Task) -> None:
-    done, samples = Heard(), Heard()
+def test_events_of_several_acquisitions(ai: nidaqmx.Task, other: nidaqmx.Task) -> None:
+    done, samples, unheard, sent = Heard(), Heard(), Heard(), Heard()
+    for _ in range(3):  # registered, and not any more
+        ai.register_done_event(unheard)
+        ai.register_done_event(None)
+        ai.register_every_n_samples_acquired_into_buffer_event(100, unheard)
+        ai.register_every_n_samples_acquired_into_buffer_event(100, None)
+        ai.register_signal_event(Signal.SAMPLE_COMPLETE, unheard)
+        ai.register_signal_event(Signal.SAMPLE_COMPLETE, None)
     ai.register_done_event(done)
     ai.register_every_n_samples_acquired_into_buffer_event(100, samples)
     ai.timing.cfg_samp_clk_timing(10_000, samps_per_chan=1000)
-
     for _ in range(3):
         ai.start()
         done.wait(1)
         samples.wait(10)
         ai.stop()
-
-    assert done.nothing_more() and samples.nothing_more()
+    other.ao_channels.add_ao_voltage_chan("Sim/ao0")
+    other.timing.cfg_samp_clk_timing(10_000, sample_mode=AcquisitionType.CONTINUOUS)
+    other.register_every_n_samples_transferred_from_buffer_event(500, sent)
+    other.write(np.zeros(1000), auto_start=True)
+    sent.wait(4)
+    assert done.nothing_more() and samples.nothing_more() and unheard.nothing_more()
     assert done.events == [(0,)] * 3
     assert samples.events == [(EveryNSamplesEventType.ACQUIRED_INTO_BUFFER.value, 100)] * 30
 
 
-def test_unregistered_events_are_not_heard(ai: nidaqmx.Task) -> None:
-    done, samples, signal = Heard(), Heard(), Heard()
-    for _ in range(3):
-        ai.register_done_event(done)
-        ai.register_done_event(None)
-        ai.register_every_n_samples_acquired_into_buffer_event(100, samples)
-        ai.register_every_n_samples_acquired_into_buffer_event(100, None)
-        ai.register_signal_event(Signal.SAMPLE_COMPLETE, signal)
-        ai.register_signal_event(Signal.SAMPLE_COMPLETE, None)
-    ai.timing.cfg_samp_clk_timing(10_000, samps_per_chan=1000)
-    ai.start()
-    ai.wait_until_done()
-
-    assert done.nothing_more() and samples.nothing_more() and signal.nothing_more()
-
-
-def test_signal_event_per_sample(ai: nidaqmx.Task) -> None:
-    heard = Heard()
-    ai.register_signal_event(Signal.SAMPLE_COMPLETE, heard)
-    ai.timing.cfg_samp_clk_timing(100, samps_per_chan=10)
-    ai.start()
-    heard.wait(10)
-
-    assert heard.nothing_more()
-    assert heard.events == [(Signal.SAMPLE_COMPLETE.value,)] * 10
-
-
-def test_event_of_an_output(task: nidaqmx.Task) -> None:
-    heard = Heard()
-    task.ao_channels.add_ao_voltage_chan("Sim/ao0")
-    task.timing.cfg_samp_clk_timing(10_000, sample_mode=AcquisitionType.CONTINUOUS)
-    task.register_every_n_samples_transferred_from_buffer_event(500, heard)
-    task.write(np.zeros(1000), auto_start=True)
-    heard.wait(4)
-
-
-def test_events_are_registered_once_and_of_the_right_kind(
-    options: nidaqmx.GrpcSessionOptions, ai: nidaqmx.Task
-) -> None:
-    heard = Heard()
+def test_events_are_registered_once_and_of_the_right_kind(ai: nidaqmx.Task, other: nidaqmx.Task) -> None:
+    heard, signals = Heard(), Heard()
     ai.register_done_event(heard)
     assert code(lambda: ai.register_done_event(heard)) == DAQmxErrors.DONE_EVENT_ALREADY_REGISTERED
     assert (
         code(lambda: ai.register_every_n_samples_transferred_from_buffer_event(10, heard))
         == DAQmxErrors.EVERY_N_SAMPS_TRANSFERRED_FROM_BUFFER_EVENT_NOT_SUPPORTED_BY_DEVICE
     )
-    with nidaqmx.Task(grpc_options=options) as out:
-        out.ao_channels.add_ao_voltage_chan("Sim/ao0")
-        assert (
-            code(lambda: out.register_every_n_samples_acquired_into_buffer_event(10, heard))
-            == DAQmxErrors.EVERY_N_SAMPLES_ACQ_INTO_BUFFER_EVENT_NOT_SUPPORTED_BY_DEVICE
-        )
+    other.ao_channels.add_ao_voltage_chan("Sim/ao0")
+    assert (
+        code(lambda: other.register_every_n_samples_acquired_into_buffer_event(10, heard))
+        == DAQmxErrors.EVERY_N_SAMPLES_ACQ_INTO_BUFFER_EVENT_NOT_SUPPORTED_BY_DEVICE
+    )
+    ai.register_signal_event(Signal.SAMPLE_COMPLETE, signals)
+    ai.timing.cfg_samp_clk_timing(100, samps_per_chan=10)
+    ai.start()
+    signals.wait(10)
+    assert signals.nothing_more()
+    assert signals.events == [(Signal.SAMPLE_COMPLETE.value,)] * 10
 
 
 def test_reading_in_the_callback(ai: nidaqmx.Task) -> None:
@@ -291,20 +262,23 @@ def test_reading_in_the_callback(ai: nidaqmx.Task) -> None:
     assert set(blocks) == {200}
 
 
-def test_cards_without_a_cable_share_no_clock() -> None:
-    with (
-        NiServer(inventory_of({"A": "PCIe-6321", "B": "PCI-6034E"})) as server,
-        connected(server) as options,
-        nidaqmx.Task(grpc_options=options) as slave,
-    ):
-        slave.ai_channels.add_ai_voltage_chan("B/ai0")
-        slave.timing.cfg_samp_clk_timing(1000, source="/A/ai/SampleClock")
-        assert code(slave.start) == DAQmxErrors.TRIG_LINE_NOT_FOUND_ROUTING
-
-
 def test_slave_waits_for_its_masters_clock() -> None:
+    cards = inventory_of({"A": "PCIe-6321", "B": "PCI-6034E"})
+    for rtsi, source, error in (
+        (False, "/A/ai/SampleClock", DAQmxErrors.TRIG_LINE_NOT_FOUND_ROUTING),  # no cable
+        (True, "/Elsewhere/PFI0", DAQmxErrors.INVALID_ROUTING_SOURCE_TERMINAL_NAME_ROUTING),
+    ):
+        with (
+            NiServer(cards, rtsi=rtsi) as server,
+            connected(server) as options,
+            nidaqmx.Task(grpc_options=options) as slave,
+        ):
+            slave.ai_channels.add_ai_voltage_chan("B/ai0")
+            slave.timing.cfg_samp_clk_timing(1000, source=source)
+            assert slave.timing.samp_clk_src == source
+            assert code(slave.start) == error
     with (
-        NiServer(inventory_of({"A": "PCIe-6321", "B": "PCI-6034E"}), rtsi=True) as server,
+        NiServer(cards, rtsi=True) as server,
         connected(server) as options,
         nidaqmx.Task(grpc_options=options) as master,
         nidaqmx.Task(grpc_options=options) as slave,
@@ -363,19 +337,6 @@ def test_what_is_not_served_fails_loudly_and_is_counted() -> None:
             "WaitForNextSampleClock": 1,
             "Timing SAMP_CLK_OVERRUN_BEHAVIOR": 1,
         }
-
-
-def test_a_full_terminal_name_is_looked_up_when_it_is_used() -> None:
-    with (
-        NiServer(inventory_of({"A": "PCIe-6321"})) as server,
-        connected(server) as options,
-        nidaqmx.Task(grpc_options=options) as task,
-    ):
-        task.ai_channels.add_ai_voltage_chan("A/ai0")
-        task.timing.cfg_samp_clk_timing(1000, source="/Elsewhere/PFI0")
-
-        assert task.timing.samp_clk_src == "/Elsewhere/PFI0"
-        assert code(task.start) == DAQmxErrors.INVALID_ROUTING_SOURCE_TERMINAL_NAME_ROUTING
 
 
 def test_counter_outputs_have_no_reference_trigger_and_inputs_that_nothing_drives_count_nothing() -> None:

@@ -110,15 +110,13 @@ def test_a_broken_plant_is_one_sentence(install: Install, source: str, says: str
     path.write_text('base = "simulated"\n[simulation]\nplant = "acme-bad"\n')
     with pytest.raises((ConfigurationError, InstrumentError), match=says):
         open_rig(path)
-    done = CliRunner().invoke(cli, ["calibrate", "--rig", str(path)])
-    assert done.exit_code in (2, 3)
-    assert "acme-" in done.output and "Traceback" not in done.output
-    with open_rig("simulated"):
-        pass
-    assert rig_schema()["$defs"]["SimulationSettings"]["properties"]["plant"]["enum"][-2:] == [
-        "modal",
-        "table",
-    ]
+    if source in ("def (", BROKEN[-2][0]):  # found when it is loaded, and when it is made
+        done = CliRunner().invoke(cli, ["calibrate", "--rig", str(path)])
+        assert done.exit_code in (2, 3) and "acme-" in done.output and "Traceback" not in done.output
+        with open_rig("simulated"):
+            pass
+        settings = rig_schema()["$defs"]["SimulationSettings"]["properties"]
+        assert settings["plant"]["enum"][-2:] == ["modal", "table"]
 
 
 class Resonator(Surface):
