@@ -10,6 +10,7 @@ import pytest
 from haploop.experiments.analysis.ratings import analyse_ratings, normalise
 from haploop.experiments.analysis.table import Rows, read_rows
 from haploop.instruments import DataError
+from tests.mutating import mutations, refused
 
 PAIRS = ("pleasant", "clear", "quick")
 HEADER = "participant,category,button,pair,rating"
@@ -76,3 +77,13 @@ def test_a_person_without_a_rating_is_named(tmp_path: Path) -> None:
     path.write_text("\n".join(text[:20] + text[21:]), encoding="utf-8")
     result = analyse_ratings(read_rows(path))
     assert result.left_out == ("P01",) and len(result.people) == 11
+
+
+def test_a_changed_table_is_refused_in_one_sentence_or_read(tmp_path: Path, full: bool) -> None:
+    ratings(tmp_path, people=4)
+    path = tmp_path / "ratings.csv"
+    raw, number = path.read_bytes(), 0
+    for changed in mutations(raw, 500 if full else 24, seed=12):
+        path.write_bytes(changed)
+        number += refused(lambda: analyse_ratings(read_rows(path)))
+    assert number > 4

@@ -48,9 +48,7 @@ def three_narrow(task: nidaqmx.Task) -> None:
 def test_undriven_input_is_a_sine_within_its_range(task: nidaqmx.Task) -> None:
     task.ai_channels.add_ai_voltage_chan("Sim/ai0", min_val=-2.5, max_val=2.5)
     task.timing.cfg_samp_clk_timing(10_000, samps_per_chan=1000)
-
     volts = np.array(task.read(1000))
-
     assert volts.max() <= 2.5 and volts.min() >= -2.5
     assert np.ptp(volts) > 2.5
     spectrum = np.abs(np.fft.rfft(volts))
@@ -94,7 +92,6 @@ def test_finite_over_read_is_cut_short_and_then_nothing_is_left(task: nidaqmx.Ta
     three_narrow(task)
     task.timing.cfg_samp_clk_timing(10_000, samps_per_chan=50)
     task.start()
-
     assert np.array(task.read(100)).shape == (3, 50)
     with fails(DAQmxErrors.SAMPLES_WILL_NEVER_BE_AVAILABLE, DaqReadError):
         task.read(1)
@@ -120,7 +117,6 @@ def test_samples_do_not_depend_on_how_they_are_read(task: nidaqmx.Task) -> None:
     whole = np.array(task.read(100))
     task.in_stream.relative_to = ReadRelativeTo.FIRST_SAMPLE
     task.in_stream.offset = 30
-
     assert np.array_equal(np.array(task.read(20)), whole[:, 30:50])
 
 
@@ -133,7 +129,6 @@ def test_reading_what_there_is_of_a_running_acquisition(task: nidaqmx.Task) -> N
         # More samples come between the question how many there are and the read.
         total += task.in_stream.read_all().size // 2
         total += len(task.read(READ_ALL_AVAILABLE)[0])
-
     assert total == task.in_stream.curr_read_pos > 0
 
 
@@ -142,7 +137,6 @@ def test_time_out_delivers_what_there_is(task: nidaqmx.Task) -> None:
     task.timing.cfg_samp_clk_timing(1000, sample_mode=AcquisitionType.CONTINUOUS)
     task.start()
     samples = np.full((1, 5000), np.inf)
-
     with fails(DAQmxErrors.SAMPLES_NOT_YET_AVAILABLE, DaqReadError) as caught:
         AnalogMultiChannelReader(task.in_stream).read_many_sample(samples, 5000, timeout=0.1)
     assert 50 < caught.value.samps_per_chan_read < 1000
@@ -206,9 +200,7 @@ def test_a_log_replaces_no_other_file(task: nidaqmx.Task, tmp_path: Path) -> Non
 def test_waveform_carries_time_name_and_unit(task: nidaqmx.Task) -> None:
     task.ai_channels.add_ai_voltage_chan("Sim/ai0", "probe", min_val=1, max_val=1.001)
     task.timing.cfg_samp_clk_timing(1000, samps_per_chan=10)
-
     waveform = task.read_waveform()
-
     assert waveform.sample_count == 10
     assert waveform.scaled_data == pytest.approx(np.ones(10), abs=1e-3)
     assert waveform.channel_name == "probe" and waveform.units == "Volts"
@@ -343,7 +335,6 @@ def test_more_than_a_buffer_that_does_not_play_can_hold_is_refused(task: nidaqmx
     task.timing.cfg_samp_clk_timing(1000, sample_mode=AcquisitionType.CONTINUOUS)
     task.out_stream.regen_mode = RegenerationMode.DONT_ALLOW_REGENERATION
     task.out_stream.output_buf_size = 100
-
     with fails(DAQmxErrors.NO_MORE_SPACE, nidaqmx.DaqWriteError) as caught:
         task.write(np.zeros(10_000))
     assert caught.value.samps_per_chan_written == 0
@@ -404,7 +395,6 @@ def test_measurements_of_sensors(
 ) -> None:
     add = getattr(task.ai_channels, f"add_ai_{kind}_chan")
     channel = add("Sim/ai0", min_val=0, max_val=0.5, **arguments)
-
     assert channel.ai_meas_type == measurement
     assert 0 <= task.read() <= 0.5
     if kind == "rtd":
@@ -419,7 +409,6 @@ def test_buffers_belong_to_their_direction(task: nidaqmx.Task) -> None:
     assert task.in_stream.input_buf_size == 2_000_000_000
     del task.in_stream.input_buf_size
     assert task.in_stream.input_buf_size == default
-
     with fails(DAQmxErrors.ATTRIBUTE_NOT_SUPPORTED_IN_TASK_CONTEXT):
         task.out_stream.output_buf_size = 2000
 
@@ -448,5 +437,4 @@ def test_output_without_regeneration_is_gapless() -> None:
             heard += into.read(120)
             out.write(ramp[200 * part : 200 * part + 200])
         heard += into.read(400)
-
     assert np.abs(np.array(heard) - ramp[: len(heard)]).max() < 3e-3

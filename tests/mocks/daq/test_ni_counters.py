@@ -64,19 +64,6 @@ def test_edges_of_a_finite_train_are_counted_each_once(
         assert meter.read() == channel.ci_count == counted
 
 
-def test_a_single_pulse_is_what_a_counter_without_timing_puts_out(meter: nidaqmx.Task) -> None:
-    with nidaqmx.Task() as train:
-        channel = train.co_channels.add_co_pulse_chan_time("Dev1/ctr0", low_time=0.5, high_time=1.0)
-        meter.ci_channels.add_ci_count_edges_chan("Dev1/ctr1").ci_count_edges_term = OUT
-        meter.start()
-        train.start()
-        assert not train.is_task_done()
-        assert channel.co_output_state is Level.HIGH
-        train.wait_until_done()
-        assert train.is_task_done()
-        assert meter.read() == 1
-
-
 @pytest.mark.parametrize("method", list(CounterFrequencyMethod)[:3])
 def test_a_frequency_is_measured_by_each_method(
     pulses: nidaqmx.Task, meter: nidaqmx.Task, method: CounterFrequencyMethod
@@ -104,15 +91,25 @@ def test_periods_widths_and_halves_come_one_after_the_other(twin: NiTwin, pulses
             pulses.start()
             assert meter.read(4) == pytest.approx(expected, abs=2e-8)
         pulses.stop()
-
-
-def test_ticks_are_those_of_the_timebase(pulses: nidaqmx.Task, meter: nidaqmx.Task) -> None:
-    channel = meter.ci_channels.add_ci_period_chan("Dev1/ctr1", units=TimeUnits.TICKS)
-    channel.ci_period_term = OUT
-    assert channel.ci_period_units is TimeUnits.TICKS
-    meter.start()
-    pulses.start()
-    assert meter.read() == 100_000
+    with nidaqmx.Task() as meter:
+        channel = meter.ci_channels.add_ci_period_chan("Dev1/ctr1", units=TimeUnits.TICKS)
+        channel.ci_period_term = OUT
+        assert channel.ci_period_units is TimeUnits.TICKS
+        meter.start()
+        pulses.start()
+        assert meter.read() == 100_000, "of the time base"
+    pulses.stop()
+    with nidaqmx.Task() as single, nidaqmx.Task() as meter:
+        channel = single.co_channels.add_co_pulse_chan_time("Dev1/ctr2", low_time=0.5, high_time=1.0)
+        edges = meter.ci_channels.add_ci_count_edges_chan("Dev1/ctr1")
+        edges.ci_count_edges_term = "/Dev1/Ctr2InternalOutput"
+        meter.start()
+        single.start()
+        assert not single.is_task_done()
+        assert channel.co_output_state is Level.HIGH
+        single.wait_until_done()
+        assert single.is_task_done()
+        assert meter.read() == 1, "without timing, it puts out one pulse"
 
 
 def test_two_edges_are_timed_from_the_first_to_the_second(twin: NiTwin, meter: nidaqmx.Task) -> None:

@@ -29,7 +29,6 @@ def test_names(
     task: nidaqmx.Task, lines: str, grouping: LineGrouping, assigned: str, names: list[str]
 ) -> None:
     task.di_channels.add_di_chan(lines, assigned, grouping)
-
     assert task.channel_names == names
     assert task.number_of_channels == len(names)
 
@@ -61,9 +60,7 @@ def test_ports_count_in_groups_of_eight(
     task.di_channels.add_di_chan(f"Sim/port{port}", line_grouping=TOGETHER)
     reader = DigitalSingleChannelReader(task.in_stream)
     data = np.zeros(256, dtype=dtype)
-
     assert getattr(reader, f"read_many_sample_port_{method}")(data, 256) == 256
-
     assert data.tolist() == [all_of * k for k in range(256)]
 
 
@@ -71,10 +68,8 @@ def test_channels_of_different_widths(task: nidaqmx.Task) -> None:
     for port in ("port0", "port1"):
         task.di_channels.add_di_chan(f"Sim/{port}", line_grouping=TOGETHER)
     lines = np.ones((2, 32), dtype=bool)
-
     DigitalMultiChannelReader(task.in_stream).read_one_sample_multi_line(lines)
     DigitalMultiChannelReader(task.in_stream).read_one_sample_multi_line(lines)
-
     assert np.flatnonzero(lines[0]).tolist() == [0, 8, 16, 24]
     assert np.flatnonzero(lines[1]).tolist() == [0]
     assert np.array(task.read(2)).tolist() == [[0x02020202, 0x03030303], [2, 3]]
@@ -109,7 +104,6 @@ def test_a_line_reads_what_drives_it(task: nidaqmx.Task, other: nidaqmx.Task, de
     task.start()
     other.start()
     writer = DigitalSingleChannelWriter(task.out_stream)
-
     for value in (0, 1, 0x5A, 0xFF):
         writer.write_one_sample_multi_line(np.unpackbits(np.uint8([value]), bitorder="little").astype(bool))
         assert other.read() == value
@@ -151,8 +145,6 @@ def test_clocked_output_ends_on_its_last_sample(task: nidaqmx.Task, other: nidaq
     task.do_channels.add_do_chan("Card/port0/line0:3", line_grouping=TOGETHER)
     task.timing.cfg_samp_clk_timing(10_000, samps_per_chan=20)
     other.di_channels.add_di_chan("Card/port0/line0:3", line_grouping=TOGETHER)
-
     task.write(np.arange(20, dtype=np.uint32) % 16, auto_start=True)
     task.wait_until_done(timeout=2)
-
     assert other.read() == 3

@@ -33,7 +33,6 @@ def options(clock: VirtualClock) -> Iterator[nidaqmx.GrpcSessionOptions]:
 def test_scale_of_an_export(options: nidaqmx.GrpcSessionOptions) -> None:
     kept = System.remote(options).scales["double"]
     scale = kept.load()
-
     assert (scale.lin_slope, scale.lin_y_intercept) == (2.0, 1.0)
     assert scale.pre_scaled_units == UnitsPreScaled.VOLTS
     assert kept.author == ""
@@ -69,7 +68,6 @@ def test_a_scale_changes_while_it_is_used(options: nidaqmx.GrpcSessionOptions, t
     )
     assert channel.ai_max == 10
     scale.lin_slope = 2
-
     assert channel.ai_max == pytest.approx(10)
     assert np.abs(task.read(100)).max() < 10
     channel.ai_max, channel.ai_min = 20, -20
@@ -84,7 +82,6 @@ def test_saved_task(options: nidaqmx.GrpcSessionOptions) -> None:
         task.save(author="somebody")
         with fails(DAQmxErrors.CANT_SAVE_TASK_WITHOUT_REPLACE):
             task.save()
-
     assert system.tasks.task_names == ["kept"]
     assert system.tasks["kept"].author == "somebody"
     with system.tasks["kept"].load() as loaded:
@@ -135,15 +132,12 @@ def test_a_watchdog_leaves_other_tasks_alone(options: nidaqmx.GrpcSessionOptions
         follower.timing.cfg_samp_clk_timing(1000, source="ai/SampleClock", samps_per_chan=10)
         follower.write(np.zeros(10))
         follower.start()
-
         assert len(task.read(10)) == 10
 
 
 def test_power_up_states(options: nidaqmx.GrpcSessionOptions) -> None:
     system = System.remote(options)
     system.set_digital_power_up_states("Sim", [DOPowerUpState("Sim/port1", PowerUpStates.LOW)])
-
     states = {s.physical_channel: s.power_up_state for s in system.get_digital_power_up_states("Sim")}
-
     assert {s for name, s in states.items() if "port1" in name} == {PowerUpStates.LOW}
     assert {s for name, s in states.items() if "port1" not in name} == {PowerUpStates.TRISTATE}

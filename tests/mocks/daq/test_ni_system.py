@@ -25,23 +25,14 @@ from haploop.mocks.daq.ni import devices_from_ini
 from tests.mocks.daq.ni_client import EXPORT, fails
 
 
-def test_export_lists_what_is_left_out() -> None:
-    inventory = devices_from_ini(EXPORT)
-
+def test_the_devices_of_an_export_report_themselves(options: nidaqmx.GrpcSessionOptions) -> None:
+    inventory, system = devices_from_ini(EXPORT), System.remote(options)
     assert list(inventory.devices) == ["Sim", "Card", "Old", "Frame", "FrameMod1", "FrameMod2"]
     assert [sentence.split()[0] for sentence in inventory.left_out] == ["Bridge", "StrayMod1"]
-
-
-def test_system_lists_the_devices(options: nidaqmx.GrpcSessionOptions) -> None:
-    system = System.remote(options)
-
-    assert system.devices.device_names == list(devices_from_ini(EXPORT).devices)
-    assert [d.name for d in system.devices["Frame"].chassis_module_devices] == ["FrameMod1", "FrameMod2"]
-
-
-def test_device_reports_itself(options: nidaqmx.GrpcSessionOptions) -> None:
-    device = System.remote(options).devices["Card"]
-
+    devices = system.devices
+    assert devices.device_names == list(inventory.devices)
+    assert [d.name for d in devices["Frame"].chassis_module_devices] == ["FrameMod1", "FrameMod2"]
+    device = devices["Card"]
     assert (device.product_type, device.product_category) == ("PCIe-6363", ProductCategory.X_SERIES_DAQ)
     assert (device.serial_num, device.is_simulated, device.bus_type) == (0x1A2B, False, BusType.PCIE)
     assert len(device.ai_physical_chans) == 32 and len(device.ao_physical_chans) == 4
@@ -54,24 +45,14 @@ def test_device_reports_itself(options: nidaqmx.GrpcSessionOptions) -> None:
     assert not device.ai_simultaneous_sampling_supported
     device.self_test_device()
     assert Device("Sim", grpc_options=options).product_num == 0x7435C4C4
-
-
-def test_module_and_old_card(options: nidaqmx.GrpcSessionOptions) -> None:
-    devices = System.remote(options).devices
-
-    module = devices["FrameMod1"]
+    module, old = devices["FrameMod1"], devices["Old"]
     assert module.product_category == ProductCategory.C_SERIES_MODULE
     assert module.compact_daq_chassis_device.name == "Frame" and module.compact_daq_slot_num == 1
     assert module.ai_simultaneous_sampling_supported
     assert module.ai_physical_chans["ai0"].ai_term_cfgs == [TerminalConfiguration.DIFF]
-    old = devices["Old"]
     assert old.product_category == ProductCategory.E_SERIES_DAQ
     assert old.ao_physical_chans.channel_names == []
-
-
-def test_physical_channels(options: nidaqmx.GrpcSessionOptions) -> None:
     configurations = [TerminalConfiguration.RSE, TerminalConfiguration.NRSE, TerminalConfiguration.DIFF]
-
     assert PhysicalChannel("Sim/ai0", grpc_options=options).ai_term_cfgs == configurations
     assert PhysicalChannel("Sim/ai8", grpc_options=options).ai_term_cfgs == configurations[:2]
     assert PhysicalChannel("Sim/port0", grpc_options=options).di_port_width == 32

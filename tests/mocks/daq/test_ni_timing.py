@@ -47,7 +47,6 @@ def test_sample_clock(ai: nidaqmx.Task) -> None:
     timing = ai.timing
     default = timing.samp_clk_rate
     timing.cfg_samp_clk_timing(1000, samps_per_chan=100)
-
     assert timing.samp_timing_type == SampleTimingType.SAMPLE_CLOCK
     assert timing.samp_clk_rate == 1000 and timing.samp_clk_timebase_div == 100_000
     assert timing.samp_clk_src == "/Sim/ai/SampleClockTimebase"
@@ -154,9 +153,7 @@ def test_time_stamps(task: nidaqmx.Task) -> None:
     task.timing.cfg_samp_clk_timing(1000)
     assert task.triggers.start_trigger.time_when.year == 1904
     task.start()
-
     stamp = task.wait_for_valid_timestamp(TimestampEvent.FIRST_SAMPLE)
-
     assert abs((datetime.now(UTC) - stamp).total_seconds()) < 2
     assert (
         code(lambda: task.wait_for_valid_timestamp(TimestampEvent.START_TRIGGER))
@@ -315,7 +312,6 @@ def test_slave_that_comes_late_joins_at_the_next_edge() -> None:
         first = master.read(25)
         slave.start()
         both = np.array([slave.read(40), master.read(40)])
-
     assert len(first) == 25
     # 3 V at 10 Hz changes by 0.19 V from sample to sample: one sample apart would show.
     assert np.abs(both[0] - both[1]).max() < 3e-3
