@@ -32,6 +32,7 @@ def like(found: Representative, press: Representative, most: float = 0.02) -> No
     assert len(found.acceleration) == len(own) and error < most
 
 
+@pytest.mark.usefixtures("read_here")
 @pytest.mark.parametrize(
     ("format", "suffix"),
     [
@@ -49,7 +50,8 @@ def test_a_press_goes_out_and_comes_back(files: Files, tmp_path: Path, format: s
     assert found.button == ("imported" if format == "uff" else "push")
 
 
-@pytest.mark.parametrize("format", ["wav", "uff"])
+@pytest.mark.usefixtures("read_here")
+@pytest.mark.parametrize("format", ["mat", "uff"])
 def test_one_press_of_an_exported_recording_is_imported(files: Files, tmp_path: Path, format: str) -> None:
     """The one that is named: of several none is taken without a word."""
     out = tmp_path / f"presses.{format}"
@@ -106,6 +108,7 @@ def by_sdypy(path: Path, values: np.ndarray) -> None:
     path.write_text(f"[{one.model_dump_json()}]", encoding="utf-8")
 
 
+@pytest.mark.usefixtures("read_here")
 @pytest.mark.parametrize(
     ("write", "name", "scale"),
     [
@@ -190,6 +193,7 @@ def test_a_spreadsheet_with_decimal_commas(tmp_path: Path, separator: str, encod
     assert np.ptp(found) > 1
 
 
+@pytest.mark.usefixtures("read_here")
 @pytest.mark.parametrize(
     ("name", "content", "sentence"),
     [
@@ -252,6 +256,7 @@ def test_a_time_in_milliseconds_is_not_taken_for_seconds(tmp_path: Path) -> None
         press(path, "b")
 
 
+@pytest.mark.usefixtures("read_here")
 def test_an_uneven_time_is_refused_in_every_kind_of_file(tmp_path: Path) -> None:
     time = np.sort(np.random.default_rng(0).random(5000))
     wave = np.sin(2 * np.pi * 200 * time)

@@ -155,6 +155,7 @@ def test_what_cannot_be_understood_is_one_sentence(
     assert sentence in str(error.value) and "\n" not in str(error.value), str(error.value)
 
 
+@pytest.mark.usefixtures("read_here")
 @pytest.mark.parametrize("suffix", [".npy", ".mat", ".h5", ".tdms", ".npz", ".wav"])
 def test_a_file_of_noise_is_one_sentence(run: Run, tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"a{suffix}"

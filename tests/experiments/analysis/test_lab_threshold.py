@@ -46,7 +46,7 @@ def test_the_stated_interval_of_the_mean_person_is_right_about_it() -> None:
     rng, truth, spread = np.random.default_rng(90210), -7.0, 5.0
     whole = levels_of(played().check.measured, RATE).pressing
     inside, spreads = [], []
-    for _ in range(400):
+    for _ in range(200):
         levels = truth + spread * rng.normal(size=8)
         lab = lab_threshold_of(of(list(10 ** ((levels - whole) / 20))), played())
         inside.append(abs(lab.shift - truth) <= lab.uncertainty)

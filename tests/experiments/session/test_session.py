@@ -59,7 +59,7 @@ def test_every_changed_byte_is_noticed(tmp_path: Path) -> None:
     run(where, "P01")
     path = where.path_of("P01", 1)
     content = path.read_bytes()
-    for place in [*range(0, len(content) - 200, 7), *range(len(content) - 200, len(content))]:
+    for place in [*range(0, len(content) - 200, 13), *range(len(content) - 200, len(content))]:
         for mask in (1, 0x20):
             path.write_bytes(content[:place] + bytes([content[place] ^ mask]) + content[place + 1 :])
             assert refused(lambda: answers(where, "P01")), place
