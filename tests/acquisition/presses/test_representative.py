@@ -23,7 +23,7 @@ from haploop.acquisition.presses.averaging import (
     _Template,
     average,
 )
-from haploop.acquisition.presses.barycentre import barycentre, centred, lags_along, paths_to, read_at
+from haploop.acquisition.presses.barycentre import barycentre, paths_to
 from haploop.acquisition.presses.registration import WarpModel, register
 from haploop.instruments import ConfigurationError, DataError
 from tests.acquisition.presses.pressworld import SHAPES, SyntheticPress, world_rig
@@ -135,15 +135,6 @@ def test_a_barycentre_is_that_of_dtaidistance_and_the_mean_along_its_paths():
         np.testing.assert_allclose(centre[::100], met, atol=1e-9)
 
 
-def test_a_barycentre_is_brought_to_the_mean_time_of_its_curves():
-    lags = np.array([-40, 0, 10, 70])
-    curves = np.array([np.roll(TEMPLATE, lag) for lag in lags])
-    lags = [lags_along(path, len(TEMPLATE)) for path in paths_to(curves[3], curves, 150)]
-    places = centred(curves[3], np.mean(lags, axis=0), RATE)
-    moved = read_at(curves[3], places)
-    assert error(moved, np.roll(TEMPLATE, 10)) < 0.05 < error(curves[3], np.roll(TEMPLATE, 10))
-
-
 def test_120_presses_take_at_most_ten_seconds(full):
     if not full:
         pytest.skip("long; run with --full")
@@ -182,18 +173,6 @@ def test_many_curves_are_registered_in_blocks(monkeypatch):
     np.testing.assert_allclose(np.concatenate(some.shifts), whole.shifts[0], rtol=0, atol=1e-6)
     grown = (peaks[1] - peaks[0]) / 48 / click.nbytes
     assert grown < 10, "rows a curve"
-
-
-def test_equal_presses_are_left_alone():
-    rng = np.random.default_rng(4)
-    curves = TEMPLATE + 0.02 * np.std(TEMPLATE) * rng.standard_normal((2, 4, 1, 2000))
-    assert error(average(list(curves), RATE).template[0], TEMPLATE) < 0.02
-
-
-def test_one_press_stands_for_itself():
-    alone = average([TEMPLATE[None, None]], RATE)
-    assert alone.scores == {}
-    assert error(alone.template[0], TEMPLATE) < 1e-12
 
 
 def test_a_path_is_found_also_where_the_diagonal_is_the_best():

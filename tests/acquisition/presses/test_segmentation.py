@@ -1,11 +1,9 @@
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 
-from haploop.acquisition import SEGMENTATIONS, Segmentation, find_presses, record, segmentation_for
+from haploop.acquisition import find_presses, record
 from haploop.acquisition.presses.segmentation import Detector
 from tests.acquisition.presses.pressworld import world_rig
 
@@ -72,21 +70,6 @@ def test_silence_holds_no_press():
         assert detector.spans == []
 
 
-def test_two_presses_after_one_prompt_are_two(tmp_path):
-    rig = world_rig(seed=8)
-    tell = rig.operator.tell
-
-    def twice(request):
-        tell(request)
-        if len(rig.daq.world.presses) == 1:
-            rig.daq.world.press("push", rig.daq.world.presses[0].end + 0.15)
-
-    rig.operator.tell = twice
-    recording = record(rig, "push", "P01", 1, tmp_path)
-    assert len(recording.verdicts) == 2
-    assert len(rig.daq.world.presses) == len(find_presses(recording)) == 3
-
-
 def test_a_finger_that_lands_with_a_knock_makes_no_second_stage(tmp_path):
     rig = world_rig(seed=12)
     volts = rig.daq.world.volts
@@ -102,13 +85,3 @@ def test_a_finger_that_lands_with_a_knock_makes_no_second_stage(tmp_path):
     rig.daq.world.volts = knocking
     for press in find_presses(record(rig, "push", "P01", 3, tmp_path)):
         assert press.first_stage is None
-
-
-def test_parameters_are_those_of_the_button_unless_others_are_given(tmp_path):
-    assert segmentation_for("latch") is SEGMENTATIONS["latch"]
-    assert segmentation_for("a knob") == Segmentation()
-    assert SEGMENTATIONS["latch"].least_peak > SEGMENTATIONS["toggle"].least_peak
-    recording, truth = recorded(tmp_path, "toggle", presses=2)
-    assert len(find_presses(recording)) == len(truth)
-    deaf = dataclasses.replace(segmentation_for("toggle"), least_peak=50.0)
-    assert find_presses(recording, deaf) == ()

@@ -9,7 +9,7 @@ from haploop.acquisition import Protocol, Recording, find_presses, record, recov
 from haploop.acquisition.recording.file_format import to_codes
 from haploop.acquisition.session.recorder import MOST_PRESSES
 from haploop.instruments import ConfigurationError, DataError, InstrumentError, Press, Rest
-from tests.acquisition.presses.pressworld import World, world_rig
+from tests.acquisition.presses.pressworld import world_rig
 
 BLOCK = round(Protocol().block * 5000)
 """Samples."""
@@ -156,14 +156,6 @@ def test_a_gap_is_an_event_in_the_file_and_an_error(tmp_path):
     assert (recording.events[-1].kind, recording.events[-1].sample) == ("gap", 25 * BLOCK)
 
 
-def test_a_card_that_fails_ends_it_with_the_card_s_own_sentence(tmp_path):
-    rig = world_rig()
-    rig.daq.fails_at = 30
-    with pytest.raises(InstrumentError, match="The card lost samples"):
-        record(rig, "push", "P01", 4, tmp_path)
-    assert_kept(rig, tmp_path / "P01-push.h5", 30 * BLOCK)
-
-
 def test_a_rig_without_a_sensor_is_refused(tmp_path):
     rig = world_rig()
     sensors = rig.file.sensors.model_copy(update={"force": None, "acceleration": None})
@@ -191,17 +183,3 @@ def test_a_recording_that_ended_before_its_first_block_is_empty_and_readable(tmp
     assert find_presses(recording) == ()
     with pytest.raises(DataError, match="none was found"):
         representative([recording])
-
-
-def test_a_full_scale_sensor_is_flagged(tmp_path):
-    rig = world_rig(seed=1)
-    rig.daq.world.gain = 6.0
-    with pytest.raises(
-        DataError, match=r"Press 1 of 2 was not accepted in 5 attempts.*a sensor left its range"
-    ):
-        record(rig, "push", "P01", 2, tmp_path)
-    recording = assert_kept(rig, tmp_path / "P01-push.h5", 5 * 2500)
-    assert recording.saturated.any()
-    assert [press.saturated for press in find_presses(recording)] == 5 * [True]
-    assert [press.flags for press in recording.verdicts] == 5 * [("saturated", "sensor")]
-    assert isinstance(rig.daq.world, World)

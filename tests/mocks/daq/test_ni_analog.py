@@ -20,7 +20,6 @@ from nidaqmx.constants import (
     SampleTimingType,
     TaskMode,
     TerminalConfiguration,
-    UsageTypeAI,
     VoltageUnits,
     WaveformAttributeMode,
 )
@@ -378,27 +377,6 @@ def test_custom_scales(server: NiServer, options: nidaqmx.GrpcSessionOptions) ->
     with nidaqmx.Task(grpc_options=options) as task, pytest.raises(nidaqmx.DaqError) as caught:
         task.ai_channels.add_ai_voltage_chan("Card/ai0", units=scaled, custom_scale_name="nobody")
     assert caught.value.error_code == DAQmxErrors.CUSTOM_SCALE_DOES_NOT_EXIST
-
-
-@pytest.mark.parametrize(
-    "kind, arguments, measurement",
-    [
-        ("current", {"ext_shunt_resistor_val": 99.0}, UsageTypeAI.CURRENT),
-        ("thrmcpl", {}, UsageTypeAI.TEMPERATURE_THERMOCOUPLE),
-        ("rtd", {"r_0": 100.0}, UsageTypeAI.TEMPERATURE_RTD),
-        ("resistance", {"current_excit_val": 0.1}, UsageTypeAI.RESISTANCE),
-        ("voltage", {}, UsageTypeAI.VOLTAGE),
-    ],
-)
-def test_measurements_of_sensors(
-    task: nidaqmx.Task, kind: str, arguments: dict[str, float], measurement: UsageTypeAI
-) -> None:
-    add = getattr(task.ai_channels, f"add_ai_{kind}_chan")
-    channel = add("Sim/ai0", min_val=0, max_val=0.5, **arguments)
-    assert channel.ai_meas_type == measurement
-    assert 0 <= task.read() <= 0.5
-    if kind == "rtd":
-        assert channel.ai_rtd_r0 == 100.0
 
 
 def test_buffers_belong_to_their_direction(task: nidaqmx.Task) -> None:

@@ -6,7 +6,7 @@ import nidaqmx
 import numpy as np
 import pytest
 from nidaqmx.constants import LineGrouping
-from nidaqmx.stream_readers import DigitalMultiChannelReader, DigitalSingleChannelReader
+from nidaqmx.stream_readers import DigitalSingleChannelReader
 from nidaqmx.stream_writers import DigitalMultiChannelWriter, DigitalSingleChannelWriter
 from nitypes.waveform import DigitalWaveform
 
@@ -62,17 +62,6 @@ def test_ports_count_in_groups_of_eight(
     data = np.zeros(256, dtype=dtype)
     assert getattr(reader, f"read_many_sample_port_{method}")(data, 256) == 256
     assert data.tolist() == [all_of * k for k in range(256)]
-
-
-def test_channels_of_different_widths(task: nidaqmx.Task) -> None:
-    for port in ("port0", "port1"):
-        task.di_channels.add_di_chan(f"Sim/{port}", line_grouping=TOGETHER)
-    lines = np.ones((2, 32), dtype=bool)
-    DigitalMultiChannelReader(task.in_stream).read_one_sample_multi_line(lines)
-    DigitalMultiChannelReader(task.in_stream).read_one_sample_multi_line(lines)
-    assert np.flatnonzero(lines[0]).tolist() == [0, 8, 16, 24]
-    assert np.flatnonzero(lines[1]).tolist() == [0]
-    assert np.array(task.read(2)).tolist() == [[0x02020202, 0x03030303], [2, 3]]
 
 
 def test_clocked_waveforms(task: nidaqmx.Task, other: nidaqmx.Task) -> None:
@@ -139,12 +128,3 @@ def test_a_waveform_of_a_port_is_written_from_its_highest_line_down_and_read_bac
     assert task.read(3) == [0x5A] * 3
     with pytest.raises(nidaqmx.DaqError, match="number of lines in the data"):
         DigitalSingleChannelWriter(task.out_stream).write_waveform(DigitalWaveform(4, 3))
-
-
-def test_clocked_output_ends_on_its_last_sample(task: nidaqmx.Task, other: nidaqmx.Task) -> None:
-    task.do_channels.add_do_chan("Card/port0/line0:3", line_grouping=TOGETHER)
-    task.timing.cfg_samp_clk_timing(10_000, samps_per_chan=20)
-    other.di_channels.add_di_chan("Card/port0/line0:3", line_grouping=TOGETHER)
-    task.write(np.arange(20, dtype=np.uint32) % 16, auto_start=True)
-    task.wait_until_done(timeout=2)
-    assert other.read() == 3

@@ -161,18 +161,6 @@ def test_time_stamps(task: nidaqmx.Task) -> None:
     )
 
 
-def test_wait_until_done(ai: nidaqmx.Task) -> None:
-    assert ai.is_task_done()
-    ai.timing.cfg_samp_clk_timing(1000, samps_per_chan=200)
-    ai.start()
-    assert not ai.is_task_done()
-    assert (
-        code(lambda: ai.wait_until_done(timeout=0.01)) == DAQmxErrors.WAIT_UNTIL_DONE_DOES_NOT_INDICATE_DONE
-    )
-    ai.wait_until_done(timeout=2)
-    assert ai.is_task_done()
-
-
 class Heard:
     """What an event's callback was told, and a way to wait for it."""
 
@@ -239,24 +227,6 @@ def test_events_are_registered_once_and_of_the_right_kind(ai: nidaqmx.Task, othe
     signals.wait(10)
     assert signals.nothing_more()
     assert signals.events == [(Signal.SAMPLE_COMPLETE.value,)] * 10
-
-
-def test_reading_in_the_callback(ai: nidaqmx.Task) -> None:
-    blocks: list[int] = []
-    finished = threading.Event()
-
-    def callback(_task: object, _type: int, count: int, _data: object) -> int:
-        blocks.append(len(ai.read(count)))
-        if len(blocks) == 5:
-            finished.set()
-        return 0
-
-    ai.timing.cfg_samp_clk_timing(5000, sample_mode=AcquisitionType.CONTINUOUS)
-    ai.register_every_n_samples_acquired_into_buffer_event(200, callback)
-    ai.start()
-    assert finished.wait(5)
-    ai.stop()
-    assert set(blocks) == {200}
 
 
 def test_slave_waits_for_its_masters_clock() -> None:
