@@ -165,7 +165,7 @@ def test_a_finger_that_lifts_while_it_is_calibrated_is_no_finger(
 
     def short(volts: np.ndarray, *args: Any, **more: Any) -> Any:
         if len(volts) > 2 * rig.table.rate_hz:  # the multisine; the table is settled before
-            rig.simulation.plant.hands[-1].end = rig.clock.now() + 1.2
+            rig.simulation.plant.hands[-1].end = rig.clock.now() + len(volts) / rig.table.rate_hz / 2
         return excite(volts, *args, **more)
 
     monkeypatch.setattr(rig, "excite", short)
