@@ -176,6 +176,20 @@ def test_a_spike_is_told_in_a_press_and_a_click_is_none(tmp_path: Path) -> None:
         assert said.startswith("the accelerometer's signal has 1 spike;") == bool(count), (height, wide, said)
 
 
+def test_a_clicks_ringing_that_is_sampled_eight_times_a_period_is_no_spike(tmp_path: Path) -> None:
+    """One right press in 25 was refused for a spike at 2 kS/s."""
+    (tmp_path / "rig.toml").write_text('base = "minimal"\nrate_hz = 2000', encoding="utf-8")
+    with haploop.open_rig(tmp_path / "rig.toml", simulate="twin") as rig:
+        recording = haploop.record(rig, "latch", "P01", 1, tmp_path)
+    assert recording.rate_hz == 2000
+    verdict, shown = recording.verdicts[0], recording.acceleration.copy()
+    rings = [11.0, 10.43, 10.03, 9.75, 9.75, 10.11, 10.68, 11.1, 11.11, 10.73, 10.36, 10.02, 9.98, 10.01]
+    shown[2, verdict.first + 285 : verdict.first + 299] = rings
+    recording.__dict__["acceleration"] = shown
+    still = shown[2][recording.rest]
+    assert signal_fault(recording, recording.rest, slice(verdict.first, verdict.end), still) == ""
+
+
 def doubled(curves: np.ndarray, which: list[int], lag: float) -> np.ndarray:
     """A second click in some presses (presses, samples), 80 % as loud, `lag` s after the first."""
     late, twice = round(lag * RATE), curves.copy()
