@@ -117,7 +117,6 @@ def compare(
     thresholds = thresholds or Recalibration()
     before = PlaceMetrics.of(active)
     place = f"patch {response.patch} at the {response.point} point"
-    coherence = _coherence(response)
     f, measured = _in_band(response)
     # One multisine tells the loop, and not the even order: a changed one shows when a button is played.
     law = replace(hysteresis, even=active.hysteresis.even) if hysteresis else active.hysteresis
@@ -131,7 +130,7 @@ def compare(
         resonance_hz=before.resonance_hz * (1 + shift),
         damping=before.damping * (1 + damping),
         gain=before.gain * (1 + gain),
-        coherence=coherence,
+        coherence=_coherence(response),
         shape=laid.residual,
         hysteresis=_loss(law, response.level if hysteresis else active.response.level),
     )
@@ -140,48 +139,21 @@ def compare(
     alone = {name: change for name, change in moved.items() if len(drives[name].patches) == 1}
     changes = {name: float(np.linalg.norm(change)) for name, change in alone.items()}
 
-    dampings = dampings_of(active.model, laid)
-
-    def verdict(kind: Kind, *sentences: str) -> Verdict:
-        return Verdict(
-            response.patch,
-            response.point,
-            kind,
-            before,
-            now,
-            sentences,
-            factor=laid.factor,
-            path=path,
-            dampings=dampings,
-            changes=changes,
-            moved=moved,
-        )
-
-    if not coherence >= thresholds.coherence:
-        return verdict(
-            "broken",
-            f"The {response.point} point does not follow patch {response.patch}: the coherence is "
-            f"{coherence:.2f}, it was {before.coherence:.2f}, and {thresholds.coherence:g} is needed.",
-        )
-    if laid.residual > _STRANGE:
-        return verdict(
-            "broken",
-            f"The response of {place} is not the calibrated one (no drift explains {laid.residual:.0%} of "
-            "it): check that the laser still looks at the point, and the patch's glue and wires.",
-        )
-    if not 1 / _FACTOR < 1 + gain < _FACTOR:
-        return verdict(
-            "broken",
-            f"The gain of {place} is {1 + gain:.2f} times what it was, which is no drift: check the "
-            "patch, the vibrometer's range, and the laser's aim and focus.",
-        )
-    strong = laid.shift[laid.weight > _STRONG]
-    if float(np.abs(strong).max()) > _MOST:
-        return verdict(
-            "broken",
-            f"The modes of {place} would have moved by {strong.min():+.1%} to {strong.max():+.1%}, and more "
-            f"than {_MOST:.0%} is no drift: check that the laser still looks at the point, and the table.",
-        )
+    verdict = Verdict(
+        response.patch,
+        response.point,
+        "broken",
+        before,
+        now,
+        (),
+        factor=laid.factor,
+        path=path,
+        dampings=dampings_of(active.model, laid),
+        changes=changes,
+        moved=moved,
+    )
+    if broken := _broken(verdict, laid, thresholds):
+        return replace(verdict, sentences=(broken,))
     told = [
         f"The {name} of {place} changed by {change:+.{digits}%}, and {limit:.{digits}%} is accepted."
         for name, change, limit, digits in (
@@ -201,8 +173,38 @@ def compare(
     if affected:
         told.append(_changed(affected, place, thresholds))
     if told:
-        return verdict("drifted", *told, *_causes(laid, shift, before, now, place))
-    return verdict("unchanged", f"The resonance of {place} is at {now.resonance_hz:.2f} Hz ({shift:+.2%}).")
+        return replace(verdict, kind="drifted", sentences=(*told, *_causes(laid, shift, before, now, place)))
+    still = f"The resonance of {place} is at {now.resonance_hz:.2f} Hz ({shift:+.2%})."
+    return replace(verdict, kind="unchanged", sentences=(still,))
+
+
+def _broken(verdict: Verdict, laid: Overlay, thresholds: Recalibration) -> str:
+    """A sentence on why a place is broken and what to look at; empty where it can only have drifted."""
+    before, now, place = verdict.before, verdict.now, f"patch {verdict.patch} at the {verdict.point} point"
+    assert now is not None
+    if not now.coherence >= thresholds.coherence:
+        return (
+            f"The {verdict.point} point does not follow patch {verdict.patch}: the coherence is "
+            f"{now.coherence:.2f}, it was {before.coherence:.2f}, and {thresholds.coherence:g} is needed."
+        )
+    if laid.residual > _STRANGE:
+        return (
+            f"The response of {place} is not the calibrated one (no drift explains {laid.residual:.0%} of "
+            "it): check that the laser still looks at the point, and the patch's glue and wires."
+        )
+    gain = laid.gain * verdict.path
+    if not 1 / _FACTOR < gain < _FACTOR:
+        return (
+            f"The gain of {place} is {gain:.2f} times what it was, which is no drift: check the "
+            "patch, the vibrometer's range, and the laser's aim and focus."
+        )
+    strong = laid.shift[laid.weight > _STRONG]
+    if float(np.abs(strong).max()) > _MOST:
+        return (
+            f"The modes of {place} would have moved by {strong.min():+.1%} to {strong.max():+.1%}, and more "
+            f"than {_MOST:.0%} is no drift: check that the laser still looks at the point, and the table."
+        )
+    return ""
 
 
 def together(
