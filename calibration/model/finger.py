@@ -61,8 +61,9 @@ _NOISE = 0.004
 _CHANGED = 0.015
 """Relative change of the response below which nothing rests on the table: two looks at a bare one differ by
 less, and 0.25 N on the paper's pane change it by more (simulated)."""
-_WANDERS = 0.06
-"""Standard deviation of a held force, relative (estimate: docs/hardware.md, "Fingers on the table")."""
+_WANDERS = 0.031
+"""Standard deviation of a held force's mean over a look of two seconds, relative: the force itself wanders by
+6 %, at 0.13, 0.41 and 1.1 Hz (estimates: docs/hardware.md, "Fingers on the table")."""
 _NEAR = 0.05
 """Largest relative distance of a map's mode from a pole that is the same mode: tables drift by less."""
 _HALF_WIDTHS = 3.0
@@ -362,7 +363,9 @@ def _uncertainty(finger: Finger, seen: Sequence[_Seen]) -> float:
     moved = (factor**2 * first.here)[:, None] * loads
     spread = np.sqrt(np.mean([one.spread**2 for one in seen], axis=0))
     of_ratios = float(np.linalg.norm(moved * spread))
-    of_force = GROWS * _WANDERS * float(np.linalg.norm(moved.sum(axis=1)))
+    # Spring, damper and mass all follow the force: a difference takes r and d along.
+    more, less = (finger.factor(first.f, share * finger.force) for share in (1 + _WANDERS, 1 - _WANDERS))
+    of_force = float(np.linalg.norm((more - less) / 2 * first.here))
     size = float(np.linalg.norm(factor * first.here))
     return float(np.sqrt(finger.misfit**2 + (of_ratios**2 + of_force**2) / size**2))
 
