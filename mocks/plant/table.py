@@ -60,7 +60,8 @@ class TouchTable(PlantSettings):
     """The default plant: see the module."""
 
     mode_drift: Annotated[float, Field(gt=-0.5, lt=0.5)] = 0.0
-    """Relative shift of every mode's frequency."""
+    """Relative shift e of every mode's frequency, at equal mass and damping ratio, as the day's: modal forces
+    per volt stay, so that velocity at a resonance falls by 1 + e, and displacement at rest by (1 + e)^2."""
     daily_drift: Annotated[float, Field(ge=0, lt=0.1)] = 0.0
     """Relative amplitude of the daily drift of every mode's frequency, caused by temperature."""
     damping_scale: Positive = 1.0
@@ -103,7 +104,7 @@ def make_plate(
     curvature = (m / WIDTH) ** 2 + (n / HEIGHT) ** 2
     scatter = rng.normal(0, 0.02, len(MODES)).clip(-0.05, 0.05)
     scatter[MAIN] = rng.normal(0, 0.0015)
-    natural = MAIN_HZ * curvature / curvature[MAIN] * (1 + scatter) * (1 + drift)
+    natural = MAIN_HZ * curvature / curvature[MAIN] * (1 + scatter)
     damping = (0.004 + 0.000025 * natural) * rng.uniform(0.9, 1.1, len(MODES))
     # The gain is set for the nominal damping and patch position, so that a damped table moves less.
     strength = np.abs(_coupling(PATCHES["A"])[MAIN]) / (4 * np.pi * damping[MAIN] * natural[MAIN])
@@ -111,7 +112,8 @@ def make_plate(
     patches = dict(PATCHES) if collocated_at is None else {**PATCHES, "A": collocated_at}
     coupling = {patch: gain * _coupling(place) for patch, place in patches.items()}
     masses = np.full(len(MODES), PANE_MASS / 4)
-    return Modes(natural, np.minimum(damping * damping_scale, 0.3), coupling, _shape, MAIN, masses)
+    damping = np.minimum(damping * damping_scale, 0.3)
+    return Modes(natural * (1 + drift), damping, coupling, _shape, MAIN, masses)
 
 
 def with_coils(plate: Modes, actuator: Actuator, collocated_at: tuple[float, float] | None) -> Modes:

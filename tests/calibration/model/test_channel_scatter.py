@@ -46,7 +46,6 @@ class Unsteady(TouchTable):
     own: float = 0.0
 
     def make(self, file: RigFile, rng: np.random.Generator) -> ModalSurface:
-        # `mode_drift` would change the strength as well.
         plate = make_plate(rng, 0.0, self.damping_scale)
         turned = np.random.default_rng(71).standard_normal(len(plate.natural_hz))
         return ModalSurface(

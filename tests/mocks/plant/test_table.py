@@ -182,3 +182,15 @@ def test_a_day_brings_every_mode_back(plate: Modes) -> None:
     assert 0.009 < course.max() < 0.0111 and -0.0111 < course.min() < -0.009
     assert np.abs(np.diff(course)).max() < 0.005, "no step is mistaken for a broken table"
     np.testing.assert_array_equal(warmed(plate, 1e5, 0.0, 3).natural_hz, plate.natural_hz)
+
+
+def test_a_drift_of_the_modes_is_of_their_frequencies_alone(plate: Modes) -> None:
+    drifted = make_plate(np.random.default_rng(0), 0.02)
+    np.testing.assert_allclose(drifted.natural_hz, 1.02 * plate.natural_hz)
+    np.testing.assert_array_equal(drifted.damping, plate.damping)
+    for patch, force in plate.coupling.items():
+        np.testing.assert_array_equal(drifted.coupling[patch], force)
+    # At rest, all modes together: a displacement per volt of 1 / 1.02^2.
+    still = np.array([1e-3])
+    moved, before = (one.velocity("A", PLACE, still)[0] for one in (drifted, plate))
+    assert abs(moved / before) == pytest.approx(1.02**-2, rel=1e-4)
