@@ -52,10 +52,12 @@ _BAND = (75.0, 600.0)
 _START, _WITHIN, _TRIES = (700.0, 300.0), ((20.0, 20.0), (2e4, 5e3)), 80
 """First guess of r and d (1/s), the least and most of both, and the most evaluations of a search."""
 _MISFIT, _BESIDE = 0.06, 0.1
-"""Largest residual of the responses under the finger, over what the finger changed, where the laser sees
-its point, and beside it. There a fingertip leaves up to 0.062, `_NOISE` included, and a palm or a second
-finger 0.07 and more: on the paper's pane the two are hardly apart. Beside it fingertips leave up to 0.07
-(simulated)."""
+"""Largest residual of the responses under the finger, over its change, where the laser sees its point, and
+beside it: fingertips leave up to 0.062 and 0.07, two of them 0.07 and more there, some palms less (simulated;
+`_NOISE` included)."""
+_PALM = 100.0
+"""d at 1 N (1/s) below which what rests is too heavy for a fingertip: the mean one has 300, one of three
+standard deviations below 125, a palm 45, found as 20 to 107 on the paper's pane (simulated; estimates)."""
 _NOISE = 0.004
 """Residual (relative rms) that noise leaves, beside that."""
 _CHANGED = 0.015
@@ -220,6 +222,11 @@ def find_finger(
             f"the point leaves {misfit:.1%} of it unexplained: hold still, touch nothing else, and see that "
             "the table has not drifted since it was calibrated."
         )
+    if slow < (least := _PALM * asked.force**GROWS):
+        raise DataError(
+            f"What rests at the point is heavier than a fingertip, as a palm is: its damping over "
+            f"its mass is {slow:.0f} 1/s, and a fingertip's {least:.0f} or more. Rest a fingertip alone."
+        )
     made = Finger(
         participant=asked.participant,
         force=asked.force,
@@ -357,13 +364,12 @@ def _ratios(model: Model, response: Response) -> tuple[FloatArray, FloatArray]:
 
 
 def _uncertainty(finger: Finger, seen: Sequence[_Seen]) -> float:
-    """See `Finger.uncertainty`."""
+    """See `Finger.uncertainty`; r and d follow the force as c does."""
     first = seen[0]
     loads, factor = _loads(finger, first.f, None), finger.factor(first.f)
     moved = (factor**2 * first.here)[:, None] * loads
     spread = np.sqrt(np.mean([one.spread**2 for one in seen], axis=0))
     of_ratios = float(np.linalg.norm(moved * spread))
-    # Spring, damper and mass all follow the force: a difference takes r and d along.
     more, less = (finger.factor(first.f, share * finger.force) for share in (1 + _WANDERS, 1 - _WANDERS))
     of_force = float(np.linalg.norm((more - less) / 2 * first.here))
     size = float(np.linalg.norm(factor * first.here))

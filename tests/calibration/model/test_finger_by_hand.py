@@ -121,6 +121,16 @@ def test_a_palm_and_two_fingers_are_refused_on_a_light_pane(light: Pane) -> None
             light.found(hands)
 
 
+def test_a_palm_is_too_heavy_for_a_fingertip_where_it_looks_like_one(heavy: Pane) -> None:
+    rng = np.random.default_rng(zlib.crc32(b"larch button"))
+    for force in (0.5, 1.0, 2.0, 5.0):
+        palm = Palm.of(rng).at("a palm", PLACES["button"], force)
+        with pytest.raises(DataError, match="heavier than a fingertip, as a palm is"):
+            heavy.found(palm)
+        for _ in range(4):
+            assert heavy.found(Fingertip.of(rng).at("a finger", PLACES["button"], force)).misfit < 0.01
+
+
 def test_nothing_is_no_finger_and_the_lightest_is_one(heavy: Pane) -> None:
     with pytest.raises(DataError, match=r"Nothing seems to rest .* P07 rests a fingertip"):
         heavy.found(Fingertip(13.0, 0.018, 6e-5).at("a crumb", PLACES["button"], 1.0))
