@@ -226,7 +226,7 @@ def trade_for(
     wanted = loudness.level
     if wanted is not None and level(closest) >= wanted:
         return traded(BUDGET)
-    error, loudest = _loudest(at, most, closest)
+    error, loudest = _loudest(at, most, closest, lambda drive: wanted is not None and level(drive) >= wanted)
     if wanted is None:
         return traded(error)
     if level(loudest) < wanted:
@@ -239,8 +239,10 @@ def trade_for(
     )
 
 
-def _loudest(at: Callable[[float], Drive], most: float, closest: Drive) -> tuple[float, Drive]:
-    """The error to plan for so that `most` is expected, and its drive.
+def _loudest(
+    at: Callable[[float], Drive], most: float, closest: Drive, enough: Callable[[Drive], bool]
+) -> tuple[float, Drive]:
+    """The error to plan for so that `most` is expected, or one whose drive is loud enough; and its drive.
 
     What is expected beside the plan's own error, from distortion, hardly depends on that.
     """
@@ -249,7 +251,7 @@ def _loudest(at: Callable[[float], Drive], most: float, closest: Drive) -> tuple
         drive = at(error)
         if drive.expected_error <= most and drive.scale > best[1].scale:
             best = error, drive
-            if drive.expected_error > _CLOSE * most:
+            if drive.expected_error > _CLOSE * most or enough(drive):
                 break
         beside = drive.expected_error**2 - error**2
         aimed = max((_NEXT * most) ** 2 - beside, BUDGET**2) ** 0.5

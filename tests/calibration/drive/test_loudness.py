@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from haploop.calibration import ButtonPlan, Drift, Loudness, Trade, drive_for, plan_button, trade_for
-from haploop.calibration.drive import TOLERANCE
+from haploop.calibration.drive import TOLERANCE, loudness
 from haploop.calibration.perception import levels_of
 from haploop.instruments import ConfigurationError
 from haploop.reports import plot
@@ -77,6 +77,26 @@ def test_what_the_limits_do_not_allow_is_refused_with_what_they_do(calibrated: C
         trade_for(press, table, rig, Loudness(error=0.001))
     with pytest.raises(ConfigurationError, match="20% that a check tolerates"):
         Loudness(error=0.3)
+
+
+def test_a_level_within_reach_takes_few_drives(
+    calibrated: Calibrated, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Errors come in stairs, of which the highest is below what a check tolerates."""
+    stairs, planned = 0.05 * 1.3 ** np.arange(9), []
+
+    def stair(*_args: Any, trade: Trade, **_more: Any) -> SimpleNamespace:
+        planned.append(trade.error)
+        error = float(max(stairs[stairs <= (trade.error or 0)], default=stairs[0]))
+        return SimpleNamespace(expected_error=error, scale=error)
+
+    monkeypatch.setattr(loudness, "drive_for", stair)
+    monkeypatch.setattr(loudness, "_level", lambda drive, _lab: 20 * np.log10(drive.scale / stairs[0]))
+    trade = trade_for(make_press(), calibrated.calibration, calibrated.rig, Loudness(level=6.7))
+    assert trade.error is not None and stairs[3] <= trade.error < stairs[4]
+    assert len(planned) <= 6, planned
+    with pytest.raises(ConfigurationError, match=r"11\.4 dB is the most"):
+        trade_for(make_press(), calibrated.calibration, calibrated.rig, Loudness(level=12.0))
 
 
 def test_a_stronger_amplifier_moves_the_curve_to_the_right(calibrated: Calibrated, plan: ButtonPlan) -> None:
