@@ -78,7 +78,7 @@ def test_the_verdict_is_right_about_the_surfaces_own_error_of_a_right_and_of_a_w
 ) -> None:
     with rig_of(name, tmp_path) as rig:
         drive = drive_for(make_press(), calibrate(rig), rig.limits)
-        result, error, _ = played_and_true(rig, drive, 6, monkeypatch)
+        result, error, _ = played_and_true(rig, drive, 12, monkeypatch)
         low, high = result.interval
         assert low - 0.005 <= error <= high + 0.005
         assert result.passed and error < 0.05
