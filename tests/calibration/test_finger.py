@@ -46,7 +46,9 @@ def finger_of(made: Calibration) -> Finger:
     return made.finger
 
 
-@pytest.mark.parametrize(("mass", "beside", "most"), [(0.96, "", 0.015), (0.96, "21", 0.03), (0.2, "", 0.06)])
+@pytest.mark.parametrize(
+    ("mass", "beside", "most"), [(0.96, "", 0.015), (0.96, "21", 0.03), (0.096, "", 0.03)]
+)
 def test_the_response_under_a_finger_is_the_plant_s(
     calibrated: Calibrated, open: OpenRig, mass: float, beside: str, most: float
 ) -> None:
