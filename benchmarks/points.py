@@ -103,7 +103,7 @@ def made(rig: Rig, rng: np.random.Generator) -> dict[str, Drive]:
     own = [calibrate(rig, patch, excitation=Multisine()) for patch in WIDTHS]
     limits, press = rig.limits, snap()
     scale = drive_for(press, own[0], limits).scale
-    taken = with_map(own, found, [*near.values(), *far])
+    taken = with_map(own, found, [str(point) for point in points])
 
     def planned(wanted: Wanted, trade: Trade) -> Drive:
         kept = [c for c in taken if c.response.point in ("button", *wanted)]
