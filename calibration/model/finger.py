@@ -200,20 +200,14 @@ def find_finger(
     """
     model = bare.model
     beside = any(look.under.point != bare.response.point for look in looks)
-    basis = _Basis.of(model, not beside) if plate is None else _Basis.of_plate(model, plate, asked.point)
+    basis = _Basis.of(model) if plate is None else _Basis.of_plate(model, plate, asked.point)
     seen = [_seen(bare, look, basis, plate) for look in looks]
-
-    def left(x: FloatArray) -> float:
-        return _solved(basis, seen, *np.exp(x).tolist())[1]
-
-    found = scipy.optimize.minimize(
-        left,
-        np.log(_START),
-        method="Nelder-Mead",
-        bounds=scipy.optimize.Bounds(*np.log(_WITHIN)),
-        options={"xatol": 0.02, "fatol": 1e-5, "maxfev": _TRIES},
-    )
-    stiff, slow = (float(value) for value in np.exp(found.x))
+    stiff, slow = _impedance(basis, seen, _START, 0.3)
+    if plate is None and not beside:
+        # Few poles bring the impedance near, and many are slow.
+        basis = basis.with_hidden()
+        seen = [_seen(bare, look, basis, plate) for look in looks]
+        stiff, slow = _impedance(basis, seen, (stiff, slow), 0.05)
     load, misfit = _solved(basis, seen, stiff, slow)
     changed = float(np.sqrt(np.mean([one.changed**2 for one in seen])))
     if changed < _CHANGED:
@@ -259,15 +253,17 @@ class _Basis:
     own: FloatArray
 
     @classmethod
-    def of(cls, model: Model, hidden: bool) -> _Basis:
-        """Of a model, whose modes have any masses, and of modes that it does not show."""
-        poles = model.poles
-        if hidden:
-            w = 2 * np.pi * np.geomspace(*_HIDDEN, round(np.log(_HIDDEN[1] / _HIDDEN[0]) / _STEP))
-            shown = poles[model.resonant]
-            damping = float(np.median(-shown.real / np.abs(shown)))
-            poles = np.append(poles, w * (-damping + 1j * np.sqrt(1 - damping**2)))
-        return cls(poles, np.eye(len(poles)))
+    def of(cls, model: Model) -> _Basis:
+        """Of a model, whose modes have any masses."""
+        return cls(model.poles, np.eye(len(model.poles)))
+
+    def with_hidden(self) -> _Basis:
+        """Of modes, too, that a model does not show."""
+        w = 2 * np.pi * np.geomspace(*_HIDDEN, round(np.log(_HIDDEN[1] / _HIDDEN[0]) / _STEP))
+        shown = self.poles[self.poles.imag > 0]
+        damping = float(np.median(-shown.real / np.abs(shown)))
+        poles = np.append(self.poles, w * (-damping + 1j * np.sqrt(1 - damping**2)))
+        return _Basis(poles, np.eye(len(poles)))
 
     @classmethod
     def of_plate(cls, model: Model, plate: PlateModes, point: str) -> _Basis:
@@ -301,17 +297,40 @@ class _Seen:
         return float(np.linalg.norm(self.there - self.loaded) / np.linalg.norm(self.there))
 
 
+def _impedance(
+    basis: _Basis, seen: Sequence[_Seen], start: tuple[float, float], step: float
+) -> tuple[float, float]:
+    """Return the r and d of the theory that leave least, from a first guess and a first relative step."""
+    first = np.log(start)
+    found = scipy.optimize.minimize(
+        lambda x: _solved(basis, seen, *np.exp(x).tolist())[1],
+        first,
+        method="Nelder-Mead",
+        bounds=scipy.optimize.Bounds(*np.log(_WITHIN)),
+        options={
+            "xatol": 0.02,
+            "fatol": 1e-5,
+            "maxfev": _TRIES,
+            "initial_simplex": first + step * np.array([[0, 0], [1, 0], [0, 1]]),
+        },
+    )
+    stiff, slow = np.exp(found.x)
+    return float(stiff), float(slow)
+
+
 def _solved(basis: _Basis, seen: Sequence[_Seen], stiff: float, slow: float) -> tuple[FloatArray, float]:
     """Return the load (poles,) for a finger of r and d, and the relative residual that it leaves."""
     parts = [_mobilities(basis.poles, one.f) * _shape(one.f, stiff, slow)[:, None] for one in seen]
-    rows, wanted = [], []
+    rows = []
     for one, part in zip(seen, parts, strict=True):
         # there - loaded = Z Y_yx here - Z Y_xx (there - loaded): linear in the unknowns, none is negative.
         lost, size = one.there - one.loaded, np.linalg.norm(one.loaded)
-        columns = ((part @ one.cross) * one.here[:, None] - (part @ basis.own) * lost[:, None]) / size
-        rows += [columns.real, columns.imag]
-        wanted += [lost.real / size, lost.imag / size]
-    unknown, _ = scipy.optimize.nnls(np.concatenate(rows), np.concatenate(wanted))
+        columns = (part @ one.cross) * one.here[:, None] - (part @ basis.own) * lost[:, None]
+        both = np.column_stack([columns, lost]) / size
+        rows += [both.real, both.imag]
+    # The same least squares in as many rows as unknowns.
+    small = np.linalg.qr(np.concatenate(rows), mode="r")
+    unknown, _ = scipy.optimize.nnls(small[:, :-1], small[:, -1])
     load = basis.own @ unknown
     left = []
     for one, part in zip(seen, parts, strict=True):

@@ -123,11 +123,11 @@ def test_a_palm_and_two_fingers_are_refused_on_a_light_pane(light: Pane) -> None
 
 def test_a_palm_is_too_heavy_for_a_fingertip_where_it_looks_like_one(heavy: Pane) -> None:
     rng = np.random.default_rng(zlib.crc32(b"larch button"))
-    for force in (0.5, 1.0, 2.0, 5.0):
+    for force in (0.5, 5.0):
         palm = Palm.of(rng).at("a palm", PLACES["button"], force)
         with pytest.raises(DataError, match="heavier than a fingertip, as a palm is"):
             heavy.found(palm)
-        for _ in range(4):
+        for _ in range(2):
             assert heavy.found(Fingertip.of(rng).at("a finger", PLACES["button"], force)).misfit < 0.01
 
 
@@ -149,6 +149,7 @@ def test_the_uncertainty_is_that_of_a_hand_that_wanders(light: Pane, heavy: Pane
     assert spoilt.uncertainty == pytest.approx(np.hypot(spoilt.misfit, found.uncertainty), rel=0.1)
 
 
+@pytest.mark.long
 def test_people_s_fingers_are_as_far_off_as_is_stated() -> None:
     """Each holds a force that wanders; the truth is the pane's at the force that was asked for."""
     seed, over = zlib.crc32(b"alder thimble"), []
