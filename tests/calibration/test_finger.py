@@ -21,7 +21,7 @@ from haploop.instruments.operator.unattended import Unattended
 from tests.calibration.conftest import Calibrated, make_press
 from tests.conftest import OpenRig
 
-pytestmark = [pytest.mark.many_plays, pytest.mark.requires("simulation")]
+pytestmark = [pytest.mark.many_plays, pytest.mark.requires("simulation"), pytest.mark.long]
 
 BAND = np.arange(80.0, 600.0, 0.25)
 

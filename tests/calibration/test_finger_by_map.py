@@ -16,7 +16,7 @@ from haploop.mocks.plant.touched import touched_velocity
 from tests.calibration.conftest import Calibrated
 from tests.conftest import OpenRig
 
-pytestmark = [pytest.mark.many_plays, pytest.mark.requires("simulation")]
+pytestmark = [pytest.mark.many_plays, pytest.mark.requires("simulation"), pytest.mark.long]
 
 BAND = np.arange(80.0, 600.0, 0.25)
 

@@ -57,6 +57,7 @@ def difference(found: np.ndarray, true: np.ndarray) -> float:
     return float(np.linalg.norm(found - true) / np.linalg.norm(true))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "within"), [("coil", 0.002), ("displacement", 0.002), ("acceleration", 0.003)]
 )
@@ -86,6 +87,7 @@ def test_the_verdict_is_right_about_the_surfaces_own_error_of_a_right_and_of_a_w
         assert result.verdict == "fail" and error == pytest.approx(result.error, abs=0.03) and error > 0.2
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["coil", "displacement", "acceleration"])
 def test_each_is_measured_through_its_wire(name: str, tmp_path: Path) -> None:
     with rig_of(name, tmp_path, "wire", hysteresis=0.0) as rig:

@@ -121,6 +121,7 @@ def test_what_was_made_is_a_screen_and_show_has_the_rest(
     assert said.splitlines()[-1] == f"More of it: haploop show {file}"
 
 
+@pytest.mark.long
 def test_a_plan_is_shown_and_its_choice_is_made(demo: Demo, run: Run, tmp_path: Path) -> None:
     press, table = demo.folder / "presses" / "push.h5", demo.folder / "calibration.h5"
     planned = run("button", "plan", press, "-c", table, "-o", tmp_path / "plan.h5", "--json")

@@ -12,6 +12,8 @@ from haploop.calibration import Calibration, Waveforms
 from haploop.commands import front
 from tests.command_line import Demo, Run
 
+pytestmark = pytest.mark.long
+
 
 def test_earlier_calibrations_tell_how_a_channel_scatters(
     demo: Demo, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -5,7 +5,11 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import pytest
+
 from tests.command_line import Demo, Run
+
+pytestmark = pytest.mark.long
 
 
 def test_a_table_is_calibrated_and_a_press_checked_under_a_finger(

@@ -135,6 +135,7 @@ def test_a_folder_that_may_only_be_read_is_found_before_a_voltage_is_put_out(
         assert "read-only file system" in " ".join(result.output.lower().split())
 
 
+@pytest.mark.long
 def test_a_disk_that_others_fill_meanwhile_takes_the_result(
     tmp_path: Path, run: Run, plays: Plays, commands: Commands, command: str, button: Path
 ) -> None:

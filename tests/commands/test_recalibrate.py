@@ -17,6 +17,8 @@ from haploop.reports.figures.history import trend
 from tests.command_line import Run
 from tests.reports.figure_checks import overlaps
 
+pytestmark = pytest.mark.long
+
 REASON = ("--reason", "for a test")
 
 

@@ -48,6 +48,7 @@ def _running(
             process.kill()
 
 
+@pytest.mark.long
 @pytest.mark.skipif(os.name == "nt", reason="Windows delivers Ctrl-C to a console, not to a process")
 def test_the_guide_to_served_twins(tmp_path: Path) -> None:
     serve, record, *_ = _blocks("serving-twins.md", "sh")

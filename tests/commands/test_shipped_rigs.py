@@ -37,6 +37,7 @@ source = "a test"
 channel = "laser"{PICKUPS["acceleration"]}"""
 
 
+@pytest.mark.long
 @pytest.mark.rig
 @pytest.mark.timeout(900)
 @pytest.mark.usefixtures("few_callbacks")

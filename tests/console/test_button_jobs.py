@@ -18,6 +18,8 @@ from haploop.instruments import ConfigurationError, DataError, load_rig_file
 from tests.calibration.conftest import make_press
 from tests.console.test_worker import DEADLINE, begin, ended, pages, until
 
+pytestmark = pytest.mark.long
+
 OWN = [f"calibrations-made/{patch}-button.h5" for patch in "AB"]
 PUSH, TOGGLE = "recordings/push.h5", "recordings/toggle.h5"
 

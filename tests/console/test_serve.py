@@ -30,6 +30,7 @@ def gone(address: Path) -> bool:
     return not address.exists()
 
 
+@pytest.mark.long
 def test_a_server_that_is_killed_and_comes_back_finds_the_recording_going_on(tmp_path):
     state, data = tmp_path / "state", tmp_path / "data"
     first = start(data, "--port", "0", state=state)
@@ -68,6 +69,7 @@ def test_a_server_that_is_killed_and_comes_back_finds_the_recording_going_on(tmp
     assert os.name == "nt" or gone(address), "Ctrl-C ended the worker too"
 
 
+@pytest.mark.long
 @pytest.mark.skipif(os.name == "nt", reason="Windows' terminate tells a server nothing")
 def test_of_two_servers_of_a_rig_each_ends_what_it_began_and_the_last_one_the_worker(tmp_path):
     state, data = tmp_path / "state", tmp_path / "data"
@@ -166,6 +168,7 @@ def test_of_two_programs_that_start_a_worker_at_once_one_does(tmp_path, monkeypa
         other.end()
 
 
+@pytest.mark.long
 @pytest.mark.skipif(os.name == "nt", reason="Windows' terminate tells a server nothing")
 def test_a_console_leaves_a_tape_of_what_its_worker_did(tmp_path):
     state, tape = tmp_path / "state", tmp_path / "day.tape"

@@ -40,6 +40,7 @@ def shell(*args: object) -> Any:
     return json.loads(result.stdout)
 
 
+@pytest.mark.long
 def test_a_study_from_start_to_report(tmp_path: Path) -> None:
     """The built-in model has effects of confirmation and the latch, and of digital on two pairs."""
     for name in ("matching", "rating"):

@@ -50,6 +50,7 @@ def true_error(open: OpenRig, name: str, drive: Drive) -> float:
     return check(opened(open, name, vibrometer_noise_scale=0.0), drive, plays=3).error
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", PLATES)
 def test_an_even_order_is_identified_and_taken_out_of_the_drive(open: OpenRig, full: bool, name: str) -> None:
     if not full and name not in ("30 modes, square 12 %", "table, kink 7 %"):

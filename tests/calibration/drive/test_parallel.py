@@ -19,6 +19,8 @@ from haploop.mocks.plant.table import TouchTable, make_plate
 from haploop.reports.contents import contents_of
 from tests.calibration.conftest import make_press
 
+pytestmark = pytest.mark.long
+
 WIDTHS = {"A": 0.12, "B": 0.09, "C": 0.15, "D": 0.11}
 
 

@@ -33,7 +33,7 @@ DRIVE = Drive(
     predicted_error=0.02, unreached="", rig="simulated", simulated=True, sources=(), calibration="",
 )  # fmt: skip
 
-pytestmark = [pytest.mark.many_plays, pytest.mark.requires("simulation")]
+pytestmark = [pytest.mark.many_plays, pytest.mark.requires("simulation"), pytest.mark.long]
 
 
 @pytest.fixture

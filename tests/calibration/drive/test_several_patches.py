@@ -39,6 +39,8 @@ from haploop.reports.contents.check import button_contents
 from haploop.reports.contents.plan import plan_contents
 from tests.calibration.conftest import Calibrated, make_press, tamper
 
+pytestmark = pytest.mark.long
+
 WIDTHS = {"A": 0.12, "B": 0.09, "C": 0.15, "D": 0.11}
 SEED = 3
 UNTOLD = np.zeros(0), np.zeros(0, complex), 1.0, 1.0

@@ -27,6 +27,8 @@ from haploop.calibration.drive.actuation import Actuation
 from haploop.instruments import ConfigurationError, Rig, open_rig
 from tests.calibration.conftest import make_press
 
+pytestmark = pytest.mark.long
+
 SEED = 3
 F = np.arange(80.0, 600.0, 0.5)
 

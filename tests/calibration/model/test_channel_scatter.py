@@ -20,6 +20,8 @@ from haploop.mocks.plant.modal_surface import ModalSurface
 from haploop.mocks.plant.table import TouchTable, make_plate
 from haploop.reports.contents import contents_of
 
+pytestmark = pytest.mark.long
+
 STEP = 2e-5
 """Period of the rig's outputs (s)."""
 

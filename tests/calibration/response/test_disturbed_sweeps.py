@@ -13,6 +13,7 @@ from tests.conftest import OpenRig
 pytestmark = [pytest.mark.requires("simulation"), pytest.mark.many_plays]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "fault",
     [

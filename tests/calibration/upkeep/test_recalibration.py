@@ -110,6 +110,7 @@ def test_a_tenth_of_a_percent_is_unchanged(open: OpenRig, history: History) -> N
     assert "Aim the laser at the button point." in rig.operator.assumed  # type: ignore[attr-defined]
 
 
+@pytest.mark.long
 @pytest.mark.requires("simulation")
 def test_three_percent_are_brought_back(open: OpenRig, history: History) -> None:
     parent = history.active()

@@ -21,7 +21,7 @@ from tests.calibration.upkeep.conftest import WHEN
 from tests.calibration.upkeep.test_recalibration import changed_nothing, content, left_alone
 from tests.conftest import OpenRig
 
-pytestmark = [pytest.mark.many_plays, pytest.mark.requires("simulation")]
+pytestmark = [pytest.mark.many_plays, pytest.mark.requires("simulation"), pytest.mark.long]
 
 
 def hand(**settings: Any) -> dict[str, Any]:

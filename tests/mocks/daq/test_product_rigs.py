@@ -27,6 +27,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         metafunc.parametrize("name", PRODUCTS if metafunc.config.getoption("--full") else SAMPLE)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("simulate", ["twin", "wire"])
 def test_what_a_product_can_do_runs_on_its_rig(
     name: str, simulate: product_rigs.Mode, tmp_path: Path, presses: product_rigs.Pressed, full: bool
