@@ -5,7 +5,8 @@ from .calibration import Calibration, ChannelScatter, calibration_of, load_calib
 from .channel_scatter import ChannelChange, channel_change, with_scatter
 from .drift import Drift, apart, mode_deviations, pole_slopes
 from .even_order import even_order
-from .finger import GROWS, Finger, PlateModes, at_force, under_finger
+from .finger import GROWS, Finger, at_force, under_finger
+from .finger_finding import PlateModes
 from .finger_measuring import calibrate_finger
 from .model import Model, Resonance, fit
 from .uncertainty import standard_deviation

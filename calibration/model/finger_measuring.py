@@ -15,7 +15,8 @@ from ...instruments.operator import RestFinger
 from ...instruments.progress import Progress, prefixed, silent
 from ..response import quick_response
 from ..resting_finger import TableForce, refuse_force, resting
-from .finger import Look, PlateModes, find_finger, under_finger
+from .finger import under_finger
+from .finger_finding import Look, PlateModes, find_finger
 
 if TYPE_CHECKING:
     from .calibration import Calibration

@@ -10,7 +10,7 @@ import pytest
 
 from haploop.calibration import Calibration, Finger
 from haploop.calibration.model import PlateModes, at_force, under_finger
-from haploop.calibration.model.finger import Look, find_finger
+from haploop.calibration.model.finger_finding import Look, find_finger
 from haploop.calibration.model.model import fit
 from haploop.calibration.response import Response
 from haploop.calibration.response.response import LINEAR
