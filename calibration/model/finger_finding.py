@@ -217,7 +217,8 @@ def _impedance(
     def left(x: FloatArray) -> float:
         return _solved(basis, seen, *np.exp(x).tolist())[1]
 
-    first: FloatArray = np.log(start)
+    # A guess at a limit is rounded, maybe beyond it.
+    first: FloatArray = np.clip(np.log(start), *np.log(_WITHIN))
     simplex: FloatArray = first + step * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     found = scipy.optimize.minimize(
         left,
