@@ -19,10 +19,11 @@ export function naming(id, another, changed = () => {}) {
     value,
     offer(names) {
       const before = value(), known = new Set();
+      const asked = list.value === NEW && !list.disabled; // the operator is about to write it
       const options = (all) => all.filter((name) => !known.has(name) && known.add(name)).map((name) => el("option", { value: name }, name));
       const made = Object.entries(groups).map(([kind, label]) => el("optgroup", { label }, ...options(names[kind] || [])));
       fill(list, el("option", { value: "", disabled: true, hidden: true }, "Choose ..."), ...made.filter((group) => group.children.length), el("option", { value: NEW }, another));
-      list.value = known.has(before) ? before : before || !known.size ? NEW : "";
+      list.value = known.has(before) ? before : before || asked || !known.size ? NEW : "";
       list.disabled = !known.size;
       $(`${id}-list`).classList.toggle("hidden", !known.size);
       show();

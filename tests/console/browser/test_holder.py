@@ -25,6 +25,12 @@ def test_every_page_says_who_holds_the_rig_and_leads_there(browser, tab, console
         link = page.get_by_role("link", name="Record toggle by P41: paused")
         expect(link).to_have_attribute("href", "/record", timeout=WAIT)
     visit(tab, console, "experiment")
+    # The list of names may be renewed while a new one is about to be written.
+    page.get_by_label("Participant", exact=True).select_option("+")
+    with page.expect_response(lambda answer: "/api/experiment?" in answer.url):
+        page.get_by_label(re.compile("^Experiment")).dispatch_event("change")
+    page.wait_for_timeout(300)
+    expect(page.get_by_label("New participant")).to_be_visible()
     begin_experiment(page, "P42")
     expect(page.locator("#said")).to_contain_text("busy (Record toggle by P41)", timeout=WAIT)
     expect(shown.locator("#prompt")).to_have_text("Pause. Please wait.")
