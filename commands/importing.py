@@ -46,6 +46,12 @@ _ROLES = ("force", "acceleration", "displacement")
 )
 @click.option("--flip", multiple=True, type=click.Choice(_ROLES), help="Change the sign of a column.")
 @click.option(
+    "--rest",
+    multiple=True,
+    metavar="WHAT=start|end",
+    help="Which end of the file shows force or displacement without a finger, where they disagree.",
+)
+@click.option(
     "--from",
     "format",
     type=click.Choice(_FORMATS),
@@ -147,17 +153,26 @@ class _Wanted:
 
 def _mapping(file: Path | None, told: dict[str, Any]) -> FileMapping:
     """The mapping of a file, changed by the options."""
-    units = {}
-    for one in told.pop("units"):
-        role, sign, unit = one.partition("=")
-        if not sign or not unit.strip():
-            raise haploop.ConfigurationError(f"--unit {one!r} is no unit: write it as --unit force=mN.")
-        units[role.strip()] = unit.strip()
-    said = {key: value for key, value in told.items() if value not in (None, ())}
+    units = _by_role("unit", "force=mN", told.pop("units"))
+    told["rest"] = _by_role("rest", "force=start", told["rest"])
+    said = {key: value for key, value in told.items() if value not in (None, (), {})}
     if "rate" in said:
         said["rate_hz"] = said.pop("rate")
     mapping = haploop.FileMapping.told({**said, **({"units": units} if units else {})}, "the options")
     return mapping if file is None else haploop.FileMapping.load(file).but(mapping)
+
+
+def _by_role(option: str, example: str, given: Sequence[str]) -> dict[str, str]:
+    """What an option says of columns, by their role. Raises ConfigurationError."""
+    said = {}
+    for one in given:
+        role, sign, value = one.partition("=")
+        if not sign or not value.strip():
+            raise haploop.ConfigurationError(
+                f"--{option} {one!r} says nothing: write it as --{option} {example}."
+            )
+        said[role.strip()] = value.strip()
+    return said
 
 
 def _asked(path: Path, mapping: FileMapping) -> Understanding:

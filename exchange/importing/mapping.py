@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 from ...instruments.config import parse_toml, read_text, validate
 from ...instruments.files import new_file
 from ..columns import SI
+from .rest import End
 
 Role = Literal["time", "force", "acceleration", "displacement", "activation"]
 ROLES: tuple[Role, ...] = ("time", "force", "acceleration", "displacement", "activation")
@@ -36,6 +37,8 @@ class FileMapping(BaseModel):
     """By role: a unit (mN), what one of the file's units is (40 N), or a sensitivity (100 mV/g)."""
     flip: tuple[Role, ...] = ()
     """Roles whose sign is changed: force and displacement rise when pressed, acceleration is positive up."""
+    rest: dict[str, End] = Field(default_factory=dict)
+    """By role: whether its start or its end shows it without a finger, where the two disagree."""
     format: str | None = None
     """How the file is read; by default as its name ends."""
     decimal: Literal[",", "."] | None = None
@@ -55,6 +58,14 @@ class FileMapping(BaseModel):
                 raise ValueError(f"{role!r} has no unit: use {', '.join(_QUANTITIES)}")
         return units
 
+    @field_validator("rest")
+    @classmethod
+    def _that_rest(cls, rest: dict[str, End]) -> dict[str, End]:
+        for role in rest:
+            if role not in ("force", "displacement"):
+                raise ValueError(f"{role!r} has no rest: use force, displacement")
+        return rest
+
     @classmethod
     def load(cls, path: str | Path) -> Self:
         """Read a mapping's file. Raises ConfigurationError."""
@@ -70,8 +81,8 @@ class FileMapping(BaseModel):
     def but(self, told: FileMapping) -> FileMapping:
         """The mapping, changed by what another one says."""
         said = told.model_dump(exclude_unset=True)
-        units = {**self.units, **told.units}
-        return self.model_copy(update={**said, "units": units, "flip": tuple({*self.flip, *told.flip})})
+        of_roles = {"units": {**self.units, **told.units}, "rest": {**self.rest, **told.rest}}
+        return self.model_copy(update={**said, **of_roles, "flip": tuple({*self.flip, *told.flip})})
 
     def save(self, path: str | Path) -> None:
         """Write a new file, without who pressed what: the next file may be another's.
@@ -79,14 +90,13 @@ class FileMapping(BaseModel):
         Raises ConfigurationError when it exists or cannot be written.
         """
         lines = ["# How haploop reads this lab's files: haploop import FILE --mapping THIS"]
-        for key, value in self.model_dump(exclude={"units", "participant", "button"}).items():
+        tables: dict[str, dict[str, Any]] = {"units": self.units, "rest": self.rest}
+        for key, value in self.model_dump(exclude={*tables, "participant", "button"}).items():
             if value not in (None, ()):
                 lines.append(f"{key} = {json.dumps(value, ensure_ascii=False)}")
-        if self.units:
-            lines += [
-                "",
-                "[units]",
-                *(f"{k} = {json.dumps(v, ensure_ascii=False)}" for k, v in self.units.items()),
-            ]
+        for name, table in tables.items():
+            if table:
+                said = (f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in table.items())
+                lines += ["", f"[{name}]", *said]
         with new_file(path) as part:
             part.write_text("\n".join(lines) + "\n", encoding="utf-8")

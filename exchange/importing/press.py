@@ -14,6 +14,7 @@ from ...acquisition.presses import Detector, segmentation_for
 from ...instruments import ConfigurationError, DataError
 from ...instruments.arrays import FloatArray
 from .mapping import FileMapping
+from .rest import rest_of
 from .understanding import Understanding, understand
 
 RATE_HZ = 5000.0
@@ -30,7 +31,8 @@ def presses_in(found: Understanding) -> tuple[float, ...]:
     rate_hz, signals = found.rate_hz, found.signals
     if "force" in signals or "displacement" in signals:
         signal = signals.get("force") or signals["displacement"]
-        values = signal.values - np.median(signal.values)
+        rest = rest_of(signal.values, rate_hz).at(found.mapping.rest.get(signal.role))
+        values = signal.values - rest
         if signal.role == "displacement":  # as a force of 4 N: the detector's thresholds are a force's
             values = 4 * values / max(float(values.max()), 1e-9)
         detector = Detector(rate_hz, segmentation_for(found.mapping.button or ""))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
@@ -25,6 +25,7 @@ from ...instruments import ConfigurationError, DataError, LinearSensor, Sensors,
 from ...instruments.arrays import FloatArray
 from .mapping import FileMapping
 from .press import RATE_HZ, presses_in, resampled
+from .rest import rest_of
 from .understanding import Signal, Understanding, understand
 
 _REST = 0.5
@@ -39,6 +40,8 @@ _MEASURES: dict[str, Literal["force", "acceleration", "displacement"]] = {
     "displacement": "displacement",
 }
 _G, _NEAR_G = 9.80665, 0.35
+_AT_REST = 0.05
+"""Share of a signal's span within which it is at rest."""
 _FLAT = 5
 """Samples in a row at the largest value, from a steep rise, that show a clipped signal."""
 
@@ -96,7 +99,7 @@ def recording_of(found: Understanding, out: Path) -> Recording:
              for h in found.holes]  # fmt: skip
     events = [
         Event(0, "imported", f"Imported from {found.path.name}, SHA-256 {origin['sha256']}."),
-        Event(_still(volts[0], rest), "rest", "Hands were off."),
+        Event(_still(found, signals, volts, rest), "rest", "Hands were off."),
         *(Event(a, "filled", f"{what}: {_ms(b - a)} were not measured.") for a, b, what in holes),
     ]
 
@@ -165,10 +168,20 @@ def _clipped(values: FloatArray) -> float | None:
     return float(size.max() * (1 - 1e-3)) if rise > 3 * quantum else None
 
 
-def _still(signal: FloatArray, rest: float) -> int:
-    """End of the part of a signal in which it changes least."""
+def _still(found: Understanding, signals: Mapping[str, Signal], volts: FloatArray, rest: float) -> int:
+    """End of the part, `rest` long (s), of a signal in which it changes least; force and travel are at rest
+    in it, because a button that is held is still as well.
+    """
+    role = next((one for one in ("force", "displacement") if one in signals), next(iter(signals)))
+    signal = volts[list(signals).index(role)]
     length, step = max(1, round(rest * RATE_HZ)), max(1, round(0.05 * RATE_HZ))
-    starts = range(0, max(1, len(signal) - length), step)
+    starts = list(range(0, max(1, len(signal) - length + 1), step))
+    if role != "acceleration":
+        ends = rest_of(signal, RATE_HZ)
+        value = ends.at(found.mapping.rest.get(role))
+        off = [abs(float(signal[at : at + length].mean()) - value) for at in starts]
+        near = max(min(off), _AT_REST * (ends.high - ends.low))
+        starts = [at for at, far in zip(starts, off, strict=True) if far <= near]
     return min(starts, key=lambda at: float(np.ptp(signal[at : at + length]))) + length
 
 

@@ -18,6 +18,7 @@ from ...instruments import ConfigurationError, DataError
 from ...instruments.arrays import FloatArray
 from ..columns import SI, Table, per_unit, read_table, unit_of
 from .mapping import ROLES, FileMapping, Role
+from .rest import rest_of
 from .roles import columns_of
 from .timebase import Hole, TimeBase, filled, holes_of, on_grid, time_base
 
@@ -37,7 +38,7 @@ class Question:
     """Something that the file does not say."""
 
     key: Role | str
-    """What is asked for: a role, "rate", or "unit ROLE", "flip ROLE"."""
+    """What is asked for: a role, "rate", or "unit ROLE", "flip ROLE", "rest ROLE"."""
     what: str
     """For a sentence: "the unit of force (column 1, F)"."""
     option: str
@@ -90,8 +91,8 @@ class Understanding:
         told: dict[str, object]
         if what == "flip":
             told = {"flip": (role,)}
-        elif what == "unit":
-            told = {"units": {role: answer}}
+        elif what in ("unit", "rest"):
+            told = {"units" if what == "unit" else "rest": {role: answer}}
         elif what == "rate":
             told = {"rate_hz": answer}
         else:
@@ -165,7 +166,7 @@ class _Finder:
         rate = base.rate_hz if base else float("nan")
         for role in ("force", "acceleration", "displacement"):
             if role in signals and len(signals[role].values):
-                self._sign(role, signals[role].values)
+                self._sign(role, signals[role].values, rate)
         return Understanding(
             table.path, table, self._explicit(signals), signals, rate, tuple(self.questions),
             tuple(self.notes), tuple(self.holes))  # fmt: skip
@@ -326,24 +327,36 @@ class _Finder:
             )
         return np.asarray(found)
 
-    def _sign(self, role: Role, values: FloatArray) -> None:
-        rest = float(np.median(values))
+    def _sign(self, role: Role, values: FloatArray, rate_hz: float) -> None:
+        """Ask for the direction of a signal that no press has, and say where its rest was taken from."""
         if role == "acceleration":
-            if abs(abs(rest) - _G) > 0.35 * _G:
+            middle = float(np.median(values))
+            if abs(abs(middle) - _G) > 0.35 * _G:
                 self.notes.append(
-                    f"Acceleration: {rest:.2f} m/s² at rest: no gravity, which would show its sign."
+                    f"Acceleration: {middle:.2f} m/s² for most of the file: no gravity, which would show its "
+                    "sign."
                 )
-            elif rest > 0:
-                self.notes.append(f"Acceleration: {rest:.2f} m/s² at rest, so with gravity, upwards.")
+            elif middle > 0:
+                self.notes.append(
+                    f"Acceleration: {middle:.2f} m/s² for most of the file, so with gravity, upwards."
+                )
             elif "acceleration" not in self.told.flip:
                 self.questions.append(Question(
-                    "flip acceleration", f"why acceleration is {rest:.1f} m/s² at rest, gravity upside down",
+                    "flip acceleration", f"why acceleration is {middle:.1f} m/s² at rest, upside down",
                     "--flip acceleration"))  # fmt: skip
             return
-        up, down = float(values.max()) - rest, rest - float(values.min())
-        if down > 2 * up and role not in self.told.flip:
+        told = self.told.rest.get(role)
+        rest = rest_of(values, rate_hz)
+        falls, said = rest.falls(told), rest.words(told, SI[role])
+        self.notes.append(f"{role.capitalize()} at rest: {said}.")
+        if falls is None:
             self.questions.append(Question(
-                f"flip {role}", f"why {role} falls by {down:.3g} {SI[role]} from rest and rises by {up:.3g}",
+                f"rest {role}", f"where {role} rests ({said}; it reaches {rest.low:.3g} to {rest.high:.3g})",
+                f"--rest {role}=start or --rest {role}=end"))  # fmt: skip
+        elif falls and role not in self.told.flip:
+            self.questions.append(Question(
+                f"flip {role}",
+                f"why {role} falls from its rest ({said}) to {rest.low:.3g} and rises to {rest.high:.3g}",
                 f"--flip {role}"))  # fmt: skip
 
     def _explicit(self, signals: dict[str, Signal]) -> FileMapping:

@@ -175,3 +175,58 @@ def test_a_sign_that_must_be_wrong_is_asked_for(written: Written, tmp_path: Path
     flipped = haploop.understand(path, haploop.FileMapping(units=units, flip=("force", "acceleration")))
     flipped.require()
     np.testing.assert_allclose(flipped.signals["force"].values, written.force)
+
+
+def _held(start: float, up: float, down: float, end: float) -> np.ndarray:
+    """N at 1000 samples/s for a second: a press held from `up` to `down` (s), between two rests."""
+    t = np.arange(1000) / 1000
+    held = np.clip((t - up) / 0.02, 0, 1) * np.clip((down - t) / 0.02, 0, 1)
+    rest = np.where(t < 0.5 * (up + down), start, end)
+    noise = np.random.default_rng(5).normal(0, 0.01, 1000)
+    return np.asarray(rest + 2 * held + noise)
+
+
+_TO_END, _FROM_START = _held(0, 0.05, 9, 0), _held(0, -1, 0.9, 0)
+
+
+@pytest.mark.parametrize(
+    ("force", "told", "asked", "rest", "presses"),
+    [
+        pytest.param(_held(0, 0.05, 0.95, 0), {}, "", "first and last", 1, id="held for 90 % of the file"),
+        pytest.param(_held(7, 0.05, 0.95, 7), {}, "", "7 N, in its first", 1, id="held, with an offset"),
+        pytest.param(-_held(0, 0.05, 0.95, 0), {}, "--flip force", "first and last", 0, id="held, downwards"),
+        pytest.param(-_held(3, 0.05, 0.95, 3), {"flip": ("force",)}, "", "3 N", 1, id="turned as told"),
+        pytest.param(_held(0, 0.4, 0.6, 0.5), {}, "", "0.5", 1, id="creep that leaves no doubt"),
+        pytest.param(_TO_END, {}, "--rest force=start", "in its last", 1, id="held to the end"),
+        pytest.param(_TO_END, {"rest": {"force": "start"}}, "", "as told", 1, id="rest at the start"),
+        pytest.param(_TO_END, {"rest": {"force": "end"}}, "--flip force", "told", 0, id="rest at the end"),
+        pytest.param(_FROM_START, {"rest": {"force": "end"}}, "", "last", 1, id="held from the start"),
+    ],
+)  # fmt: skip
+def test_rest_is_before_and_after_the_press(
+    tmp_path: Path, force: np.ndarray, told: dict[str, Any], asked: str, rest: str, presses: int
+) -> None:
+    """However long a button is held; only ends that disagree on the direction are a question."""
+    path = tmp_path / "a.csv"
+    path.write_text("t [s],F [N]\n" + "".join(f"{k / 1000:.4f},{f:.5f}\n" for k, f in enumerate(force)))
+    found = haploop.understand(path, haploop.FileMapping(**told))
+    assert [q.option.partition(" or")[0] for q in found.questions] == ([asked] if asked else [])
+    (said,) = (note for note in found.notes if note.startswith("Force at rest"))
+    assert rest in said
+    if presses:
+        assert len(presses_in(found)) == presses
+
+
+def test_a_recording_that_is_mostly_held_rests_before_its_press(run: Run, tmp_path: Path) -> None:
+    """Told by the command's option, kept in the saved mapping, and tared where nobody presses."""
+    path, saved = tmp_path / "a.csv", tmp_path / "lab.toml"
+    force = 7 + _held(0, 0.2, 9, 0)
+    path.write_text("t [s],F [N]\n" + "".join(f"{k / 1000:.4f},{f:.5f}\n" for k, f in enumerate(force)))
+    made = run("import", path, "-o", tmp_path / "a.h5", "--as", "recording", "-p", "P01", "--button", "push",
+               "--rest", "force=start", "--save-mapping", saved)  # fmt: skip
+    assert made.exit_code == 0, made.stderr
+    assert haploop.FileMapping.load(saved).rest == {"force": "start"}
+    found = haploop.Recording.open(tmp_path / "a.h5").force
+    assert np.median(found) == pytest.approx(2, abs=0.05)
+    assert run("import", path, "--rest", "force").exit_code == 2
+    assert run("import", path, "--rest", "force=middle").exit_code == 2
