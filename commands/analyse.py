@@ -104,6 +104,11 @@ def thresholds(
 
     With --of, the thresholds of a button's amplitude become the table [people] of a rig file: from then on
     each check on that rig says by them, and no longer by an estimate, whether a person feels a button.
+
+    No threshold is stated of answers no better than chance, that fall, or whose threshold lies outside what
+    was compared; --of leaves them out, by name.
+
+    Exit codes: 0 each has a threshold, 1 somebody has none.
     """
     rows = _rows(file, only)
     played = None if button is None else haploop.DigitalButton.load(button)
@@ -113,7 +118,7 @@ def thresholds(
     if played is not None:
         lab = haploop.lab_threshold_of(found, played, simulated=rows.simulated)
     show.print_contents(contents.thresholds_contents(found, columns, rows, lab), as_json)
-    return 0
+    return 1 if any(one.why_none for one in found) else 0
 
 
 @analyse.command()

@@ -22,14 +22,17 @@ def lab_threshold_of(
 ) -> LabThreshold:
     """The threshold of the people whose thresholds of a button's amplitude were `found`.
 
-    Raises DataError for fewer than three people, several thresholds of one, a standard that is not zero, and
-    a button whose motion the table of thresholds does not cover.
+    Those whose answers show none are left out. Raises DataError for fewer than three people with one, several
+    thresholds of one, a standard that is not zero, and a button whose motion the table of thresholds does not
+    cover.
     """
+    left_out = [one for one in found if one.why_none]
+    found = [one for one in found if not one.why_none]
     people = [one.who for one in found]
     if len(people) < _LEAST_PEOPLE or len(set(people)) < len(people):
         raise DataError(
             f"There are {len(people)} thresholds of {len(set(people))} people: a lab's threshold needs one "
-            f"each of at least {_LEAST_PEOPLE} people."
+            f"each of at least {_LEAST_PEOPLE} people.{_said(left_out)}"
         )
     if any(one.standard not in (None, 0.0) for one in found):
         raise DataError(
@@ -53,6 +56,10 @@ def lab_threshold_of(
         force=math.nan if force is None else float(force[button.press.activation_index]),
         simulated=bool(simulated) or button.simulated,
     )
+
+
+def _said(left_out: Sequence[Threshold]) -> str:
+    return "".join(f" {' '.join(one.who)} has none: {one.why_none}." for one in left_out)
 
 
 def people_table(lab: LabThreshold) -> str:

@@ -161,24 +161,38 @@ def thresholds_contents(
     rows = [
         (
             *one.who,
-            f"{one.threshold:.4g}",
-            "{:.4g} to {:.4g}".format(*one.interval),
-            "-" if one.difference is None else f"{one.difference:.4g}",
-            f"{one.width:.3g}",
-            f"{one.lapse:.3f}",
+            *(
+                ("none", "-", "-", "-", "-")
+                if one.why_none
+                else (
+                    f"{one.threshold:.4g}",
+                    "{:.4g} to {:.4g}".format(*one.interval),
+                    "-" if one.difference is None else f"{one.difference:.4g}",
+                    f"{one.width:.3g}",
+                    f"{one.lapse:.3f}",
+                )
+            ),
             str(one.trials),
         )
         for one in found
     ]
-    names = ("threshold", "interval", "width", "lapse", "trials", "standard", "difference")
+    names = ("threshold", "interval", "width", "lapse", "trials", "standard", "difference", "why_none")
     values = [dict(zip(columns, one.who, strict=True)) | _fields(one, *names) for one in found]
     headings = (*columns, "Threshold", "95 %", "Difference", "Width", "Lapse", "Trials")
     known = any(one.standard is not None for one in found)
     note = "Difference: from the standard to the threshold, the just noticeable difference."
     tables = [Grid("Thresholds (75 % right, but for lapses)", headings, rows)]
-    notes = [*([note] if known else []), *of.remarks]
-    facts = [fact(thresholds=values, notes=list(of.remarks)), *_lab_facts(lab)]
-    return _answers("", facts, tables, notes, simulated=of.simulated)
+    none = [
+        f"No threshold of {' '.join(one.who) or of.name}: {one.why_none}." for one in found if one.why_none
+    ]
+    if none and lab is not None:
+        none.append(
+            f"The lab's threshold is of the other {lab.people}: of people who do not feel the loudest that "
+            "was compared it says nothing."
+        )
+    remarks = [*none, *of.remarks]
+    facts = [fact(thresholds=values, notes=remarks), *_lab_facts(lab)]
+    return _answers("", facts, tables, [*([note] if known else []), *remarks], simulated=of.simulated)
 
 
 def _lab_facts(lab: LabThreshold | None) -> Iterator[Fact]:
