@@ -261,11 +261,6 @@ def _captioned_figures(demo: Demo) -> Sequence[CaptionedFigure]:
             f"n = {response.repeats} repeats.",
         ),
         (
-            figures.plan_figure([r.plan for r in results]),
-            "Loudness against likeness",
-            f"{captions.PLAN} By the method that was played, before corrections.",
-        ),
-        (
             figures.drives([r.check.drive for r in results], demo.limits),
             f"The drives at patch {demo.patches}",
             f"{captions.DRIVES} {_modulated(results)} divided by the response, as large as the limits allow.",

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ...acquisition import Recording, Representative
-from ...calibration import ButtonPlan, Calibration, Check
+from ...calibration import Calibration, Check
 from ...instruments.arrays import ComplexArray, FloatArray
 
 BUTTONS = ("latch", "toggle", "push")
@@ -27,8 +27,6 @@ class ButtonResult:
     """Force at activation (N) of each press, by participant."""
     press: Representative
     check: Check
-    plan: ButtonPlan
-    """What error buys which loudness."""
     true_forces: tuple[float, ...]
     """True force (N) at each activation, from the plant."""
 

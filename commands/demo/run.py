@@ -5,13 +5,11 @@ from __future__ import annotations
 import json
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from ...acquisition import Recording, Representative, record, representative
 from ...calibration import (
-    ButtonPlan,
     Calibration,
     Check,
     Drift,
@@ -20,11 +18,10 @@ from ...calibration import (
     Waveforms,
     calibrate_keeping,
     drive_for,
-    plan_button,
 )
-from ...calibration.drive import Method, Offers, check, offered
+from ...calibration.drive import Method, check, offered
 from ...calibration.model import calibration_of
-from ...calibration.perception import Sensation, pressing_act
+from ...calibration.perception import Sensation, lab_threshold, pressing_act
 from ...exchange.live import published
 from ...instruments import ConfigurationError, Rig, load_rig_file, open_rig
 from ...instruments.clock import Clock, RealClock
@@ -41,7 +38,6 @@ _RESULTS = (
     "presses",
     "drives",
     "checks",
-    "plans",
     "calibration.h5",
     "calibration-waveforms.h5",
     "summary.json",
@@ -73,8 +69,8 @@ def run_demo(
     A lab's rig file is always simulated, with twins unless `mode` is "wire": no hardware is used.
     `seed` overrides the seed in the file. `patches` play at once; by default all that have an amplifier
     channel of their own, or else A. Returns the summary, which is also written as `summary.json`
-    beside `report.html`, `calibration.h5`, `calibration-waveforms.h5`, `recordings/`, `presses/`, `drives/`,
-    `checks/` and `plans/`. Error, floor, verdict and response can be computed again from these files.
+    beside `report.html`, `calibration.h5`, `calibration-waveforms.h5`, `recordings/`, `presses/`, `drives/`
+    and `checks/`. Error, floor, verdict and response can be computed again from these files.
 
     Raises ConfigurationError when `out` holds a demo already or cannot be written, and the
     errors of the steps.
@@ -190,24 +186,19 @@ def _loop(
     calibrations = _calibrations(rig, out, patches, progress)
     calibration, *others = calibrations
     checks: dict[str, Check] = {}
-    plans: dict[str, ButtonPlan] = {}
     (out / "drives").mkdir()
     (out / "checks").mkdir()
-    (out / "plans").mkdir()
     for button in BUTTONS:
         step = f"Compute the drive of the {button} button"
         progress(step, 0, 1, "")
-        plan = plan_button(presses[button], calibration, rig, _METHODS[:1], progress)
-        drive = drive_for(presses[button], calibration, rig.limits)
         if others:
-            drive, curve = _loud(presses[button], calibrations, rig, plan)
-            plan = replace(plan, curves=(*plan.curves, curve))
+            drive = _loud(presses[button], calibrations, rig)
+        else:
+            drive = drive_for(presses[button], calibration, rig.limits)
         drive.save(out / "drives" / f"{button}.h5")
         progress(step, 1, 1, "")
         checks[button] = check(rig, drive, progress=progress)
         checks[button].save(out / "checks" / f"{button}.h5")
-        plans[button] = plan
-        plans[button].save(out / "plans" / f"{button}.h5")
 
     response = calibration.response
     return Demo(
@@ -227,7 +218,6 @@ def _loop(
                 forces_in(recordings[button]).get(button, {}),
                 presses[button],
                 checks[button],
-                plans[button],
                 tuple(
                     p.activation_force
                     for p in truth.presses
@@ -247,18 +237,17 @@ def _loop(
     )
 
 
-def _loud(
-    press: Representative, calibrations: Sequence[Calibration], rig: Rig, plan: ButtonPlan
-) -> tuple[Drive, Offers]:
-    """The drive of several patches, and where it lies in a plan."""
-    found: list[tuple[Drive, Offers]] = []
+def _loud(press: Representative, calibrations: Sequence[Calibration], rig: Rig) -> Drive:
+    """The drive of several patches by the first method that most people feel, or else by the louder one."""
+    lab = lab_threshold(rig)
+    found: list[tuple[Drive, float]] = []
     for method in _METHODS:
         drive = drive_for(press, calibrations, rig.limits, method=method, trade=_LOUD)
-        found.append((drive, offered([drive], plan.lab)))
-        level = found[-1][1].offers[0].level - _SURE
-        if Sensation(pressing_act(plan.lab), level).answer == "yes":
-            return found[-1]
-    return max(found, key=lambda one: one[1].offers[0].level)
+        level = offered([drive], lab).offers[0].level
+        found.append((drive, level))
+        if Sensation(pressing_act(lab), level - _SURE).answer == "yes":
+            break
+    return max(found, key=lambda one: one[1])[0]
 
 
 def _loss(rig: Rig, resonance_hz: float) -> str | None:

@@ -11,7 +11,6 @@ import h5py
 import pytest
 
 from haploop.acquisition import Recording
-from haploop.calibration import ButtonPlan
 from haploop.calibration.drive import Offer, Offers
 from haploop.commands.demo import run as run_module
 from haploop.commands.demo.report import demo_contents
@@ -84,7 +83,7 @@ def test_the_report_stands_alone(demo: Demo) -> None:
     assert demo.summary["report"] == str(demo.folder / "report.html")
     assert not re.search(r'(?:src|href)="(?!data:)', report)
     assert not re.search(r"https?://|url\(|@import", report)
-    assert report.count('src="data:image/png;base64,') == 7
+    assert report.count('src="data:image/png;base64,') == 6
     assert "Everything here is simulated" in report
     for button in demo.summary["buttons"].values():
         assert button["sources"][0]["sha256"] in report
@@ -141,7 +140,6 @@ def test_the_scripts_of_the_documents_compute_a_demo_again(
         ("presses/latch.h5", "representative"),
         ("calibration.h5", "calibration"),
         ("drives/latch.h5", "drive"),
-        ("plans/latch.h5", "plan"),
     ],
 )
 def test_show_knows_every_file_of_a_demo(demo: Demo, run: Run, tmp_path: Any, name: str, kind: str) -> None:
@@ -223,10 +221,10 @@ def test_several_patches_play_on_the_carrier_unless_only_the_press_itself_is_fel
 
     monkeypatch.setattr(run_module, "drive_for", lambda *_, method, trade: SimpleNamespace(method=method))
     monkeypatch.setattr(run_module, "offered", offer)
+    monkeypatch.setattr(run_module, "lab_threshold", lambda rig: None)
     rig: Any = SimpleNamespace(limits=None)
     press: Any = None
-    drive, curve = run_module._loud(press, [], rig, ButtonPlan("toggle", "lab", (), True, ()))
-    assert (drive.method, curve.method) == (method, method)
+    assert run_module._loud(press, [], rig).method == method
 
 
 def test_four_patches_are_felt_at_8_percent_of_error_and_say_so(
