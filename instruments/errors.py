@@ -29,3 +29,7 @@ class InstrumentError(HaploopError):
     """An instrument did not answer, refused a command, lost samples or read back another value."""
 
     exit_code = 3
+
+
+class TakenError(InstrumentError):
+    """Somebody else has stopped what this program played or recorded, or taken an output that it held."""

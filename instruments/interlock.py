@@ -38,6 +38,9 @@ class Interlock(Protocol):
     def switched(self, patches: frozenset[str]) -> None:
         """Exactly these patches read connected now. Raises InstrumentError where volts stand on an output."""
 
+    def authorise_release(self) -> None:
+        """Allow other programs to write to the outputs. Raises LimitError while a contact may be closed."""
+
     def authorise_renewal(self) -> None:
         """Look at what stands on a connected patch before it stays connected. Raises InstrumentError."""
 
@@ -59,6 +62,9 @@ class _NoRig:
             )
 
     def switched(self, patches: frozenset[str]) -> None:
+        pass
+
+    def authorise_release(self) -> None:
         pass
 
     def authorise_renewal(self) -> None:

@@ -98,6 +98,9 @@ class _Bypass:
     def switched(self, *_what: object) -> None:
         pass
 
+    def authorise_release(self) -> None:
+        pass
+
     def authorise_renewal(self) -> None:
         pass
 

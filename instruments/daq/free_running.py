@@ -145,9 +145,8 @@ class Alongside(Daq):
         """See `Daq.hold`."""
         self.daq.hold()
 
-    def let_go(self) -> None:
-        """See `Daq.let_go`."""
-        self.daq.let_go()
+    def _let_go(self) -> None:
+        self.daq._let_go()
 
     def outputs_read(self) -> Mapping[str, float]:
         """See `Daq.outputs_read`."""

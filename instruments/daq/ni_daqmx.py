@@ -19,7 +19,7 @@ import numpy as np
 
 from ..clock import Clock
 from ..driver import one_name
-from ..errors import ConfigurationError, InstrumentError, LimitError
+from ..errors import ConfigurationError, HaploopError, InstrumentError, LimitError, TakenError
 from ..signals import uninterrupted
 from .ni_filters import FILTERS
 from .ni_settings import NiSettings, Output, device_of
@@ -127,7 +127,7 @@ class NiDaq(Daq):
         """See `Daq.clear_left`."""
         names = dict.fromkeys(name for card in self._cards.values() for name in (card.name, card.home))
         counted = [name for name, channel in self._settings.channels.items() if channel.counter]
-        purposes = ("input", "output", "outputs", *(f"counter {name}" for name in counted))
+        purposes = ("input", "output", "outputs", "reserved", *(f"counter {name}" for name in counted))
         self._sessions.clear_left(f"{n} {purpose}" for n in names for purpose in purposes)
 
     def zero(self) -> None:
@@ -141,8 +141,7 @@ class NiDaq(Daq):
         self._holding = True
         self._every(lambda outputs: outputs.rest())
 
-    def let_go(self) -> None:
-        """See `Daq.let_go`."""
+    def _let_go(self) -> None:
         self._holding = False
         self._every(lambda outputs: outputs.let_go())
 
@@ -158,19 +157,21 @@ class NiDaq(Daq):
                 except InstrumentError as error:
                     failures.append(error)
         if failures:
-            raise InstrumentError(" ".join(str(error) for error in failures)) from failures[0]
+            taken = any(isinstance(error, TakenError) for error in failures)
+            kind = TakenError if taken else InstrumentError
+            raise kind(" ".join(str(error) for error in failures)) from failures[0]
 
     def outputs_read(self) -> Mapping[str, float]:
         """See `Daq.outputs_read`, through the cards' internal channels for it."""
         with self._reading:
-            return self._outputs_read()
+            streaming = {home for stream in self._streams for home in stream.homes}
+            return self._outputs_read({card.home for card in self._cards.values()} - streaming)
 
-    def _outputs_read(self) -> dict[str, float]:
+    def _outputs_read(self, homes: Collection[str]) -> dict[str, float]:
         named: dict[str, list[str]] = {}
         for name, output in self._settings.outputs.items():
             card = self._cards[device_of(output.terminal)]
-            streaming = any(card.home in stream.homes for stream in self._streams)
-            if card.reads_outputs and not streaming:
+            if card.reads_outputs and card.home in homes:
                 named.setdefault(card.name, []).append(name)
         read: dict[str, float] = {}
         for device, names in named.items():
@@ -190,7 +191,7 @@ class NiDaq(Daq):
         for stream in list(self._streams):
             stream.release()
         with suppress(InstrumentError):  # the server is gone, and has its own way with tasks
-            self.let_go()
+            self._let_go()
         self._sessions.close()
 
     # For streams
@@ -203,6 +204,12 @@ class NiDaq(Daq):
         """Give a task an output; a card whose range is narrower than the library's +-10 V refuses those."""
         low = 0.0 if self._cards[device_of(output.terminal)].unipolar else -output.range
         task.ao_channels.add_ao_voltage_chan(output.terminal, min_val=low, max_val=output.range)
+
+    def read_back(self, home: str) -> Mapping[str, float]:
+        """Volts on the outputs of a card or chassis, by name, where no input of it runs any more."""
+        with self._reading, suppress(HaploopError):
+            return self._outputs_read({home})
+        return {}
 
     def outputs_at(self, home: str) -> NiOutputs:
         """The outputs of a card or chassis."""

@@ -19,7 +19,7 @@ from nidaqmx.stream_writers import AnalogMultiChannelWriter
 
 from ..arrays import FloatArray
 from ..clock import RealClock
-from ..errors import HaploopError, InstrumentError
+from ..errors import HaploopError, InstrumentError, TakenError
 from .ni_sentences import refused
 from .ni_settings import Output
 
@@ -42,6 +42,9 @@ class Cards(Protocol):
     def talking_to(self, device: str) -> AbstractContextManager[None]:
         """Turn any error of NI's library into one sentence about `device`."""
 
+    def read_back(self, home: str) -> Mapping[str, float]:
+        """Volts on the outputs of a card or chassis, by name, as far as they can be read now."""
+
 
 class NiOutputs:
     """The outputs of `home`, by name; errors are InstrumentErrors about it."""
@@ -54,17 +57,24 @@ class NiOutputs:
     def rest(self) -> None:
         """Stop what plays, write zero, and keep the outputs reserved. Idempotent.
 
-        Raises InstrumentError where another program holds an output, and where one has taken an output that
-        rested here: then it is at zero again, and was not meanwhile, perhaps.
+        Raises InstrumentError where another program holds an output, and TakenError where one has taken an
+        output that rested or played here: it is read first, and then at zero again.
         """
-        rested = self._task is not None and not self._plays
+        taken, stood = False, ""
         if self._task is not None:
+            taken = not self._plays
             try:
-                self._write_zero()
-                return
+                if taken or not self._lost():
+                    self._write_zero()
+                    return
+                taken = True
             except HaploopError as error:
                 if not isinstance(error.__cause__, DaqError):  # the server is gone
                     raise
+                taken |= isinstance(error, TakenError) or error.__cause__.error_code == _IN_USE
+            if taken:
+                read = self._daq.read_back(self._home)
+                stood = ", ".join(f"{name!r} read {volts:.3g} V then" for name, volts in read.items())
             self._drop()
         for left in reversed(range(_TRIES)):
             try:
@@ -72,14 +82,14 @@ class NiOutputs:
                 break
             except HaploopError as error:
                 self._drop()
-                if not left or getattr(error.__cause__, "error_code", 0) != _IN_USE:
+                if left and getattr(error.__cause__, "error_code", 0) == _IN_USE:
+                    RealClock().sleep(_PAUSE)
+                    continue
+                if not taken:
                     raise
-                RealClock().sleep(_PAUSE)
-        if rested:
-            raise InstrumentError(
-                f"Another program has taken the outputs of {self._home}, which this one held at zero: see "
-                "what else uses the card."
-            )
+                raise TakenError(f"{self._taken(stood)} {error}") from error
+        if taken:
+            raise TakenError(self._taken(stood))
 
     def play(self, waveforms: Mapping[str, FloatArray], rate_hz: float, clock: str) -> Any:
         """Load waveforms ((samples,) V, all of one length) and arm them: sample 0 at `clock`'s first edge.
@@ -117,6 +127,31 @@ class NiOutputs:
         """As `let_go`, for a task that may be broken or cleared already."""
         with suppress(HaploopError):
             self.let_go()
+
+    def _lost(self) -> bool:
+        """True when what plays has been aborted: a second task can reserve the outputs.
+
+        A reset of the card leaves the task, which says that it is done, and would start again.
+        """
+        with self._daq.talking_to(self._home):
+            if not self._task.is_task_done():
+                return False
+        try:
+            with self._daq.talking_to(self._home), self._daq.task(f"{self._home} reserved") as second:
+                for output in self._outputs.values():
+                    self._daq.add_output(second, output)
+                second.control(TaskMode.TASK_RESERVE)
+        except HaploopError as error:
+            if getattr(error.__cause__, "error_code", 0) == _IN_USE:
+                return False
+            raise
+        return True
+
+    def _taken(self, stood: str) -> str:
+        return (
+            f"Another program has taken the outputs of {self._home} from this one"
+            f"{', and ' * bool(stood)}{stood}: see what else uses the card."
+        )
 
     def _reserve(self) -> None:
         with self._daq.talking_to(self._home):

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ..errors import ConfigurationError, InstrumentError
+from ..errors import ConfigurationError, InstrumentError, TakenError
 
 
 def refused(device: str, code: int, said: str) -> InstrumentError | ConfigurationError:
     """The error that `device` answered with NI's `code` and message, as one sentence."""
     if code in SENTENCES:
-        return InstrumentError(SENTENCES[code].format(device=device))
+        kind = TakenError if code in _ENDED else InstrumentError
+        return kind(SENTENCES[code].format(device=device))
     said = first_line(said)
     if code in CONFIGURATION:
         return ConfigurationError(f"{device} {CONFIGURATION[code]}: {said} Correct [daq] in the rig file.")
@@ -24,9 +25,9 @@ def refused(device: str, code: int, said: str) -> InstrumentError | Configuratio
     return InstrumentError(f"{device} refused ({code}): {said}")
 
 
-def cut_off(device: str, played: int) -> InstrumentError:
+def cut_off(device: str, played: int) -> TakenError:
     """The error of a play that ended after `played` samples, before its end, without an error of NI's."""
-    return InstrumentError(
+    return TakenError(
         f"{device} was stopped by somebody else when it had played {played} samples: the waveform was not "
         "played whole. Close the other program and try again."
     )
@@ -61,6 +62,8 @@ def first_line(text: str) -> str:
     return line if line.endswith(".") else f"{line}."
 
 
+_ENDED = (-200088, -201452, -200473)
+"""What a task says that another program has cleared, stopped or aborted."""
 _EMPTY = "Close what loads this computer and try again."
 SENTENCES = {
     -200290: f"{{device}} ran out of samples to play (-200290): the waveform was not played whole. {_EMPTY}",
@@ -75,6 +78,7 @@ SENTENCES = {
     -200278: "{device} has no more samples (-200278): its acquisition has ended.",
     -200088: "The acquisition on {device} was ended by somebody else (-200088): start it again.",
     -201452: "The acquisition on {device} was ended by somebody else (-201452): start it again.",
+    -200473: "The acquisition on {device} was ended by somebody else (-200473): start it again.",
     -50103: "{device} is in use by another program or task (-50103): close it and try again.",
     -200220: "There is no NI device {device} (-200220): check its name in NI MAX.",
     -89125: "{device} has no trigger line to the other card (-89125): "

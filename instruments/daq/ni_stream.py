@@ -219,6 +219,8 @@ class NiStream(Stream):
             task.timing.cfg_samp_clk_timing(
                 rate_hz, source, sample_mode=AcquisitionType.FINITE, samps_per_chan=self._request.samples
             )
+        # By default a read starts what a reset of the card has aborted: samples would be missing unseen.
+        task.in_stream.auto_start = False
         if settings.ai_conv_rate is not None:
             for card in self._plan.scanning(names, settings):
                 timing = task.timing if card.home == card.name else task.timing[card.name]

@@ -218,8 +218,17 @@ class Daq(Interlocked, ABC):
         """
         self.zero()
 
+    @final
     def let_go(self) -> None:
-        """Let other programs write to the outputs again, which keep their value. Idempotent."""
+        """Let other programs write to the outputs again, which keep their value. Idempotent.
+
+        Raises LimitError while a drive is played, or a contact may be closed.
+        """
+        self._interlock.authorise_release()
+        self._let_go()
+
+    def _let_go(self) -> None:
+        """Do the driver's part of `let_go`."""
 
     def outputs_read(self) -> Mapping[str, float]:
         """Volts that stand now on the outputs that the cards can read back, by name (V).

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..arrays import FloatArray
 from ..daq import Block, Capture, Stream
-from ..errors import ConfigurationError, InstrumentError
+from ..errors import ConfigurationError, InstrumentError, TakenError
 from ..generator import Sweep, Waveform
 from ..limits import Limits
 from ..safety import Limiter, combined, exit_within
@@ -31,6 +31,13 @@ _SLACK = 0.5
 """Time for a generator to answer its trigger and for a block to arrive (s)."""
 _PROOF = Sweep(start_hz=HZ - 1, stop_hz=HZ + 1, duration=0.1, amplitude=1.0)
 """The generator's sweep that proves the gain."""
+
+
+def _taken(error: BaseException | None) -> str:
+    """What another program did to a play, if that is among the reasons of its error; or ""."""
+    while error is not None and not isinstance(error, TakenError):
+        error = error.__cause__ or error.__context__
+    return str(error or "")
 
 
 class Playing:
@@ -280,9 +287,11 @@ class Playing:
     def _connected(self, patches: Collection[str]) -> Iterator[None]:
         """Connect exactly these patches to outputs at zero volts, and reach the safe state on exit.
 
+        A play that another program has stopped locks the rig out: it may have written volts of its own.
         Raises InstrumentError for a patch that has been disconnected meanwhile, by this program too.
         """
         relay = self._rig.relay
+        taken = ""
         try:
             relay.connect(patches)
             with self._monitoring.renewed():
@@ -293,9 +302,16 @@ class Playing:
                     f"The relay disconnected patch {', '.join(opened)} while its drive was played: what was "
                     "measured is not used."
                 )
+        except BaseException as error:
+            taken = _taken(error)
+            raise
         finally:
-            # Zero first: the relay switches without voltage, and a patch is left without charge.
-            self._make_safe()
+            try:
+                # Zero first: the relay switches without voltage, and a patch is left without charge.
+                self._make_safe()
+            finally:
+                if taken:
+                    self._limiter.lock_out(f"The amplifier may have got another program's volts: {taken}")
 
     def _ratings(self, patches: int) -> Mapping[str, Limits]:
         """The limits as they were when the rig was opened. Raises LimitError when they are others now."""

@@ -65,7 +65,9 @@ class Rig(Instruments, InNotebook):
         self._lockouts = Lockouts(folder, self.hardware, self.audit)
         # A simulated rig's world is new at each opening: nothing was played in it.
         self._limiter = Limiter(clock, self._lockouts, self._outputs, None if mode is not None else folder)
-        self._safe = SafeState(self._roles, clock, self.audit, self._outputs, self._limiter.lock_out)
+        self._safe = SafeState(
+            self._roles, clock, self.audit, self._outputs, self._limiter.lock_out, self._limiter.keep_watch
+        )
         self._settings = DeclaredSettings()
         self._proved: set[str] = set()
         self._feed = Feed()

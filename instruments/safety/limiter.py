@@ -84,7 +84,7 @@ class Limiter:
         self.warm = 0.0
         """What earlier plays had left in a coil (W) when the present one began."""
         self._quiet, self._quiet_until = 0.1, -np.inf
-        self._watch = Watch(clock, self.authorise_renewal, goes_on=bool(outputs.direct))
+        self._watch = Watch(clock, self.authorise_renewal)
         self.kept = Kept()
         """What the limits rest on, as it was when the rig was opened."""
 
@@ -249,7 +249,7 @@ class Limiter:
         ):
             raise self._not_authorised(output)
         if not self._playing:
-            self._known(Outputs.no_sweep)
+            self._known(Outputs.start)
         self._playing.add(output)
 
     def authorise_waveform(self, output: str, waveform: Waveform, starts: bool) -> None:
@@ -294,6 +294,22 @@ class Limiter:
         outputs = self._outputs()
         if outputs is not None and self._permit is None and self._process == os.getpid() and self._watch.on:
             self._tripping(outputs.watch)
+
+    def authorise_release(self) -> None:
+        """See `Interlock.authorise_release`."""
+        outputs = self._outputs()
+        if self._process == os.getpid() and outputs is not None and outputs.in_use:
+            error = LimitError(
+                "The outputs stay reserved while a drive is played or a patch is connected: another program "
+                "could write to them. Disconnect the patch with rig.relay.connect([]) first."
+            )
+            self._audit.note("refused", why=str(error))
+            raise error
+
+    def keep_watch(self) -> None:
+        """Look at the outputs from now on: a contact could not be opened."""
+        self._watch.end()
+        self._watch.begin()
 
     def _tripping(self, look: Callable[[], None]) -> None:
         """Lock the rig out when volts stand where zero was set, or another program has taken an output."""

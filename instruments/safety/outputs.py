@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import HaploopError, InstrumentError
+from ..errors import HaploopError, InstrumentError, TakenError
 
 _ZERO = 0.02
 """Largest volts that count as zero where an output is read back (V): ten times the offset error of a card's
@@ -34,8 +34,8 @@ class Outputs:
     def __init__(self, instruments: Mapping[str, Any], direct: Collection[str] = ()) -> None:
         self._instruments = instruments
         self.direct = frozenset(direct)
-        self._let_through = False
-        """True once a contact was allowed to close."""
+        self.in_use = False
+        """True from when a contact was allowed to close, or a drive to start, until the outputs are free."""
 
     def rest(self) -> None:
         """Set every output that can reach the relay to zero, keep it reserved, and read it back.
@@ -62,26 +62,33 @@ class Outputs:
                     f"{then} an output that leads to it is not known to be at zero volts: {error}"
                 ) from error
             if standing:
-                kind = Standing if self.direct and self._let_through else InstrumentError
+                kind = Standing if self.direct and self.in_use else InstrumentError
                 raise kind(f"{then} {standing}")
-            self._let_through = True
+            self.in_use = True
         except InstrumentError:
-            if not self.direct:
-                with suppress(HaploopError):
-                    daq.let_go()
+            with suppress(HaploopError):
+                daq.let_go()
             raise
 
     def hold(self) -> None:
         """Set the DAQ's outputs to zero and keep them reserved. Raises InstrumentError.
 
-        It is Standing where they lead to an actuator that is always connected, and have been at zero before.
+        It is Standing where another program has taken them, and where they lead to an actuator that is always
+        connected, and have been at zero before.
         """
         try:
             self._instruments["daq"].hold()
+        except TakenError as error:
+            raise Standing(f"A patch may have got volts: {error}") from error
         except HaploopError as error:
-            if self.direct and self._let_through:
+            if self.direct and self.in_use:
                 raise Standing(f"The actuator may have got volts: {error}") from error
             raise
+
+    def start(self) -> None:
+        """Note that a drive starts. Raises InstrumentError for a generator that is on."""
+        self.no_sweep()
+        self.in_use = True
 
     def found(self) -> dict[str, float]:
         """Volts on outputs that are not at zero, as far as they can be read. Raises InstrumentError."""
@@ -119,13 +126,16 @@ class Outputs:
 
         Raises InstrumentError when one is not at zero.
 
-        It is Standing when a contact has been closed meanwhile.
+        It is Standing when they were in use meanwhile, and when another program has taken them.
         """
-        let_through, self._let_through = self._let_through, bool(self.direct)
         standing = self._standing()
-        if not self.direct:
-            self._instruments["daq"].let_go()
-        if standing and let_through:
+        was, self.in_use = self.in_use, bool(self.direct)
+        try:
+            self.hold()
+        finally:
+            if not self.direct:
+                self._instruments["daq"].let_go()
+        if standing and was:
             raise Standing(f"A patch may have got volts before its contact opened, because {standing}")
         if standing:
             raise InstrumentError(standing[0].upper() + standing[1:])

@@ -27,11 +27,15 @@ class SafeState:
         audit: Audit,
         outputs: Outputs,
         lock_out: Callable[[str], object],
+        keep_watch: Callable[[], object],
     ) -> None:
-        """`lock_out` is called with what stands on an output that was set to zero."""
+        """`lock_out` is called with what stands on an output that was set to zero, `keep_watch` when a relay
+        did not open.
+        """
         self._instruments = instruments
         self._outputs = outputs
         self._lock_out = lock_out
+        self._keep_watch = keep_watch
         self._clock = clock
         self._audit = audit
         self._hung: set[str] = set()
@@ -69,6 +73,8 @@ class SafeState:
                 opened &= role != "relay"
                 if isinstance(error, Standing):
                     self._lock_out(str(error))
+        if not opened:
+            self._keep_watch()
         if failures:
             why = " ".join(str(failure) or f"{type(failure).__name__}." for failure in failures)
             self._audit.note_at_last("unsafe", why=why)

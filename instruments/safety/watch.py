@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 
 from ..clock import Clock
 from ..errors import HaploopError
@@ -20,17 +21,13 @@ _OFTEN = 0.2
 
 
 class Watch:
-    """Calls `look` while a contact is closed. What raises HaploopError has opened it, and ends the watch.
+    """Calls `look` until `end`, whatever it raises: a contact may not open, and some wirings have none."""
 
-    One that `goes_on` looks on after that, as often: no contact can be opened.
-    """
-
-    def __init__(self, clock: Clock, look: Callable[[], None], goes_on: bool = False) -> None:
+    def __init__(self, clock: Clock, look: Callable[[], None]) -> None:
         self.on = False
         """True while a contact is closed outside a play."""
         self._clock = clock
         self._look = look
-        self._goes_on = goes_on
         self._ended = Flag()
         self._thread: threading.Thread | None = None
 
@@ -54,8 +51,5 @@ class Watch:
 
     def _run(self, ended: Flag) -> None:
         while not self._clock.wait(ended, _OFTEN):
-            try:
+            with suppress(HaploopError):
                 self._look()
-            except HaploopError:
-                if not self._goes_on:
-                    return

@@ -14,7 +14,7 @@ from . import inputs
 from .channel import Channel
 from .errors import DaqmxError, DAQmxErrors
 from .system import NiSystem
-from .tasks import Task
+from .tasks import State, Task
 from .tdms import log
 
 Alive = Callable[[], bool]
@@ -77,6 +77,13 @@ def take(system: NiSystem, request: Any, alive: Alive, room: int | None = None) 
     space = None if room is None else room // max(1, len(wanted_channels(task)))
     _refuse_unreadable(system, task)
     if not task.running:
+        if task.state < State.COMMITTED and not task.setting("Read", "AUTO_START", True):
+            raise DaqmxError(
+                DAQmxErrors.CANNOT_READ_WHEN_AUTO_START_FALSE_AND_TASK_NOT_RUNNING_OR_COMMITTED,
+                f"Read cannot be performed, because task {task.name!r} is neither running nor committed, and "
+                "auto start is false.",
+                read=0,
+            )
         system.start(task, auto=True)
     if not task.timed:
         _await_measurement(system, task, timeout, alive)

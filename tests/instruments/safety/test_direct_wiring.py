@@ -79,7 +79,7 @@ def test_outputs_are_held_from_open_to_close() -> None:
 @MODES
 def test_what_another_program_left_is_at_zero_once_the_rig_is_open(mode: Any) -> None:
     with open_rig(FILE, simulate=mode) as rig:
-        rig.daq.let_go()
+        rig.daq._let_go()
         leave(rig, "amplifier", 1.5)
         assert stands(rig) == pytest.approx(3.0, rel=0.02), "no relay lies between"
         rig._limiter.begin()
@@ -91,7 +91,7 @@ def test_what_another_program_left_is_at_zero_once_the_rig_is_open(mode: Any) ->
 @MODES
 def test_a_rig_whose_output_another_program_holds_is_not_opened(mode: Any) -> None:
     with open_rig(FILE, simulate=mode) as rig:
-        rig.daq.let_go()
+        rig.daq._let_go()
         with (
             held(rig, "amplifier", 0.5),
             pytest.raises(InstrumentError, match=r"always connected, and .* not known to be at zero.*-50103"),

@@ -216,10 +216,10 @@ def test_what_stands_on_an_output_after_a_play_locks_the_rig_out(monkeypatch: py
             connect(self, patches)
 
         monkeypatch.setattr(ChannelRelay, "_connect", last)
-        with pytest.raises(InstrumentError, match=r"not confirmed: A patch may have got volts.* reads 8 V"):
+        with pytest.raises(InstrumentError, match=r"not confirmed: A patch may have got volts.* read 8 V"):
             rig.excite(TONE, ["A"], ["drive"])
         monkeypatch.undo()
-        assert rig.lockout is not None and "reads 8 V" in rig.lockout.why
+        assert rig.lockout is not None and "read 8 V" in rig.lockout.why
         assert [e["kind"] for e in entries(rig.audit.folder)].count("tripped") == 1
         with pytest.raises(LimitError, match="locked out"):
             rig.excite(TONE, ["A"], ["drive"])

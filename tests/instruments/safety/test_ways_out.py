@@ -94,7 +94,7 @@ def test_a_relay_that_does_not_open_leaves_the_outputs_held(monkeypatch: pytest.
         rig.relay.connect(["A"])
         with monkeypatch.context() as patch:
             patch.setattr(rig.relay, "connect", lambda _patches: fail("The box is gone."))
-            patch.setattr(rig.daq, "let_go", lambda: let_go.append(True))
+            patch.setattr(rig.daq, "_let_go", lambda: let_go.append(True))
             with pytest.raises(InstrumentError, match=r"not confirmed: The box is gone\. Switch"):
                 rig.make_safe()
         assert not let_go
