@@ -19,7 +19,9 @@ if TYPE_CHECKING:
     from ..exchange import FileMapping, Understanding
     from ..exchange.importing import Question
 
-_FORMATS = ("csv", "wav", "mat", "hdf5", "numpy", "tdms", "xlsx", "uff", "sep005")
+_FORMATS = (
+    "csv", "wav", "mat", "hdf5", "netcdf", "nwb", "numpy", "parquet", "tdms", "xdf", "xlsx", "uff", "sep005",
+)  # fmt: skip
 _ROLES = ("force", "acceleration", "displacement")
 
 
@@ -109,9 +111,9 @@ def import_(
     one's own; one of a single press a representative press. What a file does not say is asked for at a
     terminal, and an error elsewhere. Several files are read alike, into the folder OUT.
 
-    FILE is a text of any shape (.csv, .tsv, .txt, .lvm, .asc, .dat), .mat, .h5, .npy, .npz, .wav, .tdms,
-    .xlsx, .uff, .unv, or SEP-005 (.sep005, .json). A .uff file with frequency responses becomes a
-    calibration of --rig; --patch and --point select one of several.
+    FILE is a text of any shape (.csv, .tsv, .txt, .lvm, .asc, .dat), .mat, .h5, .nc, .nwb, .npy, .npz,
+    .parquet, .tdms, .wav, .xdf, .xlsx, .uff, .unv, or SEP-005 (.sep005, .json). A .uff file with frequency
+    responses becomes a calibration of --rig; --patch and --point select one of several.
     """
     said = _mapping(mapping, told)
     for new in filter(None, (save_mapping, None if out is None or _into_folder(files, out) else out)):

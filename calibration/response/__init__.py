@@ -40,6 +40,8 @@ from .terms import rows as rows
 from .terms import terms_of as terms_of
 from .uff import read_uff as read_uff
 from .uff import read_uff_sets as read_uff_sets
+from .uff import units_of as units_of
 from .uff import write_uff as write_uff
 from .uff import write_uff_sets as write_uff_sets
+from .uff_units import ordinate_of as ordinate_of
 from .waveforms import Waveforms as Waveforms

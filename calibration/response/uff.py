@@ -8,11 +8,14 @@ by one, because excited lines need not be evenly spaced, and keep the format's s
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -22,18 +25,17 @@ from ...instruments import DataError, RigFile
 from ...instruments.arrays import ComplexArray, FloatArray
 from ...instruments.files import new_file, os_error_text
 from .response import Response
+from .uff_units import ACCELERATION, LENGTH, VELOCITY, VOLTAGE, response_of
 
 _FRF, _COHERENCE = 4, 6
 _FREQUENCY, _GENERAL, _UNKNOWN = 18, 1, 0
-_POWERS = {8: 1, 11: 0, 12: -1}
-"""Power of 2 pi i f, from an ordinate's data type (displacement, velocity, acceleration) to velocity."""
-_UNITS = {"m": 8, "m/s": 11, "m/s^2": 12, "m/s2": 12, "m/s²": 12, "(m/s)/V": 11, "m/s/V": 11}
-"""Data types by the ordinate's unit, for files that leave the type away."""
-_FORCES = (9, 13)
+_POWERS = {LENGTH: 1, VELOCITY: 0, ACCELERATION: -1}
+"""Power of 2 pi i f, from displacement, velocity or acceleration to velocity."""
 _Z = (0, 3, -3)
 """Directions of a response out of the plane; 0 is a scalar."""
 _MARK = "haploop: patch, point, rig as below"
 _SIMULATED = "Simulated: no real instrument measured this."
+_PADDED = re.compile(rb"^([ \t]*[-+\d][-+\d.eEdD \t]*?)[ \t]+(?=\r?$)", re.MULTILINE)
 _WIDTH, _NAME = 80, 10
 """Characters of a line of text, and of an entity's name."""
 _SURE = 0.999999
@@ -120,7 +122,7 @@ def read_uff(
     """
     path = Path(path)
     sets, content = read_uff_sets(path), path.read_bytes()
-    length = next((float(s["length"]) for s in sets if s.get("type") == 164), 1.0)
+    units = units_of(path, sets)
     functions = [s for s in sets if s.get("type") == 58]
     coherences = {_place(s): s for s in functions if s["func_type"] == _COHERENCE}
     source = f"imported from {path.name}, sha256 {hashlib.sha256(content).hexdigest()}"
@@ -131,7 +133,7 @@ def read_uff(
             f"{path} holds no frequency response out of the plane (data set 58, type 4, direction z); "
             + (f"its functions have the types {kinds}." if kinds else "it has no data set 58 at all.")
         )
-    found = (_response(path, s, coherences.get(_place(s)), length) for s in responses)
+    found = (_response(path, s, coherences.get(_place(s)), units) for s in responses)
     return tuple(
         replace(
             one,
@@ -186,18 +188,50 @@ def _letter(patch: str) -> int:
 def read_uff_sets(path: str | Path) -> list[dict[str, Any]]:
     """Functions and units (data sets 58 and 164) of a file, as pyuff gives them. Raises DataError."""
     try:
-        Path(path).open("rb").close()
+        content = Path(path).read_bytes()
     except OSError as error:
         raise DataError(f"{path} cannot be read: {os_error_text(error)}.") from None
     try:
-        file = pyuff.UFF(str(path))
-        kinds = file.get_set_types()
-        # Sets that pyuff does not know, geometry say, are nobody's business here.
-        return [file.read_sets(n) for n, kind in enumerate(kinds) if kind in (58, 164)]
+        with _unpadded(Path(path), content) as plain:
+            file = pyuff.UFF(str(plain))
+            kinds = file.get_set_types()
+            # Sets that pyuff does not know, geometry say, are nobody's business here.
+            found = [file.read_sets(n) for n, kind in enumerate(kinds) if kind in (58, 164)]
+        return [_cut(one) for one in found]
     except MemoryError:
         raise
     except Exception as error:  # pyuff raises plain Exception, whatever is wrong
         raise DataError(f"{path} is damaged or no Universal File Format: it cannot be read.") from error
+
+
+@contextmanager
+def _unpadded(path: Path, content: bytes) -> Iterator[Path]:
+    """The file, or a copy of which no line of numbers ends in blanks: pyuff takes these for numbers."""
+    if b"58b" in content or not _PADDED.search(content):
+        yield path
+        return
+    with TemporaryDirectory() as folder:
+        copy = Path(folder) / "copy.uff"
+        copy.write_bytes(_PADDED.sub(rb"\1", content))
+        yield copy
+
+
+def _cut(one: dict[str, Any]) -> dict[str, Any]:
+    """A function without what fills its last line up: its number of points rules."""
+    if one["type"] == 58 and one.get("data") is not None:
+        count = int(one["num_pts"])
+        if len(one["data"]) < count:
+            raise ValueError("points")
+        one["x"], one["data"] = one["x"][:count], one["data"][:count]
+    return one
+
+
+def units_of(path: str | Path, sets: Sequence[Mapping[str, Any]]) -> Mapping[str, Any] | None:
+    """Data set 164 of a file; None without one. Raises DataError for several that differ."""
+    found = [one for one in sets if one.get("type") == 164]
+    if len({(one["length"], one["force"]) for one in found}) > 1:
+        raise DataError(f"{path} has several data sets 164 of different units: export one measurement.")
+    return found[0] if found else None
 
 
 def _place(function: Mapping[str, Any]) -> tuple[str, int, int, str, int]:
@@ -211,7 +245,10 @@ def _place(function: Mapping[str, Any]) -> tuple[str, int, int, str, int]:
 
 
 def _response(
-    path: Path, function: Mapping[str, Any], coherence: Mapping[str, Any] | None, length: float
+    path: Path,
+    function: Mapping[str, Any],
+    coherence: Mapping[str, Any] | None,
+    units: Mapping[str, Any] | None,
 ) -> Response:
     """The response as the file states it, without its source and rig."""
     f, H = np.asarray(function["x"], dtype=np.float64), np.asarray(function["data"], dtype=np.complex128)
@@ -221,7 +258,7 @@ def _response(
             f"{path} is damaged: the response of node {function['rsp_node']} has not the rising frequencies "
             f"and the {function['num_pts']} numbers that it announces."
         )
-    velocity = _velocity(path, function, f, H, length)
+    velocity = _velocity(path, function, f, H, units)
     kept = f > 0
     f, velocity = f[kept], velocity[kept]
     name, node, _, reference, reference_node = _place(function)
@@ -258,26 +295,22 @@ def _response(
 
 
 def _velocity(
-    path: Path, function: Mapping[str, Any], f: FloatArray, H: ComplexArray, length: float
+    path: Path, function: Mapping[str, Any], f: FloatArray, H: ComplexArray, units: Mapping[str, Any] | None
 ) -> ComplexArray:
     """M/s per V, whatever the function's ordinate is. Raises DataError when that cannot be told."""
-    kind = int(function["ordinate_spec_data_type"])
-    unit = str(function["ordinate_axis_units_lab"]).strip()
-    if kind in (_UNKNOWN, _GENERAL):
-        kind = _UNITS.get(unit, kind)
-    if kind not in _POWERS:
+    above, below = response_of(function, units)
+    what = f"{path}: the response of node {function['rsp_node']}"
+    for one, side in ((above, "what moved"), (below, "its reference")):
+        if one.doubt:
+            raise DataError(
+                f"{what} does not tell the unit of {side}: {one.doubt}. Export it with its units."
+            )
+    if above.si not in _POWERS:
+        raise DataError(f"{what} is in {above.label!r}; displacement, velocity or acceleration is needed.")
+    if below.si != VOLTAGE:
         raise DataError(
-            f"{path}: the response of node {function['rsp_node']} is in {unit or 'no unit'!r} (data type "
-            f"{kind}); displacement, velocity or acceleration is needed."
-        )
-    below = int(function["orddenom_spec_data_type"])
-    per = str(function["orddenom_axis_units_lab"]).strip()
-    if below in _FORCES or per in ("N", "lbf"):
-        raise DataError(
-            f"{path}: the response of node {function['rsp_node']} is per newton, and a patch is driven by "
-            "volts: export it with the drive voltage as reference."
+            f"{what} is per {below.label or below.si}, and a patch is driven by volts: export it with the "
+            "drive voltage as reference."
         )
     sign = -1.0 if int(function["rsp_dir"]) < 0 else 1.0
-    # Factors of data set 164 divide.
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(sign / length * H * (2j * np.pi * f) ** _POWERS[kind])
+    return np.asarray(sign * above.factor / below.factor * H * (2j * np.pi * f) ** _POWERS[above.si])

@@ -1,7 +1,8 @@
 """What a binary file holds, read in a process of its own: a library may crash on a damaged file.
 
-MATLAB files of both kinds, HDF5, NumPy's, TDMS and workbooks, told apart by their first bytes. All are taken
-as a tree of arrays, numbers and texts under dotted names; a workbook as rows of cells.
+Told apart by their first bytes. Files whose channels say for themselves what they are (TDMS, XDF, Parquet,
+classic netCDF, NWB) are taken as columns; MATLAB's, HDF5 and NumPy's as a tree of arrays, numbers and texts
+under dotted names; a workbook as rows of cells.
 """
 
 from __future__ import annotations
@@ -10,8 +11,9 @@ import io
 import json
 import sys
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,21 +23,27 @@ from ...acquisition.own_process import allow_memory, answer_of
 from ...instruments import ConfigurationError, DataError
 from ...instruments.extras import optional
 from ...instruments.files import os_error_text
+from . import channel_files, hdf5_tree
+from .table import Column
 
 _PACE = 1 << 26
 """Bytes of a file for which its reader has another minute."""
 _PACKED = 100
 """Bytes of memory to read a byte of a file, which may be compressed."""
 _HDF5 = b"\x89HDF\r\n\x1a\n"
+MOST_COLUMNS = 1000
+"""Columns of a table."""
+_MOST_CELLS = 20_000_000
 _MOST = 1000
 """Arrays, numbers and texts that are taken of one file."""
 
 
 @dataclass
 class Tree:
-    """Arrays, numbers and texts of a file, by dotted name; or the rows of a workbook's sheet."""
+    """Columns of a file; or its arrays, numbers and texts, by dotted name; or rows of a workbook."""
 
     kind: str = ""
+    columns: list[Column] = field(default_factory=list)
     arrays: dict[str, Any] = field(default_factory=dict)
     numbers: dict[str, float] = field(default_factory=dict)
     texts: dict[str, str] = field(default_factory=dict)
@@ -50,6 +58,10 @@ def tree_of(path: Path) -> Tree:
         with np.load(io.BytesIO(answer_of(__name__, path, pace=_PACE)), allow_pickle=False) as found:
             said = json.loads(str(found["said"]))
             arrays = {name: found[f"a{number}"] for number, name in enumerate(said.pop("names", []))}
+            columns = [
+                Column(**own, values=found[f"c{number}"], times=found[f"t{number}"] if has_times else None)
+                for number, (own, has_times) in enumerate(said.pop("columns", []))
+            ]
     except OSError as error:
         raise DataError(f"{path} cannot be read: {os_error_text(error)}.") from None
     except (ValueError, LookupError, EOFError, zipfile.BadZipFile):
@@ -59,7 +71,7 @@ def tree_of(path: Path) -> Tree:
     if said["error"]:
         raise DataError(f"{path} is no {said['kind'] or 'file that haploop knows'} ({said['error']}).")
     said.pop("error"), said.pop("missing")
-    return Tree(arrays=arrays, **said)
+    return Tree(arrays=arrays, columns=columns, **said)
 
 
 def _in_child() -> None:
@@ -75,53 +87,100 @@ def _in_child() -> None:
     said = {
         "kind": tree.kind, "numbers": tree.numbers, "texts": tree.texts, "lists": tree.lists,
         "rows": tree.rows, "names": list(tree.arrays), "error": error, "missing": missing,
+        "columns": [(_labels(one), one.times is not None) for one in tree.columns],
     }  # fmt: skip
     arrays = {f"a{number}": values for number, values in enumerate(tree.arrays.values())}
+    for number, one in enumerate(tree.columns):
+        arrays[f"c{number}"] = one.values
+        if one.times is not None:
+            arrays[f"t{number}"] = one.times
     np.savez(sys.stdout.buffer, said=np.array(json.dumps(said)), **arrays)
+
+
+def _labels(column: Column) -> dict[str, Any]:
+    kept = ("name", "unit", "rate_hz", "stamps", "start_s")
+    return {key: getattr(column, key) for key in kept}
 
 
 def _read(path: Path, tree: Tree) -> None:
     with path.open("rb") as file:
         head = file.read(1 << 12)
     if _HDF5 in head:
-        _hdf5(path, tree, matlab=head.startswith(b"MATLAB"))
-    elif head.startswith(b"TDSm"):
-        _tdms(path, tree)
-    elif head.startswith(b"\x93NUMPY"):
-        tree.kind = "NumPy file"
-        _add(tree, "", np.load(path, allow_pickle=False))
-    elif head.startswith(b"PK"):
-        with zipfile.ZipFile(path) as archive:
-            book = any(name.startswith("xl/") for name in archive.namelist())
-        if book:
-            _sheet(path, tree)
-        else:
-            tree.kind = "NumPy archive"
-            with np.load(path, allow_pickle=False) as found:
-                for name in found.files:
-                    _add(tree, name, found[name])
-    else:
-        import scipy  # noqa: PLC0415 - a second, for MATLAB's files only
+        tree.kind = "HDF5 file"
+        tree.kind = hdf5_tree.read(
+            path, head.startswith(b"MATLAB"), partial(_add, tree), tree.texts, tree.columns
+        )
+        return
+    for start, kind, read in _KINDS:
+        if head.startswith(start):
+            tree.kind = kind
+            read(path, tree)
+            return
+    if head[126:128] not in (b"IM", b"MI") and path.suffix.lower() != ".mat":
+        tree.kind = "file of a known kind"
+        raise ValueError("it begins as none of HDF5, MATLAB, NumPy, TDMS, XDF, Parquet, netCDF and workbooks")
+    import scipy  # noqa: PLC0415 - a second, for MATLAB's files only
 
-        tree.kind = "MATLAB file of level 5"
-        content = scipy.io.loadmat(path, squeeze_me=True, simplify_cells=True)
-        for name, value in content.items():
-            if not name.startswith("__"):
-                _add(tree, name, value)
+    tree.kind = "MATLAB file of level 5"
+    content = scipy.io.loadmat(path, squeeze_me=True, simplify_cells=True)
+    for name, value in content.items():
+        if not name.startswith("__"):
+            _add(tree, name, value)
+
+
+def _tdms(path: Path, tree: Tree) -> None:
+    tree.columns += channel_files.tdms(path)
+
+
+def _xdf(path: Path, tree: Tree) -> None:
+    tree.columns += channel_files.xdf(path)
+
+
+def _parquet(path: Path, tree: Tree) -> None:
+    tree.columns, about = channel_files.parquet(path)
+    _about(tree, about)
+
+
+def _netcdf(path: Path, tree: Tree) -> None:
+    tree.columns, about = channel_files.netcdf(path)
+    _about(tree, about)
+
+
+def _numpy(path: Path, tree: Tree) -> None:
+    _add(tree, "", np.load(path, allow_pickle=False))
+
+
+def _zip(path: Path, tree: Tree) -> None:
+    with zipfile.ZipFile(path) as archive:
+        book = any(name.startswith("xl/") for name in archive.namelist())
+    if book:
+        _sheet(path, tree)
+        return
+    tree.kind = "NumPy archive"
+    with np.load(path, allow_pickle=False) as found:
+        for name in found.files:
+            _add(tree, name, found[name])
+
+
+def _about(tree: Tree, about: Mapping[str, Any]) -> None:
+    for key, value in about.items():
+        _add(tree, f"about.{key}", value)
 
 
 def _add(tree: Tree, name: str, value: Any) -> None:
     """Enter a value, and what is in it."""
-    if len(tree.arrays) + len(tree.numbers) + len(tree.texts) >= _MOST:
+    if len(tree.arrays) + len(tree.numbers) + len(tree.texts) >= _MOST or value is None:
         return
     if isinstance(value, Mapping):
         for key, one in value.items():
             _add(tree, f"{name}.{key}" if name else str(key), one)
-        return
-    if isinstance(value, bytes | str | np.bytes_ | np.str_):
+    elif isinstance(value, bytes | str | np.bytes_ | np.str_):
         tree.texts[name] = (value.decode(errors="replace") if isinstance(value, bytes) else str(value))[:1000]
-        return
-    array = np.asarray(value)
+    else:
+        _add_array(tree, name, np.asarray(value))
+
+
+def _add_array(tree: Tree, name: str, array: Any) -> None:
     if array.dtype.names:
         for key in array.dtype.names:
             _add(tree, f"{name}.{key}" if name else key, array[key])
@@ -130,67 +189,38 @@ def _add(tree: Tree, name: str, value: Any) -> None:
     elif array.dtype.kind == "O" and array.ndim == 1 and all(isinstance(v, Mapping) for v in array):
         for number, one in enumerate(array):
             _add(tree, f"{name}.{number}", one)
-    elif array.dtype.kind in "iufb":
+    elif array.dtype.kind in "iufbc":
         array = np.squeeze(array)
         if array.ndim == 0:
-            tree.numbers[name] = float(array)
+            tree.numbers[name] = float(array.real)
         elif array.ndim <= 2 and array.size > 1:
-            tree.arrays[name or "column"] = array.astype(np.float64)
-
-
-def _hdf5(path: Path, tree: Tree, matlab: bool) -> None:
-    import h5py  # noqa: PLC0415 - as scipy above
-
-    tree.kind = "MATLAB file of level 7.3" if matlab else "HDF5 file"
-    with h5py.File(path, "r") as file:
-
-        def entered(name: str, one: Any) -> None:
-            dotted = name.replace("/", ".")
-            for key, value in one.attrs.items():
-                if not key.startswith("MATLAB"):
-                    _add(tree, f"{dotted}.{key}", value)
-            if isinstance(one, h5py.Dataset) and not name.startswith("#refs#"):
-                if one.attrs.get("MATLAB_class") == b"char":
-                    tree.texts[dotted] = "".join(map(chr, np.asarray(one[()]).T.ravel()))[:1000]
-                else:
-                    _add(tree, dotted, one.asstr()[()] if h5py.check_string_dtype(one.dtype) else one[()])
-
-        for key, value in file.attrs.items():
-            _add(tree, str(key), value)
-        file.visititems(entered)
-
-
-def _tdms(path: Path, tree: Tree) -> None:
-    tree.kind = "TDMS file"
-    nptdms = optional("nptdms", "files", "A TDMS file")
-    with nptdms.TdmsFile.open(path) as file:
-        channels = [channel for group in file.groups() for channel in group.channels()]
-        several = len({channel.group_name for channel in channels}) > 1
-        for key, value in file.properties.items():
-            _add(tree, str(key), _plain(value))
-        for channel in channels:
-            name = f"{channel.group_name}.{channel.name}" if several else channel.name
-            values = channel[:]
-            if np.asarray(values).dtype.kind == "M":
-                values = (values - values[0]) / np.timedelta64(1, "s")
-                tree.texts[f"{name}.stamps"] = "yes"
-            _add(tree, name, values)
-            for key, value in channel.properties.items():
-                _add(tree, f"{name}.{key}", _plain(value))
-
-
-def _plain(value: Any) -> Any:
-    return str(value) if isinstance(value, np.datetime64) else value
+            kind = np.complex128 if array.dtype.kind == "c" else np.float64
+            tree.arrays[name or "column"] = array.astype(kind)
 
 
 def _sheet(path: Path, tree: Tree) -> None:
-    """The sheet with the most rows."""
-    tree.kind = "workbook"
+    """The sheet with the most rows, and the names of others that have several.
+
+    Raises ValueError for more columns or cells than a table of signals has.
+    """
     book = optional("openpyxl", "files", "A workbook").load_workbook(path, read_only=True, data_only=True)
+    sizes = {}
     for sheet in book.worksheets:
-        rows = [[_text(cell) for cell in row] for row in sheet.iter_rows(values_only=True)]
+        rows: list[list[str]] = []
+        cells = 0
+        for row in sheet.iter_rows(values_only=True):
+            cells += len(row)
+            if len(row) > MOST_COLUMNS or cells > _MOST_CELLS:
+                raise ValueError(
+                    f"sheet {sheet.title!r} has over {MOST_COLUMNS} columns or {_MOST_CELLS} cells"
+                )
+            rows.append([_text(cell) for cell in row])
+        sizes[str(sheet.title)] = len(rows)
         if len(rows) > len(tree.rows):
             tree.rows, tree.texts["sheet"] = rows, str(sheet.title)
+    tree.lists["sheets"] = [
+        name for name, rows in sizes.items() if rows > 2 and name != tree.texts.get("sheet")
+    ]
 
 
 def _text(cell: Any) -> str:
@@ -199,3 +229,14 @@ def _text(cell: Any) -> str:
     if hasattr(cell, "isoformat"):
         return str(cell.isoformat(sep=" ") if hasattr(cell, "date") else cell.isoformat())
     return repr(cell) if isinstance(cell, float) else str(cell)
+
+
+_KINDS: tuple[tuple[bytes, str, Callable[[Path, Tree], None]], ...] = (
+    (b"TDSm", "TDMS file", _tdms),
+    (b"XDF:", "XDF file", _xdf),
+    (b"PAR1", "Parquet file", _parquet),
+    (b"CDF", "netCDF file of the classic format", _netcdf),
+    (b"\x93NUMPY", "NumPy file", _numpy),
+    (b"PK", "workbook", _zip),
+)
+"""First bytes, name and reader of a kind of file."""

@@ -9,22 +9,22 @@ from pathlib import Path
 import numpy as np
 
 from ...instruments import ConfigurationError, DataError
-from .. import sep005_file, uff_file, wav_file
+from .. import sep005_file, wav_file
 from ..views import Signals
-from . import text_file, tree_table
+from . import text_file, tree_table, uff_signals
 from .table import Column, Table
 
 _SIGNALS: Mapping[str, Callable[[Path, float | None], Signals]] = {
     "wav": wav_file.read_signals,
-    "uff": uff_file.read_signals,
     "sep005": sep005_file.read_signals,
 }
-_TREES = ("mat", "hdf5", "numpy", "tdms", "xlsx")
-FORMATS = ("csv", "wav", "mat", "hdf5", "numpy", "tdms", "xlsx", "uff", "sep005")
+_TREES = ("mat", "hdf5", "netcdf", "nwb", "numpy", "parquet", "tdms", "xdf", "xlsx")
+FORMATS = ("csv", "wav", *_TREES, "uff", "sep005")
 """What a file can be read as."""
 _SUFFIXES = {
     ".csv": "csv", ".tsv": "csv", ".txt": "csv", ".lvm": "csv", ".asc": "csv", ".dat": "csv", ".wav": "wav",
-    ".mat": "mat", ".h5": "hdf5", ".hdf5": "hdf5", ".hdf": "hdf5", ".npy": "numpy", ".npz": "numpy",
+    ".mat": "mat", ".h5": "hdf5", ".hdf5": "hdf5", ".hdf": "hdf5", ".nc": "netcdf", ".nwb": "nwb",
+    ".parquet": "parquet", ".xdf": "xdf", ".npy": "numpy", ".npz": "numpy",
     ".tdms": "tdms", ".xlsx": "xlsx", ".uff": "uff", ".unv": "uff", ".sep005": "sep005", ".json": "sep005",
 }  # fmt: skip
 """Format by the end of a file's name, where nobody states it."""
@@ -54,6 +54,8 @@ def read_table(path: Path, format: str | None, decimal: str | None) -> Table:
     with np.errstate(all="ignore"):  # what is not finite is missing, and said
         if found in _SIGNALS:
             table = _of_signals(path, _SIGNALS[found](path, None), found)
+        elif found == "uff":
+            table = uff_signals.read_table(path)
         elif found in _TREES:
             table = tree_table.read_table(path)
         else:
@@ -71,5 +73,5 @@ def read_table(path: Path, format: str | None, decimal: str | None) -> Table:
 
 def _of_signals(path: Path, signals: Signals, format: str) -> Table:
     columns = tuple(Column(c.name, c.unit, c.values) for c in signals.channels)
-    kind = {"wav": "WAV", "uff": "UFF 58", "sep005": "SEP-005"}[format]
+    kind = {"wav": "WAV", "sep005": "SEP-005"}[format]
     return Table(path, kind, columns, signals.rate_hz, "the file's own rate", signals.about)

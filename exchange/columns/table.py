@@ -23,6 +23,12 @@ class Column:
     """Samples per second, where the file states it for this column."""
     stamps: bool = False
     """True for dates and times, which `values` counts in s from the first."""
+    start_s: float | None = None
+    """Instant of the first sample (s), on a clock that all columns of the file share; None where unstated."""
+    times: FloatArray | None = None
+    """(samples,) s: instants of the samples on that clock, of a column that the file gives its own."""
+    doubt: str = ""
+    """Why `unit` is "" although the file says something: both sides of a contradiction."""
 
     @property
     def heading(self) -> str:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,12 +16,32 @@ from .contained import Tree, tree_of
 from .table import Column, Table
 from .text_file import table_of
 from .text_rows import numeric_rows
+from .together import together
 from .units import split_heading
 
-_RATES = ("rate_hz", "fs", "sample_rate", "samplerate", "sampling_rate", "sampling_frequency", "rate", "sr")
-_STEPS = ("dt", "wf_increment", "delta_t", "sample_interval", "sampling_interval", "increment", "ts")
-_UNITS = ("unit", "units", "unit_string", "ni_unitdescription", "unit_str")
-_NAMES = ("columns", "names", "channels", "channel_names", "labels", "headings")
+_RATE = re.compile(
+    r"(fs|sr|rate|(sampl(e|es|ing)?(rate|freq|frequency)))(?P<unit>hz|khz|mhz)?\Z|samplespersec(ond)?\Z"
+)
+_STEP = re.compile(
+    r"(dt|ts|deltat|increment|wfincrement|tinterval|x?inc(r|rement)?|timestep|timeincrement|"
+    r"sampl(e|ing)(interval|period|time))(?P<unit>s|ms|us|ns)?\Z"
+)
+_START = re.compile(r"(wfstartoffset|startingtime|x0|xorg|xorigin|startvalue|tstart)\Z")
+"""Keys without their case, blanks and signs."""
+_DATA = ("data", "values", "value", "samples", "y", "ydata", "y_values")
+"""Names of an array whose neighbours describe it."""
+_TITLES = ("name", "label", "title", "signalname", "channelname")
+_UNITS = (
+    "unit",
+    "units",
+    "unitstring",
+    "niunitdescription",
+    "unitstr",
+    "yunits",
+    "yunit",
+    "engineeringunits",
+)
+_NAMES = ("columns", "names", "channels", "channelnames", "labels", "headings")
 _WIDEST = 64
 """Columns of a matrix; a wider one is a picture or a spectrogram."""
 
@@ -29,64 +51,122 @@ def read_table(path: Path) -> Table:
     tree = tree_of(path)
     if tree.rows:
         shape = f"workbook, sheet {tree.texts['sheet']!r}"
-        return table_of(path, numeric_rows(path, tree.rows, ".", shape))
-    found = [column for name in tree.arrays for column in _columns(tree, name)]
+        table = table_of(path, numeric_rows(path, tree.rows, ".", shape))
+        others = tree.lists.get("sheets", [])
+        left = (f"Of its sheets {', '.join(map(repr, others))} were left out.",) if others else ()
+        return replace(table, notes=(*table.notes, *left))
+    found = tree.columns or [column for name in tree.arrays for column in _columns(tree, name)]
+    if any(np.iscomplexobj(tree.arrays[name]) for name in tree.arrays):
+        raise DataError(
+            f"{path} ({tree.kind}) holds complex numbers: of responses haploop imports UFF files only."
+        )
     longest = max((len(column.values) for column in found), default=0)
-    columns = [one for one in found if len(one.values) == longest or one.rate_hz]
+    lasts = max((len(one.values) / one.rate_hz for one in found if one.rate_hz), default=0.0)
+    columns = [
+        one
+        for one in found
+        if len(one.values) == longest or (one.rate_hz and 2 * len(one.values) > lasts * one.rate_hz)
+    ]
     if not columns:
         raise DataError(f"{path} ({tree.kind}) holds no vector of numbers: save the signals as vectors.")
     short = [one.name for one in found if one not in columns]
     notes = [f"{', '.join(short[:5])} are not as long as the others, and were left out."] if short else []
+    columns, moved = together(path, columns)
+    rates = {one.rate_hz for one in columns if one.rate_hz}
     rate, rate_from = _rate(tree)
+    if rate is None and len(rates) == 1:
+        rate, rate_from = next(iter(rates)), "its channels' own rate"
+    notes += moved
     return Table(path, tree.kind, tuple(_shortened(columns)), rate, rate_from, _about(tree), tuple(notes))
 
 
 def _columns(tree: Tree, name: str) -> Iterator[Column]:
     values = tree.arrays[name]
-    own = {key.lower(): key for key in (*tree.numbers, *tree.texts, *tree.lists)}
-    steps = [1 / tree.numbers[own[k]] for s in _STEPS if (k := f"{name}.{s}".lower()) in own
-             and own[k] in tree.numbers and tree.numbers[own[k]] > 0]  # fmt: skip
-    rate = float(f"{steps[0]:.9g}") if steps else None
-    stamps = tree.texts.get(f"{name}.stamps") == "yes"
+    above, _, leaf = name.rpartition(".")
+    said = _said(tree, name)
+    title = name
+    if above and leaf.lower() in _DATA and above not in tree.arrays:
+        said = {**_said(tree, above), **said}
+        title = next((str(said[key]) for key in _TITLES if isinstance(said.get(key), str)), above)
+    rate, start = _clock(said)
+    stamps = said.get("stamps") == "yes"
     if values.ndim == 1:
-        yield Column(*_named(name, _unit(tree, own, name)), values, rate, stamps)
+        yield Column(*_named(title, _unit(tree, said, name)), values, rate, stamps, start)
         return
     rows: FloatArray = values if values.shape[0] >= values.shape[1] else values.T
     if rows.shape[1] > _WIDEST:
         return
-    names = next(
-        (tree.lists[own[k]] for n in _NAMES if (k := f"{name}.{n}") in own and own[k] in tree.lists), []
-    )
-    units = next(
-        (tree.lists[own[k]] for n in _UNITS if (k := f"{name}.{n}") in own and own[k] in tree.lists), []
-    )
+    lists = {
+        _plain(key.rpartition(".")[2]): own for key, own in tree.lists.items() if key.startswith(f"{name}.")
+    }
+    names = next((lists[key] for key in _NAMES if key in lists), [])
+    units = next((lists[key] for key in _UNITS if key in lists), [])
     for number, column in enumerate(rows.T):
-        said = names[number] if len(names) == rows.shape[1] else ""
+        heading = names[number] if len(names) == rows.shape[1] else ""
         unit = units[number] if len(units) == rows.shape[1] else ""
-        yield Column(*_named(said, unit), np.ascontiguousarray(column), rate)
+        yield Column(*_named(heading, unit), np.ascontiguousarray(column), rate, start_s=start)
+
+
+def _said(tree: Tree, holder: str) -> dict[str, str | float]:
+    """Texts and numbers right below a name, by their own names without case and signs."""
+    found: dict[str, str | float] = {}
+    entries: dict[str, str | float] = {**tree.numbers, **tree.texts}
+    for key, value in entries.items():
+        above, _, leaf = key.rpartition(".")
+        if above == holder:
+            found[_plain(leaf)] = value
+    return found
+
+
+def _plain(key: str) -> str:
+    return re.sub(r"[^a-z0-9]", "", key.lower())
+
+
+def _clock(said: Mapping[str, str | float]) -> tuple[float | None, float | None]:
+    """Rate (1/s) and start (s) that an array's own entries state."""
+    rate = start = None
+    for key, value in said.items():
+        if isinstance(value, float) and (stated := _stated(key, value)):
+            rate = stated
+        elif isinstance(value, float) and _START.match(key):
+            start = value
+    return rate, start
+
+
+def _stated(key: str, value: float) -> float | None:
+    """Samples per second that an entry states; None for one of something else."""
+    if not value > 0:
+        return None
+    if match := _RATE.match(key):
+        return value * {"khz": 1e3, "mhz": 1e6}.get(match["unit"] or "", 1.0)
+    if match := _STEP.match(key):
+        return float(
+            f"{1 / (value * {'ms': 1e-3, 'us': 1e-6, 'ns': 1e-9}.get(match['unit'] or '', 1.0)):.9g}"
+        )
+    return None
 
 
 def _named(heading: str, unit: str) -> tuple[str, str]:
     return (heading, unit) if unit else split_heading(heading)
 
 
-def _unit(tree: Tree, own: dict[str, str], name: str) -> str:
+def _unit(tree: Tree, said: Mapping[str, str | float], name: str) -> str:
     above, _, leaf = name.rpartition(".")
-    for key in _UNITS:
-        for place in (f"{name}.{key}", f"{above}.{key}.{leaf}" if above else f"{key}.{leaf}"):
-            if place.lower() in own:
-                return tree.texts.get(own[place.lower()], "")
-    return ""
+    beside = (
+        tree.texts.get(f"{above}.{key}.{leaf}" if above else f"{key}.{leaf}") for key in ("unit", "units")
+    )
+    found = next((str(said[key]) for key in _UNITS if isinstance(said.get(key), str)), None)
+    text = found if found is not None else next((one for one in beside if one is not None), "")
+    return text.partition(" since ")[0]
 
 
 def _rate(tree: Tree) -> tuple[float | None, str]:
+    """The one rate that a file states for all arrays."""
     found: dict[float, str] = {}
     for name, value in tree.numbers.items():
-        leaf, holder = name.rpartition(".")[2].lower(), name.rpartition(".")[0]
-        if value > 0 and leaf in _RATES:
-            found.setdefault(value, f"{name} = {value:g}")
-        elif value > 0 and leaf in _STEPS and holder not in tree.arrays:
-            found.setdefault(float(f"{1 / value:.9g}"), f"{name} = {value:g}")
+        holder, _, leaf = name.rpartition(".")
+        if holder not in tree.arrays and (rate := _stated(_plain(leaf), value)):
+            found.setdefault(rate, f"{name} = {value:g}")
     return next(iter(found.items())) if len(found) == 1 else (None, "")
 
 
@@ -95,7 +175,7 @@ def _shortened(columns: list[Column]) -> Iterator[Column]:
     leaves = [column.name.rpartition(".")[2] for column in columns]
     for column, leaf in zip(columns, leaves, strict=True):
         name = leaf if leaves.count(leaf) == 1 else column.name
-        yield Column(name, column.unit, column.values, column.rate_hz, column.stamps)
+        yield replace(column, name=name)
 
 
 def _about(tree: Tree) -> About:

@@ -221,7 +221,7 @@ class _Finder:
         if role == "time" and not column.unit:
             return self._unit_of_time(column.values)
         example = f"--unit {role}={SI[role]}"
-        what = f"the unit of {role} ({self._heading(number)})"
+        what = f"the unit of {role} ({self._heading(number)}{column.doubt and ': ' + column.doubt})"
         if unit is not None and unit.quantity == "voltage":
             example = {
                 "force": "--unit 'force=0.25 V/N'",

@@ -97,7 +97,8 @@ def by_pyuff(path: Path, values: np.ndarray) -> None:
     one = {
         "type": 58, "binary": 0, "func_type": 1, "id1": "acc", "rsp_node": 1, "rsp_dir": 3, "ref_node": 0,
         "ref_dir": 0, "abscissa_spacing": 1, "abscissa_spec_data_type": 17, "ordinate_spec_data_type": 12,
-        "orddenom_spec_data_type": 0, "data": values, "x": np.arange(len(values)) / 10_000,
+        "ordinate_axis_units_lab": "m/s^2", "orddenom_spec_data_type": 0,
+        "data": values, "x": np.arange(len(values)) / 10_000,
     }  # fmt: skip
     pyuff.UFF(str(path)).write_sets([one], mode="overwrite")
 
@@ -314,16 +315,14 @@ def test_a_heading_of_many_spaces_takes_no_time(tmp_path: Path) -> None:
         press(path, "b", rate_hz=5000.0)
 
 
-def test_a_matlab_file_that_crashes_its_reader_is_one_sentence(
-    files: Files, run: Run, tmp_path: Path
+def test_a_reader_that_dies_is_one_sentence(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """scipy's reader dies of a segmentation fault on it."""
-    path = tmp_path / "press.mat"
-    assert run("export", files.representative, "--to", "mat", "-o", path).exit_code == 0
-    raw = bytearray(path.read_bytes())
-    place = raw.index(b"time") + 4
-    assert raw[place] == 9  # the tag of double precision; 32 is no type
-    raw[place] = 32
-    path.write_bytes(raw)
-    result = run("import", path, "--acceleration", "acceleration", "-o", tmp_path / "back.h5")
-    assert result.exit_code == 2 and "is no MATLAB file of level 5" in result.stderr, result.output
+    """scipy 1.17 dies of a segmentation fault on some damaged files of level 5; here it just dies."""
+    savemat(tmp_path / "a.mat", {"acceleration": np.sin(np.arange(5000.0))})
+    dies = "import os; import scipy; scipy.io.loadmat = lambda *a, **b: os.abort()\n"
+    (tmp_path / "sitecustomize.py").write_text(dies, encoding="utf-8")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    result = run("import", tmp_path / "a.mat", "--acceleration", "acceleration", "-o", tmp_path / "back.h5")
+    assert result.exit_code == 2 and "is damaged, or larger than the memory" in result.stderr, result.output
+    assert result.stderr.count("\n") == 1

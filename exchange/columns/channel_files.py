@@ -1,0 +1,139 @@
+"""Files whose channels say for themselves what they are: TDMS, XDF, Parquet and netCDF of the classic format.
+
+Runs in `contained`'s process.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...instruments.extras import optional
+from .hdf5_tree import unpacked
+from .table import Column
+from .units import split_heading
+
+_SECOND = np.timedelta64(1, "s")
+
+
+def tdms(path: Path) -> Iterator[Column]:
+    """Channels with rate, start and unit as LabVIEW's waveforms state them. Raises ValueError for spectra."""
+    nptdms = optional("nptdms", "files", "A TDMS file")
+    # Opened here: by its name the library would trust an index file beside it, which may be of an older one.
+    with path.open("rb") as opened, nptdms.TdmsFile.open(opened) as file:
+        channels = [channel for group in file.groups() for channel in group.channels() if len(channel)]
+        several = len({channel.group_name for channel in channels}) > 1
+        begun = [t for one in channels if (t := one.properties.get("wf_start_time")) is not None]
+        origin = min((np.datetime64(t) for t in begun), default=None)
+        for channel in channels:
+            said = {**file.properties, **file[channel.group_name].properties, **channel.properties}
+            values = np.asarray(channel[:])
+            if values.dtype.kind not in "iufbM":
+                continue
+            if (
+                str(said.get("wf_xname", "")).lower().startswith("freq")
+                or said.get("wf_xunit_string") == "Hz"
+            ):
+                raise ValueError(f"{channel.name} is over frequency")
+            step = float(said.get("wf_increment", 0.0))
+            own = channel.properties
+            start = None
+            if step > 0 and (origin is None or "wf_start_time" in own):
+                later = (
+                    0.0 if origin is None else float((np.datetime64(own["wf_start_time"]) - origin) / _SECOND)
+                )
+                start = later + float(own.get("wf_start_offset", 0.0))
+            unit = next((str(said[k]) for k in ("unit_string", "NI_UnitDescription") if said.get(k)), "")
+            name, stamps = str(channel.name), values.dtype.kind == "M"
+            yield Column(
+                f"{channel.group_name}.{name}" if several else name,
+                unit,
+                (values - values[0]) / _SECOND if stamps else values.astype(np.float64),
+                float(f"{1 / step:.9g}") if step > 0 else None,
+                stamps,
+                start,
+            )
+
+
+def xdf(path: Path) -> Iterator[Column]:
+    """Channels of each stream of numbers, with the instants that the recorder corrected by its clocks."""
+    pyxdf = optional("pyxdf", "files", "An XDF file")
+    streams, _ = pyxdf.load_xdf(str(path), verbose=False)
+    streams = [
+        one for one in streams if isinstance(one["time_series"], np.ndarray) and len(one["time_stamps"]) > 1
+    ]
+    for stream in streams:
+        info = stream["info"]
+        labels = _labels(info)
+        rows = np.asarray(stream["time_series"], dtype=np.float64)
+        rate = float(info["nominal_srate"][0])
+        times = np.asarray(stream["time_stamps"], dtype=np.float64)
+        steady = rate > 0 and abs((len(times) - 1) / (times[-1] - times[0]) / rate - 1) < 1e-3
+        for number, values in enumerate(rows.T):
+            name, unit = labels[number] if number < len(labels) else ("", "")
+            stated = (
+                f"{info['name'][0]} {name or number}" if len(streams) > 1 else name or f"channel {number + 1}"
+            )
+            kept = np.ascontiguousarray(values)
+            if steady:
+                yield Column(stated, unit, kept, rate, start_s=float(times[0]))
+            else:
+                yield Column(stated, unit, kept, times=times)
+
+
+def _labels(info: Any) -> list[tuple[str, str]]:
+    """Label and unit of a stream's channels; none where it does not describe them."""
+    try:
+        found = info["desc"][0]["channels"][0]["channel"]
+    except (KeyError, IndexError, TypeError):
+        return []
+    texts = [tuple((one.get(key) or [""])[0] or "" for key in ("label", "unit")) for one in found]
+    return [(label, "" if unit == "none" else unit) for label, unit in texts]
+
+
+def parquet(path: Path) -> tuple[list[Column], dict[str, Any]]:
+    """Columns of numbers and instants, with the unit in a field's metadata or heading; what haploop said."""
+    arrow = optional("pyarrow.parquet", "parquet", "A Parquet file")
+    table = arrow.read_table(path)
+    columns = []
+    for field, chunks in zip(table.schema, table.columns, strict=True):
+        values = chunks.to_numpy()
+        said = {key.decode(): value.decode(errors="replace") for key, value in (field.metadata or {}).items()}
+        unit = said.get("unit", said.get("units", ""))
+        name, unit = (field.name, unit) if unit else split_heading(field.name)
+        if values.dtype.kind in "mM":
+            columns.append(Column(name, "", (values - values[0]) / _SECOND, stamps=True))
+        elif values.dtype.kind in "iufb":
+            columns.append(Column(name, unit, values.astype(np.float64)))
+    about = json.loads((table.schema.metadata or {}).get(b"haploop", b"{}"))
+    return columns, about
+
+
+def netcdf(path: Path) -> tuple[list[Column], dict[str, Any]]:
+    """Variables over the longest dimension, unpacked as CF says, and the file's own attributes."""
+    import scipy  # noqa: PLC0415 - a second
+
+    columns = []
+    with scipy.io.netcdf_file(path, "r", mmap=False, maskandscale=False) as opened:
+        file: Any = opened  # its attributes are known to it alone
+        lengths = [one.shape[0] for one in file.variables.values() if len(one.shape) == 1]
+        for name, variable in file.variables.items():
+            said = {key: _text(value) for key, value in variable._attributes.items()}
+            values = np.asarray(variable[:] if variable.shape else variable.getValue())
+            if values.dtype.kind not in "iuf" or values.ndim != 1 or len(values) < max(lengths):
+                continue
+            found = np.asarray(
+                unpacked(values.astype(values.dtype.newbyteorder("=")), said), dtype=np.float64
+            )
+            unit = str(said.get("units", "")).partition(" since ")[0]
+            columns.append(Column(name, unit, found))
+        about = {key: _text(value) for key, value in file._attributes.items()}
+    return columns, about
+
+
+def _text(value: Any) -> Any:
+    return value.decode(errors="replace").strip() if isinstance(value, bytes) else value

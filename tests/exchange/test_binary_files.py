@@ -1,0 +1,297 @@
+"""What files of other programs say of their numbers: unit, scale, rate, start, direction, what is missing.
+
+Each row writes the same press with a library that is not ours, and has what is right: values in SI, or words
+of the question or the refusal.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import shutil
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+import scipy
+
+import haploop
+
+pytestmark = pytest.mark.usefixtures("read_here")
+
+RATE, N = 5000, 2500
+T = np.arange(N) / RATE
+F = 2 * np.exp(-(((T - 0.25) / 0.04) ** 2))
+A = 5 * np.exp(-(((T - 0.25) / 0.006) ** 2)) * np.sin(400 * np.pi * (T - 0.2501))
+LATE = 0.1
+
+
+def _uff(
+    *functions: dict[str, Any], length: float = 0.0, force: float = 1.0, padding: str = ""
+) -> Callable[[Path], None]:
+    def write(path: Path) -> None:
+        pyuff = pytest.importorskip("pyuff")
+        sets = []
+        if length:
+            sets.append(pyuff.prepare_164(
+                units_code=9, units_description="", temp_mode=1, length=length, force=force, temp=1.0,
+                temp_offset=273.15))  # fmt: skip
+        for number, one in enumerate(functions, 1):
+            sets.append({
+                "type": 58, "binary": 0, "func_type": 1, "rsp_node": number, "rsp_dir": 3, "ref_node": 0,
+                "ref_dir": 0, "abscissa_spacing": 1, "abscissa_spec_data_type": 17,
+                "abscissa_axis_units_lab": "s",
+                "orddenom_spec_data_type": 0, "x": T, **one})  # fmt: skip
+        pyuff.UFF(str(path)).write_sets(sets, mode="overwrite")
+        if padding:
+            lines = path.read_text(encoding="utf-8").splitlines()
+            last = [n for n, line in enumerate(lines) if line.strip() == "-1"]
+            for n in last[1::2]:
+                lines[n - 1] = lines[n - 1] + padding * ((80 - len(lines[n - 1])) // len(padding))
+            path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+    return write
+
+
+def force(data: np.ndarray = F, kind: int = 13, unit: str = "N", **more: Any) -> dict[str, Any]:
+    return {
+        "id1": "force",
+        "data": data,
+        "ordinate_spec_data_type": kind,
+        "ordinate_axis_units_lab": unit,
+        **more,
+    }
+
+
+def acc(data: np.ndarray = A, kind: int = 12, unit: str = "m/s^2", **more: Any) -> dict[str, Any]:
+    return {
+        "id1": "acc",
+        "data": data,
+        "ordinate_spec_data_type": kind,
+        "ordinate_axis_units_lab": unit,
+        **more,
+    }
+
+
+def _tdms(*channels: tuple[str, np.ndarray, dict[str, Any]], **options: Any) -> Callable[[Path], None]:
+    def write(path: Path) -> None:
+        nptdms = pytest.importorskip("nptdms")
+        with nptdms.TdmsWriter(str(path), **options) as file:
+            file.write_segment([nptdms.ChannelObject("run", *one) for one in channels])
+
+    return write
+
+
+STEP = {"wf_increment": 1 / RATE}
+NEWTON, METRE = {**STEP, "unit_string": "N"}, {**STEP, "unit_string": "m/s^2"}
+BEGIN = np.datetime64("2026-01-01T00:00:00", "us")
+LATER = BEGIN + np.timedelta64(100, "ms")
+
+
+def stale(path: Path) -> None:
+    """Appended to after its index was written."""
+    half = N // 2
+    index = path.with_name(path.name + "_index")
+    _tdms(("Force", F[:half], NEWTON), index_file=True)(path)
+    shutil.copy(index, path.with_name("old"))
+    _tdms(("Force", F[half:], NEWTON), mode="a")(path)
+    shutil.copy(path.with_name("old"), index)
+
+
+def _hdf5(fill: Callable[[Any], None]) -> Callable[[Path], None]:
+    def write(path: Path) -> None:
+        with h5py.File(path, "w") as file:
+            fill(file)
+
+    return write
+
+
+def array_of_units(file: Any) -> None:
+    """As MATLAB and LabVIEW write attributes: an array of one text."""
+    file["force"] = F * 1000
+    file["force"].attrs.create("units", ["mN"], dtype=h5py.string_dtype())
+    file["time"] = T * 1000
+    file["time"].attrs["Units"] = np.array([b"ms"])
+
+
+def packed(file: Any) -> None:
+    counts = np.rint(F / 1e-3).astype(np.int16) - 500
+    counts[100:105] = -32768
+    file["force"] = counts
+    file["force"].attrs.update(scale_factor=1e-3, add_offset=0.5, _FillValue=np.int16(-32768), units="N")
+    file["time"] = T
+    file["time"].attrs["units"] = "seconds since 2026-01-01 00:00:00"
+
+
+def _valid(file: Any) -> None:
+    values = F.copy()
+    values[100:105] = 1e30
+    file["force"], file["time"] = values, T
+    file["force"].attrs.update(valid_range=np.array([-10.0, 10.0]), units="N")
+    file["time"].attrs["units"] = "s"
+
+
+def two_rates(file: Any) -> None:
+    file["force"], file["acceleration"] = F, A[::2]
+    file["force"].attrs.update(unit="N", sample_rate=5000.0)
+    file["acceleration"].attrs.update(unit="g", sample_rate=2500.0)
+
+
+def _external(file: Any) -> None:
+    file.create_dataset("force", shape=(N,), dtype="f8", external=[("outside.bin", 0, 8 * N)])
+
+
+def _virtual(file: Any) -> None:
+    layout = h5py.VirtualLayout((N,), "f8")
+    layout[:] = h5py.VirtualSource("outside.h5", "force", (N,))
+    file.create_virtual_dataset("force", layout)
+
+
+def _linked(file: Any) -> None:
+    file["force"] = h5py.ExternalLink("outside.h5", "/force")
+
+
+def _nwb(*series: dict[str, Any]) -> Callable[[Path], None]:
+    def write(path: Path) -> None:
+        pynwb = pytest.importorskip("pynwb")
+        file = pynwb.NWBFile("presses", "id", dt.datetime(2026, 1, 1, tzinfo=dt.UTC))
+        for one in series:
+            file.add_acquisition(pynwb.TimeSeries(**one))
+        with pynwb.NWBHDF5IO(path, "w") as out:
+            out.write(file)
+
+    return write
+
+
+def counts(name: str, data: np.ndarray, unit: str, step: float, **more: Any) -> dict[str, Any]:
+    return {"name": name, "data": np.rint(data / step).astype("i2"), "unit": unit, "conversion": step,
+            "rate": float(RATE), "starting_time": 0.0} | more  # fmt: skip
+
+
+def _xarray(engine: str, **encoding: Any) -> Callable[[Path], None]:
+    def write(path: Path) -> None:
+        xarray = pytest.importorskip("xarray")
+        holes = np.where((T > 0.02) & (T < 0.021), np.nan, F)
+        xarray.Dataset(
+            {"force": ("time", holes, {"units": "N"})}, coords={"time": ("time", 1e3 * T, {"units": "ms"})}
+        ).to_netcdf(path, engine=engine, encoding={"force": encoding})
+
+    return write
+
+
+def netcdf_of_bytes(path: Path) -> None:
+    with scipy.io.netcdf_file(path, "w", version=1) as file:
+        file.createDimension("sample", N)
+        for name, values, units in (("force", F * 1000, b"mN"), ("elapsed", T, b"s")):
+            variable = file.createVariable(name, "f8", ("sample",))
+            variable[:] = values
+            variable.units = units
+
+
+def _parquet(path: Path) -> None:
+    pandas = pytest.importorskip("pandas")
+    pytest.importorskip("pyarrow")
+    pandas.DataFrame({"t [ms]": 1e3 * T, "force (mN)": 1e3 * F}).to_parquet(path)
+
+
+def _matlab(**values: Any) -> Callable[[Path], None]:
+    return lambda path: scipy.io.savemat(path, values)
+
+
+Right = Mapping[str, np.ndarray] | str
+HELD = {"force": F, "acceleration": A}
+CUT = round(LATE * RATE)
+SHIFTED = {"force": F[CUT:], "acceleration": A[:-CUT]}
+ROWS: list[tuple[str, Callable[[Path], None], Right]] = [
+    ("si.uff", _uff(force(), acc()), HELD),
+    ("label in g.uff", _uff(acc(A / 9.80665, unit="g")), {"acceleration": A}),
+    ("label in mN.uff", _uff(force(F * 1e3, unit="mN"), acc()), HELD),
+    ("label and 164 in mm.uff", _uff(acc(A * 1e3, unit="mm/s^2"), length=1e3), {"acceleration": A}),
+    ("164 alone in mm.uff", _uff(acc(A * 1e3, unit="NONE"), length=1e3), {"acceleration": A}),
+    ("164 alone in inch.uff", _uff(acc(A / 0.0254, unit="NONE"), length=1 / 0.0254), {"acceleration": A}),
+    ("164 alone in mN.uff", _uff(force(F * 1e3, unit="NONE"), length=1e3, force=1e3), {"force": F}),
+    ("no unit.uff", _uff(force(unit="NONE")), "neither a label nor data set 164"),
+    ("label against 164.uff", _uff(acc(unit="g"), length=1.0),
+     "label says 'g', and data set 164 a unit of 1 m/s"),
+    ("label against type.uff", _uff(acc(unit="N")), "type is acceleration, and its label says 'N'"),
+    ("label of nothing.uff", _uff(acc(unit="EU")), "'EU' is no unit of acceleration"),
+    ("volts.uff", _uff(force(kind=1, unit="V")), "what a volt of force is"),
+    ("downwards.uff", _uff(force(), acc(-A, rsp_dir=-3)), HELD),
+    ("later.uff", _uff(force(), acc(x=T + LATE)), SHIFTED),
+    ("in ms.uff", _uff(force(x=T * 1e3, abscissa_axis_units_lab="ms"), acc()), HELD),
+    ("over speed.uff", _uff(force(abscissa_spec_data_type=19, abscissa_axis_units_lab="rpm")),
+     "which is no time"),
+    ("padded with blanks.uff", _uff(force(F[:-1], x=T[:-1]), padding=" "), {"force": F[:-1]}),
+    ("padded with zeros.uff", _uff(force(F[:-1], x=T[:-1]), padding=f"{0:20.11e}"), {"force": F[:-1]}),
+    ("uneven.uff",
+     _uff(force(np.delete(F, slice(700, 750)), x=np.delete(T, slice(700, 750)), abscissa_spacing=0)),
+     "gap of 50 samples"),
+    ("a.tdms", _tdms(("Force", F, NEWTON), ("Acc", A, METRE)), HELD),
+    ("one rate.tdms", _tdms(("Force", F, {"unit_string": "N"}), ("Other", A, STEP)), {"force": F}),
+    ("stale index.tdms", stale, {"force": F}),
+    ("empty channel.tdms", _tdms(("Force", F, NEWTON), ("Marks", np.zeros(0, "M8[us]"), {})), {"force": F}),
+    ("later.tdms", _tdms(("Force", F, NEWTON | {"wf_start_time": BEGIN}),
+                         ("Acc", A, METRE | {"wf_start_time": LATER})), SHIFTED),
+    ("offset.tdms", _tdms(("Force", F, NEWTON), ("Acc", A, METRE | {"wf_start_offset": LATE})), SHIFTED),
+    ("another start.tdms", _tdms(("Force", F, NEWTON | {"wf_start_time": BEGIN}),
+                                 ("Acc", A, METRE | {"wf_start_time": BEGIN + np.timedelta64(9, "s")})),
+     "ends before"),
+    ("spectrum.tdms", _tdms(("Force", F, NEWTON | {"wf_xname": "Frequency"})), "over frequency"),
+    ("array of units.h5", _hdf5(array_of_units), {"force": F}),
+    ("packed.h5", _hdf5(packed), "5 values are missing"),
+    ("valid range.h5", _hdf5(_valid), "5 values are missing"),
+    ("external.h5", _hdf5(_external), "has its values in another file"),
+    ("virtual.h5", _hdf5(_virtual), "has its values in another file"),
+    ("linked.h5", _hdf5(_linked), "is a link to another file"),
+    ("external.mat", _hdf5(_external), "has its values in another file"),
+    ("linked.nwb", _hdf5(lambda file: (_linked(file), file.attrs.update(nwb_version="2.7"))),
+     "a link to another"),
+    ("a.nwb", _nwb(counts("force", F, "N", 1e-4), counts("acceleration", A, "m/s^2", 2e-4)), HELD),
+    ("later.nwb", _nwb(counts("force", F, "N", 1e-4),
+                       counts("acceleration", A, "m/s^2", 2e-4, starting_time=LATE)), SHIFTED),
+    ("stamps.nwb", _nwb({"name": "force", "data": F, "unit": "N", "timestamps": T}), {"force": F}),
+    ("netcdf4.nc", _xarray("h5netcdf", dtype="int16", scale_factor=1e-4, _FillValue=-32768),
+     "4 values are missing"),
+    ("classic.nc", _xarray("scipy", dtype="int16", scale_factor=1e-4, _FillValue=-32768),
+     "4 values are missing"),
+    ("classic named.h5", netcdf_of_bytes, {"force": F}),
+    ("a.parquet", _parquet, {"force": F}),
+    ("structures.mat", _matlab(
+        press={"force": {"data": 1e3 * F, "unit": "mN", "dt": 1 / RATE},
+               "acc": {"values": A, "units": "m/s^2", "SampleRate": float(RATE)}}), HELD),
+    ("two rates.h5", _hdf5(two_rates), "several rates"),
+    ("oscilloscope.mat", _matlab(force=F[:, None], Tinterval=1 / RATE), {"force": F}),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "write", "right"), ROWS, ids=[row[0] for row in ROWS])
+def test_it_means_what_the_file_says(
+    tmp_path: Path, name: str, write: Callable[[Path], None], right: Right
+) -> None:
+    (tmp_path / "outside.bin").write_bytes(F.tobytes())
+    with h5py.File(tmp_path / "outside.h5", "w") as outside:
+        outside["force"] = F
+    write(tmp_path / name)
+    units = {"force": "N"} if name == "oscilloscope.mat" else {}
+    try:
+        found = haploop.understand(tmp_path / name, haploop.FileMapping(units=units))
+    except haploop.HaploopError as refused:
+        assert isinstance(right, str) and right in str(refused)
+        return
+    asked = "; ".join(question.what for question in found.questions)
+    if isinstance(right, str):
+        assert right in asked + "".join(found.notes)
+    if asked:
+        assert isinstance(right, str), asked
+        return
+    assert found.rate_hz == pytest.approx(RATE, rel=1e-6)
+    truth = {"force": F} if isinstance(right, str) else right
+    for role, values in truth.items():
+        got = found.signals[role].values
+        assert len(got) == len(values)
+        kept = np.ones(N, bool) if len(values) == N else slice(None)
+        if isinstance(right, str):
+            kept = (T > 0.03) & ((T < 0.13) | (T > 0.16))
+        np.testing.assert_allclose(got[kept], values[kept], atol=2e-3)
