@@ -53,6 +53,8 @@ class Product:
     """Currents of an IEPE supply (A); empty without one."""
     ai_bridge_excitation: tuple[float, ...] = ()
     """Voltages of a bridge's supply (V); empty without one."""
+    ai_cjc: bool = False
+    """True where thermocouples have a sensor of the cold junction."""
     ai_measures: tuple[str, ...] = ()
     """What the inputs measure, by NI's names (`UsageTypeAI`); empty means voltage and the like."""
     ai_timebase_hz: float = 0.0
@@ -147,12 +149,16 @@ class Product:
     def sample_rate(self, asked: float) -> float:
         """Sample rate that a delta-sigma converter takes for one that is asked: the next higher of its own.
 
-        NI knowledge base, "Calculate the Input Delay on NI-9237". Any other takes what is asked.
+        NI knowledge base, "Calculate the Input Delay on NI-9237", and kA00Z000000P6FrSAK. Any other takes
+        what is asked.
         """
         if not self.delta_sigma:
             return asked
         fastest = self.ai_timebase_hz / 256
-        return fastest / max(1, int(fastest / asked * (1 + 1e-9)))
+        divisor = int(fastest / asked * (1 + 1e-9))
+        if self.ai_rate_least_hz:
+            divisor = min(divisor, round(fastest / self.ai_rate_least_hz))
+        return fastest / max(1, divisor)
 
 
 def _read(

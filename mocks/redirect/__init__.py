@@ -8,8 +8,9 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from . import sitecustomize
+from .sitecustomize import CREATED, FOLDER
 
-__all__ = ["environment", "sitecustomize"]
+__all__ = ["CREATED", "FOLDER", "environment", "sitecustomize"]
 
 
 def environment(

@@ -18,6 +18,10 @@ NI, SERIAL, VISA = "HAPLOOP_NI_TWIN", "HAPLOOP_SERIAL_TWIN", "HAPLOOP_VISA_TWIN"
 """Environment variables: the address of NI's server; JSON objects of the names of serial ports and VISA
 resources, and what stands for each."""
 
+CREATED, FOLDER = "haploop-created-bin", "haploop-folder-bin"
+"""Metadata between `driver` and haploop's server: the names of new channels, and the folder from which a
+program names its files."""
+
 
 def redirect(utils: Any, options: Callable[[], Any]) -> Callable[[], None]:
     """Make tasks and systems without gRPC options use `options()`; return what undoes it.
@@ -27,21 +31,38 @@ def redirect(utils: Any, options: Callable[[], Any]) -> Callable[[], None]:
     before = utils._select_interpreter
 
     def select(grpc_options: Any = None, interpreter: Any = None) -> Any:
-        return before(grpc_options or (None if interpreter else options()), interpreter)
+        if grpc_options or interpreter:
+            return before(grpc_options, interpreter)
+        return _driver().DriverInterpreter(options(), CREATED, FOLDER)
 
     utils._select_interpreter = select
     return lambda: setattr(utils, "_select_interpreter", before)
 
 
+def _driver() -> Any:
+    """The module `driver` beside this file, which is no package where this is another program's."""
+    name = "haploop_redirected_driver"
+    if name not in sys.modules:
+        beside = os.path.join(os.path.dirname(os.path.abspath(__file__)), "driver.py")  # noqa: PTH100, PTH118, PTH120
+        spec = importlib.util.spec_from_file_location(name, beside)
+        assert spec is not None and spec.loader is not None, beside
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        sys.modules[name] = module
+    return sys.modules[name]
+
+
 def options_for(address: str) -> Any:
     """Return nidaqmx's gRPC options for a server on this computer."""
     import grpc  # noqa: PLC0415
-    from nidaqmx import GrpcSessionOptions  # noqa: PLC0415
+    from nidaqmx import GrpcSessionOptions, SessionInitializationBehavior  # noqa: PLC0415
 
     limits = [("grpc.max_receive_message_length", -1), ("grpc.max_send_message_length", -1)]
     # A proxy that the environment names would catch even 127.0.0.1.
     channel = grpc.insecure_channel(address, options=[*limits, ("grpc.enable_http_proxy", 0)])
-    return GrpcSessionOptions(channel, "")
+    # As the driver: a second task of a name is refused (-200089), and not the first one again.
+    new = SessionInitializationBehavior.INITIALIZE_SERVER_SESSION
+    return GrpcSessionOptions(channel, "", initialization_behavior=new)
 
 
 def redirect_serial(serial: Any, ports: Mapping[str, str]) -> None:

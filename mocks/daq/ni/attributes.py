@@ -22,7 +22,7 @@ from .facts import CHANNEL_FACTS, DEVICE_FACTS, SYSTEM_FACTS
 from .keeping import read_kept, write_kept
 from .state_facts import CHANNEL_STATE, TASK_STATE
 from .system import NiSystem
-from .tasks import Task
+from .tasks import Task, refuse_rate
 from .teds import sensed
 
 ATTRIBUTE_CALL = re.compile(
@@ -68,6 +68,8 @@ def _set(system: NiSystem, kind: str, name: str, request: Any, value: Any) -> No
         )
     if kind == "Trig":
         _refuse_trigger(task, name)
+    if kind == "Timing":
+        refuse_rate(name, value)
     if kind == "Chan" and value is not None:
         for channel in _channels(task, request.channel):
             refuse_input(channel.device, channel.physical[0], {name: value})
@@ -228,6 +230,6 @@ def _channels(task: Task, names: str) -> list[Channel]:
         return [known[name.strip().lower()] for name in wanted]
     except KeyError as missing:
         raise DaqmxError(
-            DAQmxErrors.LAB_VIEW_INVALID_TASK_OR_CHANS,
-            f"The task {task.name!r} has no channel {missing.args[0]!r}.",
+            DAQmxErrors.CHAN_NOT_IN_TASK,
+            f"Specified channel is not in the task: {task.name!r} has no channel {missing.args[0]!r}.",
         ) from None

@@ -110,10 +110,17 @@ class NiTwin:
         self._signals.wire(output, terminal, Wire(**wire))
 
     def put(self, output: str) -> Put:
-        """Return what "Dev1/ao0" (V) or "Dev1/port0/line0" (0 and 1) has put out, with its times.
+        """Return what "Dev1/ao0" (V), "Dev1/port0/line0", "Dev1/ctr0" or "Dev1/PFI12" (0 and 1) has put out.
 
         Raises ConfigurationError for an unknown output.
         """
+        tail = output.partition("/")[2].lower()
+        if tail.startswith(("ctr", "_ctr", "pfi")):
+            try:
+                times, levels = self._server.pulses(output)
+            except DaqmxError as error:
+                raise ConfigurationError(str(error).partition("\n")[0]) from None
+            return Put(times - self._began, levels)
         self._known_output(output)
         put = self._signals.put(output)
         return Put(put.times - self._began, put.values)

@@ -8,7 +8,7 @@ from typing import Any
 
 from nidaqmx._stubs import nidaqmx_pb2 as pb
 from nidaqmx.constants import SampleTimingType, Signal, TaskMode, TimestampEvent, TriggerType
-from nidaqmx.utils import unflatten_channel_string
+from nidaqmx.utils import flatten_channel_string, unflatten_channel_string
 
 from .channels import CREATES
 from .counter_calls import COUNTING
@@ -19,7 +19,7 @@ from .power_calls import POWER
 from .storage import STORAGE
 from .system import NiSystem
 from .taking import Alive, Call
-from .tasks import Task
+from .tasks import Task, refuse_rate
 from .tdms import log
 from .teds_calls import TEDS
 from .transfers import TRANSFERS
@@ -38,6 +38,7 @@ def _properties(kind: str, fixed: dict[str, Any], fields: dict[str, str]) -> Cal
             task.settings[kind, attribute] = value
         for name, attribute in fields.items():
             value = field(request, name)
+            refuse_rate(attribute, value)
             if attribute == "START_TRIG_TRIG_WHEN":
                 value = value.ToDatetime(tzinfo=UTC)
             target = "Trig" if "TRIG" in attribute else "ExportedSignal" if "EVENT" in attribute else kind
@@ -168,17 +169,14 @@ def _refuse_running(task: Task) -> None:
 # Running
 
 
+def _start(system: NiSystem, request: Any, alive: Alive) -> Any:
+    task = system.task(request.task.name)
+    system.start(task)
+    return pb.StartTaskResponse(status=task.warning)
+
+
 def _create_task(system: NiSystem, request: Any, alive: Alive) -> Any:
-    new_only, attach_only = 1, 2
-    exists = request.session_name in system.tasks
-    if request.initialization_behavior == new_only and exists:
-        raise DaqmxError(
-            DAQmxErrors.DUPLICATE_TASK,
-            f"Specified task cannot be created: a task named {request.session_name!r} already exists.",
-        )
-    if request.initialization_behavior == attach_only and not exists:
-        raise DaqmxError(DAQmxErrors.INVALID_TASK, f"There is no task named {request.session_name!r}.")
-    task, new = system.create_task(request.session_name)
+    task, new = system.create_task(request.session_name, request.initialization_behavior)
     reply = pb.CreateTaskResponse(new_session_initialized=new)
     reply.task.name = task.name
     return reply
@@ -270,12 +268,20 @@ def _nth_device(system: NiSystem, request: Any, alive: Alive) -> Any:
 
 def _creating(create: Callable[[NiSystem, Any], None]) -> Call:
     def call(system: NiSystem, request: Any, alive: Alive) -> None:
-        create(system, request)
         task = system.task(request.task.name)
+        before = len(task.channels)
+        create(system, request)
+        system.created = _listed([channel.name for channel in task.channels[before:]])
         if not task.running:
             system.release(task)
 
     return call
+
+
+def _listed(names: list[str]) -> str:
+    """Names in NI's short form, "a0:3", where it gives these names again."""
+    short = str(flatten_channel_string(names))
+    return short if unflatten_channel_string(short) == names else ", ".join(names)
 
 
 def _known_device(system: NiSystem, request: Any, alive: Alive) -> None:
@@ -299,7 +305,7 @@ CALLS: dict[str, Call] = {
     "StartNewFile": _new_file,
     "CreateTask": _create_task,
     "ClearTask": lambda s, r, a: s.clear_task(s.task(r.task.name)),
-    "StartTask": lambda s, r, a: s.start(s.task(r.task.name)),
+    "StartTask": _start,
     "StopTask": _stop,
     "TaskControl": _control,
     "IsTaskDone": _is_done,

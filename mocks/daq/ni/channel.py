@@ -28,6 +28,9 @@ _SOCKETS = {
     3: {"source": "PFI5", "gate": "PFI6", "aux": "PFI7"},
 }
 """Terminals of the inputs of counters 0 to 3 (X Series manual, chapter 7; M Series has the first two)."""
+_RTD_MARGIN = 1.02
+"""Volts that the driver allows above those of the highest temperature (it takes a range of 0.2 V for 99.3 mV:
+NI's own test of a thermometer)."""
 _PER = {"": 1.0, "k": 1e3, "M": 1e6}
 
 
@@ -81,7 +84,13 @@ class Channel:
     @property
     def volts(self) -> FloatArray:
         """Limits that the program requested, as voltages at the terminal: (2,) V, rising."""
-        limits = np.array([self.low, self.high])
+        level = self.values.get("AI_SOUND_PRESSURE_MAX_SOUND_PRESSURE_LVL")
+        if level is not None and "AI_MAX" not in self.values:
+            # The level is that of a sine: 20 uPa rms are 0 dB.
+            peak = np.sqrt(2) * 20e-6 * 10 ** (float(level) / 20)
+            limits = np.array([-peak, peak])
+        else:
+            limits = np.array([self.low, self.high])
         return limits if self.scale is None else np.sort(self.scale.to_volts(limits))
 
     @property
@@ -102,6 +111,8 @@ class Channel:
         wanted = forced if forced is not None else float(np.abs(self.volts).max())
         if self.values.get("AI_MEAS_TYPE_NAME", "VOLTAGE") != "VOLTAGE" or self.values.get("AI_IS_TEDS"):
             widest = self.product.ai_ranges[0]
+            if self.values.get("AI_MEAS_TYPE_NAME") == "TEMPERATURE_RTD":
+                wanted *= _RTD_MARGIN
             return input_range(self.product, float(wanted)) or widest if self.scale is not None else widest
         found = input_range(self.product, float(wanted))
         if found is None:

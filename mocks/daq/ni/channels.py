@@ -24,6 +24,7 @@ from .devices import CONFIGURATIONS, NiDevice
 from .errors import DaqmxError, DAQmxErrors
 from .fields import field
 from .measurements import FIELDS, MEASUREMENTS, Measurement
+from .names import channel_names
 from .scales import Scale
 from .system import NiSystem
 from .tasks import Task
@@ -37,27 +38,28 @@ def add(task: Task, channels: list[Channel]) -> None:
             DAQmxErrors.CAN_NOT_PERFORM_OP_WHILE_TASK_RUNNING,
             "Specified operation cannot be performed while the task is running: channels cannot be added.",
         )
-    names = {channel.name for channel in task.channels}
+    together = list(task.channels)
     for channel in channels:
-        if channel.name in names:
+        if channel.name.lower() in {other.name.lower() for other in together}:
             raise DaqmxError(
                 DAQmxErrors.CHAN_ALREADY_IN_TASK,
                 f"Channel specified already exists in the task: {channel.name!r}.",
             )
-        homes = {c.device.chassis or c.device.name for c in (*task.channels, channel)}
+        homes = {c.device.chassis or c.device.name for c in (*together, channel)}
         if len(homes) > 1:
             raise DaqmxError(
                 DAQmxErrors.MULTI_DEVS_IN_TASK,
                 f"Specified operation cannot be performed when there are multiple devices in the task: "
                 f"{', '.join(sorted(homes))}.",
             )
-        if task.channels and task.kind != channel.kind:
+        if together and together[0].kind != channel.kind:
             raise DaqmxError(
-                DAQmxErrors.LAB_VIEW_INVALID_TASK_OR_CHANS,
-                f"A task holds channels of one kind: {task.name!r} already has {task.kind} channels.",
+                DAQmxErrors.MULTI_CHAN_TYPES_IN_TASK,
+                "Specified operation cannot be performed when there are different channel types in the task: "
+                f"{task.name!r} already has {task.kind} channels.",
             )
-        task.channels.append(channel)
-        names.add(channel.name)
+        together.append(channel)
+    task.channels = together
 
 
 _FITS: dict[str, Callable[[NiDevice, str], bool]] = {
@@ -72,12 +74,12 @@ _FITS: dict[str, Callable[[NiDevice, str], bool]] = {
 
 def _new(system: NiSystem, request: Any, terminals: str, kind: str) -> Iterator[tuple[str, NiDevice, str]]:
     """Give the name, the device and the terminal of each channel to make. Raises DaqmxError."""
-    resolved, assigned = list(system.inventory.resolve(terminals)), request.name_to_assign_to_channel
+    resolved = list(system.inventory.resolve(terminals))
+    names = channel_names(request.name_to_assign_to_channel, len(resolved))
     for number, (device, tail) in enumerate(resolved):
         if not _FITS[kind](device, tail):
             raise _wrong_kind(device, tail, kind)
-        name = assigned or f"{device.name}/{tail}"
-        yield f"{name}{number}" if assigned and len(resolved) > 1 else name, device, tail
+        yield names[number] if names else f"{device.name}/{tail}", device, tail
 
 
 def _limits(request: Any, kind: str, values: dict[str, Any]) -> None:
@@ -264,14 +266,6 @@ def _function_generation(system: NiSystem, request: Any) -> None:
     add(task, made)
 
 
-def _lines_of(device: NiDevice, tail: str) -> list[str]:
-    """Return the line itself, or all lines of a port in rising order."""
-    port = tail.removeprefix("port")
-    if not port.isdecimal():
-        return [tail]
-    return [f"{tail}/line{i}" for i in range(device.product.ports[int(port)])]
-
-
 def _digital(kind: Kind) -> Callable[[NiSystem, Any], None]:
     def create(system: NiSystem, request: Any) -> None:
         task = system.task(request.task.name)
@@ -279,13 +273,13 @@ def _digital(kind: Kind) -> Callable[[NiSystem, Any], None]:
         resolved = list(system.inventory.resolve(request.lines))
         if not together:
             # NI's reference of DAQmxCreateDIChan: a port's name alone means all its lines.
-            resolved = [(device, line) for device, tail in resolved for line in _lines_of(device, tail)]
+            resolved = [(device, line) for device, tail in resolved for line in device.lines_of(tail)]
         groups: list[tuple[NiDevice, tuple[str, ...], bool]] = []
         for device, tail in resolved:
             if not tail.startswith("port"):
                 raise _wrong_kind(device, tail, "digital")
             # A whole port is listed from its highest line down.
-            lines = tuple(reversed(_lines_of(device, tail)))
+            lines = tuple(reversed(device.lines_of(tail)))
             groups.append((device, lines, "/line" not in tail))
         if together and groups:
             device = groups[0][0]
@@ -308,8 +302,9 @@ def _digital_names(
     groups: list[tuple[NiDevice, tuple[str, ...], bool]],
     resolved: list[tuple[NiDevice, str]],
 ) -> list[str]:
-    if assigned:
-        return [assigned] if len(groups) == 1 else [f"{assigned}{i}" for i in range(len(groups))]
+    names = channel_names(assigned, len(groups))
+    if names:
+        return names
     if len(groups) == len(resolved):
         return [f"{device.name}/{tail}" for device, tail in resolved]
     # The driver's name of a channel with several lines.

@@ -10,6 +10,7 @@ from nidaqmx.constants import Level
 
 from .channel import Channel, counter_timebase, default_terminal, timebase_of
 from .counters import INPUTS
+from .signalling import pulse_terminal
 from .system import NiSystem
 from .tasks import Task
 
@@ -61,6 +62,7 @@ COUNTER_FACTS: dict[str, Callable[[NiSystem, Task, Channel], Any]] = {
     "CO_PULSE_DONE": _is_done,
     "CO_OUTPUT_STATE": _state,
     "CO_COUNT": lambda s, t, ch: t.count(s.clock.now()),
+    "CO_PULSE_TERM": lambda s, t, ch: pulse_terminal(ch),
     "CO_RDY_FOR_NEW_VAL": lambda s, t, ch: True,
 }
 """Properties by NI's names."""

@@ -103,7 +103,8 @@ class Meter:
         return own
 
     def _terminal(self, name: str, socket: str) -> str:
-        return str(self._channel.values.get(name) or default_terminal(self._channel, socket))
+        asked = self._channel.values.get(name)
+        return self._channel.device.full(str(asked)) if asked else default_terminal(self._channel, socket)
 
     def advance(self, now: float) -> None:
         """Look at what happened until `now` (s)."""

@@ -121,7 +121,6 @@ _DEFAULTS: list[tuple[str, str, Any]] = [
     ("Chan", "AO_LOAD_IMPEDANCE|AO_OUTPUT_IMPEDANCE|AO_DAC_OFFSET_VAL", 0.0),
     ("Chan", "AO_DAC_REF_VAL", 10.0),
     ("Chan", "AO_GAIN|AI_GAIN", 1.0),
-    ("Chan", "CO_PULSE_TERM", ""),
     ("Chan", r"CI_\w*TIMEBASE_SRC", "100MHzTimebase"),
     ("Chan", r"CI_\w*_TERM", ""),
     ("Chan", "DI_LOGIC_FAMILY|DO_LOGIC_FAMILY", c.LogicFamily.FIVE_V.value),

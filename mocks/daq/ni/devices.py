@@ -31,6 +31,10 @@ _TERMINAL = re.compile(
     re.IGNORECASE,
 )
 
+_OF_CHASSIS = re.compile(r"(ai|ao|di|do|te\d)/|Ctr\d|ChangeDetectionEvent", re.IGNORECASE)
+"""Terminals that a chassis has, and its modules have not: a program names the chassis (a maintainer in pull
+request 589 of ni/nidaqmx-python)."""
+
 
 def _spelt(tail: str) -> str:
     """Write a counter's terminal as the driver does, however a program has written it."""
@@ -51,6 +55,11 @@ class NiDevice:
     slot: int = 0
     number: int = 0
     """Product number; 0 means the product's own."""
+
+    def full(self, text: str) -> str:
+        """Return the full name of one of the device's terminals; one that is full stays as it is."""
+        home = self.chassis if self.chassis and _OF_CHASSIS.match(text) else self.name
+        return text if text.startswith("/") else f"/{home}/{_spelt(text)}"
 
     @property
     def ai(self) -> list[str]:
@@ -83,6 +92,13 @@ class NiDevice:
         """Names of the counters; those of a chassis are internal, for its modules."""
         mark = "_" if self.product.slots else ""
         return [f"{self.name}/{mark}ctr{i}" for i in range(self.product.counters)]
+
+    def lines_of(self, tail: str) -> list[str]:
+        """Return the line `tail` itself, or all lines of a port in rising order; names without the device."""
+        port = tail.removeprefix("port")
+        if not port.isdecimal():
+            return [tail]
+        return [f"{tail}/line{i}" for i in range(self.product.ports[int(port)])]
 
     def port_way(self, port: int) -> str:
         """Direction of a port's lines: "in", "out" or "both"."""
@@ -171,7 +187,7 @@ class Inventory:
             head, _, tail = text[1:].partition("/")
             if head.lower() in {name.lower() for name in self.devices} and _TERMINAL.fullmatch(tail):
                 return f"/{self.device(head).name}/{_spelt(tail)}"
-        elif _TERMINAL.fullmatch(text):
+        elif _TERMINAL.fullmatch(text) and not (device.chassis and _OF_CHASSIS.match(text)):
             return f"/{device.name}/{_spelt(text)}"
         elif text in (*device.ai, *device.lines):
             return text

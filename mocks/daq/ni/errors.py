@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from nidaqmx._grpc_interpreter import _ERROR_MESSAGES
 from nidaqmx.error_codes import DAQmxErrors, DAQmxWarnings
 
-__all__ = ["DAQmxErrors", "DaqmxError", "error_string"]
+__all__ = ["AlreadyExistsError", "DAQmxErrors", "DAQmxWarnings", "DaqmxError", "error_string"]
 
 
 class DaqmxError(Exception):
@@ -21,6 +22,10 @@ class DaqmxError(Exception):
         """Samples per channel stored by a failed write; None for other calls."""
 
 
+class AlreadyExistsError(Exception):
+    """Refusal of a session whose name is taken; NI's server answers with gRPC's own status for it."""
+
+
 _SENTENCES = {
     DAQmxErrors.INVALID_ATTRIBUTE_VALUE: "Requested value is not a supported value for this property.",
     DAQmxErrors.INVALID_DEVICE_ID: "Device identifier is invalid.",
@@ -28,7 +33,6 @@ _SENTENCES = {
     DAQmxErrors.PHYSICAL_CHAN_DOES_NOT_EXIST: "Physical channel specified does not exist on this device.",
     DAQmxErrors.PAL_RESOURCE_RESERVED: "The specified resource is reserved.",
     DAQmxErrors.DEV_CANNOT_BE_ACCESSED: "Device cannot be accessed: it is no longer present in the system.",
-    DAQmxErrors.SAMPLES_NOT_YET_AVAILABLE: "Some or all of the samples requested have not yet been acquired.",
     DAQmxErrors.WRITE_NUM_CHANS_MISMATCH: "Write cannot be performed, because the number of channels in the "
     "data does not match the number of channels in the task.",
 }
@@ -36,6 +40,8 @@ _SENTENCES = {
 
 def error_string(code: int) -> str:
     """Return the driver's sentence for a code; without one, words made from NI's name of the code."""
+    if code in _ERROR_MESSAGES:
+        return str(_ERROR_MESSAGES[DAQmxErrors(code)])
     for known, sentence in _SENTENCES.items():
         if known.value == code:
             return f"{sentence}\n\nStatus Code: {code}"

@@ -10,12 +10,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from nidaqmx._stubs import nidaqmx_pb2 as pb
-from nidaqmx.constants import EveryNSamplesEventType
+from nidaqmx.constants import EveryNSamplesEventType, Signal
 
 from ....instruments.flag import Flag
 from ...clock import VirtualClock
 from .errors import DaqmxError, DAQmxErrors
 from .fields import field
+from .signalling import GLIMPSE
 from .system import NiSystem
 from .tasks import Task
 
@@ -84,6 +85,7 @@ class Events:
             with self._system.lock:
                 due = [when for each in self._listeners.values() if (when := self._due(each)) is not None]
                 clock.sleep_until(min([until, *(max(when, clock.now() + 1e-9) for when in due)]))
+                self._system.notice()
                 fired = [each for each in self._listeners.values() if self._fire_now(each)]
                 self._system.changed.notify_all()
             patient = any(each.reads and each.kind == "samples" and each.task.is_input for each in fired)
@@ -95,10 +97,12 @@ class Events:
                 each.reads = self._handled(each)
 
     def _due(self, listener: _Listener) -> float | None:
-        """Time of the next event (s), or None."""
+        """Time of the next event, or of the next look at the signals that decide on it (s), or None."""
         task = listener.task
         if not task.running or not task.timed:
             return None
+        if task.waits():
+            return self._system.clock.now() + GLIMPSE
         if listener.kind == "done":
             return None if task.total is None else task.ready(task.total)
         sent = listener.sent if listener.acquisition == task.starts else 0
@@ -120,13 +124,20 @@ class Events:
     def register(self, name: str, request: Any) -> _Listener:
         """Register the event of the call `name`. Raises DaqmxError."""
         task = self._system.task(request.task.name)
+        _refuse_running(task, DAQmxErrors.CANNOT_REGISTER_DA_QMX_SOFTWARE_EVENT_WHILE_TASK_IS_RUNNING)
         if name == "RegisterDoneEvent":
             return self._add(
-                _Listener(task, "done", 0, pb.RegisterDoneEventResponse),
+                _Listener(
+                    task,
+                    "done",
+                    0,
+                    lambda: pb.RegisterDoneEventResponse(status=task.failure.code if task.failure else 0),
+                ),
                 DAQmxErrors.DONE_EVENT_ALREADY_REGISTERED,
             )
         if name == "RegisterSignalEvent":
             signal = field(request, "signal_id")
+            _refuse_signal(task, signal)
             return self._add(
                 _Listener(task, "signal", 1, lambda: pb.RegisterSignalEventResponse(signal_id=signal)),
                 DAQmxErrors.SIGNAL_EVENT_ALREADY_REGISTERED,
@@ -141,17 +152,25 @@ class Events:
                 f"This every N samples event is not supported by the channels of {task.name!r}.",
             )
 
+        if not request.n_samples:
+            raise DaqmxError(
+                DAQmxErrors.EVERY_N_SAMPS_EVENT_INTERVAL_ZERO_NOT_SUPPORTED,
+                "An every N samples event needs an interval of at least 1 sample.",
+            )
+
         def reply() -> Any:
             return pb.RegisterEveryNSamplesEventResponse(
                 every_n_samples_event_type_raw=type_, n_samples=request.n_samples
             )
 
-        return self._add(
+        listener = self._add(
             _Listener(task, "samples", request.n_samples, reply),
             DAQmxErrors.EVERY_N_SAMPS_ACQ_INTO_BUFFER_EVENT_ALREADY_REGISTERED
             if acquired
             else DAQmxErrors.EVERY_N_SAMPS_TRANSFERRED_FROM_BUFFER_EVENT_ALREADY_REGISTERED,
         )
+        task.every = request.n_samples
+        return listener
 
     def unregister(self, name: str, request: Any) -> None:
         """Remove a registration, if there is one."""
@@ -160,9 +179,16 @@ class Events:
             "UnregisterSignalEvent": "signal",
             "UnregisterEveryNSamplesEvent": "samples",
         }[name]
-        listener = self._listeners.pop((request.task.name, kind), None)
-        if listener is not None:
-            listener.stream.put(None)
+        if (request.task.name, kind) not in self._listeners:
+            return
+        listener = self._listeners[request.task.name, kind]
+        _refuse_running(
+            listener.task, DAQmxErrors.CANNOT_UNREGISTER_DA_QMX_SOFTWARE_EVENT_WHILE_TASK_IS_RUNNING
+        )
+        del self._listeners[request.task.name, kind]
+        if kind == "samples":
+            listener.task.every = 0
+        listener.stream.put(None)
 
     def stream(self, listener: _Listener, alive: Callable[[], bool]) -> Iterator[Any]:
         """Yield a reply for each event, until it is unregistered or the client is gone."""
@@ -194,6 +220,7 @@ class Events:
         with self._system.lock:
             while not self._closing:
                 expected = False
+                self._system.notice()
                 for listener in self._listeners.values():
                     expected |= self._fire(listener)
                 self._system.changed.wait(_POLL if expected else None)
@@ -212,3 +239,28 @@ class Events:
             listener.stream.put(listener.reply())
         listener.sent = max(listener.sent, happened)
         return not done
+
+
+def _refuse_running(task: Task, code: DAQmxErrors) -> None:
+    if task.running:
+        raise DaqmxError(
+            code,
+            f"An event cannot be registered or unregistered while its task is running: {task.name!r}. "
+            "Do so before the start.",
+        )
+
+
+def _refuse_signal(task: Task, signal: int) -> None:
+    """Refuse the signals that a task does not have, and those that are not simulated as events."""
+    served = {
+        Signal.SAMPLE_CLOCK.value: task.channels and task.kind not in ("co", "ci"),
+        Signal.SAMPLE_COMPLETE.value: task.channels and task.kind == "ai",
+        Signal.CHANGE_DETECTION_EVENT.value: task.channels and task.kind == "di",
+        Signal.COUNTER_OUTPUT_EVENT.value: task.channels and task.kind in ("co", "ci"),
+    }
+    if not served.get(signal):
+        raise DaqmxError(
+            DAQmxErrors.DA_QMX_SIGNAL_EVENT_TYPE_NOT_SUPPORTED_BY_CHAN_TYPES_OR_DEVICES_IN_TASK,
+            f"DAQmx signal event type is not supported by the channel types or devices in the task "
+            f"{task.name!r}: {signal}.",
+        )

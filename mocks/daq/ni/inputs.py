@@ -55,6 +55,10 @@ def acquire(system: NiSystem, task: Task, count: int) -> Any:
         return _counted(task, np.full(count, now))
     if task.is_input:
         task.on_demand += count
+    if task.kind == "ai":
+        # Counted for the card: a new task does not read the noise of the last one again.
+        first = system.polled[task.device.name]
+        system.polled[task.device.name] += count
     times = np.full(count, now)
     index = np.arange(first, first + count)
     if task.kind in ("di", "do"):
@@ -72,7 +76,9 @@ def _make(system: NiSystem, task: Task, first: int, count: int) -> Any:
     clock = task.clock
     assert clock.start is not None, "samples exist only after the start"
     edges = clock.start + (task.offset + index) / clock.rate_hz
-    if (
+    if task.edges is not None:
+        edges = task.edges.times[index]
+    elif (
         task.shares is not None
         and task.setting("Timing", "SAMP_CLK_ACTIVE_EDGE", Edge.RISING.value) == Edge.FALLING.value
     ):

@@ -92,7 +92,7 @@ def _watchdog(system: NiSystem, request: Any) -> Watchdog:
 
 def _create_watchdog(system: NiSystem, request: Any, alive: Alive) -> Any:
     system.inventory.device(request.device_name)
-    task, new = system.create_task(request.session_name)
+    task, new = system.create_task(request.session_name, request.initialization_behavior)
     if new:
         task.watchdog = Watchdog({("", "TIMEOUT"): request.timeout})
     reply = pb.CreateWatchdogTimerTaskExResponse(new_session_initialized=new)

@@ -10,7 +10,7 @@ import numpy as np
 from ....instruments.arrays import BoolArray, FloatArray
 from ...plant import Nodes
 from .channel import Channel
-from .pulses import PulseTrain, Transitions, sampled, ticking
+from .pulses import Train, Transitions, sampled, ticking
 from .terminals import OutputTerminal
 
 _TIMEBASE = re.compile(r"(\d+)([kM])HzTimebase", re.IGNORECASE)
@@ -36,7 +36,7 @@ class Terminals:
         clock: Callable[[str], tuple[float, float] | None],
     ) -> None:
         self._wiring, self._nodes, self._outputs, self._clock = wiring, nodes, outputs, clock
-        self._trains: dict[str, list[PulseTrain]] = {}
+        self._trains: dict[str, list[Train]] = {}
         self._routes: dict[str, str] = {}
 
     def connect(self, source: str, target: str) -> None:
@@ -47,47 +47,64 @@ class Terminals:
         """End a route, if there is one."""
         self._routes.pop(target.lower(), None)
 
-    def drive(self, terminal: str, train: PulseTrain) -> None:
+    def drive(self, terminal: str, train: Train) -> None:
         """Let a terminal carry a pulse train, after those that it has carried."""
         trains = self._trains.setdefault(terminal.lower(), [])
-        if trains:
+        if trains and trains[-1] is not train:
             trains[-1].stopped = min(trains[-1].stopped, train.start)
-        # What is long over is looked at no more.
-        self._trains[terminal.lower()] = [*trains[-8:], train]
+        trains.append(train)
 
-    def driven(self, terminal: str) -> bool:
-        """Return True when something stands at a terminal."""
+    def pulses(self, terminal: str, until: float) -> Transitions:
+        """Return all changes that counters have put out at a terminal until a time (s)."""
+        return self._put_out(terminal, -np.inf, until)
+
+    def signalled(self, terminal: str) -> bool:
+        """Return True when a test, a plant, a counter or an output drives a terminal."""
         terminal = self._routes.get(terminal.lower(), terminal)
         name = terminal.lstrip("/")
         return (
             terminal.lower() in self._trains
             or name in self._wiring
-            or _TIMEBASE.search(terminal) is not None
-            or self._clock(terminal) is not None
             or (name in self._outputs and self._outputs[name].driven)
         )
+
+    def driven(self, terminal: str) -> bool:
+        """Return True when something stands at a terminal: a signal, a timebase or a sample clock."""
+        return (
+            self.signalled(terminal)
+            or _TIMEBASE.search(terminal) is not None
+            or self._clock(self._routes.get(terminal.lower(), terminal)) is not None
+        )
+
+    def _put_out(self, terminal: str, begin: float, end: float) -> Transitions:
+        found: list[Transitions] = []
+        for train in reversed(self._trains.get(terminal.lower(), ())):
+            found.append(train.transitions(begin, end))
+            if train.start <= begin:
+                break
+        times = [np.zeros(0), *(one.times for one in reversed(found))]
+        levels = [np.zeros(0, dtype=np.bool_), *(one.levels for one in reversed(found))]
+        return Transitions(np.concatenate(times), np.concatenate(levels))
 
     def look(self, terminal: str, begin: float, end: float) -> Transitions:
         """Return the changes at a terminal in (`begin`, `end`] (s)."""
         terminal = self._routes.get(terminal.lower(), terminal)
-        found = [train.transitions(begin, end) for train in self._trains.get(terminal.lower(), ())]
-        if found:
-            return Transitions(
-                np.concatenate([one.times for one in found]), np.concatenate([one.levels for one in found])
-            )
+        name = terminal.lstrip("/")
+        found = self._put_out(terminal, begin, end)
+        if len(found.times) or (terminal.lower() in self._trains and name not in self._wiring):
+            return found
         if (timebase := _TIMEBASE.search(terminal)) is not None:
             rate = float(timebase[1]) * _PER[timebase[2].lower()]
             return ticking(rate, max(begin, end - _MOST / rate), end)
         if (clock := self._clock(terminal)) is not None:
             rate_hz, start = clock
             return ticking(rate_hz, max(begin, start - 0.25 / rate_hz), end, start)
-        name = terminal.lstrip("/")
         if name in self._wiring and self._nodes is not None:
             return sampled(self._node(name), begin, end)
         if name in self._outputs:
             output = self._outputs[name]
             return sampled(lambda times: np.asarray(output.at(times) > _HIGH), begin, end)
-        return Transitions(np.zeros(0), np.zeros(0, dtype=np.bool_))
+        return found
 
     def node(self, channel: Channel) -> Callable[[FloatArray], FloatArray] | None:
         """Return what a plant says is the count of a channel's counter at times (s), or None."""

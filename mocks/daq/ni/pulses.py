@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -28,6 +29,16 @@ class Transitions:
     def to(self, level: bool) -> FloatArray:
         """Times of the changes to `level`."""
         return np.asarray(self.times[self.levels == level])
+
+
+class Train(Protocol):
+    """What stands at a terminal from `start` until it is `stopped` (s)."""
+
+    start: float
+    stopped: float
+
+    def transitions(self, begin: float, end: float) -> Transitions:
+        """Return the changes in (`begin`, `end`] (s)."""
 
 
 @dataclass(eq=False)

@@ -6,6 +6,8 @@
 
 from __future__ import annotations
 
+import os
+import re
 import threading
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -19,14 +21,16 @@ import numpy as np
 from google.protobuf import message_factory
 from nidaqmx._stubs import nidaqmx_pb2 as pb
 
+from ....instruments.arrays import FloatArray
 from ....instruments.clock import Clock, RealClock
 from ....instruments.closing import Closing
 from ...plant import Nodes
+from ...redirect import CREATED, FOLDER
 from ...transport import HOST
 from . import attributes
 from .calls import CALLS
 from .devices import Inventory, NiDevice
-from .errors import DaqmxError, DAQmxErrors
+from .errors import AlreadyExistsError, DaqmxError, DAQmxErrors
 from .events import Events
 from .storage import saved_in_export
 from .system import NiSystem
@@ -114,6 +118,23 @@ class NiServer(Closing):
     def outputs(self) -> Mapping[str, OutputTerminal]:
         """Every analog output and digital line, by name."""
         return self._system.outputs
+
+    def pulses(self, name: str) -> tuple[FloatArray, FloatArray]:
+        """Return what a counter has put out: times (changes,) s, and the levels after each, 0 and 1.
+
+        `name` is a counter, "Dev1/ctr0", or a terminal to which it puts out, "Dev1/PFI12". Raises DaqmxError
+        for any other.
+        """
+        device, _, tail = name.partition("/")
+        with self._system.lock:
+            card = self._system.inventory.device(device)
+            number = re.fullmatch(r"_?ctr(\d+)", tail, re.IGNORECASE)
+            if number is None or f"{card.name}/{tail.lower()}" not in card.counters:
+                terminal = self._system.inventory.terminal(card, f"/{name}")
+            else:
+                terminal = card.full(f"Ctr{number[1]}InternalOutput")
+            found = self._system.terminals.pulses(terminal, self._system.clock.now())
+        return found.times, found.levels.astype(np.float64)
 
     def advance(self, until: float) -> None:
         """Move a virtual clock to `until` (s), from event to event, and let programs handle each."""
@@ -251,7 +272,17 @@ class _Service(grpc.GenericRpcHandler):  # type: ignore[misc]
                 with self._system.lock:
                     if self._call_time:
                         self._system.clock.sleep(self._call_time)
-                    return run(request, context.is_active)
+                    self._system.notice()
+                    self._system.created = ""
+                    sent = {entry.key: entry.value for entry in context.invocation_metadata() or ()}
+                    if FOLDER in sent and request.task.name in self._system.tasks:
+                        self._system.tasks[request.task.name].folder = os.fsdecode(sent[FOLDER])
+                    answer = run(request, context.is_active)
+                    if self._system.created:
+                        context.set_trailing_metadata(((CREATED, self._system.created.encode()),))
+                    return answer
+            except AlreadyExistsError as error:
+                context.abort(grpc.StatusCode.ALREADY_EXISTS, str(error))
             except DaqmxError as error:
                 _abort(context, error)
 

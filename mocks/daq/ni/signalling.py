@@ -1,4 +1,4 @@
-"""What tasks do with digital signals: pulses that they put out, measurements, and reference triggers."""
+"""What tasks do with digital signals: pulses that they put out, measurements, clocks and triggers."""
 
 from __future__ import annotations
 
@@ -10,13 +10,55 @@ from nidaqmx.constants import Edge, Level, TriggerType
 from ....instruments.arrays import FloatArray
 from .channel import Channel, counter_timebase
 from .counting import Meter
-from .devices import Inventory
+from .devices import Inventory, NiDevice
+from .edges import Edges
+from .errors import DaqmxError, DAQmxErrors
 from .looking import Terminals
 from .pulses import PulseTrain
 from .tasks import Task
 
-_GLIMPSE = 1e-3
+GLIMPSE = 1e-3
 """Interval at which a signal that somebody waits for is looked at (s)."""
+_SIGNAL = re.compile(r"/(?P<device>[^/]+)/((ai|ao|di|do)/(SampleClock|StartTrigger)|Ctr\d+InternalOutput)")
+_PULSES_AT = {"X Series": 12, "M Series": 12}
+"""Number of the PFI terminal at which counter 0 puts out its pulses, by family (X Series manual 370784, and M
+Series manual 371022, "Default Counter/Timer Pinouts"; counter n is at the nth after it)."""
+_OF_TASKS = re.compile(r"/(SampleClock|StartTrigger|Ctr\d+InternalOutput)$")
+"""Terminals that tasks drive, for which a task waits until the other one runs."""
+
+
+def sources(inventory: Inventory, rtsi: bool, task: Task) -> tuple[str | None, set[str]]:
+    """Return the terminal of the other task whose sample clock this one uses, and its triggers.
+
+    A signal from outside the simulated devices is present at once, as on NI's simulated devices.
+    """
+    shares = None
+    source = task.setting("Timing", "SAMP_CLK_SRC", "")
+    if task.timed and source:
+        shares = _signal(inventory, rtsi, task, inventory.terminal(task.device, source))
+    triggers = set()
+    for which in ("START", "ARM_START"):
+        if task.setting("Trig", f"{which}_TRIG_TYPE") == TriggerType.DIGITAL_EDGE.value:
+            text = task.setting("Trig", f"DIG_EDGE_{which}_TRIG_SRC", "")
+            trigger = _signal(inventory, rtsi, task, inventory.terminal(task.device, text)) if text else None
+            if trigger is not None:
+                triggers.add(trigger)
+    return shares, triggers
+
+
+def _signal(inventory: Inventory, rtsi: bool, task: Task, terminal: str) -> str | None:
+    """Return `terminal` if another task must drive it, else None. Raises DaqmxError without a route."""
+    match = _SIGNAL.fullmatch(terminal)
+    if match is None or terminal in task.emits:
+        return None
+    source = inventory.device(match["device"])
+    if not rtsi and not inventory.routed(source, task.device):
+        raise DaqmxError(
+            DAQmxErrors.TRIG_LINE_NOT_FOUND_ROUTING,
+            f"No registered trigger lines could be found between the devices in the route from "
+            f"{terminal} to {task.device.name}: if they are connected by a RTSI cable, register it.",
+        )
+    return terminal
 
 
 def begin_pulses(terminals: Terminals, task: Task, regenerates: bool, now: float) -> None:
@@ -31,7 +73,8 @@ def begin_pulses(terminals: Terminals, task: Task, regenerates: bool, now: float
         idle = channel.values.get("CO_PULSE_IDLE_STATE") == Level.HIGH.value
         train = PulseTrain(now + channel.pulse_delay, high, low, total, idle)
         task.trains.append(train)
-        terminals.drive(_output_of(channel), train)
+        for terminal in outputs_of(channel):
+            terminals.drive(terminal, train)
     task.clock.start = task.trains[0].start
 
 
@@ -43,12 +86,94 @@ def change_pulses(
     for row, (channel, train) in enumerate(zip(task.channels, list(task.trains), strict=True)):
         follower = PulseTrain(train.next_end(now), high[row], low[row], None, train.idle)
         task.trains[row] = follower
-        terminals.drive(_output_of(channel), follower)
+        for terminal in outputs_of(channel):
+            terminals.drive(terminal, follower)
 
 
-def _output_of(channel: Channel) -> str:
+def outputs_of(channel: Channel) -> list[str]:
+    """Terminals at which a counter output's pulses stand: inside the device, and at its connector if any."""
     home = channel.device.chassis or channel.device.name
-    return f"/{home}/Ctr{re.sub(r'[^0-9]', '', channel.physical[0])}InternalOutput"
+    inner = f"/{home}/Ctr{re.sub(r'[^0-9]', '', channel.physical[0])}InternalOutput"
+    return [inner, *filter(None, [pulse_terminal(channel)])]
+
+
+def pulse_terminal(channel: Channel) -> str:
+    """Terminal of a counter output's pulses: the program's choice, or the card's own; empty without one."""
+    asked = channel.values.get("CO_PULSE_TERM")
+    if asked:
+        return channel.device.full(str(asked))
+    number = int(re.sub(r"[^0-9]", "", channel.physical[0]))
+    if channel.device.chassis or channel.device.product.slots or channel.product.family not in _PULSES_AT:
+        return ""
+    first = _PULSES_AT[channel.product.family]
+    return f"/{channel.device.name}/PFI{first + number}"
+
+
+def timing_edges(inventory: Inventory, terminals: Terminals, task: Task, now: float) -> Edges | None:
+    """Return the edges that time a task's samples from `now` (s) on; None when its own clock does."""
+    if not task.timed or task.shares is not None or task.kind == "co":
+        return None
+    if task.detects_changes:
+        watched = [
+            (f"/{device.name}/{line}", edge == "RISING")
+            for edge in ("RISING", "FALLING")
+            for device, tail in _change_lines(inventory, task, edge)
+            for line in device.lines_of(tail)
+        ]
+        # Lines of simulated devices that nobody drives count up, and change at each sample.
+        if task.device.simulated and not any(terminals.signalled(name) for name, _ in watched):
+            return None
+        edges = Edges(terminals, watched, now)
+        for name in task.emits:
+            if name.endswith("ChangeDetectionEvent"):
+                terminals.drive(name, edges)
+        return edges
+    terminal = outside_clock(inventory, terminals, task)
+    if not terminal:
+        return None
+    rising = task.setting("Timing", "SAMP_CLK_ACTIVE_EDGE", Edge.RISING.value) == Edge.RISING.value
+    return Edges(terminals, [(terminal, rising)], float(np.nextafter(now, -np.inf)))
+
+
+def outside_clock(inventory: Inventory, terminals: Terminals, task: Task) -> str:
+    """Terminal of a sample clock that a signal from outside drives; empty for any other.
+
+    Raises DaqmxError for outputs, which are not simulated on such a clock.
+    """
+    source = task.setting("Timing", "SAMP_CLK_SRC", "")
+    terminal = inventory.terminal(task.device, source) if source and task.timed else ""
+    if not terminal or terminal in task.emits or _OF_TASKS.search(terminal):
+        return ""
+    if not (terminals.signalled(terminal) or terminal.endswith("ChangeDetectionEvent")):
+        return ""
+    if task.kind in ("ao", "do"):
+        raise DaqmxError(
+            DAQmxErrors.ATTR_NOT_SUPPORTED,
+            "Specified property is not supported: the twin does not clock outputs by the signal at "
+            f"{terminal}.",
+        )
+    return terminal
+
+
+def _change_lines(inventory: Inventory, task: Task, edge: str) -> list[tuple[NiDevice, str]]:
+    listed = task.setting("Timing", f"CHANGE_DETECT_DI_{edge}_EDGE_PHYSICAL_CHANS", "")
+    return list(inventory.resolve(listed)) if listed else []
+
+
+def start_edges(inventory: Inventory, terminals: Terminals, task: Task, now: float) -> Edges | None:
+    """Return the edges for which a task's start trigger waits from `now` (s) on; None without a signal."""
+    for which in ("START", "ARM_START"):
+        source = task.setting("Trig", f"DIG_EDGE_{which}_TRIG_SRC", "")
+        if not source or task.setting("Trig", f"{which}_TRIG_TYPE") != TriggerType.DIGITAL_EDGE.value:
+            continue
+        terminal = inventory.terminal(task.device, source)
+        if _OF_TASKS.search(terminal) or not (
+            terminals.signalled(terminal) or terminal.endswith("ChangeDetectionEvent")
+        ):
+            continue
+        rising = task.setting("Trig", f"DIG_EDGE_{which}_TRIG_EDGE", Edge.RISING.value) == Edge.RISING.value
+        return Edges(terminals, [(terminal, rising)], now)
+    return None
 
 
 def begin_measuring(terminals: Terminals, task: Task, now: float) -> None:
@@ -73,7 +198,7 @@ def glimpse(inventory: Inventory, terminals: Terminals, task: Task, now: float) 
     if task.pretrigger is not None and task.reference is None and task.clock.start is not None:
         source = reference_terminal(inventory, terminals, task)
         _look_for_reference(terminals, source or "", task, now)
-    return now + _GLIMPSE if task.waits() else None
+    return now + GLIMPSE if task.waits() else None
 
 
 def _look_for_reference(terminals: Terminals, source: str, task: Task, now: float) -> None:

@@ -13,7 +13,9 @@ from .channel import Channel
 from .errors import DaqmxError, DAQmxErrors
 from .putting import space
 from .system import NiSystem
-from .tasks import Task
+from .taking import available
+from .tasks import State, Task
+from .verifying import verify
 
 _CHANNEL_TYPE = {
     "ai": c.ChannelType.ANALOG_INPUT,
@@ -32,11 +34,11 @@ def _limit(sign: int) -> Callable[[Channel], float]:
             if sign > 0
             else ("AI_MIN", DAQmxErrors.AI_MIN_NOT_SPECIFIED)
         )
-        if name not in channel.values:
+        if name not in channel.values and "AI_SOUND_PRESSURE_MAX_SOUND_PRESSURE_LVL" not in channel.values:
             raise DaqmxError(missing, f"{name} of {channel.name!r} was reset and has not been set since.")
         kind = channel.values.get("AI_MEAS_TYPE_NAME")
-        in_degrees = kind == "TEMPERATURE_RTD" and sign > 0
-        if (kind != "VOLTAGE" or channel.values.get("AI_IS_TEDS")) and not in_degrees:
+        by_range = kind == "SOUND_PRESSURE_MICROPHONE" or (kind == "TEMPERATURE_RTD" and sign > 0)
+        if (kind != "VOLTAGE" or channel.values.get("AI_IS_TEDS")) and not by_range:
             return channel.high if sign > 0 else channel.low
         # The driver reports the limits of the range that it chose, which contains the requested one.
         ends = np.array([-channel.full_scale, channel.full_scale])
@@ -90,13 +92,15 @@ CHANNEL_STATE: dict[str, Callable[[Channel], Any]] = {
 
 def _samples_asked(system: NiSystem, task: Task) -> int:
     if task.timed and task.total is not None:
-        task.verify()
+        verify(task)
     return task.samples_asked
 
 
 def _clock_source(system: NiSystem, task: Task) -> str:
     source = task.setting("Timing", "SAMP_CLK_SRC", "")
     device = task.device
+    if source and device.product.family == "Digital I/O":
+        return str(source)  # These cards report it as it was written (NI's own tests of a 6535).
     return (
         system.inventory.written(device, source)
         if source
@@ -132,7 +136,24 @@ def _conversion_divisor(system: NiSystem, task: Task) -> int:
 
 
 def _clock_name(source: str) -> Callable[[NiSystem, Task], str]:
-    return lambda _s, task: f"/{task.device.name}/{task.kind}/{source}"
+    return lambda _s, task: f"/{task.device.chassis or task.device.name}/{task.kind}/{source}"
+
+
+def _start_terminal(system: NiSystem, task: Task) -> str:
+    """Terminal of the start trigger. A chassis has one for each timing engine, known once it is reserved.
+
+    (Issue 162 of ni/nidaqmx-python.)
+    """
+    device = task.device
+    if device.chassis is None:
+        return f"/{device.name}/{task.kind}/StartTrigger"
+    if task.kind == "ai" and task.state < State.RESERVED:
+        raise DaqmxError(
+            DAQmxErrors.CANNOT_GET_PROPERTY_WHEN_TASK_NOT_RESERVED_COMMITTED_OR_RUNNING,
+            f"Specified property cannot be read before the task {task.name!r} is reserved: it then gets "
+            f"one of {device.chassis}'s timing engines. Call task.control(TaskMode.TASK_RESERVE) first.",
+        )
+    return f"/{device.chassis}/{task.kind}/StartTrigger"
 
 
 def _line_bytes(_system: NiSystem, task: Task) -> int:
@@ -182,7 +203,7 @@ TASK_STATE: dict[str, dict[str, Callable[[NiSystem, Task], Any]]] = {
         "FIRST_SAMP_TIMESTAMP_VAL": _start_time,
     },
     "Trig": {
-        "START_TRIG_TERM": _clock_name("StartTrigger"),
+        "START_TRIG_TERM": _start_terminal,
         "REF_TRIG_TERM": _clock_name("ReferenceTrigger"),
         "PAUSE_TRIG_TERM": _clock_name("PauseTrigger"),
         "START_TRIG_TIMESTAMP_VAL": _start_time,
@@ -196,9 +217,9 @@ TASK_STATE: dict[str, dict[str, Callable[[NiSystem, Task], Any]]] = {
         "DEFAULT_SAMPS_TO_READ": lambda s, t: (
             t.samples_asked
             if t.total is not None and t.timed and not t.setting("Read", "READ_ALL_AVAIL_SAMP", False)
-            else max(0, t.count(s.clock.now()) - t.read_position)
+            else available(s, t)
         ),
-        "AVAIL_SAMP_PER_CHAN": lambda s, t: max(0, t.count(s.clock.now()) - t.read_position),
+        "AVAIL_SAMP_PER_CHAN": available,
         "CURR_READ_POS": lambda s, t: t.read_position,
         "TOTAL_SAMP_PER_CHAN_ACQUIRED": lambda s, t: t.count(s.clock.now()),
         "RAW_DATA_WIDTH": _raw_width,

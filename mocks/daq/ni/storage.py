@@ -108,7 +108,7 @@ def _save_task(system: NiSystem, request: Any, alive: Alive) -> None:
 
 def _load_task(system: NiSystem, request: Any, alive: Alive) -> Any:
     saved = _task(system, request.session_name)
-    task, new = system.create_task(request.session_name)
+    task, new = system.create_task(request.session_name, request.initialization_behavior)
     if new:
         task.channels = [_copied(channel) for channel in saved.channels]
         task.settings = dict(saved.settings)
@@ -129,7 +129,7 @@ def _channel(system: NiSystem, name: str) -> SavedChannel:
     found = system.saved_channels.get(name)
     if not isinstance(found, SavedChannel):
         raise DaqmxError(
-            DAQmxErrors.LAB_VIEW_INVALID_TASK_OR_CHANS, f"There is no saved global channel called {name!r}."
+            DAQmxErrors.INVALID_GLOBAL_CHAN, f"There is no saved global channel called {name!r}."
         )
     return found
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import threading
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -10,22 +9,30 @@ from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from nidaqmx.constants import TriggerType
-
 from ....instruments.clock import Clock
 from ...clock import VirtualClock
 from ...plant import Nodes, PlayStopped
 from ..converter import STOPPED, noise_of
 from .devices import Inventory, NiDevice
-from .errors import DaqmxError, DAQmxErrors
+from .errors import AlreadyExistsError, DaqmxError, DAQmxErrors
 from .failures import Failures
 from .looking import Terminals
-from .signalling import begin_measuring, begin_pulses, glimpse, reference_terminal
+from .signalling import (
+    GLIMPSE,
+    begin_measuring,
+    begin_pulses,
+    glimpse,
+    outside_clock,
+    reference_terminal,
+    sources,
+    start_edges,
+    timing_edges,
+)
 from .tasks import State, Task
 from .teds import Teds
 from .terminals import OutputTerminal, Timebase
+from .verifying import verify
 
-_SIGNAL = re.compile(r"/(?P<device>[^/]+)/((ai|ao|di|do)/(SampleClock|StartTrigger)|Ctr\d+InternalOutput)")
 _LONGEST_WAIT = 86_400.0
 """Time-out of a wait without one (s): every wait has a deadline."""
 
@@ -60,6 +67,8 @@ class NiSystem:
         self.tasks: dict[str, Task] = {}
         self.unserved: Counter[str] = Counter()
         """Counts of the calls and properties that clients requested and this wire does not serve."""
+        self.created = ""
+        """Names of the channels that the last call made, as NI writes a list."""
         self.epoch = datetime.now(UTC) - timedelta(seconds=clock.now())
         """Calendar time of the clock's origin."""
         self.outputs = {
@@ -71,6 +80,8 @@ class NiSystem:
         self._reserved: dict[tuple[str, str], Task] = {}
         self.failures = Failures(inventory)
         self._acquisitions: Counter[str] = Counter()
+        self.polled: Counter[str] = Counter()
+        """Samples that programs have taken of each device's analog inputs without a clock."""
         self._unnamed = 0
         for name, node in self.wiring.items():
             if nodes is not None and name in self.outputs and "/ao" in name:
@@ -78,10 +89,21 @@ class NiSystem:
 
     # Tasks by name
 
-    def create_task(self, name: str) -> tuple[Task, bool]:
-        """Return the task called `name`, created if necessary, and True when it is new."""
+    def create_task(self, name: str, behavior: int = 0) -> tuple[Task, bool]:
+        """Return the task called `name`, created if necessary, and True when it is new.
+
+        `behavior` is NI's `SessionInitializationBehavior`: by default a task of this name is attached to. The
+        driver itself refuses a second one. Raises AlreadyExistsError, or DaqmxError.
+        """
+        new_only, attach_only = 1, 2
         if name and name in self.tasks:
+            if behavior == new_only:
+                raise AlreadyExistsError(
+                    f"Specified task cannot be created: a task named {name!r} exists already. Close it first."
+                )
             return self.tasks[name], False
+        if behavior == attach_only:
+            raise DaqmxError(DAQmxErrors.INVALID_TASK, f"There is no task named {name!r}.")
         if not name:
             name = f"_unnamedTask<{self._unnamed:X}>"
             self._unnamed += 1
@@ -118,7 +140,7 @@ class NiSystem:
 
     def verify(self, task: Task) -> None:
         """Check the combination of a task's settings. Raises DaqmxError."""
-        task.verify()
+        verify(task)
         for (kind, name), terminal in task.settings.items():
             if kind == "ExportedSignal" and name.endswith("_OUTPUT_TERM") and terminal:
                 self.inventory.terminal(
@@ -151,7 +173,8 @@ class NiSystem:
         self.reserve(task)
         if task.state < State.COMMITTED:
             if task.watchdog is None:
-                self._sources(task)
+                sources(self.inventory, self.rtsi, task)
+                outside_clock(self.inventory, self.terminals, task)
             task.state = State.COMMITTED
 
     def release(self, task: Task) -> None:
@@ -186,7 +209,7 @@ class NiSystem:
             )
         before = task.state
         self.commit(task)
-        shares, triggers = self._sources(task)
+        shares, triggers = sources(self.inventory, self.rtsi, task)
         task.state_before = before
         task.state = State.RUNNING
         task.auto_started = auto
@@ -199,6 +222,7 @@ class NiSystem:
         task.offset = 0
         task.shares = shares
         task.meters, task.trains, task.reference = [], [], None
+        task.edges = task.trigger = None
         task.logged, task.log_path = 0, None
         now = self.clock.now()
         if task.kind == "ai" and task.timed:
@@ -210,9 +234,18 @@ class NiSystem:
         task.waits_for = set(triggers)
         if shares is not None and not self._joins(task, shares, now):
             task.waits_for.add(shares)
-        if not task.waits_for:
+        task.trigger = start_edges(self.inventory, self.terminals, task, now)
+        if not task.waits_for and task.trigger is None:
             self._go(task, now)
         self.changed.notify_all()
+
+    def notice(self) -> None:
+        """Start the tasks whose start trigger has come: time has passed, or a signal has changed."""
+        now = self.clock.now()
+        for task in list(self.tasks.values()):
+            if task.running and task.trigger is not None and not task.waits_for and task.trigger.count(now):
+                when, task.trigger = float(task.trigger.times[0]), None
+                self._go(task, when)
 
     def stop(self, task: Task) -> None:
         """Stop a task; outputs hold their last value."""
@@ -233,6 +266,7 @@ class NiSystem:
             train.stopped = min(train.stopped, now)
         task.state = State.COMMITTED
         task.waits_for = set()
+        task.trigger = None
         task.on_demand = 0
         if not task.is_input:
             task.written = 0
@@ -277,52 +311,24 @@ class NiSystem:
         that time; a real clock is waited for. Also returns False when the waiting client is gone.
         """
         deadline = self.clock.now() + (timeout if timeout >= 0 else _LONGEST_WAIT)
-        while not done():
+        while True:
+            self.notice()
+            if done():
+                return True
             now = self.clock.now()
             if now >= deadline or not alive():
                 return False
             target = due()
             target = deadline if target is None else min(target, deadline)
+            if any(task.trigger is not None for task in self.tasks.values()):
+                target = min(target, now + GLIMPSE)
             if isinstance(self.clock, VirtualClock):
                 self.clock.sleep_until(target)
                 self.changed.notify_all()
             else:
                 self.changed.wait(min(max(target - now, 1e-4), 0.25))
-        return True
 
     # Clocks and triggers between tasks
-
-    def _sources(self, task: Task) -> tuple[str | None, set[str]]:
-        """Return the terminal of the other task whose sample clock this one uses, and its triggers.
-
-        A signal from outside the simulated devices is present at once, as on NI's simulated devices.
-        """
-        shares = None
-        source = task.setting("Timing", "SAMP_CLK_SRC", "")
-        if task.timed and source:
-            shares = self._signal(task, self.inventory.terminal(task.device, source))
-        triggers = set()
-        for which in ("START", "ARM_START"):
-            if task.setting("Trig", f"{which}_TRIG_TYPE") == TriggerType.DIGITAL_EDGE.value:
-                text = task.setting("Trig", f"DIG_EDGE_{which}_TRIG_SRC", "")
-                trigger = self._signal(task, self.inventory.terminal(task.device, text)) if text else None
-                if trigger is not None:
-                    triggers.add(trigger)
-        return shares, triggers
-
-    def _signal(self, task: Task, terminal: str) -> str | None:
-        """Return `terminal` if another task must drive it, else None. Raises DaqmxError without a route."""
-        match = _SIGNAL.fullmatch(terminal)
-        if match is None or terminal in task.emits:
-            return None
-        source = self.inventory.device(match["device"])
-        if not self.rtsi and not self.inventory.routed(source, task.device):
-            raise DaqmxError(
-                DAQmxErrors.TRIG_LINE_NOT_FOUND_ROUTING,
-                f"No registered trigger lines could be found between the devices in the route from "
-                f"{terminal} to {task.device.name}: if they are connected by a RTSI cable, register it.",
-            )
-        return terminal
 
     def glimpse(self, task: Task) -> float | None:
         """Time to look again at a task whose next sample the signals decide (s); None for another."""
@@ -350,7 +356,8 @@ class NiSystem:
         return False
 
     def _go(self, task: Task, now: float) -> None:
-        """Begin sampling now, and start the tasks that waited for this one."""
+        """Begin sampling at `now` (s), and start the tasks that waited for this one."""
+        task.edges = timing_edges(self.inventory, self.terminals, task, now)
         if task.shares is None:
             task.clock.start = now
             # Before a reference trigger it runs on; then the count of samples ends the task.
@@ -370,7 +377,7 @@ class NiSystem:
                     other.waits_for.discard(terminal)
                     if terminal == other.shares:
                         other.clock, other.offset = task.clock, task.offset
-                    if not other.waits_for:
+                    if not other.waits_for and other.trigger is None:
                         self._go(other, now)
 
     def play(self, task: Task) -> None:

@@ -76,6 +76,7 @@ def take(system: NiSystem, request: Any, alive: Alive, room: int | None = None) 
     room = getattr(request, "array_size_in_samps", None) if room is None else room
     space = None if room is None else room // max(1, len(wanted_channels(task)))
     _refuse_unreadable(system, task)
+    began = 0
     if not task.running:
         if task.state < State.COMMITTED and not task.setting("Read", "AUTO_START", True):
             raise DaqmxError(
@@ -85,6 +86,7 @@ def take(system: NiSystem, request: Any, alive: Alive, room: int | None = None) 
                 read=0,
             )
         system.start(task, auto=True)
+        began = task.warning
     if not task.timed:
         _await_measurement(system, task, timeout, alive)
         taken = inputs.acquire(system, task, max(1, wanted))
@@ -131,7 +133,7 @@ def take(system: NiSystem, request: Any, alive: Alive, room: int | None = None) 
     result = Taken(
         *_wanted(task, rows),
         first,
-        0 if reached else DAQmxErrors.SAMPLES_NOT_YET_AVAILABLE.value,
+        began if reached else DAQmxErrors.SAMPLES_NOT_YET_AVAILABLE.value,
     )
     task.read_position = first + count
     log(system, task)
@@ -208,6 +210,12 @@ def _position(system: NiSystem, task: Task) -> int:
     if _overwrites(task):
         base = max(base, acquired - task.buffer_size)
     return max(0, base + offset)
+
+
+def available(system: NiSystem, task: Task) -> int:
+    """Samples per channel that can be read now: where unread ones are overwritten, what the buffer holds."""
+    unread = max(0, task.count(system.clock.now()) - task.read_position)
+    return min(unread, task.buffer_size) if _overwrites(task) and task.total is None else unread
 
 
 def _overwrites(task: Task) -> bool:

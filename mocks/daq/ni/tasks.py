@@ -17,6 +17,7 @@ from ..products import convert_interval
 from .channel import TIMEBASE_HZ, Channel, Kind
 from .counting import Meter
 from .devices import NiDevice
+from .edges import Edges
 from .errors import DaqmxError, DAQmxErrors
 from .pulses import PulseTrain
 from .terminals import Timebase
@@ -32,6 +33,16 @@ class State(IntEnum):
     RUNNING = 3
 
 
+def refuse_rate(name: str, value: Any) -> None:
+    """Raise DaqmxError for a rate that is not above 0; `name` is the property that is set."""
+    if name.endswith("_RATE") and value is not None and not 0 < float(value) < float("inf"):
+        raise DaqmxError(
+            DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
+            f"Requested value is not a supported value for this property.\n\nProperty: {name}\n"
+            f"Requested Value: {float(value):g}\nValue Must Be Greater Than: 0.0",
+        )
+
+
 @dataclass
 class Chunk:
     """Acquired samples that are still kept: (channels, samples) from index `first`."""
@@ -42,6 +53,20 @@ class Chunk:
 
 class Task:
     """One task: its channels, settings and progress. Guarded by the system's lock."""
+
+    warning = 0
+    """Code of the driver's warning when it was verified; 0 for none."""
+    every = 0
+    """Samples between the events that its program has registered; 0 without any."""
+    logged = 0
+    """Samples per channel that are in its log file."""
+    log_path: object = None
+    folder = ""
+    """Folder of the program that named its log file; empty for the server's own."""
+    edges: Edges | None = None
+    """Edges that time its samples, where a signal does it."""
+    trigger: Edges | None = None
+    """Edges of the signal at its start trigger, until the first has come."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -83,9 +108,6 @@ class Task:
         """Pulses of its counter outputs since it was started."""
         self.pulses: tuple[FloatArray, FloatArray] | None = None
         """High and low times (channels, pulses) s that a program has written to counter outputs."""
-        self.logged = 0
-        """Samples per channel that are in its log file."""
-        self.log_path: object = None
         self.reference: int | None = None
         """Index of the sample at the reference trigger, once it has come."""
         self.failure: DaqmxError | None = None
@@ -136,6 +158,11 @@ class Task:
         )
 
     @property
+    def detects_changes(self) -> bool:
+        """True when changes of digital lines time the samples."""
+        return bool(self.setting("Timing", "SAMP_TIMING_TYPE") == SampleTimingType.CHANGE_DETECTION.value)
+
+    @property
     def implicit(self) -> bool:
         """True when the signal itself times the samples of a counter."""
         return bool(self.setting("Timing", "SAMP_TIMING_TYPE") == SampleTimingType.IMPLICIT.value)
@@ -149,7 +176,11 @@ class Task:
 
     @property
     def rate_hz(self) -> float:
-        """Actual sample rate: the timebase divided by an integer."""
+        """Actual sample rate: the timebase divided by an integer.
+
+        For analog inputs the divisor is rounded down, for other channels to the nearest integer (NI knowledge
+        base kA00Z000000P83OSAS); delta-sigma converters take the next higher rate of their own.
+        """
         if self.channels and self.kind == "co":
             high, low = self.channels[0].pulse
             return 1 / (high + low)
@@ -160,7 +191,10 @@ class Task:
         if str(self.setting("Timing", "SAMP_CLK_SRC", "")).endswith("ai/SampleClock"):
             return asked  # The card does not divide a clock that comes from another task.
         timebase = self.timebase_hz
-        return timebase / (divisor or max(1, round(timebase / asked)))
+        down = bool(self.channels) and self.kind == "ai"
+        return timebase / (
+            divisor or max(1, int(timebase / asked * (1 + 1e-9)) if down else round(timebase / asked))
+        )
 
     @property
     def timebase_hz(self) -> float:
@@ -232,6 +266,8 @@ class Task:
             return self.on_demand
         if self.kind == "ci" and self.implicit:
             return self._limited(min((meter.done(now) for meter in self.meters), default=0))
+        if self.edges is not None:
+            return self._limited(self.edges.count(now))
         edges = max(0, self.clock.edges(now - self.skew) - self.offset)
         if self.pretrigger is not None and self.total is not None:
             # Nothing can be read before the trigger, and then what came before it too.
@@ -244,8 +280,9 @@ class Task:
         return 0 if self.reference is None else self.reference - (self.pretrigger or 0)
 
     def waits(self) -> bool:
-        """True when nobody can say when its next sample comes: it is the signals that say so."""
-        return bool(self.meters) or (self.pretrigger is not None and self.reference is None)
+        """True when the next sample waits for an external signal."""
+        signals = self.meters or self.edges or self.trigger
+        return bool(signals) or (self.pretrigger is not None and self.reference is None)
 
     def _limited(self, count: int) -> int:
         return count if self.total is None else min(count, self.total)
@@ -256,7 +293,7 @@ class Task:
             return None
         if self.kind == "co":
             return max((train.end for train in self.trains), default=None)
-        if self.meters and self.implicit:
+        if (self.meters and self.implicit) or self.edges is not None:
             return None
         if self.pretrigger is not None and self.reference is None:
             return None
@@ -291,9 +328,12 @@ class Task:
             return {f"/{name}/Ctr{number}InternalOutput" for name in names}
         if self.kind == "ci":
             return set()
-        return {
+        emitted = {
             f"/{name}/{self.kind}/{signal}" for name in names for signal in ("SampleClock", "StartTrigger")
         }
+        return emitted | (
+            {f"/{name}/ChangeDetectionEvent" for name in names} if self.detects_changes else set()
+        )
 
     @property
     def resources(self) -> set[tuple[str, str]]:
@@ -310,49 +350,3 @@ class Task:
             if self.timed and channel.kind in ("ao", "di", "do"):
                 keys.add((device, f"{channel.kind} sample clock"))
         return keys
-
-    def verify(self) -> None:
-        """Check the combination of the settings. Raises DaqmxError."""
-        kind = self.kind
-        if kind == "ao":
-            for channel in self.channels:
-                _ = channel.full_scale
-        if self.has_start_trigger and not self.timed and kind not in ("co", "ci"):
-            raise DaqmxError(
-                DAQmxErrors.TRIG_WHEN_ON_DEMAND_SAMP_TIMING,
-                f"Task {self.name!r} has a trigger, but its timing is on demand: set a sample clock.",
-            )
-        if self.timed and kind in ("ai", "ao"):
-            product, channels = self.device.product, len(self.channels)
-            if kind == "ao" and not product.ao_rate_hz:
-                raise DaqmxError(
-                    DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
-                    "Requested value is not a supported value for this property: sample timing type of "
-                    f"{self.device.name}: the outputs of a {product.name} have no sample clock.",
-                )
-            if kind == "ao":
-                most = product.ao_rate_hz
-            elif product.ai_simultaneous or channels == 1:
-                most = product.ai_rate_single_hz
-            else:
-                most = product.ai_rate_hz / channels
-            if self.rate_hz > most * (1 + 1e-9):
-                raise DaqmxError(
-                    DAQmxErrors.SAMP_RATE_TOO_HIGH,
-                    f"Sample rate {self.rate_hz:g} Hz is above what {self.device.name} "
-                    f"({product.name}) can do with {channels} channels: {most:g} Hz.",
-                )
-            if kind == "ai" and self.rate_hz < product.ai_rate_least_hz * (1 - 1e-3):
-                raise DaqmxError(
-                    DAQmxErrors.SAMP_RATE_TOO_LOW,
-                    f"Sample rate {self.rate_hz:g} Hz is below what {self.device.name} ({product.name}) "
-                    f"can do: {product.ai_rate_least_hz:g} Hz.",
-                )
-            for channel in self.channels:
-                _ = channel.full_scale
-        if self.total is not None and self.timed and kind not in ("ci", "co") and self.samples_asked < 2:
-            raise DaqmxError(
-                DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
-                "Requested value is not a supported value for this property: "
-                "a finite task needs at least 2 samples per channel.",
-            )

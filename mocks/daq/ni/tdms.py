@@ -92,7 +92,7 @@ def _log(system: NiSystem, task: Task) -> None:
     if task.setting("Read", "LOGGING_PAUSE", False):
         task.logged = task.count(system.clock.now())
         return
-    path = Path(str(task.setting("Read", "LOGGING_FILE_PATH", "")))
+    path = Path(task.folder, str(task.setting("Read", "LOGGING_FILE_PATH", "")))
     first, last = task.logged, task.count(system.clock.now())
     if task.log_path != path:
         _begin(

@@ -16,16 +16,17 @@ from .taking import Alive, Call
 
 _CALIBRATION: dict[str, Any] = {
     "SELF_CAL_SUPPORTED": True,
-    "SELF_CAL_LAST_TEMP": 35.0,
-    "EXT_CAL_LAST_TEMP": 25.0,
-    "CAL_DEV_TEMP": 35.0,
+    "SELF_CAL_LAST_TEMP": 0.0,
+    "EXT_CAL_LAST_TEMP": 0.0,
+    "CAL_DEV_TEMP": 0.0,
     "EXT_CAL_RECOMMENDED_INTERVAL": 24,
     "CAL_USER_DEFINED_INFO": "",
     "CAL_USER_DEFINED_INFO_MAX_SIZE": 4,
     "CAL_ACC_CONNECTION_COUNT": 0,
     "CAL_RECOMMENDED_ACC_CONNECTION_COUNT_LIMIT": 0,
 }
-"""Calibration data of a device that no program has set (°C, months, characters; estimates)."""
+"""Calibration data of a device that no program has set (°C, months, characters). Temperatures are 0, as of
+NI's simulated devices (NI's own tests); others are estimates."""
 
 
 def read_calibration(system: NiSystem, name: str, request: Any) -> Any:

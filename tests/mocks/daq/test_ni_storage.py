@@ -137,7 +137,7 @@ def test_what_max_has_saved_is_there_and_more_is_saved_and_deleted(system: Syste
     kept = PersistedChannel("Kept")
     assert kept.author == "C"
     kept.delete()
-    _fails(DAQmxErrors.LAB_VIEW_INVALID_TASK_OR_CHANS, lambda: kept.author)
+    _fails(DAQmxErrors.INVALID_GLOBAL_CHAN, lambda: kept.author)
 
 
 def test_states_after_power_on_are_kept_within_the_range(system: System) -> None:
@@ -157,12 +157,12 @@ def test_states_after_power_on_are_kept_within_the_range(system: System) -> None
 
 
 def test_a_supply_gives_what_it_is_set_to(system: System) -> None:
-    for enabled, volts, codes in ((True, 2.0, 8192), (False, 0.0, 0)):
+    for enabled, volts, codes in ((True, 2.0, 8192), (False, np.nan, 0)):
         with nidaqmx.Task() as task:
             channel = task.ai_channels.add_ai_power_chan("TS1Mod1/power", 2.0, 1.0, enabled)
             assert channel.ai_meas_type is UsageTypeAI.POWER
             read = PowerSingleChannelReader(task.in_stream).read_one_sample()
-            assert (read.voltage, read.current) == (volts, volts / 2)
+            assert (read.voltage, read.current) == pytest.approx((volts, volts / 2), nan_ok=True)
             raw = [np.full((1, 4), -1, np.int16) for _ in range(2)]
             assert PowerBinaryReader(task.in_stream).read_many_sample(*raw, 4) == 4
             assert raw[0].tolist() == raw[1].tolist() == [[codes] * 4]

@@ -54,7 +54,7 @@ def test_sample_clock(ai: nidaqmx.Task) -> None:
     timing.samp_clk_timebase_div = 200_000
     assert timing.samp_clk_rate == 500
     timing.samp_clk_rate = 7e3
-    assert timing.samp_clk_rate == 100e6 / 14286
+    assert timing.samp_clk_rate == 100e6 / 14285  # rounded down
     timing.samp_clk_src = "PFI0"
     assert timing.samp_clk_src == "/Sim/PFI0"
     del timing.samp_clk_src

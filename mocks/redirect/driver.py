@@ -1,0 +1,138 @@
+"""NI's own client for a device server, with the manners of the driver on this computer.
+
+NI's client of a server differs from its client of the driver: a task cannot be closed in a callback (issue
+559 of ni/nidaqmx-python), a callback in flight outlives its task, warnings of a start are dropped, and the
+names of several new channels are guessed. A program that was written for the driver meets the driver's
+manners here. It needs no haploop.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import grpc
+from nidaqmx import errors
+from nidaqmx._base_interpreter import BaseEventHandler
+from nidaqmx._grpc_interpreter import GrpcStubInterpreter
+from nidaqmx.error_codes import DAQmxErrors
+
+_NAME_FILES = ("ConfigureLoggingRequest", "StartNewFileRequest", "SetReadAttributeStringRequest")
+_LONGEST = 30.0
+"""s: how long the end of a task waits for a callback that is running."""
+
+
+class _Handler(BaseEventHandler):  # type: ignore[misc]
+    """A registered event that can be ended in its own callback."""
+
+    def __init__(self, inner: Any) -> None:
+        self._inner = inner
+
+    def close(self) -> None:
+        """End the event; its thread ends by itself where this is called in it."""
+        if threading.current_thread() is self._inner._thread:
+            self._inner._event_stream.cancel()
+        else:
+            self._inner.close()
+
+
+class DriverInterpreter(GrpcStubInterpreter):  # type: ignore[misc]
+    """See the module."""
+
+    def __init__(self, grpc_options: Any, created: str, folder: str) -> None:
+        self._created_key, self._folder_key = created, folder
+        self._state = threading.Condition()
+        self._running: Counter[tuple[str, int]] = Counter()
+        """Callbacks that run now, by task and thread."""
+        self._closed: set[str] = set()
+        self._created = threading.local()
+        super().__init__(grpc_options)
+
+    def _invoke(self, func: Any, request: Any, metadata: Any = None) -> Any:
+        if type(request).__name__ in _NAME_FILES:
+            metadata = [*(metadata or ()), (self._folder_key, os.fsencode(Path.cwd()))]
+        if not hasattr(func, "with_call"):
+            return super()._invoke(func, request, metadata)
+        try:
+            response, call = func.with_call(request, metadata=metadata)
+        except grpc.RpcError as error:
+            if error.code() == grpc.StatusCode.ALREADY_EXISTS:
+                raise errors.DaqError(error.details(), DAQmxErrors.DUPLICATE_TASK.value) from None
+            self._handle_rpc_error(error)
+            raise
+        names = [entry.value for entry in call.trailing_metadata() or () if entry.key == self._created_key]
+        if names:
+            self._created.names = names[0].decode()
+        return response
+
+    def internal_get_last_created_chan(self) -> str:
+        """Return the names of the channels that this thread's last call made."""
+        return str(self._created.names)
+
+    def start_task(self, task: Any) -> None:
+        """Start a task, and warn of what the driver warns of."""
+        from nidaqmx._stubs import nidaqmx_pb2 as pb  # noqa: PLC0415
+
+        response = self._invoke(self._client.StartTask, pb.StartTaskRequest(task=task))
+        self._check_for_error_from_response(response.status)
+
+    def clear_task(self, task: Any) -> None:
+        """Clear a task once its callbacks in other threads have returned."""
+        own = threading.get_ident()
+
+        def returned() -> bool:
+            return not any(
+                n for (name, thread), n in self._running.items() if name == task.name and thread != own
+            )
+
+        with self._state:
+            self._closed.add(task.name)
+            self._state.wait_for(returned, _LONGEST)
+        super().clear_task(task)
+
+    def register_done_event(self, task: Any, options: int, callback_function: Any, callback_data: Any) -> Any:
+        """See NI's."""
+        return _Handler(
+            super().register_done_event(task, options, self._watched(task, callback_function), callback_data)
+        )
+
+    def register_every_n_samples_event(
+        self, task: Any, type_: int, n_samples: int, options: int, callback_function: Any, callback_data: Any
+    ) -> Any:
+        """See NI's."""
+        watched = self._watched(task, callback_function)
+        return _Handler(
+            super().register_every_n_samples_event(task, type_, n_samples, options, watched, callback_data)
+        )
+
+    def register_signal_event(
+        self, task: Any, signal_id: int, options: int, callback_function: Any, callback_data: Any
+    ) -> Any:
+        """See NI's."""
+        watched = self._watched(task, callback_function)
+        return _Handler(super().register_signal_event(task, signal_id, options, watched, callback_data))
+
+    def _watched(self, task: Any, callback: Callable[..., Any]) -> Callable[..., Any]:
+        """Return `callback`, known to run while it does, and not called for a closed task."""
+        key = task.name
+        with self._state:
+            self._closed.discard(key)
+
+        def run(*given: Any) -> Any:
+            mine = (key, threading.get_ident())
+            with self._state:
+                if key in self._closed:
+                    return 0
+                self._running[mine] += 1
+            try:
+                return callback(*given)
+            finally:
+                with self._state:
+                    self._running[mine] -= 1
+                    self._state.notify_all()
+
+        return run

@@ -1,0 +1,487 @@
+"""What a card does, beside what the twin does: each row names NI's own statement.
+
+K: NI knowledge base. H: NI-DAQmx help. T: a test of ni/nidaqmx-python's own suite. I: an issue or a pull
+request there.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import nidaqmx
+import numpy as np
+import pytest
+from nidaqmx.constants import (
+    READ_ALL_AVAILABLE,
+    AcquisitionType,
+    CJCSource,
+    Edge,
+    LineGrouping,
+    OverwriteMode,
+    Signal,
+    TaskMode,
+)
+from nidaqmx.errors import DaqError, DaqWarning
+from nidaqmx.system import System
+from nidaqmx.utils import unflatten_channel_string
+
+from haploop.mocks.daq.ni import NiTwin
+
+CARDS = {
+    "Dev1": "PCIe-6363", "M": "PCI-6221", "Old": "PCI-6034E", "cDAQ1": "cDAQ-9178", "Dsa": "PXIe-4466",
+    "Hs": "PCIe-6535", "Sup": "TS-15200", "Ieee": "NI 9234", "Eight": "PXIe-4353",
+}  # fmt: skip
+CONTINUOUS = AcquisitionType.CONTINUOUS
+ACQUIRED = "register_every_n_samples_acquired_into_buffer_event"
+
+
+@pytest.fixture
+def twin() -> Iterator[NiTwin]:
+    with NiTwin(CARDS) as twin:
+        yield twin
+
+
+def code(of: Callable[[], Any]) -> int | None:
+    """NI's error code of what is refused, None of what is not."""
+    try:
+        of()
+    except DaqError as error:
+        return int(error.error_code)
+    return None
+
+
+# Names: H "Channel Name Generation"; I 579; T test_di_channel.py
+
+
+@pytest.mark.parametrize(
+    ("terminals", "assigned", "names"),
+    [
+        ("Dev1/ai0:7", "foo31", [f"foo{i}" for i in range(31, 39)]),
+        ("Dev1/ai0:1", "foo 123", ["foo123", "foo124"]),
+        ("Dev1/ai0:7", "a0:3, b", ["a0", "a1", "a2", "a3", "b0", "b1", "b2", "b3"]),
+        ("Dev1/ai0:2", "fx,fy,fz", ["fx", "fy", "fz"]),
+        ("Dev1/ai0:2", "force", ["force0", "force1", "force2"]),
+        ("Dev1/ai0:3", "myChan09", ["myChan09", "myChan10", "myChan11", "myChan12"]),
+        ("Dev1/ai0", "one", ["one"]),
+        ("Dev1/ai0:1", "left hand, x", ["left hand", "x"]),
+        ("Dev1/ao0:1", "patch,aux", ["patch", "aux"]),
+        ("Dev1/ctr0:1", "wheel7", ["wheel7", "wheel8"]),
+        ("Dev1/port0/line0:2", "d0:9", ["d0", "d1", "d2"]),
+        ("Dev1/port0/line0:7", "a0:6, b, c", ["a0", "a1", "a2", "a3", "a4", "a5", "a6", "b"]),
+    ],
+)
+def test_names_of_several_channels(twin: NiTwin, terminals: str, assigned: str, names: list[str]) -> None:
+    with nidaqmx.Task() as task:
+        add = {
+            "ai": lambda: task.ai_channels.add_ai_voltage_chan(terminals, assigned),
+            "ao": lambda: task.ao_channels.add_ao_voltage_chan(terminals, assigned),
+            "ct": lambda: task.ci_channels.add_ci_count_edges_chan(terminals, assigned),
+            "po": lambda: task.di_channels.add_di_chan(terminals, assigned, LineGrouping.CHAN_PER_LINE),
+        }[terminals.partition("/")[2][:2]]
+        channel = add()
+        assert task.channel_names == names
+        assert unflatten_channel_string(channel.name) == names, "the object that is made has them too (I 579)"
+        if terminals.startswith("Dev1/ai"):
+            task.timing.cfg_samp_clk_timing(1000, samps_per_chan=10)
+            assert np.shape(task.read(10)) == ((len(names), 10) if len(names) > 1 else (10,))
+
+
+# Rates: K kA00Z000000P83OSAS (AI rounds the divisor down), K kA00Z000000P6FrSAK (delta-sigma goes up)
+
+
+@pytest.mark.parametrize(
+    ("terminal", "asked", "rate_hz"),
+    [
+        ("Dev1/ai0", 44_100, 100e6 / 2267),
+        ("Dev1/ao0", 44_100, 100e6 / 2268),
+        ("Dev1/ai0", 17_545, 100e6 / 5699),
+        ("Dev1/port0/line0", 17_545, 100e6 / 5700),
+        ("Old/ai0", 17_545, 20e6 / 1139),
+        ("Dev1/ai0", 1000, 1000.0),
+        ("Ieee/ai0", 500, 51_200 / 31),
+        ("Ieee/ai0", 12_000, 12_800.0),
+    ],
+)
+def test_a_rate_is_rounded_as_the_driver_rounds(
+    twin: NiTwin, terminal: str, asked: float, rate_hz: float
+) -> None:
+    with nidaqmx.Task() as task:
+        if "/ai" in terminal:
+            task.ai_channels.add_ai_voltage_chan(terminal, min_val=-5, max_val=5)
+        elif "/ao" in terminal:
+            task.ao_channels.add_ao_voltage_chan(terminal)
+        else:
+            task.di_channels.add_di_chan(terminal)
+        task.timing.cfg_samp_clk_timing(asked, samps_per_chan=100)
+        assert task.timing.samp_clk_rate == pytest.approx(rate_hz, rel=1e-9)
+        task.control(TaskMode.TASK_VERIFY)
+
+
+@pytest.mark.parametrize("asked", [0, -5, float("nan"), float("inf")])
+def test_a_rate_that_is_none_is_refused_at_once(twin: NiTwin, asked: float) -> None:
+    with nidaqmx.Task() as task:
+        task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
+        assert code(lambda: task.timing.cfg_samp_clk_timing(asked)) == -200077
+        task.timing.cfg_samp_clk_timing(1000)
+        assert code(lambda: setattr(task.timing, "samp_clk_rate", asked)) == -200077
+        assert task.timing.samp_clk_rate == 1000
+
+
+@pytest.mark.parametrize(
+    ("channels", "warned", "refused"), [(2, None, None), (3, 200011, None), (5, None, -200332)]
+)
+def test_too_fast_to_settle_is_a_warning(
+    twin: NiTwin, channels: int, warned: int | None, refused: int | None
+) -> None:
+    """500 kS/s a channel of a card of 1 MS/s together and 2 MS/s alone (RATE_VIOLATES_SETTLING_TIME)."""
+    with nidaqmx.Task() as task, warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        task.ai_channels.add_ai_voltage_chan(f"Dev1/ai0:{channels - 1}")
+        task.timing.cfg_samp_clk_timing(500e3, samps_per_chan=10)
+        assert code(task.start) == refused
+    codes = [one.message.error_code for one in told if isinstance(one.message, DaqWarning)]
+    assert codes == ([warned] if warned else [])
+
+
+# Tasks
+
+
+def test_two_tasks_of_one_name(twin: NiTwin) -> None:
+    """T test_task.py and test_persisted_task.py: DUPLICATE_TASK; the first one goes on."""
+    with nidaqmx.Task("press") as first:
+        first.ai_channels.add_ai_voltage_chan("Dev1/ai0")
+        assert code(lambda: nidaqmx.Task("press")) == -200089
+        assert isinstance(first.read(), float)
+        first.save("saved")
+    with System.local().tasks["saved"].load() as loaded:
+        assert code(System.local().tasks["saved"].load) == -200089
+        assert isinstance(loaded.read(), float)
+    with nidaqmx.Task("press"):
+        pass
+
+
+@pytest.mark.parametrize(
+    ("refused", "right"),
+    [
+        (lambda task: task.ai_channels["nope"].ai_max, -200486),
+        (lambda task: task.ao_channels.add_ao_voltage_chan("Dev1/ao0"), -200559),
+        (lambda task: task.ai_channels.add_ai_voltage_chan("Dev1/ai1:2", "one, ai"), -200489),
+    ],
+)
+def test_errors_by_name(twin: NiTwin, refused: Callable[[nidaqmx.Task], Any], right: int) -> None:
+    with nidaqmx.Task() as task:
+        task.ai_channels.add_ai_voltage_chan("Dev1/ai0", "ai")
+        assert code(lambda: refused(task)) == right
+        assert task.channel_names == ["ai"], "a refused call adds nothing"
+
+
+# Events
+
+
+@pytest.mark.parametrize("register", [ACQUIRED, "register_done_event", "register_signal_event"])
+def test_events_are_registered_before_the_start(twin: NiTwin, register: str) -> None:
+    first: tuple[Any, ...] = {ACQUIRED: (100,), "register_signal_event": (Signal.SAMPLE_CLOCK,)}.get(
+        register, ()
+    )
+    with nidaqmx.Task() as task:
+        task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
+        task.timing.cfg_samp_clk_timing(1000, sample_mode=CONTINUOUS)
+        task.start()
+        assert code(lambda: getattr(task, register)(*first, lambda *_: 0)) == -200960
+        task.stop()
+        getattr(task, register)(*first, lambda *_: 0)
+        task.start()
+        assert code(lambda: getattr(task, register)(*first, None)) == -200986
+        task.stop()
+
+
+def test_a_task_is_stopped_and_closed_in_its_callback(twin: NiTwin) -> None:
+    """T test_task_events.py, call_stop_close_in_callback."""
+    for which in ("done", "samples"):
+        done, told = threading.Event(), []
+        task = nidaqmx.Task()
+        task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
+        task.timing.cfg_samp_clk_timing(1000, samps_per_chan=100)
+
+        def close(
+            *_: Any, task: nidaqmx.Task = task, done: threading.Event = done, told: list[Any] = told
+        ) -> int:
+            try:
+                task.stop()
+                task.close()
+            except Exception as error:
+                told.append(error)
+            done.set()
+            return 0
+
+        if which == "done":
+            task.register_done_event(close)
+        else:
+            getattr(task, ACQUIRED)(100, close)
+        task.start()
+        twin.sleep(1)
+        assert done.wait(10) and not told
+
+
+def test_the_end_waits_for_a_callback_in_flight(twin: NiTwin) -> None:
+    began, read = threading.Event(), []
+
+    def slow(*_: Any) -> int:
+        began.set()
+        threading.Event().wait(0.2)
+        read.append(len(task.read(100)))
+        return 0
+
+    with nidaqmx.Task() as task:
+        task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
+        task.timing.cfg_samp_clk_timing(1000, samps_per_chan=100)
+        getattr(task, ACQUIRED)(100, slow)
+        task.start()
+        threading.Thread(target=twin.sleep, args=(0.2,)).start()
+        assert began.wait(10)
+    assert read == [100]
+
+
+@pytest.mark.parametrize(
+    ("device", "size", "every", "right"),
+    [
+        ("Dev1", 1000, 2000, -200877),
+        ("M", 1000, 102, -200877),
+        ("M", 1000, 100, None),
+        ("Dev1", 1000, 102, None),
+    ],
+)
+def test_intervals_of_events_fit_the_buffer(
+    twin: NiTwin, device: str, size: int, every: int, right: int
+) -> None:
+    """H "Software Events": 1,000 samples and 102 is an error on M Series with DMA, 100 is none."""
+    with nidaqmx.Task() as task:
+        task.ai_channels.add_ai_voltage_chan(f"{device}/ai0")
+        task.timing.cfg_samp_clk_timing(1000, sample_mode=CONTINUOUS)
+        task.in_stream.input_buf_size = size
+        getattr(task, ACQUIRED)(every, lambda *_: 0)
+        assert code(task.start) == right
+
+
+@pytest.mark.parametrize(
+    ("signal", "rising", "falling", "events"),
+    [
+        (0, True, True, 0),
+        (1, True, True, 0),
+        (lambda times: (times > 0.5) * 1.0, True, True, 1),
+        (lambda times: np.floor(10 * times) % 2, True, True, 9),
+        (lambda times: np.floor(10 * times) % 2, True, False, 5),
+    ],
+)
+def test_changes_are_detected_where_there_are_some(
+    twin: NiTwin, signal: Any, rising: bool, falling: bool, events: int
+) -> None:
+    line, fired = "Dev1/port0/line0", []
+    twin.set(line, signal)
+    with nidaqmx.Task() as task:
+        task.di_channels.add_di_chan(line)
+        task.timing.cfg_change_detection_timing(line if rising else "", line if falling else "", CONTINUOUS)
+        task.register_signal_event(Signal.CHANGE_DETECTION_EVENT, lambda *_: fired.append(1) or 0)
+        task.start()
+        time.sleep(0.98)
+        assert task.in_stream.avail_samp_per_chan == events
+        for _ in range(500):
+            if len(fired) >= events:
+                break
+            threading.Event().wait(0.01)
+        task.stop()
+    assert len(fired) == events
+
+
+def test_a_sample_is_taken_at_each_change(twin: NiTwin) -> None:
+    twin.set("Dev1/port0/line0", lambda times: (np.sin(2 * np.pi * 5 * times) > 0) * 1.0)
+    with nidaqmx.Task() as task:
+        task.di_channels.add_di_chan("Dev1/port0/line0")
+        task.timing.cfg_change_detection_timing("Dev1/port0/line0", "Dev1/port0/line0", samps_per_chan=10)
+        began = twin.now
+        assert task.read(10, timeout=10) in ([True, False] * 5, [False, True] * 5)
+        assert twin.now - began == pytest.approx(1, abs=0.2)
+
+
+# Signals from outside
+
+
+def test_a_start_trigger_that_is_driven_is_waited_for(twin: NiTwin) -> None:
+    twin.set("Dev1/PFI3", lambda times: (times > 0.5) * 1.0)
+    twin.set("Dev1/ai0", lambda times: times)
+    with nidaqmx.Task() as task:
+        task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
+        task.timing.cfg_samp_clk_timing(1000, samps_per_chan=100)
+        task.triggers.start_trigger.cfg_dig_edge_start_trig("/Dev1/PFI3")
+        task.start()
+        assert task.in_stream.total_samp_per_chan_acquired == 0
+        assert code(lambda: task.read(100, timeout=0.1)) == -200284
+        assert task.read(100)[0] == pytest.approx(0.5, abs=1e-3)
+        assert twin.now < 0.7
+
+
+def test_a_clock_that_is_driven_times_the_samples(twin: NiTwin) -> None:
+    twin.set("Dev1/PFI5", lambda times: np.floor(40 * times) % 2)  # 20 rising edges a second
+    twin.set("Dev1/ai0", lambda times: times)
+    with nidaqmx.Task() as task:
+        task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
+        task.timing.cfg_samp_clk_timing(1000, source="/Dev1/PFI5", samps_per_chan=10)
+        assert np.diff(task.read(10)) == pytest.approx(0.05, abs=1e-3)
+
+
+def test_outputs_are_not_clocked_from_outside_in_silence(twin: NiTwin) -> None:
+    twin.set("Dev1/PFI5", lambda times: np.floor(40 * times) % 2)
+    with nidaqmx.Task() as task:
+        task.ao_channels.add_ao_voltage_chan("Dev1/ao0")
+        task.timing.cfg_samp_clk_timing(1000, source="/Dev1/PFI5", samps_per_chan=10)
+        assert code(lambda: task.write([0.0] * 10, auto_start=True)) == -200197
+
+
+def test_a_counter_puts_out_where_it_is_told_and_can_be_looked_at(twin: NiTwin) -> None:
+    with nidaqmx.Task() as pulses, nidaqmx.Task() as count:
+        channel = pulses.co_channels.add_co_pulse_chan_freq("Dev1/ctr0", freq=1000.0)
+        assert channel.co_pulse_term == "/Dev1/PFI12"
+        channel.co_pulse_term = "/Dev1/PFI5"
+        pulses.timing.cfg_implicit_timing(AcquisitionType.FINITE, 50)
+        edges = count.ci_channels.add_ci_count_edges_chan("Dev1/ctr1")
+        edges.ci_count_edges_term = "/Dev1/PFI5"
+        count.start()
+        pulses.start()
+        pulses.wait_until_done()
+        assert count.read() == 50
+    for name in ("Dev1/ctr0", "Dev1/PFI5"):
+        put = twin.put(name)
+        assert (put.values == 1).sum() == 50 and np.diff(put.times) == pytest.approx(5e-4)
+    assert not len(twin.put("Dev1/PFI12").values)
+
+
+@pytest.mark.parametrize("terminal", ["/Dev1/Ctr0InternalOutput", "Ctr0InternalOutput", "PFI12"])
+def test_a_counter_measures_another_by_any_name(twin: NiTwin, terminal: str) -> None:
+    with nidaqmx.Task() as pulses, nidaqmx.Task() as measure:
+        pulses.co_channels.add_co_pulse_chan_freq("Dev1/ctr0", freq=10_000.0)
+        pulses.timing.cfg_implicit_timing(CONTINUOUS)
+        pulses.start()
+        measure.ci_channels.add_ci_pulse_chan_freq("Dev1/ctr1").ci_pulse_freq_term = terminal
+        measure.start()
+        assert measure.read().freq == pytest.approx(10_000)
+
+
+# Chassis: I 162, I 589
+
+
+@pytest.fixture
+def chassis(tmp_path: Path) -> Iterator[NiTwin]:
+    (tmp_path / "cards.ini").write_text(
+        "[DAQmxCDAQChassis cDAQ1]\nProductType = cDAQ-9178\nDevIsSimulated = 1\n"
+        + "".join(
+            f"[DAQmxCDAQModule cDAQ1Mod{slot}]\nProductType = {product}\nDevIsSimulated = 1\n"
+            f"CompactDAQ.ChassisDevName = cDAQ1\nCompactDAQ.SlotNum = {slot}\n"
+            for slot, product in enumerate(("NI 9215", "NI 9263"), 1)
+        ),
+        encoding="utf-8",
+    )
+    with NiTwin(tmp_path / "cards.ini") as twin:
+        yield twin
+
+
+def test_triggers_of_a_chassis(chassis: NiTwin) -> None:
+    with nidaqmx.Task() as read, nidaqmx.Task() as play:
+        read.ai_channels.add_ai_voltage_chan("cDAQ1Mod1/ai0")
+        read.timing.cfg_samp_clk_timing(1000, samps_per_chan=100)
+        play.ao_channels.add_ao_voltage_chan("cDAQ1Mod2/ao0")
+        play.timing.cfg_samp_clk_timing(1000, samps_per_chan=100)
+        assert code(lambda: read.triggers.start_trigger.term) == -200983
+        read.control(TaskMode.TASK_RESERVE)
+        terminal = read.triggers.start_trigger.term
+        assert terminal == "/cDAQ1/ai/StartTrigger"
+        play.triggers.start_trigger.cfg_dig_edge_start_trig("ai/StartTrigger")
+        play.write([1.0] * 100, auto_start=False)
+        assert code(play.start) == -89120, "a module has no such terminal"
+        play.triggers.start_trigger.cfg_dig_edge_start_trig(terminal)
+        play.start()
+        assert not play.is_task_done()
+        read.read(100)
+        play.wait_until_done()
+
+
+# Buffers and others
+
+
+def test_no_more_than_the_buffer_holds(twin: NiTwin) -> None:
+    twin.set("Dev1/ai0", lambda times: times)
+    with nidaqmx.Task() as task:
+        task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
+        task.timing.cfg_samp_clk_timing(1000, sample_mode=CONTINUOUS)
+        task.in_stream.input_buf_size = 100
+        task.in_stream.overwrite = OverwriteMode.OVERWRITE_UNREAD_SAMPLES
+        task.start()
+        time.sleep(3)
+        newest = task.read(READ_ALL_AVAILABLE)
+        assert len(newest) == 100 and newest[-1] == pytest.approx(3, abs=0.02)
+
+
+def test_a_new_task_takes_new_samples(twin: NiTwin) -> None:
+    twin.set("Dev1/ai0", 1.0)
+
+    def poll(terminal: str) -> float:
+        with nidaqmx.Task() as task:
+            task.ai_channels.add_ai_voltage_chan(terminal)
+            return float(task.read())
+
+    for terminal in ("Dev1/ai0", "Dev1/ai1"):
+        assert len({poll(terminal) for _ in range(8)}) > 2
+
+
+@pytest.mark.parametrize(("device", "right"), [("Dev1", -200576), ("Eight", None)])
+def test_a_cold_junction_needs_a_sensor(twin: NiTwin, device: str, right: int | None) -> None:
+    with nidaqmx.Task() as task:
+        task.ai_channels.add_ai_thrmcpl_chan(f"{device}/ai0", cjc_source=CJCSource.BUILT_IN)
+        assert code(task.start) == right
+
+
+def test_a_supply_that_is_off_reads_no_number(twin: NiTwin) -> None:
+    """T TestPowerRead."""
+    for on in (False, True):
+        with nidaqmx.Task() as task:
+            task.ai_channels.add_ai_power_chan("Sup/power", 1.0, 0.03, on)
+            task.start()
+            read = task.read()
+            assert (read.voltage, read.current) == pytest.approx(
+                (1.0, 0.03) if on else (np.nan,) * 2, nan_ok=True
+            )
+
+
+@pytest.mark.parametrize(("device", "told"), [("Dev1", "/Dev1/PFI5"), ("Hs", "PFI5")])
+def test_a_clock_source_reads_back(twin: NiTwin, device: str, told: str) -> None:
+    """T test_timing_properties.py of a 6363, T test_timing.py of a 6535."""
+    with nidaqmx.Task() as task:
+        task.di_channels.add_di_chan(f"{device}/port0/line0")
+        task.timing.cfg_samp_clk_timing(1000, source="PFI5", active_edge=Edge.RISING)
+        assert task.timing.samp_clk_src == told
+
+
+def test_a_microphone_has_a_range(twin: NiTwin) -> None:
+    """94 dB are 1 Pa rms: 1.41 Pa at 50 mV/Pa are 71 mV."""
+    with nidaqmx.Task() as task:
+        channel = task.ai_channels.add_ai_microphone_chan(
+            "Dsa/ai0", mic_sensitivity=50, max_snd_press_level=94
+        )
+        assert channel.ai_max >= np.sqrt(2) and channel.ai_min == -channel.ai_max
+
+
+def test_a_log_lies_in_the_folder_of_the_program(
+    twin: NiTwin, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with nidaqmx.Task() as task:
+        task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
+        task.timing.cfg_samp_clk_timing(1000, samps_per_chan=10)
+        task.in_stream.configure_logging("run.tdms", nidaqmx.constants.LoggingMode.LOG_AND_READ)
+        task.read(10)
+        assert task.in_stream.logging_file_path == Path("run.tdms")
+    assert (tmp_path / "run.tdms").stat().st_size > 100
