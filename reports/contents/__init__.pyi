@@ -16,6 +16,9 @@ from .files import contents_of as contents_of
 from .files import file_contents as file_contents
 from .files import files_of as files_of
 from .files import recordings_in as recordings_in
+from .glance import Gauge as Gauge
+from .glance import Glance as Glance
+from .glance import Motion as Motion
 from .history import difference_contents as difference_contents
 from .history import generation_contents as generation_contents
 from .history import history_contents as history_contents

@@ -7,9 +7,9 @@ TRAVEL = (
     "the lower one. The dot is the activation."
 )
 PRESSES = (
-    "Vertical acceleration over its peak (thin, blue), force in N (thick, red) and activation state (dashed, "
-    "green; shaded while active), and the power spectral density (PSD) of the acceleration in (m/s²)²/Hz. "
-    "After the paper's figure 6."
+    "Vertical acceleration over its peak (thin, blue), force in N (thick, orange) and activation state "
+    "(dashed, green; shaded while active), and the power spectral density (PSD) of the acceleration in "
+    "(m/s²)²/Hz. After the paper's figure 6."
 )
 FORCES = (
     "Force in N at the activation of each press (dots), and mean and standard deviation (square, bar) for "

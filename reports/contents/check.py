@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from ...calibration.perception import Levels
 from .. import figures
 from . import captions
 from .calibration import drive_drawing, drive_facts, response_drawing
+from .glance import Glance, check_glance
 from .parts import Contents, Drawing, Fact, Verdict, detailed, fact, plain, verdict_cell
 from .press import press_drawing
 from .words import interval, percent, sentence
@@ -42,7 +44,19 @@ def check_contents(check: Check, press: Representative | None = None, file: Path
         rig=drive.rig,
         verdicts=[_verdict(f"Check of the {drive.button} button", check, feeling), *_others(check)],
         figures=[_check_drawing("check", check), *_other_drawings(check)],
+        glances=_glances(check, feeling, press),
     )
+
+
+def _glances(
+    check: Check,
+    feeling: Feeling,
+    press: Representative | None,
+    others: Sequence[Representative] = (),
+) -> list[Callable[[], Glance]]:
+    """Of the button, and of each that another point plays at the same time; `others` are their presses."""
+    beside = [(one, check_feeling(one, own), own) for one, own in zip_longest(check.others, others)]
+    return [partial(check_glance, *one) for one in [(check, feeling, press), *beside]]
 
 
 def _check_drawing(name: str, check: Check, there: str = "") -> Drawing:
@@ -107,6 +121,7 @@ def button_contents(button: DigitalButton) -> Contents:
             *_pressed_verdicts(button),
         ],
         figures=_figures_of(button, feeling),
+        glances=_glances(check, feeling, press, button.others),
         picture=Drawing.alone(
             f"button-{press.button}",
             title,

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ..figures import Columns
+    from .glance import Glance
 
 Tone = Literal["", "good", "bad", "doubtful", "aside"]
 """How a cell is set off: in colour where there is colour."""
@@ -153,6 +154,8 @@ class Contents:
     """Figures for a report."""
     picture: Drawing | None = None
     """The figure for a screen; None for the first of `figures`."""
+    glances: Sequence[Callable[[], Glance]] = ()
+    """What the first screen of a report shows of it, computed when it is asked for."""
     undrawn: str = "There is no plot of this."
     """Why there is no picture."""
 

@@ -241,6 +241,6 @@ def _spectra(axes: Axes, press: Representative, check: Check, with_legend: bool)
         axes.plot(frequencies, density, label=label, **look)
         top = max(top, float(density.max()))
     density_axis(axes, check.judged_hz, top)
-    axes.axvspan(*drive.band, color=GREY, alpha=0.10, linewidth=0)
+    axes.axvspan(*drive.band, color=GREY, alpha=0.25, linewidth=0)
     if with_legend:
         legend_under(axes, 2)

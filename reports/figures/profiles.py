@@ -99,7 +99,7 @@ def _profile(axes: Axes, press: Profile, with_legend: bool) -> None:
     if press.spread is not None:
         band = press.spread / peak
         centre = press.acceleration / peak
-        axes.fill_between(time, centre - band, centre + band, color=BLUE, alpha=0.18, linewidth=0)
+        axes.fill_between(time, centre - band, centre + band, color=BLUE, alpha=0.3, linewidth=0)
     (acceleration,) = axes.plot(
         time, press.acceleration / peak, color=BLUE, linewidth=0.8, label=_motion_label(press)
     )

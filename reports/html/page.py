@@ -1,6 +1,7 @@
 """A report as a page of HTML that needs no other file, and as a PDF: the same facts, and the same figures.
 
-The same results give the same bytes.
+Where results have a glance, the page opens with these, and all else is folded below. The same results give
+the same bytes.
 """
 
 from __future__ import annotations
@@ -8,14 +9,16 @@ from __future__ import annotations
 import base64
 import textwrap
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import groupby
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
 from ...terminal.progress import SIMULATED
-from ..contents import Contents, Verdict, one_style, text_of, unbroken
-from ..figures import mark_simulated, on_page, pdf_of, png, text_page
+from ..contents import Contents, Glance, Grid, Verdict, one_style, text_of, unbroken
+from ..figures import encode, mark_simulated, on_page, pdf_of, text_page
+from .small_figure import small_figure
 
 _LINES = 72
 """Lines of text on a page of the PDF."""
@@ -59,8 +62,22 @@ class Page:
         said = [section.simulated for section in self.sections if section.simulated is not None]
         return "all" if said and all(said) else "some" if any(said) else ""
 
+    @property
+    def glances(self) -> list[Glance]:
+        """What the first screen shows."""
+        return [glance() for section in self.sections for glance in section.glances]
+
+    @property
+    def folded(self) -> list[Contents]:
+        """The sections, those of neighbours of one kind side by side in one table."""
+        found: list[Contents] = []
+        for (_, alike), group in groupby(self.sections, lambda one: (one.kind, bool(one.glances))):
+            some = list(group)
+            found += [_side_by_side(some)] if alike and len(some) > 1 else some
+        return found
+
     def html(self) -> str:
-        """The report as HTML; figures are embedded as PNG."""
+        """The report as HTML; figures are embedded as SVG."""
         environment = Environment(
             loader=PackageLoader("haploop.reports.html", ""),
             autoescape=True,
@@ -69,7 +86,8 @@ class Page:
             lstrip_blocks=True,
         )
         environment.finalize = _shown
-        images = [(one, base64.b64encode(png(one.figure)).decode("ascii")) for one in self.figures]
+        environment.globals["small_figure"] = small_figure
+        images = [(one, base64.b64encode(encode(one.figure, "svg")).decode("ascii")) for one in self.figures]
         return environment.get_template("page.html").render(page=self, images=images)
 
     def pdf(self) -> bytes:
@@ -110,6 +128,31 @@ class Page:
 def _shown(value: object) -> object:
     """What a page shows of a value: numbers stay with their units."""
     return unbroken(value) if type(value) is str else value
+
+
+def _side_by_side(sections: Sequence[Contents]) -> Contents:
+    """Sections of one kind as one: a table with a column for each, and the notes that any of them has."""
+    columns = [section.rows for section in sections]
+    labels: dict[str, None] = {}
+    cells: list[dict[str, list[str]]] = []
+    for rows in columns:
+        found: dict[str, list[str]] = {}
+        label = ""
+        for own, cell in rows:
+            label = own or label
+            found.setdefault(label, []).append(text_of(cell))
+        labels |= dict.fromkeys(found)
+        cells.append(found)
+    table = [[label, *("; ".join(found.get(label, [])) for found in cells)] for label in labels]
+    headings = ["", *(section.title for section in sections)]
+    first = sections[0]
+    return replace(
+        first,
+        title=f"Each {first.kind} in numbers",
+        facts=(),
+        tables=[Grid("", headings, table, words=len(headings)), *(t for one in sections for t in one.tables)],
+        notes=list(dict.fromkeys(note for one in sections for note in one.notes)),
+    )
 
 
 def _told(section: Contents) -> Iterator[str]:

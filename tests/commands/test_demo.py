@@ -83,7 +83,7 @@ def test_the_report_stands_alone(demo: Demo) -> None:
     assert demo.summary["report"] == str(demo.folder / "report.html")
     assert not re.search(r'(?:src|href)="(?!data:)', report)
     assert not re.search(r"https?://|url\(|@import", report)
-    assert report.count('src="data:image/png;base64,') == 6
+    assert report.count('src="data:image/svg+xml;base64,') == 6
     assert "Everything here is simulated" in report
     for button in demo.summary["buttons"].values():
         assert button["sources"][0]["sha256"] in report

@@ -75,7 +75,7 @@ def test_a_drift_is_reported_with_before_and_after(folder: Path) -> None:
     assert "Everything here is simulated." in html
     before, after = re.findall(r"latch-A-button</th><td>([\d.]+)\s%</td><td>([\d.]+)\s%", html)[0]
     assert float(before) > 50 and float(after) < 20
-    assert html.count("data:image/png;base64,") == 2
+    assert html.count("data:image/svg+xml;base64,") == 2
     assert not re.search("https?:", html)
 
 

@@ -124,13 +124,13 @@ def test_a_real_rig_s_report_does_not_call_itself_simulated() -> None:
     page = Page("Report", "Rig: lab.", [section(simulated=False)]).html()
     assert "simulated" not in page.replace(".simulated", "").lower()
     both = Page("Report", "Rig: lab.", [section(simulated=False), section()]).html()
-    assert "Some of these data come from simulated" in both
+    assert "Simulated in part." in both
 
 
 def test_a_figure_is_drawn_once_and_placed_on_the_page_and_on_paper() -> None:
     page = Page("A press", "", [section()], [CaptionedFigure(profiles([profile()]), "A press", "B.", True)])
     html, pdf = page.html(), page.pdf()
-    assert html.count("data:image/png") == 1 and len(re.findall(rb"/Type /Page\b", pdf)) == 2
+    assert html.count("data:image/svg+xml") == 1 and len(re.findall(rb"/Type /Page\b", pdf)) == 2
 
 
 def test_values_are_json_and_lines_are_text() -> None:

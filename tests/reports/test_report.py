@@ -27,7 +27,7 @@ def test_a_report_needs_no_other_file_and_says_what_is_simulated(made: Path, dem
     page = (made / "once" / "all.html").read_text(encoding="utf-8")
     assert not re.search(r'(?:src|href)="(?!data:)', page)
     assert not re.search(r"<script|@import|url\(", page)
-    assert page.count('src="data:image/png;base64,') == 3
+    assert page.count('src="data:image/svg+xml;base64,') == 3
     assert "Simulated." in page and "Everything here is simulated." in page
     sha256 = demo.summary["buttons"]["latch"]["sources"][0]["sha256"]
     assert sha256 in page
@@ -135,6 +135,25 @@ def test_the_first_screen_answers_like_felt_and_loud_in_three_lines(demo: Demo, 
     assert re.fullmatch(r"plays \d+\.\d % of the press's energy, at 0\.\d{3} of its size", part)
     page = made.html.read_text(encoding="utf-8")
     assert "20\N{NO-BREAK SPACE}%" in page and not re.search(r"\d%[^\";]", page.split("</style>")[1])
+
+
+def test_a_report_opens_with_a_glance_of_each_button_and_folds_the_rest(demo: Demo, tmp_path: Path) -> None:
+    names = ("latch", "toggle", "push")
+    checks = [demo.folder / "checks" / f"{name}.h5" for name in names]
+    page = write_report(checks, tmp_path / "report.html").html.read_text(encoding="utf-8")
+    first, *folded = page.split("</style>")[1].split("<details>")
+    assert re.findall(r"<h2><span>(\w+)</span><span class=\"good\">pass</span></h2>", first) == [
+        name.capitalize() for name in names
+    ]
+    assert first.count('class="measured"') == first.count('class="gauge"') / 3 == 3
+    for name in names:
+        low, high = (100 * edge for edge in demo.summary["buttons"][name]["whole"]["interval"])
+        assert f"({low:.1f}\N{NO-BREAK SPACE}% to {high:.1f}\N{NO-BREAK SPACE}%)" in first
+    sentences = re.findall(r"<p>(.*?)</p>", first)
+    assert len(sentences) == 3 and all(len(one.split()) <= 20 for one in sentences)
+    assert len(folded) >= 3 and "<details open>" not in page
+    (table,) = re.findall(r"<thead><tr><th></th>(.*?)</tr>", page)
+    assert table.count("<th>") == 3
 
 
 def test_numbers_stay_with_their_units_and_nothing_else_is_joined() -> None:

@@ -1,0 +1,159 @@
+"""A verdict at a glance: one small figure, three gauges and one sentence for each button.
+
+The first screen of a report shows nothing else. How much: the share of the press's energy that is played.
+How like: the error of the whole motion with its interval, beside the tolerance. How loud: the level beside
+the threshold of a finger that presses, with the range in which that threshold may lie.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...acquisition import Representative
+from ...calibration import Check, Feeling
+from ...instruments.arrays import FloatArray
+from .. import figures
+from .parts import Cell, verdict_cell
+from .words import percent
+
+_WINDOW = 0.040
+"""s shown around the largest peak of the target: ten periods of a carrier of 250 Hz, which can be told apart
+on a phone."""
+_POINTS = 400
+"""Points of a curve: two for each pixel of a narrow screen."""
+
+
+@dataclass(frozen=True, eq=False)
+class Gauge:
+    """A number on a scale from `low` to `high`, with the interval that it lies in."""
+
+    label: str
+    said: str
+    value: float
+    """NaN where it is not known: then nothing is marked."""
+    low: float
+    high: float
+    interval: tuple[float, float] | None = None
+    """Of the value."""
+    limit: float | None = None
+    """What the value is judged against."""
+    limit_range: tuple[float, float] | None = None
+    """Where the limit may lie."""
+
+    @property
+    def known(self) -> bool:
+        """False for a value that is not known."""
+        return bool(np.isfinite(self.value))
+
+    def place(self, value: float) -> float:
+        """Place of a value on the scale, 0 to 100; beyond an end it is the end."""
+        return float(np.clip(100 * (value - self.low) / (self.high - self.low), 0, 100))
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Curves (points,) over `time` (s after the activation where that is known), in the target's peak."""
+
+    time: FloatArray
+    target: FloatArray
+    measured: FloatArray
+    recorded: FloatArray | None
+    """The recorded press on the same clock, in its own peak; None where it is not at hand."""
+    band: float
+    """Half the height of the band around the target: the tolerance times the target's rms."""
+    activation: float | None
+    """s; None where it is not known or not within the window."""
+
+
+@dataclass(frozen=True, eq=False)
+class Glance:
+    """What the first screen shows of one button."""
+
+    title: str
+    verdict: Cell
+    motion: Motion
+    gauges: tuple[Gauge, Gauge, Gauge]
+    sentence: str
+    """At most twenty words."""
+
+
+def check_glance(check: Check, feeling: Feeling, press: Representative | None) -> Glance:
+    """What a check says at a glance; the recorded `press` adds its curve and its activation."""
+    drive, (low, high) = check.drive, check.interval
+    sensation = feeling.pressing
+    near = max(2 * check.tolerance, 1e-6)
+    like = Gauge(
+        "how like",
+        f"error {percent(check.error)} ({percent(low)} to {percent(high)})",
+        check.error,
+        0.0,
+        near,
+        (low, high) if np.isfinite(low) and np.isfinite(high) else None,
+        check.tolerance,
+    )
+    much = Gauge("how much", f"{percent(drive.in_band, 0)} of the energy", drive.in_band, 0.0, 1.0)
+    level = sensation.level
+    loud = Gauge(
+        "how loud",
+        f"{level:+.0f} dB beside threshold".replace("-", "−") if np.isfinite(level) else "not known",
+        level,
+        -30.0,
+        30.0,
+        limit=0.0,
+        limit_range=(-sensation.act.lower, sensation.act.higher),
+    )
+    title = f"{drive.button.capitalize()}{f' at {drive.point}' if drive.point != 'button' else ''}"
+    return Glance(
+        title,
+        verdict_cell(check.verdict),
+        _motion(check, press),
+        (much, like, loud),
+        _sentence(check, feeling),
+    )
+
+
+def _sentence(check: Check, feeling: Feeling) -> str:
+    most = percent(check.tolerance, 0)
+    match check.verdict:
+        case "pass":
+            felt = {
+                "yes": "most people who press feel it",
+                "no": "most people who press do not feel it",
+                "not known": "whether a pressing finger feels it is not known",
+            }[feeling.felt]
+            return f"Repeats the press at {percent(check.drive.scale)} of its size; {felt}."
+        case "fail":
+            return f"Does not repeat the press: the motion is off by more than {most}."
+        case _:
+            return f"These plays cannot tell whether the motion is within {most} of the press."
+
+
+def _motion(check: Check, press: Representative | None) -> Motion:
+    """The curves around the largest peak of the target."""
+    target = check.target
+    peak = float(np.max(np.abs(target))) or 1.0
+    middle = int(np.argmax(np.abs(target))) / check.rate_hz
+    time = np.linspace(middle - _WINDOW / 2, middle + _WINDOW / 2, _POINTS)
+    clock = np.arange(len(target)) / check.rate_hz
+    zero, recorded = 0.0, None
+    if press is not None:
+        zero = figures.activation_time(press, check.drive)
+        own = (np.arange(len(press.acceleration)) - press.activation_index) / press.rate_hz + zero
+        largest = float(np.max(np.abs(press.acceleration))) or 1.0
+        recorded = np.interp(time, own, press.acceleration / largest, 0.0, 0.0)
+    return Motion(
+        time - zero,
+        np.interp(time, clock, target, 0.0, 0.0) / peak,
+        np.interp(time, clock, check.measured, 0.0, 0.0) / peak,
+        recorded,
+        check.tolerance * float(np.sqrt(np.mean(_loud(target) ** 2))) / peak,
+        0.0 if press is not None and time[0] <= zero <= time[-1] else None,
+    )
+
+
+def _loud(target: FloatArray) -> FloatArray:
+    """The part of a target that moves: silence around it would make its rms small."""
+    moving = np.flatnonzero(np.abs(target) > 0.05 * np.max(np.abs(target), initial=0.0))
+    return target[moving[0] : moving[-1] + 1] if len(moving) else target
