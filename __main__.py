@@ -7,18 +7,16 @@ import gc
 import os
 import signal
 import sys
-from types import FrameType
+
+from . import at_once
 
 _ALLOCATIONS = 20_000
 """New objects after which Python looks for garbage; its own default is 700."""
-_NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
 
 
 def main() -> None:
     """Run the command line; a stop signal before or after it exits at once, as no rig is open then."""
-    every = [getattr(signal, name) for name in _NAMES if hasattr(signal, name)]
-    # Whoever started the command may have it ignore some: `nohup`, a job in the background.
-    before = {kind: signal.signal(kind, _stop) for kind in every if signal.getsignal(kind) != signal.SIG_IGN}
+    before = at_once.end_at_once()
     # Matrices are small here, and threads of BLAS wait for one another: a sixth of a demo's processor time.
     for library in ("OMP", "OPENBLAS"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
@@ -38,12 +36,6 @@ def main() -> None:
     finally:
         # A Ctrl-C during interpreter shutdown would print a traceback.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-def _stop(number: int, _frame: FrameType | None) -> None:
-    # Exit directly: an exception during an import can be swallowed, or print a traceback.
-    os.write(2, b"Error: Stopped.\n")
-    os._exit(128 + number)
 
 
 if __name__ == "__main__":

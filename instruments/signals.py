@@ -1,9 +1,15 @@
 """Ways out of a program: hold stop signals back while a rig reaches its safe state, turn them into SystemExit
-where they would end the program at once, so that every context is exited, and act where none is.
+where they would end the program at once, so that every context is exited, raise them again where Python has
+dropped them, and act where no context is.
+
+A stop is an exception, as Python's own Ctrl-C is, and not a flag that every loop has to look at: a loop or a
+wait that forgot to, or one of another package, would not end. What speaks against exceptions is that Python
+drops one that comes in a destructor; `dropping_none` is told of each.
 """
 
 from __future__ import annotations
 
+import _thread
 import atexit
 import ctypes
 import os
@@ -15,6 +21,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 from typing import Any
+
+from .clock import RealClock
 
 STOPPING = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name)
@@ -76,7 +84,8 @@ def ending_in_order() -> Iterator[None]:
             if before not in (_handle, signal.SIG_IGN, None):
                 _before[kind] = before
                 signal.signal(kind, _handle)
-        yield
+        with dropping_none():
+            yield
     finally:
         _orderly -= 1
         if not _orderly and threading.current_thread() is threading.main_thread():
@@ -85,6 +94,83 @@ def ending_in_order() -> Iterator[None]:
                     signal.signal(kind, _before[kind])
 
 
+class _Stopped(SystemExit):
+    """A stop signal that would have ended the program at once."""
+
+
+@contextmanager
+def dropping_none() -> Iterator[None]:
+    """Raise a stop again that Python drops within the context, until one is heeded.
+
+    An exception that comes in a destructor, in a callback of a weak reference or of the garbage collector
+    goes nowhere: Python shows it to `sys.unraisablehook`, and the program goes on. Each call by gRPC ends in
+    such a destructor. The same signal is then sent again.
+    """
+    global _dropped_before
+    if sys.unraisablehook is not _dropped:
+        _dropped_before, own = sys.unraisablehook, True
+        sys.unraisablehook = _dropped
+    else:
+        own = False
+    try:
+        yield
+    finally:
+        if own and sys.unraisablehook is _dropped:
+            sys.unraisablehook = _dropped_before
+
+
+def _dropped(what: Any) -> None:
+    number = _number_of(what.exc_value)
+    if number is None or threading.current_thread() is not threading.main_thread():
+        _dropped_before(what)
+        return
+    try:
+        # Not by `threading`: the destructor may have come while the program holds one of its locks.
+        _thread.start_new_thread(_send_again, (number,))
+    except RuntimeError:  # the interpreter is shutting down
+        _dropped_before(what)
+
+
+def _number_of(stop: BaseException | None) -> int | None:
+    """The signal behind an exception; None for any other."""
+    told = stop.args[0] if stop is not None and stop.args else 0
+    if isinstance(stop, KeyboardInterrupt):
+        return told if told in STOPPING else signal.SIGINT
+    return told - 128 if isinstance(stop, _Stopped) else None
+
+
+def _send_again(number: int) -> None:
+    clock, before = RealClock(), _heard
+    for _ in range(_TIMES):
+        clock.sleep(_SOON)
+        # One that came just before a wait of the main thread would be heard after it.
+        if _heard != before:
+            return
+        if hasattr(signal, "pthread_kill"):  # a signal to this thread would not end a wait of the main one
+            signal.pthread_kill(threading.main_thread().ident or 0, number)
+        else:
+            signal.raise_signal(number)
+        if not isinstance(signal.getsignal(number), Heard):
+            return
+
+
+class Heard:
+    """A handler of a stop signal that counts its calls: `dropping_none` sends a signal until it is heard."""
+
+    def __init__(self, handler: Callable[[int, FrameType | None], object]) -> None:
+        self._handler = handler
+
+    def __call__(self, number: int, frame: FrameType | None) -> None:
+        """Be called by Python."""
+        global _heard  # noqa: PLW0603  as below
+        _heard += 1
+        self._handler(number, frame)
+
+
+_SOON, _TIMES = 0.02, 50
+"""Time (s) in which what has dropped a stop ends, and between two signals; most signals."""
+_heard = 0
+_dropped_before: Callable[[Any], object] = sys.unraisablehook
 _orderly = 0
 _held = 0
 _arrived: list[int] = []
@@ -92,7 +178,7 @@ _before: dict[int, Any] = {}
 """The handlers installed before ours."""
 
 
-def _handle(number: int, frame: FrameType | None) -> None:
+def _handled(number: int, frame: FrameType | None) -> None:
     """Handle every stop signal, whether held back or not.
 
     With a single handler, holding back is a counter, without a gap between two handlers. Left
@@ -104,12 +190,15 @@ def _handle(number: int, frame: FrameType | None) -> None:
         _act(number, frame)
 
 
+_handle = Heard(_handled)
+
+
 def _act(number: int, frame: FrameType | None) -> None:
     before = _before[number]
     if callable(before):
         before(number, frame)
     elif _orderly:
-        raise SystemExit(128 + number)
+        raise _Stopped(128 + number)
     else:
         signal.signal(number, before)
         signal.raise_signal(number)

@@ -22,7 +22,7 @@ from typing import Any, NoReturn, cast
 import click
 
 from ..instruments import HaploopError
-from ..instruments.signals import STOPPING, uninterrupted
+from ..instruments.signals import STOPPING, Heard, dropping_none, uninterrupted
 from .usage import usage_sentence
 
 INTERNAL_ERROR = 70
@@ -97,6 +97,8 @@ class Commands(click.Group):
                 f"{what} cannot be used ({(error.strerror or str(error)).lower()}): choose another.", 2
             )
         except Exception as error:
+            if (behind := _stop_behind(error)) is not None:
+                self._fail(*_interrupted(state, behind))
             if os.environ.get("HAPLOOP_TRACEBACK"):
                 raise
             self._fail(
@@ -171,22 +173,27 @@ def usable_streams() -> None:
 @contextmanager
 def _stopping_as_interrupt() -> Iterator[None]:
     def stop(number: int, _frame: FrameType | None) -> None:
-        raise _Terminated(number)
+        raise KeyboardInterrupt if number == signal.SIGINT else _Terminated(number)
 
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    # Python already raises KeyboardInterrupt for Ctrl-C.
-    # Nor is a signal handled that whoever started the command has it ignore (`nohup`).
-    handled = [
-        kind for kind in STOPPING if kind != signal.SIGINT and signal.getsignal(kind) != signal.SIG_IGN
-    ]
-    before = {kind: signal.signal(kind, stop) for kind in handled}
+    # Not one that whoever started the command has it ignore (`nohup`).
+    handled = [kind for kind in STOPPING if signal.getsignal(kind) != signal.SIG_IGN]
+    before = {kind: signal.signal(kind, Heard(stop)) for kind in handled}
     try:
-        yield
+        with dropping_none():
+            yield
     finally:
         for kind, handler in before.items():
             signal.signal(kind, handler)
+
+
+def _stop_behind(error: BaseException | None) -> KeyboardInterrupt | None:
+    """The stop that an error stands for: a library may make an ImportError of one that comes as it loads."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error
 
 
 def _interrupted(state: CommandState, cause: BaseException | None) -> tuple[str, int]:

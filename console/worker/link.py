@@ -35,7 +35,7 @@ class WorkerLink:
         self.address = address
 
     def state(self, after: int = 0, deadline: float = _ANSWER) -> dict[str, Any]:
-        """Return the snapshot, once its version is above `after` or after ten seconds."""
+        """Return the snapshot, once its version is above `after` or after a second."""
         body = self._ask("GET", "/state", b"", {"X-After": str(after)}, deadline)[1]
         found: dict[str, Any] = json.loads(body)
         return found

@@ -20,7 +20,10 @@ from ...instruments import HaploopError
 from .worker import Worker
 
 _LARGEST = 1 << 20
-_LONG_POLL = 10.0
+_LONG_POLL = 1.0
+"""s for which a question for the snapshot waits for a new one. A console that is stopped waits for the answer
+before it ends the worker.
+"""
 _DEADLINE = 5.0
 """s for a client to send its request, so that a silent one keeps no thread."""
 _MOST_SILENT = 64

@@ -245,6 +245,6 @@ def _error_of(call: Call, told: list[Any]) -> BaseException:
         if failure.kind.__name__ == name:
             return (failure.made or failure.kind)(*from_json(args))
     kind, sentence = [*map(str, args), "", ""][:2]
-    if kind in ("KeyboardInterrupt", "SystemExit", "_Terminated"):
+    if kind in ("KeyboardInterrupt", "SystemExit", "_Stopped", "_Terminated"):
         return TapeError(f"The session on the tape was interrupted in {call.role} {call.what}.")
     return InstrumentError(f"{call.role} {call.what} failed on the tape: {kind}: {sentence}.")

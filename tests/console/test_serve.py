@@ -200,3 +200,15 @@ def test_a_worker_that_follows_another_has_a_tape_of_its_own(tmp_path):
     for name in ("day.tape", "day-2.tape"):
         (tmp_path / name).touch()
     assert free_tape(tape) == tmp_path / "day-3.tape"
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Ctrl-C of POSIX")
+def test_a_console_ends_soon_after_ctrl_c(tmp_path):
+    """Its question to the worker lasts for a second; the worker is told to stop after that."""
+    one = start(tmp_path / "data", "--port", "0", state=tmp_path / "state")
+    try:
+        time.sleep(1.0)
+        one.process.send_signal(signal.SIGINT)
+        assert one.process.wait(5) == 130
+    finally:
+        end(one)
