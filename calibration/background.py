@@ -42,12 +42,14 @@ _STEADY = 0.3
 """Power by which a tone in one rest may differ from that in all rests of a record, over its power."""
 
 
-def rests(plays: int, rate_hz: float, multiple: int, seed: bytes) -> list[int]:
+def rests(plays: int, rate_hz: float, multiple: int, names: Sequence[str]) -> list[int]:
     """Samples of rest before each play, a multiple of `multiple`: at random, for no tone to be in step with.
 
-    The same `seed` gives the same rests.
+    The same `names` give the same rests. A seed made of what is played would change with the last bit of a
+    Fourier transform, and so would every number of a simulated run.
     """
-    drawn = np.random.default_rng([zlib.crc32(seed), plays]).uniform(_SHORTEST, LONGEST_REST, plays)
+    seed = [zlib.crc32("\n".join(names).encode()), plays]
+    drawn = np.random.default_rng(seed).uniform(_SHORTEST, LONGEST_REST, plays)
     return [multiple * round(seconds * rate_hz / multiple) for seconds in drawn]
 
 

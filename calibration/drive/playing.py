@@ -65,9 +65,7 @@ def play_by_turns(
     channels = (*dict.fromkeys(map(rig.monitor, one.patches)), rig.vibrometer.channel)
     top = min(rig.vibrometer.resolved_hz, one.rate_hz / 4)
     factor = int(one.rate_hz // (2 * top))
-    leads = rests(
-        plays * len(drives), one.rate_hz, factor, b"".join(drive.volts.tobytes() for drive in drives)
-    )
+    leads = rests(plays * len(drives), one.rate_hz, factor, (rig.name, one.button, one.point, *one.patches))
     records, peaks, problems = [], [], []
     for number, lead in enumerate(leads):
         # Zero volts first: a rest of a length that no tone of the background is in step with.

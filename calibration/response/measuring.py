@@ -293,7 +293,8 @@ def _swept(spot: Spot, sweep: LinearSweep, peak: float, progress: Progress) -> R
     drives, records = [], []
     levels = (*(1.0,) * sweep.repeats, *sweep.shares)
     rate_hz = rig.table.rate_hz
-    leads, longest = rests(len(levels), rate_hz, 1, once.tobytes()), round(LONGEST_REST * rate_hz)
+    leads = rests(len(levels), rate_hz, 1, (rig.name, spot.point, patch))
+    longest = round(LONGEST_REST * rate_hz)
     for number, (factor, lead) in enumerate(zip(levels, leads, strict=True)):
         before = sweep.duration * number / len(levels)
         tell = part_of(progress, _doing(spot), before, sweep.duration)

@@ -17,13 +17,13 @@ from haploop.calibration.background import (
 RATE = 5000.0
 
 
-def test_rests_are_of_unequal_lengths_and_the_same_for_the_same_seed() -> None:
-    found = rests(50, 50e3, 10, b"a drive")
-    assert found == rests(50, 50e3, 10, b"a drive") != rests(50, 50e3, 10, b"another")
+def test_rests_are_of_unequal_lengths_and_the_same_for_the_same_names() -> None:
+    found = rests(50, 50e3, 10, ["a drive"])
+    assert found == rests(50, 50e3, 10, ["a drive"]) != rests(50, 50e3, 10, ["another"])
     assert len(set(found)) > 40 and not any(samples % 10 for samples in found)
     assert 0.25 <= min(found) / 50e3 < 0.3 and 0.45 < max(found) / 50e3 <= LONGEST_REST
     # At 20 Hz and above, the phases of a tone between two plays have no direction in common.
-    phases = np.exp(2j * np.pi * 23.0 * np.array(rests(4000, RATE, 1, b"x")) / RATE)
+    phases = np.exp(2j * np.pi * 23.0 * np.array(rests(4000, RATE, 1, ["x"])) / RATE)
     assert abs(phases.mean()) < 0.1
 
 
@@ -39,7 +39,7 @@ def test_white_noise_has_no_tones() -> None:
 def test_tones_are_found_and_go_on_as_they_were(hz: tuple[float, ...]) -> None:
     rng = np.random.default_rng(2)
     t, records, true = np.arange(8000) / RATE, [], []
-    for lead in rests(8, RATE, 1, b"x"):
+    for lead in rests(8, RATE, 1, ["x"]):
         phases = rng.uniform(0, 2 * np.pi, len(hz))
         sizes = 10.0 ** -np.arange(len(hz))
         true.append(sum(s * np.cos(2 * np.pi * f * t + p) for s, f, p in zip(sizes, hz, phases, strict=True)))

@@ -19,6 +19,7 @@ from haploop.calibration import (
     measure_response,
     quick_response,
 )
+from haploop.calibration.background import rests
 from haploop.calibration.drive import check, playing
 from haploop.calibration.spectra import third_octaves
 from haploop.instruments import Capture, ConfigurationError, InstrumentError, load_rig_file, open_rig
@@ -301,3 +302,21 @@ def test_without_a_drive_monitor_nothing_is_played(
         with pytest.raises(ConfigurationError, match=r"no \[sensors.drive\]; a drive is always measured"):
             play(rig, drive, calibrated.calibration, tmp_path)
         assert rig.simulation.truth.peak == 0 and rig.lockout is None
+
+
+def test_plays_of_a_drive_that_differs_in_its_last_bits_are_the_same_plays(
+    calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is drawn at random comes from names, not from computed volts, which no two machines share."""
+    drawn: list[list[int]] = []
+
+    def kept(*told: Any) -> list[int]:
+        drawn.append(rests(*told))
+        raise StopIteration
+
+    monkeypatch.setattr(playing, "rests", kept)
+    monkeypatch.setattr(playing, "settle", lambda *_: None)
+    for shift in (0.0, 1e-12):
+        with pytest.raises(StopIteration):
+            playing.play(calibrated.rig, replace(drive, volts=drive.volts + shift), 4)
+    assert drawn[0] == drawn[1]
