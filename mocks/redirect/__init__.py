@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from . import sitecustomize
-from .sitecustomize import CREATED, FOLDER
+from .sitecustomize import CREATED, FOLDER, IN_CALLBACK
 
-__all__ = ["CREATED", "FOLDER", "environment", "sitecustomize"]
+__all__ = ["CREATED", "FOLDER", "IN_CALLBACK", "environment", "sitecustomize"]
 
 
 def environment(

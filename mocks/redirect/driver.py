@@ -26,6 +26,22 @@ _LONGEST = 30.0
 """s: how long the end of a task waits for a callback that is running."""
 
 
+_handled: dict[tuple[str, str], int] = {}
+_here = threading.local()
+settle: Callable[[], None] | None = None
+"""Waits until the program has handled the events that have happened; set where time is virtual."""
+
+
+def handled(task: str, kind: str) -> int | None:
+    """Number of events of a `kind` ("done", "samples", "signal") whose callbacks returned; None without."""
+    return _handled.get((task, kind))
+
+
+def in_callback() -> bool:
+    """True in the thread of a callback that is running."""
+    return bool(getattr(_here, "depth", 0))
+
+
 class _Handler(BaseEventHandler):  # type: ignore[misc]
     """A registered event that can be ended in its own callback."""
 
@@ -43,8 +59,8 @@ class _Handler(BaseEventHandler):  # type: ignore[misc]
 class DriverInterpreter(GrpcStubInterpreter):  # type: ignore[misc]
     """See the module."""
 
-    def __init__(self, grpc_options: Any, created: str, folder: str) -> None:
-        self._created_key, self._folder_key = created, folder
+    def __init__(self, grpc_options: Any, created: str, folder: str, in_callback: str) -> None:
+        self._created_key, self._folder_key, self._in_callback_key = created, folder, in_callback
         self._state = threading.Condition()
         self._running: Counter[tuple[str, int]] = Counter()
         """Callbacks that run now, by task and thread."""
@@ -55,6 +71,8 @@ class DriverInterpreter(GrpcStubInterpreter):  # type: ignore[misc]
     def _invoke(self, func: Any, request: Any, metadata: Any = None) -> Any:
         if type(request).__name__ in _NAME_FILES:
             metadata = [*(metadata or ()), (self._folder_key, os.fsencode(Path.cwd()))]
+        if in_callback():
+            metadata = [*(metadata or ()), (self._in_callback_key, "1")]
         if not hasattr(func, "with_call"):
             return super()._invoke(func, request, metadata)
         try:
@@ -83,6 +101,8 @@ class DriverInterpreter(GrpcStubInterpreter):  # type: ignore[misc]
     def clear_task(self, task: Any) -> None:
         """Clear a task once its callbacks in other threads have returned."""
         own = threading.get_ident()
+        if settle is not None and not in_callback():
+            settle()
 
         def returned() -> bool:
             return not any(
@@ -94,17 +114,25 @@ class DriverInterpreter(GrpcStubInterpreter):  # type: ignore[misc]
             self._state.wait_for(returned, _LONGEST)
         super().clear_task(task)
 
+    def stop_task(self, task: Any) -> None:
+        """Stop a task, once the events until now are handled where time is virtual."""
+        if settle is not None and not in_callback():
+            settle()
+        super().stop_task(task)
+
     def register_done_event(self, task: Any, options: int, callback_function: Any, callback_data: Any) -> Any:
         """See NI's."""
         return _Handler(
-            super().register_done_event(task, options, self._watched(task, callback_function), callback_data)
+            super().register_done_event(
+                task, options, self._watched(task, "done", callback_function), callback_data
+            )
         )
 
     def register_every_n_samples_event(
         self, task: Any, type_: int, n_samples: int, options: int, callback_function: Any, callback_data: Any
     ) -> Any:
         """See NI's."""
-        watched = self._watched(task, callback_function)
+        watched = self._watched(task, "samples", callback_function)
         return _Handler(
             super().register_every_n_samples_event(task, type_, n_samples, options, watched, callback_data)
         )
@@ -113,26 +141,29 @@ class DriverInterpreter(GrpcStubInterpreter):  # type: ignore[misc]
         self, task: Any, signal_id: int, options: int, callback_function: Any, callback_data: Any
     ) -> Any:
         """See NI's."""
-        watched = self._watched(task, callback_function)
+        watched = self._watched(task, "signal", callback_function)
         return _Handler(super().register_signal_event(task, signal_id, options, watched, callback_data))
 
-    def _watched(self, task: Any, callback: Callable[..., Any]) -> Callable[..., Any]:
+    def _watched(self, task: Any, kind: str, callback: Callable[..., Any]) -> Callable[..., Any]:
         """Return `callback`, known to run while it does, and not called for a closed task."""
         key = task.name
         with self._state:
             self._closed.discard(key)
+        _handled[key, kind] = 0
 
         def run(*given: Any) -> Any:
             mine = (key, threading.get_ident())
             with self._state:
-                if key in self._closed:
-                    return 0
-                self._running[mine] += 1
+                closed = key in self._closed
+                self._running[mine] += not closed
+            _here.depth = getattr(_here, "depth", 0) + 1
             try:
-                return callback(*given)
+                return 0 if closed else callback(*given)
             finally:
+                _here.depth -= 1
                 with self._state:
-                    self._running[mine] -= 1
+                    self._running[mine] -= not closed
+                    _handled[key, kind] += 1
                     self._state.notify_all()
 
         return run

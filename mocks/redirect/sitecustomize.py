@@ -18,9 +18,9 @@ NI, SERIAL, VISA = "HAPLOOP_NI_TWIN", "HAPLOOP_SERIAL_TWIN", "HAPLOOP_VISA_TWIN"
 """Environment variables: the address of NI's server; JSON objects of the names of serial ports and VISA
 resources, and what stands for each."""
 
-CREATED, FOLDER = "haploop-created-bin", "haploop-folder-bin"
-"""Metadata between `driver` and haploop's server: the names of new channels, and the folder from which a
-program names its files."""
+CREATED, FOLDER, IN_CALLBACK = "haploop-created-bin", "haploop-folder-bin", "haploop-in-callback"
+"""Metadata between `driver` and haploop's server: the names of new channels, the folder from which a
+program names its files, and that a callback makes the call."""
 
 
 def redirect(utils: Any, options: Callable[[], Any]) -> Callable[[], None]:
@@ -33,13 +33,13 @@ def redirect(utils: Any, options: Callable[[], Any]) -> Callable[[], None]:
     def select(grpc_options: Any = None, interpreter: Any = None) -> Any:
         if grpc_options or interpreter:
             return before(grpc_options, interpreter)
-        return _driver().DriverInterpreter(options(), CREATED, FOLDER)
+        return driver().DriverInterpreter(options(), CREATED, FOLDER, IN_CALLBACK)
 
     utils._select_interpreter = select
     return lambda: setattr(utils, "_select_interpreter", before)
 
 
-def _driver() -> Any:
+def driver() -> Any:
     """The module `driver` beside this file, which is no package where this is another program's."""
     name = "haploop_redirected_driver"
     if name not in sys.modules:

@@ -32,6 +32,11 @@ ATTRIBUTE_CALL = re.compile(
 """Pattern of the names of the calls that `serve` handles."""
 
 _KEPT = ("Scale", "PersistedScale", "PersistedTask", "PersistedChan", "CalInfo", "Watchdog")
+_LOOKS = (
+    "AVAIL_SAMP_PER_CHAN", "TOTAL_SAMP_PER_CHAN_ACQUIRED", "TOTAL_SAMP_PER_CHAN_GENERATED", "SPACE_AVAIL",
+    "COMPLETE", "CI_COUNT", "CO_COUNT", "CO_OUTPUT_STATE", "CO_PULSE_DONE",
+)  # fmt: skip
+"""Properties at which a program looks to see how far a task is."""
 _INTERNAL = {0x31E8: "DEFAULT_SAMPS_TO_READ"}
 """Properties that NI's client reads by number alone, of a driver from 24.5 on (seen in nidaqmx 1.7)."""
 
@@ -152,26 +157,33 @@ def _get(system: NiSystem, kind: str, type_: str, name: str, request: Any) -> An
         if kept is None:
             raise _unserved(system, kind, name)
         return kept
+    value = _of_task(system, kind, name, request)
+    return _default(system, kind, type_, name) if value is None else value
+
+
+def _of_task(system: NiSystem, kind: str, name: str, request: Any) -> Any:
+    """Return a property of a task or channel that its state decides or a program set; None for another."""
     task = system.task(request.task.name)
+    if name in _LOOKS:
+        system.look()
     if kind == "Chan":
-        channel = _channels(task, request.channel)[0]
-        if name in CHANNEL_STATE:
-            return CHANNEL_STATE[name](channel)
-        if channel.kind in ("ci", "co") and name in COUNTER_FACTS:
-            return COUNTER_FACTS[name](system, task, channel)
-        value = channel.values.get(name)
-        if value is None and channel.kind == "ci" and name.endswith("_TERM"):
-            value = socket_of(channel, name)
-        elif value and name.endswith("_TERM") and channel.kind == "ci":
-            value = system.inventory.written(channel.device, value)
-    elif name in TASK_STATE.get(kind, {}):
+        return _of_channel(system, task, _channels(task, request.channel)[0], name)
+    if name in TASK_STATE.get(kind, {}):
         return TASK_STATE[kind][name](system, task)
-    else:
-        value = task.setting(kind, name)
-    if value is None:
-        value = _default(system, kind, type_, name)
-    elif re.fullmatch(r"(ANLG_(EDGE|WIN|LVL)|DIG_EDGE|DIG_LVL)_\w*_TRIG_SRC", name) and value:
-        value = system.inventory.written(task.device, value)
+    value = task.setting(kind, name)
+    if value and re.fullmatch(r"(ANLG_(EDGE|WIN|LVL)|DIG_EDGE|DIG_LVL)_\w*_TRIG_SRC", name):
+        return system.inventory.written(task.device, value)
+    return value
+
+
+def _of_channel(system: NiSystem, task: Task, channel: Channel, name: str) -> Any:
+    if name in CHANNEL_STATE:
+        return CHANNEL_STATE[name](channel)
+    if channel.kind in ("ci", "co") and name in COUNTER_FACTS:
+        return COUNTER_FACTS[name](system, task, channel)
+    value = channel.values.get(name)
+    if channel.kind == "ci" and name.endswith("_TERM"):
+        return system.inventory.written(channel.device, value) if value else socket_of(channel, name)
     return value
 
 

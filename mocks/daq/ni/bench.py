@@ -6,8 +6,7 @@ reads is set, what an output did can be asked for, and cards can fail.
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
@@ -23,6 +22,7 @@ from ...redirect import environment, sitecustomize
 from ..signals import Put, Signal, Signals, Wire, signal_of
 from .devices import Inventory
 from .errors import DaqmxError, DAQmxErrors
+from .programs_time import virtual_time
 from .server import NiServer
 from .standalone import inventory_from_file, inventory_of
 
@@ -30,7 +30,7 @@ Time = Literal["virtual", "real"]
 Failure = Literal["overflow", "overrun", "removed", "reserved"]
 
 _CALL = 0.3e-3
-"""Time that a call takes on the virtual clock (s): a bare call on loopback, measured."""
+"""Time that a look at a task's progress takes on the virtual clock (s): a bare call on loopback, measured."""
 _FAILURES = {
     "overflow": DAQmxErrors.INPUT_FIFO_OVERFLOW,
     "overrun": DAQmxErrors.SAMPLES_NO_LONGER_AVAILABLE,
@@ -44,8 +44,8 @@ class NiTwin:
     """Simulated cards, and a context manager under which nidaqmx finds them.
 
     `devices` names a product for each device, {"Dev1": "PCIe-6363"}, or is a text export of NI MAX. In
-    virtual time, a wait for samples, and `time.sleep`, take no real time; a program that reads the clock
-    itself (`time.time`) wants `time="real"`. Raises ConfigurationError for an unknown product.
+    virtual time, a wait for samples, and `time.sleep`, take no real time; which clocks are virtual says
+    `virtual_time`. Raises ConfigurationError for an unknown product.
     """
 
     def __init__(
@@ -65,6 +65,7 @@ class NiTwin:
             rtsi=True,
             seed=seed,
             call_time=_CALL if time == "virtual" else 0.0,
+            handled=sitecustomize.driver().handled if time == "virtual" else None,
         )
         for name, output in self._server.outputs.items():
             output.watch()
@@ -144,7 +145,7 @@ class NiTwin:
     def sleep(self, duration: float) -> None:
         """Let `duration` (s) pass on the twin's clock; a virtual one stops at each event of the program."""
         if isinstance(self._clock, VirtualClock):
-            self._server.advance(self._clock.now() + max(0.0, duration))
+            self._server.advance(self._clock.now() + max(0.0, duration), sitecustomize.driver().in_callback())
         else:
             self._clock.sleep(duration)
 
@@ -162,7 +163,10 @@ class NiTwin:
         self._stack.callback(options.grpc_channel.close)
         self._stack.callback(sitecustomize.redirect(utils, lambda: options))
         if isinstance(self._clock, VirtualClock):
-            self._stack.callback(_sleeping(self.sleep))
+            self._stack.enter_context(virtual_time(self.sleep, lambda: self.now))
+            driver = sitecustomize.driver()
+            driver.settle = self._server.settle
+            self._stack.callback(setattr, driver, "settle", None)
         return self
 
     def __exit__(
@@ -181,10 +185,3 @@ class NiTwin:
     def _known_output(self, output: str) -> None:
         if output not in self._server.outputs:
             raise ConfigurationError(f"There is no output {output!r}: {', '.join(self._server.outputs)}.")
-
-
-def _sleeping(sleep: Callable[[float], None]) -> Callable[[], None]:
-    """Let `time.sleep` of this program be `sleep`; return what undoes it."""
-    before = time.sleep
-    time.sleep = sleep  # type: ignore[assignment]  # a number is all that haploop knows
-    return lambda: setattr(time, "sleep", before)

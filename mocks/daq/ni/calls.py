@@ -213,6 +213,7 @@ def _stop(system: NiSystem, request: Any, alive: Alive) -> None:
 
 def _is_done(system: NiSystem, request: Any, alive: Alive) -> Any:
     task = system.task(request.task.name)
+    system.look()
     system.cut_off(task)
     log(system, task)
     if task.failure is not None:

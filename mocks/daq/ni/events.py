@@ -12,7 +12,6 @@ from typing import Any
 from nidaqmx._stubs import nidaqmx_pb2 as pb
 from nidaqmx.constants import EveryNSamplesEventType, Signal
 
-from ....instruments.flag import Flag
 from ...clock import VirtualClock
 from .errors import DaqmxError, DAQmxErrors
 from .fields import field
@@ -23,8 +22,8 @@ from .tasks import Task
 _POLL = 0.02
 """Longest interval (s of real time) between checks of the clock while an event is expected."""
 _PATIENT, _HASTY = 10_000, 50
-"""Looks, 1 ms of real time apart, for a program to have handled an event on a virtual clock: for one that
-reads what there is, on however busy a machine, and for one that did not read after an event."""
+"""Looks, 1 ms of real time apart, for a program to have handled an event on a virtual clock: on however busy
+a machine, and after one that did not return in that time."""
 
 
 @dataclass
@@ -38,15 +37,19 @@ class _Listener:
     stream: queue.SimpleQueue[Any] = dataclasses.field(default_factory=queue.SimpleQueue)
     acquisition: int = 0
     sent: int = 0
-    reads: bool = True
-    """Whether its program has read after the last event, as far as is known."""
+    total: int = 0
+    """Events since it was registered."""
+    stuck: bool = False
+    """True after an event that its program did not handle in time."""
 
 
 class Events:
     """All registered events, and the thread that fires them."""
 
-    def __init__(self, system: NiSystem) -> None:
+    def __init__(self, system: NiSystem, count: Callable[[str, str], int | None] | None = None) -> None:
+        """`count` tells how many events of a task and kind a program has handled; None if it is not known."""
         self._system = system
+        self._count = count or (lambda _task, _kind: None)
         self._listeners: dict[tuple[str, str], _Listener] = {}
         self._closing = False
         self._thread = threading.Thread(target=self._run, name="NI wire events", daemon=True)
@@ -73,28 +76,44 @@ class Events:
             self.forget(task)
             self._system.clear_task(task)
 
-    def advance(self, until: float) -> None:
-        """Move a virtual clock to `until` (s), and stop at each event until its program has handled it.
+    def advance(self, until: float, in_callback: bool = False) -> None:
+        """Move a virtual clock to `until` (s), and stop at each event until its program has handled it."""
+        with self._system.lock:
+            while self._system.clock.now() < until:
+                self.move(until, in_callback)
 
-        Handled is what a program has read for; one that reads nothing has a moment of real time.
+    def move(self, until: float, in_callback: bool = False) -> None:
+        """Move a virtual clock to `until`, or to the next event before it (s), which is then handled.
+
+        With the system's lock held. A callback that waits does not wait for itself to return.
         """
         clock = self._system.clock
         assert isinstance(clock, VirtualClock)
-        real = Flag()  # time.sleep may be virtual
-        while clock.now() < until:
-            with self._system.lock:
-                due = [when for each in self._listeners.values() if (when := self._due(each)) is not None]
-                clock.sleep_until(min([until, *(max(when, clock.now() + 1e-9) for when in due)]))
-                self._system.notice()
-                fired = [each for each in self._listeners.values() if self._fire_now(each)]
-                self._system.changed.notify_all()
-            patient = any(each.reads and each.kind == "samples" and each.task.is_input for each in fired)
-            for _ in range(_PATIENT if patient else _HASTY if fired else 0):
-                if all(map(self._handled, fired)):
-                    break
-                real.wait(1e-3)
-            for each in fired:
-                each.reads = self._handled(each)
+        due = [when for each in self._listeners.values() if (when := self._due(each)) is not None]
+        clock.sleep_until(min([until, *(max(when, clock.now() + 1e-9) for when in due)]))
+        self._system.notice()
+        for each in self._listeners.values():
+            self._fire(each)
+        self._system.changed.notify_all()
+        if not in_callback:
+            self.settle()
+
+    def settle(self) -> None:
+        """Wait until programs have handled the events that have happened. With the system's lock held.
+
+        One that does not return in time, say because it waits for this thread, is not waited for again before
+        it has.
+        """
+        for each in list(self._listeners.values()):
+            looks = _HASTY if each.stuck else _PATIENT
+            while not (done := self._handled(each)) and looks:
+                self._system.changed.wait(1e-3)
+                looks -= 1
+            each.stuck = not done
+
+    def _handled(self, listener: _Listener) -> bool:
+        count = self._count(listener.task.name, listener.kind)
+        return listener.stream.empty() if count is None else count >= listener.total
 
     def _due(self, listener: _Listener) -> float | None:
         """Time of the next event, or of the next look at the signals that decide on it (s), or None."""
@@ -107,17 +126,6 @@ class Events:
             return None if task.total is None else task.ready(task.total)
         sent = listener.sent if listener.acquisition == task.starts else 0
         return task.ready((sent + 1) * max(1, listener.every))
-
-    def _fire_now(self, listener: _Listener) -> bool:
-        before = listener.sent
-        self._fire(listener)
-        return listener.sent > before
-
-    @staticmethod
-    def _handled(listener: _Listener) -> bool:
-        task = listener.task
-        read = task.read_position >= listener.sent * listener.every if listener.kind == "samples" else False
-        return listener.stream.empty() and task.is_input and read
 
     # Calls, with the system's lock held
 
@@ -237,6 +245,7 @@ class Events:
         happened = int(done) if listener.kind == "done" else task.count(now) // max(1, listener.every)
         for _ in range(happened - listener.sent):
             listener.stream.put(listener.reply())
+            listener.total += 1
         listener.sent = max(listener.sent, happened)
         return not done
 

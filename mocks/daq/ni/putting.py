@@ -67,6 +67,7 @@ def _step(system: NiSystem, task: Task, rows: FloatArray, auto_start: bool) -> N
                 "Write failed, because the task is not started, is on demand, and auto start is false.",
             )
         system.start(task, auto=True)
+    system.look()
     now = system.clock.now()
     for name, row in zip(system.rows(task), rows, strict=True):
         system.outputs[name].hold(float(row[-1]), now)

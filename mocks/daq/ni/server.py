@@ -25,7 +25,7 @@ from ....instruments.arrays import FloatArray
 from ....instruments.clock import Clock, RealClock
 from ....instruments.closing import Closing
 from ...plant import Nodes
-from ...redirect import CREATED, FOLDER
+from ...redirect import CREATED, FOLDER, IN_CALLBACK
 from ...transport import HOST
 from . import attributes
 from .calls import CALLS
@@ -52,8 +52,9 @@ class NiServer(Closing):
     It serves `devices`; `wiring` connects their terminals ("Dev2/ai4", "Dev2/ao0") to nodes of the plant
     `nodes`. An unwired analog input shows a sine within its range, an unwired digital input counts. Cards
     share a clock only with a declared RTSI cable (`rtsi`). On a virtual clock a blocking read advances time
-    until its samples exist; events fire when a wait advances time. There each call takes `call_time` (s), so
-    that a program that polls comes to an end.
+    until its samples exist; events fire when a wait advances time, and `handled` counts, by task and kind,
+    those whose callbacks have returned. There a call that looks whether there is something new takes
+    `call_time` (s), so that a program that polls comes to an end; other calls take no time.
     """
 
     def __init__(
@@ -67,6 +68,7 @@ class NiServer(Closing):
         rtsi: bool = False,
         seed: int = 0,
         call_time: float = 0.0,
+        handled: Callable[[str, str], int | None] | None = None,
     ) -> None:
         self._pool = _Threads()
         options = [
@@ -83,8 +85,11 @@ class NiServer(Closing):
         clock = clock or (nodes.clock if nodes is not None else RealClock())
         self._system = NiSystem(inventory, clock, nodes, wiring or {}, rtsi, seed)
         self._system.saved_tasks, self._system.saved_channels = saved_in_export(inventory.export, inventory)
-        self._events = Events(self._system)
-        self._service = _Service(self._system, self._events, call_time)
+        self._system.call_time = call_time
+        self._events = Events(self._system, handled)
+        if handled is not None:
+            self._system.move = self._events.move
+        self._service = _Service(self._system, self._events)
         self._server.add_generic_rpc_handlers((self._service,))
         self._server.start()
 
@@ -136,9 +141,14 @@ class NiServer(Closing):
             found = self._system.terminals.pulses(terminal, self._system.clock.now())
         return found.times, found.levels.astype(np.float64)
 
-    def advance(self, until: float) -> None:
+    def advance(self, until: float, in_callback: bool = False) -> None:
         """Move a virtual clock to `until` (s), from event to event, and let programs handle each."""
-        self._events.advance(until)
+        self._events.advance(until, in_callback)
+
+    def settle(self) -> None:
+        """Wait until programs have handled the events that have happened."""
+        with self._system.lock:
+            self._events.settle()
 
     def clear(self) -> None:
         """Clear all tasks, as the end of their programs does."""
@@ -213,8 +223,7 @@ class _Threads(Executor):
 class _Service(grpc.GenericRpcHandler):  # type: ignore[misc]
     """Handler of all calls, selected by name: most of NI's 451 calls need nothing else."""
 
-    def __init__(self, system: NiSystem, events: Events, call_time: float) -> None:
-        self._call_time = call_time
+    def __init__(self, system: NiSystem, events: Events) -> None:
         self.corrupt: Corrupt = lambda _call, reply: reply
         self._system = system
         self._events = events
@@ -270,11 +279,10 @@ class _Service(grpc.GenericRpcHandler):  # type: ignore[misc]
         def handle(request: Any, context: Any) -> Any:
             try:
                 with self._system.lock:
-                    if self._call_time:
-                        self._system.clock.sleep(self._call_time)
                     self._system.notice()
                     self._system.created = ""
                     sent = {entry.key: entry.value for entry in context.invocation_metadata() or ()}
+                    self._system.caller.in_callback = IN_CALLBACK in sent
                     if FOLDER in sent and request.task.name in self._system.tasks:
                         self._system.tasks[request.task.name].folder = os.fsdecode(sent[FOLDER])
                     answer = run(request, context.is_active)

@@ -67,6 +67,12 @@ class NiSystem:
         self.tasks: dict[str, Task] = {}
         self.unserved: Counter[str] = Counter()
         """Counts of the calls and properties that clients requested and this wire does not serve."""
+        self.call_time = 0.0
+        """Time that a look takes on a virtual clock (s), so that a program that polls comes to an end."""
+        self.caller = threading.local()
+        """`in_callback` is True in the thread that serves a call made in a callback."""
+        self.move: Callable[[float, bool], None] = lambda until, _in_callback: self._jump(until)
+        """Moves a virtual clock to a time (s), or to an event before it."""
         self.created = ""
         """Names of the channels that the last call made, as NI writes a list."""
         self.epoch = datetime.now(UTC) - timedelta(seconds=clock.now())
@@ -323,10 +329,21 @@ class NiSystem:
             if any(task.trigger is not None for task in self.tasks.values()):
                 target = min(target, now + GLIMPSE)
             if isinstance(self.clock, VirtualClock):
-                self.clock.sleep_until(target)
+                self.move(target, getattr(self.caller, "in_callback", False))
                 self.changed.notify_all()
             else:
                 self.changed.wait(min(max(target - now, 1e-4), 0.25))
+
+    def look(self) -> None:
+        """Let the time pass that it takes a program to look whether there is something new."""
+        if self.call_time and isinstance(self.clock, VirtualClock):
+            until = self.clock.now() + self.call_time
+            while self.clock.now() < until:
+                self.move(until, getattr(self.caller, "in_callback", False))
+
+    def _jump(self, until: float) -> None:
+        assert isinstance(self.clock, VirtualClock)
+        self.clock.sleep_until(until)
 
     # Clocks and triggers between tasks
 

@@ -88,6 +88,7 @@ def take(system: NiSystem, request: Any, alive: Alive, room: int | None = None) 
         system.start(task, auto=True)
         began = task.warning
     if not task.timed:
+        system.look()
         _await_measurement(system, task, timeout, alive)
         taken = inputs.acquire(system, task, max(1, wanted))
         result = Taken(*_wanted(task, taken), max(0, task.on_demand - taken.shape[1]))
@@ -136,6 +137,8 @@ def take(system: NiSystem, request: Any, alive: Alive, room: int | None = None) 
         began if reached else DAQmxErrors.SAMPLES_NOT_YET_AVAILABLE.value,
     )
     task.read_position = first + count
+    if not count:
+        system.look()
     log(system, task)
     if task.auto_started and task.total is not None and task.read_position >= task.total:
         system.stop(task)
