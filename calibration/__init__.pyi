@@ -22,6 +22,7 @@ from .drive import plan_button as plan_button
 from .drive import play_button as play_button
 from .drive import pressed_drives as pressed_drives
 from .drive import trade_for as trade_for
+from .drive import worst as worst
 from .examination import Finding as Finding
 from .examination import examine as examine
 from .examination import examine_each as examine_each

@@ -24,7 +24,7 @@ from .grouped import (
     on_press,
     showing,
 )
-from .options import JSON, NEW, PATH, PLAYS, ChosenRig, Measure, on_rig
+from .options import EXITS, JSON, NEW, PATH, PLAYS, ChosenRig, Measure, on_rig
 
 ERROR = click.option(
     "--error",
@@ -107,7 +107,7 @@ def make(
     drift of 1 % allows. With `--quiet-at` other points are kept silent, with `--also` they play a press of
     their own at the same time; the check visits each with the laser.
 
-    Exit codes: 0 the check passed, 1 it did not (the file is written and states why).
+    Exit codes: 0 the check passed, 1 it failed, 4 the plays do not tell (the file is written and states why).
     """
     loudness = haploop.Loudness(error, level, None if drift is None else haploop.Drift.usual(drift))
     loaded, press = asked.load_calibrations(), asked.load_press()
@@ -130,7 +130,7 @@ def make(
         )
         made.save(out)
     show.print_made(contents.file_contents(out), out, as_json)
-    return 0 if made.passed else 1
+    return EXITS[made.verdict]
 
 
 @button.command()
@@ -181,7 +181,8 @@ def under(
     FILE stays as it is; NEW.h5 holds three drives more, for a light, a nominal and a firm finger, each
     checked while the finger rests on the point with that force.
 
-    Exit codes: 0 all checks passed, 1 one did not (the file is written and states why).
+    Exit codes: 0 all checks passed, 1 one failed, 4 none failed and one does not tell (the file is written
+    and states why).
     """
     loaded = haploop.DigitalButton.load(file)
     fingers = haploop.load_calibrations(calibrations)
@@ -193,7 +194,7 @@ def under(
         made = haploop.button_under_finger(opened, loaded, fingers, plays=plays, progress=steps)
         made.save(out)
     show.print_made(contents.file_contents(out), out, as_json)
-    return 0 if made.passed else 1
+    return EXITS[made.verdict]
 
 
 @button.command()
@@ -222,7 +223,7 @@ def check(
     made the one is played that its force calls for: the force sensor's, where one carries the table, or else
     the nominal one.
 
-    Exit codes: 0 the check passed, 1 it failed or the plays do not show it.
+    Exit codes: 0 the check passed, 1 it failed, 4 the plays do not tell.
     """
     loaded = haploop.DigitalButton.load(file)
     resting = None
@@ -231,11 +232,11 @@ def check(
         resting = RestFinger(played.finger, loaded.drive.point, played.force or nominal)
     out = out or outputs.dated_check(file.stem)
     with (
-        reserved(out, size=sizes.CHECK + played.plays * sizes.PLAY),
+        reserved(out, size=sizes.of_check(played.plays)),
         rig.opened() as opened,
         Steps() as steps,
     ):
         result = haploop.play_button(opened, loaded, finger=resting, plays=played.plays, progress=steps)
         result.save(out)
     show.print_made(contents.check_contents(result, loaded.press, out), out, as_json)
-    return 0 if result.passed else 1
+    return EXITS[result.verdict]

@@ -17,7 +17,7 @@ from .grouped import COLUMNS
 from .options import JSON, PATH, PICTURE, RIG, TAPE, ChosenRig, on_rig, on_table
 
 if TYPE_CHECKING:
-    from ..calibration import History
+    from ..calibration import Drive, History
 
 CALIBRATIONS = click.option(
     "--calibrations",
@@ -26,7 +26,7 @@ CALIBRATIONS = click.option(
     help="Folder of the history.  [default: RIG-calibrations, beside the rig file]",
 )
 REASON = click.option("--reason", required=True, help="Reason; stored in the history.")
-_EXITS = {"unchanged": 0, "restored": 0, "drifted": 1, "touched": 1, "broken": 3}
+_EXITS = {"unchanged": 0, "restored": 0, "drifted": 1, "touched": 1, "broken": 3, "not shown": 4}
 
 
 def _history(rig: str, folder: Path | None) -> History:
@@ -34,6 +34,17 @@ def _history(rig: str, folder: Path | None) -> History:
     path = Path(rig)
     beside = path.parent if path.is_file() else Path()
     return haploop.History(folder or beside / f"{path.stem}-calibrations")
+
+
+def active_drives(rig: str) -> dict[str, Drive]:
+    """The drives of a rig's active digital buttons, by name; none where there is no history to be read."""
+    from ..calibration.upkeep import buttons_of  # noqa: PLC0415
+
+    try:
+        buttons = buttons_of(_history(rig, None).active())
+    except haploop.HaploopError:
+        return {}
+    return {name: button.drive for name, button in buttons.items()}
 
 
 def _actor() -> str:
@@ -160,8 +171,8 @@ def recalibrate(
     Runs unattended, without prompts, for cron or the Windows Task Scheduler (docs/how-to/unattended.md).
 
     Exit codes: 0 unchanged, or renewed with every button within tolerance; 1 drifted and not renewed;
-    2 invalid request, file or configuration; 3 something is broken. After 1, 2 and 3 the active
-    calibration is unchanged.
+    2 invalid request, file or configuration; 3 something is broken; 4 whether a button is right cannot be
+    told. After 1 to 4 the active calibration is unchanged.
     """
     history = _history(rig.name or str(rig.simulate).removeprefix(TAPE), calibrations)
     history.active()

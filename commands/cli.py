@@ -41,7 +41,7 @@ def cli() -> None:
     """Measure physical buttons and reproduce them as verified digital ones.
 
     Exit codes: 0 done and passed, 1 result out of tolerance, 2 invalid request, file or configuration,
-    3 instrument failure.
+    3 instrument failure, 4 the measurement does not tell.
     """
 
 

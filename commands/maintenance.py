@@ -7,6 +7,7 @@ import click
 from ..reports import contents, show
 from ..terminal.progress import Steps, note, print_json
 from . import front as haploop
+from .calibrations import active_drives
 from .options import JSON, ChosenRig, FiniteRange, on_rig
 
 
@@ -41,7 +42,7 @@ def doctor(mass: float, loop: str | None, volts: float | None, rig: ChosenRig, a
     """
     if volts is not None and loop is None:
         raise haploop.ConfigurationError("--volts needs --loop: name the channel that the cable leads to.")
-    missing = False
+    missing, drives = False, active_drives(rig.name or str(rig.simulate))
     with rig.reserved() as file:
         simulated = (rig.simulate or file.simulate) is not None
         try:
@@ -50,7 +51,7 @@ def doctor(mass: float, loop: str | None, volts: float | None, rig: ChosenRig, a
                 if loop is not None:
                     findings = haploop.examine_loop(opened, loop, volts, steps)
                 else:
-                    findings = haploop.examine(opened, mass, steps)
+                    findings = haploop.examine(opened, mass, steps, drives)
         except haploop.HaploopError as error:
             # Once the rig has opened, the only error here is an unconfirmed safe state: report that one.
             if rig.state.rig_opened:

@@ -157,8 +157,10 @@ PLAYS = click.option(
     type=click.IntRange(3, 1000),
     default=8,
     show_default=True,
-    help="Number of plays: more plays narrow the interval of the error.",
+    help="Number of plays. A check plays up to four times as many where these do not tell the verdict.",
 )
+EXITS = {"pass": 0, "fail": 1, "not shown": 4}
+"""Exit code of a verdict: what cannot be told is neither passed nor out of tolerance."""
 FINGER = click.option(
     "--finger",
     metavar="PARTICIPANT",

@@ -17,7 +17,7 @@ from ..reports import contents, outputs, show
 from ..terminal.progress import Steps, note
 from . import front as haploop
 from .grouped import AskedPlays, AskedPress, on_plays, on_press
-from .options import FINGER, FORCE, JSON, NEW, PATH, ChosenRig, Names, on_rig, on_table
+from .options import EXITS, FINGER, FORCE, JSON, NEW, PATH, ChosenRig, Names, on_rig, on_table
 
 _FEWEST = 3
 """Changes from which `with_scatter` tells a scatter."""
@@ -218,7 +218,7 @@ def check(
     table, drives are made for a light, a nominal and a firm finger, and the one is played that the force
     calls for.
 
-    Exit codes: 0 the check passed, 1 it failed or the plays do not show it.
+    Exit codes: 0 the check passed, 1 it failed, 4 the plays do not tell.
     """
     loaded = asked.load_calibrations()
     held = next((one.finger for one in loaded if one.finger), None)
@@ -231,7 +231,7 @@ def check(
     kept = outputs.dated_check(press.button) if out is None else None
     files = (kept,) if kept else outputs.check_files(out or Path(), press.button)
     with (
-        reserved(*files, size=sizes.CHECK + played.plays * sizes.PLAY),
+        reserved(*files, size=sizes.of_check(played.plays)),
         rig.opened() as opened,
         Steps() as steps,
     ):
@@ -260,7 +260,7 @@ def check(
         else:
             result.save(files[0])
     show.print_contents(contents.check_contents(result, press, kept), as_json)
-    return 0 if result.passed else 1
+    return EXITS[result.verdict]
 
 
 def _kind(simulated: bool) -> str:

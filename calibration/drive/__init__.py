@@ -1,7 +1,7 @@
 """Drives: inversion, the drive's waveforms, the check, learning, the digital button."""
 
 from .actuation import drift_change
-from .agreement import SharedPower
+from .agreement import SharedPower, told_by_noise
 from .button import DigitalButton, build_button, button_under_finger, play_button
 from .check import TOLERANCE, check
 from .checked import Check
@@ -13,9 +13,11 @@ from .learning import Iteration, Learning, learn
 from .loudness import ButtonPlan, Loudness, Offer, Offers, offered, plan_button, trade_for
 from .paper_baseline import paper_drive
 from .parallel import COMPARED_AT, Wired, Wiring
+from .playing import judged_to
 from .pressed import PressedDrives, pressed_drives
 from .targets import BEFORE, Method, modulate
 from .trade import STEADY, Trade
+from .verdict import worst
 
 __all__ = [
     "BAND",
@@ -48,6 +50,7 @@ __all__ = [
     "check_under_finger",
     "drift_change",
     "drive_for",
+    "judged_to",
     "learn",
     "load_elsewhere",
     "modulate",
@@ -56,5 +59,7 @@ __all__ = [
     "plan_button",
     "play_button",
     "pressed_drives",
+    "told_by_noise",
     "trade_for",
+    "worst",
 ]

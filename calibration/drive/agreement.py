@@ -19,6 +19,7 @@ from ...instruments.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 
 CONFIDENCE = 0.95
 """Probability that an interval contains the surface's own value."""
+_NORMAL = float(scipy.special.ndtri(0.5 + CONFIDENCE / 2))
 _UNLIKELY = 1e-5
 """Probability of calling plays without a trend drifting."""
 _ODD = 3.0
@@ -61,6 +62,11 @@ class SharedPower:
         return float(np.sqrt(max(self.value, 0.0))) if self.possible else float("nan")
 
     @property
+    def clear(self) -> bool:
+        """True for a power that noise makes with a probability of less than 1e-4."""
+        return self.value > _student(self.plays, 1 - _IMPOSSIBLE) * max(self.deviation, self.least)
+
+    @property
     def floor(self) -> float:
         """Root power of the noise in the mean of the plays: its standard error."""
         return float(np.sqrt(max(self.noise, 0.0)))
@@ -71,7 +77,9 @@ class SharedPower:
         if not self.possible:
             return float("nan"), float("nan")
         reach = _quantile(self.plays) * self.deviation
-        return float(np.sqrt(max(self.value - reach, 0.0))), float(np.sqrt(max(self.value + reach, 0.0)))
+        # The noise's own deviation is known from all lines, and has no Student's t.
+        low, high = not_negative(self.value, max(reach, _NORMAL * self.least))
+        return float(np.sqrt(low)), float(np.sqrt(high))
 
     def summary(self) -> dict[str, Any]:
         """Plain values for JSON: root, interval and floor; NaN becomes null."""
@@ -80,6 +88,16 @@ class SharedPower:
             "interval": [finite(edge) for edge in self.interval],
             "floor": finite(self.floor),
         }
+
+
+def not_negative(value: float, reach: float) -> tuple[float, float]:
+    """Ends of the interval of a quantity that cannot be negative, from an estimate that can.
+
+    `reach` is half of the estimate's interval. An estimate below zero says no more than zero does, so that
+    the upper end is never below `reach`. One that is further below zero than that errs by as much, and the
+    upper end is as far above.
+    """
+    return max(value - reach, 0.0), max(max(value, 0.0) + reach, -value)
 
 
 def finite(value: float) -> float | None:
@@ -168,14 +186,25 @@ def dependence(whole: ComplexArray, inside: BoolArray) -> str:
 def plays_needed(power: SharedPower, limit: float) -> int | None:
     """Number of plays whose interval of the root would not contain `limit`; None when 64 do not suffice.
 
-    The deviation is taken to fall with the root of the number of plays: products of noise alone fall faster.
-    What the value has beyond an error of 100 % is taken for noise, which more plays would not find again.
+    Products of noise alone fall with the number of plays, what else spreads with its root. What the value has
+    beyond an error of 100 % is taken for noise, which more plays would not find again.
     """
-    for plays in range(power.plays + 1, _MOST_PLAYS + 1):
-        reach = _quantile(plays) * power.deviation * np.sqrt(power.plays / plays)
-        if abs(min(max(power.value, 0.0), 1.0) - limit**2) > reach:
+    now, value = power.plays, min(max(power.value, 0.0), 1.0)
+    noise = power.least**2 * now * (now - 1)
+    spread = max(power.deviation**2 - power.least**2, 0.0) * now
+    for plays in range(now + 1, _MOST_PLAYS + 1):
+        reach = _quantile(plays) * np.sqrt(spread / plays + noise / (plays * (plays - 1)))
+        if abs(value - limit**2) > reach:
             return plays
     return None
+
+
+def told_by_noise(squares: float, plays: int) -> float:
+    """Upper end of the interval of a power of zero, from `plays` plays of noise alone.
+
+    `squares` is the sum over the lines of the squared power of one play's noise.
+    """
+    return float(_quantile(plays) * np.sqrt(squares / (plays * (plays - 1))))
 
 
 def trend(spectra: ComplexArray) -> float:

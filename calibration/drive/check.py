@@ -11,6 +11,7 @@ import scipy
 from ...instruments import ConfigurationError, Rig
 from ...instruments.arrays import ComplexArray, FloatArray
 from ...instruments.progress import Progress, part_of, silent
+from .. import sizes
 from ..perception import lab_threshold
 from ..response import prepare, unseen
 from ..spectra import third_octaves
@@ -21,13 +22,14 @@ from .agreement import (
     followed,
     lines_inside,
     odd_play,
+    plays_needed,
     shared_power,
     trend,
 )
-from .checked import Check, Silence, ThirdOctaves, Tones
+from .checked import Above, Check, Silence, ThirdOctaves, Tones
 from .drive import Drive
-from .playing import Played, play, refuse_foreign, targets_of
-from .verdict import Signs, all_judged, judged
+from .playing import Played, joined, play, refuse_foreign, targets_of
+from .verdict import Signs, all_judged, judged, undecided
 
 if TYPE_CHECKING:
     from ...acquisition import Representative
@@ -45,9 +47,14 @@ def check(
     press: Representative | None = None,
     *,
     plays: int = 8,
+    most: int | None = None,
     progress: Progress = silent,
 ) -> Check:
-    """Play a drive `plays` times and compare the whole motion of the surface with the drive's target.
+    """Play a drive `plays` times and compare the motion of the surface with the drive's target.
+
+    Where those plays do not tell on which side of the tolerance the error lies, and up to `most` would (four
+    times as many if None), it is played on until there are as many. That is done once at each point, so that
+    an error at the tolerance passes with a probability of at most 5 %.
 
     The laser visits the other points of the drive as well: each button is compared and judged, and the check
     passes if all do; of a silent point it is measured how much it moves.
@@ -66,17 +73,35 @@ def check(
         )
     prepare(rig, drive.point)
     doing = f"Check the {drive.button} button"
+    most = sizes.MORE_PLAYS * plays if most is None else most
     total = plays * len(drive.points)
-    played = play(rig, drive, plays, progress=part_of(progress, doing, 0, total))
-    result, silent, others = compare(drive, played, rig), [], []
+    result = _decided(rig, drive, drive, (plays, most), part_of(progress, doing, 0, total))
+    silent, others = [], []
     for number, one in enumerate(drive.elsewhere, 1):
         prepare(rig, one.point)
-        there = play(rig, drive, plays, progress=part_of(progress, doing, number * plays, total))
+        tell = part_of(progress, doing, number * plays, total)
         if one.button:
-            others.append(compare(drive.seen_from(one.point), there, rig))
+            others.append(_decided(rig, drive, drive.seen_from(one.point), (plays, most), tell))
             continue
-        silent.append(_silence(rig, drive, one.point, there))
+        silent.append(_silence(rig, drive, one.point, play(rig, drive, plays, progress=tell)))
     return all_judged(replace(result, silent=tuple(silent), others=tuple(others)))
+
+
+def _decided(rig: Rig, drive: Drive, seen: Drive, plays: tuple[int, int], progress: Progress) -> Check:
+    """The comparison at one point, of the first number of `plays`, or of as many as tell, up to the second.
+
+    `seen` is the drive as its target is there.
+    """
+    first, most = plays
+    played = play(rig, drive, first, progress=progress)
+    result = compare(seen, played, rig)
+    needed = plays_needed(result.whole, result.tolerance) if undecided(result) else None
+    if needed is None or needed > most:
+        return result
+    # Some more than would do: the noise that tells how many is itself known from few plays.
+    count = min(most, needed + (needed - first + 2) // 3)
+    tell = part_of(progress, f"Check the {drive.button} button, which needs {count} plays", 0, count - first)
+    return compare(seen, joined(played, play(rig, drive, max(count - first, 1), progress=tell)), rig)
 
 
 def _silence(rig: Rig, drive: Drive, point: str, played: Played) -> Silence:
@@ -114,6 +139,7 @@ def compare(drive: Drive, played: Played, rig: Rig) -> Check:
         whole=shared_power(missed),
         within=shared_power(missed[:, inside]),
         outside=shared_power(moved[:, ~inside]),
+        above=_above(missed, played, float(np.mean(target**2))),
         correlation=_correlation(moved.mean(axis=0), -still[0], shared_power(moved)),
         envelope_correlation=_pearson(
             np.abs(scipy.signal.hilbert(band_only)), np.abs(scipy.signal.hilbert(target))
@@ -153,8 +179,26 @@ def _without_errors(result: Check) -> Check:
         whole=replace(result.whole, value=nothing),
         within=replace(result.within, value=nothing),
         outside=replace(result.outside, value=nothing),
+        above=replace(result.above, octave=replace(result.above.octave, value=nothing)),
         correlation=nothing,
     )
+
+
+def _above(missed: ComplexArray, played: Played, power: float) -> Above:
+    """Evidence of motion above the highest frequency that is judged; `power` is the target's mean square."""
+    top, samples = played.judged_hz, played.accelerations.shape[1]
+    f = np.arange(missed.shape[1]) * played.rate_hz / samples
+    octave = shared_power(missed[:, (f >= top / 2) & (f < top)])
+    bands = np.floor(3 * np.log2(np.maximum(played.above_hz, top) / top)).astype(int)
+    found = []
+    for number in np.unique(bands):
+        own = bands == number
+        motion = shared_power(played.above[:, own] / np.sqrt(power))
+        found.append((float(top * 2 ** ((number + 0.5) / 3)), motion))
+    clear = [(hz, motion) for hz, motion in found if motion.clear]
+    if not clear:
+        return Above(octave)
+    return Above(octave, *max(clear, key=lambda one: one[1].value / max(one[1].deviation, one[1].least)))
 
 
 def _octaves(target: FloatArray, accelerations: FloatArray, rate_hz: float, judged_hz: float) -> ThirdOctaves:

@@ -18,12 +18,17 @@ from .drive import Drive
 
 Verdict = Literal["pass", "fail", "not shown"]
 """Outcome of a check. Not shown: the plays do not tell on which side of the tolerance the error lies, because
-of their noise, or because that is not independent from play to play."""
+of their noise, because that is not independent from play to play, or because something contradicts them."""
 
 _NUMBERS = ("correlation", "envelope_correlation", "drift", "judged_hz", "drive_measured_peak", "tolerance")
 """Fields of a `Check` that are single numbers."""
 _HELD = 30.0
 """Range (dB) below the strongest third-octave band within which a band is compared."""
+
+
+def hertz(frequency: float) -> str:
+    """A frequency (Hz) for people: "600 Hz", "2.5 kHz"."""
+    return f"{frequency / 1e3:.3g} kHz" if frequency >= 1e3 else f"{frequency:.0f} Hz"
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +60,26 @@ class Tones:
 
 
 @dataclass(frozen=True)
+class Above:
+    """What may move above the highest frequency that is judged.
+
+    `octave` is the part of the error in the highest octave that is judged: as much may lie in the next one.
+    `motion` is what the laser shows in the third octave `hz` above `judged_hz` where most evidence is, at the
+    gain of the filter that it declares, folded down from above the card's Nyquist frequency or not; over the
+    target's mean square, as the other errors.
+    """
+
+    octave: SharedPower
+    hz: float = 0.0
+    motion: SharedPower | None = None
+
+    def summary(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        motion = self.motion.summary() if self.motion else None
+        return {"octave": self.octave.summary(), "hz": self.hz, "motion": motion}
+
+
+@dataclass(frozen=True)
 class Silence:
     """A point that is to be silent, and its motion within the drive's band, over the target's mean square."""
 
@@ -78,10 +103,11 @@ class Silence:
 class Check(InNotebook):
     """Measured motion of a drive against its target, with no gain, lag or filter fitted.
 
-    `accelerations` is (plays, samples) m/s^2: the whole motion in each play, to the highest frequency that
-    laser and card resolve (`judged_hz`); `target` (samples,) is on the same clock. `whole`, `within` and
-    `outside` are squared errors over the target's mean square, without the plays' noise (see `agreement`):
-    of the whole motion, which is judged, and of its parts within the drive's band and outside of it. Each
+    `accelerations` is (plays, samples) m/s^2: the whole motion in each play, up to the corner of the laser's
+    filter, or to a quarter of the sample rate (`judged_hz`); `target` (samples,) is on the same clock.
+    `whole`, `within` and `outside` are squared errors over the target's mean square, without the plays' noise
+    (see `agreement`): of all that motion, which is judged, and of its parts within the drive's band and
+    outside of it. Each
     has a root, a 95 % confidence interval and a floor, the standard error of the mean of the plays; root and
     interval are NaN when the plays contradict that their noise is independent. `reasons` are the reasons for
     not passing, `notes` are other findings.
@@ -95,6 +121,7 @@ class Check(InNotebook):
     whole: SharedPower
     within: SharedPower
     outside: SharedPower
+    above: Above
     correlation: float
     """Pearson's correlation of the whole motion, without the plays' noise, and the target."""
     envelope_correlation: float
@@ -194,7 +221,7 @@ class Check(InNotebook):
     def summary(self) -> dict[str, Any]:
         """Plain values for JSON, without the waveforms; NaN (nothing moved) becomes null."""
         return {
-            **{name: getattr(self, name).summary() for name in ("whole", "within", "outside")},
+            **{name: getattr(self, name).summary() for name in ("whole", "within", "outside", "above")},
             **{name: finite(getattr(self, name)) for name in _NUMBERS},
             "third_octave_error_db": self.octaves.error_db,
             "tones_hz": self.tones.hz.tolist(),
@@ -222,6 +249,6 @@ class Check(InNotebook):
         low, high = self.interval
         verdict = " ".join([f"{self.verdict}.", *self.reasons]) if self.reasons else self.verdict
         return (
-            f"error of the whole motion {self.error:.3f} ({low:.3f} to {high:.3f}), in band "
+            f"error up to {hertz(self.judged_hz)} {self.error:.3f} ({low:.3f} to {high:.3f}), in band "
             f"{self.within.root:.3f}, outside {self.outside.root:.3f}: {verdict}"
         )

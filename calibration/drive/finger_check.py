@@ -60,7 +60,7 @@ def check_under_finger(
     with resting(rig, asked):
         felt = presence.found()
         chosen, told = (drive, "") if isinstance(drive, Drive) else drive.chosen(felt)
-        result = check(rig, chosen, plays=plays, progress=progress)
+        result = check(rig, chosen, plays=plays, most=plays, progress=progress)  # nobody holds still for long
         presence.refuse_left()
     under = f"Measured under {participant}'s fingertip, which was asked to rest with {force:g} N."
     notes = [under, told] if told else [under]

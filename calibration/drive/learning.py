@@ -267,9 +267,10 @@ def _iteration(drive: Drive, volts: FloatArray, seen: Sequence[Played]) -> Itera
 
 def _measured(drive: Drive, again: Iteration) -> Drive:
     """A drive with the errors that were measured of it in place of those that were expected."""
-    # The whole motion errs by no less than the band: noise outside may say so.
+    # The motion errs by no less than the band. Outside of it there may be little but noise, and an error is
+    # expected only as far as it was seen.
     errors = [
-        max(whole.root, within.root)
+        max(whole.interval[0], within.root)
         for whole, within in zip(again.each_whole, again.each_within, strict=True)
     ]
     others = tuple(

@@ -1,16 +1,21 @@
-"""Playing a drive and measuring the whole motion of the surface, up to what laser and card resolve."""
+"""Playing a drive and measuring the motion of the surface, up to the corner of the laser's filter.
+
+What the laser still shows above its corner, up to the card's Nyquist frequency and folded down from beyond
+it, is kept as well: its size is not known, because a filter is not, but that something moves there is.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy
 
 from ...instruments import Capture, ConfigurationError, Rig
-from ...instruments.arrays import FloatArray
+from ...instruments.arrays import ComplexArray, FloatArray
 from ...instruments.progress import Progress, silent
+from ...instruments.vibrometer import DERIVATIVE
 from ..background import Record, heard, rests, tones_in, tones_of
 from ..response import overloaded, settle
 from ..spectra import fade, resample
@@ -18,6 +23,13 @@ from .drive import Drive
 
 _TAIL = 0.1
 """Recording time (s) after the drive, so that the vibrometer's delay truncates nothing."""
+_RESOLVED = 0.25
+"""Highest frequency that is judged, over the sample rate: a card without a filter folds what is above half of
+that rate down, and up to here at least the laser's filter has weakened it."""
+_SHOWN = 0.48
+"""Highest frequency at which something is looked for, over the sample rate."""
+_PASSED = 0.05
+"""Share of a motion that laser and card pass at least where something is looked for."""
 _EDGE = 0.03
 """Time (s) at a rest's beginning in which the record is faded in."""
 
@@ -41,11 +53,21 @@ class Played:
     """(tones,) Hz: steady tones of the background that were taken out of every play."""
     tones_rms: float = 0.0
     """Rms (m/s^2) of what was taken out, in the mean play."""
+    above_hz: FloatArray = field(default_factory=lambda: np.zeros(0))
+    """(lines,) frequencies above `judged_hz`."""
+    above: ComplexArray = field(default_factory=lambda: np.zeros((0, 0), dtype=np.complex128))
+    """(plays, lines) m/s^2 of what is shown there, by the filter that the laser declares; the sum of the
+    squared magnitudes is the mean square."""
 
     @property
     def peak(self) -> float:
         """Largest voltage at any patch (V)."""
         return max(self.peaks)
+
+
+def judged_to(rig: Rig, rate_hz: float) -> float:
+    """Highest frequency (Hz) at which motion is judged, in plays of so many samples/s."""
+    return min(rig.vibrometer.bandwidth_hz, _RESOLVED * rate_hz)
 
 
 def play(rig: Rig, drive: Drive, plays: int, tail: float = 0.0, progress: Progress = silent) -> Played:
@@ -63,15 +85,16 @@ def play_by_turns(
     one = drives[0]
     settle(rig, one.patches)
     channels = (*dict.fromkeys(map(rig.monitor, one.patches)), rig.vibrometer.channel)
-    top = min(rig.vibrometer.resolved_hz, one.rate_hz / 4)
+    top = judged_to(rig, one.rate_hz)
     factor = int(one.rate_hz // (2 * top))
     leads = rests(plays * len(drives), one.rate_hz, factor, (rig.name, one.button, one.point, *one.patches))
-    records, peaks, problems = [], [], []
+    records, above, peaks, problems = [], [], [], []
     for number, lead in enumerate(leads):
         # Zero volts first: a rest of a length that no tone of the background is in step with.
         volts = {p: np.pad(own, (lead, 0)) for p, own in drives[number % len(drives)].by_patch.items()}
         capture = rig.excite_each(volts, channels, tail + _TAIL)
-        acceleration = _acceleration(rig, capture, top, factor, lead)
+        acceleration, shown = _acceleration(rig, capture, top, factor, lead)
+        above.append(shown[lead : lead + len(one.target)])
         records.append(Record(acceleration, (slice(round(_EDGE * one.rate_hz) // factor, lead // factor),)))
         peaks.append(_peaks(rig, capture, one.patches))
         problems.append(overloaded(rig, capture))
@@ -79,13 +102,14 @@ def play_by_turns(
     rate_hz = one.rate_hz / factor
     samples = -(-(len(one.target) + round(tail * one.rate_hz)) // factor)
     tones = tones_in(records, rate_hz)
+    above_hz, shares = _above(np.array(above), one.rate_hz, top)
     found = []
     for turn in range(len(drives)):
         own = slice(turn, None, len(drives))
         accelerations, kept, rms = _calmed(records[own], samples, tones, rate_hz)
         overload = next((p for p in problems[own] if p), None)
         most = tuple(np.max(peaks[own], axis=0).tolist())
-        found.append(Played(accelerations, rate_hz, top, most, overload, kept, rms))
+        found.append(Played(accelerations, rate_hz, top, most, overload, kept, rms, above_hz, shares[own]))
     return found
 
 
@@ -145,10 +169,26 @@ def refuse_foreign(rig: Rig, drive: Drive) -> None:
         )
 
 
-def _acceleration(rig: Rig, capture: Capture, top: float, factor: int, rest: int) -> FloatArray:
+def joined(first: Played, more: Played) -> Played:
+    """The plays of one drive at one point, from two series."""
+    return replace(
+        first,
+        accelerations=np.concatenate([first.accelerations, more.accelerations]),
+        peaks=tuple(np.maximum(first.peaks, more.peaks).tolist()),
+        overload=first.overload or more.overload,
+        tones_hz=max((first.tones_hz, more.tones_hz), key=len),
+        tones_rms=max(first.tones_rms, more.tones_rms),
+        above=np.concatenate([first.above, more.above]),
+    )
+
+
+def _acceleration(
+    rig: Rig, capture: Capture, top: float, factor: int, rest: int
+) -> tuple[FloatArray, FloatArray]:
     """(samples,) m/s^2 of one capture up to `top` (Hz), on the drive's clock, at its rate over `factor`.
 
-    It begins with `rest` samples without a drive, from which the laser's offset is taken.
+    It begins with `rest` samples without a drive, from which the laser's offset is taken. Also (samples,)
+    what is shown above `top`, at the capture's rate.
     """
     laser = capture.channels.index(rig.vibrometer.channel)
     velocity = rig.vibrometer.to_si(capture.volts[laser])
@@ -156,11 +196,20 @@ def _acceleration(rig: Rig, capture: Capture, top: float, factor: int, rest: int
     edge = round(_EDGE * capture.rate_hz)
     samples = scipy.fft.next_fast_len(-(-len(velocity) // factor), real=True)
     f = scipy.fft.rfftfreq(samples * factor, 1 / capture.rate_hz)
-    kept = f < top
     late = np.exp(2j * np.pi * f * capture.delays[laser]) * rig.motion_response(f)
     spectrum = scipy.fft.rfft(velocity * fade(len(velocity), edge, edge), samples * factor)
-    moved = np.where(kept, spectrum * 2j * np.pi * f / late, 0.0)[: samples // 2 + 1]
-    return np.asarray(scipy.fft.irfft(moved, samples) / factor)
+    moved = spectrum * 2j * np.pi * f / late
+    below = np.where(f < top, moved, 0.0)[: samples // 2 + 1]
+    passed = np.abs(late) > _PASSED * (2 * np.pi * np.maximum(f, 1.0)) ** DERIVATIVE[rig.vibrometer.quantity]
+    above = np.where((f >= top) & (f < _SHOWN * capture.rate_hz) & passed, moved, 0.0)
+    return np.asarray(scipy.fft.irfft(below, samples) / factor), np.asarray(scipy.fft.irfft(above))
+
+
+def _above(signals: FloatArray, rate_hz: float, top: float) -> tuple[FloatArray, ComplexArray]:
+    """Frequencies (lines,) Hz above `top`, and (plays, lines) of signals (plays, samples): see `Played`."""
+    f = scipy.fft.rfftfreq(signals.shape[1], 1 / rate_hz)
+    kept = (f >= top) & (f < _SHOWN * rate_hz)
+    return f[kept], scipy.fft.rfft(signals)[:, kept] * (np.sqrt(2) / signals.shape[1])
 
 
 def _peaks(rig: Rig, capture: Capture, patches: Sequence[str]) -> list[float]:

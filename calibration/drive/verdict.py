@@ -9,7 +9,7 @@ import numpy as np
 
 from ..perception import levels_of, sensations_of
 from .agreement import SharedPower, plays_needed
-from .checked import Check, Silence, Verdict
+from .checked import Check, Silence, Verdict, hertz
 
 LEAST_IN_BAND = 0.25
 """Smallest share of the modulated press's energy in the drive's band: matching less is no match."""
@@ -23,6 +23,11 @@ _ARRIVES = 0.8
 _FACTOR = 0.05
 """Distance of a factor over the whole motion from one, from which it is told."""
 _WORSE: tuple[Verdict, ...] = ("pass", "not shown", "fail")
+_CONTRADICTS = 2.0
+"""Ratio of a predicted error and an end of the measured one's interval, from which they contradict each
+other (estimate)."""
+_AMPLE = 0.05
+"""Error from which one that was not expected is told."""
 _TOLD = 0.05
 """Share of the target from which tones that were taken out are told."""
 
@@ -53,6 +58,12 @@ def judged(result: Check, signs: Signs) -> Check:
     if doubt := _doubt(result, signs):
         return replace(result, verdict="not shown", reasons=(f"Not shown: {doubt}",), notes=notes)
     return replace(result, verdict="pass", notes=notes)
+
+
+def undecided(result: Check) -> bool:
+    """True for a verdict of not shown that nothing but the number of plays stands against."""
+    low, high = result.interval
+    return result.verdict == "not shown" and low <= result.tolerance < high
 
 
 def worst(verdicts: Iterable[Verdict]) -> Verdict:
@@ -125,7 +136,8 @@ def _failures(result: Check, signs: Signs) -> list[str]:
     # Written so that NaN fails too.
     if not signs.dependent and not result.interval[0] <= result.tolerance:
         failures.append(
-            f"The whole motion of the surface differs from the target by {_said(result)}, and "
+            f"The motion of the surface up to {hertz(result.judged_hz)} differs from the target by "
+            f"{_said(result)}, and "
             f"{result.tolerance:.0%} is accepted: {result.within.root:.1%} within {low_hz:.0f} to "
             f"{high_hz:.0f} Hz, and {result.outside.root:.1%} outside."
         )
@@ -157,17 +169,58 @@ def _doubt(result: Check, signs: Signs) -> str:
             f"{signs.dependent}, which independent noise does not do. Something periodic disturbs the "
             "laser in step with the plays (mains, a fan, a motor): stop it, and check again."
         )
-    if result.interval[1] <= result.tolerance:
-        return ""
-    needed = plays_needed(result.whole, result.tolerance)
-    remedy = (
-        f"{needed} plays would probably show it."
-        if needed
-        else "More plays would not: use a range or filter of the vibrometer with less noise, or more output."
+    if result.interval[1] > result.tolerance:
+        needed = plays_needed(result.whole, result.tolerance)
+        remedy = (
+            f"{needed} plays would probably show it."
+            if needed
+            else "More plays would not: use a range or filter of the vibrometer with less noise, or more "
+            "output."
+        )
+        return (
+            f"the motion up to {hertz(result.judged_hz)} differs from the target by {_said(result)}, which "
+            f"does not tell on which side of the accepted {result.tolerance:.0%} it lies. {remedy}"
+        )
+    return _beyond(result) or (_contradiction(result) if _unlike_plan(result) else "")
+
+
+def _beyond(result: Check) -> str:
+    """Evidence that the surface moves too much above the highest frequency that is judged, in a clause."""
+    above, top = result.above, hertz(result.judged_hz)
+    tell = (
+        "measure with a vibrometer or a filter that passes more, or play the button at another point or with "
+        "another patch."
     )
+    if above.motion is not None and result.whole.value + above.motion.value > result.tolerance**2:
+        return (
+            f"the laser shows motion near {hertz(above.hz)}, above the {top} that it passes (or beyond the "
+            f"card's sample rate, and folded down), which its filter lets through as {above.motion.root:.1%} "
+            f"of the target: {tell}"
+        )
+    octave = above.octave
+    if octave.interval[0] > 0 and result.whole.value + octave.value > result.tolerance**2:
+        return (
+            f"{octave.root:.1%} of error lie between {hertz(result.judged_hz / 2)} and {top}, and if as much "
+            f"lies in the octave above, which the laser does not pass, the motion differs by more than the "
+            f"accepted {result.tolerance:.0%}: {tell}"
+        )
+    return ""
+
+
+def _unlike_plan(result: Check) -> bool:
+    """True when more error was expected than is accepted, and the plays show much less."""
+    return result.drive.predicted_error > max(result.tolerance, _CONTRADICTS * result.interval[1])
+
+
+def _contradiction(result: Check) -> str:
+    """A clause on a predicted error that the plays contradict; empty where they do not."""
+    predicted, (low, high) = result.drive.predicted_error, result.interval
+    if not (_unlike_plan(result) or low > max(_AMPLE, _CONTRADICTS * predicted)):
+        return ""
     return (
-        f"the whole motion differs from the target by {_said(result)}, which does not tell on "
-        f"which side of the accepted {result.tolerance:.0%} it lies. {remedy}"
+        f"{predicted:.1%} of error were expected when the drive was computed or learnt, and the plays show "
+        f"{result.error:.1%} ({low:.1%} to {high:.1%}): the table, the patch or the laser's aim has changed "
+        "since, or the calibration is wrong; calibrate again, and compute the drive from that."
     )
 
 
@@ -194,6 +247,8 @@ def _notes(result: Check, signs: Signs) -> tuple[str, ...]:
     number, by = signs.odd
     if factor := one_factor(result.whole, signs.followed, _FACTOR):
         notes.append(factor)
+    if told := _contradiction(result):
+        notes.append(f"Expected and measured error contradict each other: {told}")
     if result.tones.share > _TOLD:
         tones = ", ".join(f"{hz:.1f}" for hz in result.tones.hz)
         notes.append(

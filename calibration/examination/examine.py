@@ -7,7 +7,8 @@ few volts within the rig's own limits. The rig is in its safe state after each p
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from types import MappingProxyType
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from ...instruments.progress import Progress, silent
 from ...instruments.relay import LOST
 from ...instruments.rig import UNPROVED
 from ...instruments.vibrometer import Vibrometer, shown
+from ..drive import Drive
 from .band_check import check_bands
 from .camera_check import check_camera
 from .finding import Finding, Status
@@ -30,17 +32,22 @@ from .sensor_check import (
     check_gravity,
     check_noise,
 )
+from .verdict_check import check_verdicts
 
+NO_DRIVES: Mapping[str, Drive] = MappingProxyType({})
 _DIVIDER = 100.0
 """Ratio of the usual divider of a drive monitor (docs/hardware.md, "divider at the patches")."""
 _SAME = 0.01
 """Relative difference below which two factors are one."""
 
 
-def examine(rig: Rig, mass: float = 0.5, progress: Progress = silent) -> list[Finding]:
+def examine(
+    rig: Rig, mass: float = 0.5, progress: Progress = silent, drives: Mapping[str, Drive] = NO_DRIVES
+) -> list[Finding]:
     """Test every instrument and sensor of this rig, beginning with the tests that move nothing.
 
-    `mass` (kg) is the mass that the operator is asked to put on the force sensor. `progress` is called
+    `mass` (kg) is the mass that the operator is asked to put on the force sensor; of `drives`, by name, is
+    told which error a check can decide. `progress` is called
     before and after each part. Raises ConfigurationError for a mass that is none, and InstrumentError only
     when the safe state could not be confirmed.
     """
@@ -51,6 +58,7 @@ def examine(rig: Rig, mass: float = 0.5, progress: Progress = silent) -> list[Fi
         ("Settings", "rig", True, lambda: _settings(rig)),
         ("Bandwidth", "daq", True, lambda: check_bands(rig)),
         ("Noise floor", "daq", True, lambda: check_noise(rig)),
+        ("Verdicts", "vibrometer", _has_table(rig), lambda: check_verdicts(rig, drives)),
         ("Ghosts", "daq", True, lambda: check_ghosts(rig, list(cards(rig).values()))),
         ("Force sensor", "force", rig.sensors.force is not None, lambda: check_force(rig, mass)),
         ("Accelerometer", "acceleration", rig.sensors.acceleration is not None, lambda: check_gravity(rig)),

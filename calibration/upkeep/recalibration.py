@@ -48,7 +48,7 @@ _PLAYS_BEFORE = 4
 """Plays of each old drive on the drifted table, enough to measure its error."""
 
 
-Kind = Literal["unchanged", "restored", "drifted", "touched", "broken"]
+Kind = Literal["unchanged", "restored", "drifted", "touched", "broken", "not shown"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +59,8 @@ class Outcome:
     where each needs the laser at a point that nobody aims it at. `restored`:
     the table had drifted, and another calibration, in which every button passed, is active. `drifted`: the
     table had drifted, and not every button could be restored. `touched`: something seems to rest on it, or
-    came or left meanwhile. `broken`: a place or an instrument has failed. Only `restored` changes anything.
+    came or left meanwhile. `broken`: a place or an instrument has failed. `not shown`: the responses are as
+    they were, and the plays of a button do not tell whether it is right. Only `restored` changes anything.
     """
 
     kind: Kind
@@ -142,7 +143,7 @@ def recalibrate(
             else:
                 outcome = _with(outcome, _NONE_PLAYED)
         if gained and outcome.kind != "broken":
-            kind = "broken" if far or outcome.kind == "drifted" else outcome.kind
+            kind = "broken" if far or outcome.kind in ("drifted", "not shown") else outcome.kind
             outcome = _with(replace(outcome, kind=kind), *gained)
         elif outcome.kind == "drifted" and look.touched and not free:
             told = f"Nothing was changed: {active.name} stays the active one. {TAKE_AWAY}"
@@ -240,6 +241,11 @@ def _played(
     if found.passed:
         return _with(outcome, f"{told}: its error is {found.error:.1%}, and it passes.")
     reasons = " ".join(found.reasons)
+    if found.verdict == "not shown" and not hidden:
+        return _with(
+            replace(outcome, kind="not shown"),
+            f"{told}. The response is as it was, and whether the button is right cannot be told. {reasons}",
+        )
     if hidden:
         return _with(
             replace(outcome, kind="broken"),
@@ -285,7 +291,9 @@ def _made_anew(
         try:
             if name not in made.before:
                 old_drive = prefixed(progress, f"{name}, old drive")
-                made.before[name] = check(rig, old.drive, plays=_PLAYS_BEFORE, progress=old_drive)
+                made.before[name] = check(
+                    rig, old.drive, plays=_PLAYS_BEFORE, most=_PLAYS_BEFORE, progress=old_drive
+                )
             for place in places:
                 if place not in made.calibrations:
                     found, kept = calibrate_keeping(rig, *place, progress)

@@ -13,7 +13,7 @@ from ...reports import show
 from ...terminal.exits import CommandState
 from ...terminal.progress import Steps, note, print_json, print_line
 from .. import front as haploop
-from ..options import JSON, PATH, RIG, SIMULATE, TAPED, Names, tape_session
+from ..options import EXITS, JSON, PATH, RIG, SIMULATE, TAPED, Names, tape_session
 
 if TYPE_CHECKING:
     from ...instruments.driver import Mode
@@ -86,4 +86,4 @@ def demo(
     else:
         show.print_contents(demo_contents(summary), as_json)
         print_line(f"Report: {summary['report']}")
-    return 0 if summary["passed"] else 1
+    return EXITS[summary["verdict"]]

@@ -62,6 +62,7 @@ def summarise(demo: Demo) -> dict[str, Any]:
         "software": _software(),
         "date": response.created,
         "passed": demo.passed,
+        "verdict": demo.verdict,
     }
     return {name: plain(value) for name, value in found.items()}
 
@@ -171,8 +172,9 @@ _HEADINGS = (
 )  # fmt: skip
 _EXPLAINED = (
     "In band: share of the press's energy, modulated or as recorded, within the band that is played. Error: "
-    "of the whole motion, with its 95 % confidence interval. Felt: by most people who press. Loudness: "
-    "beside the recorded press, both weighted with the threshold of a finger that presses."
+    "of the motion up to the corner of the laser's filter, with its 95 % confidence interval. Felt: by most "
+    "people who press. Loudness: beside the recorded press, both weighted with the threshold of a finger "
+    "that presses."
 )
 
 
@@ -223,10 +225,11 @@ def _listed(values: Mapping[str, Any], mark: str) -> str:
 
 
 _ERRORS = (
-    "Error is the root-mean-square difference between the whole measured motion and the target acceleration "
-    "over the target's, without the noise of the plays, which is estimated from their differences; noise is "
-    "what is left in the mean of the plays. A button passes when the upper end of the confidence interval "
-    "is at most 20 %, fails when the lower end is above that, and is otherwise not shown to do either."
+    "Error is the root-mean-square difference between the measured motion, up to the corner of the laser's "
+    "filter, and the target acceleration over the target's, without the noise of the plays, which is "
+    "estimated from their differences; noise is what is left in the mean of the plays. A button passes when "
+    "the upper end of the confidence interval is at most 20 %, fails when the lower end is above that, and "
+    "is otherwise not shown to do either."
 )
 _FELT = (
     "Levels are energies in the loudest second, as long as the bursts of which the thresholds were measured, "

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ...acquisition import Recording, Representative
-from ...calibration import Calibration, Check
+from ...calibration import Calibration, Check, worst
 from ...instruments.arrays import ComplexArray, FloatArray
 
 BUTTONS = ("latch", "toggle", "push")
@@ -54,6 +54,11 @@ class Demo:
     def patches(self) -> str:
         """Names of the patches that played, for people."""
         return self.buttons[0].check.drive.patch
+
+    @property
+    def verdict(self) -> str:
+        """The worst of all buttons' verdicts."""
+        return worst(result.check.verdict for result in self.buttons)
 
     @property
     def passed(self) -> bool:

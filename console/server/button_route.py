@@ -96,7 +96,6 @@ def _each_point(check: Check, presses: Sequence[Representative]) -> list[dict[st
             {
                 "label": f"{press.button} at the {one.drive.point} point",
                 "verdict": one.verdict,
-                "passed": one.passed,
                 "said": one_style(f"{error}. {check_feeling(one, press).sentence}"),
             }
         )

@@ -106,7 +106,7 @@ def check(tools: Tools, wanted: Mapping[str, Any]) -> Work:
     def work(rig: Rig) -> dict[str, Any]:
         now = datetime.now(UTC)
         saved = tools.data.path(f"checks/{path.stem}-{now:%Y%m%dT%H%M%S}.h5")
-        with reserved(saved, size=sizes.CHECK + _PLAYS * sizes.PLAY):
+        with reserved(saved, size=sizes.of_check(_PLAYS)):
             result = play_button(rig, button, plays=_PLAYS, progress=tools.progress)
             result.save(saved)
         # The button's file is never changed: the new check stands beside it.

@@ -28,9 +28,9 @@ COLUMNS = (
 COMPARISON = (
     "Left: the recorded press above the measured motion of the surface, each over its peak. Middle: target "
     "(thick) and measured (thin) acceleration in m/s² around the largest peak. Right: power spectral density "
-    "(PSD) of the whole motion, of the recorded press to the same scale, and of the noise left in the mean "
-    "of the plays, in means over hundredths of the band; the band that the drive uses is shaded. After the "
-    "paper's figure 9."
+    "(PSD) of the measured motion, of the recorded press to the same scale, and of the noise left in the "
+    "mean of the plays, in means over hundredths of the band; the band that the drive uses is shaded. After "
+    "the paper's figure 9."
 )
 FEELING = (
     "Left: third-octave levels in dB re 1 µm/s² in the loudest second of each signal, the noise left in the "
@@ -39,12 +39,12 @@ FEELING = (
     "Above each panel: how far the loudest second lies above that threshold, and who feels it."
 )
 CHECK = (
-    "Target (thick) and measured (thin) acceleration in m/s²; third octaves of the whole motion with the "
+    "Target (thick) and measured (thin) acceleration in m/s²; third octaves of the measured motion with the "
     "noise left in the mean of the plays; third octaves in the loudest second against thresholds of "
     "detection; level in 20 ms over the threshold of a finger that presses (0 dB)."
 )
 PLAN = (
-    "Expected error of the whole motion in percent over the level above the threshold of a finger that "
+    "Expected error in percent over the level above the threshold of a finger that "
     "presses in dB, of what the rig's limits allow: filled marks as calibrated, open ones after a drift of "
     "the table by 1 %, which drives of several patches are planned against. Line: the threshold; grey: where "
     "it may lie, so that it is not known there whether most people feel it. Dotted: the error that a check "
@@ -53,7 +53,7 @@ PLAN = (
 _ITERATIONS = "Iterations: error within the band of each drive that was tried."
 LEARNING = f"{CHECK} {_ITERATIONS}"
 ITERATIONS = (
-    "Target (thick) and measured (thin) acceleration in m/s²; third octaves of the whole motion with the "
+    "Target (thick) and measured (thin) acceleration in m/s²; third octaves of the measured motion with the "
     f"noise left in the mean of the plays. {_ITERATIONS}"
 )
 BEFORE_AND_AFTER = (

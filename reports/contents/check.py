@@ -241,9 +241,8 @@ def _check_facts(check: Check, feeling: Feeling, presses: Sequence[Representativ
     low, high = check.drive.band
     yield fact("Verdict", [verdict_cell(check.verdict), *check.reasons, *check.notes])
     yield fact(
-        "Error, whole motion",
-        f"{_error(check.whole)}, at most {percent(check.tolerance)}; up to {check.judged_hz:.0f} Hz, in "
-        f"{check.plays} plays",
+        f"Error up to {check.judged_hz:.0f} Hz",
+        f"{_error(check.whole)}, at most {percent(check.tolerance)}, in {check.plays} plays",
     )
     yield from silence_facts(check)
     yield from other_facts(check, presses)

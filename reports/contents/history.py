@@ -29,6 +29,7 @@ _OUTCOMES = {
     "drifted": "The table has drifted; not every button could be brought within tolerance",
     "touched": "Something rests on the table; nothing was changed",
     "broken": "Something is broken; nothing was changed",
+    "not shown": "Nothing has changed that could be seen, and whether the buttons are right cannot be told",
 }
 """Title of each kind of outcome."""
 
@@ -136,7 +137,7 @@ def difference_contents(one: Generation, other: Generation) -> Contents:
     ]
     rows += [
         _change(
-            f"{name}: error of the whole motion (%)",
+            f"{name}: error (%)",
             [None if c is None else 100 * c.error for c in both],
         )
         for name, both in buttons.items()

@@ -129,7 +129,7 @@ def plan_drawing(plan: ButtonPlan) -> Drawing:
 
 _HEADINGS = ("Method", "Patch", "Error", "Drifted", "Level", "Felt", "Size", "Drive")
 _EXPLAINED = (
-    "Error: expected of the whole motion as calibrated, before corrections by playing. Drifted: the same if "
+    "Error: expected as calibrated, before corrections by playing. Drifted: the same if "
     f"the table has drifted by {Drift().common:.0%}, which drives of several patches are planned against. "
     "Level: above the threshold of a finger that presses. Felt: by most people who press. Choose with "
     "`haploop button make --error 5` (of one patch as calibrated, of several drifted) or `--level 10dB`."

@@ -15,7 +15,7 @@ import haploop
 from haploop.acquisition import Recording, Representative
 from haploop.calibration import Calibration, Check, DigitalButton, Drive, Learning, Response
 from haploop.calibration.drive.agreement import SharedPower
-from haploop.calibration.drive.checked import ThirdOctaves, Tones
+from haploop.calibration.drive.checked import Above, ThirdOctaves, Tones
 from haploop.calibration.map.measuring import map_plan, measure_map
 from haploop.exchange.columns import contained
 from tests.calibration.conftest import make_press
@@ -91,7 +91,8 @@ def make_check(drive: Drive) -> Check:
     error, level = SharedPower(0.015**2, 1e-5, 1e-4, 2), np.zeros(5)
     return Check(
         drive=drive, rate_hz=5000.0, target=target, accelerations=plays, judged_hz=1000.0,
-        whole=error, within=error, outside=error, correlation=0.99, envelope_correlation=0.99,
+        whole=error, within=error, outside=error, above=Above(error), correlation=0.99,
+        envelope_correlation=0.99,
         octaves=ThirdOctaves(octaves, level, level, level - 40), drift=0.0, tones=Tones(np.zeros(0), 0.0),
         drive_measured_peak=20.0, overload=False, tolerance=0.2, verdict="pass", reasons=(), notes=(),
         simulated=True,

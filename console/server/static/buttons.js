@@ -3,6 +3,7 @@ import { asking } from "./asking.js";
 import { legend, line, plot } from "./plots.js";
 
 asking("Nothing is being played.");
+const tone = (verdict) => ({ pass: "good", fail: "bad" }[verdict] || "warn");
 const chosen = (id) => [...$(id).selectedOptions].map((option) => option.value);
 $("make-form").addEventListener("submit", (event) => {
   event.preventDefault();
@@ -44,11 +45,11 @@ async function show(anew) {
   $("point").value = found.point;
   $("point-list").classList.toggle("hidden", found.points.length < 2);
   $("points").classList.toggle("hidden", !found.each_point.length);
-  $("each-point").append(...found.each_point.map((one) => el("tr", {}, el("th", { scope: "row" }, one.label), el("td", {}, ...(one.verdict ? [el("strong", { class: one.passed ? "good" : "bad" }, one.verdict), ", "] : []), one.said))));
+  $("each-point").append(...found.each_point.map((one) => el("tr", {}, el("th", { scope: "row" }, one.label), el("td", {}, ...(one.verdict ? [el("strong", { class: tone(one.verdict) }, one.verdict), ", "] : []), one.said))));
   const drives = Object.entries(found.drives), several = drives.length > 1, check = found.check, percent = (value) => (value === null ? "-" : `${(100 * value).toFixed(1)} %`);
   $("verdict").textContent = check.verdict;
-  $("verdict").className = `verdict ${check.passed ? "good" : "bad"}`;
-  $("said-of-it").textContent = `${found.name}, patch ${drives.map(([patch]) => patch).join(" + ")} at the ${found.point} point${found.simulated ? ", simulated" : ""}. Error of the whole motion ${percent(check.whole.error)} (${percent(check.whole.interval[0])} to ${percent(check.whole.interval[1])}) over ${check.plays} plays; outside the band ${percent(check.outside.error)}. It plays ${percent(found.in_band)} of the recorded press's energy${found.loudness_db === null ? "" : `, ${Math.abs(found.loudness_db).toFixed(0)} dB ${found.loudness_db < 0 ? "quieter" : "louder"}`}. ${found.felt}`;
+  $("verdict").className = `verdict ${tone(check.verdict)}`;
+  $("said-of-it").textContent = `${found.name}, patch ${drives.map(([patch]) => patch).join(" + ")} at the ${found.point} point${found.simulated ? ", simulated" : ""}. Error up to ${check.judged_hz} Hz ${percent(check.whole.error)} (${percent(check.whole.interval[0])} to ${percent(check.whole.interval[1])}) over ${check.plays} plays; outside the band ${percent(check.outside.error)}. It plays ${percent(found.in_band)} of the recorded press's energy${found.loudness_db === null ? "" : `, ${Math.abs(found.loudness_db).toFixed(0)} dB ${found.loudness_db < 0 ? "quieter" : "louder"}`}. ${found.felt}`;
   fill($("reasons"), ...[...new Set([...check.reasons, ...check.notes, ...found.notes])].map((one) => el("li", {}, one)));
   const times = found.target.map((_, k) => 1000 * k * found.step_s);
   $("legend").append(legend(["target", "measured (mean of the plays)", "recorded press, scaled as the target", ...(several ? [] : ["drive"])]));

@@ -12,7 +12,7 @@ async function list() {
   $("found").classList.toggle("hidden", nothing);
   $("count").textContent = `${of} file${of === 1 ? "" : "s"}${files.length < of ? `; the newest ${files.length} are shown` : ""}`;
   fill($("files"), ...files.map((one) => el("tr", {}, el("td", {}, one.kind), el("td", {}, one.participant), el("td", {}, one.button), el("td", { class: "date" }, one.date.slice(0, 16).replace("T", " ")),
-    el("td", { class: { pass: "green", complete: "green", fail: "red" }[one.verdict] }, one.verdict), el("td", {}, one.presses),
+    el("td", { class: { pass: "green", complete: "green", fail: "red", "not shown": "yellow" }[one.verdict] }, one.verdict), el("td", {}, one.presses),
     el("td", {}, one.rig + (one.simulated === "yes" && one.rig !== "simulated" ? " (simulated)" : "")), el("td", {}, one.file, ...(one.problem ? [el("p", { class: "bad" }, one.problem)] : [])))));
 }
 

@@ -33,7 +33,7 @@ def test_a_fresh_drive_passes_by_what_was_expected(calibrated: Calibrated, drive
     assert result.passed and result.reasons == ()
     # What comes on top of the expected is the hysteresis, which is known to some percent.
     assert drive.predicted_error / 2 < result.interval[1]
-    assert result.error < 2 * drive.predicted_error < 0.20
+    assert result.within.root < 2 * drive.predicted_error < 0.20
     assert str(result).endswith(": pass")
     assert result.correlation > 0.99 and result.envelope_correlation > 0.99
     assert 0 < result.within.floor < 0.02 and result.tolerance == 0.20
@@ -41,7 +41,7 @@ def test_a_fresh_drive_passes_by_what_was_expected(calibrated: Calibrated, drive
     assert not result.overload and result.drift == 0
     assert result.drive_measured_peak == pytest.approx(drive.peak, rel=0.05)
     assert result.measured.shape == result.target.shape and result.plays == 8
-    assert result.judged_hz == 2500
+    assert result.judged_hz == 5000  # the corner of the laser's filter
     assert result.simulated == calibrated.rig.simulated
     told = [name for name, *_ in seen]
     assert told == [f"Check the {drive.button} button"] * 8
@@ -129,9 +129,9 @@ def test_a_few_plays_are_told_how_many_would_show_it(
     tamper(
         calibrated.rig,
         monkeypatch,
-        laser=lambda v: (1 + 0.04 * noise.standard_normal()) * v * 0.8,
+        laser=lambda v: (1 + 0.04 * noise.standard_normal()) * v * 0.88,
     )
-    result = check(calibrated.rig, drive, plays=3)
+    result = check(calibrated.rig, drive, plays=3, most=3)
     assert result.verdict == "not shown"
     assert "plays would probably show it" in result.reasons[0]
 
@@ -197,7 +197,7 @@ def test_what_was_played_before_does_not_change_the_verdict(open: OpenRig, drive
     measure_response(rig, excitation=Multisine())
     first = check(rig, drive, plays=3)
     again = check(rig, drive, plays=3)
-    assert first.passed and first.drift == 0
+    assert first.verdict != "fail" and first.drift == 0
     assert first.within.root == pytest.approx(again.within.root, abs=0.015)
 
 

@@ -29,8 +29,8 @@ def test_hum_changes_neither_the_error_nor_the_verdict(
     """With 20 mV, 50 Hz used to pass with error 0.0000 (0.0000 to 0.0000), and 60 Hz to fail with 59 %."""
     result, truth = true_error(open(**hum(volts, frequency)), drive, 8)
     low, high = result.interval
-    assert low <= truth <= high < 0.1
-    assert result.passed and result.error == pytest.approx(truth, abs=0.02)
+    assert low <= truth <= high < 0.2
+    assert result.passed and result.error == pytest.approx(truth, abs=0.1)
     assert result.tones.share > 0.15 and abs(result.tones.hz - frequency).min() < 0.05
     assert any(f"steady tones at {frequency:.1f}," in note for note in result.notes)
 
@@ -163,5 +163,5 @@ def test_a_table_that_rings_long_has_come_to_rest_before_it_is_played(
     calibration: Calibration = calibrate(rig)
     result, truth = true_error(rig, drive_for(make_press(), calibration, rig.limits), 8)
     low, high = result.interval
-    assert low <= truth <= high and high - low < 0.05
+    assert low <= truth <= high and high - low < 0.15
     assert result.drift == 0 and not any(note.startswith("Play ") for note in result.notes)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from haploop.calibration import Calibration, ChannelScatter, Check, Waveforms
+from haploop.calibration import Calibration, ChannelScatter, Check, Waveforms, sizes
 from haploop.calibration.drive import Elsewhere
 from haploop.calibration.drive.button import DigitalButton
 from haploop.calibration.upkeep import recalibration
@@ -560,3 +560,19 @@ def test_a_laser_askew_is_named_and_nothing_is_adopted(
     assert outcome.verdicts[0].factor == pytest.approx(scale, abs=0.02)
     assert "laser's scale is wrong" in told and "or the patch's strength changed" in told
     assert rig.simulation.faults[0].fired
+
+
+@pytest.mark.requires("simulation")
+def test_what_cannot_be_told_is_no_drift(
+    open: OpenRig, history: History, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The plays do not tell whether the button is right, and nothing has changed: that was "drifted"."""
+    monkeypatch.setattr(sizes, "MORE_PLAYS", 1)
+    before = content(history)
+    rig = left_alone(open(vibrometer_noise_scale=1.9))
+    outcome = recalibrate(rig, history, when=WHEN)
+    assert changed_nothing(history, outcome, before, "not shown")
+    assert outcome.before["push-A-button"].verdict == "not shown" and not outcome.after
+    assert [verdict.kind for verdict in outcome.verdicts] == ["unchanged"]
+    said = " ".join(outcome.sentences)
+    assert "whether the button is right cannot be told" in said and "has drifted" not in said

@@ -1,0 +1,69 @@
+"""Tell beforehand which error of a button the laser can decide, from its noise at rest.
+
+A check passes when the upper end of its error's interval is within the tolerance. Of a drive without error,
+noise alone makes that end: the root of the reach of products of its spectra, line by line (see
+`drive.agreement`). It falls with the root of plays x (plays - 1), and with the size of the motion.
+
+Assumptions: the noise is as at rest, the same in each play, and without tones, which a check takes out. What
+breaks them: spikes, speckle that moves with the surface; then a check needs more plays than are said here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+import scipy
+
+from ...instruments import Rest, Rig
+from .. import sizes
+from ..drive import TOLERANCE, Drive, judged_to, told_by_noise
+from .finding import Finding, Status
+
+_SECONDS = 2.0
+"""Length of the record at rest (s)."""
+_LENGTH = 1.1
+"""Length of a drive (s), of the demo's presses."""
+_PLAYS = 8
+_LOWEST_HZ = 20.0
+
+
+def check_verdicts(rig: Rig, drives: Mapping[str, Drive]) -> Iterator[Finding]:
+    """Tell which error this laser, in this range, decides in 8 and in 32 plays, also of `drives` by name."""
+    rig.operator.tell(Rest(_SECONDS))
+    rate_hz, channel = rig.table.rate_hz, rig.vibrometer.channel
+    with rig.daq.stream((channel,), rate_hz, round(rate_hz / 10), round(_SECONDS * rate_hz)) as stream:
+        shown = rig.vibrometer.to_si(stream.capture().volts[0])
+    f, power = scipy.signal.welch(shown, rate_hz, nperseg=round(rate_hz / 10))
+    kept = (f >= _LOWEST_HZ) & (f < judged_to(rig, rate_hz))
+    power = power[kept] * np.abs(2 * np.pi * f[kept] / rig.motion_response(f[kept])) ** 2
+
+    def told(size: float, plays: int, seconds: float) -> float:
+        """Error at the upper end of the interval for a target of `size` (m/s^2 rms)."""
+        squares = float(np.sum(power**2)) * f[1] / seconds
+        return float(np.sqrt(told_by_noise(squares, plays))) / size
+
+    most = sizes.MORE_PLAYS * _PLAYS
+    few, many = told(1.0, _PLAYS, _LENGTH), told(1.0, most, _LENGTH)
+    top = judged_to(rig, rate_hz)
+    yield Finding(
+        "Verdicts",
+        "vibrometer",
+        "green",
+        f"Up to {top:.0f} Hz, {_PLAYS} plays tell {TOLERANCE:.0%} of error of a target of "
+        f"{few / TOLERANCE:.2g} m/s² rms or more, {most} plays of one of {many / TOLERANCE:.2g} or more: "
+        "half of that error takes twice that motion.",
+    )
+    for name, drive in drives.items():
+        size, seconds = float(np.sqrt(np.mean(drive.target**2))), len(drive.target) / drive.rate_hz
+        few, many = (told(size, plays, seconds) for plays in (_PLAYS, most))
+        decides = (
+            f"Of its {size:.2g} m/s² rms, {_PLAYS} plays tell {few:.1%} of error, {most} plays {many:.1%}"
+        )
+        if many > TOLERANCE:
+            decides += (
+                f", and {TOLERANCE:.0%} is to be told: choose a smaller range or filter of the vibrometer, "
+                "or make the button louder"
+            )
+        status: Status = "red" if many > TOLERANCE else "green"
+        yield Finding(f"Verdict on {name}", "vibrometer", status, f"{decides}.")
