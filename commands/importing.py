@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _FORMATS = (
     "csv", "wav", "mat", "hdf5", "netcdf", "nwb", "numpy", "parquet", "tdms", "xdf", "xlsx", "uff", "sep005",
 )  # fmt: skip
-_ROLES = ("force", "acceleration", "displacement")
+_FLIPPED = ("force", "acceleration", "displacement", "activation")
 
 
 @click.command("import")
@@ -46,7 +46,14 @@ _ROLES = ("force", "acceleration", "displacement")
     help="Unit or sensitivity of a column: force=mN, 'force=40 N' (what one of the file is), "
     "'acceleration=100 mV/g', time=ms.",
 )
-@click.option("--flip", multiple=True, type=click.Choice(_ROLES), help="Change the sign of a column.")
+@click.option("--flip", multiple=True, type=click.Choice(_FLIPPED), help="Change the sign of a column.")
+@click.option(
+    "--where",
+    multiple=True,
+    metavar="COLUMN=VALUE",
+    help="Of a table of several measurements, the rows to take: Sensor=left, or Sensor=* for all.",
+)
+@click.option("--skip-damaged", is_flag=True, help="Leave damaged rows of a text out, as gaps.")
 @click.option(
     "--rest",
     multiple=True,
@@ -155,16 +162,17 @@ class _Wanted:
 
 def _mapping(file: Path | None, told: dict[str, Any]) -> FileMapping:
     """The mapping of a file, changed by the options."""
-    units = _by_role("unit", "force=mN", told.pop("units"))
-    told["rest"] = _by_role("rest", "force=start", told["rest"])
-    said = {key: value for key, value in told.items() if value not in (None, (), {})}
+    units = _by_name("unit", "force=mN", told.pop("units"))
+    told["rest"] = _by_name("rest", "force=start", told["rest"])
+    told["where"] = _by_name("where", "Sensor=left", told["where"])
+    said = {key: value for key, value in told.items() if value not in (None, (), {}, False)}
     if "rate" in said:
         said["rate_hz"] = said.pop("rate")
     mapping = haploop.FileMapping.told({**said, **({"units": units} if units else {})}, "the options")
     return mapping if file is None else haploop.FileMapping.load(file).but(mapping)
 
 
-def _by_role(option: str, example: str, given: Sequence[str]) -> dict[str, str]:
+def _by_name(option: str, example: str, given: Sequence[str]) -> dict[str, str]:
     """What an option says of columns, by their role. Raises ConfigurationError."""
     said = {}
     for one in given:

@@ -1,7 +1,10 @@
 """Files of any program, read as columns of numbers with their headings and units."""
 
 from .readers import FORMATS, format_of, read_table
-from .table import Column, Table
-from .units import SI, per_unit, unit_of
+from .table import Column, Labels, Stated, Table
+from .units import SI, per_unit, unit_of, units_of
 
-__all__ = ["FORMATS", "SI", "Column", "Table", "format_of", "per_unit", "read_table", "unit_of"]
+__all__ = [
+    "FORMATS", "SI", "Column", "Labels", "Stated", "Table", "format_of", "per_unit", "read_table", "unit_of",
+    "units_of",
+]  # fmt: skip

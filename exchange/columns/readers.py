@@ -12,7 +12,7 @@ from ...instruments import ConfigurationError, DataError
 from .. import sep005_file, wav_file
 from ..views import Signals
 from . import text_file, tree_table, uff_signals
-from .table import Column, Table
+from .table import Column, Stated, Table
 
 _SIGNALS: Mapping[str, Callable[[Path, float | None], Signals]] = {
     "wav": wav_file.read_signals,
@@ -46,8 +46,11 @@ def format_of(path: Path, format: str | None) -> str:
     return found
 
 
-def read_table(path: Path, format: str | None, decimal: str | None) -> Table:
-    """The columns of a file. Raises ConfigurationError, DataError."""
+def read_table(path: Path, format: str | None, decimal: str | None, skip: bool = False) -> Table:
+    """The columns of a file, without damaged rows of a text if `skip`.
+
+    Raises ConfigurationError, DataError.
+    """
     found = format_of(path, format)
     if not path.is_file():
         raise DataError(f"There is no file {path}: check the name.")
@@ -59,7 +62,7 @@ def read_table(path: Path, format: str | None, decimal: str | None) -> Table:
         elif found in _TREES:
             table = tree_table.read_table(path)
         else:
-            table = text_file.read_table(path, decimal)
+            table = text_file.read_table(path, decimal, skip)
     if any(column.name.lower() == "frequency" for column in table.columns):
         raise DataError(f"{path} is over frequency: of responses haploop imports .uff files only.")
     if not all(len(column.values) for column in table.columns):
@@ -74,4 +77,5 @@ def read_table(path: Path, format: str | None, decimal: str | None) -> Table:
 def _of_signals(path: Path, signals: Signals, format: str) -> Table:
     columns = tuple(Column(c.name, c.unit, c.values) for c in signals.channels)
     kind = {"wav": "WAV", "sep005": "SEP-005"}[format]
-    return Table(path, kind, columns, signals.rate_hz, "the file's own rate", signals.about)
+    stated = (Stated(signals.rate_hz, "the file's own rate"),)
+    return Table(path, kind, columns, stated, signals.about)

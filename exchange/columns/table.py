@@ -1,4 +1,4 @@
-"""What a file holds, before anybody says what it means: columns of numbers."""
+"""What a file holds, before anybody says what it means: columns of numbers, and what it states of them."""
 
 from __future__ import annotations
 
@@ -8,6 +8,22 @@ from pathlib import Path
 
 from ...instruments.arrays import FloatArray
 from ..views import About
+
+
+@dataclass(frozen=True)
+class Stated:
+    """A rate that a file states, in samples per second, and its words."""
+
+    hz: float | None
+    """None where it does not say in which unit, or where it contradicts itself."""
+    words: str
+    number: float = 0.0
+    """Of a rate without `hz`, the number that stands there: a rate, or a step."""
+
+    @classmethod
+    def step(cls, seconds: float, words: str) -> Stated:
+        """A rate that is stated as the time between two samples."""
+        return cls(float(f"{1 / seconds:.9g}"), words)
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,12 +44,24 @@ class Column:
     times: FloatArray | None = None
     """(samples,) s: instants of the samples on that clock, of a column that the file gives its own."""
     doubt: str = ""
-    """Why `unit` is "" although the file says something: both sides of a contradiction."""
+    """Why the file contradicts itself about the unit, with both sides: the unit is then asked for."""
+    quantity: str = ""
+    """What the format itself says is measured, where it has a place for it: "force", "acceleration", ..."""
+    also: tuple[str, ...] = ()
+    """Other names by which the file calls it: the channel beneath a label."""
 
     @property
     def heading(self) -> str:
         """Name and unit."""
-        return f"{self.name} [{self.unit}]" if self.unit else self.name
+        return f"{self.name} [{self.unit}]" if self.unit and self.unit != self.name else self.name
+
+
+@dataclass(frozen=True, eq=False)
+class Labels:
+    """A column of text: one text a row, "" where there is none."""
+
+    name: str
+    texts: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,22 +72,24 @@ class Table:
     kind: str
     """How it was read, for people: "semicolons between columns, decimal commas, 3 lines before the rows"."""
     columns: tuple[Column, ...]
-    rate_hz: float | None = None
-    """Samples per second, where the file states it for all columns."""
-    rate_from: str = ""
-    """Where the file states it."""
+    rates: tuple[Stated, ...] = ()
+    """Rates that the file states for all columns; all of them, also those that differ."""
     about: About = field(default_factory=dict)
     """What a file of haploop's own says about itself."""
     notes: tuple[str, ...] = ()
     """Sentences on what was read in another way than one might expect."""
+    labels: tuple[Labels, ...] = ()
+    """Columns of text, which say what rows belong to."""
+    damaged: tuple[int, ...] = ()
+    """Numbers of rows that were left out as damaged: NaN in all columns."""
 
     @property
     def by_name(self) -> Mapping[str, int]:
-        """Numbers of columns by name and by heading; a name that two columns have is not in it."""
+        """Numbers of columns by name, heading and other names; a name that two columns have is not in it."""
         found: dict[str, int] = {}
         twice = set()
         for number, column in enumerate(self.columns):
-            for name in {column.name, column.heading}:
+            for name in {column.name, column.heading, *column.also}:
                 if name in found:
                     twice.add(name)
                 found[name] = number

@@ -2,8 +2,10 @@
 
 A program writes a preamble, headings, units, and then rows of one shape until the end. The shape is taken
 from rows in the middle of the file: separator and decimal sign are those with which they are numbers, dates
-or blanks, in the most columns. Cells that are blank there are no columns. The body begins with the first of
-ten rows of that shape. A comma that stands both in numbers and between them cannot be told: that is refused.
+or blanks, in the most columns. A column is one of numbers when most of its cells that are not blank are;
+others are text. The body begins with the first of ten rows of that shape. A row that is none is damaged:
+refused, or left out where that was told, and then its place is kept. A comma that stands both in numbers and
+between them cannot be told: that is refused.
 """
 
 from __future__ import annotations
@@ -11,55 +13,54 @@ from __future__ import annotations
 import codecs
 import csv
 import re
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from ...instruments import DataError
+from ...instruments.arrays import FloatArray
 from .stamps import is_stamp
 
 _POINT = re.compile(r"\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?\s*\Z")
 _COMMA = re.compile(r"\s*[-+]?(?:\d+,?\d*|,\d+)(?:[eEdD][-+]?\d+)?\s*\Z")
-_BLANKS = {
-    "",
-    "-",
-    "--",
-    "nan",
-    "na",
-    "n/a",
-    "#n/a",
-    "#nv",
-    "null",
-    "none",
-    "1.#qnan",
-    "-1.#ind",
-    "inf",
-    "-inf",
-}
+_BLANKS = {"", *"- -- --- nan na n/a #n/a #nv null none 1.#qnan -1.#ind inf -inf".split()}  # noqa: SIM905
 _AMBIGUOUS = re.compile(r"[-+]?\d+,\d+\Z")
-_SHAPES = (("\t", "."), ("\t", ","), (";", "."), (";", ","), (",", "."), ("|", "."), ("", "."), ("", ","))
-"""Separator ("" for spaces) and decimal sign, the likelier first."""
+_SHAPES = (
+    ("\t", "."), ("\t", ","), (";", "."), (";", ","), (",", "."), ("|", "."), ("", "."), ("", ","),
+    (",", ","),
+)  # fmt: skip
+"""Separator ("" for spaces) and decimal sign, the likelier first; the last one in quotes only."""
 _NAMES = {"\t": "tabs", ";": "semicolons", ",": "commas", "|": "bars", "": "spaces"}
 _SEPARATORS = set("\t;|,")
 _SAMPLE = 200
 _RUN = 10
+_WIDEST = 4096
+"""Columns of a text; a press has a dozen."""
+_TORN = 0.1
+"""Share of rows that may be damaged."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Body:
     """Where the rows of numbers are, and how their cells are told apart."""
 
+    above: Sequence[list[str]]
+    """The rows before the body, as cells."""
     rows: Sequence[list[str]]
-    """Every row of the file, as cells."""
-    first: int
-    """Number of the first row of the body."""
-    end: int
-    """Number of the row after the last."""
+    """The rows of the body, as cells; without any where `values` holds them."""
     columns: tuple[int, ...]
-    """The cells of a row that are columns."""
+    """The cells of a row that are numbers, dates or times."""
     decimal: str
     shape: str
     """How it was read, for people."""
+    values: FloatArray | None = None
+    """(rows, columns), where all cells are numbers."""
+    damaged: tuple[int, ...] = ()
+    """Numbers of rows, from 0 at the body's first, that were left out; their cells are blank."""
+    notes: tuple[str, ...] = ()
 
 
 def decoded(path: Path) -> str:
@@ -70,7 +71,7 @@ def decoded(path: Path) -> str:
             return raw.decode("utf-16")
         if b"\0" in raw[:4096]:
             raise DataError(f"{path} is no text: say what it is (--from).")
-        return raw.decode("utf-8-sig")
+        return raw.decode("utf-8-sig").replace("\r\r\n", "\n")  # written twice through a text mode
     except UnicodeDecodeError:
         return raw.decode("cp1252", errors="replace")
 
@@ -85,13 +86,18 @@ def is_number(cell: str, decimal: str = ".") -> bool:
     return (_COMMA if decimal == "," else _POINT).match(cell) is not None
 
 
-def body_of(path: Path, text: str, decimal: str | None = None) -> Body:
-    """Find the rows of numbers in a text; `decimal` is the decimal sign, if it was told. Raises DataError."""
+def body_of(path: Path, text: str, decimal: str | None = None, skip: bool = False) -> Body:
+    """Find the rows of numbers in a text; `decimal` is the decimal sign, if it was told.
+
+    Rows that are damaged are left out where `skip` says so. Raises DataError.
+    """
     lines = text.splitlines()
     filled = [line for line in lines if line.strip()]
+    _bounded(path, filled)
     middle = len(filled) // 2
     sample = filled[middle : middle + _SAMPLE]
-    shapes = [shape for shape in _SHAPES if decimal in (None, shape[1])]
+    quoted = '"' in text
+    shapes = [shape for shape in _SHAPES[: None if quoted else -1] if decimal in (None, shape[1])]
     if not sample:
         raise DataError(f"{path} is empty.")
     found = max(((_fit(sample, *shape), -n, shape) for n, shape in enumerate(shapes)), default=None)
@@ -106,23 +112,70 @@ def body_of(path: Path, text: str, decimal: str | None = None) -> Body:
             f"{path} has rows like {sample[0].strip()[:30]!r}, which are a number with a decimal comma or "
             "two whole numbers: say which (--decimal , or --decimal .)."
         )
-    rows = _split(lines, separator)
     shape = f"{_NAMES[separator]} between columns, decimal {'commas' if sign == ',' else 'points'}"
-    return numeric_rows(path, rows, sign, shape)
+    body = None if quoted else _at_once(lines, sample, separator, sign, shape)
+    if body is None:
+        body = numeric_rows(path, _split(lines, separator), sign, shape, skip)
+    return body if text.endswith(("\n", "\r")) else _uncut(body, filled[-_SAMPLE:], separator)
 
 
-def numeric_rows(path: Path, rows: Sequence[list[str]], decimal: str, shape: str) -> Body:
-    """The body of rows of cells. Raises DataError when there is none."""
+def _bounded(path: Path, lines: Sequence[str]) -> None:
+    """Raise DataError for a row with more cells than any table has, before it is split."""
+    for line in lines:
+        if len(line) > _WIDEST:
+            most = max(line.count(s) for s in "\t;|,")
+            if max(most, len(line.split(None, _WIDEST + 1)) - 1) >= _WIDEST:
+                raise DataError(
+                    f"{path} has a row of more than {_WIDEST} cells: samples stand below each other, so turn "
+                    "the table."
+                )
+
+
+def _at_once(
+    lines: Sequence[str], sample: Sequence[str], separator: str, sign: str, shape: str
+) -> Body | None:
+    """The body of a text whose cells are all numbers, read by NumPy; None for any other."""
+    widths = {len(row) for row in _split(sample, separator)}
+    width = max(widths)
+    columns = tuple(range(width))
+    need = min(_RUN, len(sample))
+    run = first = 0
+    for number, line in enumerate(lines):
+        (row,) = _split([line], separator)
+        run = run + 1 if len(row) == width and all(is_number(cell, sign) for cell in row) else 0
+        if run == need:
+            first = number - need + 1
+            break
+    end = len(lines)
+    while end and not lines[end - 1].strip():
+        end -= 1
+    block = lines[first:end]
+    above = _split(lines[:first], separator)
+    if (
+        run < need
+        or len(widths) > 1
+        or not all(map(str.strip, block))
+        or _begins_earlier(above, columns, sign)
+    ):
+        return None
+    try:
+        values = np.loadtxt(
+            block if sign == "." else [line.replace(",", ".") for line in block],
+            delimiter=separator or None, comments=None, ndmin=2, dtype=np.float64,
+        )  # fmt: skip
+    except ValueError:
+        return None
+    return Body(above, (), columns, sign, shape, values) if values.shape[1] == width else None
+
+
+def numeric_rows(path: Path, rows: Sequence[list[str]], decimal: str, shape: str, skip: bool = False) -> Body:
+    """The body of rows of cells, without damaged ones if `skip`. Raises DataError for those, and for none."""
+    if max(map(len, rows), default=0) > _WIDEST:
+        raise DataError(f"{path} has a row of more than {_WIDEST} cells: samples stand below each other.")
     filled = [row for row in rows if any(cell.strip() for cell in row)]
     middle = len(filled) // 2
     sample = filled[middle : middle + _SAMPLE]
-    width = max(map(len, sample), default=0)
-    columns = tuple(
-        place
-        for place in range(width)
-        if any(place < len(row) and row[place].strip() for row in sample)
-        and sum(place < len(row) and _value(row[place], decimal) for row in sample) >= 0.5 * len(sample)
-    )
+    columns = _columns(sample, decimal)
     if not columns:
         raise DataError(f"{path} is no table of numbers: no row in its middle is one.")
     need = min(_RUN, len(sample))
@@ -136,29 +189,97 @@ def numeric_rows(path: Path, rows: Sequence[list[str]], decimal: str, shape: str
         raise DataError(
             f"{path} is no table of numbers: nowhere do {need} rows of {len(columns)} follow each other."
         )
+    first -= _begins_earlier(rows[:first], columns, decimal)
     end = len(rows)
     while not _is_row(rows[end - 1], columns, decimal):  # blank lines, a footer, a line that was cut off
         end -= 1
-    for number in range(first, end):
-        if len(rows[number]) <= columns[-1]:
-            raise DataError(stops(path, number, rows[number]))
-    return Body(rows, first, end, columns, decimal, shape)
+    usual = Counter(len(_stripped(row)) for row in sample).most_common(1)[0][0]
+    widest = max(usual, columns[-1] + 1, *(len(row) for row in rows[max(0, first - 2) : first]), 0)
+    bad = [
+        number
+        for number in range(first, end)
+        if not _is_row(rows[number], columns, decimal) or len(_stripped(rows[number])) > widest
+    ]
+    notes = []
+    if bad and not (skip and len(bad) <= _TORN * (end - first)):
+        raise DataError(_stops(path, bad, rows, skip))
+    if bad:
+        notes.append(f"Damaged and left out: {_said(bad, rows)}. Where they stood, nothing was measured.")
+    if after := [row for row in rows[end:] if any(cell.strip() for cell in row)]:
+        notes.append(f"What follows the last row ({' '.join(after[0]).strip()[:40]!r}) was left out.")
+    gone = set(bad)
+    width = max(len(row) for row in rows[first:end])
+    body = [[] if first + n in gone else row for n, row in enumerate(rows[first:end])]
+    whole = [row + [""] * (width - len(row)) for row in body]
+    sparse = {
+        place for place in range(width) if place not in columns
+        and (cells := [row[place] for row in whole if not is_blank(row[place])])
+        and all(_value(cell, decimal) for cell in cells) and len(cells) > _SAMPLE
+    }  # fmt: skip
+    places = tuple(sorted({*columns, *sparse}))
+    return Body(rows[:first], whole, places, decimal, shape, damaged=tuple(n - first for n in bad),
+                notes=tuple(notes))  # fmt: skip
+
+
+def _columns(sample: Sequence[list[str]], decimal: str) -> tuple[int, ...]:
+    """Places at which most cells that are not blank are numbers, dates or times."""
+    found = []
+    for place in range(max(map(len, sample), default=0)):
+        cells = [row[place] for row in sample if place < len(row) and not is_blank(row[place])]
+        if cells and sum(_value(cell, decimal) for cell in cells) >= 0.5 * len(cells):
+            found.append(place)
+    return tuple(found)
+
+
+def _begins_earlier(above: Sequence[list[str]], columns: tuple[int, ...], decimal: str) -> int:
+    """How many rows before the first run of rows the body begins: a damaged row may stand near its start."""
+    earlier = 0
+    for back, row in enumerate(reversed(above[-_RUN:]), 1):
+        cells = _stripped(row)
+        if _is_row(row, columns, decimal) and len(cells) >= columns[-1] + 1:
+            earlier = back
+        elif len(cells) >= len(columns) and not any(is_number(cell, decimal) for cell in cells):
+            break  # headings, or units
+    return earlier
+
+
+def _uncut(body: Body, lines: Sequence[str], separator: str) -> Body:
+    """The body of a text whose last line has no end, without its last row where that is cut in a number."""
+    *before, row = (_stripped([cell.strip() for cell in one]) for one in _split(lines, separator))
+    place = body.columns[-1]
+    others = [one[place] for one in before if len(one) == place + 1 and is_number(one[place], body.decimal)]
+    if len(row) != place + 1 or len(others) < 3 or not is_number(row[place], body.decimal):
+        return body
+    fewest = min(_decimals(other, body.decimal) for other in others)
+    if len(row[place]) >= min(map(len, others)) and _decimals(row[place], body.decimal) >= fewest:
+        return body
+    note = f"The last line ends in {row[place]!r}, cut in the middle of a number, and was left out."
+    return replace(
+        body, rows=body.rows[:-1], values=None if body.values is None else body.values[:-1],
+        notes=(*body.notes, note),
+    )  # fmt: skip
+
+
+def _decimals(cell: str, decimal: str) -> int:
+    return len(cell.partition(decimal)[2])
 
 
 def _fit(sample: Sequence[str], separator: str, decimal: str) -> tuple[int, int]:
     """Rows of numbers under a shape, and the columns of these."""
     widths: dict[int, int] = {}
-    for row in _split(sample, separator):
+    rows = _split(sample, separator)
+    for row in rows:
         if all(_value(cell, decimal) for cell in row) and any(is_number(cell, decimal) for cell in row):
             width = sum(not is_blank(cell) for cell in row)
             widths[width] = widths.get(width, 0) + 1
     # A blank in a row, or a column of text, makes no other shape.
     whole = sum(widths.values())
     if not whole:
-        for row in _split(sample, separator):
-            width = sum(is_number(cell, decimal) for cell in row)
+        for line, row in zip(sample, rows, strict=True):
+            width = sum(is_number(cell, decimal) or is_stamp(cell) for cell in row)
             words = [cell for cell in row if not _value(cell, decimal)]
-            if width > 1 and width >= len(words) and not any(_SEPARATORS & set(cell) for cell in words):
+            apart = '"' in line or not any(_SEPARATORS & set(cell) for cell in words)
+            if width > 1 and apart and any(is_number(cell, decimal) for cell in row):
                 widths[width] = widths.get(width, 0) + 1
         whole = sum(widths.values()) // 2
     return (whole, max(widths, key=widths.__getitem__)) if whole else (0, 0)
@@ -172,6 +293,14 @@ def _split(lines: Sequence[str], separator: str) -> list[list[str]]:
     return [line.split(separator) for line in lines]
 
 
+def _stripped(row: list[str]) -> list[str]:
+    """A row without blank cells at its end."""
+    end = len(row)
+    while end and not row[end - 1].strip():
+        end -= 1
+    return row[:end]
+
+
 def _value(cell: str, decimal: str) -> bool:
     return is_number(cell, decimal) or is_blank(cell) or is_stamp(cell)
 
@@ -183,9 +312,18 @@ def _is_row(row: list[str], columns: tuple[int, ...], decimal: str) -> bool:
     return any(is_number(cell, decimal) for cell in cells) and all(_value(cell, decimal) for cell in cells)
 
 
-def stops(path: Path, number: int, row: list[str]) -> str:
-    """Sentence on a row amid others that is none."""
-    said = " ".join(row).strip()[:40]
+def _said(bad: Sequence[int], rows: Sequence[list[str]]) -> str:
+    some = ", ".join(f"row {n + 1} ({' '.join(rows[n]).strip()[:30]!r})" for n in bad[:3])
+    return f"{some} and {len(bad) - 3} more" if len(bad) > 3 else some
+
+
+def _stops(path: Path, bad: Sequence[int], rows: Sequence[list[str]], skip: bool) -> str:
+    """Sentence on rows amid others that are none."""
+    if skip:
+        return f"{path} has {len(bad)} damaged rows of {len(rows)}, too many to skip: {_said(bad, rows)}."
+    said = " ".join(rows[bad[0]]).strip()[:40]
+    more = f", and so do {len(bad) - 1} more rows" if len(bad) > 1 else ""
     return (
-        f"{path} stops being a table in row {number + 1} ({said!r}): repair it, or import the part before it."
+        f"{path} stops being a table in row {bad[0] + 1} ({said!r}){more}: repair it, or leave such rows out "
+        "as gaps (--skip-damaged)."
     )

@@ -13,7 +13,7 @@ from ...instruments import DataError
 from ...instruments.arrays import FloatArray
 from ..views import About
 from .contained import Tree, tree_of
-from .table import Column, Table
+from .table import Column, Stated, Table
 from .text_file import table_of
 from .text_rows import numeric_rows
 from .together import together
@@ -72,12 +72,8 @@ def read_table(path: Path) -> Table:
     short = [one.name for one in found if one not in columns]
     notes = [f"{', '.join(short[:5])} are not as long as the others, and were left out."] if short else []
     columns, moved = together(path, columns)
-    rates = {one.rate_hz for one in columns if one.rate_hz}
-    rate, rate_from = _rate(tree)
-    if rate is None and len(rates) == 1:
-        rate, rate_from = next(iter(rates)), "its channels' own rate"
     notes += moved
-    return Table(path, tree.kind, tuple(_shortened(columns)), rate, rate_from, _about(tree), tuple(notes))
+    return Table(path, tree.kind, tuple(_shortened(columns)), _rates(tree), _about(tree), tuple(notes))
 
 
 def _columns(tree: Tree, name: str) -> Iterator[Column]:
@@ -160,14 +156,14 @@ def _unit(tree: Tree, said: Mapping[str, str | float], name: str) -> str:
     return text.partition(" since ")[0]
 
 
-def _rate(tree: Tree) -> tuple[float | None, str]:
-    """The one rate that a file states for all arrays."""
-    found: dict[float, str] = {}
+def _rates(tree: Tree) -> tuple[Stated, ...]:
+    """The rates that a file states for all arrays."""
+    found: dict[float, Stated] = {}
     for name, value in tree.numbers.items():
         holder, _, leaf = name.rpartition(".")
         if holder not in tree.arrays and (rate := _stated(_plain(leaf), value)):
-            found.setdefault(rate, f"{name} = {value:g}")
-    return next(iter(found.items())) if len(found) == 1 else (None, "")
+            found.setdefault(rate, Stated(rate, f"{name} = {value:g}"))
+    return tuple(found.values())
 
 
 def _shortened(columns: list[Column]) -> Iterator[Column]:

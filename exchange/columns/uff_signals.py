@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,11 +16,14 @@ from ...terminal.progress import SIMULATED
 from ..views import About
 from .table import Column, Table
 from .together import together
-from .units import unit_of
+from .units import SI, unit_of
+from .units import units_of as names_of
 
 _TIME_RESPONSE = 1
 _TIMES = (0, 1, 17)
 """Data types of an abscissa that may be a time: unknown, general, time."""
+_OWN = re.compile(r", sha256 ([0-9a-f]+)")
+"""In the fourth line of haploop's own files."""
 _AXES = {1: "x", 2: "y", 3: "z"}
 
 
@@ -42,13 +46,13 @@ def read_table(path: Path) -> Table:
     names = Counter(_name(one) for one in found)
     columns = [_column(path, one, units, names[_name(one)] > 1) for one in found]
     columns, notes = together(path, columns)
-    rates = {one.rate_hz for one in columns}
     about: About = {
         "simulated": any(str(one["id5"]).startswith(SIMULATED[:9]) for one in found),
         "source": path.name,
     }
-    rate = next(iter(rates)) if len(rates) == 1 else None
-    return Table(path, "UFF 58", tuple(columns), rate, "the file's own rate", about, tuple(notes))
+    if all((own := _OWN.search(str(one["id4"]))) is not None for one in found) and own is not None:
+        about = {**about, "content_hash": own[1]}
+    return Table(path, "UFF 58", tuple(columns), about=about, notes=tuple(notes))
 
 
 def _column(
@@ -63,7 +67,7 @@ def _column(
     unit, doubt = ordinate.label, ""
     if ordinate.doubt and ordinate.si:
         unit, doubt = "", ordinate.doubt
-    elif ordinate.si and unit_of(unit) is None:  # a unit of data set 164 that has no name
+    elif ordinate.si and not names_of(unit):  # a unit of data set 164 that has no name
         unit, values = ordinate.si, ordinate.factor * values
     step = _step(path, function)
     x = _seconds(path, function) * np.asarray(function["x"], dtype=np.float64)
@@ -76,6 +80,7 @@ def _column(
         start_s=float(x[0]) if step else None,
         times=None if step else x,
         doubt=doubt,
+        quantity=next((name for name, si in SI.items() if si == ordinate.si and name != "voltage"), ""),
     )
 
 
@@ -97,8 +102,8 @@ def _step(path: Path, function: Mapping[str, Any]) -> float:
 def _seconds(path: Path, function: Mapping[str, Any]) -> float:
     """Seconds per unit of the abscissa. Raises DataError for another quantity than time."""
     kind, label = int(function["abscissa_spec_data_type"]), str(function["abscissa_axis_units_lab"]).strip()
-    stated = None if label.upper() in ("", "NONE") else unit_of(label)
-    if kind in _TIMES and stated is not None and stated.quantity == "time":
+    stated = None if label.upper() in ("", "NONE") else unit_of(label, "time")
+    if kind in _TIMES and stated is not None:
         return stated.factor
     if kind == 17 and label.upper() in ("", "NONE"):
         return 1.0

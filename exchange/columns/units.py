@@ -1,8 +1,14 @@
-"""Units as people write them, and what one of them is in SI."""
+"""Units as people write them, and what one of them is in SI: the one table of units of all that comes in.
+
+A text may name units of several quantities: `g` is the acceleration of gravity, or a gram. Which is meant,
+the heading or the format says, or a person. Scales show a force in units of mass: of these nothing follows
+before somebody says that the weight is meant (`gf`).
+"""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from ...instruments import ConfigurationError
@@ -10,6 +16,7 @@ from ...instruments import ConfigurationError
 SI = {"time": "s", "force": "N", "acceleration": "m/s^2", "displacement": "m", "voltage": "V"}
 """Unit of each quantity that a file's columns can have."""
 _G = 9.80665
+_POUND = 0.45359237
 
 
 @dataclass(frozen=True)
@@ -20,58 +27,137 @@ class Unit:
     factor: float
 
 
-_KNOWN: dict[str, tuple[str, float]] = {
-    **dict.fromkeys(("s", "sec", "second", "seconds", "sekunden", "sek"), ("time", 1.0)),
-    **dict.fromkeys(("ms", "msec", "millisecond", "milliseconds", "millis"), ("time", 1e-3)),
-    **dict.fromkeys(("us", "usec", "microsecond", "microseconds", "micros"), ("time", 1e-6)),
-    **dict.fromkeys(("ns", "nsec"), ("time", 1e-9)),
-    **dict.fromkeys(("min", "minutes"), ("time", 60.0)),
-    **dict.fromkeys(("n", "newton", "newtons"), ("force", 1.0)),
-    **dict.fromkeys(("mn", "millinewton"), ("force", 1e-3)),
-    "cn": ("force", 1e-2),
-    "kn": ("force", 1e3),
-    **dict.fromkeys(("gf", "gram-force", "grams-force"), ("force", 1e-3 * _G)),
-    **dict.fromkeys(("kgf", "kp"), ("force", _G)),
-    **dict.fromkeys(("lbf", "lbs", "lb"), ("force", 4.4482216152605)),
-    **dict.fromkeys(("m/s^2", "m/s2", "m/s/s", "m/s**2", "ms-2", "ms^-2", "m/sec^2"), ("acceleration", 1.0)),
-    **dict.fromkeys(("mm/s^2", "mm/s2"), ("acceleration", 1e-3)),
-    **dict.fromkeys(("g", "gn", "g_n", "gs"), ("acceleration", _G)),
-    "mg": ("acceleration", 1e-3 * _G),
-    **dict.fromkeys(("m", "meter", "metre"), ("displacement", 1.0)),
-    **dict.fromkeys(("mm", "millimeter", "millimetre"), ("displacement", 1e-3)),
-    **dict.fromkeys(("um", "micron", "microns", "micrometer"), ("displacement", 1e-6)),
-    **dict.fromkeys(("in", "inch"), ("displacement", 0.0254)),
-    **dict.fromkeys(("v", "volt", "volts", "vdc"), ("voltage", 1.0)),
-    **dict.fromkeys(("mv", "millivolt", "millivolts"), ("voltage", 1e-3)),
-    "uv": ("voltage", 1e-6),
+_UNITS: Mapping[tuple[str, float], str] = {
+    ("time", 1.0): "s sec secs second seconds sekunde sekunden sek",
+    ("time", 1e-3): "ms msec msecs millisecond milliseconds milli millis millisekunden mseconds",
+    ("time", 1e-6): "us usec usecs microsecond microseconds micro micros useconds",
+    ("time", 1e-9): "ns nsec nsecs nanosecond nanoseconds nano nanos",
+    ("time", 60.0): "min mins minute minutes",
+    ("time", 3600.0): "h hr hrs hour hours",
+    ("time", 86_400.0): "day days datenum",
+    ("rate", 1.0): "hz hertz 1/s /s s-1 s^-1 s/s sa/s smp/s smpl/s sps samples/s samples/sec samples/second "
+    "samplespersecond samplespersec sample/s pts/s points/s persecond scans/s scans/sec rows/s",
+    ("rate", 1e3): "k khz ks/s ksa/s ksps ksamples/s ksmp/s kilohertz",
+    ("rate", 1e6): "mhz ms/s msa/s msps msamples/s megahertz",
+    ("rate", 1e9): "ghz gs/s gsa/s gsps",
+    ("rate", 1 / 60): "1/min /min samples/min samples/minute perminute permin",
+    ("force", 1.0): "n newton newtons",
+    ("force", 1e-6): "un micronewton micronewtons",
+    ("force", 1e-3): "mn millinewton millinewtons",
+    ("force", 1e-2): "cn centinewton centinewtons",
+    ("force", 10.0): "dan decanewton",
+    ("force", 1e3): "kn kilonewton kilonewtons",
+    ("force", 1e-5): "dyn dyne dynes",
+    ("force", 1e-3 * _G): "gf gram-force grams-force gramforce pond gforce-gram",
+    ("force", _G): "kgf kilogram-force kilopond kp",
+    ("force", _POUND * _G): "lbf pound-force poundforce",
+    ("force", _POUND / 16 * _G): "ozf ounce-force",
+    ("mass", 1e-6): "mg milligram milligrams",
+    ("mass", 1e-3): "g gr gram grams gramm gms grammes",
+    ("mass", 1.0): "kg kgs kilo kilos kilogram kilograms",
+    ("mass", _POUND): "lb lbs pound pounds",
+    ("mass", _POUND / 16): "oz ounce ounces",
+    (
+        "acceleration",
+        1.0,
+    ): "m/s^2 m/s2 m/s/s m/s**2 ms-2 ms^-2 ms^{-2} m/sec^2 m/sec2 mps2 m*s^-2 ms**-2 m.s-2",
+    ("acceleration", 1e-2): "cm/s^2 cm/s2 gal",
+    ("acceleration", 1e-3): "mm/s^2 mm/s2 mm/s/s mm/sec^2",
+    ("acceleration", 0.3048): "ft/s^2 ft/s2",
+    ("acceleration", 0.0254): "in/s^2 in/s2",
+    ("acceleration", _G): "g gn g_n gs g's g0 gee grav",
+    ("acceleration", 1e-3 * _G): "mg milli-g",
+    ("acceleration", 1e-6 * _G): "ug",
+    ("displacement", 1.0): "m meter metre meters metres",
+    ("displacement", 1e-2): "cm centimeter centimetre centimeters",
+    ("displacement", 1e-3): "mm millimeter millimetre millimeters millimetres",
+    ("displacement", 1e-6): "um micron microns micrometer micrometre micrometers",
+    ("displacement", 1e-9): "nm nanometer nanometre nanometers",
+    ("displacement", 0.0254): "in inch inches",
+    ("displacement", 2.54e-5): "mil thou",
+    ("voltage", 1.0): "v volt volts vdc vac vpk vrms",
+    ("voltage", 1e-3): "mv millivolt millivolts",
+    ("voltage", 1e-6): "uv microvolt microvolts",
+    ("voltage", 1e3): "kv",
+    # Of nothing that is imported: what is in one of these is none of the roles, whatever its heading.
+    (
+        "other",
+        1.0,
+    ): "% percent deg degree degrees degc °c degf °f c k kelvin rad deg/s rad/s m/s mm/s cm/s in/s "
+    "a ma ua amp amps w mw kw pa kpa mpa hpa bar mbar psi nm*m nm/rad n*m nmm mnm n/m n/mm n/m^2 n/mm^2 "
+    "j mj ohm kohm f pf nf h/m db lx lux t ut mt tesla mgauss rpm strain ue ustrain v/v mv/v g/l rh %rh m^2 "
+    "mm^2 kg/m^3 l ml cps lm cd",
 }
+_KNOWN: dict[str, tuple[Unit, ...]] = {}
+for (_quantity, _factor), _names in _UNITS.items():
+    for _name in _names.split():
+        _KNOWN[_name] = (*_KNOWN.get(_name, ()), Unit(_quantity, _factor))
 _NUMBER = re.compile(r"\s*(?P<number>[-+]?\d*\.?\d+(?:[eE][-+]?\d+)?)?\s*(?P<unit>\D.*)?\s*\Z")
-_BRACKETS = re.compile(r"\s*[\[(](?P<unit>[^\[\]]*)[\])]\Z")
-_IN = re.compile(r"\s+in\s+(?P<unit>\S+)\Z")
+_BRACKETS = re.compile(r"\s*[\[({](?P<unit>[^\[\](){}]*(?:\([^()]*\)[^\[\](){}]*)?)[\])}]\s*\Z")
+_SINCE = re.compile(r"(?P<unit>[A-Za-z]+?)[ _]?(elapsed|since|from|after|passed)(?![a-z])", re.I)
+"""`seconds_elapsed`, `ms since start`."""
+_HUMP = re.compile(r"(?<=[a-z])(?=[A-Z][a-z]*(\(\))?\Z)")
+"""Before the last word of `timestampMillis`."""
+_LETTERS = {
+    "": {"a", "c", "k", "f", "t", "j", "l", "w"},
+    "_": {"min", "h"},
+    " ": {"min", "h", "m", "g", "in", "n", "v", "s"},
+}
+"""Units that are words of another meaning at the end of a name, by the sign before them; "": of any sign."""
+_PLAIN = {0xB5: "u", 0x3BC: "u", 0xB2: "^2", 0x20: None, 0xB7: "*", 0x22C5: "*", 0x2F1: None, 0x2032: "'"}
+_MEGA = ("MN", "MV", "MS")
+"""Not taken for milli."""
 
 
-def unit_of(text: str) -> Unit | None:
-    """The unit that a text names; None for another text."""
-    plain = text.strip().strip("[]").strip()
+def units_of(text: str) -> tuple[Unit, ...]:
+    """The units that a text may name, of different quantities; none for another text."""
+    plain = text.strip().strip("[]{}").strip()
     if plain.startswith("(") and plain.endswith(")"):
         plain = plain[1:-1]
-    plain = plain.translate({0xB5: "u", 0x3BC: "u", 0xB2: "^2", 0x20: None, 0xB7: None, 0x2F1: None})
-    # Of upper and lower case only mega and milli differ, and nobody presses a button with meganewtons.
-    known = None if plain in ("MN", "MV", "G", "MS") else _KNOWN.get(plain.lower())
-    return None if known is None else Unit(*known)
+    plain = plain.translate(_PLAIN)
+    if plain in _MEGA:
+        return ()
+    if plain in ("G", "Gs"):  # no gram
+        return (Unit("acceleration", _G),)
+    if plain in ("mHz",):
+        return (Unit("rate", 1e-3),)
+    return _KNOWN.get(plain.lower(), ())
+
+
+def unit_of(text: str, quantity: str | None = None) -> Unit | None:
+    """The unit of a quantity that a text names; without `quantity`, the unit if the text names one only."""
+    found = units_of(text)
+    if quantity is not None:
+        return next((unit for unit in found if unit.quantity == quantity), None)
+    return found[0] if len(found) == 1 else None
 
 
 def split_heading(heading: str) -> tuple[str, str]:
-    """Name and unit in a heading: `Kraft [N]`, `a (g)`, `Weg/mm`, `Kraft in N`, `force_N`; "" without one."""
+    """Name and unit in a heading: `Kraft [N]`, `a (g)`, `Weg/mm`, `Kraft in N`, `force_N`; "" without one.
+
+    A heading that is a unit of time, or ends in one, names the time: `Millis`, `t_ms`, `elapsed_seconds`.
+    """
     heading = " ".join(heading.split()).strip("\"'")
     if match := _BRACKETS.search(heading[-200:]):
         cut = len(heading) - len(match[0])
         name, unit = heading[:cut].rstrip(" /"), match["unit"].strip()
-        return (name, unit) if name else (heading, "")
-    for sign in ("/", " in ", "_", ","):
+        if name and unit:
+            return (name, unit)
+        if name:  # millis()
+            heading = name
+    for sign in ("/", " in ", "_", ",", " ", "-", ":"):
         name, found, unit = heading.partition(sign) if sign == "/" else heading.rpartition(sign)
-        if found and name.strip() and unit_of(unit) is not None:
-            return name.strip(), unit.strip()
+        word = unit.strip().lower()
+        if not (found and name.strip() and units_of(unit)):
+            continue
+        if unit.strip() == "n":  # a count
+            continue
+        if sign in ("_", " ", "-", ":") and word in _LETTERS[""] | _LETTERS["_" if sign == "_" else " "]:
+            continue
+        return name.strip(), unit.strip()
+    for text in (heading, *(m["unit"] for m in [_SINCE.match(heading)] if m), *_HUMP.split(heading)[-1:]):
+        if len(text) > 1 and unit_of(text, "time") is not None and text.lower() not in ("min", "mins"):
+            return heading, text
     return heading, ""
 
 
@@ -86,19 +172,21 @@ def per_unit(role: str, quantity: str, text: str, unit: str) -> tuple[float, str
     named = ((match and match["unit"]) or "").strip()
     if not match or not named or not 1e-12 < number < 1e12:
         raise ConfigurationError(_unknown(role, quantity, text))
-    whole = unit_of(named)
-    if whole is not None and whole.quantity == quantity:
+    whole = unit_of(named, quantity)
+    if whole is None and quantity == "force" and (mass := unit_of(named, "mass")) is not None:
+        whole = Unit("force", mass.factor * _G)  # a person who calls it a force means the weight
+    if whole is not None:
         return number * whole.factor, f"one of the file is {text.strip()}" if match[
             "number"
         ] else text.strip()
     for place in (k for k, sign in enumerate(named) if sign == "/"):
-        above, below = unit_of(named[:place]), unit_of(named[place + 1 :])
-        if above and below and above.quantity == "voltage" and below.quantity == quantity:
-            own = unit_of(unit)
-            if own is not None and own.quantity != "voltage":
+        above, below = unit_of(named[:place], "voltage"), unit_of(named[place + 1 :], quantity)
+        if above and below:
+            if unit and (own := unit_of(unit, "voltage")) is None and units_of(unit):
                 raise ConfigurationError(
                     f"The column of {role} is in {unit}, so it needs no sensitivity: leave {text!r} out."
                 )
+            own = unit_of(unit, "voltage")
             per_volt = below.factor / (number * above.factor)
             return per_volt * (own or above).factor, f"{text.strip()}, of {unit or named[:place].strip()}"
     raise ConfigurationError(_unknown(role, quantity, text))
@@ -106,7 +194,7 @@ def per_unit(role: str, quantity: str, text: str, unit: str) -> tuple[float, str
 
 def _unknown(role: str, quantity: str, text: str) -> str:
     examples = {
-        "force": "N, mN, '40 N' (what one of the file's units is) or '0.25 V/N'",
+        "force": "N, mN, gf, '40 N' (what one of the file's units is) or '0.25 V/N'",
         "acceleration": "m/s^2, g, '9.81 m/s^2' (what one of the file's units is) or '100 mV/g'",
         "displacement": "mm, um or '2 V/mm'",
         "time": "s, ms or us",

@@ -9,7 +9,7 @@ from ...instruments import ConfigurationError
 from ...instruments.files import make_folder, os_error_text, private_files
 from .press import press_of, presses_in
 from .recording import recording_of
-from .understanding import Understanding
+from .understood import Understanding
 
 
 def becomes(found: Understanding, activation: float | None = None) -> Literal["recording", "press"]:

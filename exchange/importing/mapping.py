@@ -16,6 +16,12 @@ from .rest import End
 Role = Literal["time", "force", "acceleration", "displacement", "activation"]
 ROLES: tuple[Role, ...] = ("time", "force", "acceleration", "displacement", "activation")
 """What a column can be; acceleration is the vertical one."""
+MEASURED: tuple[Role, ...] = ("force", "acceleration", "displacement")
+"""Roles with a unit."""
+_TABLES = ("units", "rest", "where")
+"""Entries with entries of their own."""
+NONE = "none"
+"""Told as a column: no column is that role."""
 Place = Annotated[int, Field(ge=0, le=9999)] | Annotated[str, Field(min_length=1, max_length=200)] | None
 _QUANTITIES = {role: SI[role] for role in ROLES if role in SI}
 
@@ -39,6 +45,10 @@ class FileMapping(BaseModel):
     """Roles whose sign is changed: force and displacement rise when pressed, acceleration is positive up."""
     rest: dict[str, End] = Field(default_factory=dict)
     """By role: whether its start or its end shows it without a finger, where the two disagree."""
+    where: dict[str, str] = Field(default_factory=dict)
+    """Of a table of several measurements, by column: the value of the rows to take, or * for all."""
+    skip_damaged: bool = False
+    """Leave damaged rows of a text out, as gaps."""
     format: str | None = None
     """How the file is read; by default as its name ends."""
     decimal: Literal[",", "."] | None = None
@@ -81,8 +91,8 @@ class FileMapping(BaseModel):
     def but(self, told: FileMapping) -> FileMapping:
         """The mapping, changed by what another one says."""
         said = told.model_dump(exclude_unset=True)
-        of_roles = {"units": {**self.units, **told.units}, "rest": {**self.rest, **told.rest}}
-        return self.model_copy(update={**said, **of_roles, "flip": tuple({*self.flip, *told.flip})})
+        tables = {name: {**getattr(self, name), **getattr(told, name)} for name in _TABLES}
+        return self.model_copy(update={**said, **tables, "flip": tuple({*self.flip, *told.flip})})
 
     def save(self, path: str | Path) -> None:
         """Write a new file, without who pressed what: the next file may be another's.
@@ -90,13 +100,13 @@ class FileMapping(BaseModel):
         Raises ConfigurationError when it exists or cannot be written.
         """
         lines = ["# How haploop reads this lab's files: haploop import FILE --mapping THIS"]
-        tables: dict[str, dict[str, Any]] = {"units": self.units, "rest": self.rest}
-        for key, value in self.model_dump(exclude={*tables, "participant", "button"}).items():
-            if value not in (None, ()):
+        for key, value in self.model_dump(exclude={*_TABLES, "participant", "button"}).items():
+            if value is not False and value not in (None, ()):
                 lines.append(f"{key} = {json.dumps(value, ensure_ascii=False)}")
-        for name, table in tables.items():
-            if table:
-                said = (f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in table.items())
+        for name in _TABLES:
+            if table := getattr(self, name):
+                said = (f"{json.dumps(key, ensure_ascii=False)} = {json.dumps(value, ensure_ascii=False)}"
+                        for key, value in table.items())  # fmt: skip
                 lines += ["", f"[{name}]", *said]
         with new_file(path) as part:
             part.write_text("\n".join(lines) + "\n", encoding="utf-8")

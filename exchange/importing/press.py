@@ -15,7 +15,8 @@ from ...instruments import ConfigurationError, DataError
 from ...instruments.arrays import FloatArray
 from .mapping import FileMapping
 from .rest import rest_of
-from .understanding import Understanding, understand
+from .understanding import understand
+from .understood import Understanding
 
 RATE_HZ = 5000.0
 """Samples per second of what is imported: the paper's, of which the drives' rate is a multiple."""

@@ -26,7 +26,8 @@ from ...instruments.arrays import FloatArray
 from .mapping import FileMapping
 from .press import RATE_HZ, presses_in, resampled
 from .rest import rest_of
-from .understanding import Signal, Understanding, understand
+from .understanding import understand
+from .understood import Signal, Understanding
 
 _REST = 0.5
 """s: hands off, as in a session."""

@@ -1,62 +1,101 @@
-"""Which column a file itself says is the force, the time, ...: by a unit of this role only, or by name."""
+"""What a column says that it is: each is scored on its evidence and decided once.
+
+Evidence is what the format says is measured, a unit of one quantity only, and a heading that names a role. A
+unit that contradicts the heading is no evidence but a doubt, and asked about. That a column is the only one
+left, takes few values, or stands first is evidence of nothing.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Collection
+from collections.abc import Mapping, Sequence, Set
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...instruments.arrays import FloatArray
-from ..columns import Column, Table, unit_of
-from .mapping import Role
+from ..columns import Column, units_of
+from .mapping import ROLES, Role
 
-_WORDS: dict[Role, str] = {
-    "time": r"((elapsed ?)?time|zeit|temps|t|timestamps?|zeitstempel|datum|date|uhrzeit|x-axis|x_value|"
-    r"micros|millis|seconds)\W*\Z|time\b|zeit\b",
+_WORDS: Mapping[Role, str] = {
+    "time": r"(((elapsed|relative|absolute|unix|epoch|sensor|posix)[ _]?)?(time(stamps?)?|epoch)|elapsed|t|"
+    r"zeit|temps|unix|zeitstempel|datum|date|uhrzeit|x-axis|x_value|date[ &_/]*(and )?time)\W*\Z|time\b|"
+    r"zeit\b|timestamp",
     "force": r"(force|kraft|fz|f|load|last|load ?cell)(?![a-z0-9])",
-    "acceleration": r"(acc|accel\w*|beschl\w*|a|az)(?![a-z0-9])",
+    "acceleration": r"((linear|user|raw|vertical)[ _]?)?(acc|accel\w*|beschl\w*|a|az)(?![a-z0-9])",
     "displacement": r"(displacement|weg|travel|position|pos|hub|stroke|disp)(?![a-z0-9])",
-    "activation": r"(activation|switch|schalter|taster|contact|kontakt|trigger|closed|sw)(?![a-z0-9])",
+    "activation": r"(activation|switch|schalter|taster|contact|kontakt|closed|sw)(?![a-z0-9])",
 }
-"""Headings that name a role."""
-_VERTICAL = ("acceleration_z", "acceleration")
-"""Of several accelerations, haploop's own vertical one."""
+"""Headings that name a role. A trigger is the recorder's as often as the button's."""
+_SIDEWAYS = re.compile(
+    r"(?<![a-z])(x|y|abs\w*|magnitude|mag|total|norm|resultant|sum|rms)(?![a-z])|\A(a|acc|accel)[xy]\Z", re.I
+)
+"""Of accelerations, those that are not said to be vertical."""
+_OWN = ("acceleration_z", "acceleration")
+"""In haploop's own files, the vertical one."""
 _NEAR = 0.1
 """Part of the way from one level to the other within which a signal is at a level."""
 
 
-def columns_of(table: Table, role: Role, used: Collection[int]) -> tuple[list[int], str]:
-    """The columns that the file says are this role, none of `used`, and by what it says so."""
-    free = [(n, c) for n, c in enumerate(table.columns) if n not in used]
-    if role == "time" and (stamps := [n for n, c in free if c.stamps]):
-        return stamps[:1], "by its dates and times"
-    named = [n for n, c in free if re.match(_WORDS[role], c.name, re.IGNORECASE)]
-    if role == "activation":
-        switching = [n for n, c in free if c.name and _unknown(c) and _two_levels(c.values)]
-        called = [n for n in switching if n in named]
-        return (called, "by its heading") if called else (switching, "the only column of two levels")
-    measured = [n for n, c in free if (u := unit_of(c.unit)) is not None and u.quantity == role]
-    both = [n for n in measured if n in named]
-    own = [n for n in measured if table.columns[n].name in _VERTICAL]
-    for found in (own[:1], measured, both):
-        if len(found) == 1:
-            return found, "by its heading and unit" if found[0] in both else "by its unit"
-    if measured:
-        return measured, "by its unit"
-    other = [
-        n for n in named if not _unknown(table.columns[n]) and unit_of(table.columns[n].unit) is not None
-    ]
-    return [n for n in named if n not in other or role == "force"], "by its heading"
+@dataclass(frozen=True)
+class Claim:
+    """That a column is a role."""
+
+    score: int
+    """How many things say so."""
+    why: str
+    doubt: str = ""
+    """What speaks against it or its unit, for a question; "" without a doubt."""
 
 
-def _unknown(column: Column) -> bool:
-    """True for a column in volts, or in no unit of its own."""
-    unit = unit_of(column.unit)
-    return unit is None or unit.quantity == "voltage"
+def claim_of(column: Column, own: bool = False) -> tuple[Role, Claim] | None:
+    """The role that a column's own evidence gives it; None without any. `own` of a file of haploop's."""
+    if column.stamps:
+        return "time", Claim(2, "by its dates and times")
+    said = next((role for role in ROLES if role == column.quantity), None)
+    units = {unit.quantity for unit in units_of(column.unit)}
+    if said is not None:
+        against = units and said not in units and "voltage" not in units
+        doubt = f"it is said to be {said}, in {column.unit}" if against else ""
+        return said, Claim(4 if own and column.name in _OWN else 3, "as the file says", doubt)
+    named = [role for role in ROLES if re.match(_WORDS[role], column.name, re.IGNORECASE)]
+    found = _by_both(column, named, units, own) if named else _by_unit(column, units)
+    if found is not None and found[0] == "acceleration" and _SIDEWAYS.search(column.name):
+        doubt = found[1].doubt or "its heading does not say that it is the vertical one"
+        return found[0], replace(found[1], doubt=doubt)
+    return found
 
 
-def _two_levels(values: FloatArray) -> bool:
+def _by_both(column: Column, named: Sequence[Role], units: Set[str], own: bool) -> tuple[Role, Claim] | None:
+    """What a heading that names a role and a unit give together."""
+    both = next((role for role in named if role in units), None)
+    if both is not None:
+        return both, Claim(3 if own and column.name in _OWN else 2, "by its heading and unit")
+    if "mass" in units and "force" in named:
+        return "force", Claim(1, "by its heading", _mass(column))
+    if not units or "voltage" in units:
+        return named[0], Claim(1, "by its heading")
+    if units & set(ROLES) and named[0] != "activation":
+        doubt = f"its heading says {named[0]}, its unit {column.unit} does not"
+        return named[0], Claim(1, "by its heading", doubt)
+    return _by_unit(column, units)
+
+
+def _by_unit(column: Column, units: Set[str]) -> tuple[Role, Claim] | None:
+    """What a unit gives alone: the role of the only quantity that it is of."""
+    measured = [role for role in ROLES if role in units]
+    if "mass" in units:
+        if measured:
+            return measured[0], Claim(1, "by its unit", f"{column.unit} may be gravity or grams")
+        return "force", Claim(1, "by its unit, a scale's", _mass(column))
+    return (measured[0], Claim(1, "by its unit")) if len(measured) == 1 else None
+
+
+def _mass(column: Column) -> str:
+    return f"force or mass? {column.unit} is of both"
+
+
+def is_switching(values: FloatArray) -> bool:
     """True for a signal that is at one of two levels nearly all the time, and at both."""
     some = values[np.isfinite(values)]
     if len(some) < 3 or not np.ptp(some):

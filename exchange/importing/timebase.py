@@ -10,6 +10,7 @@ where this is wrong: then the rate is told, and the stamps are not looked at.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,6 +28,9 @@ _UNEVEN = 0.35
 """Rms jitter, in steps, beyond which there is no rate."""
 _CERTAIN = 2e-3
 """Largest relative uncertainty of a rate from rounded stamps."""
+
+_SPIKE = 5.0
+"""Range of all other samples by which a spike stands out."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +78,11 @@ def time_base(path: Path, stamps: FloatArray, unit: float, rate_hz: float | None
     if not slope > 0:
         raise DataError(f"{path} has the same time in all samples: state the rate (--rate).")
     deviation = float(np.abs(stamps - start - slope * count).max())
-    if deviation <= max(_EVEN * slope, _ROUNDED * digit):
+    # A lost sample may hide in rounded stamps, but its step is a digit longer than rounding makes one.
+    longest = float(steps.max()) - slope
+    if deviation <= max(_EVEN * slope, _ROUNDED * digit) and longest <= max(
+        2 * _EVEN * slope, _ROUNDED * digit
+    ):
         digit = digit if deviation > _EVEN * slope else 0.0
         return _even(path, stamps, slope, digit, unit, rate_hz)
     return _uneven(path, stamps, steps, unit)
@@ -168,6 +176,30 @@ def holes_of(base: TimeBase) -> list[Hole]:
     ]
 
 
+def lost(base: TimeBase, damaged: Sequence[int]) -> list[Hole]:
+    """The places of rows that were left out as damaged, where stamps show no gap."""
+    index = np.arange(damaged[-1] + 1) if base.index is None and damaged else base.index
+    places = [int(index[row - n - 1]) + 1 for n, row in enumerate(damaged) if index is not None and row > n]
+    shown = holes_of(base)
+    return [Hole(place, place + 1, "all signals") for place in sorted(set(places))
+            if not any(hole.first - 1 <= place <= hole.end for hole in shown)]  # fmt: skip
+
+
+def spikes(values: FloatArray, rate_hz: float, unit: str) -> str:
+    """A sentence on samples that stand alone far above all others; "" without any."""
+    calm = scipy.ndimage.median_filter(values, 5)
+    apart = np.abs(values - calm)
+    found = np.flatnonzero(apart > _SPIKE * max(float(np.ptp(calm)), 1e-12))
+    if not len(found) or len(found) > 0.01 * len(values):
+        return ""
+    most = found[np.argmax(apart[found])]
+    return (
+        f"{len(found)} sample{'s' * (len(found) > 1)} of up to {values[most]:.4g} {unit} (at "
+        f"{most / rate_hz:.4g} s) stand{'s' * (len(found) == 1)} alone, over {_SPIKE:g} times the "
+        "range of all others: a spike?"
+    )
+
+
 def filled(values: FloatArray, what: str) -> tuple[FloatArray, list[Hole]]:
     """Values with missing ones on straight lines, and where they were missing; all of one column."""
     missing = ~np.isfinite(values)
@@ -184,7 +216,7 @@ def _last_digit(stamps: FloatArray) -> float:
     some = stamps[:: max(1, len(stamps) // 2000)]
     for digits in range(-3, 10):
         scaled = some * 10.0**digits
-        if np.all(np.abs(scaled - np.rint(scaled)) < 1e-6 * np.maximum(1.0, np.abs(scaled) * 1e-6)):
+        if np.all(np.abs(scaled - np.rint(scaled)) < 1e-6 + 1e-14 * np.abs(scaled)):
             return float(10.0**-digits)
     return 0.0
 

@@ -7,8 +7,9 @@ question. What was taken by the file's word is shown with the word, and a mappin
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,97 +17,25 @@ import numpy as np
 from ...acquisition import hdf5
 from ...instruments import ConfigurationError, DataError
 from ...instruments.arrays import FloatArray
-from ..columns import SI, Table, per_unit, read_table, unit_of
-from .mapping import ROLES, FileMapping, Role
+from ..columns import SI, Column, Table, per_unit, read_table, unit_of
+from .clock import base_of, rates_of, time_of, unit_of_time
+from .mapping import MEASURED, NONE, ROLES, FileMapping, Role
+from .questions import Question
 from .rest import rest_of
-from .roles import columns_of
-from .timebase import Hole, TimeBase, filled, holes_of, on_grid, time_base
+from .roles import Claim, claim_of, is_switching
+from .splits import split
+from .timebase import Hole, TimeBase, filled, holes_of, lost, on_grid, spikes
+from .understood import Signal, Understanding
 
-_PLAUSIBLE = (200.0, 200_000.0)
-"""Samples per second, a factor of 1000, within which a time without a unit can be in one unit only."""
 _SLOWEST, _FASTEST = 100.0, 1e8
 """Samples per second of a file: a press of half a second has fifty, and the fastest cards take 10^7."""
+_MARGIN = 0.05
+"""Part by which a clock of 100 Hz may be slow."""
 _SHORTEST = 0.01
 """s: a fifth of the shortest press."""
 _MOST = {"force": 1e5, "acceleration": 1e6, "displacement": 1.0, "activation": np.inf}
 """N, m/s^2 (ten times what the hardest shock sensors take), m."""
 _G = 9.80665
-
-
-@dataclass(frozen=True)
-class Question:
-    """Something that the file does not say."""
-
-    key: Role | str
-    """What is asked for: a role, "rate", or "unit ROLE", "flip ROLE", "rest ROLE"."""
-    what: str
-    """For a sentence: "the unit of force (column 1, F)"."""
-    option: str
-    """How it is told: "--unit force=N"."""
-
-
-@dataclass(frozen=True, eq=False)
-class Signal:
-    """One column that means something."""
-
-    role: Role
-    number: int
-    """Of the column, from 0."""
-    heading: str
-    why: str
-    """By what right: "told", "by its unit", "by its heading"."""
-    unit: str
-    """Words on what one of the file's units is."""
-    factor: float
-    """SI units per unit of the file, with the sign."""
-    values: FloatArray
-    """(samples,) in SI on the even grid; empty while there is a question."""
-
-
-@dataclass(frozen=True, eq=False)
-class Understanding:
-    """What was understood of a file, and what was not."""
-
-    path: Path
-    table: Table
-    mapping: FileMapping
-    """All that was told or taken, explicitly: with it, the next file needs no word."""
-    signals: dict[str, Signal]
-    rate_hz: float
-    """NaN while it is not known."""
-    questions: tuple[Question, ...]
-    notes: tuple[str, ...]
-    """Sentences with figures: rate, jitter, gaps, missing values, gravity."""
-    holes: tuple[Hole, ...] = ()
-
-    @property
-    def duration(self) -> float:
-        """Seconds."""
-        lengths = [len(s.values) for s in self.signals.values() if s.role != "time"]
-        return max(lengths, default=0) / self.rate_hz
-
-    def answered(self, question: Question, answer: str) -> FileMapping:
-        """The mapping with the answer to a question. Raises ConfigurationError for one that is none."""
-        what, _, role = question.key.partition(" ")
-        told: dict[str, object]
-        if what == "flip":
-            told = {"flip": (role,)}
-        elif what in ("unit", "rest"):
-            told = {"units" if what == "unit" else "rest": {role: answer}}
-        elif what == "rate":
-            told = {"rate_hz": answer}
-        else:
-            told = {what: int(answer) if answer.isdecimal() else answer}
-        return self.mapping.but(FileMapping.told(told, "the answer"))
-
-    def require(self) -> None:
-        """Raise ConfigurationError, one sentence, when a question is open."""
-        if self.questions:
-            what = _listed([q.what for q in self.questions], "nor")
-            raise ConfigurationError(
-                f"{self.path} does not say {what}: add, for example, "
-                f"{_listed([q.option for q in self.questions], 'and')}."
-            )
 
 
 def understand(path: str | Path, mapping: FileMapping | None = None) -> Understanding:
@@ -118,7 +47,7 @@ def understand(path: str | Path, mapping: FileMapping | None = None) -> Understa
     with suppress(DataError):  # of somebody else
         kind = hdf5.kind_of(path)
         raise ConfigurationError(f"{path} is a {kind} of haploop already, and needs no import: haploop show.")
-    table = read_table(path, told.format, told.decimal)
+    table = read_table(path, told.format, told.decimal, told.skip_damaged)
     found = _Finder(table, told)
     return found.understanding()
 
@@ -127,14 +56,19 @@ class _Finder:
     """Goes through the roles of one file."""
 
     def __init__(self, table: Table, told: FileMapping) -> None:
-        self.table, self.told = table, told
-        self.questions: list[Question] = []
-        self.notes: list[str] = list(table.notes)
+        self.told = told
+        told_of = {role: place for role in ROLES if (place := getattr(told, role)) is not None}
+        self.table, splits = split(table, told.where, tuple(told_of.values()))
+        self.questions: list[Question] = list(splits)
+        self.notes: list[str] = list(self.table.notes)
         self.holes: list[Hole] = []
         self.taken: dict[Role, tuple[int, str]] = {}
-        for role in ROLES:
-            place = getattr(told, role)
-            if place is not None:
+        self.doubts: dict[Role, str] = {}
+        self.time_unit: tuple[float, str] | None = None
+        self.kept = np.ones(len(self.table.columns[0].values), dtype=np.bool_)
+        self.closed = {role for role, place in told_of.items() if place == NONE}
+        for role, place in told_of.items():
+            if role not in self.closed:
                 self.taken[role] = (self._number(role, place), "told")
         numbers = [number for number, _ in self.taken.values()]
         if len(set(numbers)) < len(numbers):
@@ -142,31 +76,29 @@ class _Finder:
 
     def understanding(self) -> Understanding:
         table, told = self.table, self.told
-        for role in ROLES:
-            if role not in self.taken:
-                self._look(role)
-        units: dict[str, tuple[float, str] | None] = {
-            role: self._unit(role) for role in self.taken if role != "activation"
-        }
-        base = self._base(units.get("time"))
-        if not any(role in self.taken for role in ("force", "acceleration", "displacement")) and not any(
-            q.key in ("force", "acceleration", "displacement") for q in self.questions
-        ):
+        self._look()
+        units = {role: self._unit(role) for role in self.taken if role in MEASURED}
+        base = None if self.questions and self.questions[0].key.startswith("where") else self._base()
+        asked = {q.key for q in self.questions}
+        if not any(role in self.taken or role in asked for role in MEASURED):
             headings = ", ".join(c.heading or str(n) for n, c in enumerate(table.columns))
             self.questions.append(Question(
                 "force", f"which of its columns ({headings}) is force, acceleration or displacement",
                 "--force COLUMN, --acceleration COLUMN or --displacement COLUMN"))  # fmt: skip
+        if self.time_unit is not None:
+            units["time"] = self.time_unit
         signals: dict[str, Signal] = {}
         for role, (number, why) in self.taken.items():
             factor, words = units.get(role) or (1.0, "")
             factor *= -1.0 if role in told.flip else 1.0
-            open_ = base is None or any(q.key == f"unit {role}" for q in self.questions)
+            open_ = base is None or any(q.key in (f"unit {role}", role) for q in self.questions)
             values = np.zeros(0) if open_ or role == "time" else self._values(role, number, factor, base)
             signals[role] = Signal(role, number, self._heading(number), why, words, factor, values)
         rate = base.rate_hz if base else float("nan")
-        for role in ("force", "acceleration", "displacement"):
+        for role in MEASURED:
             if role in signals and len(signals[role].values):
                 self._sign(role, signals[role].values, rate)
+        self._contact(signals)
         return Understanding(
             table.path, table, self._explicit(signals), signals, rate, tuple(self.questions),
             tuple(self.notes), tuple(self.holes))  # fmt: skip
@@ -188,116 +120,121 @@ class _Finder:
     def _heading(self, number: int) -> str:
         return self.table.columns[number].heading or f"column {number}"
 
-    def _look(self, role: Role) -> None:
-        """Take the column that the file says is this role; a question where it says so of several."""
-        if role == "time" and self.told.rate_hz is not None:
-            return
+    def _look(self) -> None:
+        """Take the columns that the file says are a role; a question where it says so of several."""
         used = {number for number, _ in self.taken.values()}
-        found, why = columns_of(self.table, role, used)
-        for number in [n for n in found if role != "time" and _constant(self.table.columns[n].values)]:
-            found.remove(number)
-            self.notes.append(f"{self._heading(number)} is constant, and was left out.")
-        free = set(range(len(self.table.columns))) - used
-        if not found and len(free) == 1 and role in self.told.units:
-            found, why = list(free), "the only column"
-        if len(found) == 1:
-            self.taken[role] = (found[0], why)
-        elif found and role != "activation":
-            names = ", ".join(self._heading(n) for n in found)
-            which = "the vertical acceleration" if role == "acceleration" else role
+        claims: dict[Role, dict[int, Claim]] = {role: {} for role in ROLES}
+        own = "content_hash" in self.table.about
+        for number, column in enumerate(self.table.columns):
+            found = None if number in used else claim_of(column, own)
+            if found is not None and found[0] not in self.taken and found[0] not in self.closed:
+                claims[found[0]][number] = found[1]
+        if self.told.rate_hz is not None:
+            claims["time"] = {}
+        for role, claimed in claims.items():
+            for number in [n for n in claimed if role != "time" and _constant(self.table.columns[n].values)]:
+                del claimed[number]
+                self.notes.append(f"{self._heading(number)} is constant, and was left out.")
+            if role == "activation":
+                self._switches(claimed)
+            best = max((claim.score for claim in claimed.values()), default=0)
+            self._decide(role, {n: claim for n, claim in claimed.items() if claim.score == best})
+        measured = [n for n in range(len(self.table.columns)) if n != self.taken.get("time", (-1, ""))[0]]
+        named = [role for role in MEASURED if role in self.told.units]
+        if len(measured) == 1 and len(named) == 1 and measured[0] not in {n for n, _ in self.taken.values()}:
+            self.taken[named[0]] = (measured[0], "told by its unit")  # of a file of one signal
+            self.questions = [q for q in self.questions if q.key != named[0]]
+
+    def _switches(self, claimed: dict[int, Claim]) -> None:
+        for number in [n for n in claimed if not is_switching(self.table.columns[n].values)]:
+            del claimed[number]
+            self.notes.append(f"{self._heading(number)} has not two levels, and was left out.")
+
+    def _decide(self, role: Role, claimed: Mapping[int, Claim]) -> None:
+        if role == "time":
+            found = time_of(self.table, list(claimed), self.told)
+            if isinstance(found, Question):
+                self.questions.append(found)
+            elif found is not None:
+                self.taken[role] = (found[0], claimed[found[0]].why + found[1])
+            return
+        which = "the vertical acceleration" if role == "acceleration" else role
+        names = ", ".join(self._heading(n) for n in claimed)
+        if len(claimed) > 1:
             self.questions.append(Question(role, f"which of {names} is {which}", f"--{role} COLUMN"))
+        for number, claim in claimed.items() if len(claimed) == 1 else ():
+            column = self.table.columns[number]
+            if claim.doubt and role == "acceleration" and not _contradicted(column, claim):
+                option = f"--{role} {json.dumps(column.name or str(number), ensure_ascii=False)}"
+                self.questions.append(Question(role, f"whether {names} is {which} ({claim.doubt})", option))
+                continue
+            self.taken[role] = (number, claim.why)
+            self.doubts[role] = claim.doubt
 
     def _unit(self, role: Role) -> tuple[float, str] | None:
         """SI units per unit of a role's column, and the words of it; None and a question without one."""
         number, _ = self.taken[role]
         column = self.table.columns[number]
-        if role == "time" and column.stamps:
-            return 1.0, "s"
         if (said := self.told.units.get(role)) is not None:
             return per_unit(role, role, said, column.unit)
-        unit = unit_of(column.unit)
-        if unit is not None and unit.quantity == role:
+        doubt = column.doubt or self.doubts.get(role, "")
+        unit = unit_of(column.unit, role)
+        if unit is not None and not doubt:
             return unit.factor, column.unit
-        if role == "time" and not column.unit:
-            return self._unit_of_time(column.values)
         example = f"--unit {role}={SI[role]}"
-        what = f"the unit of {role} ({self._heading(number)}{column.doubt and ': ' + column.doubt})"
-        if unit is not None and unit.quantity == "voltage":
+        what = f"the unit of {role} ({self._heading(number)})"
+        if unit_of(column.unit, "mass") is not None and role == "force":
+            example = "--unit force=gf"
+        if unit_of(column.unit, "voltage") is not None:
             example = {
                 "force": "--unit 'force=0.25 V/N'",
                 "acceleration": "--unit 'acceleration=100 mV/g'",
             }.get(role, f"--unit '{role}=2 V/mm'")
             what = f"what a volt of {role} is ({self._heading(number)})"
-        self.questions.append(Question(f"unit {role}", what, example))
+        self.questions.append(Question(f"unit {role}", f"{what}{f': {doubt}' if doubt else ''}", example))
         return None
 
-    def _unit_of_time(self, values: FloatArray) -> tuple[float, str] | None:
-        """A unit in which the step of a time without one can be a sample rate, if there is one only."""
-        span = float(values[-1] - values[0]) if len(values) > 1 else 0.0
-        fits = [
-            (factor, unit)
-            for unit, factor in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9))
-            if span > 0 and _PLAUSIBLE[0] <= (len(values) - 1) / (span * factor) < _PLAUSIBLE[1]
-        ]
-        if len(fits) == 1:
-            step = span / (len(values) - 1)
-            self.notes.append(
-                f"Its time has no unit; steps of {step:.3g} are samples of a press in {fits[0][1]} only, so "
-                "it is taken so."
-            )
-            return fits[0]
-        self.questions.append(Question("unit time", "the unit of its time", "--unit time=s"))
-        return None
-
-    def _base(self, time: tuple[float, str] | None) -> TimeBase | None:
+    def _base(self) -> TimeBase | None:
         """The time base; None and a question without one."""
-        table, told = self.table, self.told
-        base: TimeBase | None = None
-        if told.rate_hz is not None:
-            base = TimeBase(told.rate_hz, (f"{told.rate_hz:g} samples/s, as told",))
-        elif "time" in self.taken:
-            if time is None:
+        path, number = self.table.path, self.taken["time"][0] if "time" in self.taken else None
+        taken = [n for role, (n, _) in self.taken.items() if role != "time"]
+        if number is not None and self.told.rate_hz is None:
+            unit = unit_of_time(self.table, number, rates_of(self.table, taken), self.told)
+            if isinstance(unit, Question):
+                self.questions.append(unit)
                 return None
-            column = table.columns[self.taken["time"][0]]
-            base = time_base(table.path, column.values, time[0], table.rate_hz)
-            if table.rate_hz is not None and abs(base.rate_hz / table.rate_hz - 1) > 0.01:
-                raise DataError(
-                    f"{table.path} has stamps of {base.rate_hz:g} samples/s, but states {table.rate_hz:g} "
-                    f"({table.rate_from}): say which is right (--rate)."
-                )
-        elif table.rate_hz is not None:
-            base = TimeBase(
-                table.rate_hz, (f"{table.rate_hz:g} samples/s, as the file says ({table.rate_from})",)
-            )
-        else:
-            own = {c.rate_hz for r, (n, _) in self.taken.items() if (c := table.columns[n]).rate_hz}
-            if len(own) == 1:
-                rate = own.pop()
-                assert rate is not None
-                base = TimeBase(rate, (f"{rate:g} samples/s, as the file says",))
-            elif own:
-                rates = ", ".join(f"{rate:g}" for rate in sorted(filter(None, own)))
-                raise DataError(
-                    f"{table.path} has columns of several rates ({rates} samples/s): export those that "
-                    "belong together at one rate."
-                )
-        if base is None:
-            self.questions.append(Question(
-                "rate", "its sample rate, or which column is the time", "--rate HZ or --time COLUMN")
-            )  # fmt: skip
+            self.time_unit = unit
+        elif any(q.key == "time" for q in self.questions):
             return None
-        if not _SLOWEST <= base.rate_hz <= _FASTEST:
+        base = base_of(self.table, number, self.time_unit, taken, self.told)
+        if isinstance(base, Question):
+            self.questions.append(base)
+            return None
+        if not _SLOWEST * (1 - _MARGIN) <= base.rate_hz <= _FASTEST:
             raise ConfigurationError(
-                f"{table.path} would have {base.rate_hz:g} samples/s: from {_SLOWEST:g} to {_FASTEST:g} are "
+                f"{path} would have {base.rate_hz:g} samples/s: from {_SLOWEST:g} to {_FASTEST:g} are "
                 "possible, so look at its time or at --rate."
             )
         self.notes += [f"Time: {one}." for one in base.said]
         self.holes += holes_of(base)
+        if number is not None and self.told.rate_hz is None:
+            self.kept[list(self.table.damaged)] = False
+            self.holes += lost(base, self.table.damaged)
         return base
+
+    def _contact(self, signals: Mapping[str, Signal]) -> None:
+        """Ask about a contact that is closed where the file begins: many read high when open."""
+        contact = signals.get("activation")
+        if contact is None or not len(contact.values) or "activation" in self.told.flip:
+            return
+        if contact.values[0] > (contact.values.min() + contact.values.max()) / 2 and contact.why != "told":
+            self.questions.append(Question(
+                "flip activation", f"why {contact.heading} is high at the start, closed or open with a "
+                "pull-up", "--flip activation, or --activation COLUMN where it is closed"))  # fmt: skip
 
     def _values(self, role: Role, number: int, factor: float, base: TimeBase | None) -> FloatArray:
         assert base is not None
-        path, values = self.table.path, self.table.columns[number].values
+        path, values = self.table.path, self.table.columns[number].values[self.kept]
         finite = np.isfinite(values)
         name = self._heading(number)
         if _constant(values):
@@ -325,6 +262,8 @@ class _Finder:
             raise ConfigurationError(
                 f"The column {name!r} of {path} would reach {most:g} {SI[role]}: look at its unit (--unit)."
             )
+        if role in ("force", "displacement") and (said := spikes(found, base.rate_hz, SI[role])):
+            self.notes.append(f"{name}: {said}")
         return np.asarray(found)
 
     def _sign(self, role: Role, values: FloatArray, rate_hz: float) -> None:
@@ -373,10 +312,11 @@ class _Finder:
         return self.told.model_copy(update={**columns, "units": units})
 
 
+def _contradicted(column: Column, claim: Claim) -> bool:
+    """True where what is doubtful is the unit alone, and not the role."""
+    return "its unit" in claim.doubt or "is said to be" in claim.doubt or bool(column.doubt)
+
+
 def _constant(values: FloatArray) -> bool:
     finite = values[np.isfinite(values)]
     return not len(finite) or not np.ptp(finite)
-
-
-def _listed(parts: list[str], last: str) -> str:
-    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} {last} {parts[-1]}"

@@ -377,6 +377,7 @@ def indexed(path: Path, w: Written) -> None:
 SI = {"force": "N", "acceleration": "m/s^2"}
 VOLTS = {"force": "0.1 V/N", "acceleration": "0.1 V/g"}
 THREE = {"force": "CH1", "acceleration": "CH2", "activation": "CH3", "units": VOLTS}
+"""Of an oscilloscope, also where a label stands above the channel."""
 
 KINDS: Sequence[Kind] = (
     Kind("german.csv", german),
@@ -393,7 +394,7 @@ KINDS: Sequence[Kind] = (
     Kind("pico.csv", picoscope,
          {"force": "Channel A", "acceleration": "Channel B", "activation": "Channel C",
           "units": {"force": "0.1 V/N", "acceleration": "100 mV/g"}}, lacks=("--force",)),
-    Kind("tek.csv", tektronix, THREE, lacks=("--force",)),
+    Kind("tek.csv", tektronix, THREE, lacks=("what a volt of force",)),
     Kind("tds.csv", old_tektronix, {"time": 0, "force": 1, "units": {"time": "s", "force": "0.1 V/N"}},
          lacks=("--force",)),
     Kind("rigol.csv", rigol, THREE, lacks=("--force",)),
@@ -404,7 +405,7 @@ KINDS: Sequence[Kind] = (
          {"time": 0, "force": 1, "acceleration": 2, "activation": 3, "units": {"time": "s", **SI}},
          lacks=("--force",)),
     Kind("new.mat", mat_7_3, {"units": SI}, lacks=("--unit",)),
-    Kind("named.npy", npy_named, {"units": SI}, lacks=("--unit",)),
+    Kind("named.npy", npy_named, {"units": {"time": "s", **SI}}, lacks=("--unit", "the unit of its time")),
     Kind("several.npz", npz, {"units": SI}, lacks=("--unit",)),
     Kind("plain.h5", hdf5),
     Kind("matrix.hdf5", hdf5_matrix),

@@ -141,7 +141,7 @@ TEXT = "t [s],F [N],a [m/s^2]\n" + "".join(f"{k / 1000:.4f},{1 + k % 7},{9.8 + k
         ("\0\1\2" * 100, {}, "is no text"),
         ("", {}, "is empty"),
         (TEXT.replace("[N]", "[V]"), {}, "'force=0.25 V/N'"),
-        (TEXT.replace("F [N],a", "F1 [N],F2 [N],a").replace(",9", ",1,9"), {}, "which of F1 [N], F2 [N]"),
+        (TEXT.replace("F [N]", "F1 [N]").replace("a [m/s^2]", "F2 [N]"), {}, "which of F1 [N], F2 [N]"),
         (BARE, {"time": 0, "force": 1}, "--unit force=N"),
     ],
 )  # fmt: skip

@@ -1,0 +1,204 @@
+"""What stands above the rows of a text: headings, units, names and steps by channel."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ...instruments import DataError
+from .stamps import is_stamp
+from .text_rows import Body, is_blank, is_number
+from .units import split_heading, unit_of, units_of
+
+_MARKS = "#%;/!\"' "
+"""Signs of a comment, before a line of headings."""
+_LESS = ("comment", "comments", "kommentar")
+"""Headings of LabVIEW's that have no column."""
+_KEYS = {
+    "names": r"trace ?name|channel ?names?|labels?|ch\w* labels?|signal ?names?|names?",
+    "units": r"y_unit_label|vertical units?|[vy] ?units?|units?|einheit(en)?",
+    "horizontal": r"horizontal units?|[hx] ?units?|x_unit_label|time ?units?",
+    "offset": r"h ?offset|x0",
+}
+_KEY = {what: re.compile(rf"(?:{key})\s*(?:[=:]\s*(?P<first>.*))?\Z", re.I) for what, key in _KEYS.items()}
+
+
+@dataclass
+class Head:
+    """What is stated above the rows, by place of a column."""
+
+    names: dict[int, str] = field(default_factory=dict)
+    units: dict[int, str] = field(default_factory=dict)
+    doubts: dict[int, str] = field(default_factory=dict)
+    also: dict[int, str] = field(default_factory=dict)
+    starts: dict[int, float] = field(default_factory=dict)
+    seconds: float | None = None
+    """The unit of the horizontal axis, where it is stated."""
+    notes: list[str] = field(default_factory=list)
+
+
+def head_of(path: Path, body: Body, above: Sequence[list[str]]) -> Head:
+    """What the rows above a body state. Raises DataError for headings that cannot be told apart."""
+    head = Head()
+    filled = [row for row in above if any(row)]
+    keyed: dict[str, list[str]] = {}
+    free: list[list[str]] = []
+    for row in filled:
+        what, cells = _keyed(row)
+        if what:
+            keyed[what] = cells
+        free.append([] if what else row)
+    if filled and filled[0][0].startswith("LabVIEW Measurement"):
+        head.seconds = 1.0  # its axis of time is in seconds by definition
+    # A row of keys stands above the headings, or takes their place.
+    rows = free[max((n for n, row in enumerate(free) if not row), default=-1) + 1 :] if keyed else free
+    _headings(path, body, head, rows, filled)
+    for place, unit in _placed(body, head, keyed.get("units", [])).items():
+        _unit(head, place, unit, "the row of units")
+    for place, label in _placed(body, head, keyed.get("names", [])).items():
+        name = head.names.get(place, "")
+        head.names[place], head.also[place] = f"{label} {name}".strip(), name
+    _axis(body, head, keyed)
+    return head
+
+
+def _axis(body: Body, head: Head, keyed: Mapping[str, list[str]]) -> None:
+    """The unit and the start of the horizontal axis, and the column that it is."""
+    if keyed.get("horizontal"):
+        axis = unit_of(keyed["horizontal"][0], "time")
+        head.seconds = axis.factor if axis else None
+        first = body.columns[0]
+        if len(keyed.get("units", ())) == len(body.columns) - 1 and first not in head.units:
+            head.units[first] = keyed["horizontal"][0]
+    for place in body.columns:
+        if head.seconds is not None and _is_named(head, place, "x_value"):
+            head.units.setdefault(place, "s")
+    for place, text in _placed(body, head, keyed.get("offset", [])).items():
+        if is_number(text, body.decimal) and head.seconds is not None:
+            head.starts[place] = head.seconds * float(text.replace(",", "."))
+
+
+def _keyed(row: list[str]) -> tuple[str, list[str]]:
+    """What a row says of each channel, by the key that it begins with; "" for another row."""
+    first = row[0].strip(_MARKS)
+    for what, key in _KEY.items():
+        if (match := key.match(first)) is not None:
+            cells = [*([match["first"]] if match["first"] else []), *row[1:]]
+            cells = [cell.strip(" \"'") for cell in cells]
+            while cells and not cells[-1]:
+                cells.pop()
+            return (what, cells) if cells and all(cells) else ("", [])
+    return "", []
+
+
+def _placed(body: Body, head: Head, cells: Sequence[str]) -> dict[int, str]:
+    """Cells of a row of keys by the columns that they are of; none where their number fits none."""
+    columns = body.columns
+    measured = [place for place in columns if not _is_named(head, place, "x_value")]
+    for places in (columns, measured, columns[1:] if columns[0] == 0 else ()):
+        if len(places) == len(cells):
+            return dict(zip(places, cells, strict=True))
+    return {}
+
+
+def _is_named(head: Head, place: int, name: str) -> bool:
+    return head.names.get(place, "").lower() == name
+
+
+def _headings(
+    path: Path, body: Body, head: Head, rows: Sequence[list[str]], filled: Sequence[list[str]]
+) -> None:
+    """Names and units of the last rows above the body."""
+    levels = [_shaped(row, body) for row in rows[-3:]]
+    index: dict[int, str] = {}
+    if len(levels) > 1 and rows[-1] and (only := _of_index(rows[-1], body)) and levels[-2]:
+        index, levels = only, levels[:-1]  # pandas: names of the index, below the headings
+    last = levels[-1] if levels else None
+    units: dict[int, str] = {}
+    if len(levels) > 1 and last and levels[-2] and _are_units([last[place] for place in body.columns]):
+        units = {place: cell.strip("()[] ") for place, cell in last.items() if cell}
+        levels = levels[:-1]
+        last = levels[-1]
+    elif last and not _are_names(last, body):
+        last = None
+    if last is None:
+        row = [cell for cell in (rows[-1] if rows else []) if cell]
+        wide = len(body.columns)
+        if body.shape.startswith("commas") and 2 <= len(row) < wide <= 2 * len(row):
+            raise DataError(
+                f"{path} has {len(row)} headings over {wide} columns: where commas stand both in numbers and "
+                "between them, they cannot be told apart, so export it with semicolons or tabs."
+            )
+        if row and len(filled) and filled[-1] == rows[-1]:
+            said = " ".join(row)[:40]
+            head.notes.append(
+                f"The line above the rows ({said!r}) does not name {wide} columns, and was left out."
+            )
+        return
+    over = levels[-2] if len(levels) > 1 and not units else None
+    join = over is not None and _are_names(over, body) and _continues(rows, body)
+    for place, cell in {**last, **index}.items():
+        name, unit = split_heading(cell)
+        if join and over is not None and over[place] not in ("", cell):
+            upper, above = split_heading(over[place])
+            head.also[place] = name
+            name, unit = f"{upper} {name}".strip(), unit or above
+        head.names[place] = name
+        if unit:
+            head.units[place] = unit
+    for place, unit in units.items():
+        _unit(head, place, unit, "the row of units")
+
+
+def _continues(rows: Sequence[list[str]], body: Body) -> bool:
+    """True for two rows of headings as pandas writes them: of one width, and nothing else."""
+    told = any(re.search(r"[:=]|\A\d", cell) for row in rows for cell in row)
+    return len(rows) in (2, 3) and len(rows[-1]) == len(rows[-2]) and not told
+
+
+def _unit(head: Head, place: int, unit: str, where: str) -> None:
+    """Enter a unit; where another one is stated, neither holds."""
+    before = head.units.get(place, "")
+    if before and units_of(before) != units_of(unit):
+        head.doubts[place] = f"its heading says {before}, {where} {unit}"
+    head.units[place] = unit
+
+
+def _of_index(row: list[str], body: Body) -> dict[int, str]:
+    """The only cell of a row that has one for each column, and no other filled."""
+    there = {place: cell for place, cell in enumerate(row) if cell}
+    fits = len(row) > body.columns[-1] > 0 and set(there) == {0} and 0 in body.columns
+    return there if fits and not is_number(there[0]) else {}
+
+
+def _are_names(cells: dict[int, str], body: Body) -> bool:
+    texts = [cells[place] for place in body.columns if cells[place]]
+    return bool(texts) and not any(
+        is_number(cell, body.decimal) or is_stamp(cell) or (is_blank(cell) and cell) or " = " in cell
+        for cell in texts
+    )  # fmt: skip
+
+
+def _shaped(row: list[str], body: Body) -> dict[int, str] | None:
+    """The cells of a row above the columns; None when it has not as many."""
+    cells = list(row)
+    if cells and cells[0][:1] in tuple("#%;"):
+        rest = cells[0].lstrip(_MARKS)
+        cells = [rest, *cells[1:]] if rest else cells[1:]
+    width = max(body.columns[-1] + 1, len(body.rows[0]) if len(body.rows) else 0)
+    while cells and (not cells[-1] or cells[-1].lower() in _LESS) and len(cells) > width:
+        cells.pop()
+    if len(cells) <= body.columns[-1]:
+        return None
+    found = {place: cells[place] for place in range(len(cells)) if place in body.columns or cells[place]}
+    named = [found[place] for place in body.columns]
+    # The first may have none: pandas writes the numbers of rows under an empty heading.
+    return found if all(named[1:] if len(named) > 1 else named) else None
+
+
+def _are_units(cells: Sequence[str]) -> bool:
+    found = [cell for cell in cells if cell]
+    known = [bool(units_of(cell)) or (cell[0] in "([" and cell[-1] in ")]") for cell in found]
+    return bool(found) and known.count(True) * 2 > len(found) and not any(map(is_number, found))

@@ -1,0 +1,143 @@
+"""Rates and steps that the rows above a text's columns state, in the unit that stands beside them.
+
+A rate counts when it is called one of *sampling* (or recording, logging, scanning); baud, bit, slew, press
+and heart rates are others'. All statements are returned: which is right, where they differ, is no matter of
+order.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from .table import Stated
+from .units import unit_of, units_of
+
+_SAMPLED = (
+    r"(sampl(e|es|ing|er)?|abtast|mess|(data ?)?log(ging)?|record(ing)?|scan(ning)?|acquisition|acq|daq|"
+    r"digiti[sz]ing|storage|aufzeichnungs?|erfassungs?)"
+)
+_RATE = re.compile(
+    rf"(?<![a-z]){_SAMPLED}[ _-]*(rate|freq(uency|\.)?|frequenz|speed|clock)(?![a-z])|"
+    r"(?<![a-z])(samples?[ _]*(per|/)[ _]*s(ec(ond)?)?|fs|sps|f_s|rate|sampled at|recorded at)(?![a-z])",
+    re.I)  # fmt: skip
+_STEP = re.compile(
+    rf"(?<![a-z]){_SAMPLED}[ _-]*(interval|period|step|intervall|periode)(?![a-z])|"
+    r"(?<![a-z])(delta[ _]?[xt]|x[ _]?incr(ement)?|increment|dt|hresolution|(time|zeit)[ _-]*(step|interval|"
+    r"increment|schritt)|interval|zeitintervall)(?![a-z])",
+    re.I)  # fmt: skip
+_NOT_OURS = re.compile(
+    r"(?<![a-z])(max(imum|\.)?|min(imum|\.)?|original|source|native|up to|possible|supported|available|over|"
+    r"baud|bit|slew|press|heart|pulse|strain|frame|refresh|error|ramp|load(ing)?|test|cross|feed|filter|video|"
+    r"cut-?off|audio|adc|internal|previous|resampl\w*|flow|cooling|heating|per[ _-]?sample)[ _-]*\Z",
+    re.I)  # fmt: skip
+"""Words before a rate that make it another's, or none of this file."""
+_BESIDE = re.compile(
+    r"[\s:=;,\"'(\[{/]*(per channel|of (this )?(file|recording)|in (?=[a-zA-Z/]))?[\s:=;,\"'(\[{/]*"
+    r"(?P<unit>[a-zA-Zµμ][a-zA-Zµμ/ ]{0,16}?|)[)\]}\"']*[\s:=;,\"']*"
+    r"(?P<number>[-+]?\d[\d.,]*(?:[eE][-+]?\d+)?)[\s:\"']*"
+    r"(?P<after>[a-zA-Zµμ/][a-zA-Zµμ/0-9^-]*( ?(per|/) ?[a-zA-Z]+)?)?"
+)
+_CELL = " : "
+"""Between the cells of a row."""
+
+
+def stated_rates(rows: Sequence[Sequence[str]], decimal: str, seconds: float | None) -> tuple[Stated, ...]:
+    """The rates that rows of cells state, each once; `seconds` is the file's unit of its horizontal axis."""
+    found: dict[float | str, Stated] = {}
+    for number, row in enumerate(rows):
+        below = rows[number + 1] if number + 1 < len(rows) else ()
+        for one in _in_row(row, below, decimal, seconds):
+            found.setdefault(one.words if one.hz is None else one.hz, one)
+    return tuple(found.values())
+
+
+def _in_row(row: Sequence[str], below: Sequence[str], decimal: str, seconds: float | None) -> list[Stated]:
+    line = _CELL.join(cell.strip() for cell in row if cell.strip())
+    found = []
+    for pattern, is_step in ((_RATE, False), (_STEP, True)):
+        for match in pattern.finditer(line):
+            if _NOT_OURS.search(line[: match.start()]):
+                continue
+            beside = _BESIDE.match(line, match.end())
+            if beside is not None:
+                found += _stated(match[0], line, beside, is_step, decimal, seconds)
+    for place, cell in enumerate(row):  # a heading with its value below it
+        whole = (_STEP.match(cell.strip()) or _RATE.match(cell.strip())) if cell.strip() else None
+        if (
+            whole is None
+            or place >= len(below)
+            or (place + 1 < len(row) and _number(row[place + 1], decimal))
+        ):
+            continue
+        rest = cell.strip()[whole.end() :]
+        if (
+            re.fullmatch(r"\s*([(\[].{1,12}[)\]])?", rest)
+            and _number(below[place].strip(), decimal) is not None
+        ):
+            beside = _BESIDE.match(f"{rest} {below[place].strip()}")
+            if beside is not None:
+                is_step = _STEP.match(cell.strip()) is not None
+                said = f"{cell.strip()} {below[place].strip()}"
+                found += _stated(whole[0], said, beside, is_step, decimal, seconds)
+    return found
+
+
+def _stated(
+    key: str, line: str, beside: re.Match[str], is_step: bool, decimal: str, seconds: float | None
+) -> list[Stated]:
+    """What a key, its number and the units beside it state; nothing where they are of another kind."""
+    value = _number(beside["number"], decimal)
+    said = f"{key}{beside[0]}".replace(_CELL, " ").strip(" ,;")
+    units = [u for u in (beside["unit"].strip(), (beside["after"] or "").strip()) if u]
+    known = [u for text in units for q in ("rate", "time") if (u := unit_of(text, q)) is not None]
+    others = [text for text in units if units_of(text) and not any(
+        unit_of(text, q) for q in ("rate", "time"))]  # fmt: skip
+    bare = key.lower() in ("rate", "interval", "increment", "fs", "sps", "f_s", "dt")
+    if others or (bare and units and not known) or (key.lower() in ("rate", "interval") and not known):
+        return []  # in mm/s, of another thing
+    if beside["unit"].strip() and not known:
+        return []  # words between: `sample rate divider 4`
+    if value == 0:
+        return []
+    end = beside.end("number")
+    several = {
+        v for cell in line[end:].split(_CELL)[1:]
+        if (v := _number(cell.strip(), decimal)) is not None
+    }  # fmt: skip
+    # 100,000 Hz in a file with commas between columns; another number of each channel; two units
+    cut = _CELL not in line[beside.start() : end] and re.match(r" : \d{3}(?![\d.])", line[end:])
+    if value is None or value < 0 or cut or several - {value} or len({u.factor for u in known}) > 1:
+        return [Stated(None, line.replace(_CELL, " ")[:60])]
+    hz = None
+    if known:
+        seconds = known[0].factor
+        hz = value * seconds if known[0].quantity == "rate" else 1 / (value * seconds)
+    elif not units and is_step:
+        hz = None if seconds is None else 1 / (value * seconds)
+    elif not units and value >= 1:
+        hz = value  # samples per second is what a sample rate is, but one below 1 is a step in some unit
+    return [Stated(hz if hz is None else float(f"{hz:.9g}"), said, value)]
+
+
+def _number(text: str, decimal: str) -> float | None:
+    """A number with its decimal sign, or groups of thousands; None for one that could be two numbers."""
+    whole = re.fullmatch(r"[-+]?(?P<digits>\d[\d.,]*)(?P<power>[eE][-+]?\d+)?", text.rstrip(",."))
+    if whole is None:
+        return None
+    plain, other = text.rstrip(",."), "," if decimal == "." else "."
+    if other in plain:
+        grouped = re.fullmatch(rf"[-+]?[1-9]\d{{0,2}}(\{other}\d{{3}})+(\{decimal}\d*)?", plain)
+        several = plain.count(other) > 1 or decimal in plain
+        if grouped is None:
+            if several:
+                return None
+            plain = plain.replace(other, ".")  # 0,2 in a file with decimal points: what else could it be
+        elif decimal == "," and not several:
+            return None  # 5.000
+        else:
+            plain = plain.replace(other, "")
+    try:
+        return float(plain.replace(",", "."))
+    except ValueError:
+        return None

@@ -1,0 +1,102 @@
+"""Rows of several measurements in one table, which a column of names or numbers tells apart: it is asked."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ...instruments import ConfigurationError
+from ...instruments.arrays import BoolArray
+from ..columns import Labels, Table
+from .questions import Question
+
+_NOTES = re.compile(
+    r"(notes?|comments?|remarks?|kommentare?|bemerkung(en)?|memo|annotations?)(?![a-z])", re.I
+)
+_SPLITTERS = re.compile(
+    r"(sensor|channel|node|device|trial|run|repetition|rep|cycle|session|block|segment|participant|subject|"
+    r"person|proband|versuch|hand|finger|side|specimen|sample ?(id|no|number))"
+    r"( ?(id|no\.?|nr\.?|number|name|index|#))?\s*\Z", re.I)  # fmt: skip
+"""Headings of numbers that tell rows apart."""
+_ALL = "*"
+_MOST = 64
+"""Values of a column that tells rows apart."""
+_SHOWN = 5
+
+
+def split(table: Table, where: Mapping[str, str], told: Sequence[str | int]) -> tuple[Table, list[Question]]:
+    """The rows that `where` names, and questions about columns that tell rows apart, none of `told`.
+
+    Raises ConfigurationError for a column or a value that is not in the table.
+    """
+    known = {one.name: one for one in table.labels}
+    numbers = _numbers(table, where, told)
+    kept = np.ones(len(table.columns[0].values), dtype=np.bool_)
+    notes, questions = [], []
+    for name, value in where.items():
+        one = known.get(name) or numbers.get(name)
+        if one is None:
+            raise ConfigurationError(f"{table.path} has no column {name!r} that tells rows apart (--where).")
+        there = np.array([value in (text, _ALL) for text in one.texts])
+        if not there.any():
+            raise ConfigurationError(f"{table.path} has no row with {name} {value!r}: it has {_shown(one)}.")
+        kept &= there
+        notes.append(f"Rows with {name} {value!r} were taken: {np.count_nonzero(there)} of {len(there)}.")
+    for name, one in {**known, **numbers}.items():
+        if name in where:
+            continue
+        if said := "" if name in numbers else _beside(one):
+            notes.append(said)
+            continue
+        value = next(text for text in one.texts if text)
+        option = f"{name}={value}"
+        questions.append(Question(
+            f"where {name}", f"which rows are one measurement (column {name!r} has {_shown(one)}; * for all)",
+            f"--where {option!r}" if " " in option else f"--where {option}"))  # fmt: skip
+    return _of_rows(replace(table, notes=(*table.notes, *notes)), kept), questions
+
+
+def _numbers(table: Table, where: Mapping[str, str], told: Sequence[str | int]) -> dict[str, Labels]:
+    """Columns of few whole numbers that are called as what tells rows apart, or were told, as texts."""
+    found = {}
+    for number, column in enumerate(table.columns):
+        if number in told or {column.name, column.heading, *column.also} & set(told):
+            continue
+        named = next((name for name in (column.name, column.heading) if name in where), None)
+        called = _SPLITTERS.fullmatch(column.name.replace("_", " ")) and not column.unit
+        distinct = np.unique(column.values[np.isfinite(column.values)])
+        if named or (called and not np.any(distinct % 1) and 1 < len(distinct) <= _MOST):
+            name = named or column.name
+            found[name] = Labels(name, tuple(f"{value:g}" for value in column.values.tolist()))
+    return found
+
+
+def _of_rows(table: Table, kept: BoolArray) -> Table:
+    """The rows of a table that are kept."""
+    if kept.all():
+        return table
+    columns = tuple(replace(column, values=column.values[kept]) for column in table.columns)
+    place = np.cumsum(kept) - 1
+    damaged = tuple(int(place[row]) for row in table.damaged if kept[row])
+    return replace(table, columns=columns, damaged=damaged)
+
+
+def _beside(one: Labels) -> str:
+    """The sentence on a column of text that tells no rows apart; "" for one that may."""
+    there = [row for row, text in enumerate(one.texts) if text]
+    distinct = {one.texts[row] for row in there}
+    first = f"{one.texts[there[0]][:30]!r} in row {there[0] + 1}"
+    if len(distinct) == 1 and len(there) == len(one.texts):
+        return f"{one.name} is {one.texts[0][:30]!r} in all rows, and was left out."
+    if len(there) <= len(one.texts) / 2 or _NOTES.match(one.name) or len(distinct) > 0.9 * len(one.texts):
+        return f"{one.name} is text ({first}), and was left out."
+    return ""
+
+
+def _shown(one: Labels) -> str:
+    distinct = sorted({text for text in one.texts if text and text != "nan"})
+    more = f" and {len(distinct) - _SHOWN} more" if len(distinct) > _SHOWN else ""
+    return ", ".join(distinct[:_SHOWN]) + more

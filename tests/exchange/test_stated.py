@@ -1,0 +1,432 @@
+"""What a text states is used, what it does not state is asked for, and what contradicts itself is, too.
+
+One table of inputs in the shape of files that people post, each with what is right.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import haploop
+from haploop.exchange.columns.text_rates import stated_rates
+
+T = np.arange(2500) / 5000
+F = 2 * np.exp(-(((T - 0.25) / 0.05) ** 2))
+"""N: one press, whose first derivative is smooth."""
+
+
+def rows(*columns: Sequence[Any] | np.ndarray, form: str = "{}", separator: str = ",") -> str:
+    return "".join(
+        separator.join(form.format(cell) for cell in row) + "\n" for row in zip(*columns, strict=True)
+    )
+
+
+def timed(head: str, *more: Any, scale: float = 1.0) -> str:
+    """A table of time, force and more; time in units of 1/scale s."""
+    return head + "\n" + rows(np.round(T * scale, 7), np.round(F, 5), *more)
+
+
+BARE = rows(np.round(F, 5), np.round(0.01 * F, 6))
+"""Force and acceleration without a time."""
+LVM = (
+    "LabVIEW Measurement\t\nWriter_Version\t2\nSeparator\tTab\nDecimal_Separator\t.\nMulti_Headings\tYes\n"
+    "X_Columns\t{x}\nDate\t2026/05/01\nTime\t10:00:00.5\n***End_of_Header***\t\n\t\n"
+)
+SEGMENT = (
+    "Channels\t2\t\nSamples\t2500\t2500\t\nY_Unit_Label\tNewtons\tg\t\nX_Dimension\tTime\tTime\t\n"
+    "X0\t0.0E+0\t0.0E+0\t\nDelta_X\t0.000200\t0.000200\t\n***End_of_Header***\t\t\n"
+)
+LVM_ROWS = rows(T, np.round(F, 6), np.round(0.1 * F, 6), separator="\t")
+MULTI_ROWS = rows(T, np.round(F, 6), T, np.round(0.1 * F, 6), separator="\t")
+CLOCK = np.array([f"10:00:{1 + t:07.4f}" for t in T])
+
+
+@dataclass(frozen=True)
+class Case:
+    """A text, and what is right: a rate, roles with their heading and peak, what is asked or refused."""
+
+    name: str
+    text: str
+    rate_hz: float | None = None
+    """None where it must be asked for, or refused."""
+    told: dict[str, Any] = field(default_factory=dict)
+    asks: tuple[str, ...] = ()
+    """Parts of questions, or of the refusal; none other may be open."""
+    peaks: dict[str, float] = field(default_factory=dict)
+    """Largest magnitude by role, in SI; a role that is not here is not taken."""
+    notes: tuple[str, ...] = ()
+
+
+SURE = {"force": 2.0}
+G = 9.80665
+CASES = (
+    # Units of time
+    Case("milliseconds by heading", timed("Millis,Force (N)", scale=1e3), 5000, peaks=SURE),
+    Case("microseconds by heading", timed("micros(),Force (N)", scale=1e6), 5000, peaks=SURE),
+    Case("milliseconds in a name", timed("t_ms,Force (N)", scale=1e3), 5000, peaks=SURE),
+    Case("a camel's unit", timed("timestampMillis,Force (N)", scale=1e3), 5000, peaks=SURE),
+    Case("a word before", timed("seconds_elapsed,Force (N)"), 5000, peaks=SURE),
+    Case("Unix seconds", "Unix Timestamp,Force (N)\n" + rows(1.7e9 + T, F), 5000, peaks=SURE),
+    Case(
+        "Unix milliseconds are no seconds",
+        "Unix Timestamp,Force (N)\n" + rows(1.7e12 + 1e3 * T, F),
+        asks=("the unit of its time",),
+    ),
+    Case("no unit", timed("time,Force (N)"), asks=("the unit of its time (time rises by 0.0002 a sample)",)),
+    Case(
+        "no unit at 50/s",
+        "time,Force (N)\n" + rows(20 * np.arange(200), F[:200]),
+        asks=("the unit of its time",),
+    ),
+    Case(
+        "a stated rate gives the unit",
+        "Sample rate: 5000 Hz\n" + timed("time,Force (N)", scale=1e3),
+        5000,
+        peaks=SURE,
+    ),
+    Case("a time with another", "time,seconds_elapsed,Force (N)\n" + rows(1e9 * T, T, F), 5000, peaks=SURE),
+    Case(
+        "two times that differ", "Time (s),Elapsed (ms),Force (N)\n" + rows(T, 2e3 * T, F), asks=("which of",)
+    ),
+    Case(
+        "heading against units",
+        "Time (s),Force (N)\nms,N\n" + rows(1e3 * T, F),
+        asks=("its heading says s, the row of units ms",),
+    ),
+    # Stated rates
+    *(
+        Case(
+            f"header {line}",
+            f"{line}\nForce (N),Acc (g)\n{BARE}",
+            rate,
+            peaks={"force": 2, "acceleration": 0.02 * G},
+        )
+        for line, rate in (
+            ("Sample rate (kHz),5", 5000),
+            ("Sampling interval (us),200", 5000),
+            ("Sample rate: 5 kSa/s", 5000),
+            ("Samples per second: 5000", 5000),
+            ("Sampling rate: 0.2 ms", 5000),
+            ("Sample Rate 5k", 5000),
+            ("Baud rate: 115200 Sample rate: 5000 Hz", 5000),
+        )
+    ),
+    *(
+        Case(f"header {line}", f"{line}\nForce (N),Acc (g)\n{BARE}", told={}, asks=("sample rate",))
+        for line in (
+            "Baud rate,115200",
+            "Bit rate: 5000",
+            "Slew rate 5000 mm/s",
+            "Press rate: 5000",
+            "Heart rate 72",
+            "Recording rate = 0.0002",
+            "Sampling interval: 0.0002",
+            "Max sample rate: 1 MHz",
+            "Sample rate: 5000 Hz\nRecording rate: 1000 Hz",
+            "Sample rate: 100,000 Hz",
+        )
+    ),
+    Case(
+        "rate against stamps",
+        "Sample rate: 1000 Hz\n" + timed("time (s),Force (N)"),
+        asks=("which is right, its stamps of 5000 samples/s or 1000",),
+    ),
+    # Roles
+    *(
+        Case(f"a column {name}", timed(f"time (s),Force (N),{name}", (T > 0.4).astype(int)), 5000, peaks=SURE)
+        for name in ("judge", "valid", "LED", "trigger")
+    ),
+    Case(
+        "a switch",
+        timed("time (s),Force (N),switch", (T > 0.4).astype(int)),
+        5000,
+        peaks={**SURE, "activation": 1},
+    ),
+    Case(
+        "a switch that rests high",
+        timed("time (s),Force (N),switch", (T < 0.4).astype(int)),
+        5000,
+        asks=("switch is high at the start",),
+        peaks={**SURE, "activation": 1},
+    ),
+    Case(
+        "kilograms with a stray value",
+        "time (s),Acc (g),Value [kg]\n" + rows(T, 0.01 * F, np.where(np.arange(2500) == 3, 711, 0.01 * F)),
+        asks=("force or mass? kg is of both",),
+    ),
+    Case("a scale in grams", timed("time (s),Scale (grams)"), asks=("force or mass?",)),
+    Case(
+        "grams, answered",
+        timed("time (s),Scale (grams)"),
+        5000,
+        {"units": {"force": "gf"}},
+        peaks={"force": 2e-3 * G},
+    ),
+    Case("grams-force are stated", timed("time (s),Force (gf)"), 5000, peaks={"force": 2e-3 * G}),
+    Case("pounds-force are stated", timed("time (s),Load [lbf]"), 5000, peaks={"force": 2 * 4.4482216152605}),
+    Case("g of nothing", timed("time (s),CH1 (g)"), asks=("may be gravity or grams",)),
+    Case(
+        "heading against unit",
+        timed("time (s),Force (mm)"),
+        asks=("its heading says force, its unit mm does not",),
+    ),
+    Case(
+        "an acceleration sideways",
+        timed("time (s),Acceleration x (m/s^2)"),
+        asks=("is the vertical acceleration",),
+    ),
+    Case(
+        "three accelerations",
+        "time (s),Acc x (g),Acc y (g),Acc z (g)\n" + rows(T, F, F, F),
+        asks=("which of Acc x [g], Acc y [g], Acc z [g]",),
+    ),
+    # Several measurements in one table
+    Case(
+        "two sensors under each other",
+        "Time (s),Sensor,Force (N)\n"
+        + rows(np.repeat(T, 2), np.tile(["left", "right"], 2500), np.repeat(F, 2)),
+        asks=("which rows are one measurement (column 'Sensor' has left, right",),
+    ),
+    Case(
+        "one of two sensors",
+        "Time (s),Sensor,Force (N)\n"
+        + rows(np.repeat(T, 2), np.tile(["left", "right"], 2500), np.stack([F, 3 * F], axis=1).ravel()),
+        5000,
+        {"where": {"Sensor": "right"}},
+        peaks={"force": 6},
+        notes=("2500 of 5000",),
+    ),
+    Case(
+        "trials by number",
+        "Trial,Time (s),Force (N)\n" + rows(np.repeat([1, 2], 2500), np.tile(T, 2), np.tile(F, 2)),
+        asks=("column 'Trial' has 1, 2",),
+    ),
+    Case(
+        "one trial",
+        "Trial,Time (s),Force (N)\n" + rows(np.repeat([1, 2], 2500), np.tile(T, 2), np.tile(F, 2)),
+        5000,
+        {"where": {"Trial": "2"}},
+        peaks=SURE,
+    ),
+    Case(
+        "LabVIEW's segments",
+        LVM.format(x="One") + (SEGMENT + "X_Value\tForce\tAcc\tComment\n" + LVM_ROWS + "\n") * 2,
+        asks=("column 'segment' has 1, 2",),
+    ),
+    Case(
+        "one of LabVIEW's segments",
+        LVM.format(x="One") + (SEGMENT + "X_Value\tForce\tAcc\tComment\n" + LVM_ROWS + "\n") * 2,
+        5000,
+        {"where": {"segment": "2"}},
+        peaks={"force": 2, "acceleration": 0.2 * G},
+    ),
+    Case(
+        "LabVIEW's X_Columns Multi",
+        LVM.format(x="Multi") + SEGMENT + "X_Value\tForce\tX_Value\tAcc\tComment\n" + MULTI_ROWS,
+        5000,
+        peaks={"force": 2, "acceleration": 0.2 * G},
+    ),
+    # Rows
+    *(
+        Case(
+            f"a note in row {place}",
+            timed("time (s),force (N),note", ["pressed by hand" if k == place else "" for k in range(2500)]),
+            5000,
+            peaks=SURE,
+            notes=("note is text",),
+        )
+        for place in (3, 100, 1250, 2499)
+    ),
+    Case("a quoted note", timed("time (s),force (N),note", ['"latch, blue"'] * 2500), 5000, peaks=SURE),
+    Case(
+        "quoted decimal commas",
+        "time (s),force (N)\n" + rows(*([f'"{x:.5f}"'.replace(".", ",") for x in one] for one in (T, F))),
+        5000,
+        peaks=SURE,
+    ),
+    *(
+        Case(
+            f"torn in row {place}",
+            timed("time (s),force (N)").replace(f"\n{np.round(T[place], 7)},", f"\n{line}", 1),
+            asks=("--skip-damaged",),
+        )
+        for place, line in ((2, "Booting..."), (1200, "0.24"), (1200, "0.24,0.1,0.2,"))
+    ),
+    Case(
+        "torn and left out",
+        timed("time (s),force (N)").replace(f"\n{np.round(T[1200], 7)},", "\nBooting... ", 1),
+        5000,
+        {"skip_damaged": True},
+        peaks=SURE,
+        notes=("row 1202 ('Booting...", "1 gap of 1 samples"),
+    ),
+    Case(
+        "cut in its last number",
+        "time (s),force (N)\n" + rows(T, [f"{f:.5f}" for f in F])[:-4],
+        5000,
+        peaks=SURE,
+        notes=("cut in the middle of a number",),
+    ),
+    Case(
+        "a spike",
+        timed("time (s),force (N)").replace(f"{np.round(T[7], 7)},", f"{np.round(T[7], 7)},5000", 1),
+        5000,
+        peaks={"force": float(f"5000{np.round(F[7], 5)}")},
+        notes=("a spike?",),
+    ),
+    # Shapes of programs
+    Case(
+        "Arduino's monitor",
+        "".join(f"{c} -> {f:.3f},{int(f > 1)}\n" for c, f in zip(CLOCK, F, strict=True)),
+        5000,
+        {"force": 1, "units": {"force": "N"}},
+        peaks=SURE,
+    ),
+    Case(
+        "a recorder's header",
+        '"Model","X"\n"TraceName","Force","Acc",\nBlockSize,2500,2500,\nVUnit,N,g,\n'
+        "HResolution,2.0e-04,2.0e-04,\nHOffset,-1.0e+00,-1.0e+00,\nHUnit,s,s,\n"
+        + rows(["" for _ in T], F, 0.1 * F),
+        5000,
+        peaks={"force": 2, "acceleration": 0.2 * G},
+    ),
+    Case(
+        "channels that begin apart",
+        '"TraceName","Force","Acc",\nVUnit,N,g,\nHResolution,2.0e-04,2.0e-04,\n'
+        "HOffset,0.0,0.1,\nHUnit,s,s,\n" + rows(["" for _ in T], F, 0.1 * F),
+        5000,
+        peaks={"force": 2, "acceleration": 0.2 * G},
+        notes=("begins 0.1 s before",),
+    ),
+    Case(
+        "a tester's units",
+        "UNIT = gf,mm\nDATA COUNT = 2500,\nCOMMENT = ,\n2ND PEAK FORCE = ---,---\n" + rows(F, 20 * T),
+        5000,
+        {"rate_hz": 5000, "rest": {"displacement": "start"}},
+        peaks={"force": 2e-3 * G, "displacement": 9.996e-3},
+    ),
+    Case(
+        "units over all columns",
+        "Units,s,N\nname,Time,Force\n,,\n" + rows(["" for _ in T], T, F),
+        5000,
+        peaks=SURE,
+    ),
+    Case(
+        "pandas' timedelta", ",force [N]\n" + rows([f"0 days 00:00:0{t:.6f}" for t in T], F), 5000, peaks=SURE
+    ),
+    Case(
+        "pandas' two rows of headings",
+        ",force,acc\n,N,m/s^2\ntime [s],,\n" + rows(T, F, F),
+        5000,
+        peaks={"force": 2, "acceleration": 2},
+    ),
+    Case(
+        "sensor over side",
+        ",Force,Force\n,left [N],right [N]\ntime [s],,\n" + rows(T, F, F),
+        asks=("which of Force left [N], Force right [N]",),
+    ),
+    Case(
+        "seconds and a column of milliseconds",
+        "Date&Time,ms,Force (N)\n"
+        + rows([f"2026-05-01 10:00:0{k // 1000}" for k in range(2500)], [k % 1000 for k in range(2500)], F),
+        1000,
+        peaks=SURE,
+    ),
+    Case(
+        "a phone at 99.87/s",
+        "Time (s),Force (N)\n" + rows(np.arange(300) / 99.8667, F[::8][:300]),
+        99.8667,
+        peaks=SURE,
+    ),
+)
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def test_what_is_stated(case: Case, tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(case.text, encoding="utf-8")
+    try:
+        found = haploop.understand(path, haploop.FileMapping(**case.told))
+    except (haploop.ConfigurationError, haploop.DataError) as error:
+        asked, found = [str(error)], None
+    else:
+        asked = [f"{question.what} {question.option}" for question in found.questions]
+    assert len(asked) >= len(case.asks) and all(any(part in one for one in asked) for part in case.asks), (
+        asked
+    )
+    if not case.asks:
+        assert not asked
+    if found is None or case.rate_hz is None:
+        assert case.asks
+        return
+    assert found.rate_hz == pytest.approx(case.rate_hz, rel=1e-4)
+    peaks = {role: np.abs(s.values).max() for role, s in found.signals.items() if role != "time"}
+    assert peaks == pytest.approx(case.peaks, rel=1e-3)
+    notes = " ".join(found.notes)
+    assert all(part in notes for part in case.notes), notes
+
+
+@pytest.mark.parametrize(
+    ("row", "decimal", "hz"),
+    [
+        ("Sample rate|5000|5000|5000", ".", 5000.0),
+        ("Sample rate|5000|2500", ".", None),
+        ("Abtastrate: 2,5 kHz", ",", 2500.0),
+        ("Abtastrate: 5.000 Hz", ",", None),  # five, or five thousand
+        ("Sample rate: 5,000 Hz", ".", 5000.0),
+        ("Sample rate: 100|000 Hz", ".", None),
+        ("Sampling rate (samples/min)|120", ".", 2.0),
+        ("Sample rate: 1 MS/s", ".", 1e6),
+        ("Sampling interval|10ms", ".", 100.0),
+        ("dt = 0.0002", ".", None),
+        ("Sample rate: 5 furlongs", ".", None),
+    ],
+)
+def test_a_rate_is_read_with_its_unit(row: str, decimal: str, hz: float | None) -> None:
+    (found,) = stated_rates([row.split("|")], decimal, None)
+    assert found.hz == hz
+
+
+@pytest.mark.parametrize(
+    "row",
+    ["Sample rate divider: 4", "Oversampling rate: 64", "Frame rate: 30 fps", "Rate|5000",
+     "Loading rate 5 N/s", "Data rate 9600 bps", "Cut-off: 500 Hz", "Sampling time: 10 s"],
+)  # fmt: skip
+def test_what_is_no_rate_of_samples(row: str) -> None:
+    assert not stated_rates([row.split("|")], ".", None)
+
+
+def test_a_damaged_row_is_a_gap_in_the_recording(tmp_path: Path) -> None:
+    """Also where no column of time shows it."""
+    path = tmp_path / "a.csv"
+    lines = (f"{f:.5f}" for f in F)
+    path.write_text(
+        "Sample rate: 5000 Hz\nForce (N)\n" + "\n".join(lines).replace("\n1.0", "\nx1.0", 1) + "\n"
+    )
+    with pytest.raises(haploop.DataError, match=r"stops being a table in row .*--skip-damaged"):
+        haploop.understand(path)
+    found = haploop.understand(path, haploop.FileMapping(skip_damaged=True))
+    assert len(found.signals["force"].values) == 2500 and len(found.holes) == 1
+    assert found.holes[0].end - found.holes[0].first == 1
+
+
+def test_a_table_that_is_far_too_wide_is_refused_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(",".join(["1"] * 300_000) + "\n")
+    with pytest.raises(haploop.DataError, match="more than 4096 cells"):
+        haploop.understand(path)
+
+
+def test_a_role_that_no_column_is(tmp_path: Path) -> None:
+    path, saved = tmp_path / "a.csv", tmp_path / "lab.toml"
+    path.write_text(timed("time (s),Force (N),switch", (T < 0.4).astype(int)))
+    found = haploop.understand(path, haploop.FileMapping(activation="none"))
+    assert not found.questions and "activation" not in found.signals
+    found.mapping.save(saved)
+    assert haploop.understand(path, haploop.FileMapping.load(saved)).mapping == found.mapping
