@@ -28,6 +28,7 @@ COLUMNS: Mapping[str, str] = MappingProxyType(
         "opened_s": "s",
         "release_s": "s",
         "force_at_activation_n": "N",
+        "force_uncertainty_n": "N",
         "peak_force_n": "N",
         "activated_by": "",
         "peak_travel_mm": "mm",
@@ -43,8 +44,9 @@ COLUMNS: Mapping[str, str] = MappingProxyType(
 )
 """Columns and their units. Times are from the recording's first sample; the acceleration is the vertical one
 above 10 Hz, from onset to release; the centroid is its spectrum's, weighted by power. A quantity that was not
-measured is missing in its rows; `activated_by` says what told the activation: "activation" (the contact),
-"force", "displacement", "velocity" or "acceleration"."""
+measured is missing in its rows; `force_uncertainty_n` is `ButtonPress.force_uncertainty`; `activated_by` says
+what told the activation: "activation" (the contact), "force", "displacement", "velocity" or "acceleration".
+"""
 
 
 def press_table(title: str, recordings: Iterable[Recording], about: About) -> PressTable:
@@ -108,6 +110,7 @@ def _row(
         "activation_s": None if press.activation is None else press.activation / rate_hz,
         "opened_s": None if press.opened is None else press.opened / rate_hz,
         "force_at_activation_n": press.force_at_activation,
+        "force_uncertainty_n": press.force_uncertainty,
         "activated_by": press.activated_by if press.activation is not None else None,
     }
     within = slice(press.onset, press.release + 1)

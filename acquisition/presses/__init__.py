@@ -1,6 +1,7 @@
 """Presses in a recording: segmentation, quality check, and the representative press."""
 
 from .averaging import AverageMethod as AverageMethod
+from .filtering import bandwidth_of as bandwidth_of
 from .filtering import high_pass as high_pass
 from .judging import judged as judged
 from .pressing import NAMES as NAMES
@@ -11,6 +12,9 @@ from .protocol import Protocol as Protocol
 from .quality import QualityCheck as QualityCheck
 from .quality import accepted_presses as accepted_presses
 from .quality import activation_forces as activation_forces
+from .rates import LEAST_RATES as LEAST_RATES
+from .rates import fast_enough as fast_enough
+from .rates import require_rate as require_rate
 from .registration import WarpModel as WarpModel
 from .representative import Representative as Representative
 from .representative import Window as Window

@@ -64,7 +64,7 @@ def _sensor(recording: Recording) -> LinearSensor:
 
 
 def bandwidth_of(recording: Recording) -> float:
-    """Corner of the sensor of motion (Hz), half the sample rate at most; infinite without one."""
+    """Corner of the sensor of motion (Hz), half the rate it was measured at at most; infinite without one."""
     if recording.motion is None:
         return np.inf
-    return min(_sensor(recording).bandwidth_hz, recording.rate_hz / 2)
+    return min(_sensor(recording).bandwidth_hz, recording.measured_hz / 2)

@@ -35,6 +35,7 @@ from .choice import few, held, single, usable
 from .cutting import Activated, Cuttable, common_opening, cut_out
 from .filtering import bandwidth_of, high_pass, noise_gain, undone
 from .protocol import Protocol
+from .rates import require_rate
 from .registration import WarpModel
 from .segmentation_settings import Segmentation, segmentation_for
 from .sensor_faults import upside_down
@@ -121,8 +122,8 @@ class Representative(InNotebook):
     motion: str = "acceleration"
     """What the acceleration is from: "acceleration", or "velocity" or "displacement", differentiated."""
     activated_by: str = "activation"
-    """What told the activation: "activation" (the contact), "force" (its snap), or the click in
-    "acceleration", "velocity" or "displacement"."""
+    """What told the activation: "activation" (the contact), "force" (its snap), the click in
+    "acceleration", "velocity" or "displacement", or, of an imported press, "stated" by a file or a person."""
 
     def refuse_nonsense(self) -> None:
         """See `hdf5.restore`. Raises DataError for signals that no presses have."""
@@ -355,6 +356,13 @@ def _check_together(recordings: Sequence[Recording]) -> Recording:
         raise ConfigurationError(
             f"{first.path.name} holds no motion of the cap, which a representative press is made of: record "
             "with [sensors.acceleration], [sensors.velocity] or [sensors.displacement]."
+        )
+    for recording in recordings:
+        require_rate(
+            "representative press",
+            recording.measured_hz,
+            recording.path.name,
+            "record or export it with a higher rate",
         )
     for other in recordings[1:]:
         for what, mine, theirs in (

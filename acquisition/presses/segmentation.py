@@ -25,9 +25,11 @@ import scipy
 
 from ...instruments.arrays import BoolArray, FloatArray
 from ..recording import Recording
+from .force_at import Instant, force_at
 from .pressing import Levels, levels_of, pressing, shaken
+from .rates import fast_enough
 from .segmentation_settings import Segmentation, segmentation_for
-from .snaps import Snaps
+from .snaps import BEHIND, Snaps
 
 
 class Span(NamedTuple):
@@ -126,7 +128,10 @@ class ButtonPress:
     opened: float | None
     """Instant at which the contact changed back during the same press (momentary buttons); None otherwise."""
     force_at_activation: float | None
-    """N above the rest just before this press."""
+    """N above the rest just before this press; None where it was not measured, or too slowly (`rates.py`)."""
+    force_uncertainty: float | None
+    """N: half-width about `force_at_activation` that holds the true force of 98 of 100 simulated presses or
+    more, the sensor's own gain aside (`force_at.py`)."""
     first_stage: float | None
     """Instant (samples) of a click before the one at the activation, as in a latch with two stages; None
     without one."""
@@ -172,7 +177,8 @@ class _Finder:
         """The press in a span; its neighbours end at `low` and begin at `high`."""
         p, recording, rate_hz = self._p, self._recording, self._recording.rate_hz
         margin = round(p.margin * rate_hz)
-        rest = _rest_before(self._signal, span, low, margin)
+        quiet = _before(self._signal, span, low, margin)
+        rest = float(quiet.mean()) if len(quiet) else span.rest
         above = self._smooth - rest
         onset, release = _edges(above, span, low, high, self._levels)
         start = max(onset - margin, 0 if first else (low + onset) // 2)
@@ -184,10 +190,7 @@ class _Finder:
         else:
             found = Snaps(recording, p, self._shaken).activation(force, above, start, onset, release)
             activation, by, opened = (*found, None) if found else (None, None, None)
-        at_activation = None
-        if activation is not None and force is not None:
-            instant = activation - recording.delay("force") * rate_hz
-            at_activation = _value_at(self._signal, instant, p.fit * rate_hz) - rest
+        at_activation, uncertainty = self._force_at(activation, by, quiet, rest)
         stage = None
         if activation is not None:
             pressed = None if force is None or at_activation is None else (force, at_activation)
@@ -201,10 +204,31 @@ class _Finder:
             activation=activation,
             opened=opened,
             force_at_activation=at_activation,
+            force_uncertainty=uncertainty,
             first_stage=stage,
             saturated=bool(np.any(recording.saturated[onset : release + 1])),
             activated_by=by or "",
         )
+
+    def _force_at(
+        self, activation: float | None, by: str | None, quiet: FloatArray, rest: float
+    ) -> tuple[float | None, float | None]:
+        """The force (N) at the activation and its uncertainty; None where it was not measured, or too slowly.
+
+        `quiet` is the force before the press, and `rest` its value at rest.
+        """
+        recording, p, rate_hz = self._recording, self._p, self._recording.rate_hz
+        measured_hz = recording.measured_hz
+        if activation is None or not recording.has("force"):
+            return None, None
+        if not fast_enough("force at activation", measured_hz):
+            return None, None
+        at = activation - recording.delay("force") * rate_hz
+        behind = 0.0 if by == "activation" else BEHIND * rate_hz
+        noise = float(quiet.std()) if len(quiet) else 0.0
+        instant = Instant(at, max(1.0, rate_hz / measured_hz), rate_hz, behind)
+        found = force_at(self._signal, instant, p.fit * rate_hz, noise)
+        return (None, None) if found is None else (found[0] - rest, found[1])
 
     def _first_stage(
         self, force: tuple[FloatArray, float] | None, start: int, onset: int, activation: float
@@ -240,10 +264,10 @@ class _Finder:
         return begin + near + int(np.argmax(before[near : largest + 1] > level)) - 0.5 + late
 
 
-def _rest_before(force: FloatArray, span: Span, low: int, margin: int) -> float:
-    """Mean force (N) before a press, excluding its rise and the fall of the preceding press."""
+def _before(force: FloatArray, span: Span, low: int, margin: int) -> FloatArray:
+    """The force (N) before a press, without its rise and the fall of the preceding press; empty if short."""
     quiet = force[max(low + margin // 5, span.first - margin) : max(0, span.first - margin // 5)]
-    return float(quiet.mean()) if len(quiet) >= margin // 5 else span.rest
+    return quiet if len(quiet) >= margin // 5 else quiet[:0]
 
 
 def _edges(above: FloatArray, span: Span, low: int, high: int, p: Levels) -> tuple[int, int]:
@@ -288,17 +312,3 @@ def _first_lasting(state: BoolArray, begin: int, window: int) -> int | None:
         return None
     since = max(begin, begin + int(stays[0]) - window)
     return since + int(np.argmax(state[since:]))
-
-
-def _value_at(signal: FloatArray, instant: float, reach: float) -> float:
-    """Estimate a noisy signal's value at an instant (samples) by two straight lines that meet there, fitted
-    over `reach` samples on each side.
-
-    The force has a kink where the button snaps, and one straight line through it would be biased by
-    a quarter of the kink times `reach`.
-    """
-    low = max(0, int(np.ceil(instant - reach)))
-    high = min(len(signal), int(np.floor(instant + reach)) + 1)
-    t = np.arange(low, high) - instant
-    basis = np.stack([np.ones_like(t), np.minimum(t, 0.0), np.maximum(t, 0.0)], axis=1)
-    return float(np.linalg.lstsq(basis, signal[low:high], rcond=None)[0][0])

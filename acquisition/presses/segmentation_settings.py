@@ -33,7 +33,7 @@ class Segmentation:
     lies at most this long before. Contacts bounce for 0.1 to 5 ms (docs/hardware.md, "Buttons and
     people")."""
     fit: float = 0.0015
-    """s: length of the force fit on each side of the activation."""
+    """s: length of the force fit on each side of the activation; two samples at least (`force_at.py`)."""
     margin: float = 0.25
     """s: margin of a press's window before its onset and after its release; less when a neighbour is near."""
     stage_lead: float = 0.15

@@ -20,6 +20,8 @@ from ...instruments.arrays import FloatArray
 from ..recording import Recording
 from .segmentation_settings import Segmentation
 
+BEHIND = 0.003
+"""s by which the contact may have changed later than the click (above)."""
 _DEEP = 0.5
 """Depth of a fall over the deepest one's from which it can be the activation."""
 _LOUD = 0.6

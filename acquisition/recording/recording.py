@@ -130,6 +130,11 @@ class Recording(InNotebook):
         return self.header.rate_hz
 
     @property
+    def measured_hz(self) -> float:
+        """Samples per second at which it was measured: below `rate_hz` in an import that was resampled."""
+        return min(self.rate_hz, float(self.imported.get("rate_hz", np.inf)))
+
+    @property
     def channels(self) -> tuple[str, ...]:
         """Names of the rows of `volts`."""
         return self.header.channels

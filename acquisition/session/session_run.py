@@ -25,7 +25,16 @@ from ...instruments import (
 )
 from ...instruments.arrays import FloatArray
 from ...instruments.progress import Progress, silent
-from ..presses import NAMES, Detector, LivePressing, Protocol, QualityCheck, press_quantity, restlessness
+from ..presses import (
+    NAMES,
+    Detector,
+    LivePressing,
+    Protocol,
+    QualityCheck,
+    press_quantity,
+    require_rate,
+    restlessness,
+)
 from ..recording import PressVerdict, Writer
 
 _HISTORY = 1.0
@@ -334,6 +343,7 @@ def telling_sensor(rig: Rig) -> LinearSensor:
             f"The rig {rig.name!r} has no sensor that shows a press: describe one of [sensors.force], "
             "[sensors.displacement], [sensors.acceleration] or [sensors.velocity] in its file."
         )
+    require_rate("recording", rig.file.rate_hz, f"The rig {rig.name!r}", "raise rate_hz in its file")
     return rig.sensors.linear[quantity]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -28,6 +29,8 @@ FADE = 0.02
 """Fade time (s) at the start and at the end of a drive."""
 _LEAST_RATE = 5000.0
 """Lowest sample rate (samples/s) at which a drive is optimised: eight samples a period at 600 Hz."""
+_RATES = 10_000
+"""Largest term of a ratio of two rates."""
 
 
 def modulate(acceleration: FloatArray, rate_hz: float, carrier_hz: float) -> FloatArray:
@@ -86,41 +89,50 @@ class TargetGrid:
 def target_grid(presses: Sequence[Representative | None], table: Actuation, method: Method) -> TargetGrid:
     """The target acceleration of each point, before band limit and scale: a press, or None for silence.
 
-    The first is a press. Raises DataError for a press that cannot be driven, or not with the first.
+    The first is a press. Presses whose rate does not divide the drive's are resampled. Raises DataError for a
+    press that cannot be driven.
     """
-    given = [press for press in presses if press is not None]
-    first, rate_hz = given[0], given[0].rate_hz
-    oversampling, *_ = (_oversampling(press, table.rate_hz) for press in given)
-    if other := next((press for press in given if press.rate_hz != rate_hz), None):
-        raise DataError(
-            f"The press of {first.button!r} has {rate_hz:g} samples/s and that of {other.button!r} "
-            f"{other.rate_hz:g}: presses are played at once with the same rate."
-        )
+    rate_hz, oversampling = _rate([press for press in presses if press is not None], table.rate_hz)
+    moved = [None if press is None else _at_rate(press, rate_hz) for press in presses]
     edge, before = max(1, round(FADE / 2 * rate_hz)), round(BEFORE * rate_hz)
-    drive_length = before + max(len(press.acceleration) for press in given) + round(_AFTER * rate_hz)
+    longest = max(len(own) for own in moved if own is not None)
+    drive_length = before + longest + round(_AFTER * rate_hz)
     ringing = round(table.ringing * rate_hz)
     length = scipy.fft.next_fast_len(drive_length + ringing, real=True)
     acceleration, window = np.zeros((len(presses), length)), np.zeros(length)
     carriers = table.carriers if method == "modulated" else (0.0,) * len(presses)
-    for row, press, carrier_hz in zip(acceleration, presses, carriers, strict=True):
-        if press is None:
+    for row, signal, carrier_hz in zip(acceleration, moved, carriers, strict=True):
+        if signal is None:
             continue
-        own = np.asarray(press.acceleration) * fade(len(press.acceleration), edge, edge)
+        own = signal * fade(len(signal), edge, edge)
         row[before : before + len(own)] = modulate(own, rate_hz, carrier_hz) if carrier_hz else own
     fading = round(FADE * rate_hz)
     window[:drive_length] = fade(drive_length, fading, fading)
     return TargetGrid(acceleration, window, drive_length, before, oversampling, rate_hz, carriers)
 
 
-def _oversampling(press: Representative, rate_hz: float) -> int:
-    """Samples of the drive per sample of the press. Raises DataError for a press that cannot be driven."""
+def _rate(presses: Sequence[Representative], drive_hz: float) -> tuple[float, int]:
+    """Samples/s of the presses' grid, and samples of the drive per sample of it.
+
+    The lowest rate that divides the drive's, and is none of the presses' rates too low for: a press of 5000
+    samples/s is driven at 51,200/s on a grid of 5120. Raises DataError for a press that cannot be driven.
+    """
+    for press in presses:
+        own = np.asarray(press.acceleration)
+        moves = own.ndim == 1 and np.all(np.isfinite(own)) and np.any(own)
+        if not moves or len(own) < 0.05 * press.rate_hz:
+            raise DataError(f"The press of {press.button!r} holds no acceleration that could be driven.")
+    if drive_hz < _LEAST_RATE:
+        raise DataError(f"Drives have {drive_hz:g} samples/s, and {_LEAST_RATE:g} is the least.")
+    wanted = max(_LEAST_RATE, *(press.rate_hz for press in presses))
+    oversampling = max(1, int(drive_hz / wanted * (1 + 1e-6)))
+    return drive_hz / oversampling, oversampling
+
+
+def _at_rate(press: Representative, rate_hz: float) -> FloatArray:
+    """(samples,) m/s^2 of a press at another rate; what it does not hold is not added."""
+    ratio = Fraction(rate_hz / press.rate_hz).limit_denominator(_RATES)
     own = np.asarray(press.acceleration)
-    if own.ndim != 1 or len(own) < 0.05 * press.rate_hz or not np.all(np.isfinite(own)) or not np.any(own):
-        raise DataError(f"The press of {press.button!r} holds no acceleration that could be driven.")
-    factor = round(rate_hz / press.rate_hz)
-    if abs(factor * press.rate_hz - rate_hz) > 1e-6 * rate_hz or press.rate_hz < _LEAST_RATE:
-        raise DataError(
-            f"The press of {press.button!r} has {press.rate_hz:g} samples/s, and drives have {rate_hz:g}: "
-            f"that must be a multiple, and {_LEAST_RATE:g} is the least."
-        )
-    return factor
+    return (
+        own if ratio == 1 else np.asarray(scipy.signal.resample_poly(own, ratio.numerator, ratio.denominator))
+    )

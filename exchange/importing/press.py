@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 
 from ...acquisition import Representative, Window, file_name, high_pass
-from ...acquisition.presses import Detector, segmentation_for
+from ...acquisition.presses import Detector, require_rate, segmentation_for
 from ...instruments import ConfigurationError, DataError
 from ...instruments.arrays import FloatArray
 from .mapping import FileMapping
@@ -23,6 +23,8 @@ RATE_HZ = 5000.0
 _LONGEST = Window().longest
 _BOUNCE = 0.01
 """s: a contact that closes again within this time bounced."""
+_TOLD_BY = ("activation", "force", "acceleration", "velocity", "displacement")
+"""What an exported press can say of its activation (`Representative.activated_by`)."""
 _APART, _LOUD, _SHAKEN_HZ = 0.3, 0.5, 60.0
 """Clicks of two presses: as far apart (s), as loud over the loudest, above a hand's motion (Hz)."""
 
@@ -90,20 +92,19 @@ def press_of(found: Understanding, activation: float | None = None) -> Represent
             f"{path} holds {len(several)} presses: import them all as a recording (--as recording), or say "
             "when the one press switched (--at SECONDS)."
         )
-    cut, switched, after = _window(found, values, activation)
+    require_rate("representative press", found.rate_hz, path.name, "export it with a higher rate")
+    cut, switched, after, by = _window(found, values, activation)
     acceleration = _taper(high_pass(resampled(values[cut], found.rate_hz), RATE_HZ))
     length = len(acceleration)
-    beside = found.signals.get("force")
-    force = np.zeros(length)
-    if beside is not None:
-        part = resampled(beside.values[cut], found.rate_hz)[:length]
-        force[: len(part)] = part
+    force, travel = (_beside(found, role, cut, length) for role in ("force", "displacement"))
     stated = _number(path, found, "bandwidth_hz") or np.inf
     return Representative(
         button=button,
         rate_hz=RATE_HZ,
         acceleration=acceleration,
         force=force,
+        travel=travel,
+        activated_by=by,
         activation=np.asarray(np.arange(length) >= switched, dtype=np.float64),
         activation_index=min(switched, length - 1),
         members=1,
@@ -118,6 +119,16 @@ def press_of(found: Understanding, activation: float | None = None) -> Represent
     )
 
 
+def _beside(found: Understanding, role: str, cut: slice, length: int) -> FloatArray | None:
+    """(length,) of a signal beside the acceleration, from its rest; None where it was not measured."""
+    signal = found.signals.get(role)
+    if signal is None:
+        return None
+    rest = rest_of(signal.values, found.rate_hz).at(found.mapping.rest.get(role))
+    part = resampled(signal.values[cut] - rest, found.rate_hz)[:length]
+    return np.pad(part, (0, length - len(part)))
+
+
 def resampled(values: FloatArray, rate_hz: float) -> FloatArray:
     """Values at `RATE_HZ`, low-passed where that is slower."""
     ratio = Fraction(RATE_HZ / rate_hz).limit_denominator(100_000)
@@ -130,20 +141,24 @@ def resampled(values: FloatArray, rate_hz: float) -> FloatArray:
     )
 
 
-def _window(found: Understanding, values: FloatArray, activation: float | None) -> tuple[slice, int, str]:
-    """Samples to take, the activation's index among those at `RATE_HZ`, and a clause on both."""
+def _window(
+    found: Understanding, values: FloatArray, activation: float | None
+) -> tuple[slice, int, str, str]:
+    """Samples to take, the activation's index among those at `RATE_HZ`, a clause, and what told it."""
     rate_hz, window = found.rate_hz, Window()
     stated = _number(found.path, found, "activation_s")
     if activation is not None:
-        at, how = activation, "activated where the operator said"
+        at, how, by = activation, "activated where the operator said", "stated"
     elif stated is not None:
-        at, how = stated, "activated where the file says"
+        told = str(found.table.about.get("activated_by", ""))
+        at, how, by = stated, "activated where the file says", told if told in _TOLD_BY else "stated"
     else:
         largest = int(np.argmax(np.abs(values - np.median(values))))
         contact = found.signals.get("activation")
         rises = [] if contact is None else _rises(contact.values, rate_hz)
         at = min(rises, key=lambda rise: abs(rise - largest), default=largest) / rate_hz
         how = f"activated {'where its contact closed' if rises else 'at its largest acceleration'}"
+        by = "activation" if rises else "acceleration"
     if not 0 <= at <= len(values) / rate_hz:
         raise ConfigurationError(
             f"{found.path} lasts {len(values) / rate_hz:.3f} s, so no button can have switched at {at:g} s."
@@ -152,7 +167,7 @@ def _window(found: Understanding, values: FloatArray, activation: float | None) 
     if len(values) > _LONGEST * rate_hz:
         start = max(0, round((at - window.before) * rate_hz))
         stop = min(len(values), round((at + window.after) * rate_hz))
-    return slice(start, stop), round((at - start / rate_hz) * RATE_HZ), how
+    return slice(start, stop), round((at - start / rate_hz) * RATE_HZ), how, by
 
 
 def _rises(contact: FloatArray, rate_hz: float) -> list[int]:

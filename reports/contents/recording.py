@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...acquisition import ButtonPress, Recording, accepted_presses, activation_forces, find_presses
+from ...acquisition.presses import LEAST_RATES, fast_enough
 from ...acquisition.recording import AlongFile, AlongReading
 from ...instruments.arrays import FloatArray
 from .. import figures
@@ -161,21 +162,39 @@ def _activated(
     yield fact(
         "Activation", None if recording.has("activation") or by is None else told_by(by), activated_by=by
     )
-    forces = [p.force_at_activation for p in counting if p.force_at_activation is not None]
-    mean = float(np.mean(forces)) if forces else None
-    deviation = float(np.std(forces, ddof=1)) if len(forces) > 1 else None
-    spread = "" if deviation is None else f" ± {deviation:.3f}"
-    yield fact(
-        "Force at activation",
-        None if not recording.has("force") else "none" if mean is None else f"{mean:.3f}{spread} N",
-        activation_force_n=mean,
-        activation_force_sd_n=deviation,
-    )
+    yield _forces(recording, counting)
     saturated = [number for number, p in enumerate(found, 1) if p.saturated]
     yield fact(
         "Saturated",
         f"in presses {', '.join(map(str, saturated))}" if saturated else "never while pressed",
         saturated_presses=saturated,
+    )
+
+
+def _forces(recording: Recording, counting: Sequence[ButtonPress]) -> Fact:
+    """The force at activation of the presses, and how far each may be off."""
+    forces = [p.force_at_activation for p in counting if p.force_at_activation is not None]
+    within = max((p.force_uncertainty for p in counting if p.force_uncertainty is not None), default=None)
+    mean = float(np.mean(forces)) if forces else None
+    deviation = float(np.std(forces, ddof=1)) if len(forces) > 1 else None
+    said: str | None = "none"
+    if not recording.has("force"):
+        said = None
+    elif not fast_enough("force at activation", recording.measured_hz):
+        least = LEAST_RATES["force at activation"]
+        said = (
+            f"not told: it was measured at {recording.measured_hz:g} samples/s, and {least.hz:g} are needed, "
+            f"because {least.why}"
+        )
+    elif mean is not None:
+        spread = "" if deviation is None else f" ± {deviation:.3f}"
+        said = f"{mean:.3f}{spread} N, each within {within or 0:.2g} N"
+    return fact(
+        "Force at activation",
+        said,
+        activation_force_n=mean,
+        activation_force_sd_n=deviation,
+        activation_force_uncertainty_n=within,
     )
 
 
@@ -193,6 +212,7 @@ def _press(press: ButtonPress, rate_hz: float, accepted: bool) -> dict[str, Any]
         "onset_s": press.onset / rate_hz,
         "activation_s": None if press.activation is None else press.activation / rate_hz,
         "force_at_activation_n": press.force_at_activation,
+        "force_uncertainty_n": press.force_uncertainty,
         "release_s": press.release / rate_hz,
         "saturated": press.saturated,
         "accepted": accepted,

@@ -29,6 +29,8 @@ def told_by(quantity: str) -> str:
     """Says what told the activation of presses."""
     if quantity == "activation":
         return "by the contact"
+    if quantity == "stated":
+        return "as stated: no contact was read"
     what = "snap in the force" if quantity == "force" else f"click in the {quantity}"
     return f"taken from the {what}: no contact was recorded"
 

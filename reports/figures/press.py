@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ...acquisition import ButtonPress, Recording, high_pass
+from ...acquisition.presses import bandwidth_of
 from ...instruments import DataError
 from .plotting import Columns
 from .profiles import Profile, force_over_travel, profiles
@@ -46,9 +47,7 @@ def _press_of(recording: Recording, press: ButtonPress) -> Profile:
     moved, bandwidth_hz = np.zeros(len(time)), None
     if recording.motion:
         moved = high_pass(recording.vertical, recording.rate_hz)[part]
-        bandwidth_hz = min(
-            recording.sensors.linear[recording.motion].bandwidth_hz, recording.motion_hz or np.inf
-        )
+        bandwidth_hz = min(bandwidth_of(recording), recording.motion_hz or np.inf)
     activation = np.asarray(time >= 0, dtype=np.float64)
     if recording.has("activation"):
         # A maintained button opens at every other press: plot the change of state.

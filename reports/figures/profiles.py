@@ -149,7 +149,9 @@ def _motion_label(press: Profile) -> str:
 
 def _activation_label(press: Profile) -> str:
     """What the activation is, and from what it was taken where no contact told it."""
-    return "Activation" if press.activated_by == "activation" else f"Activation (from {press.activated_by})"
+    if press.activated_by == "activation":
+        return "Activation"
+    return f"Activation ({'' if press.activated_by == 'stated' else 'from '}{press.activated_by})"
 
 
 def force_over_travel(presses: Sequence[Profile], columns: Columns = 2) -> Figure:
