@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from . import sitecustomize
-from .sitecustomize import CREATED, FOLDER, IN_CALLBACK
+from .sitecustomize import CREATED, FOLDER, IGNORED, IN_CALLBACK
 
-__all__ = ["CREATED", "FOLDER", "IN_CALLBACK", "environment", "sitecustomize"]
+__all__ = ["CREATED", "FOLDER", "IGNORED", "IN_CALLBACK", "environment", "sitecustomize"]
 
 
 def environment(

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import os
 import threading
+import warnings
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +43,10 @@ def in_callback() -> bool:
     return bool(getattr(_here, "depth", 0))
 
 
+class TwinWarning(UserWarning):
+    """A program has set a property from which nothing follows on the simulated card."""
+
+
 class _Handler(BaseEventHandler):  # type: ignore[misc]
     """A registered event that can be ended in its own callback."""
 
@@ -59,8 +64,8 @@ class _Handler(BaseEventHandler):  # type: ignore[misc]
 class DriverInterpreter(GrpcStubInterpreter):  # type: ignore[misc]
     """See the module."""
 
-    def __init__(self, grpc_options: Any, created: str, folder: str, in_callback: str) -> None:
-        self._created_key, self._folder_key, self._in_callback_key = created, folder, in_callback
+    def __init__(self, grpc_options: Any, keys: Mapping[str, str]) -> None:
+        self._keys = keys
         self._state = threading.Condition()
         self._running: Counter[tuple[str, int]] = Counter()
         """Callbacks that run now, by task and thread."""
@@ -70,9 +75,9 @@ class DriverInterpreter(GrpcStubInterpreter):  # type: ignore[misc]
 
     def _invoke(self, func: Any, request: Any, metadata: Any = None) -> Any:
         if type(request).__name__ in _NAME_FILES:
-            metadata = [*(metadata or ()), (self._folder_key, os.fsencode(Path.cwd()))]
+            metadata = [*(metadata or ()), (self._keys["folder"], os.fsencode(Path.cwd()))]
         if in_callback():
-            metadata = [*(metadata or ()), (self._in_callback_key, "1")]
+            metadata = [*(metadata or ()), (self._keys["in_callback"], "1")]
         if not hasattr(func, "with_call"):
             return super()._invoke(func, request, metadata)
         try:
@@ -80,11 +85,17 @@ class DriverInterpreter(GrpcStubInterpreter):  # type: ignore[misc]
         except grpc.RpcError as error:
             if error.code() == grpc.StatusCode.ALREADY_EXISTS:
                 raise errors.DaqError(error.details(), DAQmxErrors.DUPLICATE_TASK.value) from None
+            if error.code() == grpc.StatusCode.UNIMPLEMENTED:
+                raise errors.DaqFunctionNotSupportedError(error.details()) from None
             self._handle_rpc_error(error)
             raise
-        names = [entry.value for entry in call.trailing_metadata() or () if entry.key == self._created_key]
-        if names:
-            self._created.names = names[0].decode()
+        told = {entry.key: entry.value for entry in call.trailing_metadata() or ()}
+        if (names := told.get(self._keys["created"])) is not None:
+            self._created.names = names.decode()
+        if (ignored := told.get(self._keys["ignored"])) is not None:
+            warnings.warn(
+                TwinWarning(f"kept, and without effect on this twin: {ignored.decode()}"), stacklevel=5
+            )
         return response
 
     def internal_get_last_created_chan(self) -> str:

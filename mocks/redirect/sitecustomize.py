@@ -18,9 +18,12 @@ NI, SERIAL, VISA = "HAPLOOP_NI_TWIN", "HAPLOOP_SERIAL_TWIN", "HAPLOOP_VISA_TWIN"
 """Environment variables: the address of NI's server; JSON objects of the names of serial ports and VISA
 resources, and what stands for each."""
 
-CREATED, FOLDER, IN_CALLBACK = "haploop-created-bin", "haploop-folder-bin", "haploop-in-callback"
+CREATED, FOLDER = "haploop-created-bin", "haploop-folder-bin"
+IGNORED, IN_CALLBACK = "haploop-ignored-bin", "haploop-in-callback"
 """Metadata between `driver` and haploop's server: the names of new channels, the folder from which a
-program names its files, and that a callback makes the call."""
+program names its files, properties without effect, and that a callback makes the call."""
+
+_KEYS = {"created": CREATED, "folder": FOLDER, "ignored": IGNORED, "in_callback": IN_CALLBACK}
 
 
 def redirect(utils: Any, options: Callable[[], Any]) -> Callable[[], None]:
@@ -33,7 +36,7 @@ def redirect(utils: Any, options: Callable[[], Any]) -> Callable[[], None]:
     def select(grpc_options: Any = None, interpreter: Any = None) -> Any:
         if grpc_options or interpreter:
             return before(grpc_options, interpreter)
-        return driver().DriverInterpreter(options(), CREATED, FOLDER, IN_CALLBACK)
+        return driver().DriverInterpreter(options(), _KEYS)
 
     utils._select_interpreter = select
     return lambda: setattr(utils, "_select_interpreter", before)

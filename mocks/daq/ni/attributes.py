@@ -71,24 +71,21 @@ def _set(system: NiSystem, kind: str, name: str, request: Any, value: Any) -> No
             DAQmxErrors.CANNOT_SET_PROPERTY_WHEN_TASK_RUNNING,
             f"Specified property cannot be set while the task is running: {name}.",
         )
-    if kind == "Trig":
-        _refuse_trigger(task, name)
+    _refuse_foreign(task, kind, name)
     if kind == "Timing":
         refuse_rate(name, value)
     if kind == "Chan" and value is not None:
         for channel in _channels(task, request.channel):
             refuse_input(channel.device, channel.physical[0], {name: value})
-    if kind == "Buffer" and name.startswith("INPUT") is not task.is_input:
-        raise DaqmxError(
-            DAQmxErrors.ATTRIBUTE_NOT_SUPPORTED_IN_TASK_CONTEXT,
-            f"Specified property is not supported by the channels of {task.name!r}: {name}.",
-        )
     if kind in ("Chan", "Timing", "Trig", "Buffer"):
         system.changed_properties(task)
     stores: list[dict[Any, Any]] = [task.settings]
     key: Any = (kind, name)
     if kind == "Chan":
-        stores, key = [channel.values for channel in _channels(task, request.channel)], name
+        channels = _channels(task, request.channel)
+        stores, key = [channel.values for channel in channels], name
+        for channel in channels:
+            channel.written.add(name)
     for store in stores:
         if value is not None:
             store[key] = value
@@ -98,10 +95,13 @@ def _set(system: NiSystem, kind: str, name: str, request: Any, value: Any) -> No
         task.settings.pop(("Timing", "SAMP_CLK_TIMEBASE_DIV"), None)
 
 
-def _refuse_trigger(task: Task, name: str) -> None:
-    """Refuse reference triggers of outputs, and handshake and advance triggers of counters."""
+def _refuse_foreign(task: Task, kind: str, name: str) -> None:
+    """Refuse the buffer of the other direction, and triggers that outputs and counters have not."""
+    if kind not in ("Buffer", "Trig"):
+        return
     foreign = {"co": ("REF_", "HSHK_", "ADV_"), "ao": ("REF_",), "do": ("REF_",)}.get(task.kind, ())
-    if any(f"_{mark}TRIG" in f"_{name}" for mark in foreign):
+    triggers = any(f"_{mark}TRIG" in f"_{name}" for mark in foreign)
+    if (kind == "Trig" and triggers) or (kind == "Buffer" and name.startswith("INPUT") is not task.is_input):
         raise DaqmxError(
             DAQmxErrors.ATTRIBUTE_NOT_SUPPORTED_IN_TASK_CONTEXT,
             f"Specified property is not supported by the channels of {task.name!r}: {name}.",

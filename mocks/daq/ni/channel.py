@@ -51,6 +51,8 @@ class Channel:
     its highest line down. It is also the order of a digital waveform's columns."""
     values: dict[str, Any] = field(default_factory=dict)
     """Properties that were set, by attribute name."""
+    written: set[str] = field(default_factory=set)
+    """Names of the properties that a program has set one by one."""
     ports: bool = False
     """True for a digital channel of whole ports."""
     custom: Scale | None = None

@@ -24,8 +24,7 @@ _MOST = 1_000_000
 class Terminals:
     """The digital signals of a system, by terminal ("/Dev1/PFI0").
 
-    `wiring` names the node of `nodes` at a terminal, and `clock` gives the rate (Hz) and the first edge (s)
-    of the sample clock at one, or None.
+    `wiring` names the node of `nodes` at a terminal.
     """
 
     def __init__(
@@ -33,9 +32,8 @@ class Terminals:
         wiring: Mapping[str, str],
         nodes: Nodes | None,
         outputs: Mapping[str, OutputTerminal],
-        clock: Callable[[str], tuple[float, float] | None],
     ) -> None:
-        self._wiring, self._nodes, self._outputs, self._clock = wiring, nodes, outputs, clock
+        self._wiring, self._nodes, self._outputs = wiring, nodes, outputs
         self._trains: dict[str, list[Train]] = {}
         self._routes: dict[str, str] = {}
 
@@ -59,7 +57,7 @@ class Terminals:
         return self._put_out(terminal, -np.inf, until)
 
     def signalled(self, terminal: str) -> bool:
-        """Return True when a test, a plant, a counter or an output drives a terminal."""
+        """Return True when a test, a plant, a counter, an output or a sample clock drives a terminal."""
         terminal = self._routes.get(terminal.lower(), terminal)
         name = terminal.lstrip("/")
         return (
@@ -69,12 +67,8 @@ class Terminals:
         )
 
     def driven(self, terminal: str) -> bool:
-        """Return True when something stands at a terminal: a signal, a timebase or a sample clock."""
-        return (
-            self.signalled(terminal)
-            or _TIMEBASE.search(terminal) is not None
-            or self._clock(self._routes.get(terminal.lower(), terminal)) is not None
-        )
+        """Return True when something stands at a terminal: a signal, a clock or a timebase."""
+        return self.signalled(terminal) or _TIMEBASE.search(terminal) is not None
 
     def _put_out(self, terminal: str, begin: float, end: float) -> Transitions:
         found: list[Transitions] = []
@@ -96,9 +90,6 @@ class Terminals:
         if (timebase := _TIMEBASE.search(terminal)) is not None:
             rate = float(timebase[1]) * _PER[timebase[2].lower()]
             return ticking(rate, max(begin, end - _MOST / rate), end)
-        if (clock := self._clock(terminal)) is not None:
-            rate_hz, start = clock
-            return ticking(rate_hz, max(begin, start - 0.25 / rate_hz), end, start)
         if name in self._wiring and self._nodes is not None:
             return sampled(self._node(name), begin, end)
         if name in self._outputs:

@@ -25,13 +25,14 @@ from ....instruments.arrays import FloatArray
 from ....instruments.clock import Clock, RealClock
 from ....instruments.closing import Closing
 from ...plant import Nodes
-from ...redirect import CREATED, FOLDER, IN_CALLBACK
+from ...redirect import CREATED, FOLDER, IGNORED, IN_CALLBACK
 from ...transport import HOST
 from . import attributes
 from .calls import CALLS
 from .devices import Inventory, NiDevice
 from .errors import AlreadyExistsError, DaqmxError, DAQmxErrors
 from .events import Events
+from .served import ignored
 from .storage import saved_in_export
 from .system import NiSystem
 from .terminals import OutputTerminal
@@ -286,8 +287,9 @@ class _Service(grpc.GenericRpcHandler):  # type: ignore[misc]
                     if FOLDER in sent and request.task.name in self._system.tasks:
                         self._system.tasks[request.task.name].folder = os.fsdecode(sent[FOLDER])
                     answer = run(request, context.is_active)
-                    if self._system.created:
-                        context.set_trailing_metadata(((CREATED, self._system.created.encode()),))
+                    told = {CREATED: self._system.created, IGNORED: _ignored(self._system, request)}
+                    if any(told.values()):
+                        context.set_trailing_metadata(tuple((k, v.encode()) for k, v in told.items() if v))
                     return answer
             except AlreadyExistsError as error:
                 context.abort(grpc.StatusCode.ALREADY_EXISTS, str(error))
@@ -334,6 +336,15 @@ class _Service(grpc.GenericRpcHandler):  # type: ignore[misc]
         if name in ("ResetServer", "EnumerateDevices"):
             return self._guarded(run)
         return self._refuse(name)
+
+
+def _ignored(system: NiSystem, request: Any) -> str:
+    """Names of the properties without effect of the task that a request has started; empty for any other."""
+    task = system.tasks.get(request.task.name) if hasattr(request, "task") else None
+    if task is None or task.told == task.starts:
+        return ""
+    task.told = task.starts
+    return ", ".join(ignored(task))
 
 
 def _abort(context: Any, error: DaqmxError) -> None:

@@ -23,6 +23,12 @@ _SIGNAL = re.compile(r"/(?P<device>[^/]+)/((ai|ao|di|do)/(SampleClock|StartTrigg
 _PULSES_AT = {"X Series": 12, "M Series": 12}
 """Number of the PFI terminal at which counter 0 puts out its pulses, by family (X Series manual 370784, and M
 Series manual 371022, "Default Counter/Timer Pinouts"; counter n is at the nth after it)."""
+_EXPORTED = {
+    "SAMP_CLK": "{kind}/SampleClock",
+    "CTR_OUT_EVENT": "Ctr{number}InternalOutput",
+    "CHANGE_DETECT_EVENT": "ChangeDetectionEvent",
+}
+"""Signals that a task can export, and the terminal inside its device at which each stands."""
 _OF_TASKS = re.compile(r"/(SampleClock|StartTrigger|Ctr\d+InternalOutput)$")
 """Terminals that tasks drive, for which a task waits until the other one runs."""
 
@@ -78,6 +84,19 @@ def begin_pulses(terminals: Terminals, task: Task, regenerates: bool, now: float
     task.clock.start = task.trains[0].start
 
 
+def begin_ticks(terminals: Terminals, task: Task, now: float) -> None:
+    """Let a task's sample clock stand at its terminal."""
+    if task.edges is not None:
+        task.ticks = task.edges
+    else:
+        first, half = task.clock.time(task.offset), np.array([0.5 / task.clock.rate_hz])
+        total = task.total if task.pretrigger is None else None
+        task.ticks = PulseTrain(now if first is None else first, half, half, total)
+    for name in task.emits:
+        if name.endswith("/SampleClock"):
+            terminals.drive(name, task.ticks)
+
+
 def change_pulses(
     terminals: Terminals, task: Task, now: float, pulses: tuple[FloatArray, FloatArray]
 ) -> None:
@@ -88,6 +107,18 @@ def change_pulses(
         task.trains[row] = follower
         for terminal in outputs_of(channel):
             terminals.drive(terminal, follower)
+
+
+def export(inventory: Inventory, terminals: Terminals, task: Task) -> None:
+    """Let the terminals to which a task exports its signals carry them."""
+    for prefix, inner in _EXPORTED.items():
+        target = task.setting("ExportedSignal", f"{prefix}_OUTPUT_TERM", "")
+        number = re.sub(r"[^0-9]", "", task.channels[0].physical[0])
+        source = inner.format(kind=task.kind, number=number)
+        for name in map(str.strip, str(target).split(",")) if target else ():
+            terminals.connect(
+                f"/{task.device.chassis or task.device.name}/{source}", inventory.terminal(task.device, name)
+            )
 
 
 def outputs_of(channel: Channel) -> list[str]:

@@ -21,6 +21,8 @@ from .signalling import (
     GLIMPSE,
     begin_measuring,
     begin_pulses,
+    begin_ticks,
+    export,
     glimpse,
     outside_clock,
     reference_terminal,
@@ -31,7 +33,7 @@ from .signalling import (
 from .tasks import State, Task
 from .teds import Teds
 from .terminals import OutputTerminal, Timebase
-from .verifying import verify
+from .verifying import refuse_unscaled, verify
 
 _LONGEST_WAIT = 86_400.0
 """Time-out of a wait without one (s): every wait has a deadline."""
@@ -82,7 +84,7 @@ class NiSystem:
             for device in inventory.devices.values()
             for name in (*device.ao, *device.lines)
         }
-        self.terminals = Terminals(self.wiring, nodes, self.outputs, self._clock_at)
+        self.terminals = Terminals(self.wiring, nodes, self.outputs)
         self._reserved: dict[tuple[str, str], Task] = {}
         self.failures = Failures(inventory)
         self._acquisitions: Counter[str] = Counter()
@@ -180,6 +182,7 @@ class NiSystem:
         if task.state < State.COMMITTED:
             if task.watchdog is None:
                 sources(self.inventory, self.rtsi, task)
+                refuse_unscaled(task, self.wiring)
                 outside_clock(self.inventory, self.terminals, task)
             task.state = State.COMMITTED
 
@@ -228,7 +231,7 @@ class NiSystem:
         task.offset = 0
         task.shares = shares
         task.meters, task.trains, task.reference = [], [], None
-        task.edges = task.trigger = None
+        task.edges = task.trigger = task.ticks = None
         task.logged, task.log_path = 0, None
         now = self.clock.now()
         if task.kind == "ai" and task.timed:
@@ -268,7 +271,7 @@ class NiSystem:
             task.clock = replace(task.clock, stopped=now)
         for name in self.rows(task) if not task.is_input and task.kind != "co" else ():
             self.outputs[name].stop(now)
-        for train in task.trains:
+        for train in (*task.trains, *filter(None, [task.ticks])):
             train.stopped = min(train.stopped, now)
         task.state = State.COMMITTED
         task.waits_for = set()
@@ -351,16 +354,6 @@ class NiSystem:
         """Time to look again at a task whose next sample the signals decide (s); None for another."""
         return glimpse(self.inventory, self.terminals, task, self.clock.now())
 
-    def _clock_at(self, terminal: str) -> tuple[float, float] | None:
-        """Rate (Hz) and first edge (s) of a running task's sample clock at `terminal`, or None."""
-        if not terminal.lower().endswith("/sampleclock"):
-            return None
-        running = (task for task in self.tasks.values() if task.channels and task.running and task.timed)
-        for task in running:
-            if task.kind != "co" and task.clock.start is not None and terminal in task.emits:
-                return task.clock.rate_hz, task.clock.start
-        return None
-
     def _joins(self, task: Task, terminal: str, now: float) -> bool:
         """Join a task to the clock at `terminal` from its next edge; return False if it is not running."""
         for other in self.tasks.values():
@@ -374,6 +367,7 @@ class NiSystem:
 
     def _go(self, task: Task, now: float) -> None:
         """Begin sampling at `now` (s), and start the tasks that waited for this one."""
+        export(self.inventory, self.terminals, task)
         task.edges = timing_edges(self.inventory, self.terminals, task, now)
         if task.shares is None:
             task.clock.start = now
@@ -381,6 +375,8 @@ class NiSystem:
             task.clock.total = task.total if task.pretrigger is None else None
         if not task.is_input and task.timed and task.kind != "co":
             self.play(task)
+        if task.timed and task.kind != "co" and not task.implicit:
+            begin_ticks(self.terminals, task, now)
         if task.kind == "co":
             begin_pulses(self.terminals, task, self.regenerates(task), now)
         elif task.kind == "ci":

@@ -19,7 +19,7 @@ from .counting import Meter
 from .devices import NiDevice
 from .edges import Edges
 from .errors import DaqmxError, DAQmxErrors
-from .pulses import PulseTrain
+from .pulses import PulseTrain, Train
 from .terminals import Timebase
 from .watchdog import Watchdog
 
@@ -56,6 +56,8 @@ class Task:
 
     warning = 0
     """Code of the driver's warning when it was verified; 0 for none."""
+    told = 0
+    """Number of the start at which its program was told what has no effect."""
     every = 0
     """Samples between the events that its program has registered; 0 without any."""
     logged = 0
@@ -65,6 +67,8 @@ class Task:
     """Folder of the program that named its log file; empty for the server's own."""
     edges: Edges | None = None
     """Edges that time its samples, where a signal does it."""
+    ticks: Train | None = None
+    """Its sample clock, as it stands at a terminal."""
     trigger: Edges | None = None
     """Edges of the signal at its start trigger, until the first has come."""
 

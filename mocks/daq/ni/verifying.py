@@ -2,10 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
+
 from nidaqmx.constants import CJCSource
 
 from .errors import DaqmxError, DAQmxErrors, DAQmxWarnings
 from .tasks import Task
+
+_VOLTS = (
+    "VOLTAGE",
+    "VOLTAGE_CUSTOM_WITH_EXCITATION",
+    "POWER",
+    "CALCULATED_POWER",
+    "TEMPERATURE_BUILT_IN_SENSOR",
+)
+"""Measurements that need no law from volts to their units."""
 
 
 def verify(task: Task) -> None:
@@ -80,6 +91,24 @@ def _refuse_interval(task: Task) -> None:
             f"Events of every {task.every} samples do not fit a buffer of {size} samples per channel: "
             "the interval must divide the buffer. Set the buffer's size, or another interval.",
         )
+
+
+def refuse_unscaled(task: Task, wired: Container[str]) -> None:
+    """Refuse volts that somebody drives into a measurement whose law is not simulated: they would be shown as
+    degrees or strain.
+    """
+    for channel in task.channels if task.kind == "ai" else ():
+        usage = channel.values.get("AI_MEAS_TYPE_NAME", "VOLTAGE")
+        if (
+            usage not in _VOLTS
+            and channel.scale is None
+            and f"{channel.device.name}/{channel.physical[0]}" in wired
+        ):
+            raise DaqmxError(
+                DAQmxErrors.ATTR_NOT_SUPPORTED,
+                f"Specified property is not supported: the twin does not turn volts at {channel.name!r} into "
+                f"what a channel of the kind {usage} shows. Leave its input undriven, or measure voltage.",
+            )
 
 
 def _refuse_cold_junction(task: Task) -> None:
