@@ -11,11 +11,12 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy
 
+from ..instruments import DataError
 from ..instruments.arrays import BoolArray, ComplexArray, FloatArray
 
 _SHORTEST, LONGEST_REST = 0.25, 0.5
@@ -138,7 +139,25 @@ def heard(amplitudes: ComplexArray, tones: FloatArray, times: FloatArray) -> Flo
     return np.asarray((amplitudes[:, None] * np.exp(2j * np.pi * np.outer(tones, times))).real)
 
 
-def without_tones(records: Sequence[Record], rate_hz: float) -> FloatArray:
+@dataclass(frozen=True, eq=False)
+class Tones:
+    """Tones of a measurement's background: (tones,) Hz, rising, and each one's rms over the motion's."""
+
+    steady: FloatArray = field(default_factory=lambda: np.zeros(0))
+    """Those that keep their phase from rest to rest, and were taken out."""
+    steady_share: FloatArray = field(default_factory=lambda: np.zeros(0))
+    unsteady: FloatArray = field(default_factory=lambda: np.zeros(0))
+    """Those that do not: a machine that starts, stops or wanders, or what still rings. They stay in."""
+    unsteady_share: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+    def refuse_nonsense(self) -> None:
+        """See `hdf5.restore`. Raises DataError for frequencies that are no row of finite values."""
+        for hz, share in ((self.steady, self.steady_share), (self.unsteady, self.unsteady_share)):
+            if hz.ndim != 1 or hz.shape != share.shape or not np.all(np.isfinite([hz, share])):
+                raise DataError("the tones of the background are not rows of finite values.")
+
+
+def without_tones(records: Sequence[Record], rate_hz: float) -> tuple[FloatArray, Tones]:
     """(records, samples): signals of equal length without the tones that are steady from rest to rest."""
     signals = np.array([record.signal for record in records])
     factor = max(1, int(rate_hz // _ENOUGH_HZ))
@@ -150,13 +169,16 @@ def without_tones(records: Sequence[Record], rate_hz: float) -> FloatArray:
         for record in records
     ]
     tones = tones_in(slow, rate_hz / factor)
-    if len(tones):
-        tones = tones[steady(slow, tones, rate_hz / factor)]
-        times = np.arange(signals.shape[1]) / rate_hz
-        for row, record in enumerate(slow):
-            for tone, amplitude in zip(tones, tones_of(record, tones, rate_hz / factor), strict=True):
-                signals[row] -= (amplitude * np.exp(2j * np.pi * tone * times)).real
-    return signals
+    if not len(tones):
+        return signals, Tones()
+    kept = steady(slow, tones, rate_hz / factor)
+    amplitudes = np.array([tones_of(record, tones, rate_hz / factor) for record in slow])
+    times = np.arange(signals.shape[1]) / rate_hz
+    for number, own in enumerate(amplitudes):
+        for tone, amplitude in zip(tones[kept], own[kept], strict=True):
+            signals[number] -= (amplitude * np.exp(2j * np.pi * tone * times)).real
+    share = np.sqrt((np.abs(amplitudes) ** 2).mean(axis=0) / 2 / max(float(signals[0].var()), 1e-300))
+    return signals, Tones(tones[kept], share[kept], tones[~kept], share[~kept])
 
 
 def _joined(record: Record, rate_hz: float) -> tuple[FloatArray, FloatArray]:

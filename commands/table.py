@@ -11,13 +11,14 @@ from click.core import ParameterSource
 
 from .. import instruments
 from ..calibration import sizes
+from ..calibration.spectra import BAND
 from ..instruments.files import reserved
 from ..instruments.operator import RestFinger
 from ..reports import contents, outputs, show
 from ..terminal.progress import Steps, note
 from . import front as haploop
 from .grouped import AskedPlays, AskedPress, on_plays, on_press
-from .options import EXITS, FINGER, FORCE, JSON, NEW, PATH, ChosenRig, Names, on_rig, on_table
+from .options import EXITS, FINGER, FORCE, JSON, NEW, PATH, ChosenRig, FiniteRange, Names, on_rig, on_table
 
 _FEWEST = 3
 """Changes from which `with_scatter` tells a scatter."""
@@ -64,6 +65,12 @@ _FEWEST = 3
     help="Earlier calibration of the same patches, named as with --out; may be repeated. Tells how channels' "
     "gains and delays scatter, which drives of several patches are planned against.",
 )
+@click.option(
+    "--carrier",
+    type=FiniteRange(*BAND, min_open=True, max_open=True),
+    metavar="HZ",
+    help="Frequency that carries presses.  [default: the strongest resonance in the band of drives]",
+)
 @FINGER
 @FORCE
 @click.option("--bare", type=PATH, metavar="FILE.h5", help="With --finger: the bare table's calibration.")
@@ -89,6 +96,7 @@ def calibrate(
     out: Path,
     waveforms: bool,
     since: Sequence[Path],
+    carrier: float | None,
     finger: str | None,
     force: float | None,
     bare: Path | None,
@@ -104,7 +112,7 @@ def calibrate(
     Exit codes: 0 calibrated, 1 calibrated, and --since tells nothing of the channels.
     """
     if finger is not None:
-        _refuse_given("patches", "point", "waveforms", "since")
+        _refuse_given("patches", "point", "waveforms", "since", "carrier")
         looked = _Looked(bare, tuple(beside or ()), mapped)
         return _calibrate_finger(RestFinger(finger, "", force or 1.0), looked, out, rig, as_json)
     if bare or beside or mapped or force:
@@ -128,6 +136,8 @@ def calibrate(
         on_table(opened, point)
         found = [haploop.calibrate_keeping(opened, patch, point, steps) for patch in patches]
         stated, unsaid = [calibration for calibration, _ in found], ""
+        if carrier is not None:
+            stated = [one.carried_by(carrier) for one in stated]
         if earlier:
             try:
                 stated = haploop.with_scatter(stated, earlier)

@@ -1,11 +1,12 @@
 """Drives: inversion, the drive's waveforms, the check, learning, the digital button."""
 
+from ..spectra import BAND
 from .actuation import drift_change
 from .agreement import SharedPower, told_by_noise
 from .button import DigitalButton, build_button, button_under_finger, play_button
 from .check import TOLERANCE, check
 from .checked import Check
-from .drive import BAND, Drive, drive_for
+from .drive import Drive, drive_for
 from .elsewhere import NOWHERE, Elsewhere, Wanted, load_elsewhere
 from .feeling import check_feeling
 from .finger_check import check_under_finger

@@ -17,7 +17,7 @@ from ...instruments.notebook import InNotebook
 from ...instruments.vibrometer import DERIVATIVE, shown
 from ..model import Calibration, Drift
 from ..response import Response
-from ..spectra import resample, third_octaves
+from ..spectra import BAND, resample, third_octaves
 from .actuation import Actuation
 from .elsewhere import NOWHERE, Elsewhere, Wanted, sized
 from .inversion import Plan
@@ -28,10 +28,6 @@ from .trade import BUDGET, STEADY, TRADE, Trade
 if TYPE_CHECKING:
     from ...acquisition import Representative
 
-BAND = (75.0, 600.0)
-"""Hz: the band of a press that a drive reproduces. Below its first mode a table hardly moves, and the
-paper's sweep ends at 625 Hz. The band is the same for every press and table, so that an error is never
-small because the target is small."""
 _TRIES = 20
 _RANGE_USED = 0.8
 """Share of the vibrometer's range that a drive may use."""

@@ -19,9 +19,10 @@ from ...instruments.progress import Progress, silent
 from ..model import Finger
 from ..response import Response, quick_response
 from ..resting_finger import LEAST, TableForce, refuse_force, resting
+from ..spectra import BAND
 from .check import check
 from .checked import Check
-from .drive import BAND, Drive
+from .drive import Drive
 from .playing import refuse_foreign
 from .pressed import PressedDrives
 

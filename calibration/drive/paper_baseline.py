@@ -17,9 +17,9 @@ from ...acquisition import Representative
 from ...instruments import Limits
 from ...instruments.arrays import ComplexArray, FloatArray
 from ..model import Calibration
-from ..spectra import fade, resample
+from ..spectra import BAND, fade, resample
 from .actuation import Actuation
-from .drive import BAND, Drive
+from .drive import Drive
 from .targets import FADE, Method, target_grid
 
 ORDERS = tuple(range(2, 34, 2))

@@ -22,8 +22,8 @@ from ...instruments import Limits
 from ...instruments.arrays import FloatArray
 from ..model import Calibration
 from ..perception import LabThreshold, levels_of, pressing_act
+from ..spectra import BAND
 from .actuation import Actuation
-from .drive import BAND
 from .inversion import Plan, max_output, min_peak
 from .planning import distorted, plan_for, slew_of
 from .targets import Method, TargetGrid, target_grid

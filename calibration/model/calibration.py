@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import glob
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from ...acquisition import hdf5
 from ...instruments import ConfigurationError, RigFile
 from ...instruments.notebook import InNotebook
+from ..perception.levels import pressing
 from ..response import Hysteresis, Response, fit_hysteresis
+from ..spectra import BAND
 from .finger import Finger
 from .model import Model, fit
 
@@ -56,14 +60,41 @@ class Calibration(InNotebook):
     """Of its channel: see `calibration.model.channel_scatter`."""
     finger: Finger | None = None
     """Fingertip on the point that response and model hold for; None for the bare table."""
+    chosen_hz: float = 0.0
+    """Carrier (Hz) that was asked for; 0: the strongest resonance within the band of drives."""
 
     @property
     def carrier_hz(self) -> float:
-        """Frequency (Hz) that carries presses: the bare table's strongest resonance, also under a finger.
+        """Frequency (Hz) that carries presses: the one asked for, or the bare table's strongest resonance.
 
         A finger on a light pane makes another resonance the strongest, and a button would change its tone.
         """
-        return (self.finger.bare if self.finger else self.model).resonance_hz
+        return self.chosen_hz or self.bare.resonance_hz
+
+    @property
+    def bare(self) -> Model:
+        """The model of the bare table, also of a calibration under a finger."""
+        return self.finger.bare if self.finger else self.model
+
+    def carried_by(self, carrier_hz: float) -> Calibration:
+        """The same with another carrier. Raises ConfigurationError for one that drives do not play."""
+        low, high = BAND
+        if not low < carrier_hz < high:
+            raise ConfigurationError(
+                f"A carrier of {carrier_hz:g} Hz lies outside the band of drives: choose one between "
+                f"{low:g} and {high:g} Hz."
+            )
+        return replace(self, chosen_hz=carrier_hz)
+
+    def quieter_than(self, hz: float) -> tuple[float, float]:
+        """By how much (dB) the carrier is below another frequency at the same volts: as motion, and as felt.
+
+        Motion is the bare table's velocity; what is felt counts from the threshold of a finger that presses.
+        """
+        f = np.array([self.carrier_hz, hz])
+        motion = 20 * np.log10(np.abs(self.bare.velocity(f)))
+        felt = motion + 20 * np.log10(f) - pressing(f)
+        return float(motion[1] - motion[0]), float(felt[1] - felt[0])
 
     def __repr__(self) -> str:
         r, simulated = self.response, ", simulated" if self.response.simulated else ""

@@ -35,14 +35,13 @@ from ...instruments import DataError
 from ...instruments.arrays import ComplexArray, FloatArray
 from ...instruments.operator import RestFinger
 from ..response import Response
+from ..spectra import BAND
 from .finger import GROWS, Finger, impedance, loads, mobilities
 from .model import Model, fit
 
 if TYPE_CHECKING:
     from .calibration import Calibration
 
-_BAND = (75.0, 600.0)
-"""Lines (Hz) that tell a finger: the band of drives."""
 _START, _WITHIN, _TRIES = (700.0, 300.0), ((20.0, 20.0), (2e4, 5e3)), 80
 """First guess of r and d (1/s), the least and most of both, and the most evaluations of a search."""
 _HIDDEN, _STEP = (60.0, 1200.0), 0.02
@@ -255,7 +254,7 @@ def _solved(basis: _Basis, seen: Sequence[_Seen], stiff: float, slow: float) -> 
 def _seen(bare: Calibration, look: Look, basis: _Basis, plate: PlateModes | None) -> _Seen:
     model, point = bare.model, bare.response.point
     f = look.under.frequencies
-    inside = (f >= _BAND[0]) & (f <= _BAND[1])
+    inside = (f >= BAND[0]) & (f <= BAND[1])
     f = f[inside]
     here = model.velocity(f)
     cross, spread = basis.own, np.zeros(len(basis.poles))

@@ -13,9 +13,10 @@ from ...instruments import ConfigurationError, DataError
 from ...instruments.arrays import BoolArray, ComplexArray, FloatArray
 from ...instruments.files import new_file
 from ..response import Response
+from ..spectra import BAND
 from .projection import Lines, Projection
 from .rational import fit_poles
-from .resonant import decay_deviation, resonant
+from .resonant import decay_deviation, resonant, stands_out
 
 _FAST = 1000.0
 """Corner of the slope in state space, over the band's upper end: s alone is not proper."""
@@ -111,10 +112,12 @@ class Model:
     def carriers(self) -> tuple[Resonance, ...]:
         """Resonances with the largest velocity response, the largest first: the first is the paper's carrier.
 
-        Several when others reach nine tenths of it, or could within the uncertainty of their damping (95 %):
-        then another measurement may find another one the largest.
+        Those within the band of drives, if there are any: of a press on another one a drive holds one side
+        band at most. Several when others reach nine tenths of it, or could within the uncertainty of their
+        damping (95 %): then another measurement may find another one the largest.
         """
-        found = self.resonances
+        every = self.resonances
+        found = [one for one in every if BAND[0] < one.frequency_hz < BAND[1]] or every
         # A peak of the response itself: residues of pole pairs that nearly coincide can cancel.
         heights = np.abs(self.velocity(np.array([r.frequency_hz for r in found])))
         spread = np.array([r.damping_interval[1] / r.damping - 1 for r in found])
@@ -257,7 +260,7 @@ def fit(response: Response) -> Model:
         slope=noise * float(found.solution[-1]),
         band=(float(f[0]), float(f[-1])),
         error=0.0,
-        resonant=resonant(found),
+        resonant=resonant(found) & stands_out(response, poles),
         decay_deviation=decay_deviation(found),
         spacing=lines.spacing,
     )

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 
-from ...instruments.arrays import BoolArray, FloatArray
+from ...instruments.arrays import BoolArray, ComplexArray, FloatArray
+from ..response import Response
 from .projection import Projection
 
 _SHARE = 0.5
@@ -15,6 +17,10 @@ _ENERGY = 25.0
 """Energy of a resonance over the power of the noise; pairs are added to a fit from 8 on."""
 _ONE = 1.5
 """Distance (lines) of two pole pairs up to which they are one resonance."""
+_STANDS = 3.0
+"""Deviations by which a response stands out where it resonates."""
+_BESIDE_HZ = 2.0
+"""Distance (Hz) up to which a resonance may be a tone of the background."""
 _DAMPED = 0.3
 """Damping ratio beyond which a pole pair makes no peak."""
 
@@ -52,6 +58,27 @@ def resonant(fit: Projection) -> BoolArray:
     mask = np.zeros(len(poles), dtype=np.bool_)
     mask[found] = True
     return mask
+
+
+def stands_out(response: Response, poles: ComplexArray) -> BoolArray:
+    """(poles,): true where a response around a pole is more than what its plays do not agree on.
+
+    A machine near the table moves the laser, or its signal, and not with the drive: repeats differ by as much
+    as it seems to answer (a tone in two of three repeats stands out by two deviations at most). Beside a tone
+    that was heard between the plays, the levels have to agree as well. A response of which nothing is known
+    stands out.
+    """
+    f, hz = response.frequencies, np.abs(poles.imag) / (2 * np.pi)
+    scatter = response.scatter if len(response.scatter) else response.deviation
+    if not len(scatter):
+        return np.ones(len(poles), dtype=np.bool_)
+    beside = np.any(np.abs(response.tones.unsteady[:, None] - hz) < _BESIDE_HZ, axis=0)
+    at = np.argmin(np.abs(f - hz[:, None]), axis=1)
+    power, scattered, deviated = (
+        scipy.ndimage.uniform_filter1d(np.abs(row) ** 2, _SUPPORT, mode="nearest")[at]
+        for row in (response.velocity, scatter, response.deviation)
+    )
+    return np.asarray(power > _STANDS**2 * np.where(beside, deviated, scattered))
 
 
 def _run(true: BoolArray, at: int) -> int:

@@ -37,6 +37,8 @@ _CHANGED = 2.0
 _FURTHER = 2.0
 """Error, for a steady sine at the full level, over that change: a sweep does not stay on a resonance until it
 has reached its full amplitude (1.3 to 3.6 was measured on three plants with soft modes)."""
+_STRAYS = 0.5
+"""Distance of a line's gain from the median's, over it, from which it tells nothing of a level's gain."""
 _SHIFT = 81
 """Lines (10 Hz) from whose change a drift of the resonance among them is estimated."""
 
@@ -79,7 +81,13 @@ def from_sweeps(
     H = _without_harmonics(raw, f, speed)
     smaller = [_without_harmonics(b / a, f, speed) for a, b in zip(X[repeats:], Y[repeats:], strict=True)]
     kept = (f >= low) & (f <= high)
-    level_gain = np.array([np.vdot(H[kept], h[kept]) for h in smaller]) / np.linalg.norm(H[kept]) ** 2
+    signal = np.maximum((np.abs(H) ** 2 * power - residual) / repeats, 0.0)
+    level_gain = np.array(
+        [
+            _gain(H[kept], h[kept], (signal * share**2 / (signal * share**2 + residual))[kept])
+            for h, share in zip(smaller, sweep.shares, strict=True)
+        ]
+    )
     removed = scipy.ndimage.uniform_filter1d(np.abs(raw - H) ** 2, _POOL, mode="nearest")
     # Where noise is most of what the gates remove, that much less stays.
     scatter = np.maximum(residual / power - removed, _STAYS * residual / power)
@@ -92,7 +100,6 @@ def from_sweeps(
     variance += _drift(H, f, y / x, residual / power * repeats, len(drives))
     alone = [residual / np.abs(a) ** 2 + left_in for a in X[repeats:]]
     variance += _of_shape(H, smaller, level_gain, alone)
-    signal = np.maximum((np.abs(H) ** 2 * power - residual) / repeats, 0.0)
     return FrfEstimate(
         frequencies=f[kept],
         velocity=H[kept],
@@ -104,6 +111,24 @@ def from_sweeps(
         distortion=np.zeros((0, 0)),
         level_gain=level_gain.astype(np.complex128),
     )
+
+
+def _gain(H: ComplexArray, smaller: ComplexArray, coherence: FloatArray) -> complex:
+    """Gain from a response to another (lines,), by the lines that follow the drive in both.
+
+    A machine that runs during one play is a few lines of large ratios, whose power would outweigh all others.
+    """
+    ratio, weight = smaller / H, np.abs(coherence * H) ** 2
+    middle = complex(_middle(ratio.real, weight), _middle(ratio.imag, weight))
+    weight *= np.abs(ratio - middle) < _STRAYS * abs(middle)
+    return complex(np.average(ratio, weights=weight)) if weight.any() else middle
+
+
+def _middle(values: FloatArray, weight: FloatArray) -> float:
+    """Weighted median."""
+    order = np.argsort(values)
+    reached = np.cumsum(weight[order])
+    return float(values[order[np.searchsorted(reached, reached[-1] / 2)]])
 
 
 def _left_in(removed: FloatArray, below: FloatArray) -> FloatArray:

@@ -308,11 +308,11 @@ def _swept(spot: Spot, sweep: LinearSweep, peak: float, progress: Progress) -> R
         still = lead + len(once) + round(_RINGS * sweep.tail * rate_hz)
         records.append(Record(velocity, (slice(0, lead), slice(still, len(velocity)))))
     progress(_doing(spot), sweep.duration, sweep.duration, "s")
-    calm = without_tones(records, rate_hz)
+    calm, tones = without_tones(records, rate_hz)
     velocities = [row[lead : lead + len(drives[0])] for row, lead in zip(calm, leads, strict=True)]
     found = from_sweeps(sweep, once, np.array(drives), np.array(velocities), channels)
     response = _response(spot, found, str(sweep), sweep.repeats, peak)
-    return replace(response, levels=response.level * np.array(sweep.shares))
+    return replace(response, levels=response.level * np.array(sweep.shares), tones=tones)
 
 
 def _response(spot: Spot, found: FrfEstimate, excitation: str, repeats: int, peak: float) -> Response:
@@ -367,6 +367,15 @@ def _doing(spot: Spot) -> str:
     return f"Measure {spot}"
 
 
+def _turns(response: Response) -> str:
+    tones = np.sort(np.concatenate([response.tones.steady, response.tones.unsteady]))
+    if not len(tones):
+        return ""
+    return (
+        f" The background has tones at {', '.join(f'{hz:.1f}' for hz in tones[:5])} Hz: a machine runs there."
+    )
+
+
 def plausible(response: Response) -> Response:
     """Return a response whose drive reached the patch and whose surface followed; raise for any other."""
     refuse_silent_drive(float(np.median(np.abs(response.path))), response.patch)
@@ -375,6 +384,6 @@ def plausible(response: Response) -> Response:
         raise DataError(
             f"The {response.point} point does not follow patch {response.patch}: the coherence is "
             f"{typical:.2f} where 0.5 is the least that can be used and 0.99 is usual. Check the laser's "
-            "focus and aim, and that the patch is glued and connected."
+            f"focus and aim, and that the patch is glued and connected.{_turns(response)}"
         )
     return response

@@ -9,6 +9,7 @@ import numpy as np
 from ...instruments import DataError
 from ...instruments.arrays import ComplexArray, FloatArray
 from ...instruments.vibrometer import Quantity
+from ..background import Tones
 from .hysteresis import Hysteresis
 
 _CREST = 1.66
@@ -70,6 +71,8 @@ class Response:
     """What the vibrometer shows."""
     hysteresis: Hysteresis = LINEAR
     """The law that a multisine's response was computed with; that of sweeps follows from `level_gain`."""
+    tones: Tones = field(default_factory=Tones)
+    """The background's, in the rests between sweeps."""
 
     def __repr__(self) -> str:
         simulated = ", simulated" if self.simulated else ""

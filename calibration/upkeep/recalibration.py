@@ -297,9 +297,9 @@ def _made_anew(
             for place in places:
                 if place not in made.calibrations:
                     found, kept = calibrate_keeping(rig, *place, progress)
-                    # How its channel scatters takes several calibrations to tell, and is not forgotten.
-                    known = next((c.scatter for c in old.calibrations if place_of(c) == place), found.scatter)
-                    found = replace(found, scatter=known)
+                    # How its channel scatters takes several calibrations to tell; a person chose a carrier.
+                    known = next((c for c in old.calibrations if place_of(c) == place), found)
+                    found = replace(found, scatter=known.scatter, chosen_hz=known.chosen_hz)
                     made.calibrations[place] = found
                     made.waveforms[place] = replace(kept, calibration=found.digest)
             made.after[name] = build_button(

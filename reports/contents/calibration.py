@@ -8,11 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from ...calibration import Calibration, Drift, Drive, Resonance, Waveforms, drift_change
+from ...calibration import Calibration, Drift, Drive, Model, Resonance, Waveforms, drift_change
+from ...calibration.spectra import BAND
 from .. import figures
 from . import captions
 from .parts import Contents, Drawing, Fact, Verdict, detailed, fact
 from .words import damping, percent, sentence
+
+_TOLD, _MOST = 0.01, 5
+"""Share of the motion from which the background's tones are told, and the most of a kind."""
+_RINGS = 0.02
+"""Relative distance from a resonance up to which what sounds in a rest may be the resonance."""
 
 
 def _finger(calibration: Calibration) -> list[Fact]:
@@ -43,8 +49,6 @@ def calibration_contents(calibration: Calibration) -> Contents:
     """What a calibration says: the measured response, and the model that was fitted to it."""
     response, model = calibration.response, calibration.model
     patch, point, repeats = response.patch, response.point, response.repeats
-    # Presses keep the bare table's carrier under a finger.
-    carrier = calibration.finger.bare if calibration.finger else model
     low, high = response.frequencies[[0, -1]]
     radius, known = response.confidence(), response.coherence
     lowest, median = (float(known.min()), float(np.median(known))) if known.size else (None, None)
@@ -68,12 +72,14 @@ def calibration_contents(calibration: Calibration) -> Contents:
         fact("Coherence", coherence, coherence_min=lowest, coherence_median=median),
         fact(
             "Resonance",
-            f"{model.resonance_hz:.2f} Hz (the strongest of {len(model.resonances)})",
+            f"{model.resonance_hz:.2f} Hz (the strongest of {len(model.resonances)}"
+            f"{'' if _in_band(_strongest(model)) else ', in the band of drives'})",
             resonance_hz=model.resonance_hz,
             resonances=[_resonance(one) for one in model.resonances],
         ),
         fact("Damping ratio", damping(model.carriers[0])),
-        fact("Carrier", carrier.ambiguity, carriers_hz=[one.frequency_hz for one in carrier.carriers]),
+        *_carrier(calibration),
+        *_background(calibration),
         fact(
             "Model",
             f"{percent(model.error)} from the response, {'stable' if stable else 'UNSTABLE'}",
@@ -97,6 +103,68 @@ def calibration_contents(calibration: Calibration) -> Contents:
         rig=response.rig,
         verdicts=[verdict],
         figures=[response_drawing(calibration)],
+    )
+
+
+def _carrier(calibration: Calibration) -> Iterator[Fact]:
+    """What carries presses, where that is not simply the strongest resonance, and what it costs."""
+    bare, strongest, why = calibration.bare, _strongest(calibration.bare), ""
+    if calibration.chosen_hz:
+        why = f"as asked; the strongest resonance is {strongest:.2f} Hz"
+    elif not _in_band(strongest):
+        low, high = BAND
+        why = f"not {strongest:.2f} Hz, which lies outside the band of drives ({low:g} to {high:g} Hz)"
+    carriers, chosen = [one.frequency_hz for one in bare.carriers], calibration.chosen_hz or None
+    if not why:
+        yield fact("Carrier", bare.ambiguity, carriers_hz=carriers, carrier_chosen_hz=chosen)
+        return
+    moved, felt = calibration.quieter_than(strongest)
+    yield fact(
+        "Carrier",
+        f"{calibration.carrier_hz:.2f} Hz, {why}: at the same volts it moves the table {_fewer(moved)} and "
+        f"is felt {_fewer(felt)} than that",
+        carriers_hz=carriers,
+        carrier_chosen_hz=chosen,
+        carrier_costs_db=(moved, felt),
+    )
+
+
+def _strongest(model: Model) -> float:
+    """Resonance (Hz) with the largest velocity, in whatever band."""
+    hz = np.array([one.frequency_hz for one in model.resonances])
+    return float(hz[np.argmax(np.abs(model.velocity(hz)))])
+
+
+def _in_band(hz: float) -> bool:
+    return BAND[0] < hz < BAND[1]
+
+
+def _fewer(decibels: float) -> str:
+    return f"{abs(decibels):.1f} dB {'less' if decibels >= 0 else 'more'}"
+
+
+def _background(calibration: Calibration) -> Iterator[Fact]:
+    """The background's tones, as a check names them. What is not steady and at a resonance may ring."""
+    tones = calibration.response.tones
+    rings = np.array([one.frequency_hz for one in calibration.model.resonances])
+    apart = np.all(np.abs(tones.unsteady[:, None] / rings - 1) > _RINGS, axis=1)
+    said = []
+    for hz, share, what in (
+        (tones.steady, tones.steady_share, "steady tones at {} Hz, which were taken out"),
+        (
+            tones.unsteady[apart],
+            tones.unsteady_share[apart],
+            "tones at {} Hz that are not steady and stay in",
+        ),
+    ):
+        told = np.sort(hz[share > _TOLD][np.argsort(-share[share > _TOLD])][:_MOST])
+        if len(told):
+            said.append(what.format(", ".join(f"{one:.1f}" for one in told)))
+    yield fact(
+        "Background",
+        f"{'; '.join(said)}: look for mains hum (ground the laser's cable), a fan or a motor" if said else "",
+        tones_hz=tones.steady,
+        tones_unsteady_hz=tones.unsteady[apart],
     )
 
 

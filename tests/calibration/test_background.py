@@ -65,7 +65,8 @@ def test_a_tone_that_does_not_last_is_not_steady_and_stays() -> None:
     tones = tones_in(records, RATE)
     kept = tones[steady(records, tones, RATE)]
     assert kept == pytest.approx([100.02], abs=1e-3)
-    left = without_tones(records, RATE)
+    left, said = without_tones(records, RATE)
+    assert said.steady == pytest.approx([100.02], abs=1e-3)
     for number, signal in enumerate(left):
         wandering = np.cos(2 * np.pi * (300 * t + 2 * t**2) + number)
         assert np.std(signal - wandering) < 0.02
