@@ -12,6 +12,10 @@ from . import front as haploop
 from .options import JSON, PATH, ChosenRig, FiniteRange, NewFile, on_rig
 
 
+_MOST_POINTS = 100_000
+"""Number of a grid point that no table has: a long range is refused before it is a list."""
+
+
 @click.command("map")
 @click.option(
     "--out",
@@ -57,6 +61,8 @@ def map_command(
     """
     chosen = None if points is None else _numbers(points)
     names = None if patches is None else [name.strip() for name in patches.split(",")]
+    if names and len(set(names)) < len(names):
+        raise click.UsageError(f"--patches names a patch twice: {patches}. Name each once.")
     with rig.opened() as opened, Steps() as steps:
         plan = haploop.map_plan(
             opened, points=chosen, patches=names, level=level, together=False if one_by_one else None
@@ -78,5 +84,8 @@ def _numbers(text: str) -> list[int]:
         first, _, last = part.strip().partition("-")
         if not first.isdecimal() or (last and not last.isdecimal()):
             raise click.UsageError(f"--points takes numbers such as 0,5,12-20; {part.strip()!r} is not one")
-        found += range(int(first), int(last or first) + 1)
+        low, high = int(first), int(last or first)
+        if high > _MOST_POINTS:
+            raise click.UsageError(f"--points: no table has a grid point {high}.")
+        found += range(low, high + 1)
     return found

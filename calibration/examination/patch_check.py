@@ -12,7 +12,7 @@ two mirrored patches have the same amplitude in every mode.)
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
@@ -21,7 +21,7 @@ from ...instruments import Capture, HaploopError, InstrumentError, Rig
 from ...instruments.arrays import BoolArray, ComplexArray, FloatArray
 from ...instruments.rig import UnshownError
 from ...instruments.vibrometer import shown as shown_as
-from ..response import linear_sweep
+from ..response import LinearSweep, capture_sweep, linear_sweep, ordered
 from .finding import Finding
 
 _LEVEL = 10.0
@@ -30,6 +30,8 @@ _ALLOWED, _WEAKEST = 0.98, 0.01
 """Share of what limits of current and heat allow, and the weakest sweep (V) that is tried on a coil."""
 _DURATION, _TAIL = 0.3, 0.15
 _STOP_HZ = 625.0
+_SWEEP = LinearSweep(stop_hz=_STOP_HZ, seconds=_DURATION, tail=_TAIL)
+"""The same of a generator."""
 _BAND = (30.0, 610.0)
 _SEEN = 3.0
 """Velocity, over the noise of the same measurement without a drive, above which a patch moves the table."""
@@ -123,7 +125,9 @@ def _measure(rig: Rig) -> _Answers:
     rate_hz, level = rig.table.rate_hz, min(_LEVEL, rig.limits.peak)
     factor, _ = rig.limits.headroom(linear_sweep(rate_hz, _DURATION, _STOP_HZ, level), rate_hz)
     level *= min(1.0, _ALLOWED * factor) if factor < 1 else 1.0
-    sweep = linear_sweep(rate_hz, _DURATION, _STOP_HZ, level)
+    by_generator = rig.feeds_amplifier("generator")
+    one = ordered(_SWEEP, rate_hz) if by_generator else linear_sweep(rate_hz, _DURATION, _STOP_HZ, 1.0)
+    sweep = level * one
     # A player's latency is found from its drive on the monitor, but open channels show none: play silence. So
     # without a relay, where nothing is open.
     silent = rig.file.player is not None or rig.file.relay is None
@@ -161,7 +165,20 @@ def _play(rig: Rig, sweep: FloatArray, patch: str = "", silent: bool = False) ->
     sensor = rig.sensors.drive
     assert sensor is not None
     channels, played = sensor.channels, 0 * sweep if silent else sweep
-    capture = rig.excite(played, (patch,) if patch else (), (*channels, rig.vibrometer.channel), _TAIL)
+    # The patch's own monitor first: by it a generator's sweep is found.
+    first = rig.monitor(patch) if patch else channels[0]
+    channels = (first, *(one for one in channels if one != first))
+    recorded, into = (*channels, rig.vibrometer.channel), (patch,) if patch else ()
+    if not rig.feeds_amplifier("generator"):
+        capture = rig.excite(played, into, recorded, _TAIL)
+    elif silent:
+        rate_hz = rig.table.rate_hz
+        samples = round((_DURATION + _TAIL) * rate_hz)
+        with rig.daq.stream(recorded, rate_hz, round(rate_hz / 10), samples) as stream:
+            capture = stream.capture()
+    else:
+        capture, start, _ = capture_sweep(rig, _SWEEP, float(np.abs(sweep).max()), into, recorded)
+        capture = replace(capture, volts=capture.volts[:, max(start, 0) :])
     samples, rate_hz = capture.volts.shape[1], capture.rate_hz
     f = scipy.fft.rfftfreq(samples, 1 / rate_hz)
     inside = (f > _BAND[0]) & (f < _BAND[1])

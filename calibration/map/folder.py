@@ -26,9 +26,11 @@ from ...instruments import ConfigurationError, DataError
 from ...instruments.arrays import ComplexArray
 from ...instruments.files import new_file, os_error_text
 from ...instruments.publishing import publish
-from ..response import Multisine
+from ..response import LinearSweep, Multisine
 
 _PLAN = "map.json"
+_ABOVE_HZ = 15.0
+"""Distance (Hz) from the band's upper end to that of a sweep."""
 _BESIDES = 100_000
 """Bytes of a step's file that are no spectra, at most."""
 
@@ -71,6 +73,8 @@ class MapPlan:
     """Points at which all patches are also played in parallel, to test superposition."""
     every: int
     """Number of points after which the first is measured again, to detect drift of the table."""
+    swept: bool = False
+    """True when the generator sweeps the patches, as in the paper, and the DAQ plays nothing."""
 
     @property
     def digest(self) -> str:
@@ -103,7 +107,17 @@ class MapPlan:
     @property
     def duration(self) -> float:
         """Playing time of all steps together (s)."""
-        return self.period * sum(len(step.plays) for step in self.steps)
+        return self.seconds * sum(len(step.plays) for step in self.steps)
+
+    @property
+    def seconds(self) -> float:
+        """Time of one play (s)."""
+        return self.sweep.seconds + self.sweep.tail if self.swept else self.period
+
+    @property
+    def sweep(self) -> LinearSweep:
+        """The generator's sweep: it ends above the band, because it does not fade."""
+        return LinearSweep(stop_hz=self.high + _ABOVE_HZ)
 
     def size(self, step: Step) -> int:
         """Room that the file of a step takes at most (bytes)."""

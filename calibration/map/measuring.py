@@ -15,6 +15,7 @@ from ...instruments.files import Room, room
 from ...instruments.progress import Progress, silent
 from ..response import Channels, overloaded, refuse_silent_drive
 from .folder import MapFolder, MapPlan, PointMeasurement, Step
+from .sweeping import Sweeper
 
 _ATTEMPTS = 3
 """Attempts at a point before it is skipped."""
@@ -54,6 +55,7 @@ def map_plan(
             f"A map needs points from 0 to {count - 1} and patches among {', '.join(table.patches)}"
             + (f", and {wrong[0]!r} is none." if wrong else ".")
         )
+    swept = rig.feeds_amplifier("generator")
     several = all(patch in rig.amplifier.inputs for patch in names) and len(names) > 1
     if together and not several:
         raise ConfigurationError(
@@ -86,6 +88,7 @@ def map_plan(
         period=period,
         tests=tuple(map(str, dict.fromkeys(tests))),
         every=every,
+        swept=swept,
     )
 
 
@@ -115,8 +118,8 @@ def measure_map(
 def _measure(rig: Rig, folder: MapFolder, left: Sequence[Step], held: Room, progress: Progress) -> None:
     plan = folder.plan
     doing, total = f"Map {len(plan.points)} points", plan.duration
-    done = total - plan.period * sum(len(step.plays) for step in left)
-    player = _Player(rig, plan)
+    done = total - plan.seconds * sum(len(step.plays) for step in left)
+    player = Sweeper(rig, plan) if plan.swept else _Player(rig, plan)
     for step in left:
         progress(doing, done, total, "s")
         reason: str | None = None
@@ -131,7 +134,7 @@ def _measure(rig: Rig, folder: MapFolder, left: Sequence[Step], held: Room, prog
                 reason = found
         if reason is not None:
             folder.skip(step, reason)
-        done += plan.period * len(step.plays)
+        done += plan.seconds * len(step.plays)
         progress(doing, done, total, "s")
 
 

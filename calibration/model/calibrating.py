@@ -58,8 +58,11 @@ def examined(rig: Rig, calibration: Calibration, progress: Progress = silent) ->
     """Add to a calibration the patch's even order, the distortion left, and the response above its band.
 
     To be called after its response was measured, with the laser still at the point. Raises what
-    `measure_response` raises.
+    `measure_response` raises. A generator plays nothing but sweeps, which show none of that: then nothing is
+    added.
     """
+    if rig.feeds_amplifier("generator"):
+        return calibration
     patch, point = calibration.response.patch, calibration.response.point
     both = measure_both_signs(rig, patch, point, progress)
     law = replace(calibration.hysteresis, even=even_order(calibration, both))

@@ -12,7 +12,7 @@ import numpy as np
 from ...acquisition import hdf5
 from ...instruments import ConfigurationError, RigFile
 from ...instruments.notebook import InNotebook
-from ..perception.levels import pressing
+from ..perception import pressing
 from ..response import Hysteresis, Response, fit_hysteresis
 from ..spectra import BAND
 from .finger import Finger

@@ -11,6 +11,7 @@ from .levels import SHORT as SHORT
 from .levels import Levels as Levels
 from .levels import event_levels as event_levels
 from .levels import levels_of as levels_of
+from .levels import pressing as pressing
 from .levels import running_level as running_level
 from .sensation import Answer as Answer
 from .sensation import Sensation as Sensation

@@ -6,6 +6,11 @@ from .excitation import LinearSweep as LinearSweep
 from .excitation import Multisine as Multisine
 from .excitation import linear_sweep as linear_sweep
 from .excitation import plan_excitation as plan_excitation
+from .from_sweeps import without_harmonics as without_harmonics
+from .generated import Swept as Swept
+from .generated import capture_sweep as capture_sweep
+from .generated import ordered as ordered
+from .generated import play_sweep as play_sweep
 from .hysteresis import HALF_WIDTHS as HALF_WIDTHS
 from .hysteresis import Hysteresis as Hysteresis
 from .hysteresis import even_terms as even_terms
@@ -15,13 +20,11 @@ from .measuring import QUICK as QUICK
 from .measuring import SWEEP as SWEEP
 from .measuring import BothSigns as BothSigns
 from .measuring import Play as Play
-from .measuring import Spot as Spot
 from .measuring import distortion as distortion
 from .measuring import excite as excite
 from .measuring import measure_above as measure_above
 from .measuring import measure_both_signs as measure_both_signs
 from .measuring import measure_response as measure_response
-from .measuring import overloaded as overloaded
 from .measuring import plausible as plausible
 from .measuring import prepare as prepare
 from .measuring import quick_level as quick_level
@@ -36,6 +39,8 @@ from .settling import RESOLVED as RESOLVED
 from .settling import refuse_silent_drive as refuse_silent_drive
 from .settling import ringing_of as ringing_of
 from .settling import settle as settle
+from .spot import Spot as Spot
+from .spot import overloaded as overloaded
 from .terms import rows as rows
 from .terms import terms_of as terms_of
 from .uff import read_uff as read_uff

@@ -28,6 +28,8 @@ class Channels:
     drive_delay: float
     laser_delay: float
     laser: Callable[[FloatArray], ComplexArray]
+    staircase: bool = True
+    """False where the drive is no output of the converter, whose samples are steps: a generator's."""
 
     def drive(self, sampled: ComplexArray, commanded: ComplexArray, f: FloatArray) -> ComplexArray:
         """Factors (lines,) from the monitor's samples to the volts at the patch at the clock's edges.
@@ -41,6 +43,8 @@ class Channels:
         monitor's volts and of the commanded samples.
         """
         late = np.exp(-2j * np.pi * f * self.drive_delay)
+        if not self.staircase:
+            return np.asarray(late)
         strong = np.abs(commanded) > 0.1 * np.abs(commanded).max()
         path = sampled.mean(axis=0)[strong] / commanded[strong]
 

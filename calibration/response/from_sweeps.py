@@ -78,8 +78,8 @@ def from_sweeps(
     )
     speed = sweep.stop_hz / sweep.seconds
     raw = H
-    H = _without_harmonics(raw, f, speed)
-    smaller = [_without_harmonics(b / a, f, speed) for a, b in zip(X[repeats:], Y[repeats:], strict=True)]
+    H = without_harmonics(raw, f, speed)
+    smaller = [without_harmonics(b / a, f, speed) for a, b in zip(X[repeats:], Y[repeats:], strict=True)]
     kept = (f >= low) & (f <= high)
     signal = np.maximum((np.abs(H) ** 2 * power - residual) / repeats, 0.0)
     level_gain = np.array(
@@ -132,7 +132,7 @@ def _middle(values: FloatArray, weight: FloatArray) -> float:
 
 
 def _left_in(removed: FloatArray, below: FloatArray) -> FloatArray:
-    """Variance (lines,) by what `_without_harmonics` leaves of the harmonics whose power it `removed`.
+    """Variance (lines,) by what `without_harmonics` leaves of the harmonics whose power it `removed`.
 
     `below` (lines,) is the distance from the sweep's end (Hz), near which the level falls.
     """
@@ -200,7 +200,7 @@ def _of_shape(
     return _FURTHER**2 * found
 
 
-def _without_harmonics(H: ComplexArray, frequencies: FloatArray, speed: float) -> ComplexArray:
+def without_harmonics(H: ComplexArray, frequencies: FloatArray, speed: float) -> ComplexArray:
     """Remove the harmonics that the patch's hysteresis adds to a sweep's response.
 
     The sweep passes frequency f at the time f / speed (Hz, Hz/s). The n-th harmonic at f was excited at

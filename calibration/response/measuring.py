@@ -3,31 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...instruments import Capture, ConfigurationError, DataError, InstrumentError, Rig
-from ...instruments.arrays import ComplexArray, FloatArray
+from ...instruments.arrays import FloatArray
 from ...instruments.progress import Progress, part_of, silent
-from ...instruments.vibrometer import shown
-from ..background import LONGEST_REST, Record, rests, without_tones
+from ..background import LONGEST_REST, Record, Tones, rests, tones_in, without_tones
 from .channels import Channels
 from .excitation import Excitation, LinearSweep, Multisine
 from .from_multisine import from_multisine
 from .from_sweeps import from_sweeps
+from .generated import LEAD, START_HZ, ordered, play_sweeps
 from .hysteresis import Hysteresis
-from .response import LINEAR, Response
+from .response import Response
 from .settling import full_level, refuse_silent_drive, settle
-
-if TYPE_CHECKING:
-    from .estimate import FrfEstimate
+from .spot import Spot, refuse_overload, response_of, signals_of
 
 ABOVE_HZ = 600.0
 """Lowest frequency (Hz) of the response above the band: a little below the end of the usual excitations."""
 _MARGIN = 0.99
 """Level of the excitation above the band over the limit: a player's own rate may overshoot a little."""
+_SWEPT = 0.98
+"""Level of the generator's sweep over the limit: its steps and its switching off are not the DAQ's."""
 _WORTHWHILE = 1.2
 """Ratio of the highest to the lowest frequency from which the response above the band is measured."""
 WITHIN = 0.01
@@ -73,11 +71,17 @@ def measure_response(
         peak = full_level(rig, lambda peak: excitation.volts(rig.table.rate_hz, peak))
     prepare(rig, point)
     spot = Spot(rig, patch, point)
+    by_generator = rig.feeds_amplifier("generator")
     if isinstance(excitation, Multisine):
+        if by_generator:
+            raise ConfigurationError(
+                f"The generator of the rig {rig.name!r} feeds its amplifier, and plays sweeps only: "
+                "measure with one, or wire an output of the DAQ to the amplifier."
+            )
         return plausible(_known(spot, Play(excitation, peak), hysteresis, within, progress))
     if hysteresis is not None:
         raise ConfigurationError("Sweeps measure the hysteresis themselves: only a multisine takes one.")
-    return plausible(_swept(spot, excitation, peak, progress))
+    return plausible((_generated if by_generator else _swept)(spot, excitation, peak, progress))
 
 
 def measure_above(
@@ -98,18 +102,6 @@ def measure_above(
     settle(rig, (patch,), progress)
     # The surface may move less than the laser's noise there: the deviation says so, and nothing is refused.
     return _played(Spot(rig, patch, point), Play(excitation, peak), hysteresis, progress, local_only=True)
-
-
-@dataclass(frozen=True, eq=False)
-class Spot:
-    """A patch of a rig, and the point at which the laser sees what it does."""
-
-    rig: Rig
-    patch: str
-    point: str
-
-    def __str__(self) -> str:
-        return f"patch {self.patch} at the {self.point} point"
 
 
 @dataclass(frozen=True)
@@ -140,8 +132,8 @@ def measure_both_signs(rig: Rig, patch: str, point: str, progress: Progress = si
         settle(rig, (patch,), progress)
         tell = part_of(progress, _doing(Spot(rig, patch, point)), number * QUICK.duration, 2 * QUICK.duration)
         captures.append(excite(rig, QUICK, patch, sign * quick_level(rig), tell))
-        _refuse_overload(rig, captures[-1])
-    volts, velocity, channels = zip(*(_signals(rig, capture, patch) for capture in captures), strict=True)
+        refuse_overload(rig, captures[-1])
+    volts, velocity, channels = zip(*(signals_of(rig, capture, patch) for capture in captures), strict=True)
     own = slice(QUICK.samples(rig.table.rate_hz))
     return BothSigns(
         np.array(volts)[:, own], np.array(velocity)[:, own], channels[0], (captures[0], captures[1])
@@ -201,14 +193,14 @@ def response_from(
     With `local_only` nothing is fitted over all lines. Raises InstrumentError when a signal left its range.
     """
     rig, multisine = spot.rig, played.multisine
-    _refuse_overload(rig, capture)
-    volts, velocity, channels = _signals(rig, capture, spot.patch)
+    refuse_overload(rig, capture)
+    volts, velocity, channels = signals_of(rig, capture, spot.patch)
     commanded = multisine.volts(rig.table.rate_hz, played.peak)
     found, law = from_multisine(
         multisine, commanded, volts, velocity, channels, hysteresis, local_only=local_only
     )
     excitation = f"{multisine}; the patch's hysteresis taken out"
-    response = _response(spot, found, excitation, multisine.periods, played.peak)
+    response = response_of(spot, found, excitation, multisine.periods, played.peak)
     return replace(response, level=law.level, hysteresis=law)
 
 
@@ -238,27 +230,6 @@ def unseen(rig: Rig, patch: str, point: str) -> str:
     except (DataError, InstrumentError) as error:
         return str(error)
     return ""
-
-
-def overloaded(rig: Rig, capture: Capture) -> str | None:
-    """Sentence on a signal out of range in a capture of drive monitor and laser, with a remedy; or None."""
-    laser = capture.channels.index(rig.vibrometer.channel)
-    fastest = float(np.abs(rig.vibrometer.to_si(capture.volts[laser])).max())
-    if capture.overload[laser] or fastest > rig.vibrometer.range:
-        return (
-            f"The laser left its range of {shown(rig.vibrometer.quantity, rig.vibrometer.range)}: "
-            "choose a larger range, or a lower level."
-        )
-    if capture.overload.any():
-        name = capture.channels[int(np.flatnonzero(capture.overload)[0])]
-        return f"The channel {name!r} left its input range: widen the range in the rig file."
-    return None
-
-
-def _refuse_overload(rig: Rig, capture: Capture) -> None:
-    problem = overloaded(rig, capture)
-    if problem:
-        raise InstrumentError(problem)
 
 
 def _known(
@@ -302,8 +273,8 @@ def _swept(spot: Spot, sweep: LinearSweep, peak: float, progress: Progress) -> R
         # all captures equally long.
         tail = sweep.tail + (longest - lead) / rate_hz
         capture = rig.excite(np.pad(factor * once, (lead, 0)), (patch,), recorded, tail, tell)
-        _refuse_overload(rig, capture)
-        volts, velocity, channels = _signals(rig, capture, patch)
+        refuse_overload(rig, capture)
+        volts, velocity, channels = signals_of(rig, capture, patch)
         drives.append(volts[lead : lead + capture.volts.shape[1] - longest])
         still = lead + len(once) + round(_RINGS * sweep.tail * rate_hz)
         records.append(Record(velocity, (slice(0, lead), slice(still, len(velocity)))))
@@ -311,56 +282,25 @@ def _swept(spot: Spot, sweep: LinearSweep, peak: float, progress: Progress) -> R
     calm, tones = without_tones(records, rate_hz)
     velocities = [row[lead : lead + len(drives[0])] for row, lead in zip(calm, leads, strict=True)]
     found = from_sweeps(sweep, once, np.array(drives), np.array(velocities), channels)
-    response = _response(spot, found, str(sweep), sweep.repeats, peak)
+    response = response_of(spot, found, str(sweep), sweep.repeats, peak)
     return replace(response, levels=response.level * np.array(sweep.shares), tones=tones)
 
 
-def _response(spot: Spot, found: FrfEstimate, excitation: str, repeats: int, peak: float) -> Response:
-    """The response to an excitation of `peak` volts as commanded, of a patch without hysteresis."""
-    rig = spot.rig
-    return Response(
-        patch=spot.patch,
-        point=spot.point,
-        frequencies=found.frequencies,
-        velocity=found.velocity,
-        deviation=found.deviation,
-        scatter=found.scatter,
-        coherence=found.coherence,
-        path=found.path,
-        noise=found.noise,
-        distortion=found.distortion,
-        repeats=repeats,
-        level=float(np.median(np.abs(found.path))) * peak,
-        levels=np.zeros(0),
-        level_gain=found.level_gain,
-        pickup_range=rig.vibrometer.range,
-        pickup=rig.vibrometer.quantity,
-        excitation=excitation,
-        source="measured",
-        rig=rig.name,
-        rig_file=rig.file.model_dump_json(),
-        simulated=rig.simulated,
-        created=datetime.now(UTC).isoformat(timespec="seconds"),
-        hysteresis=LINEAR,
-    )
-
-
-def _signals(rig: Rig, capture: Capture, patch: str) -> tuple[FloatArray, FloatArray, Channels]:
-    """(samples,) V at a patch, (samples,) SI of the laser's output, and how they were sampled."""
-    drive = capture.channels.index(rig.monitor(patch))
-    laser = capture.channels.index(rig.vibrometer.channel)
-    divider = rig.sensors.drive
-    assert divider is not None
-
-    def laser_response(f: FloatArray) -> ComplexArray:
-        # What the monitor's channel loses of the drive counts as if the laser showed more.
-        return np.asarray(rig.motion_response(f) / rig.monitor_response(patch, f))
-
-    channels = Channels(
-        capture.rate_hz, float(capture.delays[drive]), float(capture.delays[laser]), laser_response
-    )
-    volts = divider.to_si(capture.volts[[drive]])[0]
-    return volts, rig.vibrometer.to_si(capture.volts[laser]), channels
+def _generated(spot: Spot, sweep: LinearSweep, peak: float, progress: Progress) -> Response:
+    rig, rate_hz = spot.rig, spot.rig.table.rate_hz
+    plays = play_sweeps(spot, sweep, _SWEPT * peak, progress)
+    drives, velocities = (np.array([getattr(one, name) for one in plays]) for name in ("volts", "velocity"))
+    lead = round(LEAD * rate_hz)
+    once = np.zeros(drives.shape[1])
+    once[lead : lead + round(sweep.seconds * rate_hz)] = _SWEPT * peak * ordered(sweep, rate_hz)
+    still = lead + round((sweep.seconds + _RINGS * sweep.tail) * rate_hz)
+    # One rest a play tells which tones there are, and not their phases seconds before: they stay in.
+    heard = tones_in([Record(row, (slice(still, len(row)),)) for row in velocities], rate_hz)
+    found = from_sweeps(sweep, once, drives, velocities, plays[0].channels)
+    said = f"{sweep}, by the {rig.generator.identity} from {START_HZ:g} Hz on, on its own clock"
+    response = response_of(spot, found, said, sweep.repeats, _SWEPT * peak)
+    tones = Tones(unsteady=heard, unsteady_share=np.zeros(len(heard)))
+    return replace(response, levels=response.level * np.array(sweep.shares), tones=tones)
 
 
 def _doing(spot: Spot) -> str:

@@ -64,6 +64,11 @@ class Playing:
     def excite(self, drive: FloatArray, take: Take) -> Capture:
         """See `Rig.excite`."""
         rig = self._rig
+        if rig.feeds_amplifier("generator"):
+            raise ConfigurationError(
+                f"The generator feeds the amplifier of the rig {rig.name!r}: it sweeps patches (haploop "
+                "calibrate, map), and plays no drive. Wire an output of the DAQ to the amplifier."
+            )
         if rig.amplifier.inputs and take.patches:
             return self.excite_each(dict.fromkeys(take.patches, drive), take)
         if rig.amplifier.inputs:  # into open contacts, on every channel

@@ -45,7 +45,7 @@ def test_a_small_map_is_measured_shown_and_drawn(run: Run, tmp_path: Path, rigs:
 def test_requests_that_make_no_map(run: Run, tmp_path: Path) -> None:
     for wrong in (
         *(("--points", "x"), ("--points", "84"), ("--patches", "Q"), ("--gif", "map.png")),
-        ("--level", "500"),
+        *(("--level", "500"), ("--patches", "A,A"), ("--points", "0-9999999999")),
     ):
         assert run("map", "--out", tmp_path / "map", *wrong).exit_code == 2
     assert not (tmp_path / "map").exists()

@@ -1,0 +1,30 @@
+"""The paper's way: the generator sweeps the patches, and the DAQ and the laser measure."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from haploop.calibration.map.map import VibrationMap
+from haploop.calibration.map.measuring import map_plan, measure_map
+from haploop.pytest_plugin import Rigs
+from tests.calibration.map.test_map import Mapped, error, simulated
+from tests.calibration.response.test_generated import GENERATOR
+from tests.conftest import OpenRig
+
+pytestmark = pytest.mark.many_plays
+
+
+def test_a_map_by_the_generator_is_the_plates_own(rigs: Rigs, open: OpenRig, tmp_path: Path) -> None:
+    simulated(rigs)
+    file = tmp_path / "generator.toml"
+    file.write_text(GENERATOR)
+    rig = open(str(file), seed=11)
+    plan = map_plan(rig, points=(0, 14, 45), patches=("A", "B"), period=1.0)
+    assert plan.swept and not plan.together
+    measure_map(rig, tmp_path / "map", plan)
+    found = VibrationMap.load(tmp_path / "map")
+    assert error(Mapped(rig, found, tmp_path)) < 0.013  # of one by multisines: the same
+    assert max(dict(found.superposition).values()) < 0.02
+    assert found.skipped == ()
