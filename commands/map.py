@@ -11,7 +11,6 @@ from ..terminal.progress import Steps, note
 from . import front as haploop
 from .options import JSON, PATH, ChosenRig, FiniteRange, NewFile, on_rig
 
-
 _MOST_POINTS = 100_000
 """Number of a grid point that no table has: a long range is refused before it is a list."""
 
