@@ -1,13 +1,14 @@
 """Contact area of a finger, from images of a surface with rear diffused illumination.
 
-What the camera sees without a finger is subtracted; the largest bright blob is the finger; its area is what
-lies above half of its own brightness, which does not depend on how bright that is, nor on a moderate blur.
+What the camera sees without a finger is subtracted, and followed as the light drifts; the largest bright blob
+is the finger, if it looks like one (`blobs`); its area is what lies above half of its own brightness, which
+does not depend on how bright that is, nor on a moderate blur.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy
@@ -15,20 +16,19 @@ import scipy
 from ...instruments import Camera, DataError, Frame, Rig
 from ...instruments.arrays import FloatArray
 from ...instruments.clock import Clock
+from .blobs import BLURRED, DIM, Blob, blobs
 
-_SATURATED = 250
-_DETECTED = 6.0
-"""Brightness over the noise of the smoothed image above which a pixel belongs to a finger."""
 _SMOOTHED = 3
 """Side of the square (pixels) over which the image is averaged."""
 _EDGE = 4
 """Width of the border (pixels) that shows the light without a finger."""
-_SMALLEST = 60
-"""Smallest blob (pixels) that counts as a finger."""
 _MOST_KEPT = 30
 """Frames that a camera may keep while it is not read; a video file always has the next one."""
-_BLURRED = 5.0
-"""Standard deviation of the blur (pixels) above which areas are not trusted."""
+_FOLLOWED, _ABSORBED = 2.0, 10.0
+"""Time (s) in which the background follows a pixel that nothing covers, and one that shows light which is no
+finger."""
+_GAP = 1.0
+"""Longest time (s) between frames that counts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,29 +59,60 @@ class Contact:
     """Why the area is not to be trusted, as a sentence; empty when it is."""
 
 
+@dataclass(eq=False)
+class _Followed:
+    """The background as it is now, and the time (s) up to which it was followed."""
+
+    mean: FloatArray
+    time: float | None = None
+
+
 @dataclass(frozen=True, eq=False)
 class ContactMeter:
-    """Measures the contact area in frames."""
+    """Measures the contact area in frames, one after the other, and follows the background meanwhile."""
 
     background: Background
     square_metres: float
     """Area of a pixel (m^2)."""
+    _now: _Followed = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_now", _Followed(self.background.mean.copy()))
 
     def measure(self, frame: Frame) -> Contact:
         """Measure one frame. Never raises for what a finger does; see `Contact.problem`."""
-        raised, light = _raised(frame, self.background)
-        blobs = _blobs(raised, self.background)
+        raised, light = _raised(frame, self._now.mean)
+        found = blobs(raised, self.background.noise, _SMOOTHED)
         problem = self._light_problem(light)
-        if not blobs:
+        if not problem:
+            self._follow(frame, found)
+        if not found:
             return Contact(frame.number, frame.time, 0.0, 0, 0, light, problem)
-        pixels, _, level = blobs[0]
+        first, others = found[0], found[1:]
+        area = first.pixels * self.square_metres
         # Light that has changed makes blobs of its own, and saturates: it is told before them.
-        if not problem and len(blobs) > 1:
-            problem = "There is more than one finger on the surface, or a hand: lift the others."
-        elif not problem and level + float(self.background.mean.max()) > _SATURATED:
-            problem = "The image is saturated: lower the camera's exposure or the lamps."
-        area = pixels * self.square_metres
-        return Contact(frame.number, frame.time, area, pixels, len(blobs) - 1, light, problem)
+        problem = problem or first.problem(area, float(self._now.mean.max()), others)
+        return Contact(frame.number, frame.time, area, first.pixels, len(others), light, problem)
+
+    def _follow(self, frame: Frame, found: Sequence[Blob]) -> None:
+        """Move the background towards a frame: not where a finger is, slowly where there is other light."""
+        now = self._now
+        passed = 0.0 if now.time is None else min(max(frame.time - now.time, 0.0), _GAP)
+        now.time = frame.time
+        if not passed:
+            return
+        covered = np.zeros(now.mean.shape, dtype=np.bool_)
+        rate = np.full(now.mean.shape, 1 - np.exp(-passed / _FOLLOWED))
+        for blob in found:
+            grown = scipy.ndimage.binary_dilation(blob.mask, iterations=_EDGE)
+            covered |= grown
+            fingerlike = blob.level >= DIM and not blob.glows
+            rate[grown] = 0.0 if fingerlike else 1 - np.exp(-passed / _ABSORBED)
+        change = rate * (frame.pixels - now.mean)
+        if covered.any() and not covered.all():
+            # Below a finger the light drifts as it does around it.
+            change[covered & (rate == 0.0)] = float(np.mean(change[~covered]))
+        now.mean += change
 
     def _light_problem(self, light: float) -> str:
         if abs(light) > max(6 * self.background.noise, 10.0):
@@ -151,21 +182,21 @@ def calibrate_meter(frames: Sequence[Frame], background: Background, area: float
 
     Raises DataError: no target or several, out of focus, or frames that differ by more than 1 %.
     """
-    found, blurs = [], []
+    found, blurs, cut = [], [], False
     for frame in frames:
-        raised, _ = _raised(frame, background)
-        blobs = _blobs(raised, background)
-        if len(blobs) != 1:
+        raised, _ = _raised(frame, background.mean)
+        spots = [one for one in blobs(raised, background.noise, _SMOOTHED) if one.level >= DIM]
+        if len(spots) != 1:
             raise DataError(
-                f"There are {len(blobs)} bright spots where the target alone should be: put it on the "
-                "surface, and "
-                "take everything else away."
+                f"There are {len(spots)} bright spots where the target alone should be: put it on the "
+                "surface, and take everything else away."
             )
-        found.append(blobs[0][0])
-        blurs.append(blobs[0][1])
+        cut = cut or spots[0].cut
+        found.append(spots[0].pixels)
+        blurs.append(spots[0].blur)
     if not found:
         raise DataError("There is no frame of the target: take some.")
-    if float(np.mean(blurs)) > _BLURRED:
+    if float(np.mean(blurs)) > BLURRED:
         raise DataError(
             f"The target's edge is blurred over {np.mean(blurs):.1f} pixels (standard deviation): "
             "focus the camera "
@@ -175,38 +206,20 @@ def calibrate_meter(frames: Sequence[Frame], background: Background, area: float
         raise DataError(
             "The target's area differs by more than 1 % from frame to frame: leave it alone, and repeat."
         )
+    if cut:
+        raise DataError("The target lies partly outside the picture: put it in the middle, and repeat.")
     return ContactMeter(background, area / float(np.mean(found)))
 
 
-def _raised(frame: Frame, background: Background) -> tuple[FloatArray, float]:
+def _raised(frame: Frame, background: FloatArray) -> tuple[FloatArray, float]:
     """Brightness above the background (rows, columns), smoothed, and the change of light (grey levels)."""
-    if frame.pixels.shape != background.mean.shape:
+    if frame.pixels.shape != background.shape:
         raise DataError(
-            f"A frame has {frame.pixels.shape} pixels and the background {background.mean.shape}: "
-            "learn it anew."
+            f"A frame has {frame.pixels.shape} pixels and the background {background.shape}: learn it anew."
         )
-    difference = scipy.ndimage.uniform_filter(frame.pixels - background.mean, _SMOOTHED)
+    difference = scipy.ndimage.uniform_filter(frame.pixels - background, _SMOOTHED)
     # At the border, because a firm finger may cover half of a small image.
     edge = np.concatenate([difference[:_EDGE].ravel(), difference[-_EDGE:].ravel()])
     sides = np.concatenate([difference[:, :_EDGE].ravel(), difference[:, -_EDGE:].ravel()])
     light = float(np.median(np.concatenate([edge, sides])))
     return difference - light, light
-
-
-def _blobs(raised: FloatArray, background: Background) -> list[tuple[int, float, float]]:
-    """Pixels above half brightness, blur of the edge (pixels), and brightness of each blob, largest first."""
-    least = max(_DETECTED * background.noise / _SMOOTHED, 12.0)
-    labels, _ = scipy.ndimage.label(raised > least)
-    found = []
-    for number, place in enumerate(scipy.ndimage.find_objects(labels), 1):
-        inside = labels[place] == number
-        if int(inside.sum()) < _SMALLEST:
-            continue
-        values = raised[place][inside]
-        level = float(np.percentile(values, 90))
-        pixels = int(np.sum(values > level / 2))
-        # Of a Gaussian edge, 0.25 to 0.75 of the brightness are 1.35 standard deviations wide.
-        ring = int(np.sum((values > 0.25 * level) & (values < 0.75 * level)))
-        perimeter = 2 * np.sqrt(np.pi * max(pixels, 1))
-        found.append((pixels, ring / perimeter / 1.35, level))
-    return sorted(found, reverse=True)

@@ -33,7 +33,9 @@ class Activator:
 
     It activates when the area exceeds `area`, and is armed again only when the finger has left the surface,
     or nearly: when the area falls below `lifted`. A finger that trembles at the threshold, however much, is
-    one press. A release, for buttons that render it, is when the area first falls below `release` afterwards.
+    one press. A frame that is not to be trusted disarms it until the surface was seen free: of two fingers
+    the one that stays has crossed nothing when the other is lifted. A release, for buttons that render it, is
+    when the area first falls below `release` after a press.
     """
 
     def __init__(self, area: float, lifted: float, release: float | None = None) -> None:
@@ -44,7 +46,7 @@ class Activator:
             )
         self._area, self._lifted, self._release = area, lifted, release
         # Armed only once the surface was seen free: a finger that rests there from the beginning is no press.
-        self._state: Literal["waiting", "armed", "pressed", "released"] = "waiting"
+        self._state: Literal["waiting", "armed", "spoilt", "pressed", "released"] = "waiting"
         self.lifts = 0
         """Touches that ended, whether or not they had activated it."""
         self._touched = False
@@ -56,9 +58,12 @@ class Activator:
 
     def see(self, contact: Contact) -> Literal["press", "release"] | None:
         """What this frame brings about. A frame whose area is not to be trusted brings nothing about."""
-        if contact.problem:
-            return None
         area = contact.area
+        if contact.problem:
+            if self._state == "armed":
+                self._state = "spoilt"
+            self._touched = self._touched or (self._state == "spoilt" and area >= self._lifted)
+            return None
         self.lifts += self._touched and area < self._lifted
         self._touched = area >= self._lifted and self._state != "waiting"
         if area < self._lifted:

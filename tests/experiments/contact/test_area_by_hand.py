@@ -53,13 +53,25 @@ def test_the_area_is_what_lies_above_half_of_the_brightness() -> None:
 
 
 @pytest.mark.parametrize(
-    ("noise", "level", "there"),
-    [(0.3, 12.0, False), (0.3, 12.1, True), (6.0, 12.1, True), (9.0, 17.9, False), (9.0, 18.1, True)],
+    ("noise", "level", "there", "measured"),
+    [
+        *((0.3, 3.9, False, True), (0.3, 4.1, True, False), (0.3, 11.9, True, False)),
+        *(
+            (0.3, 12.1, True, True),
+            (6.0, 12.1, True, True),
+            (9.0, 17.9, False, True),
+            (9.0, 18.1, True, True),
+        ),
+    ],
 )
 def test_a_finger_is_twelve_grey_levels_bright_or_six_times_the_smoothed_noise(
-    noise: float, level: float, there: bool
+    noise: float, level: float, there: bool, measured: bool
 ) -> None:
-    assert bool(seen((40, 50, 20, level), noise=noise).pixels) is there
+    """What is darker is seen, and said to be too dim."""
+    found = seen((40, 50, 20, level), noise=noise)
+    assert bool(found.pixels) is there
+    assert (found.problem == "") is measured
+    assert measured or f"{level:.0f} grey levels bright, and 12 are needed" in found.problem
 
 
 def test_a_finger_is_sixty_pixels_or_more() -> None:
