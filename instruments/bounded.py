@@ -1,19 +1,40 @@
-"""Numbers of settings that are checked against bounds; NaN and infinity are refused in each."""
+"""Numbers of settings that are checked against bounds: NaN, infinity, `true` and text are refused in each.
+
+A quantity of a rig, in SI units, is between a millionth of a picofarad and a terahertz in size. What lies
+beyond is a slip, and would overflow when it is squared.
+"""
 
 from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Negative = Annotated[float, Field(lt=0, allow_inf_nan=False)]
-Fraction = Annotated[float, Field(ge=0, le=1)]
+_LARGEST, _SMALLEST = 1e12, 1e-18
+
+
+def _not_tiny(value: float) -> float:
+    if value < _SMALLEST:
+        raise ValueError(f"{value:g} is smaller than anything at a rig: correct its unit")
+    return value
+
+
+Finite = Annotated[float, Field(strict=True, ge=-_LARGEST, le=_LARGEST, allow_inf_nan=False)]
+Positive = Annotated[
+    float, Field(strict=True, gt=0, le=_LARGEST, allow_inf_nan=False), AfterValidator(_not_tiny)
+]
+NotNegative = Annotated[float, Field(strict=True, ge=0, le=_LARGEST, allow_inf_nan=False)]
+Negative = Annotated[float, Field(strict=True, lt=0, ge=-_LARGEST, allow_inf_nan=False)]
+NotPositive = Annotated[float, Field(strict=True, le=0, ge=-_LARGEST, allow_inf_nan=False)]
+Fraction = Annotated[float, Field(strict=True, ge=0, le=1)]
 """From 0 to 1, both included."""
-Proportion = Annotated[float, Field(gt=0, lt=1)]
+Proportion = Annotated[float, Field(strict=True, gt=0, lt=1)]
 """Between 0 and 1, neither included."""
-Seed = Annotated[int, Field(ge=0)]
-Timeout = Annotated[float, Field(gt=0, le=60)]
+Count = Annotated[int, Field(strict=True, ge=1, le=1_000_000)]
+Baud = Annotated[int, Field(strict=True, ge=300, le=12_000_000)]
+"""From the slowest line in use to full-speed USB (bits/s)."""
+Number = Annotated[int, Field(strict=True, ge=0, le=10_000)]
+"""Of a device or a grid point, from 0."""
+Seed = Annotated[int, Field(strict=True, ge=0, lt=1 << 64)]
+Timeout = Annotated[float, Field(strict=True, gt=0, le=60)]
 """Time for an instrument to answer (s)."""

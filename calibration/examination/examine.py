@@ -173,6 +173,9 @@ def _settings(rig: Rig) -> Iterator[Finding]:
                 f"{device.settings['rating_source']}."
             )
             yield Finding("Ratings", role, "yellow", sentence)
+    if (why := rig.file.abort.drive_source) is not None:
+        sentence = f"[abort] drive lets {rig.file.abort.drive:g} V pass, which is beyond the limits: {why}."
+        yield Finding("Ratings", "abort", "yellow", sentence)
     if rig.file.amplifier is not None:
         yield from _provable(rig)
     if _is_direct(rig):

@@ -14,7 +14,7 @@ from typing import Annotated, Self
 from pydantic import BaseModel, ConfigDict, Field
 
 from ..arrays import FloatArray
-from ..bounded import Positive
+from ..bounded import NotPositive, Positive
 from ..clock import Clock
 from ..config import RigFile
 from ..limits import Limits
@@ -43,7 +43,7 @@ class AnalogSettings(BaseModel):
     """V per V."""
     inverting: bool = False
     """True when a positive input makes a negative output."""
-    min: Annotated[float, Field(le=0, allow_inf_nan=False)]
+    min: NotPositive
     """Lowest output (V): 0 for a unipolar amplifier."""
     max: Positive
     """Highest output (V)."""

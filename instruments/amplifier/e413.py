@@ -6,11 +6,11 @@ overridden in the rig file by the lab's data sheet.
 
 from __future__ import annotations
 
-from typing import Annotated, Self
+from typing import Self
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
-from ..bounded import Positive
+from ..bounded import Negative, Positive
 from ..clock import Clock
 from ..config import RatingSource, require_source
 from .analog import AnalogAmplifier, AnalogSettings
@@ -28,7 +28,7 @@ class E413(AnalogAmplifier):
         """The `[amplifier]` table of a rig file."""
 
         gain: Positive = _OWN["gain"]
-        min: Annotated[float, Field(lt=0, allow_inf_nan=False)] = _OWN["min"]
+        min: Negative = _OWN["min"]
         max: Positive = _OWN["max"]
         current_peak: Positive = _OWN["current_peak"]
         current_average: Positive = _OWN["current_average"]

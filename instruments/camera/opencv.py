@@ -15,7 +15,7 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from ..bounded import Fraction
+from ..bounded import Fraction, Number
 from ..clock import Clock
 from ..driver import one_name
 from ..errors import InstrumentError
@@ -39,11 +39,11 @@ class OpenCvCamera(Camera):
 
         model_config = ConfigDict(frozen=True, extra="forbid")
 
-        source: int | str
+        source: Number | str
         """Number of a camera, a video file, or the address of a stream."""
-        rows: Annotated[int, Field(ge=16, le=4096)] = 240
-        columns: Annotated[int, Field(ge=16, le=4096)] = 320
-        rate_hz: Annotated[float, Field(gt=0, le=1000)] = 60.0
+        rows: Annotated[int, Field(strict=True, ge=16, le=4096)] = 240
+        columns: Annotated[int, Field(strict=True, ge=16, le=4096)] = 320
+        rate_hz: Annotated[float, Field(strict=True, gt=0, le=1000)] = 60.0
         """Frames per second that are asked for; the camera must give it within 5 %."""
         delay: Fraction = 0.0
         """s from the middle of the exposure to the arrival of the frame."""

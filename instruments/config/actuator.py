@@ -12,7 +12,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-from ..bounded import Finite, NotNegative, Positive
+from ..bounded import Finite, NotNegative, NotPositive, Positive
 from ..coil import Coil
 from ..limits import Limits
 
@@ -39,7 +39,7 @@ class Actuator(BaseModel):
     kind: Literal["piezo", "coil"]
     capacitance: Positive | None = None
     """piezo: F."""
-    min: Annotated[float, Field(le=0, allow_inf_nan=False)] | None = None
+    min: NotPositive | None = None
     """piezo: lowest voltage (V); 0 for one that takes no negative voltage."""
     max: Positive | None = None
     """piezo: highest voltage (V)."""
@@ -51,7 +51,7 @@ class Actuator(BaseModel):
     """coil: largest voltage of either sign (V)."""
     watts: Positive | None = None
     """coil: power that it may dissipate for ever (W)."""
-    thermal_time: Annotated[float, Field(gt=0, le=600)] | None = None
+    thermal_time: Annotated[float, Field(strict=True, gt=0, le=600)] | None = None
     """coil: thermal time constant of its winding (s)."""
     force_factor: Finite | None = None
     """coil: N per A, of the simulated one only (1 without it; docs/hardware.md, "Coils")."""

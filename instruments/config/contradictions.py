@@ -21,6 +21,10 @@ def contradictions(file: RigFile, settings: Mapping[str, Any]) -> Iterator[tuple
     """Yield the place and the clause of each; `settings` are the validated ones of the installed drivers."""
     yield from sensor_contradictions(file)
     yield from _of_the_actuator(file)
+    takes = file.actuator.limits(1) if file.actuator is not None else file.limits.limits()
+    limits = file.limits.limits().within(takes)
+    if clause := file.abort.too_high(max(limits.max, -limits.min)):
+        yield ("abort", "drive"), clause
     if file.wiring == "direct":
         yield from _of_direct_wiring(file, settings)
     if file.amplifier is not None:

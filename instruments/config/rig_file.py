@@ -23,6 +23,7 @@ from ..frozen import FrozenDict, frozen
 from ..limits import Limits
 from ..sensors import Sensors
 from .actuator import Actuator
+from .ratings import RatingSource
 
 
 class _Section(BaseModel):
@@ -49,9 +50,9 @@ class Device(BaseModel):
 class TableSettings(_Section):
     """The touch table: its grid of measuring points, row by row, the button point, and its patches."""
 
-    rows: Annotated[int, Field(ge=1)] = 7
-    columns: Annotated[int, Field(ge=1)] = 12
-    button_point: Annotated[int, Field(ge=0)]
+    rows: Annotated[int, Field(strict=True, ge=1, le=1000)] = 7
+    columns: Annotated[int, Field(strict=True, ge=1, le=1000)] = 12
+    button_point: Annotated[int, Field(strict=True, ge=0, lt=1_000_000)]
     patches: tuple[str, ...] = ("A", "B", "C", "D")
     """Names of its driven places; what drives them is in `[actuator]`."""
     rate_hz: Positive = 50_000.0
@@ -91,7 +92,7 @@ class DriveLimits(_Section):
     max: Positive = 50.0
     slew: Positive = 0.5e6
     max_duration: Positive = 60.0
-    duty: Annotated[float, Field(gt=0, le=1)] = 1.0
+    duty: Annotated[float, Field(strict=True, gt=0, le=1)] = 1.0
     max_offset: NotNegative = 0.5
     max_end: NotNegative = 0.5
 
@@ -113,17 +114,17 @@ class People(_Section):
     whether a person who presses feels a motion.
     """
 
-    number: Annotated[int, Field(ge=3, le=100_000)]
+    number: Annotated[int, Field(strict=True, ge=3, le=100_000)]
     """People who took part."""
-    threshold: Annotated[float, Field(ge=-60, le=60)]
+    threshold: Annotated[float, Field(strict=True, ge=-60, le=60)]
     """Threshold of the mean person, over the table's for a finger that presses (dB)."""
-    uncertainty: Annotated[float, Field(gt=0, le=60)]
+    uncertainty: Annotated[float, Field(strict=True, gt=0, le=60)]
     """Half of its interval of 95 % (dB)."""
-    spread: Annotated[float, Field(gt=0, le=60)]
+    spread: Annotated[float, Field(strict=True, gt=0, le=60)]
     """Standard deviation between people (dB)."""
     button: Annotated[str, Field(min_length=1, max_length=80)]
     """Button that was played."""
-    force: Annotated[float, Field(gt=0, le=100)] | None = None
+    force: Annotated[float, Field(strict=True, gt=0, le=100)] | None = None
     """Force at its activation (N)."""
     simulated: bool = False
     """Whether simulated participants answered."""
@@ -148,20 +149,36 @@ class People(_Section):
         return self
 
 
+_BEYOND = 1.25
+"""Largest [abort] drive over the limits: what the errors of a drive monitor and its divider can ask for."""
+
+
 class AbortLimits(_Section):
     """The `[abort]` table: measured values that stop a play, in any of its blocks, and lock the rig out."""
 
     drive: Positive | None = None
     """Largest voltage at the patch (V); None: a tenth beyond `rig.limits`."""
+    drive_source: RatingSource = None
+    """Why `drive` may lie further beyond the limits than the monitor's error asks for, and who says so."""
     velocity: Positive | None = None
     """Largest surface velocity at the laser (m/s), within the vibrometer's range; None: not tested."""
     displacement: Positive | None = None
     """The same (m) where the vibrometer shows displacement."""
     acceleration: Positive | None = None
     """The same (m/s^2) where an accelerometer is the vibrometer."""
-    force: Positive | None = None
-    """Largest change of the normal force during a play (N); None: not tested. A limit needs the
-    force sensor's channels sampled at the table's rate, which the card must support."""
+    force: Annotated[float, Field(strict=True, gt=0, le=100)] | None = None
+    """Largest change of the normal force during a play (N), at most what a finger can press; None: not
+    tested. A limit needs the force sensor's channels sampled at the table's rate, which the card must
+    support."""
+
+    def too_high(self, peak: float) -> str:
+        """What is wrong with `drive` where the limits' largest voltage is `peak` (V), as a clause; or ""."""
+        if self.drive is None or self.drive_source is not None or self.drive <= _BEYOND * peak:
+            return ""
+        return (
+            f"drive = {self.drive:g} V stops no play that goes wrong, because the limits are {peak:g} V: "
+            f"leave it out, write {_BEYOND * peak:g} or less, or say in drive_source why it must be higher"
+        )
 
 
 class SimulationSettings(_Section):
@@ -173,7 +190,7 @@ class SimulationSettings(_Section):
     """Name of an installed plant."""
     seed: Seed = 0
     vibrometer_noise_scale: NotNegative = 1.0
-    hysteresis: Annotated[float, Field(ge=0, le=0.5)] = 0.12
+    hysteresis: Annotated[float, Field(strict=True, ge=0, le=0.5)] = 0.12
     """Width of the patches' loop over its height; 10 to 15 % is an estimate (docs/hardware.md, "Patches")."""
     bad_press_rate: Fraction = 0.0
     """Fraction of presses that go wrong: too soft, too hard, double, or with a hand resting on the button."""

@@ -32,7 +32,7 @@ class Framing(BaseModel):
 
     separator: str | None = None
     """Of text: what stands between two columns, such as `,`; a space stands for any number of blanks."""
-    columns: Annotated[int, Field(ge=1, le=64)] | None = None
+    columns: Annotated[int, Field(strict=True, ge=1, le=64)] | None = None
     """Of text: numbers in a line. Lines that begin with # are no samples."""
     struct: str | None = None
     """Of binary frames: the columns as Python's struct module writes them, such as `<Hhh`."""

@@ -7,7 +7,7 @@ from typing import Annotated, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from ..bounded import Finite, NotNegative, Positive
+from ..bounded import Baud, Finite, NotNegative, Positive
 from ..config import RigFile, lacks
 from .serial_codec import Framing
 
@@ -19,7 +19,7 @@ class _Section(BaseModel):
 class Column(_Section):
     """A channel: a column of the board's frames."""
 
-    column: Annotated[int, Field(ge=1, le=64)]
+    column: Annotated[int, Field(strict=True, ge=1, le=64)]
     """Its number in the frame, from 1."""
     scale: Finite = 1.0
     """Volts for each unit that the board sends: an HX711 with 5 V and gain 128 has 20 mV / 2^23."""
@@ -44,7 +44,7 @@ class SharedEdge(_Section):
     """Channel of the DAQ."""
     threshold: Finite = 2.5
     """Its level (V)."""
-    column: Annotated[int, Field(ge=1, le=64)]
+    column: Annotated[int, Field(strict=True, ge=1, le=64)]
     """Column of the board's frames, from 1."""
     level: Finite = 0.5
     """Level in that column, as the board sends it."""
@@ -54,14 +54,14 @@ class SerialSettings(_Section):
     """The `[daq]` or `[adc]` table of a rig file."""
 
     port: str
-    baud: Annotated[int, Field(ge=300, le=12_000_000)] = 115_200
+    baud: Baud = 115_200
     rate_hz: Positive
     """Frames per second; recorded along, the nominal rate is enough."""
     frame: Framing
     channels: Annotated[dict[str, Column], Field(min_length=1)]
-    counter: Annotated[int, Field(ge=1, le=64)] | None = None
+    counter: Annotated[int, Field(strict=True, ge=1, le=64)] | None = None
     """Column that counts frames, if there is one: then every lost one is known."""
-    counter_modulo: Annotated[int, Field(ge=2)] = 65_536
+    counter_modulo: Annotated[int, Field(strict=True, ge=2, le=1 << 32)] = 65_536
     """What the counter begins anew at."""
     start: str = ""
     """Text to send for the board to begin, such as `s\\n`."""

@@ -7,10 +7,10 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from ..bounded import Positive
+from ..bounded import Number, Positive
 from ..config import RigFile
 
-Corner = Annotated[float, Field(ge=0, le=50)]
+Corner = Annotated[float, Field(strict=True, ge=0, le=50)]
 
 
 class _Section(BaseModel):
@@ -20,7 +20,7 @@ class _Section(BaseModel):
 class Input(_Section):
     """One of the card's inputs."""
 
-    input: Annotated[int, Field(ge=1, le=64)]
+    input: Annotated[int, Field(strict=True, ge=1, le=64)]
     """Its number on the card, from 1."""
     volts_per_full_scale: Positive
     """Input at digital full scale (V peak), with the gain knob where it stays."""
@@ -31,7 +31,7 @@ class Input(_Section):
 class Output(_Section):
     """One of the card's outputs."""
 
-    output: Annotated[int, Field(ge=1, le=64)]
+    output: Annotated[int, Field(strict=True, ge=1, le=64)]
     """Its number on the card, from 1."""
     volts_per_full_scale: Positive
     """Output at digital full scale (V peak), with the volume where it stays."""
@@ -46,11 +46,11 @@ class SoundSettings(_Section):
 
     channels: Annotated[dict[str, Input], Field(min_length=1)]
     outputs: dict[str, Output] = {}
-    device: int | str = ""
+    device: Number | str = ""
     """Number or part of the name, as sounddevice lists it; empty for the system's default."""
     rate_hz: Positive = 48_000.0
     """Native sample rate (Hz): any other would be resampled by an unknown stage, and is refused."""
-    latency: Annotated[int, Field(ge=0)] | None = None
+    latency: Annotated[int, Field(strict=True, ge=0, le=1_000_000)] | None = None
     """Frames from an output to an input that hears it by a cable; `haploop doctor` measures it."""
     monitor: str | None = None
     """Channel that hears the output when a play is connected: each play's latency is compared with it."""

@@ -174,7 +174,7 @@ class ScpiGenerator(Generator):
         """VISA name: USB0::..., or TCPIP::HOST::PORT::SOCKET (5025 for Keysight, 5555 for Rigol)."""
         output: str
         """Name of the amplifier input that its output is wired to."""
-        channel: Annotated[int, Field(ge=1, le=2)] = 1
+        channel: Annotated[int, Field(strict=True, ge=1, le=2)] = 1
         load: Literal["inf", 50] = "inf"
         """Load at the output (ohm); an amplifier's input counts as open."""
         highest: Positive = 1.0

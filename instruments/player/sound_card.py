@@ -17,7 +17,7 @@ import scipy
 from pydantic import BaseModel, ConfigDict, Field
 
 from ..arrays import ComplexArray, FloatArray
-from ..bounded import Positive
+from ..bounded import Number, Positive
 from ..clock import Clock
 from ..errors import InstrumentError, LimitError
 from ..portaudio import LEAD, Audio, AudioStream, found, high_pass, load, refuse_mean
@@ -45,15 +45,15 @@ class SoundCard(Player):
         """Output at digital full scale (V peak): measure it, and then keep the volume."""
         highest: Positive = 1.0
         """Largest output allowed (V peak): 50 V at a patch behind a gain of 50."""
-        device: int | str = ""
+        device: Number | str = ""
         """Number or part of the name, as sounddevice lists it; empty for the system's default."""
         channel: Literal[1, 2] = 1
         """Left or right; the other one stays silent."""
         rate_hz: Positive = 48_000.0
         """Native sample rate (Hz); any other rate is resampled by an unknown stage."""
-        high_pass_hz: Annotated[float, Field(ge=0, le=20)] = 5.0
+        high_pass_hz: Annotated[float, Field(strict=True, ge=0, le=20)] = 5.0
         """Corner of its AC coupling; an estimate (docs/hardware.md, "Sound card")."""
-        max_latency: Annotated[float, Field(gt=0, le=5)] = 0.5
+        max_latency: Annotated[float, Field(strict=True, gt=0, le=5)] = 0.5
         """Longest time until the first sample comes out (s)."""
 
     def __init__(self, settings: Settings, clock: Clock, audio: Audio) -> None:

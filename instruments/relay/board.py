@@ -37,7 +37,7 @@ class BoardSettings(BaseModel):
     settle: Positive = 0.02
     """Settling time of the contacts after the box has reported a change, and interval of read-backs (s).
     The whole chain takes less than 10 ms (paper; docs/hardware.md, "Relay box")."""
-    patience: Annotated[float, Field(gt=0, le=5)] | None = None
+    patience: Annotated[float, Field(strict=True, gt=0, le=5)] | None = None
     """Time for a command to show in the read-back (s); None: 0.1 s, and for a hub in the network 1 s."""
 
     @property

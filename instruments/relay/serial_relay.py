@@ -19,7 +19,7 @@ from typing import Annotated, Self
 import serial
 from pydantic import Field
 
-from ..bounded import Timeout
+from ..bounded import Baud, Timeout
 from ..clock import Clock
 from ..driver import one_name
 from ..errors import ConfigurationError, InstrumentError
@@ -54,11 +54,13 @@ class SerialRelay(ChannelRelay):
     class Settings(BoardSettings, SerialSettings):
         """The `[relay]` table of a rig file."""
 
-        patches: Annotated[dict[str, Annotated[int, Field(ge=0, lt=len(DIGITS))]], Field(min_length=1)]
+        patches: Annotated[
+            dict[str, Annotated[int, Field(strict=True, ge=0, lt=len(DIGITS))]], Field(min_length=1)
+        ]
         """Channel of each patch, counted from 0 as on the board."""
         port: str
         """Serial port (`COM5`), or the URL of a remote one (`socket://HOST:PORT`)."""
-        baud: Annotated[int, Field(gt=0)] = 19200
+        baud: Baud = 19200
         """Baud rate; a board with its own USB port accepts any."""
         timeout: Timeout = 1.0
         """Time for the board to answer a command completely (s)."""

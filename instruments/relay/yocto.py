@@ -63,7 +63,8 @@ class Yocto(ChannelRelay):
         """The `[relay]` table of a rig file."""
 
         patches: Annotated[
-            dict[str, Annotated[int, Field(ge=1, le=CHANNELS)]], Field(min_length=1, max_length=CHANNELS)
+            dict[str, Annotated[int, Field(strict=True, ge=1, le=CHANNELS)]],
+            Field(min_length=1, max_length=CHANNELS),
         ]
         """Channel of each patch, 1 to 8."""
         hub: Annotated[str, AfterValidator(_address)] = f"http://127.0.0.1:{_PORT}"
@@ -72,9 +73,9 @@ class Yocto(ChannelRelay):
         rating: Positive = _RATING
         """DC rating of the V2 (V); its 30 V AC rms is not checked, and the V1's rating was not found
         (docs/hardware.md, "Relay box")."""
-        dead_man: Annotated[float, Field(ge=0.1, le=60)] = 2.0
+        dead_man: Annotated[float, Field(strict=True, ge=0.1, le=60)] = 2.0
         """Time after which the box opens by itself unless renewed (s)."""
-        longest: Annotated[float, Field(gt=0, le=3600)] = 120.0
+        longest: Annotated[float, Field(strict=True, gt=0, le=3600)] = 120.0
         """Time after which the box opens a channel even when it is renewed (s)."""
         timeout: Timeout = 1.0
         """Time for the hub to answer a request completely (s)."""
@@ -239,7 +240,7 @@ class _Listing(BaseModel):
 class _Function(BaseModel):
     """One relay: state 0 is A, open and idle; 1 is B. Times in ms."""
 
-    state: Annotated[int, Field(ge=0, le=1)]
+    state: Annotated[int, Field(strict=True, ge=0, le=1)]
     pulse: Annotated[int, Field(alias="pulseTimer", ge=0, lt=1 << 32)]
     longest: Annotated[int, Field(alias="maxTimeOnStateB", ge=0, lt=1 << 32)]
     at_power_on: Annotated[int | None, Field(alias="stateAtPowerOn", ge=0, le=2)] = None

@@ -88,6 +88,8 @@ class Monitoring:
         rig = self._rig
         laser = rig.vibrometer if rig.has("vibrometer") else None
         limits = combined(ratings(rig, len(take.patches)))
+        if clause := rig.file.abort.too_high(max(limits.max, -limits.min)):
+            raise ConfigurationError(f"The rig {rig.name!r} plays nothing: [abort] {clause}.")
         abort_monitor = AbortMonitor(
             rig.file.abort,
             rig.sensors,

@@ -30,13 +30,13 @@ class SerialSettings(BaseModel):
 
     parity: Literal["none", "even", "odd", "mark", "space"] = "none"
     data_bits: Literal[7, 8] = 8
-    stop_bits: Annotated[float, AfterValidator(_stop_bits)] = 1
+    stop_bits: Annotated[float, Field(strict=True), AfterValidator(_stop_bits)] = 1
     handshake: Literal["none", "rts-cts", "dsr-dtr", "xon-xoff"] = "none"
     dtr: bool | None = None
     """State of DTR from the opening on; None: as the system does. Some boards restart when it rises."""
     rts: bool | None = None
     """State of RTS, likewise."""
-    open_wait: Annotated[float, Field(ge=0, le=30)] = 0.0
+    open_wait: Annotated[float, Field(strict=True, ge=0, le=30)] = 0.0
     """Time from opening the port to the first command (s), for a board that restarts meanwhile."""
 
     def opened(self, port: str, baud: int, timeout: float, write_timeout: float) -> Any:

@@ -44,7 +44,7 @@ class AnalogVibrometer(Vibrometer):
         """Corner of its low-pass (Hz; one pole); of several in a row, the lowest."""
         high_pass_hz: NotNegative = 0.0
         """Corner of its high-pass (Hz; one pole); 0 without."""
-        delay: Annotated[float, Field(ge=0, lt=1)] = 0.0
+        delay: Annotated[float, Field(strict=True, ge=0, lt=1)] = 0.0
         """Delay of its output (s)."""
         mass: NotNegative = 0.0
         """Mass that it adds to the table (kg): of an accelerometer, with its cable's share and its wax."""

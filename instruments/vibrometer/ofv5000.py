@@ -12,7 +12,7 @@ from typing import Annotated, Literal, Self, TypeVar
 
 from pydantic import Field
 
-from ..bounded import Positive, Timeout
+from ..bounded import Baud, Positive, Timeout
 from ..clock import Clock
 from ..driver import one_name
 from ..errors import ConfigurationError, InstrumentError
@@ -60,11 +60,11 @@ class Ofv5000(Vibrometer):
         """Output at full range (V; estimate; docs/hardware.md, "OFV-5000")."""
         bandwidth_hz: Positive | None = None
         """Bandwidth (Hz) for a decoder that reports none; otherwise the lower of both holds."""
-        delay: Annotated[float, Field(ge=0, le=0.1)] | None = None
+        delay: Annotated[float, Field(strict=True, ge=0, le=0.1)] | None = None
         """Signal delay (s), for a controller that does not tell it."""
         range_declared: bool = False
         """True for a controller that does not tell its range: the operator confirms `scale`."""
-        baud: Annotated[int, Field(gt=0)] = 115200
+        baud: Baud = 115200
         terminator: Literal["lf", "cr", "cr-lf"] = "lf"
         """End of a line, in both directions."""
         timeout: Timeout = 2.0

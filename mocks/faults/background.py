@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
 import numpy as np
 import scipy
-from pydantic import Field
 
 from ...instruments.arrays import FloatArray
 from ...instruments.bounded import NotNegative, Positive
@@ -71,7 +68,7 @@ class FlickerNoise(OnCards):
 
     class Settings(FaultSettings):
         channel: str
-        volts: Annotated[float, Field(gt=0)] = 0.01
+        volts: Positive = 0.01
         """Rms (V), 0.3 Hz to 3 kHz."""
 
     settings: Settings

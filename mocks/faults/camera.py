@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
 import numpy as np
-from pydantic import Field
 
 from ...instruments.bounded import Positive
 from ..plant import FaultSettings, OnCamera, PerEventFault, TimedFault
@@ -15,7 +12,7 @@ class AmbientLight(TimedFault, OnCamera):
     """Daylight or a lamp adds to what the camera sees."""
 
     class Settings(TimedFault.Settings):
-        duration: Annotated[float, Field(gt=0)] = 1e9
+        duration: Positive = 1e9
         light: Positive = 60.0
         """Grey levels at the image's centre."""
 
@@ -43,7 +40,7 @@ class SecondFinger(TimedFault, OnCamera):
     """Another finger, or the ball of the thumb, touches the surface."""
 
     class Settings(TimedFault.Settings):
-        duration: Annotated[float, Field(gt=0)] = 1e9
+        duration: Positive = 1e9
         area: Positive = 60e-6
         """m^2."""
 

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from ...instruments.arrays import FloatArray
-from ...instruments.bounded import NotNegative, Positive
+from ...instruments.bounded import Count, NotNegative, Positive
 from ...instruments.config import RigFile
 from ..plant import FaultSettings, OnCards, PerEventFault, PlayStopped, SamplesLost, ScheduledFault
 
@@ -30,7 +30,7 @@ class ClockDrift(ScheduledFault, OnCards):
     """One card samples on its own clock, which is slower than the other card's."""
 
     class Settings(ScheduledFault.Settings):
-        drift: Annotated[float, Field(gt=0, le=0.5)] = 500e-6
+        drift: Annotated[float, Field(strict=True, gt=0, le=0.5)] = 500e-6
         """Relative slowness of the clock. Two free clocks differ by 5 to 50e-6 (estimate; docs/hardware.md,
         "Two cards on one clock"); an input that counts noise instead of clock edges differs by any amount."""
         device: str | None = None
@@ -97,7 +97,7 @@ class SourceImpedance(OnCards):
 
 class _OfCard(PerEventFault, OnCards):
     class Settings(PerEventFault.Settings):
-        times: Annotated[int, Field(ge=1)] | None = 1
+        times: Count | None = 1
         device: str | None = None
         """Name of the card; None selects every card."""
 

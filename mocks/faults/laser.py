@@ -51,7 +51,7 @@ class LaserDropout(TimedFault, OnLaser):
     """Too little light returns for a short time, and the output jumps between both ends of its range."""
 
     class Settings(TimedFault.Settings):
-        duration: Annotated[float, Field(gt=0)] = 5e-3
+        duration: Positive = 5e-3
 
     def velocity(
         self, velocity: FloatArray, times: FloatArray, full_scale: float, rng: np.random.Generator
@@ -69,7 +69,7 @@ class LaserSpikes(ScheduledFault, OnLaser):
         """Mean number per second."""
         height: Positive = 2e-3
         """Mean height (m/s); heights are exponentially distributed, with either sign."""
-        width: Annotated[float, Field(gt=0, le=0.1)] = 1e-4
+        width: Annotated[float, Field(strict=True, gt=0, le=0.1)] = 1e-4
         """Duration of each (s)."""
 
     settings: Settings

@@ -19,7 +19,7 @@ class Reply(PerEventFault, OnLine):
         how: Literal["silence", "delay", "drip", "garbled", "truncated", "disconnect"] = "silence"
         asked: str = ""
         """Text that a request must contain for its answer to be disturbed."""
-        delay: Annotated[float, Field(gt=0, le=60)] = 0.05
+        delay: Annotated[float, Field(strict=True, gt=0, le=60)] = 0.05
         """Delay in real time (s): before the answer with "delay", between its bytes with "drip"."""
 
     settings: Settings

@@ -125,7 +125,7 @@ class SensorCreep(OnCards):
 
     class Settings(FaultSettings):
         channel: str | tuple[str, ...]
-        share: Annotated[float, Field(gt=0, le=0.5)] = 0.03
+        share: Annotated[float, Field(strict=True, gt=0, le=0.5)] = 0.03
         """Creep of a constant load in the end, relative to the load."""
         shortest: Positive = 0.1
         longest: Positive = 100.0

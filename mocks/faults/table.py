@@ -32,7 +32,7 @@ from ..plant import (
 
 _LAG = 0.36
 """Width of the loop of the even part of a patch whose even part lags."""
-Share = Annotated[float, Field(gt=-0.9, lt=9, allow_inf_nan=False)]
+Share = Annotated[float, Field(strict=True, gt=-0.9, lt=9, allow_inf_nan=False)]
 
 
 class _Dead:
@@ -89,7 +89,7 @@ class PatchAsymmetry(OnSurface):
     """Patches expand more at a positive voltage than they shrink at the negative one: an even order."""
 
     class Settings(FaultSettings):
-        share: Annotated[float, Field(gt=-0.5, lt=0.5)] = 0.04
+        share: Annotated[float, Field(strict=True, gt=-0.5, lt=0.5)] = 0.04
         """Expansion at +50 V over shrinking at -50 V, less 1; it adds to the default law's 0.02."""
         shape: Literal["square", "kink", "lagging"] = "square"
         """Even part of the motion. square: grows with the square of the linear volts. kink: two slopes that
@@ -166,9 +166,9 @@ class FrequencyDrift(ScheduledFault, OnSurface):
     """The frequencies of all modes drift while measurements run, as in a room that warms."""
 
     class Settings(ScheduledFault.Settings):
-        rate: Annotated[float, Field(ge=-0.1, le=0.1)] = 1e-5
+        rate: Annotated[float, Field(strict=True, ge=-0.1, le=0.1)] = 1e-5
         """Relative change per second."""
-        limit: Annotated[float, Field(gt=0, le=0.3)] = 0.02
+        limit: Annotated[float, Field(strict=True, gt=0, le=0.3)] = 0.02
         """Largest relative change, at which the drift ends."""
 
     settings: Settings
@@ -193,7 +193,7 @@ class HandOnTable(TimedFault, OnSurface):
     class Settings(TimedFault.Settings):
         point: str = "button"
         """Where it rests: "button" or the number of a grid point."""
-        force: Annotated[float, Field(gt=0, le=100)] = 1.0
+        force: Annotated[float, Field(strict=True, gt=0, le=100)] = 1.0
         """N."""
         palm: bool = False
         """A palm, not a fingertip."""
@@ -234,7 +234,7 @@ class PatchHysteresis(OnSurface):
     class Settings(FaultSettings):
         law: Literal["play", "bouc-wen"] = "bouc-wen"
         """play: the default law, a sum of play operators. bouc-wen: see `haploop.mocks.plant.BoucWen`."""
-        width: Annotated[float, Field(ge=0, le=0.5)] = 0.12
+        width: Annotated[float, Field(strict=True, ge=0, le=0.5)] = 0.12
         """Width of the loop over its height at 100 Vpp."""
         patches: tuple[str, ...] | None = None
         """Names of the patches; None for all."""

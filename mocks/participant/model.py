@@ -7,10 +7,10 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from ...instruments.bounded import Fraction, Proportion, Seed
+from ...instruments.bounded import Fraction, Positive, Proportion, Seed
 from ...instruments.config import load_model
 
-Spread = Annotated[float, Field(ge=0, le=10)]
+Spread = Annotated[float, Field(strict=True, ge=0, le=10)]
 
 
 class _Section(BaseModel):
@@ -53,10 +53,10 @@ class RatingModel(_Section):
 class ComparisonModel(_Section):
     """Telling which of two intervals has more: a Weibull function of the difference."""
 
-    threshold: Annotated[float, Field(gt=0)] = 0.2
+    threshold: Positive = 0.2
     """Difference at which 1 - 1/e of the way from chance to certainty is reached."""
-    slope: Annotated[float, Field(gt=0, le=50)] = 2.0
-    lapse: Annotated[float, Field(ge=0, le=0.5)] = 0.02
+    slope: Annotated[float, Field(strict=True, gt=0, le=50)] = 2.0
+    lapse: Annotated[float, Field(strict=True, ge=0, le=0.5)] = 0.02
     """Probability of an answer that has nothing to do with the stimulus, times two."""
     spread: Spread = 0.1
     """Standard deviation of the logarithm of the threshold between participants."""

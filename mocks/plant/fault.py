@@ -14,13 +14,13 @@ kinds (see docs/reference/faults.md).
 from __future__ import annotations
 
 import math
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict
 
 from ...instruments.arrays import BoolArray, FloatArray
-from ...instruments.bounded import NotNegative, Positive
+from ...instruments.bounded import Count, NotNegative, Positive
 from ...instruments.config import RigFile
 
 
@@ -98,9 +98,9 @@ class TimedFault(ScheduledFault):
     """A fault that is active for a while, once or several times."""
 
     class Settings(ScheduledFault.Settings):
-        duration: Annotated[float, Field(gt=0)] = math.inf
+        duration: Positive = math.inf
         """Length of an active period (s); infinite until the rig is closed."""
-        times: Annotated[int, Field(ge=1)] = 1
+        times: Count = 1
         """Number of active periods."""
         every: Positive = 1.0
         """Mean time from one begin to the next (s), when there are several."""
@@ -127,7 +127,7 @@ class PerEventFault(ScheduledFault):
     """A fault that affects single events."""
 
     class Settings(ScheduledFault.Settings):
-        times: Annotated[int, Field(ge=1)] | None = None
+        times: Count | None = None
         """Number of events that it affects; None for all."""
 
     settings: Settings

@@ -36,7 +36,7 @@ class Modal(PlantSettings):
 
     masses: tuple[Positive, ...] | None = None
     """Mass of each mode (kg) where its shape is 1; without them nothing can rest on the surface."""
-    softening: Annotated[float, Field(ge=0, lt=0.2)] = 0.0
+    softening: Annotated[float, Field(strict=True, ge=0, lt=0.2)] = 0.0
     """Relative fall of a mode's frequency when its coordinate is `soft_at`."""
     soft_at: Positive = 3e-6
     """Amplitude of a mode's coordinate (m) at which `softening` is meant."""

@@ -59,20 +59,20 @@ by less than a millionth."""
 class TouchTable(PlantSettings):
     """The default plant: see the module."""
 
-    mode_drift: Annotated[float, Field(gt=-0.5, lt=0.5)] = 0.0
+    mode_drift: Annotated[float, Field(strict=True, gt=-0.5, lt=0.5)] = 0.0
     """Relative shift e of every mode's frequency, at equal mass and damping ratio, as the day's: modal forces
     per volt stay, so that velocity at a resonance falls by 1 + e, and displacement at rest by (1 + e)^2."""
-    daily_drift: Annotated[float, Field(ge=0, lt=0.1)] = 0.0
+    daily_drift: Annotated[float, Field(strict=True, ge=0, lt=0.1)] = 0.0
     """Relative amplitude of the daily drift of every mode's frequency, caused by temperature."""
     damping_scale: Positive = 1.0
     collocated: bool = False
     """Put patch A under the button point, so that the response has no right-half-plane zeros."""
 
-    pane_mass: Annotated[float, Field(ge=0.01, le=100)] = PANE_MASS
+    pane_mass: Annotated[float, Field(strict=True, ge=0.01, le=100)] = PANE_MASS
     """Mass of the pane (kg): what a finger, a palm or a glued body is to it. Its frequencies, and its motion
     by patches, stay as they are."""
 
-    softening: Annotated[float, Field(ge=0, lt=0.2)] = 0.0
+    softening: Annotated[float, Field(strict=True, ge=0, lt=0.2)] = 0.0
     """Relative fall of a mode's frequency at a displacement of 3 um: see `haploop.mocks.plant.softening`."""
 
     def make(self, file: RigFile, rng: np.random.Generator) -> ModalSurface:

@@ -30,7 +30,7 @@ from tests.instruments.safety.lab import Lab, lab
 RATE = 20_000.0
 MOST = {"one": 30.0, "two": 18.0}
 """Volts that each rig allows: two students, with files of their own for one table."""
-LOOSE, FREE = DriveLimits(), AbortLimits(drive=500)
+LOOSE, FREE = DriveLimits(), AbortLimits(drive=500, drive_source="a test")
 DUTY = {"one": 0.02, "two": 0.015}
 SHARE = 1 + AMPLIFIER_GAIN_ERROR + 1e-6
 CODE = 0.05
