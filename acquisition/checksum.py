@@ -1,8 +1,11 @@
-"""The checksum of an HDF5 file in its user block, compared before the HDF5 library reads anything.
+"""The checksum of an HDF5 file in a data set of its own, compared before the HDF5 library reads anything.
 
 That library can crash, or ask for any amount of memory, on a damaged file (a crash within 1000 random
-changes of a byte in metadata, measured). The first 512 bytes, which it skips, state what follows: kind of
-file, number of bytes, and their SHA-256 (docs/reference/format.md, "The first 512 bytes").
+changes of a byte in metadata, measured). So the file's first data set, `/checksum`, holds 512 bytes of text
+that are found without it: they lie within the first 8192 bytes and begin with a mark. They state the kind of
+file, its number of bytes, and their SHA-256 (docs/reference/format.md, "The checksum"). They do not stand
+before the file, in a user block, which some readers do not take into account: these give other bytes for the
+numbers, without a word. They do not stand at its end: a truncated file must still say what it was.
 """
 
 from __future__ import annotations
@@ -18,12 +21,18 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import h5py
+import numpy as np
 
 from ..instruments import DataError
 from ..instruments.signals import uninterrupted
 
-USER_BLOCK = 512
-"""Bytes before the HDF5 data, which its readers skip; the smallest number that HDF5 allows."""
+NAME = "checksum"
+"""The data set."""
+BLOCK = 512
+"""Its bytes."""
+_MARK = b'{"haploop": '
+_HEAD = 8192
+"""Bytes at the beginning of a file in which it lies."""
 
 UNREADABLE = (
     OSError, LookupError, RuntimeError, ValueError, TypeError, AttributeError, ArithmeticError, MemoryError,
@@ -38,43 +47,48 @@ _HINT = {"recording": ", or salvage the intact part with `haploop recover`"}
 
 @dataclass(frozen=True)
 class Stated:
-    """What the first 512 bytes of a file state of the bytes after them."""
+    """What the checksum of a file states."""
 
     kind: str
     """Kind of file, such as "recording" or "drive"."""
     count: int
-    """Number of bytes."""
+    """Number of bytes of the file."""
     without: tuple[tuple[int, int], ...]
     """Ranges (offset in the file, number) that change later, and have checksums of their own."""
     sha256: str
-
-    @property
-    def size(self) -> int:
-        """Size of the whole file (bytes)."""
-        return USER_BLOCK + self.count
 
     def block(self) -> bytes:
         """The 512 bytes."""
         text = json.dumps(
             {"haploop": self.kind, "bytes": self.count, "without": self.without, "sha256": self.sha256}
         )
-        return text.encode().ljust(USER_BLOCK)
+        return text.encode().ljust(BLOCK)
 
 
 def add_checksum(path: Path, kind: str, without: Sequence[tuple[int, int]] = ()) -> None:
-    """Write the user block of a file that was made with `userblock_size=USER_BLOCK`. Raises OSError."""
+    """Write the checksum of a file of `created`. Raises OSError."""
     with path.open("rb+") as file:
-        count = os.fstat(file.fileno()).st_size - USER_BLOCK
+        place = _place(file)
+        if place is None:
+            raise OSError(f"{path} has no data set {NAME!r} within its first {_HEAD} bytes")
+        count = os.fstat(file.fileno()).st_size
         ranges = tuple(sorted((int(first), int(number)) for first, number in without))
-        block = Stated(kind, count, ranges, _sha256(file, kind, count, ranges)).block()
-        file.seek(0)
+        block = Stated(kind, count, ranges, _sha256(file, kind, count, ranges, place)).block()
+        file.seek(place)
         file.write(block)
+
+
+def _place(file: BinaryIO) -> int | None:
+    """Offset of the checksum; None without one."""
+    file.seek(0)
+    found = file.read(_HEAD).find(_MARK)
+    return None if found < 0 else found
 
 
 def stated(path: str | Path) -> Stated:
     """What a file states of itself, which is not compared. Raises DataError for no file of haploop's."""
     with _bytes_of(path) as file:
-        return _stated(file, path)
+        return _stated(file, path)[0]
 
 
 @contextmanager
@@ -85,14 +99,12 @@ def opened(path: str | Path) -> Iterator[h5py.File]:
     content within the context.
     """
     with _bytes_of(path) as file:
-        said = _stated(file, path)
+        said, place = _stated(file, path)
         size = os.fstat(file.fileno()).st_size
         hint = f"Copy it again from its source{_HINT.get(said.kind, '')}."
-        if size < said.size:
-            raise DataError(f"{path} is truncated: it has {size} of {said.size} bytes. {hint}")
-        found = _sha256(file, said.kind, said.count, said.without)
-        file.seek(0)
-        if size > said.size or Stated(said.kind, said.count, said.without, found).block() != file.read(512):
+        if size < said.count:
+            raise DataError(f"{path} is truncated: it has {size} of {said.count} bytes. {hint}")
+        if size > said.count or said.sha256 != _sha256(file, said.kind, said.count, said.without, place):
             raise DataError(
                 f"{path} was damaged or changed after it was written: its content does not match its "
                 f"checksum. {hint}"
@@ -107,7 +119,7 @@ def opened(path: str | Path) -> Iterator[h5py.File]:
 
 @contextmanager
 def created(path: Path) -> Iterator[h5py.File]:
-    """Fill an existing, empty file with HDF5, after a user block; the caller adds the checksum.
+    """Fill an existing, empty file with HDF5; the caller adds the checksum, whose place is kept.
 
     Raises OSError when the disk refuses. The HDF5 library does not see that: after a failed write it cannot
     close a file, keeps it open, and tells so on standard error when the program ends.
@@ -119,7 +131,8 @@ def created(path: Path) -> Iterator[h5py.File]:
     with uninterrupted(), path.open("rb+", buffering=0) as raw:
         disk = _Disk(raw)
         try:
-            with h5py.File(disk, "w", userblock_size=USER_BLOCK) as file:
+            with h5py.File(disk, "w") as file:
+                file.create_dataset(NAME, data=np.bytes_(_MARK.ljust(BLOCK)))
                 yield file
         except UNREADABLE:  # what was not written cannot be read back
             if disk.failure is None:
@@ -198,37 +211,42 @@ def _bytes_of(path: str | Path) -> Iterator[BinaryIO]:
         yield file
 
 
-def _stated(file: BinaryIO, path: str | Path) -> Stated:
-    """Parse the user block. Raises DataError for anything that haploop did not write."""
+def _stated(file: BinaryIO, path: str | Path) -> tuple[Stated, int]:
+    """Parse the checksum; also its offset. Raises DataError for anything that haploop did not write."""
     file.seek(0)
-    block = file.read(USER_BLOCK)
-    if not block:
+    start = file.read(len(_SIGNATURE))
+    if not start:
         raise DataError(f"{path} is truncated: it is empty. Copy it again from its source.")
+    place = _place(file)
     try:
+        if place is None:
+            raise LookupError
+        file.seek(place)
+        block = file.read(BLOCK)
         said = json.loads(block)
         without = tuple((int(first), int(number)) for first, number in said["without"])
         result = Stated(str(said["haploop"]), int(said["bytes"]), without, str(said["sha256"]))
     except (ValueError, LookupError, TypeError, RecursionError, OverflowError):
-        foreign = block.startswith(_SIGNATURE)
+        foreign = start == _SIGNATURE
         raise DataError(
-            f"{path} is an HDF5 file, but was not written by this version of haploop."
+            f"{path} is an HDF5 file, but was not written by this version of haploop, or is damaged."
             if foreign
             else f"{path} is damaged, or not a file of haploop. Copy it again from its source."
         ) from None
     if result.block() != block:
-        raise DataError(f"{path} is damaged in its first {USER_BLOCK} bytes. Copy it again from its source.")
-    return result
+        raise DataError(f"{path} is damaged in its checksum. Copy it again from its source.")
+    return result, place
 
 
-def _sha256(file: BinaryIO, kind: str, count: int, without: Sequence[tuple[int, int]]) -> str:
-    """SHA-256 (hex) of the user block's other fields, and of the bytes after it outside of `without`."""
+def _sha256(file: BinaryIO, kind: str, count: int, without: Sequence[tuple[int, int]], place: int) -> str:
+    """SHA-256 (hex) of the checksum's other fields, and of all bytes outside of it and of `without`."""
     sha = hashlib.sha256(json.dumps([kind, count, without]).encode())
-    place = USER_BLOCK
-    for first, number in (*without, (USER_BLOCK + count, 0)):
-        file.seek(place)
-        left = first - place
+    at = 0
+    for first, number in (*sorted([*without, (place, BLOCK)]), (count, 0)):
+        file.seek(at)
+        left = first - at
         while left > 0 and (data := file.read(min(left, _STEP))):
             sha.update(data)
             left -= len(data)
-        place = max(place, first + number)
+        at = max(at, first + number)
     return sha.hexdigest()

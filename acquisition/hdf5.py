@@ -1,6 +1,7 @@
 """Store dataclasses as HDF5 files: written whole, never over another file, verified when read.
 
 A dataclass becomes a group: arrays are datasets, everything else is an attribute (tuples as JSON).
+Complex numbers are two data sets, `NAME_real` and `NAME_imaginary`: readers have no type for them in common.
 A nested dataclass is a subgroup; a tuple of dataclasses is one subgroup for each member. The root's
 attributes state the kind of file (`format`, `format_version`), the version of haploop that wrote it
 (`software`), and the content's hash (`content_hash`), which is recomputed on every load, after the
@@ -27,6 +28,7 @@ from pydantic import TypeAdapter
 from ..instruments import DataError
 from ..instruments.arrays import scalar_of
 from ..instruments.files import new_file
+from .checksum import NAME as CHECKSUM
 from .checksum import add_checksum, bounded, created, opened, stated, unreadable
 from .packing import write_packed
 
@@ -34,7 +36,8 @@ Flat = dict[str, NDArray[Any] | float | int | bool | str]
 """A dataclass flattened to plain values, with slashes in the names of nested fields."""
 Value = TypeVar("Value")
 
-VERSION = 2
+VERSION = 3
+_REAL, _IMAGINARY = "_real", "_imaginary"
 _LABELS = ("format", "format_version", "software", "content_hash")
 _UNPACKED = 64
 """Size of an array over its size in the file, at most: 3 for measured ones, 1000 for constant ones."""
@@ -119,14 +122,37 @@ def write(path: str | Path, kind: str, flat: Flat, *, packed: bool = False) -> N
                 content_hash=digest(flat),
             )
             for name, value in flat.items():
-                if isinstance(value, np.ndarray) and packed and value.size:
-                    write_packed(file, name, value)
-                elif isinstance(value, np.ndarray):
-                    file.create_dataset(name, data=value)
+                if isinstance(value, np.ndarray):
+                    for own, array in _parts(name, value):
+                        if packed and array.size:
+                            write_packed(file, own, array)
+                        else:
+                            file.create_dataset(own, data=array)
                 else:
                     group, _, own = name.rpartition("/")
                     file.require_group(group or "/").attrs[own] = value
         add_checksum(part, kind)
+
+
+def _parts(name: str, value: NDArray[Any]) -> list[tuple[str, NDArray[Any]]]:
+    if value.dtype.kind != "c":
+        return [(name, value)]
+    return [
+        (name + _REAL, np.ascontiguousarray(value.real)),
+        (name + _IMAGINARY, np.ascontiguousarray(value.imag)),
+    ]
+
+
+def _whole(flat: dict[str, Any]) -> None:
+    """Put the two parts of complex arrays together. Raises ValueError for parts that do not fit."""
+    for name in [key for key in flat if key.endswith(_IMAGINARY)]:
+        imaginary = flat.pop(name)
+        own = name.removesuffix(_IMAGINARY)
+        real = flat.pop(own + _REAL)
+        if real.shape != imaginary.shape or real.dtype != imaginary.dtype or real.dtype.kind != "f":
+            raise ValueError(own)
+        flat[own] = np.empty(real.shape, np.result_type(real.dtype, np.complex64))
+        flat[own].real, flat[own].imag = real, imaginary
 
 
 def read(path: str | Path, kind: str) -> Flat:
@@ -158,6 +184,8 @@ def _contents(file: h5py.File) -> dict[str, Any]:
 
     def visit(name: str, item: h5py.Group | h5py.Dataset) -> None:
         nonlocal left
+        if name == CHECKSUM:
+            return
         if isinstance(item, h5py.Dataset):
             flat[name], stored = _values(item, left)
             left -= stored
@@ -169,6 +197,7 @@ def _contents(file: h5py.File) -> dict[str, Any]:
 
     visit("", file)
     file.visititems(visit)
+    _whole(flat)
     return flat
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from haploop.acquisition.checksum import add_checksum
+from haploop.acquisition.checksum import NAME, add_checksum
 from haploop.instruments import HaploopError
 
 MOST_MEMORY = 200 << 20
@@ -50,7 +50,7 @@ def restructure(path: Path, seed: int, kind: str) -> None:
     with h5py.File(path, "r+", locking=False) as file:
         names: list[str] = []
         file.visit(names.append)
-        datasets = [name for name in names if isinstance(file[name], h5py.Dataset)]
+        datasets = [name for name in names if isinstance(file[name], h5py.Dataset) and name != NAME]
         groups = ["/", *(name for name in names if isinstance(file[name], h5py.Group))]
         dataset = datasets[int(random.integers(len(datasets)))]
         group = groups[int(random.integers(len(groups)))]

@@ -24,7 +24,7 @@ from ...instruments.arrays import BoolArray, FloatArray
 from .rows import Codes
 
 FORMAT = "haploop recording"
-VERSION = 4
+VERSION = 5
 CODES = 32768
 """Number of codes from 0 V to full scale: a sample is full_scale * code / CODES volts."""
 
@@ -196,7 +196,9 @@ def write_header(file: h5py.File, header: Header, state: str) -> None:
     file.attrs["header_hash"] = _header_hash(header, state)
     for key, value in asdict(header).items():
         if key in ("rig", "protocol", "notes", "about"):
-            file.create_dataset(key, data=value, dtype=h5py.string_dtype())
+            # Of a fixed length, and ASCII where it can be: GNU Octave reads no other text.
+            raw, code = value.encode(), "ascii" if value.isascii() else "utf-8"
+            file.create_dataset(key, data=raw, dtype=h5py.string_dtype(code, max(1, len(raw))))
         elif key == "channels":
             file.attrs.create(key, list(value), dtype=h5py.string_dtype())
         else:

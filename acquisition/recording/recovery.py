@@ -165,7 +165,7 @@ def _padded(path: Path) -> Iterator[h5py.File]:
     """Open a damaged file; a truncated one reads as zeros beyond its end. Raises DataError."""
     length = path.stat().st_size
     with suppress(DataError):
-        length = max(length, min(stated(path).size, _MOST * length))
+        length = max(length, min(stated(path).count, _MOST * length))
     with (
         _Padded(path, length) as padded,
         unreadable(path, _LOST.format(path)),

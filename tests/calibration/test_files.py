@@ -72,7 +72,7 @@ def test_files_that_are_none_say_so(saved: Path, calibrated: Calibrated) -> None
 
 def test_one_changed_number_is_noticed(saved: Path) -> None:
     with h5py.File(saved, "r+") as file:
-        file["response/velocity"][7] *= 1.0001
+        file["response/velocity_real"][7] *= 1.0001
     with pytest.raises(DataError, match="does not match its checksum"):
         Calibration.load(saved)
     add_checksum(saved, "calibration")

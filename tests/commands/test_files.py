@@ -103,11 +103,14 @@ def test_every_kind_of_file_is_verified(run, tmp_path):
     )
 
 
-def test_what_crashes_the_library_is_recovered_in_a_process_of_its_own(run, files):
-    """Metadata of which every eighth byte is another: whatever becomes of that process, this one tells."""
+def test_a_recovery_whose_process_dies_is_one_sentence(run, files, tmp_path, monkeypatch):
+    """The HDF5 library (1.14) crashes on some files with damaged metadata; here it just dies."""
     raw = bytearray(files["whole"].read_bytes())
-    raw[512:4096:8] = bytes(255 - byte for byte in raw[512:4096:8])
+    raw[-100] ^= 1
     files["whole"].write_bytes(raw)
+    dies = "import os; import h5py; h5py.File = lambda *a, **b: os.abort()\n"
+    (tmp_path / "sitecustomize.py").write_text(dies, encoding="utf-8")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     result = run("recover", files["whole"])
     assert (result.exit_code, result.stdout) == (2, "")
     assert "so nothing can be recovered: copy it again from its source." in result.stderr
