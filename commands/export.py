@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Literal
 
 import click
 
@@ -23,8 +24,17 @@ _FORMATS = (
     "--to", "format", required=True, type=click.Choice(_FORMATS), help="Format, see above.", metavar="FORMAT"
 )
 @click.option("--out", "-o", required=True, type=PATH, metavar="PATH", help="File to write.")
+@click.option(
+    "--of",
+    type=click.Choice(("table", "press")),
+    default="table",
+    show_default=True,
+    help="Of a digital button, for a phone: what the table plays, or the press that was recorded.",
+)
 @JSON
-def export(files: Sequence[Path], format: str, out: Path, as_json: bool) -> int:
+def export(
+    files: Sequence[Path], format: str, out: Path, of: Literal["table", "press"], as_json: bool
+) -> int:
     """Export FILE for other programs.
 
     FILE is a recording, a representative press, a drive, a check, a calibration, a digital button, the folder
@@ -42,7 +52,7 @@ def export(files: Sequence[Path], format: str, out: Path, as_json: bool) -> int:
 
     A file of a format without units gets a sidecar, PATH.json.
     """  # noqa: D301 - click's mark must be the character itself
-    done = haploop.export_file(files, format, out)
+    done = haploop.export_file(files, format, out, of=of)
     written = [str(file) for file in done.files]
     values = {"kind": done.kind, "to": done.format, "files": written, "simulated": done.simulated}
     said = f"{' and '.join(written)}: {done.kind} as {done.format}."

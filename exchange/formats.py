@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 from ..acquisition import hdf5, load_study
 from ..calibration import Calibration
@@ -122,12 +122,19 @@ class Exported:
     simulated: bool
 
 
-def export_file(files: str | Path | Sequence[str | Path], format: str, out: str | Path) -> Exported:
+def export_file(
+    files: str | Path | Sequence[str | Path],
+    format: str,
+    out: str | Path,
+    *,
+    of: Literal["table", "press"] = "table",
+) -> Exported:
     """Export a file that haploop wrote, as a new file `out` of another format.
 
     `files` is one file, the folder of a vibration map, a study (its study.toml or its folder), or several
     recordings; a study and several recordings become a table with one row a press. `FORMATS` lists the
-    formats of each kind. A format without room for units or origin gets a sidecar, `OUT.json`.
+    formats of each kind. A format without room for units or origin gets a sidecar, `OUT.json`. For a phone a
+    digital button is what the table is to play, or `of` the recorded "press", which is far stronger.
 
     Raises ConfigurationError for a format that does not fit, a package that is not installed, or an `out`
     that exists, and DataError for a file that cannot be read. Of recordings, studies and representative
@@ -147,8 +154,14 @@ def export_file(files: str | Path | Sequence[str | Path], format: str, out: str 
                 else ""
             )
         )
+    if of == "press" and not (kind == "button" and format in _HAPTIC):
+        raise ConfigurationError(
+            "The recorded press is taken of a digital button, for a phone: leave --of press out, or export "
+            "its representative press."
+        )
     # What people pressed is for its owner alone, as its source is.
-    with private_files() if kind in ("recording", "study", "representative") else nullcontext():
+    private = of == "press" or kind in ("recording", "study", "representative")
+    with private_files() if private else nullcontext():
         check_destination(out)
         written = (out, sidecar(out)) if (kind, format) in _BESIDE else (out,)
         for path in written[1:]:
@@ -157,6 +170,8 @@ def export_file(files: str | Path | Sequence[str | Path], format: str, out: str 
             table = reading.recording_presses(paths)
             _PRESSES[format](table, out)
             about = table.about
+        elif of == "press":
+            about = _via(reading.envelope_of_press, _HAPTIC[format])(paths[0], out)
         else:
             about = FORMATS[kind, format](paths[0], out)
     return Exported(kind, format, written, bool(about["simulated"]))

@@ -27,13 +27,13 @@ def write_signals(signals: Signals, path: Path) -> None:
         time = file.createVariable("elapsed_time", "f8", ("elapsed_time",))
         time[:] = signals.time
         time.units, time.long_name = "s", "time since the first sample"
-        file.sample_rate_hz = signals.rate_hz
+        file.sample_rate_hz = _number(signals.rate_hz)
         for channel in signals.channels:
             variable = file.createVariable(channel.name, "f8", ("elapsed_time",))
             variable[:] = channel.values
             variable.units = _UDUNITS.get(channel.unit, channel.unit).encode()
             variable.long_name = channel.name.replace("_", " ").encode()
-            variable.delay_s = channel.delay
+            variable.delay_s = _number(channel.delay)
 
 
 def write_responses(found: Responses, path: Path) -> None:
@@ -70,6 +70,11 @@ def write_responses(found: Responses, path: Path) -> None:
             text[:] = raw.view("S1").reshape(len(raw), -1)
 
 
+def _number(value: Any) -> Any:
+    """A float that keeps its digits: scipy stores Python's own in single precision."""
+    return np.float64(value) if isinstance(value, float) else value
+
+
 @contextmanager
 def _file(path: Path, title: str, about: About) -> Iterator[Any]:
     # 64-bit offsets: the oldest format ends at 2 GB.
@@ -79,6 +84,6 @@ def _file(path: Path, title: str, about: About) -> Iterator[Any]:
         file.title = title.encode()
         file.history = f"Exported from {about['source']} by {about['software']}".encode()
         for name, value in about.items():
-            kept = int(value) if isinstance(value, bool) else value
+            kept = int(value) if isinstance(value, bool) else _number(value)
             setattr(file, name, kept.encode() or b" " if isinstance(kept, str) else kept)
         yield file

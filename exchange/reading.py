@@ -199,7 +199,14 @@ def envelope_of_representative(path: Path) -> Envelope:
 
 
 def envelope_of_button(path: Path) -> Envelope:
-    """Envelope of the press that a digital button reproduces. Raises DataError."""
+    """Envelope of what the table is to play of a digital button: its drive's target. Raises DataError."""
+    button = DigitalButton.load(path)
+    about = _about(path, button.simulated, _drive_about(button.drive))
+    return _envelope(f"Target of {button.drive.button}", button.drive.target, button.drive.rate_hz, about)
+
+
+def envelope_of_press(path: Path) -> Envelope:
+    """Envelope of the recorded press of a digital button, at its own level. Raises DataError."""
     button = DigitalButton.load(path)
     about = _about(path, button.press.simulated, {"button": button.press.button})
     return _envelope(

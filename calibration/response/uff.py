@@ -2,7 +2,7 @@
 
 A file holds one function for each response (type 4, velocity over volts) and one for its coherence (type
 6), after data sets 151 (header) and 164 (SI units), which some programs want. Frequencies are listed one
-by one, because excited lines need not be evenly spaced, and keep the format's six digits.
+by one, because excited lines need not be evenly spaced, with the seven digits that the format has room for.
 """
 
 from __future__ import annotations
@@ -36,6 +36,8 @@ _Z = (0, 3, -3)
 _MARK = "haploop: patch, point, rig as below"
 _SIMULATED = "Simulated: no real instrument measured this."
 _PADDED = re.compile(rb"^([ \t]*[-+\d][-+\d.eEdD \t]*?)[ \t]+(?=\r?$)", re.MULTILINE)
+_HEADER, _PAIR = 12, 33
+"""Lines from a data set's number to its values; columns of an abscissa and a real value."""
 _WIDTH, _NAME = 80, 10
 """Characters of a line of text, and of an entity's name."""
 _SURE = 0.999999
@@ -94,8 +96,23 @@ def write_uff_sets(path: str | Path, functions: Sequence[dict[str, Any]]) -> Non
     with new_file(path) as part:
         try:
             pyuff.UFF(str(part)).write_sets(sets, mode="overwrite")
+            _finer_abscissae(part, functions)
         except Exception as error:  # pyuff turns the disk's error into a bare Exception
             raise DataError(f"{path} cannot be written: {_disk_error(error)}.") from error
+
+
+def _finer_abscissae(path: Path, functions: Sequence[Mapping[str, Any]]) -> None:
+    """Give listed abscissae the seventh digit that their 13 columns hold: pyuff writes six."""
+    lines = path.read_text(encoding="utf-8").splitlines()
+    starts = [number + _HEADER for number, line in enumerate(lines) if line.strip() == "58"]
+    for start, function in zip(starts, functions, strict=True):
+        if function["abscissa_spacing"]:
+            continue
+        each = 1 if np.iscomplexobj(function["data"]) else 2
+        for number, x in enumerate(np.asarray(function["x"], dtype=np.float64)):
+            row, place = start + number // each, _PAIR * (number % each)
+            lines[row] = f"{lines[row][:place]}{x:13.6e}{lines[row][place + 13 :]}"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def _disk_error(error: BaseException) -> str:

@@ -18,7 +18,9 @@ _HEX = 16
 """Digits of the running hash in each line."""
 _LONGEST = 1 << 28
 """Longest line (bytes): half an hour of one channel at 5 kS/s in one call has a fifth of it."""
-_CHUNK = 1 << 16
+_CHUNK, _STEP = 1 << 16, 1 << 20
+_LEAST, _RATIO = 1 << 26, 30
+"""Bytes that any tape may unpack to, and more for each byte of the file: of noise gzip leaves a third."""
 
 
 class TapeWriter:
@@ -97,15 +99,24 @@ def read_tape(path: Path) -> tuple[Mapping[str, Any], tuple[Mapping[str, Any], .
 def _unpacked(path: Path) -> Iterator[bytes]:
     """Whole lines of a file; what is cut off at its end is left out."""
     unpacking = zlib.decompressobj(wbits=31)
-    rest = b""
+    rest, total = bytearray(), 0
     try:
+        most = _LEAST + _RATIO * path.stat().st_size
         with path.open("rb") as file:
             while packed := file.read(_CHUNK):
                 while packed:
-                    rest += unpacking.decompress(packed, _LONGEST)
-                    packed = unpacking.unconsumed_tail
-                    *lines, rest = rest.split(b"\n")
-                    yield from lines
+                    part = unpacking.decompress(packed, _STEP)
+                    packed, total = unpacking.unconsumed_tail, total + len(part)
+                    if total > most:
+                        raise DataError(
+                            f"The tape {path} unpacks to more than {most >> 20} MB, which no session does: "
+                            "have it sent again."
+                        )
+                    rest += part
+                    if b"\n" in part:
+                        *lines, last = bytes(rest).split(b"\n")
+                        yield from lines
+                        rest = bytearray(last)
                     if len(rest) > _LONGEST:
                         raise DataError(f"The tape {path} was changed: a line has no end.")
                 if unpacking.eof and (unpacking.unused_data or file.read(1)):

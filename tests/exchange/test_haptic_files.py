@@ -16,6 +16,7 @@ import pytest
 from pydantic import ValidationError
 
 import haploop
+from haploop.calibration import DigitalButton
 from haploop.exchange.haptic_files import write_android
 from haploop.exchange.views import Envelope
 from tests.exchange.conftest import Files
@@ -127,3 +128,21 @@ def test_a_step_of_android_has_the_mean_of_the_envelope_within_it(tmp_path: Path
     found = json.loads((tmp_path / "ramp.json").read_text(encoding="utf-8"))
     assert found["timings"] == [5] * 10
     assert found["amplitudes"] == [13, 38, 64, 89, 115, 140, 166, 191, 217, 242]  # 25.5 (k + 1/2)
+
+
+@pytest.mark.parametrize("format", ["ahap", "haptic", "hjif", "android"])
+def test_a_button_has_the_level_of_the_table_or_that_of_its_press(
+    files: Files, tmp_path: Path, format: str
+) -> None:
+    button = DigitalButton.load(files.button)
+    said = []
+    for of, acceleration in (("table", button.drive.target), ("press", button.press.acceleration)):
+        haploop.export_file(files.button, format, tmp_path / of, of=of)
+        words = (tmp_path / of).read_text(encoding="utf-8").split("Amplitude 1 is ")[1]
+        level = float(words.split(" m/s^2")[0])
+        # The envelope of a click is averaged over 2 ms.
+        assert 0.5 < level / np.abs(acceleration).max() < 1.2
+        said.append(level)
+    assert said[0] != pytest.approx(said[1], rel=0.05)
+    with pytest.raises(haploop.ConfigurationError, match="of a digital button"):
+        haploop.export_file(files.drive, format, tmp_path / "drive", of="press")

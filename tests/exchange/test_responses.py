@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -121,3 +122,13 @@ def test_a_response_in_libnetcdf(files: Files, tmp_path: Path) -> None:
         np.testing.assert_array_equal(found, velocity())
         assert file["velocity_real"].units == "m s-1 V-1"
         assert b"".join(file["point"][0]).decode() == "button"
+
+
+def test_frequencies_in_uff_have_the_digits_that_fit(tmp_path: Path, files: Files) -> None:
+    """Lines of a period of 0.6 s: 620.0000 Hz is written, and so is 1.6666667."""
+    response = replace(Calibration.load(files.calibration).response, frequencies=FREQUENCIES / 1.2)
+    haploop.write_uff(tmp_path / "a.uff", [response])
+    (found,) = haploop.read_uff(tmp_path / "a.uff")
+    assert np.abs(found.frequencies / response.frequencies - 1).max() < 1e-6 / 2
+    np.testing.assert_allclose(found.velocity, response.velocity, rtol=1e-9)
+    np.testing.assert_allclose(found.coherence, response.coherence, rtol=1e-9)

@@ -30,12 +30,13 @@ from haploop.instruments.camera.opencv import OpenCvCamera
 from haploop.instruments.clock import RealClock
 from haploop.instruments.driver import settings_of
 from haploop.instruments.tape import Failure, Player, Recorder, TapedLine, TapeError, TapeLines, mask, on_line
-from haploop.instruments.tape.tape_file import TapeWriter
+from haploop.instruments.tape.tape_file import TapeWriter, read_tape
 from haploop.mocks.clock import VirtualClock
 from haploop.mocks.simulation import Simulation
 from tests.acquisition.session.test_other_daqs import ALONG
 from tests.acquisition.session.test_other_daqs import SERIAL as SERIAL_ADC
 from tests.command_line import Run
+from tests.mutating import within_memory
 
 
 def lines(tape: Path) -> list[dict[str, Any]]:
@@ -223,6 +224,15 @@ def test_another_file_is_no_tape(text: bytes, tmp_path: Path) -> None:
     path.write_bytes(text)
     with pytest.raises(HaploopError, match="tape"):
         haploop.open_rig(simulate=f"tape:{path}")
+
+
+def test_a_tape_that_unpacks_to_more_than_any_session_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "large.tape"
+    with gzip.open(path, "wb") as file:
+        for _ in range(80):
+            file.write(bytes(1 << 20))
+    with within_memory(), pytest.raises(DataError, match="unpacks to more than 6"):
+        read_tape(path)
 
 
 def test_a_twin_and_a_driver_without_a_line_are_refused(tmp_path: Path) -> None:
