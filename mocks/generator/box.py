@@ -22,6 +22,7 @@ from .headers import (
     ARB_MODE,
     BOOLEANS,
     BURST_MODE,
+    LIMITED,
     NUMBERS,
     OWN_WORDS,
     SHAPE,
@@ -33,6 +34,7 @@ from .headers import (
     WORDS,
 )
 from .levels import QUANTITIES, Quantity, within
+from .limits import BURST, BURST_PHASE, SWEEP, TIME, degrees, exclude, highest, in_degrees, kind_of
 from .products import Product
 from .pulses import FREQUENCY, HOLD, PULSES, duty, hold, pulse_value, set_pulse
 from .scpi import Entry, ScpiDevice, ScpiError, number_of, word_of
@@ -43,11 +45,10 @@ _CHANNELS = (1, 2)
 _INFINITE = 9.9e37
 
 
-_TIME = "[:SOURce#]:SWEep:TIME"
-_ON, _SWEEP = ":OUTPut#[:STATe]", "[:SOURce#]:SWEep:STATe"
+_ON = ":OUTPut#[:STATe]"
 _DUTY, _SYMMETRY = "[:SOURce#]:FUNCtion:SQUare:DCYCle", "[:SOURce#]:FUNCtion:RAMP:SYMMetry"
-_BURST, _CYCLES = "[:SOURce#]:BURSt:STATe", "[:SOURce#]:BURSt:NCYCles"
-_BURST_PERIOD, _BURST_PHASE = "[:SOURce#]:BURSt:INTernal:PERiod", "[:SOURce#]:BURSt:PHASe"
+_CYCLES = "[:SOURce#]:BURSt:NCYCles"
+_BURST_PERIOD = "[:SOURce#]:BURSt:INTernal:PERiod"
 _RATE = "[:SOURce#]:FUNCtion:ARBitrary:SRATe"
 _CONTINUOUS = ":INITiate#:CONTinuous"
 
@@ -175,6 +176,10 @@ class Box:
 
     # Settings
 
+    @property
+    def _angle(self) -> str:
+        return self._channel(1).words[":UNIT:ANGLe"]
+
     def _quantity(self, quantity: Quantity) -> Entry:
         def get(n: int, argument: str) -> str:
             return self._text(quantity.get(self._channel(n)))
@@ -186,14 +191,18 @@ class Box:
         return Entry(get, put)
 
     def _get_number(self, header: str, low: float, high: float, n: int, argument: str) -> str:
-        ends = {"MINimum": low, "MAXimum": high}
+        ends = {"MINimum": low, "MAXimum": highest(self._product, self._channel(n), header, high)}
         value = number_of(argument, ends) if argument else self._channel(n).values[header]
-        return self._product.infinite if value >= _INFINITE else self._text(value)
+        return (
+            self._product.infinite if value >= _INFINITE else self._text(value / degrees(header, self._angle))
+        )
 
     def _put_number(self, header: str, low: float, high: float, n: int, argument: str) -> None:
+        high = highest(self._product, self._channel(n), header, high)
         ends = {"MINimum": low, "MAXimum": high}
         endless = {"INFinity": _INFINITE} if header == _CYCLES and self._product.by_mode else {}
-        value = number_of(argument, ends | endless)
+        value = number_of(argument, ends | endless, kind_of(header))
+        value = in_degrees(header, argument, value, self._angle)
         self._channel(n).values[header] = (
             value if value in endless.values() else within(value, low, high, self.fail)
         )
@@ -214,7 +223,10 @@ class Box:
         return self._product.booleans[bool(self._channel(n).values[header])]
 
     def _put_on(self, header: str, n: int, argument: str) -> None:
-        self._channel(n).values[header] = float(_boolean(argument))
+        values = self._channel(n).values
+        values[header] = float(_boolean(argument))
+        if values[header]:
+            exclude(values, header, self.fail)
         self._apply(n)
 
     def _get_word(self, header: str, n: int, argument: str) -> str:
@@ -228,6 +240,10 @@ class Box:
         if header == HOLD:
             hold(channel)
         channel.words[header] = word
+        most_hz = highest(self._product, channel, FREQUENCY, math.inf)
+        if channel.values[FREQUENCY] > most_hz:
+            channel.values[FREQUENCY] = most_hz
+            self.fail(ScpiError(-221, "Settings conflict; frequency reduced for selected function"))
         most = (HIGHEST - channel.peak_to_peak) / 2
         if abs(channel.offset) > most and not channel.is_direct:
             channel.offset = math.copysign(most, channel.offset)
@@ -235,10 +251,13 @@ class Box:
         self._apply(n)
 
     def _get_mode(self, n: int, argument: str) -> str:
-        return "SWE" if self._channel(n).values[_SWEEP] else "CW"
+        return "SWE" if self._channel(n).values[SWEEP] else "CW"
 
     def _put_mode(self, n: int, argument: str) -> None:
-        self._channel(n).values[_SWEEP] = float(word_of(argument, ("CW", "FIXed", "SWEep")) == "SWE")
+        values = self._channel(n).values
+        values[SWEEP] = float(word_of(argument, ("CW", "FIXed", "SWEep")) == "SWE")
+        if values[SWEEP]:
+            exclude(values, SWEEP, self.fail)
         self._apply(n)
 
     def _get_load(self, n: int, argument: str) -> str:
@@ -249,6 +268,8 @@ class Box:
         ends = {"INFinity": _INFINITE, "MINimum": 1.0, "MAXimum": 1e4, "DEFault": 50.0}
         ohms = number_of(argument, ends)
         channel = self._channel(n)
+        if channel.values[LIMITED]:
+            raise ScpiError(-221, "Settings conflict; output load not changed while voltage limits are on")
         channel.load = math.inf if ohms >= _INFINITE else within(ohms, 1.0, 1e4, self.fail)
         if math.isinf(channel.load) and channel.words[UNIT] == "DBM":
             channel.words[UNIT] = "VPP"
@@ -297,12 +318,12 @@ class Box:
 
     def _trigger(self, channel: Channel) -> str:
         """Return the source of the trigger of what is on, sweep or burst."""
-        return channel.words[self._triggers[-1 if channel.values[_BURST] else 0]]
+        return channel.words[self._triggers[-1 if channel.values[BURST] else 0]]
 
     def _fire(self, n: int) -> None:
         channel = self._channel(n)
         wanted = "BUS" if self._product.by_mode else "MAN"
-        if not (channel.values[_SWEEP] or channel.values[_BURST]) or self._trigger(channel) != wanted:
+        if not (channel.values[SWEEP] or channel.values[BURST]) or self._trigger(channel) != wanted:
             raise ScpiError(-211, "Trigger ignored")
         if not channel.values[_CONTINUOUS]:
             if not channel.armed:
@@ -349,12 +370,12 @@ class Box:
                 symmetry=values[_SYMMETRY] / 100,
                 points=points,
                 rate_hz=values[FREQUENCY] * len(points) if points and by_frequency else values[_RATE],
-                sweep=(values[START], values[STOP], values[_TIME]) if values[_SWEEP] else None,
-                burst=(cycles, period) if values[_BURST] else None,
-                burst_phase=values[_BURST_PHASE] / 360,
+                sweep=(values[START], values[STOP], values[TIME]) if values[SWEEP] else None,
+                burst=(cycles, period) if values[BURST] else None,
+                burst_phase=values[BURST_PHASE] / 360,
                 delay=values.get(":TRIGger#:DELay", values["[:SOURce#]:BURSt:TDELay"]),
                 logarithmic=words[SPACING] == "LOG",
-                repeats=self._trigger(channel) in ("IMM", "INT", "TIM") and not (endless and values[_BURST]),
+                repeats=self._trigger(channel) in ("IMM", "INT", "TIM") and not (endless and values[BURST]),
             )
         )
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from functools import partial
 
 from .channel import HIGHEST, Channel
-from .headers import LIMITED, NUMBERS, START, STOP, UNIT
-from .scpi import ScpiError, number_of
+from .headers import LIMITED, NUMBERS, SHAPE, START, STOP, UNIT
+from .scpi import ScpiError, number_of, unit_of
 
 Fail = Callable[[ScpiError], None]
 """Puts an error into the queue; the command goes on."""
@@ -39,8 +39,17 @@ def within(value: float, low: float, high: float, fail: Fail) -> float:
     return min(max(value, low), high)
 
 
+_RMS = {"SIN": 1 / math.sqrt(8), "SQU": 0.5, "PULS": 0.5, "PRBS": 0.5, "RAMP": 1 / math.sqrt(12),
+        "TRI": 1 / math.sqrt(12)}  # fmt: skip
+"""Rms value of a shape without its mean, for 1 V peak to peak; a sine's is taken for any other (estimate)."""
+
+
+def _rms(channel: Channel) -> float:
+    return _RMS.get(channel.words[SHAPE], _RMS["SIN"])
+
+
 def _level(channel: Channel) -> float:
-    rms = channel.peak_to_peak * channel.share / 2 / math.sqrt(2)
+    rms = channel.peak_to_peak * channel.share * _rms(channel)
     match channel.words[UNIT]:
         case "VRMS":
             return rms
@@ -51,12 +60,16 @@ def _level(channel: Channel) -> float:
 
 def _put_level(channel: Channel, argument: str, fail: Fail) -> None:
     ends = {"MINimum": _LOWEST * channel.share, "MAXimum": HIGHEST * channel.share}
-    volts = number_of(argument, ends)
-    match channel.words[UNIT]:
+    volts = number_of(argument, ends, "V")
+    own = unit_of(argument)
+    if own == "DBM" and math.isinf(channel.load):
+        raise ScpiError(-221, "Settings conflict; not able to use dBm units with infinite load")
+    # A unit of the argument counts for it alone; an end of the range is peak to peak.
+    match own.removeprefix("M") if own else channel.words[UNIT] if argument[:1].upper() != "M" else "VPP":
         case "VRMS":
-            volts *= 2 * math.sqrt(2)
+            volts /= _rms(channel)
         case "DBM":
-            volts = 2 * math.sqrt(2) * math.sqrt(channel.load * 1e-3 * 10 ** (volts / 10))
+            volts = math.sqrt(channel.load * 1e-3 * 10 ** (volts / 10)) / _rms(channel)
     most = HIGHEST - (0 if channel.is_direct else 2 * abs(channel.offset))
     wanted = within(volts / channel.share, _LOWEST, most, fail)
     channel.peak_to_peak, _ = _limited(channel, wanted, channel.offset, fail)

@@ -17,6 +17,8 @@ class Product:
     """Its text for an infinite load (an open input)."""
     sweep: dict[str, tuple[float, float, float]]
     """Settings that only this family has: header to (default, lowest, highest)."""
+    highest: dict[str, float]
+    """Highest frequency of each shape (Hz); that of "SIN" for any other."""
     memory: int
     """Points of the longest arbitrary waveform."""
     by_mode: bool
@@ -35,6 +37,8 @@ KEYSIGHT_33500 = Product(
         ":TRIGger#:TIMer": (1, 1e-6, 8e3),
         ":TRIGger#:LEVel": (1.65, 0.9, 3.8),
     },
+    # Data sheet 5991-0692 of the 33500B Series, 30 MHz models.
+    highest={"SIN": 30e6, "RAMP": 200e3, "TRI": 200e3},
     memory=1_000_000,
     by_mode=True,
 )
@@ -47,6 +51,8 @@ DG1000Z = Product(
         "[:SOURce#]:SWEep:HTIMe[:STARt]": (0, 0, 500),
         "[:SOURce#]:SWEep:HTIMe:STOP": (0, 0, 500),
     },
+    # Data sheet of the DG1000Z Series, DG1062Z.
+    highest={"SIN": 60e6, "SQU": 25e6, "PULS": 25e6, "RAMP": 1e6, "TRI": 1e6, "ARB": 20e6},
     memory=8_388_608,
     by_mode=False,
 )

@@ -17,9 +17,17 @@ from ...instruments.arrays import FloatArray
 
 _QUEUE = 20
 """Capacity of the error queue (docs/hardware.md, "Generators")."""
+_SUFFIXES = {
+    "HZ": ("HZ", "KHZ", "MHZ"),
+    "S": ("S", "MS", "US"),
+    "V": ("V", "MV", "VPP", "MVPP", "VRMS", "MVRMS", "DBM"),
+    "DEG": ("DEG", "RAD", "S", "MS", "US"),
+}
+"""Units of each kind of quantity."""
 _UNITS = {
     "": 1.0, "HZ": 1.0, "KHZ": 1e3, "MHZ": 1e6, "V": 1.0, "MV": 1e-3, "VPP": 1.0, "MVPP": 1e-3,
-    "VRMS": 1.0, "DBM": 1.0, "S": 1.0, "MS": 1e-3, "US": 1e-6, "OHM": 1.0, "KOHM": 1e3, "DEG": 1.0,
+    "VRMS": 1.0, "MVRMS": 1e-3, "RAD": 1.0, "DBM": 1.0,
+    "S": 1.0, "MS": 1e-3, "US": 1e-6, "OHM": 1.0, "KOHM": 1e3, "DEG": 1.0,
     "PCT": 1.0, "SA/S": 1.0, "KSA/S": 1e3, "MSA/S": 1e6,
 }  # fmt: skip
 
@@ -122,7 +130,7 @@ class ScpiDevice:
     def _execute(self, part: str, path: str) -> tuple[str | None, str]:
         if not part:
             return None, path
-        header, _, argument = part.partition(" ")
+        header, argument = (*part.split(maxsplit=1), "")[:2]  # any white space separates (IEEE 488.2, 7.4.1)
         header, argument = header.upper(), argument.strip()
         asked = header.endswith("?")
         if header.startswith("*"):
@@ -204,17 +212,28 @@ class ScpiDevice:
         return None
 
 
-def number_of(argument: str, special: Mapping[str, float] | None = None) -> float:
-    """Parse a number with or without a unit, or one of `special` (MINimum, INFinity). Raises ScpiError."""
+def unit_of(argument: str) -> str:
+    """Return the unit at the end of an argument, in capitals; empty without one."""
+    found = re.search(r"[\d.]\s*([A-Za-z/]+)$", argument)
+    return found[1].upper() if found else ""
+
+
+def number_of(argument: str, special: Mapping[str, float] | None = None, kind: str = "") -> float:
+    """Parse a number with or without a unit, or one of `special` (MINimum, INFinity).
+
+    A unit is one of the quantity's `kind` ("HZ", "S", "V", "DEG"), or any where it is empty. Raises
+    ScpiError.
+    """
     for name, value in (special or {}).items():
         if re.fullmatch(_keyword(name), argument.upper()):
             return value
     found = re.fullmatch(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([A-Za-z/]*)", argument)
     if found is None:
         raise ScpiError(-104, "Data type error") if argument else ScpiError(-109, "Missing parameter")
-    if found[2].upper() not in _UNITS:
+    unit = found[2].upper()
+    if unit not in _UNITS or (unit and kind and unit not in _SUFFIXES[kind]):
         raise ScpiError(-131, "Invalid suffix")
-    return float(found[1]) * _UNITS[found[2].upper()]
+    return float(found[1]) * _UNITS[unit]
 
 
 def word_of(argument: str, words: Sequence[str]) -> str:

@@ -1,0 +1,52 @@
+"""What a setting may be: the highest frequency of a shape, units of angles, and modes that exclude each other."""
+
+from __future__ import annotations
+
+import math
+
+from .channel import Channel
+from .headers import SHAPE, START, STOP
+from .levels import Fail
+from .products import Product
+from .pulses import FREQUENCY
+from .scpi import ScpiError, unit_of
+
+SWEEP, BURST = "[:SOURce#]:SWEep:STATe", "[:SOURce#]:BURSt:STATe"
+TIME, BURST_PHASE = "[:SOURce#]:SWEep:TIME", "[:SOURce#]:BURSt:PHASe"
+_FREQUENCIES = (FREQUENCY, START, STOP, "[:SOURce#]:MARKer:FREQuency")
+_ANGLES = ("[:SOURce#]:PHASe[:ADJust]", BURST_PHASE)
+_RADIAN = 180 / math.pi
+
+
+def kind_of(header: str) -> str:
+    """Return the kind of a setting's units, for `number_of`."""
+    return "HZ" if header in _FREQUENCIES else "DEG" if header in _ANGLES else "S" if header == TIME else ""
+
+
+def highest(product: Product, channel: Channel, header: str, high: float) -> float:
+    """Return the upper limit of a setting: of a frequency that of the product and the shape (Hz)."""
+    if header not in _FREQUENCIES:
+        return high
+    return product.highest.get(channel.words.get(SHAPE, "SIN"), product.highest["SIN"])
+
+
+def degrees(header: str, unit: str) -> float:
+    """Return the degrees in the `unit` of angles that is set; 1 of any other setting."""
+    return _RADIAN if header in _ANGLES and unit == "RAD" else 1.0
+
+
+def in_degrees(header: str, argument: str, value: float, unit: str) -> float:
+    """Return the `value` of an argument in degrees, where the setting is an angle."""
+    own = unit_of(argument)
+    if argument[:1].upper() == "M" or header not in _ANGLES or own not in ("", "RAD"):
+        return value
+    return value * (_RADIAN if own else degrees(header, unit))
+
+
+def exclude(values: dict[str, float], header: str, fail: Fail) -> None:
+    """Switch burst off for a sweep, and a sweep for a burst: one of them is on."""
+    other = {SWEEP: BURST, BURST: SWEEP}.get(header)
+    if other is not None and values[other]:
+        values[other] = 0.0
+        name = "burst" if other == BURST else "sweep"
+        fail(ScpiError(-221, f"Settings conflict; {name} turned off by selection of other mode"))
