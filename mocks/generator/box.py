@@ -43,8 +43,6 @@ from .waveform import Output, Playing, Points
 
 _CHANNELS = (1, 2)
 _INFINITE = 9.9e37
-
-
 _ON = ":OUTPut#[:STATe]"
 _DUTY, _SYMMETRY = "[:SOURce#]:FUNCtion:SQUare:DCYCle", "[:SOURce#]:FUNCtion:RAMP:SYMMetry"
 _CYCLES = "[:SOURce#]:BURSt:NCYCles"
@@ -193,9 +191,8 @@ class Box:
     def _get_number(self, header: str, low: float, high: float, n: int, argument: str) -> str:
         ends = {"MINimum": low, "MAXimum": highest(self._product, self._channel(n), header, high)}
         value = number_of(argument, ends) if argument else self._channel(n).values[header]
-        return (
-            self._product.infinite if value >= _INFINITE else self._text(value / degrees(header, self._angle))
-        )
+        value /= degrees(header, self._angle)
+        return self._product.infinite if value >= _INFINITE else self._text(value)
 
     def _put_number(self, header: str, low: float, high: float, n: int, argument: str) -> None:
         high = highest(self._product, self._channel(n), header, high)

@@ -1,4 +1,4 @@
-"""What a setting may be: the highest frequency of a shape, units of angles, and modes that exclude each other."""
+"""What a setting may be: highest frequencies by shape, units of angles, modes that exclude each other."""
 
 from __future__ import annotations
 
