@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from statistics import median
+from statistics import mean, median
 
-__all__ = ["Row", "markdown", "ratios"]
+__all__ = ["Row", "markdown", "ranged", "ratios", "seeds_of"]
 
 
 @dataclass(frozen=True)
@@ -49,3 +50,14 @@ def markdown(rows: Sequence[Row]) -> str:
 def _figure(value: float) -> str:
     """Three digits, without an exponent."""
     return f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"
+
+
+def seeds_of(word: str, first: int, count: int) -> list[int]:
+    """Seeds that nobody chose: hashes of a word and a number."""
+    hashed = (hashlib.sha256(f"{word} {number}".encode()) for number in range(first, first + count))
+    return [int.from_bytes(one.digest()[:3]) for one in hashed]
+
+
+def ranged(values: Sequence[float]) -> str:
+    """Mean, and the range in brackets."""
+    return f"{mean(values):.1f} ({min(values):.1f} to {max(values):.1f})"
