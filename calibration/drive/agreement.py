@@ -1,8 +1,7 @@
 """Agreement of several plays with a target: errors without the plays' noise, and their confidence intervals.
 
-The squared error is estimated from products of different plays, in which independent noise averages to zero;
-its standard deviation is the jackknife's, which for products of pairs is biased upwards, the conservative
-side (Efron and Stein, Annals of Statistics 9, 1981). A tone that is in step with the plays is not independent
+The squared error is estimated from products of different plays, in which independent noise averages to zero
+(see `intervals`). A tone that is in step with the plays is not independent
 noise: it makes the power negative, or its deviation vanish (`dependence`).
 """
 
@@ -15,10 +14,9 @@ from typing import Any
 import numpy as np
 import scipy
 
-from ...instruments.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from ...instruments.arrays import BoolArray, ComplexArray, FloatArray
+from ..intervals import CONFIDENCE, common, not_negative, quantile, student
 
-CONFIDENCE = 0.95
-"""Probability that an interval contains the surface's own value."""
 _NORMAL = float(scipy.special.ndtri(0.5 + CONFIDENCE / 2))
 _UNLIKELY = 1e-5
 """Probability of calling plays without a trend drifting."""
@@ -47,7 +45,7 @@ class SharedPower:
     @property
     def possible(self) -> bool:
         """False for a power more negative, or better known, than that of plays with independent noise."""
-        reach = _student(self.plays, 1 - _IMPOSSIBLE) * self.deviation
+        reach = student(self.plays, 1 - _IMPOSSIBLE) * self.deviation
         # Written so that NaN, which is another matter, is possible.
         if self.least < _ROUNDING * max(abs(self.value), abs(self.noise)):
             return True
@@ -64,7 +62,7 @@ class SharedPower:
     @property
     def clear(self) -> bool:
         """True for a power that noise makes with a probability of less than 1e-4."""
-        return self.value > _student(self.plays, 1 - _IMPOSSIBLE) * max(self.deviation, self.least)
+        return self.value > student(self.plays, 1 - _IMPOSSIBLE) * max(self.deviation, self.least)
 
     @property
     def floor(self) -> float:
@@ -76,7 +74,7 @@ class SharedPower:
         """Confidence interval of the root (`CONFIDENCE`), from the plays alone; NaN if not possible."""
         if not self.possible:
             return float("nan"), float("nan")
-        reach = _quantile(self.plays) * self.deviation
+        reach = quantile(self.plays) * self.deviation
         # The noise's own deviation is known from all lines, and has no Student's t.
         low, high = not_negative(self.value, max(reach, _NORMAL * self.least))
         return float(np.sqrt(low)), float(np.sqrt(high))
@@ -88,16 +86,6 @@ class SharedPower:
             "interval": [finite(edge) for edge in self.interval],
             "floor": finite(self.floor),
         }
-
-
-def not_negative(value: float, reach: float) -> tuple[float, float]:
-    """Ends of the interval of a quantity that cannot be negative, from an estimate that can.
-
-    `reach` is half of the estimate's interval. An estimate below zero says no more than zero does, so that
-    the upper end is never below `reach`. One that is further below zero than that errs by as much, and the
-    upper end is as far above.
-    """
-    return max(value - reach, 0.0), max(max(value, 0.0) + reach, -value)
 
 
 def finite(value: float) -> float | None:
@@ -138,12 +126,8 @@ def shared_power(spectra: ComplexArray) -> SharedPower:
     Raises ValueError for fewer than three plays.
     """
     plays = len(spectra)
-    if plays < 3:
-        raise ValueError("A deviation needs at least three plays.")
     products = (spectra @ spectra.conj().T).real
-    everyone = np.arange(plays)
-    left_out = [_common(products, np.delete(everyone, k)) for k in everyone]
-    value = _common(products, everyone)
+    value, deviation = common(products)
     noise = (float(np.trace(products)) / plays - value) / plays
     # The product of two plays' noise has, on each line, half of the product of their powers as its variance.
     # The median, unlike the mean, has nothing of a single play that was disturbed.
@@ -151,7 +135,7 @@ def shared_power(spectra: ComplexArray) -> SharedPower:
     apart = np.abs(spectra - middle) ** 2
     pairs = apart @ apart.T
     least = float(np.sqrt((pairs.sum() - np.trace(pairs)) / 4)) * 2 / (plays * (plays - 1))
-    return SharedPower(value, float(np.sqrt((plays - 1) * np.var(left_out))), noise, plays, least)
+    return SharedPower(value, deviation, noise, plays, least)
 
 
 def summed(powers: Sequence[SharedPower]) -> SharedPower:
@@ -193,7 +177,7 @@ def plays_needed(power: SharedPower, limit: float) -> int | None:
     noise = power.least**2 * now * (now - 1)
     spread = max(power.deviation**2 - power.least**2, 0.0) * now
     for plays in range(now + 1, _MOST_PLAYS + 1):
-        reach = _quantile(plays) * np.sqrt(spread / plays + noise / (plays * (plays - 1)))
+        reach = quantile(plays) * np.sqrt(spread / plays + noise / (plays * (plays - 1)))
         if abs(value - limit**2) > reach:
             return plays
     return None
@@ -204,7 +188,7 @@ def told_by_noise(squares: float, plays: int) -> float:
 
     `squares` is the sum over the lines of the squared power of one play's noise.
     """
-    return float(_quantile(plays) * np.sqrt(squares / (plays * (plays - 1))))
+    return float(quantile(plays) * np.sqrt(squares / (plays * (plays - 1))))
 
 
 def trend(spectra: ComplexArray) -> float:
@@ -239,19 +223,6 @@ def odd_play(spectra: ComplexArray) -> tuple[int, float]:
     if not nearest[odd] > _ODD * float(np.median(nearest)):
         return 0, 0.0
     return odd + 1, float(nearest[odd])
-
-
-def _quantile(plays: int) -> float:
-    return _student(plays, 0.5 + CONFIDENCE / 2)
-
-
-def _student(plays: int, probability: float) -> float:
-    return float(scipy.special.stdtrit(plays - 1, probability))
-
-
-def _common(products: FloatArray, kept: IntArray) -> float:
-    among = products[np.ix_(kept, kept)]
-    return float((among.sum() - np.trace(among)) / (len(kept) * (len(kept) - 1)))
 
 
 def _lines(signals: FloatArray) -> ComplexArray:

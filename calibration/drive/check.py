@@ -1,4 +1,4 @@
-"""The closed loop: play a drive, measure the whole motion of the surface, and compare it with the target."""
+"""The closed loop: play a drive, measure the motion of the surface, and compare it with the target."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from ...acquisition import Representative
 
 TOLERANCE = 0.20
-"""Largest error of the whole motion. About the just noticeable difference of vibration amplitude well above
+"""Largest error of the motion. About the just noticeable difference of vibration amplitude well above
 threshold (docs/hardware.md, "Buttons and people")."""
 _LOWEST_OCTAVE = 20.0
 """Lowest third-octave band (Hz) that is shown; a play lasts about a second."""

@@ -176,7 +176,7 @@ class Check(InNotebook):
 
     @property
     def error(self) -> float:
-        """Rms error of the whole motion, over the target's rms: the one that is judged."""
+        """Rms error of the motion up to `judged_hz`, over the target's rms: the one that is judged."""
         return self.whole.root
 
     @property

@@ -46,7 +46,7 @@ class Drive(InNotebook):
     `volts` is (patches, samples) V at each patch as commanded, `target` is (samples,) m/s^2, on the same
     clock: the press's acceleration, modulated if that is the `method`, cut to `band` (Hz) and
     multiplied by `scale`. `in_band` is the share of that acceleration's energy which lies within the
-    band. `predicted_error` is the error expected of the whole motion: rms of the error over rms of the
+    band. `predicted_error` is the error expected of the motion: rms of the error over rms of the
     target. Unmodelled hysteresis of the patch adds some percent; after learning it is the measured error.
     """
 
@@ -82,7 +82,7 @@ class Drive(InNotebook):
     drift: Drift = STEADY
     """Drift of the table that was planned against."""
     drifted_error: float = 0.0
-    """Error expected of the whole motion when the table has drifted so, `predicted_error` included; by
+    """Error expected of the motion when the table has drifted so, `predicted_error` included; by
     `Drift()` where no drift of modes was planned against."""
 
     def __post_init__(self) -> None:

@@ -60,7 +60,7 @@ class Iteration:
     """One drive that was played, and its result.
 
     `volts` is (patches, samples) V as commanded, `accelerations` (points, plays, samples) m/s^2, the whole
-    motion in each play, at `rate_hz`. `each_whole` is, of each point, the squared error of the whole motion
+    motion in each play, at `rate_hz`. `each_whole` is, of each point, the squared error of the motion
     over the target's mean square, `each_within` the part of it within the drive's band. Of a silent point
     both are the motion within the band, over the target of the drive's own point: noise of the laser beyond
     the band hides what is silent.

@@ -1,7 +1,7 @@
 """How loud a drive can be, and at what error: the curve between them, and the choice on it.
 
 Within the limits of the rig a drive is louder only if more of the target is given up. Errors are those
-expected of the whole motion before any correction by playing, as calibrated and after a drift; the level is
+expected of the motion before any correction by playing, as calibrated and after a drift; the level is
 that of the drive's target above the threshold of a finger that presses.
 """
 
@@ -69,7 +69,7 @@ class Offer:
     """One point of a curve: a drive that the limits allow."""
 
     error: float
-    """Expected error of the whole motion as calibrated, before corrections: of several buttons, of the
+    """Expected error of the motion as calibrated, before corrections: of several buttons, of the
     worst."""
     drifted: float
     """The same after a drift of the table, whether it is planned against or not."""

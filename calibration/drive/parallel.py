@@ -51,7 +51,7 @@ class Wired:
 
     wiring: Wiring
     error: float
-    """Expected of the whole motion as calibrated, before corrections."""
+    """Expected of the motion as calibrated, before corrections."""
     level: float
     """dB above the threshold of a finger that presses."""
     scale: float

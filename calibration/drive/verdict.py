@@ -146,7 +146,7 @@ def _failures(result: Check, signs: Signs) -> list[str]:
             f"Only {drive.in_band:.1%} of the press's energy lies in the {low_hz:.0f} to "
             f"{high_hz:.0f} Hz that were played, and {LEAST_IN_BAND:.0%} is needed."
         )
-    felt = sensations_of(levels_of(result.measured, result.rate_hz), result.lab)[0]
+    felt = sensations_of(levels_of(result.accelerations, result.rate_hz), result.lab)[0]
     if felt.nobody:
         failures.append(f"{felt.sentence()} What nobody can feel is no button.")
     if failures and signs.followed[0] < LEAST_MOVED:

@@ -58,7 +58,6 @@ def examine(
         ("Settings", "rig", True, lambda: _settings(rig)),
         ("Bandwidth", "daq", True, lambda: check_bands(rig)),
         ("Noise floor", "daq", True, lambda: check_noise(rig)),
-        ("Verdicts", "vibrometer", _has_table(rig), lambda: check_verdicts(rig, drives)),
         ("Ghosts", "daq", True, lambda: check_ghosts(rig, list(cards(rig).values()))),
         ("Force sensor", "force", rig.sensors.force is not None, lambda: check_force(rig, mass)),
         ("Accelerometer", "acceleration", rig.sensors.acceleration is not None, lambda: check_gravity(rig)),
@@ -66,6 +65,7 @@ def examine(
         ("Two cards, one clock", "daq", len(cards(rig)) > 1, lambda: check_clock(rig)),
         ("Relay", "relay", rig.file.relay is not None, lambda: _relay(rig)),
         ("Patches", "table", _has_table(rig), lambda: check_patches(rig)),
+        ("Verdicts", "vibrometer", _has_table(rig), lambda: check_verdicts(rig, drives)),
     ]
     findings: list[Finding] = []
     for name, instrument, applies, check in parts:

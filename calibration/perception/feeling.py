@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,8 +23,6 @@ from .levels import (
 from .sensation import Answer, Sensation
 from .thresholds import thresholds
 
-_CLOSE_TO_NOISE = 3.0
-"""Level of a residual over that of the noise (dB) below which it may be noise alone."""
 _WORTH_SAYING = 0.1
 """Share of a level in estimated rows of the table above which a sentence says so."""
 
@@ -137,7 +135,9 @@ class Feeling:
         amplitude by at most that fraction. "yes" beyond it, where the figure holds and the difference is felt
         by itself, and where there is nothing to compare with. Masking between frequencies is not counted.
         """
-        alone, beside = (Sensation(self.pressing.act, one.pressing) for one in (self.residual, self.target))
+        alone, beside = (
+            Sensation(self.pressing.act, one.pressing, one.interval) for one in (self.residual, self.target)
+        )
         if alone.nobody or (self.comparable and self.ratio <= _noticeable()[0]):
             return "no"
         return "yes" if alone.answer == "yes" and (self.comparable or beside.nobody) else "not known"
@@ -159,15 +159,17 @@ def feeling_of(
     """Compare accelerations (samples,) m/s^2 with the thresholds of vibrotactile detection.
 
     `press` is the one that the target reproduces. `plays` (plays, samples) are the single measurements whose
-    mean is `measured`: their differences give the noise.
+    mean is `measured`: levels are of what they have in common, and their differences give the noise.
     """
     press = press or Pressed()
     recorded, shift = press.recorded, pressing_act(press.lab).shift
     noise, noise_total = _noise(plays, rate_hz)
 
+    each = measured if plays is None else plays
+    moved = levels_of(each, rate_hz)
+
     def levels(signal: FloatArray) -> Levels:
-        found = levels_of(signal, rate_hz)
-        return replace(found, pressing=found.pressing - shift)
+        return levels_of(signal, rate_hz).lowered(shift)
 
     def running(signal: FloatArray) -> FloatArray:
         return running_level(signal, rate_hz, SHORT) - shift
@@ -177,15 +179,15 @@ def feeling_of(
         resting_db=resting(OCTAVES),
         pressing_db=pressing(OCTAVES) + shift,
         target=levels(target),
-        measured=levels(measured),
-        residual=levels(measured - target),
+        measured=moved.lowered(shift),
+        residual=levels(each - target),
         recorded=None if recorded is None else levels(recorded),
         force=press.force,
-        acts=sensations_of(levels_of(measured, rate_hz), press.lab),
+        acts=sensations_of(moved, press.lab),
         noise=noise,
         noise_total=noise_total - shift,
         rate_hz=rate_hz,
-        measured_level=running(measured),
+        measured_level=running(each),
         recorded_level=None if recorded is None else running(recorded),
     )
 
@@ -195,7 +197,8 @@ def sensations_of(levels: Levels, lab: LabThreshold | None = None) -> tuple[Sens
     pressed, *others = thresholds().acts
     act = pressing_act(lab)
     assert pressed.name == act.name
-    return Sensation(act, levels.pressing - act.shift), *(Sensation(one, levels.resting) for one in others)
+    own = levels.lowered(act.shift)
+    return Sensation(act, own.pressing, own.interval), *(Sensation(one, levels.resting) for one in others)
 
 
 def _noise(plays: FloatArray | None, rate_hz: float) -> tuple[FloatArray | None, float]:
@@ -239,9 +242,15 @@ def _on_press(feeling: Feeling) -> str:
 
 
 def _on_difference(feeling: Feeling) -> tuple[str, ...]:
-    level, (fraction, sensation) = feeling.residual.pressing, _noticeable()
-    if not np.isfinite(level):
+    (low, high), (fraction, sensation) = feeling.residual.interval, _noticeable()
+    if not np.isfinite(high):
         return ("There is no difference from the target.",)
+    if not np.isfinite(low):
+        most = 10 ** ((high - feeling.target.pressing) / 20)
+        return (
+            f"The difference from the target is at most {most:.0%} of it as it is felt, and no larger than "
+            "the noise of the plays.",
+        )
     share = f"The difference from the target is {feeling.ratio:.0%} of it as it is felt"
     if feeling.comparable:
         side = "within" if feeling.ratio <= fraction else "beyond"
@@ -258,8 +267,7 @@ def _on_difference(feeling: Feeling) -> tuple[str, ...]:
             f"{share}; just noticeable differences were measured {sensation:.0f} dB above threshold, and the "
             "target is not as far above it: nothing is claimed."
         )
-    noisy = level < feeling.noise_total + _CLOSE_TO_NOISE
-    return said, "That difference is no larger than the noise of the plays." if noisy else ""
+    return (said,)
 
 
 def _duration(spans: tuple[tuple[float, float], ...]) -> float:

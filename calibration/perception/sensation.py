@@ -32,11 +32,17 @@ class Sensation:
     act: Act
     level: float
     """dB; minus infinity for no motion."""
+    measured: tuple[float, float] | None = None
+    """95 % confidence interval of `level`, where it was measured."""
 
     @property
     def people(self) -> tuple[float, float]:
-        """Share of people who feel it, with the highest and with the lowest threshold that may be."""
-        edges = np.array([self.level - self.act.higher, self.level + self.act.lower])
+        """Share of people who feel it, with the highest and with the lowest threshold that may be.
+
+        The ends of the level's interval are part of what may be.
+        """
+        low, high = self.measured or (self.level, self.level)
+        edges = np.array([low - self.act.higher, high + self.act.lower])
         least, most = scipy.special.ndtr(edges / self.act.spread)
         return float(least), float(most)
 
@@ -57,10 +63,17 @@ class Sensation:
         """The answer as one sentence; `force` (N) is that of the press."""
         pressed = f" with {force:.1f} N" if force and force > 0 and self.act.name == "pressing" else ""
         who = f"a person who {self.act.does}{pressed}"
-        if not np.isfinite(self.level):
+        low, high = self.measured or (self.level, self.level)
+        if not np.isfinite(high):
             return f"{_capital(who)} does not feel it: nothing moves between 18 and 1122 Hz."
-        side = "above" if self.level >= 0 else "below"
-        said = f"({abs(self.level):.0f} dB {side} threshold; {shares(*self.people)} of people)"
+        # An interval that reaches down to no motion has an upper end only.
+        hidden = not np.isfinite(low)
+        level = high if hidden else self.level
+        side = "above" if level >= 0 else "below"
+        at_most = "the laser's noise hides it: at most " if hidden and level >= 0 else ""
+        at_least = "the laser's noise hides it: at least " if hidden and level < 0 else ""
+        lies = f"{at_most}{at_least}{abs(level):.0f} dB {side} threshold"
+        said = f"({lies}; {shares(*self.people)} of people)"
         match self.answer:
             case "yes":
                 return f"{_capital(who)} feels it {said}."

@@ -40,7 +40,7 @@ def lab_threshold_of(
         )
     amplitudes = np.array([one.threshold for one in found])
     check = button.check
-    whole = levels_of(check.measured, check.rate_hz).pressing
+    whole = levels_of(check.accelerations, check.rate_hz).pressing
     if not (np.all(amplitudes > 0) and math.isfinite(whole)):
         raise DataError("A threshold of amplitude is above 0, and the button moves between 18 and 1122 Hz.")
     levels = whole + 20 * np.log10(amplitudes)

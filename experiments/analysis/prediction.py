@@ -137,7 +137,7 @@ def _felt(button: DigitalButton) -> FloatArray:
     """(windows,) dB of the measured motion, about the activation."""
     press, check = button.press, button.check
     activation = BEFORE + press.activation_index / press.rate_hz
-    return event_levels(check.measured, check.rate_hz, activation + _FIRST, _WINDOW, _WINDOWS)
+    return event_levels(check.accelerations, check.rate_hz, activation + _FIRST, _WINDOW, _WINDOWS)
 
 
 def _recorded(button: DigitalButton) -> FloatArray:

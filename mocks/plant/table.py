@@ -7,12 +7,13 @@ puts its (2, 2) mode at the paper's 263.5 Hz.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
-from ...instruments.arrays import FloatArray
+from ...instruments.arrays import FloatArray, IntArray
 from ...instruments.bounded import Positive
 from ...instruments.config import Actuator, RigFile
 from .modal import Modes
@@ -24,19 +25,33 @@ WIDTH, HEIGHT = 0.50, 0.35
 PATCH_WIDTH, PATCH_HEIGHT = 0.050, 0.030
 """Size of the ceramic of a P-876.A12 (m; found; docs/hardware.md, "Patches")."""
 MAIN_HZ = 263.5
-_HIGHEST = 3.2
-"""Highest mode, as a multiple of the main mode: modes above the band add stiffness within it."""
+HIGHEST_HZ = 3.2 * MAIN_HZ
+"""Highest mode by default (17 of them): those above the band of drives add stiffness within it."""
 
 
 def _curvature(m: int, n: int) -> float:
     return (m / WIDTH) ** 2 + (n / HEIGHT) ** 2
 
 
-MODES = sorted(
-    ((m, n) for m in range(1, 9) for n in range(1, 9) if _curvature(m, n) < _HIGHEST * _curvature(2, 2)),
-    key=lambda mode: _curvature(*mode),
-)
+def modes_to(highest_hz: float) -> list[tuple[int, int]]:
+    """Half waves along width and height of each mode up to a frequency (Hz), rising.
+
+    A pane has as many modes in each band of frequencies: 17 up to 843 Hz, 116 to 5 kHz, 236 to 10 kHz.
+    """
+    per_hz = _curvature(2, 2) / MAIN_HZ
+    most = int(WIDTH * (highest_hz * per_hz) ** 0.5) + 1
+    found = ((m, n) for m in range(1, most + 1) for n in range(1, most + 1))
+    return sorted(
+        (mode for mode in found if _curvature(*mode) < highest_hz * per_hz),
+        key=lambda mode: _curvature(*mode),
+    )
+
+
+MODES = modes_to(HIGHEST_HZ)
 MAIN = MODES.index((2, 2))
+_DAMPED_TO = HIGHEST_HZ
+"""Frequency (Hz) up to which the damping ratio rises; above it, it stays at 2.5 % (estimate: a mounted pane's
+loss factor, 1 to 6 %, hardly depends on the frequency)."""
 PATCHES = {"A": (0.20, 0.15), "B": (0.62, 0.93), "C": (0.08, 0.45), "D": (0.92, 0.55)}
 """Centres of the patches, as fractions of width and height, near the edges; A drives the main mode best
 (estimate)."""
@@ -65,6 +80,9 @@ class TouchTable(PlantSettings):
     daily_drift: Annotated[float, Field(strict=True, ge=0, lt=0.1)] = 0.0
     """Relative amplitude of the daily drift of every mode's frequency, caused by temperature."""
     damping_scale: Positive = 1.0
+    highest_hz: Annotated[float, Field(ge=HIGHEST_HZ, le=12_000)] = HIGHEST_HZ
+    """Highest mode (Hz). A real pane has hundreds up to 10 kHz; the default ends at 843 Hz, because hands,
+    palms and softening take long with so many."""
     collocated: bool = False
     """Put patch A under the button point, so that the response has no right-half-plane zeros."""
 
@@ -78,8 +96,8 @@ class TouchTable(PlantSettings):
     def make(self, file: RigFile, rng: np.random.Generator) -> ModalSurface:
         """See `PlantSettings.make`."""
         under = place_of(file, "button") if self.collocated else None
-        plate = make_plate(rng, self.mode_drift, self.damping_scale, under)
-        plate = replace(plate, masses=np.full(len(MODES), self.pane_mass / 4))
+        plate = make_plate(rng, self.mode_drift, self.damping_scale, under, self.highest_hz)
+        plate = replace(plate, masses=np.full(len(plate.natural_hz), self.pane_mass / 4))
         if file.actuator is not None and file.actuator.kind == "coil":
             plate = with_coils(plate, file.actuator, under)
         seed, daily = file.simulation.seed, self.daily_drift
@@ -95,25 +113,31 @@ def make_plate(
     drift: float = 0.0,
     damping_scale: float = 1.0,
     collocated_at: tuple[float, float] | None = None,
+    highest_hz: float = HIGHEST_HZ,
 ) -> Modes:
     """Create the modes of a table; frequencies and damping scatter with `rng`, as mounting and glass vary.
 
     The scatter and the damping law are estimates (docs/hardware.md, "Touch table").
     """
-    m, n = np.array(MODES).T
-    curvature = (m / WIDTH) ** 2 + (n / HEIGHT) ** 2
-    scatter = rng.normal(0, 0.02, len(MODES)).clip(-0.05, 0.05)
-    scatter[MAIN] = rng.normal(0, 0.0015)
+    waves = np.array(modes_to(highest_hz))
+    m, n = waves.T
+    curvature, lowest, more = (m / WIDTH) ** 2 + (n / HEIGHT) ** 2, len(MODES), len(waves) - len(MODES)
+    scatter, spread = rng.normal(0, 0.02, lowest), np.ones(len(waves))
+    main = rng.normal(0, 0.0015)
+    spread[:lowest] = rng.uniform(0.9, 1.1, lowest)
+    # The lowest modes come first, so that a seed's are the same with more above them.
+    scatter = np.concatenate([scatter, rng.normal(0, 0.02, more)]).clip(-0.05, 0.05)
+    scatter[MAIN], spread[lowest:] = main, rng.uniform(0.9, 1.1, more)
     natural = MAIN_HZ * curvature / curvature[MAIN] * (1 + scatter)
-    damping = (0.004 + 0.000025 * natural) * rng.uniform(0.9, 1.1, len(MODES))
+    damping = (0.004 + 0.000025 * np.minimum(natural, 1.05 * _DAMPED_TO)) * spread
     # The gain is set for the nominal damping and patch position, so that a damped table moves less.
-    strength = np.abs(_coupling(PATCHES["A"])[MAIN]) / (4 * np.pi * damping[MAIN] * natural[MAIN])
+    strength = np.abs(_coupling(waves, PATCHES["A"])[MAIN]) / (4 * np.pi * damping[MAIN] * natural[MAIN])
     gain = MAIN_VELOCITY / strength
     patches = dict(PATCHES) if collocated_at is None else {**PATCHES, "A": collocated_at}
-    coupling = {patch: gain * _coupling(place) for patch, place in patches.items()}
-    masses = np.full(len(MODES), PANE_MASS / 4)
+    coupling = {patch: gain * _coupling(waves, place) for patch, place in patches.items()}
+    masses = np.full(len(waves), PANE_MASS / 4)
     damping = np.minimum(damping * damping_scale, 0.3)
-    return Modes(natural * (1 + drift), damping, coupling, _shape, MAIN, masses)
+    return Modes(natural * (1 + drift), damping, coupling, partial(_shape, waves), MAIN, masses)
 
 
 def with_coils(plate: Modes, actuator: Actuator, collocated_at: tuple[float, float] | None) -> Modes:
@@ -126,7 +150,7 @@ def with_coils(plate: Modes, actuator: Actuator, collocated_at: tuple[float, flo
     assert actuator.resistance
     factor = 1.0 if actuator.force_factor is None else actuator.force_factor
     places = dict(PATCHES) if collocated_at is None else {**PATCHES, "A": collocated_at}
-    pushed = {patch: _shape(place) for patch, place in places.items()}
+    pushed = {patch: plate.shape(place) for patch, place in places.items()}
     assert plate.masses is not None
     mass = plate.masses[0]
     coupling = {patch: factor / actuator.resistance / mass * shape for patch, shape in pushed.items()}
@@ -137,21 +161,21 @@ def with_coils(plate: Modes, actuator: Actuator, collocated_at: tuple[float, flo
     return replace(plate, coupling=coupling, damping=np.minimum(damping, 0.3), main=None)
 
 
-def _shape(place: tuple[float, float]) -> FloatArray:
+def _shape(waves: IntArray, place: tuple[float, float]) -> FloatArray:
     """Return the mode shapes at a position (fractions of width and height), (modes,): 1 at antinodes."""
-    m, n = np.array(MODES).T
+    m, n = waves.T
     return np.asarray(np.sin(np.pi * m * place[0]) * np.sin(np.pi * n * place[1]))
 
 
-def _coupling(place: tuple[float, float]) -> FloatArray:
+def _coupling(waves: IntArray, place: tuple[float, float]) -> FloatArray:
     """Return the modal force per volt of a patch at a position, (modes,), at a gain of 1.
 
     A patch bends the pane, so it couples to the curvature averaged over its area.
     """
-    m, n = np.array(MODES).T
+    m, n = waves.T
     curvature = (m / WIDTH) ** 2 + (n / HEIGHT) ** 2
     average = np.sinc(m * PATCH_WIDTH / WIDTH / 2) * np.sinc(n * PATCH_HEIGHT / HEIGHT / 2)
-    return np.asarray(curvature * average * _shape(place))
+    return np.asarray(curvature * average * _shape(waves, place))
 
 
 def warmed(modes: Modes, time: float, daily: float, seed: int) -> Modes:

@@ -117,7 +117,7 @@ def test_what_was_made_is_a_screen_and_show_has_the_rest(
     assert len(brief.rows) < 0.6 * len(whole.rows)
     print_made(whole, file, as_json=False)
     said = capsys.readouterr().out
-    assert "Error, whole motion" in said and "Can be felt" in said and "Third octaves" not in said
+    assert "Error up to 5000 Hz" in said and "Can be felt" in said and "Third octaves" not in said
     assert said.splitlines()[-1] == f"More of it: haploop show {file}"
 
 

@@ -118,7 +118,7 @@ def test_the_noise_of_the_plays_is_stated_and_named() -> None:
     assert feeling.noise is not None and feeling.noise.shape == feeling.octaves_hz.shape
     assert "no larger than the noise of the plays" in said(feeling)
     assert "noise" not in said(
-        feeling_of(target, 1.4 * target, RATE, plays=np.array([target, 1.001 * target]))
+        feeling_of(target, 1.4 * target, RATE, plays=1.4 * np.array([target, 1.001 * target]))
     )
 
 

@@ -6,7 +6,14 @@ from importlib import resources
 import numpy as np
 import pytest
 
-from haploop.calibration.perception import SHORT, levels_of, parse_thresholds, running_level, thresholds
+from haploop.calibration.perception import (
+    SHORT,
+    event_levels,
+    levels_of,
+    parse_thresholds,
+    running_level,
+    thresholds,
+)
 from haploop.calibration.perception.levels import OCTAVES, mean_levels, pressing, resting
 from haploop.instruments import DataError
 
@@ -166,3 +173,32 @@ def test_the_most_sensitive_people_found_lie_within_what_pressing_may_be() -> No
     act = thresholds().act("pressing")
     below = float(act.level(np.array([175.0]))[0]) - 20 * np.log10(rms / 1e-6)
     assert below == pytest.approx(9, abs=0.5) and below < act.lower
+
+
+@pytest.mark.parametrize("level", [-25.0, -15.0, 0.0, 20.0])
+@pytest.mark.parametrize("noise", [0.0, 0.01, 0.1])
+def test_the_noise_of_plays_is_not_felt(level: float, noise: float) -> None:
+    """Of a motion 25 dB below threshold a laser's noise made one of 9 to 21 below."""
+    rng = np.random.default_rng(5)
+    moved, held = tone(260) * 10 ** (level / 20), 0
+    for _ in range(10):
+        plays = moved + noise * rng.standard_normal((8, len(moved)))
+        found = levels_of(plays, RATE)
+        low, high = found.interval
+        held += low <= level + 0.05 and high >= level - 0.05
+        events = event_levels(plays, RATE, 0.2, 0.03, 17)
+        quiet = event_levels(plays - moved, RATE, 0.2, 0.03, 17)
+        heard = event_levels((plays - moved).mean(axis=0), RATE, 0.2, 0.03, 17)
+        assert events.shape == quiet.shape == (17,)
+        if noise:
+            # Four in five windows without motion have none, the others a tenth of the mean's noise.
+            assert np.mean(10 ** (quiet / 10)) < 0.2 * np.mean(10 ** (heard / 10))
+    assert held >= 9
+    if noise == 0.1 and level == -25.0:
+        assert levels_of(plays.mean(axis=0), RATE).pressing > -22 and not np.isfinite(low)
+
+
+def test_a_level_of_a_finer_signal_is_the_same() -> None:
+    for hz in (90, 260, 830):
+        fine = levels_of(tone(hz, rate=50e3)[: round(2 * 50e3)], 50e3)
+        assert fine.pressing == pytest.approx(0, abs=0.1)

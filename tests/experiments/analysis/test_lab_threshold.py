@@ -21,7 +21,7 @@ def played(size: float = 1.0, simulated: bool = False) -> Any:
     """A digital button whose motion is a snap, `size` times."""
     t = np.arange(round(0.9 * RATE)) / RATE
     motion = size * np.exp(-(((t - 0.4) / 0.012) ** 2)) * np.sin(2 * np.pi * 264 * t)
-    check = SimpleNamespace(measured=motion, rate_hz=RATE)
+    check = SimpleNamespace(accelerations=motion[None], measured=motion, rate_hz=RATE)
     return SimpleNamespace(press=make_press(), check=check, simulated=simulated)
 
 

@@ -29,7 +29,7 @@ def button(name: str, level: float, clicks: tuple[float, ...], lab: LabThreshold
     before = np.zeros(round(BEFORE * RATE))
     motion = np.concatenate([before, press.acceleration, before])
     motion = motion * 10 ** ((level - levels_of(motion, RATE).pressing) / 20)
-    check = SimpleNamespace(measured=motion, rate_hz=RATE, lab=lab)
+    check = SimpleNamespace(accelerations=motion[None], measured=motion, rate_hz=RATE, lab=lab)
     return SimpleNamespace(press=press, check=check, simulated=True)
 
 
