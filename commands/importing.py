@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..reports import contents, outputs, show
-from ..terminal.progress import note, print_json, print_line
+from ..terminal.progress import Steps, note, print_json, print_line
 from . import front as haploop
 from .options import JSON, PATH, PICTURE, RIG, FiniteRange
 
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 _FORMATS = (
     "csv", "wav", "mat", "hdf5", "netcdf", "nwb", "numpy", "parquet", "tdms", "xdf", "xlsx", "uff", "sep005",
 )  # fmt: skip
+_LARGE = 1 << 22
+"""Bytes of a file that takes a second."""
 _FLIPPED = ("force", "acceleration", "displacement", "activation")
 
 
@@ -139,7 +142,8 @@ def import_(
         show.print_contents(contents.understanding_contents(found), as_json, plot)
         return 0
     path = haploop.destination(files[0], out) if _into_folder(files, out) else out
-    haploop.import_file(found, path, at)
+    with _patience("Importing", files[0]):
+        haploop.import_file(found, path, at)
     if plot is not None:
         outputs.save_picture(contents.understanding_contents(found).draw(), plot, False)
     said_there = contents.file_contents(path)
@@ -187,13 +191,26 @@ def _by_name(option: str, example: str, given: Sequence[str]) -> dict[str, str]:
 
 def _asked(path: Path, mapping: FileMapping) -> Understanding:
     """What is understood of a file, with what a person at a terminal says when asked."""
-    found = haploop.understand(path, haploop.named(path, mapping))
+    with _patience("Reading", path):
+        found = haploop.understand(path, haploop.named(path, mapping))
     if not (_at_a_terminal() and found.questions):
         return found
     show.print_contents(contents.understanding_contents(found), False)
     while found.questions:
         found = haploop.understand(path, found.answered(found.questions[0], _ask(found.questions[0])))
     return found
+
+
+@contextmanager
+def _patience(doing: str, file: Path) -> Iterator[None]:
+    """Say what is being done with a large file, while it is."""
+    if not file.is_file() or file.stat().st_size < _LARGE:
+        yield
+        return
+    with Steps() as steps:
+        steps(f"{doing} {file.name}", 0, 1, "")
+        yield
+        steps(f"{doing} {file.name}", 1, 1, "")
 
 
 def _at_a_terminal() -> bool:

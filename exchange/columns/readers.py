@@ -60,7 +60,7 @@ def read_table(path: Path, format: str | None, decimal: str | None, skip: bool =
         elif found == "uff":
             table = uff_signals.read_table(path)
         elif found in _TREES:
-            table = tree_table.read_table(path)
+            table = tree_table.read_table(path, skip)
         else:
             table = text_file.read_table(path, decimal, skip)
     if any(column.name.lower() == "frequency" for column in table.columns):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Sequence
 from datetime import date, datetime
@@ -24,18 +25,24 @@ _STAMPS = tuple(
 _SPAN = re.compile(rf"\s*(?P<days>-?\d+) days?,? (?:\+)?{_CLOCK}\s*\Z")
 """As pandas writes a time since the start."""
 _TIME = re.compile(rf"\s*{_CLOCK}\s*\Z")
+_ISO = re.compile(r"\s*\d{4}-\d\d-\d\d[ T]\d\d:\d\d:\d\d(\.\d{1,9})?\s*\Z")
 _DAY = 86_400.0
 
 
 def is_stamp(text: str) -> bool:
     """True for a date, a time of day, or both."""
-    if ":" in text and (_TIME.match(text) or _SPAN.match(text)):
+    if any(s.match(text) for s in _STAMPS):
         return True
-    return any(s.match(text) for s in _STAMPS)
+    return ":" in text and (_TIME.match(text) or _SPAN.match(text)) is not None
 
 
 def seconds_of(texts: Sequence[str]) -> FloatArray:
     """(rows,) s from the first; a time of day that goes back begins another day. NaN for another text."""
+    with contextlib.suppress(ValueError):  # ISO 8601, quickly
+        if texts and _ISO.match(texts[0]):
+            instants = np.array([text.strip().replace(" ", "T") for text in texts], dtype="datetime64[ns]")
+            if not np.isnat(instants).any():
+                return np.asarray((instants - instants[0]) / np.timedelta64(1, "ns") * 1e-9)
     one = next((text for text in texts if is_stamp(text)), "")
     kind = next((s for s in (*_STAMPS, _SPAN, _TIME) if s.match(one)), _TIME)
     days: dict[tuple[str, str, str], float] = {}

@@ -102,12 +102,15 @@ def table_of(path: Path, body: Body) -> Table:
     """The columns of rows, with what the rows above them say. Raises DataError."""
     above = [[cell.strip() for cell in row] for row in body.above]
     head = head_of(path, body, above)
-    if any(row and row[0].lower() == "sequence" for row in above[-2:]):
+    if any(row and (row[0].lower() == "sequence" or "t0 =" in " ".join(row)) for row in above[-2:]):
         head.seconds = head.seconds or 1.0  # Rigol's increments
     stated = [[cell.strip("#%;/!") for cell in row] for row in above[-_MOST_HEAD:]]
     rates = stated_rates([*stated, *_beside(body)], body.decimal, head.seconds)
     columns = _columns(path, body, head)
     notes: list[str] = []
+    if len(columns) > 2 and not head.names and all(c.values[0] == n for n, c in enumerate(columns)):
+        columns = [replace(column, values=column.values[1:]) for column in columns]
+        notes.append("Its first row (0, 1, 2, ...) numbers its columns, and was left out.")
     if head.starts and len(rates) == 1:
         columns, notes = together(path, [replace(column, rate_hz=rates[0].hz) for column in columns])
     lines = f", the first row of numbers is line {len(above) + 1}" if above else ", no headings"
@@ -148,9 +151,12 @@ def _numbers(cells: Sequence[str], decimal: str) -> FloatArray:
     try:
         return _finite(np.array(plain, dtype=np.float64))
     except ValueError:
-        return _finite(np.array([
-            float("nan") if is_blank(cell) else float(cell.upper().replace("D", "E")) for cell in plain
-        ]))  # fmt: skip
+        return _finite(np.array([float("nan") if is_blank(cell) else _odd(cell) for cell in plain]))
+
+
+def _odd(cell: str) -> float:
+    """A number of Fortran's, or with blanks behind its sign."""
+    return float(cell.upper().replace("D", "E").replace(" ", ""))
 
 
 def _finite(values: FloatArray) -> FloatArray:

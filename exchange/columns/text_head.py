@@ -86,7 +86,7 @@ def _keyed(row: list[str]) -> tuple[str, list[str]]:
     for what, key in _KEY.items():
         if (match := key.match(first)) is not None:
             cells = [*([match["first"]] if match["first"] else []), *row[1:]]
-            cells = [cell.strip(" \"'") for cell in cells]
+            cells = [re.sub(r"^\w+:\s*", "", cell.strip(" \"'")) for cell in cells]  # CH1:V
             while cells and not cells[-1]:
                 cells.pop()
             return (what, cells) if cells and all(cells) else ("", [])
@@ -117,7 +117,9 @@ def _headings(
         index, levels = only, levels[:-1]  # pandas: names of the index, below the headings
     last = levels[-1] if levels else None
     units: dict[int, str] = {}
-    if len(levels) > 1 and last and levels[-2] and _are_units([last[place] for place in body.columns]):
+    over = levels[-2] if len(levels) > 1 else None
+    named = over is not None and not any(re.search(r"\d[.]\d|[:=]", cell) for cell in over.values())
+    if last and named and _are_units([last[place] for place in body.columns]):
         units = {place: cell.strip("()[] ") for place, cell in last.items() if cell}
         levels = levels[:-1]
         last = levels[-1]
@@ -190,7 +192,8 @@ def _shaped(row: list[str], body: Body) -> dict[int, str] | None:
     width = max(body.columns[-1] + 1, len(body.rows[0]) if len(body.rows) else 0)
     while cells and (not cells[-1] or cells[-1].lower() in _LESS) and len(cells) > width:
         cells.pop()
-    if len(cells) <= body.columns[-1]:
+    # Between spaces, a heading of two words would shift those behind it.
+    if len(cells) <= body.columns[-1] or (body.shape.startswith("spaces") and len(cells) > width):
         return None
     found = {place: cells[place] for place in range(len(cells)) if place in body.columns or cells[place]}
     named = [found[place] for place in body.columns]

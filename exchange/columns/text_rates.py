@@ -23,8 +23,8 @@ _RATE = re.compile(
     re.I)  # fmt: skip
 _STEP = re.compile(
     rf"(?<![a-z]){_SAMPLED}[ _-]*(interval|period|step|intervall|periode)(?![a-z])|"
-    r"(?<![a-z])(delta[ _]?[xt]|x[ _]?incr(ement)?|increment|dt|hresolution|(time|zeit)[ _-]*(step|interval|"
-    r"increment|schritt)|interval|zeitintervall)(?![a-z])",
+    r"(?<![a-z])(delta[ _]?[xt]|[xt][ _]?inc(r|rement)?|increment|dt|hresolution|"
+    r"(time|zeit)[ _-]*(step|interval|increment|schritt)|interval|zeitintervall)(?![a-z])",
     re.I)  # fmt: skip
 _NOT_OURS = re.compile(
     r"(?<![a-z])(max(imum|\.)?|min(imum|\.)?|original|source|native|up to|possible|supported|available|over|"

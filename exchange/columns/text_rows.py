@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import codecs
 import csv
+import math
 import re
 from collections import Counter
 from collections.abc import Sequence
@@ -24,8 +25,8 @@ from ...instruments import DataError
 from ...instruments.arrays import FloatArray
 from .stamps import is_stamp
 
-_POINT = re.compile(r"\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?\s*\Z")
-_COMMA = re.compile(r"\s*[-+]?(?:\d+,?\d*|,\d+)(?:[eEdD][-+]?\d+)?\s*\Z")
+_POINT = re.compile(r"\s*[-+]?\s*(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?\s*\Z")
+_COMMA = re.compile(r"\s*[-+]?\s*(?:\d+,?\d*|,\d+)(?:[eEdD][-+]?\d+)?\s*\Z")
 _BLANKS = {"", *"- -- --- nan na n/a #n/a #nv null none 1.#qnan -1.#ind inf -inf".split()}  # noqa: SIM905
 _AMBIGUOUS = re.compile(r"[-+]?\d+,\d+\Z")
 _SHAPES = (
@@ -83,6 +84,11 @@ def is_blank(cell: str) -> bool:
 
 def is_number(cell: str, decimal: str = ".") -> bool:
     """True for a number with this decimal sign."""
+    if decimal == "." and "_" not in cell:
+        try:  # most cells, quickly
+            return math.isfinite(float(cell))
+        except ValueError:
+            pass
     return (_COMMA if decimal == "," else _POINT).match(cell) is not None
 
 
@@ -100,7 +106,9 @@ def body_of(path: Path, text: str, decimal: str | None = None, skip: bool = Fals
     shapes = [shape for shape in _SHAPES[: None if quoted else -1] if decimal in (None, shape[1])]
     if not sample:
         raise DataError(f"{path} is empty.")
-    found = max(((_fit(sample, *shape), -n, shape) for n, shape in enumerate(shapes)), default=None)
+    # Dates have spaces in them: these are what stands between columns where no sign is.
+    fits = [(_fit(sample, *shape), -n, shape) for n, shape in enumerate(shapes)]
+    found = max(fits, default=None, key=lambda fit: (fit[0][0], fit[2][0] != "", fit[0][1], fit[1]))
     if found is None or found[0] == (0, 0):
         raise DataError(
             f"{path} is no table of numbers: no row in its middle is one ({sample[0].strip()[:40]!r})."
@@ -135,8 +143,11 @@ def _at_once(
     lines: Sequence[str], sample: Sequence[str], separator: str, sign: str, shape: str
 ) -> Body | None:
     """The body of a text whose cells are all numbers, read by NumPy; None for any other."""
-    widths = {len(row) for row in _split(sample, separator)}
+    cells = _split(sample, separator)
+    widths = {len(row) for row in cells}
     width = max(widths)
+    if len(widths) > 1 or not all(is_number(cell, sign) for row in cells for cell in row):
+        return None
     columns = tuple(range(width))
     need = min(_RUN, len(sample))
     run = first = 0
@@ -151,12 +162,7 @@ def _at_once(
         end -= 1
     block = lines[first:end]
     above = _split(lines[:first], separator)
-    if (
-        run < need
-        or len(widths) > 1
-        or not all(map(str.strip, block))
-        or _begins_earlier(above, columns, sign)
-    ):
+    if run < need or not all(map(str.strip, block)) or _begins_earlier(above, columns, sign):
         return None
     try:
         values = np.loadtxt(

@@ -46,12 +46,12 @@ _WIDEST = 64
 """Columns of a matrix; a wider one is a picture or a spectrogram."""
 
 
-def read_table(path: Path) -> Table:
+def read_table(path: Path, skip: bool = False) -> Table:
     """Read a file's columns. Raises DataError, ConfigurationError where a package is missing."""
     tree = tree_of(path)
     if tree.rows:
         shape = f"workbook, sheet {tree.texts['sheet']!r}"
-        table = table_of(path, numeric_rows(path, tree.rows, ".", shape))
+        table = table_of(path, numeric_rows(path, tree.rows, ".", shape, skip))
         others = tree.lists.get("sheets", [])
         left = (f"Of its sheets {', '.join(map(repr, others))} were left out.",) if others else ()
         return replace(table, notes=(*table.notes, *left))

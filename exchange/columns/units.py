@@ -115,6 +115,8 @@ def units_of(text: str) -> tuple[Unit, ...]:
     if plain.startswith("(") and plain.endswith(")"):
         plain = plain[1:-1]
     plain = plain.translate(_PLAIN)
+    if len(plain) > 2:
+        plain = plain.rstrip(".")  # sec.
     if plain in _MEGA:
         return ()
     if plain in ("G", "Gs"):  # no gram
@@ -135,15 +137,15 @@ def unit_of(text: str, quantity: str | None = None) -> Unit | None:
 def split_heading(heading: str) -> tuple[str, str]:
     """Name and unit in a heading: `Kraft [N]`, `a (g)`, `Weg/mm`, `Kraft in N`, `force_N`; "" without one.
 
-    A heading that is a unit of time, or ends in one, names the time: `Millis`, `t_ms`, `elapsed_seconds`.
+    A heading may be a unit itself, or end in one of time: `Volt`, `Millis`, `t_ms`, `seconds_elapsed`.
     """
     heading = " ".join(heading.split()).strip("\"'")
     if match := _BRACKETS.search(heading[-200:]):
         cut = len(heading) - len(match[0])
         name, unit = heading[:cut].rstrip(" /"), match["unit"].strip()
-        if name and unit:
+        if name and unit and not unit.isdecimal():  # time[0] is one of several
             return (name, unit)
-        if name:  # millis()
+        if name and not unit:  # millis()
             heading = name
     for sign in ("/", " in ", "_", ",", " ", "-", ":"):
         name, found, unit = heading.partition(sign) if sign == "/" else heading.rpartition(sign)
@@ -158,6 +160,9 @@ def split_heading(heading: str) -> tuple[str, str]:
     for text in (heading, *(m["unit"] for m in [_SINCE.match(heading)] if m), *_HUMP.split(heading)[-1:]):
         if len(text) > 1 and unit_of(text, "time") is not None and text.lower() not in ("min", "mins"):
             return heading, text
+    whole = unit_of(heading)
+    if whole is not None and whole.quantity in ("voltage", "force", "displacement") and len(heading) > 2:
+        return heading, heading  # Volt
     return heading, ""
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from ...instruments.arrays import FloatArray
 from ..columns import Column, units_of
-from .mapping import ROLES, Role
+from .mapping import MEASURED, ROLES, Role
 
 _WORDS: Mapping[Role, str] = {
     "time": r"(((elapsed|relative|absolute|unix|epoch|sensor|posix)[ _]?)?(time(stamps?)?|epoch)|elapsed|t|"
@@ -75,7 +75,7 @@ def _by_both(column: Column, named: Sequence[Role], units: Set[str], own: bool) 
         return "force", Claim(1, "by its heading", _mass(column))
     if not units or "voltage" in units:
         return named[0], Claim(1, "by its heading")
-    if units & set(ROLES) and named[0] != "activation":
+    if named[0] in MEASURED and (units & set(ROLES) or len(column.name) > 1):
         doubt = f"its heading says {named[0]}, its unit {column.unit} does not"
         return named[0], Claim(1, "by its heading", doubt)
     return _by_unit(column, units)

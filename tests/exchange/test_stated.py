@@ -332,6 +332,51 @@ CASES = (
         asks=("which of Force left [N], Force right [N]",),
     ),
     Case(
+        "Graphtec's recorder",
+        "Model,GL840\nSampling interval,1ms\nData\nNumber,Date&Time,ms,Force,CH2,Alarm\nNO.,Time,ms,N,V,A12\n"
+        + rows(
+            np.arange(2500),
+            [f"2026/05/01 10:00:0{k // 1000}" for k in range(2500)],
+            [k % 1000 for k in range(2500)],
+            [f"+ {f:.4f}" for f in F],
+            F,
+            ["LLL"] * 2500,
+        ),
+        1000,
+        peaks=SURE,
+        notes=("Alarm is 'LLL' in all rows",),
+    ),
+    Case(
+        "Siglent's preamble",
+        "Record Length,Analog:2500\nSample Rate,5000.0\nHorizontal Scale, 0.1\nSecond,Volt\n" + rows(T, F),
+        5000,
+        {"force": "Volt", "units": {"force": "1 V/N"}},
+        peaks=SURE,
+    ),
+    Case(
+        "Rigol's increment",
+        "CH1V,CH2V,t0 =-0.25, tInc = 2e-04,\n" + rows(F, F, ["" for _ in T]),
+        5000,
+        {"force": 0, "units": {"force": "1 V/N"}},
+        peaks=SURE,
+    ),
+    Case(
+        "a word before headings between spaces",
+        "% Fs = 5000 Hz\n% columns: travel force\n" + rows(0.1 * F, F, separator=" "),
+        asks=("is force, acceleration or displacement",),
+    ),
+    Case(
+        "force in percent", timed("time (s),Force (%)"), asks=("its heading says force, its unit % does not",)
+    ),
+    Case(
+        "a first row that numbers the columns",
+        "0,1,2\n" + rows(T, F, F),
+        5000,
+        {"time": 0, "force": 1, "units": {"time": "s", "force": "N"}},
+        peaks=SURE,
+        notes=("numbers its columns",),
+    ),
+    Case(
         "seconds and a column of milliseconds",
         "Date&Time,ms,Force (N)\n"
         + rows([f"2026-05-01 10:00:0{k // 1000}" for k in range(2500)], [k % 1000 for k in range(2500)], F),
