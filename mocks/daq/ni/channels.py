@@ -83,13 +83,7 @@ def _new(system: NiSystem, request: Any, terminals: str, kind: str) -> Iterator[
 
 
 def _limits(request: Any, kind: str, values: dict[str, Any]) -> None:
-    low, high = request.min_val, request.max_val
-    if not low < high:
-        raise DaqmxError(
-            DAQmxErrors.MIN_NOT_LESS_THAN_MAX,
-            f"Minimum is greater than or equal to the maximum: {low:g}, {high:g}.",
-        )
-    values[f"{kind}_MIN"], values[f"{kind}_MAX"] = low, high
+    values[f"{kind}_MIN"], values[f"{kind}_MAX"] = request.min_val, request.max_val
 
 
 def _scale(system: NiSystem, name: str) -> Scale | None:

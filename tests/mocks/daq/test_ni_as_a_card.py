@@ -437,6 +437,13 @@ def test_a_new_task_takes_new_samples(twin: NiTwin) -> None:
         assert len({poll(terminal) for _ in range(8)}) > 2
 
 
+def test_limits_the_wrong_way_round_are_refused_at_the_start(twin: NiTwin) -> None:
+    """nidaqwrapper's tests on NI's simulated devices make such a channel."""
+    with nidaqmx.Task() as task:
+        task.ai_channels.add_ai_voltage_chan("Dev1/ai0", min_val=10.0, max_val=-10.0)
+        assert code(task.start) == -200082
+
+
 @pytest.mark.parametrize(("device", "right"), [("Dev1", -200576), ("Eight", None)])
 def test_a_cold_junction_needs_a_sensor(twin: NiTwin, device: str, right: int | None) -> None:
     with nidaqmx.Task() as task:
