@@ -98,7 +98,7 @@ TROUBLES = (
     Trouble("lost samples", {"kind": "daq-overrun", "times": 1}, recording=True),
     Trouble("lost samples", {"kind": "daq-overflow", "times": 1}, recording=True),
     Trouble(
-        "A sensor left its range",
+        "left its range",
         {"kind": "sensor-saturated", "channel": "acceleration_z", "duration": LASTS},
         recording=True,
     ),

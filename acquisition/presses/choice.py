@@ -10,13 +10,18 @@ from ...instruments.arrays import BoolArray, FloatArray
 from ..recording import Recording
 from .cutting import Activated
 from .double_clicks import double_clicks
+from .protocol import Protocol
 from .quality import accepted_presses, is_of
 from .segmentation import ButtonPress
-from .sensor_faults import axis_fault, signal_fault, upside_down
+from .sensor_faults import axis_fault, left_range, signal_fault, upside_down
 
 
 def usable(recording: Recording, left_out: list[str]) -> list[Activated]:
-    """Presses with their activation instants (samples); the others are added to `left_out`."""
+    """Presses with their activation instants (samples); the others are added to `left_out`.
+
+    A press that was judged as it was recorded, and shown so, is not judged again; one of a recording without
+    verdicts is judged here.
+    """
     good = []
     accepted = accepted_presses(recording)
     left_out += [
@@ -24,14 +29,15 @@ def usable(recording: Recording, left_out: list[str]) -> list[Activated]:
         for bad in recording.verdicts
         if not bad.accepted
     ]
+    unjudged = Protocol.from_json(recording.header.protocol) is None
     for number, press in enumerate(accepted, start=1):
-        if press.saturated:
-            left_out.append(f"{recording.participant}, press {number}: a sensor was saturated")
-        elif press.activation is None:
-            left_out.append(f"{recording.participant}, press {number}: {_unswitched(recording)}")
-        else:
+        wrong = _fault(recording, press) if unjudged else ""
+        if press.activation is None:
+            wrong = _unswitched(recording)
+        if wrong:
+            left_out.append(f"{recording.participant}, press {number}: {wrong}")
+        elif press.activation is not None:
             good.append((press, press.activation))
-    good = [one for one in good if _sound(recording, one[0], left_out)]
     left_out += [
         f"{recording.participant}, press {verdict.number}, attempt {verdict.attempt}: it is not found with "
         "the recording's segmentation"
@@ -45,16 +51,14 @@ def _unswitched(recording: Recording) -> str:
     return "the contact did not change" if recording.has("activation") else "it shows no snap"
 
 
-def _sound(recording: Recording, press: ButtonPress, left_out: list[str]) -> bool:
-    """True for a press whose signals are right, or can be corrected; another is added to `left_out`."""
+def _fault(recording: Recording, press: ButtonPress) -> str:
+    """Why the signals of a press are wrong, and cannot be corrected, as a clause; empty for right ones."""
+    within = slice(press.onset, press.release + 1)
+    if beyond := recording.saturated_in(within):
+        return left_range(beyond)
     rest = recording.rest
     wrong = "" if upside_down(recording, rest) else axis_fault(recording, rest)
-    if wrong := wrong or signal_fault(
-        recording, rest, slice(press.onset, press.release + 1), recording.vertical[rest]
-    ):
-        at = press.onset / recording.rate_hz
-        left_out.append(f"{recording.participant}, press at {at:.2f} s: {wrong}")
-    return not wrong
+    return wrong or signal_fault(recording, rest, within, recording.vertical[rest])
 
 
 def held(

@@ -20,7 +20,7 @@ from .pressing import Levels, press_quantity, pressing
 from .protocol import Protocol
 from .restlessness import crept, hum_of
 from .segmentation import ButtonPress, Span, find_presses
-from .sensor_faults import axis_fault, doubt, signal_fault
+from .sensor_faults import axis_fault, doubt, left_range, signal_fault
 
 _RATING = 0.8
 """Largest fraction of the force sensor's rating in a press (a choice)."""
@@ -112,8 +112,8 @@ class QualityCheck:
         wrong: dict[str, str] = {}
         if activation is None:
             wrong["no-activation"] = _unswitched(self._sensors)
-        if excerpt.saturated[begin:end].any():
-            wrong["saturated"] = "a sensor left its range"
+        if beyond := excerpt.saturated_in(slice(begin, end)):
+            wrong["saturated"] = left_range(beyond)
         if quantity == "force":
             wrong |= self._strength(signal[begin:end], at)
         if len(found) > 1:

@@ -30,6 +30,7 @@ from ...instruments.sensors import upside_down as turned_over
 from ..recording import Recording
 
 _NAMES = {
+    "force": "force sensor",
     "acceleration": "accelerometer",
     "velocity": "velocity sensor",
     "displacement": "displacement sensor",
@@ -53,6 +54,13 @@ _STILL, _WEIGHT = 0.01, 0.1
 one's, is above the second; of a press at the centre it has a third."""
 _CREPT, _LEAVES = 0.01, 0.05
 """Part of a press's force that is left once the finger has left (s), from which the sensor creeps."""
+
+
+def left_range(quantities: Sequence[str]) -> str:
+    """A clause on sensors, by what they measure, that were at the end of their range."""
+    names = [f"the {_NAMES[one]}" for one in quantities]
+    whose = "its range" if len(names) == 1 else "their ranges"
+    return f"{' and '.join(names)} left {whose}"
 
 
 def upside_down(recording: Recording, rest: slice) -> bool:

@@ -314,18 +314,28 @@ class Recording(InNotebook):
 
     @cached_property
     def saturated(self) -> BoolArray:
-        """(samples,): True where a sensor, or its converter, was at the range end (not extra channels)."""
-        edge = np.zeros(len(self), dtype=np.bool_)
-        for sensor in self.sensors.of_presses.values():
+        """(samples,): True where a sensor, or its converter, was at the range end (not extra channels).
+
+        A contact has two states and no range: its converter's end is one of them.
+        """
+        return np.asarray(np.any([np.zeros(len(self), dtype=np.bool_), *self._at_ends.values()], axis=0))
+
+    def saturated_in(self, part: slice) -> tuple[str, ...]:
+        """What was at the end of its range within samples: "force", "acceleration" and so on."""
+        return tuple(name for name, edge in self._at_ends.items() if edge[part].any())
+
+    @cached_property
+    def _at_ends(self) -> dict[str, BoolArray]:
+        """Samples (samples,) at which a sensor was at the end of its range, by what it measures."""
+        found = {}
+        for name, sensor in self.sensors.linear.items():
             codes = self._contents.codes[self._indices(sensor)]
             # The largest positive code is 32767, the largest negative one -32768.
-            edge |= np.any(np.abs(codes.astype(np.int32)) >= CODES - 1, axis=0)
+            edge = np.any(np.abs(codes.astype(np.int32)) >= CODES - 1, axis=0)
             volts = self._rows(sensor)
-            if isinstance(sensor, LinearSensor) and sensor.tared:
-                edge |= sensor.saturated(volts, self._rest_of(volts))
-            else:
-                edge |= sensor.saturated(volts)
-        return edge
+            rest = self._rest_of(volts) if sensor.tared else None
+            found[name] = np.asarray(edge | sensor.saturated(volts, rest))
+        return found
 
     def delay(self, quantity: str) -> float:
         """Delay (s) from a sample's clock edge to the instant of `quantity` that it shows.

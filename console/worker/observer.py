@@ -50,7 +50,10 @@ class Observer:
             self._run = run.number
             shown = {"number": run.number, "doing": run.doing, "about": run.about, "rate_hz": run.rate_hz}
             self._board.set(run={**shown, "channels": list(run.channels)})
-        beyond = [name for name, over in zip(run.channels, block.overload, strict=True) if over]
+        # A contact has two states and no range.
+        contact = run.sensors.activation.channels if run.sensors.activation else ()
+        each = zip(run.channels, block.overload, strict=True)
+        beyond = [name for name, over in each if over and name not in contact]
         for name, sensor in run.sensors.linear.items():
             # What has a rest of its own is not at its end by the weight on it.
             if not sensor.tared and set(sensor.channels) <= set(run.channels):

@@ -34,6 +34,8 @@ class Framing(BaseModel):
     """Of text: what stands between two columns, such as `,`; a space stands for any number of blanks."""
     columns: Annotated[int, Field(strict=True, ge=1, le=64)] | None = None
     """Of text: numbers in a line. Lines that begin with # are no samples."""
+    decimals: Annotated[int, Field(ge=0, le=9)] | None = None
+    """Of text: digits behind the decimal point, which the twin prints."""
     struct: str | None = None
     """Of binary frames: the columns as Python's struct module writes them, such as `<Hhh`."""
     sync: str = ""
@@ -55,6 +57,8 @@ class Framing(BaseModel):
             if len(self.separator) != 1:
                 raise ValueError("separator must be one character, such as ',' or ' '")
             return self
+        if self.decimals is not None:
+            raise ValueError("decimals are of lines of text: take them out, or write separator and columns")
         try:
             width = len(struct.unpack(self.struct or "", bytes(struct.calcsize(self.struct or ""))))
         except struct.error as error:
@@ -89,6 +93,10 @@ class Framing(BaseModel):
         ]
         body = struct.pack(self.struct, *codes)
         return bytes.fromhex(self.sync) + body + _checksum(self.checksum, body)
+
+    def whole(self, column: int) -> bool:
+        """True when a column can carry whole numbers only."""
+        return self.struct is not None and _codes(self.struct)[column] not in "efd"
 
     def limits(self, column: int) -> tuple[float, float]:
         """Smallest and largest value that a column can carry."""

@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Self
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from ..bounded import Baud, Finite, NotNegative, Positive
 from ..config import RigFile, lacks
 from .serial_codec import Framing
+
+_COUNTS = 100.0
+"""Whole numbers in a range from which a line of text has whole numbers."""
 
 
 class _Section(BaseModel):
@@ -73,6 +77,21 @@ class SerialSettings(_Section):
     bridge: NotNegative = 0.05
     """Longest time of lost frames that is bridged when recorded along (s)."""
     edge: SharedEdge | None = None
+
+    def digit(self, channel: Column) -> float:
+        """What the last digit of a channel's column counts, in the board's units.
+
+        1 for whole numbers: integers of a structure, and lines of text unless `frame.decimals` says more or
+        the range has less than a hundred of them, as that of a board that prints volts.
+        """
+        if self.frame.whole(channel.column - 1):
+            return 1.0
+        if self.frame.decimals is not None:
+            return float(10.0**-self.frame.decimals)
+        steps = 2 * channel.range / abs(channel.scale)
+        if steps >= _COUNTS and self.frame.struct is None:
+            return 1.0
+        return float(10.0 ** np.floor(np.log10(steps) - 5))
 
     @model_validator(mode="after")
     def _columns(self) -> Self:

@@ -36,8 +36,11 @@ def levels(block: LiveBlock) -> tuple[Level, ...]:
     """Compute the levels of all quantities of sensors and laser, then of the other channels, in volts."""
     found = []
     run = block.run
+    contact = run.sensors.activation.channels if run.sensors.activation else ()
     for names, units, channels, values in signals(run, block.volts):
-        overload = bool(block.overload[[run.channels.index(channel) for channel in channels]].any())
+        # A contact has two states and no range.
+        ranged = [run.channels.index(channel) for channel in channels if channel not in contact]
+        overload = bool(block.overload[ranged].any())
         found += [
             _level(name, unit, row, overload) for name, unit, row in zip(names, units, values, strict=True)
         ]

@@ -41,7 +41,7 @@ class Board:
     """Frames whose bytes are damaged."""
     silent_from: int | None = None
     noise: float = 0.5
-    """Noise of a column (rms, in the board's units)."""
+    """Noise of a column (rms, in its last digit)."""
 
     def __post_init__(self) -> None:
         settings = self.settings
@@ -104,7 +104,9 @@ class Board:
             raw[channel.column - 1] = (
                 np.clip(row, -channel.range, channel.range) - channel.offset
             ) / channel.scale
-            raw[channel.column - 1] += self.noise * self._rng.standard_normal(len(times))
+            digit = settings.digit(channel)
+            raw[channel.column - 1] += self.noise * digit * self._rng.standard_normal(len(times))
+            raw[channel.column - 1] = np.rint(raw[channel.column - 1] / digit) * digit
         if settings.counter is not None:
             raw[settings.counter - 1] = numbers % settings.counter_modulo
         edge = settings.edge
@@ -112,7 +114,7 @@ class Board:
             raw[edge.column - 1] = self.plant.read([edge.channel], times[np.newaxis, :])[0] > edge.threshold
         for column, row in enumerate(raw):
             low, high = settings.frame.limits(column)
-            np.clip(np.rint(row), low, high, out=row)
+            np.clip(row, low, high, out=row)
         return raw
 
 

@@ -48,8 +48,9 @@ _LATERAL = {"x": 0.05, "y": -0.03}
 """Lateral force (N) for each newton of a press; there is no torque (estimate)."""
 _HELD_HZ = 5.0
 """Corner below which a click does not move the cap, because the finger holds it (estimate)."""
-_WIDEST_HZ = 5000.0
-"""Noise of a sensor without a stated low-pass is counted up to here (Hz)."""
+_OWN_HZ, _WIDEST_HZ = 550.0, 1600.0
+"""Hz: what a DC-coupled accelerometer passes on z without a stated low-pass, and at most: an ADXL335's own
+limits on z, and on x and y (docs/hardware.md, "Accelerometer")."""
 _SHAKEN = 8
 """Number of presses whose filtered signals are kept."""
 _RING = 0.2
@@ -192,7 +193,8 @@ def _noise(sensor: LinearSensor) -> float:
         return VELOCITY_NOISE
     if sensor.ac_coupled:
         return PIEZO_NOISE
-    return float(ACCELEROMETER_NOISE * np.sqrt(np.pi / 2 * min(sensor.bandwidth_hz, _WIDEST_HZ)))
+    passes = sensor.bandwidth_hz if np.isfinite(sensor.bandwidth_hz) else _OWN_HZ
+    return float(ACCELEROMETER_NOISE * np.sqrt(np.pi / 2 * min(passes, _WIDEST_HZ)))
 
 
 def _clipped(sensor: LinearSensor, volts: FloatArray) -> FloatArray:

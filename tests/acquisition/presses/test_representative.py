@@ -264,7 +264,7 @@ def test_presses_that_were_rejected_are_left_out_and_said_so(tmp_path):
     rig.operator.tell = loud_once
     result = representative([record(rig, "push", "P01", 3, tmp_path)])
     assert result.members == 3
-    assert [one.endswith("a sensor left its range.") for one in result.left_out] == [True]
+    assert [one.endswith("he accelerometer left its range.") for one in result.left_out] == [True]
 
     rig = world_rig(seed=31)
     rig.daq.world.gain = 6.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -157,7 +158,12 @@ def test_the_sign_of_an_accelerometer_upside_down_is_corrected(tmp_path: Path) -
 
 @pytest.mark.usefixtures("unlooked")
 @pytest.mark.parametrize("fault", [hum(0.05), off("gauge0")], ids=["hum", "gauge"])
-def test_presses_with_wrong_signals_are_not_averaged(tmp_path: Path, fault: dict[str, Any]) -> None:
+def test_presses_with_wrong_signals_are_not_averaged(
+    tmp_path: Path, fault: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a recording whose presses were never judged."""
+    unjudged = SimpleNamespace(from_json=lambda text: None)
+    monkeypatch.setattr("haploop.acquisition.presses.choice.Protocol", unjudged)
     with pytest.raises(DataError, match=r"no usable press .*(mains hum|gauge0).*; and 1 more\)") as told:
         representative([recorded(tmp_path, 2000, fault)])
     assert "\n" not in str(told.value)
