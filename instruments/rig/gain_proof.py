@@ -25,6 +25,8 @@ _LEVEL = 1.0
 TOO_MUCH = 1.25
 """Volts measured per volt asked for at which the gain is not what the rig file says. Amplifiers of one type
 differ by 1 % (docs/hardware.md, "Amplifier"), and a volt of hum on the monitor adds less than 0.15 V."""
+SHOWN = 0.5
+"""Volts measured per volt asked for below which a monitor counts as dead: it could show no volt too many."""
 HZ = 225.0
 """Frequency, as far from the harmonics of 50 and 60 Hz as the window can tell."""
 _SECONDS, _RAMP = 0.07, 0.01
@@ -33,17 +35,19 @@ _WINDOW = 0.04
 
 
 class UnshownError(InstrumentError):
-    """The monitor of a patch does not show the volts of the proof, so nothing else was played.
+    """The monitor of a patch does not show the volts of the proof, or of a play, so nothing else was played.
 
     `share` is what it showed of them, and `elsewhere` the monitors that did show them.
     """
 
-    def __init__(self, patch: str, share: float, elsewhere: tuple[str, ...]) -> None:
+    def __init__(
+        self, patch: str, share: float, elsewhere: tuple[str, ...], when: str = "the gain was proved"
+    ) -> None:
         self.share, self.elsewhere = share, elsewhere
         found = f", and {' and '.join(elsewhere)} shows it" if elsewhere else ""
         super().__init__(
-            f"The drive monitor shows {share:.2g} V for each volt that patch {patch} was to get when the "
-            f"gain was proved{found}, so nothing else was played: check the amplifier, the contact, and the "
+            f"The drive monitor shows {share:.2g} V for each volt that patch {patch} was to get when {when}"
+            f"{found}, so nothing else was played: check the amplifier, the contact, and the "
             "monitor's cable and scale."
         )
 

@@ -22,7 +22,7 @@ from ..limits import Limits
 from ..safety import Limiter, combined, exit_within
 from ..signals import uninterrupted
 from .alignment import align, find
-from .gain_proof import HZ, TOO_MUCH, UNPROVED, UnshownError, level_of, loudest, tone
+from .gain_proof import HZ, SHOWN, TOO_MUCH, UNPROVED, UnshownError, level_of, loudest, tone
 from .monitoring import Monitoring, Take
 from .ratings import figures
 from .roles import Instruments
@@ -185,9 +185,9 @@ class Playing:
             )
             self._limiter.lock_out(why)
             raise InstrumentError(f"{why} Nothing else was played; `haploop reset` clears the lockout.")
-        if not shown[0] >= level / 2:
+        if not shown[0] >= SHOWN * level:
             others = zip(capture.channels[1:], shown[1:], strict=True)
-            elsewhere = tuple(channel for channel, volts in others if volts >= level / 2)
+            elsewhere = tuple(channel for channel, volts in others if volts >= SHOWN * level)
             raise UnshownError(patch, shown[0] / level, elsewhere)
         self._proved.add(source)
 
@@ -205,7 +205,30 @@ class Playing:
                 self._connected(take.patches),
                 self._streamed(recorded, count, padded) as stream,
             ):
-                return take.only(stream.capture(each), count)
+                capture = stream.capture(each)
+            for patch in take.patches:
+                own = drives[rig.amplifier.inputs.get(patch, next(iter(drives)))]
+                self._refuse_unshown(patch, float(np.abs(own).max()), capture)
+            return take.only(capture, count)
+
+    def _refuse_unshown(self, patch: str, played: float, capture: Capture) -> None:
+        """Raise UnshownError when a play of so many volts at a patch does not show on its monitor.
+
+        A monitor that has died since the proof would let the next play through unseen: the gain is proved
+        again before it. What is below the proof's own level is not judged.
+        """
+        rig = self._rig
+        monitors = rig.sensors.drive
+        source = rig.amplifier.inputs.get(patch, rig.amplifier.input)
+        if monitors is None or source not in self._proved or played < level_of(combined(self._ratings(1))):
+            return
+        rows = [capture.channels.index(channel) for channel in monitors.channels]
+        shown = dict(zip(monitors.channels, monitors.to_si(capture.volts[rows]), strict=True))
+        own = shown[rig.monitor(patch)]
+        share = float(np.abs(own - np.median(own)).max()) / played
+        if not share >= SHOWN:
+            self._proved.discard(source)
+            raise UnshownError(patch, share, (), "it was played")
 
     def _by_player(self, drive: FloatArray, take: Take) -> Capture:
         """Play a drive (V at the patch) on the player, and record until it has certainly been played."""
@@ -271,13 +294,16 @@ class Playing:
 
             rig.generator.arm()
             with self._streamed(recorded, total) as stream:
-                capture = take.only(stream.capture(follow), total)
+                whole = stream.capture(follow)
         if not ended:
             raise InstrumentError(
                 f"The waveform of the {rig.generator.identity} had not ended when recording ended: it was "
                 "too late to follow its trigger. Try again, and check its cable."
             )
-        return capture
+        asked = waveform.amplitude / abs(float(rig.amplifier.to_input(np.ones(1))[0]))
+        for patch in take.patches:
+            self._refuse_unshown(patch, asked, whole)
+        return take.only(whole, total)
 
     def _streamed(
         self, channels: Sequence[str], samples: int, play: Mapping[str, FloatArray] | None = None

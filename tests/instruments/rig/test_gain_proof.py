@@ -10,8 +10,10 @@ import pytest
 
 from haploop.instruments import InstrumentError, LimitError, Rig, RigFile, Sweep, load_rig_file, open_rig
 from haploop.instruments.driver import Mode
-from haploop.instruments.rig.gain_proof import TOO_MUCH, loudest, tone
+from haploop.instruments.rig.gain_proof import TOO_MUCH, UnshownError, loudest, tone
 from haploop.instruments.safety.audit import entries
+from haploop.mocks.faults.amplifier import AmplifierGain
+from haploop.mocks.faults.sensors import SensorDisconnected
 from tests.instruments.safety.at_the_patch import bursts
 from tests.instruments.safety.test_limiter import TONE, generator_rig
 
@@ -161,3 +163,36 @@ def test_a_gain_that_cannot_be_proved_is_logged_once() -> None:
         said = [e for e in entries(rig.audit.folder) if e["kind"] in ("unproved", "played")]
     assert [e["kind"] for e in said] == ["played", "unproved", "played", "played"]
     assert said[1]["input"] == "amplifier" and "cannot be proved on this rig" in said[1]["why"]
+
+
+@pytest.mark.parametrize(
+    ("mode", "file"), [("twin", "simulated"), ("twin", "four-channel"), ("wire", "simulated")]
+)
+def test_a_monitor_that_dies_after_the_proof_is_noticed_by_the_next_play(
+    mode: Mode, file: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And the one after that is not played: a gain that is wrong by then reaches no patch."""
+    dead, patch = ("drive_c", "C") if file == "four-channel" else ("drive", "A")
+    faults = [
+        {"kind": "sensor-disconnected", "channel": dead},
+        {"kind": "amplifier-gain", "gain": 250.0, "patch": patch},
+    ]
+    patches, broken = "ABCD" if file == "four-channel" else "A", set[str]()
+    cut, gained = SensorDisconnected.channel, AmplifierGain.gain
+    monkeypatch.setattr(
+        SensorDisconnected, "channel", lambda own, n, v, t: cut(own, n, v, t) if "monitor" in broken else v
+    )
+    monkeypatch.setattr(
+        AmplifierGain, "gain", lambda own, g, run: gained(own, g, run) if "gain" in broken else g
+    )
+    with open_rig(file, simulate=mode, simulation={"faults": faults}) as rig:
+        rig.excite_each(dict.fromkeys(patches, TONE), ["drive"])
+        broken.add("monitor")
+        with pytest.raises(UnshownError, match=f"each volt that patch {patch} was to get when it was played"):
+            rig.excite_each(dict.fromkeys(patches, TONE), ["drive"])
+        assert rig.simulation.truth.peak < 11 and not rig.simulation.truth.closed
+        broken.add("gain")
+        for _ in range(2):
+            with pytest.raises(UnshownError, match="when the gain was proved"):
+                rig.excite_each(dict.fromkeys(patches, TONE), ["drive"])
+        assert rig.simulation.truth.peak < 11 and not rig.simulation.truth.closed
