@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import signal
 import threading
 from collections.abc import Callable, Iterator
@@ -135,6 +136,7 @@ class _Serving:
     as_json: bool
     press: str | None = None
     command: tuple[str, ...] = ()
+    allow: tuple[str, ...] = ()
 
 
 def _serve(kind: str | None, how: _Serving) -> int:
@@ -159,7 +161,13 @@ def _serve(kind: str | None, how: _Serving) -> int:
             pressing = threading.Thread(target=_wait, args=(stopped, found.plant, how.press), daemon=True)
             pressing.start()
             try:
-                return run_command(command, environment(found.addresses.get("ni"), found.serial, found.visa))
+                served_at = [
+                    int(n) for address in found.addresses.values() for n in re.findall(r":(\d+)", address)
+                ]
+                around = environment(
+                    found.addresses.get("ni"), found.serial, found.visa, how.allow, served_at
+                )
+                return run_command(command, around)
             finally:
                 stopped.set()
                 pressing.join()
@@ -216,6 +224,13 @@ def _options(served: Callable[..., Any]) -> Callable[..., Any]:
             "--pty", is_flag=True, help="Serve serial lines at device files. Not on Windows, which has none."
         ),
         click.option(
+            "--allow",
+            multiple=True,
+            metavar="NAME",
+            help="Let a COMMAND open this as it is: a port, a VISA resource, an address of a network, sound. "
+            "Can be repeated.",
+        ),
+        click.option(
             "--port",
             metavar="KIND=N,...",
             help="TCP ports: ni=50051,yocto=4444. Others are free ones.",
@@ -244,7 +259,8 @@ def serve_all(**how: Any) -> int:
 
     With a COMMAND after two hyphens, run it and exit as it does. Its nidaqmx, pyserial and PyVISA find the
     simulated instruments under the names that the rig file gives: cards, ports such as COM3, VISA resources.
-    A hub that the rig file has on this computer is at its own port.
+    A hub that the rig file has on this computer is at its own port. Any other port, resource, sound device or
+    address of a network is refused, because it may be a real instrument: --allow names what may be opened.
     """
     return _serve(None, _Serving(**how))
 

@@ -231,8 +231,8 @@ with serial.Serial("COM3", 115200, timeout=5) as port:
     port.write(b"GetDevInfo,Controller,0,Name\\n")
     laser = port.readline().decode().strip()
 manager = pyvisa.ResourceManager()
-(name,) = manager.list_resources()
-generator = manager.open_resource(name).query("*IDN?").strip()
+(name,) = manager.list_resources("?*::SOCKET")
+generator = manager.open_resource(name, read_termination="\\n").query("*IDN?").strip()
 hub = json.load(urllib.request.urlopen(sys.argv[1] + "/api.json", timeout=5))
 boxes = [page["productName"] for page in hub["services"]["whitePages"]]
 print(json.dumps([System.local().devices.device_names, volts, laser, name, generator, boxes]))
@@ -264,7 +264,7 @@ def test_a_program_that_knows_nothing_of_haploop_finds_every_instrument_of_a_rig
     cards, volts, laser, name, generator, boxes = json.loads(ran.stdout)
     assert cards == ["Dev1", "Dev2"] and abs(volts) < 10
     assert laser == "OFV-5000 Vibrometer Controller"
-    assert name == "TCPIP::192.0.2.10::5025::SOCKET" and "33522B" in generator
+    assert name == "TCPIP0::192.0.2.10::5025::SOCKET" and "33522B" in generator
     assert "Yocto-MaxiCoupler" in boxes
 
 
