@@ -1,18 +1,26 @@
 """Sensors that describe themselves (TEDS, IEEE 1451.4): the data of a file that stands for a sensor's memory.
 
-Read are the basic data (maker, model, version), the numbers of the templates, and what a template of those
-below says first: the unit of the measurand. What else a template holds is not decoded; a bridge's data are
-then those of a full bridge of 350 Ohm, as most are (estimate).
+Read are the basic data (maker, model, version), the numbers of the templates, and of some templates what they
+say: the unit of the measurand, the sensitivity of accelerometers, force sensors and microphones, and the
+coefficients of thermistors. (Where these stand was found by NI's own files and what its tests read of them.)
+What else a template holds is not decoded; a bridge's data are then those of a full bridge of 350 Ohm, as most
+are (estimate).
 """
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from nidaqmx.constants import BridgeConfiguration, TEDSUnits
+from nidaqmx.constants import (
+    AccelSensitivityUnits,
+    BridgeConfiguration,
+    ForceIEPESensorSensitivityUnits,
+    TEDSUnits,
+)
 
 from .errors import DaqmxError, DAQmxErrors
 from .measurements import Measurement
@@ -24,6 +32,7 @@ BASIC = 64
 _MEASURANDS = ("Kelvin", "Celsius", "strain", "microstrain", "Newton", "forcelb", "kgf", "m/s^2", "g")
 """Units by their number in templates of outputs in volts, milliamperes and of bridges (30, 31, 33)."""
 _MEASURED = (30, 31, 33)
+_PER_NEWTON = ForceIEPESensorSensitivityUnits.MILLIVOLTS_PER_NEWTON
 
 
 @dataclass(frozen=True)
@@ -58,6 +67,30 @@ class Teds:
             "PHYSICAL_CHAN_TEDS_BIT_STREAM": self.octets,
             "PHYSICAL_CHAN_TEDS_TEMPLATE_I_DS": [self.template] if self.template else [],
         }
+
+    @property
+    def measured(self) -> dict[str, Any]:
+        """Properties of a channel that the first template gives."""
+        first = BASIC + 10
+        match self.template:
+            case 25 if not self.number(first + 1, 1):
+                volts = 5e-7 * 1.0003 ** self.number(first + 2, 16)
+                if self.number(first, 1):
+                    return {
+                        "AI_FORCE_IEPE_SENSOR_SENSITIVITY": 1e3 * volts,
+                        "AI_FORCE_IEPE_SENSOR_SENSITIVITY_UNITS": _PER_NEWTON.value,
+                    }
+                return {
+                    "AI_ACCEL_SENSITIVITY": 9.80665 * volts,
+                    "AI_ACCEL_SENSITIVITY_UNITS": AccelSensitivityUnits.VOLTS_PER_G.value,
+                }
+            case 27 if not self.number(first, 1):
+                return {"AI_MICROPHONE_SENSITIVITY": 1e3 * 1e-5 * 1.0002 ** self.number(first + 1, 16)}
+            case 38:
+                numbers = [self.number(first + 78 + 32 * place, 32) for place in range(3)]
+                floats = struct.unpack("<3f", struct.pack("<3I", *numbers))
+                return {f"AI_THRMSTR_{name}": value for name, value in zip("ABC", floats, strict=True)}
+        return {}
 
     @property
     def units(self) -> str:
@@ -106,7 +139,7 @@ def teds_values(
     sensor = sensors.get(name)
     if sensor is None:
         raise not_detected(name)
-    values: dict[str, Any] = {"AI_IS_TEDS": True, "AI_TEDS_UNITS": sensor.units}
+    values: dict[str, Any] = {"AI_IS_TEDS": True, "AI_TEDS_UNITS": sensor.units, **sensor.measured}
     if given.get(row.units) in (None, 0):
         values[row.units] = TEDSUnits.FROM_TEDS.value
     if row.usage.name.endswith("BRIDGE") or sensor.template == 33:

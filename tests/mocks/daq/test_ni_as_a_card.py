@@ -481,6 +481,32 @@ def test_a_microphone_has_a_range(twin: NiTwin) -> None:
         assert channel.ai_max >= np.sqrt(2) and channel.ai_min == -channel.ai_max
 
 
+def bits(*fields: tuple[int, int]) -> bytes:
+    """A virtual TEDS file of (number, bits): a byte for a bit, after NI's head of 40."""
+    return bytes(40) + bytes(number >> place & 1 for number, count in fields for place in range(count))
+
+
+@pytest.mark.parametrize(
+    ("fields", "add", "right"),
+    [
+        ([(25, 8), (0, 1), (0, 1), (53735, 16)], "accel", ("ai_accel_sensitivity", 49.03)),
+        ([(25, 8), (1, 1), (0, 1), (29270, 16)], "force_iepe", ("ai_force_iepe_sensor_sensitivity", 3.25)),
+        ([(27, 8), (0, 1), (61036, 16)], "microphone", ("ai_microphone_sensitivity", 1999.81)),
+    ],
+)
+def test_a_sensor_tells_its_sensitivity(
+    twin: NiTwin, tmp_path: Path, fields: list[tuple[int, int]], add: str, right: tuple[str, float]
+) -> None:
+    """T test_ai_channel.py, add_teds_ai_..._chan; the numbers are those in NI's own files."""
+    (tmp_path / "sensor.ted").write_bytes(bits((0, 64), (0, 2), *fields, (0, 64)))
+    physical = System.local().devices["Dsa"].ai_physical_chans[0]
+    physical.configure_teds(str(tmp_path / "sensor.ted"))
+    with nidaqmx.Task() as task:
+        more = {"max_snd_press_level": 94.0} if add == "microphone" else {}
+        channel = getattr(task.ai_channels, f"add_teds_ai_{add}_chan")("Dsa/ai0", **more)
+        assert getattr(channel, right[0]) == pytest.approx(right[1], abs=0.01)
+
+
 def test_a_log_lies_in_the_folder_of_the_program(
     twin: NiTwin, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
