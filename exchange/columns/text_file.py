@@ -24,6 +24,11 @@ _LABELLED = re.compile(r"([A-Za-z]\w*):\s*([-+]?\d+\.?\d*(?:[eE][-+]?\d+)?)(?=[\
 _MONITOR = re.compile(r"(\d{1,2}:\d{2}:\d{2}[.,:]\d+)\s*->\s?")
 """The Arduino IDE's stamp before a line."""
 _LVM_END = re.compile(r"^\*\*\*End_of_Header\*\*\*.*$", re.M)
+_LEVELS: tuple[dict[str, float], ...] = (
+    {"false": 0.0, "true": 1.0}, {"open": 0.0, "closed": 1.0}, {"off": 0.0, "on": 1.0},
+    {"low": 0.0, "high": 1.0},
+)  # fmt: skip
+"""Words for the two levels of a contact."""
 _MOST_HEAD = 2000
 """Rows above the columns in which rates are looked for."""
 
@@ -142,6 +147,13 @@ def _columns(path: Path, body: Body, head: Head) -> list[Column]:
             stamped.append((column(place, seconds_of(cells), stamps=True), cells))
         else:
             found.append(column(place, _numbers(cells, body.decimal)))
+    for place in range(len(body.rows[0])):
+        words = {row[place].strip().lower() for row in body.rows} - {""}
+        if place not in body.columns and (
+            levels := next((one for one in _LEVELS if words == set(one)), None)
+        ):
+            values = [levels.get(row[place].strip().lower(), float("nan")) for row in body.rows]
+            found.append(column(place, np.array(values)))
     return _one_stamp(stamped, found)
 
 
@@ -155,8 +167,8 @@ def _numbers(cells: Sequence[str], decimal: str) -> FloatArray:
 
 
 def _odd(cell: str) -> float:
-    """A number of Fortran's, or with blanks behind its sign."""
-    return float(cell.upper().replace("D", "E").replace(" ", ""))
+    """A number of Fortran's, with blanks behind its sign, or with its thousands apart."""
+    return float(cell.upper().replace("D", "E").replace(" ", "").replace(",", ""))
 
 
 def _finite(values: FloatArray) -> FloatArray:
@@ -192,7 +204,8 @@ def _labels(body: Body, head: Head) -> list[Labels]:
         if place in body.columns:
             continue
         texts = tuple(row[place].strip() for row in body.rows)
-        if any(texts):
+        words = {text.lower() for text in texts} - {""}
+        if words and not any(words == set(one) for one in _LEVELS):
             found.append(Labels(head.names.get(place, "") or f"column {place}", texts))
     return found
 

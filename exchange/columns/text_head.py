@@ -157,7 +157,7 @@ def _headings(
 def _continues(rows: Sequence[list[str]], body: Body) -> bool:
     """True for two rows of headings as pandas writes them: of one width, and nothing else."""
     told = any(re.search(r"[:=]|\A\d", cell) for row in rows for cell in row)
-    return len(rows) in (2, 3) and len(rows[-1]) == len(rows[-2]) and not told
+    return len(body.columns) > 1 and len(rows) in (2, 3) and len(rows[-1]) == len(rows[-2]) and not told
 
 
 def _unit(head: Head, place: int, unit: str, where: str) -> None:

@@ -25,9 +25,12 @@ from ...instruments import DataError
 from ...instruments.arrays import FloatArray
 from .stamps import is_stamp
 
-_POINT = re.compile(r"\s*[-+]?\s*(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?\s*\Z")
+_GROUPED = r"[1-9]\d{0,2}(?:,\d{3})+\.\d*"
+"""A number with its thousands apart, and a point that says which sign is which."""
+_POINT = re.compile(rf"\s*[-+]?\s*(?:{_GROUPED}|\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?\s*\Z")
 _COMMA = re.compile(r"\s*[-+]?\s*(?:\d+,?\d*|,\d+)(?:[eEdD][-+]?\d+)?\s*\Z")
 _BLANKS = {"", *"- -- --- nan na n/a #n/a #nv null none 1.#qnan -1.#ind inf -inf".split()}  # noqa: SIM905
+_OTHER = re.compile(r"[-+]?\d[\d.]*,\d+|[-+]?\d+\.\d+")
 _AMBIGUOUS = re.compile(r"[-+]?\d+,\d+\Z")
 _SHAPES = (
     ("\t", "."), ("\t", ","), (";", "."), (";", ","), (",", "."), ("|", "."), ("", "."), ("", ","),
@@ -207,8 +210,10 @@ def numeric_rows(path: Path, rows: Sequence[list[str]], decimal: str, shape: str
         if not _is_row(rows[number], columns, decimal) or len(_stripped(rows[number])) > widest
     ]
     notes = []
-    if bad and not (skip and len(bad) <= _TORN * (end - first)):
-        raise DataError(_stops(path, bad, rows, skip))
+    # A number with another decimal sign, or thousands, is not damaged.
+    other = [n for n in bad if any(_OTHER.fullmatch(c.strip()) for c in rows[n] if not is_number(c, decimal))]
+    if bad and not (skip and not other and len(bad) <= _TORN * (end - first)):
+        raise DataError(_stops(path, bad, rows, skip or bool(other)))
     if bad:
         notes.append(f"Damaged and left out: {_said(bad, rows)}. Where they stood, nothing was measured.")
     if after := [row for row in rows[end:] if any(cell.strip() for cell in row)]:
@@ -326,7 +331,10 @@ def _said(bad: Sequence[int], rows: Sequence[list[str]]) -> str:
 def _stops(path: Path, bad: Sequence[int], rows: Sequence[list[str]], skip: bool) -> str:
     """Sentence on rows amid others that are none."""
     if skip:
-        return f"{path} has {len(bad)} damaged rows of {len(rows)}, too many to skip: {_said(bad, rows)}."
+        return (
+            f"{path} has {len(bad)} rows that are no few damaged ones: {_said(bad, rows)}. Look "
+            "at the decimal sign of its numbers."
+        )
     said = " ".join(rows[bad[0]]).strip()[:40]
     more = f", and so do {len(bad) - 1} more rows" if len(bad) > 1 else ""
     return (

@@ -31,6 +31,10 @@ _SIDEWAYS = re.compile(
     r"(?<![a-z])(x|y|abs\w*|magnitude|mag|total|norm|resultant|sum|rms)(?![a-z])|\A(a|acc|accel)[xy]\Z", re.I
 )
 """Of accelerations, those that are not said to be vertical."""
+_SPAN = re.compile(
+    r"(?<![a-z])(dt|delta|interval|diff\w*|duration|period|latency|delay|reaction)(?![a-z])", re.I
+)
+"""Headings of times that are no instants."""
 _OWN = ("acceleration_z", "acceleration")
 """In haploop's own files, the vertical one."""
 _NEAR = 0.1
@@ -59,6 +63,8 @@ def claim_of(column: Column, own: bool = False) -> tuple[Role, Claim] | None:
         doubt = f"it is said to be {said}, in {column.unit}" if against else ""
         return said, Claim(4 if own and column.name in _OWN else 3, "as the file says", doubt)
     named = [role for role in ROLES if re.match(_WORDS[role], column.name, re.IGNORECASE)]
+    if _SPAN.search(column.name) and "time" in named:
+        return None
     found = _by_both(column, named, units, own) if named else _by_unit(column, units)
     if found is not None and found[0] == "acceleration" and _SIDEWAYS.search(column.name):
         doubt = found[1].doubt or "its heading does not say that it is the vertical one"
@@ -84,6 +90,8 @@ def _by_both(column: Column, named: Sequence[Role], units: Set[str], own: bool) 
 def _by_unit(column: Column, units: Set[str]) -> tuple[Role, Claim] | None:
     """What a unit gives alone: the role of the only quantity that it is of."""
     measured = [role for role in ROLES if role in units]
+    if "time" in units and _SPAN.search(column.name):
+        return None
     if "mass" in units:
         if measured:
             return measured[0], Claim(1, "by its unit", f"{column.unit} may be gravity or grams")

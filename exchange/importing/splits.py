@@ -32,7 +32,7 @@ def split(table: Table, where: Mapping[str, str], told: Sequence[str | int]) -> 
 
     Raises ConfigurationError for a column or a value that is not in the table.
     """
-    known = {one.name: one for one in table.labels}
+    known = {one.name: _continued(one) for one in table.labels}
     numbers = _numbers(table, where, told)
     kept = np.ones(len(table.columns[0].values), dtype=np.bool_)
     notes, questions = [], []
@@ -59,6 +59,16 @@ def split(table: Table, where: Mapping[str, str], told: Sequence[str | int]) -> 
     return _of_rows(replace(table, notes=(*table.notes, *notes)), kept), questions
 
 
+def _continued(one: Labels) -> Labels:
+    """Names of trials and the like that stand at the first row of each only, at all rows."""
+    if not one.texts[0] or not _SPLITTERS.fullmatch(one.name):
+        return one
+    texts = list(one.texts)
+    for row, text in enumerate(texts):
+        texts[row] = text or texts[row - 1]
+    return Labels(one.name, tuple(texts))
+
+
 def _numbers(table: Table, where: Mapping[str, str], told: Sequence[str | int]) -> dict[str, Labels]:
     """Columns of few whole numbers that are called as what tells rows apart, or were told, as texts."""
     found = {}
@@ -67,8 +77,10 @@ def _numbers(table: Table, where: Mapping[str, str], told: Sequence[str | int]) 
             continue
         named = next((name for name in (column.name, column.heading) if name in where), None)
         called = _SPLITTERS.fullmatch(column.name.replace("_", " ")) and not column.unit
-        distinct = np.unique(column.values[np.isfinite(column.values)])
-        if named or (called and not np.any(distinct % 1) and 1 < len(distinct) <= _MOST):
+        finite = np.isfinite(column.values)
+        distinct = np.unique(column.values[finite])
+        several = len(distinct) + (not finite.all())
+        if named or (called and not np.any(distinct % 1) and 1 < several <= _MOST):
             name = named or column.name
             found[name] = Labels(name, tuple(f"{value:g}" for value in column.values.tolist()))
     return found

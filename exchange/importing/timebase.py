@@ -22,8 +22,10 @@ from ...instruments.arrays import FloatArray
 
 _EVEN = 0.01
 """Largest deviation of a stamp, in steps, that is none."""
-_ROUNDED = 1.1
-"""Largest deviation of a rounded stamp, in units of its last digit: half, or one that was cut off."""
+_ROUNDED = 1.05
+"""Range of the deviations of rounded stamps, in units of their last digit."""
+_USUAL = 0.9
+"""Share of equal steps beyond which another one is no rounding."""
 _UNEVEN = 0.35
 """Rms jitter, in steps, beyond which there is no rate."""
 _CERTAIN = 2e-3
@@ -75,17 +77,28 @@ def time_base(path: Path, stamps: FloatArray, unit: float, rate_hz: float | None
     digit = _last_digit(stamps)
     count = np.arange(len(stamps), dtype=np.float64)
     slope, start = np.polyfit(count, stamps, 1)
-    if not slope > 0:
+    if not slope > 0 or not np.ptp(stamps):
         raise DataError(f"{path} has the same time in all samples: state the rate (--rate).")
-    deviation = float(np.abs(stamps - start - slope * count).max())
-    # A lost sample may hide in rounded stamps, but its step is a digit longer than rounding makes one.
-    longest = float(steps.max()) - slope
-    if deviation <= max(_EVEN * slope, _ROUNDED * digit) and longest <= max(
-        2 * _EVEN * slope, _ROUNDED * digit
-    ):
+    late = stamps - start - slope * count
+    deviation = float(np.abs(late).max())
+    rounded = float(np.ptp(late)) <= _ROUNDED * digit and not _lacks(steps, digit)
+    if deviation <= _EVEN * slope or rounded:
         digit = digit if deviation > _EVEN * slope else 0.0
         return _even(path, stamps, slope, digit, unit, rate_hz)
     return _uneven(path, stamps, steps, unit)
+
+
+def _lacks(steps: FloatArray, digit: float) -> bool:
+    """True for steps of which single ones are longer than nearly all others: a sample was lost there.
+
+    A clock that is a little slower than its digits makes such steps, too, but at equal distances.
+    """
+    whole = np.rint(steps / digit).astype(np.int64)
+    usual = int(np.median(whole))
+    longer = np.flatnonzero(whole > usual)
+    if usual < 1 or not len(longer) or np.mean(whole == usual) < _USUAL:
+        return False
+    return len(longer) < 3 or int(np.ptp(np.diff(longer))) > 2
 
 
 def _even(

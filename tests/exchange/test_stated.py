@@ -332,6 +332,41 @@ CASES = (
         asks=("which of Force left [N], Force right [N]",),
     ),
     Case(
+        "a switch in words",
+        timed("time (s),Force (N),contact", np.where(T > 0.4, "closed", "open")),
+        5000,
+        peaks={**SURE, "activation": 1},
+    ),
+    Case(
+        "one sample lost between stamps of one digit",
+        "time (s),Force (N)\n" + rows(*(np.delete(one, 900) for one in (np.arange(2500) / 1000, F))),
+        1000,
+        peaks=SURE,
+        notes=("1 gap of 1 samples",),
+    ),
+    Case(
+        "thousands apart",
+        "time (s);Force (mN)\n" + rows(T, [f"{1000 * f:,.2f}" for f in F], separator=";"),
+        5000,
+        peaks=SURE,
+    ),
+    Case(
+        "thousands, or decimal commas",
+        "time (s);Force (mN)\n" + rows(T, [f"{1000 * f:,.0f}" for f in np.roll(F, 800)], separator=";"),
+        told={"skip_damaged": True},
+        asks=("Look at the decimal sign",),
+    ),
+    Case(
+        "a duration is no time",
+        "press duration (ms),Force (N)\n" + rows(np.arange(2500), F),
+        asks=("its sample rate, or which column is the time",),
+    ),
+    Case(
+        "trials named once each",
+        "trial,time (s),Force (N)\n" + rows(["A", *[""] * 1249, "B", *[""] * 1249], T, F),
+        asks=("column 'trial' has A, B",),
+    ),
+    Case(
         "Graphtec's recorder",
         "Model,GL840\nSampling interval,1ms\nData\nNumber,Date&Time,ms,Force,CH2,Alarm\nNO.,Time,ms,N,V,A12\n"
         + rows(
