@@ -47,7 +47,7 @@ _FLIPPED = ("force", "acceleration", "displacement", "activation")
     multiple=True,
     metavar="WHAT=UNIT",
     help="Unit or sensitivity of a column: force=mN, 'force=40 N' (what one of the file is), "
-    "'acceleration=100 mV/g', time=ms.",
+    "'acceleration=100 mV/g', time=ms, 'response=(mm/s)/V'.",
 )
 @click.option("--flip", multiple=True, type=click.Choice(_FLIPPED), help="Change the sign of a column.")
 @click.option(
@@ -129,7 +129,7 @@ def import_(
     for new in filter(None, (save_mapping, None if out is None or _into_folder(files, out) else out)):
         outputs.check_new_file(new, ())
     if haploop.is_response_file(files[0], said.format):
-        return _response(files, out, rig, patch, point, as_json)
+        return _response(files, out, rig, (patch, point, said.units.get("response")), as_json)
     wanted = _Wanted(out, at, plot, as_json)
     if len(files) > 1:
         return _several(files, said, wanted)
@@ -258,13 +258,13 @@ def _into_folder(files: Sequence[Path], out: Path) -> bool:
 
 
 def _response(
-    files: Sequence[Path], out: Path | None, rig: str, patch: str | None, point: str | None, as_json: bool
+    files: Sequence[Path], out: Path | None, rig: str, which: tuple[str | None, ...], as_json: bool
 ) -> int:
     if len(files) > 1 or out is None:
         raise haploop.ConfigurationError(
             f"{files[0]} holds frequency responses: import one file at a time, into a file (--out FILE.h5)."
         )
-    response = haploop.import_response(files[0], haploop.load_rig_file(rig), patch, point)
+    response = haploop.import_response(files[0], haploop.load_rig_file(rig), *which)
     haploop.Calibration.of(response).save(out)
     show.print_contents(contents.file_contents(out), as_json)
     return 0

@@ -43,10 +43,13 @@ from .spot import Spot as Spot
 from .spot import overloaded as overloaded
 from .terms import rows as rows
 from .terms import terms_of as terms_of
+from .uff import POWERS as POWERS
+from .uff import plain_response as plain_response
 from .uff import read_uff as read_uff
 from .uff import read_uff_sets as read_uff_sets
 from .uff import units_of as units_of
 from .uff import write_uff as write_uff
 from .uff import write_uff_sets as write_uff_sets
 from .uff_units import ordinate_of as ordinate_of
+from .uff_units import per_unit as per_unit
 from .waveforms import Waveforms as Waveforms

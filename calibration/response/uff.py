@@ -29,7 +29,7 @@ from .uff_units import ACCELERATION, LENGTH, VELOCITY, VOLTAGE, response_of
 
 _FRF, _COHERENCE = 4, 6
 _FREQUENCY, _GENERAL, _UNKNOWN = 18, 1, 0
-_POWERS = {LENGTH: 1, VELOCITY: 0, ACCELERATION: -1}
+POWERS = {LENGTH: 1, VELOCITY: 0, ACCELERATION: -1}
 """Power of 2 pi i f, from displacement, velocity or acceleration to velocity."""
 _Z = (0, 3, -3)
 """Directions of a response out of the plane; 0 is a scalar."""
@@ -283,17 +283,43 @@ def _response(
     share = np.zeros(0)
     if coherence is not None and len(coherence["x"]) == len(kept) and np.allclose(coherence["x"][kept], f):
         share = np.clip(np.real(np.asarray(coherence["data"]))[kept], 0.0, 1.0)
+    return plain_response(
+        reference if ours else str(reference_node),
+        name if ours else str(node),
+        f,
+        velocity,
+        share,
+        excitation=str(function["id2"]).strip(),
+        rig=str(function["id4"]).strip(),
+        simulated=ours and str(function["id5"]).startswith(_SIMULATED[:9]),
+        created=str(function["id3"]).strip(),
+    )
+
+
+def plain_response(
+    patch: str,
+    point: str,
+    f: FloatArray,
+    velocity: ComplexArray,
+    coherence: FloatArray,
+    *,
+    excitation: str = "",
+    rig: str = "",
+    simulated: bool = False,
+    created: str = "",
+) -> Response:
+    """A response of another program: (lines,) each, in Hz, m/s per V and 1; `coherence` may be empty."""
     # Random error of one average (Bendat and Piersol, Random Data, 2010, section 9.2); how many there
     # were is not in the file, so that this is an upper bound.
-    sure = np.clip(share, 1e-6, _SURE)
-    deviation = np.abs(velocity) * np.sqrt((1 - sure) / sure) if len(share) else np.zeros(0)
+    sure = np.clip(coherence, 1e-6, _SURE)
+    deviation = np.abs(velocity) * np.sqrt((1 - sure) / sure) if len(coherence) else np.zeros(0)
     return Response(
-        patch=reference if ours else str(reference_node),
-        point=name if ours else str(node),
+        patch=patch,
+        point=point,
         frequencies=f,
         velocity=velocity,
         deviation=deviation,
-        coherence=share,
+        coherence=coherence,
         path=np.ones(len(f), dtype=np.complex128),
         noise=np.zeros(0),
         distortion=np.zeros((0, 0)),
@@ -302,12 +328,12 @@ def _response(
         levels=np.zeros(0),
         level_gain=np.zeros(0, dtype=np.complex128),
         pickup_range=np.inf,
-        excitation=str(function["id2"]).strip(),
+        excitation=excitation,
         source="",
-        rig=str(function["id4"]).strip(),
+        rig=rig,
         rig_file="",
-        simulated=ours and str(function["id5"]).startswith(_SIMULATED[:9]),
-        created=str(function["id3"]).strip(),
+        simulated=simulated,
+        created=created,
     )
 
 
@@ -322,7 +348,7 @@ def _velocity(
             raise DataError(
                 f"{what} does not tell the unit of {side}: {one.doubt}. Export it with its units."
             )
-    if above.si not in _POWERS:
+    if above.si not in POWERS:
         raise DataError(f"{what} is in {above.label!r}; displacement, velocity or acceleration is needed.")
     if below.si != VOLTAGE:
         raise DataError(
@@ -330,4 +356,4 @@ def _velocity(
             "drive voltage as reference."
         )
     sign = -1.0 if int(function["rsp_dir"]) < 0 else 1.0
-    return np.asarray(sign * above.factor / below.factor * H * (2j * np.pi * f) ** _POWERS[above.si])
+    return np.asarray(sign * above.factor / below.factor * H * (2j * np.pi * f) ** POWERS[above.si])

@@ -87,6 +87,13 @@ def response_of(function: Mapping[str, Any], units: Mapping[str, Any] | None) ->
     return above, below
 
 
+def per_unit(label: str) -> tuple[tuple[str, float], tuple[str, float]] | None:
+    """What a label like `(mm/s)/V` has above and below its last stroke; None where it does not name both."""
+    match = _PER.fullmatch(label.replace(" ", ""))
+    above, below = (named_unit(match["above"]), named_unit(match["below"])) if match else (None, None)
+    return (above, below) if above and below else None
+
+
 def named_unit(label: str) -> tuple[str, float] | None:
     """SI unit, and how much of it one of a label's unit is; None for another text."""
     plain = label.translate(

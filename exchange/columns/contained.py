@@ -13,7 +13,7 @@ import sys
 import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +54,15 @@ class Tree:
 
 def tree_of(path: Path) -> Tree:
     """What a file holds. Raises DataError, ConfigurationError where a package is missing."""
+    try:
+        of = path.stat()
+    except OSError as error:
+        raise DataError(f"{path} cannot be read: {os_error_text(error)}.") from None
+    return _tree(path, (of.st_mtime_ns, of.st_size, of.st_ino))
+
+
+@lru_cache(maxsize=1)  # a file is looked at for responses first, then for signals
+def _tree(path: Path, _state: tuple[int, int, int]) -> Tree:
     try:
         with np.load(io.BytesIO(answer_of(__name__, path, pace=_PACE)), allow_pickle=False) as found:
             said = json.loads(str(found["said"]))

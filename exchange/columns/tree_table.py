@@ -17,6 +17,7 @@ from .table import Column, Stated, Table
 from .text_file import table_of
 from .text_rows import numeric_rows
 from .together import together
+from .tree_responses import responses_of
 from .units import split_heading
 
 _RATE = re.compile(
@@ -55,11 +56,10 @@ def read_table(path: Path, skip: bool = False) -> Table:
         others = tree.lists.get("sheets", [])
         left = (f"Of its sheets {', '.join(map(repr, others))} were left out.",) if others else ()
         return replace(table, notes=(*table.notes, *left))
-    found = tree.columns or [column for name in tree.arrays for column in _columns(tree, name)]
-    if any(np.iscomplexobj(tree.arrays[name]) for name in tree.arrays):
-        raise DataError(
-            f"{path} ({tree.kind}) holds complex numbers: of responses haploop imports UFF files only."
-        )
+    if responses_of(tree):
+        raise DataError(f"{path} ({tree.kind}) is over frequency: a response, and no signals.")
+    over_time = [name for name, values in tree.arrays.items() if not np.iscomplexobj(values)]
+    found = tree.columns or [column for name in over_time for column in _columns(tree, name)]
     longest = max((len(column.values) for column in found), default=0)
     lasts = max((len(one.values) / one.rate_hz for one in found if one.rate_hz), default=0.0)
     columns = [
@@ -71,6 +71,8 @@ def read_table(path: Path, skip: bool = False) -> Table:
         raise DataError(f"{path} ({tree.kind}) holds no vector of numbers: save the signals as vectors.")
     short = [one.name for one in found if one not in columns]
     notes = [f"{', '.join(short[:5])} are not as long as the others, and were left out."] if short else []
+    if complex_ := [name for name in tree.arrays if name not in over_time]:
+        notes.append(f"{', '.join(complex_[:5])} are complex, and were left out.")
     columns, moved = together(path, columns)
     notes += moved
     return Table(path, tree.kind, tuple(_shortened(columns)), _rates(tree), _about(tree), tuple(notes))

@@ -64,7 +64,7 @@ class FileMapping(BaseModel):
     @classmethod
     def _of_roles(cls, units: dict[str, str]) -> dict[str, str]:
         for role in units:
-            if role not in _QUANTITIES:
+            if role not in (*_QUANTITIES, "response"):
                 raise ValueError(f"{role!r} has no unit: use {', '.join(_QUANTITIES)}")
         return units
 

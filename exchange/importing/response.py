@@ -2,39 +2,54 @@
 
 from __future__ import annotations
 
+import hashlib
+from dataclasses import replace
 from pathlib import Path
 
 from ...calibration import Response, read_uff
 from ...instruments import ConfigurationError, RigFile
 from .. import uff_file
 from ..columns import format_of
+from ..columns.contained import tree_of
+from ..columns.readers import TREES
+from ..columns.tree_responses import read_responses, responses_of
 
 
 def is_response_file(path: str | Path, format: str | None = None) -> bool:
-    """True for a UFF file of frequency responses; False for signals. `format` as in a `Mapping`.
+    """True for a file of frequency responses; False for signals. `format` as in a `FileMapping`.
 
     Raises ConfigurationError for an unknown format, DataError for a damaged file.
     """
     path = Path(path)
-    return format_of(path, format) == "uff" and uff_file.has_responses(path)
+    found = format_of(path, format)
+    if found in TREES and path.is_file():
+        return bool(responses_of(tree_of(path)))
+    return found == "uff" and uff_file.has_responses(path)
 
 
 def import_response(
-    path: str | Path, rig: RigFile, patch: str | None = None, point: str | None = None
+    path: str | Path,
+    rig: RigFile,
+    patch: str | None = None,
+    point: str | None = None,
+    unit: str | None = None,
 ) -> Response:
-    """The response in a UFF file; of several, the one of `patch` and `point`.
+    """The response in a UFF, MATLAB, HDF5 or NumPy file; of several, the one of `patch` and `point`.
 
-    A file with one response of another name gets these names. Raises ConfigurationError for a choice that
-    is not in the file, DataError for a file that cannot be read.
+    `unit`, "(mm/s)/V" say, is what it is in where the file does not say. A file with one response of another
+    name gets these names. Raises ConfigurationError for a choice that is not in the file, DataError for a
+    file that cannot be read.
     """
-    found = read_uff(path, rig=rig)
+    path = Path(path)
+    found = read_uff(path, rig=rig) if format_of(path, None) == "uff" else read_responses(path, unit)
     wanted = [r for r in found if patch in (None, r.patch) and point in (None, r.point)]
     if len(found) == 1 and not wanted:
-        wanted = list(read_uff(path, rig=rig, patch=patch, point=point))
+        wanted = [replace(found[0], patch=patch or found[0].patch, point=point or found[0].point)]
     if len(wanted) != 1:
         places = ", ".join(f"{r.patch} at {r.point}" for r in found)
         raise ConfigurationError(
             f"{path} holds {len(wanted) or 'no'} matching responses (it has {places}): "
             "select one with --patch and --point."
         )
-    return wanted[0]
+    source = f"imported from {path.name}, sha256 {hashlib.sha256(path.read_bytes()).hexdigest()}"
+    return replace(wanted[0], source=source, rig=rig.name, rig_file=rig.model_dump_json())

@@ -46,12 +46,12 @@ class Made:
 
     @property
     def force(self) -> np.ndarray:
-        return 2 * np.exp(-(((self.time - 0.3) / 0.05) ** 2))
+        return 2 * np.exp(-(((self.time / self.time[-1] - 0.5) / 0.1) ** 2))
 
     @property
     def acceleration(self) -> np.ndarray:
-        since = self.time - 0.3 - 1e-4
-        return 5 * np.exp(-((since / 0.02) ** 2)) * np.sin(2 * np.pi * 60 * since)
+        since = self.time / self.time[-1] - 0.501
+        return 5 * np.exp(-((since / 0.05) ** 2)) * np.sin(2 * np.pi * 30 * since)
 
     @property
     def time(self) -> np.ndarray:

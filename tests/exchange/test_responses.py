@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.io import loadmat
+from scipy.io import loadmat, savemat
 
 import haploop
 from haploop.calibration import Calibration, VibrationMap
@@ -132,3 +132,35 @@ def test_frequencies_in_uff_have_the_digits_that_fit(tmp_path: Path, files: File
     assert np.abs(found.frequencies / response.frequencies - 1).max() < 1e-6 / 2
     np.testing.assert_allclose(found.velocity, response.velocity, rtol=1e-9)
     np.testing.assert_allclose(found.coherence, response.coherence, rtol=1e-9)
+
+
+@pytest.mark.usefixtures("read_here")
+@pytest.mark.parametrize(
+    ("unit", "factor", "power"),
+    [("(m/s)/V", 1.0, 0), ("mm/s/V", 1e-3, 0), ("g/V", 9.80665, -1), ("um/V", 1e-6, 1)],
+)
+def test_a_complex_array_over_frequencies_is_a_response(
+    tmp_path: Path, unit: str, factor: float, power: int
+) -> None:
+    own = velocity()
+    path, rig = tmp_path / "a.mat", haploop.load_rig_file("simulated")
+    savemat(path, {"H": own / factor / (2j * np.pi * FREQUENCIES) ** power, "freq": FREQUENCIES})
+    with pytest.raises(haploop.ConfigurationError, match="what its frequency response 'H' is in"):
+        haploop.import_response(path, rig, "A", "button")
+    with pytest.raises(haploop.ConfigurationError, match="no unit of a response to a patch"):
+        haploop.import_response(path, rig, "A", "button", "m/s^2/N")
+    found = haploop.import_response(path, rig, "A", "button", unit)
+    assert (found.patch, found.point) == ("A", "button") and haploop.is_response_file(path)
+    np.testing.assert_allclose(found.velocity, own, rtol=1e-12)
+    savemat(path, {"H": own, "force": np.arange(400.0), "fs": 5000.0})
+    assert not haploop.is_response_file(path)
+
+
+@pytest.mark.usefixtures("read_here")
+def test_a_calibration_in_matlab_s_format_comes_back(files: Files, run: Run, tmp_path: Path) -> None:
+    path, back = tmp_path / "a.mat", tmp_path / "b.h5"
+    assert run("export", files.calibration, "--to", "mat", "--out", path).exit_code == 0
+    assert run("import", path, "--out", back).exit_code == 0
+    found, own = Calibration.load(back).response, Calibration.load(files.calibration).response
+    np.testing.assert_array_equal(found.velocity, own.velocity)
+    assert (found.patch, found.point, found.simulated) == (own.patch, own.point, own.simulated)
