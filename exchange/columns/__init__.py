@@ -2,9 +2,21 @@
 
 from .readers import FORMATS, format_of, read_table
 from .table import Column, Labels, Stated, Table
+from .tree_responses import has_responses, read_responses
 from .units import SI, per_unit, unit_of, units_of
 
 __all__ = [
-    "FORMATS", "SI", "Column", "Labels", "Stated", "Table", "format_of", "per_unit", "read_table", "unit_of",
+    "FORMATS",
+    "SI",
+    "Column",
+    "Labels",
+    "Stated",
+    "Table",
+    "format_of",
+    "has_responses",
+    "per_unit",
+    "read_responses",
+    "read_table",
+    "unit_of",
     "units_of",
 ]  # fmt: skip

@@ -18,10 +18,8 @@ _SIGNALS: Mapping[str, Callable[[Path, float | None], Signals]] = {
     "wav": wav_file.read_signals,
     "sep005": sep005_file.read_signals,
 }
-_ALL = ("mat", "hdf5", "netcdf", "nwb", "numpy", "parquet", "tdms", "xdf", "xlsx")
-TREES = ("mat", "hdf5", "numpy")
-"""Formats that may hold responses, and need a look inside."""
-FORMATS = ("csv", "wav", *_ALL, "uff", "sep005")
+_TREES = ("mat", "hdf5", "netcdf", "nwb", "numpy", "parquet", "tdms", "xdf", "xlsx")
+FORMATS = ("csv", "wav", *_TREES, "uff", "sep005")
 """What a file can be read as."""
 _SUFFIXES = {
     ".csv": "csv", ".tsv": "csv", ".txt": "csv", ".lvm": "csv", ".asc": "csv", ".dat": "csv", ".wav": "wav",
@@ -61,7 +59,7 @@ def read_table(path: Path, format: str | None, decimal: str | None, skip: bool =
             table = _of_signals(path, _SIGNALS[found](path, None), found)
         elif found == "uff":
             table = uff_signals.read_table(path)
-        elif found in _ALL:
+        elif found in _TREES:
             table = tree_table.read_table(path, skip)
         else:
             table = text_file.read_table(path, decimal, skip)

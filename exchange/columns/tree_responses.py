@@ -16,6 +16,11 @@ _FREQUENCY = re.compile(r"(f|fv|faxis|freqs?|frequency|frequencies)(hz|axis|vect
 _EXAMPLE = "--unit 'response=(m/s)/V'"
 
 
+def has_responses(path: Path) -> bool:
+    """True for a file with a response. Raises DataError, ConfigurationError where a package is missing."""
+    return bool(responses_of(tree_of(path)))
+
+
 def responses_of(tree: Tree) -> list[tuple[str, str]]:
     """Names of each complex array and of its frequencies. Raises DataError for several such."""
     found = []

@@ -9,10 +9,7 @@ from pathlib import Path
 from ...calibration import Response, read_uff
 from ...instruments import ConfigurationError, RigFile
 from .. import uff_file
-from ..columns import format_of
-from ..columns.contained import tree_of
-from ..columns.readers import TREES
-from ..columns.tree_responses import read_responses, responses_of
+from ..columns import format_of, has_responses, read_responses
 
 
 def is_response_file(path: str | Path, format: str | None = None) -> bool:
@@ -22,8 +19,8 @@ def is_response_file(path: str | Path, format: str | None = None) -> bool:
     """
     path = Path(path)
     found = format_of(path, format)
-    if found in TREES and path.is_file():
-        return bool(responses_of(tree_of(path)))
+    if found in ("mat", "hdf5", "numpy") and path.is_file():
+        return has_responses(path)
     return found == "uff" and uff_file.has_responses(path)
 
 
