@@ -74,8 +74,9 @@ _FLIPPED = ("force", "acceleration", "displacement", "activation")
 @click.option(
     "--as",
     "make",
-    type=click.Choice(("recording", "press")),
-    help="What to make of it.  [default: a recording when it holds several presses]",
+    type=click.Choice(("recording", "press", "curve")),
+    help="What to make of it; a curve, slow force over travel, is shown only.  [default: a recording when it "
+    "holds several presses]",
 )
 @click.option("--button", help="Name of the button that was pressed.  [default: as the file states]")
 @click.option("--participant", "-p", help="Pseudonym of the participant, for a recording: P01.")

@@ -12,7 +12,7 @@ from .recording import recording_of
 from .understood import Understanding
 
 
-def becomes(found: Understanding, activation: float | None = None) -> Literal["recording", "press"]:
+def becomes(found: Understanding, activation: float | None = None) -> Literal["recording", "press", "curve"]:
     """What a file is imported as, unless its mapping says: a recording when it holds several presses."""
     if found.mapping.make is not None:
         return found.mapping.make
@@ -36,6 +36,11 @@ def destination(file: Path, folder: Path) -> Path:
 def import_file(found: Understanding, out: str | Path, activation: float | None = None) -> None:
     """Write what a file holds into `out`: see `becomes`, `import_press` and `import_recording`."""
     found.require()
+    if found.mapping.make == "curve":
+        raise ConfigurationError(
+            f"{found.path} is a force-travel curve, which is shown and drawn, and not made a file of "
+            "haploop: leave --out out, and add --plot FILE.png or --json."
+        )
     if becomes(found, activation) == "press":
         press_of(found, activation).save(out)
     else:

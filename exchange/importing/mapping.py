@@ -53,7 +53,7 @@ class FileMapping(BaseModel):
     """How the file is read; by default as its name ends."""
     decimal: Literal[",", "."] | None = None
     """Decimal sign of a text, where the file leaves a doubt."""
-    make: Literal["recording", "press"] | None = None
+    make: Literal["recording", "press", "curve"] | None = None
     """A recording of all presses, or the representative press that one press is."""
     button: str | None = None
     participant: str | None = None

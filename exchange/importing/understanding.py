@@ -129,7 +129,7 @@ class _Finder:
             found = None if number in used else claim_of(column, own)
             if found is not None and found[0] not in self.taken and found[0] not in self.closed:
                 claims[found[0]][number] = found[1]
-        if self.told.rate_hz is not None:
+        if self.told.rate_hz is not None or self.told.make == "curve":
             claims["time"] = {}
         for role, claimed in claims.items():
             for number in [n for n in claimed if role != "time" and _constant(self.table.columns[n].values)]:
@@ -195,7 +195,9 @@ class _Finder:
         return None
 
     def _base(self) -> TimeBase | None:
-        """The time base; None and a question without one."""
+        """The time base; None and a question without one. The rows of a curve have no time."""
+        if self.told.make == "curve":
+            return TimeBase(1.0, ())
         path, number = self.table.path, self.taken["time"][0] if "time" in self.taken else None
         taken = [n for role, (n, _) in self.taken.items() if role != "time"]
         if number is not None and self.told.rate_hz is None:
@@ -213,7 +215,8 @@ class _Finder:
         if not _SLOWEST * (1 - _MARGIN) <= base.rate_hz <= _FASTEST:
             raise ConfigurationError(
                 f"{path} would have {base.rate_hz:g} samples/s: from {_SLOWEST:g} to {_FASTEST:g} are "
-                "possible, so look at its time or at --rate."
+                "possible, so look at its time or at --rate; a slow curve of force over travel is read with "
+                "--as curve."
             )
         self.notes += [f"Time: {one}." for one in base.said]
         self.holes += holes_of(base)
@@ -284,9 +287,11 @@ class _Finder:
                     "flip acceleration", f"why acceleration is {middle:.1f} m/s² at rest, upside down",
                     "--flip acceleration"))  # fmt: skip
             return
-        told = self.told.rest.get(role)
+        told, curve = self.told.rest.get(role), self.told.make == "curve"
         rest = rest_of(values, rate_hz)
-        falls, said = rest.falls(told), rest.words(told, SI[role])
+        # A curve begins at rest, and may end at the largest travel; its rows are no seconds.
+        falls = rest.falls("start" if curve else told)
+        said = f"{rest.start:.3g} {SI[role]}" if curve else rest.words(told, SI[role])
         self.notes.append(f"{role.capitalize()} at rest: {said}.")
         if falls is None:
             self.questions.append(Question(

@@ -7,11 +7,17 @@ import numpy as np
 from ...exchange.importing import Understanding, becomes, presses_in
 from .. import figures
 from . import captions
+from .curve import curve_contents
 from .parts import Cell, Contents, Drawing, Grid, fact
 
 
 def understanding_contents(found: Understanding) -> Contents:
-    """What a file holds, what is taken for what, and what only a person can know."""
+    """What a file holds, what is taken for what, and what only a person can know.
+
+    Raises ConfigurationError and DataError for a file that is said to be a curve, and holds none.
+    """
+    if found.mapping.make == "curve" and not found.questions:
+        return curve_contents(found)
     table, roles = found.table, {signal.number: signal for signal in found.signals.values()}
     rows, columns = [], []
     for number, column in enumerate(table.columns):

@@ -1,0 +1,101 @@
+"""Slow force-travel curves, as key-switch testers write them; the truth of each is known in closed form."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.command_line import Run
+
+G = 9.80665e-3
+"""N for a gram-force."""
+
+
+def force_at(x: np.ndarray, tactile: bool) -> np.ndarray:
+    """gf on the way down: a spring of 45 to 65 gf over 4 mm, a bump of 20 gf at 1.2 mm, a stop at 3.8 mm."""
+    spring = np.clip(x / 0.05, 0, 1) * (45 + 5 * x)
+    bump = 20 * np.exp(-(((x - 1.2) / 0.3) ** 2)) if tactile else 0.0
+    return np.asarray(spring + bump + 2000 * np.clip(x - 3.8, 0, None))
+
+
+def rows(tactile: bool = True, up: bool = True, noise: float = 0.15, seed: int = 1) -> np.ndarray:
+    """(rows, 4): travel in mm, force in gf, contact, ms."""
+    down = np.linspace(0, 3.9, 400)
+    x = np.concatenate([down, down[::-1][1:]]) if up else down
+    lost = np.where(np.arange(len(x)) < 400, 0.0, 6.0) * np.clip(x / 0.05, 0, 1) * (x < 3.75)
+    force = force_at(x, tactile) - lost + np.random.default_rng(seed).normal(0, noise, len(x))
+    closed = np.where(np.arange(len(x)) < 400, x > 2.0, x > 1.8)
+    return np.stack([x, force, closed, 33.3 * np.arange(len(x))], axis=1)
+
+
+def millis(table: np.ndarray) -> str:
+    return "Millis,Travel (mm),Force (gf)\n" + "".join(f"{t:.0f},{x:.4f},{f:.3f}\n" for x, f, _, t in table)
+
+
+def without_time(table: np.ndarray) -> str:
+    return "Displacement [mm];Force [N]\n" + "".join(f"{x:.4f};{G * f:.6f}\n" for x, f, _, _ in table)
+
+
+def with_contact(table: np.ndarray) -> str:
+    head = "Travel (mm),Force (gf),switch\n"
+    return head + "".join(f"{x:.4f},{f:.3f},{c:.0f}\n" for x, f, c, _ in table)
+
+
+@pytest.mark.parametrize("write", [millis, without_time, with_contact])
+@pytest.mark.parametrize("tactile", [True, False], ids=["tactile", "linear"])
+@pytest.mark.parametrize("up", [True, False], ids=["both ways", "down"])
+def test_a_curve_is_shown_as_what_it_is(
+    write: object, tactile: bool, up: bool, run: Run, tmp_path: Path
+) -> None:
+    """What a file does not show is absent: no bump, no contact, no way up."""
+    path = tmp_path / "switch.csv"
+    path.write_text(write(rows(tactile, up)), encoding="utf-8")
+    args = ["import", path, "--as", "curve"]
+    result = run(*args, "--json")
+    assert result.exit_code == 0, result.stderr
+    said = json.loads(result.stdout)
+    shown = run(*args, "--plot", tmp_path / "curve.png")
+    assert shown.exit_code == 0 and (tmp_path / "curve.png").is_file(), shown.stderr
+    assert ("Tactile peak" in shown.stdout) is tactile
+    fine = np.linspace(0.5, 3.5, 30_001)
+    truth = force_at(fine, tactile)
+    if tactile:
+        peak = int(np.argmax(truth[fine < 2]))
+        trough = peak + int(np.argmin(truth[peak:]))
+        assert said["peak_travel_m"] == pytest.approx(1e-3 * fine[peak], abs=4e-5)
+        assert said["peak_force_n"] == pytest.approx(G * truth[peak], rel=0.01)
+        assert said["trough_force_n"] == pytest.approx(G * truth[trough], rel=0.01)
+        assert said["snap_ratio"] == pytest.approx(1 - truth[trough] / truth[peak], abs=0.015)
+    assert said["bottom_travel_m"] == pytest.approx(3.8e-3, abs=8e-5)
+    assert said["end_travel_m"] == pytest.approx(3.9e-3, abs=1e-6)
+    assert ("Work lost" in shown.stdout) is up
+    if up:
+        assert said["lost_j"] == pytest.approx(6 * G * 3.75e-3, rel=0.05)
+    assert ("Operating point" in shown.stdout) is (write is with_contact)
+    if write is with_contact:
+        assert said["operates_travel_m"] == pytest.approx(2e-3, abs=2e-5)
+        if up:
+            assert said["hysteresis_m"] == pytest.approx(0.2e-3, abs=3e-5)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_noise_makes_no_tactile_peak(seed: int, run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "switch.csv"
+    path.write_text(millis(rows(tactile=False, noise=0.6, seed=seed)), encoding="utf-8")
+    said = json.loads(run("import", path, "--as", "curve", "--json").stdout)
+    assert "peak_travel_m" not in said and said["snap_ratio"] is None
+
+
+def test_what_is_no_curve_is_one_sentence(run: Run, tmp_path: Path) -> None:
+    path, out = tmp_path / "switch.csv", tmp_path / "a.h5"
+    path.write_text(millis(rows()), encoding="utf-8")
+    slow = run("import", path)
+    assert slow.exit_code == 2 and "--as curve" in slow.stderr
+    kept = run("import", path, "--as", "curve", "-o", out)
+    assert kept.exit_code == 2 and "leave --out out" in kept.stderr and not out.exists()
+    path.write_text("Force (N)\n" + "1\n2\n3\n1\n" * 20, encoding="utf-8")
+    lacks = run("import", path, "--as", "curve")
+    assert lacks.exit_code == 2 and "--displacement COLUMN" in lacks.stderr
