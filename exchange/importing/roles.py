@@ -27,10 +27,15 @@ _WORDS: Mapping[Role, str] = {
     "activation": r"(activation|switch|schalter|taster|contact|kontakt|closed|sw)(?![a-z0-9])",
 }
 """Headings that name a role. A trigger is the recorder's as often as the button's."""
-_SIDEWAYS = re.compile(
-    r"(?<![a-z])(x|y|abs\w*|magnitude|mag|total|norm|resultant|sum|rms)(?![a-z])|\A(a|acc|accel)[xy]\Z", re.I
-)
-"""Of accelerations, those that are not said to be vertical."""
+_SIDEWAYS: Mapping[Role, re.Pattern[str]] = {
+    "acceleration": re.compile(
+        r"(?<![a-z])(x|y|abs\w*|magnitude|mag|total|norm|resultant|sum|rms)(?![a-z])|"
+        r"\A(acc\w*|a)[ _.]?[xy]\Z|\AaT\Z",
+        re.I,
+    ),
+    "force": re.compile(r"\A(f|force|kraft|load)[ _.-]?[xy](?![a-z])", re.I),
+}
+"""Of accelerations and forces, those that are not said to be vertical."""
 _SPAN = re.compile(
     r"(?<![a-z])(dt|delta|interval|diff\w*|duration|period|latency|delay|reaction)(?![a-z])", re.I
 )
@@ -66,7 +71,7 @@ def claim_of(column: Column, own: bool = False) -> tuple[Role, Claim] | None:
     if _SPAN.search(column.name) and "time" in named:
         return None
     found = _by_both(column, named, units, own) if named else _by_unit(column, units)
-    if found is not None and found[0] == "acceleration" and _SIDEWAYS.search(column.name):
+    if found is not None and found[0] in _SIDEWAYS and _SIDEWAYS[found[0]].search(column.name):
         doubt = found[1].doubt or "its heading does not say that it is the vertical one"
         return found[0], replace(found[1], doubt=doubt)
     return found

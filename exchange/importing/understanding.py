@@ -164,7 +164,8 @@ class _Finder:
             self.questions.append(Question(role, f"which of {names} is {which}", f"--{role} COLUMN"))
         for number, claim in claimed.items() if len(claimed) == 1 else ():
             column = self.table.columns[number]
-            if claim.doubt and role == "acceleration" and not _contradicted(column, claim):
+            of_role = role == "acceleration" or "vertical" in claim.doubt
+            if claim.doubt and of_role and not _contradicted(column, claim):
                 option = f"--{role} {json.dumps(column.name or str(number), ensure_ascii=False)}"
                 self.questions.append(Question(role, f"whether {names} is {which} ({claim.doubt})", option))
                 continue

@@ -366,6 +366,12 @@ CASES = (
         "trial,time (s),Force (N)\n" + rows(["A", *[""] * 1249, "B", *[""] * 1249], T, F),
         asks=("column 'trial' has A, B",),
     ),
+    *(
+        Case(
+            f"sideways: {name}", timed(f"time (s),{name}"), asks=("does not say that it is the vertical one",)
+        )
+        for name in ("accelerationX (m/s^2)", "acc_y [g]", "aT (m/s^2)", "X-Acceleration (m/s^2)", "Fx (N)")
+    ),
     Case(
         "Graphtec's recorder",
         "Model,GL840\nSampling interval,1ms\nData\nNumber,Date&Time,ms,Force,CH2,Alarm\nNO.,Time,ms,N,V,A12\n"
