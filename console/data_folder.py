@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 
 from ..experiments import Store, load_experiment
 from ..instruments import ConfigurationError
+
+_LONGEST = 255
+"""Bytes of a name that every usual file system takes."""
 
 
 class DataFolder:
@@ -28,11 +32,17 @@ class DataFolder:
         text = name if isinstance(name, str) else ""
         parts = text.split("/")
         wrong = not text or any(
-            part in ("", "..") or part.startswith(".") or set(part) & set('\\:*?"<>|\0') for part in parts
+            part in ("", "..")
+            or part.startswith(".")
+            or set(part) & set('\\:*?"<>|\0')
+            or len(part.encode("utf-8", "replace")) > _LONGEST
+            for part in parts
         )
         path = self.root.joinpath(*parts) if not wrong else self.root
         try:
             inside = not wrong and path.resolve().is_relative_to(self.root)
+            with suppress(FileNotFoundError, NotADirectoryError):
+                path.lstat()  # `resolve` passes over a path that the system does not take
         except (OSError, RuntimeError, ValueError):
             inside = False
         if not inside:

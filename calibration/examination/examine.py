@@ -12,12 +12,12 @@ from types import MappingProxyType
 
 import numpy as np
 
-from ...instruments import ConfigurationError, HaploopError, InstrumentError, Rig, RigFile, open_rig
+from ...instruments import ConfigurationError, HaploopError, InstrumentError, Rig, RigFile
 from ...instruments.driver import Mode
 from ...instruments.operator import UnansweredError
 from ...instruments.progress import Progress, silent
 from ...instruments.relay import LOST
-from ...instruments.rig import UNPROVED
+from ...instruments.rig import UNPROVED, identify_each
 from ...instruments.vibrometer import Vibrometer, shown
 from ..drive import Drive
 from .band_check import check_bands
@@ -111,20 +111,15 @@ def examine_each(
     `simulate` and `plant` as they were given to `open_rig`.
     """
     findings: list[Finding] = []
-    roles = [role for role in file.devices if role != "operator"]
-    # A simulated plant is wired to the DAQ, so the other twins need it.
-    needed = "daq" if simulate or file.simulate else ""
-    for role in roles:
-        if findings and findings[0].status == "red" and needed:
-            findings.append(Finding("Identity", role, "yellow", "Not tested: repair the DAQ first."))
-            continue
-        alone = file.model_copy(update={other: None for other in roles if other not in (role, needed)})
-        try:
-            with open_rig(alone, simulate=simulate, plant=plant) as rig:
-                identity = _identity(rig, role)
-                findings.append(Finding("Identity", role, "green", f"{identity} responds."))
-        except HaploopError as problem:
-            findings.append(Finding("Identity", role, "red", str(problem)))
+    try:
+        for role, outcome in identify_each(file, simulate, plant=plant):
+            if role == "operator":
+                continue
+            failed = isinstance(outcome, HaploopError)
+            sentence = str(outcome) if failed else f"{outcome} responds."
+            findings.append(Finding("Identity", role, "red" if failed else "green", sentence))
+    except HaploopError as problem:
+        findings.append(Finding("Identity", "rig", "red", str(problem)))
     if all(finding.status == "green" for finding in findings):
         findings.append(Finding("Identity", "rig", "red", str(error)))
     findings.append(Finding("Everything else", "rig", "yellow", "Not tested: the rig could not be opened."))

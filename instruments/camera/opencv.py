@@ -141,7 +141,10 @@ class OpenCvCamera(Camera):
             self._capture = library.VideoCapture(settings.source)
         if not self._capture.isOpened():
             self._capture = None
-            raise InstrumentError(f"OpenCV opens no camera {settings.source!r}: check 'source' in [camera].")
+            raise InstrumentError(
+                f"OpenCV opens no camera {settings.source!r}: check 'source' in [camera], that no other "
+                "program uses the camera, and that this user may open it."
+            )
         if isinstance(settings.source, int):
             self._capture.set(library.CAP_PROP_FRAME_HEIGHT, settings.rows)
             self._capture.set(library.CAP_PROP_FRAME_WIDTH, settings.columns)

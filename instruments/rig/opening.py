@@ -46,8 +46,52 @@ def open_rig(
 
     Raises ConfigurationError, and InstrumentError when an instrument is missing or in use.
     """
+    opened, holding = _made(rig, simulate, simulation or {}, plant, real_time)
+    try:
+        opened._stack.enter_context(holding)  # what must outlast the instruments
+        for role, device, driver in _drivers(opened.file):
+            _connect(opened, role, device, driver)
+        _complete(opened)
+    except BaseException:
+        opened.close()
+        raise
+    return opened
+
+
+def identify_each(
+    file: RigFile, simulate: Mode | None = None, *, plant: object = None
+) -> Iterator[tuple[str, str | HaploopError]]:
+    """Connect each instrument of a rig, whether or not the others are there; no output is changed.
+
+    Yields each role, and what its instrument calls itself or why it cannot be opened. `simulate` and `plant`
+    as of `open_rig`. A simulated plant is wired to the DAQ: without that, nothing more is yielded. Raises
+    as `open_rig` does for what is wrong with the rig as a whole.
+    """
+    opened, holding = _made(file, simulate, {}, plant, False)
+    with opened:
+        opened._stack.enter_context(holding)
+        for role, device, driver in _drivers(opened.file):
+            try:
+                _connect(opened, role, device, driver)
+                yield role, getattr(opened.instruments[role], "identity", f"The {role}")
+            except HaploopError as error:
+                yield role, error
+                if role == "daq" and opened.mode is not None:
+                    return
+
+
+def _made(
+    rig: str | Path | RigFile | None,
+    simulate: Mode | None,
+    simulation: Mapping[str, Any],
+    plant: object,
+    real_time: bool,
+) -> tuple[Rig, AbstractContextManager[object]]:
+    """A rig without its instruments, and what must be held as long as they are open."""
     if simulate is not None and simulate.startswith(TAPE):
-        return _played(rig, simulate, bool(simulation) or plant is not None)
+        if simulation or plant is not None:
+            raise ConfigurationError("A tape is played as it is: it takes no plant, and no setting of one.")
+        return _played(rig, simulate)
     if rig is None:
         raise ConfigurationError("Name a rig file: only a tape holds a rig.")
     file = rig if isinstance(rig, RigFile) else load_rig_file(rig)
@@ -57,7 +101,7 @@ def open_rig(
     deck = current()
     world: Simulation | None = None
     if mode is not None:
-        file = simulated_file(file, simulation or {}, plant)
+        file = simulated_file(file, simulation, plant)
         simulation_class = entry_points.load(entry_points.SIMULATION, "plant")
         world = simulation_class(file, plant=plant, real_time=real_time)
     elif plant is not None:
@@ -69,30 +113,17 @@ def open_rig(
     if isinstance(deck, Recorder):
         check_recordable(file, mode)
         deck.begin(file.model_dump_json(), mode, opened.clock)
-    return _complete(opened, closing(world) if world else hold(pieces, f"The rig {file.name!r}"))
+    return opened, closing(world) if world else hold(pieces, f"The rig {file.name!r}")
 
 
-def _played(rig: str | Path | RigFile | None, mode: Mode, simulated: bool) -> Rig:
-    """Open a rig on a tape: that of the session, or another for this rig alone."""
-    if simulated:
-        raise ConfigurationError("A tape is played as it is: it takes no plant, and no setting of one.")
+def _played(rig: str | Path | RigFile | None, mode: Mode) -> tuple[Rig, AbstractContextManager[object]]:
+    """A rig on a tape: that of the session, or another for this rig alone."""
     path = Path(mode.removeprefix(TAPE))
     session = current()
     player = session if isinstance(session, Player) and session.path == path else Player(path)
     world = PlayedWorld(player)
     file = world.file if rig is None else rig if isinstance(rig, RigFile) else load_rig_file(rig)
-    return _complete(Rig(file, world.clock, world, mode, hardware(file, mode)), closing(world))
-
-
-def _complete(opened: Rig, holding: AbstractContextManager[object]) -> Rig:
-    """Open the instruments of a rig."""
-    try:
-        opened._stack.enter_context(holding)  # what must outlast the instruments
-        _connect(opened)
-    except BaseException:
-        opened.close()
-        raise
-    return opened
+    return Rig(file, world.clock, world, mode, hardware(file, mode)), closing(world)
 
 
 def hardware(file: RigFile, mode: Mode | None) -> frozenset[str]:
@@ -154,42 +185,45 @@ def _described(plant: object) -> dict[str, Any]:
     return {**(plant.model_dump(mode="json") if isinstance(plant, BaseModel) else {}), "plant": name}
 
 
-def _connect(rig: Rig) -> None:
-    """Open each instrument that the rig file names."""
-    for role, device, driver in _drivers(rig.file):
-        try:
-            with recording(rig, role, device, driver) as (opener, line):
-                if rig.simulation and rig.mode:
-                    instrument = rig.simulation.instrument(role, device, opener, rig.mode)
-                else:
-                    instrument = opener.open(settings_of(driver, device, role, rig.name), rig.clock)
-                if isinstance(instrument, Operator) and line.taped:
-                    instrument = TapedOperator(instrument, line)
-        except HaploopError:
+def _connect(rig: Rig, role: str, device: Device, driver: Driver) -> None:
+    """Open an instrument of a rig."""
+    try:
+        with recording(rig, role, device, driver) as (opener, line):
+            if rig.simulation and rig.mode:
+                instrument = rig.simulation.instrument(role, device, opener, rig.mode)
+            else:
+                instrument = opener.open(settings_of(driver, device, role, rig.name), rig.clock)
+            if isinstance(instrument, Operator) and line.taped:
+                instrument = TapedOperator(instrument, line)
+    except HaploopError:
+        raise
+    except (Exception, SystemExit) as error:
+        if driver.__module__.startswith("haploop."):
             raise
-        except (Exception, SystemExit) as error:
-            if driver.__module__.startswith("haploop."):
-                raise
-            told = " ".join(f"{type(error).__name__}: {error}".split())
-            raise InstrumentError(
-                f"{entry_points.named(entry_points.DRIVERS, device.driver)} failed to open its instrument "
-                f"({told}): ask the package's author."
-            ) from error
-        if not isinstance(instrument, entry_points.role_class(role)):
-            raise ConfigurationError(
-                f"What the driver {device.driver!r} opened is no {role}, but an object of "
-                f"{type(instrument).__name__}: ask the author of the driver, or of its twin."
-            )
-        rig.adopt(role, instrument)
-        compare_scales(role, instrument, rig.sensors, rig.name)
-        if not rig.simulation and not _opened(instrument, role, device, driver, rig.name) <= rig.hardware:
-            raise InstrumentError(
-                f"The {role} of the rig {rig.name!r} is another one than a moment ago, or answers only now: "
-                "open the rig again."
-            )
-        if isinstance(instrument, Daq) and (not rig.simulation or is_of_hardware(rig.simulation)):
-            # The lock proves that no running program on this computer uses it.
-            instrument.clear_left()
+        told = " ".join(f"{type(error).__name__}: {error}".split())
+        raise InstrumentError(
+            f"{entry_points.named(entry_points.DRIVERS, device.driver)} failed to open its instrument "
+            f"({told}): ask the package's author."
+        ) from error
+    if not isinstance(instrument, entry_points.role_class(role)):
+        raise ConfigurationError(
+            f"What the driver {device.driver!r} opened is no {role}, but an object of "
+            f"{type(instrument).__name__}: ask the author of the driver, or of its twin."
+        )
+    rig.adopt(role, instrument)
+    compare_scales(role, instrument, rig.sensors, rig.name)
+    if not rig.simulation and not _opened(instrument, role, device, driver, rig.name) <= rig.hardware:
+        raise InstrumentError(
+            f"The {role} of the rig {rig.name!r} is another one than a moment ago, or answers only now: "
+            "open the rig again."
+        )
+    if isinstance(instrument, Daq) and (not rig.simulation or is_of_hardware(rig.simulation)):
+        # The lock proves that no running program on this computer uses it.
+        instrument.clear_left()
+
+
+def _complete(rig: Rig) -> None:
+    """Join what belongs together, once every instrument is open, and let the rig be used."""
     if rig.file.wiring == "direct" and rig.has("amplifier"):
         rig.adopt("relay", DirectWire(rig.table.patches))
     if rig.has("adc"):

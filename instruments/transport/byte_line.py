@@ -13,7 +13,7 @@ from ..errors import InstrumentError
 from ..flag import Flag
 from ..inbox import Inbox
 from ..tape import Failure, TapedLine
-from .serial_line import close_port, serial_trouble
+from .serial_line import close_port, serial_remedy, serial_trouble
 
 Arrival = tuple[float, bytes]
 """Time (s of the rig's clock) and what had come by then."""
@@ -50,8 +50,7 @@ class SerialBytes:
             self._port = serial.serial_for_url(port, baudrate=baud, timeout=_POLL, write_timeout=1.0)
         except (serial.SerialException, OSError, ValueError) as error:
             raise InstrumentError(
-                f"The {self._name} cannot be opened ({serial_trouble(error)}): correct 'port', plug it in, "
-                "or close the program that uses it."
+                f"The {self._name} cannot be opened ({serial_trouble(error)}): {serial_remedy(error)}."
             ) from None
         self._inbox: Inbox[Arrival] = Inbox()
         self._closed = Flag()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 from contextlib import suppress
@@ -93,9 +94,7 @@ class SerialLine(TextLine):
             try:
                 return _SerialPort(how.opened(port, baud, _POLL, timeout))
             except (serial.SerialException, OSError, ValueError) as error:
-                raise ConnectionError(
-                    f"{serial_trouble(error)}; correct 'port', plug it in, or close the program that uses it"
-                ) from None
+                raise ConnectionError(f"{serial_trouble(error)}; {serial_remedy(error)}") from None
 
         super().__init__(f"{name} at {port}", connect, "its 'port' and 'baud'", timeout, end)
 
@@ -139,6 +138,21 @@ def serial_trouble(error: Exception) -> str:
     """Why a port failed, in a few words: pyserial nests the system's text, with numbers, in its own."""
     if isinstance(error, ValueError):
         return "it is no name of a serial port and no URL of one"
-    said = re.search(r"Errno (\d+)|\w+Error\((\d+)", str(error))
-    number = getattr(error, "errno", None) or (int(said[1] or said[2]) if said else None)
+    number = _number(error)
     return os.strerror(number).lower() if number else "it was disconnected, or another program uses it"
+
+
+def serial_remedy(error: Exception) -> str:
+    """What to do about a port that cannot be opened."""
+    if _number(error) in (errno.EACCES, errno.EPERM):
+        return (
+            "let this user open it (Debian: `sudo usermod -aG dialout $USER`, and log in again), or close "
+            "the program that uses it"
+        )
+    return "correct 'port', plug it in, or close the program that uses it"
+
+
+def _number(error: Exception) -> int | None:
+    """The system's number of an error; None where it tells none."""
+    said = re.search(r"Errno (\d+)|\w+Error\((\d+)", str(error))
+    return getattr(error, "errno", None) or (int(said[1] or said[2]) if said else None)

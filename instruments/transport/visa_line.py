@@ -23,7 +23,7 @@ class VisaLine(TextLine):
                 session.timeout = 1e3 * timeout
                 session.read_termination = session.write_termination = "\n"
             except Exception as error:  # pyvisa-py raises bare Exceptions too
-                reason = " ".join(str(error).split())
+                reason = " ".join(str(error).split()).rstrip(".")
                 raise ConnectionError(f"{reason}; {_remedy(reason)}") from None
             return _Session(session, pyvisa)
 
@@ -38,6 +38,8 @@ def _remedy(reason: str) -> str:
                 f"without a vendor's VISA a resource of {kind.upper()} needs {_NEEDS[kind]}: pip install "
                 f"\"haploop[{kind}]\", or install NI-VISA or Keysight's IO Libraries and leave 'visa' out"
             )
+    if any(word in reason for word in ("RSRC_LOCKED", "RSRC_BUSY", "NPERMISSION")):
+        return "close the program that uses it, or let this user open it"
     return "correct 'resource', switch it on, or install a VISA library (NI-VISA, Keysight's IO Libraries)"
 
 

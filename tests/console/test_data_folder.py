@@ -5,8 +5,11 @@ from __future__ import annotations
 import os
 
 import pytest
+from starlette.applications import Starlette
+from starlette.testclient import TestClient
 
 from haploop.console.data_folder import DataFolder
+from haploop.console.server.data_routes import data_routes
 from haploop.instruments import ConfigurationError
 
 
@@ -24,6 +27,10 @@ from haploop.instruments import ConfigurationError
         "recordings\\..\\..\\secret.h5",
         "a\0b",
         "<script>",
+        "x" * 256 + ".h5",
+        "é" * 128,
+        "/".join(["folder"] * 900),
+        "\ud800",
         None,
         ["recordings"],
     ],
@@ -31,6 +38,16 @@ from haploop.instruments import ConfigurationError
 def test_a_name_that_leads_elsewhere_is_refused(tmp_path, name):
     with pytest.raises(ConfigurationError, match="no file of the console's data folder"):
         DataFolder(tmp_path / "data").path(name)
+
+
+def test_no_route_fails_at_a_name_that_no_file_system_takes(tmp_path):
+    routes = data_routes(DataFolder(tmp_path))
+    page = TestClient(Starlette(routes=routes))
+    for route in routes:
+        for name in ("x" * 300 + ".h5", "a/" * 3000 + "b", ".", "\n"):
+            for key in ("file", "check", "map", "study", "experiment"):
+                answer = page.get(route.path, params={"file": "a.h5", key: name})
+                assert answer.status_code in (200, 404, 409), (route.path, key, answer.text)
 
 
 @pytest.mark.skipif(os.name == "nt", reason="links need rights there")
