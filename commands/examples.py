@@ -43,7 +43,8 @@ EXAMPLES = {
     "represent": "haploop represent P01-latch.h5 P02-latch.h5 --out press.h5",
     "reset": 'haploop reset --rig lab.toml --reason "gain set back to 50"',
     "new": "haploop new my-study --buttons latch,push --participants 12 --rig lab.toml",
-    "rig new": "haploop rig new lab.toml",
+    "rig new": "haploop rig new lab.toml --like usb-6211",
+    "rig check": "haploop rig check lab.toml",
     "schema": "haploop schema > rig.json_schema.json",
     "serve": "haploop serve --rig lab.toml --data study-2026",
     "show": "haploop show recordings/P01-latch.h5 --plot latch.pdf",
@@ -92,7 +93,7 @@ COURSES = {
         "haploop experiment run matching --participant P01",
         "haploop experiment export matching answers.csv",
     ),
-    "rig": ("haploop rig new lab.toml",),
+    "rig": ("haploop rig new lab.toml --like usb-6211", "haploop rig check lab.toml"),
     "study": (
         "haploop study new pilot",
         "haploop study run --study pilot --participant P01",

@@ -12,7 +12,7 @@ from typing import Any
 import click
 
 from ..reports import outputs
-from ..terminal.progress import note, print_line
+from ..terminal.progress import print_line
 from . import front as haploop
 from .asking import asker
 from .options import PATH
@@ -43,7 +43,7 @@ _EXPERIMENT = """\
     First edit experiment/experiment.toml.
 """
 _REHEARSE = """\
-The rig is simulated as long as rig.toml says so: describe yours with `haploop rig new mine.toml`, and put it
+The rig is simulated as long as rig.toml says so: describe yours (`haploop rig new mine.toml`), and put it
 in place of rig.toml. Nothing that is measured until then is real.
 """
 _REAL = """\
@@ -63,9 +63,7 @@ Rehearse all of it without touching an instrument: `--simulate twin` behind each
     "--presses", "-n", type=click.IntRange(1, 1000), metavar="N", default=10, show_default=True,
     help="Presses of each button.",
 )  # fmt: skip
-@click.option(
-    "--rig", "-r", metavar="FILE", help="Rig file, name of a shipped rig, or ask.  [default: asked for]"
-)
+@click.option("--rig", "-r", metavar="FILE", help="Rig file, or name of a shipped rig.  [default: asked for]")
 def new(folder: Path, buttons: str | None, participants: int | None, presses: int, rig: str | None) -> int:
     """Make a FOLDER for a study, with all that it needs.
 
@@ -76,18 +74,12 @@ def new(folder: Path, buttons: str | None, participants: int | None, presses: in
     """
     named = _buttons(_given("buttons", buttons, "Which buttons?", "latch,toggle,push"))
     count = int(_given("participants", participants, "How many participants?", "3"))
-    chosen = _given(
-        "rig", rig, "Which rig: a file, a shipped rig's name, or ask to describe yours?", "simulated"
-    )
+    chosen = _given("rig", rig, "Which rig: a file, or a shipped rig's name?", "simulated")
     paths = [folder / name for name in ("rig.toml", "study.toml", "experiment/experiment.toml", "README.md")]
     for path in paths:
         outputs.check_destination(path)
-    if chosen == "ask":
-        described = haploop.new_rig(paths[0], asker("name a rig by --rig"), haploop.look_for_hardware(), note)
-        simulated = described.simulate is not None
-    else:
-        simulated = haploop.load_rig_file(chosen).simulate is not None
-        haploop.new_rig_on(paths[0], chosen, folder.resolve().name)
+    simulated = haploop.load_rig_file(chosen).simulate is not None
+    haploop.new_rig_on(paths[0], chosen, folder.resolve().name)
     people = [f"P{number:02d}" for number in range(1, count + 1)]
     name = folder.resolve().name
     said = {"rig": "rig.toml", "buttons": named, "participants": people, "presses": presses}

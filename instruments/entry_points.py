@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import sys
+from contextlib import suppress
 from functools import lru_cache
 from importlib import metadata
 from inspect import isabstract
@@ -16,6 +17,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from .errors import ConfigurationError
+from .near_words import did_you_mean
 from .signals import uninterrupted
 
 ROLES, DRIVERS, TWINS, WIRES = "haploop.roles", "haploop.drivers", "haploop.twins", "haploop.wires"
@@ -93,6 +95,16 @@ def driver_class(name: str, role: str | None = None) -> type[Any]:
     else:
         return driver
     raise ConfigurationError(f"{named(DRIVERS, name)} {wrong}")
+
+
+def unknown_driver(name: str, role: str) -> str:
+    """A sentence about a driver that is not installed, with those of its role."""
+    fitting = []
+    for one in installed(DRIVERS):
+        with suppress(ConfigurationError):  # of another role
+            driver_class(one, role)
+            fitting.append(one)
+    return f"there is no driver {name!r} of a {role}; " + did_you_mean(name, fitting, "installed are")
 
 
 def plant_class(name: str) -> type[BaseModel]:

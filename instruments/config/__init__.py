@@ -16,6 +16,9 @@ from .rig_file import TableSettings as TableSettings
 from .rig_file import roles as roles
 from .rig_reading import fault_kinds as fault_kinds
 from .rig_reading import load_rig_file as load_rig_file
+from .rig_reading import problems_of as problems_of
+from .rig_reading import shipped_rig as shipped_rig
+from .rig_reading import shipped_rigs as shipped_rigs
 from .toml_lines import key_lines as key_lines
 from .toml_lines import parse_toml as parse_toml
 from .toml_lines import place as place

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from importlib import resources
 from pathlib import Path
@@ -12,12 +12,13 @@ from pydantic import BaseModel
 
 from .. import entry_points
 from ..errors import ConfigurationError
+from ..near_words import did_you_mean
 from .ati_cal import read_ati_cal
 from .contradictions import contradictions
 from .frf_file import read_frf
 from .rig_file import RigFile, SimulationSettings, roles
-from .toml_lines import Places, key_lines, parse_toml, place, read_text
-from .validation import validate, validate_kind
+from .toml_lines import Location, Places, key_lines, parse_toml, place, read_text
+from .validation import sentences, validate, validate_kind
 
 
 def load_rig_file(path: str | Path) -> RigFile:
@@ -30,8 +31,46 @@ def load_rig_file(path: str | Path) -> RigFile:
     Raises ConfigurationError, which names the file, the line, the key, and what was expected.
     """
     raw, places = _raw(Path(path), ())
-    _take_monitor(raw)
+    return _validated(raw, partial(place, places))
+
+
+def problems_of(path: str | Path) -> list[str]:
+    """Every error of a rig file, each as the sentence of `load_rig_file`, and drivers that are not installed.
+
+    An error that hides others comes alone.
+    """
+    try:
+        raw, places = _raw(Path(path), ())
+    except ConfigurationError as error:
+        return [str(error)]
     where = partial(place, places)
+    drivers = entry_points.installed(entry_points.DRIVERS)
+    wrong: list[str] = []
+    for role in roles():
+        device = raw.get(role)
+        name = device.get("driver") if isinstance(device, dict) else None
+        if not isinstance(name, str):
+            continue
+        if name not in drivers:
+            wrong.append(f"{where((role, 'driver'))}: {entry_points.unknown_driver(name, role)}")
+            continue
+        try:
+            driver = entry_points.driver_class(name, role)
+        except ConfigurationError as error:
+            wrong.append(f"{where((role, 'driver'))}: {error}")
+            continue
+        settings = {key: value for key, value in device.items() if key != "driver"}
+        wrong += sentences(driver.Settings, settings, where, (role,))
+    wrong = [*sentences(RigFile, raw, where, also=roles()), *wrong]
+    if not wrong:
+        try:
+            _validated(raw, where)
+        except ConfigurationError as error:
+            return [str(error)]
+    return wrong
+
+
+def _validated(raw: dict[str, Any], where: Callable[[Location], str]) -> RigFile:
     file = validate(RigFile, raw, where, also=roles())
     drivers = entry_points.installed(entry_points.DRIVERS)
     settings = {}
@@ -50,6 +89,13 @@ def load_rig_file(path: str | Path) -> RigFile:
 
 
 def _raw(path: Path, above: tuple[Path, ...]) -> tuple[dict[str, Any], list[Places]]:
+    """Merge a file over its bases, as `_merged_raw`, with the amplifier's monitor as the drive monitor."""
+    raw, places = _merged_raw(path, above)
+    _take_monitor(raw)
+    return raw, places
+
+
+def _merged_raw(path: Path, above: tuple[Path, ...]) -> tuple[dict[str, Any], list[Places]]:
     """Merge a file over its bases; also return the line numbers of the keys in each, its own first."""
     if path in above:
         raise ConfigurationError(
@@ -65,7 +111,7 @@ def _raw(path: Path, above: tuple[Path, ...]) -> tuple[dict[str, Any], list[Plac
     if not isinstance(base, str):
         raise ConfigurationError(f"{path}: base must be the name of another rig file (found {base!r}).")
     beside = path.parent / base
-    below, others = _raw(beside if beside.is_file() else Path(base), (*above, path))
+    below, others = _merged_raw(beside if beside.is_file() else Path(base), (*above, path))
     return _merged(below, raw), [places, *others]
 
 
@@ -126,20 +172,23 @@ def fault_kinds() -> Mapping[str, type[BaseModel]]:
 
 
 def _read(path: Path) -> str:
-    if path.suffix == "" and path.name == str(path) and not path.exists():
-        return _shipped(path.name)
+    # A folder that is named like a rig, as of a calibration of it, is no rig file.
+    if path.suffix == "" and path.name == str(path) and not path.is_file():
+        return shipped_rig(path.name)
+    shipped = ", ".join(shipped_rigs())
     return read_text(
-        path, f"There is no rig file {path}: use an existing file, or a shipped rig ({', '.join(_names())})."
+        path, f"There is no rig file {path}: use an existing file, or a shipped rig ({shipped})."
     )
 
 
-def _names() -> list[str]:
+def shipped_rigs() -> list[str]:
+    """Names of the rigs that haploop ships."""
     return sorted(p.name[:-5] for p in resources.files("haploop.rigs").iterdir() if p.name.endswith(".toml"))
 
 
-def _shipped(name: str) -> str:
-    if name not in _names():
-        raise ConfigurationError(
-            f"There is no rig {name!r}: use a rig file, or a shipped rig ({', '.join(_names())})."
-        )
+def shipped_rig(name: str) -> str:
+    """Text of a rig file that haploop ships. Raises ConfigurationError."""
+    if name not in shipped_rigs():
+        meant = did_you_mean(name, shipped_rigs(), "use a rig file, or a shipped rig:")
+        raise ConfigurationError(f"There is no rig {name!r}: {meant}")
     return (resources.files("haploop.rigs") / f"{name}.toml").read_text(encoding="utf-8")

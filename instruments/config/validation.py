@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, TypeVar, get_args, get_origin
 
@@ -10,6 +9,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from ..errors import ConfigurationError
+from ..near_words import did_you_mean
 from ..sensors import Described
 from .toml_lines import Location
 
@@ -31,10 +31,37 @@ def validate(
     try:
         return model.model_validate(raw)
     except ValidationError as error:
-        # Report a misspelt key before the key that is missing because of it.
-        first = min(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
-        place = source if isinstance(source, str) else source((*above, *first["loc"]))
-        raise ConfigurationError(_sentence(first, model, place, above, also)) from None
+        raise ConfigurationError(_sentences(error, model, source, above, also)[0]) from None
+
+
+def sentences(
+    model: type[BaseModel],
+    raw: object,
+    source: str | Callable[[Location], str],
+    above: Location = (),
+    also: Iterable[str] = (),
+) -> list[str]:
+    """Every error that `validate` finds, a sentence each."""
+    try:
+        model.model_validate(raw)
+    except ValidationError as error:
+        return _sentences(error, model, source, above, also)
+    return []
+
+
+def _sentences(
+    error: ValidationError,
+    model: type[BaseModel],
+    source: str | Callable[[Location], str],
+    above: Location,
+    also: Iterable[str],
+) -> list[str]:
+    # A misspelt key comes before the key that is missing because of it.
+    told = []
+    for one in sorted(error.errors(), key=lambda e: e["type"] != "extra_forbidden"):
+        place = source if isinstance(source, str) else source((*above, *one["loc"]))
+        told.append(_sentence(one, model, place, above, also))
+    return told
 
 
 def validate_kind(
@@ -46,8 +73,7 @@ def validate_kind(
     """Validate `raw` as the model that its key `kind` selects among `kinds`; otherwise as `validate`."""
     kind = str(raw.get("kind"))
     if kind not in kinds:
-        near = difflib.get_close_matches(kind, kinds, n=1)
-        hint = f"did you mean {near[0]!r}?" if near else f"the kinds are {', '.join(sorted(kinds))}."
+        hint = did_you_mean(kind, kinds, "the kinds are")
         place = source if isinstance(source, str) else source((*above, "kind"))
         raise ConfigurationError(f"{place}: unknown fault kind {kind!r}; {hint}")
     return validate(kinds[kind], raw, source, above)
@@ -60,8 +86,7 @@ def _sentence(
     if first["type"] == "extra_forbidden":
         top = len(first["loc"]) == 1
         known = {*_keys_at(model, first["loc"][:-1]), *(also if top else ())}
-        near = difflib.get_close_matches(str(first["loc"][-1]), sorted(known), n=1)
-        hint = f"did you mean {near[0]!r}?" if near else f"known keys are {', '.join(sorted(known))}."
+        hint = did_you_mean(str(first["loc"][-1]), known, "known keys are")
         if top and not above and isinstance(first["input"], dict) and "driver" in first["input"]:
             hint += " If another package adds this role, install that package."
         return f"{place}: unknown key {key!r}; {hint}"
@@ -88,15 +113,25 @@ _MUST = {
     "literal_error enum": "must be {expected}",
     "dict_type model_type model_attributes_type": "must be a table",
     "list_type tuple_type": "must be a list",
-    "string_pattern_mismatch": "must have the form {pattern}",
     "string_too_short": "must have {min_length} or more characters",
     "string_too_long": "must have {max_length} characters or fewer",
 }
 """What a value must be, by the types of pydantic's errors."""
+_FORMS = {
+    r"\S": "must not be blank",
+    r"^[^/\s]+/\w+$": 'must be a device and its terminal, such as "Dev1/ai0"',
+    r"^[A-Za-z0-9]{1,12}-[A-Za-z0-9]{1,12}$": 'must be a serial number, such as "MXCOUPL1-12345"',
+    r"^VeloDec,\d$": 'must be a decoder, "VeloDec,0" to "VeloDec,9"',
+    r"^[A-Za-z0-9][A-Za-z0-9 _.-]{0,39}$": "must be at most 40 letters, digits, spaces, _, . and -, and "
+    "begin with a letter or digit",
+}
+"""What a text must be, by the pattern of its field."""
 
 
 def told(error: ErrorDetails) -> str:
     """What a value must be, in our own words as far as there are any."""
+    if error["type"] == "string_pattern_mismatch":
+        return _FORMS.get(error["ctx"]["pattern"], "has not the form that is needed here")
     for types, words in _MUST.items():
         if error["type"] in types.split():
             return words.format(**error.get("ctx", {}))

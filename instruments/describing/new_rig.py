@@ -1,50 +1,61 @@
-"""A new rig file from answers: one part of the rig after the other, then the whole is validated.
+"""A new rig file: a shipped one with its comments, for a person to edit.
 
-What an answer leaves open is written as a key with a comment. The file appears whole or not at all.
+What was found on this computer is filled in. Every other line that depends on a lab's own parts and wiring is
+marked, because a figure of an example is a wrong figure for all other parts.
 """
 
 from __future__ import annotations
 
 import json
-import tempfile
-from collections.abc import Callable
+import re
+from collections.abc import Sequence
 from pathlib import Path
 
-from ..config import RigFile, load_rig_file
-from ..errors import ConfigurationError
+from ..config import RigFile, load_rig_file, problems_of, read_text, shipped_rig
 from ..files import check_destination, new_file
 from .found import Found
-from .interview import Ask, Interview
-from .parts import Parts, daq, driven, sensors
 
-_TRIES = 5
+LOOK_UP = "LOOK UP"
+"""Marks, in a comment, a line whose value is an example's."""
+_FIXED = {"driver", "input", "channel", "channels", "kind", "quantity", "patches", "button_point"}
+"""Keys that choose among what the file itself names."""
+_OURS = {"", "simulation", "recalibration", "abort"}
+"""Tables that no part's figures are in."""
+_TABLE = re.compile(r"\s*\[+\s*([\w.\"-]+)\s*\]+")
+_KEY = re.compile(r"([\w-]+)\s*=\s*")
+_STRING = re.compile(r'"(?:[^"\\]|\\.)*"')
+_HEAD = """\
+# Made like the shipped rig {like}. A line with {mark} has an example's value: put your own in, from a
+# manual, a calibration sheet or your wiring, and take the mark away.
+# `haploop rig check {path}` says what is left.
+"""
 
 
-def new_rig(path: str | Path, ask: Ask, found: Found, tell: Callable[[str], object]) -> RigFile:
-    """Ask for a rig's parts, and write them into the new rig file `path`; return it as it is read.
+def new_rig(path: str | Path, like: str, found: Found) -> RigFile:
+    """Write the new rig file `path` like a shipped one, with what was `found`; return it as it is read.
 
-    `ask(question, default)` asks a person, `found` is what is offered, `tell` says what is wrong: then all is
-    asked again, with the answers as defaults. Raises ConfigurationError when the file exists, cannot be
-    written, or is not right after five times.
+    Raises ConfigurationError for an unknown name, and when the file exists or cannot be written.
     """
     path = Path(path)
     check_destination(path)
-    for sentence in found.missing:
-        tell(sentence)
-    interview = Interview(ask, tell)
-    for _ in range(_TRIES):
-        text = _text(path.stem, interview, found)
-        try:
-            file = _read(text)
-        except ConfigurationError as error:
-            tell(f"That is no rig yet. {error}")
-            continue
-        with new_file(path) as part:
-            part.write_text(text, encoding="utf-8")
-        return file
-    raise ConfigurationError(
-        f"{path} was not written: see docs/how-to/describe-your-rig.md, and write it by hand."
+    text = _renamed(shipped_rig(like), found)
+    head = _HEAD.format(like=like, mark=LOOK_UP, path=path.name) + "".join(
+        f"# Found on this computer: {sentence}\n" for sentence in _listed(found)
     )
+    table, lines = "", []
+    for line in text.splitlines():
+        header = _TABLE.match(line)
+        table = header[1] if header else table
+        key = _KEY.match(line)
+        if key is None or header:
+            lines.append(line)
+        elif not table and key[1] == "name":
+            lines.append(f"name = {json.dumps(path.stem)}")
+        else:
+            lines.append(_filled(table, key[1], line, found))
+    with new_file(path) as part:
+        part.write_text(head + "\n".join(lines) + "\n", encoding="utf-8")
+    return load_rig_file(path)
 
 
 def new_rig_on(path: str | Path, base: str, name: str = "") -> RigFile:
@@ -64,24 +75,68 @@ def new_rig_on(path: str | Path, base: str, name: str = "") -> RigFile:
     return load_rig_file(path)
 
 
-def _read(text: str) -> RigFile:
-    with tempfile.TemporaryDirectory() as folder:
-        draft = Path(folder) / "rig.toml"
-        draft.write_text(text, encoding="utf-8")
-        try:
-            return load_rig_file(draft)
-        except ConfigurationError as error:
-            raise ConfigurationError(str(error).replace(f"{draft}: ", "").replace(f"{draft}, ", "")) from None
+def rig_problems(path: str | Path) -> list[str]:
+    """Every error of a rig file, each a sentence with its line; an error that hides others comes alone."""
+    return problems_of(path)
 
 
-def _text(name: str, interview: Interview, found: Found) -> str:
-    parts = Parts(interview, found)
-    daq(parts)
-    sensors(parts)
-    driven(parts)
-    lines = [f"name = {json.dumps(name)}"]
-    lines += [f"{key} = {value}" for key, value in parts.top.items()]
-    for table, keys in parts.tables.items():
-        if keys:
-            lines += ["", f"[{table}]", *(f"{key} = {value}" for key, value in keys.items())]
-    return "\n".join(lines) + "\n"
+def to_look_up(path: str | Path) -> list[str]:
+    """Lines of a rig file that are still marked, each with its number. Raises ConfigurationError."""
+    text = read_text(Path(path), f"There is no rig file {path}.")
+    return [
+        f"line {number}: {line.partition('#')[0].strip()}"
+        for number, line in enumerate(text.splitlines(), 1)
+        if LOOK_UP in line.partition("#")[2] and not line.startswith("#")
+    ]
+
+
+def _listed(found: Found) -> list[str]:
+    """What was found, a line for each kind."""
+    kinds: dict[str, Sequence[tuple[str, str]]] = {
+        "NI cards": [(card.name, card.product) for card in found.cards],
+        "serial ports": found.ports,
+        "VISA resources": found.visa,
+        "sound cards": found.sounds,
+    }
+    shown = {
+        kind: ", ".join(f"{name} ({about})" if about else name for name, about in things) or "none"
+        for kind, things in kinds.items()
+    }
+    listed = [f"{kind}: {one}" for kind, one in shown.items()]
+    return [" ".join(one.split()) for one in (*listed, *found.missing)]
+
+
+def _renamed(text: str, found: Found) -> str:
+    """Give each card the name that this computer has for the same product."""
+    left = list(found.cards)
+    names: dict[str, str] = {}
+    for name, product in re.findall(r"(\w+) = \"([^\"]+)\"", _line_of(text, "devices")):
+        card = next((one for one in left if one.product == product), None)
+        if card is not None:
+            left.remove(card)
+            names[name] = card.name
+    if not names:
+        return text
+    wanted = "|".join(map(re.escape, names))
+    return re.sub(rf"\b({wanted})(?=/| = \")", lambda at: names[at[1]], text)
+
+
+def _line_of(text: str, key: str) -> str:
+    return next((line for line in text.splitlines() if line.startswith(f"{key} = ")), "")
+
+
+def _filled(table: str, key: str, line: str, found: Found) -> str:
+    """A line with what was found in it, or marked."""
+    lists = {"port": found.ports, "resource": found.visa, "device": found.sounds}
+    if table in _OURS or key in _FIXED:
+        return line
+    if key in lists and len(lists[key]) == 1:
+        return f"{key} = {json.dumps(lists[key][0][0])}    # found on this computer, the only one"
+    if key == "devices":
+        wanted = re.findall(r"(\w+) = \"([^\"]+)\"", line)
+        if all((name, product) in {(c.name, c.product) for c in found.cards} for name, product in wanted):
+            return f"{line}    # found on this computer"
+    code = line[: _STRING.sub(lambda text: "x" * len(text[0]), line).find("#")] if "#" in line else line
+    if "#" in line and len(code) < len(line) - 1:
+        return f"{code}# {LOOK_UP}: {line[len(code) :].lstrip('# ')}"
+    return f"{line}    # {LOOK_UP}"

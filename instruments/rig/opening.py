@@ -239,8 +239,7 @@ def _drivers(file: RigFile) -> Iterator[tuple[str, Device, Driver]]:
     for role, device in file.devices.items():
         if device.driver not in drivers:
             raise ConfigurationError(
-                f"The rig {file.name!r} asks for the {role} driver {device.driver!r}; "
-                f"installed drivers are {', '.join(drivers)}."
+                f"[{role}] of {file.name}: {entry_points.unknown_driver(device.driver, role)}"
             )
         driver: Any = entry_points.driver_class(device.driver, role)
         yield role, device, driver

@@ -85,7 +85,8 @@ WORK = {
     "log": ["log_entries"],
     "reset": ["reset_lockout"],
     "schema": ["rig_schema"],
-    "rig new": ["look_for_hardware", "new_rig", "new_rig_on"],
+    "rig new": ["look_for_hardware", "new_rig"],
+    "rig check": ["load_rig_file"],
     "tape show": ["played", "recorded", "tape_rig"],
     "tape mask": ["mask"],
 }

@@ -37,27 +37,16 @@ def test_one_button_and_few_presses_need_no_experiment(run: Run, tmp_path: Path)
     assert "experiment run" not in (tmp_path / "lab" / "README.md").read_text(encoding="utf-8")
 
 
-def test_a_rig_file_on_a_shipped_one_needs_no_answers(run: Run, tmp_path: Path) -> None:
+def test_a_rig_file_is_not_overwritten(run: Run, tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
-    assert run("rig", "new", path, "--base", "usb-6211").exit_code == 0
-    made = haploop.load_rig_file(path)
-    assert (made.name, made.wiring) == ("mine", "direct")
-    again = run("rig", "new", path, "--base", "usb-6211")
+    assert run("rig", "new", path, "--like", "usb-6211").exit_code == 0
+    again = run("rig", "new", path, "--like", "usb-6211")
     assert again.exit_code == 2 and "is not overwritten" in again.stderr
-    wrong = run("rig", "new", tmp_path / "other.toml", "--base", "nothing")
-    assert wrong.exit_code == 2 and "There is no rig 'nothing'" in wrong.stderr
-    assert not (tmp_path / "other.toml").exists()
-    own = run("rig", "new", tmp_path / "own.toml", "--base", path)
-    assert own.exit_code == 0 and haploop.load_rig_file(tmp_path / "own.toml").wiring == "direct"
 
 
 def test_questions_that_nobody_answers_are_one_sentence(run: Run, tmp_path: Path) -> None:
-    for words in (
-        ("rig", "new", tmp_path / "a.toml"),
-        ("new", tmp_path / "a", "--buttons", "x", "--rig", "ask"),
-    ):
-        result = run(*words)
-        assert result.exit_code == 2 and "Nobody is there" in result.stderr, result.stderr
+    result = run("new", tmp_path / "a", "--buttons", "x")
+    assert result.exit_code == 2 and "Nobody is there" in result.stderr, result.stderr
     assert not list(tmp_path.glob("*.toml"))
 
 

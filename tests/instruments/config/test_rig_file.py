@@ -157,7 +157,7 @@ def test_a_missing_file_says_what_there_is(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match="simulated"):
         load_rig_file(tmp_path / "none.toml")
     with pytest.raises(ConfigurationError, match="simulated"):
-        load_rig_file("none")
+        load_rig_file("zzz")
 
 
 def test_a_base_is_merged_table_by_table(tmp_path: Path) -> None:

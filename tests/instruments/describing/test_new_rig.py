@@ -1,175 +1,153 @@
-"""A rig is described by answers: what is found is offered, and the file is valid, or not there."""
+"""A rig file like a shipped one, for each of four labs: filled in, marked, edited, checked, rehearsed."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import haploop
-from haploop.instruments.describing import Found, FoundCard
-from haploop.mocks.computer import simulated_computer
+from haploop.instruments.config import shipped_rigs
+from haploop.instruments.config.validation import _FORMS
+from haploop.instruments.describing import LOOK_UP, Found, FoundCard, rig_problems, to_look_up
 from tests.command_line import Run
 
-Answers = dict[str, str]
-TABLE = {
-    "its product": "TREK 2205", "Gain": "50", "Lowest output": "-500", "Highest output": "500",
-    "Peak current": "0.02", "Average current": "0.01", "Bandwidth": "20000", "monitor or a divider": "100",
-    "Capacitance": "90e-9", "Lowest voltage": "-100", "Highest voltage": "400",
-    "protects it": "a clamp at 400 V", "Its product": "PDV-100", "Scale": "0.005", "Full scale": "0.02",
-    "Delay": "1.1e-3",
-}  # fmt: skip
+LABS = {
+    "arduino": ("arduino", Found(ports=(("COM7", "Arduino Uno"),)), ['port = "COM7"'], {}),
+    "usb card, iepe module, trek": (
+        "compactdaq-iepe",
+        Found(cards=(FoundCard("cDAQ9Mod1", "NI 9234", 4, 0), FoundCard("cDAQ9Mod2", "NI 9263", 0, 4))),
+        ['devices = { cDAQ9Mod1 = "NI 9234", cDAQ9Mod2 = "NI 9263" }', '"cDAQ9Mod1/ai3"', '"cDAQ9Mod2/ao0"'],
+        {'name = "PiezoDrive PD200"': 'name = "TREK 2220"', "gain = 20 ": "gain = 200 "},
+    ),
+    "sound card": (
+        "no-ni",
+        Found(sounds=(("Scarlett 4i4", "4 in, 4 out"),), ports=(("COM3", ""), ("COM5", ""))),
+        ['device = "Scarlett 4i4"'],
+        {'port = "COM3" ': 'port = "COM5" '},
+    ),
+    "the paper's": (
+        "haptable",
+        Found(cards=(FoundCard("Dev1", "PCI-6034E", 16, 0), FoundCard("Dev2", "PCIe-6321", 16, 2))),
+        ['devices = { Dev1 = "PCI-6034E", Dev2 = "PCIe-6321" }'],
+        {},
+    ),
+}
+"""What each is like, what its computer has, what is then filled in, and what a person changes."""
 
 
-def asker(answers: Answers, asked: list[str]) -> Callable[[str, str], str]:
-    """Answers the first question that contains a key of `answers`, and takes the default of others."""
+@pytest.mark.parametrize("lab", LABS)
+def test_a_lab_has_a_rig_file(lab: str, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    like, found, filled, edits = LABS[lab]
+    path = tmp_path / "lab.toml"
+    monkeypatch.setattr(haploop, "look_for_hardware", lambda: found, raising=False)
+    made = run("rig", "new", path, "--like", like)
+    assert made.exit_code == 0, made.output
+    text = path.read_text(encoding="utf-8")
+    assert all(line in text for line in filled), text
+    assert not [one for one in to_look_up(path) if any(line in one for line in filled[:1])]
+    left = run("rig", "check", path)
+    assert left.exit_code == 1 and left.stdout.count("line ") > 3 and LOOK_UP in left.stdout
+    for before, after in edits.items():
+        assert before in text
+        text = text.replace(before, after)
+    path.write_text(text.replace(LOOK_UP, "mine"), encoding="utf-8")
+    complete = run("rig", "check", path)
+    assert complete.exit_code == 0 and "is complete" in complete.stdout
+    with haploop.open_rig(path, simulate="twin") as rig:
+        assert rig.name == "lab"
 
-    def ask(question: str, default: str) -> str:
-        asked.append(question)
-        return next((answer for part, answer in answers.items() if part in question), default)
 
-    return ask
-
-
-def described(path: Path, answers: Answers, found: Found | None = None) -> tuple[haploop.RigFile, list[str]]:
-    asked: list[str] = []
-    told: list[str] = []
-    file = haploop.new_rig(path, asker(answers, asked), found or simulated_computer(), told.append)
-    assert file.model_dump() == haploop.load_rig_file(path).model_dump()
-    return file, [*asked, *told]
-
-
-def test_a_rig_that_records_only(tmp_path: Path) -> None:
-    """A load cell and an IEPE accelerometer on the card that was found."""
-    answers = {"Force:": "20 N/V", "Vertical acceleration:": "100 mV/g", "contact": "2.5", "table?": "no"}
-    file, asked = described(tmp_path / "lab.toml", answers)
-    assert file.name == "lab" and file.table is None and file.daq.settings["devices"] == {"Dev1": "USB-6211"}
-    assert any("USB-6211 (Dev1)" in question for question in asked)
-    channels = file.daq.settings["channels"]
-    assert [channels[c]["terminal"] for c in ("force", "acceleration", "switch")] == [
-        "Dev1/ai0", "Dev1/ai1", "Dev1/ai2",
-    ]  # fmt: skip
-    assert file.sensors.force is not None and file.sensors.acceleration is not None
-    assert file.sensors.force.matrix == ((20.0,),) and file.sensors.acceleration.ac_coupled
+@pytest.mark.parametrize("name", shipped_rigs())
+def test_every_shipped_rig_can_be_begun_with(name: str, tmp_path: Path) -> None:
+    """Marks are comments: what is read is the shipped rig, with another name."""
+    made = haploop.new_rig(tmp_path / "mine.toml", name, Found())
+    shipped = haploop.load_rig_file(name)
+    assert made.model_copy(update={"name": shipped.name}) == shipped
+    assert rig_problems(tmp_path / "mine.toml") == []
 
 
 @pytest.mark.parametrize(
-    ("sensor", "answer", "more", "expected"),
+    ("before", "after", "line", "says"),
     [
-        ("Force", "-4.3 pC/N", {"charge amplifier": "20 mV/pC", "high-pass": "0.16"}, 1 / (4.3e-12 * 20e9)),
-        (
-            "Force",
-            "2 mV/V",
-            {"excitation": "10", "rated load": "50", "Gain of": "100"},
-            50 / (2e-3 * 10 * 100),
-        ),
-        ("Force", "0.25 V/N", {}, 4.0),
-        ("Vertical acceleration", "100 mV/g", {"Its high-pass": ""}, 98.0665),
-        ("The cap's travel", "0.5 mm/V", {}, 5e-4),
-        ("The cap's velocity", "20 mm/s/V", {}, 0.02),
+        ('driver = "ni-daqmx"', 'driver = "ni"', 8, "no driver 'ni' of a daq; did you mean 'ni-daqmx'?"),
+        ('driver = "ni-daqmx"', 'driver = "zzz"', 8, "installed are ni-daqmx, serial-adc, sound-card."),
+        ('driver = "ni-daqmx"', 'driver = "pdv-100"', 8, "is not for the role 'daq'"),
+        ('terminal = "Dev1/ai0"', 'terminal = "Dev1-ai0"', 12, 'such as "Dev1/ai0"'),
+        ("gain = 20 ", 'gain = "x" ', 46, "must be a number"),
+        ('name = "PiezoDrive PD200"', 'name = "  "', 43, "must not be blank"),
+        ("[amplifier]", "[amplifer]", 41, "did you mean 'amplifier'?"),
+        ("kind = ", "kind ", 55, "is not valid TOML"),
     ],
 )
-def test_sensors_as_data_sheets_have_them(
-    tmp_path: Path, sensor: str, answer: str, more: Answers, expected: float
+def test_an_error_has_its_line_and_the_near_word(
+    before: str, after: str, line: int, says: str, run: Run, tmp_path: Path
 ) -> None:
-    file, _ = described(
-        tmp_path / "lab.toml", {f"{sensor}:": answer, f"{sensor}, ": answer, "table?": "no", **more}
-    )
-    (linear,) = file.sensors.linear.values()
-    assert abs(linear.matrix[0][0]) == pytest.approx(expected)
-
-
-def test_a_rig_that_plays_is_rehearsed(tmp_path: Path, run: Run) -> None:
-    answers = {"Force:": "20 N/V", "Vertical acceleration:": "100 mV/g", "Largest drive": "40", **TABLE}
     path = tmp_path / "lab.toml"
-    file, asked = described(path, answers)
-    assert file.wiring == "direct" and file.limits.max == 40 and file.amplifier is not None
-    assert not any("Its gain" in question and "[50]" in question for question in asked)
-    result = run("doctor", "--rig", path, "--simulate", "twin")
-    assert result.exit_code == 0, result.output
+    run("rig", "new", path, "--like", "usb-6211")
+    text = path.read_text(encoding="utf-8").partition("# A USB-6211")[2]
+    assert before in text
+    text = "# A USB-6211" + text
+    path.write_text(text.replace(before, after, 1), encoding="utf-8")
+    result = run("rig", "check", path)
+    assert result.exit_code == 2 and says in " ".join(result.stderr.split()), result.stderr
+    assert f"line {line}" in result.stderr, (result.stderr, text)
 
 
-def test_modules_get_terminals_that_they_have(tmp_path: Path) -> None:
-    found = Found(cards=(FoundCard("cDAQ1Mod1", "NI 9234", 4, 0), FoundCard("cDAQ1Mod2", "NI 9263", 0, 4)))
-    answers = {"Force:": "112 mV/N", "Vertical acceleration:": "100 mV/g", **TABLE}
-    file, _ = described(tmp_path / "lab.toml", answers, found)
-    channels, outputs = file.daq.settings["channels"], file.daq.settings["outputs"]
-    assert {c["terminal"][:9] for c in channels.values()} == {"cDAQ1Mod1"}
-    assert outputs["amplifier"]["terminal"] == "cDAQ1Mod2/ao0"
-    assert file.rate_hz == 5120 and file.table is not None and file.table.rate_hz == 51_200
-
-
-def test_a_relay_on_a_port_that_was_found(tmp_path: Path) -> None:
-    answers = {
-        "connects the actuator": "serial-relay",
-        "which port": "2",
-        "limit": "40",
-        **TABLE,
-        "Force:": "20 N/V",
-    }
-    file, _ = described(tmp_path / "lab.toml", answers)
-    assert file.relay is not None and file.relay.settings["port"] == "COM5"
-
-
-def test_a_generator_that_visa_lists(tmp_path: Path) -> None:
-    answers = {"function generator": "keysight-33500", "Force:": "20 N/V", **TABLE}
-    file, asked = described(tmp_path / "lab.toml", answers)
-    assert file.generator is not None and file.generator.settings["resource"].startswith("USB0::0x0957")
-    assert any("0x0957" in question for question in asked)
-
-
-def test_what_is_no_rig_is_said_and_asked_again(tmp_path: Path) -> None:
-    """Five times, with the answers as defaults; then nothing is written."""
-    told: list[str] = []
-    ask = asker({"Force:": "20 parsec/V", "table?": "no"}, [])
-    with pytest.raises(haploop.ConfigurationError, match="was not written"):
-        haploop.new_rig(tmp_path / "lab.toml", ask, simulated_computer(), told.append)
-    assert len(told) == 5 and all("parsec" in sentence for sentence in told)
-    assert not list(tmp_path.iterdir())
-
-
-def test_a_wrong_answer_is_asked_again(tmp_path: Path) -> None:
-    given = iter(["17", "toaster", "2", *[""] * 100])
-    asked: list[str] = []
-
-    def ask(question: str, default: str) -> str:
-        asked.append(question)
-        if "What takes the samples" in question:
-            return next(given)
-        if "table?" in question:
-            return "no"
-        return "100 mV/g" if "Vertical acceleration:" in question else default
-
-    file = haploop.new_rig(tmp_path / "lab.toml", ask, simulated_computer(), asked.append)
-    assert file.daq.driver == "sound-card" and "'toaster' is none of them." in asked
-
-
-def test_a_figure_with_its_unit_is_asked_again_at_once(tmp_path: Path) -> None:
-    """And not all forty questions, when the file turns out to be none."""
-    given = iter(["7.4 kHz", "nan", "7400"])
-    told: list[str] = []
-    plain = asker({"Force:": "20 N/V", **TABLE}, [])
-
-    def ask(question: str, default: str) -> str:
-        return next(given) if "Amplifier: Bandwidth" in question else plain(question, default)
-
-    file = haploop.new_rig(tmp_path / "lab.toml", ask, simulated_computer(), told.append)
-    assert file.amplifier is not None and file.amplifier.settings["bandwidth_hz"] == 7400
-    assert told == [f"'{one}' is no number: write it without its unit." for one in ("7.4 kHz", "nan")]
-
-
-def test_nothing_is_overwritten(tmp_path: Path, run: Run) -> None:
+def test_all_errors_are_told_at_once(run: Run, tmp_path: Path) -> None:
     path = tmp_path / "lab.toml"
-    path.write_text("mine\n")
-    refused = run("rig", "new", path, "--simulate")
-    assert refused.exit_code == 2 and "exists" in refused.stderr and path.read_text() == "mine\n"
+    run("rig", "new", path, "--like", "usb-6211")
+    text = path.read_text(encoding="utf-8")
+    for before, after in (
+        ("gain = 20 ", 'gain = "x" '),
+        ("threshold", "treshold"),
+        ("Dev1/ai0", "Dev1"),
+        ("rows = 7", "rows = 0"),
+    ):
+        text = text.replace(before, after)
+    path.write_text(text, encoding="utf-8")
+    said = run("rig", "check", path).stderr
+    assert all(one in said for one in ("amplifier.gain", "daq.channels.force.terminal", "table.rows")), said
 
 
-def test_what_cannot_be_looked_for_is_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("name", "near"),
+    [("usb6211", "usb-6211"), ("USB", "usb-6211"), ("compact", "compactdaq-iepe"), ("hapttable", "haptable")],
+)
+def test_a_rig_that_is_nearly_named(name: str, near: str, run: Run, tmp_path: Path) -> None:
+    for command in (("rig", "new", tmp_path / "x.toml", "--like", name), ("doctor", "--rig", name)):
+        result = run(*command)
+        assert result.exit_code == 2 and f"did you mean {near!r}?" in result.stderr
+    assert not (tmp_path / "x.toml").exists()
+
+
+def test_without_a_name_the_shipped_rigs_are_listed(run: Run, tmp_path: Path) -> None:
+    result = run("rig", "new", tmp_path / "x.toml")
+    assert result.exit_code == 2 and all(name in result.stderr for name in shipped_rigs())
+
+
+def test_no_pattern_of_a_field_is_shown_to_a_person() -> None:
+    def patterns(schema: Any) -> set[str]:
+        if isinstance(schema, list):
+            return set().union(*map(patterns, schema))
+        if not isinstance(schema, dict):
+            return set()
+        own = {schema["pattern"]} if isinstance(schema.get("pattern"), str) else set()
+        return own.union(*map(patterns, schema.values()))
+
+    found = patterns(json.loads(json.dumps(haploop.rig_schema())))
+    assert found and found <= set(_FORMS), found - set(_FORMS)
+
+
+def test_a_library_that_is_missing_or_fails_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
     def broken() -> list[FoundCard]:
-        raise RuntimeError("no driver\nat all")
+        raise RuntimeError("Could not find an installation of NI-DAQmx. More words.")
 
     monkeypatch.setattr("haploop.instruments.describing.found._cards", broken)
     found = haploop.look_for_hardware()
-    assert found.cards == () and "NI cards could not be looked for (no driver at all)." in found.missing
+    assert found.cards == ()
+    assert (
+        found.missing[0] == "NI cards could not be looked for (Could not find an installation of NI-DAQmx)."
+    )
