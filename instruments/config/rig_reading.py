@@ -48,8 +48,7 @@ def problems_of(path: str | Path) -> list[str]:
     wrong: list[str] = []
     for role in roles():
         device = raw.get(role)
-        name = device.get("driver") if isinstance(device, dict) else None
-        if not isinstance(name, str):
+        if not isinstance(device, dict) or not isinstance(name := device.get("driver"), str):
             continue
         if name not in drivers:
             wrong.append(f"{where((role, 'driver'))}: {entry_points.unknown_driver(name, role)}")

@@ -5,9 +5,14 @@ Without NI's library, which takes longer to load than all else that a simulated 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from ..errors import ConfigurationError, InstrumentError, TakenError
+
+_MOST_DIVIDED = 32
+_WHOLE = 1e-6
+"""Largest distance of a whole number from what counts as one."""
 
 
 def refused(device: str, code: int, said: str) -> InstrumentError | ConfigurationError:
@@ -54,6 +59,27 @@ def other_rate(device: str, rate_hz: float, asked: float) -> ConfigurationError:
         f"{device} would sample at {rate_hz:g} Hz, and {asked:g} Hz were asked for: choose a rate that it "
         f"has, such as {rate_hz:.10g}."
     )
+
+
+def unshared(
+    device: str, own: float, master: str, rate_hz: float, rates: Sequence[float]
+) -> ConfigurationError:
+    """The error for a card that cannot follow the clock of another one; `rates` are some that both have."""
+    such = f": {', '.join(f'{rate:.10g}' for rate in rates)}" if rates else ""
+    return ConfigurationError(
+        f"{device} would sample at {own:g} Hz on the clock of {master}, which runs at {rate_hz:g} Hz: choose "
+        f"a rate that both cards have{such}."
+    )
+
+
+def shared_rates(timebase_hz: float, fastest_hz: float, asked: float) -> list[float]:
+    """The whole rates nearest to `asked`, up to three, of a clock and of a delta-sigma converter on it.
+
+    The clock divides its timebase, the converter its fastest rate, by whole numbers; the latter up to 32.
+    """
+    divided = [fastest_hz / n for n in range(1, _MOST_DIVIDED + 1)]
+    both = [r for r in divided if all(abs(x - round(x)) < _WHOLE for x in (r, timebase_hz / r))]
+    return sorted(both, key=lambda rate: abs(math.log(rate / asked)))[:3]
 
 
 def first_line(text: str) -> str:

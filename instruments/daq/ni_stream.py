@@ -16,12 +16,12 @@ from nidaqmx.stream_readers import AnalogMultiChannelReader, CounterReader
 
 from ..arrays import FloatArray
 from ..clock import RealClock
-from ..errors import ConfigurationError, InstrumentError
+from ..errors import InstrumentError
 from .ni_cards import Plan, believed
 from .ni_filters import filter_delay
 from .ni_inputs import add_counter, add_input, factor
 from .ni_outputs import NiOutputs
-from .ni_sentences import cut_off, other_rate, zeroed
+from .ni_sentences import cut_off, other_rate, shared_rates, unshared, zeroed
 from .ni_settings import NiSettings
 from .role import Block, Stream, StreamRequest
 
@@ -97,10 +97,10 @@ class NiStream(Stream):
                     if master:
                         self.rate_hz = own
                     elif not abs(own - self.rate_hz) <= _SAME * self.rate_hz:
-                        raise ConfigurationError(
-                            f"{home} would sample at {own:g} Hz on the clock of {plan.master}, which runs at "
-                            f"{self.rate_hz:g} Hz: choose a rate that both cards have."
-                        )
+                        timebase = float(self._inputs[0].timing.samp_clk_timebase_rate)
+                        fastest = max(float(device.ai_max_multi_chan_rate) for device in task.devices)
+                        rates = shared_rates(timebase, fastest, rate_hz)
+                        raise unshared(home, own, plan.master, self.rate_hz, rates)
                     self._refuse_other_rate(home)
                     listed = list(task.ai_channels)
                     if len(listed) != len(names):

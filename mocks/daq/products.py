@@ -24,6 +24,8 @@ Family = Literal[
 ]  # fmt: skip
 Configuration = Literal["rse", "nrse", "diff", "pseudodiff"]
 
+TIMEBASE_HZ = {"E Series": 20e6, "M Series": 80e6, "X Series": 100e6, "Digital I/O": 100e6, "C Series": 80e6}
+"""Timebase of the sample clocks, by family (X Series from its manual, others estimates)."""
 _PADDING = 10e-6
 """Padding that the driver adds between two channels of a multiplexed card (s; docs/hardware.md, "Conversion
 timing")."""
@@ -145,6 +147,11 @@ class Product:
         if channel.bridge is None and self.ai_measures and "VOLTAGE" not in self.ai_measures:
             return f"a {self.name} does not measure volts: say what its inputs supply (bridge)."
         return None
+
+    @property
+    def clock_hz(self) -> float:
+        """Frequency of the timebase that its sample clocks divide."""
+        return TIMEBASE_HZ.get(self.family, 100e6)
 
     def sample_rate(self, asked: float) -> float:
         """Sample rate that a delta-sigma converter takes for one that is asked: the next higher of its own.

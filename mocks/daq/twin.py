@@ -11,7 +11,15 @@ from ...instruments.arrays import FloatArray
 from ...instruments.daq import StreamRequest
 from ...instruments.daq.ni_daqmx import NiDaq
 from ...instruments.daq.ni_filters import filter_delay
-from ...instruments.daq.ni_sentences import cut_off, other_rate, refused, unclocked, zeroed
+from ...instruments.daq.ni_sentences import (
+    cut_off,
+    other_rate,
+    refused,
+    shared_rates,
+    unclocked,
+    unshared,
+    zeroed,
+)
 from ...instruments.daq.ni_settings import device_of
 from ...instruments.errors import ConfigurationError, HaploopError
 from ..plant import Plant, PlayStopped, SamplesLost
@@ -23,6 +31,8 @@ _NO_CABLE = -89125
 """NI's error for cards without a trigger line between them."""
 _UNSUPPORTED, _TOO_FAST, _TOO_SLOW = -200077, -200332, -200331
 """NI's errors for what a product does not support, and for rates that it has not."""
+_SAME = 1e-6
+"""Largest relative difference of two clocks that are one, as the driver's."""
 _PLAYED = 1e-3
 """Largest relative difference from the rate that a waveform was made for, as the driver's."""
 
@@ -71,8 +81,32 @@ class DaqTwin(CardTwin):
         for device in sorted(used):
             if own < self._products[device].ai_rate_least_hz * (1 - 1e-3):
                 raise refused(device, _TOO_SLOW, f"{rate_hz:g} Hz is below what it has.")
+        own = self._shared(request, own)
         if not abs(own / rate_hz - 1) <= (_PLAYED if request.play else 1.0):
             raise other_rate(" and ".join(sorted(used)), own, rate_hz)
+        return own
+
+    def _shared(self, request: StreamRequest, own: float) -> float:
+        """The rate of the master's clock, which is not `own` of a delta-sigma converter on another card.
+
+        Raises ConfigurationError, as the driver does, where that converter has not the master's rate.
+        """
+        homes: dict[str, list[Product]] = {}
+        for channel in request.channels:
+            card = self._card_of[channel]
+            if channel not in card.counters:
+                homes.setdefault(_home(card.device), []).append(self._products[card.device])
+        playing = next((_home(self._home_of[name].device) for name in request.play), "")
+        master = playing if playing in homes else next(iter(homes))
+        if any(product.delta_sigma for product in homes[master]):
+            return own
+        timebase, asked = homes[master][0].clock_hz, request.rate_hz
+        rate_hz = timebase / max(1, round(timebase / asked))
+        for home, products in homes.items():
+            for product in products:
+                if product.delta_sigma and not abs(product.sample_rate(rate_hz) / rate_hz - 1) <= _SAME:
+                    rates = shared_rates(timebase, product.ai_rate_hz, asked)
+                    raise unshared(home, product.sample_rate(rate_hz), master, rate_hz, rates)
         return own
 
     def _lost(self, card: Card, lost: SamplesLost) -> HaploopError:
@@ -103,6 +137,11 @@ class DaqTwin(CardTwin):
         if len(used) > 1 and not self._plant.has_rtsi():
             first = next(device for device in self._products if device in used)
             raise refused(first, _NO_CABLE, "")
+
+
+def _home(device: str) -> str:
+    """Device whose clock a card uses: of a module its chassis."""
+    return re.sub(r"Mod\d+$", "", device)
 
 
 def _card(device: str, product: Product, settings: NiDaq.Settings) -> Card:

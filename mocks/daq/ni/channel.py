@@ -10,16 +10,13 @@ import numpy as np
 
 from ....instruments.arrays import FloatArray
 from ..converter import code_width
-from ..products import Product, input_range
+from ..products import TIMEBASE_HZ, Product, input_range
 from .devices import NiDevice
 from .errors import DaqmxError, DAQmxErrors
 from .measurements import measured_scale
 from .scales import Scale
 
 Kind = Literal["ai", "ao", "di", "do", "ci", "co"]
-
-TIMEBASE_HZ = {"E Series": 20e6, "M Series": 80e6, "X Series": 100e6, "Digital I/O": 100e6, "C Series": 80e6}
-"""Timebase of the sample clocks, by family (X Series from its manual, others estimates)."""
 
 _SOCKETS = {
     0: {"source": "PFI8", "gate": "PFI9", "aux": "PFI10"},

@@ -14,7 +14,7 @@ from nidaqmx.constants import AcquisitionType, SampleTimingType, TriggerType
 from ....instruments.arrays import FloatArray
 from ....instruments.daq.ni_filters import filter_delay
 from ..products import convert_interval
-from .channel import TIMEBASE_HZ, Channel, Kind
+from .channel import Channel, Kind
 from .counting import Meter
 from .devices import NiDevice
 from .edges import Edges
@@ -203,7 +203,7 @@ class Task:
     @property
     def timebase_hz(self) -> float:
         """Frequency of the sample clock's timebase."""
-        return TIMEBASE_HZ.get(self.device.product.family, 100e6)
+        return self.device.product.clock_hz
 
     @property
     def samples_asked(self) -> int:

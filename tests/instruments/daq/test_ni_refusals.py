@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import signal
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import grpc
@@ -11,6 +13,7 @@ import nidaqmx
 import numpy as np
 import pytest
 
+from haploop.instruments import open_rig
 from haploop.instruments.clock import RealClock
 from haploop.instruments.conformance import bypass_interlock
 from haploop.instruments.daq.ni_daqmx import NiDaq
@@ -158,3 +161,44 @@ def test_what_no_card_can_do_is_one_sentence(
         pytest.raises((ConfigurationError, LimitError), match=sentence),
     ):
         request_(daq)
+
+
+TWO_CARDS = """
+name = "two"
+rate_hz = {rate}
+[daq]
+driver = "ni-daqmx"
+devices = {{ cDAQ1Mod1 = "NI 9234", Dev1 = "{card}" }}
+[daq.channels]
+force = {{ terminal = "Dev1/ai0", range = 5 }}
+acceleration = {{ terminal = "cDAQ1Mod1/ai1", range = 5 }}
+"""
+
+
+@pytest.mark.parametrize("simulate", ["twin", "wire"])
+@pytest.mark.parametrize(
+    ("card", "rate", "order", "says"),
+    [
+        (
+            "PCIe-6321",
+            5120,
+            ("force", "acceleration"),
+            "choose a rate that both cards have: 6400, 3200, 1600.",
+        ),
+        ("PCI-6221", 5120, ("force", "acceleration"), ""),  # 80 MHz over 15625
+        ("PCIe-6321", 6400, ("force", "acceleration"), ""),
+        ("PCIe-6321", 5120, ("acceleration", "force"), ""),  # the converter's clock is the other card's too
+    ],
+)
+def test_two_cards_have_one_rate_or_a_sentence_with_those_they_have(
+    card: str, rate: int, order: tuple[str, ...], says: str, simulate: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "two.toml"
+    path.write_text(TWO_CARDS.format(card=card, rate=rate), encoding="utf-8")
+    with open_rig(path, simulate=simulate) as rig:
+        if not says:
+            with rig.daq.stream(order, rate, 100, 200) as stream:
+                assert stream.rate_hz == pytest.approx(rate, rel=1e-6)
+            return
+        with pytest.raises(ConfigurationError, match=re.escape(says)):
+            rig.daq.stream(order, rate, 100, 200)
