@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import pytest
 
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from .mocks.daq.ni import NiTwin
 
 OpenRig = Callable[..., "Rig"]
+_ALONE = pytest.StashKey[str]()
+"""The sentence about workers that were taken away."""
 
 pytest.register_assert_rewrite("haploop.instruments.conformance")
 
@@ -38,7 +40,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Register the marks."""
+    """Register the marks; check the rig that was asked for, and run the tests of hardware on one worker.
+
+    Raises pytest.UsageError, which shows also where xdist distributes the tests: their workers cannot end the
+    run with a reason.
+    """
     config.addinivalue_line("markers", "rig: runs on an open rig, the one that --rig selects")
     config.addinivalue_line(
         "markers",
@@ -50,6 +56,48 @@ def pytest_configure(config: pytest.Config) -> None:
         "requires(name, ...): skipped on a rig without these parts: instruments or sensors by their "
         "rig-file names, 'table', or 'simulation'; in a conformance suite, one of its capabilities",
     )
+
+    if not _is_worker(config) and _named(config) is not None:
+        _check(config)
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    """Say that the tests ran on one worker."""
+    if sentence := config.stash.get(_ALONE, ""):
+        terminalreporter.write_line(sentence)
+
+
+def _is_worker(config: pytest.Config) -> bool:
+    """True in a process that xdist has started to run tests."""
+    return hasattr(config, "workerinput")
+
+
+def _named(config: pytest.Config) -> Path | None:
+    """The rig file that somebody has named, or None."""
+    mode: str = config.getoption("--rig")
+    if mode not in ("twin", "wire"):
+        return _beside(config.invocation_params.dir, mode)
+    simulated: str = config.getini("rig_file")
+    return None if simulated == "simulated" else _beside(config.rootpath, simulated)
+
+
+def _check(config: pytest.Config) -> None:
+    """Load the rig file; of hardware, see that it is free, and take all workers but one away."""
+    try:
+        file = instruments.load_rig_file(_named(config) or "simulated")
+        if config.getoption("--rig") in ("twin", "wire") or file.simulate or config.option.collectonly:
+            return
+        with instruments.reserve(instruments.hardware(file, None), f"The rig {file.name!r}"):
+            pass  # whoever runs the tests reserves it again
+    except instruments.HaploopError as error:
+        raise pytest.UsageError(str(error)) from None
+    workers: list[str] = config.getoption("tx", []) or []  # xdist's, if it is there
+    if len(workers) > 1:
+        config.option.tx = workers[:1]
+        config.stash[_ALONE] = (
+            f"The rig {file.name!r} is hardware, which one program uses at a time: all tests ran on one "
+            f"worker, and not on {len(workers)}."
+        )
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -70,6 +118,7 @@ class Rigs:
         self._simulated: str = config.getini("rig_file")
         self._stack = ExitStack()
         self._held = False
+        self._worker = _is_worker(config)
 
     def open(
         self,
@@ -117,7 +166,12 @@ class Rigs:
             return instruments.load_rig_file(self._path)
         except instruments.ConfigurationError as error:
             # An error in the file is not missing hardware: it must not cause skipped tests.
-            pytest.exit(str(error), pytest.ExitCode.USAGE_ERROR)
+            self._end(error)
+
+    def _end(self, error: Exception) -> NoReturn:
+        if self._worker:  # it cannot end the run
+            pytest.fail(str(error), pytrace=False)
+        pytest.exit(str(error), pytest.ExitCode.USAGE_ERROR)
 
     def _hold(self) -> None:
         if not self._held:
@@ -127,7 +181,7 @@ class Rigs:
                     instruments.reserve(instruments.hardware(file, None), f"The rig {file.name!r}")
                 )
             except instruments.InstrumentError as error:
-                pytest.exit(str(error), pytest.ExitCode.USAGE_ERROR)
+                self._end(error)
             self._held = True
 
 

@@ -231,11 +231,19 @@ def _stated(file: BinaryIO, path: str | Path) -> tuple[Stated, int]:
         raise DataError(
             f"{path} is an HDF5 file, but was not written by this version of haploop, or is damaged."
             if foreign
-            else f"{path} is damaged, or not a file of haploop. Copy it again from its source."
+            else _no_file(file, path)
         ) from None
     if result.block() != block:
         raise DataError(f"{path} is damaged in its checksum. Copy it again from its source.")
     return result, place
+
+
+def _no_file(file: BinaryIO, path: str | Path) -> str:
+    """A sentence about a file that is no HDF5 file."""
+    file.seek(0)
+    if b"\0" not in file.read(BLOCK):
+        return f"{path} is text, and no file of haploop: name one that it has written, or `haploop import` it."
+    return f"{path} is damaged, or not a file of haploop. Copy it again from its source."
 
 
 def _sha256(file: BinaryIO, kind: str, count: int, without: Sequence[tuple[int, int]], place: int) -> str:

@@ -174,6 +174,7 @@ def recalibrate(
     2 invalid request, file or configuration; 3 something is broken; 4 whether a button is right cannot be
     told. After 1 to 4 the active calibration is unchanged.
     """
+    rig.load()  # an error in the rig file is told before that it has no calibration
     history = _history(rig.name or str(rig.simulate).removeprefix(TAPE), calibrations)
     history.active()
     with rig.opened() as opened, Steps() as steps:

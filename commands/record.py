@@ -98,10 +98,14 @@ def record(
 def represent(recordings: Sequence[Path], out: Path, average: AverageMethod, as_json: bool) -> int:
     """Compute the representative press of recordings.
 
-    RECORDINGS are of one button, by any number of participants. The result states the method, the reason for
+    RECORDINGS are of one button, by any number of participants; a folder stands for its
+    recordings. The result states the method, the reason for
     it, and the residual of each method that was compared. For a study, use `haploop study represent`.
     """
-    press = haploop.representative([haploop.Recording.open(path) for path in recordings], method=average)
+    opened: list[haploop.Recording] = []
+    for path in recordings:
+        opened += contents.recordings_in([path]) if path.is_dir() else [haploop.Recording.open(path)]
+    press = haploop.representative(opened, method=average)
     press.save(out)
     show.print_contents(contents.file_contents(out), as_json)
     return 0

@@ -109,7 +109,7 @@ def test_a_mistake_in_a_rig_file_ends_the_run(pytester: pytest.Pytester) -> None
     pytester.makefile(".toml", lab='base = "haptable"\nnmae = "lab"')
     result = run(pytester, "--rig", "lab.toml")
     assert result.ret == pytest.ExitCode.USAGE_ERROR
-    result.stdout.fnmatch_lines(["*lab.toml*unknown key 'nmae'; did you mean 'name'?*"])
+    result.stderr.fnmatch_lines(["ERROR: *lab.toml*unknown key 'nmae'; did you mean 'name'?*"])
 
 
 def test_requiring_what_no_rig_has_is_a_mistake(pytester: pytest.Pytester) -> None:
@@ -131,4 +131,24 @@ def test_two_runs_never_share_hardware(pytester: pytest.Pytester) -> None:
     with in_use_elsewhere(lab):
         result = run(pytester, "--rig", "lab.toml")
     assert result.ret == pytest.ExitCode.USAGE_ERROR
-    result.stdout.fnmatch_lines([f"*The rig 'lab' is in use (*) by process {os.getpid()} (*: wait*"])
+    result.stderr.fnmatch_lines([f"ERROR: The rig 'lab' is in use (*) by process {os.getpid()} (*: wait*"])
+
+
+def test_a_rig_that_is_not_there_is_one_sentence_also_with_workers(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(TESTS)
+    result = pytester.runpytest_subprocess(*ARGUMENTS, "-n", "2", "--rig", "nonsuch.toml")
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    result.stderr.fnmatch_lines(["ERROR: *There is no rig file *nonsuch.toml: use an existing file*"])
+    assert "INTERNALERROR" not in str(result.stdout)
+
+
+def test_hardware_runs_on_one_worker(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(TESTS)
+    lab = pytester.makefile(".toml", lab='base = "haptable"\nname = "lab"')
+    result = pytester.runpytest_subprocess(*ARGUMENTS, "-n", "2", "--rig", "lab.toml")
+    result.assert_outcomes(passed=1, skipped=6)
+    result.stdout.fnmatch_lines(["The rig 'lab' is hardware*all tests ran on one worker, and not on 2."])
+    with in_use_elsewhere(lab):
+        busy = pytester.runpytest_subprocess(*ARGUMENTS, "-n", "2", "--rig", "lab.toml")
+    assert busy.ret == pytest.ExitCode.USAGE_ERROR
+    busy.stderr.fnmatch_lines(["ERROR: The rig 'lab' is in use (*"])

@@ -180,7 +180,7 @@ def load_press(
 
 
 def representative(
-    recordings: Sequence[Recording],
+    recordings: Sequence[Recording] | Recording,
     window: Window | None = None,
     model: WarpModel | None = None,
     undo_low_pass: tuple[float, float] | None = None,
@@ -211,6 +211,8 @@ def representative(
     participants whose presses differ from the others'. Raises DataError when no press is left,
     ConfigurationError for recordings that cannot be combined, an invalid band, or an unknown method.
     """
+    if isinstance(recordings, Recording):
+        recordings = [recordings]
     w, m = window or Window(), model or WarpModel()
     first = _check_together(recordings)
     rate_hz = first.rate_hz

@@ -129,7 +129,7 @@ def open_session(
     participant's first session.
 
     Raises ConfigurationError: no such session, all complete, an earlier one is not; DataError: no consent, a
-    log that is damaged or of another version of the experiment; InstrumentError: another program runs one.
+    log that is damaged or of another version of the experiment; ConfigurationError: another program runs one.
     """
     file = store.experiment.file
     with store.hold(f"The experiment {file.name!r} in {store.folder}"):

@@ -10,7 +10,7 @@ import os
 import re
 import shutil
 from collections.abc import Iterator, Mapping
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -20,7 +20,7 @@ from ...acquisition import file_name
 from ...acquisition.line_files import LineFile, Mark, check_mark, read_lines, read_marks, write_marks
 from ...instruments import ConfigurationError, DataError
 from ...instruments.files import os_error_text
-from ...instruments.safety import hold
+from ...instruments.safety import InUse, hold
 from ..protocol import Answer, Assignment, Course, Experiment, Step, group_of_slot, valid
 from .log import Event, events_of, read_log
 
@@ -156,8 +156,12 @@ class Store:
 
     @contextmanager
     def hold(self, what: str) -> Iterator[None]:
-        """Lock the folder against other programs; `what` is named to them. Raises InstrumentError."""
-        with hold({f"experiment {os.path.normcase(self.folder.resolve())}"}, what):
+        """Lock the folder against other programs; `what` is named to them. Raises ConfigurationError."""
+        with ExitStack() as stack:
+            try:
+                stack.enter_context(hold({f"experiment {os.path.normcase(self.folder.resolve())}"}, what))
+            except InUse as error:  # no instrument has failed: another operator is at work
+                raise ConfigurationError(str(error)) from None
             yield
 
     def withdraw(self, participant: str) -> Withdrawal:

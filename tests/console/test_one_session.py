@@ -131,5 +131,6 @@ def _said(console, path, values):
     try:
         console.ask(path, values)
     except HTTPError as error:
-        return json.loads(error.read())["error"]
+        with error:  # it holds the connection
+            return json.loads(error.read())["error"]
     return ""
