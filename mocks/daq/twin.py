@@ -93,10 +93,12 @@ class DaqTwin(CardTwin):
         """
         homes: dict[str, list[Product]] = {}
         for channel in request.channels:
-            card = self._card_of[channel]
-            if channel not in card.counters:
+            card = self._card_of.get(channel)  # an unknown one is refused later
+            if card is not None and channel not in card.counters:
                 homes.setdefault(_home(card.device), []).append(self._products[card.device])
-        playing = next((_home(self._home_of[name].device) for name in request.play), "")
+        playing = next((_home(self._home_of[n].device) for n in request.play if n in self._home_of), "")
+        if not homes:
+            return own
         master = playing if playing in homes else next(iter(homes))
         if any(product.delta_sigma for product in homes[master]):
             return own
