@@ -241,8 +241,11 @@ def _stated(file: BinaryIO, path: str | Path) -> tuple[Stated, int]:
 def _no_file(file: BinaryIO, path: str | Path) -> str:
     """A sentence about a file that is no HDF5 file."""
     file.seek(0)
-    if b"\0" not in file.read(BLOCK):
-        return f"{path} is text, and no file of haploop: name one that it has written, or `haploop import` it."
+    start = file.read(BLOCK)
+    if b"\0" not in start and not start.startswith(_SIGNATURE[:1]):
+        return (
+            f"{path} is text, and no file of haploop: name one that it has written, or `haploop import` it."
+        )
     return f"{path} is damaged, or not a file of haploop. Copy it again from its source."
 
 

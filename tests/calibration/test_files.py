@@ -60,7 +60,7 @@ def test_files_that_are_none_say_so(saved: Path, calibrated: Calibrated) -> None
         Drive.load(saved)
     text = saved.with_name("text.h5")
     text.write_text("hello")
-    with pytest.raises(DataError, match="is damaged, or not a file of haploop"):
+    with pytest.raises(DataError, match="is text, and no file of haploop"):
         Calibration.load(text)
     cut = saved.with_name("cut.h5")
     cut.write_bytes(saved.read_bytes()[:-3000])

@@ -14,7 +14,7 @@ from haploop.acquisition import verify
 from haploop.experiments.analysis import analyse_identification, read_rows
 from haploop.experiments.protocol import load_experiment
 from haploop.experiments.session import Store, export_answers, open_session, read_log
-from haploop.instruments import ConfigurationError, DataError, InstrumentError
+from haploop.instruments import ConfigurationError, DataError
 from haploop.instruments.json_text import as_line, from_text
 from haploop.mocks.clock import VirtualClock
 from haploop.mocks.participant import ParticipantModel, SimulatedParticipant
@@ -115,7 +115,7 @@ def test_what_may_not_begin_is_refused(tmp_path: Path) -> None:
         pass
     with (  # two programs
         open_session(where, "P01", VirtualClock(), simulated=True),
-        pytest.raises(InstrumentError),
+        pytest.raises(ConfigurationError, match=r"in use|is open"),
         open_session(where, "P02", VirtualClock(), simulated=True),
     ):
         pass
