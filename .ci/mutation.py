@@ -35,7 +35,8 @@ ROOT = Path(__file__).resolve().parents[1]
 SAFETY, RECORDING = "tests/instruments/safety/test_", "tests/acquisition/recording/test_"
 DRIVE = "tests/calibration/drive/test_"
 PLAYED = tuple(
-    f"{SAFETY}{name}.py" for name in ("permit", "limiter", "duty", "foreign_volts", "nothing_beyond_a_limit")
+    f"{SAFETY}{name}.py"
+    for name in ("permit", "limiter", "duty", "foreign_volts", "nothing_beyond_a_limit", "single_steps")
 )
 FILES = (
     "tests/acquisition/test_checksum.py",
@@ -53,7 +54,13 @@ TESTS: dict[str, tuple[str, ...]] = {
         f"{SAFETY}outputs.py",
         f"{SAFETY}foreign_volts.py",
         f"{SAFETY}other_clients.py",
+        f"{SAFETY}taken.py",
     ),
+    "instruments/safety/safe_state.py": tuple(
+        f"{SAFETY}{name}.py" for name in ("single_steps", "taken", "ways_out", "other_clients")
+    ),
+    "instruments/rig/gain_proof.py": (f"{SAFETY}single_steps.py", "tests/instruments/rig/test_gain_proof.py"),
+    "acquisition/session/stream_reader.py": ("tests/acquisition/session/test_stream_reader.py",),
     "instruments/safety/duty.py": (f"{SAFETY}outputs.py", f"{SAFETY}duty.py"),
     "instruments/safety/lockout.py": (
         f"{SAFETY}lockout.py",

@@ -106,3 +106,13 @@ def test_leaving_early_ends_the_thread():
     with StreamReader(Script(range(0, 10**9, 10), clock), clock) as reader:
         next(iter(reader))
     assert not any(t.name == "haploop-reader" for t in threading.enumerate())
+
+
+@pytest.mark.parametrize("second", [9, 11])
+def test_a_single_sample_that_is_lost_or_comes_twice_is_a_gap(second):
+    firsts = []
+    says = f"expected at sample 10 and begins at {second}"
+    with StreamReader(Script([0, second]), VirtualClock()) as reader, pytest.raises(GapError, match=says):
+        for block in reader:
+            firsts.append(block.first)
+    assert firsts == [0]
