@@ -67,6 +67,9 @@ class _Permissive:
     def authorise(self, *_: object) -> None:
         """Do nothing."""
 
+    def authorise_release(self) -> None:
+        """Do nothing."""
+
 
 def test_such_an_output_is_never_done_on_another_clock_of_as_many_pulses() -> None:
     import nidaqmx
