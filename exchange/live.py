@@ -33,7 +33,7 @@ from .lsl import Outlets, send
 
 _REFRESH = 0.5
 """Seconds of one wait for a block; the loop then checks whether the rig was closed."""
-_RETRY = 0.2
+_RETRY = 0.02
 """Seconds between two searches for a program that publishes."""
 
 

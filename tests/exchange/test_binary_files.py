@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import datetime as dt
 import shutil
+import struct
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -200,6 +201,32 @@ def _matlab(**values: Any) -> Callable[[Path], None]:
     return lambda path: scipy.io.savemat(path, values)
 
 
+def _xdf(path: Path) -> None:
+    """By the specification of XDF 1.0: a header, a stream's header, its samples and its footer."""
+    channels = "".join(
+        f"<channel><label>{name}</label><unit>{unit}</unit></channel>"
+        for name, unit in (("force", "mN"), ("acceleration", "g"))
+    )
+    about = (
+        "<info><name>lab</name><type>Haptics</type><channel_count>2</channel_count>"
+        f"<nominal_srate>{RATE}</nominal_srate><channel_format>double64</channel_format><source_id>a</source_id>"
+        f"<desc><channels>{channels}</channels></desc></info>"
+    )
+    rows = np.stack([1e3 * F, A / 9.80665], axis=1)
+    samples = struct.pack("<BI", 4, N) + b"".join(
+        struct.pack("<Bd", 8, 10 + t) + row.tobytes() for t, row in zip(T, rows, strict=True)
+    )
+    chunks = (
+        (1, b"<info><version>1.0</version></info>"), (2, struct.pack("<I", 1) + about.encode()),
+        (3, struct.pack("<I", 1) + samples),
+        (6, struct.pack("<I", 1) + f"<info><sample_count>{N}</sample_count></info>".encode()),
+    )  # fmt: skip
+    with path.open("wb") as file:
+        file.write(b"XDF:")
+        for tag, content in chunks:
+            file.write(struct.pack("<BIH", 4, len(content) + 2, tag) + content)
+
+
 Right = Mapping[str, np.ndarray] | str
 HELD = {"force": F, "acceleration": A}
 CUT = round(LATE * RATE)
@@ -257,6 +284,7 @@ ROWS: list[tuple[str, Callable[[Path], None], Right]] = [
     ("classic.nc", _xarray("scipy", dtype="int16", scale_factor=1e-4, _FillValue=-32768),
      "4 values are missing"),
     ("classic named.h5", netcdf_of_bytes, {"force": F}),
+    ("a.xdf", _xdf, HELD),
     ("a.parquet", _parquet, {"force": F}),
     ("structures.mat", _matlab(
         press={"force": {"data": 1e3 * F, "unit": "mN", "dt": 1 / RATE},
