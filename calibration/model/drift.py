@@ -74,12 +74,14 @@ class Drift:
 
 
 def apart(one: Model, other: Model) -> float:
-    """Relative difference of the resonances of two fits of one table: the median over those of `one`.
+    """Relative difference of the resonances of two fits of one table: the median over those of the one with
+    fewer.
 
-    Each is compared with the nearest of the other. A mode that one of them hardly sees is far off, and so are
-    some near the ends of the band; half of them are not.
+    Each is compared with the nearest of the other. Near a node a patch shows half of the modes, so that half
+    of the other's would be far off; of its own few are, near the ends of the band.
     """
-    own, others = (np.array([r.frequency_hz for r in model.resonances]) for model in (one, other))
+    each = (np.array([r.frequency_hz for r in model.resonances]) for model in (one, other))
+    own, others = sorted(each, key=len)
     if not len(own) or not len(others):
         return 0.0
     shifts = np.abs(others[None, :] / own[:, None] - 1)

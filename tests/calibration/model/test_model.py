@@ -2,6 +2,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +14,7 @@ from benchmarks.fits import auto_fit, found
 from benchmarks.synthetic_responses import Case, beam, generator, response_of
 from benchmarks.synthetic_responses import plate as plate_of
 from haploop.calibration import Model, Response, calibrate, fit
-from haploop.calibration.model import rational
+from haploop.calibration.model import apart, rational
 from haploop.calibration.model.projection import Lines, Projection
 from haploop.instruments import ConfigurationError, DataError, open_rig
 
@@ -314,3 +316,22 @@ def test_a_matlab_file_holds_all_of_it(fitted: tuple[Response, np.ndarray], tmp_
     with pytest.raises(DataError, match="not overwritten"):
         model.save_mat(path)
     assert [p.name for p in tmp_path.iterdir()] == ["model.mat"]
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "by"),
+    [
+        # Patch A at the button, and patch C near a node of three modes (a simulated table: 0.44 % was said).
+        (
+            (68.0, 137.4, 203.1, 242.3, 263.6, 389.3, 432.8, 490.3, 521.5, 611.2),
+            (68.0, 137.4, 242.3, 263.6, 392.8, 521.5, 582.9),
+            0.0,
+        ),
+        ((68.0, 137.4, 203.1, 263.6), (68.68, 138.77, 266.24), 0.01),
+    ],
+)
+def test_a_patch_near_a_node_is_of_the_same_table(one: Any, other: Any, by: float) -> None:
+    models: Any = [
+        SimpleNamespace(resonances=[SimpleNamespace(frequency_hz=hz) for hz in each]) for each in (one, other)
+    ]
+    assert apart(*models) == apart(*reversed(models)) == pytest.approx(by, abs=2e-4)
