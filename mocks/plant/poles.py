@@ -32,6 +32,8 @@ _SAME = 1e-12
 """Difference (s) below which two latenesses of samples are one."""
 _KEPT = 8
 """Number of latenesses and weights that are kept with their matrices."""
+_DEAD = 1e-18
+"""Share that is left of a state from which on it adds less than a rounding error."""
 _GONE = 1e-30
 """Magnitude below which a state is set to zero: denormal numbers would take a hundred times as long."""
 
@@ -66,11 +68,18 @@ class _Steps:
     powers: ComplexArray
     """Decay of each state after 0 to `_BLOCK` steps, (steps, poles)."""
     _views: dict[tuple[int, int], _View] = field(default_factory=dict)
+    _pushed: dict[int, FloatArray] = field(default_factory=dict)
 
     @cached_property
     def pushes(self) -> ComplexArray:
         """State at a block's end of a unit force in each of its steps, (steps, poles)."""
         return np.asarray((self.powers[1] - 1) / self.of.poles * self.powers[:_BLOCK][::-1])
+
+    def pushed(self, channel: int) -> FloatArray:
+        """`pushes` of a channel's level, (steps, 2 poles): real and imaginary parts."""
+        if channel not in self._pushed:
+            self._pushed[channel] = _as_real(self.pushes * self.of.inputs[:, channel])
+        return self._pushed[channel]
 
     def view(self, late: float, weights: ComplexArray) -> _View:
         """Return how the states are seen `late` s after the start of each step."""
@@ -217,16 +226,12 @@ class Stretch:
         begins = np.empty((self._levels.shape[1] // _BLOCK, len(state)), dtype=np.complex128)
         begins[0] = state
         if len(begins) > 1:
-            of, steps = self._of, self._of.steps(self._period)
-            pushes = _as_real(steps.pushes)
+            steps = self._of.steps(self._period)
             begins[1:] = 0.0
-            for levels, channel in zip(self._levels, self._moving, strict=True):
+            for levels, channel in zip(self._levels, self._moving.tolist(), strict=True):
                 by_block = levels.reshape(-1, _BLOCK)[:-1]
-                begins[1:] += of.inputs[:, channel] * (by_block @ pushes).view(np.complex128)
-            decay, before = steps.powers[_BLOCK], 1
-            while before < len(begins):
-                begins[before:] += decay * begins[:-before]
-                decay, before = decay * decay, 2 * before
+                begins[1:] += (by_block @ steps.pushed(channel)).view(np.complex128)
+            _doubled(begins, steps.powers[_BLOCK])
         return begins
 
     def _along(self, first: int, stop: int, late: float, weights: ComplexArray) -> FloatArray:
@@ -310,6 +315,26 @@ class Course(Generic[Owner]):
             if not end:
                 break
         return out
+
+
+def _doubled(begins: ComplexArray, decay: ComplexArray) -> None:
+    """Add to the states at each block's start what is left of all blocks before, in place.
+
+    `begins` is (blocks, poles), `decay` (poles,) what is left after a block. Poles that have died out are
+    left behind, and of the many at high frequencies most soon have.
+    """
+    before, alive, held = 1, np.arange(len(decay)), begins
+    while before < len(begins):
+        held[before:] += decay * held[:-before]
+        decay, before = decay * decay, 2 * before
+        kept = np.abs(decay) > _DEAD
+        if 2 * kept.sum() < len(kept):
+            if held is not begins:
+                begins[:, alive] = held
+            alive, decay = alive[kept], decay[kept]
+            held = begins[:, alive]
+    if held is not begins:
+        begins[:, alive] = held
 
 
 def ringing(poles: ComplexArray, amplitudes: ComplexArray, since: FloatArray) -> FloatArray:

@@ -49,8 +49,8 @@ def modes_to(highest_hz: float) -> list[tuple[int, int]]:
 
 MODES = modes_to(HIGHEST_HZ)
 MAIN = MODES.index((2, 2))
-_DAMPED_TO = HIGHEST_HZ
-"""Frequency (Hz) up to which the damping ratio rises; above it, it stays at 2.5 % (estimate: a mounted pane's
+_DAMPED_TO = 1.05 * HIGHEST_HZ
+"""Frequency (Hz) up to which the damping ratio rises; above it, it stays at 2.6 % (estimate: a mounted pane's
 loss factor, 1 to 6 %, hardly depends on the frequency)."""
 PATCHES = {"A": (0.20, 0.15), "B": (0.62, 0.93), "C": (0.08, 0.45), "D": (0.92, 0.55)}
 """Centres of the patches, as fractions of width and height, near the edges; A drives the main mode best
@@ -129,7 +129,7 @@ def make_plate(
     scatter = np.concatenate([scatter, rng.normal(0, 0.02, more)]).clip(-0.05, 0.05)
     scatter[MAIN], spread[lowest:] = main, rng.uniform(0.9, 1.1, more)
     natural = MAIN_HZ * curvature / curvature[MAIN] * (1 + scatter)
-    damping = (0.004 + 0.000025 * np.minimum(natural, 1.05 * _DAMPED_TO)) * spread
+    damping = (0.004 + 0.000025 * np.minimum(natural, _DAMPED_TO)) * spread
     # The gain is set for the nominal damping and patch position, so that a damped table moves less.
     strength = np.abs(_coupling(waves, PATCHES["A"])[MAIN]) / (4 * np.pi * damping[MAIN] * natural[MAIN])
     gain = MAIN_VELOCITY / strength

@@ -31,7 +31,7 @@ def test_a_table_is_calibrated_and_a_press_checked_under_a_finger(
     assert bare.exit_code == 2 and "check with --finger P01" in " ".join(bare.stderr.split())
     checked = run("check", press, "-c", out, "--finger", "P01", "-o", tmp_path / "checked", "--json")
     notes = json.loads(checked.stdout)["notes"]
-    assert checked.exit_code in (0, 1)
+    assert checked.exit_code in (0, 1, 4)
     assert notes[0] == "Measured under P01's fingertip, which was asked to rest with 2 N."
     again = run("calibrate", "--finger", "P01", "--bare", out, "-o", tmp_path / "twice.h5")
     assert again.exit_code == 2 and "a finger's already" in " ".join(again.stderr.split())

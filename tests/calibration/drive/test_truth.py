@@ -72,8 +72,22 @@ def test_the_stated_interval_holds_the_surfaces_own_error(
     result, error, outside = played_and_true(rig, drive, 6, monkeypatch)
     low, high = result.interval
     assert low - 0.002 <= error <= high + 0.002
-    assert result.passed and error < 0.10
+    # Six plays may leave it open.
+    assert result.verdict != "fail" and error < 0.10
     assert outside < 0.05
+
+
+@pytest.mark.many_plays
+def test_the_interval_holds_on_a_pane_with_its_modes_to_10_khz(
+    open: OpenRig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rig = open(highest_hz=10_000.0)
+    drive = drive_for(make_press(), calibrate(rig), rig.limits)
+    result, error, _ = played_and_true(rig, drive, 8, monkeypatch)
+    low, high = result.interval
+    # Above the laser's corner lie some thousandths of the target's power.
+    assert low - 0.002 <= error <= high + 0.002 and 0.03 < error < 0.1
+    assert result.verdict != "fail"
 
 
 @pytest.mark.many_plays
@@ -106,13 +120,13 @@ def test_a_pane_that_rings_far_above_the_drive_does_not_pass(
 def test_a_button_that_passes_moves_nothing_else(
     open: OpenRig, full: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """20 tables that nobody chose, three buttons, every way to compute a drive, the paper's as well."""
+    """20 tables that nobody chose, with modes to 10 kHz, three buttons, every way to compute a drive."""
     if not full:
         pytest.skip("calibrates 20 tables: runs with --full")
     rows: list[tuple[str, Check, float, float]] = []
     for number in range(20):
         seed = int(generator("whole motion", number).integers(2**31))
-        rig = open(seed=seed)
+        rig = open(seed=seed, highest_hz=10_000.0)
         calibration = calibrate(rig)
         for name, partials in BUTTONS.items():
             press = make_press(partials)

@@ -13,7 +13,7 @@ from haploop.mocks.plant.modal import Modes
 from haploop.mocks.plant.modal_surface import ModalSurface
 from haploop.mocks.plant.patches import Patches
 from haploop.mocks.plant.surface import AMPLIFIER_POLE_HZ
-from haploop.mocks.plant.table import MAIN, PATCHES, make_plate, warmed
+from haploop.mocks.plant.table import HIGHEST_HZ, MAIN, PATCHES, make_plate, warmed
 
 PLACE = (8.5 / 12, 1.5 / 7)
 RATE_HZ = 50_000.0
@@ -45,8 +45,11 @@ def swing(table: Table, volts: np.ndarray, cuts: list[int], start: float = 10.0)
             table.step(start + a / RATE_HZ, 1 / RATE_HZ, steps)
 
 
-def test_the_staircase_response_is_the_plates_own(plate: Modes) -> None:
+@pytest.mark.parametrize(("highest_hz", "count"), [(HIGHEST_HZ, 17), (10_000.0, 236)])
+def test_the_staircase_response_is_the_plates_own(highest_hz: float, count: int) -> None:
     """A whole record's FFT ratio equals plate x staircase x amplifier x laser to a few 1e-5."""
+    plate = make_plate(np.random.default_rng(0), highest_hz=highest_hz)
+    assert len(plate.natural_hz) == count
     table, n = Table(plate, 0.0), 100_000
     t = np.arange(n) / RATE_HZ
     volts = 50 * np.sin(np.pi * 625 * t**2) * (t < 1)
@@ -62,6 +65,15 @@ def test_the_staircase_response_is_the_plates_own(plate: Modes) -> None:
     truth = plate.velocity("A", PLACE, f) * stairs * poles
     # What still rings at the record's end is all that the ratio cannot know.
     assert np.linalg.norm(measured - truth) < 2e-3 * np.linalg.norm(truth)
+
+
+def test_a_seed_s_lowest_modes_stay_what_they_are_with_more_above(plate: Modes) -> None:
+    more = make_plate(np.random.default_rng(0), highest_hz=10_000.0)
+    np.testing.assert_array_equal(more.natural_hz[:17], plate.natural_hz)
+    np.testing.assert_array_equal(more.damping[:17], plate.damping)
+    np.testing.assert_allclose(more.coupling["B"][:17], plate.coupling["B"], rtol=1e-12)
+    assert 9000 < more.natural_hz.max() < 10_500 and more.damping[17:].min() > 0.02
+    assert more.damping.max() < 0.03
 
 
 def test_the_true_velocity_is_what_the_laser_filters(plate: Modes) -> None:
