@@ -40,6 +40,7 @@ def recording(
     return SimpleNamespace(
         button="push",
         rate_hz=RATE,
+        measured_hz=RATE,
         force=force,
         activation=contact,
         vertical=vertical,
