@@ -7,11 +7,6 @@ import scipy
 
 from ..instruments.arrays import FloatArray
 
-BAND = (75.0, 600.0)
-"""Hz: the band of a press that a drive reproduces, and in which its carrier lies. Below its first mode a
-table hardly moves, and the paper's sweep ends at 625 Hz. The band is the same for every press and table, so
-that an error is never small because the target is small."""
-
 
 def fade(samples: int, rise: int, fall: int) -> FloatArray:
     """Window (samples,) that rises to one over the first `rise` samples and falls over the last `fall`."""

@@ -11,7 +11,7 @@ from click.core import ParameterSource
 
 from .. import instruments
 from ..calibration import sizes
-from ..calibration.spectra import BAND
+from ..calibration.band import BAND
 from ..instruments.files import reserved
 from ..instruments.operator import RestFinger
 from ..reports import contents, outputs, show

@@ -1,6 +1,6 @@
 """Drives: inversion, the drive's waveforms, the check, learning, the digital button."""
 
-from ..spectra import BAND
+from ..band import BAND
 from .actuation import drift_change
 from .agreement import SharedPower, told_by_noise
 from .button import DigitalButton, build_button, button_under_finger, play_button

@@ -15,9 +15,10 @@ from ...instruments import DataError, Limits
 from ...instruments.arrays import FloatArray
 from ...instruments.notebook import InNotebook
 from ...instruments.vibrometer import DERIVATIVE, shown
+from ..band import BAND
 from ..model import Calibration, Drift
 from ..response import Response
-from ..spectra import BAND, resample, third_octaves
+from ..spectra import resample, third_octaves
 from .actuation import Actuation
 from .elsewhere import NOWHERE, Elsewhere, Wanted, sized
 from .inversion import Plan

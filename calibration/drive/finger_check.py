@@ -16,10 +16,10 @@ from ...acquisition import refuse_name
 from ...instruments import ConfigurationError, InstrumentError, Rig
 from ...instruments.operator import RestFinger
 from ...instruments.progress import Progress, silent
+from ..band import BAND
 from ..model import Finger
 from ..response import Response, quick_response
 from ..resting_finger import LEAST, TableForce, refuse_force, resting
-from ..spectra import BAND
 from .check import check
 from .checked import Check
 from .drive import Drive

@@ -16,8 +16,9 @@ from threadpoolctl import threadpool_limits
 from ...acquisition import Representative
 from ...instruments import Limits
 from ...instruments.arrays import ComplexArray, FloatArray
+from ..band import BAND
 from ..model import Calibration
-from ..spectra import BAND, fade, resample
+from ..spectra import fade, resample
 from .actuation import Actuation
 from .drive import Drive
 from .targets import FADE, Method, target_grid

@@ -20,9 +20,9 @@ import scipy
 
 from ...instruments import Limits
 from ...instruments.arrays import FloatArray
+from ..band import BAND
 from ..model import Calibration
 from ..perception import LabThreshold, levels_of, pressing_act
-from ..spectra import BAND
 from .actuation import Actuation
 from .inversion import Plan, max_output, min_peak
 from .planning import distorted, plan_for, slew_of

@@ -12,9 +12,9 @@ import numpy as np
 from ...acquisition import hdf5
 from ...instruments import ConfigurationError, RigFile
 from ...instruments.notebook import InNotebook
+from ..band import BAND
 from ..perception import pressing
 from ..response import Hysteresis, Response, fit_hysteresis
-from ..spectra import BAND
 from .finger import Finger
 from .model import Model, fit
 

@@ -34,8 +34,8 @@ import scipy
 from ...instruments import DataError
 from ...instruments.arrays import ComplexArray, FloatArray
 from ...instruments.operator import RestFinger
+from ..band import BAND
 from ..response import Response
-from ..spectra import BAND
 from .finger import GROWS, Finger, impedance, loads, mobilities
 from .model import Model, fit
 

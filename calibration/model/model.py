@@ -12,8 +12,8 @@ import scipy
 from ...instruments import ConfigurationError, DataError
 from ...instruments.arrays import BoolArray, ComplexArray, FloatArray
 from ...instruments.files import new_file
+from ..band import BAND
 from ..response import Response
-from ..spectra import BAND
 from .projection import Lines, Projection
 from .rational import fit_poles
 from .resonant import decay_deviation, resonant, stands_out

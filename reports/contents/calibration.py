@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...calibration import Calibration, Drift, Drive, Model, Resonance, Waveforms, drift_change
-from ...calibration.spectra import BAND
+from ...calibration.band import BAND
 from .. import figures
 from . import captions
 from .parts import Contents, Drawing, Fact, Verdict, detailed, fact
