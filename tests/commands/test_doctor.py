@@ -222,7 +222,7 @@ def test_each_instrument_is_opened_on_the_plant_that_was_given(mode: Mode) -> No
     findings = examine_each(file, mode, InstrumentError("The box does not answer."), plant=Watched())
     opened = [finding for finding in findings if finding.name == "Identity" and finding.instrument != "rig"]
     assert {finding.status for finding in opened} == {"green"}
-    assert len(seen) == len(opened) >= 4
+    assert len(seen) == 1 and len(opened) >= 4  # all of them in one world
     assert findings[-2].sentence == "The box does not answer."
 
 
