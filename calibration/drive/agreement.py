@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from statistics import NormalDist
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ import scipy
 from ...instruments.arrays import BoolArray, ComplexArray, FloatArray
 from ..intervals import CONFIDENCE, common, not_negative, quantile, student
 
-_NORMAL = float(scipy.special.ndtri(0.5 + CONFIDENCE / 2))
+_NORMAL = NormalDist().inv_cdf(0.5 + CONFIDENCE / 2)
 _UNLIKELY = 1e-5
 """Probability of calling plays without a trend drifting."""
 _ODD = 3.0
