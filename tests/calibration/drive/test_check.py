@@ -68,7 +68,9 @@ def test_everything_said_can_be_computed_again_from_the_plays(
     assert stored.error == pytest.approx(np.sqrt(max(squared, 0)), abs=1e-9)
     assert stored.whole.floor == pytest.approx(floor, rel=1e-6)
     assert stored.passed == (stored.interval[1] <= stored.tolerance)
-    assert np.hypot(stored.within.root, stored.outside.root) == pytest.approx(stored.error, abs=0.02)
+    # Powers add; a root does not show a power that noise makes negative.
+    parts = stored.within.value + stored.outside.value
+    assert parts == pytest.approx(stored.whole.value, abs=0.02**2 + stored.whole.deviation)
 
 
 def test_third_octaves_are_levels(calibrated: Calibrated, drive: Drive) -> None:
