@@ -34,7 +34,7 @@ class Framing(BaseModel):
     """Of text: what stands between two columns, such as `,`; a space stands for any number of blanks."""
     columns: Annotated[int, Field(strict=True, ge=1, le=64)] | None = None
     """Of text: numbers in a line. Lines that begin with # are no samples."""
-    decimals: Annotated[int, Field(ge=0, le=9)] | None = None
+    decimals: Annotated[int, Field(strict=True, ge=0, le=9)] | None = None
     """Of text: digits behind the decimal point, which the twin prints."""
     struct: str | None = None
     """Of binary frames: the columns as Python's struct module writes them, such as `<Hhh`."""

@@ -19,12 +19,10 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import cv2
 import numpy as np
 import pytest
 import pyvisa
 import serial
-import sounddevice
 from nidaqmx.errors import DaqNotFoundError, RpcError
 from pyvisa.constants import StatusCode
 
@@ -39,6 +37,15 @@ from haploop.instruments.safety import machine
 from haploop.mocks.daq.ni import NiTwin
 from haploop.mocks.simulation import Simulation
 from tests.command_line import Run
+
+try:
+    import sounddevice
+except (ImportError, OSError):  # neither it nor PortAudio is installed with haploop[test]
+    sounddevice = None
+try:
+    import cv2
+except ImportError:
+    cv2 = None
 
 Broken = Callable[[pytest.MonkeyPatch, dict[str, Any], ExitStack], Mapping[str, Any]]
 """Brings the connection of an instrument with these settings into a state; returns settings to change."""
@@ -232,16 +239,17 @@ def camera(opened: bool, frame: Any = None) -> Broken:
     return doing(cv2, "VideoCapture", lambda *_: seen)
 
 
+_PortAudioError = getattr(sounddevice, "PortAudioError", OSError)
 _SOUND: dict[str, Broken] = {
     "missing": card(8, "query_devices", ValueError("No input device matching 'card'")),
-    "busy": card(8, "Stream", sounddevice.PortAudioError("Device unavailable [PaErrorCode -9985]")),
+    "busy": card(8, "Stream", _PortAudioError("Device unavailable [PaErrorCode -9985]")),
     "wrong": card(0),
     "silent": card(8),
     "without library": without("sounddevice"),
     "without PortAudio": doing(
         extras.importlib, "import_module", raising(OSError("PortAudio library not found"))
     ),
-    "without permission": card(8, "Stream", sounddevice.PortAudioError("Unanticipated host error")),
+    "without permission": card(8, "Stream", _PortAudioError("Unanticipated host error")),
 }
 _SERIAL: dict[str, Broken] = {
     "missing": port(errno.ENOENT),
@@ -290,6 +298,7 @@ STATES: dict[str, dict[str, Broken]] = {
     },
 }
 """What can be wrong with the instrument of a driver, and how to bring it about."""
+LIBRARIES = {"sound-card": sounddevice, "sound-card-output": sounddevice, "opencv": cv2}
 
 
 def rigs() -> Iterator[tuple[str, RigFile]]:
@@ -311,6 +320,8 @@ def cases() -> Iterator[Any]:
                 opens = state in ("busy", "wrong", "another", "silent", "without permission")
                 whole = opens and (name == "no-ni" or role == "camera")
                 marks = [pytest.mark.long] * whole
+                if device.driver in LIBRARIES and LIBRARIES[device.driver] is None:
+                    marks = [pytest.mark.skip(reason=f"the library of {device.driver} is not installed")]
                 yield pytest.param(
                     name, role, state, id=f"{name}-{role}-{state}".replace(" ", "-"), marks=marks
                 )

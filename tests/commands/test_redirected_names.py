@@ -51,7 +51,7 @@ asked("listed", lambda: manager.list_resources("?*"))
 asked("GPIB", lambda: manager.list_resources("GPIB?*"))
 try:
     import sounddevice
-except OSError:
+except (ImportError, OSError):
     said["sound"] = "no PortAudio"
 else:
     asked("sound", lambda: sounddevice.OutputStream())

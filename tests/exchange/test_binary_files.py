@@ -203,6 +203,7 @@ def _matlab(**values: Any) -> Callable[[Path], None]:
 
 def _xdf(path: Path) -> None:
     """By the specification of XDF 1.0: a header, a stream's header, its samples and its footer."""
+    pytest.importorskip("pyxdf")
     channels = "".join(
         f"<channel><label>{name}</label><unit>{unit}</unit></channel>"
         for name, unit in (("force", "mN"), ("acceleration", "g"))

@@ -101,7 +101,7 @@ def by_parquet(path: Path, made: Made) -> None:
 
 
 def by_openpyxl(path: Path, made: Made) -> None:
-    import openpyxl
+    openpyxl = pytest.importorskip("openpyxl")
 
     book = openpyxl.Workbook()
     columns = made.written(gap=made.states_rate)
@@ -116,7 +116,8 @@ def by_openpyxl(path: Path, made: Made) -> None:
 
 def _by_xarray(engine: str) -> Callable[[Path, Made], None]:
     def write(path: Path, made: Made) -> None:
-        import xarray
+        xarray = pytest.importorskip("xarray")
+        pytest.importorskip(engine)
 
         columns = made.written(gap=made.states_rate)
         variables = {
@@ -131,7 +132,7 @@ def _by_xarray(engine: str) -> Callable[[Path, Made], None]:
 
 
 def by_nptdms(path: Path, made: Made) -> None:
-    import nptdms
+    nptdms = pytest.importorskip("nptdms")
 
     begin = np.datetime64("2026-01-01T00:00:00", "us")
     channels = []
@@ -167,7 +168,7 @@ def by_pyuff(path: Path, made: Made) -> None:
 
 
 def by_pynwb(path: Path, made: Made) -> None:
-    import pynwb
+    pynwb = pytest.importorskip("pynwb")
 
     file = pynwb.NWBFile("presses", "id", dt.datetime(2026, 1, 1, tzinfo=dt.UTC))
     for name, (unit, values) in made.written(late=made.states_rate, gap=not made.states_rate).items():
@@ -192,8 +193,7 @@ def by_scipy(path: Path, made: Made) -> None:
 
 
 def by_soundfile(path: Path, made: Made) -> None:
-    import soundfile
-
+    soundfile = pytest.importorskip("soundfile")
     values = np.stack([values for _, values in made.written().values()], axis=1)
     soundfile.write(path, values / np.abs(values).max() / 2, round(made.rate), subtype="DOUBLE")
 

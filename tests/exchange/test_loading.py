@@ -15,7 +15,7 @@ def test_every_file_of_a_demo_is_loaded_as_what_it_holds(demo: Demo) -> None:
     files = sorted(demo.folder.glob("**/*.h5"))
     found = {type(one).__name__ for one in haploop.load(files)}
     assert found == {
-        "ButtonPlan", "Calibration", "Check", "Drive", "Recording", "Representative", "Waveforms",
+        "Calibration", "Check", "Drive", "Recording", "Representative", "Waveforms",
     }  # fmt: skip
 
 

@@ -111,16 +111,18 @@ def exported(path: Path, **change: Any) -> Path:
     return path
 
 
-@pytest.mark.parametrize(("kind", "power"), [(8, 1), (11, 0), (12, -1)])
-def test_a_vibrometers_export_is_velocity_whatever_it_holds(tmp_path: Path, kind: int, power: int) -> None:
-    (one,) = read_uff(exported(tmp_path / "scan.uff", ordinate_spec_data_type=kind), patch="A")
+@pytest.mark.parametrize(("kind", "unit", "power"), [(8, "m", 1), (11, "m/s", 0), (12, "m/s^2", -1)])
+def test_a_vibrometers_export_is_velocity_whatever_it_holds(
+    tmp_path: Path, kind: int, unit: str, power: int
+) -> None:
+    told = {"ordinate_spec_data_type": kind, "ordinate_axis_units_lab": unit}
+    (one,) = read_uff(exported(tmp_path / "scan.uff", **told), patch="A")
     f = one.frequencies
     assert one.velocity == pytest.approx(1e-9 / (1 + 1j * f / 300) * (2j * np.pi * f) ** power, rel=1e-5)
     assert (one.patch, one.point, one.simulated) == ("A", "17", False)
-    unit = {8: "m", 11: "m/s", 12: "m/s^2"}[kind]
     said = exported(tmp_path / "label.uff", ordinate_spec_data_type=0, ordinate_axis_units_lab=unit)
     assert read_uff(said)[0].velocity == pytest.approx(one.velocity)
-    upside_down = exported(tmp_path / "down.uff", ordinate_spec_data_type=kind, rsp_dir=-3)
+    upside_down = exported(tmp_path / "down.uff", **told, rsp_dir=-3)
     assert read_uff(upside_down)[0].velocity == pytest.approx(-one.velocity)
 
 
@@ -129,9 +131,12 @@ def test_a_vibrometers_export_is_velocity_whatever_it_holds(tmp_path: Path, kind
     [
         ({"func_type": 1, "data": np.ones(396)}, r"types \[1\]"),
         ({"rsp_dir": 1}, "out of the plane"),
-        ({"ordinate_spec_data_type": 13}, "displacement, velocity or acceleration"),
+        ({"ordinate_spec_data_type": 13}, "its type is excitation force, and its label says 'm'"),
         ({"ordinate_spec_data_type": 0, "ordinate_axis_units_lab": "dB"}, "'dB'"),
-        ({"orddenom_spec_data_type": 13, "orddenom_axis_units_lab": "N"}, "per newton"),
+        (
+            {"orddenom_spec_data_type": 13, "orddenom_axis_units_lab": "N"},
+            "is per N, and a patch is driven by volts",
+        ),
     ],
 )
 def test_what_is_no_response_per_volt_is_refused(tmp_path: Path, change: dict[str, Any], said: str) -> None:
