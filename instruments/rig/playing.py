@@ -64,7 +64,7 @@ class Playing:
     def excite(self, drive: FloatArray, take: Take) -> Capture:
         """See `Rig.excite`."""
         rig = self._rig
-        if rig.feeds_amplifier("generator"):
+        if rig.feeds_amplifier("generator") and not rig.feeds_amplifier("daq"):
             raise ConfigurationError(
                 f"The generator feeds the amplifier of the rig {rig.name!r}: it sweeps patches (haploop "
                 "calibrate, map), and plays no drive. Wire an output of the DAQ to the amplifier."

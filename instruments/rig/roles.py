@@ -163,6 +163,9 @@ class Instruments(Frozen):
             )
         return self.file.sensors.drive
 
-    def feeds_amplifier(self, role: Literal["player", "generator"]) -> bool:
-        """True when this role's output feeds the amplifier."""
+    def feeds_amplifier(self, role: Literal["daq", "player", "generator"]) -> bool:
+        """True when an output of this role feeds the amplifier; of a DAQ's, those that its file names."""
+        if role == "daq":
+            outputs = self.file.daq.settings.get("outputs")
+            return isinstance(outputs, Mapping) and self.amplifier.input in outputs
         return self.has(role) and self._roles[role].output == self.amplifier.input

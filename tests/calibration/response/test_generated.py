@@ -98,6 +98,16 @@ def test_a_generator_plays_no_multisine_and_no_drive(open: OpenRig, file: str) -
         rig.excite(np.zeros(10), ["A"], ["drive"])
 
 
+def test_an_output_of_the_daq_plays_drives_on_the_generators_wire(open: OpenRig, tmp_path: Path) -> None:
+    path = tmp_path / "both.toml"
+    path.write_text(GENERATOR.replace('"generator"', '"amplifier"'))
+    rig = open(str(path))
+    drive = 20 * np.hanning(5000) * np.sin(np.arange(5000) / 30)
+    capture = rig.excite(drive, ["A"], ["drive"])
+    assert np.abs(rig.drive_monitor().to_si(capture.volts)).max() == pytest.approx(20, rel=0.05)
+    assert_safe(rig)
+
+
 @pytest.mark.long
 def test_the_command_calibrates_by_the_generator(run: Run, file: str, tmp_path: Path) -> None:
     out = tmp_path / "c.h5"
