@@ -200,7 +200,7 @@ def test_a_card_that_is_reset_and_written_to_in_a_play_is_noticed(lab: Lab) -> N
         client.write(8.0, "Dev2/ao2")
         code, said = lab.ended(process)
     client.channel.close()
-    assert code == 1 and said.startswith("InstrumentError: ") and "\n" not in said
+    assert code == 1 and said.startswith("TakenError: ") and "\n" not in said
     lab.safe_within(LATE)
 
 
