@@ -38,7 +38,14 @@ def compare_files(source: Path, installed: set[Path]) -> None:
     }
     wanted |= {
         Path("haploop") / name
-        for name in ("__init__.py", "__init__.pyi", "__main__.py", "py.typed", "pytest_plugin.py")
+        for name in (
+            "__init__.py",
+            "__init__.pyi",
+            "__main__.py",
+            "at_once.py",
+            "py.typed",
+            "pytest_plugin.py",
+        )
     }
     found = {path for path in installed if path.parts[0] == "haploop"}
     if missing := wanted - found:
