@@ -87,7 +87,7 @@ def test_from_doctor_to_recalibration(
 
     drive = haploop.DigitalButton.load(button).drive
     with haploop.open_rig(rig_file, simulate=mode) as rig:  # type: ignore[arg-type]
-        result, error = played_and_true(rig, drive, 4, monkeypatch)
+        result, error = played_and_true(rig, drive, 16, monkeypatch)
     assert result.passed and error < 0.2
     low, high = result.interval
     assert low - 0.03 <= error <= high + 0.03, (low, error, high)
