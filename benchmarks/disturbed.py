@@ -142,7 +142,7 @@ def true_error(rig: Rig, drive: Drive, plays: int) -> tuple[Check, float]:
         result = check(rig, drive, plays=plays)
     finally:
         rig.excite_each = excite  # type: ignore[method-assign]
-    assert len(seen) == plays
+    assert len(seen) == result.plays >= plays  # it plays on where that decides
     f = np.fft.rfftfreq(len(drive.target), 1 / drive.rate_hz)
     wide = (f >= 20) & (f < 2500)
     moved = np.fft.rfft(np.mean(seen, axis=0)) * 2j * np.pi * f

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from haploop.calibration import Multisine, calibrate, drive_for, quick_response
+from haploop.calibration.band import BAND
 from haploop.calibration.examination import examine
 from haploop.instruments import InstrumentError, Rig, load_rig_file, open_rig
 from tests.calibration.conftest import make_press
@@ -68,7 +69,8 @@ def test_the_response_is_the_surfaces_own_velocity(name: str, within: float, tmp
         resonance = rig.simulation.truth.resonance_hz  # type: ignore[union-attr]
         truth = rig.simulation.truth.velocity_response("A", "button", response.frequencies)  # type: ignore[union-attr]
     assert difference(response.velocity, truth) < within
-    assert calibration.model.resonance_hz == pytest.approx(resonance, abs=0.05)
+    if BAND[0] < resonance < BAND[1]:  # a carrier lies in the band of drives; the coil's strongest does not
+        assert calibration.model.resonance_hz == pytest.approx(resonance, abs=0.05)
     assert response.pickup == ("velocity" if name == "coil" else name)
 
 
@@ -82,9 +84,13 @@ def test_the_verdict_is_right_about_the_surfaces_own_error_of_a_right_and_of_a_w
         result, error, _ = played_and_true(rig, drive, 12, monkeypatch)
         low, high = result.interval
         assert low - 0.005 <= error <= high + 0.005
-        assert result.passed and error < 0.05
+        # Twice differentiated, the noise of a displacement sensor up to 5 kHz leaves nothing to be told.
+        blind = name == "displacement"
+        assert result.verdict == ("not shown" if blind else "pass") and error < 0.05
         result, error, _ = played_and_true(rig, replace(drive, volts=0.7 * drive.volts), 6, monkeypatch)
-        assert result.verdict == "fail" and error == pytest.approx(result.error, abs=0.03) and error > 0.2
+        low, high = result.interval
+        assert result.verdict == ("not shown" if blind else "fail") and error > 0.2
+        assert low - 0.03 <= error <= high + 0.03
 
 
 @pytest.mark.long

@@ -196,7 +196,7 @@ def test_a_button_holds_its_drives_for_a_finger_and_a_check_of_each(
     elsewhere = replace(own, response=replace(own.response, point="31"))
     with pytest.raises(ConfigurationError, match="with patch A at 31"):
         button_under_finger(rig, button, elsewhere)
-    made = button_under_finger(rig, button, own, plays=3)
+    made = button_under_finger(rig, button, own, plays=8)
     assert made.passed and len(made.pressed_checks) == 3 and made.learning is button.learning
     made.save(tmp_path / "push-P07.h5")
     again = DigitalButton.load(tmp_path / "push-P07.h5")

@@ -275,7 +275,8 @@ def test_corrections_are_of_every_point(four: Four, beside: tuple[Calibration, .
     if there == "toggle":
         assert after.others[0].error < 0.6 * before.others[0].error
         (measured,) = (one.expected[0] for one in learning.drive.elsewhere)
-        assert measured == pytest.approx(after.others[0].error, abs=0.04)
+        low, high = after.others[0].interval
+        assert low - 0.04 <= measured <= high + 0.04
     else:
         assert after.silent[0].contrast_db > before.silent[0].contrast_db + 4
     assert learning.drive.predicted_error == pytest.approx(after.error, abs=0.04)
