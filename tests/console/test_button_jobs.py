@@ -151,7 +151,7 @@ def test_two_buttons_at_once_from_a_map_and_what_came_of_both(data: DataFolder) 
     for row, check, felt in zip(
         rows, (button.check, *button.check.others), (own["felt"], other["felt"]), strict=False
     ):
-        assert row["verdict"] == check.verdict and row["passed"] == check.passed
+        assert row["verdict"] == check.verdict
         assert f"error {100 * check.error:.1f} %" in row["said"] and row["said"].endswith(felt)
     assert [row["label"] for row in rows[2:]] == [
         "Crosstalk at the button point",
