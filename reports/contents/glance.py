@@ -1,8 +1,8 @@
 """A verdict at a glance: one small figure, three gauges and one sentence for each button.
 
 The first screen of a report shows nothing else. How much: the share of the press's energy that is played.
-How like: the error of the whole motion with its interval, beside the tolerance. How loud: the level beside
-the threshold of a finger that presses, with the range in which that threshold may lie.
+How like: the error up to the laser's corner, with its interval, beside the tolerance. How loud: the level
+beside the threshold of a finger that presses, with the range in which that threshold may lie.
 """
 
 from __future__ import annotations
