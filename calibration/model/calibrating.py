@@ -67,5 +67,4 @@ def examined(rig: Rig, calibration: Calibration, progress: Progress = silent) ->
     both = measure_both_signs(rig, patch, point, progress)
     law = replace(calibration.hysteresis, even=even_order(calibration, both))
     above = measure_above(rig, patch, point, law, progress)
-    left = distortion(rig, patch, point, law, both)
-    return replace(calibration, hysteresis=law, above=above, distortion=left)
+    return replace(calibration, hysteresis=law, above=above, distortion=distortion(both, law))

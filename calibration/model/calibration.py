@@ -53,8 +53,8 @@ class Calibration(InNotebook):
     distortion: float = 0.0
     """Motion at frequencies that were not played, over that at those played, with the hysteresis taken out.
 
-    Measured with a multisine at the largest level. It limits what a drive reaches without learning; 0 if not
-    measured.
+    Measured with a multisine at the largest level and its negative, without the noise of either. It limits
+    what a drive reaches without learning; 0 if not measured.
     """
     scatter: ChannelScatter = ChannelScatter()
     """Of its channel: see `calibration.model.channel_scatter`."""

@@ -1,6 +1,7 @@
 """Frequency responses: excitation, estimators, hysteresis, exchange files."""
 
 from .channels import Channels as Channels
+from .distortion import distortion as distortion
 from .excitation import Excitation as Excitation
 from .excitation import LinearSweep as LinearSweep
 from .excitation import Multisine as Multisine
@@ -20,7 +21,6 @@ from .measuring import QUICK as QUICK
 from .measuring import SWEEP as SWEEP
 from .measuring import BothSigns as BothSigns
 from .measuring import Play as Play
-from .measuring import distortion as distortion
 from .measuring import excite as excite
 from .measuring import measure_above as measure_above
 from .measuring import measure_both_signs as measure_both_signs

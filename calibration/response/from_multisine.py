@@ -51,7 +51,7 @@ def from_multisine(
     """
     one = multisine.samples(channels.rate_hz)
     start = len(commanded) - multisine.periods * one
-    lines, excited, even, odd, inner = _lines(multisine)
+    lines, excited, even, odd, inner = looked_at(multisine)
     f = lines * channels.rate_hz / one
 
     def spectra(signals: FloatArray) -> ComplexArray:
@@ -80,9 +80,7 @@ def from_multisine(
     strength = np.abs(x[excited] / gain)
     unexplained = np.abs(local.surprise) ** 2
     silent = {"even": even, "odd": odd}
-    power = {
-        name: _smoothed(unexplained[n - inner[0]], _POOL, n, excited) for name, n in silent.items() if len(n)
-    }
+    power = {name: smoothed(unexplained[n - inner[0]], n, excited) for name, n in silent.items() if len(n)}
     everywhere = np.zeros(len(f))
     everywhere[inner] = unexplained
     moved_power = np.interp(np.arange(len(f)), excited, (np.abs(H) * strength) ** 2)
@@ -106,7 +104,7 @@ def from_multisine(
     ), law
 
 
-def _lines(multisine: Multisine) -> tuple[IntArray, IntArray, IntArray, IntArray, IntArray]:
+def looked_at(multisine: Multisine) -> tuple[IntArray, IntArray, IntArray, IntArray, IntArray]:
     """The lines that are looked at; and the places among them of those that were excited, of the silent even
     and odd ones, and of all in the band.
     """
@@ -151,6 +149,6 @@ def _misfit(even: IntArray, odd: IntArray, unexplained: FloatArray, moved: Float
     return np.full(len(moved), _ALIKE**2 * float(parts[1]))
 
 
-def _smoothed(power: FloatArray, size: int, lines: IntArray, at: IntArray) -> FloatArray:
-    """Power averaged over `size` of the `lines` on which it was measured, interpolated `at` others."""
-    return np.asarray(np.interp(at, lines, scipy.ndimage.uniform_filter1d(power, size, mode="nearest")))
+def smoothed(power: FloatArray, lines: IntArray, at: IntArray) -> FloatArray:
+    """Power averaged over neighbours among the `lines` on which it was measured, interpolated `at` others."""
+    return np.asarray(np.interp(at, lines, scipy.ndimage.uniform_filter1d(power, _POOL, mode="nearest")))

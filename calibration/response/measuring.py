@@ -119,7 +119,6 @@ class BothSigns:
     volts: FloatArray
     velocity: FloatArray
     channels: Channels
-    captures: tuple[Capture, Capture]
 
 
 def measure_both_signs(rig: Rig, patch: str, point: str, progress: Progress = silent) -> BothSigns:
@@ -127,7 +126,7 @@ def measure_both_signs(rig: Rig, patch: str, point: str, progress: Progress = si
 
     To be called as `measure_above`. Raises what `measure_response` raises.
     """
-    captures = []
+    captures: list[Capture] = []
     for number, sign in enumerate((1.0, -1.0)):
         settle(rig, (patch,), progress)
         tell = part_of(progress, _doing(Spot(rig, patch, point)), number * QUICK.duration, 2 * QUICK.duration)
@@ -135,19 +134,7 @@ def measure_both_signs(rig: Rig, patch: str, point: str, progress: Progress = si
         refuse_overload(rig, captures[-1])
     volts, velocity, channels = zip(*(signals_of(rig, capture, patch) for capture in captures), strict=True)
     own = slice(QUICK.samples(rig.table.rate_hz))
-    return BothSigns(
-        np.array(volts)[:, own], np.array(velocity)[:, own], channels[0], (captures[0], captures[1])
-    )
-
-
-def distortion(rig: Rig, patch: str, point: str, hysteresis: Hysteresis, both: BothSigns) -> float:
-    """Motion on lines that were not played, over that on those played, with a law taken out.
-
-    Noise is part of it. Raises InstrumentError when a signal left its range.
-    """
-    spot, played = Spot(rig, patch, point), Play(QUICK, quick_level(rig))
-    found = response_from(spot, both.captures[0], played, hysteresis, local_only=True)
-    return float(np.median(np.linalg.norm(found.distortion, axis=0) / np.abs(found.velocity)))
+    return BothSigns(np.array(volts)[:, own], np.array(velocity)[:, own], channels[0])
 
 
 def quick_response(

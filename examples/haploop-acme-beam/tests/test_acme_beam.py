@@ -68,8 +68,7 @@ def test_the_whole_loop(rig: Rig, tmp_path: Path) -> None:
     assert calibration.model.resonance_hz == pytest.approx(truth.resonance_hz, abs=0.3)
     drive = haploop.drive_for(press, calibration, rig.limits)
     checked = haploop.check(rig, drive)
-    # A short calibration under noise expects more error than the plays show: that contradiction is no pass.
-    assert checked.verdict != "fail" and checked.interval[1] <= checked.tolerance, checked.reasons
+    assert checked.passed, checked.reasons
     learned = haploop.learn(rig, drive, calibration, iterations=1)
     assert learned.best_again <= learned.first_again
 

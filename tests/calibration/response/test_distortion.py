@@ -1,0 +1,33 @@
+"""The distortion that a law leaves is that of the patch, whatever the noise of the laser."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from haploop.calibration import quick_response
+from haploop.calibration.response import distortion, measure_both_signs
+from haploop.calibration.response.response import LINEAR
+from tests.conftest import OpenRig
+
+pytestmark = pytest.mark.requires("simulation")
+
+
+@pytest.mark.parametrize("noise", [1.0, 5.0, 20.0])
+def test_noise_is_not_taken_for_distortion(open: OpenRig, noise: float) -> None:
+    """A patch without hysteresis distorts nothing: what one play leaves on silent lines is noise."""
+    rig = open(hysteresis=0.0, vibrometer_noise_scale=noise)
+    one = quick_response(rig, hysteresis=LINEAR)
+    noisy = np.median(np.linalg.norm(one.distortion, axis=0) / np.abs(one.velocity))
+    assert distortion(measure_both_signs(rig, "A", "button"), LINEAR) < 0.2 * noisy
+
+
+@pytest.mark.parametrize("noise", [1.0, 10.0])
+def test_a_distortion_is_found_in_noise(open: OpenRig, noise: float) -> None:
+    """Without its law, the loop of 12 % moves the table on lines that were not played."""
+    found = [
+        distortion(measure_both_signs(open(seed=41, vibrometer_noise_scale=scale), "A", "button"), LINEAR)
+        for scale in (0.1, noise)
+    ]
+    assert 0.02 < found[0] < 0.08
+    assert found[1] == pytest.approx(found[0], rel=0.05)
