@@ -13,6 +13,7 @@ from .. import sep005_file, wav_file
 from ..views import Signals
 from . import text_file, tree_table, uff_signals
 from .table import Column, Stated, Table
+from .units import contradiction
 
 _SIGNALS: Mapping[str, Callable[[Path, float | None], Signals]] = {
     "wav": wav_file.read_signals,
@@ -68,7 +69,11 @@ def read_table(path: Path, format: str | None, decimal: str | None, skip: bool =
     if not all(len(column.values) for column in table.columns):
         raise DataError(f"{path} is empty.")
     columns = tuple(
-        replace(column, values=np.where(np.isfinite(column.values), column.values, np.nan))
+        replace(
+            column,
+            values=np.where(np.isfinite(column.values), column.values, np.nan),
+            doubt=column.doubt or contradiction(column.name, column.unit),
+        )
         for column in table.columns
     )
     return replace(table, columns=columns)

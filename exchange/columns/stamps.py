@@ -25,26 +25,34 @@ _STAMPS = tuple(
 _SPAN = re.compile(rf"\s*(?P<days>-?\d+) days?,? (?:\+)?{_CLOCK}\s*\Z")
 """As pandas writes a time since the start."""
 _TIME = re.compile(rf"\s*{_CLOCK}\s*\Z")
+_MINUTES = re.compile(r"\s*(?P<m>\d{1,3}):(?P<s>[0-5]\d[.,]\d+)\s*\Z")
+"""As spreadsheets write a time by default (mm:ss.0), without its hours."""
 _ISO = re.compile(r"\s*\d{4}-\d\d-\d\d[ T]\d\d:\d\d:\d\d(\.\d{1,9})?\s*\Z")
-_DAY = 86_400.0
+_DAY, _HOUR = 86_400.0, 3600.0
+
+
+_CLOCKS = (_SPAN, _TIME, _MINUTES)
 
 
 def is_stamp(text: str) -> bool:
     """True for a date, a time of day, or both."""
     if any(s.match(text) for s in _STAMPS):
         return True
-    return ":" in text and (_TIME.match(text) or _SPAN.match(text)) is not None
+    return ":" in text and any(s.match(text) for s in _CLOCKS)
 
 
 def seconds_of(texts: Sequence[str]) -> FloatArray:
-    """(rows,) s from the first; a time of day that goes back begins another day. NaN for another text."""
+    """(rows,) s from the first; NaN for another text.
+
+    A time of day that goes back begins another day, one without hours another hour.
+    """
     with contextlib.suppress(ValueError):  # ISO 8601, quickly
         if texts and _ISO.match(texts[0]):
             instants = np.array([text.strip().replace(" ", "T") for text in texts], dtype="datetime64[ns]")
             if not np.isnat(instants).any():
                 return np.asarray((instants - instants[0]) / np.timedelta64(1, "ns") * 1e-9)
     one = next((text for text in texts if is_stamp(text)), "")
-    kind = next((s for s in (*_STAMPS, _SPAN, _TIME) if s.match(one)), _TIME)
+    kind = next((s for s in (*_STAMPS, *_CLOCKS) if s.match(one)), _TIME)
     days: dict[tuple[str, str, str], float] = {}
     found = np.full(len(texts), np.nan)
     for row, text in enumerate(texts):
@@ -53,11 +61,11 @@ def seconds_of(texts: Sequence[str]) -> FloatArray:
             continue
         said = match.groupdict()
         clock = 0.0
-        if said["h"] is not None:
-            hour = int(said["h"])
-            if said["half"]:
+        if said["s"] is not None:
+            hour = int(said.get("h") or 0)
+            if said.get("half"):
                 hour = hour % 12 + 12 * (said["half"][0].lower() == "p")
-            clock = 3600.0 * hour + 60.0 * int(said["m"]) + float(re.sub("[,:]", ".", said["s"]))
+            clock = _HOUR * hour + 60.0 * int(said["m"]) + float(re.sub("[,:]", ".", said["s"]))
         if "year" in said:
             key = (said["year"], said["month"], said["day"])
             if key not in days:
@@ -67,8 +75,9 @@ def seconds_of(texts: Sequence[str]) -> FloatArray:
     there = np.flatnonzero(np.isfinite(found))
     if not len(there):
         return found
-    if kind is _TIME:
-        found[there] += _DAY * np.cumsum(np.concatenate([[0], np.diff(found[there]) < -_DAY / 2]))
+    if kind in (_TIME, _MINUTES):
+        period = _DAY if kind is _TIME else _HOUR
+        found[there] += period * np.cumsum(np.concatenate([[0], np.diff(found[there]) < -period / 2]))
     return np.asarray(found - found[there[0]])
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,16 +14,18 @@ from ...instruments.arrays import FloatArray
 from ..views import read_sidecar
 from .stamps import is_stamp, seconds_of
 from .table import Column, Labels, Table
-from .text_head import Head, head_of
+from .text_head import Head, enter_unit, head_of
 from .text_rates import stated_rates
-from .text_rows import Body, body_of, decoded, is_blank, is_number
+from .text_rows import Body, body_of, decoded, is_blank, is_number, measured
 from .together import together
-from .units import unit_of
+from .units import Unit, unit_of, units_of
 
 _LABELLED = re.compile(r"([A-Za-z]\w*):\s*([-+]?\d+\.?\d*(?:[eE][-+]?\d+)?)(?=[\s,;]|\Z)")
 _MONITOR = re.compile(r"(\d{1,2}:\d{2}:\d{2}[.,:]\d+)\s*->\s?")
 """The Arduino IDE's stamp before a line."""
 _LVM_END = re.compile(r"^\*\*\*End_of_Header\*\*\*.*$", re.M)
+_UNIT_COLUMN = re.compile(r"(.*[ _])?(units?|einheit(en)?)(?![a-z]).*", re.I)
+"""Headings of a column of units, beside that of their numbers."""
 _LEVELS: tuple[dict[str, float], ...] = (
     {"false": 0.0, "true": 1.0}, {"open": 0.0, "closed": 1.0}, {"off": 0.0, "on": 1.0},
     {"low": 0.0, "high": 1.0},
@@ -111,7 +113,8 @@ def table_of(path: Path, body: Body) -> Table:
         head.seconds = head.seconds or 1.0  # Rigol's increments
     stated = [[cell.strip("#%;/!") for cell in row] for row in above[-_MOST_HEAD:]]
     rates = stated_rates([*stated, *_beside(body)], body.decimal, head.seconds)
-    columns = _columns(path, body, head)
+    of_units = _unit_columns(body, head)
+    columns = _columns(path, body, head, of_units)
     notes: list[str] = []
     if len(columns) > 2 and not head.names and all(c.values[0] == n for n, c in enumerate(columns)):
         columns = [replace(column, values=column.values[1:]) for column in columns]
@@ -121,11 +124,54 @@ def table_of(path: Path, body: Body) -> Table:
     lines = f", the first row of numbers is line {len(above) + 1}" if above else ", no headings"
     return Table(
         path, body.shape + lines, tuple(columns), rates, notes=(*head.notes, *body.notes, *notes),
-        labels=tuple(_labels(body, head)), damaged=body.damaged,
+        labels=tuple(_labels(body, head, of_units)), damaged=body.damaged,
     )  # fmt: skip
 
 
-def _columns(path: Path, body: Body, head: Head) -> list[Column]:
+def _unit_columns(body: Body, head: Head) -> dict[int, list[str]]:
+    """By place of a column of numbers: the unit of each row, where the column behind it is one of units."""
+    found = {}
+    for place in range(1, len(body.rows[0]) if body.rows else 0):
+        heading = head.names.get(place, "")
+        if place in body.columns or place - 1 not in body.columns:
+            continue
+        units = [row[place].strip() for row in body.rows]
+        called = not heading or _UNIT_COLUMN.fullmatch(heading)
+        if called and any(units) and all(units_of(unit) for unit in dict.fromkeys(units) if unit):
+            found[place - 1] = units
+    return found
+
+
+def _in_one_unit(path: Path, head: Head, place: int, values: FloatArray, units: Sequence[str]) -> FloatArray:
+    """Values whose rows each state a unit, in the first of these, which is entered as the column's.
+
+    Raises DataError for units of different quantities.
+    """
+    there = np.isfinite(values)
+    said = list(dict.fromkeys(unit for unit, has in zip(units, there, strict=True) if has))
+    unit = next((one for one in said if one), "")
+    if not unit:
+        return values
+    first = {one.quantity: one.factor for one in units_of(unit)}
+    ratios = {}
+    for one in filter(None, said):
+        own: tuple[Unit, ...] = units_of(one)
+        if {each.quantity for each in own} != set(first):
+            name = head.names.get(place, "") or f"column {place}"
+            raise DataError(
+                f"{path} gives {name} in {unit} in some rows and in {one} in others, which are different "
+                "quantities: save each in a column of its own."
+            )
+        ratios[one] = own[0].factor / first[own[0].quantity]
+    if "" in said:
+        head.doubts[place] = f"some of its rows say {unit}, others nothing"
+    elif len(ratios) > 1:
+        head.notes.append(f"Rows in {', '.join(ratios)} were all brought to {unit}.")
+    enter_unit(head, place, unit, "each of its rows")
+    return values * np.array([ratios.get(one, 1.0) for one in units])
+
+
+def _columns(path: Path, body: Body, head: Head, of_units: Mapping[int, list[str]]) -> list[Column]:
     def column(place: int, values: FloatArray, stamps: bool = False) -> Column:
         also = (head.also[place],) if place in head.also else ()
         unit = "" if stamps else head.units.get(place, "")
@@ -146,7 +192,9 @@ def _columns(path: Path, body: Body, head: Head) -> list[Column]:
         if is_stamp(one) and not is_number(one, body.decimal):
             stamped.append((column(place, seconds_of(cells), stamps=True), cells))
         else:
-            found.append(column(place, _numbers(cells, body.decimal)))
+            values, units = _numbers(cells, body.decimal)
+            units = units or of_units.get(place, [])
+            found.append(column(place, _in_one_unit(path, head, place, values, units) if units else values))
     for place in range(len(body.rows[0])):
         words = {row[place].strip().lower() for row in body.rows} - {""}
         if place not in body.columns and (
@@ -157,17 +205,22 @@ def _columns(path: Path, body: Body, head: Head) -> list[Column]:
     return _one_stamp(stamped, found)
 
 
-def _numbers(cells: Sequence[str], decimal: str) -> FloatArray:
-    """(rows,) with NaN for a blank."""
+def _numbers(cells: Sequence[str], decimal: str) -> tuple[FloatArray, list[str]]:
+    """(rows,) with NaN for a blank, and the unit that each row states; no units where none does."""
     plain = [cell.replace(",", ".") for cell in cells] if decimal == "," else cells
     try:
-        return _finite(np.array(plain, dtype=np.float64))
+        return _finite(np.array(plain, dtype=np.float64)), []
     except ValueError:
-        return _finite(np.array([float("nan") if is_blank(cell) else _odd(cell) for cell in plain]))
+        pairs = [measured(cell, decimal) or (cell, "") for cell in cells]
+        values = [float("nan") if is_blank(number) else _odd(number, decimal) for number, _ in pairs]
+        units = [unit for _, unit in pairs]
+        return _finite(np.array(values)), units if any(units) else []
 
 
-def _odd(cell: str) -> float:
+def _odd(cell: str, decimal: str) -> float:
     """A number of Fortran's, with blanks behind its sign, or with its thousands apart."""
+    if decimal == ",":
+        cell = cell.replace(",", ".")
     return float(cell.upper().replace("D", "E").replace(" ", "").replace(",", ""))
 
 
@@ -196,12 +249,12 @@ def _one_stamp(stamped: Sequence[tuple[Column, list[str]]], others: list[Column]
     return [*found, *others]
 
 
-def _labels(body: Body, head: Head) -> list[Labels]:
+def _labels(body: Body, head: Head, of_units: Mapping[int, list[str]]) -> list[Labels]:
     """Columns of text."""
     found = []
     width = len(body.rows[0]) if body.rows else 0
     for place in range(width):
-        if place in body.columns:
+        if place in body.columns or place - 1 in of_units:
             continue
         texts = tuple(row[place].strip() for row in body.rows)
         words = {text.lower() for text in texts} - {""}

@@ -56,7 +56,7 @@ def head_of(path: Path, body: Body, above: Sequence[list[str]]) -> Head:
     rows = free[max((n for n, row in enumerate(free) if not row), default=-1) + 1 :] if keyed else free
     _headings(path, body, head, rows, filled)
     for place, unit in _placed(body, head, keyed.get("units", [])).items():
-        _unit(head, place, unit, "the row of units")
+        enter_unit(head, place, unit, "the row of units")
     for place, label in _placed(body, head, keyed.get("names", [])).items():
         name = head.names.get(place, "")
         head.names[place], head.also[place] = f"{label} {name}".strip(), name
@@ -151,7 +151,7 @@ def _headings(
         if unit:
             head.units[place] = unit
     for place, unit in units.items():
-        _unit(head, place, unit, "the row of units")
+        enter_unit(head, place, unit, "the row of units")
 
 
 def _continues(rows: Sequence[list[str]], body: Body) -> bool:
@@ -160,7 +160,7 @@ def _continues(rows: Sequence[list[str]], body: Body) -> bool:
     return len(body.columns) > 1 and len(rows) in (2, 3) and len(rows[-1]) == len(rows[-2]) and not told
 
 
-def _unit(head: Head, place: int, unit: str, where: str) -> None:
+def enter_unit(head: Head, place: int, unit: str, where: str) -> None:
     """Enter a unit; where another one is stated, neither holds."""
     before = head.units.get(place, "")
     if before and units_of(before) != units_of(unit):

@@ -24,11 +24,15 @@ import numpy as np
 from ...instruments import DataError
 from ...instruments.arrays import FloatArray
 from .stamps import is_stamp
+from .units import units_of
 
 _GROUPED = r"[1-9]\d{0,2}(?:,\d{3})+\.\d*"
 """A number with its thousands apart, and a point that says which sign is which."""
 _POINT = re.compile(rf"\s*[-+]?\s*(?:{_GROUPED}|\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?\s*\Z")
 _COMMA = re.compile(r"\s*[-+]?\s*(?:\d+,?\d*|,\d+)(?:[eEdD][-+]?\d+)?\s*\Z")
+_MEASURED = re.compile(
+    r"\s*(?P<number>[-+]?\d[\d.,]*(?:[eE][-+]?\d+)?)(?P<space>\s*)(?P<unit>[^\s\d.,:;+-].{0,15}?)\s*\Z"
+)
 _BLANKS = {"", *"- -- --- nan na n/a #n/a #nv null none 1.#qnan -1.#ind inf -inf".split()}  # noqa: SIM905
 _OTHER = re.compile(r"[-+]?\d[\d.]*,\d+|[-+]?\d+\.\d+")
 _AMBIGUOUS = re.compile(r"[-+]?\d+,\d+\Z")
@@ -93,6 +97,15 @@ def is_number(cell: str, decimal: str = ".") -> bool:
         except ValueError:
             pass
     return (_COMMA if decimal == "," else _POINT).match(cell) is not None
+
+
+def measured(cell: str, decimal: str = ".") -> tuple[str, str] | None:
+    """Number and unit of a cell that holds both, as `2.31 N`; None for another. `2A` may be a name."""
+    match = _MEASURED.match(cell)
+    if match is None or not is_number(match["number"], decimal) or not units_of(match["unit"]):
+        return None
+    told = match["space"] or len(match["unit"]) > 1 or decimal in match["number"]
+    return (match["number"], match["unit"]) if told else None
 
 
 def body_of(path: Path, text: str, decimal: str | None = None, skip: bool = False) -> Body:
@@ -280,17 +293,17 @@ def _fit(sample: Sequence[str], separator: str, decimal: str) -> tuple[int, int]
     widths: dict[int, int] = {}
     rows = _split(sample, separator)
     for row in rows:
-        if all(_value(cell, decimal) for cell in row) and any(is_number(cell, decimal) for cell in row):
+        if all(_value(cell, decimal) for cell in row) and any(_has_number(cell, decimal) for cell in row):
             width = sum(not is_blank(cell) for cell in row)
             widths[width] = widths.get(width, 0) + 1
     # A blank in a row, or a column of text, makes no other shape.
     whole = sum(widths.values())
     if not whole:
         for line, row in zip(sample, rows, strict=True):
-            width = sum(is_number(cell, decimal) or is_stamp(cell) for cell in row)
+            width = sum(_has_number(cell, decimal) or is_stamp(cell) for cell in row)
             words = [cell for cell in row if not _value(cell, decimal)]
             apart = '"' in line or not any(_SEPARATORS & set(cell) for cell in words)
-            if width > 1 and apart and any(is_number(cell, decimal) for cell in row):
+            if width > 1 and apart and any(_has_number(cell, decimal) for cell in row):
                 widths[width] = widths.get(width, 0) + 1
         whole = sum(widths.values()) // 2
     return (whole, max(widths, key=widths.__getitem__)) if whole else (0, 0)
@@ -313,14 +326,18 @@ def _stripped(row: list[str]) -> list[str]:
 
 
 def _value(cell: str, decimal: str) -> bool:
-    return is_number(cell, decimal) or is_blank(cell) or is_stamp(cell)
+    return is_blank(cell) or is_stamp(cell) or _has_number(cell, decimal)
+
+
+def _has_number(cell: str, decimal: str) -> bool:
+    return is_number(cell, decimal) or measured(cell, decimal) is not None
 
 
 def _is_row(row: list[str], columns: tuple[int, ...], decimal: str) -> bool:
     if len(row) <= columns[-1]:
         return False
     cells = [row[place] for place in columns]
-    return any(is_number(cell, decimal) for cell in cells) and all(_value(cell, decimal) for cell in cells)
+    return any(_has_number(cell, decimal) for cell in cells) and all(_value(cell, decimal) for cell in cells)
 
 
 def _said(bad: Sequence[int], rows: Sequence[list[str]]) -> str:

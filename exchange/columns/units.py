@@ -166,6 +166,17 @@ def split_heading(heading: str) -> tuple[str, str]:
     return heading, ""
 
 
+def contradiction(name: str, unit: str) -> str:
+    """What a name in which another unit stands in brackets says against `unit`: `Force (kN)`, in N."""
+    match = _BRACKETS.search(name[-200:])
+    inner = units_of(match["unit"]) if match else ()
+    if match is None or not unit or not inner or inner == units_of(unit):
+        return ""
+    if len(match["unit"].strip()) == 1 and inner[0].quantity == "other":  # (L) is left, and no litre
+        return ""
+    return f"it is called {name!r}, and its unit is given as {unit}"
+
+
 def per_unit(role: str, quantity: str, text: str, unit: str) -> tuple[float, str]:
     """SI units of `quantity` per unit of a column in `unit`, of which `text` says what it is; and the words.
 

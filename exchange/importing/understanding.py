@@ -36,6 +36,7 @@ _SHORTEST = 0.01
 _MOST = {"force": 1e5, "acceleration": 1e6, "displacement": 1.0, "activation": np.inf}
 """N, m/s^2 (ten times what the hardest shock sensors take), m."""
 _G = 9.80665
+_SLOW = "A slow curve of force over travel is read with --as curve."
 
 
 def understand(path: str | Path, mapping: FileMapping | None = None) -> Understanding:
@@ -209,15 +210,19 @@ class _Finder:
             self.time_unit = unit
         elif any(q.key == "time" for q in self.questions):
             return None
-        base = base_of(self.table, number, self.time_unit, taken, self.told)
+        try:
+            base = base_of(self.table, number, self.time_unit, taken, self.told)
+        except DataError as error:
+            if {"force", "displacement"} <= set(self.taken):
+                raise DataError(f"{error} {_SLOW}") from None
+            raise
         if isinstance(base, Question):
             self.questions.append(base)
             return None
         if not _SLOWEST * (1 - _MARGIN) <= base.rate_hz <= _FASTEST:
             raise ConfigurationError(
                 f"{path} would have {base.rate_hz:g} samples/s: from {_SLOWEST:g} to {_FASTEST:g} are "
-                "possible, so look at its time or at --rate; a slow curve of force over travel is read with "
-                "--as curve."
+                f"possible, so look at its time or at --rate. {_SLOW}"
             )
         self.notes += [f"Time: {one}." for one in base.said]
         self.holes += holes_of(base)

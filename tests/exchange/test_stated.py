@@ -32,6 +32,10 @@ def timed(head: str, *more: Any, scale: float = 1.0) -> str:
     return head + "\n" + rows(np.round(T * scale, 7), np.round(F, 5), *more)
 
 
+def cells(values: np.ndarray, unit: str) -> list[str]:
+    return [f"{value:.4f}{unit}" for value in values]
+
+
 BARE = rows(np.round(F, 5), np.round(0.01 * F, 6))
 """Force and acceleration without a time."""
 LVM = (
@@ -424,6 +428,102 @@ CASES = (
         1000,
         peaks=SURE,
     ),
+    # Units in rows, times in other forms, headings that contradict themselves
+    *(
+        Case(name, head + "\n" + rows(*columns, separator=";"), 5000, peaks=SURE, notes=notes)
+        for name, head, columns, notes in (
+            ("cells with their unit", "Time;Force", (cells(1e3 * T, " ms"), cells(F, " N")), ()),
+            ("close to it", "Time;Force", (cells(1e3 * T, "ms"), cells(F, "N")), ()),
+            (
+                "with decimal commas",
+                "Zeit;Kraft",
+                ([c.replace(".", ",") for c in one] for one in (cells(T, " s"), cells(F, " N"))),
+                (),
+            ),
+            (
+                "in two units",
+                "Time (s);Force",
+                (cells(T, ""), [f"{f:.4f} N" if f > 1 else f"{1e3 * f:.4f} mN" for f in F]),
+                ("Rows in mN, N were all brought to mN.",),
+            ),
+            (
+                "columns of units",
+                "Time;Unit;Force;Unit",
+                (cells(1e3 * T, ""), ["ms"] * 2500, cells(1e3 * F, ""), ["mN"] * 2500),
+                (),
+            ),
+            (
+                "a column of two units",
+                "Time (s);Force;Force unit",
+                (
+                    cells(T, ""),
+                    [f"{f if f > 1 else 1e3 * f:.4f}" for f in F],
+                    np.where(F > 1, "N", "mN"),
+                ),
+                ("brought to mN",),
+            ),
+            ("mm:ss.mmm", "Time;Force (N)", ([f"02:{1 + t:07.4f}" for t in T], cells(F, "")), ()),
+            (
+                "mm:ss,mmm",
+                "Zeit;Kraft (N)",
+                (
+                    [f"02:{1 + t:07.4f}".replace(".", ",") for t in T],
+                    [c.replace(".", ",") for c in cells(F, "")],
+                ),
+                (),
+            ),
+            (
+                "mm:ss.mmm over an hour",
+                "Time;Force (N)",
+                ([f"{'59' if t < 0.1 else '00'}:{(59.9 + t) % 60:07.4f}" for t in T], cells(F, "")),
+                (),
+            ),
+            ("hh:mm:ss.mmm", "Time;Force (N)", ([f"01:00:{1 + t:07.4f}" for t in T], cells(F, "")), ()),
+        )
+    ),
+    *(
+        Case(name, head + "\n" + rows(*columns), asks=(asks,))
+        for name, head, columns, asks in (
+            (
+                "cells against their heading",
+                "Time (s),Force (N)",
+                (T, cells(1e3 * F, " mN")),
+                "its heading says N, each of its rows mN",
+            ),
+            (
+                "a unit in some rows",
+                "Time (s),Force",
+                (T, [f"{f:.3f} N" if f > 0.01 else "0" for f in F]),
+                "some of its rows say N, others nothing",
+            ),
+            (
+                "two quantities",
+                "Time (s),Force",
+                (T, [f"{f:.3f} {'N' if f > 1 else 'mm'}" for f in F]),
+                "in mm in some rows and in N in others",
+            ),
+            (
+                "two units in a heading",
+                "Time (s),Force (kN) [N]",
+                (T, F),
+                "it is called 'Force (kN)', and its unit is given as N",
+            ),
+            ("two units of time", "Time (s) [ms],Force (N)", (T, F), "it is called 'Time (s)'"),
+            (
+                "names of trials that look like units",
+                "Time (s),Force (N),Trial",
+                (T, F, np.where(T < 0.2, "1A", "2A")),
+                "column 'Trial' has 1A, 2A",
+            ),
+            (
+                "hh:mm:ss is too coarse",
+                "Time,Force (N)",
+                ([f"01:00:{int(t + 1):02d}" for t in T], F),
+                "--rate",
+            ),
+        )
+    ),
+    Case("(L) is no litre", timed("Time (s) [s],Force (L) [N]"), 5000, peaks=SURE),
     Case(
         "a phone at 99.87/s",
         "Time (s),Force (N)\n" + rows(np.arange(300) / 99.8667, F[::8][:300]),
