@@ -37,12 +37,12 @@ def export(
 ) -> int:
     """Export FILE for other programs.
 
-    FILE is a recording, a representative press, a drive, a check, a calibration, a digital button, the folder
-    of a vibration map, or a study (its study.toml or its folder). A study, or several recordings, become a
-    table with one row a press.
+    FILE is a recording, a representative press, a drive, a check, a calibration, a digital button, a
+    curve, the folder of a vibration map, or a study (its study.toml or its folder). A study, or several
+    recordings, become a table with one row a press.
 
     \b
-    csv, mat, uff, netcdf      all but a study (a study: csv)
+    csv, mat, uff, netcdf      all but a study (a study, a curve: csv)
     wav, wav48, sep005         signals; wav48: for a sound card, at 48 kHz
     parquet                    all (pip install "haploop[parquet]")
     nwb                        recordings (pip install "haploop[nwb]")

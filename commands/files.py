@@ -23,9 +23,9 @@ from .options import JSON, PATH
 def show(files: Sequence[Path], shown: Shown) -> int:
     """Show the contents of a file.
 
-    FILE is a recording, a representative press, a calibration, a drive, a check, a digital button, or the
-    folder of a vibration map. For several recordings, or a study (its study.toml or its folder), show the
-    force at activation by participant and button.
+    FILE is a recording, a representative press, a calibration, a drive, a check, a digital button, a curve,
+    or the folder of a vibration map. For several recordings, or a study (its study.toml or its folder), show
+    the force at activation by participant and button.
     """
     a_map = (files[0] / "map.json").is_file()
     if len(files) > 1 or (files[0].is_dir() and not a_map) or files[0].suffix == ".toml":
@@ -73,9 +73,9 @@ def list_command(where: Sequence[str], folders: Sequence[Path], rebuild: bool, a
 def report(paths: Sequence[Path], out: Path, pdf: bool, no_open: bool, as_json: bool) -> int:
     """Write a report with verdicts, figures and captions.
 
-    PATH is a recording, a representative press, a calibration, a drive, a check, a digital button, the
-    folder of a vibration map, a study (its study.toml or its folder), a folder of such files, or a table of
-    `haploop experiment export` (CSV). OUT is one HTML file that needs no other file, and is opened in a
+    PATH is a recording, a representative press, a calibration, a drive, a check, a digital button, a curve,
+    the folder of a vibration map, a study (its study.toml or its folder), a folder of such files, or a table
+    of `haploop experiment export` (CSV). OUT is one HTML file that needs no other file, and is opened in a
     browser; the folder OUT-figures beside it holds each figure as PDF and SVG.
     """
     if out.suffix.lower() not in (".html", ".htm"):

@@ -75,8 +75,8 @@ _FLIPPED = ("force", "acceleration", "displacement", "activation")
     "--as",
     "make",
     type=click.Choice(("recording", "press", "curve")),
-    help="What to make of it; a curve, slow force over travel, is shown only.  [default: a recording when it "
-    "holds several presses]",
+    help="What to make of it; a curve is slow force over travel.  [default: a recording when it holds "
+    "several presses]",
 )
 @click.option("--button", help="Name of the button that was pressed.  [default: as the file states]")
 @click.option("--participant", "-p", help="Pseudonym of the participant, for a recording: P01.")
@@ -148,7 +148,7 @@ def import_(
     if plot is not None:
         outputs.save_picture(contents.understanding_contents(found).draw(), plot, False)
     said_there = contents.file_contents(path)
-    if not as_json and said_there.kind != "recording":  # which keeps them itself
+    if not as_json and said_there.kind not in ("recording", "curve"):  # which keep them
         for sentence in found.notes:
             print_line(sentence)
     show.print_contents(said_there, as_json)
@@ -243,8 +243,9 @@ def _several(files: Sequence[Path], mapping: FileMapping, wanted: _Wanted) -> in
             said = contents.file_contents(path)
             accepted = said.values.get("presses_accepted")
             told.append({"file": str(file), "out": str(path), "notes": list(found.notes), **said.values})
-            count = f", {accepted} of {said.values['presses_detected']} presses accepted"
-            line = f"{file} -> {path}: {said.kind}{'' if accepted is None else count}"
+            line = f"{file} -> {path}: {said.kind}"
+            if accepted is not None:
+                line += f", {accepted} of {said.values['presses_detected']} presses accepted"
         if not wanted.as_json:
             print_line(line)
     if wanted.as_json:

@@ -28,7 +28,7 @@ from . import (
     uff_file,
     wav_file,
 )
-from .views import About, Envelope, PressTable, Responses, Signals, sidecar
+from .views import About, Envelope, PressTable, Responses, Signals, sidecar, write_json
 
 View = TypeVar("View", Signals, Responses, PressTable, Envelope)
 Export = Callable[[Path, Path], About]
@@ -47,6 +47,13 @@ def _nwb(path: Path, out: Path) -> About:
     signals = reading.recording_signals(path)
     nwb_file.write_recording(signals, reading.recording_presses([path]), out)
     return signals.about
+
+
+def _curve(path: Path, out: Path) -> About:
+    table = reading.curve_rows(path)
+    write_json(sidecar(out), {"title": table.title, "units": dict(table.units), "about": dict(table.about)})
+    csv_file.write_presses(table, out)
+    return table.about
 
 
 def _model(path: Path, out: Path) -> About:
@@ -101,6 +108,8 @@ def _table() -> dict[tuple[str, str], Export]:
     for name, write in _PRESSES.items():
         table["study", name] = _via(lambda path: reading.study_presses(load_study(path)), write)
     table["recording", "nwb"] = _nwb
+    table["curve", "csv"] = _curve
+    table["curve", "parquet"] = _via(reading.curve_rows, parquet_file.write_presses)
     # Of a calibration MATLAB gets the model too, which simulates.
     table["calibration", "mat"] = _model
     return table

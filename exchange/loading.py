@@ -12,6 +12,7 @@ from ..calibration import ButtonPlan, Calibration, Check, DigitalButton, Drive, 
 from ..calibration.map import VibrationMap
 from ..experiments import load_experiment
 from ..instruments import DataError
+from .importing import Curve
 
 RESULTS: Mapping[str, tuple[type, Callable[[Path], Any]]] = {
     "recording": (Recording, Recording.open),
@@ -23,6 +24,7 @@ RESULTS: Mapping[str, tuple[type, Callable[[Path], Any]]] = {
     "button": (DigitalButton, DigitalButton.load),
     "map": (VibrationMap, VibrationMap.load),
     "plan": (ButtonPlan, ButtonPlan.load),
+    "curve": (Curve, Curve.load),
 }
 """The class of each kind of result, and the function that reads it."""
 
@@ -36,9 +38,9 @@ def load(path: Iterable[str | os.PathLike[str]]) -> list[Any]: ...
 def load(path: str | os.PathLike[str] | Iterable[str | os.PathLike[str]]) -> Any:
     """Load what haploop wrote to `path`, or to each of several paths.
 
-    A `Recording`, `Representative`, `Calibration`, `Waveforms`, `ButtonPlan`, `Drive`, `Check` or
-    `DigitalButton` (.h5), a `VibrationMap` (the folder), a `Study` or an `Experiment` (the folder, or its
-    .toml file).
+    A `Recording`, `Representative`, `Calibration`, `Waveforms`, `ButtonPlan`, `Drive`, `Check`,
+    `DigitalButton` or `Curve` (.h5), a `VibrationMap` (the folder), a `Study` or an `Experiment` (the
+    folder, or its .toml file).
     Raises DataError for what is missing, damaged, or nothing of these.
     """
     if not isinstance(path, str | os.PathLike):

@@ -15,6 +15,7 @@ from ..calibration import Calibration, Check, DigitalButton, Drive, Response, Vi
 from ..instruments import DataError
 from ..instruments.arrays import FloatArray
 from ..terminal.progress import SIMULATED
+from .importing import Curve
 from .press_rows import press_table
 from .views import About, Channel, Envelope, PressTable, Responses, Signals
 
@@ -189,6 +190,29 @@ def study_presses(study: Study) -> PressTable:
     table = press_table(f"Study {study.file.name}", recordings, {})
     simulated = any(row["simulated"] for row in table.rows)
     return replace(table, about={"source": study.path.name, "simulated": simulated, **_software(simulated)})
+
+
+def curve_rows(path: Path) -> PressTable:
+    """One row a row of a force-travel curve: travel, force, stroke, and the switch where it was measured.
+
+    Raises DataError.
+    """
+    curve = Curve.load(path)
+    units = {"travel_mm": "mm", "force_N": "N", "stroke": ""} | ({"switch": ""} if len(curve.contact) else {})
+    columns = zip(curve.travel.tolist(), curve.force.tolist(), strict=True)
+    rows = [
+        {
+            "travel_mm": float(f"{1e3 * x:.9g}"),
+            "force_N": force,
+            "stroke": "down" if n <= curve.turn else "up",
+        }
+        for n, (x, force) in enumerate(columns)
+    ]
+    for row, closed in zip(rows, curve.contact.tolist(), strict=False):
+        row["switch"] = int(closed)
+    more: About = {"button": curve.button, "measured": curve.source, "sha256": curve.source_sha256}
+    about = _about(path, curve.simulated, more)
+    return PressTable(f"Force over travel of {curve.button}", units, tuple(rows), about)
 
 
 def envelope_of_representative(path: Path) -> Envelope:

@@ -66,7 +66,10 @@ class Responses:
 
 @dataclass(frozen=True, eq=False)
 class PressTable:
-    """One row a press and attempt; `units` names the columns, each with its unit ("" without one)."""
+    """One row a press and attempt, or a row of a curve.
+
+    `units` names the columns, each with its unit ("" without one).
+    """
 
     title: str
     units: Mapping[str, str]

@@ -16,7 +16,7 @@ _PLAYED = ("drive", "check", "button")
 
 KINDS = (
     *("recording", "representative", "calibration", "waveforms", "drive", "learning", "check", "button"),
-    *("plan", "map", "map point", "map modes", "study", "experiment", "damaged", "unreadable"),
+    *("plan", "curve", "map", "map point", "map modes", "study", "experiment", "damaged", "unreadable"),
 )
 """What the kind of a file can be."""
 
@@ -73,6 +73,7 @@ def _hdf5(path: Path) -> Entry | None:
     # Here, because a catalogue without new files needs none of it.
     from ...acquisition import Recording, Representative, content_hash, hdf5  # noqa: PLC0415
     from ...calibration import Calibration  # noqa: PLC0415
+    from ..importing import Curve  # noqa: PLC0415
 
     with path.open("rb") as file:
         start = file.read(1024)
@@ -101,6 +102,8 @@ def _hdf5(path: Path) -> Entry | None:
             patch=response.patch,
             point=response.point,
         )
+    elif kind == "curve":
+        entry = Entry(**own, button=Curve.load(path).button)
     elif kind in _PLAYED:
         entry = _played(path, own)
     return entry

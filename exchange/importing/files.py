@@ -1,4 +1,4 @@
-"""A file that is understood becomes a recording, or a press."""
+"""A file that is understood becomes a recording, a press, or a curve."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Literal
 
 from ...instruments import ConfigurationError
 from ...instruments.files import make_folder, os_error_text, private_files
+from .curve import curve_of
 from .press import press_of, presses_in
 from .recording import recording_of
 from .understood import Understanding
@@ -34,13 +35,11 @@ def destination(file: Path, folder: Path) -> Path:
 
 
 def import_file(found: Understanding, out: str | Path, activation: float | None = None) -> None:
-    """Write what a file holds into `out`: see `becomes`, `import_press` and `import_recording`."""
+    """Write what a file holds into `out`: see `becomes`, `press_of`, `recording_of` and `curve_of`."""
     found.require()
     if found.mapping.make == "curve":
-        raise ConfigurationError(
-            f"{found.path} is a force-travel curve, which is shown and drawn, and not made a file of "
-            "haploop: leave --out out, and add --plot FILE.png or --json."
-        )
+        curve_of(found).save(out)
+        return
     if becomes(found, activation) == "press":
         press_of(found, activation).save(out)
     else:

@@ -21,6 +21,9 @@ _SPLITTERS = re.compile(
     r"person|proband|versuch|hand|finger|side|specimen|sample ?(id|no|number))"
     r"( ?(id|no\.?|nr\.?|number|name|index|#))?\s*\Z", re.I)  # fmt: skip
 """Headings of numbers that tell rows apart."""
+_STROKES = re.compile(r"(down|up|press(ing|ed)?|releas(e|ing|ed)|(un)?load(ing)?|forward|back(ward)?|return)"
+                      r"([ -]?stroke)?\Z", re.I)  # fmt: skip
+"""The ways that one press goes: rows of both are one measurement."""
 _ALL = "*"
 _MOST = 64
 """Values of a column that tells rows apart."""
@@ -103,6 +106,10 @@ def _beside(one: Labels) -> str:
     first = f"{one.texts[there[0]][:30]!r} in row {there[0] + 1}"
     if len(distinct) == 1 and len(there) == len(one.texts):
         return f"{one.name} is {one.texts[0][:30]!r} in all rows, and was left out."
+    if all(map(_STROKES.match, distinct)) and len(there) == len(one.texts):
+        return (
+            f"{one.name} tells the ways of a press apart ({', '.join(sorted(distinct))}), all of which count."
+        )
     if len(there) <= len(one.texts) / 2 or _NOTES.match(one.name) or len(distinct) > 0.9 * len(one.texts):
         return f"{one.name} is text ({first}), and was left out."
     return ""

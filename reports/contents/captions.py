@@ -6,6 +6,10 @@ TRAVEL = (
     "Force in N over the travel of the cap in mm, of a whole press: down along the upper branch, up along "
     "the lower one. The dot is the activation."
 )
+CURVES = (
+    "Force in N over the travel in mm, measured slowly: down (line) and up (dashed). Circle: tactile peak; "
+    "square: operating point; triangle: bottom-out."
+)
 PRESSES = (
     "Vertical acceleration over its peak (thin, blue), force in N (thick, orange) and activation state "
     "(dashed, green; shaded while active), and the power spectral density (PSD) of the acceleration in "

@@ -4,20 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ...exchange.importing import Curve, Point, Understanding, curve_of
+from ...exchange.importing import Curve, Point
 from .. import figures
 from . import captions
 from .parts import Contents, Drawing, Fact, fact
+from .words import sentence
 
 
-def curve_contents(found: Understanding) -> Contents:
-    """What a file with a force-travel curve says. Raises ConfigurationError and DataError."""
-    curve = curve_of(found)
+def curve_contents(curve: Curve) -> Contents:
+    """What a force-travel curve says."""
+    where = f"{curve.source}, SHA-256 {curve.source_sha256}"
+    units = ", ".join(f"{role} in {unit}" for role, unit in curve.units.items())
     return Contents(
-        f"Force over travel in {found.path.name}",
+        f"Force over travel of {curve.button}",
         [
-            fact("File", str(found.path), file=found.path),
-            fact("Understood", list(found.notes), notes=found.notes),
+            fact("From", where, button=curve.button, source=curve.source, source_sha256=curve.source_sha256),
+            fact("Units", units, units=curve.units),
+            fact("Understood", list(curve.notes), notes=curve.notes),
             *_points(curve),
             fact("Snap ratio", _percent(curve.snap_ratio), snap_ratio=curve.snap_ratio),
             fact(
@@ -27,13 +30,19 @@ def curve_contents(found: Understanding) -> Contents:
             ),
         ],
         kind="curve",
-        picture=Drawing.alone(
-            "curve",
-            "Force over travel",
-            captions.TRAVEL,
-            lambda columns: figures.curve_figure(curve, columns),
-            found.path.name,
-        ),
+        simulated=curve.simulated or None,
+        figures=[
+            Drawing(
+                "curves",
+                "Force over travel",
+                captions.CURVES,
+                [curve],
+                figures.curves_figure,
+                lambda some: sentence([one.button for one in some]),
+                identity=(curve.source_sha256, curve.button),
+                several=6,
+            )
+        ],
     )
 
 

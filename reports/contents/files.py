@@ -12,6 +12,7 @@ from ...exchange.loading import RESULTS
 from ...instruments import DataError
 from .calibration import calibration_contents, drive_contents, waveforms_contents
 from .check import button_contents, check_contents
+from .curve import curve_contents
 from .history import history_contents
 from .map import map_contents
 from .parts import Contents
@@ -29,6 +30,7 @@ _SAID: dict[str, Callable[[Any], Contents]] = {
     "button": button_contents,
     "map": map_contents,
     "plan": plan_contents,
+    "curve": curve_contents,
 }
 """The function that says what a result of each kind says."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...exchange.importing import Understanding, becomes, presses_in
+from ...exchange.importing import Understanding, becomes, curve_of, presses_in
 from .. import figures
 from . import captions
 from .curve import curve_contents
@@ -17,7 +17,7 @@ def understanding_contents(found: Understanding) -> Contents:
     Raises ConfigurationError and DataError for a file that is said to be a curve, and holds none.
     """
     if found.mapping.make == "curve" and not found.questions:
-        return curve_contents(found)
+        return curve_contents(curve_of(found))
     table, roles = found.table, {signal.number: signal for signal in found.signals.values()}
     rows, columns = [], []
     for number, column in enumerate(table.columns):

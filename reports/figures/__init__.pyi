@@ -2,7 +2,7 @@ from .button import button_figure as button_figure
 from .button import check_figure as check_figure
 from .button import iterations_figure as iterations_figure
 from .columns import columns_figure as columns_figure
-from .curve import curve_figure as curve_figure
+from .curve import curves_figure as curves_figure
 from .encoding import FORMATS as FORMATS
 from .encoding import encode as encode
 from .encoding import mark_simulated as mark_simulated

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import haploop
+from haploop.acquisition import hdf5
 from tests.command_line import Run
+from tests.mutating import mutations
 
 G = 9.80665e-3
 """N for a gram-force."""
@@ -44,11 +49,28 @@ def with_contact(table: np.ndarray) -> str:
     return head + "".join(f"{x:.4f},{f:.3f},{c:.0f}\n" for x, f, c, _ in table)
 
 
-@pytest.mark.parametrize("write", [millis, without_time, with_contact])
+def of_tester(table: np.ndarray) -> str:
+    """As a common tester writes it: a column of units beside each value, both strokes, a clock in whole s."""
+    head = "Maximum,191.1,@,No.1002,,,,,,\nMinimum,-0.2,@,No.3,,,,,,\nAverage,47.80,,,,,,,,\n"
+    head += "Data Quantity,799,,,,,,,,\nNumber of NG,0,,,,,,,,\n"
+    head += "No.,Force,Unit,Displacement,Unit,Judge,Position,Time,Date,\n"
+    return head + "".join(
+        f"{n},{f:.1f},gf,{x:.3f},mm,OK,--,8:16:{t // 1000:02.0f} PM,4/6/2026,\n"
+        for n, (x, f, _, t) in enumerate(table, 1)
+    )
+
+
+def of_logger(table: np.ndarray) -> str:
+    """As the same tester's logger writes it: no headings, and a row of units."""
+    head = "MAX FORCE = 191.5,3.880\nUNIT = gf,mm\nDATA COUNT = 799,\nRECORDING RATE = 0.0005,\n"
+    return head + "2ND PEAK FORCE = ---,---\n" + "".join(f"{f:.1f},{x:.3f}\n" for x, f, _, _ in table)
+
+
+@pytest.mark.parametrize("write", [millis, without_time, with_contact, of_tester, of_logger])
 @pytest.mark.parametrize("tactile", [True, False], ids=["tactile", "linear"])
 @pytest.mark.parametrize("up", [True, False], ids=["both ways", "down"])
 def test_a_curve_is_shown_as_what_it_is(
-    write: object, tactile: bool, up: bool, run: Run, tmp_path: Path
+    write: Callable[[np.ndarray], str], tactile: bool, up: bool, run: Run, tmp_path: Path
 ) -> None:
     """What a file does not show is absent: no bump, no contact, no way up."""
     path = tmp_path / "switch.csv"
@@ -90,12 +112,48 @@ def test_noise_makes_no_tactile_peak(seed: int, run: Run, tmp_path: Path) -> Non
 
 
 def test_what_is_no_curve_is_one_sentence(run: Run, tmp_path: Path) -> None:
-    path, out = tmp_path / "switch.csv", tmp_path / "a.h5"
+    path = tmp_path / "switch.csv"
     path.write_text(millis(rows()), encoding="utf-8")
     slow = run("import", path)
     assert slow.exit_code == 2 and "--as curve" in slow.stderr
-    kept = run("import", path, "--as", "curve", "-o", out)
-    assert kept.exit_code == 2 and "leave --out out" in kept.stderr and not out.exists()
     path.write_text("Force (N)\n" + "1\n2\n3\n1\n" * 20, encoding="utf-8")
     lacks = run("import", path, "--as", "curve")
     assert lacks.exit_code == 2 and "--displacement COLUMN" in lacks.stderr
+
+
+@pytest.mark.parametrize("write", [of_tester, with_contact])
+def test_a_kept_curve_is_read_like_any_other_file(
+    write: Callable[[np.ndarray], str], run: Run, tmp_path: Path
+) -> None:
+    folder = tmp_path / "kept"
+    for seed, name in enumerate(("blue", "brown")):
+        (tmp_path / f"{name}.csv").write_text(write(rows(seed=seed)), encoding="utf-8")
+    made = run("import", tmp_path / "blue.csv", tmp_path / "brown.csv", "--as", "curve", "-o", folder)
+    assert made.exit_code == 0, made.output
+    blue = folder / "blue.h5"
+    shown, said = run("show", blue), json.loads(run("show", blue, "--json").stdout)
+    before = json.loads(run("import", tmp_path / "blue.csv", "--as", "curve", "--json").stdout)
+    assert said == before and "Tactile peak" in shown.stdout
+    assert said["source_sha256"] == hashlib.sha256((tmp_path / "blue.csv").read_bytes()).hexdigest()
+    assert said["units"] == {"force": "gf", "displacement": "mm"}
+    assert run("verify", folder).exit_code == 0
+    listed = json.loads(run("list", "kind=curve", "--in", folder, "--json").stdout)["files"]
+    assert [one["button"] for one in listed] == ["blue", "brown"]
+    # Several curves of a report are laid over each other.
+    report = run("report", folder, "-o", tmp_path / "report.html", "--no-open", "--json")
+    assert len(json.loads(report.stdout)["figures"]) == 2, report.output
+    for to in ("csv", "parquet"):
+        again = tmp_path / f"again.{to}"
+        assert run("export", blue, "--to", to, "-o", again).exit_code == 0
+        back = json.loads(run("import", again, "--as", "curve", "--button", "blue", "--json").stdout)
+        numbers = {key: value for key, value in said.items() if isinstance(value, float)}
+        assert len(numbers) >= 10 and {key: back[key] for key in numbers} == pytest.approx(numbers)
+    curve = haploop.load(blue)
+    for key, value in (("turn", 10**6), ("travel", np.zeros(3)), ("force", np.full(799, np.nan))):
+        path = tmp_path / f"{key}.h5"
+        hdf5.write(path, "curve", {**hdf5.flatten(curve), key: value})
+        assert run("show", path).exit_code == 2
+    for number, changed in enumerate(mutations(blue.read_bytes(), 8, seed=3)):
+        path = tmp_path / f"changed-{number}.h5"
+        path.write_bytes(changed)
+        assert run("verify", path).exit_code in (1, 2)
