@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ..reports import contents, show
-from ..terminal.progress import note
+from ..terminal.progress import Steps, note
 from . import front as haploop
 from .grouped import Prompts, on_prompts
 from .options import AVERAGE, JSON, NEW, NOTES, PATH, ChosenRig, on_rig
@@ -105,7 +105,8 @@ def represent(recordings: Sequence[Path], out: Path, average: AverageMethod, as_
     opened: list[haploop.Recording] = []
     for path in recordings:
         opened += contents.recordings_in([path]) if path.is_dir() else [haploop.Recording.open(path)]
-    press = haploop.representative(opened, method=average)
+    with Steps() as steps:
+        press = haploop.representative(opened, method=average, progress=steps)
     press.save(out)
     show.print_contents(contents.file_contents(out), as_json)
     return 0

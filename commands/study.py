@@ -156,7 +156,9 @@ def represent(button: str, out: Path | None, average: AverageMethod | None, path
     opened = haploop.load_study(path)
     out = out or Path(f"{button}-press.h5")
     outputs.check_new_file(out)
-    opened.representative(button, average).save(out)
+    with Steps() as steps:
+        press = opened.representative(button, average, steps)
+    press.save(out)
     show.print_contents(contents.file_contents(out), as_json)
     return 0
 

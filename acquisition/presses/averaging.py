@@ -21,6 +21,7 @@ from threadpoolctl import threadpool_limits
 
 from ...instruments import ConfigurationError
 from ...instruments.arrays import BoolArray, FloatArray, IntArray
+from ...instruments.progress import Progress, silent
 from .barycentre import WarpingPath, alike, along, barycentre, centred, lags_along, paths_to, read_at
 from .registration import WarpModel, leads, register
 from .spline_rows import moved
@@ -29,6 +30,7 @@ from .spool import Spool
 AverageMethod = Literal["automatic", "barycentre", "registration", "mean"]
 BARYCENTRE, REGISTRATION, MEAN = "two-level barycentre", "two-level registration", "two-level mean"
 CENTRED = "two-level barycentre, centred in time"
+_DOING = "Average the presses"
 _LATE = 0.1
 """Weight of the error that is due to an event's time. Lags of short segments are uncertain, so that at full
 weight they would decide between methods whose times are both right. Of 0 to 1, this had the least regret on
@@ -62,13 +64,15 @@ def average(
     rate_hz: float,
     model: WarpModel | None = None,
     method: AverageMethod = "automatic",
+    progress: Progress = silent,
 ) -> Average:
     """Average all presses at two levels; `groups` holds (presses, channels, samples) for each participant.
 
     Alignment uses the first channel; the other channels get the same warps. A participant with four or
     more presses has those left out that are unlike the others, and so are participants, of four or more,
     whose barycentre is unlike the others', were all as loud. One participant's presses are in memory at a
-    time, and of each participant a template. Raises ConfigurationError for an unknown method, DataError when
+    time, and of each participant a template. `progress` is called as participants are aligned, and as
+    templates are made. Raises ConfigurationError for an unknown method, DataError when
     the disk for temporary files is full.
 
     "automatic" scores each template on held-out presses: each press is compared with the template computed
@@ -86,10 +90,12 @@ def average(
     m = model or WarpModel()
     window = m.window(rate_hz)
     registering = method in ("automatic", "registration")
+    steps = len(groups) + 3
     # Threads cost more than they gain on matrices this small when the machine is busy.
     with threadpool_limits(1):
         masks, centres, means, each = [], Spool(), Spool(), Spool()
-        for group in groups:
+        for number, group in enumerate(groups):
+            progress(_DOING, number, steps, "")
             mask, centre, paths = alike(group[:, 0], window)
             masks.append(mask)
             centres.append(centre[None])
@@ -97,6 +103,7 @@ def average(
                 one = register(group[mask], rate_hz, m, (centre, paths))
                 means.append(one.template)
                 each.append(np.concatenate(one.aligned))
+        progress(_DOING, len(groups), steps, "")
         known = paths if len(groups) == 1 else None
         if known is None:
             trusted, centre, _ = alike(leads(centres), window)
@@ -112,9 +119,12 @@ def average(
             made[BARYCENTRE] = _barycentre(own, centre, rate_hz, window, known, in_time=False)
         if registering and not single:
             made[REGISTRATION] = _registration(means, each, rate_hz, m)
+        progress(_DOING, len(groups) + 1, steps, "")
         if method == "automatic" and own.members > 2:
             made[CENTRED] = _barycentre(own, centre, rate_hz, window, known, in_time=True)
+        progress(_DOING, len(groups) + 2, steps, "")
         scores = {name: _score(one, own, window) for name, one in made.items() if len(made) > 1}
+    progress(_DOING, steps, steps, "")
     name = min(scores, key=scores.__getitem__) if scores else next(iter(made))
     template, aligned = made[name].curves, made[name].aligned
     first = {each: one.curves[0] for each, one in made.items()}

@@ -28,6 +28,7 @@ from ...instruments import ConfigurationError, DataError
 from ...instruments.arrays import BoolArray, FloatArray
 from ...instruments.files import check_destination, paths_of, private_files
 from ...instruments.notebook import InNotebook
+from ...instruments.progress import Progress, silent
 from .. import hdf5
 from ..recording import Recording
 from .averaging import AverageMethod, average
@@ -185,6 +186,7 @@ def representative(
     model: WarpModel | None = None,
     undo_low_pass: tuple[float, float] | None = None,
     method: AverageMethod = "automatic",
+    progress: Progress = silent,
 ) -> Representative:
     """Compute the representative press of one button: the average per participant, then over participants
     (the paper, figure 5). Alignment uses the vertical acceleration; force and activation are warped with it.
@@ -208,8 +210,9 @@ def representative(
 
     Presses that were rejected, saturated a sensor, did not activate the button, were held for less than half
     the median time, or differ from the participant's other presses are left out and listed, as are
-    participants whose presses differ from the others'. Raises DataError when no press is left,
-    ConfigurationError for recordings that cannot be combined, an invalid band, or an unknown method.
+    participants whose presses differ from the others'. `progress` is called as recordings are read, and as
+    presses are averaged. Raises DataError when no press is left, ConfigurationError for recordings that
+    cannot be combined, an invalid band, or an unknown method.
     """
     if isinstance(recordings, Recording):
         recordings = [recordings]
@@ -221,9 +224,9 @@ def representative(
             f"undo_low_pass is {undo_low_pass[0]:g} to {undo_low_pass[1]:g} Hz: use a band within 0 to "
             f"{rate_hz / 2:g} Hz, its lower edge first."
         )
-    got = _gather(recordings, w, undo_low_pass)
+    got = _gather(recordings, w, undo_low_pass, progress)
     cut = _cut(got, w, rate_hz)
-    found = average(cut.curves, rate_hz, m, method)
+    found = average(cut.curves, rate_hz, m, method, progress)
     left_out = [*got.left_out, *_unlike(cut.names, found.kept)]
     acceleration, *slow, activation = found.template
     by_name = dict(zip(_slow(first), slow, strict=True))
@@ -275,11 +278,15 @@ class _Gathered:
 
 
 def _gather(
-    recordings: Sequence[Recording], w: Window, undo_low_pass: tuple[float, float] | None
+    recordings: Sequence[Recording],
+    w: Window,
+    undo_low_pass: tuple[float, float] | None,
+    progress: Progress,
 ) -> _Gathered:
     """Read the signals of each recording that has usable presses. Raises DataError when none has."""
     got = _Gathered([], Spool(), np.inf, [], [])
-    for recording in recordings:
+    for number, recording in enumerate(recordings, 1):
+        progress("Read the recordings", number - 1, len(recordings), "recordings")
         if presses := usable(recording, got.left_out):
             vertical = recording.vertical
             if upside_down(recording, recording.rest):
@@ -292,6 +299,7 @@ def _gather(
             got.bandwidth_hz = min(got.bandwidth_hz, bandwidth_of(recording), recording.motion_hz or np.inf)
             got.taken.append(_Taken(recording, whole.delays, presses))
         recording.forget()
+        progress("Read the recordings", number, len(recordings), "recordings")
     if not got.taken:
         raise DataError(
             f"The recordings hold no usable press of the {recordings[0].button} button "

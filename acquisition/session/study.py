@@ -141,7 +141,9 @@ class Study:
             for recording in with_presses(self.progress_of(participant, button).recordings)
         )
 
-    def representative(self, button: str, method: AverageMethod | None = None) -> Representative:
+    def representative(
+        self, button: str, method: AverageMethod | None = None, progress: Progress = silent
+    ) -> Representative:
         """Representative press of a button, by the study file's method or by `method`.
 
         Raises the errors of `recordings` and of `haploop.representative`.
@@ -152,7 +154,7 @@ class Study:
                 f"The study {self.file.name!r} has no accepted press of {button} yet: record some with "
                 "`haploop study run`."
             )
-        return representative(recordings, method=method or self.file.method)
+        return representative(recordings, method=method or self.file.method, progress=progress)
 
     def reject(
         self, participant: str, button: str, numbers: Collection[int] = (), reason: str = ""
