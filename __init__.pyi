@@ -89,6 +89,7 @@ from .exchange import Exported as Exported
 from .exchange import FileMapping as FileMapping
 from .exchange import Understanding as Understanding
 from .exchange import destination as destination
+from .exchange import each_of as each_of
 from .exchange import export_file as export_file
 from .exchange import import_file as import_file
 from .exchange import import_press as import_press

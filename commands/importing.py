@@ -56,6 +56,9 @@ _FLIPPED = ("force", "acceleration", "displacement", "activation")
     metavar="COLUMN=VALUE",
     help="Of a table of several measurements, the rows to take: Sensor=left, or Sensor=* for all.",
 )
+@click.option(
+    "--each", metavar="COLUMN", help="Of such a table, import the rows of each value into a file of its own."
+)
 @click.option("--skip-damaged", is_flag=True, help="Leave damaged rows of a text out, as gaps.")
 @click.option(
     "--rest",
@@ -110,6 +113,7 @@ def import_(
     at: float | None,
     patch: str | None,
     point: str | None,
+    each: str | None,
     plot: Path | None,
     rig: str,
     as_json: bool,
@@ -120,7 +124,8 @@ def import_(
     Without --out, show what was understood of FILE: its columns, units, rate and presses, and what it does
     not say. With --out, a file of several presses becomes a recording, which is judged and represented like
     one's own; one of a single press a representative press. What a file does not say is asked for at a
-    terminal, and an error elsewhere. Several files are read alike, into the folder OUT.
+    terminal, and an error elsewhere. Several files, or with --each several measurements of one, are read
+    alike, into the folder OUT.
 
     FILE is a text of any shape (.csv, .tsv, .txt, .lvm, .asc, .dat), .mat, .h5, .nc, .nwb, .npy, .npz,
     .parquet, .tdms, .wav, .xdf, .xlsx, .uff, .unv, or SEP-005 (.sep005, .json). A .uff file with frequency
@@ -132,8 +137,8 @@ def import_(
     if haploop.is_response_file(files[0], said.format):
         return _response(files, out, rig, (patch, point, said.units.get("response")), as_json)
     wanted = _Wanted(out, at, plot, as_json)
-    if len(files) > 1:
-        return _several(files, said, wanted)
+    if each is not None or len(files) > 1:
+        return _several(files, said, each, wanted)
     found = _asked(files[0], said)
     if save_mapping is not None:
         found.require()
@@ -142,7 +147,7 @@ def import_(
     if out is None:
         show.print_contents(contents.understanding_contents(found), as_json, plot)
         return 0
-    path = haploop.destination(files[0], out) if _into_folder(files, out) else out
+    path = haploop.destination(files[0].stem, out) if _into_folder(files, out) else out
     with _patience("Importing", files[0]):
         haploop.import_file(found, path, at)
     if plot is not None:
@@ -222,19 +227,23 @@ def _ask(question: Question) -> str:
     return str(click.prompt(f"{question.what[:1].upper()}{question.what[1:]} ({question.option})", err=True))
 
 
-def _several(files: Sequence[Path], mapping: FileMapping, wanted: _Wanted) -> int:
-    """Import each file; one that cannot be is said, and the others go on."""
+def _several(files: Sequence[Path], mapping: FileMapping, each: str | None, wanted: _Wanted) -> int:
+    """Import each file, or each measurement in it; one that cannot be is said, and the others go on."""
     if wanted.out is None:
-        raise haploop.ConfigurationError(
-            f"Name the folder for {len(files)} files (--out), or look at one of them first."
-        )
+        what = f"{len(files)} files" if each is None else f"what {each} tells apart"
+        raise haploop.ConfigurationError(f"Name the folder for {what} (--out), or look at one of them first.")
+    if each is None:
+        parts = [(file, file.stem, mapping) for file in files]
+    else:
+        parts = [(file, *one) for file in files for one in haploop.each_of(file, mapping, each).items()]
     told: list[dict[str, Any]] = []
     failed = 0
-    for file in files:
-        path = haploop.destination(file, wanted.out)
+    for file, name, own in parts:
+        path = haploop.destination(name, wanted.out)
         try:
-            found = haploop.understand(file, haploop.named(file, mapping))
-            haploop.import_file(found, path, wanted.at)
+            with _patience("Importing", file):
+                found = haploop.understand(file, haploop.named(file, own))
+                haploop.import_file(found, path, wanted.at)
         except (haploop.ConfigurationError, haploop.DataError) as error:
             failed += 1
             told.append({"file": str(file), "error": str(error)})
@@ -251,7 +260,7 @@ def _several(files: Sequence[Path], mapping: FileMapping, wanted: _Wanted) -> in
     if wanted.as_json:
         print_json({"files": told})
     elif failed:
-        print_line(f"{failed} of {len(files)} files were not imported.")
+        print_line(f"{failed} of {len(parts)} files were not imported.")
     return 2 if failed else 0
 
 

@@ -6,6 +6,7 @@ from .importing import FileMapping as FileMapping
 from .importing import Understanding as Understanding
 from .importing import becomes as becomes
 from .importing import destination as destination
+from .importing import each_of as each_of
 from .importing import import_file as import_file
 from .importing import import_press as import_press
 from .importing import import_recording as import_recording

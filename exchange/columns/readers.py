@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -55,6 +56,12 @@ def read_table(path: Path, format: str | None, decimal: str | None, skip: bool =
     found = format_of(path, format)
     if not path.is_file():
         raise DataError(f"There is no file {path}: check the name.")
+    of = path.stat()
+    return _read(path, found, decimal, skip, (of.st_mtime_ns, of.st_size, of.st_ino))
+
+
+@lru_cache(maxsize=1)  # a file is read again for each answer, and for each measurement that it holds
+def _read(path: Path, found: str, decimal: str | None, skip: bool, _state: tuple[int, int, int]) -> Table:
     with np.errstate(all="ignore"):  # what is not finite is missing, and said
         if found in _SIGNALS:
             table = _of_signals(path, _SIGNALS[found](path, None), found)

@@ -168,7 +168,7 @@ def _in_one_unit(path: Path, head: Head, place: int, values: FloatArray, units: 
     elif len(ratios) > 1:
         head.notes.append(f"Rows in {', '.join(ratios)} were all brought to {unit}.")
     enter_unit(head, place, unit, "each of its rows")
-    return values * np.array([ratios.get(one, 1.0) for one in units])
+    return np.asarray(values * np.array([ratios.get(one, 1.0) for one in units]))
 
 
 def _columns(path: Path, body: Body, head: Head, of_units: Mapping[int, list[str]]) -> list[Column]:
@@ -192,7 +192,11 @@ def _columns(path: Path, body: Body, head: Head, of_units: Mapping[int, list[str
         if is_stamp(one) and not is_number(one, body.decimal):
             stamped.append((column(place, seconds_of(cells), stamps=True), cells))
         else:
-            values, units = _numbers(cells, body.decimal)
+            try:
+                values, units = _numbers(cells, body.decimal)
+            except ValueError as error:  # a time among numbers
+                name = head.names.get(place, "") or f"column {place}"
+                raise DataError(f"{path} has more than numbers in {name} ({error}): repair it.") from None
             units = units or of_units.get(place, [])
             found.append(column(place, _in_one_unit(path, head, place, values, units) if units else values))
     for place in range(len(body.rows[0])):
@@ -200,8 +204,8 @@ def _columns(path: Path, body: Body, head: Head, of_units: Mapping[int, list[str
         if place not in body.columns and (
             levels := next((one for one in _LEVELS if words == set(one)), None)
         ):
-            values = [levels.get(row[place].strip().lower(), float("nan")) for row in body.rows]
-            found.append(column(place, np.array(values)))
+            closed = [levels.get(row[place].strip().lower(), float("nan")) for row in body.rows]
+            found.append(column(place, np.array(closed)))
     return _one_stamp(stamped, found)
 
 
@@ -212,9 +216,9 @@ def _numbers(cells: Sequence[str], decimal: str) -> tuple[FloatArray, list[str]]
         return _finite(np.array(plain, dtype=np.float64)), []
     except ValueError:
         pairs = [measured(cell, decimal) or (cell, "") for cell in cells]
-        values = [float("nan") if is_blank(number) else _odd(number, decimal) for number, _ in pairs]
+        values = np.array([np.nan if is_blank(one) else _odd(one, decimal) for one, _ in pairs])
         units = [unit for _, unit in pairs]
-        return _finite(np.array(values)), units if any(units) else []
+        return _finite(values), units if any(units) else []
 
 
 def _odd(cell: str, decimal: str) -> float:

@@ -9,6 +9,7 @@ from .files import destination as destination
 from .files import import_file as import_file
 from .mapping import ROLES as ROLES
 from .mapping import FileMapping as FileMapping
+from .names import each_of as each_of
 from .names import named as named
 from .press import import_press as import_press
 from .press import press_of as press_of

@@ -207,8 +207,8 @@ def _tactile(travel: FloatArray, force: FloatArray) -> tuple[Point | None, Point
             deepest, found = fall, (peak, trough)
     if found is None:
         return None, None
-    peak, trough = (Point(float(travel[at]), float(smooth[at])) for at in found)
-    return peak, trough
+    top, low = (Point(float(travel[at]), float(smooth[at])) for at in found)
+    return top, low
 
 
 def _bottom(travel: FloatArray, force: FloatArray) -> Point | None:

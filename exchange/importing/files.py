@@ -22,8 +22,8 @@ def becomes(found: Understanding, activation: float | None = None) -> Literal["r
     return "recording"
 
 
-def destination(file: Path, folder: Path) -> Path:
-    """The file in `folder` that a file is imported into; the folder is made. Raises ConfigurationError."""
+def destination(name: str, folder: Path) -> Path:
+    """The file of a name in `folder`, which is made. Raises ConfigurationError."""
     if folder.suffix.lower() == ".h5":
         raise ConfigurationError(f"{folder} is one file: name a folder for several.")
     try:
@@ -31,7 +31,7 @@ def destination(file: Path, folder: Path) -> Path:
             make_folder(folder)
     except OSError as error:
         raise ConfigurationError(f"{folder} cannot be made: {os_error_text(error)}.") from None
-    return folder / f"{file.stem}.h5"
+    return folder / f"{name}.h5"
 
 
 def import_file(found: Understanding, out: str | Path, activation: float | None = None) -> None:

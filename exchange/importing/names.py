@@ -4,11 +4,33 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 from ...instruments import ConfigurationError
+from ..columns import read_table
 from .mapping import FileMapping
+from .splits import values_of
 
 _PARTS = {"participant": r"(?P<participant>[A-Za-z]{1,4}[0-9]{1,4})", "button": r"(?P<button>[A-Za-z0-9-]+?)"}
+
+
+def each_of(path: Path, mapping: FileMapping, column: str) -> dict[str, FileMapping]:
+    """By a name for its file: the mapping of each measurement that a column of a table tells apart.
+
+    A column of participants or buttons says who pressed what. Raises ConfigurationError and DataError.
+    """
+    mapping = named(path, mapping).model_copy(update={"names": None})
+    table = read_table(path, mapping.format, mapping.decimal, mapping.skip_damaged)
+    found: dict[str, FileMapping] = {}
+    for value in values_of(table, column):
+        told: dict[str, Any] = {"where": {**mapping.where, column: value}}
+        if column.lower() in ("participant", "button"):
+            told[column.lower()] = value
+        name = f"{path.stem}-{re.sub(r'[^A-Za-z0-9_.-]+', '_', value)}"
+        if name in found:
+            raise ConfigurationError(f"{path} has two values of {column} that would be one file, {name}.h5.")
+        found[name] = mapping.model_copy(update=told)
+    return found
 
 
 def named(path: Path, mapping: FileMapping) -> FileMapping:

@@ -55,11 +55,27 @@ def split(table: Table, where: Mapping[str, str], told: Sequence[str | int]) -> 
             notes.append(said)
             continue
         value = next(text for text in one.texts if text)
-        option = f"{name}={value}"
+        option, each = (repr(one) if " " in one else one for one in (f"{name}={value}", name))
         questions.append(Question(
             f"where {name}", f"which rows are one measurement (column {name!r} has {_shown(one)}; * for all)",
-            f"--where {option!r}" if " " in option else f"--where {option}"))  # fmt: skip
+            f"--where {option}, or --each {each}"))  # fmt: skip
     return _of_rows(replace(table, notes=(*table.notes, *notes)), kept), questions
+
+
+def values_of(table: Table, name: str) -> tuple[str, ...]:
+    """The values of a column that tells rows apart, in their order. Raises ConfigurationError."""
+    known = {one.name: _continued(one) for one in table.labels} | _numbers(table, {name: _ALL}, ())
+    if name not in known:
+        listed = ", ".join(sorted({one.name for one in table.labels})) or "no column of text"
+        raise ConfigurationError(
+            f"{table.path} has no column {name!r} that tells rows apart (it has {listed})."
+        )
+    found = tuple(text for text in dict.fromkeys(known[name].texts) if text and text != "nan")
+    if len(found) > _MOST:
+        raise ConfigurationError(
+            f"{table.path} has {len(found)} values of {name}, and up to {_MOST} measurements are told apart."
+        )
+    return found
 
 
 def _continued(one: Labels) -> Labels:

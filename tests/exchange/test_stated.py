@@ -5,6 +5,7 @@ One table of inputs in the shape of files that people post, each with what is ri
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +16,7 @@ import pytest
 
 import haploop
 from haploop.exchange.columns.text_rates import stated_rates
+from tests.command_line import Run
 
 T = np.arange(2500) / 5000
 F = 2 * np.exp(-(((T - 0.25) / 0.05) ** 2))
@@ -222,6 +224,11 @@ CASES = (
         "LabVIEW's segments",
         LVM.format(x="One") + (SEGMENT + "X_Value\tForce\tAcc\tComment\n" + LVM_ROWS + "\n") * 2,
         asks=("column 'segment' has 1, 2",),
+    ),
+    Case(
+        "all of LabVIEW's segments by --each",
+        LVM.format(x="One") + (SEGMENT + "X_Value\tForce\tAcc\tComment\n" + LVM_ROWS + "\n") * 2,
+        asks=("--each segment",),
     ),
     Case(
         "one of LabVIEW's segments",
@@ -523,6 +530,11 @@ CASES = (
             ),
         )
     ),
+    Case(
+        "a time among numbers",
+        "Time (s),Force (N)\n" + rows(T, [*cells(F[:300], ""), "10:00:01", *cells(F[301:], "")]),
+        asks=("more than numbers in Force",),
+    ),
     Case("(L) is no litre", timed("Time (s) [s],Force (L) [N]"), 5000, peaks=SURE),
     Case(
         "a phone at 99.87/s",
@@ -607,6 +619,33 @@ def test_a_table_that_is_far_too_wide_is_refused_at_once(tmp_path: Path) -> None
     path.write_text(",".join(["1"] * 300_000) + "\n")
     with pytest.raises(haploop.DataError, match="more than 4096 cells"):
         haploop.understand(path)
+
+
+def test_each_measurement_of_a_table_becomes_a_file_of_its_own(run: Run, tmp_path: Path) -> None:
+    segments = tmp_path / "run.lvm"
+    segments.write_text(
+        LVM.format(x="One") + (SEGMENT + "X_Value\tForce\tAcc\tComment\n" + LVM_ROWS + "\n") * 3
+    )
+    out = tmp_path / "out"
+    made = run("import", segments, "--each", "segment", "--button", "push", "-o", out)
+    assert made.exit_code == 0, made.output
+    assert sorted(path.name for path in out.iterdir()) == ["run-1.h5", "run-2.h5", "run-3.h5"]
+    people = tmp_path / "people.csv"
+    people.write_text(
+        "participant,time (s),Force (N)\n"
+        + rows(np.repeat(["P01", "P02"], 2500), np.tile(T, 2), np.concatenate([F, 3 * F]))
+    )
+    told = ("--each", "participant", "--button", "push", "--as", "recording")
+    said = json.loads(run("import", people, *told, "-o", out, "--json").stdout)["files"]
+    assert [haploop.Recording.open(one["out"]).participant for one in said] == ["P01", "P02"]
+    peaks = [haploop.Recording.open(one["out"]).force.max() for one in said]
+    assert peaks == pytest.approx([2, 6], rel=0.01)
+    for wrong, part in (
+        (("--each", "person", "-o", out), "no column 'person' that tells rows apart (it has participant)"),
+        (("--each", "participant"), "Name the folder for what participant tells apart"),
+    ):
+        refused = run("import", people, *wrong)
+        assert refused.exit_code == 2 and part in refused.stderr
 
 
 def test_a_role_that_no_column_is(tmp_path: Path) -> None:
