@@ -29,7 +29,7 @@ from .trade import BUDGET, STEADY, TRADE, Trade
 if TYPE_CHECKING:
     from ...acquisition import Representative
 
-_TRIES = 20
+_TRIES = 16
 _RANGE_USED = 0.8
 """Share of the vibrometer's range that a drive may use."""
 _REACH = 1000.0
@@ -300,13 +300,14 @@ def _within(
     Limits hold for the volts commanded and for those that reach each patch. Returns the volts and
     the factor. Raises LimitError when no factor is found.
     """
-    for _ in range(_TRIES):
+    for number in range(_TRIES):
         volts = table.commanded(scale * linear_volts, smooth)
         headroom, _ = table.headroom(volts, limits)
         if headroom >= 1:
             break
-        # Hysteresis makes the volts nonlinear in the factor, so that it is found by iteration.
-        scale *= headroom * (1 - 1e-6)
+        # Hysteresis makes the volts nonlinear in the factor, so that it is found by iteration; with an ever
+        # larger margin, because that may go round in circles.
+        scale *= headroom * (1 - 1e-6 * 2**number)
     for own in volts:
         limits.check(own, table.rate_hz)
     return volts, scale

@@ -132,7 +132,7 @@ class _Channel:
         volts = law.from_linear_volts(scale * linear[0])
         some = Actuation.of([self.table.own[k] for k in own])
         each = scipy.fft.rfft(np.repeat(linear, len(own), axis=0))
-        [distortion] = distorted(some, replace(self.plan, gain=self.plan.gain[:, own]), each)
+        [distortion] = distorted(some, replace(self.plan, spread=self.plan.spread[:, own]), each)
         signs = _signs(wiring)
         laws = [
             signs[k] * self.table.own[row].hysteresis.to_linear_volts(signs[k] * volts)

@@ -21,6 +21,8 @@ _RISE = 0.02
 """Fade-in time (s) of a multisine with settling: a step would excite every mode."""
 _CLIPPINGS = 300
 """Rounds of crest optimisation: 1.57 on the default lines after these, 1.50 after a thousand."""
+_LINES = 1500
+"""Lines up to which there are so many rounds; of more lines there are fewer, for as much time."""
 _GROUP_ODD, _GROUP = 4, 8
 """Size of the groups of lines in which one line is left out, to measure distortion or noise there."""
 _RINGING = 0.15
@@ -280,12 +282,13 @@ def _period(multisine: Multisine, samples: int) -> FloatArray:
     coarse = scipy.fft.next_fast_len(8 * int(lines[-1]), real=True)
     rng = np.random.default_rng([multisine.seed, 1])
     phases = np.exp(2j * np.pi * rng.random(len(lines)))
-    for step in range(_CLIPPINGS):
+    rounds = _CLIPPINGS * _LINES // max(_LINES, len(lines))
+    for step in range(rounds):
         spectrum = np.zeros(coarse // 2 + 1, dtype=np.complex128)
         spectrum[lines] = phases
         wave = scipy.fft.irfft(spectrum, coarse)
         # Hard clipping at first, later only of the highest peaks.
-        ceiling = np.abs(wave).max() * (0.65 + 0.27 * step / _CLIPPINGS)
+        ceiling = np.abs(wave).max() * (0.65 + 0.27 * step / rounds)
         clipped = scipy.fft.rfft(np.clip(wave, -ceiling, ceiling))[lines]
         phases = clipped / np.abs(clipped)
     spectrum = np.zeros(samples // 2 + 1, dtype=np.complex128)

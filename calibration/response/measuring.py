@@ -87,13 +87,13 @@ def measure_response(
 def measure_above(
     rig: Rig, patch: str, point: str, hysteresis: Hysteresis, progress: Progress = silent
 ) -> Response | None:
-    """Measure the response above the band of the usual excitations, to what the laser resolves.
+    """Measure the response above the band of the usual excitations, to the corner of the laser's filter.
 
     To be called after a response was measured at the same point: nothing is asked of the operator. The level
-    is what the limits of slew rate and current allow. Returns None where the laser resolves nothing above
+    is what the limits of slew rate and current allow. Returns None where the laser passes nothing above
     that band. Raises what `measure_response` raises.
     """
-    top = min(rig.vibrometer.resolved_hz, rig.table.rate_hz / 4)
+    top = min(rig.vibrometer.bandwidth_hz, rig.table.rate_hz / 4)
     if top < _WORTHWHILE * ABOVE_HZ:
         return None
     excitation = Multisine(low=ABOVE_HZ, high=top * (1 - 1e-9))

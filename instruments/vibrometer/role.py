@@ -58,15 +58,6 @@ class Vibrometer(Frozen, ABC):
         """SI unit of what it shows."""
         return UNITS[self.quantity]
 
-    @property
-    def resolved_hz(self) -> float:
-        """Highest frequency (Hz) at which motion is measured: half the bandwidth.
-
-        There an error of 5 % of the filter's corner makes an error of 1 % (of one pole); at the corner, of
-        2.5 %, and a laser's noise, as acceleration, grows with the frequency's power of 1.5.
-        """
-        return self.bandwidth_hz / 2
-
     @abstractmethod
     def signal_level(self) -> float | None:
         """Fraction of full light that returns, 0 to 1; None where the product does not report it."""
