@@ -277,7 +277,9 @@ def tape_session(simulate: Mode | None, tape: Path | None) -> Iterator[Player | 
             yield player
             note(f"{player.answered} of the tape's {player.calls} calls were asked for.")
     elif tape is not None:
-        with haploop.recorded(tape) as recorder:
+        from ..instruments.tape import recording_of  # noqa: PLC0415
+
+        with recording_of(tape) as recorder:
             try:
                 yield None
             finally:

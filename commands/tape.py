@@ -42,7 +42,8 @@ def show(file: Path, as_json: bool) -> None:
     if as_json:
         print_json(found)
         return
-    print_line(f"{found['software']}, {found['started']}: {found['rig']} on {found['on']}")
+    what = f"{found['rig']} on {found['on']}" if found["rig"] else "a program's own calls, without a rig"
+    print_line(f"{found['software']}, {found['started']}: {what}")
     print_line(
         f"{found['calls']} calls in {found['seconds']:.1f} s, {'whole' if found['whole'] else 'cut off'}"
     )
@@ -79,8 +80,8 @@ def _summary(lines: TapeLines) -> dict[str, Any]:
     return {
         "software": lines.head["software"],
         "started": lines.head["started"],
-        "rig": json.loads(rigs[0]["rig"])["name"] if rigs else "no rig",
-        "on": (rigs[0]["mode"] or "hardware") if rigs else "nothing",
+        "rig": json.loads(rigs[0]["rig"])["name"] if rigs else None,
+        "on": (rigs[0]["mode"] or "hardware") if rigs else None,
         "whole": lines.whole,
         "calls": len(calls),
         "seconds": max(times) - min(times),

@@ -7,7 +7,7 @@ import re
 import signal
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..instruments.flag import Flag
+from ..terminal.progress import note
+from .options import NewFile, tape_session
 from .serving import Asked, has_terminals, ports_of, run_command, served
 
 if TYPE_CHECKING:
@@ -69,28 +71,37 @@ def twin() -> None:
     metavar="NAME=PRODUCT",
     help="Serve this device: --device Dev1=PCIe-6363. Can be repeated.",
 )
+@click.option(
+    "--bench",
+    type=click.Path(path_type=Path),
+    metavar="FILE.toml",
+    help="Set inputs, connect wires and let cards fail as this file says.",
+)
+@click.option("--tape", type=NewFile(".tape"), metavar="FILE.tape", help="Record every call to the devices.")
 @click.argument("command", nargs=-1, type=click.UNPROCESSED)
 def ni(
-    port: int, rig: str | None, devices: Path | None, named: tuple[str, ...], command: tuple[str, ...]
+    port: int,
+    rig: str | None,
+    devices: Path | None,
+    named: tuple[str, ...],
+    bench: Path | None,
+    tape: Path | None,
+    command: tuple[str, ...],
 ) -> int | None:
     """Serve simulated NI-DAQmx devices over gRPC, for any program that uses nidaqmx.
 
     The first line on standard output is "Server listening on port N". Ctrl-C stops the server. The
-    devices measure the rig's simulated plant.
+    devices are those of --device, --devices or --bench, or a rig's, which measure its simulated plant.
 
-    With a COMMAND after two hyphens, run it with the devices of --device or --devices in place of NI's
-    driver, and exit as it does.
+    With a COMMAND after two hyphens, run it with the devices in place of NI's driver, and exit as it does.
     """
-    if devices is not None and rig is not None:
-        raise click.UsageError("--rig and --devices exclude each other: use one of them")
-    if command or named:
-        return _run_with_twin(command, named, devices)
+    asked = {"--device": named, "--devices": devices, "--bench": bench, "--tape": tape, "a command": command}
+    own = [option for option, value in asked.items() if value]
+    if rig is not None and own:
+        raise click.UsageError(f"--rig and {own[0]} exclude each other: use one of them")
+    if own:
+        return _on_a_bench(_devices_of(named), devices, bench, tape, port, command)
     # Each way imports what it needs: a server is there the sooner.
-    if devices is not None:
-        from ..mocks.daq.ni import inventory_from_file, run  # noqa: PLC0415
-
-        run(inventory_from_file(devices), port)
-        return None
     from ..instruments import ConfigurationError, RealClock, load_rig_file  # noqa: PLC0415
     from ..instruments.config import validate  # noqa: PLC0415
     from ..instruments.daq.ni_daqmx import NiDaq  # noqa: PLC0415
@@ -108,21 +119,56 @@ def ni(
     return None
 
 
-def _run_with_twin(command: tuple[str, ...], named: tuple[str, ...], devices: Path | None) -> int:
-    """Run a command whose nidaqmx finds simulated cards, and return its exit code."""
-    from ..mocks.daq.ni import NiTwin  # noqa: PLC0415
-
+def _devices_of(named: tuple[str, ...]) -> dict[str, str]:
+    """Product of each device that --device names."""
     pairs = [name.partition("=")[::2] for name in named]
-    if not command:
-        raise click.UsageError("--device needs a command: -- python my_script.py")
-    if bool(devices) == bool(pairs) or not all(name and product for name, product in pairs):
-        raise click.UsageError("name the devices by --device NAME=PRODUCT, or by --devices FILE.ini")
+    if not all(name and product for name, product in pairs):
+        raise click.UsageError("--device wants NAME=PRODUCT, as --device Dev1=PCIe-6363")
     names = [name for name, _ in pairs]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise click.UsageError(f"--device names {twice} twice: name each device once")
-    with NiTwin(devices or dict(pairs), time="real") as twin:
-        return run_command(command, twin.environment())
+    return dict(pairs)
+
+
+def _on_a_bench(
+    named: dict[str, str],
+    export: Path | None,
+    bench: Path | None,
+    tape: Path | None,
+    port: int,
+    command: tuple[str, ...],
+) -> int:
+    """Run a command whose nidaqmx finds simulated cards, and return its exit code; without one, serve."""
+    from ..instruments.tape import Recorder, current  # noqa: PLC0415
+    from ..mocks.bench import read_bench, running  # noqa: PLC0415
+
+    said = read_bench(bench) if bench is not None else None
+    listed = {**(said.devices if said else {}), **named}
+    if export is not None and listed:
+        raise click.UsageError("--devices names all devices: leave out --device and the bench's [devices]")
+    if said is not None and (twice := named.keys() & said.devices.keys()):
+        raise click.UsageError(f"{min(twice)} is in --device and in {bench}: name it once")
+    if export is None and not listed:
+        raise click.UsageError(
+            "name the devices: by --device NAME=PRODUCT, by --devices FILE.ini, or by [devices] in --bench"
+        )
+    with tape_session(None, tape), ExitStack() as stack:
+        deck = current()
+        recorder = deck if isinstance(deck, Recorder) else None
+        found = stack.enter_context(running(export or listed, said, port=port, tape=recorder))
+        for sentence in found.twin.left_out:
+            note(sentence)
+        if command:
+            return run_command(command, found.environment())
+        click.echo(f"Server listening on port {found.twin.port}")
+        with _stopped() as stopped:
+            # With a time-out, because Ctrl-C does not interrupt an unlimited wait on Windows.
+            while not stopped.wait(0.25):
+                pass
+        for name, count in found.twin.unserved.items():
+            click.echo(f"{name} was asked for {count} times and is not served.", err=True)
+    return 0
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ A tape is gzip of JSON lines (`zcat`, `jq`), each with the hash of all lines so 
 it is the last.
 """
 
+from .lines import Call as Call
 from .lines import Failure as Failure
 from .lines import Proxied as Proxied
 from .lines import TapedLine as TapedLine
@@ -22,5 +23,6 @@ from .recorder import Recorder as Recorder
 from .sessions import current as current
 from .sessions import played as played
 from .sessions import recorded as recorded
+from .sessions import recording_of as recording_of
 from .tape_file import TapeLines as TapeLines
 from .values import Handle as Handle

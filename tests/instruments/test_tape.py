@@ -237,6 +237,7 @@ def test_a_tape_that_unpacks_to_more_than_any_session_is_refused(tmp_path: Path)
 
 def test_a_twin_and_a_driver_without_a_line_are_refused(tmp_path: Path) -> None:
     with (
+        pytest.warns(UserWarning, match="Nothing was recorded"),
         haploop.recorded(tmp_path / "a.tape"),
         pytest.raises(ConfigurationError, match="A twin makes no calls"),
     ):

@@ -1,3 +1,4 @@
+from .bench import Failure as Failure
 from .bench import NiTwin as NiTwin
 from .devices import Inventory as Inventory
 from .devices import NiDevice as NiDevice

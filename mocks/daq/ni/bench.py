@@ -17,6 +17,8 @@ from nidaqmx import utils
 from ....instruments.arrays import FloatArray
 from ....instruments.clock import RealClock
 from ....instruments.errors import ConfigurationError
+from ....instruments.near_words import did_you_mean
+from ....instruments.tape import Recorder
 from ...clock import VirtualClock
 from ...redirect import environment, sitecustomize
 from ..signals import Put, Signal, Signals, Wire, signal_of
@@ -45,16 +47,25 @@ class NiTwin:
 
     `devices` names a product for each device, {"Dev1": "PCIe-6363"}, or is a text export of NI MAX. In
     virtual time, a wait for samples, and `time.sleep`, take no real time; which clocks are virtual says
-    `virtual_time`. Raises ConfigurationError for an unknown product.
+    `virtual_time`. It is served at `port`, a free one by default, and every call goes on the `tape`. Raises
+    ConfigurationError for an unknown product, and RuntimeError for a port that is in use.
     """
 
     def __init__(
-        self, devices: Mapping[str, str] | str | Path, *, time: Time = "virtual", seed: int = 0
+        self,
+        devices: Mapping[str, str] | str | Path,
+        *,
+        time: Time = "virtual",
+        seed: int = 0,
+        port: int = 0,
+        tape: Recorder | None = None,
     ) -> None:
         if time not in ("virtual", "real"):
             raise ConfigurationError(f'The twin\'s time is "virtual" or "real", not {time!r}.')
         listed = isinstance(devices, Mapping)
         inventory: Inventory = inventory_of(devices) if listed else inventory_from_file(Path(devices))  # type: ignore[arg-type]
+        self.left_out = inventory.left_out
+        """Sentences about devices of an export that are not simulated."""
         self._clock = VirtualClock() if time == "virtual" else RealClock()
         self._began = self._clock.now()
         self._signals = Signals(self._clock)
@@ -64,6 +75,8 @@ class NiTwin:
             clock=self._clock,
             rtsi=True,
             seed=seed,
+            port=port,
+            tape=tape,
             call_time=_CALL if time == "virtual" else 0.0,
             handled=sitecustomize.driver().handled if time == "virtual" else None,
         )
@@ -76,6 +89,21 @@ class NiTwin:
     def address(self) -> str:
         """Address of the server, for programs that give nidaqmx gRPC options."""
         return self._server.address
+
+    @property
+    def devices(self) -> list[str]:
+        """Names of the devices, with a chassis that was added to its modules."""
+        return self._server.devices
+
+    @property
+    def port(self) -> int:
+        """TCP port of the server."""
+        return self._server.port
+
+    @property
+    def unserved(self) -> Mapping[str, int]:
+        """How often programs asked for each call or property that is not served."""
+        return self._server.unserved
 
     @property
     def now(self) -> float:
@@ -92,10 +120,10 @@ class NiTwin:
     ) -> None:
         """Let an input read `value` from now on: a number, samples at `rate_hz`, a function of time, a file.
 
-        `terminal` is "Dev1/ai0" (V) or "Dev1/port0/line0" (0 and 1). A function takes times (samples,) in s
-        since the twin was made and returns values (samples,). Samples begin now; the last is held unless they
-        `repeat`. A file is a .npy, a .csv of one number in a line, or a .wav (its full scale is 1 V). Raises
-        ConfigurationError.
+        `terminal` is "Dev1/ai0" or "Dev1/ai0:3" (V), or "Dev1/port0/line0" (0 and 1). A function takes times
+        (samples,) in s since the twin was made and returns values (samples,). Samples begin now; the last is
+        held unless they `repeat`. A file is a .npy, a .csv of one number in a line, or a .wav (its full scale
+        is 1 V). Raises ConfigurationError.
         """
         signal = signal_of(value, rate_hz, repeat, self.now)
         self._connect(terminal, lambda times: signal(times - self._began))
@@ -106,7 +134,7 @@ class NiTwin:
         In its way can be a `gain`, an `offset` (V), a `delay` (s), a low-pass (`low_pass_hz`) and `noise`
         (V rms). Raises ConfigurationError.
         """
-        self._known_output(output)
+        output = self._known_output(output)
         self._connect(terminal, None)
         self._signals.wire(output, terminal, Wire(**wire))
 
@@ -122,8 +150,7 @@ class NiTwin:
             except DaqmxError as error:
                 raise ConfigurationError(str(error).partition("\n")[0]) from None
             return Put(times - self._began, levels)
-        self._known_output(output)
-        put = self._signals.put(output)
+        put = self._signals.put(self._known_output(output))
         return Put(put.times - self._began, put.values)
 
     def fail(self, device: str, how: Failure | None) -> None:
@@ -174,14 +201,24 @@ class NiTwin:
     ) -> None:
         self.close()
 
-    def _connect(self, terminal: str, signal: Signal | None) -> None:
-        if signal is not None:
-            self._signals.set(terminal, signal)
+    def inputs(self, terminal: str) -> list[str]:
+        """Return the names of the inputs that `terminal` lists ("Dev1/ai0:3"). Raises ConfigurationError."""
         try:
-            self._server.connect(terminal, terminal)
+            return self._server.inputs(terminal)
         except DaqmxError as error:
             raise ConfigurationError(str(error).partition("\n")[0]) from None
 
-    def _known_output(self, output: str) -> None:
-        if output not in self._server.outputs:
-            raise ConfigurationError(f"There is no output {output!r}: {', '.join(self._server.outputs)}.")
+    def _connect(self, terminal: str, signal: Signal | None) -> None:
+        self.inputs(terminal)
+        if signal is not None:
+            self._signals.set(terminal, signal)
+        self._server.connect(terminal, terminal)
+
+    def _known_output(self, output: str) -> str:
+        """Return the name of an output as it is, whatever its case."""
+        names = {name.lower(): name for name in self._server.outputs}
+        found = names.get(output.strip().lstrip("/").lower())
+        if found is None:
+            hint = did_you_mean(output, self._server.outputs, "there are")
+            raise ConfigurationError(f"There is no output {output!r}; {hint}")
+        return found

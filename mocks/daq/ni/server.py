@@ -24,6 +24,7 @@ from nidaqmx._stubs import nidaqmx_pb2 as pb
 from ....instruments.arrays import FloatArray
 from ....instruments.clock import Clock, RealClock
 from ....instruments.closing import Closing
+from ....instruments.tape import Recorder
 from ...plant import Nodes
 from ...redirect import CREATED, FOLDER, IGNORED, IN_CALLBACK
 from ...transport import HOST
@@ -35,6 +36,7 @@ from .events import Events
 from .served import ignored
 from .storage import saved_in_export
 from .system import NiSystem
+from .taping import on_tape
 from .terminals import OutputTerminal
 
 Corrupt = Callable[[str, bytes], bytes]
@@ -55,7 +57,8 @@ class NiServer(Closing):
     share a clock only with a declared RTSI cable (`rtsi`). On a virtual clock a blocking read advances time
     until its samples exist; events fire when a wait advances time, and `handled` counts, by task and kind,
     those whose callbacks have returned. There a call that looks whether there is something new takes
-    `call_time` (s), so that a program that polls comes to an end; other calls take no time.
+    `call_time` (s), so that a program that polls comes to an end; other calls take no time. Each call goes on
+    the `tape`.
     """
 
     def __init__(
@@ -70,6 +73,7 @@ class NiServer(Closing):
         seed: int = 0,
         call_time: float = 0.0,
         handled: Callable[[str, str], int | None] | None = None,
+        tape: Recorder | None = None,
     ) -> None:
         self._pool = _Threads()
         options = [
@@ -90,9 +94,14 @@ class NiServer(Closing):
         self._events = Events(self._system, handled)
         if handled is not None:
             self._system.move = self._events.move
-        self._service = _Service(self._system, self._events)
+        self._service = _Service(self._system, self._events, tape)
         self._server.add_generic_rpc_handlers((self._service,))
         self._server.start()
+
+    @property
+    def devices(self) -> list[str]:
+        """Names of the devices."""
+        return list(self._system.inventory.devices)
 
     @property
     def unserved(self) -> Counter[str]:
@@ -110,15 +119,30 @@ class NiServer(Closing):
             self._system.failures.fail(device, code)
 
     def connect(self, terminal: str, node: str) -> None:
-        """Connect an input to a node of `nodes` from now on. Raises DaqmxError for an unknown terminal."""
-        inventory = self._system.inventory
+        """Connect what `inputs` finds to a node of `nodes` from now on."""
         with self._system.lock:
-            device, _, tail = terminal.partition("/")
-            if tail.upper().startswith("PFI"):
-                inventory.terminal(inventory.device(device), f"/{terminal}")
-            else:
-                list(inventory.resolve(terminal))
-            self._system.wiring[terminal] = node
+            for name in self.inputs(terminal):
+                self._system.wiring[name] = node
+
+    def inputs(self, terminal: str) -> list[str]:
+        """Return the names of an input, or of a list, a range or a port of them ("Dev1/ai0:3").
+
+        Raises DaqmxError for an unknown terminal, and for one that is no input.
+        """
+        inventory = self._system.inventory
+        device, _, tail = terminal.lstrip("/").partition("/")
+        if tail.upper().startswith("PFI"):
+            return [inventory.terminal(inventory.device(device), f"/{device}/{tail}").lstrip("/")]
+        found: list[str] = []
+        for card, name in inventory.resolve(terminal):
+            if f"{card.name}/{name}" in (*card.ao, *card.counters):
+                raise DaqmxError(
+                    DAQmxErrors.INVALID_PHYS_CHAN_TYPE,
+                    f"{card.name}/{name} is no input: name one, such as {card.name}/ai0 or {card.name}/PFI0.",
+                )
+            lines = [line for line in card.lines if line.startswith(f"{card.name}/{name}/")]
+            found += lines or [f"{card.name}/{name}"]
+        return found
 
     @property
     def outputs(self) -> Mapping[str, OutputTerminal]:
@@ -224,8 +248,9 @@ class _Threads(Executor):
 class _Service(grpc.GenericRpcHandler):  # type: ignore[misc]
     """Handler of all calls, selected by name: most of NI's 451 calls need nothing else."""
 
-    def __init__(self, system: NiSystem, events: Events) -> None:
+    def __init__(self, system: NiSystem, events: Events, tape: Recorder | None) -> None:
         self.corrupt: Corrupt = lambda _call, reply: reply
+        self._tape = tape
         self._system = system
         self._events = events
 
@@ -264,7 +289,10 @@ class _Service(grpc.GenericRpcHandler):  # type: ignore[misc]
             return reply() if answer is None else answer
 
         served = attribute is not None or name in CALLS or name.startswith("Unregister")
-        return self._unary(method, self._guarded(run) if served else self._refuse(name))
+        if not served:
+            return self._unary(method, self._refuse(name))
+        taped = run if self._tape is None else on_tape(self._tape, name, run, reply)
+        return self._unary(method, self._guarded(taped))
 
     def _unary(self, method: Any, handle: Callable[[Any, Any], Any]) -> Any:
         def serialized(reply: Any) -> bytes:

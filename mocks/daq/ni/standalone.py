@@ -12,6 +12,7 @@ from pathlib import Path
 
 from ....instruments.errors import ConfigurationError, InstrumentError
 from ....instruments.flag import Flag
+from ....instruments.near_words import did_you_mean
 from ...plant import Nodes
 from ..products import PRODUCTS, Product, described
 from .devices import Inventory, NiDevice, devices_from_ini
@@ -32,9 +33,8 @@ def inventory_of(devices: Mapping[str, str], products: Mapping[str, Product] | N
     known = described({}) if products is None else products
     for name, product in devices.items():
         if product not in known:
-            raise ConfigurationError(
-                f"There is no simulated {product!r} ({name}); there are {', '.join(sorted(known))}."
-            )
+            hint = did_you_mean(product, known, "there are")
+            raise ConfigurationError(f"There is no simulated {product!r} ({name}); {hint}")
     cards = [NiDevice(name, known[product]) for name, product in devices.items()]
     modules = [card for card in cards if card.product.family in ("C Series", "TestScale")]
     if not modules:
