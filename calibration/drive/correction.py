@@ -35,6 +35,9 @@ _CAUTION = 1e-3
 move nothing, passes through the patch's hysteresis and adds a little of its error."""
 _POOL_HZ = 6.0
 """Width (Hz) of the neighbouring lines whose power is averaged."""
+_CLEAR = 3.0
+"""Standard deviations by which an error exceeds the plays' noise where it is corrected. Noise grows with the
+square of the frequency: what of it looked like an error would be played, as motion beyond the band."""
 _LISTEN = 0.5
 """Longest recording after a drive (s): a drive leaves the table nearly still."""
 _PLAN_RATE = 5000.0
@@ -104,7 +107,8 @@ class ResponseEstimate:
         plan = plan_for(table, targets, grid, drive.band, limits, drive.drift)
         missed = plan.target - motion
         power = grid.pooled(np.abs(missed) ** 2)
-        missed *= np.maximum(0.0, 1 - noise / np.maximum(power, 1e-30))
+        hidden = noise * (1 + _CLEAR * grid.scatter(min(len(one.accelerations) for one in played)))
+        missed *= np.maximum(0.0, 1 - hidden / np.maximum(power, 1e-30))
 
         limit = float(table.reach(limits).max())
         plan = replace(
@@ -246,7 +250,15 @@ class _Grid:
         lines = 2 * round(_NEAR_HZ * self.samples / self.rate_hz) + 1
         return np.asarray(scipy.ndimage.maximum_filter1d(gain, lines, mode="nearest"))
 
+    @property
+    def pool(self) -> int:
+        """Number of neighbouring lines whose power is averaged."""
+        return max(1, round(_POOL_HZ * self.samples / self.rate_hz))
+
     def pooled(self, power: FloatArray) -> FloatArray:
         """Power (..., lines) averaged over neighbouring lines."""
-        lines = max(1, round(_POOL_HZ * self.samples / self.rate_hz))
-        return np.asarray(scipy.ndimage.uniform_filter1d(power, lines, mode="nearest"))
+        return np.asarray(scipy.ndimage.uniform_filter1d(power, self.pool, mode="nearest"))
+
+    def scatter(self, plays: int) -> float:
+        """Standard deviation of pooled noise in the mean of plays, over what they tell of its power."""
+        return float(np.sqrt((1 + 1 / (plays - 1)) / self.pool))

@@ -38,6 +38,7 @@ from haploop.mocks.plant.table import TouchTable
 from haploop.reports.contents.check import button_contents
 from haploop.reports.contents.plan import plan_contents
 from tests.calibration.conftest import Calibrated, make_press, tamper
+from tests.calibration.drive.test_truth import played_and_true
 
 pytestmark = pytest.mark.long
 
@@ -258,8 +259,10 @@ def test_two_buttons_are_played_at_once_and_each_has_its_verdict(
 
 @pytest.mark.many_plays
 @pytest.mark.parametrize("there", ["toggle", "silence"])
-def test_corrections_are_of_every_point(four: Four, beside: tuple[Calibration, ...], there: str) -> None:
-    """On a table that has drifted since, by what a laser without noise sees of the drive before and after."""
+def test_corrections_are_of_every_point(
+    four: Four, beside: tuple[Calibration, ...], monkeypatch: pytest.MonkeyPatch, there: str
+) -> None:
+    """On a table that has drifted since, by the surface's own motion before and after."""
     press, every = make_press(), [*four.calibrations, *beside]
     alone = drive_for(press, four.calibrations[0], four.rig.limits)
     trade = Trade(scale=0.7 * alone.scale, drift=Drift(0, 0, 0, 0, 0))
@@ -267,19 +270,22 @@ def test_corrections_are_of_every_point(four: Four, beside: tuple[Calibration, .
     drive = drive_for(press, every, four.rig.limits, trade=trade, elsewhere=wanted)
     with opened(mode_drift=0.005) as rig:
         learning = learn(rig, drive, every, iterations=2, plays=4)
-    with opened(mode_drift=0.005, noise=0.0) as rig:
-        before, after = (check(rig, one, plays=3) for one in (drive, learning.drive))
-    assert after.error < 0.6 * before.error
     first, best = learning.iterations[0], learning.iterations[learning.best]
     assert [len(one.each_within) for one in (first, best)] == [2, 2]
+    expected = {"button": learning.drive.predicted_error}
     if there == "toggle":
-        assert after.others[0].error < 0.6 * before.others[0].error
-        (measured,) = (one.expected[0] for one in learning.drive.elsewhere)
-        low, high = after.others[0].interval
-        assert low - 0.04 <= measured <= high + 0.04
-    else:
-        assert after.silent[0].contrast_db > before.silent[0].contrast_db + 4
-    assert learning.drive.predicted_error == pytest.approx(after.error, abs=0.04)
+        expected["57"] = learning.drive.elsewhere[0].expected[0]
+    with opened(mode_drift=0.005, noise=0.0) as rig:
+        for point, error in expected.items():
+            seen = [one if point == one.point else one.seen_from(point) for one in (drive, learning.drive)]
+            (_, before, _), (_, after, beyond) = (played_and_true(rig, one, 3, monkeypatch) for one in seen)
+            assert after < 0.6 * before
+            assert error == pytest.approx(after, abs=0.03)
+            # What the laser's noise looks like beyond the band is not played: it was, as 8 % of this target.
+            assert beyond < 0.04
+        if there == "silence":
+            still = [check(rig, one, plays=3).silent[0].contrast_db for one in (drive, learning.drive)]
+            assert still[1] > still[0] + 4
 
 
 def test_a_button_that_fails_elsewhere_fails_the_check(four: Four, beside: tuple[Calibration, ...]) -> None:

@@ -41,8 +41,9 @@ def played_and_true(
         truth = rig.simulation.truth  # type: ignore[union-attr]
         record = truth.record()
         capture = excite(drives, *args, **more)
-        rest = len(drives[drive.patch]) - len(drive.target)
-        if rest >= 0 and np.array_equal(drives[drive.patch][rest:], drive.volts[0]):
+        first = drive.patches[0]
+        rest = len(drives[first]) - len(drive.target)
+        if rest >= 0 and np.array_equal(drives[first][rest:], drive.volts[0]):
             start = next(one.start for one in record if one.closed and np.isfinite(one.period))
             times = start + (rest + np.arange(len(drive.target))) / drive.rate_hz
             seen.append(truth.velocity(drive.point, times))
