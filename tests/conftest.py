@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import importlib
 import os
+import re
 import signal
 import tempfile
 from collections.abc import Iterator
@@ -34,6 +35,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--long", action="store_true", help="run whole loops whose steps have tests of their own"
     )
     parser.addoption("--pages", action="store_true", help="run the blocks of every page of the documents")
+    parser.addoption("--skipped", metavar="FILE", help="write names of tests to FILE that lack something")
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
@@ -57,8 +59,29 @@ def pytest_configure(config: pytest.Config) -> None:
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     signal.signal(signal.SIGINT, signal.default_int_handler)
     gc.set_threshold(20_000)
+    if (skipped := config.getoption("--skipped")) and not hasattr(config, "workerinput"):
+        config.pluginmanager.register(Skipped(Path(skipped)))
     config.addinivalue_line("markers", "many_plays: plays for minutes; on the wire with --full only")
     config.addinivalue_line("markers", "long: a whole loop whose steps have tests of their own; with --long")
+
+
+class Skipped:
+    """Writes the names of skipped tests to a file, for a run (`pytest @FILE`) that has what they lack.
+
+    What an option leaves out lacks nothing.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        path.touch()
+
+    def pytest_collectreport(self, report: pytest.CollectReport) -> None:
+        self.pytest_runtest_logreport(report)
+
+    def pytest_runtest_logreport(self, report: pytest.CollectReport | pytest.TestReport) -> None:
+        if report.skipped and not re.search(r"--(long|full|pages)\b", report.longreprtext):
+            with self.path.open("a", encoding="utf-8") as file:
+                file.write(f"{report.nodeid}\n")
 
 
 @pytest.hookimpl(tryfirst=True)
