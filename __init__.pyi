@@ -159,7 +159,6 @@ from .mocks.participant import SimulatedParticipant as SimulatedParticipant
 from .mocks.participant import load_participant_model as load_participant_model
 from .reports import plot as plot
 from .reports.contents import file_contents as file_contents
-from .reports.figures import animate_map as animate_map
 from .reports.figures import trend as trend
 from .reports.html import write_recalibration as write_recalibration
 from .reports.html import write_report as write_report

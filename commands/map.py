@@ -9,7 +9,7 @@ import click
 from ..reports import contents, show
 from ..terminal.progress import Steps, note
 from . import front as haploop
-from .options import JSON, PATH, ChosenRig, FiniteRange, NewFile, on_rig
+from .options import JSON, PATH, ChosenRig, FiniteRange, on_rig
 
 _MOST_POINTS = 100_000
 """Number of a grid point that no table has: a long range is refused before it is a list."""
@@ -39,9 +39,6 @@ _MOST_POINTS = 100_000
     is_flag=True,
     help="Play one patch at a time, even if the amplifier has a channel for each patch.",
 )
-@click.option(
-    "--gif", type=NewFile(".gif"), metavar="FILE", help="Also write an animation of the largest vibration."
-)
 @on_rig()
 @JSON
 def map_command(
@@ -50,7 +47,6 @@ def map_command(
     patches: str | None,
     level: float | None,
     one_by_one: bool,
-    gif: Path | None,
     rig: ChosenRig,
     as_json: bool,
 ) -> int:
@@ -70,9 +66,6 @@ def map_command(
     for point, reason in folder.skipped().items():
         note(f"Point {point} was skipped: {reason} Run the same command again to measure it.")
     show.print_contents(contents.file_contents(out), as_json)
-    if gif is not None:
-        haploop.animate_map(haploop.VibrationMap.load(out), gif)
-        note(f"Animation: {gif}")
     return 0
 
 

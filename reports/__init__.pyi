@@ -1,6 +1,5 @@
 from . import plot as plot
 from .contents import file_contents as file_contents
-from .figures import animate_map as animate_map
 from .figures import trend as trend
 from .html import write_recalibration as write_recalibration
 from .html import write_report as write_report

@@ -13,7 +13,6 @@ from .finger_check import check_under_finger
 from .learning import Iteration, Learning, learn
 from .loudness import ButtonPlan, Loudness, Offer, Offers, offered, plan_button, trade_for
 from .paper_baseline import paper_drive
-from .parallel import COMPARED_AT, Wired, Wiring
 from .playing import judged_to
 from .pressed import PressedDrives, pressed_drives
 from .targets import BEFORE, Method, modulate
@@ -23,7 +22,6 @@ from .verdict import worst
 __all__ = [
     "BAND",
     "BEFORE",
-    "COMPARED_AT",
     "NOWHERE",
     "STEADY",
     "TOLERANCE",
@@ -42,8 +40,6 @@ __all__ = [
     "SharedPower",
     "Trade",
     "Wanted",
-    "Wired",
-    "Wiring",
     "build_button",
     "button_under_finger",
     "check",

@@ -22,7 +22,6 @@ from ..perception import LabThreshold, Sensation, lab_threshold, levels_of, pres
 from .check import TOLERANCE
 from .drive import Drive, drive_for
 from .elsewhere import NOWHERE, Wanted
-from .parallel import Wired, parallel_wirings
 from .targets import Method
 from .trade import BUDGET, Trade
 
@@ -105,9 +104,6 @@ class ButtonPlan(InNotebook):
     """Recordings that the press stands for: file name, content hash."""
     lab: LabThreshold | None = None
     """The lab's threshold, when the rig's file had one."""
-    parallel: tuple[Wired, ...] = ()
-    """What the patches would play in parallel, by the first method, where one channel of the amplifier drives
-    all: as wired, the loudest of them as wired, and the loudest with wires swapped; each once."""
     elsewhere: tuple[tuple[str, str], ...] = ()
     """Other points that do something at the same time: each with its button's name, empty where silent."""
 
@@ -149,8 +145,8 @@ def plan_button(
     """Compute the curve of each method, of the first patch alone and of all at once, within a rig's limits.
 
     Where other points are to do something at the same time (see `drive_for`), of all patches only, because
-    one alone cannot. Where one channel of the amplifier drives all patches, they cannot be played at once:
-    what they would play in parallel is computed instead. Raises ConfigurationError for other points with such
+    one alone cannot. Where one channel of the amplifier drives all patches, they cannot be played at once,
+    and the first alone is planned. Raises ConfigurationError for other points with such
     an amplifier, and what `drive_for` raises.
     """
     lab = lab_threshold(rig)
@@ -183,7 +179,6 @@ def plan_button(
         simulated=first.simulated,
         sources=first.sources,
         lab=lab,
-        parallel=parallel_wirings(press, every, rig.limits_for, methods[0], lab) if shared else (),
         elsewhere=tuple((one.point, one.button) for one in first.elsewhere),
     )
 

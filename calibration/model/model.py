@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,6 @@ import scipy
 
 from ...instruments import ConfigurationError, DataError
 from ...instruments.arrays import BoolArray, ComplexArray, FloatArray
-from ...instruments.files import new_file
 from ..band import BAND
 from ..response import Response
 from .projection import Lines, Projection
@@ -207,14 +205,6 @@ class Model:
         r = solution[:first].astype(np.complex128)
         r[paired] += 1j * solution[first:-2]
         return _cascade(self.poles, z, r, solution[-2:])
-
-    def save_mat(self, path: str | Path, rate_hz: float | None = None) -> None:
-        """Write a new MATLAB file (level 5) of `variables`, whole or not at all.
-
-        In MATLAB: `load model.mat; sys = ss(A, B, C, D)`. Raises DataError if it exists.
-        """
-        with new_file(path) as part:
-            scipy.io.savemat(str(part), self.variables(rate_hz), appendmat=False)
 
     def variables(self, rate_hz: float | None = None) -> dict[str, Any]:
         """The model as MATLAB has it: volts at the patch to m/s.

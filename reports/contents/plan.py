@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 from ...calibration import ButtonPlan, Drift
-from ...calibration.drive import COMPARED_AT, Wired
 from .. import figures
 from . import captions
 from .parts import Contents, Drawing, Grid, fact, plain
@@ -52,13 +50,12 @@ def plan_contents(plan: ButtonPlan) -> Contents:
             fact(
                 button=plan.button,
                 offers=plain(values),
-                parallel=plain([_wired(one) for one in plan.parallel]),
                 elsewhere=dict(plan.elsewhere),
             )
         ],
         kind="plan",
         tables=[Grid("", _HEADINGS, rows, below=_EXPLAINED)],
-        notes=[*_at_other_points(plan), *_in_parallel(plan), first.reservation],
+        notes=[*_at_other_points(plan), first.reservation],
         simulated=plan.simulated,
         rig=plan.rig,
         figures=[plan_drawing(plan)],
@@ -76,42 +73,6 @@ def _at_other_points(plan: ButtonPlan) -> Iterator[str]:
         )
     if silent:
         yield f"Points that are to be silent: {', '.join(silent)}. What moves there counts as error."
-
-
-def _in_parallel(plan: ButtonPlan) -> Iterator[str]:
-    """What patches that share a channel of the amplifier would play in parallel; nothing without them."""
-    if not plan.parallel:
-        return
-    first = plan.curves[0]
-    told: list[str] = []
-    for one in plan.parallel:
-        swapped = (
-            f" with the wires of {', '.join(one.wiring.reversed)} swapped" if one.wiring.reversed else ""
-        )
-        patches, error = ", ".join(one.wiring.patches), f"({percent(one.error)} of error)"
-        times = (
-            f"{one.louder:.1f} times"
-            if told
-            else f"would be {one.louder:.1f} times as loud as {first.patch} alone"
-        )
-        told.append(f"{patches}{swapped or ' as wired'} {times} {error}")
-    yield (
-        "One channel of the amplifier drives all patches, so that one plays at a time. In parallel on it, "
-        f"within its limits for so many, {'; '.join(told)} (computed for {first.method} drives planned for "
-        f"{COMPARED_AT:.0%} of error; haploop does not play patches in parallel)."
-    )
-
-
-def _wired(one: Wired) -> dict[str, Any]:
-    return {
-        "patches": one.wiring.patches,
-        "swapped": one.wiring.reversed,
-        "error": one.error,
-        "above_threshold_db": one.level,
-        "scale": one.scale,
-        "drive_peak_v": one.peak,
-        "louder": one.louder,
-    }
 
 
 def plan_drawing(plan: ButtonPlan) -> Drawing:

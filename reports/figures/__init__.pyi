@@ -16,7 +16,6 @@ from .feeling import feeling_figure as feeling_figure
 from .history import before_and_after as before_and_after
 from .history import responses as responses
 from .history import trend as trend
-from .map import animate_map as animate_map
 from .map import map_figure as map_figure
 from .measured_response import response as response
 from .paper import activation_forces as activation_forces

@@ -1,14 +1,9 @@
-"""Figures of a vibration map: the paper's figure 3, and an animation of the largest vibration."""
+"""Figures of a vibration map: the paper's figure 3."""
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import scipy
-from matplotlib import colormaps
-from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.axes import Axes
 from matplotlib.colors import Colormap
 from matplotlib.figure import Figure
@@ -16,14 +11,10 @@ from matplotlib.image import AxesImage
 
 from ...calibration.map import ALL, VibrationMap
 from ...instruments.arrays import FloatArray
-from ...instruments.files import new_file
-from .encoding import mark_simulated
 from .plotting import GREY, INK, Columns, letter, new_figure, style
 
 _SHAPES = 5
 """Number of mode shapes drawn."""
-_FRAMES = 24
-_COLOURS = 63
 _SQUARE = 0.7
 """Height over width of the table as drawn (not stated in the paper)."""
 _MICRO = 1e6
@@ -65,43 +56,6 @@ def map_figure(found: VibrationMap, columns: Columns = 2) -> Figure:
             bar = drawn.add_subplot(grid[rows[0] :, -1])
             drawn.colorbar(image, cax=bar, ticks=[-1, 0, 1]).set_label("mode shape")
     return drawn
-
-
-def animate_map(found: VibrationMap, path: Path) -> None:
-    """Write one period of the vibration at the best frequency, in slow motion, as a new GIF.
-
-    Raises DataError when it exists or cannot be written.
-    """
-    best = found.best()
-    motion = found.displacement(best.patch, np.array([best.frequency_hz]))[:, 0] * _MICRO
-    top = float(np.abs(motion).max())
-    with style():
-        drawn = Figure(figsize=(4.2, 2.6), layout="constrained")
-        axes = drawn.add_subplot()
-
-        def frame(number: int) -> FloatArray:
-            return found.grid(np.real(motion * np.exp(2j * np.pi * number / _FRAMES)))
-
-        # Few enough colours for a GIF, which has one palette per frame; brightness tells up from down.
-        colours = colormaps["cividis"].resampled(_COLOURS)
-        image = _surface(axes, found, np.real(motion), colours, (-top, top))
-        axes.set_title(f"Patch {best.patch}, {best.frequency_hz:.1f} Hz, in slow motion")
-        drawn.colorbar(image, ax=axes, label="µm per V", fraction=0.05)
-        if found.plan.simulated:
-            mark_simulated(drawn)
-
-        def draw(number: int) -> tuple[Any, ...]:
-            image.set_data(frame(number))
-            return (image,)
-
-        with new_file(path) as part:
-            # Pillow derives the file type from the suffix.
-            gif = part.with_name(f"{part.name}.gif")
-            try:
-                FuncAnimation(drawn, draw, frames=_FRAMES).save(gif, writer=PillowWriter(fps=12), dpi=110)
-                gif.replace(part)
-            finally:
-                gif.unlink(missing_ok=True)
 
 
 def _surface(

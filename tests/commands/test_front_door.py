@@ -38,7 +38,7 @@ WORK = {
         "VibrationMap",
     ],
     "check": ["Recording", "representative", "drive_for", "pressed_drives", "check", "check_under_finger"],
-    "map": ["open_rig", "map_plan", "measure_map", "VibrationMap", "animate_map"],
+    "map": ["open_rig", "map_plan", "measure_map", "VibrationMap"],
     "button make": [
         "load_calibrations",
         "representative",

@@ -20,11 +20,8 @@ def test_a_small_map_is_measured_shown_and_drawn(run: Run, tmp_path: Path, rigs:
     values = json.loads(done.stdout)
     assert values["simulated"] is True and values["points_measured"] == 2
     assert values["best"]["patch"] == "A"
-    gif = tmp_path / "map.gif"
-    again = run("map", "--out", out, "--points", "3,17", "--patches", "A", "--json", "--gif", gif)
+    again = run("map", "--out", out, "--points", "3,17", "--patches", "A", "--json")
     assert json.loads(again.stdout) == values
-    assert gif.read_bytes().startswith(b"GIF89a")
-    assert sorted(p.name for p in tmp_path.iterdir() if "gif" in p.name) == ["map.gif"]
     shown = run("show", out, "--plot", tmp_path / "map.png")
     assert shown.exit_code == 0 and "one patch at a time" in shown.stdout and "Simulated" in shown.stdout
     assert (tmp_path / "map.png").stat().st_size > 10_000
@@ -44,7 +41,7 @@ def test_a_small_map_is_measured_shown_and_drawn(run: Run, tmp_path: Path, rigs:
 
 def test_requests_that_make_no_map(run: Run, tmp_path: Path) -> None:
     for wrong in (
-        *(("--points", "x"), ("--points", "84"), ("--patches", "Q"), ("--gif", "map.png")),
+        *(("--points", "x"), ("--points", "84"), ("--patches", "Q")),
         *(("--level", "500"), ("--patches", "A,A"), ("--points", "0-9999999999")),
     ):
         assert run("map", "--out", tmp_path / "map", *wrong).exit_code == 2
