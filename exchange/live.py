@@ -28,11 +28,14 @@ from ..instruments import (
 )
 from ..instruments.driver import Mode
 from ..instruments.flag import Flag
+from ..instruments.live import waiting_for
 from ..terminal.progress import note
 from .lsl import Outlets, send
 
 _REFRESH = 0.5
 """Seconds of one wait for a block; the loop then checks whether the rig was closed."""
+_SENT = 4096
+"""Most blocks that wait to be sent: LSL's receivers want all of them."""
 _RETRY = 0.02
 """Seconds between two searches for a program that publishes."""
 
@@ -43,26 +46,28 @@ def published(rig: Rig) -> Iterator[None]:
     with ExitStack() as stack:
         if os.environ.get("HAPLOOP_LIVE", "").lower() != "off":
             try:
-                stack.enter_context(rig.publish_live())
+                stack.enter_context(rig.publish_live()).greet()
             except InstrumentError as error:
                 note(str(error))
         yield
 
 
-def find(file: RigFile, simulate: Mode | None, wait: float) -> Tap:
+def find(file: RigFile, simulate: Mode | None, wait: float, capacity: int = 16) -> Tap:
     """Call `watch_live`, and retry for up to `wait` seconds while no program publishes the rig."""
     clock = RealClock()
     until, waiting = clock.now() + wait, False
-    while True:
-        try:
-            return watch_live(file, simulate)
-        except ConfigurationError:
-            if clock.now() >= until:
-                raise
-            if not waiting:
-                waiting = True
-                note(f"Waiting for a command that uses the rig {file.name}.")
-            clock.sleep(_RETRY)
+    with ExitStack() as stack:
+        while True:
+            try:
+                return watch_live(file, simulate, capacity)
+            except ConfigurationError:
+                if clock.now() >= until:
+                    raise
+                if not waiting:
+                    waiting = True
+                    stack.enter_context(waiting_for(file, simulate))
+                    note(f"Waiting for a command that uses the rig {file.name}.")
+                clock.sleep(_RETRY)
 
 
 @contextmanager
@@ -99,7 +104,7 @@ def stream(file: RigFile, simulate: Mode | None, wait: float) -> None:
     found = False
     while True:
         try:
-            with find(file, simulate, wait) as tap:
+            with find(file, simulate, wait, _SENT) as tap:
                 found = True
                 send(tap, outlets)
         except ConfigurationError:

@@ -9,4 +9,5 @@ from .tap import Feed as Feed
 from .tap import LiveBlock as LiveBlock
 from .tap import Run as Run
 from .tap import Tap as Tap
+from .watching import waiting_for as waiting_for
 from .watching import watch_live as watch_live

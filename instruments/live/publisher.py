@@ -29,12 +29,16 @@ from .tap import Feed
 ADDRESS_FILES = "live-*.json"
 """Names of the address files in a state folder."""
 
+WAITING_FILES = "waiting-*.txt"
+"""Names of files that hold the name of a rig, of viewers that wait for it to be published."""
+_GREETING = 2.0
+"""Time for waiting viewers to connect (s)."""
 _MOST_CLIENTS = 8
 _IDLE = 0.25
 """Interval at which a connection without blocks is tested for a client that has gone (s)."""
 _TOKEN_DEADLINE = 2.0
 """Time for a client to send its token (s)."""
-_CAPACITY = 16
+_CAPACITY = 64
 """Most blocks that wait for one client."""
 
 
@@ -42,7 +46,7 @@ class Publisher(Closing):
     """Publishes a feed while its context lasts. Raises InstrumentError when it cannot begin."""
 
     def __init__(self, feed: Feed, rig: str, folder: Path) -> None:
-        self._feed = feed
+        self._feed, self._rig = feed, rig
         self._closing = Flag()
         self._token = secrets.token_hex(TOKEN // 2)
         self._clients: set[socket.socket] = set()
@@ -82,6 +86,28 @@ class Publisher(Closing):
             for link in self._clients:
                 with suppress(OSError):
                     link.shutdown(socket.SHUT_RDWR)
+
+    def greet(self) -> None:
+        """Wait, for 2 s at most, until viewers that were waiting for this rig are connected.
+
+        A simulated rig measures faster than a viewer connects, which would miss the beginning.
+        """
+        clock = RealClock()
+        until = clock.now() + _GREETING
+        waiting = [path for path in self.path.parent.glob(WAITING_FILES) if self._is_meant(path)]
+        while any(path.exists() for path in waiting) or self._feed.tapped < len(waiting):
+            if clock.now() > until:
+                for path in waiting:  # of a program that was killed
+                    with suppress(OSError):
+                        path.unlink(missing_ok=True)
+                return
+            clock.sleep(0.01)
+
+    def _is_meant(self, path: Path) -> bool:
+        try:
+            return path.read_text(encoding="utf-8") == self._rig
+        except (OSError, ValueError):
+            return False
 
     def _write_address(self, rig: str) -> None:
         content = {"rig": rig, "pid": os.getpid(), "port": self.port, "token": self._token}

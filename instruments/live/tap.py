@@ -145,6 +145,11 @@ class Feed:
         self._runs = 0
         self._closed = False
 
+    @property
+    def tapped(self) -> int:
+        """Number of taps."""
+        return len(self._taps)
+
     def tap(self, capacity: int = 16) -> Tap:
         """Return a new tap on all further blocks; a closed one once the feed is closed."""
         tap = Tap(capacity, on_close=lambda: self._remove(tap))

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
+import secrets
 import socket
 import threading
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -17,9 +19,10 @@ import numpy.typing as npt
 from ..config import RigFile, load_rig_file
 from ..driver import Mode
 from ..errors import ConfigurationError, DataError
+from ..files import new_file, private_files
 from ..safety import state_folder
 from .frames import PREFIX, TOKEN, header_of, lengths_of, volts_of
-from .publisher import ADDRESS_FILES
+from .publisher import ADDRESS_FILES, WAITING_FILES
 from .tap import LiveBlock, Tap
 
 ByteArray = npt.NDArray[np.uint8]
@@ -73,6 +76,20 @@ def watch_live(
         f"No running program publishes the rig {file.name!r} {where}: start one (haploop record, say), and "
         f"name the same rig file and --simulate here.{hint}"
     )
+
+
+@contextmanager
+def waiting_for(rig: RigFile, simulate: Mode | None) -> Iterator[None]:
+    """Let a program that publishes a rig meanwhile wait for this viewer (`Publisher.greet`)."""
+    folder = state_folder(rig, (simulate or rig.simulate) is not None)
+    path = folder / WAITING_FILES.replace("*", f"{os.getpid()}-{secrets.token_hex(4)}")
+    with suppress(OSError), private_files(), new_file(path) as part:
+        part.write_text(rig.name, encoding="utf-8")
+    try:
+        yield
+    finally:
+        with suppress(OSError):
+            path.unlink(missing_ok=True)
 
 
 @dataclass

@@ -6,6 +6,8 @@ import json
 import os
 import subprocess
 import sys
+import threading
+import time
 import uuid
 from pathlib import Path
 
@@ -13,8 +15,10 @@ import numpy as np
 import pytest
 
 import haploop
+from haploop.exchange.live import find, published
 from haploop.exchange.lsl import Stamps
 from haploop.instruments.live import Run
+from haploop.instruments.safety import state_folder
 from haploop.instruments.sensors import Sensors
 from tests.command_line import Run as RunCommand
 
@@ -120,6 +124,39 @@ def test_a_missing_pylsl_is_named(run: RunCommand, monkeypatch: pytest.MonkeyPat
     monkeypatch.setitem(sys.modules, "pylsl", None)
     result = run("live", "--lsl")
     assert result.exit_code == 2 and 'pip install "haploop[lsl]"' in result.stderr
+
+
+def test_a_viewer_that_waits_misses_nothing(tmp_path: Path) -> None:
+    """Even of a simulated rig, which measures faster than a viewer connects."""
+    file, blocks = haploop.load_rig_file("simulated"), []
+
+    def view() -> None:
+        with find(file, None, 60, 4096) as tap:
+            blocks.extend(tap)
+            blocks.append(tap.dropped)
+
+    viewer = threading.Thread(target=view)
+    viewer.start()
+    folder = state_folder(file, True)
+    while not list(folder.glob("waiting-*.txt")):
+        time.sleep(0.01)
+    with haploop.open_rig("simulated") as rig, published(rig):
+        recording = haploop.record(rig, "latch", "P01", 1, tmp_path)
+    viewer.join(60)
+    *blocks, dropped = blocks
+    assert dropped == 0 and blocks[0].first == 0
+    assert blocks[-1].end >= recording.volts.shape[1]
+    assert not list(folder.glob("waiting-*.txt"))
+
+
+def test_a_viewer_that_was_killed_is_not_waited_for_twice(tmp_path: Path) -> None:
+    file = haploop.load_rig_file("simulated")
+    left, other = (state_folder(file, True) / f"waiting-{name}.txt" for name in ("left", "other"))
+    left.write_text(file.name)
+    other.write_text("another rig")
+    with haploop.open_rig("simulated") as rig, published(rig):
+        assert not left.exists() and other.exists()
+    other.unlink()
 
 
 def test_an_inlet_receives_what_is_recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
