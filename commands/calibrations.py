@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -30,10 +31,8 @@ _EXITS = {"unchanged": 0, "restored": 0, "drifted": 1, "touched": 1, "broken": 3
 
 
 def _history(rig: str, folder: Path | None) -> History:
-    """The history of a rig: in `folder`, beside the rig file, or in this folder for a shipped rig."""
-    path = Path(rig)
-    beside = path.parent if path.is_file() else Path()
-    return haploop.History(folder or beside / f"{path.stem}-calibrations")
+    """The history in `folder`, or else the rig's own."""
+    return haploop.History(folder) if folder else haploop.History.of_rig(rig)
 
 
 def active_drives(rig: str) -> dict[str, Drive]:
@@ -136,7 +135,7 @@ def activate(name: str, reason: str, calibrations: Path | None, rig: str, as_jso
 def plot(out: Path, columns: Literal[1, 2], calibrations: Path | None, rig: str, as_json: bool) -> int:
     """Plot resonance, damping, gain and coherence over time.
 
-    OUT ends with .png, .pdf or .svg.
+    OUT ends with .png, .pdf, .svg, or .csv for its numbers.
     """
     history = _history(rig, calibrations)
     figure = haploop.trend(history, columns)
@@ -174,15 +173,23 @@ def recalibrate(
     2 invalid request, file or configuration; 3 something is broken; 4 whether a button is right cannot be
     told. After 1 to 4 the active calibration is unchanged.
     """
-    rig.load()  # an error in the rig file is told before that it has no calibration
+    file = rig.load()  # an error in the rig file is told before that it has no calibration
     history = _history(rig.name or str(rig.simulate).removeprefix(TAPE), calibrations)
     history.active()
-    with rig.opened() as opened, Steps() as steps:
-        on_table(opened, laser_at)
-        nobody = None if attended else haploop.Unattended(laser_at)
-        if nobody:
-            opened.adopt("operator", nobody)
-        outcome = haploop.recalibrate(opened, history, actor=_actor(), progress=steps)
+    from ..calibration.upkeep import note_unopened  # noqa: PLC0415
+
+    nobody = None if attended else haploop.Unattended(laser_at)
+    with ExitStack() as stack:
+        try:
+            opened = stack.enter_context(rig.opened())
+        except instruments.InstrumentError as error:
+            outcome = note_unopened(history, error, file.name, bool(rig.simulate or file.simulate))
+        else:
+            on_table(opened, laser_at)
+            if nobody:
+                opened.adopt("operator", nobody)
+            steps = stack.enter_context(Steps())
+            outcome = haploop.recalibrate(opened, history, actor=_actor(), progress=steps)
     written = haploop.write_recalibration(history, outcome)
     assumed = tuple(nobody.assumed) if nobody else ()
     display.print_contents(contents.outcome_contents(history, outcome, assumed, written), as_json)

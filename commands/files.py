@@ -24,11 +24,11 @@ def show(files: Sequence[Path], shown: Shown) -> int:
     """Show the contents of a file.
 
     FILE is a recording, a representative press, a calibration, a drive, a check, a digital button, a curve,
-    or the folder of a vibration map. For several recordings, or a study (its study.toml or its folder), show
-    the force at activation by participant and button.
+    or the folder of a vibration map or of a history of calibrations. For several recordings, or a study (its
+    study.toml or its folder), show the force at activation by participant and button.
     """
-    a_map = (files[0] / "map.json").is_file()
-    if len(files) > 1 or (files[0].is_dir() and not a_map) or files[0].suffix == ".toml":
+    own = (files[0] / "map.json").is_file() or contents.is_history(files[0])
+    if len(files) > 1 or (files[0].is_dir() and not own) or files[0].suffix == ".toml":
         found = contents.forces_contents(contents.recordings_in(files))
     else:
         found = contents.file_contents(files[0])
@@ -74,9 +74,10 @@ def report(paths: Sequence[Path], out: Path, pdf: bool, no_open: bool, as_json: 
     """Write a report with verdicts, figures and captions.
 
     PATH is a recording, a representative press, a calibration, a drive, a check, a digital button, a curve,
-    the folder of a vibration map, a study (its study.toml or its folder), a folder of such files, or a table
-    of `haploop experiment export` (CSV). OUT is one HTML file that needs no other file, and is opened in a
-    browser; the folder OUT-figures beside it holds each figure as PDF and SVG.
+    the folder of a vibration map or of a history of calibrations, a study (its study.toml or its folder), a
+    folder of such files, or a table of `haploop experiment export` (CSV). OUT is one HTML file that needs no
+    other file, and is opened in a browser; the folder OUT-figures beside it holds each figure as PDF, SVG and
+    CSV.
     """
     if out.suffix.lower() not in (".html", ".htm"):
         raise haploop.ConfigurationError(f"{out} has the wrong file type: use a name that ends with .html.")
@@ -99,7 +100,7 @@ def report(paths: Sequence[Path], out: Path, pdf: bool, no_open: bool, as_json: 
     if made.pdf:
         print_line(f"PDF: {made.pdf}")
     if made.figures:
-        print_line(f"Figures as PDF and SVG: {made.figures[0].parent}")
+        print_line(f"Figures as PDF, SVG and CSV: {made.figures[0].parent}")
     if not no_open:
         open_page(made.html)
     return 0

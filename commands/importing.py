@@ -101,7 +101,10 @@ _FLIPPED = ("force", "acceleration", "displacement", "activation")
     help="Response: measured point, button or a grid point's number.  [default: as the file states]",
 )
 @click.option(
-    "--plot", type=PICTURE, metavar="OUT.png", help="Also draw what was understood (PNG, PDF, SVG)."
+    "--plot",
+    type=PICTURE,
+    metavar="OUT.png",
+    help="Also draw what was understood (PNG, PDF, SVG, CSV).",
 )
 @RIG
 @JSON

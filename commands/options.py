@@ -150,8 +150,10 @@ TAPED = click.option(
     help="Record every call between haploop and the devices, to be played back by --simulate tape:FILE.tape.",
 )
 NEW = NewFile()
-PICTURE = NewFile(".png", ".pdf", ".svg")
-PLOT = click.option("--plot", type=PICTURE, metavar="OUT.png", help="Also draw a figure (PNG, PDF, SVG).")
+PICTURE = NewFile(".png", ".pdf", ".svg", ".csv")
+PLOT = click.option(
+    "--plot", type=PICTURE, metavar="OUT.png", help="Also draw a figure (PNG, PDF, SVG; CSV: its numbers)."
+)
 PLAYS = click.option(
     "--plays",
     type=click.IntRange(3, 1000),

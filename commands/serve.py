@@ -12,6 +12,7 @@ import click
 from .. import instruments
 from ..terminal.progress import note
 from . import front as haploop
+from .calibrations import CALIBRATIONS
 from .options import PATH, RIG, SIMULATE, TAPED
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     help="Folder for recordings, studies, maps and buttons; the pages reach no other file.  [default: this "
     "folder]",
 )
+@CALIBRATIONS
 @click.option(
     "--port",
     type=click.IntRange(0, 65535),
@@ -52,6 +54,7 @@ def serve(
     simulate: Mode | None,
     tape: Path | None,
     data: Path,
+    calibrations: Path | None,
     port: int,
     address: str,
     stop: bool,
@@ -70,6 +73,7 @@ def serve(
     if stop:
         return _stop(file, simulate, as_json)
     try:
+        from ..console.data_folder import DataFolder  # noqa: PLC0415
         from ..console.server import Access, serve_console  # noqa: PLC0415
     except ModuleNotFoundError as error:
         raise haploop.ConfigurationError(
@@ -88,7 +92,8 @@ def serve(
     if tape is not None:
         instruments.check_recordable(file, simulate or file.simulate)
         _refuse_running(file, simulate)
-    serve_console(rig, file, simulate, data, address, port, ready, virtual_time, tape)
+    kept = calibrations or haploop.History.of_rig(rig, data).folder
+    serve_console(rig, file, simulate, DataFolder(data, kept), address, port, ready, virtual_time, tape)
     return 0
 
 

@@ -1,10 +1,13 @@
-"""The folder that the console reads and writes; a page names no other file."""
+"""The folder that the console reads and writes, and the rig's history of calibrations; a page names no other
+file.
+"""
 
 from __future__ import annotations
 
 from contextlib import suppress
 from pathlib import Path
 
+from ..calibration import History
 from ..experiments import Store, load_experiment
 from ..instruments import ConfigurationError
 
@@ -15,8 +18,10 @@ _LONGEST = 255
 class DataFolder:
     """A folder, and the only way from a name that a page sent to a path."""
 
-    def __init__(self, root: Path) -> None:
+    def __init__(self, root: Path, calibrations: Path) -> None:
         self.root = root.expanduser().resolve()
+        self.history = History(calibrations.expanduser().resolve())
+        """The history that `haploop recalibrate` keeps; it may lie elsewhere, and no page names it."""
 
     @property
     def sitting(self) -> Path:

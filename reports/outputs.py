@@ -26,8 +26,8 @@ __all__ = [
     "save_picture",
 ]
 
-PICTURES = (".png", ".pdf", ".svg")
-"""Suffixes of a picture."""
+PICTURES = (".png", ".pdf", ".svg", ".csv")
+"""Suffixes of a figure: pictures, and the numbers that it draws."""
 
 
 def check_new_file(path: Path, suffixes: tuple[str, ...] = ()) -> None:
@@ -45,7 +45,7 @@ def check_new_file(path: Path, suffixes: tuple[str, ...] = ()) -> None:
 
 @private_files()
 def save_picture(figure: Figure, path: Path, simulated: bool) -> None:
-    """Write a figure as a new PNG, PDF or SVG, by the suffix of `path`; marked if it shows simulated data.
+    """Write a figure as a new PNG, PDF, SVG or CSV, by the suffix of `path`; marked if it is simulated.
 
     Its owner alone can read it, as a report: most figures show what people did.
 

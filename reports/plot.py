@@ -1,7 +1,7 @@
 """Figures in the style of a journal, from a script or a notebook: `haploop.plot.press(press)`.
 
 Each function returns a matplotlib Figure, one or two columns of a journal wide, marked if it shows simulated
-data. `save` writes it as PNG, PDF or SVG, the same bytes every time.
+data. `save` writes it as PNG, PDF, SVG or CSV (what it draws), the same bytes every time.
 """
 
 from __future__ import annotations
@@ -117,7 +117,7 @@ def trend(history: History, columns: Columns = 2) -> Figure:
 
 
 def save(figure: Figure, path: str | Path) -> None:
-    """Write a figure of this module as a new PNG, PDF or SVG, by the suffix of `path`.
+    """Write a figure of this module as a new PNG, PDF, SVG or CSV, by the suffix of `path`.
 
     Raises ConfigurationError when the file exists or cannot be written.
     """

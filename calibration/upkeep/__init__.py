@@ -7,5 +7,6 @@ from .adoption import calibrations_of as calibrations_of
 from .drift import PlaceMetrics as PlaceMetrics
 from .history import Generation as Generation
 from .history import History as History
-from .recalibration import Outcome as Outcome
+from .outcome import Outcome as Outcome
+from .outcome import note_unopened as note_unopened
 from .recalibration import recalibrate as recalibrate

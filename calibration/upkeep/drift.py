@@ -79,6 +79,16 @@ class PlaceMetrics:
 
 
 @dataclass(frozen=True)
+class ModeShift:
+    """How far one mode of a place has moved since it was calibrated."""
+
+    hz: float
+    """Its calibrated frequency."""
+    shift: float
+    """Relative."""
+
+
+@dataclass(frozen=True)
 class Verdict:
     """Result of the drift test of one place. `now` is None when nothing could be measured there."""
 
@@ -96,6 +106,8 @@ class Verdict:
     """Volts at the patch per volt commanded, by the drive monitor, over those when it was calibrated."""
     dampings: Dampings = field(default_factory=Dampings)
     """How the dampings changed, which tells whether something rests on the table."""
+    modes: tuple[ModeShift, ...] = ()
+    """Of the strong modes in the band of drives, by frequency."""
     changes: Mapping[str, float] = field(default_factory=dict)
     """By button: the predicted change of the motion that its drive makes, over its target."""
     moved: Mapping[str, FloatArray] = field(default_factory=dict)
@@ -149,6 +161,7 @@ def compare(
         factor=laid.factor,
         path=path,
         dampings=dampings_of(active.model, laid),
+        modes=_shifts(active.model, laid),
         changes=changes,
         moved=moved,
     )
@@ -269,6 +282,13 @@ def _coherence(response: Response) -> float:
 def _path(response: Response) -> float:
     """Volts at the patch per volt commanded."""
     return float(np.median(np.abs(response.path)))
+
+
+def _shifts(model: Model, laid: Overlay) -> tuple[ModeShift, ...]:
+    hz = np.abs(model.poles) / (2 * np.pi)
+    strong = (model.poles.imag > 0) & (laid.weight > _STRONG) & (hz >= BAND[0]) & (hz <= BAND[1])
+    order = [int(k) for k in np.argsort(hz) if strong[k]]
+    return tuple(ModeShift(float(hz[k]), float(laid.shift[k])) for k in order)
 
 
 def _main(model: Model) -> int:

@@ -18,7 +18,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, Self
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -124,6 +124,15 @@ class History(InNotebook):
     def __init__(self, folder: str | Path) -> None:
         self.folder = Path(folder)
         self._room: Room | None = None
+
+    @classmethod
+    def of_rig(cls, rig: str | Path, here: str | Path = "") -> Self:
+        """The history of a rig: the folder RIG-calibrations beside its file, or in `here` for a shipped rig.
+
+        Commands and the console find it by this alone.
+        """
+        path = Path(rig)
+        return cls((path.parent if path.is_file() else Path(here)) / f"{path.stem}-calibrations")
 
     @contextlib.contextmanager
     def hold(self, size: int = 0) -> Iterator[None]:
@@ -236,6 +245,11 @@ class History(InNotebook):
         entry = Activation(generation.name, generation.digest, time, actor, reason)
         append_json(self.folder / _ACTIVATIONS, "activations", [vars(entry)])
         return entry
+
+    def report(self, when: str | datetime, outcome: str) -> Path:
+        """Where the report of a look is, if one was written: its time (ISO 8601, UTC) and its outcome."""
+        time = datetime.fromisoformat(when) if isinstance(when, str) else when
+        return self.folder / "reports" / f"{time:%Y%m%dT%H%M%SZ}-{outcome.replace(' ', '-')}.html"
 
     def note(self, look: Mapping[str, Any]) -> None:
         """Keep what a look found: one entry. Raises DataError when it cannot be written."""

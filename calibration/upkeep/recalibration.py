@@ -8,14 +8,13 @@ active all together or not at all.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
-from typing import Any, Literal, cast
+from typing import cast
 
 import numpy as np
 
 from ...instruments import (
-    ConfigurationError,
     DataError,
     InstrumentError,
     LimitError,
@@ -29,9 +28,10 @@ from ..model import Calibration, calibrate_keeping
 from ..response import Waveforms
 from .adoption import buttons_of, calibrations_of, disturbed_in_check, parts
 from .common_factor import common_factors, factors_since
-from .drift import Verdict, compare
+from .drift import compare
 from .history import Generation, History
 from .look import Look, Place, look_at, place_of, places_of, touched_since
+from .outcome import Kind, Outcome, note_outcome, refuse_other
 from .resting import TAKE_AWAY, told_touched
 from .sensor_health import laser_at_rest
 
@@ -46,52 +46,6 @@ _NONE_PLAYED = (
 )
 _PLAYS_BEFORE = 4
 """Plays of each old drive on the drifted table, enough to measure its error."""
-
-
-Kind = Literal["unchanged", "restored", "drifted", "touched", "broken", "not shown"]
-
-
-@dataclass(frozen=True, eq=False)
-class Outcome:
-    """Findings and actions of `recalibrate`.
-
-    `unchanged`: the active calibration holds, and the button that was played passed its check; none is played
-    where each needs the laser at a point that nobody aims it at. `restored`:
-    the table had drifted, and another calibration, in which every button passed, is active. `drifted`: the
-    table had drifted, and not every button could be restored. `touched`: something seems to rest on it, or
-    came or left meanwhile. `broken`: a place or an instrument has failed. `not shown`: the responses are as
-    they were, and the plays of a button do not tell whether it is right. Only `restored` changes anything.
-    """
-
-    kind: Kind
-    when: datetime
-    active: Generation
-    """The generation that is active now."""
-    verdicts: tuple[Verdict, ...]
-    sentences: tuple[str, ...]
-    """Findings, places not measured, and what to do."""
-    before: Mapping[str, Check] = field(default_factory=dict)
-    """By button: its old drive on the table as it was found; of one button where nothing seems changed."""
-    after: Mapping[str, DigitalButton] = field(default_factory=dict)
-    simulated: bool = True
-
-    def summary(self) -> dict[str, Any]:
-        """Plain values for JSON, without the waveforms."""
-        return {
-            "outcome": self.kind,
-            "when": self.when.isoformat(timespec="seconds"),
-            "simulated": self.simulated,
-            "active": self.active.name,
-            "places": [asdict(verdict) for verdict in self.verdicts],
-            "buttons": {
-                name: {
-                    "before": self.before[name].summary() if name in self.before else None,
-                    "after": self.after[name].check.summary() if name in self.after else None,
-                }
-                for name in sorted({*self.before, *self.after})
-            },
-            "sentences": list(self.sentences),
-        }
 
 
 def recalibrate(
@@ -118,7 +72,7 @@ def recalibrate(
     with history.hold(_size(history.active(), iterations)):
         active = history.active()
         calibrations, buttons = calibrations_of(active), buttons_of(active)
-        _refuse_other(rig, active, calibrations)
+        refuse_other(rig.name, rig.simulated, active)
         usual = _usual_noise(history)
         look = look_at(rig, calibrations, _drives(buttons), usual, progress)
         free = False
@@ -166,17 +120,7 @@ def recalibrate(
             outcome = _judged(rig, history, outcome, calibrations, anew)
             if outcome.kind == "restored":
                 outcome = _activated(rig, history, outcome, anew, actor)
-        laser = look.laser
-        history.note(
-            {
-                "compared_with": active.name,
-                **outcome.summary(),
-                "laser_noise": laser.noise if laser else None,
-                "laser_spikes": look.spikes,
-                "laser_hum": asdict(laser.hum) if laser and laser.hum else None,
-                "played": sorted(outcome.before),
-            }
-        )
+        note_outcome(history, active, outcome, look)
     return outcome
 
 
@@ -185,17 +129,6 @@ def _size(active: Generation, iterations: int) -> int:
     each = sizes.CHECK + sizes.of_button(iterations)
     places = len(active.paths("calibrations")) * (sizes.CALIBRATION + sizes.WAVEFORMS)
     return places + len(active.paths("buttons")) * each
-
-
-def _refuse_other(rig: Rig, active: Generation, calibrations: Sequence[Calibration]) -> None:
-    for response in (calibration.response for calibration in calibrations):
-        if (response.rig, response.simulated) != (rig.name, rig.simulated):
-            kinds = {True: "simulated", False: "real"}
-            raise ConfigurationError(
-                f"The calibration {active.name} is of the {kinds[response.simulated]} rig "
-                f"{response.rig!r}, and this is the {kinds[rig.simulated]} rig {rig.name!r}: "
-                "name the folder of its own history."
-            )
 
 
 def _drives(buttons: Mapping[str, DigitalButton]) -> dict[Place, dict[str, Drive]]:

@@ -17,6 +17,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from ...instruments import ConfigurationError, HaploopError, InstrumentError
+from ...reports.html import GLANCE_STYLE
 from ..data_folder import DataFolder
 from .bodies import json_object
 from .conductor import Conductor
@@ -27,7 +28,7 @@ from .live_scope import LiveScope
 from .security import PARTICIPANT, Access, Guard
 
 _STATIC = Path(__file__).parent / "static"
-PAGES = ("record", "study", "preflight", "table", "buttons", "experiment", "catalogue", "participant")
+PAGES = ("record", "study", "preflight", "table", "buttons", "experiment", "catalogue", "file", "participant")
 """Pages beside the first one: PAGE.html in the folder of static files."""
 _PERIOD = 0.02
 """s between two looks for new buckets; the console records a block every 40 ms, and each is a frame."""
@@ -48,6 +49,9 @@ def application(access: Access, follower: Follower, scope: LiveScope, data: Data
             return FileResponse(_STATIC / f"{name}.html")
 
         return Route("/" if name == "index" else f"/{name}", answer)
+
+    async def glance_style(_: Request) -> Response:
+        return FileResponse(GLANCE_STYLE)
 
     async def command(request: Request) -> Response:
         try:
@@ -111,6 +115,7 @@ def application(access: Access, follower: Follower, scope: LiveScope, data: Data
         *data_routes(data),
         *experiment_routes(conductor, follower),
         WebSocketRoute("/socket", socket),
+        Route("/static/glance.css", glance_style),
         Mount("/static", StaticFiles(directory=_STATIC)),
     ]
     app = Starlette(routes=routes, lifespan=lifespan)

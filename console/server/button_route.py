@@ -14,6 +14,7 @@ from ...calibration.spectra import resample, third_octaves
 from ...instruments import DataError
 from ...instruments.arrays import FloatArray
 from ...reports.contents import (
+    check_glance,
     crosstalk_facts,
     interval,
     one_style,
@@ -24,6 +25,7 @@ from ...reports.contents import (
 )
 from ...reports.figures import activation_time
 from ..data_folder import DataFolder
+from .shown_routes import glance_json
 
 _SHOWN_HZ = 5000.0
 """Samples per second of the waveforms of a check that are sent."""
@@ -54,6 +56,7 @@ def button_shown(data: DataFolder, asked: Mapping[str, str]) -> Any:
         "point": drive.point,
         "points": [one.drive.point for one in (whole, *whole.others)],
         "each_point": _each_point(whole, (button.press, *button.others)),
+        "glance": glance_json(check_glance(check, feeling, press)),
         "check": check.summary(),
         "felt": one_style(feeling.sentence),
         "loudness_db": feeling.loudness_db,

@@ -11,7 +11,6 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from functools import lru_cache
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +24,6 @@ from ...acquisition import load_study
 from ...acquisition.recording import PartReader
 from ...calibration import (
     Calibration,
-    History,
     VibrationMap,
     Waveforms,
 )
@@ -33,11 +31,12 @@ from ...calibration.map import MapFolder
 from ...exchange.catalogue import list_files
 from ...instruments import DataError, HaploopError
 from ...instruments.arrays import FloatArray
-from ...reports.contents import experiment_contents
-from ...reports.figures import trend
+from ...reports.contents import experiment_contents, night
 from ..data_folder import DataFolder, store_of
 from .button_route import button_shown
 from .lab import lab, names
+from .shown_routes import figure, shown
+from .shown_routes import night as night_report
 
 _BEFORE, _AFTER = 0.25, 0.5
 """s around the activation of a press that are shown."""
@@ -54,8 +53,8 @@ def data_routes(data: DataFolder) -> list[Route]:
         async def answer(request: Request) -> Response:
             def answered() -> Response:
                 found = read(data, request.query_params)
-                if isinstance(found, bytes):
-                    return Response(found, media_type="image/png")
+                if isinstance(found, Response):
+                    return found
                 return Response(_json(found), media_type="application/json")
 
             try:
@@ -78,7 +77,9 @@ def data_routes(data: DataFolder) -> list[Route]:
         route("/api/experiment", _experiment),
         route("/api/calibration", _calibration),
         route("/api/history", _history),
-        route("/api/trend", _trend),
+        route("/api/shown", shown),
+        route("/api/figure", figure),
+        route("/api/night", night_report),
         route("/api/map", _map),
         route("/api/shape", _shape),
         route("/api/button", button_shown),
@@ -245,19 +246,13 @@ def _calibration(data: DataFolder, asked: Mapping[str, str]) -> Any:
 
 
 def _history(data: DataFolder, _: Mapping[str, str]) -> Any:
-    history = History(data.path("calibrations"))
+    history = data.history
     return {
         "generations": [generation.name for generation in history.generations],
         "activations": [vars(activation) for activation in history.activations],
-        "looks": len(history.looks),
+        "folder": history.folder.as_posix(),
+        "nights": [night(history, look) for look in reversed(history.looks)],
     }
-
-
-def _trend(data: DataFolder, _: Mapping[str, str]) -> bytes:
-    """The drift over time with the thresholds, as a PNG picture."""
-    figure, picture = trend(History(data.path("calibrations"))), BytesIO()
-    figure.savefig(picture, format="png", dpi=110)
-    return picture.getvalue()
 
 
 def _map(data: DataFolder, asked: Mapping[str, str]) -> Any:

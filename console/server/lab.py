@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from ...acquisition import load_study
-from ...calibration import History
 from ...exchange.catalogue import list_files
 from ...instruments import DataError, HaploopError
 from ..data_folder import DataFolder
@@ -48,7 +47,7 @@ def names(data: DataFolder, _: Mapping[str, str]) -> dict[str, Any]:
 
 def _calibration(data: DataFolder) -> dict[str, Any]:
     """Name and age of the active calibration, and what the last look at it found; a sentence without one."""
-    history = History(data.path("calibrations"))
+    history = data.history
     try:
         active = history.active()
     except DataError as error:

@@ -26,7 +26,7 @@ def serve_console(
     rig: str,
     file: RigFile,
     simulate: Mode | None,
-    data: Path,
+    data: DataFolder,
     address: str,
     port: int,
     ready: Callable[[Access], object],
@@ -50,7 +50,7 @@ def serve_console(
         # Before the worker is found, so that no other server ends it in between.
         elsewhere = stack.enter_context(serving(file, simulate))
         follower = Follower(worker(), worker, LiveScope(file, simulate))
-        app = application(access, follower, follower.scope, DataFolder(data))
+        app = application(access, follower, follower.scope, data)
         config = uvicorn.Config(
             app,
             log_level="error",

@@ -27,15 +27,17 @@ def main() -> int:
     parser.add_argument("--rig", required=True)
     parser.add_argument("--simulate", choices=["twin", "wire"])
     parser.add_argument("--data", type=Path, required=True)
+    parser.add_argument("--calibrations", type=Path, required=True)
     parser.add_argument("--tape", type=Path)
     parser.add_argument("--virtual-time", action="store_true", help="for tests")
     options = parser.parse_args()
     try:
         file = load_rig_file(options.rig)
-        data = DataFolder(options.data)
+        data = DataFolder(options.data, options.calibrations)
         worker = Worker(file, options.simulate, data, real_time=not options.virtual_time)
         listener = Listener(worker, secrets.token_hex(32), secrets.token_hex(32))
-        address = Address(os.getpid(), listener.port, listener.token, listener.stop_token, str(data.root))
+        folders = (str(data.root), str(data.history.folder))
+        address = Address(os.getpid(), listener.port, listener.token, listener.stop_token, *folders)
 
         def end(_number: int, _frame: FrameType | None) -> None:
             worker.end_soon()

@@ -27,6 +27,8 @@ class Address:
     """For STOP alone; the pages have it."""
     data: str
     """The worker's data folder."""
+    calibrations: str
+    """Folder of the worker's history of calibrations."""
 
     @classmethod
     def read(cls, path: Path) -> Address | None:
@@ -37,7 +39,8 @@ class Address:
         except (OSError, ValueError, TypeError, RecursionError):
             return None
         numbers = isinstance(found.pid, int) and isinstance(found.port, int) and 0 < found.port < 65536
-        words = all(isinstance(word, str) and word for word in (found.token, found.stop_token, found.data))
+        texts = (found.token, found.stop_token, found.data, found.calibrations)
+        words = all(isinstance(word, str) and word for word in texts)
         return found if numbers and words else None
 
 

@@ -10,7 +10,6 @@ from ...acquisition import load_press
 from ...calibration import (
     DigitalButton,
     Drift,
-    History,
     Loudness,
     VibrationMap,
     adopt,
@@ -121,7 +120,7 @@ def adopt_button(tools: Tools, wanted: Mapping[str, Any]) -> Work:
     reason = clean(wanted.get("reason", ""), "The reason", 3)
 
     def work(_: Rig) -> dict[str, Any]:
-        history = History(tools.data.path("calibrations"))
+        history = tools.data.history
         return {
             "generation": adopt(history, [button], actor=ACTOR, reason=reason, rig=tools.file).name,
         }

@@ -25,7 +25,6 @@ from ...acquisition import (
     set_aside,
 )
 from ...calibration import (
-    History,
     Waveforms,
     activate,
     calibrate_keeping,
@@ -183,7 +182,7 @@ def _space(tools: Tools) -> dict[str, Any]:
 
 
 def _calibrated(tools: Tools) -> dict[str, Any]:
-    history = History(tools.data.path("calibrations"))
+    history = tools.data.history
     try:
         active = history.active()
     except DataError:
@@ -253,7 +252,7 @@ def _activate(tools: Tools, wanted: Mapping[str, Any]) -> Work:
     reason = clean(wanted.get("reason", ""), "The reason", 3)
 
     def work(_: Rig) -> dict[str, Any]:
-        history = History(tools.data.path("calibrations"))
+        history = tools.data.history
         return {"generation": activate(history, name, actor=ACTOR, reason=reason, rig=tools.file).name}
 
     return work

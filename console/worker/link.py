@@ -17,6 +17,7 @@ from urllib.parse import quote
 from ...instruments import ConfigurationError, InstrumentError, RealClock, RigFile
 from ...instruments.driver import Mode
 from ...instruments.safety import is_marked, marked
+from ..data_folder import DataFolder
 from .address import Address, address_path
 
 _START = 60.0
@@ -121,7 +122,7 @@ def start_worker(
     rig: str,
     file: RigFile,
     simulate: Mode | None,
-    data: Path,
+    data: DataFolder,
     virtual_time: bool = False,
     tape: Path | None = None,
 ) -> WorkerLink:
@@ -129,22 +130,26 @@ def start_worker(
 
     One that is started records its sessions on `tape`. Its errors go to `console-worker.log` in the rig's
     state folder. Raises ConfigurationError when the
-    running one has another data folder, WorkerHangsError, and InstrumentError when none comes up.
+    running one has other folders, WorkerHangsError, and InstrumentError when none comes up.
     """
     path = address_path(file, simulate)
     with _alone(path.with_suffix(".start")):
         found = find_worker(file, simulate)
         if found is None:
-            command = ["--rig", rig, "--data", str(data)]
+            command = ["--rig", rig, "--data", str(data.root), "--calibrations", str(data.history.folder)]
             command += ["--simulate", simulate] if simulate else []
             command += ["--virtual-time"] if virtual_time else []
             command += ["--tape", str(tape.absolute())] if tape else []
             return _started(file, simulate, command)
-    if Path(found.address.data) != data.expanduser().resolve():
-        raise ConfigurationError(
-            f"A console of the rig {file.name!r} runs already, with the data folder "
-            f"{found.address.data}: name that one with --data, or end it with `haploop serve --stop`."
-        )
+    for option, what, has, wanted in (
+        ("--data", "data folder", found.address.data, data.root),
+        ("--calibrations", "history of calibrations", found.address.calibrations, data.history.folder),
+    ):
+        if Path(has) != wanted:
+            raise ConfigurationError(
+                f"A console of the rig {file.name!r} runs already, with the {what} {has}: name that one with "
+                f"{option}, or end it with `haploop serve --stop`."
+            )
     return found
 
 

@@ -71,6 +71,7 @@ class Worker:
             mode=mode,
             simulated=mode is not None,
             data=str(data.root),
+            calibrations=str(data.history.folder),
             table=None if file.table is None else _table(file),
             job=None,
             progress=None,

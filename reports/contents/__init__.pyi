@@ -15,13 +15,16 @@ from .experiment import experiment_contents as experiment_contents
 from .files import contents_of as contents_of
 from .files import file_contents as file_contents
 from .files import files_of as files_of
+from .files import is_history as is_history
 from .files import recordings_in as recordings_in
 from .glance import Gauge as Gauge
 from .glance import Glance as Glance
 from .glance import Motion as Motion
+from .glance import check_glance as check_glance
 from .history import difference_contents as difference_contents
 from .history import generation_contents as generation_contents
 from .history import history_contents as history_contents
+from .history import night as night
 from .history import outcome_contents as outcome_contents
 from .history import simulated as simulated
 from .parts import Cell as Cell

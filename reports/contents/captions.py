@@ -24,6 +24,10 @@ RESPONSE = (
     "the fitted rational model (thin). The dotted line is the strongest resonance."
 )
 TREND = "Resonance (Hz), damping, gain and coherence of each place over time; bands are the tolerances."
+MODES = (
+    "Drift of the frequency of each strong mode in %, since the first night's calibration; one panel a mode, "
+    "all on one scale."
+)
 DRIVES = "Voltage at the patch in V, over time in ms. After the paper's figure 8."
 COLUMNS = (
     "Force in N, travel in mm, vertical acceleration in m/s² and activation of an imported file over time in "

@@ -46,15 +46,22 @@ def contents_of(value: Any) -> Contents:
 
 
 def file_contents(path: str | Path) -> Contents:
-    """What a file, or the folder of a vibration map, says.
+    """What a file, or the folder of a vibration map or of a history of calibrations, says.
 
     Raises DataError for a file that is missing, damaged, or of another kind.
     """
     path = Path(path)
+    if is_history(path):
+        return history_contents(History(path))
     kind = "map" if path.is_dir() else hdf5.kind_of(path)
     if kind not in _SAID:
         raise DataError(f"{path} holds a {kind}, which `haploop show` cannot display.")
     return _SAID[kind](RESULTS[kind][1](path))
+
+
+def is_history(path: Path) -> bool:
+    """Whether a path is the folder of a rig's history of calibrations."""
+    return (path / "activations.json").is_file()
 
 
 def files_of(path: Path) -> list[Path]:
@@ -62,7 +69,8 @@ def files_of(path: Path) -> list[Path]:
 
     Raises DataError for a folder that holds nothing to read.
     """
-    if not path.is_dir() or any((path / name).is_file() for name in ("study.toml", "map.json")):
+    whole_folder = is_history(path) or any((path / name).is_file() for name in ("study.toml", "map.json"))
+    if not path.is_dir() or whole_folder:
         return [path]
     whole = path.resolve()
     if whole.name == "recordings" and (whole.parent / "study.toml").is_file():

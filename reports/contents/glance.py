@@ -25,6 +25,10 @@ _POINTS = 400
 """Points of a curve: two for each pixel of a narrow screen."""
 
 
+WIDTH, HEIGHT = 360, 100
+"""Units of the drawing of a motion, which is stretched to its place."""
+
+
 @dataclass(frozen=True, eq=False)
 class Gauge:
     """A number on a scale from `low` to `high`, with the interval that it lies in."""
@@ -51,6 +55,21 @@ class Gauge:
         """Place of a value on the scale, 0 to 100; beyond an end it is the end."""
         return float(np.clip(100 * (value - self.low) / (self.high - self.low), 0, 100))
 
+    def marks(self) -> list[tuple[str, float, float, float, float]]:
+        """What is drawn, one over the other, on a field of 100 by 10: its name, x, y, width and height."""
+        found = [("scale", 0.0, 100.0, 2.0)]
+        for name, ends, height in (("range", self.limit_range, 8.0), ("interval", self.interval, 4.0)):
+            if ends is not None:
+                found.append((name, self.place(ends[0]), self.place(ends[1]), height))
+        if self.limit is not None:
+            found.append(("limit", self.place(self.limit) - 0.4, self.place(self.limit) + 0.4, 10.0))
+        if self.known:
+            found.append(("value", self.place(self.value) - 1, self.place(self.value) + 1, 8.0))
+        return [
+            (name, round(low, 1), (10 - height) / 2, round(high - low, 1), height)
+            for name, low, high, height in found
+        ]
+
 
 @dataclass(frozen=True, eq=False)
 class Motion:
@@ -65,6 +84,37 @@ class Motion:
     """Half the height of the band around the target: the tolerance times the target's rms."""
     activation: float | None
     """s; None where it is not known or not within the window."""
+
+    @property
+    def ends(self) -> tuple[str, str]:
+        """What stands below the left and the right edge of a drawing."""
+        first, last = (f"{1e3 * self.time[k]:+.0f} ms".replace("-", "−") for k in (0, -1))
+        return first, last
+
+    @property
+    def top(self) -> float:
+        """The value at the upper edge of a drawing."""
+        curves = (self.target + self.band, self.target - self.band, self.measured)
+        return 1.05 * max(1.0, *(float(np.abs(one).max()) for one in curves))
+
+    def strokes(self) -> list[tuple[str, str]]:
+        """What is drawn, one over the other: its name, and its path in SVG on `WIDTH` by `HEIGHT`."""
+        low, high = float(self.time[0]), float(self.time[-1])
+        across = WIDTH * (self.time - low) / (high - low)
+
+        def line(values: FloatArray, order: int = 1) -> str:
+            down = HEIGHT * (0.5 - 0.5 * np.clip(values / self.top, -1, 1))
+            return "L".join(f"{x:.1f} {y:.1f}" for x, y in list(zip(across, down, strict=True))[::order])
+
+        band = f"M{line(self.target + self.band)}L{line(self.target - self.band, -1)}Z"
+        found = [("band", band)]
+        if self.recorded is not None:
+            found.append(("recorded", f"M{line(self.recorded)}"))
+        found.append(("measured", f"M{line(self.measured)}"))
+        if self.activation is not None:
+            x = WIDTH * (self.activation - low) / (high - low)
+            found.append(("activation", f"M{x:.1f} 0V{HEIGHT}"))
+        return found
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 from ...calibration import Calibration, Check
 from ...calibration.upkeep import Generation, History, Outcome, PlaceMetrics, buttons_of, calibrations_of
 from .. import figures
 from . import captions
-from .parts import Cell, Contents, Drawing, Grid, fact, verdict_cell
-from .words import damping, fixed, percent
+from .parts import Cell, Contents, Drawing, Grid, Tone, fact, verdict_cell
+from .words import counted, damping, fixed, percent
 
 Place = tuple[str, str]
 
@@ -61,23 +62,93 @@ def history_contents(history: History) -> Contents:
         )
         for one in generations
     ]
-    values = fact(folder=history.folder, active=active or None, generations=listed, looks=len(history.looks))
-    headings = ("", "Calibration", "Made", "From", "Buttons", "Why")
-    grid = Grid(f"Calibrations in {history.folder}", headings, rows, words=len(headings))
-    none = f"{history.folder} holds no calibration yet: make one with `haploop calibrations adopt`."
-    return Contents(
-        "",
-        [values],
-        [grid] if rows else [],
-        [] if rows else [none],
-        picture=Drawing.alone(
-            "trend",
-            "Calibrations over time",
-            captions.TREND,
-            lambda columns: figures.trend(history, columns),
-            f"n = {len(history.looks)} looks.",
-        ),
+    looks = history.looks
+    nights = [night(history, look) for look in looks]
+    measured = any(place.get("modes") for look in looks for place in look["places"])
+    values = fact(
+        folder=history.folder, active=active or None, generations=listed, looks=len(looks), nights=nights
     )
+    headings = ("", "Calibration", "Made", "From", "Buttons", "Why")
+    grid = Grid("Calibrations", headings, rows, words=len(headings))
+    none = f"{history.folder} holds no calibration yet: make one with `haploop calibrations adopt`."
+    trend = Drawing.alone(
+        "trend",
+        "Calibrations over time",
+        captions.TREND,
+        lambda columns: figures.trend(history, columns),
+        f"n = {len(looks)} looks.",
+    )
+    return Contents(
+        f"History of calibrations, {history.folder}" if rows else "",
+        [values],
+        [*([grid] if rows else []), *([_nights(nights)] if nights else [])],
+        [] if rows else [none],
+        kind="history",
+        simulated=simulated(history) if rows else None,
+        figures=[*([trend] if activations else []), *([_modes_drawing(looks)] if measured else [])],
+        undrawn=none,
+    )
+
+
+def _modes_drawing(looks: Sequence[Mapping[str, Any]]) -> Drawing:
+    return Drawing.alone(
+        "modes",
+        "Drift of each mode",
+        captions.MODES,
+        lambda columns: figures.nights_figure(looks, columns),
+        f"n = {len(looks)} nights.",
+    )
+
+
+def night(history: History, look: Mapping[str, Any]) -> dict[str, Any]:
+    """One night of a history as plain values: what was found, what was done, and why."""
+    shifts = [one["shift"] for place in look["places"] for one in place.get("modes", [])]
+    report = history.report(look["when"], look["outcome"])
+    return {
+        "when": look["when"],
+        "outcome": look["outcome"],
+        "drift": max(shifts, key=abs, default=None),
+        "done": _done(look),
+        "why": look["sentences"][0] if look["sentences"] else "",
+        "compared_with": look["compared_with"],
+        "active": look["active"],
+        "report": report.name if report.is_file() else None,
+    }
+
+
+_TONES: dict[str, Tone] = {"unchanged": "good", "restored": "good", "broken": "bad"}
+_NEWEST = 30
+"""Nights in a table."""
+
+
+def _done(look: Mapping[str, Any]) -> str:
+    """What a night did."""
+    if look["outcome"] == "restored":
+        return f"{counted(look['buttons'], 'button')} made anew; {look['active']} is active"
+    played = [
+        f"{name} played: error {percent(one['before']['whole']['error'])}"
+        for name, one in look["buttons"].items()
+        if one["before"]
+    ]
+    kept = [] if look["outcome"] == "unchanged" else ["nothing changed"]
+    return "; ".join([*(played or ["nothing played"]), *kept])
+
+
+def _nights(nights: Sequence[Mapping[str, Any]]) -> Grid:
+    """A line for each of the newest nights."""
+    rows = [
+        (
+            f"{datetime.fromisoformat(one['when']):%Y-%m-%d %H:%M}",
+            Cell(one["outcome"], _TONES.get(one["outcome"], "doubtful")),
+            "" if one["drift"] is None else f"{one['drift']:+.2%}",
+            one["done"],
+            one["why"],
+        )
+        for one in nights[: -_NEWEST - 1 : -1]
+    ]
+    of = f", the newest {_NEWEST} of {len(nights)}" if len(nights) > _NEWEST else ""
+    headings = ("Night (UTC)", "Outcome", "Largest drift", "Done", "Why")
+    return Grid(f"Nights{of}", headings, rows, words=len(headings))
 
 
 def generation_contents(history: History, generation: Generation) -> Contents:
@@ -192,11 +263,14 @@ def outcome_contents(
                 lambda _: figures.responses(previous, calibrations),
             )
         )
+    looks = history.looks
+    modes = [_modes_drawing(looks)] if outcome.verdicts else []
     return Contents(
         _OUTCOMES[outcome.kind],
         [
             fact(**outcome.summary(), assumed=list(assumed)),
             fact("Rig", f"{rig}, {outcome.when:%Y-%m-%d %H:%M} UTC"),
+            fact("History", str(history.folder)),
             fact("Active", outcome.active.name),
             fact("Report", str(report or ""), report=report),
         ],
@@ -204,7 +278,7 @@ def outcome_contents(
         [*outcome.sentences, *told],
         simulated=outcome.simulated,
         rig=rig,
-        figures=drawings if outcome.before else [],
+        figures=[*(drawings if outcome.before else []), *modes],
     )
 
 

@@ -42,6 +42,8 @@ def percent(value: float | None, digits: int = 1) -> str:
 
 _UNIT = r"(?:%|dB|Hz|kHz|kS/s|V|N|m/s²|m/s|mm/s|µm/s|µm|mm|ms|s|g|kg|A)"
 _SPACED = re.compile(rf"(?<=\d) (?={_UNIT}(?![\w/]))")
+_DATE = re.compile(r"\d{4}-\d\d-\d\d(?: \d\d:\d\d)?")
+_WHOLE = str.maketrans({"-": "\N{NON-BREAKING HYPHEN}", " ": "\N{NO-BREAK SPACE}"})
 
 
 def one_style(text: str) -> str:
@@ -50,8 +52,9 @@ def one_style(text: str) -> str:
 
 
 def unbroken(text: str) -> str:
-    """The same text with no-break spaces between numbers and their units, for a page."""
-    return _SPACED.sub("\N{NO-BREAK SPACE}", one_style(text))
+    """The same text for a page: no line breaks between a number and its unit, or within a date and time."""
+    dated = _DATE.sub(lambda date: date[0].translate(_WHOLE), one_style(text))
+    return _SPACED.sub("\N{NO-BREAK SPACE}", dated)
 
 
 def interval(edges: Sequence[float | None]) -> str:

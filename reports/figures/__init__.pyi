@@ -18,6 +18,7 @@ from .history import responses as responses
 from .history import trend as trend
 from .map import map_figure as map_figure
 from .measured_response import response as response
+from .nights import nights_figure as nights_figure
 from .paper import activation_forces as activation_forces
 from .paper import activation_time as activation_time
 from .paper import comparison as comparison

@@ -1,4 +1,4 @@
-"""A figure as the bytes of a PNG, PDF or SVG: laid out once, drawn once, the same every time."""
+"""A figure as the bytes of a PNG, PDF, SVG or CSV: laid out once, drawn once, the same every time."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from .data import figure_csv
 from .plotting import SOFT, style
 
 DPI = 200.0
@@ -55,7 +56,7 @@ def lay_out(figure: Figure, dpi: float = DPI) -> FigureCanvasAgg:
 
 
 def encode(figure: Figure, kind: str = "png", dpi: float = DPI) -> bytes:
-    """Encode a figure as PNG, PDF or SVG bytes, reproducibly: without a date or program name."""
+    """Encode a figure as PNG, PDF, SVG or CSV bytes, reproducibly: without a date or program name."""
     buffer = io.BytesIO()
     with style():
         canvas = lay_out(figure, dpi)
@@ -86,8 +87,17 @@ def _svg(canvas: FigureCanvasAgg, buffer: io.BytesIO) -> None:
     FigureCanvasSVG(canvas.figure).print_svg(buffer, metadata={"Date": None, "Creator": None})  # type: ignore[no-untyped-call]
 
 
-FORMATS: dict[str, Callable[[FigureCanvasAgg, io.BytesIO], None]] = {"png": _png, "pdf": _pdf, "svg": _svg}
-"""Formats of a picture, which are also the suffixes of its file."""
+def _csv(canvas: FigureCanvasAgg, buffer: io.BytesIO) -> None:
+    buffer.write(figure_csv(canvas.figure))
+
+
+FORMATS: dict[str, Callable[[FigureCanvasAgg, io.BytesIO], None]] = {
+    "png": _png,
+    "pdf": _pdf,
+    "svg": _svg,
+    "csv": _csv,
+}
+"""Formats of a figure, which are also the suffixes of its file; CSV is what it draws, as numbers."""
 
 
 _PAGE = (8.27, 11.69)

@@ -1,4 +1,4 @@
-"""The report of files: one HTML page, its figures as PDF and SVG, and all of it as one PDF."""
+"""The report of files: one HTML page, its figures as PDF, SVG and CSV, and all of it as one PDF."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from importlib import metadata
 from pathlib import Path
 
 from ...acquisition import content_hash, load_study
+from ...calibration import History
 from ...experiments import analyse_identification, analyse_ratings, read_rows
 from ...instruments import DataError
 from ...instruments.files import check_destination, new_file, paths_of, private_files
@@ -20,6 +21,7 @@ from ..contents import (
     file_contents,
     files_of,
     identification_contents,
+    is_history,
     ratings_contents,
     study_contents,
     study_figures,
@@ -38,7 +40,7 @@ class Report:
     html: Path
     pdf: Path | None
     figures: tuple[Path, ...]
-    """Each figure as PDF and as SVG."""
+    """Each figure as PDF, as SVG, and what it draws as CSV."""
     simulated: bool
     verdicts: tuple[Verdict, ...]
 
@@ -69,7 +71,8 @@ def write_report(
 
     Of a folder that is neither a study nor a map, every file in it is read.
     `out` (HTML) holds facts, verdicts and figures, and needs no other file. Beside it, the folder
-    `<out>-figures` holds each figure as PDF and SVG, and with `pdf` the file `<out>.pdf` the whole report.
+    `<out>-figures` holds each figure as PDF, SVG and CSV (what it draws), and with `pdf` the file `<out>.pdf`
+    the whole report.
     The same data give the same bytes. All files are readable by their owner only.
 
     Raises ConfigurationError when one of them exists or cannot be written, and DataError for data that cannot
@@ -93,9 +96,9 @@ def write_report(
         figure = _captioned(some, drawing)
         captioned.append(figure)
         name = "".join(c if c.isalnum() or c in "-_" else "-" for c in drawing.name)
-        for kind in ("pdf", "svg"):
+        for kind in ("pdf", "svg", "csv"):
             written.append(folder / f"{number:02d}-{name}.{kind}")
-            _write(written[-1], encode(figure.figure, kind))
+            _write(written[-1], figure.svg if kind == "svg" else encode(figure.figure, kind))
     progress("Draw the figures", len(planned), len(planned), "figures")
     contents = [section.contents for section in sections]
     rigs = ", ".join(dict.fromkeys(one.rig for one in contents if one.rig)) or "none"
@@ -113,12 +116,20 @@ def write_report(
     return Report(out, printed if pdf else None, tuple(written), bool(page.simulated), tuple(page.verdicts))
 
 
+def contents_at(path: Path) -> Contents:
+    """What a result, a study, a history of calibrations or a table of answers says. Raises DataError."""
+    return _section(path).contents
+
+
 def _section(path: Path) -> _Section:
     """Read a result, a study, or a table of answers. Raises DataError."""
     if path.suffix.lower() == ".csv":
         return _Section(_answers(path), [(path.name, hashlib.sha256(path.read_bytes()).hexdigest())])
     if path.suffix == ".toml" or (path.is_dir() and (path / "study.toml").is_file()):
         return _study(path)
+    if is_history(path):
+        active = History(path).active()
+        return _Section(file_contents(path), [(f"{path.resolve().name}, {active.name}", active.digest)])
     return _Section(
         file_contents(path), _files_of_map(path) if path.is_dir() else [(path.name, content_hash(path))]
     )

@@ -10,7 +10,9 @@ import base64
 import textwrap
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import groupby
+from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
@@ -18,8 +20,9 @@ from matplotlib.figure import Figure
 from ...terminal.progress import SIMULATED
 from ..contents import Contents, Glance, Grid, Verdict, one_style, text_of, unbroken
 from ..figures import encode, mark_simulated, on_page, pdf_of, text_page
-from .small_figure import small_figure
 
+GLANCE_STYLE = Path(__file__).with_name("glance.css")
+"""Style of glances: part of a report, and of a notebook's cell; the console serves it to its pages."""
 _LINES = 72
 """Lines of text on a page of the PDF."""
 _WORDS = 105
@@ -28,7 +31,10 @@ _WORDS = 105
 
 @dataclass(frozen=True, eq=False)
 class CaptionedFigure:
-    """A figure with its title and its caption, drawn once and placed on each page; marked if simulated."""
+    """A figure with its title and its caption, drawn once and placed on each page; marked if simulated.
+
+    All formats of it are made before a PDF places it on a page of its own.
+    """
 
     figure: Figure
     title: str
@@ -38,6 +44,11 @@ class CaptionedFigure:
     def __post_init__(self) -> None:
         if self.simulated:
             mark_simulated(self.figure)
+
+    @cached_property
+    def svg(self) -> bytes:
+        """The figure as SVG, encoded once: a page embeds it, and a file beside the page holds it."""
+        return encode(self.figure, "svg")
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,8 +97,7 @@ class Page:
             lstrip_blocks=True,
         )
         environment.finalize = _shown
-        environment.globals["small_figure"] = small_figure
-        images = [(one, base64.b64encode(encode(one.figure, "svg")).decode("ascii")) for one in self.figures]
+        images = [(one, base64.b64encode(one.svg).decode("ascii")) for one in self.figures]
         return environment.get_template("page.html").render(page=self, images=images)
 
     def pdf(self) -> bytes:

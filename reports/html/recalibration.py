@@ -13,13 +13,13 @@ from .page import CaptionedFigure, Page
 
 
 def write_recalibration(history: History, outcome: Outcome) -> Path | None:
-    """Write the report of a drifted table into the history's `reports`; None for an unchanged one.
+    """Write the report of a look into the history's `reports`; None for an unchanged table.
 
     Raises DataError when it cannot be written.
     """
-    if outcome.kind == "unchanged" or not outcome.before:
+    if outcome.kind == "unchanged":
         return None
-    path = history.folder / "reports" / f"{outcome.when:%Y%m%dT%H%M%SZ}-{outcome.kind}.html"
+    path = history.report(outcome.when, outcome.kind)
     contents = outcome_contents(history, outcome)
     figures = [
         CaptionedFigure(one.draw(one.things, 2), one.title, one.caption, outcome.simulated)

@@ -24,7 +24,7 @@ _STYLES = {"": "", "good": "green", "bad": "bold red", "doubtful": "yellow", "as
 
 
 def print_contents(contents: Contents, as_json: bool, plot: Path | None = None, columns: Columns = 2) -> None:
-    """Print what a result says, and plot it into the new file `plot` (PNG, PDF or SVG).
+    """Print what a result says, and plot it into the new file `plot` (PNG, PDF, SVG or CSV).
 
     Raises DataError when it has no figure, and ConfigurationError when `plot` cannot be written.
     """

@@ -398,7 +398,7 @@ def test_what_is_wrong_with_an_instrument_is_a_table_or_a_sentence(
             result = run(command, *more, "--rig", name, "--out", tmp_path / command)
             print(command, result.output)
             assert result.exit_code in (2, 3) and is_a_sentence(result.stderr), result.output
-    worker = Worker(rig, None, DataFolder(tmp_path), real_time=False)
+    worker = Worker(rig, None, DataFolder(tmp_path, tmp_path / "history"), real_time=False)
     worker._abandoned.set()  # nobody answers a question
     worker.command("start", {"kind": "preflight"})
     worker._run(*worker._jobs.take())

@@ -10,6 +10,8 @@ from typing import Any
 import pytest
 
 from haploop.calibration.upkeep.history import History
+from haploop.commands.options import ChosenRig
+from haploop.instruments import InstrumentError
 from haploop.instruments.operator.role import Aim, ConfirmSettings, Place, Press, Rest
 from haploop.instruments.operator.unattended import Unattended
 from haploop.instruments.safety.lock import hold
@@ -75,7 +77,7 @@ def test_a_drift_is_reported_with_before_and_after(folder: Path) -> None:
     assert "Everything here is simulated." in html
     before, after = re.findall(r"latch-A-button</th><td>([\d.]+)\s%</td><td>([\d.]+)\s%", html)[0]
     assert float(before) > 50 and float(after) < 20
-    assert html.count("data:image/svg+xml;base64,") == 2
+    assert html.count("data:image/svg+xml;base64,") == 3
     assert not re.search("https?:", html)
 
 
@@ -119,13 +121,34 @@ def test_what_is_broken_ends_with_three(history: Path, run: Run, tmp_path: Path)
     result = run("recalibrate", "--rig", rig, "--calibrations", history, "--json")
     assert result.exit_code == 3
     said = json.loads(result.stdout)
-    assert said["outcome"] == "broken" and said["report"] is None
+    assert said["outcome"] == "broken" and "laser does not see" in Path(said["report"]).read_text("utf-8")
     assert "laser does not see the surface" in said["sentences"][0]
     assert "Aim the laser at the button point." in said["assumed"]
     assert History(history).active() == active
     result = run("recalibrate", "--rig", rig, "--calibrations", history)
     assert result.exit_code == 3
     assert "Something is broken; nothing was changed" in result.stdout
+    *_, night, _ = asked(run, "calibrations", "list", "--calibrations", history)["nights"]
+    assert night["outcome"] == "broken" and "laser does not see" in night["why"]
+    assert night["done"] == "nothing played; nothing changed" and night["report"].endswith("-broken.html")
+
+
+def test_a_rig_that_does_not_open_is_a_broken_night(
+    history: Path, run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def opened(*_: object) -> None:
+        raise InstrumentError("The card Dev1 does not answer.")
+
+    monkeypatch.setattr(ChosenRig, "opened", opened)
+    result = run("recalibrate", "--calibrations", history)
+    assert result.exit_code == 3 and "The card Dev1 does not answer." in result.stdout
+    assert History(history).looks[-1]["sentences"] == ["The card Dev1 does not answer."]
+    listed = run("calibrations", "list", "--calibrations", history).stdout
+    assert "broken" in listed and "The card Dev1 does not answer." in listed
+    before = len(History(history).looks)
+    result = run("recalibrate", "--calibrations", history, "--rig", "bench")
+    assert result.exit_code == 2 and "the folder of its own history" in result.stderr
+    assert len(History(history).looks) == before
 
 
 def test_what_cannot_begin_plays_nothing(history: Path, run: Run, tmp_path: Path) -> None:

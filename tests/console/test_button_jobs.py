@@ -37,7 +37,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> DataFolder:
             haploop.calibrate(rig, patch, excitation=Multisine()).save(folder / name)
         plan = haploop.map_plan(rig, points=(0, 13, 57, 75, 83), patches=["A", "B"])
         haploop.measure_map(rig, folder / "maps" / "map", plan)
-    return DataFolder(folder)
+    return DataFolder(folder, folder / "history")
 
 
 def work(data: DataFolder, **wanted: object) -> dict[str, Any]:

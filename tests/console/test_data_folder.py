@@ -37,11 +37,11 @@ from haploop.instruments import ConfigurationError
 )
 def test_a_name_that_leads_elsewhere_is_refused(tmp_path, name):
     with pytest.raises(ConfigurationError, match="no file of the console's data folder"):
-        DataFolder(tmp_path / "data").path(name)
+        DataFolder(tmp_path / "data", tmp_path / "history").path(name)
 
 
 def test_no_route_fails_at_a_name_that_no_file_system_takes(tmp_path):
-    routes = data_routes(DataFolder(tmp_path))
+    routes = data_routes(DataFolder(tmp_path, tmp_path / "history"))
     page = TestClient(Starlette(routes=routes))
     for route in routes:
         for name in ("x" * 300 + ".h5", "a/" * 3000 + "b", ".", "\n"):
@@ -57,10 +57,10 @@ def test_a_link_that_leads_elsewhere_is_refused(tmp_path):
     (tmp_path / "secret.h5").write_text("secret")
     (data / "link.h5").symlink_to(tmp_path / "secret.h5")
     with pytest.raises(ConfigurationError, match="no file of"):
-        DataFolder(data).path("link.h5")
+        DataFolder(data, data / "history").path("link.h5")
 
 
 def test_a_name_and_its_path_lead_to_each_other(tmp_path):
-    data = DataFolder(tmp_path)
+    data = DataFolder(tmp_path, tmp_path / "history")
     assert data.path("recordings/P01-latch.h5") == tmp_path.resolve() / "recordings" / "P01-latch.h5"
     assert data.name(data.path("a study/recordings/P01.h5")) == "a study/recordings/P01.h5"

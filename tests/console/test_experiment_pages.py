@@ -69,7 +69,7 @@ class Console:
         access = Access("127.0.0.1", 8735)
         follower = Follower(Link(), Link, Scope())
         follower.snapshot, follower.count = {"rig": "r", "simulated": True}, 1
-        app = application(access, follower, Scope(), DataFolder(data))
+        app = application(access, follower, Scope(), DataFolder(data, data / "history"))
         self.operator, self.participant = (
             TestClient(app, base_url="http://127.0.0.1:8735", headers={"X-Haploop-Token": token})
             for token in (access.token, access.participant)
@@ -166,7 +166,7 @@ def test_a_participant_is_never_shown_what_is_presented_nor_who_they_are(console
 
 def test_confirmation_is_told_in_training_only_and_only_where_the_experiment_gives_it(data):
     told, groups = {}, {}
-    conductor = Conductor(DataFolder(data), Link().command)
+    conductor = Conductor(DataFolder(data, data / "history"), Link().command)
     for participant in ("P01", "P02"):  # one of each group
         conductor.begin({"experiment": "small", "participant": participant, "consent": True}, {})
         groups[participant] = conductor.operator["levels"]["confirmation"]

@@ -17,7 +17,7 @@ from tests.command_line import Demo
 @pytest.fixture
 def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> DataFolder:
     monkeypatch.setattr(index, "user_cache_path", lambda _: tmp_path / "cache")
-    return DataFolder(tmp_path / "data")
+    return DataFolder(tmp_path / "data", tmp_path / "history")
 
 
 def test_an_empty_folder_has_nothing_and_no_fault(data: DataFolder) -> None:

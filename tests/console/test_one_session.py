@@ -96,7 +96,10 @@ def test_a_session_outlives_its_worker(data):
     """The worker that replaces a dead one holds the rig for the session too."""
     first, second = made(data), made(data)
     workers = [first]
-    conductor = Conductor(DataFolder(data), lambda name, values: (200, workers[-1].command(name, values)))
+    conductor = Conductor(
+        DataFolder(data, data / "history"),
+        lambda name, values: (200, workers[-1].command(name, values)),
+    )
     conductor.begin(BEGIN, {})
     workers.append(second)
     conductor.heard({"gone": "It has died.", "held": None})

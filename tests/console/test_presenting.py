@@ -24,7 +24,7 @@ class Console:
 
     def __init__(self, made: Path, folder: Path) -> None:
         played(folder / "played", made)
-        self.data = DataFolder(folder)
+        self.data = DataFolder(folder, folder / "history")
         self.board = Board(surface=None, request=None, progress=None)
         self.nobody = threading.Event()
         self.stimuli = Stimuli(self.board, self.nobody)

@@ -35,7 +35,7 @@ SNAPSHOT = {
 class Link:
     """A worker in words: keeps the commands that it was sent."""
 
-    address = Address(1, 4711, "worker's", "stop", "data")
+    address = Address(1, 4711, "worker's", "stop", "data", "calibrations")
 
     def __init__(self) -> None:
         self.commands: list[tuple[str, object]] = []
@@ -89,7 +89,12 @@ def app(link, access, tmp_path):
 
     follower = Follower(link, lambda: link, Scope())
     follower.snapshot, follower.count = SNAPSHOT, 1
-    return application(access, follower, Scope(), DataFolder(tmp_path / "data"))
+    return application(
+        access,
+        follower,
+        Scope(),
+        DataFolder(tmp_path / "data", tmp_path / "history"),
+    )
 
 
 @pytest.fixture
@@ -118,6 +123,8 @@ def test_every_route_but_pages_is_under_api(app):
         "/buttons",
         "/experiment",
         "/catalogue",
+        "/file",
+        "/static/glance.css",
         "/participant",
     }
     assert len(api(app)) > 12
@@ -216,7 +223,7 @@ def test_no_file_beside_the_pages_is_served(page, path):
 @pytest.mark.parametrize("name", ["../secret.h5", "/etc/passwd", "..%2fsecret.h5"])
 def test_no_file_outside_the_data_folder_is_read_and_none_is_one_sentence(page, tmp_path, name):
     (tmp_path / "secret.h5").write_text("secret")
-    for route in ("presses?file", "study?study", "calibration?file", "map?map", "button?file"):
+    for route in ("presses?file", "study?study", "calibration?file", "map?map", "button?file", "shown?file"):
         answer = page.get(f"/api/{route}={name}")
         assert answer.status_code == 409
         assert "secret\n" not in answer.text and "data folder" in answer.json()["error"]
@@ -224,6 +231,16 @@ def test_no_file_outside_the_data_folder_is_read_and_none_is_one_sentence(page, 
         answer = page.get(f"/api/{route}")
         assert answer.status_code in (404, 409), route
         assert "Traceback" not in answer.text and len(answer.json()["error"]) > 10
+
+
+def test_of_nights_only_their_reports_are_read(page, tmp_path):
+    (tmp_path / "history" / "reports").mkdir(parents=True)
+    (tmp_path / "history" / "reports" / "one.html").write_text("told")
+    (tmp_path / "history" / "secret.html").write_text("secret")
+    assert page.get("/api/night?report=one.html").text == "told"
+    for name in ("../secret.html", "..%2fsecret.html", "secret.html", ""):
+        answer = page.get(f"/api/night?report={name}")
+        assert answer.status_code == 409 and "no report" in answer.json()["error"]
 
 
 def test_every_answer_has_the_policy(page):
@@ -266,7 +283,12 @@ def test_on_every_address_the_console_is_asked_by_number_and_by_this_computers_n
     from haploop.console.server.follower import Follower
 
     access = Access("0.0.0.0", 8735)
-    app = application(access, Follower(link, lambda: link, Scope()), Scope(), DataFolder(tmp_path))
+    app = application(
+        access,
+        Follower(link, lambda: link, Scope()),
+        Scope(),
+        DataFolder(tmp_path, tmp_path / "history"),
+    )
     page = TestClient(app, headers={"X-Haploop-Token": access.token})
     name = socket.gethostname().lower()
     for host in ("192.168.7.5", "127.0.0.1", "localhost", "[fe80::1]", name, name.upper(), f"{name}.local"):

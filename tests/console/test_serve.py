@@ -16,6 +16,7 @@ from urllib.error import HTTPError
 import pytest
 
 from haploop.acquisition import Recording
+from haploop.console.data_folder import DataFolder
 from haploop.console.worker import Address, WorkerHangsError, free_tape, link, start_worker
 from haploop.instruments import load_rig_file
 from haploop.instruments.tape import Player
@@ -108,6 +109,7 @@ def hanging_worker(tmp_path: Path) -> Iterator[tuple[Address, Path, dict[str, st
     """A worker that lives and does not answer, the path of its address, and the environment."""
     environment = {**os.environ, "HAPLOOP_STATE": str(tmp_path / "state")}
     command = [sys.executable, "-m", "haploop.console.worker", "--rig", "simulated", "--data", str(tmp_path)]
+    command += ["--calibrations", str(tmp_path / "history")]
     worker = subprocess.Popen(command, env=environment)
     try:
         until = time.monotonic() + 60
@@ -135,6 +137,10 @@ def test_stop_at_a_worker_that_hangs_says_to_switch_the_amplifier_off(tmp_path):
         assert f"process {worker.pid} hangs: switch the amplifier off" in said.stderr
 
 
+def folders(place):
+    return DataFolder(place, place / "history")
+
+
 @needs_stopped_processes
 def test_no_second_worker_is_started_beside_one_that_hangs(tmp_path, monkeypatch):
     monkeypatch.setenv("HAPLOOP_STATE", str(tmp_path / "state"))
@@ -143,11 +149,11 @@ def test_no_second_worker_is_started_beside_one_that_hangs(tmp_path, monkeypatch
     file = load_rig_file("simulated")
     with hanging_worker(tmp_path) as (worker, path, _):
         with pytest.raises(WorkerHangsError, match=str(worker.pid)):
-            start_worker("simulated", file, None, tmp_path)
+            start_worker("simulated", file, None, folders(tmp_path))
         assert Address.read(path) == worker, "its pages can STOP it when it goes on"
         os.kill(worker.pid, signal.SIGCONT)
         monkeypatch.setattr(link, "_HANGS", 20.0)
-        assert start_worker("simulated", file, None, tmp_path).address == worker
+        assert start_worker("simulated", file, None, folders(tmp_path)).address == worker
 
 
 @pytest.mark.filterwarnings("ignore:subprocess .* is still running")  # the worker outlives its starter
@@ -159,7 +165,7 @@ def test_of_two_programs_that_start_a_worker_at_once_one_does(tmp_path, monkeypa
         link.subprocess, "Popen", lambda *given, **named: begun.append(given) or popen(*given, **named)
     )
     with ThreadPoolExecutor() as both:
-        asked = [both.submit(start_worker, "simulated", file, None, tmp_path) for _ in range(2)]
+        asked = [both.submit(start_worker, "simulated", file, None, folders(tmp_path)) for _ in range(2)]
     one, other = (each.result() for each in asked)
     try:
         assert one.address == other.address

@@ -34,7 +34,12 @@ def until(what: Callable[[], object], seconds: float = DEADLINE) -> None:
 
 
 def made(tmp_path, real_time: bool = False) -> Worker:
-    return Worker(load_rig_file("simulated"), None, DataFolder(tmp_path), real_time=real_time)
+    return Worker(
+        load_rig_file("simulated"),
+        None,
+        DataFolder(tmp_path, tmp_path / "history"),
+        real_time=real_time,
+    )
 
 
 @contextmanager
@@ -470,7 +475,7 @@ def test_the_listener_answers_the_consoles_pages_and_no_others(listener):
     assert "default-src 'none'" in headers["Content-Security-Policy"]
     assert b"fetch" in ask(listener, "GET", "/stop.js")[1]
     assert ask(listener, "POST", "/stop", b"stop-token", Origin=page)[0] == 403
-    link = WorkerLink(Address(1, listener.port, "token", "stop-token", "data"))
+    link = WorkerLink(Address(1, listener.port, "token", "stop-token", "data", "calibrations"))
     for name in ("origins", "stop", "../origins", "/origins", "origins?", "state", "é\r\n"):
         status, answer = link.command(name, ["http://evil.example"])  # type: ignore[arg-type]
         assert status == 409 and "no command" in answer["error"], name
@@ -481,7 +486,7 @@ def test_the_listener_answers_the_consoles_pages_and_no_others(listener):
     assert ask(listener, "POST", "/stop", b"stop-token", Origin="http://evil.example")[0] == 403
     assert ask(listener, "POST", "/stop", b"stop-token", Host="evil.example")[0] == 403
     assert ask(listener, "GET", "/state", Authorization="Bearer token", Host="evil.example")[0] == 403
-    gone = WorkerLink(Address(1, 9, "token", "stop-token", "data"))
+    gone = WorkerLink(Address(1, 9, "token", "stop-token", "data", "calibrations"))
     with pytest.raises(InstrumentError, match="does not answer"):
         gone.state()
     gone.end()

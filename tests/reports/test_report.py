@@ -40,16 +40,23 @@ def test_a_report_needs_no_other_file_and_says_what_is_simulated(made: Path, dem
 def test_a_report_made_again_is_the_same_bytes(made: Path) -> None:
     once = sorted(path.relative_to(made / "once") for path in (made / "once").rglob("*") if path.is_file())
     again = sorted(path.relative_to(made / "again") for path in (made / "again").rglob("*") if path.is_file())
-    assert once == again and len(once) == 2 + 2 * 3
+    assert once == again and len(once) == 2 + 3 * 3
     for path in once:
         assert (made / "once" / path).read_bytes() == (made / "again" / path).read_bytes(), path
 
 
-def test_its_figures_are_there_as_pdf_and_svg_and_it_as_pdf(made: Path) -> None:
+def test_its_figures_are_there_as_pictures_and_numbers_and_it_as_pdf(made: Path) -> None:
     folder = made / "once" / "all-figures"
     names = ["01-forces", "02-presses", "03-response"]
-    assert sorted(p.name for p in folder.iterdir()) == [f"{n}.{k}" for n in names for k in ("pdf", "svg")]
+    assert sorted(p.name for p in folder.iterdir()) == [
+        f"{n}.{k}" for n in names for k in ("csv", "pdf", "svg")
+    ]
     assert b"simulated" in (folder / "03-response.svg").read_bytes()
+    head, first = (folder / "03-response.csv").read_text("utf-8").splitlines()[:2]
+    assert head == "panel,curve,x axis,y axis,x,y,value"
+    assert first.startswith(
+        "a Patch A to the button point,Measured,Frequency (Hz),Velocity per volt (µm/s/V),2"
+    )
     pdf = (made / "once" / "all.pdf").read_bytes()
     assert pdf.startswith(b"%PDF") and b"/Type3" not in pdf and b"CreationDate" not in pdf
 
@@ -69,7 +76,7 @@ def test_a_study_s_report_describes_its_participants_and_takes_names_for_text(
     result = run("report", study, "-o", tmp_path / "a.html", "--json")
     assert result.exit_code == 0, result.output
     values = json.loads(result.stdout)
-    assert values["simulated"] and values["pdf"] is None and len(values["figures"]) == 4
+    assert values["simulated"] and values["pdf"] is None and len(values["figures"]) == 6
     assert [v["said"] for v in values["verdicts"]] == ["complete", "complete"]
     page = (tmp_path / "a.html").read_text(encoding="utf-8")
     assert "<script" not in page and "<b>f" not in page
@@ -145,7 +152,7 @@ def test_a_report_opens_with_a_glance_of_each_button_and_folds_the_rest(demo: De
     assert re.findall(r"<h2><span>(\w+)</span><span class=\"good\">pass</span></h2>", first) == [
         name.capitalize() for name in names
     ]
-    assert first.count('class="measured"') == first.count('class="gauge"') / 3 == 3
+    assert first.count('<path class="measured"') == first.count('class="gauge"') / 3 == 3
     for name in names:
         low, high = (100 * edge for edge in demo.summary["buttons"][name]["whole"]["interval"])
         assert f"({low:.1f}\N{NO-BREAK SPACE}% to {high:.1f}\N{NO-BREAK SPACE}%)" in first

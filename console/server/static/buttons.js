@@ -1,6 +1,7 @@
 import { $, busy, choose, el, fill, get, newest, on, say, start, state } from "./console.js";
 import { asking } from "./asking.js";
 import { legend, line, plot } from "./plots.js";
+import { glances } from "./shown.js";
 
 asking("Nothing is being played.");
 const tone = (verdict) => ({ pass: "good", fail: "bad" }[verdict] || "warn");
@@ -31,7 +32,7 @@ let plots = [];
 const ask = newest();
 async function show(anew) {
   const name = $("button").value;
-  if (!name) { $("verdict").textContent = ""; return; }
+  if (!name) { $("verdict").textContent = ""; fill($("glance")); return; }
   let found;
   const asked = new URLSearchParams({ file: name });
   for (const id of anew ? [] : ["check", "point"]) if ($(id).value) asked.set(id, $(id).value);
@@ -48,7 +49,7 @@ async function show(anew) {
   $("each-point").append(...found.each_point.map((one) => el("tr", {}, el("th", { scope: "row" }, one.label), el("td", {}, ...(one.verdict ? [el("strong", { class: tone(one.verdict) }, one.verdict), ", "] : []), one.said))));
   const drives = Object.entries(found.drives), several = drives.length > 1, check = found.check, percent = (value) => (value === null ? "-" : `${(100 * value).toFixed(1)} %`);
   $("verdict").textContent = check.verdict;
-  $("verdict").className = `verdict ${tone(check.verdict)}`;
+  fill($("glance"), ...glances([found.glance]));
   $("said-of-it").textContent = `${found.name}, patch ${drives.map(([patch]) => patch).join(" + ")} at the ${found.point} point${found.simulated ? ", simulated" : ""}. Error up to ${check.judged_hz} Hz ${percent(check.whole.error)} (${percent(check.whole.interval[0])} to ${percent(check.whole.interval[1])}) over ${check.plays} plays; outside the band ${percent(check.outside.error)}. It plays ${percent(found.in_band)} of the recorded press's energy${found.loudness_db === null ? "" : `, ${Math.abs(found.loudness_db).toFixed(0)} dB ${found.loudness_db < 0 ? "quieter" : "louder"}`}. ${found.felt}`;
   fill($("reasons"), ...[...new Set([...check.reasons, ...check.notes, ...found.notes])].map((one) => el("li", {}, one)));
   const times = found.target.map((_, k) => 1000 * k * found.step_s);

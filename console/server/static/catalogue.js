@@ -13,7 +13,13 @@ async function list() {
   $("count").textContent = `${of} file${of === 1 ? "" : "s"}${files.length < of ? `; the newest ${files.length} are shown` : ""}`;
   fill($("files"), ...files.map((one) => el("tr", {}, el("td", {}, one.kind), el("td", {}, one.participant), el("td", {}, one.button), el("td", { class: "date" }, one.date.slice(0, 16).replace("T", " ")),
     el("td", { class: { pass: "green", complete: "green", fail: "red", "not shown": "yellow" }[one.verdict] }, one.verdict), el("td", {}, one.presses),
-    el("td", {}, one.rig + (one.simulated === "yes" && one.rig !== "simulated" ? " (simulated)" : "")), el("td", {}, one.file, ...(one.problem ? [el("p", { class: "bad" }, one.problem)] : [])))));
+    el("td", {}, one.rig + (one.simulated === "yes" && one.rig !== "simulated" ? " (simulated)" : "")), el("td", {}, ...opened(one), ...(one.problem ? [el("p", { class: "bad" }, one.problem)] : [])))));
+}
+
+// The page of a file: an experiment has one already, and what is damaged has none.
+function opened(one) {
+  if (one.kind === "damaged") return [one.file];
+  return [el("a", { href: one.kind === "experiment" ? "/experiment" : `/file?file=${encodeURIComponent(one.file)}` }, one.file)];
 }
 
 $("form").addEventListener("submit", (event) => { event.preventDefault(); list(); });

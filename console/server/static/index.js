@@ -39,6 +39,6 @@ function due(one) {
 function newest(found) {
   if (!found.length) return el("p", {}, "none yet: first ", page("/preflight", "run the preflight"), ", then ", page("/record", "record a button"));
   const tone = (result) => (/^(pass|complete)/.test(result) ? "green" : /^fail/.test(result) ? "red" : "yellow");
-  const rows = found.map((one) => el("tr", {}, el("td", { class: "date" }, at(one.date)), el("td", {}, one.about), el("td", { class: tone(one.result) }, one.result), el("td", {}, one.kind), el("td", {}, one.file)));
+  const rows = found.map((one) => el("tr", {}, el("td", { class: "date" }, at(one.date)), el("td", {}, one.about), el("td", { class: tone(one.result) }, one.result), el("td", {}, one.kind), el("td", {}, el("a", { href: `/file?file=${encodeURIComponent(one.file)}` }, one.file))));
   return el("div", { class: "scroll" }, el("table", {}, el("thead", {}, el("tr", {}, ...["When", "Of", "Result", "Kind", "File"].map((name) => el("th", { scope: "col" }, name)))), el("tbody", {}, ...rows)));
 }

@@ -1,6 +1,7 @@
 import { $, at, busy, choose, el, fill, get, newest, on, picture, say, start, state } from "./console.js";
 import { asking } from "./asking.js";
 import { legend, line, plot } from "./plots.js";
+import { save } from "./shown.js";
 
 asking("Nothing is being measured.");
 $("calibrate-form").addEventListener("submit", (event) => { event.preventDefault(); start("calibrate", { patch: $("patch").value, point: $("point").value, name: $("name").value }); });
@@ -127,11 +128,17 @@ async function history() {
   const last = found.activations[found.activations.length - 1];
   $("active").textContent = last ? `Active: ${last.generation}, since ${at(last.when)}.` : "No calibration is active: adopt a digital button on its page.";
   fill($("activations"), ...[...found.activations].reverse().map((one) => el("tr", {}, el("td", {}, at(one.when)), el("td", {}, one.generation), el("td", {}, one.reason))));
-  if (!found.looks) { $("drift-said").textContent = "No verification by haploop recalibrate yet, so no drift is known."; return; }
-  $("drift-said").textContent = `${found.looks} verifications by haploop recalibrate; the bands are the thresholds for a renewal.`;
+  $("folder").textContent = found.folder;
+  $("nights-found").classList.toggle("hidden", !found.nights.length);
+  const tones = { unchanged: "green", restored: "green", broken: "red" };
+  fill($("nights"), ...found.nights.map((one) => el("tr", {}, el("td", { class: "date" }, at(one.when)), el("td", { class: tones[one.outcome] || "yellow" }, one.outcome),
+    el("td", { class: "number" }, one.drift === null ? "" : `${(100 * one.drift).toFixed(2)} %`), el("td", {}, one.done), el("td", {}, one.why),
+    el("td", {}, ...(one.report ? [el("button", { type: "button", onclick: () => save(`/api/night?report=${encodeURIComponent(one.report)}`, one.report) }, "Save")] : [])))));
+  if (!found.nights.length) { $("drift-said").textContent = "No verification by haploop recalibrate yet, so no drift is known."; return; }
+  $("drift-said").textContent = `${found.nights.length} verifications by haploop recalibrate; the bands are the thresholds for a renewal.`;
   try {
     if ($("drift").src) URL.revokeObjectURL($("drift").src);
-    $("drift").src = URL.createObjectURL(await picture("/api/trend"));
+    $("drift").src = URL.createObjectURL(await picture("/api/figure?history=1"));
     $("drift").classList.remove("hidden");
   } catch (error) { say(error.message, "error"); }
 }

@@ -84,7 +84,7 @@ def make_data(data: Path) -> None:
 
 def _drift(data: Path, buttons: list[haploop.DigitalButton]) -> None:
     """A history of a table that drifts."""
-    history = haploop.History(data / "calibrations")
+    history = haploop.History(data / "simulated-calibrations")
     begun = datetime.now(UTC) - timedelta(days=len(_NIGHTS))
     haploop.adopt(history, buttons, actor="the console", reason="first of this table", when=begun)
     for night, drift in enumerate(_NIGHTS):
@@ -292,7 +292,7 @@ def figures(data: Path) -> None:
         "comparison": plot.comparison(*buttons),
         "feeling": plot.feeling(*buttons),
         "response": plot.response(haploop.Calibration.load(data / "calibrations-made" / "A-button.h5")),
-        "trend": plot.trend(haploop.History(data / "calibrations")),
+        "trend": plot.trend(haploop.History(data / "simulated-calibrations")),
     }
     for name, figure in drawn.items():
         shot = Image.open(BytesIO(png(figure, 110))).convert("RGB")
