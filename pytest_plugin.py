@@ -19,6 +19,7 @@ from . import instruments
 if TYPE_CHECKING:
     from .instruments import Rig, RigFile
     from .mocks.daq.ni import NiTwin
+    from .mocks.tabled import Instrument
 
 OpenRig = Callable[..., "Rig"]
 _ALONE = pytest.StashKey[str]()
@@ -230,6 +231,24 @@ def nidaqmx_twin(request: pytest.FixtureRequest) -> Iterator[NiTwin]:
     listed = request.config.rootpath / mark.args[0] if mark and mark.args else None
     with NiTwin(listed or words or {"Dev1": "PCIe-6363"}, time=time) as twin:
         yield twin
+
+
+@pytest.fixture
+def instrument_twin(request: pytest.FixtureRequest) -> Iterator[Callable[..., Instrument]]:
+    """Function that serves an instrument of a table: `instrument_twin("COM3", {"*IDN?": "ACME"})`.
+
+    The name is a serial port, a VISA resource, "http://HOST" or "HOST:PORT", which unchanged code opens by
+    pyserial, PyVISA or a socket; no other port or resource is opened. The table is a mapping of commands to
+    answers with `state`, `error` and `end`, or a file in pytest's root folder: see `haploop.mocks.tabled`.
+    What came is in order in `received`. A command that the table does not have fails the test, unless it has
+    an `error`.
+    """
+    from .mocks.tabled import InstrumentTwins  # noqa: PLC0415
+
+    with InstrumentTwins(request.config.rootpath) as bench:
+        yield bench.serve
+    if unknown := bench.unknown():
+        pytest.fail("\n".join(unknown), pytrace=False)
 
 
 def _beside(folder: Path, name: str) -> Path:

@@ -33,6 +33,13 @@ _rig = click.option(
     metavar="FILE",
     help="Rig file, or the name of a shipped rig, whose instruments are simulated.",
 )
+_allow = click.option(
+    "--allow",
+    multiple=True,
+    metavar="NAME",
+    help="Let a COMMAND open this as it is: a port, a VISA resource, an address of a network, sound. "
+    "Can be repeated.",
+)
 _as_json = click.option("--json", "as_json", is_flag=True, help="Print the addresses as one JSON object.")
 
 
@@ -75,9 +82,10 @@ def twin() -> None:
     "--bench",
     type=click.Path(path_type=Path),
     metavar="FILE.toml",
-    help="Set inputs, connect wires and let cards fail as this file says.",
+    help="Set inputs, connect wires, let cards fail and serve other instruments as this file says.",
 )
 @click.option("--tape", type=NewFile(".tape"), metavar="FILE.tape", help="Record every call to the devices.")
+@_allow
 @click.argument("command", nargs=-1, type=click.UNPROCESSED)
 def ni(
     port: int,
@@ -86,6 +94,7 @@ def ni(
     named: tuple[str, ...],
     bench: Path | None,
     tape: Path | None,
+    allow: tuple[str, ...],
     command: tuple[str, ...],
 ) -> int | None:
     """Serve simulated NI-DAQmx devices over gRPC, for any program that uses nidaqmx.
@@ -100,7 +109,7 @@ def ni(
     if rig is not None and own:
         raise click.UsageError(f"--rig and {own[0]} exclude each other: use one of them")
     if own:
-        return _on_a_bench(_devices_of(named), devices, bench, tape, port, command)
+        return _on_a_bench(_devices_of(named), devices, bench, tape, port, allow, command)
     # Each way imports what it needs: a server is there the sooner.
     from ..instruments import ConfigurationError, RealClock, load_rig_file  # noqa: PLC0415
     from ..instruments.config import validate  # noqa: PLC0415
@@ -137,6 +146,7 @@ def _on_a_bench(
     bench: Path | None,
     tape: Path | None,
     port: int,
+    allow: tuple[str, ...],
     command: tuple[str, ...],
 ) -> int:
     """Run a command whose nidaqmx finds simulated cards, and return its exit code; without one, serve."""
@@ -149,24 +159,31 @@ def _on_a_bench(
         raise click.UsageError("--devices names all devices: leave out --device and the bench's [devices]")
     if said is not None and (twice := named.keys() & said.devices.keys()):
         raise click.UsageError(f"{min(twice)} is in --device and in {bench}: name it once")
-    if export is None and not listed:
+    if export is None and not listed and not (said and said.instruments):
         raise click.UsageError(
             "name the devices: by --device NAME=PRODUCT, by --devices FILE.ini, or by [devices] in --bench"
+        )
+    if allow and not (said and said.instruments):
+        raise click.UsageError(
+            "--allow is for a --bench with [instruments], under which nothing else is opened"
         )
     with tape_session(None, tape), ExitStack() as stack:
         deck = current()
         recorder = deck if isinstance(deck, Recorder) else None
         found = stack.enter_context(running(export or listed, said, port=port, tape=recorder))
-        for sentence in found.twin.left_out:
+        for sentence in found.twin.left_out if found.twin else ():
             note(sentence)
         if command:
-            return run_command(command, found.environment())
-        click.echo(f"Server listening on port {found.twin.port}")
+            return run_command(command, found.environment(allow))
+        if found.twin:
+            click.echo(f"Server listening on port {found.twin.port}")
+        for name, wire in found.tabled.wires.items():
+            click.echo(f"{name}: {found.tabled.serial.get(name, wire.address)}")
         with _stopped() as stopped:
             # With a time-out, because Ctrl-C does not interrupt an unlimited wait on Windows.
             while not stopped.wait(0.25):
                 pass
-        for name, count in found.twin.unserved.items():
+        for name, count in found.twin.unserved.items() if found.twin else ():
             click.echo(f"{name} was asked for {count} times and is not served.", err=True)
     return 0
 
@@ -269,13 +286,7 @@ def _options(served: Callable[..., Any]) -> Callable[..., Any]:
         click.option(
             "--pty", is_flag=True, help="Serve serial lines at device files. Not on Windows, which has none."
         ),
-        click.option(
-            "--allow",
-            multiple=True,
-            metavar="NAME",
-            help="Let a COMMAND open this as it is: a port, a VISA resource, an address of a network, sound. "
-            "Can be repeated.",
-        ),
+        _allow,
         click.option(
             "--port",
             metavar="KIND=N,...",

@@ -13,6 +13,7 @@ from ...instruments.config import key_lines, parse_toml, place, read_text, valid
 from ...instruments.errors import ConfigurationError
 from ...instruments.near_words import did_you_mean
 from ..daq import Signal, Wire
+from ..tabled import Instrument, read_table
 from .inputs import Number, Positive, input_of
 
 Location = tuple[str | int, ...]
@@ -64,6 +65,7 @@ class _File(_Table):
     inputs: dict[str, Any] = {}
     wires: list[WireTable] = []
     faults: list[Fault] = []
+    instruments: dict[str, str] = {}
 
 
 class Bench:
@@ -78,6 +80,10 @@ class Bench:
         }
         self.wires = said.wires
         self.faults = said.faults
+        self.instruments: Mapping[str, Instrument] = {
+            name: Instrument(read_table(folder / table)) for name, table in said.instruments.items()
+        }
+        """What stands for each port, resource and address, as a table describes it."""
         self.where = where
 
     def check_devices(self, names: list[str]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -12,6 +12,8 @@ from ...instruments.errors import ConfigurationError, InstrumentError
 from ...instruments.flag import Flag
 from ...instruments.tape import Recorder
 from ..daq.ni import Failure, NiTwin
+from ..redirect import environment
+from ..tabled import Served, serving
 from .file import Bench, Fault
 
 
@@ -19,35 +21,52 @@ from .file import Bench, Fault
 class Running:
     """What runs, as long as the context lasts."""
 
-    twin: NiTwin
+    twin: NiTwin | None
+    """The cards, if the bench has any."""
+    tabled: Served
 
-    def environment(self) -> dict[str, str]:
-        """The environment of a program that finds what runs in place of its instruments."""
-        return self.twin.environment()
+    def environment(self, allowed: Collection[str] = ()) -> dict[str, str]:
+        """The environment of a program that finds what runs in place of its instruments.
+
+        On a bench with instruments, no other port, resource or address is opened but what is `allowed`.
+        """
+        found, twin = self.tabled, self.twin
+        if not found.wires:
+            return environment(ni=twin.address if twin else None)
+        served = [*found.ports, *([twin.port] if twin else [])]
+        return environment(
+            twin.address if twin else None, found.serial, found.visa, allowed, served, found.hosts
+        )
 
 
 @contextmanager
 def running(
     devices: Mapping[str, str] | Path, bench: Bench | None, *, port: int = 0, tape: Recorder | None = None
 ) -> Iterator[Running]:
-    """Serve `devices` and those of a bench, with the bench's inputs, wires and faults.
+    """Serve `devices`, which a bench's are among, with the bench's inputs, wires, faults and instruments.
 
     Raises ConfigurationError for what the bench cannot have, and InstrumentError for a port in use.
     """
-    try:
-        twin = NiTwin(devices, time="real", port=port, tape=tape)
-    except RuntimeError as error:
-        raise InstrumentError(f"The NI wire cannot listen on port {port}: {error}.") from None
     with ExitStack() as stack:
-        stack.callback(twin.close)
+        twin = None
+        if devices:
+            try:
+                twin = NiTwin(devices, time="real", port=port, tape=tape)
+            except RuntimeError as error:
+                raise InstrumentError(f"The NI wire cannot listen on port {port}: {error}.") from None
+            stack.callback(twin.close)
         if bench is not None:
             _set_up(twin, bench)
-            stack.enter_context(_failing(twin, bench.faults))
-        yield Running(twin)
+            if twin is not None:
+                stack.enter_context(_failing(twin, bench.faults))
+        found = stack.enter_context(serving(bench.instruments if bench is not None else {}))
+        yield Running(twin, found)
 
 
-def _set_up(twin: NiTwin, bench: Bench) -> None:
-    bench.check_devices(twin.devices)
+def _set_up(twin: NiTwin | None, bench: Bench) -> None:
+    bench.check_devices(twin.devices if twin is not None else [])
+    if twin is None:
+        return
     driven: dict[str, str] = {}
     for name, signal in bench.inputs.items():
         with _placed(f"{bench.where(('inputs', name))}: {name}"):

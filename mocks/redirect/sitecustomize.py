@@ -9,14 +9,16 @@ from __future__ import annotations
 import importlib.util
 import json
 import os
+import socket
 import sys
 from collections.abc import Callable, Collection, Mapping
 from importlib.machinery import ModuleSpec, PathFinder
 from typing import Any
 
 NI, SERIAL, VISA = "HAPLOOP_NI_TWIN", "HAPLOOP_SERIAL_TWIN", "HAPLOOP_VISA_TWIN"
-"""Environment variables: the address of NI's server; JSON objects of the names of serial ports and VISA
-resources, and what stands for each."""
+HOSTS = "HAPLOOP_HOSTS_TWIN"
+"""Environment variables: the address of NI's server; JSON objects of the names of serial ports, of VISA
+resources and of addresses of a network ("host:port"), and what stands for each."""
 ALLOWED, SERVED = "HAPLOOP_ALLOWED", "HAPLOOP_SERVED_PORTS"
 """Environment variables: JSON lists of what may be opened though it is not simulated, and of the TCP ports at
 which something is simulated."""
@@ -144,7 +146,11 @@ def redirect_serial(serial: Any, ports: Names) -> None:
     opened = own.open
 
     def open_meant(self: Any) -> None:
-        meant(self.port)  # pyserial's own class, which a program imported from its module
+        other = meant(self.port)  # pyserial's own class, which a program imported before or from its module
+        if "://" not in str(other):
+            own.port.fset(self, other)
+        elif not hasattr(self, "_socket"):
+            raise serial.SerialException(f"Open {self.port} by serial.Serial: it is a socket here.")
         opened(self)
 
     own.open = open_meant
@@ -213,6 +219,25 @@ def redirect_visa(
     manager.__new__ = staticmethod(lambda cls, visa_library="": new(cls, "@py"))
     manager.list_resources = lambda self, query="?*::INSTR": rname.filter(listed, query)
     manager.open_resource, manager.open_bare_resource = open_resource, open_bare
+
+
+def redirect_hosts(hosts: Mapping[str, str]) -> None:
+    """Let sockets connect to what stands for a host and port ("192.0.2.20:80")."""
+    ask, connect = socket.getaddrinfo, socket.socket.connect
+
+    def meant(host: Any, port: Any) -> tuple[Any, Any]:
+        name = host.decode() if isinstance(host, bytes) else host
+        other = hosts.get(f"{name}:{port}")
+        return (other.rpartition(":")[0], int(other.rpartition(":")[2])) if other else (host, port)
+
+    def getaddrinfo(host: Any, port: Any, *how: Any, **more: Any) -> Any:
+        return ask(*meant(host, port), *how, **more)
+
+    def connect_meant(self: Any, address: Any) -> None:
+        connect(self, meant(*address) if isinstance(address, tuple) and len(address) == 2 else address)
+
+    socket.getaddrinfo = getaddrinfo
+    socket.socket.connect = connect_meant  # type: ignore[method-assign]
 
 
 def refuse_sound(module: Any, allowed: Collection[str]) -> None:
@@ -325,6 +350,8 @@ def _start() -> None:
     here = os.path.dirname(os.path.abspath(__file__))  # noqa: PTH100, PTH120
     sys.path[:] = [folder for folder in sys.path if os.path.abspath(folder or ".") != here]  # noqa: PTH100
     sys.meta_path.insert(0, _Redirects())
+    if HOSTS in os.environ:
+        redirect_hosts(_told(HOSTS))
     if ALLOWED in os.environ:
         refuse_network(_told(ALLOWED), _told(SERVED))
     # The environment's own, which this file stands before.
@@ -333,5 +360,5 @@ def _start() -> None:
         spec.loader.exec_module(importlib.util.module_from_spec(spec))
 
 
-if __name__ == "sitecustomize" and {NI, SERIAL, VISA} & os.environ.keys():
+if __name__ == "sitecustomize" and {NI, SERIAL, VISA, HOSTS} & os.environ.keys():
     _start()
