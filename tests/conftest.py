@@ -35,7 +35,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--long", action="store_true", help="run whole loops whose steps have tests of their own"
     )
     parser.addoption("--pages", action="store_true", help="run the blocks of every page of the documents")
-    parser.addoption("--skipped", metavar="FILE", help="write names of tests to FILE that lack something")
+    parser.addoption("--skipped", metavar="FILE", help="write the names of skipped tests to FILE")
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
@@ -66,10 +66,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 class Skipped:
-    """Writes the names of skipped tests to a file, for a run (`pytest @FILE`) that has what they lack.
-
-    What an option leaves out lacks nothing.
-    """
+    """Writes the names of skipped tests to a file, for `pytest --long @FILE` where there is what they lack."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -79,7 +76,7 @@ class Skipped:
         self.pytest_runtest_logreport(report)
 
     def pytest_runtest_logreport(self, report: pytest.CollectReport | pytest.TestReport) -> None:
-        if report.skipped and not re.search(r"--(long|full|pages)\b", report.longreprtext):
+        if report.skipped and not re.search(r"--(full|pages)\b", report.longreprtext):
             with self.path.open("a", encoding="utf-8") as file:
                 file.write(f"{report.nodeid}\n")
 
