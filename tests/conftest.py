@@ -66,7 +66,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 class Skipped:
-    """Writes the names of skipped tests to a file, for `pytest --long @FILE` where there is what they lack."""
+    """Writes the names of skipped tests to a file: for `pytest --long @FILE`, where nothing lacks."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
