@@ -157,9 +157,12 @@ class Tones:
                 raise DataError("the tones of the background are not rows of finite values.")
 
 
-def without_tones(records: Sequence[Record], rate_hz: float) -> tuple[FloatArray, Tones]:
-    """(records, samples): signals of equal length without the tones that are steady from rest to rest."""
-    signals = np.array([record.signal for record in records])
+def without_tones(records: Sequence[Record], rate_hz: float) -> tuple[list[FloatArray], Tones]:
+    """Each record's signal (samples,), all of equal length, without tones that are steady from rest to rest.
+
+    The records' own signals where there is no such tone: they are tens of megabytes.
+    """
+    signals = [record.signal for record in records]
     factor = max(1, int(rate_hz // _ENOUGH_HZ))
     slow = [
         Record(
@@ -173,10 +176,10 @@ def without_tones(records: Sequence[Record], rate_hz: float) -> tuple[FloatArray
         return signals, Tones()
     kept = steady(slow, tones, rate_hz / factor)
     amplitudes = np.array([tones_of(record, tones, rate_hz / factor) for record in slow])
-    times = np.arange(signals.shape[1]) / rate_hz
+    times = np.arange(len(signals[0])) / rate_hz
     for number, own in enumerate(amplitudes):
         for tone, amplitude in zip(tones[kept], own[kept], strict=True):
-            signals[number] -= (amplitude * np.exp(2j * np.pi * tone * times)).real
+            signals[number] = signals[number] - (amplitude * np.exp(2j * np.pi * tone * times)).real
     share = np.sqrt((np.abs(amplitudes) ** 2).mean(axis=0) / 2 / max(float(signals[0].var()), 1e-300))
     return signals, Tones(tones[kept], share[kept], tones[~kept], share[~kept])
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import scipy
 
@@ -44,16 +46,20 @@ _SHIFT = 81
 
 
 def from_sweeps(
-    sweep: LinearSweep, commanded: FloatArray, drives: FloatArray, velocities: FloatArray, channels: Channels
+    sweep: LinearSweep,
+    commanded: FloatArray,
+    drives: Sequence[FloatArray],
+    velocities: Sequence[FloatArray],
+    channels: Channels,
 ) -> FrfEstimate:
     """Estimate the response by dividing spectra of whole records, ringing included: without leakage.
 
-    `commanded` is (samples,) V, one sweep at the full level; `drives` (plays, samples) V and
-    `velocities` (plays, samples), what the pick-up shows, are as sampled: `sweep.repeats` plays at that
+    `commanded` is (samples,) V, one sweep at the full level; `drives`, (samples,) V each, and
+    `velocities`, (samples,) each, what the pick-up shows, are as sampled: `sweep.repeats` plays at that
     level, then one at each of `sweep.shares`.
     """
     rate_hz, repeats = channels.rate_hz, sweep.repeats
-    samples = drives.shape[1]
+    samples = len(drives[0])
     length = scipy.fft.next_fast_len(samples + round(_ROOM * rate_hz), real=True)
     low, high = _LOWEST, sweep.stop_hz - _END
     first, last = (edge * length / rate_hz for edge in (low - _MORE[0], high + _MORE[1]))
@@ -95,7 +101,13 @@ def from_sweeps(
     variance = scatter + left_in
     # What is compared there is what the pick-up shows, of which a velocity has this much power on each line.
     shown = np.abs(channels.laser(f)) ** 2
-    cut_off = _cut_off(velocities[:repeats].mean(axis=0), rate_hz, length, lines, shown * residual / repeats)
+    cut_off = _cut_off(
+        sum(velocities[1:repeats], velocities[0]) / repeats,
+        rate_hz,
+        length,
+        lines,
+        shown * residual / repeats,
+    )
     variance += cut_off / shown / (power / repeats)
     variance += _drift(H, f, y / x, residual / power * repeats, len(drives))
     alone = [residual / np.abs(a) ** 2 + left_in for a in X[repeats:]]

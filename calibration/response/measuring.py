@@ -268,7 +268,7 @@ def _swept(spot: Spot, sweep: LinearSweep, peak: float, progress: Progress) -> R
     progress(_doing(spot), sweep.duration, sweep.duration, "s")
     calm, tones = without_tones(records, rate_hz)
     velocities = [row[lead : lead + len(drives[0])] for row, lead in zip(calm, leads, strict=True)]
-    found = from_sweeps(sweep, once, np.array(drives), np.array(velocities), channels)
+    found = from_sweeps(sweep, once, drives, velocities, channels)
     response = response_of(spot, found, str(sweep), sweep.repeats, peak)
     return replace(response, levels=response.level * np.array(sweep.shares), tones=tones)
 
@@ -276,9 +276,9 @@ def _swept(spot: Spot, sweep: LinearSweep, peak: float, progress: Progress) -> R
 def _generated(spot: Spot, sweep: LinearSweep, peak: float, progress: Progress) -> Response:
     rig, rate_hz = spot.rig, spot.rig.table.rate_hz
     plays = play_sweeps(spot, sweep, _SWEPT * peak, progress)
-    drives, velocities = (np.array([getattr(one, name) for one in plays]) for name in ("volts", "velocity"))
+    drives, velocities = ([getattr(one, name) for one in plays] for name in ("volts", "velocity"))
     lead = round(LEAD * rate_hz)
-    once = np.zeros(drives.shape[1])
+    once = np.zeros(len(drives[0]))
     once[lead : lead + round(sweep.seconds * rate_hz)] = _SWEPT * peak * ordered(sweep, rate_hz)
     still = lead + round((sweep.seconds + _RINGS * sweep.tail) * rate_hz)
     # One rest a play tells which tones there are, and not their phases seconds before: they stay in.
