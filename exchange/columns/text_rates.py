@@ -1,4 +1,4 @@
-"""Rates and steps that the rows above a text's columns state, in the unit that stands beside them.
+"""Rates and steps that a file states: in the rows above a text's columns, or by an entry beside arrays.
 
 A rate counts when it is called one of *sampling* (or recording, logging, scanning); baud, bit, slew, press
 and heart rates are others'. All statements are returned: which is right, where they differ, is no matter of
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 
 from .table import Stated
 from .units import unit_of, units_of
@@ -38,6 +39,18 @@ _BESIDE = re.compile(
     r"(?P<number>[-+]?\d[\d.,]*(?:[eE][-+]?\d+)?)[\s:\"']*"
     r"(?P<after>[a-zA-Zµμ/][a-zA-Zµμ/0-9^-]*( ?(per|/) ?[a-zA-Z]+)?)?"
 )
+_DEFINED = {
+    "wfincrement": "dt in s",
+    "tinterval": "dt in s",
+    "sampletime": "dt in s",
+    "ts": "dt",
+    "sr": "fs",
+    "srate": "fs",
+    "rate": "sample rate",
+}
+"""Names of entries that a program defines (LabVIEW, PicoScope, Simulink), or that are short for others."""
+_WORD = re.compile(r"(?<=[a-z])(?=[A-Z])|[ _.-]+")
+"""Between the words of an entry's name: `sampleRate_Hz`."""
 _CELL = " : "
 """Between the cells of a row."""
 
@@ -50,6 +63,16 @@ def stated_rates(rows: Sequence[Sequence[str]], decimal: str, seconds: float | N
         for one in _in_row(row, below, decimal, seconds):
             found.setdefault(one.words if one.hz is None else one.hz, one)
     return tuple(found.values())
+
+
+def stated_by(name: str, value: float) -> Stated | None:
+    """What an entry of a file states by its name (`sample_rate_hz`, `dtMs`); None for other things."""
+    plain = re.sub(r"[^a-z0-9]", "", name.lower())
+    words = _DEFINED.get(plain) or " ".join(filter(None, _WORD.split(name)))
+    if not 0 < value < float("inf"):
+        return None
+    found = _in_row([words, f"{value!r}"], (), ".", None)
+    return replace(found[0], words=f"{name} = {value:g}") if found else None
 
 
 def _in_row(row: Sequence[str], below: Sequence[str], decimal: str, seconds: float | None) -> list[Stated]:

@@ -15,18 +15,12 @@ from ..views import About
 from .contained import Tree, tree_of
 from .table import Column, Stated, Table
 from .text_file import table_of
+from .text_rates import stated_by
 from .text_rows import numeric_rows
 from .together import together
 from .tree_responses import responses_of
 from .units import split_heading
 
-_RATE = re.compile(
-    r"(fs|sr|rate|(sampl(e|es|ing)?(rate|freq|frequency)))(?P<unit>hz|khz|mhz)?\Z|samplespersec(ond)?\Z"
-)
-_STEP = re.compile(
-    r"(dt|ts|deltat|increment|wfincrement|tinterval|x?inc(r|rement)?|timestep|timeincrement|"
-    r"sampl(e|ing)(interval|period|time))(?P<unit>s|ms|us|ns)?\Z"
-)
 _START = re.compile(r"(wfstartoffset|startingtime|x0|xorg|xorigin|startvalue|tstart)\Z")
 """Keys without their case, blanks and signs."""
 _DATA = ("data", "values", "value", "samples", "y", "ydata", "y_values")
@@ -81,12 +75,14 @@ def read_table(path: Path, skip: bool = False) -> Table:
 def _columns(tree: Tree, name: str) -> Iterator[Column]:
     values = tree.arrays[name]
     above, _, leaf = name.rpartition(".")
-    said = _said(tree, name)
+    said, holder = _said(tree, name), name
     title = name
     if above and leaf.lower() in _DATA and above not in tree.arrays:
-        said = {**_said(tree, above), **said}
+        said, holder = {**_said(tree, above), **said}, above
         title = next((str(said[key]) for key in _TITLES if isinstance(said.get(key), str)), above)
-    rate, start = _clock(said)
+    rate, start = _clock(tree, name)
+    if holder != name and (rate, start) == (None, None):
+        rate, start = _clock(tree, holder)
     stamps = said.get("stamps") == "yes"
     if values.ndim == 1:
         yield Column(*_named(title, _unit(tree, said, name)), values, rate, stamps, start)
@@ -120,28 +116,16 @@ def _plain(key: str) -> str:
     return re.sub(r"[^a-z0-9]", "", key.lower())
 
 
-def _clock(said: Mapping[str, str | float]) -> tuple[float | None, float | None]:
+def _clock(tree: Tree, holder: str) -> tuple[float | None, float | None]:
     """Rate (1/s) and start (s) that an array's own entries state."""
     rate = start = None
-    for key, value in said.items():
-        if isinstance(value, float) and (stated := _stated(key, value)):
-            rate = stated
-        elif isinstance(value, float) and _START.match(key):
+    for name, value in tree.numbers.items():
+        above, _, leaf = name.rpartition(".")
+        if above == holder and (stated := stated_by(leaf, value)) is not None and stated.hz:
+            rate = stated.hz
+        elif above == holder and _START.match(_plain(leaf)):
             start = value
     return rate, start
-
-
-def _stated(key: str, value: float) -> float | None:
-    """Samples per second that an entry states; None for one of something else."""
-    if not value > 0:
-        return None
-    if match := _RATE.match(key):
-        return value * {"khz": 1e3, "mhz": 1e6}.get(match["unit"] or "", 1.0)
-    if match := _STEP.match(key):
-        return float(
-            f"{1 / (value * {'ms': 1e-3, 'us': 1e-6, 'ns': 1e-9}.get(match['unit'] or '', 1.0)):.9g}"
-        )
-    return None
 
 
 def _named(heading: str, unit: str) -> tuple[str, str]:
@@ -159,12 +143,13 @@ def _unit(tree: Tree, said: Mapping[str, str | float], name: str) -> str:
 
 
 def _rates(tree: Tree) -> tuple[Stated, ...]:
-    """The rates that a file states for all arrays."""
-    found: dict[float, Stated] = {}
+    """The rates that a file states for all arrays, and those of single ones without a clear unit."""
+    found: dict[float | str, Stated] = {}
     for name, value in tree.numbers.items():
         holder, _, leaf = name.rpartition(".")
-        if holder not in tree.arrays and (rate := _stated(_plain(leaf), value)):
-            found.setdefault(rate, Stated(rate, f"{name} = {value:g}"))
+        stated = stated_by(leaf, value)
+        if stated is not None and (holder not in tree.arrays or stated.hz is None):
+            found.setdefault(stated.hz or f"{leaf} {value}", replace(stated, words=f"{name} = {value:g}"))
     return tuple(found.values())
 
 

@@ -288,7 +288,7 @@ ROWS: list[tuple[str, Callable[[Path], None], Right]] = [
     ("a.xdf", _xdf, HELD),
     ("a.parquet", _parquet, {"force": F}),
     ("structures.mat", _matlab(
-        press={"force": {"data": 1e3 * F, "unit": "mN", "dt": 1 / RATE},
+        press={"force": {"data": 1e3 * F, "unit": "mN", "dt_s": 1 / RATE},
                "acc": {"values": A, "units": "m/s^2", "SampleRate": float(RATE)}}), HELD),
     ("two rates.h5", _hdf5(two_rates), "several rates"),
     ("oscilloscope.mat", _matlab(force=F[:, None], Tinterval=1 / RATE), {"force": F}),

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import haploop
-from haploop.exchange.columns.text_rates import stated_rates
+from haploop.exchange.columns.text_rates import stated_by, stated_rates
 from tests.command_line import Run
 
 T = np.arange(2500) / 5000
@@ -589,6 +589,33 @@ def test_what_is_stated(case: Case, tmp_path: Path) -> None:
 def test_a_rate_is_read_with_its_unit(row: str, decimal: str, hz: float | None) -> None:
     (found,) = stated_rates([row.split("|")], decimal, None)
     assert found.hz == hz
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "hz"),
+    [
+        *((name, 5000.0, 5000.0) for name in (
+            "fs", "Fs", "sr", "rate", "srate", "sample_rate", "sampleRate", "SamplingFrequency", "samplefreq",
+            "sample_rate_hz", "samples_per_second", "SamplesPerSec", "fs_Hz")),
+        *((name, 5.0, 5000.0) for name in ("fs_kHz", "sampleRate_kHz", "sampling rate kHz")),
+        *((name, 2e-4, 5000.0) for name in ("wf_increment", "Tinterval", "SampleTime", "dt_s", "dtSec")),
+        *((name, 0.2, 5000.0) for name in ("dt_ms", "time_step_ms", "samplingInterval_ms", "xIncrement_ms")),
+        *((name, 2e-4, None) for name in ("dt", "Ts", "delta_t", "x_inc", "timeStep", "sampling_interval")),
+        ("fs", 0.2, None),
+    ],
+)  # fmt: skip
+def test_an_entry_beside_arrays_states_a_rate_as_a_text_does(
+    name: str, value: float, hz: float | None
+) -> None:
+    found = stated_by(name, value)
+    assert found is not None and found.hz == hz
+
+
+@pytest.mark.parametrize(
+    "name", ["learning_rate", "baud_rate", "max_sample_rate", "heartRate", "fs_offset", "dtype", "force", "T"]
+)
+def test_an_entry_that_states_no_rate(name: str) -> None:
+    assert stated_by(name, 5000.0) is None
 
 
 @pytest.mark.parametrize(
