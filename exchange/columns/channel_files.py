@@ -95,8 +95,10 @@ def _labels(info: Any) -> list[tuple[str, str]]:
     return [(label, "" if unit == "none" else unit) for label, unit in texts]
 
 
-def parquet(path: Path) -> tuple[list[Column], dict[str, Any]]:
-    """Columns of numbers and instants, with the unit in a field's metadata or heading; what haploop said."""
+def parquet(path: Path) -> tuple[list[Column], dict[str, Any], dict[str, Any]]:
+    """Columns of numbers and instants, with the unit in a field's metadata or heading; what haploop said;
+    and the arrays of responses, a row a response, that such a table of haploop's holds.
+    """
     arrow = optional("pyarrow.parquet", "parquet", "A Parquet file")
     table = arrow.read_table(path)
     columns = []
@@ -110,11 +112,32 @@ def parquet(path: Path) -> tuple[list[Column], dict[str, Any]]:
         elif values.dtype.kind in "iufb":
             columns.append(Column(name, unit, values.astype(np.float64)))
     about = json.loads((table.schema.metadata or {}).get(b"haploop", b"{}"))
-    return columns, about
+    if not {"patch", "point", "frequency", "velocity_real", "velocity_imaginary"} <= set(table.column_names):
+        return columns, about, {}
+    places = list(zip(*(table[name].to_pylist() for name in ("patch", "point")), strict=True))
+    each = list(dict.fromkeys(places))
+    by_name = {one.name: one.values.reshape(len(each), -1) for one in columns}
+    if places != [one for one in each for _ in range(len(places) // len(each))]:
+        raise ValueError("its responses do not stand below each other")
+    f = by_name.pop("frequency")
+    if np.ptp(f, axis=0).any():
+        raise ValueError("its responses are not over the same frequencies")
+    beside: dict[str, Any] = {**by_name, "frequency": f[0], "velocity_real.units": "(m/s)/V"}
+    return (
+        [],
+        about,
+        beside | dict(zip(("patches", "points"), map(list, zip(*each, strict=True)), strict=True)),
+    )
 
 
-def netcdf(path: Path) -> tuple[list[Column], dict[str, Any]]:
-    """Variables over the longest dimension, unpacked as CF says, and the file's own attributes."""
+_PLACES = {"patch": "patches", "point": "points"}
+
+
+def netcdf(path: Path) -> tuple[list[Column], dict[str, Any], dict[str, Any]]:
+    """Variables over the longest dimension, unpacked as CF says, and the file's own attributes.
+
+    Of a file over frequency, its arrays and texts in place of variables.
+    """
     import scipy  # noqa: PLC0415 - a second
 
     columns = []
@@ -132,7 +155,15 @@ def netcdf(path: Path) -> tuple[list[Column], dict[str, Any]]:
             unit = str(said.get("units", "")).partition(" since ")[0]
             columns.append(Column(name, unit, found))
         about = {key: _text(value) for key, value in file._attributes.items()}
-    return columns, about
+        beside: dict[str, Any] = {}
+        for name, variable in file.variables.items() if "frequency" in file.variables else ():
+            values = np.array(variable[:])
+            if values.dtype.kind == "S":
+                beside[_PLACES.get(name, name)] = [b"".join(row).decode() for row in values]
+            else:
+                beside[name] = values.astype(np.float64)
+                beside[f"{name}.units"] = _text(variable._attributes.get("units", ""))
+    return ([] if beside else columns), about, beside
 
 
 def _text(value: Any) -> Any:

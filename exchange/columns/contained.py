@@ -146,13 +146,13 @@ def _xdf(path: Path, tree: Tree) -> None:
 
 
 def _parquet(path: Path, tree: Tree) -> None:
-    tree.columns, about = channel_files.parquet(path)
-    _about(tree, about)
+    tree.columns, about, beside = channel_files.parquet(path)
+    _enter(tree, about, beside)
 
 
 def _netcdf(path: Path, tree: Tree) -> None:
-    tree.columns, about = channel_files.netcdf(path)
-    _about(tree, about)
+    tree.columns, about, beside = channel_files.netcdf(path)
+    _enter(tree, about, beside)
 
 
 def _numpy(path: Path, tree: Tree) -> None:
@@ -171,9 +171,11 @@ def _zip(path: Path, tree: Tree) -> None:
             _add(tree, name, found[name])
 
 
-def _about(tree: Tree, about: Mapping[str, Any]) -> None:
-    for key, value in about.items():
-        _add(tree, f"about.{key}", value)
+def _enter(tree: Tree, about: Mapping[str, Any], beside: Mapping[str, Any]) -> None:
+    """What a file says of itself, and its arrays of responses."""
+    _add(tree, "about", about)
+    for name, value in beside.items():
+        _add(tree, name, value)
 
 
 def _add(tree: Tree, name: str, value: Any) -> None:

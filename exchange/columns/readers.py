@@ -72,7 +72,10 @@ def _read(path: Path, found: str, decimal: str | None, skip: bool, _state: tuple
         else:
             table = text_file.read_table(path, decimal, skip)
     if any(column.name.lower() == "frequency" for column in table.columns):
-        raise DataError(f"{path} is over frequency: of responses haploop imports .uff files only.")
+        raise DataError(
+            f"{path} is over frequency: of responses haploop imports UFF files, complex arrays (MATLAB, "
+            "HDF5, NumPy), and what it exported itself, a CSV file with its sidecar."
+        )
     if not all(len(column.values) for column in table.columns):
         raise DataError(f"{path} is empty.")
     columns = tuple(

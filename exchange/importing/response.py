@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
+from ...acquisition import hdf5
 from ...calibration import Response, read_uff
-from ...instruments import ConfigurationError, RigFile
+from ...instruments import ConfigurationError, DataError, RigFile
 from .. import uff_file
 from ..columns import format_of, has_responses, read_responses
 
@@ -19,7 +21,9 @@ def is_response_file(path: str | Path, format: str | None = None) -> bool:
     """
     path = Path(path)
     found = format_of(path, format)
-    if found in ("mat", "hdf5", "numpy") and path.is_file():
+    with suppress(DataError):  # a file of haploop's own needs no import
+        return not hdf5.kind_of(path)
+    if found in ("csv", "mat", "hdf5", "numpy", "netcdf", "parquet") and path.is_file():
         return has_responses(path)
     return found == "uff" and uff_file.has_responses(path)
 
@@ -31,7 +35,9 @@ def import_response(
     point: str | None = None,
     unit: str | None = None,
 ) -> Response:
-    """The response in a UFF, MATLAB, HDF5 or NumPy file; of several, the one of `patch` and `point`.
+    """The response in a UFF, MATLAB, HDF5 or NumPy file, or in any that haploop exported.
+
+    Of several, it is the one of `patch` and `point`.
 
     `unit`, "(mm/s)/V" say, is what it is in where the file does not say. A file with one response of another
     name gets these names. Raises ConfigurationError for a choice that is not in the file, DataError for a

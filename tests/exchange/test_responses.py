@@ -28,6 +28,40 @@ def test_a_response_goes_out_and_comes_back(files: Files, run: Run, tmp_path: Pa
     assert imported.response.simulated
 
 
+@pytest.mark.parametrize("to", ["csv", "mat", "netcdf", "parquet", "uff"])
+def test_what_is_exported_of_responses_is_read_back(
+    to: str, files: Files, measured_map: Path, run: Run, tmp_path: Path
+) -> None:
+    path, back = tmp_path / f"a.{'nc' if to == 'netcdf' else to}", tmp_path / "b.h5"
+    assert run("export", files.calibration, "--to", to, "--out", path).exit_code == 0
+    result = run("import", path, "--out", back)
+    assert result.exit_code == 0, result.stderr
+    found, whole = Calibration.load(back).response, Calibration.load(files.calibration).response
+    rtol = 1e-5 if to == "uff" else 1e-8
+    np.testing.assert_allclose(found.frequencies, whole.frequencies, rtol=rtol)
+    np.testing.assert_allclose(found.velocity, whole.velocity, rtol=1e-4 if to == "uff" else 1e-8)
+    np.testing.assert_allclose(found.coherence, whole.coherence, rtol=1e-5)
+    assert (found.patch, found.point, found.simulated) == (whole.patch, whole.point, True)
+    if to == "uff":  # of a map see below
+        return
+    path = path.with_stem("map")
+    assert run("export", measured_map, "--to", to, "--out", path).exit_code == 0
+    several = run("import", path, "--out", tmp_path / "c.h5")
+    assert several.exit_code == 2 and "A at 3, A at 17, B at 3, B at 17" in several.stderr
+    found = haploop.import_response(path, haploop.load_rig_file("simulated"), "B", "17")
+    np.testing.assert_allclose(found.velocity, own(measured_map, found.frequencies)[3], rtol=1e-8)
+
+
+def test_a_sidecar_that_fits_no_more_is_one_sentence(files: Files, run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    assert run("export", files.calibration, "--to", "csv", "--out", path).exit_code == 0
+    text = path.read_text()
+    for changed in (text.replace("patch", "p", 1), text[: len(text) // 2] + "x", "", text.replace("1", "a")):
+        path.write_text(changed)
+        refused = run("import", path, "--out", tmp_path / "b.h5")
+        assert refused.exit_code == 2 and "export it again" in refused.stderr, refused.output
+
+
 def test_a_model_goes_to_matlab(files: Files, run: Run, tmp_path: Path) -> None:
     result = run("export", files.calibration, "--to", "mat", "--out", tmp_path / "a.mat", "--json")
     assert json.loads(result.stdout) == {
