@@ -13,4 +13,23 @@ import lazy_loader
 
 __version__ = "0.1.0"
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, _, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+_AT_THE_TAB_KEY = (
+    # A rig; presses; a table; digital buttons; keeping them; people; files. In the order of a day's work.
+    *("open_rig", "load_rig_file", "new_rig_on", "examine", "watch_live"),
+    *("record", "load_study", "run_study", "accepted_presses", "load_press", "representative"),
+    *("calibrate", "calibrate_finger", "load_calibrations", "map_plan", "measure_map"),
+    *("build_button", "plan_button", "play_button", "drive_for", "check", "check_feeling"),
+    *("History", "adopt", "recalibrate", "activate"),
+    *("load_experiment", "open_session", "run_session", "read_rows"),
+    *("analyse_identification", "analyse_ratings", "analyse_thresholds"),
+    *("load", "list_files", "import_file", "export_file", "verify", "write_report", "plot"),
+    *("Recording", "Representative", "Calibration", "VibrationMap", "DigitalButton"),
+    *("HaploopError", "ConfigurationError", "InstrumentError"),
+)
+
+
+def __dir__() -> list[str]:
+    """What the tab key finds: what a script needs. `__all__` has everything, with what each returns."""
+    return [*_AT_THE_TAB_KEY]

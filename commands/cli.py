@@ -11,6 +11,7 @@ import sys
 import click
 
 from ..terminal.exits import Commands, usable_streams
+from ..terminal.progress import print_line
 from .analyse import analyse
 from .button import button
 from .calibrations import calibrations, recalibrate
@@ -27,6 +28,7 @@ from .new import new
 from .record import record, represent
 from .rig import rig
 from .serve import serve
+from .status import status
 from .study import study
 from .table import calibrate, check
 from .tape import tape
@@ -34,15 +36,24 @@ from .twin import twin
 
 
 @click.group(
-    "haploop", cls=Commands, no_args_is_help=True, context_settings={"help_option_names": ["-h", "--help"]}
+    "haploop",
+    cls=Commands,
+    invoke_without_command=True,
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
 @click.version_option(package_name="haploop", message="haploop %(version)s")
-def cli() -> None:
+@click.pass_context
+def cli(ctx: click.Context) -> None:
     """Measure physical buttons and reproduce them as verified digital ones.
+
+    Without a command: what is in this folder, and what to do next.
 
     Exit codes: 0 done and passed, 1 result out of tolerance, 2 invalid request, file or configuration,
     3 instrument failure, 4 the measurement does not tell.
     """
+    if ctx.invoked_subcommand is None and not status():
+        click.echo(ctx.get_help())
+        print_line("\nNothing of haploop is in this folder. Begin with: haploop demo, or haploop new FOLDER.")
 
 
 cli.sections = {

@@ -11,7 +11,8 @@ from typing import Any
 
 import click
 
-from ..reports import outputs
+from ..reports import contents, outputs
+from ..terminal.browser import open_page
 from ..terminal.progress import print_line
 from . import front as haploop
 from .asking import asker
@@ -21,34 +22,44 @@ from .study import STUDY_FORM
 _README = """\
 # {name}
 
-What to run here, in this order. Each command says what comes next; `haploop COMMAND --help` has its options.
+What to run here, in this order (start.html is the same as a page). Each command says what comes next,
+`haploop` alone what is due, and `haploop COMMAND --help` has its options.
 
 {rehearse}
-1. `haploop doctor --rig rig.toml`: is every instrument as the rig file says?
-2. `haploop live --rig rig.toml`: look at the sensors before anything is recorded. Ctrl-C ends it.
-3. `haploop study run`: record the presses that are still due; once for each participant, or all at once.
-4. `haploop study status`: what is recorded, and what is due.
-5. `haploop study represent {button} --out {button}-press.h5`: the press that stands for all.
-6. `haploop calibrate --rig rig.toml`: measure the table, into calibration.h5.
-7. `haploop button make {button}-press.h5 -c calibration.h5 -o {button}.h5 --rig rig.toml`: make and check the
-   digital button.
-8. `haploop report . {button}.h5`: all of it on one page.
-9. `haploop calibrations adopt {button}.h5 --rig rig.toml --reason "first"`, and from then on every night
-   `haploop recalibrate --rig rig.toml`.
-{experiment}
-`haploop serve --rig rig.toml` shows 1 to 7, and experiments, in a browser.
+
+{steps}
+
+`haploop serve --rig rig.toml` shows all of it in a browser.
 """
-_EXPERIMENT = """\
-10. `haploop experiment run experiment --participant P01`: which button is it?
-    First edit experiment/experiment.toml.
-"""
-_REHEARSE = """\
-The rig is simulated as long as rig.toml says so: describe yours (`haploop rig new mine.toml`), and put it
-in place of rig.toml. Nothing that is measured until then is real.
-"""
-_REAL = """\
-Rehearse all of it without touching an instrument: `--simulate twin` behind each command, into another folder.
-"""
+_STEPS = (
+    ("haploop doctor --rig rig.toml", "Is every instrument as the rig file says?"),
+    ("haploop live --rig rig.toml", "Look at the sensors before anything is recorded. Ctrl-C ends it."),
+    ("haploop study run", "Record the presses that are still due; for one participant, or for all."),
+    ("haploop study status", "What is recorded, and what is due."),
+    ("haploop study represent {button} --out {button}-press.h5", "The press that stands for all."),
+    ("haploop calibrate --rig rig.toml", "Measure the table, into calibration.h5."),
+    (
+        "haploop button make {button}-press.h5 -c calibration.h5 -o {button}.h5 --rig rig.toml",
+        "Make and check the digital button.",
+    ),
+    ("haploop report . {button}.h5", "All of it on one page."),
+    (
+        'haploop calibrations adopt {button}.h5 --rig rig.toml --reason "first"',
+        "From then on, every night: haploop recalibrate --rig rig.toml.",
+    ),
+)
+_EXPERIMENT = (
+    "haploop experiment run experiment --participant P01",
+    "Which button is it? First edit experiment/experiment.toml.",
+)
+_REHEARSE = (
+    "The rig is simulated as long as rig.toml says so: describe yours (`haploop rig new mine.toml`), and put "
+    "it in place of rig.toml. Nothing that is measured until then is real."
+)
+_REAL = (
+    "Rehearse all of it without touching an instrument: `--simulate twin` behind each command, into another "
+    "folder."
+)
 
 
 @click.command("new")
@@ -64,10 +75,14 @@ Rehearse all of it without touching an instrument: `--simulate twin` behind each
     help="Presses of each button.",
 )  # fmt: skip
 @click.option("--rig", "-r", metavar="FILE", help="Rig file, or name of a shipped rig.  [default: asked for]")
-def new(folder: Path, buttons: str | None, participants: int | None, presses: int, rig: str | None) -> int:
+@click.option("--no-open", is_flag=True, help="Do not open the folder's page in a browser.")
+def new(
+    folder: Path, buttons: str | None, participants: int | None, presses: int, rig: str | None, no_open: bool
+) -> int:
     """Make a FOLDER for a study, with all that it needs.
 
-    It gets a rig file, a study, an experiment, and a README of what to run in which order.
+    It gets a rig file, a study, an experiment, and a page of what to run in which order (start.html, which is
+    opened in a browser, and README.md).
 
     What is not given is asked for at a terminal. Edit the files as you like; nothing that exists is
     overwritten.
@@ -75,7 +90,8 @@ def new(folder: Path, buttons: str | None, participants: int | None, presses: in
     named = _buttons(_given("buttons", buttons, "Which buttons?", "latch,toggle,push"))
     count = int(_given("participants", participants, "How many participants?", "3"))
     chosen = _given("rig", rig, "Which rig: a file, or a shipped rig's name?", "simulated")
-    paths = [folder / name for name in ("rig.toml", "study.toml", "experiment/experiment.toml", "README.md")]
+    names = ("rig.toml", "study.toml", "experiment/experiment.toml", "README.md", "start.html")
+    paths = [folder / name for name in names]
     for path in paths:
         outputs.check_destination(path)
     simulated = haploop.load_rig_file(chosen).simulate is not None
@@ -86,22 +102,36 @@ def new(folder: Path, buttons: str | None, participants: int | None, presses: in
     _write(paths[1], _study(name, said))
     if len(named) > 1:
         _write(paths[2], _experiment(named))
-    rehearse = (_REHEARSE if simulated else _REAL).rstrip()
-    _write(
-        paths[3],
-        _README.format(
-            name=name,
-            button=named[0],
-            rehearse=rehearse + "\n",
-            experiment=_EXPERIMENT if len(named) > 1 else "",
-        ),
-    )
+    steps = [
+        (command.format(button=named[0]), told)
+        for command, told in (*_STEPS, *([_EXPERIMENT] if len(named) > 1 else []))
+    ]
+    rehearse = _REHEARSE if simulated else _REAL
+    _write(paths[3], _README.format(name=name, rehearse=rehearse, steps=_listed(steps)))
+    _write(paths[4], _page(name, rehearse, steps))
     haploop.load_study(folder)
     haploop.load_rig_file(paths[0])
     print_line(
-        f"Made {folder}: read {paths[3]} for what to run; first: cd {folder}, haploop doctor --rig rig.toml"
+        f"Made {folder}: {paths[4]} says what to run; first: cd {folder}, haploop doctor --rig rig.toml"
     )
+    if not no_open:
+        open_page(paths[4])
     return 0
+
+
+def _listed(steps: Sequence[tuple[str, str]]) -> str:
+    return "\n".join(f"{number}. `{command}`: {told}" for number, (command, told) in enumerate(steps, 1))
+
+
+def _page(name: str, rehearse: str, steps: Sequence[tuple[str, str]]) -> str:
+    """The README as a page."""
+    from ..reports.html import Page  # noqa: PLC0415
+
+    rows = [(str(number), command, told) for number, (command, told) in enumerate(steps, 1)]
+    grid = contents.Grid("", ("", "Command", "What it does"), rows, words=3)
+    notes = [rehearse.replace("`", "")]
+    told = contents.Contents("What to run here, in this order", tables=[grid], notes=notes)
+    return Page(name, "Each command says what comes next, and haploop alone what is due.", [told]).html()
 
 
 def _given(option: str, value: str | int | None, question: str, default: str) -> str:

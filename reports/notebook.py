@@ -11,9 +11,18 @@ from matplotlib.figure import Figure
 from ..instruments import DataError, Rig
 from .contents import Contents, Grid, contents_of, text_of
 from .figures import Columns, mark_simulated, png
+from .html import GLANCE_STYLE, glances_html
 from .plot import shown
 
 _DPI = 100.0
+_STYLES = (
+    ".haploop { --ink: currentColor; --soft: #808080; --line: #80808060; --good: #2a8f6c; --bad: #d9622b; "
+    "--doubtful: #b08a1e; --recorded: #8c8c8c; --measured: #2f8fd0; --band: #e69f0055; "
+    "--activation: #d55e00; "
+    ".good { color: var(--good); } .bad { color: var(--bad); } .doubtful { color: var(--doubtful); } "
+    f"{GLANCE_STYLE.read_text(encoding='utf-8')} }}"
+)
+"""Style of a glance in a cell, within it alone, in colours that are seen on light and on dark."""
 _STYLE = "text-align:left;vertical-align:top;font-weight:normal"
 
 
@@ -25,7 +34,15 @@ def html(value: Any) -> str:
     said = f"<div>{escape(contents.origin)}</div>" if contents.simulated else ""
     rows = [(label, text_of(text)) for label, text in contents.rows]
     grids = "".join(_grid(one) for one in contents.tables)
-    return _table(contents.title, rows) + grids + said + _picture(contents)
+    told, picture = _table(contents.title, rows) + grids, _picture(contents)
+    if not contents.glances:
+        return told + said + picture
+    seen = glances_html([glance() for glance in contents.glances])
+    folded = (
+        f"<details><summary>{name}</summary>{part}</details>"
+        for name, part in (("Figure", picture), ("Numbers", told))
+    )
+    return f'<style>{_STYLES}</style><div class="haploop">{seen}</div>{said}{"".join(folded)}'
 
 
 def plot(value: Any, columns: Columns = 2) -> Figure:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
 from pathlib import Path
+from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
@@ -89,16 +90,8 @@ class Page:
 
     def html(self) -> str:
         """The report as HTML; figures are embedded as SVG."""
-        environment = Environment(
-            loader=PackageLoader("haploop.reports.html", ""),
-            autoescape=True,
-            undefined=StrictUndefined,
-            trim_blocks=True,
-            lstrip_blocks=True,
-        )
-        environment.finalize = _shown
         images = [(one, base64.b64encode(one.svg).decode("ascii")) for one in self.figures]
-        return environment.get_template("page.html").render(page=self, images=images)
+        return _environment().get_template("page.html").render(page=self, images=images)
 
     def pdf(self) -> bytes:
         """The report as a PDF of A4 pages. The figures are placed on them, and are of no further use."""
@@ -133,6 +126,24 @@ class Page:
             yield "Data", True
             for name, digest in self.sources:
                 yield from _wrapped(f"{name}: SHA-256 {digest}")
+
+
+def glances_html(glances: Sequence[Glance]) -> str:
+    """Glances as a part of another page, whose style is `GLANCE_STYLE`."""
+    parts: Any = _environment().get_template("parts.html").make_module()
+    return str(parts.glances(glances))
+
+
+def _environment() -> Environment:
+    environment = Environment(
+        loader=PackageLoader("haploop.reports.html", ""),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.finalize = _shown
+    return environment
 
 
 def _shown(value: object) -> object:

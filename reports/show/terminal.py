@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING
 
 import click
 from rich.box import SIMPLE
+from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from ...terminal.progress import print_json, print_line, print_table
 from .. import outputs
 from ..contents import Cell, Contents, Grid, one_style, text_of
+from .glance import print_glance
 
 if TYPE_CHECKING:
     from ..figures import Columns
@@ -33,6 +35,8 @@ def print_contents(contents: Contents, as_json: bool, plot: Path | None = None, 
     if as_json:
         print_json(contents.values | ({"plot": str(plot)} if plot else {}))
         return
+    for glance in contents.glances:
+        print_glance(glance(), Console(markup=False, emoji=False))
     if contents.rows:
         print_table(_properties(contents))
     elif contents.title:

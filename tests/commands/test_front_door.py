@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -13,6 +14,7 @@ import haploop
 from haploop.commands.cli import cli
 from tests.commands.test_start import commands
 
+ROOT = Path(__file__).parents[2]
 WORK = {
     "demo": ["run_demo", "claim_folder"],
     "record": ["load_rig_file", "open_rig", "record"],
@@ -116,7 +118,16 @@ def test_each_command_has_its_functions_in_the_front_door() -> None:
 
 @pytest.mark.parametrize("name", haploop.__all__)
 def test_each_name_of_the_front_door_is_there(name: str) -> None:
-    assert getattr(haploop, name) is not None and name in dir(haploop)
+    assert getattr(haploop, name) is not None
+
+
+@pytest.mark.parametrize("name", dir(haploop))
+def test_what_the_tab_key_finds_has_an_example(name: str) -> None:
+    assert name in haploop.__all__ and len(dir(haploop)) < 60
+    pages = [*ROOT.glob("docs/**/*.md"), *ROOT.glob("examples/*.ipynb"), ROOT / "README.md"]
+    assert any(
+        re.search(rf"(?<!::: )haploop\.{name}\b(?!`)|`{name}\(", page.read_text("utf-8")) for page in pages
+    ), name
 
 
 def test_a_person_and_a_clock_are_in_the_front_door() -> None:

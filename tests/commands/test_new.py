@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import re
 import shlex
 from pathlib import Path
@@ -17,7 +18,7 @@ from tests.command_line import Run
 def lab(run: Run, tmp_path: Path) -> Path:
     made = tmp_path / "my lab"
     result = run("new", made, "--buttons", "click, snap", "--participants", 12, "--rig", "simulated")
-    assert result.exit_code == 0 and "README.md" in result.stdout
+    assert result.exit_code == 0 and "start.html says what to run" in result.stdout
     return made
 
 
@@ -65,6 +66,15 @@ def test_each_command_of_its_readme_is_one_with_its_options(lab: Path) -> None:
             name = words.pop(0)
         options = {option for parameter in group.params for option in parameter.opts}
         assert {word for word in words if word.startswith("-")} <= options, (group.name, words)
+
+
+def test_its_page_has_the_commands_of_its_readme(lab: Path) -> None:
+    page = html.unescape((lab / "start.html").read_text(encoding="utf-8")).replace("\N{NO-BREAK SPACE}", " ")
+    listed = re.findall(
+        r"^\d+\. `(.*)`: (.*)$", (lab / "README.md").read_text(encoding="utf-8"), re.MULTILINE
+    )
+    assert len(listed) == 10
+    assert all(f"<td>{command}</td><td>{told}</td>" in page for command, told in listed)
 
 
 def test_the_study_is_recorded_and_represented_there(

@@ -1,0 +1,116 @@
+"""`haploop` alone says what is in a folder and what comes next, as a person works through it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from haploop.commands.status import Found, next_steps
+from haploop.exchange.catalogue import Entry
+from tests.command_line import Run
+
+
+def entry(kind: str, file: str, button: str = "", verdict: str = "") -> Entry:
+    return Entry(file, kind, button=button, verdict=verdict)
+
+
+def recordings(number: int) -> list[Entry]:
+    files = [f"recordings/P{one:02d}-latch.h5" for one in range(1, number + 1)]
+    return [entry("recording", file, "latch", "complete") for file in files]
+
+
+TABLE = entry("calibration", "calibration.h5")
+PRESS = entry("representative", "latch-press.h5", "latch")
+BUTTON = entry("button", "latch.h5", "latch", "pass")
+
+
+@pytest.mark.parametrize(
+    ("found", "steps"),
+    [
+        (Found(rig="lab.toml"), [("No button is recorded", "haploop record latch -p P01 --rig lab.toml")]),
+        (
+            Found(study=frozenset({"latch"}), due=["P01 latch", "P01 push", "P02 latch", "P02 push"]),
+            [
+                (
+                    "The study is not complete: P01 latch, P01 push, P02 latch and 1 more due",
+                    "haploop study run",
+                )
+            ],
+        ),
+        (
+            Found(recordings(2), rig="my lab.toml"),
+            [
+                (
+                    "2 recordings of latch, none averaged",
+                    "haploop represent recordings/P01-latch.h5 recordings/P02-latch.h5 -o latch-press.h5",
+                ),
+                ("The table is not calibrated", "haploop calibrate --rig 'my lab.toml'"),
+            ],
+        ),
+        (
+            Found([*recordings(1), TABLE], study=frozenset({"latch"})),
+            [
+                (
+                    "1 recording of latch, none averaged",
+                    "haploop study represent latch --out latch-press.h5",
+                )
+            ],
+        ),
+        (
+            Found([*recordings(1), TABLE, PRESS]),
+            [
+                (
+                    "The press of latch is not made digital yet",
+                    "haploop button make latch-press.h5 -c calibration.h5 -o latch.h5",
+                )
+            ],
+        ),
+        (
+            Found([TABLE, PRESS, entry("button", "latch.h5", "latch", "fail")]),
+            [("The digital latch did not pass (fail): look at why", "haploop report latch.h5")],
+        ),
+        (
+            Found([TABLE, BUTTON]),
+            [
+                (
+                    "The digital latch passes, and is not the active one",
+                    'haploop calibrations adopt latch.h5 --reason "first"',
+                )
+            ],
+        ),
+        (
+            Found([TABLE, BUTTON], rig="lab.toml", active=frozenset({"latch"}), history="lab-calibrations"),
+            [
+                (
+                    "The table's calibration is in lab-calibrations; each night",
+                    "haploop recalibrate --rig lab.toml",
+                )
+            ],
+        ),
+        (
+            Found([entry("damaged", "a b.h5"), TABLE, BUTTON], active=frozenset({"latch"})),
+            [("a b.h5 is damaged", "haploop verify 'a b.h5'")],
+        ),
+    ],
+)
+def test_what_is_not_finished_comes_with_its_command(found: Found, steps: list[tuple[str, str]]) -> None:
+    assert next_steps(found) == steps
+
+
+def test_an_empty_folder_has_help_and_two_beginnings(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = run()
+    assert result.exit_code == 0 and "Make a button, in this order" in result.stdout
+    assert "Begin with: haploop demo, or haploop new FOLDER." in result.stdout
+
+
+def test_a_new_folder_says_what_is_due(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = tmp_path / "lab"
+    run("new", made, "--buttons", "latch", "--participants", 1, "--rig", "simulated")
+    monkeypatch.chdir(made)
+    said = run().stdout
+    assert said.startswith("In this folder: rig file rig.toml, 1 study.")
+    assert "The study is not complete: P01 latch due:\n    haploop study run" in said
