@@ -74,7 +74,7 @@ class Bench:
     def __init__(self, said: _File, where: Place, folder: Path) -> None:
         self.devices: Mapping[str, str] = said.devices
         """Product of each device."""
-        self.inputs: Mapping[str, Signal] = {
+        self.inputs: Mapping[str, Callable[[str], Signal]] = {
             name: input_of(told, folder, where(("inputs", name)) + f": inputs.{name}")
             for name, told in said.inputs.items()
         }

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import zlib
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -36,6 +37,10 @@ class _Waveform(_Table):
     waveform: str
     offset: Number = 0.0
     """Added (V)."""
+
+    def at(self, terminal: str) -> Signal:
+        """The signal at a terminal."""
+        return self.values
 
     def values(self, times: FloatArray) -> FloatArray:
         """Values (samples,) at `times` (samples,) in s."""
@@ -110,9 +115,15 @@ class _Noise(_Waveform):
     rms: Positive
     """V."""
 
-    def values(self, times: FloatArray) -> FloatArray:
-        drawn = np.random.default_rng(abs(round(float(times[0]) * 1e9)))
-        return np.asarray(self.offset + self.rms * drawn.standard_normal(len(times)))
+    def at(self, terminal: str) -> Signal:
+        """Noise of its own at each terminal."""
+        seed = zlib.crc32(terminal.lower().encode())
+
+        def values(times: FloatArray) -> FloatArray:
+            drawn = np.random.default_rng([seed, abs(round(float(times[0]) * 1e9))])
+            return np.asarray(self.offset + self.rms * drawn.standard_normal(len(times)))
+
+        return values
 
 
 WAVEFORMS: Mapping[str, type[_Waveform]] = {
@@ -148,8 +159,8 @@ class _File(_Table):
 _KINDS: Mapping[Literal["samples", "file"], type[_Table]] = {"samples": _Samples, "file": _File}
 
 
-def input_of(told: Any, folder: Path, place: str) -> Signal:
-    """The signal that a bench file says, a function of the time since its start (s).
+def input_of(told: Any, folder: Path, place: str) -> Callable[[str], Signal]:
+    """The signal that a bench file says, by terminal: a function of the time since its start (s).
 
     Files lie in `folder`. Raises ConfigurationError, which begins with `place`.
     """
@@ -166,7 +177,7 @@ def input_of(told: Any, folder: Path, place: str) -> Signal:
         if name not in WAVEFORMS:
             hint = did_you_mean(str(name), WAVEFORMS, "there are")
             raise ConfigurationError(f"{place}: there is no waveform {name!r}; {hint}")
-        return validate(WAVEFORMS[name], told, place).values
+        return validate(WAVEFORMS[name], told, place).at
     kind = next((kind for kind in _KINDS if kind in told), None)
     if kind is None:
         words = ("waveform", *_KINDS)
@@ -185,9 +196,9 @@ def input_of(told: Any, folder: Path, place: str) -> Signal:
     return _checked(lambda: signal_of(path, found.rate_hz, found.repeat, 0.0), place)
 
 
-def _checked(make: Any, place: str) -> Signal:
+def _checked(make: Any, place: str) -> Callable[[str], Signal]:
     try:
         made: Signal = make()
     except ConfigurationError as error:
         raise ConfigurationError(f"{place}: {error}") from None
-    return made
+    return lambda _terminal: made

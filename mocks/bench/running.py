@@ -68,10 +68,12 @@ def _set_up(twin: NiTwin | None, bench: Bench) -> None:
     if twin is None:
         return
     driven: dict[str, str] = {}
-    for name, signal in bench.inputs.items():
+    for name, signal_at in bench.inputs.items():
         with _placed(f"{bench.where(('inputs', name))}: {name}"):
-            _claim(driven, twin.inputs(name), f"[inputs] sets {name}")
-            twin.set(name, signal)
+            terminals = twin.inputs(name)
+            _claim(driven, terminals, f"[inputs] sets {name}")
+            for terminal in terminals:
+                twin.set(terminal, signal_at(terminal))
     for number, wire in enumerate(bench.wires):
         with _placed(bench.where(("wires", number))):
             _claim(driven, twin.inputs(wire.input_), f"a wire goes from {wire.output} to {wire.input_}")

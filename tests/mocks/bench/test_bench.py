@@ -88,6 +88,14 @@ def test_a_program_finds_its_bench(tmp_path: Path, run: Run) -> None:
     assert run("doctor", "--simulate", f"tape:{tmp_path / 'it.tape'}").exit_code == 2
 
 
+def test_every_input_has_noise_of_its_own(tmp_path: Path) -> None:
+    (tmp_path / "bench.toml").write_text(HEAD + '[inputs]\n"Dev1/ai0:2" = { waveform = "noise", rms = 1 }\n')
+    signals = read_bench(tmp_path / "bench.toml").inputs["Dev1/ai0:2"]
+    drawn = [signals(f"Dev1/ai{number}")(np.arange(1000) / 1000) for number in range(3)]
+    assert np.allclose(np.corrcoef(drawn), np.eye(3), atol=0.15)
+    assert np.array_equal(drawn[0], signals("Dev1/ai0")(np.arange(1000) / 1000))
+
+
 HEAD = '[devices]\nDev1 = "PCIe-6363"\n'
 INPUT = HEAD + '[inputs]\n"Dev1/ai0" = '
 WIRE = HEAD + '[[wires]]\nfrom = "Dev1/ao0"\nto = "Dev1/ai0"\n'
@@ -149,7 +157,7 @@ WAVEFORMS = {
 def test_a_waveform_is_what_its_name_says(said: str, tmp_path: Path) -> None:
     path = tmp_path / "bench.toml"
     path.write_text(INPUT + f"{{ waveform = {said} }}")
-    assert read_bench(path).inputs["Dev1/ai0"](TIMES) == pytest.approx(np.array(WAVEFORMS[said]))
+    assert read_bench(path).inputs["Dev1/ai0"]("Dev1/ai0")(TIMES) == pytest.approx(np.array(WAVEFORMS[said]))
 
 
 def test_a_card_is_removed_and_comes_back(tmp_path: Path) -> None:
