@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from datetime import UTC, datetime, timedelta
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,8 +21,6 @@ if TYPE_CHECKING:
     from ..instruments import Rig
     from ..instruments.clock import Clock
 
-_A_DAY = timedelta(hours=12)
-"""Time since a session from which the next one may be another day's."""
 FILE = click.argument("file", metavar="EXPERIMENT")
 DATA = click.option(
     "--data",
@@ -109,6 +106,8 @@ def run(
         raise click.UsageError("--model is the model of a simulated participant: add --simulated.")
     loaded = _model(model)
     ask = partial(_consent, participant, simulated)
+    due = store.next_session(participant)
+    hours = store.soon_after(participant, due) if due else None
     with (
         _rig_of(store, rig, simulated) as surface,
         haploop.open_session(
@@ -118,28 +117,17 @@ def run(
         if simulated:
             note("A simulated participant answers.")
         number = opened.assignment.session
-        if number > 1 and (soon := _soon(store, participant, number)):
-            note(soon)
+        if hours is not None:
+            note(
+                f"{participant}'s session {number - 1} ended {hours:.1f} hours ago: is this really day "
+                f"{number}? Ctrl-C ends it; begun again, it goes on."
+            )
         presenter = _presenter(store, surface)
         person = _AtTerminal(presenter)
         answers = haploop.SimulatedParticipant(loaded, participant, number) if simulated else person
         haploop.run_session(opened, answers, presenter)
     show.print_contents(contents.experiment_contents(store), as_json)
     return 0
-
-
-def _soon(store: haploop.Store, participant: str, number: int) -> str:
-    """A sentence when the session before this one ended only hours ago; "" otherwise."""
-    before = store.session(participant, number - 1)
-    if before is None:
-        return ""
-    since = datetime.now(UTC) - datetime.fromisoformat(before.events[-1].time)
-    if since > _A_DAY:
-        return ""
-    return (
-        f"{participant}'s session {number - 1} ended {since.total_seconds() / 3600:.1f} hours ago: is "
-        f"this really day {number}? Ctrl-C ends it; begun again, it goes on."
-    )
 
 
 @experiment.command()

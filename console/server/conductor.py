@@ -72,7 +72,8 @@ class Conductor:
     def begin(self, values: Mapping[str, Any], rig: Mapping[str, Any]) -> None:
         """Begin the session that is due, or continue it. `rig` is noted in the session's log.
 
-        Raises what `open_session` raises, and ConfigurationError while another session runs.
+        A day that begins within 12 hours of the one before must be named. Raises what `open_session` raises,
+        and ConfigurationError while another session runs.
         """
         participant, number = str(values.get("participant", "")), values.get("session") or None
         file_name(participant, "x")  # refuses what is no pseudonym
@@ -84,6 +85,8 @@ class Conductor:
             store, consent = store_of(self._data, values.get("experiment")), values.get("consent") is True
             with ExitStack() as stack:
                 self._hold(stack, str(values.get("experiment")), participant)
+                if number is None:
+                    _refuse_too_soon(store, participant)
                 session = stack.enter_context(
                     open_session(store, participant, RealClock(), number, consent=lambda: consent)
                 )
@@ -334,3 +337,14 @@ def _question(sitting: _Sitting, step: Step) -> dict[str, Any]:
         case _:
             asked["choices"] = [[1, "First"], [2, "Second"]]
     return asked
+
+
+def _refuse_too_soon(store: Store, participant: str) -> None:
+    """Raise ConfigurationError when the day that is due would begin hours after the one before."""
+    due = store.next_session(participant)
+    hours = store.soon_after(participant, due) if due else None
+    if hours is not None:
+        raise ConfigurationError(
+            f"{participant}'s day before ended {hours:.1f} hours ago: if day {due} is meant to begin now, "
+            f"choose {due} as the day."
+        )

@@ -7,7 +7,7 @@ import math
 import re
 from dataclasses import dataclass
 from importlib import resources
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
@@ -222,6 +222,11 @@ class ExperimentFile(_Section):
             )
         if not self.button_factor and not (len(self.buttons) == 1 and not self.trial_factors):
             raise ValueError("[buttons] needs a file for each level of one factor that varies by trial")
+        for place in (*self.buttons.values(), *self.surface.releases.values()):
+            if not is_inside(place):
+                raise ValueError(
+                    f"{place!r} leaves the experiment's folder: copy the file beside experiment.toml"
+                )
         if not set(self.surface.releases) <= set(self.buttons):
             raise ValueError("[surface] releases must have names of [buttons]")
         if any(block.kind == "finger" and block.repetitions < 2 for block in self.block):
@@ -263,6 +268,12 @@ class ExperimentFile(_Section):
     def pair_names(self) -> tuple[str, ...]:
         """Names of the adjective pairs, such as Unclear-Clear."""
         return tuple(f"{left}-{right}" for left, right in self.question.pairs)
+
+
+def is_inside(place: str) -> bool:
+    """True for a file's place in a folder, as any system writes it, that does not lead out of the folder."""
+    parts = PureWindowsPath(place)  # knows both separators, drives and shares
+    return bool(parts.name) and not parts.anchor and ".." not in parts.parts
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,8 @@ from ..protocol import Answer, Assignment, Course, Experiment, Step, group_of_sl
 from .log import Event, events_of, read_log
 
 _WITHDRAWALS = "withdrawals.jsonl"
+_ANOTHER_DAY = timedelta(hours=12)
+"""Time since a session from which the next one may be another day's."""
 
 
 @dataclass(frozen=True)
@@ -133,6 +135,17 @@ class Store:
             if found is None or not found.complete:
                 return number
         return None
+
+    def soon_after(self, participant: str, session: int) -> float | None:
+        """Hours since the session before this one ended, where that is less than half a day.
+
+        None otherwise, for the first session, and for one that has begun.
+        """
+        before = self.session(participant, session - 1) if session > 1 else None
+        if before is None or self.session(participant, session) is not None:
+            return None
+        since = datetime.now(UTC) - datetime.fromisoformat(before.events[-1].time)
+        return since.total_seconds() / 3600 if since < _ANOTHER_DAY else None
 
     def assign(self, participant: str, session: int) -> Assignment:
         """Assignment of a participant; a new one gets the first free place in the design.

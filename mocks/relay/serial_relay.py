@@ -78,6 +78,9 @@ class SerialRelayWire(Loopback):
             case ["relay", "writeall", word] if re.fullmatch(rf"[0-9a-fA-F]{{{len(_CHANNELS) // 4}}}", word):
                 for channel in _CHANNELS:
                     self._box.set_state(channel, bool(int(word, 16) >> channel & 1))
+            case ["reset"]:
+                for channel in _CHANNELS:
+                    self._box.set_state(channel, False)
             case _:
                 return self._do_other(command)
         return ""

@@ -12,6 +12,7 @@ from haploop.console.server import Access, application
 from haploop.console.server.conductor import Conductor
 from haploop.console.server.follower import Follower
 from haploop.experiments import Store, load_experiment
+from haploop.instruments import ConfigurationError
 from tests.console.test_security import Link, Scope
 
 EXPERIMENT = """
@@ -232,6 +233,24 @@ def test_a_killed_server_resumes_at_the_exact_trial(console, data):
     assert [event.values["rig_simulated"] for event in found.events if event.kind == "page"] == [True, True]
     assert [answer[1] for answer in found.answers][-2:] == ["push", "push"]
     again.do("end")
+
+
+def test_the_next_day_does_not_begin_a_second_later_unless_it_is_named(data):
+    conductor = Conductor(DataFolder(data, data / "history"), Link().command)
+    asked = {"experiment": "small", "participant": "P01", "consent": True}
+    conductor.begin(asked, {})
+    while conductor.participant["step"] is not None:
+        if not conductor.operator["turn"]:
+            conductor.present({"turn": ""})
+        answer = "done" if conductor.operator["by_hand"] else "toggle"
+        conductor.answer({"turn": conductor.operator["turn"], "answer": answer})
+    conductor.end()
+    with pytest.raises(ConfigurationError, match=r"day before ended 0.0 hours ago.*choose 2 as the day"):
+        conductor.begin(asked, {})
+    conductor.begin(asked | {"session": 2}, {})
+    conductor.end()
+    conductor.begin(asked, {})  # goes on
+    conductor.end()
 
 
 def test_presses_of_a_blindfolded_participant_are_confirmed_by_the_operator(console):

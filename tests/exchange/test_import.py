@@ -380,3 +380,25 @@ def test_what_was_not_measured_is_absent(
         assert (word in heading) is measured, heading
     assert found.activated_by == by
     assert ("by the contact" in shown.stdout) is (by == "activation")
+
+
+@pytest.mark.usefixtures("read_here")
+@pytest.mark.parametrize("bound", ["columns", "cells"])
+def test_a_workbook_of_too_many_cells_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bound: str
+) -> None:
+    """While it is read: at the row in which it becomes too large."""
+    from haploop.exchange.columns import contained
+
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    sheet = book.active
+    if bound == "columns":
+        sheet.cell(1, contained.MOST_COLUMNS + 1, 1.0)
+    else:
+        monkeypatch.setattr(contained, "_MOST_CELLS", 20)
+        for _ in range(11):
+            sheet.append([1.0, 2.0])
+    book.save(tmp_path / "a.xlsx")
+    with pytest.raises(haploop.HaploopError, match=r"sheet 'Sheet' has over 1000 columns or \d+ cells"):
+        press(tmp_path / "a.xlsx")
