@@ -26,7 +26,7 @@ _AT_THE_TAB_KEY = (
     *("analyse_identification", "analyse_ratings", "analyse_thresholds"),
     *("load", "list_files", "import_file", "export_file", "verify", "write_report", "plot"),
     *("Recording", "Representative", "Calibration", "VibrationMap", "DigitalButton"),
-    *("HaploopError", "ConfigurationError", "InstrumentError"),
+    *("HaploopError", "InstrumentError"),
 )
 
 

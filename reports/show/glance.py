@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from rich.console import Console
 from rich.text import Text
 
-from ...instruments.arrays import FloatArray
-from ..contents import Gauge, Glance, Motion, text_of
+from ..contents import text_of
+
+if TYPE_CHECKING:
+    from ...instruments.arrays import FloatArray
+    from ..contents import Gauge, Glance, Motion
 
 _KEY = " grey: recorded press; blue: measured; yellow: activation "
 _ROWS, _WIDEST = 6, 72
