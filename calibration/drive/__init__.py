@@ -4,7 +4,7 @@ from ..band import BAND
 from .actuation import drift_change
 from .agreement import SharedPower, told_by_noise
 from .button import DigitalButton, build_button, button_under_finger, play_button
-from .check import TOLERANCE, check
+from .check import TOLERANCE, check, resolved
 from .checked import Check
 from .drive import Drive, drive_for
 from .elsewhere import NOWHERE, Elsewhere, Wanted, load_elsewhere
@@ -56,6 +56,7 @@ __all__ = [
     "plan_button",
     "play_button",
     "pressed_drives",
+    "resolved",
     "told_by_noise",
     "trade_for",
     "worst",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -24,6 +25,7 @@ from .agreement import (
     odd_play,
     plays_needed,
     shared_power,
+    told_by_noise,
     trend,
 )
 from .checked import Above, Check, Silence, ThirdOctaves, Tones
@@ -37,6 +39,8 @@ if TYPE_CHECKING:
 TOLERANCE = 0.20
 """Largest error of the motion. About the just noticeable difference of vibration amplitude well above
 threshold (docs/hardware.md, "Buttons and people")."""
+_PLAYS = 8
+"""Plays of a check that was asked for no other number."""
 _LOWEST_OCTAVE = 20.0
 """Lowest third-octave band (Hz) that is shown; a play lasts about a second."""
 
@@ -46,7 +50,7 @@ def check(
     drive: Drive,
     press: Representative | None = None,
     *,
-    plays: int = 8,
+    plays: int = _PLAYS,
     most: int | None = None,
     progress: Progress = silent,
 ) -> Check:
@@ -95,7 +99,7 @@ def _decided(rig: Rig, drive: Drive, seen: Drive, plays: tuple[int, int], progre
     first, most = plays
     played = play(rig, drive, first, progress=progress)
     result = compare(seen, played, rig)
-    needed = plays_needed(result.whole, result.tolerance) if undecided(result) else None
+    needed = plays_needed(result.whole, result.allowed) if undecided(result) else None
     if needed is None or needed > most:
         return result
     # Some more than would do: the noise that tells how many is itself known from few plays.
@@ -125,26 +129,33 @@ def compare(drive: Drive, played: Played, rig: Rig) -> Check:
     target = targets_of(drive, rate_hz)[0]
     accelerations = played.accelerations[:, : len(target)]
     inside = lines_inside(drive.band, len(target), rate_hz)
-    missed = error_spectra(accelerations, target)
-    still = error_spectra(np.zeros((1, len(target))), target)
+    every = error_spectra(accelerations, target)
+    f = np.arange(every.shape[1]) * rate_hz / len(target)
+    top = _judged_to(every, f, drive, played.judged_hz)
+    below = (f < top) | (top == played.judged_hz)
+    inside = inside[below]
+    missed = every[:, below]
+    still = error_spectra(np.zeros((1, len(target))), target)[:, below]
     moved = missed - still
     mean = accelerations.mean(axis=0)
-    band_only = scipy.fft.irfft(np.where(inside, scipy.fft.rfft(mean), 0.0), len(mean))
+    band_only = scipy.fft.irfft(
+        np.where(lines_inside(drive.band, len(mean), rate_hz), scipy.fft.rfft(mean), 0.0), len(mean)
+    )
     result = Check(
         drive=drive,
         rate_hz=rate_hz,
         target=target,
         accelerations=accelerations,
-        judged_hz=played.judged_hz,
+        judged_hz=top,
         whole=shared_power(missed),
         within=shared_power(missed[:, inside]),
         outside=shared_power(moved[:, ~inside]),
-        above=_above(missed, played, float(np.mean(target**2))),
+        above=_above(every, f, top, played, drive),
         correlation=_correlation(moved.mean(axis=0), -still[0], shared_power(moved)),
         envelope_correlation=_pearson(
             np.abs(scipy.signal.hilbert(band_only)), np.abs(scipy.signal.hilbert(target))
         ),
-        octaves=_octaves(target, accelerations, rate_hz, played.judged_hz),
+        octaves=_octaves(target, accelerations, rate_hz, top),
         drift=trend(moved[:, inside]),
         tones=Tones(played.tones_hz, played.tones_rms / float(np.sqrt(np.mean(target**2)))),
         drive_measured_peak=played.peak,
@@ -158,7 +169,7 @@ def compare(drive: Drive, played: Played, rig: Rig) -> Check:
     )
     dependent = dependence(missed, inside)
     signs = Signs(
-        followed=followed(missed, target),
+        followed=followed(every, target),
         odd=odd_play(moved[:, inside]),
         dependent=dependent,
         overload=played.overload,
@@ -184,21 +195,49 @@ def _without_errors(result: Check) -> Check:
     )
 
 
-def _above(missed: ComplexArray, played: Played, power: float) -> Above:
-    """Evidence of motion above the highest frequency that is judged; `power` is the target's mean square."""
-    top, samples = played.judged_hz, played.accelerations.shape[1]
-    f = np.arange(missed.shape[1]) * played.rate_hz / samples
+def resolved(drive: Drive, top: float, told: Callable[[float], float]) -> float:
+    """Highest frequency (Hz) up to which a drive's motion is judged: `top`, or where noise leaves less.
+
+    `told` returns the error that all plays tell up to a frequency (Hz). Twice differentiated, the noise of a
+    sensor up to the corner of its filter leaves nothing to be told in any number of plays. Motion is then
+    judged to the highest edge at which they tell half of the tolerance, and above which the drive states a
+    bound.
+    """
+    if told(top) <= TOLERANCE / 2:
+        return top
+    edges = [edge for edge in drive.above[0] if drive.band[1] < edge < top and told(edge) <= TOLERANCE / 2]
+    return float(max(edges, default=top))
+
+
+def _judged_to(missed: ComplexArray, f: FloatArray, drive: Drive, top: float) -> float:
+    """`resolved` by the plays' noise, in as many as there may be; what is too large up to `top` stays so."""
+    own = np.sum(np.abs(missed - missed.mean(axis=0)) ** 2, axis=0) / (len(missed) - 1)
+    most = sizes.MORE_PLAYS * max(len(missed), _PLAYS)
+    if shared_power(missed).interval[0] > TOLERANCE:
+        return top
+    return resolved(drive, top, lambda edge: float(np.sqrt(told_by_noise(np.sum(own[f < edge] ** 2), most))))
+
+
+def _above(missed: ComplexArray, f: FloatArray, top: float, played: Played, drive: Drive) -> Above:
+    """Evidence of motion above the frequency `top` to which is judged; `missed` are all lines `f` (Hz)."""
+    power = float(np.mean(targets_of(drive, played.rate_hz)[0] ** 2))
     octave = shared_power(missed[:, (f >= top / 2) & (f < top)])
-    bands = np.floor(3 * np.log2(np.maximum(played.above_hz, top) / top)).astype(int)
+    beyond = (f >= top) & (f < played.judged_hz)
+    hz = np.concatenate([f[beyond], played.above_hz])
+    shown = missed[:, beyond]
+    if len(played.above_hz):
+        shown = np.concatenate([shown, played.above / np.sqrt(power)], axis=1)
+    bands = np.floor(3 * np.log2(np.maximum(hz, top) / top)).astype(int)
     found = []
     for number in np.unique(bands):
-        own = bands == number
-        motion = shared_power(played.above[:, own] / np.sqrt(power))
+        motion = shared_power(shown[:, bands == number])
         found.append((float(top * 2 ** ((number + 0.5) / 3)), motion))
     clear = [(hz, motion) for hz, motion in found if motion.clear]
+    bound = float(np.interp(top, *drive.above)) if top < played.judged_hz else None
     if not clear:
-        return Above(octave)
-    return Above(octave, *max(clear, key=lambda one: one[1].value / max(one[1].deviation, one[1].least)))
+        return Above(octave, bound=bound)
+    most_hz, motion = max(clear, key=lambda one: one[1].value / max(one[1].deviation, one[1].least))
+    return Above(octave, most_hz, motion, bound)
 
 
 def _octaves(target: FloatArray, accelerations: FloatArray, rate_hz: float, judged_hz: float) -> ThirdOctaves:

@@ -66,17 +66,20 @@ class Above:
     `octave` is the part of the error in the highest octave that is judged: as much may lie in the next one.
     `motion` is what the laser shows in the third octave `hz` above `judged_hz` where most evidence is, at the
     gain of the filter that it declares, folded down from above the card's Nyquist frequency or not; over the
-    target's mean square, as the other errors.
+    target's mean square, as the other errors. `bound` is the most that the error above may be, over the
+    target, by the drive's spectrum and the measured response: where the laser's noise ends the band that is
+    judged below the corner of its filter; None elsewhere.
     """
 
     octave: SharedPower
     hz: float = 0.0
     motion: SharedPower | None = None
+    bound: float | None = None
 
     def summary(self) -> dict[str, Any]:
         """Plain values for JSON."""
         motion = self.motion.summary() if self.motion else None
-        return {"octave": self.octave.summary(), "hz": self.hz, "motion": motion}
+        return {"octave": self.octave.summary(), "hz": self.hz, "motion": motion, "bound": self.bound}
 
 
 @dataclass(frozen=True)
@@ -104,7 +107,8 @@ class Check(InNotebook):
     """Measured motion of a drive against its target, with no gain, lag or filter fitted.
 
     `accelerations` is (plays, samples) m/s^2: the whole motion in each play, up to the corner of the laser's
-    filter, or to a quarter of the sample rate (`judged_hz`); `target` (samples,) is on the same clock.
+    filter, or to a quarter of the sample rate; `target` (samples,) is on the same clock. `judged_hz` is that
+    frequency, or a lower one, above which noise would leave nothing to be told (see `Above.bound`).
     `whole`, `within` and `outside` are squared errors over the target's mean square, without the plays' noise
     (see `agreement`): of all that motion, which is judged, and of its parts within the drive's band and
     outside of it. Each
@@ -178,6 +182,11 @@ class Check(InNotebook):
     def error(self) -> float:
         """Rms error of the motion up to `judged_hz`, over the target's rms: the one that is judged."""
         return self.whole.root
+
+    @property
+    def allowed(self) -> float:
+        """Error up to `judged_hz` that the tolerance leaves beside what may lie above."""
+        return float(np.sqrt(max(self.tolerance**2 - (self.above.bound or 0.0) ** 2, 0.0)))
 
     @property
     def interval(self) -> tuple[float, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -22,7 +22,7 @@ from ..spectra import resample, third_octaves
 from .actuation import Actuation
 from .elsewhere import NOWHERE, Elsewhere, Wanted, sized
 from .inversion import Plan
-from .planning import expected_errors, plan_for, planned_by
+from .planning import expected_above, expected_errors, plan_for, planned_by
 from .targets import Method, target_grid
 from .trade import BUDGET, STEADY, TRADE, Trade
 
@@ -85,6 +85,9 @@ class Drive(InNotebook):
     drifted_error: float = 0.0
     """Error expected of the motion when the table has drifted so, `predicted_error` included; by
     `Drift()` where no drift of modes was planned against."""
+    above: FloatArray = field(default_factory=lambda: np.zeros((2, 0)))
+    """(2, edges): frequencies (Hz), and a bound of the error above each, over the target: see `planning`.
+    Empty where none is known."""
 
     def __post_init__(self) -> None:
         """Raises DataError for signals that no calibration makes, so that nobody plots or plays them."""
@@ -151,6 +154,7 @@ class Drive(InNotebook):
             **{name: getattr(other, name) for name in _OWN},
             predicted_error=other.expected[0],
             drifted_error=other.expected[1],
+            above=np.zeros((2, 0)),
             elsewhere=tuple(mine if one is other else one for one in self.elsewhere),
         )
 
@@ -285,6 +289,7 @@ def drive_for(
         elsewhere=each[1:],
         drift=drift,
         drifted_error=drifted,
+        above=expected_above(table, steady, played, grid.rate_hz),
     )
 
 

@@ -22,6 +22,10 @@ stays near the drive's own lines, where the table moves little (measured on simu
 _FALLS = 0.5
 """Distortion above the band that a calibration plays, over that within it. Simulated, up to 5 kHz: a quarter
 of a multisine's; of drives a third to two fifths on seven tables, and all of it on a beam."""
+_ALIKE = 20
+"""Neighbouring lines whose gains have one error: the local fits' windows overlap."""
+_CLEAR = 3.0
+"""Standard deviations of its noise from which the power of a gain counts."""
 _SETTLING = 3
 """Runs of the splitting for one limit, each from where the last one ended."""
 
@@ -74,11 +78,25 @@ def plan_for(
 
 def _moved_by_distortion(table: Actuation, f: FloatArray) -> FloatArray:
     """(points, patches): power of the gain, summed over lines (Hz), as distortion falls above the band."""
-    # Without the noise of the gain, which no distortion moves.
-    noise = np.einsum("qppl->qpl", table.covariance(f)).real
     played = min(one.model.band[1] for one in table.own)
     share = np.where(f <= played, 1.0, _FALLS**2)
-    return np.asarray(np.maximum(((np.abs(table.gain(f)) ** 2 - noise) * share).sum(axis=2), 0.0))
+    power, noise, _ = _by_bands(table, f, share)
+    return np.asarray((power - noise).sum(axis=2))
+
+
+def _by_bands(table: Actuation, f: FloatArray, share: FloatArray | float = 1.0) -> tuple[FloatArray, ...]:
+    """(points, patches, bands): power of the gain in third octaves of lines (Hz), and that of its noise.
+
+    Both are zero where the gain does not stand out of its noise: a resonance does, what is even does not.
+    Also (bands,): the lowest frequency of each.
+    """
+    power = np.abs(table.gain(f)) ** 2 * share
+    noise = np.einsum("qppl->qpl", table.covariance(f)).real * share
+    starts = np.unique(np.floor(3 * np.log2(f / f[0])).astype(int), return_index=True)[1]
+    spread = np.sqrt(_ALIKE * np.add.reduceat(noise**2, starts, axis=2))
+    power, noise = (np.add.reduceat(one, starts, axis=2) for one in (power, noise))
+    clear = power - noise > _CLEAR * spread
+    return np.where(clear, power, 0.0), np.where(clear, noise, 0.0), f[starts]
 
 
 def slew_of(limits: Limits, rate_hz: float) -> float:
@@ -107,14 +125,35 @@ def expected_errors(table: Actuation, plan: Plan, linear_volts: FloatArray) -> F
     return np.sqrt(np.array(each).T / plan.wanted + distorted(table, plan, V)[:, None] ** 2)
 
 
+def expected_above(table: Actuation, plan: Plan, linear_volts: FloatArray, rate_hz: float) -> FloatArray:
+    """(2, edges): frequencies (Hz), and the most that the first point may err above each, over its target.
+
+    It is the motion by the drive's own spectrum and the measured response, and by twice the distortion that
+    the calibration left, as strong above its band as within: more than any simulated table showed. A third
+    octave in which the response does not stand out of its noise counts as still.
+    """
+    V = scipy.fft.rfft(linear_volts)
+    f = scipy.fft.rfftfreq(linear_volts.shape[1], 1 / rate_hz)
+    left = np.abs(plan.missed(V)[0]) ** 2 + np.einsum("pl,ppl->l", np.abs(V) ** 2, plan.covariance[0]).real
+    left[~plan.known] = 0.0
+    power, _, edges = _by_bands(table, np.arange(*table.known, f[1]))
+    own = np.array([c.distortion for c in table.own])
+    moved = (2 * own) ** 2 * _per_line(plan, V) @ power[0]
+    each = [left[f >= edge].sum() + moved[edges >= edge].sum() for edge in edges]
+    return np.array([edges, np.sqrt(np.array(each) / plan.wanted)])
+
+
+def _per_line(plan: Plan, V: ComplexArray) -> FloatArray:
+    """(patches,): squared linear volts on each of the target's lines, if they were spread evenly."""
+    target = np.abs(plan.target[0]) ** 2
+    return np.asarray((np.abs(V) ** 2).sum(axis=1) / (target > 1e-6 * target.max()).sum())
+
+
 def distorted(table: Actuation, plan: Plan, V: ComplexArray) -> FloatArray:
     """(points,): error expected from distortion, over the target's rms.
 
     Linear volts that the hysteresis model misses are spread over the band by it, and beyond; the table then
     moves as it does there, also where the drives themselves have no power.
     """
-    target = np.abs(plan.target[0]) ** 2
-    inside = target > 1e-6 * target.max()
-    spread = (np.abs(V) ** 2).sum(axis=1) / inside.sum()
-    own = np.array([c.distortion for c in table.own])
-    return np.asarray(_SPREAD * np.sqrt(plan.weights * (plan.spread @ (own**2 * spread)) / target.sum()))
+    power = np.array([c.distortion for c in table.own]) ** 2 * _per_line(plan, V)
+    return np.asarray(_SPREAD * np.sqrt(plan.weights * (plan.spread @ power) / plan.wanted))

@@ -63,7 +63,7 @@ def judged(result: Check, signs: Signs) -> Check:
 def undecided(result: Check) -> bool:
     """True for a verdict of not shown that nothing but the number of plays stands against."""
     low, high = result.interval
-    return result.verdict == "not shown" and low <= result.tolerance < high
+    return result.verdict == "not shown" and low <= result.tolerance and high > result.allowed > 0
 
 
 def worst(verdicts: Iterable[Verdict]) -> Verdict:
@@ -169,8 +169,8 @@ def _doubt(result: Check, signs: Signs) -> str:
             f"{signs.dependent}, which independent noise does not do. Something periodic disturbs the "
             "laser in step with the plays (mains, a fan, a motor): stop it, and check again."
         )
-    if result.interval[1] > result.tolerance:
-        needed = plays_needed(result.whole, result.tolerance)
+    if result.interval[1] > result.allowed:
+        needed = plays_needed(result.whole, result.allowed) if result.allowed else None
         remedy = (
             f"{needed} plays would probably show it."
             if needed
@@ -178,10 +178,18 @@ def _doubt(result: Check, signs: Signs) -> str:
             "output."
         )
         return (
-            f"the motion up to {hertz(result.judged_hz)} differs from the target by {_said(result)}, which "
-            f"does not tell on which side of the accepted {result.tolerance:.0%} it lies. {remedy}"
+            f"the motion up to {hertz(result.judged_hz)} differs from the target by {_said(result)}, "
+            f"{_bounded(result)}which does not tell on which side of the accepted {result.tolerance:.0%} it "
+            f"lies. {remedy}"
         )
     return _beyond(result) or (_contradiction(result) if _unlike_plan(result) else "")
+
+
+def _bounded(result: Check) -> str:
+    """What may lie above the band that is judged, as a part of a sentence; empty where nothing is said."""
+    if result.above.bound is None:
+        return ""
+    return f"and above, where noise hides it, by at most {result.above.bound:.1%} as calibrated, "
 
 
 def _beyond(result: Check) -> str:
@@ -198,7 +206,11 @@ def _beyond(result: Check) -> str:
             f"of the target: {tell}"
         )
     octave = above.octave
-    if octave.interval[0] > 0 and result.whole.value + octave.value > result.tolerance**2:
+    if (
+        above.bound is None
+        and octave.interval[0] > 0
+        and result.whole.value + octave.value > result.tolerance**2
+    ):
         return (
             f"{octave.root:.1%} of error lie between {hertz(result.judged_hz / 2)} and {top}, and if as much "
             f"lies in the octave above, which the laser does not pass, the motion differs by more than the "
@@ -249,6 +261,12 @@ def _notes(result: Check, signs: Signs) -> tuple[str, ...]:
         notes.append(factor)
     if told := _contradiction(result):
         notes.append(f"Expected and measured error contradict each other: {told}")
+    if result.above.bound is not None:
+        notes.append(
+            f"Judged is motion up to {hertz(result.judged_hz)}: above, the pick-up's noise leaves nothing "
+            "to be told. By the drive's spectrum and the calibration, at most "
+            f"{result.above.bound:.1%} of the target move there."
+        )
     if result.tones.share > _TOLD:
         tones = ", ".join(f"{hz:.1f}" for hz in result.tones.hz)
         notes.append(

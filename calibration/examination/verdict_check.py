@@ -11,13 +11,14 @@ breaks them: spikes, speckle that moves with the surface; then a check needs mor
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import partial
 
 import numpy as np
 
 from ...instruments import Rest, Rig
 from ...instruments.arrays import FloatArray
 from .. import sizes
-from ..drive import TOLERANCE, Drive, judged_to, told_by_noise
+from ..drive import TOLERANCE, Drive, judged_to, resolved, told_by_noise
 from .finding import Finding, Status
 
 _SECONDS = 2.0
@@ -36,16 +37,16 @@ def check_verdicts(rig: Rig, drives: Mapping[str, Drive]) -> Iterator[Finding]:
         shown = rig.vibrometer.to_si(stream.capture().volts[0])
     f, power = _density(shown, rate_hz)
     kept = (f >= _LOWEST_HZ) & (f < judged_to(rig, rate_hz))
-    power = power[kept] * np.abs(2 * np.pi * f[kept] / rig.motion_response(f[kept])) ** 2
+    f, power = f[kept], power[kept] * np.abs(2 * np.pi * f[kept] / rig.motion_response(f[kept])) ** 2
 
-    def told(size: float, plays: int, seconds: float) -> float:
-        """Error at the upper end of the interval for a target of `size` (m/s^2 rms)."""
-        squares = float(np.sum(power**2)) * f[1] / seconds
+    def told(size: float, plays: int, seconds: float, edge: float) -> float:
+        """Error at the upper end of the interval for a target of `size` (m/s^2 rms), up to `edge` (Hz)."""
+        squares = float(np.sum(power[f < edge] ** 2)) * (f[1] - f[0]) / seconds
         return float(np.sqrt(told_by_noise(squares, plays))) / size
 
     most = sizes.MORE_PLAYS * _PLAYS
-    few, many = told(1.0, _PLAYS, _LENGTH), told(1.0, most, _LENGTH)
     top = judged_to(rig, rate_hz)
+    few, many = (told(1.0, plays, _LENGTH, top) for plays in (_PLAYS, most))
     yield Finding(
         "Verdicts",
         "vibrometer",
@@ -56,9 +57,11 @@ def check_verdicts(rig: Rig, drives: Mapping[str, Drive]) -> Iterator[Finding]:
     )
     for name, drive in drives.items():
         size, seconds = float(np.sqrt(np.mean(drive.target**2))), len(drive.target) / drive.rate_hz
-        few, many = (told(size, plays, seconds) for plays in (_PLAYS, most))
+        edge = resolved(drive, top, partial(told, size, most, seconds))
+        few, many = (told(size, plays, seconds, edge) for plays in (_PLAYS, most))
         decides = (
-            f"Of its {size:.2g} m/s² rms, {_PLAYS} plays tell {few:.1%} of error, {most} plays {many:.1%}"
+            f"Up to {edge:.0f} Hz, of its {size:.2g} m/s² rms, {_PLAYS} plays tell {few:.1%} of error, "
+            f"{most} plays {many:.1%}"
         )
         if many > TOLERANCE:
             decides += (

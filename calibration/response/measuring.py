@@ -22,6 +22,10 @@ from .spot import Spot, refuse_overload, response_of, signals_of
 
 ABOVE_HZ = 600.0
 """Lowest frequency (Hz) of the response above the band: a little below the end of the usual excitations."""
+_FAST, _SLOW_TO = 5e3, 10e3
+"""Corner (Hz) of a pick-up from which its plays show what the surface does. Of a slower one the response is
+measured to so many hertz, through the filter that it declares: a resonance stands out of noise there, where
+it does not in the plays."""
 _MARGIN = 0.99
 """Level of the excitation above the band over the limit: a player's own rate may overshoot a little."""
 _SWEPT = 0.98
@@ -89,11 +93,12 @@ def measure_above(
 ) -> Response | None:
     """Measure the response above the band of the usual excitations, to the corner of the laser's filter.
 
-    To be called after a response was measured at the same point: nothing is asked of the operator. The level
-    is what the limits of slew rate and current allow. Returns None where the laser passes nothing above
-    that band. Raises what `measure_response` raises.
+    Of a slow pick-up, beyond it. To be called after a response was measured at the same point: nothing is
+    asked of the operator. The level is what the limits of slew rate and current allow. Returns None where the
+    sample rate leaves nothing above that band. Raises what `measure_response` raises.
     """
-    top = min(rig.vibrometer.bandwidth_hz, rig.table.rate_hz / 4)
+    corner = rig.vibrometer.bandwidth_hz
+    top = min(corner if corner >= _FAST else _SLOW_TO, rig.table.rate_hz / 4)
     if top < _WORTHWHILE * ABOVE_HZ:
         return None
     excitation = Multisine(low=ABOVE_HZ, high=top * (1 - 1e-9))

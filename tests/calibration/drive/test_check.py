@@ -229,7 +229,7 @@ def test_the_floor_is_the_standard_error_of_the_mean(
 ) -> None:
     noise = np.random.default_rng(3)
     tamper(calibrated.rig, monkeypatch, laser=lambda v: v + 0.02 * noise.standard_normal(len(v)))
-    few, many = check(calibrated.rig, drive, plays=3), check(calibrated.rig, drive, plays=12)
+    few, many = (check(calibrated.rig, drive, plays=plays, most=plays) for plays in (3, 12))
     assert few.within.floor / many.within.floor == pytest.approx(2, rel=0.2)
 
 
