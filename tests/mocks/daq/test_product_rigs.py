@@ -12,8 +12,8 @@ from haploop.mocks.daq.products import PRODUCTS
 from tests.mocks.daq import product_rigs
 
 OTHERS = {"NI 9201": {"check": "fail"}}
-"""What is not "yes": a step of the coarsest input, 12 bits over ±10 V, is 0.5 V at the patch, and the plays that
-its noise needs, 32, show more than the limit."""
+"""What is not "yes": a step of the coarsest input, 12 bits over ±10 V, is 0.5 V at the patch, and the plays
+that its noise needs, 32, show more than the limit."""
 SAMPLE = ("USB-6211", "USB-6001", "NI 9234", "cDAQ-9174")
 
 
