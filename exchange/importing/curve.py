@@ -153,6 +153,11 @@ def curve_of(found: Understanding) -> Curve:
             f"its column (--{missing[0]} COLUMN)."
         )
     force, travel = found.signals["force"].values, found.signals["displacement"].values
+    if (times := _presses(travel)) > 1:
+        raise DataError(
+            f"{found.path} goes down {times} times, and a curve is one press: keep the rows of one (with a "
+            "column that tells them apart, --each COLUMN makes a file of each)."
+        )
     deepest = np.flatnonzero(travel >= travel.max() - 1e-4 * np.ptp(travel))
     turn = int(deepest[len(deepest) // 2])
     if turn + 1 < _FEWEST:
@@ -184,6 +189,13 @@ def curve_of(found: Understanding) -> Curve:
         operates=operates,
         resets=resets,
     )
+
+
+def _presses(travel: FloatArray) -> int:
+    """How often travel goes from its lowest to its highest quarter."""
+    share = (travel - travel.min()) / np.ptp(travel)
+    high = (share > 0.75)[(share < 0.25) | (share > 0.75)]
+    return int(np.count_nonzero(high[1:] & ~high[:-1]))
 
 
 def _each_travel(travel: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -116,6 +116,9 @@ def test_what_is_no_curve_is_one_sentence(run: Run, tmp_path: Path) -> None:
     path.write_text(millis(rows()), encoding="utf-8")
     slow = run("import", path)
     assert slow.exit_code == 2 and "--as curve" in slow.stderr
+    path.write_text(without_time(np.concatenate([rows()] * 3)), encoding="utf-8")
+    several = run("import", path, "--as", "curve")
+    assert several.exit_code == 2 and "goes down 3 times, and a curve is one press" in several.stderr
     path.write_text("Force (N)\n" + "1\n2\n3\n1\n" * 20, encoding="utf-8")
     lacks = run("import", path, "--as", "curve")
     assert lacks.exit_code == 2 and "--displacement COLUMN" in lacks.stderr
