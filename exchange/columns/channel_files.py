@@ -110,7 +110,7 @@ def parquet(path: Path) -> tuple[list[Column], dict[str, Any], dict[str, Any]]:
         if values.dtype.kind in "mM":
             columns.append(Column(name, "", (values - values[0]) / _SECOND, stamps=True))
         elif values.dtype.kind in "iufb":
-            columns.append(Column(name, unit, values.astype(np.float64)))
+            columns.append(Column(name, unit, values.astype(np.float64), also=(field.name,)))
     about = json.loads((table.schema.metadata or {}).get(b"haploop", b"{}"))
     if not {"patch", "point", "frequency", "velocity_real", "velocity_imaginary"} <= set(table.column_names):
         return columns, about, {}

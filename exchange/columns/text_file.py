@@ -173,11 +173,10 @@ def _in_one_unit(path: Path, head: Head, place: int, values: FloatArray, units: 
 
 def _columns(path: Path, body: Body, head: Head, of_units: Mapping[int, list[str]]) -> list[Column]:
     def column(place: int, values: FloatArray, stamps: bool = False) -> Column:
-        also = (head.also[place],) if place in head.also else ()
         unit = "" if stamps else head.units.get(place, "")
         return Column(
             head.names.get(place, ""), unit, values, start_s=head.starts.get(place), stamps=stamps,
-            doubt=head.doubts.get(place, ""), also=also,
+            doubt=head.doubts.get(place, ""), also=head.also.get(place, ()),
         )  # fmt: skip
 
     if body.values is not None:

@@ -32,7 +32,8 @@ class Head:
     names: dict[int, str] = field(default_factory=dict)
     units: dict[int, str] = field(default_factory=dict)
     doubts: dict[int, str] = field(default_factory=dict)
-    also: dict[int, str] = field(default_factory=dict)
+    also: dict[int, tuple[str, ...]] = field(default_factory=dict)
+    """The heading as it stands there, and other names."""
     starts: dict[int, float] = field(default_factory=dict)
     seconds: float | None = None
     """The unit of the horizontal axis, where it is stated."""
@@ -59,7 +60,8 @@ def head_of(path: Path, body: Body, above: Sequence[list[str]]) -> Head:
         enter_unit(head, place, unit, "the row of units")
     for place, label in _placed(body, head, keyed.get("names", [])).items():
         name = head.names.get(place, "")
-        head.names[place], head.also[place] = f"{label} {name}".strip(), name
+        head.names[place] = f"{label} {name}".strip()
+        head.also[place] = (name, *head.also.get(place, ()))
     _axis(body, head, keyed)
     return head
 
@@ -143,9 +145,10 @@ def _headings(
     join = over is not None and _are_names(over, body) and _continues(rows, body)
     for place, cell in {**last, **index}.items():
         name, unit = split_heading(cell)
+        head.also[place] = (cell,)
         if join and over is not None and over[place] not in ("", cell):
             upper, above = split_heading(over[place])
-            head.also[place] = name
+            head.also[place] = (name, cell)
             name, unit = f"{upper} {name}".strip(), unit or above
         head.names[place] = name
         if unit:

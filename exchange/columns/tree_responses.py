@@ -27,9 +27,7 @@ _EXAMPLE = "--unit 'response=(m/s)/V'"
 
 def has_responses(path: Path) -> bool:
     """True for a file with a response. Raises DataError, ConfigurationError where a package is missing."""
-    if path.suffix.lower() == ".csv":
-        return "responses" in read_sidecar(path)
-    return bool(responses_of(tree_of(path)))
+    return "responses" in read_sidecar(path) or bool(responses_of(tree_of(path)))
 
 
 def _of_csv(path: Path) -> Tree:
@@ -93,7 +91,7 @@ def read_responses(path: Path, unit: str | None) -> tuple[Response, ...]:
     Raises ConfigurationError for a unit that is not stated or is another than m, m/s or m/s^2 per V,
     DataError for a file that cannot be read.
     """
-    tree = _of_csv(path) if path.suffix.lower() == ".csv" else tree_of(path)
+    tree = _of_csv(path) if "responses" in read_sidecar(path) else tree_of(path)
     arrays, made = _complex(tree), []
     for name, over in responses_of(tree):
         values, of_unit = arrays[name]

@@ -85,7 +85,8 @@ def _columns(tree: Tree, name: str) -> Iterator[Column]:
         rate, start = _clock(tree, holder)
     stamps = said.get("stamps") == "yes"
     if values.ndim == 1:
-        yield Column(*_named(title, _unit(tree, said, name)), values, rate, stamps, start)
+        named = _named(title, _unit(tree, said, name))
+        yield Column(*named, values, rate, stamps, start, also=(title,))
         return
     rows: FloatArray = values if values.shape[0] >= values.shape[1] else values.T
     if rows.shape[1] > _WIDEST:
@@ -98,7 +99,9 @@ def _columns(tree: Tree, name: str) -> Iterator[Column]:
     for number, column in enumerate(rows.T):
         heading = names[number] if len(names) == rows.shape[1] else ""
         unit = units[number] if len(units) == rows.shape[1] else ""
-        yield Column(*_named(heading, unit), np.ascontiguousarray(column), rate, start_s=start)
+        yield Column(
+            *_named(heading, unit), np.ascontiguousarray(column), rate, start_s=start, also=(heading,)
+        )
 
 
 def _said(tree: Tree, holder: str) -> dict[str, str | float]:

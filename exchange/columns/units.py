@@ -60,7 +60,7 @@ _UNITS: Mapping[tuple[str, float], str] = {
     (
         "acceleration",
         1.0,
-    ): "m/s^2 m/s2 m/s/s m/s**2 ms-2 ms^-2 ms^{-2} m/sec^2 m/sec2 mps2 m*s^-2 ms**-2 m.s-2",
+    ): "m/s^2 m/s2 m/s/s m/s**2 ms-2 ms^-2 ms^{-2} m/sec^2 m/sec2 mps2 m*s^-2 ms**-2 m.s-2 m*s-^2 ms-^2",
     ("acceleration", 1e-2): "cm/s^2 cm/s2 gal",
     ("acceleration", 1e-3): "mm/s^2 mm/s2 mm/s/s mm/sec^2",
     ("acceleration", 0.3048): "ft/s^2 ft/s2",
@@ -94,6 +94,7 @@ for (_quantity, _factor), _names in _UNITS.items():
         _KNOWN[_name] = (*_KNOWN.get(_name, ()), Unit(_quantity, _factor))
 _NUMBER = re.compile(r"\s*(?P<number>[-+]?\d*\.?\d+(?:[eE][-+]?\d+)?)?\s*(?P<unit>\D.*)?\s*\Z")
 _BRACKETS = re.compile(r"\s*[\[({](?P<unit>[^\[\](){}]*(?:\([^()]*\)[^\[\](){}]*)?)[\])}]\s*\Z")
+_WITHIN = re.compile(r"\s*[\[({](?P<unit>[^\[\](){}]{1,20})[\])}]")
 _SINCE = re.compile(r"(?P<unit>[A-Za-z]+?)[ _]?(elapsed|since|from|after|passed)(?![a-z])", re.I)
 """`seconds_elapsed`, `ms since start`."""
 _HUMP = re.compile(r"(?<=[a-z])(?=[A-Z][a-z]*(\(\))?\Z)")
@@ -104,7 +105,17 @@ _LETTERS = {
     " ": {"min", "h", "m", "g", "in", "n", "v", "s"},
 }
 """Units that are words of another meaning at the end of a name, by the sign before them; "": of any sign."""
-_PLAIN = {0xB5: "u", 0x3BC: "u", 0xB2: "^2", 0x20: None, 0xB7: "*", 0x22C5: "*", 0x2F1: None, 0x2032: "'"}
+_PLAIN = {
+    0xB5: "u",
+    0x3BC: "u",
+    0xB2: "^2",
+    0x20: None,
+    0x207B: "-",
+    0xB7: "*",
+    0x22C5: "*",
+    0x2F1: None,
+    0x2032: "'",
+}
 _MEGA = ("MN", "MV", "MS")
 """Not taken for milli."""
 
@@ -134,12 +145,25 @@ def unit_of(text: str, quantity: str | None = None) -> Unit | None:
     return found[0] if len(found) == 1 else None
 
 
+def _inner(heading: str) -> re.Match[str] | None:
+    """The only brackets in a heading that hold a unit, where words follow them: `Force [N] (filtered)`."""
+    if len(heading) > 200:
+        return None
+    found = [one for one in _WITHIN.finditer(heading) if one.end() < len(heading) and one.start()]
+    known = [one for one in found if (units := units_of(one["unit"])) and units[0].quantity != "other"]
+    last = _BRACKETS.search(heading)
+    return known[0] if len(known) == 1 and not (last and units_of(last["unit"])) else None
+
+
 def split_heading(heading: str) -> tuple[str, str]:
     """Name and unit in a heading: `Kraft [N]`, `a (g)`, `Weg/mm`, `Kraft in N`, `force_N`; "" without one.
 
     A heading may be a unit itself, or end in one of time: `Volt`, `Millis`, `t_ms`, `seconds_elapsed`.
     """
     heading = " ".join(heading.split()).strip("\"'")
+    if match := _inner(heading):
+        name = f"{heading[: match.start()]} {heading[match.end() :].lstrip(' _.')}"
+        return " ".join(name.split()), match["unit"].strip()
     if match := _BRACKETS.search(heading[-200:]):
         cut = len(heading) - len(match[0])
         name, unit = heading[:cut].rstrip(" /"), match["unit"].strip()
@@ -167,14 +191,16 @@ def split_heading(heading: str) -> tuple[str, str]:
 
 
 def contradiction(name: str, unit: str) -> str:
-    """What a name in which another unit stands in brackets says against `unit`: `Force (kN)`, in N."""
-    match = _BRACKETS.search(name[-200:])
-    inner = units_of(match["unit"]) if match else ()
-    if match is None or not unit or not inner or inner == units_of(unit):
-        return ""
-    if len(match["unit"].strip()) == 1 and inner[0].quantity == "other":  # (L) is left, and no litre
-        return ""
-    return f"it is called {name!r}, and its unit is given as {unit}"
+    """What a name that states another unit says against `unit`: `Force (kN)` or `Force in kN`, in N."""
+    inner = [one["unit"] for one in _WITHIN.finditer(name[-200:])]
+    inner += [found[2] for sign in (" in ", "/") if (found := name.rpartition(sign))[1]]
+    for text in inner:
+        known = units_of(text)
+        # (L) is left, and no litre.
+        meant = known and (len(text.strip()) > 1 or known[0].quantity != "other")
+        if unit and meant and known != units_of(unit):
+            return f"it is called {name!r}, and its unit is given as {unit}"
+    return ""
 
 
 def per_unit(role: str, quantity: str, text: str, unit: str) -> tuple[float, str]:

@@ -12,6 +12,7 @@ from ...calibration import Response, read_uff
 from ...instruments import ConfigurationError, DataError, RigFile
 from .. import uff_file
 from ..columns import format_of, has_responses, read_responses
+from ..views import read_sidecar
 
 
 def is_response_file(path: str | Path, format: str | None = None) -> bool:
@@ -23,7 +24,9 @@ def is_response_file(path: str | Path, format: str | None = None) -> bool:
     found = format_of(path, format)
     with suppress(DataError):  # a file of haploop's own needs no import
         return not hdf5.kind_of(path)
-    if found in ("csv", "mat", "hdf5", "numpy", "netcdf", "parquet") and path.is_file():
+    if found == "csv":
+        return "responses" in read_sidecar(path)
+    if found in ("mat", "hdf5", "numpy", "netcdf", "parquet") and path.is_file():
         return has_responses(path)
     return found == "uff" and uff_file.has_responses(path)
 

@@ -535,6 +535,25 @@ CASES = (
         "Time (s),Force (N)\n" + rows(T, [*cells(F[:300], ""), "10:00:01", *cells(F[301:], "")]),
         asks=("more than numbers in Force",),
     ),
+    *(
+        Case(f"a unit in the middle: {name}", timed(f"Time (s),{name}"), 5000, peaks=SURE)
+        for name in ("Force [N] (filtered)", "Force (N) left", "Force [N]_1", "Force (N) CH1")
+    ),
+    *(
+        Case(f"two units: {name}", timed(f"Time (s),{name}"), asks=("its unit is given as N",))
+        for name in ("Force (kN) left [N]", "Force (N) in mN", "Force/kN [N]", "Kraft in kN (N)")
+    ),
+    Case("m·s⁻²", timed("Time (s),Acc z (m·s⁻²)"), 5000, peaks={"acceleration": 2.0}),
+    *(
+        Case(
+            f"--force {told!r}",
+            "Time (s),Force (N),Force (N).1\n" + rows(T, 3 * F, F),
+            5000,
+            {"force": told},
+            peaks=SURE,
+        )
+        for told in ("Force (N).1", "Force 1 [N]", "Force 1")
+    ),
     Case("(L) is no litre", timed("Time (s) [s],Force (L) [N]"), 5000, peaks=SURE),
     Case(
         "a phone at 99.87/s",
