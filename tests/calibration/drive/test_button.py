@@ -19,10 +19,10 @@ def button(calibrated: Calibrated) -> DigitalButton:
         make_press(),
         calibrated.calibration,
         iterations=0,
-        plays=3,
+        plays=8,
         progress=lambda *step: seen.append(step),
     )
-    assert seen[-1] == ("Check the push button", 3, 3, "plays")
+    assert seen[-1] == ("Check the push button", 8, 8, "plays")
     return made
 
 
@@ -60,9 +60,9 @@ def test_a_damaged_button_is_refused(button: DigitalButton, tmp_path: Path) -> N
 def test_playing_it_verifies_it(
     calibrated: Calibrated, button: DigitalButton, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert play_button(calibrated.rig, button, plays=3).passed
+    assert play_button(calibrated.rig, button, plays=8).passed
     tamper(calibrated.rig, monkeypatch, laser=lambda v: 0.7 * v)
-    assert not play_button(calibrated.rig, button, plays=3).passed
+    assert not play_button(calibrated.rig, button, plays=8).passed
 
 
 def test_a_button_of_another_world_is_refused(calibrated: Calibrated, button: DigitalButton) -> None:
