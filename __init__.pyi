@@ -85,6 +85,7 @@ from .calibration import with_scatter as with_scatter
 from .calibration import write_uff as write_uff
 from .commands.demo.run import claim_folder as claim_folder
 from .commands.demo.run import run_demo as run_demo
+from .exchange import Curve as Curve
 from .exchange import Exported as Exported
 from .exchange import FileMapping as FileMapping
 from .exchange import Understanding as Understanding

@@ -1,4 +1,5 @@
 from .csv_file import write_rows as write_rows
+from .curve import Curve as Curve
 from .formats import FORMATS as FORMATS
 from .formats import Exported as Exported
 from .formats import export_file as export_file

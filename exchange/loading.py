@@ -12,7 +12,7 @@ from ..calibration import ButtonPlan, Calibration, Check, DigitalButton, Drive, 
 from ..calibration.map import VibrationMap
 from ..experiments import load_experiment
 from ..instruments import DataError
-from .importing import Curve
+from .curve import Curve
 
 RESULTS: Mapping[str, tuple[type, Callable[[Path], Any]]] = {
     "recording": (Recording, Recording.open),

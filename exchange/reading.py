@@ -15,7 +15,7 @@ from ..calibration import Calibration, Check, DigitalButton, Drive, Response, Vi
 from ..instruments import DataError
 from ..instruments.arrays import FloatArray
 from ..terminal.progress import SIMULATED
-from .importing import Curve
+from .curve import Curve
 from .press_rows import press_table
 from .views import About, Channel, Envelope, PressTable, Responses, Signals
 

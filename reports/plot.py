@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from ..acquisition import Recording, Representative, accepted_presses
 from ..calibration import ButtonPlan, Calibration, Check, DigitalButton, Drive, History, check_feeling
 from ..calibration.map import VibrationMap
+from ..exchange.curve import Curve
 from ..instruments import DataError
 from . import figures
 from .contents import forces_in, simulated
@@ -30,6 +31,7 @@ __all__ = [
     "button",
     "check",
     "comparison",
+    "curve",
     "drive",
     "feeling",
     "forces",
@@ -79,6 +81,12 @@ def response(calibration: Calibration, columns: Columns = 2) -> Figure:
 def vibration_map(found: VibrationMap, columns: Columns = 2) -> Figure:
     """Draw the displacement over the table and the strongest modes, like the paper's figure 3."""
     return shown(figures.map_figure(found, columns), found.plan.simulated)
+
+
+def curve(*curves: Curve, columns: Columns = 2) -> Figure:
+    """Draw force-travel curves, laid over each other."""
+    figure = figures.curves_figure(_some(curves, "curves"), columns)
+    return shown(figure, any(one.simulated for one in curves))
 
 
 def drive(*drives: Drive, columns: Columns = 2) -> Figure:

@@ -1,8 +1,6 @@
 """Files of any lab: read as columns, understood with a mapping, imported as a recording or a press."""
 
 from ..columns import FORMATS as FORMATS
-from .curve import Curve as Curve
-from .curve import Point as Point
 from .curve import curve_of as curve_of
 from .files import becomes as becomes
 from .files import destination as destination

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ...exchange.importing import Curve, Point
+from ...exchange.curve import Curve, Point
 from .. import figures
 from . import captions
 from .parts import Contents, Drawing, Fact, fact

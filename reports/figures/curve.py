@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from matplotlib.figure import Figure
 
-from ...exchange.importing import Curve
+from ...exchange.curve import Curve
 from .plotting import BLUE, GREEN, INK, ORANGE, VERMILLION, Columns, legend_under, panels, style
 
 _COLORS = (BLUE, ORANGE, GREEN, VERMILLION, INK, "0.6")
