@@ -112,11 +112,12 @@ def examine_each(
     """
     findings: list[Finding] = []
     try:
-        for role, outcome in identify_each(file, simulate, plant=plant):
+        for role, outcome, asked in identify_each(file, simulate, plant=plant):
             if role == "operator":
                 continue
             failed = isinstance(outcome, HaploopError)
-            sentence = str(outcome) if failed else f"{outcome} responds."
+            named = f"{outcome} responds." if asked else f"{outcome}: no digital interface; it was not asked."
+            sentence = str(outcome) if failed else named
             findings.append(Finding("Identity", role, "red" if failed else "green", sentence))
     except HaploopError as problem:
         findings.append(Finding("Identity", "rig", "red", str(problem)))

@@ -60,12 +60,13 @@ def open_rig(
 
 def identify_each(
     file: RigFile, simulate: Mode | None = None, *, plant: object = None
-) -> Iterator[tuple[str, str | HaploopError]]:
+) -> Iterator[tuple[str, str | HaploopError, bool]]:
     """Connect each instrument of a rig, whether or not the others are there; no output is changed.
 
-    Yields each role, and what its instrument calls itself or why it cannot be opened. `simulate` and `plant`
-    as of `open_rig`. A simulated plant is wired to the DAQ: without that, nothing more is yielded. Raises
-    as `open_rig` does for what is wrong with the rig as a whole.
+    Yields each role, what its instrument calls itself or why it cannot be opened, and whether it was asked:
+    one without a digital interface cannot be. `simulate` and `plant` as of `open_rig`. A simulated plant is
+    wired to the DAQ: without that, nothing more is yielded. Raises as `open_rig` does for what is wrong with
+    the rig as a whole.
     """
     opened, holding = _made(file, simulate, {}, plant, False)
     with opened:
@@ -73,9 +74,10 @@ def identify_each(
         for role, device, driver in _drivers(opened.file):
             try:
                 _connect(opened, role, device, driver)
-                yield role, getattr(opened.instruments[role], "identity", f"The {role}")
+                name = getattr(opened.instruments[role], "identity", f"The {role}")
+                yield role, name, bool(_pieces(role, device, driver, opened.name))
             except HaploopError as error:
-                yield role, error
+                yield role, error, True
                 if role == "daq" and opened.mode is not None:
                     return
 

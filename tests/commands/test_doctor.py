@@ -223,6 +223,8 @@ def test_each_instrument_is_opened_on_the_plant_that_was_given(mode: Mode) -> No
     opened = [finding for finding in findings if finding.name == "Identity" and finding.instrument != "rig"]
     assert {finding.status for finding in opened} == {"green"}
     assert len(seen) == 1 and len(opened) >= 4  # all of them in one world
+    said = {finding.instrument: finding.sentence for finding in opened}
+    assert said["relay"].endswith(" responds.") and said["vibrometer"].endswith("it was not asked.")
     assert findings[-2].sentence == "The box does not answer."
 
 

@@ -154,6 +154,17 @@ def test_behind_a_short_block_stand_no_samples_of_the_one_before(tmp_path: Path)
     assert not np.any(rows["samples"][1][:, 100:])
 
 
+@pytest.mark.parametrize(("first", "count"), [(251, 250), (250, 251)])
+def test_a_gap_of_one_sample_and_a_block_that_is_too_long_are_refused(
+    tmp_path: Path, first: int, count: int
+) -> None:
+    with Writer(tmp_path / "P01-push.h5", header(), 250, 4) as writer:
+        writer.write(block_of(0), 0.0)
+        with pytest.raises(InstrumentError, match=f"of {count} samples begins at sample {first}, but 250 is"):
+            writer.write(block_of(first, count), 0.0)
+        assert writer.written == 250
+
+
 def test_a_file_of_somebody_else_is_not_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """One that took the name between the file's own naming and its opening."""
     path, real = tmp_path / "P01-push.h5", os.open
