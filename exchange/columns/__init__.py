@@ -2,6 +2,7 @@
 
 from .readers import FORMATS, format_of, read_table
 from .table import Column, Labels, Stated, Table
+from .text_rows import is_blank
 from .tree_responses import has_responses, read_responses
 from .units import SI, per_unit, unit_of, units_of
 
@@ -14,6 +15,7 @@ __all__ = [
     "Table",
     "format_of",
     "has_responses",
+    "is_blank",
     "per_unit",
     "read_responses",
     "read_table",

@@ -72,7 +72,19 @@ class Body:
 
 
 def decoded(path: Path) -> str:
-    """Text in UTF-8, UTF-16 with its mark, or Windows-1252, as spreadsheets write. Raises DataError."""
+    """Text in UTF-8, UTF-16 with its mark, or Windows-1252, as spreadsheets write. Raises DataError.
+
+    A minus sign (U+2212) and blanks between thousands (U+00A0, U+202F), of some languages, become plain.
+    """
+    text = _decoded(path)
+    if "\u2212" in text:
+        text = text.replace("\u2212", "-")
+    if "\u00a0" in text or "\u202f" in text:
+        text = re.sub("(?<=\\d)[\u00a0\u202f](?=\\d{3}(?!\\d))", "", text)
+    return text
+
+
+def _decoded(path: Path) -> str:
     raw = path.read_bytes()
     try:
         if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):

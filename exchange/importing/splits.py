@@ -10,12 +10,15 @@ import numpy as np
 
 from ...instruments import ConfigurationError
 from ...instruments.arrays import BoolArray
-from ..columns import Labels, Table
+from ..columns import Labels, Table, is_blank
 from .questions import Question
 
 _NOTES = re.compile(
-    r"(notes?|comments?|remarks?|kommentare?|bemerkung(en)?|memo|annotations?)(?![a-z])", re.I
+    r"(notes?|comments?|remarks?|kommentare?|bemerkung(en)?|memo|annotations?|judge(ment)?|verdict|alarm|marks?)"
+    r"(?![a-z])",
+    re.I,
 )
+"""Headings of what is said of single rows: it tells no measurements apart."""
 _SPLITTERS = re.compile(
     r"(sensor|channel|node|device|trial|run|repetition|rep|cycle|session|block|segment|participant|subject|"
     r"person|proband|versuch|hand|finger|side|specimen|sample ?(id|no|number))"
@@ -54,7 +57,7 @@ def split(table: Table, where: Mapping[str, str], told: Sequence[str | int]) -> 
         if said := "" if name in numbers else _beside(one):
             notes.append(said)
             continue
-        value = next(text for text in one.texts if text)
+        value = next(text for text in one.texts if not is_blank(text))
         option, each = (repr(one) if " " in one else one for one in (f"{name}={value}", name))
         questions.append(Question(
             f"where {name}", f"which rows are one measurement (column {name!r} has {_shown(one)}; * for all)",
@@ -70,7 +73,7 @@ def values_of(table: Table, name: str) -> tuple[str, ...]:
         raise ConfigurationError(
             f"{table.path} has no column {name!r} that tells rows apart (it has {listed})."
         )
-    found = tuple(text for text in dict.fromkeys(known[name].texts) if text and text != "nan")
+    found = tuple(text for text in dict.fromkeys(known[name].texts) if not is_blank(text))
     if len(found) > _MOST:
         raise ConfigurationError(
             f"{table.path} has {len(found)} values of {name}, and up to {_MOST} measurements are told apart."
@@ -117,7 +120,9 @@ def _of_rows(table: Table, kept: BoolArray) -> Table:
 
 def _beside(one: Labels) -> str:
     """The sentence on a column of text that tells no rows apart; "" for one that may."""
-    there = [row for row, text in enumerate(one.texts) if text]
+    there = [row for row, text in enumerate(one.texts) if not is_blank(text)]
+    if not there:
+        return f"{one.name} is empty ({one.texts[0]!r}), and was left out."
     distinct = {one.texts[row] for row in there}
     first = f"{one.texts[there[0]][:30]!r} in row {there[0] + 1}"
     if len(distinct) == 1 and len(there) == len(one.texts):
@@ -132,6 +137,6 @@ def _beside(one: Labels) -> str:
 
 
 def _shown(one: Labels) -> str:
-    distinct = sorted({text for text in one.texts if text and text != "nan"})
+    distinct = sorted({text for text in one.texts if not is_blank(text)})
     more = f" and {len(distinct) - _SHOWN} more" if len(distinct) > _SHOWN else ""
     return ", ".join(distinct[:_SHOWN]) + more

@@ -554,6 +554,29 @@ CASES = (
         )
         for told in ("Force (N).1", "Force 1 [N]", "Force 1")
     ),
+    Case(
+        "minus signs and thousands of a language",
+        "Zeit (s);Kraft (mN)\n"
+        + rows(
+            T,
+            [
+                f"{1000 * f - 0.5:,.2f}".replace(",", "\u202f").replace(".", ",").replace("-", "\u2212")
+                for f in F
+            ],
+            separator=";",
+        ).replace(".", ","),
+        5000,
+        peaks={"force": 1.9995},
+    ),
+    Case(
+        "a tester's verdicts and marks",
+        timed(
+            "Time (s),Force (N),Judge,Position", np.where(F > 1, "+NG", "OK"), np.where(T == 0.1, "P1", "--")
+        ),
+        5000,
+        peaks=SURE,
+        notes=("Judge is text", "Position is text"),
+    ),
     Case("(L) is no litre", timed("Time (s) [s],Force (L) [N]"), 5000, peaks=SURE),
     Case(
         "a phone at 99.87/s",
