@@ -161,5 +161,7 @@ from .mocks.participant import load_participant_model as load_participant_model
 from .reports import plot as plot
 from .reports.contents import file_contents as file_contents
 from .reports.figures import trend as trend
+from .reports.html import PaperFigures as PaperFigures
+from .reports.html import write_figures as write_figures
 from .reports.html import write_recalibration as write_recalibration
 from .reports.html import write_report as write_report

@@ -19,6 +19,7 @@ from .demo.command import demo
 from .examples import show_examples
 from .experiment import experiment
 from .export import export
+from .figures import figures
 from .files import list_command, recover, report, show, verify
 from .importing import import_
 from .live import live
@@ -58,7 +59,7 @@ def cli(ctx: click.Context) -> None:
 
 cli.sections = {
     "Make a button, in this order": (doctor, record, represent, calibrate, button, show, report, demo),
-    "Look": (live, list_command, serve, check, map_command, export, import_),
+    "Look": (live, list_command, serve, check, map_command, figures, export, import_),
     "People": (new, study, experiment, analyse),
     "Maintain": (recalibrate, calibrations, verify, recover, log, reset, schema, rig, tape, twin),
 }

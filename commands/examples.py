@@ -31,6 +31,7 @@ EXAMPLES = {
     "experiment status": "haploop experiment status matching",
     "experiment withdraw": "haploop experiment withdraw matching P01",
     "export": "haploop export press.h5 --to wav48 --out press.wav",
+    "figures": "haploop figures pilot --paper --columns 1 --out figures",
     "import": "haploop import run7.csv --mapping lab.toml --out recordings",
     "list": 'haploop list kind=recording button=latch "date>=2026-11" --in data',
     "live": "haploop live --rig lab.toml --wait 60",

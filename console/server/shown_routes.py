@@ -8,16 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from threading import Lock
 from typing import Any
 
 from starlette.responses import Response
 
+from ...experiments import export_answers
 from ...instruments import DataError
 from ...reports.contents import Cell, Contents, Glance, Grid, unbroken
 from ...reports.figures import encode, mark_simulated
 from ...reports.html import contents_at
-from ..data_folder import DataFolder
+from ..data_folder import DataFolder, store_of
 
 _TYPES = {"svg": "image/svg+xml", "png": "image/png", "pdf": "application/pdf", "csv": "text/csv"}
 
@@ -51,6 +53,15 @@ def night(data: DataFolder, asked: Mapping[str, str]) -> Response:
     if not name.endswith(".html") or not path.is_file():
         raise DataError(f"There is no report {name[:80]!r} of a night.")
     return Response(path.read_bytes(), media_type="text/html")
+
+
+def answers(data: DataFolder, asked: Mapping[str, str]) -> Response:
+    """The answers of an experiment, as `haploop experiment export` writes them."""
+    store = store_of(data, asked.get("experiment", ""))
+    with TemporaryDirectory() as place:
+        table = Path(place) / "answers.csv"
+        export_answers(store, table)
+        return Response(table.read_bytes(), media_type="text/csv")
 
 
 def contents_json(contents: Contents) -> dict[str, Any]:

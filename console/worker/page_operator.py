@@ -11,6 +11,7 @@ from ...instruments.flag import Flag
 from ...instruments.operator import (
     Aim,
     Cable,
+    ConfirmSettings,
     LiftFinger,
     Place,
     Press,
@@ -66,7 +67,17 @@ class PageOperator(Operator):
             and self._board["auto"]
             and isinstance(
                 request,
-                Aim | Cable | LiftFinger | Place | Remove | Rest | RestFinger | TakeTarget | Target | Uncable,
+                Aim
+                | Cable
+                | ConfirmSettings
+                | LiftFinger
+                | Place
+                | Remove
+                | Rest
+                | RestFinger
+                | TakeTarget
+                | Target
+                | Uncable,
             )
         ):
             self._show(request, asks=False)

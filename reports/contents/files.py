@@ -69,17 +69,12 @@ def files_of(path: Path) -> list[Path]:
 
     Raises DataError for a folder that holds nothing to read.
     """
-    whole_folder = is_history(path) or any((path / name).is_file() for name in ("study.toml", "map.json"))
-    if not path.is_dir() or whole_folder:
+    marks = ("study.toml", "map.json", "experiment.toml")
+    if not path.is_dir() or is_history(path) or any((path / name).is_file() for name in marks):
         return [path]
     whole = path.resolve()
     if whole.name == "recordings" and (whole.parent / "study.toml").is_file():
         return [whole.parent]
-    if (path / "experiment.toml").is_file():
-        raise DataError(
-            f"{path} is an experiment: write its table with `haploop experiment export {path} ANSWERS.csv`, "
-            "and name that."
-        )
     # Waveforms have no figure of their own: they belong to the calibration beside them.
     files = sorted(one for one in path.glob("*.h5") if not Waveforms.is_beside(one))
     if not files:

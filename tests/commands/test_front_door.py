@@ -29,6 +29,7 @@ WORK = {
     "verify": ["verify", "Recording"],
     "show": ["file_contents", "load_study"],
     "report": ["write_report"],
+    "figures": ["write_figures", "PaperFigures"],
     "list": ["list_files", "Entry"],
     "calibrate": [
         "open_rig",

@@ -227,7 +227,7 @@ def test_no_file_outside_the_data_folder_is_read_and_none_is_one_sentence(page, 
         answer = page.get(f"/api/{route}={name}")
         assert answer.status_code == 409
         assert "secret\n" not in answer.text and "data folder" in answer.json()["error"]
-    for route in ("presses?file=recordings/no.h5", "study?study=no", "map?map=maps/no", "trend"):
+    for route in ("presses?file=recordings/no.h5", "study?study=no", "map?map=maps/no", "figure?history=1"):
         answer = page.get(f"/api/{route}")
         assert answer.status_code in (404, 409), route
         assert "Traceback" not in answer.text and len(answer.json()["error"]) > 10

@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from types import SimpleNamespace
 
 import pytest
 
@@ -17,10 +18,15 @@ from haploop.acquisition import Recording
 from haploop.console.data_folder import DataFolder
 from haploop.console.worker import Address, WorkerLink, jobs, stopping
 from haploop.console.worker import worker as workers
+from haploop.console.worker.board import Board
 from haploop.console.worker.job import Job
 from haploop.console.worker.listener import Listener
+from haploop.console.worker.page_operator import PageOperator
 from haploop.console.worker.worker import Worker
 from haploop.instruments import ConfigurationError, InstrumentError, load_rig_file
+from haploop.instruments.flag import Flag
+from haploop.instruments.operator import ConfirmSettings
+from haploop.mocks.operator import OperatorTwin
 from haploop.reports.contents.recording import recording_contents
 
 DEADLINE = 60.0
@@ -537,3 +543,17 @@ def test_who_looks_gives_way_and_keeps_nothing(tmp_path):
     with pages(worker, operator):
         pass
     assert [path.name for path in tmp_path.glob("**/*.h5")] == ["P01-toggle.h5"]
+
+
+@pytest.mark.parametrize("as_filed", [True, False])
+def test_the_simulated_person_confirms_settings_by_itself_and_truthfully(as_filed):
+    """A laser's range that no software reads: nobody has to click on a simulated rig."""
+
+    class Person(OperatorTwin):
+        def __init__(self):
+            self._plant = SimpleNamespace(set_as_filed=as_filed)
+
+    board = Board(auto=True, request=None)
+    operator = PageOperator(board, Person(), Flag())
+    assert operator.confirm(ConfirmSettings("PDV-100: is the range 20 mm/s?")) is as_filed
+    assert board["request"]["asks"] is False

@@ -1,5 +1,6 @@
 // The operator conducts an experiment: chooses the session, presents each stimulus, and sees the answers.
 import { $, busy, choose, command, el, fill, get, key, newest, on, post, say, start, state } from "./console.js";
+import { save, show as showContents } from "./shown.js";
 import { naming } from "./names.js";
 
 let known = "", names = {};
@@ -35,6 +36,22 @@ async function show(anew) {
   fill($("entries"), ...found.sessions.map((one) => el("tr", {}, el("td", {}, one.participant), el("td", {}, one.group), el("td", {}, one.session), el("td", {}, one.answers),
     el("td", {}, one.complete ? "complete" : one.due ? `due: ${one.due.block} ${one.due.trial}` : "to be sealed"), el("td", {}, one.resumed || ""))),
   ...found.withdrawn.map((one) => el("tr", {}, el("td", {}, one.participant), el("td", { colspan: "5" }, "withdrew"))));
+  if (!running() || !running().step) results();
+}
+
+// Scores of all answers so far: when they are asked for, and after the last answer of a session.
+const askResults = newest();
+$("results-fold").addEventListener("toggle", results);
+$("download").addEventListener("click", () => save(`/api/answers?experiment=${encodeURIComponent($("experiment").value)}`, `${$("experiment").value.replaceAll("/", "-")}.csv`));
+async function results() {
+  const name = $("experiment").value;
+  if (!$("results-fold").open || !name) return;
+  const asked = new URLSearchParams({ file: name });
+  let found = null;
+  try { found = await askResults(`/api/shown?${asked}`); $("results-said").textContent = ""; } catch (error) { $("results-said").textContent = error.message; fill($("results")); $("download").disabled = true; return; }
+  if (!found) return;
+  $("download").disabled = false;
+  showContents($("results"), found, asked);
 }
 
 $("form").addEventListener("submit", async (event) => {
@@ -74,7 +91,7 @@ on("state", (all) => {
   $("begin").disabled = Boolean(now);
   $("where").textContent = now ? `${now.participant}, group ${now.group}, day ${now.session} of ${now.sessions}${Object.entries(now.levels).map(([name, level]) => `, ${name} ${level}`).join("")}` : "No session runs.";
   rig(all);
-  $("prompt").textContent = !now ? "Nothing." : !step ? "The session is complete." : now.paused ? "Paused" : now.problem ? now.problem
+  $("prompt").textContent = !now ? "" : !step ? "The session is complete." : now.paused ? "Paused" : now.problem ? now.problem
     : now.playing ? `The rig presents: ${step.stimulus}` : `${asked ? "Waiting for the answer to" : "Present"}: ${step.stimulus}`;
   $("prompt").classList.toggle("waiting", !now);
   $("introduction").textContent = step ? now.introduction : "";
@@ -92,6 +109,7 @@ on("state", (all) => {
   $("done").max = step ? step.of || 1 : 1;
   $("done").value = step ? step.number - 1 : 0;
   fill($("blocks"), ...(now ? now.blocks.map((name) => el("li", { "aria-current": step && step.block === name ? "step" : null }, step && step.block === name ? `${name}: ${step.number}${step.of ? ` of ${step.of}` : ""}` : name)) : []));
+  if (now && !step && !$("results-fold").open) $("results-fold").open = true; // the last answer of this session
   const mark = JSON.stringify([now && now.participant, now && now.session, now && now.last]);
   if (mark !== known) { known = mark; show(false); }
 });

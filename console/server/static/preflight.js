@@ -1,7 +1,7 @@
 import { $, at, busy, command, el, fill, on, start } from "./console.js";
 import { asking } from "./asking.js";
 
-asking("Nothing.");
+asking("");
 $("form").addEventListener("submit", (event) => { event.preventDefault(); start("preflight", { mass: Number($("mass").value) }); });
 $("override-form").addEventListener("submit", async (event) => {
   event.preventDefault();

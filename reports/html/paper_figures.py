@@ -1,0 +1,103 @@
+"""Figures of a lab's own data for a paper: each as PDF, SVG and CSV, in a journal's column width."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...acquisition import hdf5
+from ...instruments import DataError
+from ...instruments.files import check_destination, new_file, paths_of, private_files
+from ...instruments.progress import Progress, silent
+from ..contents import files_of
+from ..figures import Columns, encode, mark_simulated
+from .sections import planned, read_section
+
+_PAPER = {
+    # Name of the drawing: number in the paper, and what it takes.
+    "map": (3, "a vibration map"),
+    "presses": (6, "recordings"),
+    "forces": (7, "recordings with a force"),
+    "drives": (8, "a digital button"),
+    "motion": (9, "a digital button"),
+    "confusion": (13, "answers of an identification experiment"),
+    "ratings": (14, "adjective ratings"),
+}
+
+
+@dataclass(frozen=True)
+class PaperFigures:
+    """What `write_figures` wrote."""
+
+    files: tuple[Path, ...]
+    missing: Mapping[int, str]
+    """By number of a figure of the paper that is not there: what it takes."""
+    simulated: bool
+
+
+@private_files()
+def write_figures(
+    paths: str | Path | Sequence[str | Path],
+    out: str | Path,
+    *,
+    paper: bool = False,
+    columns: Columns = 2,
+    progress: Progress = silent,
+) -> PaperFigures:
+    """Write the figures of files and folders into a new folder `out`, one or two columns of a journal wide.
+
+    With `paper`, those of the paper alone, by its numbers: of a study's folder, its digital buttons,
+    vibration maps and experiments as well. The same data give the same bytes; simulated ones say so. Raises
+    ConfigurationError when `out` exists, DataError for data that cannot be read or have no such figure.
+    """
+    out = Path(out)
+    check_destination(out)
+    files = [file for path in paths_of(paths) for file in (_belonging(path) if paper else files_of(path))]
+    sections = []
+    for number, path in enumerate(files):
+        progress("Read the data", number, len(files), "files")
+        sections.append(read_section(path))
+    figures = [one for one in planned(sections) if not paper or one[1].name in _PAPER]
+    if not figures:
+        raise DataError("These data have no such figure: name recordings, digital buttons or answers.")
+    written: list[Path] = []
+    names: dict[str, int] = {}
+    for number, (some, drawing) in enumerate(figures):
+        progress("Draw the figures", number, len(figures), "figures")
+        figure = drawing.draw(drawing.things, columns)
+        if any(section.contents.simulated for section in some):
+            mark_simulated(figure)
+        name = f"figure-{_PAPER[drawing.name][0]}-{drawing.name}" if paper else drawing.name
+        names[name] = names.get(name, 0) + 1
+        name += f"-{names[name]}" if names[name] > 1 else ""
+        for kind in ("pdf", "svg", "csv"):
+            written.append(out / f"{name}.{kind}")
+            check_destination(written[-1])
+            with new_file(written[-1]) as part:
+                part.write_bytes(encode(figure, kind))
+    progress("Draw the figures", len(figures), len(figures), "figures")
+    drawn = {drawing.name for _, drawing in figures}
+    missing = {number: takes for name, (number, takes) in _PAPER.items() if paper and name not in drawn}
+    return PaperFigures(tuple(written), missing, any(section.contents.simulated for section in sections))
+
+
+def _belonging(path: Path) -> list[Path]:
+    """What a study's folder holds for a paper; of any other path, what a report reads."""
+    if not (path / "study.toml").is_file():
+        return files_of(path)
+    made = sorted(one for pattern in ("*.h5", "buttons/*.h5") for one in path.glob(pattern))
+    buttons: dict[str, Path] = {}
+    for one in made:
+        if hdf5.kind_of(one) == "button":
+            buttons.setdefault(one.name, one)
+    experiments = [one.parent for one in sorted(path.glob("*/experiment.toml")) if _answered(one.parent)]
+    maps = [
+        one.parent for pattern in ("map.json", "*/map.json", "maps/*/map.json") for one in path.glob(pattern)
+    ]
+    recorded = [path] if any((path / "recordings").glob("*.h5")) else []
+    return [*recorded, *sorted(set(maps)), *buttons.values(), *experiments]
+
+
+def _answered(experiment: Path) -> bool:
+    return any((experiment / "answers").rglob("session-*.jsonl"))

@@ -1,0 +1,146 @@
+"""What files and folders say, as sections of a report, and the figures that they have together."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from ...acquisition import content_hash, load_study
+from ...calibration import History
+from ...experiments import (
+    Store,
+    analyse_identification,
+    analyse_ratings,
+    export_answers,
+    load_experiment,
+    read_rows,
+)
+from ...instruments import DataError
+from ..contents import (
+    Contents,
+    Drawing,
+    file_contents,
+    identification_contents,
+    is_history,
+    ratings_contents,
+    study_contents,
+    study_figures,
+)
+from .page import CaptionedFigure
+
+_ORDER = ("forces", "presses", "map", "response", "plan", "drives", "check", "motion", "feeling")
+"""Names of figures in the order in which they stand in a report; others follow."""
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """What one file or folder says, and the name and SHA-256 of the content of each file that was read."""
+
+    contents: Contents
+    sources: Sequence[tuple[str, str]]
+
+    @property
+    def origin(self) -> str:
+        """The first source with the beginning of its hash, for a caption."""
+        name, digest = self.sources[0]
+        more = f" and {len(self.sources) - 1} more files" if len(self.sources) > 1 else ""
+        return f"{name} (SHA-256 {digest[:12]}…){more}"
+
+
+def contents_at(path: Path) -> Contents:
+    """What a result, a study, a history of calibrations or a table of answers says. Raises DataError."""
+    return read_section(path).contents
+
+
+def read_section(path: Path) -> Section:
+    """Read a result, a study, or a table of answers. Raises DataError."""
+    if path.suffix.lower() == ".csv":
+        return Section(_answers(path), [(path.name, hashlib.sha256(path.read_bytes()).hexdigest())])
+    if (path / "experiment.toml").is_file():
+        return _experiment(path)
+    if path.suffix == ".toml" or (path.is_dir() and (path / "study.toml").is_file()):
+        return _study(path)
+    if is_history(path):
+        active = History(path).active()
+        return Section(file_contents(path), [(f"{path.resolve().name}, {active.name}", active.digest)])
+    return Section(
+        file_contents(path), _files_of_map(path) if path.is_dir() else [(path.name, content_hash(path))]
+    )
+
+
+def _study(path: Path) -> Section:
+    study = load_study(path)
+    progress = study.progress()
+    sources = [(r.path.name, r.content_hash) for one in progress for r in one.recordings]
+    if not sources:
+        raise DataError(
+            f"The study {study.file.name!r} has no recording yet: `haploop study run` makes them."
+        )
+    return Section(replace(study_contents(study, progress), figures=study_figures(study)), sources)
+
+
+def _experiment(folder: Path) -> Section:
+    """The answers of an experiment, as its exported table would say them."""
+    store = Store(load_experiment(folder), folder / "answers")
+    with TemporaryDirectory() as place:
+        table = Path(place) / f"{folder.resolve().name}.csv"
+        export_answers(store, table)
+        return Section(_answers(table), [(table.name, hashlib.sha256(table.read_bytes()).hexdigest())])
+
+
+def _files_of_map(folder: Path) -> list[tuple[str, str]]:
+    """One hash over the content of all measurements, whose number says nothing to a reader."""
+    files = sorted(path for path in folder.glob("*.h5") if not path.name.startswith("modes-"))
+    digests = "".join(content_hash(path) for path in files)
+    return [(f"{folder.resolve().name}, {len(files)} files", hashlib.sha256(digests.encode()).hexdigest())]
+
+
+def _answers(path: Path) -> Contents:
+    """Analyse a CSV of answers or of ratings, as `haploop analyse` does by default. Raises DataError."""
+    rows, of = read_rows(path), f", {path.name}"
+    if {"presented", "answered"} <= set(rows.columns):
+        return identification_contents(analyse_identification(rows), rows.simulated, of)
+    if {"pair", "rating"} <= set(rows.columns):
+        return ratings_contents(analyse_ratings(rows), rows.simulated, of)
+    raise DataError(
+        f"{path} has neither the columns presented and answered nor pair and rating: name a table of "
+        "`haploop experiment export`."
+    )
+
+
+def planned(sections: Sequence[Section]) -> list[tuple[Sequence[Section], Drawing]]:
+    """The figures of all sections. What several results show alike goes into one figure, and once only."""
+    groups: dict[tuple[str, str], list[tuple[Section, Drawing]]] = {}
+    drawn = set()
+    for section in sections:
+        for one in section.contents.figures:
+            if (one.name, one.identity) not in drawn:
+                groups.setdefault((one.name, one.title), []).append((section, one))
+            if one.identity is not None:
+                drawn.add((one.name, one.identity))
+    found = []
+    for group in groups.values():
+        size = group[0][1].several
+        for some in (group[first : first + size] for first in range(0, len(group), size)):
+            things = [thing for _, one in some for thing in one.things]
+            found.append((list(dict.fromkeys(s for s, _ in some)), replace(some[0][1], things=things)))
+    return sorted(found, key=lambda one: [*_ORDER, one[1].name].index(one[1].name))
+
+
+def captioned(sections: Sequence[Section], drawing: Drawing) -> CaptionedFigure:
+    """Draw a figure of sections; its caption says of how much it is, on which rig, and from which files."""
+    rigs = ", ".join(dict.fromkeys(f"“{s.contents.rig}”" for s in sections if s.contents.rig))
+    simulated = any(s.contents.simulated for s in sections)
+    caption = " ".join(
+        [
+            drawing.caption,
+            drawing.count(drawing.things),
+            *([f"Rig {rigs}."] if rigs else []),
+            f"Data: {'; '.join(s.origin for s in sections)}.",
+            *(["Simulated."] if simulated else []),
+        ]
+    )
+    return CaptionedFigure(drawing.draw(drawing.things, 2), drawing.title, caption, simulated)
