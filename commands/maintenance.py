@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
 import click
 
 from ..reports import contents, show
@@ -9,6 +12,9 @@ from ..terminal.progress import Steps, note, print_json
 from . import front as haploop
 from .calibrations import active_drives
 from .options import JSON, ChosenRig, FiniteRange, on_rig
+
+if TYPE_CHECKING:
+    from ..calibration import Finding
 
 
 @click.command()
@@ -43,6 +49,7 @@ def doctor(mass: float, loop: str | None, volts: float | None, rig: ChosenRig, a
     if volts is not None and loop is None:
         raise haploop.ConfigurationError("--volts needs --loop: name the channel that the cable leads to.")
     missing, drives = False, active_drives(rig.name or str(rig.simulate))
+    findings: Sequence[Finding] = ()
     with rig.reserved() as file:
         simulated = (rig.simulate or file.simulate) is not None
         try:
@@ -55,6 +62,8 @@ def doctor(mass: float, loop: str | None, volts: float | None, rig: ChosenRig, a
         except haploop.HaploopError as error:
             # Once the rig has opened, the only error here is an unconfirmed safe state: report that one.
             if rig.state.rig_opened:
+                if findings:
+                    show.print_contents(contents.findings_contents(findings, file.name, simulated), as_json)
                 raise
             findings, missing = haploop.examine_each(file, rig.simulate, error), True
     show.print_contents(contents.findings_contents(findings, file.name, simulated), as_json)

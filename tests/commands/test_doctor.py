@@ -236,6 +236,19 @@ class TestCommand:
         assert report["status"] == "green"
         assert set(report["findings"][0]) == {"name", "instrument", "status", "sentence"}
 
+    def test_a_safe_state_that_is_not_confirmed_leaves_the_table(
+        self, run: Run, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        def busy(_rig: Rig) -> None:
+            raise InstrumentError("The safe state was not confirmed: Dev2 is in use. Switch it off by hand.")
+
+        monkeypatch.setattr(Rig, "make_safe", busy)
+        result = run("doctor", "--rig", "haptable", "--simulate", "twin")
+        assert result.exit_code in (1, 3), result.output
+        said = " ".join(result.stdout.split())
+        assert "Identity (relay)" in said and "Dev2 is in use. Switch it off by hand." in said
+        assert "Not tested, because the safe state was not confirmed." in said and "Gravity" not in said
+
     def test_red_is_exit_code_1(self, run: Run, tmp_path: Any) -> None:
         file = tmp_path / "rig.toml"
         file.write_text(
