@@ -15,7 +15,7 @@ import csv
 import math
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -178,19 +178,16 @@ def _at_once(
         return None
     columns = tuple(range(width))
     need = min(_RUN, len(sample))
-    run = first = 0
-    for number, line in enumerate(lines):
-        (row,) = _split([line], separator)
-        run = run + 1 if len(row) == width and all(is_number(cell, sign) for cell in row) else 0
-        if run == need:
-            first = number - need + 1
-            break
+    each = (_split([line], separator)[0] for line in lines)
+    whole = (len(row) == width and all(is_number(cell, sign) for cell in row) for row in each)
+    if (first := _first_run(whole, need)) is None:
+        return None
     end = len(lines)
     while end and not lines[end - 1].strip():
         end -= 1
     block = lines[first:end]
     above = _split(lines[:first], separator)
-    if run < need or not all(map(str.strip, block)) or _begins_earlier(above, columns, sign):
+    if not all(map(str.strip, block)) or _begins_earlier(above, columns, sign):
         return None
     try:
         values = np.loadtxt(
@@ -213,13 +210,8 @@ def numeric_rows(path: Path, rows: Sequence[list[str]], decimal: str, shape: str
     if not columns:
         raise DataError(f"{path} is no table of numbers: no row in its middle is one.")
     need = min(_RUN, len(sample))
-    run = first = 0
-    for number, row in enumerate(rows):
-        run = run + 1 if _is_row(row, columns, decimal) else 0
-        if run == need:
-            first = number - need + 1
-            break
-    else:
+    first = _first_run((_is_row(row, columns, decimal) for row in rows), need)
+    if first is None:
         raise DataError(
             f"{path} is no table of numbers: nowhere do {need} rows of {len(columns)} follow each other."
         )
@@ -255,6 +247,16 @@ def numeric_rows(path: Path, rows: Sequence[list[str]], decimal: str, shape: str
     places = tuple(sorted({*columns, *sparse}))
     return Body(rows[:first], whole, places, decimal, shape, damaged=tuple(n - first for n in bad),
                 notes=tuple(notes))  # fmt: skip
+
+
+def _first_run(flags: Iterable[bool], need: int) -> int | None:
+    """The number of the first of `need` true flags in a row; None without such."""
+    run = 0
+    for number, flag in enumerate(flags):
+        run = run + 1 if flag else 0
+        if run == need:
+            return number - need + 1
+    return None
 
 
 def _columns(sample: Sequence[list[str]], decimal: str) -> tuple[int, ...]:

@@ -12,10 +12,10 @@ from .names import named as named
 from .press import import_press as import_press
 from .press import press_of as press_of
 from .press import presses_in as presses_in
-from .questions import Question as Question
 from .recording import import_recording as import_recording
 from .response import import_response as import_response
 from .response import is_response_file as is_response_file
 from .understanding import understand as understand
+from .understood import Question as Question
 from .understood import Signal as Signal
 from .understood import Understanding as Understanding

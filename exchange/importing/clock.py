@@ -14,8 +14,8 @@ import numpy as np
 from ...instruments.arrays import FloatArray
 from ..columns import Column, Stated, Table, per_unit, unit_of
 from .mapping import FileMapping
-from .questions import Question
 from .timebase import TimeBase, time_base
+from .understood import Question
 
 _AGREE = 0.01
 """Largest relative difference of two rates that are the same."""

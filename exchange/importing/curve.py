@@ -15,8 +15,6 @@ Terms: data sheets of MX switches (pretravel, operating and reset point), and of
 
 from __future__ import annotations
 
-import hashlib
-
 import numpy as np
 import scipy
 
@@ -66,7 +64,7 @@ def curve_of(found: Understanding) -> Curve:
     return Curve(
         button=found.mapping.button or str(found.table.about.get("button", found.path.stem)),
         source=found.path.name,
-        source_sha256=hashlib.sha256(found.path.read_bytes()).hexdigest(),
+        source_sha256=found.sha256,
         units={role: found.signals[role].unit for role in ("force", "displacement")},
         notes=found.notes,
         simulated=bool(found.table.about.get("simulated", False)),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from fractions import Fraction
 from pathlib import Path
 
@@ -110,7 +109,7 @@ def press_of(found: Understanding, activation: float | None = None) -> Represent
         members=1,
         spread=np.zeros(length),
         bandwidth_hz=min(found.rate_hz / 2, RATE_HZ / 2, stated),
-        sources=((path.name, hashlib.sha256(path.read_bytes()).hexdigest()),),
+        sources=((path.name, found.sha256),),
         left_out=(),
         method="imported",
         simulated=bool(about.get("simulated", False)),

@@ -8,7 +8,6 @@ not accepted.
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
@@ -68,10 +67,9 @@ def recording_of(found: Understanding, out: Path) -> Recording:
     sensors = Sensors.model_validate(of)
     protocol = Protocol(segmentation=segmentation_for(button))
     rest = min(_REST, 0.1 * volts.shape[1] / RATE_HZ)
-    raw = found.path.read_bytes()
     origin = {
         "file": found.path.name,
-        "sha256": hashlib.sha256(raw).hexdigest(),
+        "sha256": found.sha256,
         "rate_hz": found.rate_hz,
         "mapping": found.mapping.model_dump(exclude_none=True),
         "notes": [*found.notes, *_resampling(found.rate_hz)],

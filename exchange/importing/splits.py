@@ -11,7 +11,7 @@ import numpy as np
 from ...instruments import ConfigurationError
 from ...instruments.arrays import BoolArray
 from ..columns import Labels, Table, is_blank
-from .questions import Question
+from .understood import Question
 
 _NOTES = re.compile(
     r"(notes?|comments?|remarks?|kommentare?|bemerkung(en)?|memo|annotations?|judge(ment)?|verdict|alarm|marks?)"

@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,12 +21,11 @@ from ...instruments.arrays import FloatArray
 from ..columns import SI, Column, Table, per_unit, read_table, unit_of
 from .clock import base_of, rates_of, time_of, unit_of_time
 from .mapping import MEASURED, NONE, ROLES, FileMapping, Role
-from .questions import Question
 from .rest import rest_of
 from .roles import Claim, claim_of, is_switching
 from .splits import split
 from .timebase import Hole, TimeBase, filled, holes_of, lost, on_grid, spikes
-from .understood import Signal, Understanding
+from .understood import Question, Signal, Understanding
 
 _SLOWEST, _FASTEST = 100.0, 1e8
 """Samples per second of a file: a press of half a second has fifty, and the fastest cards take 10^7."""
@@ -217,7 +217,9 @@ class _Finder:
                 raise DataError(f"{error} {_SLOW}") from None
             raise
         if isinstance(base, Question):
-            self.questions.append(base)
+            slow = ", or --as curve for slow force over travel"
+            both = {"force", "displacement"} <= set(self.taken)
+            self.questions.append(replace(base, option=base.option + slow * both))
             return None
         if not _SLOWEST * (1 - _MARGIN) <= base.rate_hz <= _FASTEST:
             raise ConfigurationError(

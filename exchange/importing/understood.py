@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,8 +10,19 @@ from ...instruments import ConfigurationError
 from ...instruments.arrays import FloatArray
 from ..columns import Table
 from .mapping import FileMapping, Role
-from .questions import Question
 from .timebase import Hole
+
+
+@dataclass(frozen=True)
+class Question:
+    """Something that the file does not say."""
+
+    key: Role | str
+    """What is asked for: a role, "rate", or "unit ROLE", "flip ROLE", "rest ROLE", "where COLUMN"."""
+    what: str
+    """For a sentence: "the unit of force (column 1, F)"."""
+    option: str
+    """How it is told: "--unit force=N"."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +58,11 @@ class Understanding:
     notes: tuple[str, ...]
     """Sentences with figures: rate, jitter, gaps, missing values, gravity."""
     holes: tuple[Hole, ...] = ()
+
+    @property
+    def sha256(self) -> str:
+        """Of the file's bytes."""
+        return hashlib.sha256(self.path.read_bytes()).hexdigest()
 
     @property
     def duration(self) -> float:
