@@ -30,7 +30,7 @@ function glance(one) {
 
 export function table(grid) {
   const scope = (tag, k) => (tag === "th" ? { scope: "row" } : k < grid.words ? {} : { class: "number" });
-  return el("div", { class: "scroll tall", tabindex: "0", role: "region", "aria-label": grid.title || "Table" }, el("table", {},
+  return el("div", { class: "scroll tall", tabindex: "0", role: "region", "aria-label": grid.title || "Table" }, el("table", { class: grid.words === grid.headings.length ? "cards" : "" },
     ...(grid.title ? [el("caption", {}, grid.title)] : []),
     el("thead", {}, el("tr", {}, ...grid.headings.map((one, k) => el("th", { scope: "col", class: k < grid.words ? "" : "number" }, one)))),
     el("tbody", {}, ...grid.rows.map((row) => el("tr", {}, ...row.map((one, k) => cell(k ? "td" : "th", one, one.tone ? {} : scope(k ? "td" : "th", k))))))));

@@ -77,7 +77,10 @@ class Tab:
         page = self.context.new_page()
         page.on("pageerror", lambda error: self.errors.append(str(error)))
         page.on("dialog", lambda dialog: self.errors.append(f"dialog {dialog.message}"))
-        page.on("request", lambda request: self.hosts.add(re.sub(r"^\w+://([^/:]+).*", r"\1", request.url)))
+        page.on(
+            "request",
+            lambda request: self.hosts.add(re.sub(r"^(?:blob:)?\w+://([^/:]+).*", r"\1", request.url)),
+        )
         return page
 
 
