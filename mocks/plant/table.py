@@ -81,8 +81,8 @@ class TouchTable(PlantSettings):
     """Relative amplitude of the daily drift of every mode's frequency, caused by temperature."""
     damping_scale: Positive = 1.0
     highest_hz: Annotated[float, Field(ge=HIGHEST_HZ, le=12_000)] = HIGHEST_HZ
-    """Highest mode (Hz). A real pane has hundreds up to 10 kHz; the default ends at 843 Hz, because hands,
-    palms and softening take long with so many."""
+    """Highest mode (Hz). A real pane has hundreds up to 10 kHz, as the rig `pane` has; the default ends at
+    843 Hz, because hands, palms and softening take long with so many."""
     collocated: bool = False
     """Put patch A under the button point, so that the response has no right-half-plane zeros."""
 

@@ -45,7 +45,7 @@ channel = "laser"{PICKUPS["acceleration"]}"""
     "name",
     [
         pytest.param(n, marks=[pytest.mark.long] * (n != "voice-coil"))
-        for n in (*LABS, "glued", "four-channel")
+        for n in (*LABS, "glued", "four-channel", "pane")
     ],
 )
 def test_from_doctor_to_recalibration(
