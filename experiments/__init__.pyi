@@ -1,5 +1,6 @@
 from .analysis import METRICS as METRICS
 from .analysis import PAPER as PAPER
+from .analysis import PAPER_METRICS as PAPER_METRICS
 from .analysis import Comparison as Comparison
 from .analysis import Confusion as Confusion
 from .analysis import Effect as Effect

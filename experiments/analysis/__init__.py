@@ -24,6 +24,7 @@ from .power import PowerPlan as PowerPlan
 from .power import load_power_plan as load_power_plan
 from .power import power_of as power_of
 from .prediction import PAPER as PAPER
+from .prediction import PAPER_METRICS as PAPER_METRICS
 from .prediction import Prediction as Prediction
 from .prediction import participant_model as participant_model
 from .prediction import predict_answers as predict_answers

@@ -35,6 +35,15 @@ PAPER = {
 """Answers in percent in the paper's four groups and days: the range of all integer matrices that give its
 tables III and IV to two decimals."""
 
+PAPER_METRICS = {
+    ("I", 1): ((82.67, 76.33, 81.00), (73.53, 63.81, 73.12), (75.0, 67.0, 68.0)),
+    ("I", 2): ((94.00, 88.67, 86.67), (90.20, 83.00, 80.61), (92.0, 83.0, 79.0)),
+    ("II", 1): ((97.00, 87.33, 88.33), (95.96, 79.81, 83.51), (95.0, 83.0, 81.0)),
+    ("II", 2): ((100.0, 92.33, 92.33), (100.0, 89.69, 87.38), (100.0, 87.0, 90.0)),
+}
+"""The 36 cells of the paper's tables III and IV, by group and day: accuracy, precision and sensitivity
+(`METRICS`) of latch, toggle and push, in percent."""
+
 _WINDOW, _FIRST, _WINDOWS = 0.030, -0.15, 17
 """Length of a window (s), begin of the first about the activation (s), and their number."""
 _MEMORY = (0.05, 1.0)
@@ -59,6 +68,8 @@ class Prediction:
     """(classes, classes) 90 % of what is not known lies between."""
     overall: tuple[float, float, float]
     """Right answers: mean, least, most."""
+    metrics: FloatArray
+    """(metrics, classes, 3): mean, least and most of each of `METRICS`."""
     levels: tuple[float, ...]
     """dB of each button above the threshold of the mean person."""
     act: Act
@@ -98,6 +109,7 @@ def predict_answers(buttons: Sequence[DigitalButton], seed: int = 0) -> Predicti
         least=np.percentile(worlds, _RANGE[0], axis=0),
         most=np.percentile(worlds, _RANGE[1], axis=0),
         overall=(float(right.mean()), float(low), float(high)),
+        metrics=_metrics(worlds),
         levels=tuple(_total(one) for one in felt),
         act=act,
         simulated=any(one.simulated for one in buttons),
@@ -126,6 +138,16 @@ def participant_model(prediction: Prediction, seed: int = 0) -> str:
         f"spread = {prediction.act.spread * np.log(10) / 20:.3f}",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _metrics(worlds: FloatArray) -> FloatArray:
+    """`Prediction.metrics` of (draws, classes, classes) fractions of a row."""
+    right, answered = np.diagonal(worlds, axis1=1, axis2=2), worlds.sum(axis=1)
+    classes = worlds.shape[1]
+    # Nobody who answers never is right: the precision is then that of no answer.
+    precision = right / np.where(answered > 0, answered, np.inf)
+    each = np.array([1 - (1 + answered - 2 * right) / classes, precision, right])
+    return np.stack([each.mean(axis=1), *np.percentile(each, _RANGE, axis=1)], axis=2)
 
 
 def _quoted(name: str) -> str:

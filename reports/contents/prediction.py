@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ...calibration.perception import Sensation
-from ...experiments import PAPER, Prediction
+from ...experiments import METRICS, PAPER, PAPER_METRICS, Prediction
 from .parts import Contents, Fact, Grid, fact, plain
 from .words import fixed, percent
 
@@ -58,6 +58,16 @@ def prediction_contents(found: Prediction) -> Contents:
                 paper={"right": _PAPER_RIGHT, "answers_percent": PAPER},
             )
         )
+    if set(found.classes) == set(PAPER):
+        cells, within = _beside(found)
+        tables.append(cells)
+        paper.append(
+            fact(
+                "Cells of tables III and IV within the range",
+                f"{within} of 36",
+                cells={"within": within, "metrics": METRICS, "predicted": plain(found.metrics)},
+            )
+        )
     return Contents(
         "Prediction of answers",
         [
@@ -83,3 +93,18 @@ def prediction_contents(found: Prediction) -> Contents:
         simulated=found.simulated or None,
         undrawn="There is no figure of a prediction.",
     )
+
+
+def _beside(found: Prediction) -> tuple[Grid, int]:
+    """The cells of the paper's tables beside those predicted, and how many lie within their ranges."""
+    rows, within = [], 0
+    for number, metric in enumerate(METRICS):
+        for column, name in enumerate(PAPER):
+            mean, low, high = found.metrics[number, found.classes.index(name)]
+            paper = [cells[number][column] for cells in PAPER_METRICS.values()]
+            within += sum(100 * low <= one <= 100 * high for one in paper)
+            predicted = f"{percent(mean, 0)} ({100 * low:.0f} to {percent(high, 0)})"
+            rows.append((f"{metric}, {name}", predicted, *(f"{one:.2f} %" for one in paper)))
+    titles = (f"Group {group}, day {day}" for group, day in PAPER_METRICS)
+    title = "Tables III and IV of the paper, beside the prediction (one for all groups and days)"
+    return Grid(title, ("Cell", "Predicted", *titles), rows), within

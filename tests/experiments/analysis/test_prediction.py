@@ -10,11 +10,12 @@ import pytest
 
 from haploop.calibration.drive import BEFORE
 from haploop.calibration.perception import LabThreshold, event_levels, levels_of
-from haploop.experiments import PAPER, Prediction, participant_model, predict_answers
+from haploop.experiments import PAPER, PAPER_METRICS, Prediction, participant_model, predict_answers
 from haploop.instruments import ConfigurationError
 from haploop.mocks.participant import SimulatedParticipant, load_participant_model
 from haploop.reports.contents import prediction_contents
 from tests.calibration.conftest import make_press
+from tests.experiments.analysis.test_confusion import TABLES
 
 RATE = 5000.0
 SNAPS = {"latch": (0.24, 0.3), "toggle": (0.3,), "push": (0.3, 0.45)}
@@ -86,11 +87,33 @@ def test_the_papers_tables_stand_beside_it() -> None:
     assert [table.title.split(",")[0] for table in shown.tables] == [
         "Predicted answers",
         "The paper's tables III and IV: range over groups and days",
+        "Tables III and IV of the paper",
     ]
+    cells = shown.tables[2].rows
+    assert len(cells) == 9 and all(len(row) == 6 for row in cells)
+    assert cells[2][0] == "accuracy, push" and cells[2][2:] == ("81.00 %", "86.67 %", "88.33 %", "92.33 %")
+    assert shown.values["cells"]["within"] <= 36
     assert shown.values["paper"]["answers_percent"]["push"]["push"] == [68, 90]
     assert any("Not in it: how well people remember" in note for note in shown.notes)
     other = [button(name, 20, (0.3,)) for name in ("knob", "key")]
     assert len(prediction_contents(predict_answers(other)).tables) == 1
+
+
+def test_predicted_metrics_are_those_of_the_cells() -> None:
+    """Where nothing is left open, each metric of the mean is that of a confusion matrix."""
+    found = predict_answers(three(40))
+    right, answered = np.diagonal(found.cells), found.cells.sum(axis=0)
+    np.testing.assert_allclose(found.metrics[2, :, 0], right, atol=1e-12)
+    np.testing.assert_allclose(found.metrics[1, :, 0], right / answered, atol=0.02)
+    np.testing.assert_allclose(found.metrics[0, :, 0], (2 - answered + 2 * right) / 3, atol=1e-12)
+    assert np.all(found.metrics[..., 1] <= found.metrics[..., 0])
+    assert np.all(found.metrics[..., 0] <= found.metrics[..., 2])
+
+
+def test_the_papers_metrics_are_those_of_its_matrices() -> None:
+    for key, metrics in PAPER_METRICS.items():
+        published = TABLES[key[0], str(key[1])]
+        assert [list(row) for row in metrics] == [list(row) for row in published]
 
 
 def test_the_papers_ranges_are_those_of_its_matrices() -> None:
