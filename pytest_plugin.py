@@ -49,7 +49,7 @@ def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "rig: runs on an open rig, the one that --rig selects")
     config.addinivalue_line(
         "markers",
-        'nidaqmx(Dev1="PCIe-6363", ..., time="virtual"): cards of the fixture nidaqmx_twin; '
+        'nidaqmx(Dev1="PCIe-6363", ..., time="virtual", direct=False): cards of the fixture nidaqmx_twin; '
         'nidaqmx("cards.ini"): those of a text export of NI MAX',
     )
     config.addinivalue_line(
@@ -227,9 +227,9 @@ def nidaqmx_twin(request: pytest.FixtureRequest) -> Iterator[NiTwin]:
 
     mark = request.node.get_closest_marker("nidaqmx")
     words = dict(mark.kwargs) if mark else {}
-    time = words.pop("time", "virtual")
+    time, direct = words.pop("time", "virtual"), bool(words.pop("direct", False))
     listed = request.config.rootpath / mark.args[0] if mark and mark.args else None
-    with NiTwin(listed or words or {"Dev1": "PCIe-6363"}, time=time) as twin:
+    with NiTwin(listed or words or {"Dev1": "PCIe-6363"}, time=time, direct=direct) as twin:
         yield twin
 
 

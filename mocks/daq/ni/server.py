@@ -31,6 +31,7 @@ from ...transport import HOST
 from . import attributes
 from .calls import CALLS
 from .devices import Inventory, NiDevice
+from .direct import DirectChannel
 from .errors import AlreadyExistsError, DaqmxError, DAQmxErrors
 from .events import Events
 from .served import ignored
@@ -179,6 +180,10 @@ class NiServer(Closing):
         """Clear all tasks, as the end of their programs does."""
         with self._system.lock:
             self._events.clear_tasks()
+
+    def direct(self, channel: Any) -> DirectChannel:
+        """A channel in place of `channel`, for this process: calls pass gRPC by, and streams do not."""
+        return DirectChannel(self._service.service, channel)
 
     def corrupt(self, how: Corrupt) -> None:
         """Replace every reply from now on by `how(call, reply)`, which may be any bytes."""

@@ -242,3 +242,48 @@ def test_a_third_party_package_runs_unchanged(nidaqmx_twin: NiTwin) -> None:
     task.clear_task()
     row = heard[0] if heard.shape[0] == 1 else heard[:, 0]
     assert len(row) == 5000 and row.std() == pytest.approx(np.sqrt(0.5), rel=1e-2)
+
+
+@pytest.mark.nidaqmx(Dev1="PCIe-6363", direct=True)
+def test_the_mark_lets_calls_pass_grpc_by(nidaqmx_twin: NiTwin) -> None:
+    nidaqmx_twin.set("Dev1/ai0", 2.0)
+    with nidaqmx.Task() as task:
+        assert type(task._interpreter._client.ReadAnalogF64).__name__ == "_Direct"
+    assert acquire("Dev1/ai0").mean() == pytest.approx(2, abs=1e-3)
+
+
+def test_calls_that_pass_grpc_by_are_the_same() -> None:
+    assert _seen(direct=True) == _seen(direct=False)
+
+
+def _seen(direct: bool) -> list[object]:
+    seen: list[object] = []
+    with NiTwin({"Dev1": "PCIe-6363"}, direct=direct) as twin:
+        twin.wire("Dev1/ao0", "Dev1/ai0")
+        write("Dev1/ao0", 1.5)
+        seen += acquire("Dev1/ai0", 5).round(3).tolist()
+        for code in (lambda: acquire("Dev9/ai0"), lambda: acquire("Dev1/ai0", rate=1e9)):
+            with pytest.raises(DaqError) as refused:
+                code()
+            seen += [refused.value.error_code, str(refused.value)]
+        with nidaqmx.Task("mine") as task:
+            task.ai_channels.add_ai_voltage_chan("Dev1/ai0:1", "a,b")
+            task.timing.cfg_samp_clk_timing(RATE, sample_mode=AcquisitionType.CONTINUOUS, samps_per_chan=1000)
+            task.register_every_n_samples_acquired_into_buffer_event(
+                100, lambda _task, _event, count, _data: seen.append(len(task.read(count)[0])) or 0
+            )
+            seen += [*task.channel_names, task.timing.samp_clk_rate]
+            with pytest.raises(DaqError) as refused:
+                nidaqmx.Task("mine")
+            seen.append(refused.value.error_code)
+            task.start()
+            twin.sleep(0.35)
+            with pytest.raises(DaqReadError) as late:
+                task.read(5000, timeout=0.5)
+            seen += [late.value.error_code, twin.now]
+    names = ["a", "b", 1000.0, -200089]
+    assert (
+        seen[:5] == [1.5] * 5 and seen[5] == -200220 and [one for one in seen if one in names][-4:] == names
+    )
+    assert seen.count(100) >= 3
+    return seen
