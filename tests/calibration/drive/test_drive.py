@@ -130,8 +130,9 @@ def test_a_response_that_is_noise_is_refused(calibrated: Calibrated, press: Repr
 def test_a_drive_comes_back_from_disk(drive: Drive, tmp_path: Path) -> None:
     drive.save(tmp_path / "push.h5")
     back = Drive.load(tmp_path / "push.h5")
-    assert np.array_equal(back.volts, drive.volts) and np.array_equal(back.target, drive.target)
-    assert replace(back, volts=drive.volts, target=drive.target).__dict__ == drive.__dict__
+    arrays = {name: getattr(drive, name) for name in ("volts", "target", "above")}
+    assert all(np.array_equal(getattr(back, name), value) for name, value in arrays.items())
+    assert replace(back, **arrays).__dict__ == drive.__dict__
 
 
 def test_a_response_alone_is_fitted_first(
