@@ -272,6 +272,7 @@ def _digital(kind: Kind) -> Callable[[NiSystem, Any], None]:
         for device, tail in resolved:
             if not tail.startswith("port"):
                 raise _wrong_kind(device, tail, "digital")
+            _check_way(device, tail, "in" if kind == "di" else "out")
             # A whole port is listed from its highest line down.
             lines = tuple(reversed(device.lines_of(tail)))
             groups.append((device, lines, "/line" not in tail))
@@ -289,6 +290,17 @@ def _digital(kind: Kind) -> Callable[[NiSystem, Any], None]:
         )
 
     return create
+
+
+def _check_way(device: NiDevice, tail: str, way: str) -> None:
+    """Raise DaqmxError for a line or port that goes the other way only, as those of a USB-6211 do."""
+    own = device.port_way(int(tail.partition("/")[0].removeprefix("port")))
+    if own not in (way, "both"):
+        raise DaqmxError(
+            DAQmxErrors.INVALID_PHYS_CHAN_TYPE,
+            "I/O type of the physical channel is incompatible with the I/O type required for the create "
+            f"channel operation: {device.name}/{tail} of {device.product.name} is digital {own}put only.",
+        )
 
 
 def _digital_names(

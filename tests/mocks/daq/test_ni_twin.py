@@ -287,3 +287,23 @@ def _seen(direct: bool) -> list[object]:
     )
     assert seen.count(100) >= 3
     return seen
+
+
+@pytest.mark.nidaqmx(Dev1="USB-6211", Mod1="NI 9472", Dev2="USB-6212")
+@pytest.mark.parametrize(
+    ("way", "lines", "code"),
+    [
+        ("di", "Dev1/port0/line0:3", 0), ("do", "Dev1/port1", 0), ("do", "Dev2/port0/line0", 0),
+        ("do", "Dev1/port0/line0", -200430), ("di", "Dev1/port1", -200430),
+        ("di", "Mod1/port0/line1", -200430),
+    ],
+)  # fmt: skip
+def test_a_line_that_goes_one_way_only(nidaqmx_twin: NiTwin, way: str, lines: str, code: int) -> None:
+    with nidaqmx.Task() as task:
+        made = task.di_channels.add_di_chan if way == "di" else task.do_channels.add_do_chan
+        try:
+            made(lines)
+        except DaqError as error:
+            assert error.error_code == code
+        else:
+            assert not code
