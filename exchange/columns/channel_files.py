@@ -100,7 +100,7 @@ def parquet(path: Path) -> tuple[list[Column], dict[str, Any], dict[str, Any]]:
     and the arrays of responses, a row a response, that such a table of haploop's holds.
     """
     arrow = optional("pyarrow.parquet", "parquet", "A Parquet file")
-    table = arrow.read_table(path)
+    table = arrow.ParquetFile(path).read(use_threads=False)
     columns = []
     for field, chunks in zip(table.schema, table.columns, strict=True):
         values = chunks.to_numpy()

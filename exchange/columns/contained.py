@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import sys
 import zipfile
 from collections.abc import Callable, Mapping
@@ -146,6 +147,10 @@ def _xdf(path: Path, tree: Tree) -> None:
 
 
 def _parquet(path: Path, tree: Tree) -> None:
+    # Its own allocator reserves a gigabyte of addresses, and the library 200 MB, before a byte is read.
+    os.environ["ARROW_DEFAULT_MEMORY_POOL"] = "system"
+    optional("pyarrow.parquet", "parquet", "A Parquet file")
+    allow_memory(_PACKED * path.stat().st_size)
     tree.columns, about, beside = channel_files.parquet(path)
     _enter(tree, about, beside)
 
