@@ -227,7 +227,7 @@ def redirect_hosts(hosts: Mapping[str, str]) -> None:
 
     def meant(host: Any, port: Any) -> tuple[Any, Any]:
         name = host.decode() if isinstance(host, bytes) else host
-        other = hosts.get(f"{name}:{port}")
+        other = hosts.get(f"{name}:{port}".lower())
         return (other.rpartition(":")[0], int(other.rpartition(":")[2])) if other else (host, port)
 
     def getaddrinfo(host: Any, port: Any, *how: Any, **more: Any) -> Any:

@@ -114,22 +114,15 @@ def serving(instruments: Mapping[str, Instrument]) -> Iterator[Served]:
 
 def add(stack: ExitStack, found: Served, name: str, instrument: Instrument) -> Lines | Pages:
     """Serve one more instrument, until `stack` is closed. Raises ConfigurationError."""
-    if name in found.wires:
+    if name.lower() in (other.lower() for other in found.wires):
         raise ConfigurationError(f"{name!r} has an instrument already: name another port or address.")
-    scheme = name.partition("://")[0].lower() if "://" in name else ""
-    wire: Lines | Pages = (Pages if scheme == "http" else Lines)(instrument)
+    place = _place(name)
+    wire: Lines | Pages = (Pages if "://" in name else Lines)(instrument)
     stack.callback(wire.close)
-    if scheme:
-        if scheme != "http" or not urlsplit(name).hostname:
-            raise ConfigurationError(
-                f"{name!r} cannot be served: an address is http://HOST or http://HOST:PORT."
-            )
-        parts = urlsplit(name)
-        found.hosts[f"{parts.hostname}:{parts.port or 80}"] = wire.address
+    if place:
+        found.hosts[place] = wire.address
     elif "::" in name:
         found.visa[name] = f"TCPIP::127.0.0.1::{wire.port}::SOCKET"
-    elif ":" in name and name.rpartition(":")[2].isdecimal():
-        found.hosts[name] = wire.address
     elif name.strip() and not any(c.isspace() for c in name):
         port = f"socket://{wire.address}"
         if os.name != "nt":
@@ -140,3 +133,20 @@ def add(stack: ExitStack, found: Served, name: str, instrument: Instrument) -> L
     found.ports.append(wire.port)
     found.wires[name] = wire
     return wire
+
+
+def _place(name: str) -> str:
+    """Host and port of an address, "192.0.2.20:80"; "" for another name. Raises ConfigurationError."""
+    if "://" not in name and not ("::" not in name and name.rpartition(":")[2].isdecimal() and ":" in name):
+        return ""
+    try:
+        parts = urlsplit(name if "://" in name else f"//{name}")
+        host, port = parts.hostname, parts.port
+    except ValueError:
+        host, port = None, None
+    if not host or parts.scheme not in ("http", ""):
+        raise ConfigurationError(
+            f"{name!r} cannot be served: an address is http://HOST, http://HOST:PORT or HOST:PORT, with a "
+            "port up to 65535."
+        )
+    return f"{host}:{port or 80}"

@@ -78,12 +78,12 @@ def test_http_and_a_socket(instrument_twin: Serve) -> None:
     with urllib.request.urlopen("http://192.0.2.20/volt", timeout=5) as answer:
         assert json.load(answer) == {"volt": 2.5} and answer.headers["Content-Type"] == "application/json"
     assert hub.received == ["PUT /volt 2.5", "GET /volt"]
-    meter = instrument_twin("192.0.2.21:5025", {"READ?": "1.25"})
-    with socket.create_connection(("192.0.2.21", 5025), 5) as link:
+    meter = instrument_twin("meter.Example:5025", {"READ?": "1.25"})
+    with socket.create_connection(("Meter.Example", 5025), 5) as link:
         link.sendall(b"READ?\n")
         assert link.recv(100) == b"1.25\n"
     meter.faults.append(ReplyFault("disconnect"))
-    with socket.create_connection(("192.0.2.21", 5025), 5) as link:
+    with socket.create_connection(("meter.example", 5025), 5) as link:
         link.sendall(b"READ?\n")
         assert link.recv(100) == b""
     with pytest.raises(urllib.error.HTTPError, match="404"):
@@ -166,7 +166,17 @@ def test_a_value_is_of_the_kind_that_is_kept(kept: Any, sent: str, after: Any) -
 
 def test_a_name_that_is_taken_or_none_is_refused(instrument_twin: Serve) -> None:
     instrument_twin("192.0.2.21:1", {"A": "b"})
-    for name in ("192.0.2.21:1", "https://192.0.2.20", "ftp://x", "", "a b"):
+    instrument_twin("COM3", {"A": "b"})
+    for name in (
+        "192.0.2.21:1",
+        "https://192.0.2.20",
+        "ftp://x",
+        "",
+        "a b",
+        "com3",
+        "http://x:99999",
+        "x:70000",
+    ):
         with pytest.raises(ConfigurationError):
             instrument_twin(name, {"A": "b"})
 
