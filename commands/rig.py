@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 
 import click
@@ -38,7 +39,7 @@ def new(file: Path, like: str, as_json: bool) -> int:
         as_json,
         {"rig": str(file), "name": made.name, "digest": made.digest, "to_look_up": left},
         f"{file}: the rig {made.name!r}, with {left} lines to look up. Edit it; then: haploop rig check "
-        f"{file}",
+        f"{shlex.quote(str(file))}",
     )
     return 0
 
@@ -59,7 +60,9 @@ def check(file: Path, as_json: bool) -> int:
         for sentence in wrong[:-1]:
             note(sentence)
         raise haploop.ConfigurationError(wrong[-1])
-    said = f"{file} is complete. Try it on twins: haploop doctor --rig {file} --simulate twin"
+    said = (
+        f"{file} is complete. Try it on twins: haploop doctor --rig {shlex.quote(str(file))} --simulate twin"
+    )
     if left:
         mark = describing.LOOK_UP
         said = "\n".join([f"{file} is valid, with examples' values in lines that say {mark}:", *left])

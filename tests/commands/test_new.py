@@ -100,3 +100,11 @@ def test_nothing_is_replaced_and_wrong_answers_are_one_sentence(run: Run, lab: P
         result = run("new", tmp_path / "other", *wrong)
         assert result.exit_code == 2 and said in result.stderr and result.stderr.count("\n") == 1
         assert not (tmp_path / "other" / "study.toml").exists()
+
+
+def test_a_name_with_a_space_is_quoted_in_the_command_to_go_on_with(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    made = run("rig", "new", "my lab.toml", "--like", "no-ni")
+    assert made.exit_code == 0 and "haploop rig check 'my lab.toml'" in made.output
