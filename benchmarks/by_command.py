@@ -1,6 +1,6 @@
 """Calibrations and checks by the command line alone, on worlds that nobody chose, beside the truth.
 
-    python -m benchmarks.by_command --worlds 200            # about 30 s of CPU each
+    python -m benchmarks.by_command --worlds 200            # about 20 s of CPU each
     python -m benchmarks.by_command --worlds 20 --word other
 
 Each world is a rig file: the table, or a random modal plate, of which every second one has modes above
