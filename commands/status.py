@@ -18,7 +18,10 @@ if TYPE_CHECKING:
     from ..exchange.catalogue import Entry
 
 _LOOKED_FOR = ("*.h5", "*/*.h5", "*.toml")
-_NAMED = (*("study", "experiment", "recording", "representative", "calibration", "map", "button", "check"),)
+_NAMED = (
+    *("study", "experiment", "recording", "representative", "curve", "calibration", "map"),
+    *("plan", "drive", "button", "check"),
+)
 """Kinds of files that are counted, in this order."""
 _GENERATION = re.compile(r"\d{4,}-\d{8}T\d{6}Z")
 """A folder in a history of calibrations: its files are copies."""
@@ -61,7 +64,7 @@ def status() -> bool:
         return False
     said = [f"rig file {found.rig}"] if found.rig else []
     said += [contents.counted(counts[kind], kind) for kind in _NAMED if counts[kind]]
-    print_line(f"In this folder: {', '.join(said)}.")
+    print_line(f"In this folder: {', '.join(said) or 'files of haploop'}.")
     for sentence, command in next_steps(found):
         print_line(f"\n{sentence}:\n    {command}")
     print_line("\nAll commands: haploop --help. What else is here: haploop list")

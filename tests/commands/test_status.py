@@ -114,3 +114,11 @@ def test_a_new_folder_says_what_is_due(run: Run, tmp_path: Path, monkeypatch: py
     said = run().stdout
     assert said.startswith("In this folder: rig file rig.toml, 1 study.")
     assert "The study is not complete: P01 latch due:\n    haploop study run" in said
+
+
+def test_a_folder_of_a_curve_names_it(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = [f"{x / 50:.2f},{0.4 + x / 100:.3f}" for x in [*range(200), *range(200, 0, -1)]]
+    (tmp_path / "switch.csv").write_text("\n".join(["Travel (mm),Force (N)", *rows]))
+    monkeypatch.chdir(tmp_path)
+    assert run("import", "switch.csv", "--as", "curve", "--out", "switch.h5").exit_code == 0
+    assert run().stdout.startswith("In this folder: 1 curve.")
