@@ -35,7 +35,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--long", action="store_true", help="run whole loops whose steps have tests of their own"
     )
     parser.addoption("--pages", action="store_true", help="run the blocks of every page of the documents")
-    parser.addoption("--skipped", metavar="FILE", help="write the names of skipped tests to FILE")
+    parser.addoption("--skipped", metavar="FILE", help="=FILE: write names of skipped tests to it")
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
