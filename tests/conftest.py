@@ -45,7 +45,7 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Ctrl-C reaches the tests also where it is ignored (nohup, `&`, some CI); the mark of what would take
+    """Stops reach the tests also where they are ignored (nohup, `&`, some CI); the mark of what would take
     minutes through the wire, and shows nothing there that others do not.
 
     Workers, and what they start, compute in one thread each: threads of BLAS would wait for one another.
@@ -58,6 +58,8 @@ def pytest_configure(config: pytest.Config) -> None:
         os.environ.setdefault(f"MALLOC_{threshold}_THRESHOLD_", str(2**30))  # glibc
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    if hasattr(signal, "SIGHUP"):
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)
     gc.set_threshold(20_000)
     if (skipped := config.getoption("--skipped")) and not hasattr(config, "workerinput"):
         config.pluginmanager.register(Skipped(Path(skipped)))

@@ -32,6 +32,8 @@ def test_a_response_goes_out_and_comes_back(files: Files, run: Run, tmp_path: Pa
 def test_what_is_exported_of_responses_is_read_back(
     to: str, files: Files, measured_map: Path, run: Run, tmp_path: Path
 ) -> None:
+    if to == "parquet":
+        pytest.importorskip("pyarrow")
     path, back = tmp_path / f"a.{'nc' if to == 'netcdf' else to}", tmp_path / "b.h5"
     assert run("export", files.calibration, "--to", to, "--out", path).exit_code == 0
     result = run("import", path, "--out", back)
