@@ -115,7 +115,7 @@ def test_a_folder_of_files_is_reported_and_shown_and_any_other_refused(
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "experiment.toml").touch()
     (tmp_path / "empty").mkdir()
-    for said, path in (("experiment export", "mine"), ("neither a study", "empty")):
+    for said, path in (("the key 'name' is missing", "mine"), ("neither a study", "empty")):
         for command in (("report", "-o", tmp_path / "x.html"), ("show",)):
             refused = run(*command, tmp_path / path)
             assert refused.exit_code == 2 and said in refused.stderr, refused.output
