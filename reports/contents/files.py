@@ -89,6 +89,11 @@ def recordings_in(paths: Sequence[Path]) -> list[Recording]:
     """Open recordings, and those of studies and in folders. Raises DataError for files of other kinds."""
     found: list[Recording] = []
     for one in (file for path in paths for file in files_of(path)):
+        if (one / "experiment.toml").is_file():
+            raise DataError(
+                f"{one} is an experiment: `haploop report {one}` shows its scores, and `haploop experiment "
+                f"export {one} ANSWERS.csv` writes its answers."
+            )
         if one.is_dir() or one.suffix == ".toml":
             study = load_study(one)
             found += (recording for button in study.file.buttons for recording in study.recordings(button))

@@ -115,10 +115,15 @@ def test_a_folder_of_files_is_reported_and_shown_and_any_other_refused(
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "experiment.toml").touch()
     (tmp_path / "empty").mkdir()
-    for said, path in (("the key 'name' is missing", "mine"), ("neither a study", "empty")):
-        for command in (("report", "-o", tmp_path / "x.html"), ("show",)):
-            refused = run(*command, tmp_path / path)
-            assert refused.exit_code == 2 and said in refused.stderr, refused.output
+    report, show = ("report", "-o", tmp_path / "x.html"), ("show",)
+    for command, path, said in (
+        (report, "mine", "the key 'name' is missing"),
+        (show, "mine", "`haploop experiment export"),
+        (report, "empty", "neither a study"),
+        (show, "empty", "neither a study"),
+    ):
+        refused = run(*command, tmp_path / path)
+        assert refused.exit_code == 2 and said in refused.stderr, refused.output
     mixed = run("show", *sorted((demo.folder / "presses").glob("*.h5")))
     assert mixed.exit_code == 2 and "holds a representative" in mixed.stderr
 

@@ -226,10 +226,11 @@ def test_two_buttons_are_played_at_once_and_each_has_its_verdict(
     alone = drive_for(press, four.calibrations[0], four.rig.limits)
     trade = Trade(scale=alone.scale, drift=Drift(0, 0, 0, 0, 0))
     every = [*four.calibrations, *beside]
-    made = build_button(four.rig, press, every, trade=trade, elsewhere=wanted, iterations=0, plays=4)
+    made = build_button(four.rig, press, every, trade=trade, elsewhere=wanted, iterations=0, plays=12)
     (toggle,) = made.check.others
     assert made.passed and toggle.passed and toggle.drive.button == "toggle" and toggle.drive.point == "57"
-    assert made.check.error < 0.08 and toggle.error < 0.12
+    # Of the whole motion, up to 5 kHz, noise leaves more than that in so few plays.
+    assert made.check.within.root < 0.08 and toggle.within.root < 0.12
     # Each with the carrier of its own point, and begun together.
     assert made.drive.carrier_hz == four.calibrations[0].carrier_hz != toggle.drive.carrier_hz
     ((point, level),) = toggle.crosstalk_db
