@@ -69,7 +69,7 @@ def test_a_study_from_start_to_report(tmp_path: Path) -> None:
     assert (tmp_path / "13.png").stat().st_size > 10_000 < (tmp_path / "14.png").stat().st_size
     tables = [tmp_path / "matching.csv", tmp_path / "rating.csv"]
     report = shell("report", *tables, "-o", tmp_path / "report.html", "--json")
-    assert report["simulated"] and len(report["figures"]) == 4
+    assert report["simulated"] and len(report["figures"]) == 6
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     confirmed = next(one for one in matching["performance"][0]["effects"] if one["effect"] == "confirmation")
     row = re.search(r"<th>confirmation</th><td>([\d.]+)</td><td>1, 18</td>", page)
