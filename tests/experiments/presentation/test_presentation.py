@@ -338,7 +338,7 @@ def test_the_paper_s_experiments_on_a_rig_over_two_days_from_the_command_line(
     for table in tables:
         shell("experiment", "export", table.with_suffix(""), table, "--json")
     report = shell("report", *tables, "-o", tmp_path / "report.html", "--json")
-    assert report["simulated"] and len(report["figures"]) == 4
+    assert report["simulated"] and len(report["figures"]) == 6
 
 
 def test_simulated_fingers_need_a_simulated_rig(folder: Path) -> None:
