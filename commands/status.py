@@ -97,13 +97,13 @@ def look(here: Path) -> Found:
     except haploop.HaploopError:
         pass  # none yet
     return Found(
-        [_relative(one, here) for one in entries],
-        rig,
-        due,
-        study,
-        problem,
-        active,
-        history.folder.name if active else "",
+        entries=[_relative(one, here) for one in entries],
+        rig=rig,
+        due=due,
+        study=study,
+        problem=problem,
+        active=active,
+        history=history.folder.name if active else "",
     )
 
 
@@ -159,8 +159,7 @@ def _of_button(found: Found, name: str, recorded: Sequence[Entry], rig: str) -> 
         how = f"haploop represent {' '.join(files)} -o {quoted}-press.h5"
         if name in found.study or len(files) > _MOST:
             how = f"haploop study represent {quoted} --out {quoted}-press.h5"
-        count = f"{len(recorded)} recording{'s' if len(recorded) > 1 else ''}"
-        yield f"{count} of {name}, none averaged", how
+        yield f"{contents.counted(recorded, 'recording')} of {name}, none averaged", how
     elif presses and not made and not checked and found.of("calibration"):
         press, calibration = (shlex.quote(one[0].file) for one in (presses, found.of("calibration")))
         how = f"haploop button make {press} -c {calibration} -o {quoted}.h5{rig}"

@@ -128,19 +128,17 @@ def compare(drive: Drive, played: Played, rig: Rig) -> Check:
     rate_hz = played.rate_hz
     target = targets_of(drive, rate_hz)[0]
     accelerations = played.accelerations[:, : len(target)]
-    inside = lines_inside(drive.band, len(target), rate_hz)
+    in_band = lines_inside(drive.band, len(target), rate_hz)
     every = error_spectra(accelerations, target)
     f = np.arange(every.shape[1]) * rate_hz / len(target)
     top = _judged_to(every, f, drive, played.judged_hz)
     below = (f < top) | (top == played.judged_hz)
-    inside = inside[below]
+    inside = in_band[below]
     missed = every[:, below]
     still = error_spectra(np.zeros((1, len(target))), target)[:, below]
     moved = missed - still
     mean = accelerations.mean(axis=0)
-    band_only = scipy.fft.irfft(
-        np.where(lines_inside(drive.band, len(mean), rate_hz), scipy.fft.rfft(mean), 0.0), len(mean)
-    )
+    band_only = scipy.fft.irfft(np.where(in_band, scipy.fft.rfft(mean), 0.0), len(mean))
     result = Check(
         drive=drive,
         rate_hz=rate_hz,
@@ -150,7 +148,7 @@ def compare(drive: Drive, played: Played, rig: Rig) -> Check:
         whole=shared_power(missed),
         within=shared_power(missed[:, inside]),
         outside=shared_power(moved[:, ~inside]),
-        above=_above(every, f, top, played, drive),
+        above=_above(every, f, top, played, drive, float(np.mean(target**2))),
         correlation=_correlation(moved.mean(axis=0), -still[0], shared_power(moved)),
         envelope_correlation=_pearson(
             np.abs(scipy.signal.hilbert(band_only)), np.abs(scipy.signal.hilbert(target))
@@ -218,9 +216,13 @@ def _judged_to(missed: ComplexArray, f: FloatArray, drive: Drive, top: float) ->
     return resolved(drive, top, lambda edge: float(np.sqrt(told_by_noise(np.sum(own[f < edge] ** 2), most))))
 
 
-def _above(missed: ComplexArray, f: FloatArray, top: float, played: Played, drive: Drive) -> Above:
-    """Evidence of motion above the frequency `top` to which is judged; `missed` are all lines `f` (Hz)."""
-    power = float(np.mean(targets_of(drive, played.rate_hz)[0] ** 2))
+def _above(
+    missed: ComplexArray, f: FloatArray, top: float, played: Played, drive: Drive, power: float
+) -> Above:
+    """Evidence of motion above the frequency `top` to which is judged; `missed` are all lines `f` (Hz).
+
+    `power` is the target's mean square.
+    """
     octave = shared_power(missed[:, (f >= top / 2) & (f < top)])
     beyond = (f >= top) & (f < played.judged_hz)
     hz = np.concatenate([f[beyond], played.above_hz])

@@ -240,7 +240,7 @@ def drive_for(
         _, by = table.headroom(volts, limits)
     else:
         by = f"{_RANGE_USED:.0%} of the vibrometer's {shown(response.pickup, response.pickup_range)}"
-    errors = expected_errors(table, drifting, played)
+    errors = expected_errors(table, drifting, played, grid.rate_hz)
 
     def unreached(row: int) -> str:
         given_up = _given_up(steady.at(row), played, grid.rate_hz, band)

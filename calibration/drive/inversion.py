@@ -26,7 +26,7 @@ Lines that were not measured get no drive.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -71,8 +71,6 @@ class Plan:
     """(patches, lines): spectra of drives whose outcome was measured; zero before any was played."""
     beside: ComplexArray | float = 0.0
     """(points, lines): motion measured there that `gain` does not describe, and that stays as it is."""
-    spread: FloatArray = field(default_factory=lambda: np.zeros((1, 1)))
-    """(points, patches): power that a distortion of one volt on each line moves, also above the grid's."""
     ridge: float = 5e-6
     """Penalty for a difference from `operating_point` on every line, over `typical`: it limits the drive
     where the table hardly moves."""

@@ -60,8 +60,6 @@ def plan_for(
     gain = np.where(known, table.gain(np.clip(f, low, high)), 0.0)
     power = (np.abs(gain[0]) ** 2).mean(axis=0)
     reach = table.reach(limits)
-    # Above the grid there is no drive, and still a distortion.
-    wide = np.arange(low, high, f[1])
     return Plan(
         target=scipy.fft.rfft(targets),
         gain=gain,
@@ -72,12 +70,16 @@ def plan_for(
         reach=reach / reach.max(),
         drift=table.drifted(f, drift) if drift != STEADY else 0.0,
         slew=slew_of(limits, grid.rate_hz),
-        spread=_moved_by_distortion(table, wide),
     )
 
 
-def _moved_by_distortion(table: Actuation, f: FloatArray) -> FloatArray:
-    """(points, patches): power of the gain, summed over lines (Hz), as distortion falls above the band."""
+def _moved_by_distortion(table: Actuation, step: float) -> FloatArray:
+    """(points, patches): power that a distortion of one volt on each line moves, as it falls above the band.
+
+    `step` (Hz) is the distance of the lines, which go on where a plan's grid ends: there is no drive there,
+    and still a distortion.
+    """
+    f = np.arange(*table.known, step)
     played = min(one.model.band[1] for one in table.own)
     share = np.where(f <= played, 1.0, _FALLS**2)
     power, noise, _ = _by_bands(table, f, share)
@@ -115,14 +117,17 @@ def planned_by(plan: Plan, trade: Trade, budget: float, reach: float, inversion:
     return drive
 
 
-def expected_errors(table: Actuation, plan: Plan, linear_volts: FloatArray) -> FloatArray:
+def expected_errors(table: Actuation, plan: Plan, linear_volts: FloatArray, rate_hz: float) -> FloatArray:
     """(points, 2): rms error expected of each point, over its target's: as calibrated, and after the drift.
 
     At a point that is to be silent it is all the motion, over the first point's target.
     """
     V = scipy.fft.rfft(linear_volts)
     each = [replace(plan, drift=0.0).left_at(V), plan.left_at(V)]
-    return np.sqrt(np.array(each).T / plan.wanted + distorted(table, plan, V)[:, None] ** 2)
+    return np.sqrt(
+        np.array(each).T / plan.wanted
+        + _distorted(table, plan, V, rate_hz / linear_volts.shape[1])[:, None] ** 2
+    )
 
 
 def expected_above(table: Actuation, plan: Plan, linear_volts: FloatArray, rate_hz: float) -> FloatArray:
@@ -149,11 +154,12 @@ def _per_line(plan: Plan, V: ComplexArray) -> FloatArray:
     return np.asarray((np.abs(V) ** 2).sum(axis=1) / (target > 1e-6 * target.max()).sum())
 
 
-def distorted(table: Actuation, plan: Plan, V: ComplexArray) -> FloatArray:
+def _distorted(table: Actuation, plan: Plan, V: ComplexArray, step: float) -> FloatArray:
     """(points,): error expected from distortion, over the target's rms.
 
     Linear volts that the hysteresis model misses are spread over the band by it, and beyond; the table then
     moves as it does there, also where the drives themselves have no power.
     """
     power = np.array([c.distortion for c in table.own]) ** 2 * _per_line(plan, V)
-    return np.asarray(_SPREAD * np.sqrt(plan.weights * (plan.spread @ power) / plan.wanted))
+    moved = _moved_by_distortion(table, step) @ power
+    return np.asarray(_SPREAD * np.sqrt(plan.weights * moved / plan.wanted))

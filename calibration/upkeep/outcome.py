@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from typing import Any, Literal
 
 from ...instruments import ConfigurationError, HaploopError
 from ..drive import Check, DigitalButton
+from ..model import Calibration
 from .adoption import calibrations_of
 from .drift import Verdict
 from .history import Generation, History
@@ -82,15 +83,15 @@ def note_unopened(history: History, error: HaploopError, rig: str, simulated: bo
     ConfigurationError for another rig's.
     """
     active = history.active()
-    refuse_other(rig, simulated, active)
+    refuse_other(rig, simulated, active, calibrations_of(active))
     outcome = Outcome("broken", datetime.now(UTC), active, (), (str(error),), simulated=simulated)
     note_outcome(history, active, outcome, None)
     return outcome
 
 
-def refuse_other(rig: str, simulated: bool, active: Generation) -> None:
-    """Raise ConfigurationError for a calibration of another rig than the one of this name and kind."""
-    for response in (calibration.response for calibration in calibrations_of(active)):
+def refuse_other(rig: str, simulated: bool, active: Generation, calibrations: Sequence[Calibration]) -> None:
+    """Raise ConfigurationError for calibrations of another rig than the one of this name and kind."""
+    for response in (calibration.response for calibration in calibrations):
         if (response.rig, response.simulated) != (rig, simulated):
             kinds = {True: "simulated", False: "real"}
             raise ConfigurationError(

@@ -72,7 +72,7 @@ def recalibrate(
     with history.hold(_size(history.active(), iterations)):
         active = history.active()
         calibrations, buttons = calibrations_of(active), buttons_of(active)
-        refuse_other(rig.name, rig.simulated, active)
+        refuse_other(rig.name, rig.simulated, active, calibrations)
         usual = _usual_noise(history)
         look = look_at(rig, calibrations, _drives(buttons), usual, progress)
         free = False
