@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 
-from ...instruments.files import check_destination, new_file, paths_of, private_files
+from ...instruments.files import check_destination, paths_of, private_files
 from ...instruments.progress import Progress, silent
 from ..contents import Verdict, files_of
-from ..figures import encode
 from .page import CaptionedFigure, Page
-from .sections import Section, captioned, planned, read_section
+from .sections import captioned, planned, read_sections, write, write_formats
 
 
 @dataclass(frozen=True)
@@ -49,12 +48,7 @@ def write_report(
     folder, printed = out.with_name(f"{out.stem}-figures"), out.with_suffix(".pdf")
     for path in (out, folder, *((printed,) if pdf else ())):
         check_destination(path)
-    sections: list[Section] = []
-    files = [file for path in paths_of(paths) for file in files_of(path)]
-    for number, path in enumerate(files):
-        progress("Read the data", number, len(files), "files")
-        sections.append(read_section(path))
-    progress("Read the data", len(files), len(files), "files")
+    sections = read_sections([file for path in paths_of(paths) for file in files_of(path)], progress)
     figures = planned(sections)
     drawn: list[CaptionedFigure] = []
     written: list[Path] = []
@@ -63,9 +57,7 @@ def write_report(
         figure = captioned(some, drawing)
         drawn.append(figure)
         name = "".join(c if c.isalnum() or c in "-_" else "-" for c in drawing.name)
-        for kind in ("pdf", "svg", "csv"):
-            written.append(folder / f"{number:02d}-{name}.{kind}")
-            _write(written[-1], figure.svg if kind == "svg" else encode(figure.figure, kind))
+        written += write_formats(figure, folder / f"{number:02d}-{name}")
     progress("Draw the figures", len(figures), len(figures), "figures")
     contents = [section.contents for section in sections]
     rigs = ", ".join(dict.fromkeys(one.rig for one in contents if one.rig)) or "none"
@@ -78,12 +70,6 @@ def write_report(
     )
     content = page.html().encode("utf-8")
     if pdf:
-        _write(printed, page.pdf())
-    _write(out, content)
+        write(printed, page.pdf())
+    write(out, content)
     return Report(out, printed if pdf else None, tuple(written), bool(page.simulated), tuple(page.verdicts))
-
-
-def _write(path: Path, content: bytes) -> None:
-    check_destination(path)
-    with new_file(path) as part:
-        part.write_bytes(content)

@@ -8,11 +8,11 @@ from pathlib import Path
 
 from ...acquisition import hdf5
 from ...instruments import DataError
-from ...instruments.files import check_destination, new_file, paths_of, private_files
+from ...instruments.files import check_destination, paths_of, private_files
 from ...instruments.progress import Progress, silent
 from ..contents import files_of
-from ..figures import Columns, encode, mark_simulated
-from .sections import planned, read_section
+from ..figures import Columns
+from .sections import captioned, planned, read_sections, write_formats
 
 _PAPER = {
     # Name of the drawing: number in the paper, and what it takes.
@@ -54,10 +54,7 @@ def write_figures(
     out = Path(out)
     check_destination(out)
     files = [file for path in paths_of(paths) for file in (_belonging(path) if paper else files_of(path))]
-    sections = []
-    for number, path in enumerate(files):
-        progress("Read the data", number, len(files), "files")
-        sections.append(read_section(path))
+    sections = read_sections(files, progress)
     figures = [one for one in planned(sections) if not paper or one[1].name in _PAPER]
     if not figures:
         raise DataError("These data have no such figure: name recordings, digital buttons or answers.")
@@ -65,17 +62,10 @@ def write_figures(
     names: dict[str, int] = {}
     for number, (some, drawing) in enumerate(figures):
         progress("Draw the figures", number, len(figures), "figures")
-        figure = drawing.draw(drawing.things, columns)
-        if any(section.contents.simulated for section in some):
-            mark_simulated(figure)
         name = f"figure-{_PAPER[drawing.name][0]}-{drawing.name}" if paper else drawing.name
         names[name] = names.get(name, 0) + 1
         name += f"-{names[name]}" if names[name] > 1 else ""
-        for kind in ("pdf", "svg", "csv"):
-            written.append(out / f"{name}.{kind}")
-            check_destination(written[-1])
-            with new_file(written[-1]) as part:
-                part.write_bytes(encode(figure, kind))
+        written += write_formats(captioned(some, drawing, columns), out / name)
     progress("Draw the figures", len(figures), len(figures), "figures")
     drawn = {drawing.name for _, drawing in figures}
     missing = {number: takes for name, (number, takes) in _PAPER.items() if paper and name not in drawn}

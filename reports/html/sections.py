@@ -1,4 +1,4 @@
-"""What files and folders say, as sections of a report, and the figures that they have together."""
+"""What files and folders say, as sections of a report, and the figures that they have together, as files."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ from ...experiments import (
     read_rows,
 )
 from ...instruments import DataError
+from ...instruments.files import check_destination, new_file
+from ...instruments.progress import Progress
 from ..contents import (
     Contents,
     Drawing,
@@ -29,6 +31,7 @@ from ..contents import (
     study_contents,
     study_figures,
 )
+from ..figures import Columns, encode
 from .page import CaptionedFigure
 
 _ORDER = ("forces", "presses", "map", "response", "plan", "drives", "check", "motion", "feeling")
@@ -69,6 +72,16 @@ def read_section(path: Path) -> Section:
     return Section(
         file_contents(path), _files_of_map(path) if path.is_dir() else [(path.name, content_hash(path))]
     )
+
+
+def read_sections(files: Sequence[Path], progress: Progress) -> list[Section]:
+    """Read each file, with its progress. Raises DataError."""
+    sections = []
+    for number, path in enumerate(files):
+        progress("Read the data", number, len(files), "files")
+        sections.append(read_section(path))
+    progress("Read the data", len(files), len(files), "files")
+    return sections
 
 
 def _study(path: Path) -> Section:
@@ -130,7 +143,7 @@ def planned(sections: Sequence[Section]) -> list[tuple[Sequence[Section], Drawin
     return sorted(found, key=lambda one: [*_ORDER, one[1].name].index(one[1].name))
 
 
-def captioned(sections: Sequence[Section], drawing: Drawing) -> CaptionedFigure:
+def captioned(sections: Sequence[Section], drawing: Drawing, columns: Columns = 2) -> CaptionedFigure:
     """Draw a figure of sections; its caption says of how much it is, on which rig, and from which files."""
     rigs = ", ".join(dict.fromkeys(f"“{s.contents.rig}”" for s in sections if s.contents.rig))
     simulated = any(s.contents.simulated for s in sections)
@@ -143,4 +156,20 @@ def captioned(sections: Sequence[Section], drawing: Drawing) -> CaptionedFigure:
             *(["Simulated."] if simulated else []),
         ]
     )
-    return CaptionedFigure(drawing.draw(drawing.things, 2), drawing.title, caption, simulated)
+    return CaptionedFigure(drawing.draw(drawing.things, columns), drawing.title, caption, simulated)
+
+
+def write_formats(figure: CaptionedFigure, stem: Path) -> list[Path]:
+    """Write a figure as new files: PDF, SVG, and what it draws as CSV. Raises ConfigurationError."""
+    written = []
+    for kind in ("pdf", "svg", "csv"):
+        written.append(stem.with_name(f"{stem.name}.{kind}"))
+        write(written[-1], figure.svg if kind == "svg" else encode(figure.figure, kind))
+    return written
+
+
+def write(path: Path, content: bytes) -> None:
+    """Write a new file, whole or not at all. Raises ConfigurationError where that is not possible."""
+    check_destination(path)
+    with new_file(path) as part:
+        part.write_bytes(content)
