@@ -8,10 +8,10 @@ from .calibration import calibrations_contents as calibrations_contents
 from .catalogue import listing_contents as listing_contents
 from .check import check_contents as check_contents
 from .check import crosstalk_facts as crosstalk_facts
-from .check import feeling_values as feeling_values
 from .check import other_facts as other_facts
 from .check import silence_facts as silence_facts
 from .experiment import experiment_contents as experiment_contents
+from .feeling import feeling_values as feeling_values
 from .files import contents_of as contents_of
 from .files import file_contents as file_contents
 from .files import files_of as files_of

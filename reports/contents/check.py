@@ -1,4 +1,4 @@
-"""What a check and a digital button say, and what a finger would feel of them."""
+"""What a check and a digital button say."""
 
 from __future__ import annotations
 
@@ -7,19 +7,18 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from itertools import zip_longest
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ...acquisition import Representative
 from ...calibration import Check, DigitalButton, Feeling, check_feeling
 from ...calibration.drive import Elsewhere, SharedPower
-from ...calibration.perception import Levels
 from .. import figures
 from . import captions
 from .calibration import drive_drawing, drive_facts, response_drawing
+from .feeling import feeling_facts, loudness
 from .glance import Glance, check_glance
-from .parts import Contents, Drawing, Fact, Verdict, detailed, fact, plain, verdict_cell
+from .parts import Contents, Drawing, Fact, Verdict, detailed, fact, verdict_cell
 from .press import press_drawing
 from .words import interval, percent, sentence
 
@@ -337,75 +336,3 @@ def _played(check: Check) -> str:
     """How much of the press is played."""
     drive = check.drive
     return f"plays {percent(drive.in_band)} of the press's energy, at {drive.scale:.3f} of its size"
-
-
-def loudness(feeling: Feeling) -> str:
-    """How loud the measured motion is beside the recorded press; "" where that is not known."""
-    if not math.isfinite(feeling.loudness_db):
-        return ""
-    than = "quieter" if feeling.loudness_db < 0 else "louder"
-    return f"{abs(feeling.loudness_db):.1f} dB {than} than the press"
-
-
-def feeling_values(feeling: Feeling) -> dict[str, Any]:
-    """Levels above threshold, bands, parts and sentences, for JSON."""
-    found: dict[str, Any] = {
-        "felt": feeling.felt,
-        "sentence": feeling.sentence,
-        "force_n": feeling.force,
-        "acts": {
-            one.act.name: {
-                "above_threshold_db": one.level,
-                "higher_db": one.act.higher,
-                "lower_db": one.act.lower,
-                "spread_db": one.act.spread,
-                "threshold": one.act.mark,
-                "people": one.people,
-                "felt": one.answer,
-            }
-            for one in feeling.acts
-        },
-        "difference_felt": feeling.difference,
-        "difference_comparable": feeling.comparable,
-        "loudness_db": feeling.loudness_db,
-        "levels": {
-            name: {
-                "above_pressing_threshold_db": level.pressing,
-                "above_resting_threshold_db": level.resting,
-                "bands_db": level.bands,
-            }
-            for name, level in _signals(feeling).items()
-        },
-        "noise_above_pressing_threshold_db": feeling.noise_total,
-        "third_octaves_hz": feeling.octaves_hz,
-        "resting_threshold_db": feeling.resting_db,
-        "pressing_threshold_db": feeling.pressing_db,
-        "reference_m_s2": 1e-6,
-        "above_threshold_s": feeling.spans,
-        "lost_s": feeling.lost,
-        "notes": feeling.notes,
-    }
-    return {name: plain(value) for name, value in found.items()}
-
-
-def feeling_facts(feeling: Feeling) -> Iterator[Fact]:
-    """Whether it can be felt, how loud it is, and in detail: each act, the levels, and what they rest on."""
-    names = {"residual": "difference", "recorded": "recorded press"}
-    levels = ", ".join(
-        f"{names.get(name, name)} {level.pressing:+.1f} dB" for name, level in _signals(feeling).items()
-    )
-    yield fact("Can be felt", feeling.sentence)
-    if beside := loudness(feeling):
-        yield fact("Beside the recorded press", beside)
-    yield from detailed(
-        [
-            fact("By other acts", [one.sentence() for one in feeling.acts[1:]]),
-            fact("Above a pressing finger's threshold", levels, feeling=feeling_values(feeling)),
-            fact("On feeling", list(feeling.notes)),
-        ]
-    )
-
-
-def _signals(feeling: Feeling) -> dict[str, Levels]:
-    recorded = {} if feeling.recorded is None else {"recorded": feeling.recorded}
-    return {"target": feeling.target, "measured": feeling.measured, "residual": feeling.residual, **recorded}

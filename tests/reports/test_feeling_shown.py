@@ -8,7 +8,7 @@ import pytest
 
 from haploop.calibration import Feeling, feeling_of
 from haploop.calibration.perception import Pressed
-from haploop.reports.contents.check import feeling_facts, feeling_values
+from haploop.reports.contents.feeling import feeling_facts, feeling_values
 from haploop.reports.figures import feeling_figure, png
 
 RATE = 5000.0
