@@ -104,7 +104,8 @@ def unknown_driver(name: str, role: str) -> str:
         with suppress(ConfigurationError):  # of another role
             driver_class(one, role)
             fitting.append(one)
-    return f"there is no driver {name!r} of a {role}; " + did_you_mean(name, fitting, "installed are")
+    article = "an" if role[:1] in "aeiou" else "a"
+    return f"there is no driver {name!r} of {article} {role}; " + did_you_mean(name, fitting, "installed are")
 
 
 def plant_class(name: str) -> type[BaseModel]:

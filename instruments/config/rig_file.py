@@ -74,6 +74,15 @@ class TableSettings(_Section):
             raise ValueError(f"there is no patch {unknown[0]!r} in patches")
         return FrozenDict(places)
 
+    @model_validator(mode="after")
+    def _on_the_grid(self) -> Self:
+        if self.button_point >= self.rows * self.columns:
+            raise ValueError(
+                f"button_point = {self.button_point} is beyond the grid, whose {self.rows} rows of "
+                f"{self.columns} are numbered 0 to {self.rows * self.columns - 1}"
+            )
+        return self
+
     def nearest(self, place: tuple[float, float]) -> int:
         """Number of the grid point nearest to a place (fractions of width and height)."""
         column = min(int(place[0] * self.columns), self.columns - 1)

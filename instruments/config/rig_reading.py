@@ -110,6 +110,9 @@ def _merged_raw(path: Path, above: tuple[Path, ...]) -> tuple[dict[str, Any], li
     if not isinstance(base, str):
         raise ConfigurationError(f"{path}: base must be the name of another rig file (found {base!r}).")
     beside = path.parent / base
+    if base == Path(base).name and not beside.is_file() and base not in shipped_rigs():
+        meant = did_you_mean(base, shipped_rigs(), "write a file beside this one, or a shipped rig:")
+        raise ConfigurationError(f"{place([places], ('base',))}: there is no rig {base!r}: {meant}")
     below, others = _merged_raw(beside if beside.is_file() else Path(base), (*above, path))
     return _merged(below, raw), [places, *others]
 

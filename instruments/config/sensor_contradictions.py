@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
+from ..near_words import did_you_mean
 from ..sensors import LinearSensor
 from .toml_lines import Location
 
@@ -20,7 +21,9 @@ _SLACK = 1.05
 
 def sensor_contradictions(file: RigFile) -> Iterator[tuple[Location, str]]:
     """Yield the place and the clause of each."""
+    yield from _of_the_names(file)
     yield from _of_the_terminals(file)
+    yield from _of_the_switch(file)
     for quantity, sensor in file.sensors.linear.items():
         yield from _of_the_range(file, quantity, sensor)
         yield from _of_the_coupling(file, quantity, sensor)
@@ -45,6 +48,40 @@ def _told(file: RigFile, channel: str) -> Mapping[str, Any]:
     known = file.daq.settings.get("channels")
     told = known.get(channel) if isinstance(known, Mapping) else None
     return told if isinstance(told, Mapping) else {}
+
+
+def _of_the_names(file: RigFile) -> Iterator[tuple[Location, str]]:
+    """Channels that no DAQ of the file describes."""
+    tables = [one.settings.get("channels") for one in (file.daq, file.adc) if one is not None]
+    names = [name for table in tables if isinstance(table, Mapping) for name in table]
+    if not all(isinstance(table, Mapping) for table in tables):
+        return
+    sensors = dict(file.sensors.of_presses)
+    monitored = file.amplifier is not None and "monitor" in file.amplifier.settings  # it names the drive's
+    if file.sensors.drive is not None and not monitored:
+        sensors["drive"] = file.sensors.drive
+    used: list[tuple[Location, tuple[str, ...]]] = [
+        (("sensors", quantity, "channels"), sensor.channels) for quantity, sensor in sensors.items()
+    ]
+    used += [(("sensors", "extra", name, "channel"), (x.channel,)) for name, x in file.sensors.extra.items()]
+    for where, channels in used:
+        for name in channels:
+            if name not in names:
+                known = did_you_mean(name, names, "described are").rstrip(".")
+                yield where, f"there is no channel {name!r}; {known}"
+
+
+def _of_the_switch(file: RigFile) -> Iterator[tuple[Location, str]]:
+    switch = file.sensors.activation
+    if switch is None:
+        return
+    most = _told(file, switch.channels[0]).get("range")
+    if isinstance(most, int | float) and abs(switch.threshold) >= most:
+        yield (
+            ("sensors", "activation", "threshold"),
+            f"{switch.threshold:g} V is never crossed, because the channel {switch.channels[0]} ends at "
+            f"{most:g} V: write a level between those of the open and the closed contact",
+        )
 
 
 def _of_the_terminals(file: RigFile) -> Iterator[tuple[Location, str]]:
@@ -73,7 +110,8 @@ def _of_the_range(file: RigFile, quantity: str, sensor: LinearSensor) -> Iterato
                 ("sensors", quantity, "range"),
                 f"at {sensor.range[row]:g} {sensor.unit} along {axis} the sensor puts out "
                 f"{sensor.range[row] / per_volt + zero:.3g} V, and the channel {channel} ends at {most:g} V: "
-                f"write range = {reach:.3g}, or a wider range in [daq.channels]",
+                + (f"write range = {reach:.3g}, or " if reach else "correct its scale or zero, or write ")
+                + "a wider range in [daq.channels]",
             )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
@@ -89,6 +90,34 @@ class NiSettings(_Section):
             if first != name:
                 raise ValueError(f"{output.terminal} has two names, {first!r} and {name!r}: keep one")
         return outputs
+
+    def contradictions(self, _file: object) -> Iterator[tuple[str, str]]:
+        """Devices that only one of terminals and `devices` names, and products as NI does not write them."""
+        wired = [("channels", name, channel.terminal) for name, channel in self.channels.items()]
+        wired += [("outputs", name, output.terminal) for name, output in self.outputs.items()]
+        known = {name.lower() for name in self.devices}
+        for key, name, terminal in wired:
+            device = device_of(terminal)
+            if known and device.lower() not in known:
+                yield (
+                    key,
+                    f"{name} is wired to {device}, which is none of devices ({', '.join(self.devices)}): "
+                    "correct the terminal, or add the card there",
+                )
+        for product in self.devices.values():
+            own = _as_ni_writes(product)
+            if own is not None and product not in (own, *self.products):
+                yield "devices", f"NI calls no card {product!r}: did you mean {own!r}?"
+
+
+def _as_ni_writes(product: str) -> str | None:
+    """The name that a driver reports for `usb6211` or `NI9234`; None for words of another kind."""
+    plain = re.sub(r"[^a-z0-9]", "", product.lower()).removeprefix("ni")
+    if re.fullmatch(r"9\d{3}", plain):
+        return f"NI {plain}"
+    card = re.fullmatch(r"(usb|pcie?|pxie?|cdaq)(\d{4})", plain)
+    buses = {"pcie": "PCIe", "pxie": "PXIe", "cdaq": "cDAQ"}
+    return f"{buses.get(card[1], card[1].upper())}-{card[2]}" if card else None
 
 
 def device_of(terminal: str) -> str:

@@ -51,6 +51,8 @@ def new_rig(path: str | Path, like: str, found: Found) -> RigFile:
             lines.append(line)
         elif not table and key[1] == "name":
             lines.append(f"name = {json.dumps(path.stem)}")
+        elif not table and key[1] == "base":
+            lines.append(f"{line.rstrip()}    # {LOOK_UP}: whatever is not stated below is that example's")
         else:
             lines.append(_filled(table, key[1], line, found))
     with new_file(path) as part:

@@ -22,6 +22,7 @@ from ...instruments.daq.ni_sentences import (
 )
 from ...instruments.daq.ni_settings import device_of
 from ...instruments.errors import ConfigurationError, HaploopError
+from ...instruments.near_words import did_you_mean
 from ..plant import Plant, PlayStopped, SamplesLost
 from .card_twin import Card, CardTwin
 from .converter import LOST, STOPPED
@@ -168,8 +169,8 @@ def _card(device: str, product: Product, settings: NiDaq.Settings) -> Card:
 def _product(device: str, name: str, known: Mapping[str, Product]) -> Product:
     if name not in known:
         raise ConfigurationError(
-            f"There is no twin of {name!r} ({device}): describe it in [daq.products]. There are "
-            f"{', '.join(sorted(known))}."
+            f"There is no twin of {name!r} ({device}): describe it in [daq.products]; "
+            + did_you_mean(name, known, "there are")
         )
     return known[name]
 

@@ -69,6 +69,13 @@ def test_every_shipped_rig_can_be_begun_with(name: str, tmp_path: Path) -> None:
     assert rig_problems(tmp_path / "mine.toml") == []
 
 
+@pytest.mark.parametrize("name", ["sound-card", "voice-coil"])
+def test_what_a_rig_takes_from_its_base_is_to_look_up(name: str, tmp_path: Path) -> None:
+    """These state a few lines of their own; cards, gauges and limits are of another example."""
+    haploop.new_rig(tmp_path / "mine.toml", name, Found())
+    assert any(": base = " in line for line in to_look_up(tmp_path / "mine.toml"))
+
+
 @pytest.mark.parametrize(
     ("before", "after", "line", "says"),
     [
@@ -80,6 +87,30 @@ def test_every_shipped_rig_can_be_begun_with(name: str, tmp_path: Path) -> None:
         ('name = "PiezoDrive PD200"', 'name = "  "', 43, "must not be blank"),
         ("[amplifier]", "[amplifer]", 41, "did you mean 'amplifier'?"),
         ("kind = ", "kind ", 55, "is not valid TOML"),
+        (
+            'driver = "analog-amplifier"',
+            'driver = "trek"',
+            42,
+            "no driver 'trek' of an amplifier; installed are",
+        ),
+        ('channels = ["force"]', 'channels = ["Force"]', 22, "no channel 'Force'; did you mean 'force'?"),
+        ('"Dev1/ai0"', '"Dev2/ai0"', 11, "force is wired to Dev2, which is none of devices (Dev1)"),
+        ('"Dev1/ao0"', '"Dev2/ao0"', 18, "amplifier is wired to Dev2, which is none of devices"),
+        ('"USB-6211"', '"usb6211"', 9, "NI calls no card 'usb6211': did you mean 'USB-6211'?"),
+        ('"USB-6211"', '"NI9234"', 9, "did you mean 'NI 9234'?"),
+        (
+            '["switch"]',
+            '["switch"]\nthreshold = 25',
+            36,
+            "25 V is never crossed, because the channel switch ends at 10 V",
+        ),
+        (
+            "button_point = 20",
+            "button_point = 84",
+            66,
+            "beyond the grid, whose 7 rows of 12 are numbered 0 to 83",
+        ),
+        ('name = "lab"', 'base = "usb-6212"', 4, "there is no rig 'usb-6212': did you mean 'usb-6211'?"),
     ],
 )
 def test_an_error_has_its_line_and_the_near_word(
