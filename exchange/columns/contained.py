@@ -24,7 +24,7 @@ from ...acquisition.own_process import allow_memory, answer_of
 from ...instruments import ConfigurationError, DataError
 from ...instruments.extras import optional
 from ...instruments.files import os_error_text
-from . import channel_files, hdf5_tree
+from . import channel_files, hdf5_tree, workbook
 from .table import Column
 
 _PACE = 1 << 26
@@ -32,9 +32,6 @@ _PACE = 1 << 26
 _PACKED = 100
 """Bytes of memory to read a byte of a file, which may be compressed."""
 _HDF5 = b"\x89HDF\r\n\x1a\n"
-MOST_COLUMNS = 1000
-"""Columns of a table."""
-_MOST_CELLS = 20_000_000
 _MOST = 1000
 """Arrays, numbers and texts that are taken of one file."""
 
@@ -168,7 +165,7 @@ def _zip(path: Path, tree: Tree) -> None:
     with zipfile.ZipFile(path) as archive:
         book = any(name.startswith("xl/") for name in archive.namelist())
     if book:
-        _sheet(path, tree)
+        tree.rows, tree.texts["sheet"], tree.lists["sheets"] = workbook.read(path)
         return
     tree.kind = "NumPy archive"
     with np.load(path, allow_pickle=False) as found:
@@ -212,39 +209,6 @@ def _add_array(tree: Tree, name: str, array: Any) -> None:
         elif array.ndim <= 2 and array.size > 1:
             kind = np.complex128 if array.dtype.kind == "c" else np.float64
             tree.arrays[name or "column"] = array.astype(kind)
-
-
-def _sheet(path: Path, tree: Tree) -> None:
-    """The sheet with the most rows, and the names of others that have several.
-
-    Raises ValueError for more columns or cells than a table of signals has.
-    """
-    book = optional("openpyxl", "files", "A workbook").load_workbook(path, read_only=True, data_only=True)
-    sizes = {}
-    for sheet in book.worksheets:
-        rows: list[list[str]] = []
-        cells = 0
-        for row in sheet.iter_rows(values_only=True):
-            cells += len(row)
-            if len(row) > MOST_COLUMNS or cells > _MOST_CELLS:
-                raise ValueError(
-                    f"sheet {sheet.title!r} has over {MOST_COLUMNS} columns or {_MOST_CELLS} cells"
-                )
-            rows.append([_text(cell) for cell in row])
-        sizes[str(sheet.title)] = len(rows)
-        if len(rows) > len(tree.rows):
-            tree.rows, tree.texts["sheet"] = rows, str(sheet.title)
-    tree.lists["sheets"] = [
-        name for name, rows in sizes.items() if rows > 2 and name != tree.texts.get("sheet")
-    ]
-
-
-def _text(cell: Any) -> str:
-    if cell is None:
-        return ""
-    if hasattr(cell, "isoformat"):
-        return str(cell.isoformat(sep=" ") if hasattr(cell, "date") else cell.isoformat())
-    return repr(cell) if isinstance(cell, float) else str(cell)
 
 
 _KINDS: tuple[tuple[bytes, str, Callable[[Path, Tree], None]], ...] = (

@@ -42,7 +42,7 @@ def read(path: Path, matlab: bool, enter: Enter, texts: dict[str, str], columns:
             for key, value in one.attrs.items():
                 if key not in packed and not key.startswith("MATLAB") and key not in _STRUCTURE:
                     enter(f"{dotted}.{key}", _plain(value))
-            if not isinstance(one, h5py.Dataset) or name.startswith("#refs#"):
+            if not isinstance(one, h5py.Dataset) or name.startswith("#refs#") or _is_length(one):
                 continue
             if one.attrs.get("MATLAB_class") == b"char":
                 texts[dotted] = "".join(map(chr, np.asarray(one[()]).T.ravel()))[:1000]
@@ -54,6 +54,11 @@ def read(path: Path, matlab: bool, enter: Enter, texts: dict[str, str], columns:
 
 
 _STRUCTURE = ("DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME", "_Netcdf4Dimid", "_Netcdf4Coordinates")
+
+
+def _is_length(one: Any) -> bool:
+    """True for what netCDF 4 writes for a dimension without coordinates: its length, and zeros."""
+    return "This is a netCDF dimension but not" in str(_plain(one.attrs.get("NAME", "")))
 
 
 def unpacked(values: Any, said: Mapping[str, Any]) -> Any:
@@ -127,6 +132,8 @@ def _series(file: Any) -> Iterator[Column]:
         unit = str(_plain(data.attrs.get("unit", "")))
         start, stamps = one.get("starting_time"), one.get("timestamps")
         rate = None if start is None else float(start.attrs["rate"])
+        if "channel_conversion" in one and values.ndim == 2:
+            values = values * one["channel_conversion"][()]
         for number, column in enumerate(values.T if values.ndim == 2 else [values]):
             if values.ndim > 2 or len(column) < 2:
                 continue

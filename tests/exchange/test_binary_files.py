@@ -171,12 +171,13 @@ def counts(name: str, data: np.ndarray, unit: str, step: float, **more: Any) -> 
             "rate": float(RATE), "starting_time": 0.0} | more  # fmt: skip
 
 
-def _xarray(engine: str, **encoding: Any) -> Callable[[Path], None]:
+def _xarray(engine: str, coordinates: bool = True, **encoding: Any) -> Callable[[Path], None]:
     def write(path: Path) -> None:
         xarray = pytest.importorskip("xarray")
         holes = np.where((T > 0.02) & (T < 0.021), np.nan, F)
         xarray.Dataset(
-            {"force": ("time", holes, {"units": "N"})}, coords={"time": ("time", 1e3 * T, {"units": "ms"})}
+            {"force": ("time", holes, {"units": "N"})},
+            coords={"time": ("time", 1e3 * T, {"units": "ms"})} if coordinates else {},
         ).to_netcdf(path, engine=engine, encoding={"force": encoding})
 
     return write
@@ -195,6 +196,37 @@ def _parquet(path: Path) -> None:
     pandas = pytest.importorskip("pandas")
     pytest.importorskip("pyarrow")
     pandas.DataFrame({"t [ms]": 1e3 * T, "force (mN)": 1e3 * F}).to_parquet(path)
+
+
+def _workbook(
+    forms: str | tuple[str, str], force: np.ndarray = F, head: str = "Force", time: np.ndarray = T
+) -> Callable[[Path], None]:
+    """Of a number format of the time, in seconds unless it says, and one of the force."""
+
+    def write(path: Path) -> None:
+        openpyxl = pytest.importorskip("openpyxl")
+        book = openpyxl.Workbook()
+        of_time, of_force = ("General", forms) if isinstance(forms, str) else forms
+        book.active.append(["Time (s)" if of_time == "General" else "Time", head])
+        for row in zip(time.tolist(), force.tolist(), strict=True):
+            book.active.append(row)
+            book.active.cell(book.active.max_row, 1).number_format = of_time
+            book.active.cell(book.active.max_row, 2).number_format = of_force
+        book.save(path)
+
+    return write
+
+
+def electrical(file: Any) -> None:
+    """A factor for each channel, as NWB's ElectricalSeries has it."""
+    file.attrs["nwb_version"] = "2.7.0"
+    series = file.create_group("acquisition/force")
+    series.attrs["neurodata_type"] = "ElectricalSeries"
+    series["data"] = F[:, None] / 6e-3
+    series["data"].attrs.update(conversion=2e-3, offset=0.0, unit="N")
+    series["channel_conversion"] = np.array([3.0])
+    series["starting_time"] = 0.0
+    series["starting_time"].attrs["rate"] = float(RATE)
 
 
 def _matlab(**values: Any) -> Callable[[Path], None]:
@@ -284,7 +316,23 @@ ROWS: list[tuple[str, Callable[[Path], None], Right]] = [
      "4 values are missing"),
     ("classic.nc", _xarray("scipy", dtype="int16", scale_factor=1e-4, _FillValue=-32768),
      "4 values are missing"),
+    ("no coordinates.nc", _xarray("h5netcdf", coordinates=False), "sample rate"),
     ("classic named.h5", netcdf_of_bytes, {"force": F}),
+    ("channels.nwb", _hdf5(electrical), {"force": F}),
+    ("format in N.xlsx", _workbook('0.00" N"'), {"force": F}),
+    ("formats in ms and mN.xlsx", _workbook(("0.0\\ \\m\\s", '#,##0.0" mN";[Red]-#,##0.0" mN"'), 1e3 * F,
+                                            time=1e3 * T), {"force": F}),
+    ("format with a locale.xlsx", _workbook("0.00 [$mN-407]", 1e3 * F), {"force": F}),
+    ("shown in kN.xlsx", _workbook('0.00,"kN"'), {"force": F}),
+    ("shown divided.xlsx", _workbook("0.00,", head="Force (N)"), "without a unit that says so"),
+    ("two formats.xlsx", _workbook('[<1]0.00" mN";0.00" N"'), "shows several units"),
+    ("percent.xlsx", _workbook("0.0%", head="Force (N)"), "its heading says N, each of its rows %"),
+    ("format against heading.xlsx", _workbook('0.00" mN"', head="Force (N)"),
+     "its heading says N, each of its rows mN"),
+    ("unit unknown.xlsx", _workbook('"F = "0.00" EU"', head="Force (N)"), {"force": F}),
+    *((f"{n}.xlsx", _workbook((form, "General"), head="Force (N)", time=start + T / 86_400), {"force": F})
+      for n, (form, start) in enumerate((("mm:ss.0", 0), ("[h]:mm:ss.000", 0.4), ("hh:mm:ss.000", 0.5),
+                                         ("dd.mm.yyyy hh:mm:ss.000", 46_000)))),
     ("a.xdf", _xdf, HELD),
     ("a.parquet", _parquet, {"force": F}),
     ("structures.mat", _matlab(

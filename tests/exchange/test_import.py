@@ -388,15 +388,15 @@ def test_a_workbook_of_too_many_cells_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bound: str
 ) -> None:
     """While it is read: at the row in which it becomes too large."""
-    from haploop.exchange.columns import contained
+    from haploop.exchange.columns import workbook
 
     openpyxl = pytest.importorskip("openpyxl")
     book = openpyxl.Workbook()
     sheet = book.active
     if bound == "columns":
-        sheet.cell(1, contained.MOST_COLUMNS + 1, 1.0)
+        sheet.cell(1, workbook.MOST_COLUMNS + 1, 1.0)
     else:
-        monkeypatch.setattr(contained, "_MOST_CELLS", 20)
+        monkeypatch.setattr(workbook, "_MOST_CELLS", 20)
         for _ in range(11):
             sheet.append([1.0, 2.0])
     book.save(tmp_path / "a.xlsx")
