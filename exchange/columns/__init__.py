@@ -4,11 +4,12 @@ from .readers import FORMATS, format_of, read_table
 from .table import Column, Labels, Stated, Table
 from .text_rows import is_blank
 from .tree_responses import has_responses, read_responses
-from .units import SI, per_unit, unit_of, units_of
+from .units import SI, WEIGHTS, per_unit, unit_of, units_of
 
 __all__ = [
     "FORMATS",
     "SI",
+    "WEIGHTS",
     "Column",
     "Labels",
     "Stated",

@@ -25,8 +25,8 @@ _STAMPS = tuple(
 _SPAN = re.compile(rf"\s*(?P<days>-?\d+) days?,? (?:\+)?{_CLOCK}\s*\Z")
 """As pandas writes a time since the start."""
 _TIME = re.compile(rf"\s*{_CLOCK}\s*\Z")
-_MINUTES = re.compile(r"\s*(?P<m>\d{1,3}):(?P<s>[0-5]\d[.,]\d+)\s*\Z")
-"""As spreadsheets write a time by default (mm:ss.0), without its hours."""
+_MINUTES = re.compile(r"\s*(?P<m>\d{1,3}):(?P<s>[0-5]\d(?:[.,]\d+)?)\s*\Z")
+"""As spreadsheets write a time by default (mm:ss.0), without its hours; without a fraction, see `unclear`."""
 _ISO = re.compile(r"\s*\d{4}-\d\d-\d\d[ T]\d\d:\d\d:\d\d(\.\d{1,9})?\s*\Z")
 _DAY, _HOUR = 86_400.0, 3600.0
 
@@ -41,10 +41,19 @@ def is_stamp(text: str) -> bool:
     return ":" in text and any(s.match(text) for s in _CLOCKS)
 
 
+def unclear(texts: Sequence[str]) -> str:
+    """Of times like 12:04, which may be mm:ss or hh:mm: this doubt; "" where a fraction says mm:ss."""
+    one = next((text for text in texts if is_stamp(text)), "")
+    if not _MINUTES.match(one) or any("." in text or "," in text for text in texts):
+        return ""
+    return f"{one.strip()} may be mm:ss or hh:mm"
+
+
 def seconds_of(texts: Sequence[str]) -> FloatArray:
     """(rows,) s from the first; NaN for another text.
 
-    A time of day that goes back begins another day, one without hours another hour.
+    A time of day that goes back begins another day, one without hours another hour. Times that are `unclear`
+    are taken as mm:ss.
     """
     with contextlib.suppress(ValueError):  # ISO 8601, quickly
         if texts and _ISO.match(texts[0]):

@@ -12,7 +12,7 @@ import numpy as np
 from ...instruments import DataError
 from ...instruments.arrays import FloatArray
 from ..views import read_sidecar
-from .stamps import is_stamp, seconds_of
+from .stamps import is_stamp, seconds_of, unclear
 from .table import Column, Labels, Table
 from .text_head import Head, enter_unit, head_of
 from .text_rates import stated_rates
@@ -26,6 +26,8 @@ _MONITOR = re.compile(r"(\d{1,2}:\d{2}:\d{2}[.,:]\d+)\s*->\s?")
 _LVM_END = re.compile(r"^\*\*\*End_of_Header\*\*\*.*$", re.M)
 _UNIT_COLUMN = re.compile(r"(.*[ _])?(units?|einheit(en)?)(?![a-z]).*", re.I)
 """Headings of a column of units, beside that of their numbers."""
+_TIMED = re.compile(r"(time|zeit|uhrzeit|temps|clock|elapsed|t)(?![a-z])|\Z", re.I)
+"""Headings under which 12:04 is a time of each row, and no name of some."""
 _LEVELS: tuple[dict[str, float], ...] = (
     {"false": 0.0, "true": 1.0}, {"open": 0.0, "closed": 1.0}, {"off": 0.0, "on": 1.0},
     {"low": 0.0, "high": 1.0},
@@ -188,7 +190,12 @@ def _columns(path: Path, body: Body, head: Head, of_units: Mapping[int, list[str
     for place in body.columns:
         cells = [row[place] for row in body.rows]
         one = next((cell for cell in cells if not is_blank(cell)), "")
-        if is_stamp(one) and not is_number(one, body.decimal):
+        if doubt := unclear(cells):
+            if _is_timed(head, place):
+                unit = head.units.get(place, "")
+                values = seconds_of(cells)
+                found.append(replace(column(place, values), doubt="" if unit_of(unit, "time") else doubt))
+        elif is_stamp(one) and not is_number(one, body.decimal):
             stamped.append((column(place, seconds_of(cells), stamps=True), cells))
         else:
             try:
@@ -208,6 +215,10 @@ def _columns(path: Path, body: Body, head: Head, of_units: Mapping[int, list[str
     return _one_stamp(stamped, found)
 
 
+def _is_timed(head: Head, place: int) -> bool:
+    return bool(unit_of(head.units.get(place, ""), "time") or _TIMED.match(head.names.get(place, "")))
+
+
 def _numbers(cells: Sequence[str], decimal: str) -> tuple[FloatArray, list[str]]:
     """(rows,) with NaN for a blank, and the unit that each row states; no units where none does."""
     plain = [cell.replace(",", ".") for cell in cells] if decimal == "," else cells
@@ -222,9 +233,9 @@ def _numbers(cells: Sequence[str], decimal: str) -> tuple[FloatArray, list[str]]
 
 def _odd(cell: str, decimal: str) -> float:
     """A number of Fortran's, with blanks behind its sign, or with its thousands apart."""
-    if decimal == ",":
-        cell = cell.replace(",", ".")
-    return float(cell.upper().replace("D", "E").replace(" ", "").replace(",", ""))
+    thousands = "," if decimal == "." else "."
+    cell = cell.upper().replace("D", "E").replace(" ", "").replace(thousands, "")
+    return float(cell.replace(decimal, "."))
 
 
 def _finite(values: FloatArray) -> FloatArray:
@@ -257,9 +268,10 @@ def _labels(body: Body, head: Head, of_units: Mapping[int, list[str]]) -> list[L
     found = []
     width = len(body.rows[0]) if body.rows else 0
     for place in range(width):
-        if place in body.columns or place - 1 in of_units:
-            continue
         texts = tuple(row[place].strip() for row in body.rows)
+        named = place not in body.columns or (unclear(texts) and not _is_timed(head, place))
+        if not named or place - 1 in of_units:
+            continue
         words = {text.lower() for text in texts} - {""}
         if words and not any(words == set(one) for one in _LEVELS):
             found.append(Labels(head.names.get(place, "") or f"column {place}", texts))

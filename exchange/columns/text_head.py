@@ -25,6 +25,13 @@ _KEYS = {
 _KEY = {what: re.compile(rf"(?:{key})\s*(?:[=:]\s*(?P<first>.*))?\Z", re.I) for what, key in _KEYS.items()}
 
 
+_FACTOR = re.compile(
+    r"(?<![a-z])(scal(e|ing)[ _-]?factor|skalierungsfaktor|skalenfaktor|multiplier|multiplied by|"
+    r"multiply by)\W+(?P<number>\d+(?:[.,]\d+)?(?:e[+-]?\d+)?)",
+    re.I)  # fmt: skip
+"""A factor between what a file holds and what its headings say."""
+
+
 @dataclass
 class Head:
     """What is stated above the rows, by place of a column."""
@@ -63,7 +70,21 @@ def head_of(path: Path, body: Body, above: Sequence[list[str]]) -> Head:
         head.names[place] = f"{label} {name}".strip()
         head.also[place] = (name, *head.also.get(place, ()))
     _axis(body, head, keyed)
+    _factors(body, head, filled)
     return head
+
+
+def _factors(body: Body, head: Head, filled: Sequence[list[str]]) -> None:
+    """Doubt the columns that a factor is stated for: those that it names, or all."""
+    for row in filled:
+        line = " ".join(row)
+        if (match := _FACTOR.search(line)) is None or float(match["number"].replace(",", ".")) == 1:
+            continue
+        named = [n for n in body.columns if head.names.get(n) and head.names[n].lower() in line.lower()]
+        for place in named or body.columns:
+            if not named and unit_of(head.units.get(place, ""), "time"):
+                continue
+            head.doubts.setdefault(place, f"{line.strip()[:60]!r} may be in its numbers, or not")
 
 
 def _axis(body: Body, head: Head, keyed: Mapping[str, list[str]]) -> None:

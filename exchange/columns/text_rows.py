@@ -29,11 +29,12 @@ from .units import units_of
 _GROUPED = r"[1-9]\d{0,2}(?:,\d{3})+\.\d*"
 """A number with its thousands apart, and a point that says which sign is which."""
 _POINT = re.compile(rf"\s*[-+]?\s*(?:{_GROUPED}|\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?\s*\Z")
-_COMMA = re.compile(r"\s*[-+]?\s*(?:\d+,?\d*|,\d+)(?:[eEdD][-+]?\d+)?\s*\Z")
+_COMMA = re.compile(r"\s*[-+]?\s*(?:[1-9]\d{0,2}(?:\.\d{3})+,\d*|\d+,?\d*|,\d+)(?:[eEdD][-+]?\d+)?\s*\Z")
 _MEASURED = re.compile(
     r"\s*(?P<number>[-+]?\d[\d.,]*(?:[eE][-+]?\d+)?)(?P<space>\s*)(?P<unit>[^\s\d.,:;+-].{0,15}?)\s*\Z"
 )
 _BLANKS = {"", *"- -- --- nan na n/a #n/a #nv null none 1.#qnan -1.#ind inf -inf".split()}  # noqa: SIM905
+_BLANKS |= {"#div/0!", "#num!", "#zahl!", "#value!", "#wert!", "#ref!", "#bezug!", "#name?"}
 _OTHER = re.compile(r"[-+]?\d[\d.]*,\d+|[-+]?\d+\.\d+")
 _AMBIGUOUS = re.compile(r"[-+]?\d+,\d+\Z")
 _SHAPES = (

@@ -28,11 +28,11 @@ class Unit:
 
 
 _UNITS: Mapping[tuple[str, float], str] = {
-    ("time", 1.0): "s sec secs second seconds sekunde sekunden sek",
+    ("time", 1.0): "s sec secs second seconds sekunde sekunden sek mm:ss",
     ("time", 1e-3): "ms msec msecs millisecond milliseconds milli millis millisekunden mseconds",
     ("time", 1e-6): "us usec usecs microsecond microseconds micro micros useconds",
     ("time", 1e-9): "ns nsec nsecs nanosecond nanoseconds nano nanos",
-    ("time", 60.0): "min mins minute minutes",
+    ("time", 60.0): "min mins minute minutes hh:mm",
     ("time", 3600.0): "h hr hrs hour hours",
     ("time", 86_400.0): "day days datenum",
     ("rate", 1.0): "hz hertz 1/s /s s-1 s^-1 s/s sa/s smp/s smpl/s sps samples/s samples/sec samples/second "
@@ -88,6 +88,8 @@ _UNITS: Mapping[tuple[str, float], str] = {
     "j mj ohm kohm f pf nf h/m db lx lux t ut mt tesla mgauss rpm strain ue ustrain v/v mv/v g/l rh %rh m^2 "
     "mm^2 kg/m^3 l ml cps lm cd",
 }
+WEIGHTS = {1e-6: "0.001 gf", 1e-3: "gf", 1.0: "kgf", _POUND: "lbf", _POUND / 16: "ozf"}
+"""Unit of the weight of a mass, by the kilograms of its unit."""
 _KNOWN: dict[str, tuple[Unit, ...]] = {}
 for (_quantity, _factor), _names in _UNITS.items():
     for _name in _names.split():
@@ -116,6 +118,8 @@ _PLAIN = {
     0x2F1: None,
     0x2032: "'",
 }
+_TIMES = re.compile(r"([/×*]|(?<![a-z])x) ?10+(?!\w)|10\^-?\d+", re.I)
+"""A factor in a heading: `Force/100`, `Force x10`."""
 _MEGA = ("MN", "MV", "MS")
 """Not taken for milli."""
 
@@ -184,14 +188,17 @@ def split_heading(heading: str) -> tuple[str, str]:
     for text in (heading, *(m["unit"] for m in [_SINCE.match(heading)] if m), *_HUMP.split(heading)[-1:]):
         if len(text) > 1 and unit_of(text, "time") is not None and text.lower() not in ("min", "mins"):
             return heading, text
+    of_axis = heading.lower().startswith("in ") and unit_of(heading[3:], "time")  # in s
     whole = unit_of(heading)
-    if whole is not None and whole.quantity in ("voltage", "force", "displacement") and len(heading) > 2:
-        return heading, heading  # Volt
+    if of_axis or (whole and whole.quantity in ("voltage", "force", "displacement") and len(heading) > 2):
+        return heading, heading[3:] if of_axis else heading  # Volt
     return heading, ""
 
 
 def contradiction(name: str, unit: str) -> str:
-    """What a name that states another unit says against `unit`: `Force (kN)` or `Force in kN`, in N."""
+    """What a name with a factor or another unit says against `unit`: `Force/100`, `Force (kN)`, in N."""
+    if unit and (factor := _TIMES.search(name[-200:])):
+        return f"it is called {name!r}, and {factor[0].strip()} may be in its numbers or not"
     inner = [one["unit"] for one in _WITHIN.finditer(name[-200:])]
     inner += [found[2] for sign in (" in ", "/") if (found := name.rpartition(sign))[1]]
     for text in inner:

@@ -82,11 +82,10 @@ def unit_of_time(
         for name, factor in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)):
             if hz is not None and abs(step * factor * hz - 1) < _AGREE:
                 return factor, name
-    beside = f"{column.doubt}; " if column.doubt else ""
     name = column.heading or f"column {number}"
-    return Question(
-        "unit time", f"the unit of its time ({beside}{name} rises by {step:.3g} a sample)", "--unit time=ms"
-    )
+    told_of = [column.doubt] * bool(column.doubt) + [f"{name} rises by {step:.3g} a sample"] * (step > 0)
+    option = "--unit time=mm:ss or --unit time=hh:mm" if "hh:mm" in column.doubt else "--unit time=ms"
+    return Question("unit time", f"the unit of its time ({'; '.join(told_of) or name})", option)
 
 
 def base_of(

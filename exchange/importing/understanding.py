@@ -8,6 +8,7 @@ question. What was taken by the file's word is shown with the word, and a mappin
 from __future__ import annotations
 
 import json
+import shlex
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -18,7 +19,7 @@ import numpy as np
 from ...acquisition import hdf5
 from ...instruments import ConfigurationError, DataError
 from ...instruments.arrays import FloatArray
-from ..columns import SI, Column, Table, per_unit, read_table, unit_of
+from ..columns import SI, WEIGHTS, Column, Table, per_unit, read_table, unit_of
 from .clock import base_of, rates_of, time_of, unit_of_time
 from .mapping import MEASURED, NONE, ROLES, FileMapping, Role
 from .rest import rest_of
@@ -185,8 +186,8 @@ class _Finder:
             return unit.factor, column.unit
         example = f"--unit {role}={SI[role]}"
         what = f"the unit of {role} ({self._heading(number)})"
-        if unit_of(column.unit, "mass") is not None and role == "force":
-            example = "--unit force=gf"
+        if role == "force" and (mass := unit_of(column.unit, "mass")) is not None:
+            example = f"--unit {shlex.quote(f'force={WEIGHTS[mass.factor]}')}"
         if unit_of(column.unit, "voltage") is not None:
             example = {
                 "force": "--unit 'force=0.25 V/N'",

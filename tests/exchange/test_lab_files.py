@@ -137,7 +137,7 @@ TEXT = "t [s],F [N],a [m/s^2]\n" + "".join(f"{k / 1000:.4f},{1 + k % 7},{9.8 + k
         (TEXT.replace("0.5000,", ","), {}, "no time in sample 501"),
         (TEXT[: len(TEXT) // 2] + "broken\n" + TEXT[len(TEXT) // 2 :], {}, "stops being a table"),
         ("Sample rate: 5000 Hz\n" + TEXT, {}, "say which is right"),
-        ("t [ms];F [N]\n" + "1.000,0;0,003\n" * 50, {}, "no table of numbers"),
+        ("t [ms];F [N]\n" + "1.000;0,003\n" * 50, {}, "no table of numbers"),
         ("\0\1\2" * 100, {}, "is no text"),
         ("", {}, "is empty"),
         (TEXT.replace("[N]", "[V]"), {}, "'force=0.25 V/N'"),

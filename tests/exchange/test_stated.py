@@ -578,6 +578,85 @@ CASES = (
         notes=("Judge is text", "Position is text"),
     ),
     Case("(L) is no litre", timed("Time (s) [s],Force (L) [N]"), 5000, peaks=SURE),
+    # Times of minutes, factors, thousands, errors of spreadsheets
+    *(
+        Case(f"12:04, {name}", f"{head}\n" + rows([f"12:{4 + k // 1000:02d}" for k in range(2500)], F), *more)
+        for name, head, *more in (
+            ("in minutes or hours", "Time,Force (N)", None, {}, ("12:04 may be mm:ss or hh:mm",)),
+            (
+                "asked for, with a rate",
+                "Sample rate: 1000 Hz\nTime,Force (N)",
+                None,
+                {},
+                ("--unit time=mm:ss or --unit time=hh:mm",),
+            ),
+            (
+                "told",
+                "Sample rate: 1000 Hz\nTime,Force (N)",
+                1000,
+                {"units": {"time": "mm:ss"}},
+                (),
+                SURE,
+                ("rounded to 1 s",),
+            ),
+            ("stated", "Sample rate: 1000 Hz\nTime (mm:ss),Force (N)", 1000, {}, (), SURE),
+            (
+                "of hours, which tell no rate",
+                "Sample rate: 1000 Hz\nTime (hh:mm),Force (N)",
+                None,
+                {},
+                ("stamps rounded to 60 s",),
+            ),
+        )
+    ),
+    Case(
+        "12:04 names a trial",
+        "Trial,Time (s),Force (N)\n" + rows(np.where(T < 0.2, "12:04", "12:07"), T, F),
+        asks=("column 'Trial' has 12:04, 12:07",),
+    ),
+    *(
+        Case(f"a factor: {head!r}", timed(head), asks=(asks,))
+        for head, asks in (
+            ("Time (s),Force/100 (N)", "/100 may be in its numbers or not"),
+            ("Time (s),Force x10 (N)", "x10 may be in its numbers or not"),
+            (
+                "Force scale factor: 0.001\nTime (s),Force (N)",
+                "'Force scale factor: 0.001' may be in its numbers",
+            ),
+            (
+                "Skalierungsfaktor: 2\nTime (s),Force (N)",
+                "(Force [N]): 'Skalierungsfaktor: 2' may be in its numbers",
+            ),
+        )
+    ),
+    Case("a factor of 1", timed("Scale factor: 1.0\nTime (s),Force (N)"), 5000, peaks=SURE),
+    Case(
+        "a factor of another column",
+        timed("Travel scale factor: 2\nTime (s),Force (N),Travel (mm)", F),
+        5000,
+        told={"units": {"displacement": "2 mm"}},
+        peaks={**SURE, "displacement": 4e-3},
+    ),
+    Case(
+        "thousands of a language with decimal commas",
+        "Zeit (ms);Kraft (mN)\n"
+        + rows(
+            [f"{1000 * t + 1000:,.1f}".translate(str.maketrans(",.", ".,")) for t in T],
+            [f"{1000 * f:,.2f}".translate(str.maketrans(",.", ".,")) for f in F],
+            separator=";",
+        ),
+        5000,
+        peaks=SURE,
+    ),
+    Case(
+        "an error in the first row",
+        timed("Zeit (s),Kraft (N),Rate", np.where(T == 0, "#DIV/0!", "1")),
+        5000,
+        peaks=SURE,
+    ),
+    Case("an axis that is only a unit", timed("in s,Force in N"), 5000, peaks=SURE),
+    Case("kilograms are asked as kgf", timed("time (s),Load (kg)"), asks=("--unit force=kgf",)),
+    Case("milligrams", timed("time (s),Load (mg)"), asks=("--unit 'force=0.001 gf'",)),
     Case(
         "a phone at 99.87/s",
         "Time (s),Force (N)\n" + rows(np.arange(300) / 99.8667, F[::8][:300]),
