@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from ..instruments import DataError
-from ..instruments.files import appended, make_folder, os_error_text, private_files, whole_file
+from ..instruments.files import appended, beside, make_folder, os_error_text, private_files, whole_file
 from ..instruments.json_text import as_file, as_line, with_hash
 from ..instruments.publishing import sync_folder
 from .json_files import read_json
@@ -153,7 +153,7 @@ def line_problems(path: Path) -> tuple[str, ...]:
 def check_marked(path: Path) -> None:
     """Check all logs that a file of marks names. Raises DataError for one that is missing or damaged."""
     for name in read_marks(path.parent):
-        log = path.parent / name
+        log = beside(path.parent, name, str(path), DataError)
         check_mark(log, read_lines(log) if log.exists() else ())
 
 

@@ -21,10 +21,10 @@ from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass, field
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import BinaryIO, cast
 
-from .errors import ConfigurationError, DataError
+from .errors import ConfigurationError, DataError, HaploopError
 from .publishing import publish, replaced, sync_folder
 
 _A_WHILE = 60.0
@@ -49,6 +49,26 @@ def private_files() -> Iterator[None]:
 def paths_of(given: str | os.PathLike[str] | Iterable[str | os.PathLike[str]]) -> list[Path]:
     """Several paths, or a single one: a string is a path and not its letters."""
     return [Path(given)] if isinstance(given, str | os.PathLike) else [Path(one) for one in given]
+
+
+def beside(folder: Path, place: str, named_by: str, wrong: type[HaploopError] = ConfigurationError) -> Path:
+    """The file at a place that a file in `folder`, perhaps another person's, names: in this folder or below.
+
+    Raises `wrong` for a place that any system takes for absolute or a way up, and for a link that leads out.
+    """
+    parts = PureWindowsPath(place)  # knows both separators, drives and shares
+    path = folder / place
+    try:
+        inside = bool(parts.name) and not parts.anchor and ".." not in parts.parts
+        inside = inside and path.resolve().is_relative_to(folder.resolve())
+    except (OSError, RuntimeError, ValueError):  # a loop of links, a zero byte
+        inside = False
+    if not inside:
+        raise wrong(
+            f"{named_by} names {place[:200]!r}, which leads out of its folder: copy that file into "
+            f"{folder.absolute()}, and name it there."
+        )
+    return path
 
 
 def check_destination(path: Path) -> None:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ...instruments import DataError, NewFile, Reading
+from ...instruments.files import beside
 from .rows import EVENT, Event
 
 _LONGEST = EVENT["text"].itemsize
@@ -90,7 +91,11 @@ def file_problems(events: Sequence[Event], folder: Path) -> tuple[str, ...]:
     """Check the files recorded along; return one sentence for each problem."""
     problems = []
     for written in files_in(events):
-        path = folder / written.file
+        try:
+            path = beside(folder, written.file, "The recording", DataError)
+        except DataError as error:
+            problems.append(str(error))
+            continue
         try:
             with path.open("rb") as file:
                 found = hashlib.file_digest(file, "sha256").hexdigest()

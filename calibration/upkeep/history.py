@@ -24,7 +24,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from ...acquisition.json_files import append_json, changing, json_hash, read_json, write_json
 from ...instruments import DataError
-from ...instruments.files import Room, os_error_text, room
+from ...instruments.files import Room, beside, os_error_text, room
 from ...instruments.notebook import InNotebook
 from ...instruments.publishing import sync_folder
 from ...instruments.safety import hold
@@ -88,8 +88,9 @@ class Generation:
     def verify(self) -> None:
         """Raises DataError, which names the file, unless every file is there as it was written."""
         for name, content in self.files.items():
+            path = beside(self.folder, name, f"The calibration {self.name}", DataError)
             try:
-                whole = _sha256(self.folder / name) == content
+                whole = _sha256(path) == content
             except OSError as error:
                 raise DataError(
                     f"{name} of the calibration {self.name} is not there: {os_error_text(error)}."

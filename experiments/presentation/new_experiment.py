@@ -10,7 +10,7 @@ from pathlib import Path
 
 from ...calibration import DigitalButton
 from ...instruments import ConfigurationError
-from ...instruments.files import check_destination, new_file
+from ...instruments.files import beside, check_destination, new_file
 from ..protocol import load_experiment
 
 
@@ -28,7 +28,10 @@ def new_experiment(folder: str | Path, example: str | Path, buttons: Sequence[st
         text = re.sub(r"^#: ?", "", text, flags=re.MULTILINE)
         named = {DigitalButton.load(one).press.button: Path(one) for one in buttons}
         listed = tomllib.loads(text).get("buttons", {})
-        found = {path.parent / file: one for file, one in _matched(source, listed, named, len(buttons))}
+        found = {
+            beside(path.parent, file, str(source)): one
+            for file, one in _matched(source, listed, named, len(buttons))
+        }
     for file in (path, *found):
         check_destination(file)
     for file, one in found.items():

@@ -9,6 +9,7 @@ from typing import Any
 from ...acquisition import Representative
 from ...calibration import DigitalButton
 from ...instruments import Camera, ConfigurationError, DataError, LimitError, Rig
+from ...instruments.files import beside
 from ...instruments.operator import Request, TakeTarget, Target
 from ...instruments.progress import Progress, silent
 from ..contact import SeenSurface, VerifiedButton, calibrate_meter, learn_background, verify_button
@@ -68,7 +69,10 @@ def prepare_surface(rig: Rig, experiment: Experiment, progress: Progress = silen
     camera = rig.role(Camera)
     folder = experiment.path.parent
     loaded, released = (
-        {name: DigitalButton.load(folder / path) for name, path in files.items()}
+        {
+            name: DigitalButton.load(beside(folder, place, str(experiment.path)))
+            for name, place in files.items()
+        }
         for files in (file.buttons, file.surface.releases)
     )
     for name, button in loaded.items():

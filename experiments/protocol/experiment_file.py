@@ -7,13 +7,14 @@ import math
 import re
 from dataclasses import dataclass
 from importlib import resources
-from pathlib import Path, PureWindowsPath
+from pathlib import Path
 from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from ...instruments.bounded import Finite, Positive, Seed
 from ...instruments.config import load_model
+from ...instruments.files import beside
 
 Kind = Literal["identification", "rating", "two-interval", "staircase"]
 BlockOrder = Literal["random", "random-in-repetition", "counterbalanced", "as-listed"]
@@ -222,11 +223,6 @@ class ExperimentFile(_Section):
             )
         if not self.button_factor and not (len(self.buttons) == 1 and not self.trial_factors):
             raise ValueError("[buttons] needs a file for each level of one factor that varies by trial")
-        for place in (*self.buttons.values(), *self.surface.releases.values()):
-            if not is_inside(place):
-                raise ValueError(
-                    f"{place!r} leaves the experiment's folder: copy the file beside experiment.toml"
-                )
         if not set(self.surface.releases) <= set(self.buttons):
             raise ValueError("[surface] releases must have names of [buttons]")
         if any(block.kind == "finger" and block.repetitions < 2 for block in self.block):
@@ -270,12 +266,6 @@ class ExperimentFile(_Section):
         return tuple(f"{left}-{right}" for left, right in self.question.pairs)
 
 
-def is_inside(place: str) -> bool:
-    """True for a file's place in a folder, as any system writes it, that does not lead out of the folder."""
-    parts = PureWindowsPath(place)  # knows both separators, drives and shares
-    return bool(parts.name) and not parts.anchor and ".." not in parts.parts
-
-
 @dataclass(frozen=True)
 class Experiment:
     """An experiment file, where it is, and a hash of what it says."""
@@ -302,6 +292,8 @@ def load_experiment(path: str | Path) -> Experiment:
         f"name an example ({', '.join(example_names())})."
     )
     file = load_model(path, ExperimentFile, absent)
+    for place in (*file.buttons.values(), *file.surface.releases.values()):
+        beside(path.parent, place, str(path))
     return Experiment(path, file, hashlib.sha256(file.model_dump_json().encode()).hexdigest())
 
 

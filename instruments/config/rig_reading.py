@@ -12,6 +12,7 @@ from pydantic import BaseModel
 
 from .. import entry_points
 from ..errors import ConfigurationError
+from ..files import beside
 from ..near_words import did_you_mean
 from .ati_cal import read_ati_cal
 from .contradictions import contradictions
@@ -109,11 +110,12 @@ def _merged_raw(path: Path, above: tuple[Path, ...]) -> tuple[dict[str, Any], li
         return raw, [places]
     if not isinstance(base, str):
         raise ConfigurationError(f"{path}: base must be the name of another rig file (found {base!r}).")
-    beside = path.parent / base
-    if base == Path(base).name and not beside.is_file() and base not in shipped_rigs():
+    # A rig may be anywhere: of what is no rig file, nothing is shown.
+    found = next((one for one in (path.parent / base, Path(base)) if one.is_file()), None)
+    if found is None and base not in shipped_rigs():
         meant = did_you_mean(base, shipped_rigs(), "write a file beside this one, or a shipped rig:")
         raise ConfigurationError(f"{place([places], ('base',))}: there is no rig {base!r}: {meant}")
-    below, others = _merged_raw(beside if beside.is_file() else Path(base), (*above, path))
+    below, others = _merged_raw(found or Path(base), (*above, path))
     return _merged(below, raw), [places, *others]
 
 
@@ -125,13 +127,13 @@ def _read_beside(raw: dict[str, Any], path: Path) -> None:
         if not isinstance(table, dict):
             continue
         if isinstance(table.get("frf"), str):
-            table["frf"] = read_frf(path.parent / table["frf"])
+            table["frf"] = read_frf(beside(path.parent, table["frf"], str(path)))
         if name == "force" and "calibration" in table:
             if "matrix" in table or not isinstance(table["calibration"], str):
                 raise ConfigurationError(
                     f"{path}: sensors.force takes either matrix or calibration (the name of a .cal file)."
                 )
-            table.update(read_ati_cal(path.parent / table["calibration"]).table)
+            table.update(read_ati_cal(beside(path.parent, table["calibration"], str(path))).table)
 
 
 def _take_monitor(raw: dict[str, Any]) -> None:
