@@ -130,6 +130,8 @@ def finish(path: Path, state: str = "finished") -> None:
 def content_hash(path: str | Path) -> str:
     """Content hash stated in a file of any kind that haploop writes; of a log, that of all its bytes.
 
+    A recording that is going on, or was interrupted, states none: then it is that of what it holds now.
+
     Raises DataError.
     """
     if Path(path).suffix == ".jsonl" and Path(path).is_file():
@@ -137,7 +139,10 @@ def content_hash(path: str | Path) -> str:
     if is_json(Path(path)):
         return json_hash(Path(path))
     with opened(path) as file:
-        return str(file.attrs["content_hash"])
+        if "content_hash" in file.attrs:
+            return str(file.attrs["content_hash"])
+        header, _ = read_header(file, Path(path))
+        return read_blocks(file, header).hash(header)
 
 
 def verify(path: str | Path) -> tuple[str, ...]:

@@ -100,7 +100,10 @@ def test_kill_9_before_and_after_recording_leaves_whole_files_or_none(context, t
 def test_kill_9_in_the_middle_of_a_session_keeps_every_press_that_was_seen(context, tmp_path):
     path = tmp_path / "P01-push.h5"
     told = killed(context, "record_session", path, "pressed", 1.0)
+    mark = path.with_name(".P01-push.h5.lock")
+    assert mark.exists()
     recording = Recording.open(path)
+    assert not mark.exists()
     assert not recording.complete
     assert sum(event.kind == "pressed" for event in recording.events) >= told["pressed"]
     assert len(find_presses(recording)) >= told["pressed"]

@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 import pytest
 
-from haploop.acquisition import Recording, record, recover, verify
+from haploop.acquisition import Recording, content_hash, record, recover, verify
 from haploop.acquisition.recording.file_format import from_codes
 from haploop.acquisition.recording.recovery import recover_damaged
 from haploop.acquisition.recording.salvage import CHUNK, finish
@@ -37,6 +37,14 @@ def test_an_unfinished_file_is_an_ordinary_hdf5_file_while_it_grows(tmp_path):
             recording = Recording.open(path)
             assert recording.volts.shape == (CHANNELS, 250 * (i + 1))
             assert not recording.complete
+
+
+def test_a_report_of_it_says_what_it_is(tmp_path, run):
+    path = unfinished(tmp_path / "P01-push.h5")
+    assert content_hash(path) == Recording.open(path).content_hash
+    result = run("report", path, "--out", tmp_path / "report.html", "--no-open")
+    assert result.exit_code == 0, result.output
+    assert "incomplete: the recording ended early" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
 def test_recovering_makes_it_whole_and_leaves_the_original_alone(tmp_path):
