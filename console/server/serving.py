@@ -49,18 +49,18 @@ def serve_console(
         access = Access(address, listener.getsockname()[1])
         # Before the worker is found, so that no other server ends it in between.
         elsewhere = stack.enter_context(serving(file, simulate))
-        follower = Follower(worker(), worker, LiveScope(file, simulate))
-        app = application(access, follower, follower.scope, data)
-        config = uvicorn.Config(
-            app,
-            log_level="error",
-            access_log=False,
-            http=ImpatientProtocol,
-            ws="websockets-sansio",
-            ws_max_size=LARGEST,
-            timeout_graceful_shutdown=1,
-        )
+        scope = LiveScope(file, simulate)
+        follower = Follower(worker(), worker, scope)
         try:
+            config = uvicorn.Config(
+                application(access, follower, scope, data),
+                log_level="error",
+                access_log=False,
+                http=ImpatientProtocol,
+                ws="websockets-sansio",
+                ws_max_size=LARGEST,
+                timeout_graceful_shutdown=1,
+            )
             ready(access)
             uvicorn.Server(config).run(sockets=[listener])
         finally:

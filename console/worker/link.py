@@ -212,12 +212,17 @@ def _started(file: RigFile, simulate: Mode | None, options: list[str]) -> Worker
         )
     clock = RealClock()
     until = clock.now() + _START
-    while clock.now() < until:
-        found = find_worker(file, simulate)
-        if found is not None:
-            return found
-        if process.poll() is not None:
-            break
-        clock.sleep(0.1)
+    try:
+        while clock.now() < until:
+            found = find_worker(file, simulate)
+            if found is not None:
+                return found
+            if process.poll() is not None:
+                break
+            clock.sleep(0.1)
+    except KeyboardInterrupt:
+        # Nobody would end it: the next `serve` would find a worker with another one's folders.
+        process.terminate()
+        raise
     said = log.read_bytes()[begin:].decode(errors="replace").strip().splitlines()
     raise InstrumentError(f"The console's worker did not start: {said[-1] if said else f'see {log}'}")

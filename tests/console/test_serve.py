@@ -17,6 +17,7 @@ import pytest
 
 from haploop.acquisition import Recording
 from haploop.console.data_folder import DataFolder
+from haploop.console.server import serving
 from haploop.console.worker import Address, WorkerHangsError, free_tape, link, start_worker
 from haploop.instruments import load_rig_file
 from haploop.instruments.tape import Player
@@ -69,6 +70,33 @@ def test_a_server_that_is_killed_and_comes_back_finds_the_recording_going_on(tmp
     assert len(recording.accepted) == 3 and recording.content_hash
     assert recording.blocks["first"][-1] + recording.blocks["count"][-1] == recording.volts.shape[1]
     assert os.name == "nt" or gone(address), "Ctrl-C ended the worker too"
+
+
+@pytest.mark.parametrize("when", ["while it starts", "before pages are served"])
+def test_a_stop_before_the_console_is_served_leaves_no_worker(tmp_path, monkeypatch, when):
+    monkeypatch.setenv("HAPLOOP_STATE", str(tmp_path / "state"))
+    file = load_rig_file("simulated")
+    begun, popen = [], subprocess.Popen
+
+    def stopped(*_):
+        if begun:
+            raise KeyboardInterrupt
+
+    def started(*given, **named):
+        begun.append(popen(*given, **named))
+        return begun[0]
+
+    monkeypatch.setattr(link.subprocess, "Popen", started)
+    if when == "while it starts":
+        monkeypatch.setattr(link, "find_worker", stopped)
+    else:
+        monkeypatch.setattr(serving, "application", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        serving.serve_console("simulated", file, None, folders(tmp_path), "127.0.0.1", 0, print)
+    try:
+        assert begun[0].wait(20) is not None
+    finally:
+        begun[0].kill()
 
 
 @pytest.mark.long
