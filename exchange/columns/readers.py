@@ -68,7 +68,7 @@ def _read(path: Path, found: str, decimal: str | None, skip: bool, _state: tuple
         elif found == "uff":
             table = uff_signals.read_table(path)
         elif found in _TREES:
-            table = tree_table.read_table(path, skip)
+            table = tree_table.read_table(path, decimal, skip)
         else:
             table = text_file.read_table(path, decimal, skip)
     if any(column.name.lower() == "frequency" for column in table.columns):

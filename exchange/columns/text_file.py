@@ -16,7 +16,7 @@ from .stamps import is_stamp, seconds_of, unclear
 from .table import Column, Labels, Table
 from .text_head import Head, enter_unit, head_of
 from .text_rates import stated_rates
-from .text_rows import Body, body_of, decoded, is_blank, is_number, measured
+from .text_rows import Body, body_of, decoded, is_blank, is_number, measured, plain_number
 from .together import together
 from .units import Unit, unit_of, units_of
 
@@ -226,16 +226,11 @@ def _numbers(cells: Sequence[str], decimal: str) -> tuple[FloatArray, list[str]]
         return _finite(np.array(plain, dtype=np.float64)), []
     except ValueError:
         pairs = [measured(cell, decimal) or (cell, "") for cell in cells]
-        values = np.array([np.nan if is_blank(one) else _odd(one, decimal) for one, _ in pairs])
+        values = np.array(
+            [np.nan if is_blank(one) else float(plain_number(one, decimal)) for one, _ in pairs]
+        )
         units = [unit for _, unit in pairs]
         return _finite(values), units if any(units) else []
-
-
-def _odd(cell: str, decimal: str) -> float:
-    """A number of Fortran's, with blanks behind its sign, or with its thousands apart."""
-    thousands = "," if decimal == "." else "."
-    cell = cell.upper().replace("D", "E").replace(" ", "").replace(thousands, "")
-    return float(cell.replace(decimal, "."))
 
 
 def _finite(values: FloatArray) -> FloatArray:

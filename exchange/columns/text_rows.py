@@ -112,6 +112,12 @@ def is_number(cell: str, decimal: str = ".") -> bool:
     return (_COMMA if decimal == "," else _POINT).match(cell) is not None
 
 
+def plain_number(cell: str, decimal: str) -> str:
+    """As Python has it: a number of Fortran's, with blanks behind its sign, or with its thousands apart."""
+    thousands = "," if decimal == "." else "."
+    return cell.upper().replace("D", "E").replace(" ", "").replace(thousands, "").replace(decimal, ".")
+
+
 def measured(cell: str, decimal: str = ".") -> tuple[str, str] | None:
     """Number and unit of a cell that holds both, as `2.31 N`; None for another. `2A` may be a name."""
     match = _MEASURED.match(cell)

@@ -16,7 +16,7 @@ from .contained import Tree, tree_of
 from .table import Column, Stated, Table
 from .text_file import table_of
 from .text_rates import stated_by
-from .text_rows import numeric_rows
+from .text_rows import is_number, numeric_rows, plain_number
 from .together import together
 from .tree_responses import responses_of
 from .units import split_heading
@@ -41,12 +41,15 @@ _WIDEST = 64
 """Columns of a matrix; a wider one is a picture or a spectrogram."""
 
 
-def read_table(path: Path, skip: bool = False) -> Table:
-    """Read a file's columns. Raises DataError, ConfigurationError where a package is missing."""
+def read_table(path: Path, decimal: str | None = None, skip: bool = False) -> Table:
+    """Read a file's columns; `decimal` is the decimal sign of numbers that a workbook holds as text.
+
+    Raises DataError, ConfigurationError where a package is missing.
+    """
     tree = tree_of(path)
     if tree.rows:
         shape = f"workbook, sheet {tree.texts['sheet']!r}"
-        table = table_of(path, numeric_rows(path, tree.rows, ".", shape, skip))
+        table = table_of(path, numeric_rows(path, _plain_cells(path, tree.rows, decimal), ".", shape, skip))
         others = tree.lists.get("sheets", [])
         left = (f"Of its sheets {', '.join(map(repr, others))} were left out.",) if others else ()
         return replace(table, notes=(*table.notes, *left))
@@ -70,6 +73,23 @@ def read_table(path: Path, skip: bool = False) -> Table:
     columns, moved = together(path, columns)
     notes += moved
     return Table(path, tree.kind, tuple(_shortened(columns)), _rates(tree), _about(tree), tuple(notes))
+
+
+def _plain_cells(path: Path, rows: list[list[str]], decimal: str | None) -> list[list[str]]:
+    """Rows with decimal points. Raises DataError where texts have commas, and nobody said what they are."""
+
+    def has_comma(cell: str) -> bool:
+        return "," in cell and is_number(cell, ",")
+
+    found = [cell for row in rows for cell in row if has_comma(cell)]
+    if decimal is None and len(found) > len(rows) / 2:
+        raise DataError(
+            f"{path} holds numbers as text, like {found[0]!r}: say what their comma is (--decimal , or "
+            "--decimal .)."
+        )
+    if decimal != ",":
+        return rows
+    return [[plain_number(cell, ",") if has_comma(cell) else cell for cell in row] for row in rows]
 
 
 def _columns(tree: Tree, name: str) -> Iterator[Column]:

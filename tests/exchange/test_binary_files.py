@@ -217,6 +217,17 @@ def _workbook(
     return write
 
 
+def _texts(path: Path) -> None:
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    book.active.append(["Zeit (s)", "Kraft (mN)"])
+    for t, f in zip(T, F, strict=True):
+        book.active.append(
+            [f"{t:.4f}".replace(".", ","), f"{1e3 * f:,.3f}".translate(str.maketrans(",.", ".,"))]
+        )
+    book.save(path)
+
+
 def electrical(file: Any) -> None:
     """A factor for each channel, as NWB's ElectricalSeries has it."""
     file.attrs["nwb_version"] = "2.7.0"
@@ -326,6 +337,8 @@ ROWS: list[tuple[str, Callable[[Path], None], Right]] = [
     ("shown in kN.xlsx", _workbook('0.00,"kN"'), {"force": F}),
     ("shown divided.xlsx", _workbook("0.00,", head="Force (N)"), "without a unit that says so"),
     ("two formats.xlsx", _workbook('[<1]0.00" mN";0.00" N"'), "shows several units"),
+    ("numbers as text.xlsx", _texts, "say what their comma is (--decimal , or --decimal .)"),
+    ("told numbers as text.xlsx", _texts, {"force": F}),
     ("percent.xlsx", _workbook("0.0%", head="Force (N)"), "its heading says N, each of its rows %"),
     ("format against heading.xlsx", _workbook('0.00" mN"', head="Force (N)"),
      "its heading says N, each of its rows mN"),
@@ -351,9 +364,10 @@ def test_it_means_what_the_file_says(
     with h5py.File(tmp_path / "outside.h5", "w") as outside:
         outside["force"] = F
     write(tmp_path / name)
-    units = {"force": "N"} if name == "oscilloscope.mat" else {}
+    told: dict[str, Any] = {"oscilloscope.mat": {"units": {"force": "N"}}}.get(name, {})
+    told |= {"decimal": ","} if name.startswith("told") else {}
     try:
-        found = haploop.understand(tmp_path / name, haploop.FileMapping(units=units))
+        found = haploop.understand(tmp_path / name, haploop.FileMapping(**told))
     except haploop.HaploopError as refused:
         assert isinstance(right, str) and right in str(refused)
         return

@@ -43,6 +43,10 @@ class Made:
     sign: int
     force_first: bool
     states_rate: bool
+    begins: float = 0.0
+    """Stamp (s) of the first sample, in a format that has stamps of its own."""
+    shown: bool = False
+    """Whether a workbook states units by number formats, and not in its headings."""
 
     @property
     def force(self) -> np.ndarray:
@@ -56,6 +60,11 @@ class Made:
     @property
     def time(self) -> np.ndarray:
         return np.arange(self.samples) / self.rate
+
+    @property
+    def stamps(self) -> np.ndarray:
+        """Instants (s) of the samples that a file with stamps holds."""
+        return self.begins + self.time[self.kept]
 
     @property
     def kept(self) -> np.ndarray:
@@ -82,7 +91,7 @@ def heading(name: str, unit: str) -> str:
 def by_pandas(path: Path, made: Made) -> None:
     import pandas
 
-    table = {"time (s)": made.time[made.kept]} if made.states_rate else {}
+    table = {"time (s)": made.stamps} if made.states_rate else {}
     table |= {
         heading(name, unit): values for name, (unit, values) in made.written(gap=made.states_rate).items()
     }
@@ -93,7 +102,7 @@ def by_parquet(path: Path, made: Made) -> None:
     import pandas
 
     pytest.importorskip("pyarrow")
-    table = {"time (ms)": 1e3 * made.time[made.kept]} if made.states_rate else {}
+    table = {"time (ms)": 1e3 * made.stamps} if made.states_rate else {}
     table |= {
         heading(name, unit): values for name, (unit, values) in made.written(gap=made.states_rate).items()
     }
@@ -105,12 +114,14 @@ def by_openpyxl(path: Path, made: Made) -> None:
 
     book = openpyxl.Workbook()
     columns = made.written(gap=made.states_rate)
-    time = [made.time[made.kept]] if made.states_rate else []
-    book.active.append(
-        [*["Time [s]"] * len(time), *(heading(name, unit) for name, (unit, _) in columns.items())]
-    )
-    for row in np.stack([*time, *(values for _, values in columns.values())], axis=1).tolist():
+    if made.states_rate:
+        columns = {"time": ("ms", 1e3 * made.stamps), **columns}
+    book.active.append([name if made.shown else heading(name, unit) for name, (unit, _) in columns.items()])
+    for row in np.stack([values for _, values in columns.values()], axis=1).tolist():
         book.active.append(row)
+    for cell, (unit, _) in zip(book.active.iter_cols(min_row=2), columns.values(), strict=True):
+        for one in cell if made.shown and unit else ():
+            one.number_format = f'0.000" {unit}"'
     book.save(path)
 
 
@@ -124,7 +135,7 @@ def _by_xarray(engine: str) -> Callable[[Path, Made], None]:
             name: ("time", values, {"units": unit} if unit else {})
             for name, (unit, values) in columns.items()
         }
-        time = {"time": ("time", 1e3 * made.time[made.kept], {"units": "ms"})} if made.states_rate else {}
+        time = {"time": ("time", 1e3 * made.stamps, {"units": "ms"})} if made.states_rate else {}
         step = {"acceleration": {"dtype": "int32", "scale_factor": made.step, "_FillValue": -(2**31)}}
         xarray.Dataset(variables, coords=time).to_netcdf(path, engine=engine, encoding=step)
 
@@ -175,7 +186,7 @@ def by_pynwb(path: Path, made: Made) -> None:
         counts = np.rint(values / made.step).astype("i4")
         said = {"rate": made.rate, "starting_time": made.late / made.rate if name == "acceleration" else 0.0}
         if not made.states_rate:
-            said = {"timestamps": made.time[made.kept]}
+            said = {"timestamps": made.stamps}
         series = pynwb.TimeSeries(
             name=name, data=counts, unit=unit or "unknown", conversion=made.step, **said
         )
@@ -188,7 +199,7 @@ def by_scipy(path: Path, made: Made) -> None:
     columns = made.written()
     values = {name: values for name, (_, values) in columns.items()}
     units = {name: unit for name, (unit, _) in columns.items() if unit}
-    rate = {"fs": made.rate} if made.states_rate else {"time": made.time}
+    rate = {"fs": made.rate} if made.states_rate else {"time": made.begins + made.time}
     scipy.io.savemat(path, {**values, **rate, "units": units})
 
 
@@ -215,6 +226,8 @@ MADE = st.builds(
     sign=st.sampled_from([1, 1, -1]),
     force_first=st.booleans(),
     states_rate=st.booleans(),
+    begins=st.sampled_from([0.0, 0.0, -0.25, 3600.0]),
+    shown=st.booleans(),
 )
 
 

@@ -699,6 +699,7 @@ def test_what_is_stated(case: Case, tmp_path: Path) -> None:
         ("Abtastrate: 2,5 kHz", ",", 2500.0),
         ("Abtastrate: 5.000 Hz", ",", None),  # five, or five thousand
         ("Sample rate: 5,000 Hz", ".", 5000.0),
+        ("Sampling interval: 0,2 ms", ".", 5000.0),
         ("Sample rate: 100|000 Hz", ".", None),
         ("Sampling rate (samples/min)|120", ".", 2.0),
         ("Sample rate: 1 MS/s", ".", 1e6),
