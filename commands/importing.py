@@ -238,7 +238,7 @@ def _several(files: Sequence[Path], mapping: FileMapping, each: str | None, want
     if each is None:
         parts = [(file, file.stem, mapping) for file in files]
     else:
-        parts = [(file, *one) for file in files for one in haploop.each_of(file, mapping, each).items()]
+        parts = [(file, *one) for file in files for one in haploop.each_of(file, mapping, each, note).items()]
     told: list[dict[str, Any]] = []
     failed = 0
     for file, name, own in parts:

@@ -65,20 +65,24 @@ def split(table: Table, where: Mapping[str, str], told: Sequence[str | int]) -> 
     return _of_rows(replace(table, notes=(*table.notes, *notes)), kept), questions
 
 
-def values_of(table: Table, name: str) -> tuple[str, ...]:
-    """The values of a column that tells rows apart, in their order. Raises ConfigurationError."""
+def values_of(table: Table, name: str) -> tuple[tuple[str, ...], int]:
+    """The values of a column that tells rows apart, in their order, and the number of rows without one.
+
+    Raises ConfigurationError.
+    """
     known = {one.name: _continued(one) for one in table.labels} | _numbers(table, {name: _ALL}, ())
     if name not in known:
         listed = ", ".join(sorted({one.name for one in table.labels})) or "no column of text"
         raise ConfigurationError(
             f"{table.path} has no column {name!r} that tells rows apart (it has {listed})."
         )
-    found = tuple(text for text in dict.fromkeys(known[name].texts) if not is_blank(text))
+    texts = [text for text in known[name].texts if not is_blank(text)]
+    found = tuple(dict.fromkeys(texts))
     if len(found) > _MOST:
         raise ConfigurationError(
             f"{table.path} has {len(found)} values of {name}, and up to {_MOST} measurements are told apart."
         )
-    return found
+    return found, len(known[name].texts) - len(texts)
 
 
 def _continued(one: Labels) -> Labels:
@@ -104,7 +108,9 @@ def _numbers(table: Table, where: Mapping[str, str], told: Sequence[str | int]) 
         several = len(distinct) + (not finite.all())
         if named or (called and not np.any(distinct % 1) and 1 < several <= _MOST):
             name = named or column.name
-            found[name] = Labels(name, tuple(f"{value:g}" for value in column.values.tolist()))
+            # Six digits, unless two values are one then, as days are: 20261127 and 20261128.
+            form = "g" if len({f"{value:g}" for value in distinct.tolist()}) == len(distinct) else ".15g"
+            found[name] = Labels(name, tuple(f"{value:{form}}" for value in column.values.tolist()))
     return found
 
 

@@ -797,6 +797,30 @@ def test_each_measurement_of_a_table_becomes_a_file_of_its_own(run: Run, tmp_pat
         assert refused.exit_code == 2 and part in refused.stderr
 
 
+@pytest.mark.parametrize(
+    ("column", "values", "files", "said"),
+    [
+        ("hand", ["Left", "left"], None, "two values of hand that would be one file, a-left.h5"),
+        ("hand", ["a/b", "a:b"], None, "two values of hand that would be one file, a-a_b.h5"),
+        ("hand", ["", "left"], ["a-left.h5"], "2500 rows without a value of hand"),
+        ("trial", ["nan", "2"], ["a-2.h5"], "2500 rows without a value of trial"),
+        ("session", ["20261127", "20261128"], ["a-20261127.h5", "a-20261128.h5"], ""),
+    ],
+)
+def test_values_that_name_files_name_as_many(
+    run: Run, tmp_path: Path, column: str, values: list[str], files: list[str] | None, said: str
+) -> None:
+    path, out = tmp_path / "a.csv", tmp_path / "out"
+    several = rows(np.repeat(values, 2500), np.tile(T, 2), np.concatenate([F, 3 * F]))
+    path.write_text(f"{column},time (s),Force (N)\n{several}")
+    told = ("--each", column, "--button", "push", "-p", "P01", "--as", "recording", "-o", out)
+    made = run("import", path, *told)
+    assert (made.exit_code, said in " ".join(made.stderr.split())) == (2 if files is None else 0, True), (
+        made.output
+    )
+    assert sorted(one.name for one in out.glob("*")) == (files or [])
+
+
 def test_a_role_that_no_column_is(tmp_path: Path) -> None:
     path, saved = tmp_path / "a.csv", tmp_path / "lab.toml"
     path.write_text(timed("time (s),Force (N),switch", (T < 0.4).astype(int)))
