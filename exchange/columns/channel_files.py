@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from ...instruments.extras import optional
-from .hdf5_tree import unpacked
+from .hdf5_tree import CF, unpacked
 from .table import Column
-from .units import split_heading
+from .units import factor_beside, split_heading
 
 _SECOND = np.timedelta64(1, "s")
 
@@ -56,6 +56,7 @@ def tdms(path: Path) -> Iterator[Column]:
                 float(f"{1 / step:.9g}") if step > 0 else None,
                 stamps,
                 start,
+                doubt=factor_beside(said),
             )
 
 
@@ -97,11 +98,11 @@ def _labels(info: Any) -> list[tuple[str, str]]:
 
 def parquet(path: Path) -> tuple[list[Column], dict[str, Any], dict[str, Any]]:
     """Columns of numbers and instants, with the unit in a field's metadata or heading; what haploop said;
-    and the arrays of responses, a row a response, that such a table of haploop's holds.
+    and columns of text, or the arrays of responses, a row a response, that such a table of haploop's holds.
     """
     arrow = optional("pyarrow.parquet", "parquet", "A Parquet file")
     table = arrow.ParquetFile(path).read(use_threads=False)
-    columns = []
+    columns, texts = [], {}
     for field, chunks in zip(table.schema, table.columns, strict=True):
         values = chunks.to_numpy()
         said = {key.decode(): value.decode(errors="replace") for key, value in (field.metadata or {}).items()}
@@ -111,9 +112,11 @@ def parquet(path: Path) -> tuple[list[Column], dict[str, Any], dict[str, Any]]:
             columns.append(Column(name, "", (values - values[0]) / _SECOND, stamps=True))
         elif values.dtype.kind in "iufb":
             columns.append(Column(name, unit, values.astype(np.float64), also=(field.name,)))
+        elif values.dtype.kind == "O" and all(one is None or isinstance(one, str) for one in values):
+            texts[field.name] = np.array([one or "" for one in values], dtype=object)
     about = json.loads((table.schema.metadata or {}).get(b"haploop", b"{}"))
     if not {"patch", "point", "frequency", "velocity_real", "velocity_imaginary"} <= set(table.column_names):
-        return columns, about, {}
+        return columns, about, texts
     places = list(zip(*(table[name].to_pylist() for name in ("patch", "point")), strict=True))
     each = list(dict.fromkeys(places))
     by_name = {one.name: one.values.reshape(len(each), -1) for one in columns}
@@ -140,30 +143,32 @@ def netcdf(path: Path) -> tuple[list[Column], dict[str, Any], dict[str, Any]]:
     """
     import scipy  # noqa: PLC0415 - a second
 
-    columns = []
+    columns: list[Column] = []
+    beside: dict[str, Any] = {}
     with scipy.io.netcdf_file(path, "r", mmap=False, maskandscale=False) as opened:
         file: Any = opened  # its attributes are known to it alone
         lengths = [one.shape[0] for one in file.variables.values() if len(one.shape) == 1]
         for name, variable in file.variables.items():
             said = {key: _text(value) for key, value in variable._attributes.items()}
             values = np.asarray(variable[:] if variable.shape else variable.getValue())
+            if values.dtype.kind == "S" and values.ndim == 2:
+                beside[_PLACES.get(name, name)] = [b"".join(row).decode(errors="replace") for row in values]
             if values.dtype.kind not in "iuf" or values.ndim != 1 or len(values) < max(lengths):
                 continue
             found = np.asarray(
                 unpacked(values.astype(values.dtype.newbyteorder("=")), said), dtype=np.float64
             )
             unit = str(said.get("units", "")).partition(" since ")[0]
-            columns.append(Column(name, unit, found))
+            doubt = factor_beside({key: said[key] for key in said if key not in CF})
+            columns.append(Column(name, unit, found, doubt=doubt))
         about = {key: _text(value) for key, value in file._attributes.items()}
-        beside: dict[str, Any] = {}
-        for name, variable in file.variables.items() if "frequency" in file.variables else ():
+        over_frequency = "frequency" in file.variables
+        for name, variable in file.variables.items() if over_frequency else ():
             values = np.array(variable[:])
-            if values.dtype.kind == "S":
-                beside[_PLACES.get(name, name)] = [b"".join(row).decode() for row in values]
-            else:
+            if values.dtype.kind != "S":
                 beside[name] = values.astype(np.float64)
                 beside[f"{name}.units"] = _text(variable._attributes.get("units", ""))
-    return ([] if beside else columns), about, beside
+    return ([] if over_frequency else columns), about, beside
 
 
 def _text(value: Any) -> Any:

@@ -105,7 +105,7 @@ def _in_child() -> None:
 
 
 def _labels(column: Column) -> dict[str, Any]:
-    kept = ("name", "unit", "rate_hz", "stamps", "start_s", "also")
+    kept = ("name", "unit", "rate_hz", "stamps", "start_s", "also", "doubt")
     return {key: getattr(column, key) for key in kept}
 
 

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from .table import Column
 
 Enter = Callable[[str, Any], None]
-_CF = ("scale_factor", "add_offset", "_FillValue", "missing_value", "valid_range", "valid_min", "valid_max")
-_MEANT = {*_CF, "conversion", "offset"}
+_OF_NWB = {"conversion": "scale_factor", "offset": "add_offset"}
+CF = ("scale_factor", "add_offset", "_FillValue", "missing_value", "valid_range", "valid_min", "valid_max")
 """Attributes that are used up here."""
 
 
@@ -38,7 +38,7 @@ def read(path: Path, matlab: bool, enter: Enter, texts: dict[str, str], columns:
             enter(str(key), _plain(value))
         for name, one in _inside(file):
             dotted = name.replace("/", ".")
-            packed = {key: one.attrs[key] for key in one.attrs if key in _MEANT}
+            packed = {key: one.attrs[key] for key in one.attrs if key in CF}
             for key, value in one.attrs.items():
                 if key not in packed and not key.startswith("MATLAB") and key not in _STRUCTURE:
                     enter(f"{dotted}.{key}", _plain(value))
@@ -76,8 +76,8 @@ def unpacked(values: Any, said: Mapping[str, Any]) -> Any:
         missing |= raw < low
     if high is not None:
         missing |= raw > high
-    scale = float(_one(said, "scale_factor", _one(said, "conversion", 1.0)))
-    found = raw.astype(np.float64) * scale + float(_one(said, "add_offset", _one(said, "offset", 0.0)))
+    scale, offset = float(_one(said, "scale_factor", 1.0)), float(_one(said, "add_offset", 0.0))
+    found = raw.astype(np.float64) * scale + offset
     return np.where(missing, np.nan, found)
 
 
@@ -127,7 +127,7 @@ def _series(file: Any) -> Iterator[Column]:
         ):
             continue
         values = np.atleast_1d(
-            unpacked(data[()], {k: data.attrs[k] for k in ("conversion", "offset") if k in data.attrs})
+            unpacked(data[()], {_OF_NWB[k]: data.attrs[k] for k in _OF_NWB if k in data.attrs})
         )
         unit = str(_plain(data.attrs.get("unit", "")))
         start, stamps = one.get("starting_time"), one.get("timestamps")

@@ -13,13 +13,13 @@ from ...instruments import DataError
 from ...instruments.arrays import FloatArray
 from ..views import About
 from .contained import Tree, tree_of
-from .table import Column, Stated, Table
+from .table import Column, Labels, Stated, Table
 from .text_file import table_of
 from .text_rates import stated_by
 from .text_rows import is_number, numeric_rows, plain_number
 from .together import together
 from .tree_responses import responses_of
-from .units import split_heading
+from .units import factor_beside, split_heading, unit_of, units_of
 
 _START = re.compile(r"(wfstartoffset|startingtime|x0|xorg|xorigin|startvalue|tstart)\Z")
 """Keys without their case, blanks and signs."""
@@ -72,7 +72,15 @@ def read_table(path: Path, decimal: str | None = None, skip: bool = False) -> Ta
         notes.append(f"{', '.join(complex_[:5])} are complex, and were left out.")
     columns, moved = together(path, columns)
     notes += moved
-    return Table(path, tree.kind, tuple(_shortened(columns)), _rates(tree), _about(tree), tuple(notes))
+    rows = len(columns[0].values)
+    texts = {name.rpartition(".")[2]: tuple(own) for name, own in tree.lists.items() if len(own) == longest}
+    if texts and rows < longest:
+        notes.append(f"{', '.join(texts)} are text of other rows, and were left out.")
+        texts = {}
+    return Table(
+        path, tree.kind, tuple(_shortened(columns)), _rates(tree), _about(tree), tuple(notes),
+        labels=tuple(Labels(name, own) for name, own in texts.items()),
+    )  # fmt: skip
 
 
 def _plain_cells(path: Path, rows: list[list[str]], decimal: str | None) -> list[list[str]]:
@@ -104,9 +112,12 @@ def _columns(tree: Tree, name: str) -> Iterator[Column]:
     if holder != name and (rate, start) == (None, None):
         rate, start = _clock(tree, holder)
     stamps = said.get("stamps") == "yes"
+    factor = factor_beside({**_said(tree, above), **said})
     if values.ndim == 1:
-        named = _named(title, _unit(tree, said, name))
-        yield Column(*named, values, rate, stamps, start, also=(title,))
+        unit, doubt = _unit(tree, said, name)
+        name, unit = _named(title, unit)
+        doubt = doubt or ("" if unit_of(unit, "time") else factor)
+        yield Column(name, unit, values, rate, stamps, start, also=(title,), doubt=doubt)
         return
     rows: FloatArray = values if values.shape[0] >= values.shape[1] else values.T
     if rows.shape[1] > _WIDEST:
@@ -120,8 +131,9 @@ def _columns(tree: Tree, name: str) -> Iterator[Column]:
         heading = names[number] if len(names) == rows.shape[1] else ""
         unit = units[number] if len(units) == rows.shape[1] else ""
         yield Column(
-            *_named(heading, unit), np.ascontiguousarray(column), rate, start_s=start, also=(heading,)
-        )
+            *_named(heading, unit), np.ascontiguousarray(column), rate, start_s=start, also=(heading,),
+            doubt=factor,
+        )  # fmt: skip
 
 
 def _said(tree: Tree, holder: str) -> dict[str, str | float]:
@@ -155,14 +167,16 @@ def _named(heading: str, unit: str) -> tuple[str, str]:
     return (heading, unit) if unit else split_heading(heading)
 
 
-def _unit(tree: Tree, said: Mapping[str, str | float], name: str) -> str:
+def _unit(tree: Tree, said: Mapping[str, str | float], name: str) -> tuple[str, str]:
+    """The unit of an array, and the doubt that two different ones leave."""
     above, _, leaf = name.rpartition(".")
     beside = (
         tree.texts.get(f"{above}.{key}.{leaf}" if above else f"{key}.{leaf}") for key in ("unit", "units")
     )
-    found = next((str(said[key]) for key in _UNITS if isinstance(said.get(key), str)), None)
-    text = found if found is not None else next((one for one in beside if one is not None), "")
-    return text.partition(" since ")[0]
+    own = [str(said[key]) for key in _UNITS if isinstance(said.get(key), str)]
+    found = [one.partition(" since ")[0] for one in (*own, *beside) if one is not None] or [""]
+    other = next((one for one in found if one and units_of(one) != units_of(found[0])), "")
+    return found[0], f"the file says both {found[0]!r} and {other!r}" if other else ""
 
 
 def _rates(tree: Tree) -> tuple[Stated, ...]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from numbers import Real
 
 from ...instruments import ConfigurationError
 
@@ -120,6 +121,8 @@ _PLAIN = {
 }
 _TIMES = re.compile(r"([/×*]|(?<![a-z])x) ?10+(?!\w)|10\^-?\d+", re.I)
 """A factor in a heading: `Force/100`, `Force x10`."""
+_FACTOR = re.compile(r"(scal(e|ing)|calibration|cal|conversion)?(factor|constant)?|multiplier|slope|gain")
+"""Names, without case and signs, of entries beside numbers that may still be to be multiplied."""
 _MEGA = ("MN", "MV", "MS")
 """Not taken for milli."""
 
@@ -199,7 +202,7 @@ def contradiction(name: str, unit: str) -> str:
     """What a name with a factor or another unit says against `unit`: `Force/100`, `Force (kN)`, in N."""
     if unit and (factor := _TIMES.search(name[-200:])):
         return f"it is called {name!r}, and {factor[0].strip()} may be in its numbers or not"
-    inner = [one["unit"] for one in _WITHIN.finditer(name[-200:])]
+    inner = [split_heading(name)[1], *(one["unit"] for one in _WITHIN.finditer(name[-200:]))]
     inner += [found[2] for sign in (" in ", "/") if (found := name.rpartition(sign))[1]]
     for text in inner:
         known = units_of(text)
@@ -207,6 +210,15 @@ def contradiction(name: str, unit: str) -> str:
         meant = known and (len(text.strip()) > 1 or known[0].quantity != "other")
         if unit and meant and known != units_of(unit):
             return f"it is called {name!r}, and its unit is given as {unit}"
+    return ""
+
+
+def factor_beside(entries: Mapping[str, object]) -> str:
+    """The doubt of numbers beside which an entry, by its name, is a factor other than 1; "" without one."""
+    for name, value in entries.items():
+        plain = re.sub(r"[^a-z]", "", name.lower())
+        if plain and _FACTOR.fullmatch(plain) and isinstance(value, Real) and value not in (0, 1):
+            return f"{name} = {float(value):g} may be in its numbers, or not"
     return ""
 
 

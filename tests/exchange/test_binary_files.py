@@ -140,6 +140,17 @@ def two_rates(file: Any) -> None:
     file["acceleration"].attrs.update(unit="g", sample_rate=2500.0)
 
 
+def scaled(file: Any) -> None:
+    two_units(file, "N", "N")
+    file["force"].attrs["scale"] = 1e-3
+
+
+def two_units(file: Any, one: str = "N", other: str = "mN", name: str = "force") -> None:
+    file[name], file["time"] = F, T
+    file[name].attrs.update(unit=one, units=other)
+    file["time"].attrs.update(units="s", gain=1.0)
+
+
 def _external(file: Any) -> None:
     file.create_dataset("force", shape=(N,), dtype="f8", external=[("outside.bin", 0, 8 * N)])
 
@@ -240,6 +251,38 @@ def electrical(file: Any) -> None:
     series["starting_time"].attrs["rate"] = float(RATE)
 
 
+def _sides(write: Callable[[Any, Path], None]) -> Callable[[Path], None]:
+    """A long table: two sensors below each other, told apart by a column of text."""
+
+    def made(path: Path) -> None:
+        pandas = pytest.importorskip("pandas")
+        pytest.importorskip("pyarrow")
+        sides = np.repeat(["left", "right"], N)
+        write(pandas.DataFrame({"time (s)": np.tile(T, 2), "side": sides, "force (N)": np.tile(F, 2)}), path)
+
+    return made
+
+
+def _sides_in_hdf5(table: Any, path: Path) -> None:
+    with h5py.File(path, "w") as file:
+        for name in table.columns:
+            text = table[name].dtype.kind not in "f"
+            file.create_dataset(name, data=table[name], dtype=h5py.string_dtype() if text else "f8")
+
+
+def _sides_in_netcdf(table: Any, path: Path) -> None:
+    with scipy.io.netcdf_file(path, "w") as file:
+        file.createDimension("row", len(table))
+        file.createDimension("letters", 5)
+        for name in table.columns:
+            text = table[name].dtype.kind not in "f"
+            variable = file.createVariable(
+                name.split(" ")[0], "c" if text else "f8", ("row", "letters") if text else ("row",)
+            )
+            variable[:] = np.array(table[name], dtype="S5").view("S1").reshape(-1, 5) if text else table[name]
+            variable.units = {"time (s)": "s", "force (N)": "N"}.get(name, "")
+
+
 def _matlab(**values: Any) -> Callable[[Path], None]:
     return lambda path: scipy.io.savemat(path, values)
 
@@ -313,6 +356,15 @@ ROWS: list[tuple[str, Callable[[Path], None], Right]] = [
     ("array of units.h5", _hdf5(array_of_units), {"force": F}),
     ("packed.h5", _hdf5(packed), "5 values are missing"),
     ("valid range.h5", _hdf5(_valid), "5 values are missing"),
+    ("scaled.h5", _hdf5(scaled), "scale = 0.001 may be in its numbers, or not"),
+    ("two units.h5", _hdf5(two_units), "says both 'N' and 'mN'"),
+    ("name against unit.h5", _hdf5(lambda file: two_units(file, "mN", "mN", "force_N")),
+     "is called 'force_N', and its unit is given as mN"),
+    ("scaled.mat", _matlab(force=F, Fs=5000.0, scale=1e-3, units={"force": "N"}), "scale = 0.001 may be in"),
+    ("scaled.tdms", _tdms(("Force", F, NEWTON | {"Scale factor": 1e-3})), "Scale factor = 0.001 may be in"),
+    ("sides.parquet", _sides(lambda table, path: table.to_parquet(path)), "column 'side' has left, right"),
+    ("sides.h5", _sides(_sides_in_hdf5), "column 'side' has left, right"),
+    ("sides.nc", _sides(_sides_in_netcdf), "column 'side' has left, right"),
     ("external.h5", _hdf5(_external), "has its values in another file"),
     ("virtual.h5", _hdf5(_virtual), "has its values in another file"),
     ("linked.h5", _hdf5(_linked), "is a link to another file"),

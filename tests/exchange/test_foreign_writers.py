@@ -232,6 +232,7 @@ MADE = st.builds(
 
 
 @pytest.mark.usefixtures("read_here")
+@pytest.mark.timeout(3600)
 @given(name=st.sampled_from(sorted(WRITERS)), made=MADE)
 @settings(
     settings.get_profile("foreign") if os.environ.get("HAPLOOP_FOREIGN") else settings(max_examples=30),
