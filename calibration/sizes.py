@@ -13,7 +13,7 @@ CHECK = 4_000_000
 """A check without its plays, with press, drive and picture."""
 PLAY = 200_000
 """One play of a check."""
-MORE_PLAYS = 4
+MORE_PLAYS = 8
 """Times as many plays as were asked for that a check makes at most, to come to a verdict."""
 BUTTON = 12_000_000
 """A digital button without what it learned from."""

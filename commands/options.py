@@ -159,7 +159,7 @@ PLAYS = click.option(
     type=click.IntRange(3, 1000),
     default=8,
     show_default=True,
-    help="Number of plays. A check plays up to four times as many where these do not tell the verdict.",
+    help="Number of plays. A check plays up to eight times as many where these do not tell the verdict.",
 )
 EXITS = {"pass": 0, "fail": 1, "not shown": 4}
 """Exit code of a verdict: what cannot be told is neither passed nor out of tolerance."""

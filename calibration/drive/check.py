@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 TOLERANCE = 0.20
 """Largest error of the motion. About the just noticeable difference of vibration amplitude well above
 threshold (docs/hardware.md, "Buttons and people")."""
+_ROOM = TOLERANCE * 3**0.5 / 2
+"""Error beside which one of half the tolerance is within it."""
 _PLAYS = 8
 """Plays of a check that was asked for no other number."""
 _LOWEST_OCTAVE = 20.0
@@ -56,8 +58,8 @@ def check(
 ) -> Check:
     """Play a drive `plays` times and compare the motion of the surface with the drive's target.
 
-    Where those plays do not tell on which side of the tolerance the error lies, and up to `most` would (four
-    times as many if None), it is played on until there are as many. That is done once at each point, so that
+    Where those plays do not tell on which side of the tolerance the error lies, it is played on until there
+    are as many as would, up to `most` (eight times as many if None). That is done once at each point, so that
     an error at the tolerance passes with a probability of at most 5 %.
 
     The laser visits the other points of the drive as well: each button is compared and judged, and the check
@@ -98,14 +100,14 @@ def _decided(rig: Rig, drive: Drive, seen: Drive, plays: tuple[int, int], progre
     """
     first, most = plays
     played = play(rig, drive, first, progress=progress)
-    result = compare(seen, played, rig)
-    needed = plays_needed(result.whole, result.allowed) if undecided(result) else None
-    if needed is None or needed > most:
+    result = compare(seen, played, rig, most)
+    if first >= most or not undecided(result):
         return result
     # Some more than would do: the noise that tells how many is itself known from few plays.
+    needed = plays_needed(result.whole, result.allowed) or most
     count = min(most, needed + (needed - first + 2) // 3)
     tell = part_of(progress, f"Check the {drive.button} button, which needs {count} plays", 0, count - first)
-    return compare(seen, joined(played, play(rig, drive, max(count - first, 1), progress=tell)), rig)
+    return compare(seen, joined(played, play(rig, drive, count - first, progress=tell)), rig)
 
 
 def _silence(rig: Rig, drive: Drive, point: str, played: Played) -> Silence:
@@ -123,15 +125,18 @@ def _silence(rig: Rig, drive: Drive, point: str, played: Played) -> Silence:
     )
 
 
-def compare(drive: Drive, played: Played, rig: Rig) -> Check:
-    """Compare measured plays with the target of their drive."""
+def compare(drive: Drive, played: Played, rig: Rig, most: int = 0) -> Check:
+    """Compare measured plays with the target of their drive.
+
+    `most`, if larger than their number, is that of the plays there may be: see `resolved`.
+    """
     rate_hz = played.rate_hz
     target = targets_of(drive, rate_hz)[0]
     accelerations = played.accelerations[:, : len(target)]
     in_band = lines_inside(drive.band, len(target), rate_hz)
     every = error_spectra(accelerations, target)
     f = np.arange(every.shape[1]) * rate_hz / len(target)
-    top = _judged_to(every, f, drive, played.judged_hz)
+    top = _judged_to(every, f, drive, played.judged_hz, most)
     below = (f < top) | (top == played.judged_hz)
     inside = in_band[below]
     missed = every[:, below]
@@ -172,6 +177,7 @@ def compare(drive: Drive, played: Played, rig: Rig) -> Check:
         dependent=dependent,
         overload=played.overload,
         limit=rig.limits.peak,
+        monitor_noise=played.monitor_noise,
         volts=tuple(
             (patch, got, float(np.abs(own).max()))
             for patch, got, own in zip(drive.patches, played.peaks, drive.volts, strict=True)
@@ -199,21 +205,26 @@ def resolved(drive: Drive, top: float, told: Callable[[float], float]) -> float:
     `told` returns the error that all plays tell up to a frequency (Hz). Twice differentiated, the noise of a
     sensor up to the corner of its filter leaves nothing to be told in any number of plays. Motion is then
     judged to the highest edge at which they tell half of the tolerance, and above which the drive states a
-    bound.
+    bound. Where that bound leaves no room for an error of half the tolerance, it is judged to the frequency
+    that leaves most, if one leaves so much.
     """
-    if told(top) <= TOLERANCE / 2:
-        return top
-    edges = [edge for edge in drive.above[0] if drive.band[1] < edge < top and told(edge) <= TOLERANCE / 2]
-    return float(max(edges, default=top))
+    own = drive.above[:, (drive.above[0] > drive.band[1]) & (drive.above[0] < top)]
+    beyond = float(np.interp(top, *drive.above)) if np.any(drive.above[0] > top) else 0.0
+    bounds = dict(zip(own[0].tolist(), own[1].tolist(), strict=True)) | {top: beyond}
+    errors = {edge: told(edge) for edge in bounds}
+    judged = max((edge for edge in bounds if errors[edge] <= TOLERANCE / 2), default=top)
+    amiss = {edge: float(np.hypot(errors[edge], bounds[edge])) for edge in bounds}
+    widest = min(amiss, key=lambda edge: amiss[edge])
+    return widest if amiss[widest] <= _ROOM < amiss[judged] else judged
 
 
-def _judged_to(missed: ComplexArray, f: FloatArray, drive: Drive, top: float) -> float:
+def _judged_to(missed: ComplexArray, f: FloatArray, drive: Drive, top: float, most: int) -> float:
     """`resolved` by the plays' noise, in as many as there may be; what is too large up to `top` stays so."""
     own = np.sum(np.abs(missed - missed.mean(axis=0)) ** 2, axis=0) / (len(missed) - 1)
-    most = sizes.MORE_PLAYS * max(len(missed), _PLAYS)
+    plays = max(most, len(missed))
     if shared_power(missed).interval[0] > TOLERANCE:
         return top
-    return resolved(drive, top, lambda edge: float(np.sqrt(told_by_noise(np.sum(own[f < edge] ** 2), most))))
+    return resolved(drive, top, lambda edge: float(np.sqrt(told_by_noise(np.sum(own[f < edge] ** 2), plays))))
 
 
 def _above(

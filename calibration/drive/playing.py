@@ -49,6 +49,8 @@ class Played:
     """Largest voltage (V) at each patch of the drive."""
     overload: str | None
     """Sentence about the signal that left its range, if any."""
+    monitor_noise: float = 0.0
+    """Standard deviation (V) at rest of the monitor of the patch that has most."""
     tones_hz: FloatArray = field(default_factory=lambda: np.zeros(0))
     """(tones,) Hz: steady tones of the background that were taken out of every play."""
     tones_rms: float = 0.0
@@ -88,7 +90,7 @@ def play_by_turns(
     top = judged_to(rig, one.rate_hz)
     factor = int(one.rate_hz // (2 * top))
     leads = rests(plays * len(drives), one.rate_hz, factor, (rig.name, one.button, one.point, *one.patches))
-    records, above, peaks, problems = [], [], [], []
+    records, above, peaks, calm, problems = [], [], [], [], []
     for number, lead in enumerate(leads):
         # Zero volts first: a rest of a length that no tone of the background is in step with.
         volts = {p: np.pad(own, (lead, 0)) for p, own in drives[number % len(drives)].by_patch.items()}
@@ -96,7 +98,9 @@ def play_by_turns(
         acceleration, shown = _acceleration(rig, capture, top, factor, lead)
         above.append(shown[lead : lead + len(one.target)])
         records.append(Record(acceleration, (slice(round(_EDGE * one.rate_hz) // factor, lead // factor),)))
-        peaks.append(_peaks(rig, capture, one.patches))
+        volts_at = _monitored(rig, capture, one.patches)
+        peaks.append(np.abs(volts_at).max(axis=1))
+        calm.append(volts_at[:, round(_EDGE * one.rate_hz) : lead].std(axis=1).max())
         problems.append(overloaded(rig, capture))
         progress("Play", number + 1, len(leads), "plays")
     rate_hz = one.rate_hz / factor
@@ -108,8 +112,9 @@ def play_by_turns(
         own = slice(turn, None, len(drives))
         accelerations, kept, rms = _calmed(records[own], samples, tones, rate_hz)
         overload = next((p for p in problems[own] if p), None)
-        most = tuple(np.max(peaks[own], axis=0).tolist())
-        found.append(Played(accelerations, rate_hz, top, most, overload, kept, rms, above_hz, shares[own]))
+        most, noise = tuple(np.max(peaks[own], axis=0).tolist()), float(np.median(calm[own]))
+        heard_at = (kept, rms, above_hz, shares[own])
+        found.append(Played(accelerations, rate_hz, top, most, overload, noise, *heard_at))
     return found
 
 
@@ -176,6 +181,7 @@ def joined(first: Played, more: Played) -> Played:
         accelerations=np.concatenate([first.accelerations, more.accelerations]),
         peaks=tuple(np.maximum(first.peaks, more.peaks).tolist()),
         overload=first.overload or more.overload,
+        monitor_noise=max(first.monitor_noise, more.monitor_noise),
         tones_hz=max((first.tones_hz, more.tones_hz), key=len),
         tones_rms=max(first.tones_rms, more.tones_rms),
         above=np.concatenate([first.above, more.above]),
@@ -212,8 +218,8 @@ def _above(signals: FloatArray, rate_hz: float, top: float) -> tuple[FloatArray,
     return f[kept], scipy.fft.rfft(signals)[:, kept] * (np.sqrt(2) / signals.shape[1])
 
 
-def _peaks(rig: Rig, capture: Capture, patches: Sequence[str]) -> list[float]:
+def _monitored(rig: Rig, capture: Capture, patches: Sequence[str]) -> FloatArray:
+    """(patches, samples) V at the patches, as their monitors show them."""
     assert rig.sensors.drive is not None
     monitors = [capture.channels.index(rig.monitor(patch)) for patch in patches]
-    volts = np.abs(rig.sensors.drive.to_si(capture.volts[monitors]))
-    return [float(most) for most in volts.max(axis=1)]
+    return np.asarray(rig.sensors.drive.to_si(capture.volts[monitors]))

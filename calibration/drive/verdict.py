@@ -17,7 +17,11 @@ LEAST_MOVED = 0.3
 """Share of the target in the measured motion, below which the surface counts as not following the drive."""
 UNSEEN = "the patch is not connected, or the laser does not see the surface"
 _EXCESS = 1.02
-"""Measured volts over the limit that are attributed to the monitor's noise and gain error."""
+"""Measured volts over the limit that are attributed to the monitor's gain error."""
+_STRAY = 5.0
+"""Deviations of the monitor's noise at rest that the largest of a million samples is off by."""
+_LOUD = 0.05
+"""Largest share of the limit that is attributed to that noise: an amplifier that oscillates is no noise."""
 _ARRIVES = 0.8
 """Share of a patch's volts that have to be measured at it."""
 _FACTOR = 0.05
@@ -46,6 +50,8 @@ class Signs:
     """Sentence about a signal that left its range."""
     limit: float
     """The rig's largest voltage (V)."""
+    monitor_noise: float = 0.0
+    """Standard deviation (V) of what the monitor shows at rest."""
     volts: tuple[tuple[str, float, float], ...] = ()
     """Of each patch its name, the largest volts that were measured at it, and those of the drive."""
 
@@ -121,7 +127,8 @@ def _failures(result: Check, signs: Signs) -> list[str]:
     drive, failures = result.drive, []
     if signs.overload:
         failures.append(signs.overload)
-    if result.drive_measured_peak > _EXCESS * signs.limit:
+    noise = min(_STRAY * signs.monitor_noise, _LOUD * signs.limit)
+    if result.drive_measured_peak > _EXCESS * signs.limit + noise:
         failures.append(
             f"The patch got {result.drive_measured_peak:.1f} V, and the rig's limit is {signs.limit:.1f} V."
         )

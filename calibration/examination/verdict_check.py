@@ -30,7 +30,7 @@ _LOWEST_HZ = 20.0
 
 
 def check_verdicts(rig: Rig, drives: Mapping[str, Drive]) -> Iterator[Finding]:
-    """Tell which error this laser, in this range, decides in 8 and in 32 plays, also of `drives` by name."""
+    """Tell which error this laser, in this range, decides in 8 and in 64 plays, also of `drives` by name."""
     rig.operator.tell(Rest(_SECONDS))
     rate_hz, channel = rig.table.rate_hz, rig.vibrometer.channel
     with rig.daq.stream((channel,), rate_hz, round(rate_hz / 10), round(_SECONDS * rate_hz)) as stream:

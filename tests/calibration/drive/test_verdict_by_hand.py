@@ -54,12 +54,15 @@ def judged(
     plays: int = 5,
     peak: float = 40.0,
     overload: str | None = None,
+    monitor_noise: float = 0.0,
     **drive: Any,
 ) -> Check:
     """Each play moves by its share of the target, something outside the band, and noise of its own."""
     shares = np.broadcast_to(share, plays)
     moved = np.array([shares[k] * TARGET + outside * OUTSIDE + spread * noise(k) for k in range(plays)])
-    return compare(replace(DRIVE, **drive), Played(moved, RATE, 1000.0, (peak,), overload), RIG)
+    return compare(
+        replace(DRIVE, **drive), Played(moved, RATE, 1000.0, (peak,), overload, monitor_noise), RIG
+    )
 
 
 # Figures
@@ -117,7 +120,7 @@ def test_tones_that_were_taken_out_are_told_from_five_percent_of_the_target_on(
     share: float, told: bool
 ) -> None:
     rms = share * np.sqrt(2.0)  # of a sine of 2 m/s^2
-    played = Played(np.array([TARGET] * 3), RATE, 1000.0, (40.0,), None, np.array([50.0]), rms)
+    played = Played(np.array([TARGET] * 3), RATE, 1000.0, (40.0,), None, 0.0, np.array([50.0]), rms)
     found = compare(DRIVE, played, RIG)
     assert found.tones.share == pytest.approx(share, rel=1e-3)
     said = [note for note in found.notes if "steady tones at 50.0 Hz" in note]
@@ -180,6 +183,18 @@ def test_a_check_that_nobody_can_have_measured_is_refused(wrong: dict[str, Any],
         ({"overload": "The laser left its range."}, "fail", "The laser left its range."),
         ({"peak": 50.9}, "pass", ""),
         ({"peak": 51.1}, "fail", "The patch got 51.1 V, and the rig's limit is 50.0 V."),
+        # The noise of a monitor of 12 bits explains five of its deviations, and no more than 5 %.
+        ({"peak": 52.4, "monitor_noise": 0.3}, "pass", ""),
+        (
+            {"peak": 52.6, "monitor_noise": 0.3},
+            "fail",
+            "The patch got 52.6 V, and the rig's limit is 50.0 V.",
+        ),
+        (
+            {"peak": 53.6, "monitor_noise": 5.0},
+            "fail",
+            "The patch got 53.6 V, and the rig's limit is 50.0 V.",
+        ),
         ({"peak": 32.01}, "pass", ""),
         (
             {"peak": 31.9},

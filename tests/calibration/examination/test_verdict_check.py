@@ -23,7 +23,7 @@ def test_doctor_says_beforehand_what_a_check_will_tell(open: OpenRig, drive: Dri
 
 
 def test_a_laser_that_cannot_tell_is_said_before_anything_is_played(open: OpenRig, drive: Drive) -> None:
-    rig = open(vibrometer_noise_scale=40.0)
+    rig = open(vibrometer_noise_scale=200.0)
     general, of_it = check_verdicts(rig, {"push": drive})
     assert general.sentence.startswith("Up to 5000 Hz, 8 plays tell 20% of error of a target of")
     assert of_it.status == "red" and "choose a smaller range or filter" in of_it.sentence
