@@ -132,7 +132,7 @@ def test_a_few_plays_are_told_how_many_would_show_it(
     tamper(
         calibrated.rig,
         monkeypatch,
-        laser=lambda v: (1 + 0.04 * noise.standard_normal()) * v * 0.88,
+        laser=lambda v: (1 + 0.10 * noise.standard_normal()) * v * 0.82,
     )
     result = check(calibrated.rig, drive, plays=3, most=3)
     assert result.verdict == "not shown"
@@ -191,7 +191,7 @@ def test_a_play_unlike_the_others_is_no_pass(
     tamper(calibrated.rig, monkeypatch, laser=shaken)
     result = check(calibrated.rig, drive, plays=6)
     assert result.verdict == "not shown" and "check again" in result.reasons[0]
-    assert re.match(r"Play 5 of \d+ differs from all others by 50", result.notes[0])
+    assert any(re.match(r"Play 5 of \d+ differs from all others by 50", note) for note in result.notes)
 
 
 def test_what_was_played_before_does_not_change_the_verdict(open: OpenRig, drive: Drive) -> None:
