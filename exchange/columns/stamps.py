@@ -43,7 +43,7 @@ def is_stamp(text: str) -> bool:
 
 def unclear(texts: Sequence[str]) -> str:
     """Of times like 12:04, which may be mm:ss or hh:mm: this doubt; "" where a fraction says mm:ss."""
-    one = next((text for text in texts if is_stamp(text)), "")
+    one = next((text for text in texts if any(map(str.isdigit, text))), "")
     if not _MINUTES.match(one) or any("." in text or "," in text for text in texts):
         return ""
     return f"{one.strip()} may be mm:ss or hh:mm"
