@@ -202,7 +202,9 @@ def contradiction(name: str, unit: str) -> str:
     """What a name with a factor or another unit says against `unit`: `Force/100`, `Force (kN)`, in N."""
     if unit and (factor := _TIMES.search(name[-200:])):
         return f"it is called {name!r}, and {factor[0].strip()} may be in its numbers or not"
-    inner = [split_heading(name)[1], *(one["unit"] for one in _WITHIN.finditer(name[-200:]))]
+    before, own = split_heading(name)
+    inner = ["" if before[-1:].isdigit() else own]  # a cell for 10 kg may show N
+    inner += [one["unit"] for one in _WITHIN.finditer(name[-200:])]
     inner += [found[2] for sign in (" in ", "/") if (found := name.rpartition(sign))[1]]
     for text in inner:
         known = units_of(text)

@@ -577,6 +577,7 @@ CASES = (
         peaks=SURE,
         notes=("Judge is text", "Position is text"),
     ),
+    Case("a range is no unit", timed("Time (s),Load cell 10 kg (N)"), 5000, peaks=SURE),
     Case("(L) is no litre", timed("Time (s) [s],Force (L) [N]"), 5000, peaks=SURE),
     # Times of minutes, factors, thousands, errors of spreadsheets
     *(
