@@ -37,8 +37,8 @@ class Actuator(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     kind: Literal["piezo", "coil"]
-    capacitance: Positive | None = None
-    """piezo: F."""
+    capacitance: Annotated[float, Field(strict=True, ge=1e-12, le=1e-3)] | None = None
+    """piezo: F. The largest stacks have some tens of µF."""
     min: NotPositive | None = None
     """piezo: lowest voltage (V); 0 for one that takes no negative voltage."""
     max: Positive | None = None

@@ -27,8 +27,9 @@ class Channel(_Section):
     """Terminal configuration; the product's own unless another is named."""
     coupling: Literal["ac", "dc"] | None = None
     """Coupling of an input that has both; the product's own unless one is named."""
-    excitation: Positive | None = None
-    """Current that the input supplies to an IEPE sensor (A); none unless one is named."""
+    excitation: Annotated[float, Field(strict=True, gt=0, le=0.02)] | None = None
+    """Current that the input supplies to an IEPE sensor (A); none unless one is named. None takes more
+    than 20 mA."""
     bridge: Literal["full", "half", "quarter"] | None = None
     """Bridge whose supply and completion the input has; its rows are still volts at the terminal."""
     bridge_excitation: Positive = 2.5

@@ -96,6 +96,18 @@ def test_what_a_rig_takes_from_its_base_is_to_look_up(name: str, tmp_path: Path)
         ('channels = ["force"]', 'channels = ["Force"]', 22, "no channel 'Force'; did you mean 'force'?"),
         ('"Dev1/ai0"', '"Dev2/ai0"', 11, "force is wired to Dev2, which is none of devices (Dev1)"),
         ('"Dev1/ao0"', '"Dev2/ao0"', 18, "amplifier is wired to Dev2, which is none of devices"),
+        (
+            "capacitance = 90e-9",
+            "capacitance = 90",
+            56,
+            "actuator.capacitance must be 0.001 or less (found 90)",
+        ),
+        (
+            "range = 5, config",
+            "range = 5, excitation = 2, config",
+            13,
+            "excitation must be 0.02 or less (found 2)",
+        ),
         ('"USB-6211"', '"usb6211"', 9, "NI calls no card 'usb6211': did you mean 'USB-6211'?"),
         ('"USB-6211"', '"NI9234"', 9, "did you mean 'NI 9234'?"),
         (
