@@ -17,6 +17,7 @@ from .rig_file import roles as roles
 from .rig_reading import fault_kinds as fault_kinds
 from .rig_reading import load_rig_file as load_rig_file
 from .rig_reading import problems_of as problems_of
+from .rig_reading import rig_text as rig_text
 from .rig_reading import shipped_rig as shipped_rig
 from .rig_reading import shipped_rigs as shipped_rigs
 from .toml_lines import key_lines as key_lines

@@ -101,7 +101,7 @@ def _merged_raw(path: Path, above: tuple[Path, ...]) -> tuple[dict[str, Any], li
         raise ConfigurationError(
             f"{above[-1]}: the base {path} is itself based on this file: use another base."
         )
-    text = _read(path)
+    text = rig_text(path)
     raw = parse_toml(text, path)
     places = (str(path), key_lines(text))
     _read_beside(raw, path)
@@ -175,7 +175,8 @@ def fault_kinds() -> Mapping[str, type[BaseModel]]:
     return kinds
 
 
-def _read(path: Path) -> str:
+def rig_text(path: Path) -> str:
+    """Text of a rig file, or of the shipped rig of a bare name. Raises ConfigurationError."""
     # A folder that is named like a rig, as of a calibration of it, is no rig file.
     if path.suffix == "" and path.name == str(path) and not path.is_file():
         return shipped_rig(path.name)

@@ -11,7 +11,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..config import RigFile, load_rig_file, problems_of, read_text, shipped_rig
+from ..config import RigFile, load_rig_file, problems_of, rig_text, shipped_rig
 from ..files import check_destination, new_file
 from .found import Found
 
@@ -84,7 +84,7 @@ def rig_problems(path: str | Path) -> list[str]:
 
 def to_look_up(path: str | Path) -> list[str]:
     """Lines of a rig file that are still marked, each with its number. Raises ConfigurationError."""
-    text = read_text(Path(path), f"There is no rig file {path}.")
+    text = rig_text(Path(path))
     return [
         f"line {number}: {line.partition('#')[0].strip()}"
         for number, line in enumerate(text.splitlines(), 1)

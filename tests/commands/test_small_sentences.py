@@ -22,11 +22,13 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_folder_that_is_named_like_a_shipped_rig_hides_it_not(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: Run
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "usb-6211").mkdir()
     assert haploop.load_rig_file("usb-6211").name == "usb-6211"
+    checked = run("rig", "check", "usb-6211")
+    assert checked.exit_code == 0, checked.output
 
 
 def test_one_recording_and_a_folder_are_represented(recorded: Path, run: Run, tmp_path: Path) -> None:
