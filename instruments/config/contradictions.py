@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from .sensor_contradictions import sensor_contradictions
+from .sensor_contradictions import sensor_contradictions, unknown_channels
 from .toml_lines import Location
 
 if TYPE_CHECKING:
@@ -32,6 +32,7 @@ def contradictions(file: RigFile, settings: Mapping[str, Any]) -> Iterator[tuple
     for role, own in settings.items():
         for key, clause in getattr(own, "contradictions", lambda _file: ())(file):
             yield (role, key), clause
+    yield from unknown_channels(file)
 
 
 def range_of(file: RigFile, kind: str, name: str) -> float | None:

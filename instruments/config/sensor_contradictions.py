@@ -21,7 +21,6 @@ _SLACK = 1.05
 
 def sensor_contradictions(file: RigFile) -> Iterator[tuple[Location, str]]:
     """Yield the place and the clause of each."""
-    yield from _of_the_names(file)
     yield from _of_the_terminals(file)
     yield from _of_the_switch(file)
     for quantity, sensor in file.sensors.linear.items():
@@ -50,8 +49,8 @@ def _told(file: RigFile, channel: str) -> Mapping[str, Any]:
     return told if isinstance(told, Mapping) else {}
 
 
-def _of_the_names(file: RigFile) -> Iterator[tuple[Location, str]]:
-    """Channels that no DAQ of the file describes."""
+def unknown_channels(file: RigFile) -> Iterator[tuple[Location, str]]:
+    """Yield the place and the clause of each channel of a sensor that no DAQ of the file describes."""
     tables = [one.settings.get("channels") for one in (file.daq, file.adc) if one is not None]
     names = [name for table in tables if isinstance(table, Mapping) for name in table]
     if not all(isinstance(table, Mapping) for table in tables):
