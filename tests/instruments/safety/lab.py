@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -65,6 +66,7 @@ class Lab:
     def forget(rig: Rig) -> None:
         """The rig's program is killed: its locks are gone, and nothing of it is closed."""
         rig._stack.pop_all()
+        gc.collect()  # from Python 3.13 on, the locks are in a cycle
         rig._signals.close()
         for piece in rig.hardware:
             lock._held.discard(piece)
