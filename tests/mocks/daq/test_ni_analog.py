@@ -306,14 +306,15 @@ def test_regenerated_output_goes_round(options: nidaqmx.GrpcSessionOptions) -> N
 
 def test_output_without_regeneration_paces_its_writer_and_reports_a_late_one(task: nidaqmx.Task) -> None:
     task.ao_channels.add_ao_voltage_chan("Card/ao0")
-    task.timing.cfg_samp_clk_timing(50_000, sample_mode=AcquisitionType.CONTINUOUS)
+    task.timing.cfg_samp_clk_timing(10_000, sample_mode=AcquisitionType.CONTINUOUS)
     task.out_stream.regen_mode = RegenerationMode.DONT_ALLOW_REGENERATION
     task.out_stream.output_buf_size = 1000
     task.write(np.zeros(1000))
     task.start()
     for _ in range(20):
         task.write(np.zeros(1000), timeout=5)
-    # Host buffer and the card's 8,191 samples were full, so that the rest had to wait.
+    # Host buffer and the card's 8,191 samples were full, so that the rest had to wait. At this rate, a busy
+    # computer has 0.9 s for the next write.
     assert task.out_stream.total_samp_per_chan_generated >= 21_000 - 1000 - 8191
     with pytest.raises(nidaqmx.DaqWriteError) as short:
         task.write(np.zeros(100_000), timeout=0.05)
