@@ -17,9 +17,9 @@ from .rates import fast_enough as fast_enough
 from .rates import require_rate as require_rate
 from .registration import WarpModel as WarpModel
 from .representative import Representative as Representative
-from .representative import Window as Window
-from .representative import load_press as load_press
-from .representative import representative as representative
+from .representing import Window as Window
+from .representing import load_press as load_press
+from .representing import representative as representative
 from .restlessness import restlessness as restlessness
 from .segmentation import ButtonPress as ButtonPress
 from .segmentation import Detector as Detector
