@@ -88,7 +88,7 @@ def play_by_turns(
     settle(rig, one.patches)
     channels = (*dict.fromkeys(map(rig.monitor, one.patches)), rig.vibrometer.channel)
     top = judged_to(rig, one.rate_hz)
-    factor = int(one.rate_hz // (2 * top))
+    factor, edge = int(one.rate_hz // (2 * top)), round(_EDGE * one.rate_hz)
     leads = rests(plays * len(drives), one.rate_hz, factor, (rig.name, one.button, one.point, *one.patches))
     records, above, peaks, calm, problems = [], [], [], [], []
     for number, lead in enumerate(leads):
@@ -97,10 +97,10 @@ def play_by_turns(
         capture = rig.excite_each(volts, channels, tail + _TAIL)
         acceleration, shown = _acceleration(rig, capture, top, factor, lead)
         above.append(shown[lead : lead + len(one.target)])
-        records.append(Record(acceleration, (slice(round(_EDGE * one.rate_hz) // factor, lead // factor),)))
-        volts_at = _monitored(rig, capture, one.patches)
-        peaks.append(np.abs(volts_at).max(axis=1))
-        calm.append(volts_at[:, round(_EDGE * one.rate_hz) : lead].std(axis=1).max())
+        records.append(Record(acceleration, (slice(edge // factor, lead // factor),)))
+        monitored = _monitored(rig, capture, one.patches)
+        peaks.append(np.abs(monitored).max(axis=1))
+        calm.append(monitored[:, edge:lead].std(axis=1).max())
         problems.append(overloaded(rig, capture))
         progress("Play", number + 1, len(leads), "plays")
     rate_hz = one.rate_hz / factor
@@ -112,9 +112,20 @@ def play_by_turns(
         own = slice(turn, None, len(drives))
         accelerations, kept, rms = _calmed(records[own], samples, tones, rate_hz)
         overload = next((p for p in problems[own] if p), None)
-        most, noise = tuple(np.max(peaks[own], axis=0).tolist()), float(np.median(calm[own]))
-        heard_at = (kept, rms, above_hz, shares[own])
-        found.append(Played(accelerations, rate_hz, top, most, overload, noise, *heard_at))
+        found.append(
+            Played(
+                accelerations=accelerations,
+                rate_hz=rate_hz,
+                judged_hz=top,
+                peaks=tuple(np.max(peaks[own], axis=0).tolist()),
+                overload=overload,
+                monitor_noise=float(np.median(calm[own])),
+                tones_hz=kept,
+                tones_rms=rms,
+                above_hz=above_hz,
+                above=shares[own],
+            )
+        )
     return found
 
 
