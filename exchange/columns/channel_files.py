@@ -139,7 +139,7 @@ _PLACES = {"patch": "patches", "point": "points"}
 def netcdf(path: Path) -> tuple[list[Column], dict[str, Any], dict[str, Any]]:
     """Variables over the longest dimension, unpacked as CF says, and the file's own attributes.
 
-    Of a file over frequency, its arrays and texts in place of variables.
+    Beside these its columns of text; of a file over frequency its arrays too, in place of the variables.
     """
     import scipy  # noqa: PLC0415 - a second
 
@@ -148,27 +148,25 @@ def netcdf(path: Path) -> tuple[list[Column], dict[str, Any], dict[str, Any]]:
     with scipy.io.netcdf_file(path, "r", mmap=False, maskandscale=False) as opened:
         file: Any = opened  # its attributes are known to it alone
         lengths = [one.shape[0] for one in file.variables.values() if len(one.shape) == 1]
+        over_frequency = "frequency" in file.variables
         for name, variable in file.variables.items():
             said = {key: _text(value) for key, value in variable._attributes.items()}
             values = np.asarray(variable[:] if variable.shape else variable.getValue())
-            if values.dtype.kind == "S" and values.ndim == 2:
-                beside[_PLACES.get(name, name)] = [b"".join(row).decode(errors="replace") for row in values]
-            if values.dtype.kind not in "iuf" or values.ndim != 1 or len(values) < max(lengths):
-                continue
-            found = np.asarray(
-                unpacked(values.astype(values.dtype.newbyteorder("=")), said), dtype=np.float64
-            )
-            unit = str(said.get("units", "")).partition(" since ")[0]
-            doubt = factor_beside({key: said[key] for key in said if key not in CF})
-            columns.append(Column(name, unit, found, doubt=doubt))
-        about = {key: _text(value) for key, value in file._attributes.items()}
-        over_frequency = "frequency" in file.variables
-        for name, variable in file.variables.items() if over_frequency else ():
-            values = np.array(variable[:])
-            if values.dtype.kind != "S":
+            if values.dtype.kind == "S":
+                if values.ndim == 2:
+                    beside[_PLACES.get(name, name)] = [
+                        b"".join(row).decode(errors="replace") for row in values
+                    ]
+            elif over_frequency:
                 beside[name] = values.astype(np.float64)
-                beside[f"{name}.units"] = _text(variable._attributes.get("units", ""))
-    return ([] if over_frequency else columns), about, beside
+                beside[f"{name}.units"] = said.get("units", "")
+            elif values.dtype.kind in "iuf" and values.ndim == 1 and len(values) == max(lengths):
+                raw = unpacked(values.astype(values.dtype.newbyteorder("=")), said)
+                unit = str(said.get("units", "")).partition(" since ")[0]
+                doubt = factor_beside({key: said[key] for key in said if key not in CF})
+                columns.append(Column(name, unit, np.asarray(raw, dtype=np.float64), doubt=doubt))
+        about = {key: _text(value) for key, value in file._attributes.items()}
+    return columns, about, beside
 
 
 def _text(value: Any) -> Any:
