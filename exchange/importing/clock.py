@@ -83,9 +83,10 @@ def unit_of_time(
             if hz is not None and abs(step * factor * hz - 1) < _AGREE:
                 return factor, name
     name = column.heading or f"column {number}"
-    told_of = [column.doubt] * bool(column.doubt) + [f"{name} rises by {step:.3g} a sample"] * (step > 0)
+    rises = f"{name} rises by {step:.3g} a sample" if step > 0 else ""
+    why = "; ".join(filter(None, (column.doubt, rises))) or name
     option = "--unit time=mm:ss or --unit time=hh:mm" if "hh:mm" in column.doubt else "--unit time=ms"
-    return Question("unit time", f"the unit of its time ({'; '.join(told_of) or name})", option)
+    return Question("unit time", f"the unit of its time ({why})", option)
 
 
 def base_of(
