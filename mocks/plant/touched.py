@@ -23,6 +23,7 @@ import numpy as np
 
 from ...instruments.arrays import ComplexArray, FloatArray
 from .contact import Contact
+from .coupled import Coupled
 from .modal import ModalPoles, Modes, Passing, Power, Seeing, low_passes
 from .poles import Poles
 
@@ -78,39 +79,22 @@ class TouchedPoles:
     _weights: dict[tuple[tuple[float, float], bool], ComplexArray] = field(default_factory=dict)
 
     @cached_property
-    def _system(self) -> tuple[FloatArray, FloatArray]:
-        """X' = A x + B volts; x are displacements of modes and bodies, then their velocities."""
-        modes, bodies, count = self.modes, len(self.contacts), len(self.modes.natural_hz)
-        mass, stiffness, damping = _matrices(modes, self.contacts)
-        n = count + bodies
-        A = np.zeros((2 * n, 2 * n))
-        A[:n, n:] = np.eye(n)
-        A[n:, :n], A[n:, n:] = -stiffness / mass[:, None], -damping / mass[:, None]
-        B = np.zeros((2 * n, len(modes.coupling)))
-        B[n : n + count] = np.array(list(modes.coupling.values())).T
-        return A, B
+    def _own(self) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+        """See `Coupled.solved`."""
+        return Coupled(self.modes, self.contacts).solved()
 
     @cached_property
-    def _own(self) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-        """Poles of modes and bodies, one of each pair; their vectors (doubled), and how a state has them."""
-        values, vectors = np.linalg.eig(self._system[0])
-        kept = values.imag >= 0
-        inverse = np.linalg.inv(vectors)[kept]
-        doubled = vectors[:, kept] * np.where(values[kept].imag > 0, 2.0, 1.0)
-        return (
-            values[kept].astype(np.complex128),
-            doubled.astype(np.complex128),
-            inverse.astype(np.complex128),
-        )
+    def _inputs(self) -> ComplexArray:
+        """How each patch drives the poles of modes and bodies, (poles, patches)."""
+        return np.asarray(self._own[2][:, self._velocities] @ np.array(list(self.modes.coupling.values())).T)
 
     @cached_property
     def poles(self) -> Poles:
         """The poles of all, and how each patch drives them."""
-        own, _, inverse = self._own
-        patches = len(self.modes.coupling)
+        own, patches = self._own[0], len(self.modes.coupling)
         chain = np.tile([-pole for pole in self.driving], patches)
         seen = np.repeat([-pole for pole in self.seeing.poles], len(self.modes.natural_hz))
-        inputs = [inverse @ self._system[1], np.repeat(np.eye(patches), len(self.driving), axis=0)]
+        inputs = [self._inputs, np.repeat(np.eye(patches), len(self.driving), axis=0)]
         for pole in self.seeing.poles:
             inputs.append(self._forced(-pole)[self._velocities] * low_passes(complex(-pole), self.driving))
         return Poles(np.concatenate([own, chain, seen]), np.concatenate(inputs))
@@ -123,8 +107,8 @@ class TouchedPoles:
 
     def _forced(self, s: float) -> FloatArray:
         """State per volt behind the driving chain, at a real s: (states, patches)."""
-        A, B = self._system
-        return np.asarray(np.linalg.solve(s * np.eye(len(A)) - A, B))
+        own, vectors, _ = self._own
+        return np.asarray((vectors @ (self._inputs / (s - own)[:, None])).real)
 
     def velocity(self, place: tuple[float, float], measured: bool) -> ComplexArray:
         """See `ModalPoles.velocity`."""
@@ -214,30 +198,10 @@ def touched_velocity(
     modes: Modes, contacts: Sequence[Contact], place: tuple[float, float], frequencies: FloatArray
 ) -> dict[str, ComplexArray]:
     """Return the response of each patch at a place (m/s per V), at `frequencies` (Hz), under contacts."""
-    mass, stiffness, damping = _matrices(modes, contacts)
-    s = 2j * np.pi * np.asarray(frequencies, dtype=np.float64)[:, None, None]
-    count, bodies = len(modes.natural_hz), len(contacts)
-    forces = np.zeros((count + bodies, len(modes.coupling)))
-    forces[:count] = mass[:count, None] * np.array(list(modes.coupling.values())).T
-    moved = np.linalg.solve(s**2 * np.diag(mass) + s * damping + stiffness, forces)
-    seen = (s[:, 0] * (modes.shape(place) @ moved[:, :count])).T
-    return dict(zip(modes.coupling, np.asarray(seen), strict=True))
-
-
-def _matrices(modes: Modes, contacts: Sequence[Contact]) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Masses (n,), stiffnesses and dampings (n, n) of modes and, behind them, bodies."""
-    assert modes.masses is not None
-    w, count = 2 * np.pi * modes.natural_hz, len(modes.natural_hz)
-    mass = np.concatenate([modes.masses, [one.mass for one in contacts]])
-    stiffness, damping = np.zeros((len(mass), len(mass))), np.zeros((len(mass), len(mass)))
-    stiffness[:count, :count] = np.diag(modes.masses * w**2)
-    damping[:count, :count] = np.diag(modes.masses * 2 * modes.damping * w)
-    for k, one in enumerate(contacts):
-        across = np.zeros(len(mass))
-        across[:count], across[count + k] = modes.shape(one.place), -1.0
-        stiffness += one.stiffness * np.outer(across, across)
-        damping += one.damping * np.outer(across, across)
-    return mass, stiffness, damping
+    s = np.asarray(2j * np.pi * np.asarray(frequencies), dtype=np.complex128)
+    forces = np.array(list(modes.coupling.values())).T
+    moved = Coupled(modes, contacts).displacement(s, modes.shape(place), forces)
+    return dict(zip(modes.coupling, np.asarray((s[:, None] * moved).T), strict=True))
 
 
 def _driving_shares(driving: tuple[float, ...]) -> FloatArray:
