@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 
 from ...instruments.extras import optional
+from .factors import doubt_beside
 from .hdf5_tree import CF, unpacked
 from .table import Column
-from .units import factor_beside, split_heading
+from .units import split_heading
 
 _SECOND = np.timedelta64(1, "s")
 
@@ -56,7 +57,7 @@ def tdms(path: Path) -> Iterator[Column]:
                 float(f"{1 / step:.9g}") if step > 0 else None,
                 stamps,
                 start,
-                doubt=factor_beside(said),
+                doubt=doubt_beside(said),
             )
 
 
@@ -111,7 +112,9 @@ def parquet(path: Path) -> tuple[list[Column], dict[str, Any], dict[str, Any]]:
         if values.dtype.kind in "mM":
             columns.append(Column(name, "", (values - values[0]) / _SECOND, stamps=True))
         elif values.dtype.kind in "iufb":
-            columns.append(Column(name, unit, values.astype(np.float64), also=(field.name,)))
+            columns.append(
+                Column(name, unit, values.astype(np.float64), also=(field.name,), doubt=doubt_beside(said))
+            )
         elif values.dtype.kind == "O" and all(one is None or isinstance(one, str) for one in values):
             texts[field.name] = np.array([one or "" for one in values], dtype=object)
     about = json.loads((table.schema.metadata or {}).get(b"haploop", b"{}"))
@@ -163,7 +166,7 @@ def netcdf(path: Path) -> tuple[list[Column], dict[str, Any], dict[str, Any]]:
             elif values.dtype.kind in "iuf" and values.ndim == 1 and len(values) == max(lengths):
                 raw = unpacked(values.astype(values.dtype.newbyteorder("=")), said)
                 unit = str(said.get("units", "")).partition(" since ")[0]
-                doubt = factor_beside({key: said[key] for key in said if key not in CF})
+                doubt = doubt_beside({key: said[key] for key in said if key not in CF})
                 columns.append(Column(name, unit, np.asarray(raw, dtype=np.float64), doubt=doubt))
         about = {key: _text(value) for key, value in file._attributes.items()}
     return columns, about, beside

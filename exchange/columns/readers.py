@@ -13,8 +13,9 @@ from ...instruments import ConfigurationError, DataError
 from .. import sep005_file, wav_file
 from ..views import Signals
 from . import text_file, tree_table, uff_signals
+from .factors import doubt_among
 from .table import Column, Stated, Table
-from .units import contradiction
+from .units import contradiction, is_time
 
 _SIGNALS: Mapping[str, Callable[[Path, float | None], Signals]] = {
     "wav": wav_file.read_signals,
@@ -78,11 +79,14 @@ def _read(path: Path, found: str, decimal: str | None, skip: bool, _state: tuple
         )
     if not all(len(column.values) for column in table.columns):
         raise DataError(f"{path} is empty.")
+    factor = doubt_among(table.columns)
     columns = tuple(
         replace(
             column,
             values=np.where(np.isfinite(column.values), column.values, np.nan),
-            doubt=column.doubt or contradiction(column.name, column.unit),
+            doubt=column.doubt
+            or contradiction(column.name, column.unit)
+            or ("" if column.stamps or is_time(column.name, column.unit) else factor),
         )
         for column in table.columns
     )

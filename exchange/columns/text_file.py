@@ -18,7 +18,7 @@ from .text_head import Head, enter_unit, head_of
 from .text_rates import stated_rates
 from .text_rows import Body, body_of, decoded, is_blank, is_number, measured, plain_number
 from .together import together
-from .units import Unit, unit_of, units_of
+from .units import Unit, is_time, unit_of, units_of
 
 _LABELLED = re.compile(r"([A-Za-z]\w*):\s*([-+]?\d+\.?\d*(?:[eE][-+]?\d+)?)(?=[\s,;]|\Z)")
 _MONITOR = re.compile(r"(\d{1,2}:\d{2}:\d{2}[.,:]\d+)\s*->\s?")
@@ -26,8 +26,6 @@ _MONITOR = re.compile(r"(\d{1,2}:\d{2}:\d{2}[.,:]\d+)\s*->\s?")
 _LVM_END = re.compile(r"^\*\*\*End_of_Header\*\*\*.*$", re.M)
 _UNIT_COLUMN = re.compile(r"(.*[ _])?(units?|einheit(en)?)(?![a-z]).*", re.I)
 """Headings of a column of units, beside that of their numbers."""
-_TIMED = re.compile(r"(time|zeit|uhrzeit|temps|clock|elapsed|t)(?![a-z])|\Z", re.I)
-"""Headings under which 12:04 is a time of each row, and no name of some."""
 _LEVELS: tuple[dict[str, float], ...] = (
     {"false": 0.0, "true": 1.0}, {"open": 0.0, "closed": 1.0}, {"off": 0.0, "on": 1.0},
     {"low": 0.0, "high": 1.0},
@@ -216,7 +214,9 @@ def _columns(path: Path, body: Body, head: Head, of_units: Mapping[int, list[str
 
 
 def _is_timed(head: Head, place: int) -> bool:
-    return bool(unit_of(head.units.get(place, ""), "time") or _TIMED.match(head.names.get(place, "")))
+    """Under such a heading, or none, 12:04 is a time of each row, and no name of some."""
+    name = head.names.get(place, "")
+    return not name or is_time(name, head.units.get(place, ""))
 
 
 def _numbers(cells: Sequence[str], decimal: str) -> tuple[FloatArray, list[str]]:

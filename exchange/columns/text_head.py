@@ -5,12 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import zip_longest
 from pathlib import Path
 
 from ...instruments import DataError
+from .factors import factor_in, is_factor
 from .stamps import is_stamp
 from .text_rows import Body, is_blank, is_number
-from .units import split_heading, unit_of, units_of
+from .units import is_time, split_heading, unit_of, units_of
 
 _MARKS = "#%;/!\"' "
 """Signs of a comment, before a line of headings."""
@@ -23,13 +25,6 @@ _KEYS = {
     "offset": r"h ?offset|x0",
 }
 _KEY = {what: re.compile(rf"(?:{key})\s*(?:[=:]\s*(?P<first>.*))?\Z", re.I) for what, key in _KEYS.items()}
-
-
-_FACTOR = re.compile(
-    r"(?<![a-z])(scal(e|ing)[ _-]?factor|skalierungsfaktor|skalenfaktor|multiplier|multiplied by|"
-    r"multiply by)\W+(?P<number>\d+(?:[.,]\d+)?(?:e[+-]?\d+)?)",
-    re.I)  # fmt: skip
-"""A factor between what a file holds and what its headings say."""
 
 
 @dataclass
@@ -74,17 +69,33 @@ def head_of(path: Path, body: Body, above: Sequence[list[str]]) -> Head:
     return head
 
 
-def _factors(body: Body, head: Head, filled: Sequence[list[str]]) -> None:
-    """Doubt the columns that a factor is stated for: those that it names, or all."""
-    for row in filled:
-        line = " ".join(row)
-        if (match := _FACTOR.search(line)) is None or float(match["number"].replace(",", ".")) == 1:
-            continue
-        named = [n for n in body.columns if head.names.get(n) and head.names[n].lower() in line.lower()]
-        for place in named or body.columns:
-            if not named and unit_of(head.units.get(place, ""), "time"):
-                continue
-            head.doubts.setdefault(place, f"{line.strip()[:60]!r} may be in its numbers, or not")
+def _factors(body: Body, head: Head, rows: Sequence[Sequence[str]]) -> None:
+    """Doubt the columns that factors stand above: each of a row, those that the line names, or all."""
+    headings = {cell for cells in head.also.values() for cell in cells}
+    for row, below in zip_longest(rows, rows[1:], fillvalue=()):
+        cells = [cell for cell in row if cell not in headings]
+        key, values = next(iter(cells), ""), cells[1:]
+        each: Mapping[int, str] = {}
+        if len(values) > 1 and is_factor(key) and all(is_number(cell, body.decimal) for cell in values):
+            each = {place: f"{key} {cell}" for place, cell in _placed(body, head, values).items()}
+        under = [
+            f"{cell} {value}" for cell, value in zip(row, below, strict=False)
+            if is_factor(cell) and is_number(value, body.decimal)
+        ]  # fmt: skip
+        for line in () if each else (" ".join(cells), *under):
+            places = [place for place in body.columns if _names(line, head.names.get(place, ""))]
+            each = {**each, **dict.fromkeys(places or body.columns, line)}
+        for place, line in each.items():
+            found = factor_in(line)
+            if found and found.pure and not is_time(head.names.get(place, ""), head.units.get(place, "")):
+                head.doubts.setdefault(place, found.doubt)
+            elif found and not found.pure:
+                note = f"{found.words!r} is stated, and was not applied: units are as the headings say."
+                head.notes += [] if note in head.notes else [note]
+
+
+def _names(line: str, name: str) -> bool:
+    return bool(name) and re.search(rf"(?<!\w){re.escape(name)}(?!\w)", line, re.I) is not None
 
 
 def _axis(body: Body, head: Head, keyed: Mapping[str, list[str]]) -> None:

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,13 +14,14 @@ from ...instruments import DataError
 from ...instruments.arrays import FloatArray
 from ..views import About
 from .contained import Tree, tree_of
+from .factors import doubt_beside, is_factor
 from .table import Column, Labels, Stated, Table
 from .text_file import table_of
 from .text_rates import stated_by
 from .text_rows import is_number, numeric_rows, plain_number
 from .together import together
 from .tree_responses import responses_of
-from .units import factor_beside, split_heading, unit_of, units_of
+from .units import is_time, split_heading, units_of
 
 _START = re.compile(r"(wfstartoffset|startingtime|x0|xorg|xorigin|startvalue|tstart)\Z")
 """Keys without their case, blanks and signs."""
@@ -112,11 +114,11 @@ def _columns(tree: Tree, name: str) -> Iterator[Column]:
     if holder != name and (rate, start) == (None, None):
         rate, start = _clock(tree, holder)
     stamps = said.get("stamps") == "yes"
-    factor = factor_beside({**_said(tree, above), **said})
+    factor = doubt_beside(_factors(tree, name))
     if values.ndim == 1:
         unit, doubt = _unit(tree, said, name)
         name, unit = _named(title, unit)
-        doubt = doubt or ("" if unit_of(unit, "time") else factor)
+        doubt = doubt or ("" if is_time(name.rpartition(".")[2], unit) else factor)
         yield Column(name, unit, values, rate, stamps, start, also=(title,), doubt=doubt)
         return
     rows: FloatArray = values if values.shape[0] >= values.shape[1] else values.T
@@ -144,6 +146,20 @@ def _said(tree: Tree, holder: str) -> dict[str, str | float]:
         above, _, leaf = key.rpartition(".")
         if above == holder:
             found[_plain(leaf)] = value
+    return found
+
+
+def _factors(tree: Tree, array: str) -> dict[str, Any]:
+    """Entries called as factors, but those of other arrays or of groups with other arrays."""
+    entries = {**tree.numbers, **tree.texts, **tree.lists, **tree.arrays}
+    signals = [name for name in tree.arrays if not is_factor(name.rpartition(".")[2])]
+    holders = {name.rpartition(".")[0] for name in signals} | set(signals)
+    found = {}
+    for name, value in entries.items():
+        holder, _, leaf = name.rpartition(".")
+        over = not holder or f"{array}.".startswith(f"{holder}.")
+        if is_factor(leaf) and len(np.ravel(value)) <= _WIDEST and (over or holder not in holders):
+            found[name.replace(".", "/")] = value
     return found
 
 

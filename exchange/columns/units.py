@@ -10,7 +10,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from numbers import Real
 
 from ...instruments import ConfigurationError
 
@@ -121,8 +120,7 @@ _PLAIN = {
 }
 _TIMES = re.compile(r"([/×*]|(?<![a-z])x) ?10+(?!\w)|10\^-?\d+", re.I)
 """A factor in a heading: `Force/100`, `Force x10`."""
-_FACTOR = re.compile(r"(scal(e|ing)|calibration|cal|conversion)?(factor|constant)?|multiplier|slope|gain")
-"""Names, without case and signs, of entries beside numbers that may still be to be multiplied."""
+_TIMED = re.compile(r"(time|zeit|uhrzeit|temps|clock|elapsed|t)(?![a-z])", re.I)
 _MEGA = ("MN", "MV", "MS")
 """Not taken for milli."""
 
@@ -150,6 +148,11 @@ def unit_of(text: str, quantity: str | None = None) -> Unit | None:
     if quantity is not None:
         return next((unit for unit in found if unit.quantity == quantity), None)
     return found[0] if len(found) == 1 else None
+
+
+def is_time(name: str, unit: str) -> bool:
+    """True for a column of times, by its unit or its name."""
+    return unit_of(unit, "time") is not None or _TIMED.match(name) is not None
 
 
 def _inner(heading: str) -> re.Match[str] | None:
@@ -212,15 +215,6 @@ def contradiction(name: str, unit: str) -> str:
         meant = known and (len(text.strip()) > 1 or known[0].quantity != "other")
         if unit and meant and known != units_of(unit):
             return f"it is called {name!r}, and its unit is given as {unit}"
-    return ""
-
-
-def factor_beside(entries: Mapping[str, object]) -> str:
-    """The doubt of numbers beside which an entry, by its name, is a factor other than 1; "" without one."""
-    for name, value in entries.items():
-        plain = re.sub(r"[^a-z]", "", name.lower())
-        if plain and _FACTOR.fullmatch(plain) and isinstance(value, Real) and value not in (0, 1):
-            return f"{name} = {float(value):g} may be in its numbers, or not"
     return ""
 
 

@@ -184,7 +184,11 @@ class _Finder:
         unit = unit_of(column.unit, role)
         if unit is not None and not doubt:
             return unit.factor, column.unit
-        example = f"--unit {role}={SI[role]}"
+        example = f"--unit {shlex.quote(f'{role}={column.unit}') if unit else f'{role}={SI[role]}'}"
+        if "in its numbers" in doubt:
+            example += (
+                f" where it is in them, or what one of its units is (--unit '{role}=0.01 {column.unit}')"
+            )
         what = f"the unit of {role} ({self._heading(number)})"
         if role == "force" and (mass := unit_of(column.unit, "mass")) is not None:
             example = f"--unit {shlex.quote(f'force={WEIGHTS[mass.factor]}')}"

@@ -145,6 +145,19 @@ def scaled(file: Any) -> None:
     file["force"].attrs["scale"] = 1e-3
 
 
+def _factor(holder: str, name: str, value: object) -> Callable[[Path], None]:
+    """A file with a factor at another place than the array's own."""
+
+    def fill(file: Any) -> None:
+        group = file.create_group("data")
+        two_units(group, "N", "N")
+        group["other"] = F
+        file.require_group(holder) if holder not in file else None
+        file[holder].attrs[name] = value
+
+    return _hdf5(fill)
+
+
 def two_units(file: Any, one: str = "N", other: str = "mN", name: str = "force") -> None:
     file[name], file["time"] = F, T
     file[name].attrs.update(unit=one, units=other)
@@ -356,12 +369,16 @@ ROWS: list[tuple[str, Callable[[Path], None], Right]] = [
     ("array of units.h5", _hdf5(array_of_units), {"force": F}),
     ("packed.h5", _hdf5(packed), "5 values are missing"),
     ("valid range.h5", _hdf5(_valid), "5 values are missing"),
-    ("scaled.h5", _hdf5(scaled), "scale = 0.001 may be in its numbers, or not"),
+    ("scaled.h5", _hdf5(scaled), "scale = 0.001' may be in its numbers already, or not"),
+    ("of the file.h5", _factor("/", "Gain", "100"), "'Gain = 100' may be in"),
+    ("of the group.h5", _factor("data", "ampGain", 100), "'data/ampGain = 100' may be in"),
+    ("of settings.h5", _factor("settings", "gains", [1.0, 100.0]), "'settings/gains = 100' may be in"),
+    ("of another.h5", _factor("data/other", "gain", 100), {"force": F}),
     ("two units.h5", _hdf5(two_units), "says both 'N' and 'mN'"),
     ("name against unit.h5", _hdf5(lambda file: two_units(file, "mN", "mN", "force_N")),
      "is called 'force_N', and its unit is given as mN"),
-    ("scaled.mat", _matlab(force=F, Fs=5000.0, scale=1e-3, units={"force": "N"}), "scale = 0.001 may be in"),
-    ("scaled.tdms", _tdms(("Force", F, NEWTON | {"Scale factor": 1e-3})), "Scale factor = 0.001 may be in"),
+    ("scaled.mat", _matlab(force=F, Fs=5000.0, scale=1e-3, units={"force": "N"}), "'scale = 0.001' may"),
+    ("scaled.tdms", _tdms(("Force", F, NEWTON | {"Scale factor": 1e-3})), "Scale factor = 0.001' may be in"),
     ("sides.parquet", _sides(lambda table, path: table.to_parquet(path)), "column 'side' has left, right"),
     ("sides.h5", _sides(_sides_in_hdf5), "column 'side' has left, right"),
     ("sides.nc", _sides(_sides_in_netcdf), "column 'side' has left, right"),

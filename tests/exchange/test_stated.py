@@ -627,9 +627,73 @@ CASES = (
                 "Skalierungsfaktor: 2\nTime (s),Force (N)",
                 "(Force [N]): 'Skalierungsfaktor: 2' may be in its numbers",
             ),
+            *(
+                (f"{line}\nTime (s),Force (N)", f"(Force [N]): '{said}' may be in its numbers already")
+                for line, said in (
+                    ("Gain,100", "Gain 100"),
+                    ("# gain=100", "gain=100"),
+                    ("Gain (dB),40", "Gain (dB) 40"),
+                    ("Gain setting 3", "Gain setting 3"),
+                    ("a gain of 100 was used", "a gain of 100 was used"),
+                    ("Amplification: 100x", "Amplification: 100x"),
+                    ("Scale factor 0,01", "Scale factor 0 01"),
+                    ("Amplifier gain: 1,000", "Amplifier gain: 1 000"),
+                    ("scaleFactor,0.01", "scaleFactor 0.01"),
+                    ("Sensitivity,100", "Sensitivity 100"),
+                    ("Multiplier,10", "Multiplier 10"),
+                    ("Verstärkung: 100", "Verstärkung: 100"),
+                    ("Load cell calibration factor = 420.5", "Load cell calibration factor = 420.5"),
+                    ("Scaled by 0.5", "Scaled by 0.5"),
+                    ("Gain,Range\n100,5000", "Gain 100"),
+                    ("Gain,1,100", "Gain 100"),
+                )
+            ),
         )
     ),
-    Case("a factor of 1", timed("Scale factor: 1.0\nTime (s),Force (N)"), 5000, peaks=SURE),
+    *(
+        Case(f"no factor: {line}", timed(f"{line}\nTime (s),Force (N)"), 5000, peaks=SURE, notes=notes)
+        for line, *notes in (
+            ("Scale factor: 1.0",),
+            ("Gain: 0 dB",),
+            ("Gain,1,1,1",),
+            ("Vertical Scale,0.2",),
+            ("Probe Attenuation,10",),
+            ("Full scale: 500",),
+            ("Range,10",),
+            ("Sensitivity: 100 mV/g", "'Sensitivity: 100 mV/g' is stated, and was not applied"),
+        )
+    ),
+    *(
+        Case(
+            f"a column of factors {factors}",
+            timed("Time (s),Force (N),Gain", np.resize(factors, 2500)),
+            None if asks else 5000,
+            asks=asks,
+            peaks=SURE,
+        )
+        for factors, asks in (
+            ((100,), ("'Gain = 100' may be in its numbers already",)),
+            ((10, 1000), ("'Gain = 1000' may be in",)),
+            ((1,), ()),
+        )
+    ),
+    Case(
+        "a factor, answered",
+        timed("Gain: 100\nTime (s),Force (mN)"),
+        5000,
+        {"units": {"force": "0.01 mN"}},
+        peaks={"force": 2e-5},
+    ),
+    Case(
+        "a factor, answered in the question's words",
+        timed("Gain: 100\nTime (s),Force (mN)"),
+        asks=("--unit force=mN where it is in them, or what one of its units is (--unit 'force=0.01 mN')",),
+    ),
+    Case(
+        "factors by column",
+        timed("Gain,1,1,100\nTime (s),Force (N),Travel (mm)", F),
+        asks=("(Travel [mm]): 'Gain 100'",),
+    ),
     Case(
         "a factor of another column",
         timed("Travel scale factor: 2\nTime (s),Force (N),Travel (mm)", F),
