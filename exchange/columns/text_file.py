@@ -20,7 +20,11 @@ from .text_rows import Body, body_of, decoded, is_blank, is_number, measured, pl
 from .together import together
 from .units import Unit, is_time, unit_of, units_of
 
-_LABELLED = re.compile(r"([A-Za-z]\w*):\s*([-+]?\d+\.?\d*(?:[eE][-+]?\d+)?)(?=[\s,;]|\Z)")
+_LABELLED = re.compile(
+    r"([A-Za-z][\w ]*?)\s?[:=]\s*([-+]?\d+\.?\d*(?:[eE][-+]?\d+)?)"
+    r"(?: ?(m?N|k?gf?|lb[sf]?|ozf?|m?V|[mu]?m|[mu]?s))?(?=[\s,;|]|\Z)"
+)
+"""Label, number and unit, as sketches print: `Reading: 0.1 lbs calibration_factor: -7050.00`."""
 _MONITOR = re.compile(r"(\d{1,2}:\d{2}:\d{2}[.,:]\d+)\s*->\s?")
 """The Arduino IDE's stamp before a line."""
 _LVM_END = re.compile(r"^\*\*\*End_of_Header\*\*\*.*$", re.M)
@@ -56,15 +60,17 @@ def _plain(text: str) -> str:
         rest = _MONITOR.sub("", middle)
         separator = next((sign for sign in "\t;,|" if sign in rest), " " if " " in rest.strip() else ",")
         return re.sub(rf"^{_MONITOR.pattern}", rf"\1{separator}", text, flags=re.M)
-    labels = [label for label, _ in _LABELLED.findall(middle)]
-    if not labels or _LABELLED.sub("", middle).strip(" ,;\t"):
+    labels = _LABELLED.findall(middle)
+    if not labels or _LABELLED.sub("", middle).strip(" ,;|\t"):
         return text
+    headings = [(label, unit) for label, _, unit in labels]
     rows = []
     for line in text.splitlines():
-        pairs = _LABELLED.findall(line)
-        same = [label for label, _ in pairs] == labels
-        rows.append("\t".join(value for _, value in pairs) if same else line)
-    return "\n".join(["\t".join(labels), *rows, ""])
+        found = _LABELLED.findall(line)
+        same = [(label, unit) for label, _, unit in found] == headings
+        rows.append("\t".join(value for _, value, _ in found) if same else line)
+    first = "\t".join(f"{label} [{unit}]" if unit else label for label, unit in headings)
+    return "\n".join([first, *rows, ""])
 
 
 def _segments(text: str) -> list[str]:

@@ -37,6 +37,10 @@ _BLANKS = {"", *"- -- --- nan na n/a #n/a #nv null none 1.#qnan -1.#ind inf -inf
 _BLANKS |= {"#div/0!", "#num!", "#zahl!", "#value!", "#wert!", "#ref!", "#bezug!", "#name?"}
 _OTHER = re.compile(r"[-+]?\d[\d.]*,\d+|[-+]?\d+\.\d+")
 _AMBIGUOUS = re.compile(r"[-+]?\d+,\d+\Z")
+_CLOCK = re.compile(r"(?<!\d)(\d{1,2}:\d{2}:\d{3}|\d{1,2}:\d{2}:\d{2}[:;]\d{2})(?!\d)")
+"""Milliseconds behind minutes, or behind hours; frames, of a rate that nothing states."""
+_BRACKETED = re.compile(r"\s*\(\d+[.,]\d+\)\s*\Z")
+"""Accountants' negative, or an uncertainty."""
 _SHAPES = (
     ("\t", "."), ("\t", ","), (";", "."), (";", ","), (",", "."), ("|", "."), ("", "."), ("", ","),
     (",", ","),
@@ -145,9 +149,9 @@ def body_of(path: Path, text: str, decimal: str | None = None, skip: bool = Fals
     fits = [(_fit(sample, *shape), -n, shape) for n, shape in enumerate(shapes)]
     found = max(fits, default=None, key=lambda fit: (fit[0][0], fit[2][0] != "", fit[0][1], fit[1]))
     if found is None or found[0] == (0, 0):
-        raise DataError(
-            f"{path} is no table of numbers: no row in its middle is one ({sample[0].strip()[:40]!r})."
-        )
+        what = f"{path} is no table of numbers: no row in its middle is one ({sample[0].strip()[:40]!r})."
+        clock = _CLOCK.search(sample[0])
+        raise DataError(f"{what} Write {clock[0]} as hh:mm:ss.mmm, or in seconds." if clock else what)
     separator, sign = found[2]
     named = any("," in line and re.search(r"[A-Za-z]{2}|[A-Za-z],", line) for line in filled[:_RUN])
     if separator == "," and not (decimal or named) and all(_AMBIGUOUS.match(line.strip()) for line in sample):
@@ -216,6 +220,12 @@ def numeric_rows(path: Path, rows: Sequence[list[str]], decimal: str, shape: str
     columns = _columns(sample, decimal)
     if not columns:
         raise DataError(f"{path} is no table of numbers: no row in its middle is one.")
+    closed = (row[place] for row in rows for place in columns if place < len(row) and "(" in row[place])
+    if bracketed := next(filter(_BRACKETED.match, closed), None):
+        raise DataError(
+            f"{path} has numbers in brackets, like {bracketed.strip()}, which accountants write for negative "
+            "ones: give them their signs."
+        )
     need = min(_RUN, len(sample))
     first = _first_run((_is_row(row, columns, decimal) for row in rows), need)
     if first is None:

@@ -718,6 +718,49 @@ CASES = (
         5000,
         peaks=SURE,
     ),
+    *(
+        Case(
+            f"a sketch's words: {line}",
+            "".join(line.format(500 * f) for f in F),
+            1000,
+            told,
+            peaks={"force": 1.0},
+        )
+        for line, told in (
+            (
+                "one reading:\t{0:.1f}\t| average:\t{0:.5f}\n",
+                {"rate_hz": 1000, "force": "one reading", "units": {"force": "mN"}},
+            ),
+            ("Reading: {:.4f} mN\n", {"rate_hz": 1000, "force": 0}),
+            ("Load_cell output val: {:.4f}\n", {"rate_hz": 1000, "force": 0, "units": {"force": "mN"}}),
+        )
+    ),
+    Case(
+        "a sketch's factor",
+        "".join(f"Reading: {f:.4f} mN calibration_factor: -7050.00\n" for f in F),
+        told={"rate_hz": 1000, "force": "Reading"},
+        asks=("'calibration_factor = -7050' may be in its numbers",),
+    ),
+    *(
+        Case(f"a clock {name}", "Time,Force (N)\n" + rows(map(form, range(2500)), F), asks=(asks,))
+        for name, form, asks in (
+            (
+                "with milliseconds behind minutes",
+                lambda k: f"12:{k // 1000:02d}:{k % 1000:03d}",
+                "Write 12:01:",
+            ),
+            (
+                "with frames",
+                lambda k: f"01:{k // 1500:02d}:{k // 30 % 50:02d}:{k % 30:02d}",
+                "as hh:mm:ss.mmm, or in seconds",
+            ),
+        )
+    ),
+    Case(
+        "accountants' negatives",
+        "Time (s),Force (N)\n" + rows(T, [f"{f - 0.5:.4f}" if f > 0.5 else f"({0.5 - f:.4f})" for f in F]),
+        asks=("numbers in brackets, like (0.5000)",),
+    ),
     Case("an axis that is only a unit", timed("in s,Force in N"), 5000, peaks=SURE),
     Case("kilograms are asked as kgf", timed("time (s),Load (kg)"), asks=("--unit force=kgf",)),
     Case("milligrams", timed("time (s),Load (mg)"), asks=("--unit 'force=0.001 gf'",)),
