@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import pytest
 
 from . import instruments
+from .base import errors
 
 if TYPE_CHECKING:
     from .instruments import Rig, RigFile
@@ -90,7 +91,7 @@ def _check(config: pytest.Config) -> None:
             return
         with instruments.reserve(instruments.hardware(file, None), f"The rig {file.name!r}"):
             pass  # whoever runs the tests reserves it again
-    except instruments.HaploopError as error:
+    except errors.HaploopError as error:
         raise pytest.UsageError(str(error)) from None
     workers: list[str] = config.getoption("tx", []) or []  # xdist's, if it is there
     if len(workers) > 1:
@@ -149,7 +150,7 @@ class Rigs:
         self._hold()
         try:
             return instruments.open_rig(file)
-        except (instruments.ConfigurationError, instruments.InstrumentError) as error:
+        except (errors.ConfigurationError, errors.InstrumentError) as error:
             pytest.skip(f"the rig {self.mode} could not be opened: {error}")
 
     def close(self) -> None:
@@ -165,7 +166,7 @@ class Rigs:
     def _asked_for(self) -> RigFile:
         try:
             return instruments.load_rig_file(self._path)
-        except instruments.ConfigurationError as error:
+        except errors.ConfigurationError as error:
             # An error in the file is not missing hardware: it must not cause skipped tests.
             self._end(error)
 
@@ -181,7 +182,7 @@ class Rigs:
                 self._stack.enter_context(
                     instruments.reserve(instruments.hardware(file, None), f"The rig {file.name!r}")
                 )
-            except instruments.InstrumentError as error:
+            except errors.InstrumentError as error:
                 self._end(error)
             self._held = True
 

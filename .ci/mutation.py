@@ -70,7 +70,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     ),
     "instruments/safety/machine.py": (f"{SAFETY}machine.py", f"{SAFETY}duty.py"),
     "instruments/safety/abort_monitor.py": (f"{SAFETY}abort_monitor.py",),
-    "acquisition/checksum.py": FILES,
+    "base/checksum.py": FILES,
     "acquisition/recording/file_format.py": FILES,
     "acquisition/recording/rows.py": FILES,
     "acquisition/recording/recording.py": (f"{RECORDING}derived.py", *FILES),

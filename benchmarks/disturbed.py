@@ -28,9 +28,10 @@ import numpy as np
 from benchmarks.synthetic_responses import generator
 from haploop import open_rig
 from haploop.acquisition import Representative
+from haploop.base.errors import HaploopError
 from haploop.calibration import Check, Drive, calibrate, drive_for
 from haploop.calibration.drive import check
-from haploop.instruments import Capture, HaploopError, Rig
+from haploop.instruments import Capture, Rig
 from haploop.mocks.plant import random_modal
 
 Levels = Mapping[str, Sequence[float]]

@@ -28,10 +28,10 @@ import numpy as np
 
 import haploop
 from haploop.acquisition import Representative
+from haploop.base.progress import silent
 from haploop.calibration.upkeep import History, adopt, recalibrate
 from haploop.calibration.upkeep.look import look_at
 from haploop.instruments.operator.unattended import Unattended
-from haploop.instruments.progress import silent
 
 MASSES = (0.96, 0.32, 0.096)
 FORCES = (0.25, 1.0, 5.0)

@@ -31,11 +31,11 @@ from scipy.fft import irfft, rfft, rfftfreq
 
 import haploop
 from benchmarks.table import Row
+from haploop.base.arrays import FloatArray
 from haploop.calibration import DigitalButton
 from haploop.calibration.response import settle
 from haploop.calibration.upkeep import History, adopt, buttons_of, recalibrate
 from haploop.instruments import Rig
-from haploop.instruments.arrays import FloatArray
 
 BUTTONS = ("latch", "toggle", "push")
 TOLERANCE = 0.20

@@ -29,7 +29,8 @@ from benchmarks.table import Row, ratios
 from haploop.acquisition.recording.salvage import read_contents
 from haploop.acquisition.recording.writer import Writer
 from haploop.acquisition.session.stream_reader import StreamReader
-from haploop.instruments import Block, RealClock, Stream
+from haploop.base.clock import RealClock
+from haploop.instruments import Block, Stream
 
 PAPER_RATE = 5000.0
 

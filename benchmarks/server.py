@@ -38,9 +38,9 @@ from benchmarks.processes import spread
 from benchmarks.table import Row, ratios
 from haploop.acquisition.recording.writer import Writer
 from haploop.acquisition.session.stream_reader import StreamReader
+from haploop.base.arrays import FloatArray
+from haploop.base.clock import RealClock
 from haploop.instruments import Stream
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.clock import RealClock
 from haploop.instruments.config.validation import validate
 from haploop.instruments.daq.ni_daqmx import NiDaq
 

@@ -33,7 +33,8 @@ from benchmarks.table import Row, ratios
 from haploop.acquisition.recording.salvage import read_contents
 from haploop.acquisition.recording.writer import Writer
 from haploop.acquisition.session.stream_reader import StreamReader
-from haploop.instruments import RealClock, Sensors
+from haploop.base.clock import RealClock
+from haploop.instruments import Sensors
 from haploop.instruments.live import Feed, Publisher, Run
 
 SENSORS = Sensors.model_validate(

@@ -27,11 +27,12 @@ from scipy.stats import norm
 
 from benchmarks import table as figures
 from haploop import open_rig
+from haploop.base.arrays import ComplexArray, FloatArray
+from haploop.base.errors import HaploopError
 from haploop.calibration import Calibration, LinearSweep, Multisine, measure_response
 from haploop.calibration.model import standard_deviation
 from haploop.calibration.response import Excitation
-from haploop.instruments import HaploopError, Rig
-from haploop.instruments.arrays import ComplexArray, FloatArray
+from haploop.instruments import Rig
 from haploop.mocks.plant import BoucWen, Hysteresis, Modal, ModalSurface, random_modal
 from haploop.mocks.plant.surface import place_of
 

@@ -16,8 +16,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import scipy
 
-from ..instruments import DataError
-from ..instruments.arrays import BoolArray, ComplexArray, FloatArray
+from ..base.arrays import BoolArray, ComplexArray, FloatArray
+from ..base.errors import DataError
 
 _SHORTEST, LONGEST_REST = 0.25, 0.5
 """Length of a rest (s). The shortest tells 50 from 60 Hz; between both, a tone of 20 Hz turns five times."""

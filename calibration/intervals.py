@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
-from ..instruments.arrays import FloatArray, IntArray
+from ..base.arrays import FloatArray, IntArray
 
 CONFIDENCE = 0.95
 """Probability that an interval contains the surface's own value."""

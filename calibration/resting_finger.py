@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..instruments import ConfigurationError, InstrumentError, Rig
-from ..instruments.arrays import FloatArray
+from ..base.arrays import FloatArray
+from ..base.errors import ConfigurationError, InstrumentError
+from ..instruments import Rig
 from ..instruments.operator import LiftFinger, RestFinger
 from ..instruments.sensors import LinearSensor
 

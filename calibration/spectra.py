@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
-from ..instruments.arrays import FloatArray
+from ..base.arrays import FloatArray
 
 
 def fade(samples: int, rise: int, fall: int) -> FloatArray:

@@ -8,8 +8,8 @@ from typing import Literal
 
 import click
 
+from ..base.files import reserved
 from ..calibration import sizes
-from ..instruments.files import reserved
 from ..instruments.operator import RestFinger
 from ..reports import contents, outputs, show
 from ..terminal.progress import Steps

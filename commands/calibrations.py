@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from .. import instruments
+from ..base.errors import InstrumentError
 from ..reports import contents, outputs
 from ..reports import show as display
 from ..terminal.progress import Steps, print_either
@@ -182,7 +183,7 @@ def recalibrate(
     with ExitStack() as stack:
         try:
             opened = stack.enter_context(rig.opened())
-        except instruments.InstrumentError as error:
+        except InstrumentError as error:
             outcome = note_unopened(history, error, file.name, bool(rig.simulate or file.simulate))
         else:
             on_table(opened, laser_at)

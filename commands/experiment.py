@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..instruments.files import new_file
+from ..base.files import new_file
 from ..reports import contents, outputs, show
 from ..terminal.progress import Steps, note, print_either, print_line
 from . import front as haploop
 from .options import JSON, PATH, ChosenRig, FiniteRange, NewFile, on_rig
 
 if TYPE_CHECKING:
+    from ..base.clock import Clock
     from ..experiments import Presenter, Step
     from ..instruments import Rig
-    from ..instruments.clock import Clock
 
 FILE = click.argument("file", metavar="EXPERIMENT")
 DATA = click.option(

@@ -15,7 +15,7 @@ from urllib.parse import urlsplit
 
 import click
 
-from ..instruments.signals import STOPPING
+from ..base.signals import STOPPING
 
 if TYPE_CHECKING:
     from ..instruments import RigFile
@@ -69,7 +69,7 @@ class Served:
 
     def write(self, path: Path, rig: str) -> None:
         """Write a rig file that points at what is served. Raises ConfigurationError for another file."""
-        from ..instruments import ConfigurationError  # noqa: PLC0415
+        from ..base.errors import ConfigurationError  # noqa: PLC0415
 
         base = str(Path(rig).resolve()) if Path(rig).is_file() else rig
         lines = [
@@ -112,7 +112,10 @@ def served(asked: Asked) -> Iterator[Served]:
 
     Raises ConfigurationError, and InstrumentError for a port that is in use.
     """
-    from ..instruments import ConfigurationError, RealClock, entry_points, load_rig_file  # noqa: PLC0415
+    from ..base import entry_points  # noqa: PLC0415
+    from ..base.clock import RealClock  # noqa: PLC0415
+    from ..base.errors import ConfigurationError  # noqa: PLC0415
+    from ..instruments import load_rig_file  # noqa: PLC0415
     from ..instruments.config import validate  # noqa: PLC0415
     from ..mocks.simulation import Simulation  # noqa: PLC0415
 
@@ -199,7 +202,7 @@ def _nothing(file: RigFile, kind: str | None) -> str:
 
 def _at(stack: ExitStack, address: Mapping[str, Any], kind: str, port: int) -> dict[str, Any]:
     """Serve the same at another port."""
-    from ..instruments import InstrumentError  # noqa: PLC0415
+    from ..base.errors import InstrumentError  # noqa: PLC0415
     from ..mocks.transport import faulty_line  # noqa: PLC0415
 
     try:

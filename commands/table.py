@@ -9,10 +9,10 @@ from pathlib import Path
 import click
 from click.core import ParameterSource
 
-from .. import instruments
+from ..base.errors import DataError
+from ..base.files import reserved
 from ..calibration import sizes
 from ..calibration.band import BAND
-from ..instruments.files import reserved
 from ..instruments.operator import RestFinger
 from ..reports import contents, outputs, show
 from ..terminal.progress import Steps, note
@@ -141,7 +141,7 @@ def calibrate(
         if earlier:
             try:
                 stated = haploop.with_scatter(stated, earlier)
-            except instruments.DataError as error:
+            except DataError as error:
                 unsaid = f"{error} The estimates of it stay."
         for calibration, (_, kept), path, kept_in in zip(stated, found, made, measured, strict=True):
             calibration.save(path)

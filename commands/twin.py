@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..instruments.flag import Flag
+from ..base.flag import Flag
 from ..terminal.progress import note
 from .options import NewFile, tape_session
 from .serving import Asked, has_terminals, ports_of, run_command, served
@@ -111,7 +111,9 @@ def ni(
     if own:
         return _on_a_bench(_devices_of(named), devices, bench, tape, port, allow, command)
     # Each way imports what it needs: a server is there the sooner.
-    from ..instruments import ConfigurationError, RealClock, load_rig_file  # noqa: PLC0415
+    from ..base.clock import RealClock  # noqa: PLC0415
+    from ..base.errors import ConfigurationError  # noqa: PLC0415
+    from ..instruments import load_rig_file  # noqa: PLC0415
     from ..instruments.config import validate  # noqa: PLC0415
     from ..instruments.daq.ni_daqmx import NiDaq  # noqa: PLC0415
     from ..mocks.daq.ni import inventory_of, run, wiring_of  # noqa: PLC0415
@@ -262,7 +264,8 @@ def _stopped() -> Iterator[Flag]:
 
 def _wait(stopped: Flag, plant: Plant, press: str | None) -> None:
     """Wait until stopped; if `press` names a button, press it every `_EVERY` seconds."""
-    from ..instruments import Press, RealClock  # noqa: PLC0415
+    from ..base.clock import RealClock  # noqa: PLC0415
+    from ..instruments import Press  # noqa: PLC0415
 
     clock = RealClock()
     due, number = clock.now() + _EVERY, 1

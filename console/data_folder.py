@@ -7,9 +7,9 @@ from __future__ import annotations
 from contextlib import suppress
 from pathlib import Path
 
+from ..base.errors import ConfigurationError
 from ..calibration import History
 from ..experiments import Store, load_experiment
-from ..instruments import ConfigurationError
 
 _LONGEST = 255
 """Bytes of a name that every usual file system takes."""

@@ -9,8 +9,8 @@ from typing import TextIO
 
 import numpy as np
 
-from ..instruments.arrays import FloatArray
-from ..instruments.files import new_file
+from ..base.arrays import FloatArray
+from ..base.files import new_file
 from .views import Cell, PressTable, Responses, Signals, sidecar, write_json, write_sidecar
 
 

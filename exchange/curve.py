@@ -10,10 +10,10 @@ from typing import Self
 import numpy as np
 import scipy
 
-from ..acquisition import hdf5
-from ..instruments import DataError
-from ..instruments.arrays import FloatArray
-from ..instruments.notebook import InNotebook
+from ..base import hdf5
+from ..base.arrays import FloatArray
+from ..base.errors import DataError
+from ..base.notebook import InNotebook
 
 FEWEST = 20
 """Rows of a stroke that show a curve."""

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeVar
 
-from ..acquisition import hdf5, load_study
+from ..acquisition import load_study
+from ..base import hdf5
+from ..base.errors import ConfigurationError, DataError
+from ..base.files import check_destination, private_files
 from ..calibration import Calibration
-from ..instruments import ConfigurationError, DataError
-from ..instruments.files import check_destination, private_files
 from . import (
     csv_file,
     haptic_files,

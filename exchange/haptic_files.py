@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..instruments import DataError
-from ..instruments.arrays import FloatArray
+from ..base.arrays import FloatArray
+from ..base.errors import DataError
 from .views import Envelope, write_json
 
 _SHARPNESS_HZ = (65.0, 300.0)

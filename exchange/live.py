@@ -14,20 +14,11 @@ from rich.table import Table
 from rich.text import Text
 
 from ..acquisition import look
-from ..instruments import (
-    ConfigurationError,
-    HaploopError,
-    InstrumentError,
-    LiveBlock,
-    RealClock,
-    Rig,
-    RigFile,
-    Tap,
-    levels,
-    watch_live,
-)
+from ..base.clock import RealClock
+from ..base.errors import ConfigurationError, HaploopError, InstrumentError
+from ..base.flag import Flag
+from ..instruments import LiveBlock, Rig, RigFile, Tap, levels, watch_live
 from ..instruments.driver import Mode
-from ..instruments.flag import Flag
 from ..instruments.live import waiting_for
 from ..terminal.progress import note
 from .lsl import Outlets, send

@@ -7,11 +7,12 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, overload
 
-from ..acquisition import Recording, Representative, hdf5, load_study
+from ..acquisition import Recording, Representative, load_study
+from ..base import hdf5
+from ..base.errors import DataError
 from ..calibration import ButtonPlan, Calibration, Check, DigitalButton, Drive, Waveforms
 from ..calibration.map import VibrationMap
 from ..experiments import load_experiment
-from ..instruments import DataError
 from .curve import Curve
 
 RESULTS: Mapping[str, tuple[type, Callable[[Path], Any]]] = {

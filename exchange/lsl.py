@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from ..base.arrays import FloatArray
+from ..base.extras import optional
 from ..instruments import LiveBlock, RigFile, Tap
-from ..instruments.arrays import FloatArray
-from ..instruments.extras import optional
 from ..instruments.live import Run, signals
 
 _DENSEST = 0.5

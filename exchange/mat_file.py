@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import scipy
 
-from ..instruments.arrays import FloatArray
-from ..instruments.files import new_file
+from ..base.arrays import FloatArray
+from ..base.files import new_file
 from .views import Responses, Signals
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from ..instruments.files import new_file
+from ..base.files import new_file
 from .views import About, Responses, Signals
 
 _UDUNITS = {"m/s^2": "m s-2", "m/s": "m s-1", "(m/s)/V": "m s-1 V-1"}

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import h5py
 
-from ..instruments.extras import optional
-from ..instruments.files import new_file
+from ..base.extras import optional
+from ..base.files import new_file
 from .views import PressTable, Signals
 
 _UNITS = {"m/s^2": "m/s^2", "1": "n.a."}

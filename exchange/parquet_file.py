@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ..instruments.extras import optional
-from ..instruments.files import new_file
+from ..base.extras import optional
+from ..base.files import new_file
 from .views import About, PressTable, Responses, Signals
 
 

@@ -8,7 +8,7 @@ from types import MappingProxyType
 import numpy as np
 
 from ..acquisition import ButtonPress, PressVerdict, Recording, find_presses, high_pass
-from ..instruments.arrays import FloatArray
+from ..base.arrays import FloatArray
 from .views import About, Cell, PressTable
 
 COLUMNS: Mapping[str, str] = MappingProxyType(

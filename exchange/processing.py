@@ -34,12 +34,12 @@ from ..acquisition import (
     representative,
     with_presses,
 )
-from ..acquisition.json_files import read_json, write_json
-from ..instruments import ConfigurationError, DataError, InstrumentError
-from ..instruments.extras import optional
-from ..instruments.files import check_destination, new_file, private_files
-from ..instruments.progress import Progress, silent
-from ..instruments.safety import marked
+from ..base.errors import ConfigurationError, DataError, InstrumentError
+from ..base.extras import optional
+from ..base.files import check_destination, new_file, private_files
+from ..base.json_files import read_json, write_json
+from ..base.marks import marked
+from ..base.progress import Progress, silent
 from .csv_file import write_rows
 from .press_rows import COLUMNS, press_table
 from .workers import worker_pool

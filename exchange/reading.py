@@ -11,9 +11,9 @@ import scipy
 
 from .. import __version__
 from ..acquisition import Recording, Representative, Study, content_hash, open_part
+from ..base.arrays import FloatArray
+from ..base.errors import DataError
 from ..calibration import Calibration, Check, DigitalButton, Drive, Response, VibrationMap
-from ..instruments import DataError
-from ..instruments.arrays import FloatArray
 from ..terminal.progress import SIMULATED
 from .curve import Curve
 from .press_rows import press_table

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..instruments import DataError
+from ..base.errors import DataError
 from .views import Channel, Signals, even_rate, write_json
 
 _QUANTITIES = {"N": "f", "m/s^2": "a", "m/s": "v", "m": "d"}

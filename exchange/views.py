@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from ..base.arrays import FloatArray, IntArray
+from ..base.errors import DataError
+from ..base.files import new_file
 from ..calibration import Response
-from ..instruments import DataError
-from ..instruments.arrays import FloatArray, IntArray
-from ..instruments.files import new_file
 from ..terminal.progress import SIMULATED
 
 About = Mapping[str, str | float | int | bool]

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 import scipy
 
-from ..instruments import DataError
-from ..instruments.files import new_file
+from ..base.errors import DataError
+from ..base.files import new_file
 from .views import Channel, Signals, read_sidecar, sidecar, write_sidecar
 
 _SOUND_CARD_HZ = 48_000

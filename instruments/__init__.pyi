@@ -1,8 +1,6 @@
 from .amplifier import Amplifier as Amplifier
 from .camera import Camera as Camera
 from .camera import Frame as Frame
-from .clock import Clock as Clock
-from .clock import RealClock as RealClock
 from .config import RigFile as RigFile
 from .config import load_rig_file as load_rig_file
 from .daq import Block as Block
@@ -13,11 +11,6 @@ from .describing import Found as Found
 from .describing import look_for_hardware as look_for_hardware
 from .describing import new_rig as new_rig
 from .describing import new_rig_on as new_rig_on
-from .errors import ConfigurationError as ConfigurationError
-from .errors import DataError as DataError
-from .errors import HaploopError as HaploopError
-from .errors import InstrumentError as InstrumentError
-from .errors import LimitError as LimitError
 from .generator import Arbitrary as Arbitrary
 from .generator import Burst as Burst
 from .generator import Generator as Generator
@@ -41,8 +34,6 @@ from .operator import Rest as Rest
 from .operator import Touch as Touch
 from .operator import Unattended as Unattended
 from .player import Player as Player
-from .progress import Progress as Progress
-from .progress import silent as silent
 from .recorded_along import NewFile as NewFile
 from .recorded_along import Reading as Reading
 from .recorded_along import RecordedAlong as RecordedAlong

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .arrays import FloatArray
+from ..base.arrays import FloatArray
 
 
 @dataclass(frozen=True)

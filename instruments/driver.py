@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 from pydantic import BaseModel
 
-from .clock import Clock
+from ..base.clock import Clock
 from .config import Device, validate
 from .frozen import frozen_fields
 

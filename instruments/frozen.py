@@ -6,7 +6,7 @@ from typing import Any, NoReturn, TypeVar
 
 from pydantic import BaseModel
 
-from .errors import ConfigurationError
+from ..base.errors import ConfigurationError
 
 Key = TypeVar("Key")
 Value = TypeVar("Value")

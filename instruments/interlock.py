@@ -17,8 +17,8 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
-from .arrays import FloatArray
-from .errors import LimitError
+from ..base.arrays import FloatArray
+from ..base.errors import LimitError
 from .frozen import Frozen
 from .waveforms import Waveform
 

@@ -7,9 +7,9 @@ from typing import Self
 
 import numpy as np
 
-from .arrays import FloatArray
+from ..base.arrays import FloatArray
+from ..base.errors import LimitError
 from .coil import Coil
-from .errors import LimitError
 
 _SUSTAINED = 1.0
 """Window of the average current (s), placed where a drive draws most: silence elsewhere must not hide a

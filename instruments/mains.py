@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from .arrays import FloatArray
+from ..base.arrays import FloatArray
 
 _MAINS = (50.0, 60.0)
 _HIGHEST = 650.0

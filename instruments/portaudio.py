@@ -12,9 +12,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from .arrays import ComplexArray, FloatArray
-from .errors import ConfigurationError, InstrumentError, LimitError
-from .extras import optional
+from ..base.arrays import ComplexArray, FloatArray
+from ..base.errors import ConfigurationError, InstrumentError, LimitError
+from ..base.extras import optional
 
 LEAD = 0.05
 """Silence before a waveform (s), in which a sleeping card unmutes (estimate)."""

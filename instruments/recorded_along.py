@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
-from .clock import Clock
+from ..base.clock import Clock
 
 
 @dataclass(frozen=True)

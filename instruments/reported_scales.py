@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from .errors import ConfigurationError
+from ..base.errors import ConfigurationError
 from .sensors import Scale, Sensors
 
 _TOLERANCE = 1e-3

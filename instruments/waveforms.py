@@ -13,8 +13,8 @@ from typing import Protocol, Self
 
 import numpy as np
 
-from .arrays import FloatArray
-from .errors import ConfigurationError
+from ..base.arrays import FloatArray
+from ..base.errors import ConfigurationError
 from .limits import sounding
 
 _FINE = 64

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..instruments.clock import RealClock, VirtualClock
+from ..base.clock import RealClock, VirtualClock
 
 __all__ = ["RealTimeClock", "VirtualClock"]
 

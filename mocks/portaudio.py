@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from ..instruments.arrays import FloatArray
+from ..base.arrays import FloatArray
 
 FRAMES = 480
 """Frames per callback: 10 ms at 48 kHz (estimate)."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 from contextlib import ExitStack
 from typing import Any
 
-from ..instruments import entry_points
-from ..instruments.clock import Clock
+from ..base import entry_points
+from ..base.clock import Clock
+from ..base.errors import ConfigurationError
 from ..instruments.config import Device, RigFile
 from ..instruments.driver import Driver, Mode, is_arithmetic, settings_of
-from ..instruments.errors import ConfigurationError
 from .clock import RealTimeClock, VirtualClock
 from .plant import KINDS, Faults, OnLine, Plant, PlantSource, Truth
 from .transport import ReplyFault, faulty_line

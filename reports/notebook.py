@@ -8,7 +8,8 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from ..instruments import DataError, Rig
+from ..base.errors import DataError
+from ..instruments import Rig
 from .contents import Contents, Grid, contents_of, text_of
 from .figures import Columns, mark_simulated, png
 from .html import GLANCE_STYLE, glances_html

@@ -6,8 +6,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..instruments import ConfigurationError
-from ..instruments.files import check_destination, new_file, private_files
+from ..base.errors import ConfigurationError
+from ..base.files import check_destination, new_file, private_files
 from . import figures
 
 if TYPE_CHECKING:

@@ -21,8 +21,8 @@ from typing import Any, NoReturn, cast
 
 import click
 
-from ..instruments import HaploopError
-from ..instruments.signals import STOPPING, Heard, dropping_none, uninterrupted
+from ..base.errors import HaploopError
+from ..base.signals import STOPPING, Heard, dropping_none, uninterrupted
 from .usage import usage_sentence
 
 INTERNAL_ERROR = 70

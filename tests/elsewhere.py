@@ -7,9 +7,10 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+from haploop.base.marks import InUse
 from haploop.instruments import load_rig_file
 from haploop.instruments.rig.opening import hardware
-from haploop.instruments.safety.lock import InUse, _locked
+from haploop.instruments.safety.lock import _locked
 
 
 @contextmanager

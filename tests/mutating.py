@@ -10,8 +10,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from haploop.acquisition.checksum import NAME, add_checksum
-from haploop.instruments import HaploopError
+from haploop.base.checksum import NAME, add_checksum
+from haploop.base.errors import HaploopError
 
 MOST_MEMORY = 200 << 20
 """Bytes that reading a changed file may take above what reading the file itself takes."""

@@ -24,9 +24,10 @@ from pathlib import Path
 import pytest
 
 from haploop.acquisition import Recording, recover
+from haploop.base.clock import RealClock
 from haploop.calibration import Calibration
 from haploop.commands.cli import cli
-from haploop.instruments import Press, RealClock, load_rig_file
+from haploop.instruments import Press, load_rig_file
 from haploop.instruments.config.validation import validate
 from haploop.instruments.daq.ni_daqmx import NiDaq
 from haploop.instruments.generator.scpi_generator import Keysight33500

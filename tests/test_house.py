@@ -5,7 +5,7 @@
 2. A sub-package whose `__init__` hands on names is entered by that door: from outside it, product code says
    `from haploop.calibration.response import Response`, not `from haploop.calibration.response.response import
    Response`. A sub-package that hands on nothing (`haploop.commands`, those of `mocks`) is entered by its
-   modules, and so are the small modules of a room, which stand in no sub-package (`instruments.arrays`).
+   modules, and so are the small modules of a room, which stand in no sub-package (`base.arrays`).
    A driver may be imported by the module that its entry point names. A simulated instrument may import the
    modules of the product that it stands for: `mocks/daq` those of `instruments/daq`, because it speaks with
    the driver's codec and settings.

@@ -21,9 +21,9 @@ from types import FrameType
 import pytest
 
 from haploop.acquisition import recover, verify
+from haploop.base import signals
 from haploop.calibration.upkeep.history import History
 from haploop.commands.cli import cli
-from haploop.instruments import signals
 from haploop.mocks.plant import Plant
 from haploop.mocks.simulation import Simulation
 from haploop.terminal.exits import Commands

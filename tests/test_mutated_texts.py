@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 
 from haploop.acquisition import load_study, verify
-from haploop.acquisition.json_files import append_json, read_json, write_json
 from haploop.acquisition.recording import Rejection, add_rejections
 from haploop.acquisition.recording.rejections import _rejections
+from haploop.base.json_files import append_json, read_json, write_json
 from haploop.calibration.map.folder import MapFolder, MapPlan
 from haploop.calibration.response import Response
 from haploop.calibration.response.uff import read_uff, write_uff

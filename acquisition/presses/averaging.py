@@ -19,9 +19,9 @@ import numpy as np
 import scipy
 from threadpoolctl import threadpool_limits
 
-from ...instruments import ConfigurationError
-from ...instruments.arrays import BoolArray, FloatArray, IntArray
-from ...instruments.progress import Progress, silent
+from ...base.arrays import BoolArray, FloatArray, IntArray
+from ...base.errors import ConfigurationError
+from ...base.progress import Progress, silent
 from .barycentre import WarpingPath, alike, along, barycentre, centred, lags_along, paths_to, read_at
 from .registration import WarpModel, leads, register
 from .spline_rows import moved

@@ -15,7 +15,7 @@ import scipy
 from dtaidistance import dtw
 from numpy.typing import NDArray
 
-from ...instruments.arrays import BoolArray, FloatArray
+from ...base.arrays import BoolArray, FloatArray
 
 WarpingPath = NDArray[np.int32]
 """(2, steps): samples of a template, and those of a curve that they are compared with."""

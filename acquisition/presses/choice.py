@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...instruments.arrays import BoolArray, FloatArray
+from ...base.arrays import BoolArray, FloatArray
 from ..recording import Recording
 from .cutting import Activated
 from .double_clicks import double_clicks

@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 import scipy
 
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
 from ..recording import Recording
 from .segmentation import ButtonPress
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
-from ...instruments import DataError, LinearSensor
-from ...instruments.arrays import ComplexArray, FloatArray
+from ...base.arrays import ComplexArray, FloatArray
+from ...base.errors import DataError
+from ...instruments import LinearSensor
 from ..recording import Recording
 
 _RIPPLE = 1e-4

@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
 
 _FEWEST = 2
 """Samples on each side of the instant: three unknowns are fitted."""

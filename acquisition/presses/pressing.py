@@ -16,8 +16,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from ...instruments import DataError, LinearSensor, Sensors
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
+from ...base.errors import DataError
+from ...instruments import LinearSensor, Sensors
 from ...instruments.sensors import Restorer
 from ..recording import Recording
 from .segmentation_settings import Segmentation

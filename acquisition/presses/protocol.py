@@ -6,7 +6,7 @@ import json
 from dataclasses import asdict, dataclass, field
 from typing import Self
 
-from ...instruments import DataError
+from ...base.errors import DataError
 from .segmentation_settings import Segmentation
 
 

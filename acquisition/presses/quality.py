@@ -12,8 +12,9 @@ from pathlib import Path
 import numpy as np
 import scipy
 
-from ...instruments import DataError, Sensors
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
+from ...base.errors import DataError
+from ...instruments import Sensors
 from ...instruments.sensors import Restorer
 from ..recording import BLOCK, EVENT, FLAGS, VERDICT, Contents, Header, PressVerdict, Recording, to_codes
 from .pressing import Levels, press_quantity, pressing

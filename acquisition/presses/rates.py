@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Literal, NamedTuple
 
-from ...instruments import ConfigurationError
+from ...base.errors import ConfigurationError
 
 Step = Literal["recording", "force at activation", "representative press"]
 _MARGIN = 0.99

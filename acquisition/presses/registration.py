@@ -17,8 +17,8 @@ from itertools import islice, pairwise
 import numpy as np
 import scipy
 
-from ...instruments import ConfigurationError
-from ...instruments.arrays import BoolArray, FloatArray, IntArray
+from ...base.arrays import BoolArray, FloatArray, IntArray
+from ...base.errors import ConfigurationError
 from .barycentre import WarpingPath, paths_to
 from .spline_rows import SplineRows, moved, splines
 from .spool import Spool

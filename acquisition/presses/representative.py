@@ -9,11 +9,11 @@ from typing import Self
 
 import numpy as np
 
-from ...instruments import DataError
-from ...instruments.arrays import FloatArray
-from ...instruments.files import check_destination, private_files
-from ...instruments.notebook import InNotebook
-from .. import hdf5
+from ...base import hdf5
+from ...base.arrays import FloatArray
+from ...base.errors import DataError
+from ...base.files import check_destination, private_files
+from ...base.notebook import InNotebook
 
 _LARGEST = 1e9
 """Samples/s, N and m/s^2 that no press reaches."""

@@ -24,11 +24,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...instruments import ConfigurationError, DataError
-from ...instruments.arrays import BoolArray, FloatArray
-from ...instruments.files import paths_of
-from ...instruments.progress import Progress, silent
-from .. import hdf5
+from ...base import hdf5
+from ...base.arrays import BoolArray, FloatArray
+from ...base.errors import ConfigurationError, DataError
+from ...base.files import paths_of
+from ...base.progress import Progress, silent
 from ..recording import Recording
 from .averaging import AverageMethod, average
 from .choice import few, held, single, usable

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
 from ...instruments.mains import mains_hum
 
 _HUM_SHARE = 0.5

@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from ...instruments.arrays import BoolArray, FloatArray
+from ...base.arrays import BoolArray, FloatArray
 from ..recording import Recording
 from .force_at import Instant, force_at
 from .pressing import Levels, levels_of, pressing, shaken

@@ -23,7 +23,7 @@ from collections.abc import Sequence
 import numpy as np
 import scipy
 
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
 from ...instruments.mains import mains_hum
 from ...instruments.sensors import fault_along_vertical, fault_at_rest
 from ...instruments.sensors import upside_down as turned_over

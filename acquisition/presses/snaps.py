@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
 from ..recording import Recording
 from .segmentation_settings import Segmentation
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import scipy
 
-from ...instruments.arrays import FloatArray, IntArray
+from ...base.arrays import FloatArray, IntArray
 
 _TOGETHER = 64
 """Rows that are evaluated at once: these fit into a processor's cache."""

@@ -9,8 +9,8 @@ from typing import overload
 
 import numpy as np
 
-from ...instruments import DataError
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
+from ...base.errors import DataError
 
 _IN_MEMORY = 8_000_000
 """Bytes up to which arrays stay in memory."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...instruments import ConfigurationError
+from ...base.errors import ConfigurationError
 from .readings import AlongReading
 
 if TYPE_CHECKING:

@@ -19,8 +19,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from ...instruments import ConfigurationError, DataError
-from ...instruments.arrays import BoolArray, FloatArray
+from ...base.arrays import BoolArray, FloatArray
+from ...base.errors import ConfigurationError, DataError
 from .rows import Codes
 
 FORMAT = "haploop recording"

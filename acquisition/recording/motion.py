@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
 
 _LEAST_HZ, _SHARE = 100.0, 0.4
 """Lowest upper edge of the band (Hz); highest, over the sample rate."""

@@ -8,10 +8,11 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from ...instruments import DataError, LinearSensor
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
+from ...base.checksum import opened, unreadable
+from ...base.errors import DataError
+from ...instruments import LinearSensor
 from ...instruments.sensors import Restorer
-from ..checksum import opened, unreadable
 from .file_format import Header, from_codes, read_header
 from .recording import Recording
 from .rejections import without_rejected

@@ -13,8 +13,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from ...instruments import DataError, NewFile, Reading
-from ...instruments.files import beside
+from ...base.errors import DataError
+from ...base.files import beside
+from ...instruments import NewFile, Reading
 from .rows import EVENT, Event
 
 _LONGEST = EVENT["text"].itemsize

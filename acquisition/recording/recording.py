@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from ...instruments import DataError, LinearSensor, Sensor, Sensors
-from ...instruments.arrays import BoolArray, FloatArray
-from ...instruments.notebook import InNotebook
-from ...instruments.safety import is_marked
+from ...base.arrays import BoolArray, FloatArray
+from ...base.checksum import opened
+from ...base.errors import DataError
+from ...base.marks import is_marked
+from ...base.notebook import InNotebook
+from ...instruments import LinearSensor, Sensor, Sensors
 from ...instruments.sensors import Restorer
-from ..checksum import opened
 from .file_format import CODES, Contents, Header, from_codes, read_header
 from .readings import AlongFile, AlongReading, files_in, readings_in
 from .rejections import without_rejected

@@ -14,12 +14,12 @@ from typing import Any
 import h5py
 import numpy as np
 
-from ...instruments import ConfigurationError, DataError, InstrumentError
-from ...instruments.files import existing, os_error_text
-from ...instruments.publishing import publish
-from ...instruments.safety import is_marked, marked
-from ..checksum import opened, stated, unreadable
-from ..own_process import allow_memory, answer_of
+from ...base.checksum import opened, stated, unreadable
+from ...base.errors import ConfigurationError, DataError, InstrumentError
+from ...base.files import existing, os_error_text
+from ...base.marks import is_marked, marked
+from ...base.own_process import allow_memory, answer_of
+from ...base.publishing import publish
 from .file_format import Contents, Header, read_header
 from .recording import Recording
 from .rows import EVENT, Event, event_row, verdicts_in

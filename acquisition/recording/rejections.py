@@ -9,9 +9,9 @@ from collections.abc import Collection
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from ...instruments import DataError
-from ...instruments.files import private_files
-from ..json_files import append_json, read_json
+from ...base.errors import DataError
+from ...base.files import private_files
+from ...base.json_files import append_json, read_json
 from .rows import PressVerdict
 
 _FILE, _KIND = "rejections.json", "rejections"

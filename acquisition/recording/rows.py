@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...instruments import DataError
+from ...base.errors import DataError
 
 try:
     # The same CRC-32 as in zlib, with the processor's CRC instructions: eight times as fast.

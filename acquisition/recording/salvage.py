@@ -10,14 +10,15 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from ...instruments import ConfigurationError, DataError, InstrumentError
-from ...instruments.files import WRITE_ERRORS, existing, os_error_text, private_files, whole_file
-from ...instruments.safety import is_marked, log_problems
-from .. import hdf5
-from ..checksum import add_checksum, bounded, created, opened
-from ..json_files import is_json, json_hash
-from ..line_files import check_marked, is_marks, line_problems
-from ..packing import write_packed
+from ...base import hdf5
+from ...base.checksum import add_checksum, bounded, created, opened
+from ...base.errors import ConfigurationError, DataError, InstrumentError
+from ...base.files import WRITE_ERRORS, existing, os_error_text, private_files, whole_file
+from ...base.json_files import is_json, json_hash
+from ...base.line_files import check_marked, is_marks, line_problems
+from ...base.marks import is_marked
+from ...base.packing import write_packed
+from ...instruments.safety import log_problems
 from .file_format import CODES, Contents, Header, read_header, write_header
 from .readings import file_problems
 from .rows import BLOCK, EVENT, VERDICT, Codes, block_dtype, events_in, finished_row, samples_crc, whole

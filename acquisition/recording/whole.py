@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from ...base.arrays import FloatArray
+from ...base.files import check_destination, private_files
+from ...base.marks import marked
 from ...instruments import Block
-from ...instruments.arrays import FloatArray
-from ...instruments.files import check_destination, private_files
-from ...instruments.safety import marked
 from .file_format import Header
 from .recording import Recording
 from .rows import Event, PressVerdict

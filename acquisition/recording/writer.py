@@ -19,11 +19,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ...instruments import Block, ConfigurationError, DataError, InstrumentError
-from ...instruments.closing import Closing
-from ...instruments.files import WRITE_ERRORS, allocate, existing, os_error_text, private_files, whole_file
-from ...instruments.flag import Flag
-from ..checksum import add_checksum, created
+from ...base.checksum import add_checksum, created
+from ...base.closing import Closing
+from ...base.errors import ConfigurationError, DataError, InstrumentError
+from ...base.files import WRITE_ERRORS, allocate, existing, os_error_text, private_files, whole_file
+from ...base.flag import Flag
+from ...instruments import Block
 from .file_format import Header, codes_per_volt, convert, write_header
 from .rows import EVENT, VERDICT, Event, PressVerdict, block_dtype, crc32, event_row, verdict_row
 

@@ -16,7 +16,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from ...instruments import Clock, ConfigurationError, HaploopError, InstrumentError, RecordedAlong, Rig
+from ...base.clock import Clock
+from ...base.errors import ConfigurationError, HaploopError, InstrumentError
+from ...instruments import RecordedAlong, Rig
 from ...instruments.safety import run_within
 from ..recording import Event, Writer, reading_event
 

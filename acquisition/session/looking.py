@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from itertools import chain
 
-from ...instruments import ConfigurationError, Rig
+from ...base.errors import ConfigurationError
+from ...instruments import Rig
 from .stream_reader import StreamReader
 
 _BLOCK = 0.04

@@ -11,11 +11,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ...instruments import Block, Clock, ConfigurationError, DataError, InstrumentError, Request, Rig, Stream
-from ...instruments.files import check_destination, private_files
-from ...instruments.progress import Progress, silent
-from ...instruments.safety import marked
-from ...instruments.signals import uninterrupted
+from ...base.clock import Clock
+from ...base.errors import ConfigurationError, DataError, InstrumentError
+from ...base.files import check_destination, private_files
+from ...base.marks import marked
+from ...base.progress import Progress, silent
+from ...base.signals import uninterrupted
+from ...instruments import Block, Request, Rig, Stream
 from ..presses import Protocol, segmentation_for
 from ..recording import Header, PressVerdict, Recording, Writer, file_name, finish, set_aside
 from .along import Along

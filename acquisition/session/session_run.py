@@ -12,19 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ...instruments import (
-    Block,
-    ConfigurationError,
-    DataError,
-    InstrumentError,
-    LinearSensor,
-    Press,
-    Request,
-    Rest,
-    Rig,
-)
-from ...instruments.arrays import FloatArray
-from ...instruments.progress import Progress, silent
+from ...base.arrays import FloatArray
+from ...base.errors import ConfigurationError, DataError, InstrumentError
+from ...base.progress import Progress, silent
+from ...instruments import Block, LinearSensor, Press, Request, Rest, Rig
 from ..presses import (
     NAMES,
     Detector,

@@ -11,9 +11,11 @@ from collections.abc import Iterator
 from types import TracebackType
 from typing import Self
 
-from ...instruments import Block, Clock, InstrumentError, Stream
-from ...instruments.flag import Flag
-from ...instruments.inbox import Inbox
+from ...base.clock import Clock
+from ...base.errors import InstrumentError
+from ...base.flag import Flag
+from ...base.inbox import Inbox
+from ...instruments import Block, Stream
 
 _POLL = 0.1
 """Interval at which the reader looks whether it is to stop (s)."""

@@ -16,8 +16,9 @@ from datetime import UTC, datetime
 from functools import cached_property, partial
 from pathlib import Path
 
-from ...instruments import ConfigurationError, Consent, DataError, InstrumentError, Ready, Request, Rig
-from ...instruments.progress import Progress, silent
+from ...base.errors import ConfigurationError, DataError, InstrumentError
+from ...base.progress import Progress, silent
+from ...instruments import Consent, Ready, Request, Rig
 from ...instruments.safety import hold
 from ..presses import AverageMethod, Protocol, Representative, representative
 from ..recording import PressVerdict, Recording, Rejection, add_rejections, file_name, finish

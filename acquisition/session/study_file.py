@@ -11,8 +11,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationInfo, field_validator
 
-from ...instruments import ConfigurationError
-from ...instruments.bounded import Positive
+from ...base.bounded import Positive
+from ...base.errors import ConfigurationError
 from ...instruments.config import load_model
 from ..presses import AverageMethod, Protocol, Segmentation, segmentation_for
 from ..recording import file_name

@@ -14,8 +14,9 @@ from typing import TypeVar
 import numpy as np
 import scipy
 
-from ...instruments import ConfigurationError, DataError, Limits, RigFile
-from ...instruments.arrays import ComplexArray, FloatArray
+from ...base.arrays import ComplexArray, FloatArray
+from ...base.errors import ConfigurationError, DataError
+from ...instruments import Limits, RigFile
 from ..model import Calibration, Drift, apart, mode_deviations, standard_deviation
 from ..response import Response
 

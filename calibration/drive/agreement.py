@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from ...instruments.arrays import BoolArray, ComplexArray, FloatArray
+from ...base.arrays import BoolArray, ComplexArray, FloatArray
 from ..intervals import CONFIDENCE, common, not_negative, quantile, student
 
 _NORMAL = NormalDist().inv_cdf(0.5 + CONFIDENCE / 2)

@@ -8,11 +8,13 @@ from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 
-from ...acquisition import Representative, hdf5
-from ...instruments import ConfigurationError, DataError, Rig
-from ...instruments.notebook import InNotebook
+from ...acquisition import Representative
+from ...base import hdf5
+from ...base.errors import ConfigurationError, DataError
+from ...base.notebook import InNotebook
+from ...base.progress import Progress, silent
+from ...instruments import Rig
 from ...instruments.operator import RestFinger
-from ...instruments.progress import Progress, silent
 from ..model import Calibration
 from .check import check
 from .checked import Check, Verdict

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy
 
-from ...instruments import ConfigurationError, Rig
-from ...instruments.arrays import ComplexArray, FloatArray
-from ...instruments.progress import Progress, part_of, silent
+from ...base.arrays import ComplexArray, FloatArray
+from ...base.errors import ConfigurationError
+from ...base.progress import Progress, part_of, silent
+from ...instruments import Rig
 from .. import sizes
 from ..perception import lab_threshold
 from ..response import prepare, unseen

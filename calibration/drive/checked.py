@@ -8,10 +8,10 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from ...acquisition import hdf5
-from ...instruments import DataError
-from ...instruments.arrays import FloatArray
-from ...instruments.notebook import InNotebook
+from ...base import hdf5
+from ...base.arrays import FloatArray
+from ...base.errors import DataError
+from ...base.notebook import InNotebook
 from ..perception import LabThreshold
 from .agreement import SharedPower, finite
 from .drive import Drive

@@ -17,8 +17,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
+from ...base.arrays import ComplexArray, FloatArray
 from ...instruments import Limits
-from ...instruments.arrays import ComplexArray, FloatArray
 from ..spectra import fade, resample
 from .actuation import Actuation
 from .drive import Drive

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 import scipy
 
-from ...acquisition import hdf5
-from ...instruments import DataError, Limits
-from ...instruments.arrays import FloatArray
-from ...instruments.notebook import InNotebook
+from ...base import hdf5
+from ...base.arrays import FloatArray
+from ...base.errors import DataError
+from ...base.notebook import InNotebook
+from ...instruments import Limits
 from ...instruments.vibrometer import DERIVATIVE, shown
 from ..band import BAND
 from ..model import Calibration, Drift

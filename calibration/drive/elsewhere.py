@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from ...acquisition import load_press
-from ...instruments import ConfigurationError
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
+from ...base.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from ...acquisition import AverageMethod, Representative

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy
 
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
 from ..perception import Feeling, Pressed, feeling_of
 from .checked import Check
 from .targets import BEFORE

@@ -13,9 +13,10 @@ from dataclasses import replace
 import numpy as np
 
 from ...acquisition import refuse_name
-from ...instruments import ConfigurationError, InstrumentError, Rig
+from ...base.errors import ConfigurationError, InstrumentError
+from ...base.progress import Progress, silent
+from ...instruments import Rig
 from ...instruments.operator import RestFinger
-from ...instruments.progress import Progress, silent
 from ..band import BAND
 from ..model import Finger
 from ..response import Response, quick_response

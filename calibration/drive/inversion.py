@@ -32,7 +32,7 @@ from functools import cached_property
 import numpy as np
 import scipy
 
-from ...instruments.arrays import BoolArray, ComplexArray, FloatArray
+from ...base.arrays import BoolArray, ComplexArray, FloatArray
 
 _ITERATIONS = 60
 _SPLITTING, _RELAXATION = 1e-3, 1.7

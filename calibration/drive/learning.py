@@ -17,10 +17,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ...acquisition import hdf5
-from ...instruments import ConfigurationError, Rig
-from ...instruments.arrays import FloatArray
-from ...instruments.progress import Progress, part_of, silent
+from ...base import hdf5
+from ...base.arrays import FloatArray
+from ...base.errors import ConfigurationError
+from ...base.progress import Progress, part_of, silent
+from ...instruments import Rig
 from ..model import Calibration, even_order
 from ..response import measure_both_signs, prepare
 from .actuation import Actuation

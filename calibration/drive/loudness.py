@@ -13,10 +13,11 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...acquisition import hdf5
-from ...instruments import ConfigurationError, Rig
-from ...instruments.notebook import InNotebook
-from ...instruments.progress import Progress, silent
+from ...base import hdf5
+from ...base.errors import ConfigurationError
+from ...base.notebook import InNotebook
+from ...base.progress import Progress, silent
+from ...instruments import Rig
 from ..model import Calibration, Drift
 from ..perception import LabThreshold, Sensation, lab_threshold, levels_of, pressing_act
 from .check import TOLERANCE

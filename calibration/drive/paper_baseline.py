@@ -14,8 +14,8 @@ import scipy
 from threadpoolctl import threadpool_limits
 
 from ...acquisition import Representative
+from ...base.arrays import ComplexArray, FloatArray
 from ...instruments import Limits
-from ...instruments.arrays import ComplexArray, FloatArray
 from ..band import BAND
 from ..model import Calibration
 from ..spectra import fade, resample

@@ -8,8 +8,8 @@ from typing import Literal, Protocol
 import numpy as np
 import scipy
 
+from ...base.arrays import ComplexArray, FloatArray
 from ...instruments import Limits
-from ...instruments.arrays import ComplexArray, FloatArray
 from ..model import Drift
 from .actuation import Actuation
 from .inversion import Plan, State, max_output, min_peak, within

@@ -12,9 +12,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import scipy
 
-from ...instruments import Capture, ConfigurationError, Rig
-from ...instruments.arrays import ComplexArray, FloatArray
-from ...instruments.progress import Progress, silent
+from ...base.arrays import ComplexArray, FloatArray
+from ...base.errors import ConfigurationError
+from ...base.progress import Progress, silent
+from ...instruments import Capture, Rig
 from ...instruments.vibrometer import DERIVATIVE
 from ..background import Record, heard, rests, tones_in, tones_of
 from ..response import overloaded, settle

@@ -15,8 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...acquisition import Representative
-from ...instruments import ConfigurationError, DataError, Limits
-from ...instruments.notebook import InNotebook
+from ...base.errors import ConfigurationError, DataError
+from ...base.notebook import InNotebook
+from ...instruments import Limits
 from ..model import GROWS, Calibration, at_force
 from ..resting_finger import FORCES
 from .drive import Drive, drive_for

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ...instruments import ConfigurationError
+from ...base.errors import ConfigurationError
 from ..model import Drift
 from .actuation import Actuation
 

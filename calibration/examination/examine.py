@@ -12,10 +12,11 @@ from types import MappingProxyType
 
 import numpy as np
 
-from ...instruments import ConfigurationError, HaploopError, InstrumentError, Rig, RigFile
+from ...base.errors import ConfigurationError, HaploopError, InstrumentError
+from ...base.progress import Progress, silent
+from ...instruments import Rig, RigFile
 from ...instruments.driver import Mode
 from ...instruments.operator import UnansweredError
-from ...instruments.progress import Progress, silent
 from ...instruments.relay import LOST
 from ...instruments.rig import UNPROVED, identify_each
 from ...instruments.vibrometer import Vibrometer, shown

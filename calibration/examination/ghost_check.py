@@ -13,8 +13,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from ...base.arrays import FloatArray
 from ...instruments import Rig
-from ...instruments.arrays import FloatArray
 from .finding import Finding
 from .sensor_check import COUNTS
 

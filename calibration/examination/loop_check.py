@@ -15,10 +15,11 @@ from typing import Any
 import numpy as np
 import scipy
 
-from ...instruments import ConfigurationError, Rig
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
+from ...base.errors import ConfigurationError
+from ...base.progress import Progress, silent
+from ...instruments import Rig
 from ...instruments.operator import Cable, Uncable
-from ...instruments.progress import Progress, silent
 from .finding import Finding, Status
 
 _TONE_HZ = 200.0

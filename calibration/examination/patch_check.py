@@ -17,8 +17,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from ...instruments import Capture, HaploopError, InstrumentError, Rig
-from ...instruments.arrays import BoolArray, ComplexArray, FloatArray
+from ...base.arrays import BoolArray, ComplexArray, FloatArray
+from ...base.errors import HaploopError, InstrumentError
+from ...instruments import Capture, Rig
 from ...instruments.rig import UnshownError
 from ...instruments.vibrometer import shown as shown_as
 from ..response import LinearSweep, capture_sweep, linear_sweep, ordered

@@ -7,8 +7,9 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 import scipy
 
-from ...instruments import Capture, HaploopError, LinearSensor, Press, Rest, Rig
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
+from ...base.errors import HaploopError
+from ...instruments import Capture, LinearSensor, Press, Rest, Rig
 from ...instruments.operator import Place, Remove
 from ...instruments.sensors import fault_at_rest
 from ..background import Record, tones_in, tones_of

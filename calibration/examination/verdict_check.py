@@ -15,8 +15,8 @@ from functools import partial
 
 import numpy as np
 
+from ...base.arrays import FloatArray
 from ...instruments import Rest, Rig
-from ...instruments.arrays import FloatArray
 from .. import sizes
 from ..drive import TOLERANCE, Drive, judged_to, resolved, told_by_noise
 from .finding import Finding, Status

@@ -20,8 +20,8 @@ from dataclasses import replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from ...instruments import ConfigurationError
-from ...instruments.arrays import ComplexArray, FloatArray, IntArray
+from ...base.arrays import ComplexArray, FloatArray, IntArray
+from ...base.errors import ConfigurationError
 from ..model import Calibration, fit
 from ..response import Modes
 from .map import VibrationMap

@@ -20,12 +20,12 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from ...acquisition import hdf5
-from ...acquisition.json_files import read_json, write_json
-from ...instruments import ConfigurationError, DataError
-from ...instruments.arrays import ComplexArray
-from ...instruments.files import new_file, os_error_text
-from ...instruments.publishing import publish
+from ...base import hdf5
+from ...base.arrays import ComplexArray
+from ...base.errors import ConfigurationError, DataError
+from ...base.files import new_file, os_error_text
+from ...base.json_files import read_json, write_json
+from ...base.publishing import publish
 from ..response import LinearSweep, Multisine
 
 _PLAN = "map.json"

@@ -16,10 +16,11 @@ import numpy as np
 import scipy
 from threadpoolctl import threadpool_limits
 
-from ...acquisition import hdf5
-from ...instruments import DataError, RigFile
-from ...instruments.arrays import ComplexArray, FloatArray, IntArray
-from ...instruments.notebook import InNotebook
+from ...base import hdf5
+from ...base.arrays import ComplexArray, FloatArray, IntArray
+from ...base.errors import DataError
+from ...base.notebook import InNotebook
+from ...instruments import RigFile
 from ..model import PlateModes
 from ..response import HALF_WIDTHS, Hysteresis, Modes, Plays, fit_modes, operators
 from .folder import MapFolder, MapPlan, PointMeasurement

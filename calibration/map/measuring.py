@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import scipy
 
-from ...instruments import ConfigurationError, Rig
-from ...instruments.arrays import ComplexArray, FloatArray
-from ...instruments.files import Room, room
-from ...instruments.progress import Progress, silent
+from ...base.arrays import ComplexArray, FloatArray
+from ...base.errors import ConfigurationError
+from ...base.files import Room, room
+from ...base.progress import Progress, silent
+from ...instruments import Rig
 from ..response import Channels, overloaded, refuse_silent_drive
 from .folder import MapFolder, MapPlan, PointMeasurement, Step
 from .sweeping import Sweeper

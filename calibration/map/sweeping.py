@@ -14,8 +14,8 @@ from math import ceil
 import numpy as np
 import scipy
 
+from ...base.arrays import ComplexArray, FloatArray
 from ...instruments import Rig
-from ...instruments.arrays import ComplexArray, FloatArray
 from ..response import Spot, Swept, play_sweep, refuse_silent_drive, without_harmonics
 from .folder import MapPlan, PointMeasurement, Step
 

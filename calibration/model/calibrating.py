@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from ...base.progress import Progress, silent
 from ...instruments import Rig
-from ...instruments.progress import Progress, silent
 from ..response import (
     SWEEP,
     Excitation,

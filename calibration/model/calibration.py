@@ -9,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ...acquisition import hdf5
-from ...instruments import ConfigurationError, RigFile
-from ...instruments.notebook import InNotebook
+from ...base import hdf5
+from ...base.errors import ConfigurationError
+from ...base.notebook import InNotebook
+from ...instruments import RigFile
 from ..band import BAND
 from ..perception import pressing
 from ..response import Hysteresis, Response, fit_hysteresis

@@ -18,8 +18,8 @@ from datetime import datetime
 
 import numpy as np
 
-from ...instruments import ConfigurationError, DataError
-from ...instruments.arrays import ComplexArray, FloatArray, IntArray
+from ...base.arrays import ComplexArray, FloatArray, IntArray
+from ...base.errors import ConfigurationError, DataError
 from .calibration import Calibration, ChannelScatter
 from .drift import modes_of, pole_slopes
 from .model import Model

@@ -22,8 +22,8 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from ...instruments import ConfigurationError
-from ...instruments.arrays import ComplexArray, FloatArray, IntArray
+from ...base.arrays import ComplexArray, FloatArray, IntArray
+from ...base.errors import ConfigurationError
 from .model import Model
 
 

@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...instruments import DataError
-from ...instruments.arrays import ComplexArray, FloatArray
+from ...base.arrays import ComplexArray, FloatArray
+from ...base.errors import DataError
 from ..resting_finger import refuse_force
 from .model import Model, fit
 

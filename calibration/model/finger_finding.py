@@ -31,8 +31,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy
 
-from ...instruments import DataError
-from ...instruments.arrays import ComplexArray, FloatArray
+from ...base.arrays import ComplexArray, FloatArray
+from ...base.errors import DataError
 from ...instruments.operator import RestFinger
 from ..band import BAND
 from ..response import Response

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...acquisition import refuse_name
-from ...instruments import ConfigurationError, Rig, RigFile
+from ...base.errors import ConfigurationError
+from ...base.progress import Progress, prefixed, silent
+from ...instruments import Rig, RigFile
 from ...instruments.operator import RestFinger
-from ...instruments.progress import Progress, prefixed, silent
 from ..response import quick_response
 from ..resting_finger import TableForce, refuse_force, resting
 from .finger import under_finger

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import scipy
 
-from ...instruments import ConfigurationError, DataError
-from ...instruments.arrays import BoolArray, ComplexArray, FloatArray
+from ...base.arrays import BoolArray, ComplexArray, FloatArray
+from ...base.errors import ConfigurationError, DataError
 from ..band import BAND
 from ..response import Response
 from .projection import Lines, Projection

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 import scipy
 
-from ...instruments.arrays import ComplexArray, FloatArray
+from ...base.arrays import ComplexArray, FloatArray
 
 _ALIKE = 30
 """Largest distance (lines) at which noise may be correlated."""

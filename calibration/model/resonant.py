@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
-from ...instruments.arrays import BoolArray, ComplexArray, FloatArray
+from ...base.arrays import BoolArray, ComplexArray, FloatArray
 from ..response import Response
 from .projection import Projection
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
 from .lab import LabThreshold, pressing_act
 from .levels import (
     OCTAVES,

@@ -13,7 +13,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from ...instruments import ConfigurationError
+from ...base.errors import ConfigurationError
 from .thresholds import Act, thresholds
 
 if TYPE_CHECKING:

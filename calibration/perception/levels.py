@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 import scipy
 
-from ...instruments.arrays import ComplexArray, FloatArray
+from ...base.arrays import ComplexArray, FloatArray
 from ..intervals import LEAST_PLAYS, common, not_negative, quantile
 from .thresholds import REFERENCE, thresholds
 

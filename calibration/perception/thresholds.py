@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ...instruments import DataError
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
+from ...base.errors import DataError
 
 REFERENCE = 1e-6
 """Reference of vibration levels (m/s^2 rms; ISO 1683)."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from ...instruments.arrays import ComplexArray, FloatArray
+from ...base.arrays import ComplexArray, FloatArray
 
 _FITS = 0.005
 """Relative rms misfit up to which the path from command to monitor counts as a hold and one pole."""

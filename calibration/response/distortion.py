@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
-from ...instruments.arrays import FloatArray, IntArray
+from ...base.arrays import FloatArray, IntArray
 from .from_multisine import looked_at, smoothed
 from .hysteresis import Hysteresis
 from .local_rational import local_rational

@@ -10,8 +10,8 @@ from typing import Literal
 import numpy as np
 import scipy
 
-from ...instruments import ConfigurationError
-from ...instruments.arrays import FloatArray, IntArray
+from ...base.arrays import FloatArray, IntArray
+from ...base.errors import ConfigurationError
 from ..spectra import fade
 
 _FADE_IN, _FADE_OUT = 0.1, 0.03

@@ -6,7 +6,7 @@ import numpy as np
 import scipy
 from threadpoolctl import threadpool_limits
 
-from ...instruments.arrays import ComplexArray, FloatArray, IntArray
+from ...base.arrays import ComplexArray, FloatArray, IntArray
 from .channels import Channels
 from .estimate import FrfEstimate
 from .excitation import Multisine

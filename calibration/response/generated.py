@@ -15,9 +15,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from ...instruments import Capture, InstrumentError, Rig, Sweep
-from ...instruments.arrays import FloatArray
-from ...instruments.progress import Progress, part_of, silent
+from ...base.arrays import FloatArray
+from ...base.errors import InstrumentError
+from ...base.progress import Progress, part_of, silent
+from ...instruments import Capture, Rig, Sweep
 from .channels import Channels
 from .excitation import LinearSweep
 from .spot import Spot, overloaded, signals_of

@@ -23,7 +23,7 @@ import numpy as np
 import scipy
 from numpy.lib.stride_tricks import sliding_window_view
 
-from ...instruments.arrays import ComplexArray, FloatArray, IntArray
+from ...base.arrays import ComplexArray, FloatArray, IntArray
 
 _HALF = 10
 """Lines on either side: fewer average less noise, more bias the response within 5 Hz."""

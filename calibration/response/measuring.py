@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...instruments import Capture, ConfigurationError, DataError, InstrumentError, Rig
-from ...instruments.arrays import FloatArray
-from ...instruments.progress import Progress, part_of, silent
+from ...base.arrays import FloatArray
+from ...base.errors import ConfigurationError, DataError, InstrumentError
+from ...base.progress import Progress, part_of, silent
+from ...instruments import Capture, Rig
 from ..background import LONGEST_REST, Record, Tones, rests, tones_in, without_tones
 from .channels import Channels
 from .excitation import Excitation, LinearSweep, Multisine

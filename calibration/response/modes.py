@@ -22,8 +22,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ...instruments import DataError
-from ...instruments.arrays import BoolArray, ComplexArray, FloatArray
+from ...base.arrays import BoolArray, ComplexArray, FloatArray
+from ...base.errors import DataError
 from .terms import moved, rows, terms_of
 
 _STEPS = 12

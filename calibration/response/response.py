@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...instruments import DataError
-from ...instruments.arrays import ComplexArray, FloatArray
+from ...base.arrays import ComplexArray, FloatArray
+from ...base.errors import DataError
 from ...instruments.vibrometer import Quantity
 from ..background import Tones
 from .hysteresis import Hysteresis

@@ -12,9 +12,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import scipy
 
-from ...instruments import Capture, InstrumentError, Rig
-from ...instruments.arrays import FloatArray
-from ...instruments.progress import Progress, silent
+from ...base.arrays import FloatArray
+from ...base.errors import InstrumentError
+from ...base.progress import Progress, silent
+from ...instruments import Capture, Rig
 
 _HZ, _CYCLES = 40.0, 16
 """Frequency (Hz) and number of cycles of the run-down, below a table's first mode. After it the first play

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...instruments import Capture, InstrumentError, Rig
-from ...instruments.arrays import ComplexArray, FloatArray
+from ...base.arrays import ComplexArray, FloatArray
+from ...base.errors import InstrumentError
+from ...instruments import Capture, Rig
 from ...instruments.vibrometer import shown
 from .channels import Channels
 from .response import LINEAR, Response

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...instruments.arrays import ComplexArray, FloatArray
+from ...base.arrays import ComplexArray, FloatArray
 
 
 def rows(values: ComplexArray) -> FloatArray:

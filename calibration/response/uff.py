@@ -21,9 +21,10 @@ from typing import Any
 import numpy as np
 import pyuff
 
-from ...instruments import DataError, RigFile
-from ...instruments.arrays import ComplexArray, FloatArray
-from ...instruments.files import new_file, os_error_text
+from ...base.arrays import ComplexArray, FloatArray
+from ...base.errors import DataError
+from ...base.files import new_file, os_error_text
+from ...instruments import RigFile
 from .response import Response
 from .uff_units import ACCELERATION, LENGTH, VELOCITY, VOLTAGE, response_of
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...acquisition import hdf5
+from ...base import hdf5
 from ...instruments import Capture, Rig
 from ...instruments.vibrometer import Quantity
 

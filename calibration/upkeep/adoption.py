@@ -9,7 +9,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
-from ...instruments import ConfigurationError, DataError, RigFile
+from ...base.errors import ConfigurationError, DataError
+from ...instruments import RigFile
 from ...instruments.safety import Audit, state_folder
 from ..drive import Check, DigitalButton
 from ..model import Calibration

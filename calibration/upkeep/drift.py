@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from ...instruments.arrays import ComplexArray, FloatArray
+from ...base.arrays import ComplexArray, FloatArray
 from ...instruments.config import Recalibration
 from ..drive import BAND, Drive
 from ..model import Calibration, Model

@@ -22,11 +22,11 @@ from typing import Any, Protocol, Self
 
 from pydantic import TypeAdapter, ValidationError
 
-from ...acquisition.json_files import append_json, changing, json_hash, read_json, write_json
-from ...instruments import DataError
-from ...instruments.files import Room, beside, os_error_text, room
-from ...instruments.notebook import InNotebook
-from ...instruments.publishing import sync_folder
+from ...base.errors import DataError
+from ...base.files import Room, beside, os_error_text, room
+from ...base.json_files import append_json, changing, json_hash, read_json, write_json
+from ...base.notebook import InNotebook
+from ...base.publishing import sync_folder
 from ...instruments.safety import hold
 
 _MANIFEST, _ACTIVATIONS, _LOOKS = "generation.json", "activations.json", "looks.json"

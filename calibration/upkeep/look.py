@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from ...instruments import DataError, InstrumentError, LimitError, Rig
-from ...instruments.progress import Progress, part_of
+from ...base.errors import DataError, InstrumentError, LimitError
+from ...base.progress import Progress, part_of
+from ...instruments import Rig
 from ..drive import Drive
 from ..model import Calibration
 from ..response import (

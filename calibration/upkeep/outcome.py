@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from typing import Any, Literal
 
-from ...instruments import ConfigurationError, HaploopError
+from ...base.errors import ConfigurationError, HaploopError
 from ..drive import Check, DigitalButton
 from ..model import Calibration
 from .adoption import calibrations_of

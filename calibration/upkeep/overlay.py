@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ...instruments.arrays import ComplexArray, FloatArray, IntArray
+from ...base.arrays import ComplexArray, FloatArray, IntArray
 from ..model import Model, pole_slopes
 
 _FURTHEST = 0.12

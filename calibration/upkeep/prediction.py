@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
 from ..drive import Drive
 from ..model import Calibration, Model
 from ..response import Hysteresis

@@ -14,14 +14,10 @@ from typing import cast
 
 import numpy as np
 
-from ...instruments import (
-    DataError,
-    InstrumentError,
-    LimitError,
-    Rig,
-)
+from ...base.errors import DataError, InstrumentError, LimitError
+from ...base.progress import Progress, prefixed, silent
+from ...instruments import Rig
 from ...instruments.operator import LiftFinger
-from ...instruments.progress import Progress, prefixed, silent
 from .. import sizes
 from ..drive import Check, DigitalButton, Drive, Method, build_button, check
 from ..model import Calibration, calibrate_keeping

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
+from ...base.arrays import BoolArray, FloatArray, IntArray
 from ...instruments import Capture, Rest, Rig
-from ...instruments.arrays import BoolArray, FloatArray, IntArray
 from ...instruments.mains import Hum, mains_hum
 from ...instruments.sensors import fault_at_rest
 from ...instruments.vibrometer import Vibrometer

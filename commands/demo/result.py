@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from ...acquisition import Recording, Representative
+from ...base.arrays import ComplexArray, FloatArray
 from ...calibration import Calibration, Check, worst
-from ...instruments.arrays import ComplexArray, FloatArray
 
 BUTTONS = ("latch", "toggle", "push")
 """Buttons of the paper (figure 2)."""

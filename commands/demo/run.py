@@ -9,6 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from ...acquisition import Recording, Representative, record, representative
+from ...base.clock import Clock, RealClock
+from ...base.errors import ConfigurationError
+from ...base.files import new_file
+from ...base.progress import Progress, part_of, prefixed, silent
 from ...calibration import (
     Calibration,
     Check,
@@ -23,11 +27,8 @@ from ...calibration.drive import Method, check, offered
 from ...calibration.model import calibration_of
 from ...calibration.perception import Sensation, lab_threshold, pressing_act
 from ...exchange.live import published
-from ...instruments import ConfigurationError, Rig, load_rig_file, open_rig
-from ...instruments.clock import Clock, RealClock
+from ...instruments import Rig, load_rig_file, open_rig
 from ...instruments.driver import Mode
-from ...instruments.files import new_file
-from ...instruments.progress import Progress, part_of, prefixed, silent
 from ...instruments.sensors import loss
 from ...reports.contents import forces_in
 from .report import report, summarise

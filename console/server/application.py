@@ -16,7 +16,7 @@ from starlette.routing import BaseRoute, Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from ...instruments import ConfigurationError, HaploopError, InstrumentError
+from ...base.errors import ConfigurationError, HaploopError, InstrumentError
 from ...reports.html import GLANCE_STYLE
 from ..data_folder import DataFolder
 from .bodies import json_object

@@ -9,7 +9,7 @@ from typing import Any
 
 from starlette.requests import Request
 
-from ...instruments import ConfigurationError
+from ...base.errors import ConfigurationError
 
 LARGEST = 1 << 16
 """Bytes of a request, or of a message on a socket: the participant's page is the least trusted one."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
 
 
 class Buckets:

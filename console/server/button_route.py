@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from ...acquisition import Representative
+from ...base.arrays import FloatArray
+from ...base.errors import DataError
 from ...calibration import Check, DigitalButton, Drive, check_feeling
 from ...calibration.spectra import resample, third_octaves
-from ...instruments import DataError
-from ...instruments.arrays import FloatArray
 from ...reports.contents import (
     check_glance,
     crosstalk_facts,

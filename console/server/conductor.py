@@ -15,9 +15,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...acquisition import file_name
+from ...base.clock import RealClock
+from ...base.errors import ConfigurationError, DataError, HaploopError, InstrumentError
+from ...base.marks import marked
 from ...experiments import Session, Step, Store, open_session, played_by_rig, session_levels
-from ...instruments import ConfigurationError, DataError, HaploopError, InstrumentError, RealClock
-from ...instruments.safety import marked
 from ..data_folder import DataFolder, store_of
 
 Worker = Callable[[str, Mapping[str, Any]], tuple[int, dict[str, Any]]]

@@ -22,6 +22,8 @@ from starlette.routing import Route
 
 from ...acquisition import load_study
 from ...acquisition.recording import PartReader
+from ...base.arrays import FloatArray
+from ...base.errors import DataError, HaploopError
 from ...calibration import (
     Calibration,
     VibrationMap,
@@ -29,8 +31,6 @@ from ...calibration import (
 )
 from ...calibration.map import MapFolder
 from ...exchange.catalogue import list_files
-from ...instruments import DataError, HaploopError
-from ...instruments.arrays import FloatArray
 from ...reports.contents import experiment_contents, night
 from ..data_folder import DataFolder, store_of
 from .button_route import button_shown

@@ -10,7 +10,7 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
-from ...instruments import HaploopError
+from ...base.errors import HaploopError
 from .bodies import json_object
 from .conductor import Conductor
 from .follower import Follower

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any
 
-from ...instruments import HaploopError, InstrumentError
+from ...base.errors import HaploopError, InstrumentError
 from ..worker import Address, WorkerLink
 from .live_scope import LiveScope
 

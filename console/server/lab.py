@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from ...acquisition import load_study
+from ...base.errors import DataError, HaploopError
 from ...exchange.catalogue import list_files
-from ...instruments import DataError, HaploopError
 from ..data_folder import DataFolder
 
 _NEWEST = 6

@@ -12,10 +12,12 @@ from typing import Any
 import numpy as np
 import scipy
 
-from ...instruments import DataError, HaploopError, LiveBlock, RealClock, RigFile, Tap, watch_live
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
+from ...base.clock import RealClock
+from ...base.errors import DataError, HaploopError
+from ...base.flag import Flag
+from ...instruments import LiveBlock, RigFile, Tap, watch_live
 from ...instruments.driver import Mode
-from ...instruments.flag import Flag
 from ...instruments.live import Run, quantities
 from .buckets import Buckets
 

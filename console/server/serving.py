@@ -9,7 +9,8 @@ from pathlib import Path
 
 import uvicorn
 
-from ...instruments import ConfigurationError, RigFile
+from ...base.errors import ConfigurationError
+from ...instruments import RigFile
 from ...instruments.driver import Mode
 from ...terminal.progress import note
 from ..data_folder import DataFolder

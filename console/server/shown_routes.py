@@ -14,8 +14,8 @@ from typing import Any
 
 from starlette.responses import Response
 
+from ...base.errors import DataError
 from ...experiments import export_answers
-from ...instruments import DataError
 from ...reports.contents import Cell, Contents, Glance, Grid, unbroken
 from ...reports.figures import encode, mark_simulated
 from ...reports.html import contents_at

@@ -12,8 +12,9 @@ from contextlib import nullcontext
 from pathlib import Path
 from types import FrameType
 
-from ...instruments import HaploopError, load_rig_file
-from ...instruments.safety import marked
+from ...base.errors import HaploopError
+from ...base.marks import marked
+from ...instruments import load_rig_file
 from ...instruments.tape import recorded
 from ..data_folder import DataFolder
 from .address import Address, address_path, written

@@ -7,6 +7,8 @@ from datetime import UTC, datetime
 from typing import Any
 
 from ...acquisition import load_press
+from ...base.errors import ConfigurationError
+from ...base.files import check_destination, reserved
 from ...calibration import (
     DigitalButton,
     Drift,
@@ -21,8 +23,7 @@ from ...calibration import (
     trade_for,
     with_map,
 )
-from ...instruments import ConfigurationError, Rig
-from ...instruments.files import check_destination, reserved
+from ...instruments import Rig
 from .job import Tools, Work, clean, files, number, whole, words
 
 ACTOR = "the console"

@@ -9,8 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from ...acquisition import PressVerdict
-from ...instruments import ConfigurationError, Progress, Rig, RigFile
-from ...instruments.flag import Flag
+from ...base.errors import ConfigurationError
+from ...base.flag import Flag
+from ...base.progress import Progress
+from ...instruments import Rig, RigFile
 from ..data_folder import DataFolder
 from .board import Board
 from .presenting import Stimuli

@@ -24,17 +24,10 @@ from ...acquisition import (
     segmentation_for,
     set_aside,
 )
-from ...calibration import (
-    Waveforms,
-    activate,
-    calibrate_keeping,
-    examine,
-    map_plan,
-    measure_map,
-    sizes,
-)
-from ...instruments import ConfigurationError, DataError, Rig
-from ...instruments.files import check_destination, reserved
+from ...base.errors import ConfigurationError, DataError
+from ...base.files import check_destination, reserved
+from ...calibration import Waveforms, activate, calibrate_keeping, examine, map_plan, measure_map, sizes
+from ...instruments import Rig
 from ...instruments.operator import ConfirmSettings
 from ...reports.contents import one_style
 from ..data_folder import store_of

@@ -14,9 +14,11 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from ...instruments import ConfigurationError, InstrumentError, RealClock, RigFile
+from ...base.clock import RealClock
+from ...base.errors import ConfigurationError, InstrumentError
+from ...base.marks import is_marked, marked
+from ...instruments import RigFile
 from ...instruments.driver import Mode
-from ...instruments.safety import is_marked, marked
 from ..data_folder import DataFolder
 from .address import Address, address_path
 

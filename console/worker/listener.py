@@ -16,7 +16,7 @@ from importlib import resources
 from typing import Any
 from urllib.parse import unquote
 
-from ...instruments import HaploopError
+from ...base.errors import HaploopError
 from .worker import Worker
 
 _LARGEST = 1 << 20

@@ -6,8 +6,9 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import asdict
 
-from ...instruments import InstrumentError, Operator
-from ...instruments.flag import Flag
+from ...base.errors import InstrumentError
+from ...base.flag import Flag
+from ...instruments import Operator
 from ...instruments.operator import (
     Aim,
     Cable,

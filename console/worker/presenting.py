@@ -10,6 +10,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from ...base.errors import ConfigurationError, DataError
+from ...base.flag import Flag
+from ...base.inbox import Inbox
+from ...base.progress import Progress
 from ...experiments import (
     Assignment,
     Event,
@@ -18,9 +22,7 @@ from ...experiments import (
     Store,
     prepare_surface,
 )
-from ...instruments import ConfigurationError, DataError, Progress, Rig
-from ...instruments.flag import Flag
-from ...instruments.inbox import Inbox
+from ...instruments import Rig
 from .board import Board
 
 

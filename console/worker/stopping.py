@@ -16,7 +16,9 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
-from ...instruments import ConfigurationError, RealClock, Rig
+from ...base.clock import RealClock
+from ...base.errors import ConfigurationError
+from ...instruments import Rig
 from .board import Board
 
 _GRACE = 1.0

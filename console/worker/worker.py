@@ -12,20 +12,14 @@ from datetime import UTC, datetime, timedelta
 from typing import Any, cast
 
 from ...acquisition import PressVerdict
-from ...instruments import (
-    ConfigurationError,
-    HaploopError,
-    InstrumentError,
-    RealClock,
-    Rig,
-    RigFile,
-    open_rig,
-)
+from ...base.clock import RealClock
+from ...base.errors import ConfigurationError, HaploopError, InstrumentError
+from ...base.flag import Flag
+from ...base.inbox import Inbox
+from ...base.marks import is_marked
+from ...base.signals import uninterrupted
+from ...instruments import Rig, RigFile, open_rig
 from ...instruments.driver import Mode
-from ...instruments.flag import Flag
-from ...instruments.inbox import Inbox
-from ...instruments.safety import is_marked
-from ...instruments.signals import uninterrupted
 from ..data_folder import DataFolder
 from .board import Board
 from .job import Tools, Work, clean

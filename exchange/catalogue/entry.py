@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...instruments.errors import HaploopError
+from ...base.errors import HaploopError
 
 if TYPE_CHECKING:
     from ...acquisition import Recording
@@ -71,7 +71,8 @@ def entry_of(path: str) -> Entry | None:
 
 def _hdf5(path: Path) -> Entry | None:
     # Here, because a catalogue without new files needs none of it.
-    from ...acquisition import Recording, Representative, content_hash, hdf5  # noqa: PLC0415
+    from ...acquisition import Recording, Representative, content_hash  # noqa: PLC0415
+    from ...base import hdf5  # noqa: PLC0415
     from ...calibration import Calibration  # noqa: PLC0415
     from ..curve import Curve  # noqa: PLC0415
 

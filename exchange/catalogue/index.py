@@ -19,9 +19,9 @@ from pathlib import Path
 
 from platformdirs import user_cache_path
 
-from ...instruments.errors import ConfigurationError
-from ...instruments.files import paths_of
-from ...instruments.progress import Progress, silent
+from ...base.errors import ConfigurationError
+from ...base.files import paths_of
+from ...base.progress import Progress, silent
 from ..workers import worker_pool
 from .entry import Entry, entry_of
 from .where import condition

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import fields
 
-from ...instruments.errors import ConfigurationError
+from ...base.errors import ConfigurationError
 from .entry import KINDS, Entry
 
 _NAMES = [field.name for field in fields(Entry)]

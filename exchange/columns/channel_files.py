@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ...instruments.extras import optional
+from ...base.extras import optional
 from .factors import doubt_beside
 from .hdf5_tree import CF, unpacked
 from .table import Column

@@ -20,10 +20,10 @@ from typing import Any
 
 import numpy as np
 
-from ...acquisition.own_process import allow_memory, answer_of
-from ...instruments import ConfigurationError, DataError
-from ...instruments.extras import optional
-from ...instruments.files import os_error_text
+from ...base.errors import ConfigurationError, DataError
+from ...base.extras import optional
+from ...base.files import os_error_text
+from ...base.own_process import allow_memory, answer_of
 from . import channel_files, hdf5_tree, workbook
 from .table import Column
 

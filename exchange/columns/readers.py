@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...instruments import ConfigurationError, DataError
+from ...base.errors import ConfigurationError, DataError
 from .. import sep005_file, wav_file
 from ..views import Signals
 from . import text_file, tree_table, uff_signals

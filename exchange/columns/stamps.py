@@ -9,7 +9,7 @@ from datetime import date, datetime
 
 import numpy as np
 
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
 
 _CLOCK = r"(?P<h>\d{1,2}):(?P<m>\d{2}):(?P<s>\d{2}(?:[.,]\d+|:\d{3})?)\s*(?P<half>[AaPp]\.?[Mm]\.?)?"
 _STAMPS = tuple(

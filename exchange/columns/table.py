@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
 from ..views import About
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ...instruments import DataError
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
+from ...base.errors import DataError
 from ..views import read_sidecar
 from .stamps import is_stamp, seconds_of, unclear
 from .table import Column, Labels, Table

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from itertools import zip_longest
 from pathlib import Path
 
-from ...instruments import DataError
+from ...base.errors import DataError
 from .factors import factor_in, is_factor
 from .stamps import is_stamp
 from .text_rows import Body, is_blank, is_number

@@ -21,8 +21,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ...instruments import DataError
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
+from ...base.errors import DataError
 from .stamps import is_stamp
 from .units import units_of
 

@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 import scipy
 
-from ...instruments import DataError
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
+from ...base.errors import DataError
 from .table import Column
 
 _SAME_RATE = 1e-6

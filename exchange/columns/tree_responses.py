@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...base.errors import ConfigurationError, DataError
 from ...calibration import Response
 from ...calibration.response import POWERS, per_unit, plain_response
-from ...instruments import ConfigurationError, DataError
 from ..views import read_sidecar
 from .contained import Tree, tree_of
 

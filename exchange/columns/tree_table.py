@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ...instruments import DataError
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
+from ...base.errors import DataError
 from ..views import About
 from .contained import Tree, tree_of
 from .factors import doubt_beside, is_factor

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from ...base.errors import DataError
 from ...calibration.response import ordinate_of, read_uff_sets, units_of
-from ...instruments import DataError
 from ...terminal.progress import SIMULATED
 from ..views import About
 from .table import Column, Table

@@ -11,7 +11,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from ...instruments import ConfigurationError
+from ...base.errors import ConfigurationError
 
 SI = {"time": "s", "force": "N", "acceleration": "m/s^2", "displacement": "m", "voltage": "V"}
 """Unit of each quantity that a file's columns can have."""

@@ -12,7 +12,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from ...instruments.extras import optional
+from ...base.extras import optional
 from .units import units_of
 
 MOST_COLUMNS = 1000

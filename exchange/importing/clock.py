@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
 from ..columns import Column, Stated, Table, per_unit, unit_of
 from .mapping import FileMapping
 from .timebase import TimeBase, time_base

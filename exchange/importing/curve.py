@@ -18,8 +18,8 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
-from ...instruments import ConfigurationError, DataError
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
+from ...base.errors import ConfigurationError, DataError
 from ..curve import FEWEST, Curve, Point, each_travel
 from .understood import Understanding
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
-from ...instruments import ConfigurationError
-from ...instruments.files import make_folder, os_error_text, private_files
+from ...base.errors import ConfigurationError
+from ...base.files import make_folder, os_error_text, private_files
 from .curve import curve_of
 from .press import press_of, presses_in
 from .recording import recording_of

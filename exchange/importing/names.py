@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ...instruments import ConfigurationError
+from ...base.errors import ConfigurationError
 from ..columns import read_table
 from .mapping import FileMapping
 from .splits import values_of

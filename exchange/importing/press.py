@@ -10,8 +10,8 @@ import scipy
 
 from ...acquisition import Representative, Window, file_name, high_pass
 from ...acquisition.presses import Detector, require_rate, segmentation_for
-from ...instruments import ConfigurationError, DataError
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
+from ...base.errors import ConfigurationError, DataError
 from .mapping import FileMapping
 from .rest import rest_of
 from .understanding import understand

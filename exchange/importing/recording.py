@@ -20,8 +20,9 @@ import numpy as np
 from ...acquisition import Protocol, Recording, file_name, segmentation_for
 from ...acquisition.presses import judged
 from ...acquisition.recording import Event, Header, PressVerdict, write_recording
-from ...instruments import ConfigurationError, DataError, LinearSensor, Sensors, Switch
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
+from ...base.errors import ConfigurationError, DataError
+from ...instruments import LinearSensor, Sensors, Switch
 from .mapping import FileMapping
 from .press import RATE_HZ, presses_in, resampled
 from .rest import rest_of

@@ -7,9 +7,10 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-from ...acquisition import hdf5
+from ...base import hdf5
+from ...base.errors import ConfigurationError, DataError
 from ...calibration import Response, read_uff
-from ...instruments import ConfigurationError, DataError, RigFile
+from ...instruments import RigFile
 from .. import uff_file
 from ..columns import format_of, has_responses, read_responses
 from ..views import read_sidecar

@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
 
 End = Literal["start", "end"]
 _SHARE, _FEWEST, _LONGEST = 0.02, 5, 0.1

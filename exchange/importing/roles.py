@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
 from ..columns import Column, units_of
 from .mapping import MEASURED, ROLES, Role
 

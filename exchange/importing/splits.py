@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...instruments import ConfigurationError
-from ...instruments.arrays import BoolArray
+from ...base.arrays import BoolArray
+from ...base.errors import ConfigurationError
 from ..columns import Labels, Table, is_blank
 from .understood import Question
 

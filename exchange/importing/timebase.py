@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 import scipy
 
-from ...instruments import DataError
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
+from ...base.errors import DataError
 
 _EVEN = 0.01
 """Largest deviation of a stamp, in steps, that is none."""

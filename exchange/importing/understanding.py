@@ -16,9 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ...acquisition import hdf5
-from ...instruments import ConfigurationError, DataError
-from ...instruments.arrays import FloatArray
+from ...base import hdf5
+from ...base.arrays import FloatArray
+from ...base.errors import ConfigurationError, DataError
 from ..columns import SI, WEIGHTS, Column, Table, per_unit, read_table, unit_of
 from .clock import base_of, rates_of, time_of, unit_of_time
 from .mapping import MEASURED, NONE, ROLES, FileMapping, Role

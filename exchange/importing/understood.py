@@ -6,8 +6,8 @@ import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...instruments import ConfigurationError
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
+from ...base.errors import ConfigurationError
 from ..columns import Table
 from .mapping import FileMapping, Role
 from .timebase import Hole

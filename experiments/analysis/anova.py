@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from ...instruments import DataError
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
+from ...base.errors import DataError
 from .effect_size import eta_squared_interval
 from .linear import between_design, products, within_contrasts
 

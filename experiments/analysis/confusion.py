@@ -11,7 +11,7 @@ from typing import Literal, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from ...instruments import DataError
+from ...base.errors import DataError
 from .proportions import Interval, clustered_interval, wilson_interval
 from .table import Rows
 

@@ -8,8 +8,8 @@ from typing import Self
 
 import numpy as np
 
-from ...instruments import DataError
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
+from ...base.errors import DataError
 from .anova import Effect, anova
 from .cells import uneven_groups
 from .confusion import METRICS, Confusion, Metric, confusion_of, confusions_by

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 import numpy as np
 import scipy
 
+from ...base.errors import DataError
 from ...calibration import DigitalButton
 from ...calibration.perception import LabThreshold, levels_of
-from ...instruments import DataError
 from .threshold import Threshold
 
 _LEAST_PEOPLE = 3

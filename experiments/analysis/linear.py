@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
 
 
 def within_contrasts(levels: Sequence[int]) -> Iterator[tuple[tuple[int, ...], FloatArray]]:

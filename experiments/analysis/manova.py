@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
 from .linear import between_design, products, within_contrasts
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
 from .effect_size import cohen_interval
 from .linear import between_design
 

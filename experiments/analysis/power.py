@@ -10,11 +10,11 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
-from ...instruments import DataError
-from ...instruments.arrays import FloatArray
-from ...instruments.bounded import Proportion
+from ...base.arrays import FloatArray
+from ...base.bounded import Proportion
+from ...base.errors import DataError
+from ...base.progress import Progress, silent
 from ...instruments.config import load_model
-from ...instruments.progress import Progress, silent
 from .anova import anova
 from .proportions import Interval, wilson_interval
 

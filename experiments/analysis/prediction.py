@@ -21,11 +21,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...base.arrays import FloatArray
+from ...base.errors import ConfigurationError
 from ...calibration import DigitalButton
 from ...calibration.drive import BEFORE
 from ...calibration.perception import Act, event_levels, pressing_act, thresholds
-from ...instruments import ConfigurationError
-from ...instruments.arrays import FloatArray
 
 PAPER = {
     "latch": {"latch": (75, 100), "toggle": (0, 25), "push": (0, 19)},

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...instruments import DataError
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
+from ...base.errors import DataError
 from .anova import Effect, anova
 from .cells import cells_of, uneven_groups
 from .manova import MultivariateEffect, manova_independent, manova_repeated

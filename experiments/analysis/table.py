@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from ...instruments import DataError
+from ...base.errors import DataError
 
 
 @dataclass(frozen=True)

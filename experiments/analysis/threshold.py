@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from ...instruments import DataError
-from ...instruments.arrays import FloatArray, IntArray
-from ...instruments.extras import optional
+from ...base.arrays import FloatArray, IntArray
+from ...base.errors import DataError
+from ...base.extras import optional
 from .table import Rows
 
 _LEAST_TRIALS = 20

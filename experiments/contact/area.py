@@ -13,9 +13,10 @@ from dataclasses import dataclass, field
 import numpy as np
 import scipy
 
-from ...instruments import Camera, DataError, Frame, Rig
-from ...instruments.arrays import FloatArray
-from ...instruments.clock import Clock
+from ...base.arrays import FloatArray
+from ...base.clock import Clock
+from ...base.errors import DataError
+from ...instruments import Camera, Frame, Rig
 from .blobs import BLURRED, DIM, Blob, blobs
 
 _SMOOTHED = 3

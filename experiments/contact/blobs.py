@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from ...instruments.arrays import BoolArray, FloatArray
+from ...base.arrays import BoolArray, FloatArray
 
 BLURRED = 5.0
 """Standard deviation of an edge's blur (pixels) above which areas are not trusted."""

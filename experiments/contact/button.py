@@ -9,10 +9,11 @@ from typing import Literal
 
 import numpy as np
 
+from ...base.arrays import FloatArray
+from ...base.errors import ConfigurationError, DataError
+from ...base.progress import Progress, silent
 from ...calibration import Check, DigitalButton, Drive, PressedDrives, TableForce, check
-from ...instruments import ConfigurationError, DataError, Rig
-from ...instruments.arrays import FloatArray
-from ...instruments.progress import Progress, silent
+from ...instruments import Rig
 from .area import Contact, SeenSurface
 
 BUDGET = 0.054

@@ -9,7 +9,8 @@ from typing import Literal
 
 import numpy as np
 
-from ...instruments import DataError, Touch
+from ...base.errors import DataError
+from ...instruments import Touch
 from .area import Contact, SeenSurface
 
 LEAST_RATIO = 1.3

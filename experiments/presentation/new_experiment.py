@@ -8,9 +8,9 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from ...base.errors import ConfigurationError
+from ...base.files import beside, check_destination, new_file
 from ...calibration import DigitalButton
-from ...instruments import ConfigurationError
-from ...instruments.files import beside, check_destination, new_file
 from ..protocol import load_experiment
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Literal, Protocol
 
-from ...instruments import DataError, Touch
+from ...base.errors import DataError
+from ...instruments import Touch
 from ..contact import (
     Activator,
     FingerCalibration,

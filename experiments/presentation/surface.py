@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...acquisition import Representative
+from ...base.errors import ConfigurationError, DataError, LimitError
+from ...base.files import beside
+from ...base.progress import Progress, silent
 from ...calibration import DigitalButton
-from ...instruments import Camera, ConfigurationError, DataError, LimitError, Rig
-from ...instruments.files import beside
+from ...instruments import Camera, Rig
 from ...instruments.operator import Request, TakeTarget, Target
-from ...instruments.progress import Progress, silent
 from ..contact import SeenSurface, VerifiedButton, calibrate_meter, learn_background, verify_button
 from ..protocol import Experiment
 

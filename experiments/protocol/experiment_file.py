@@ -12,9 +12,9 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from ...instruments.bounded import Finite, Positive, Seed
+from ...base.bounded import Finite, Positive, Seed
+from ...base.files import beside
 from ...instruments.config import load_model
-from ...instruments.files import beside
 
 Kind = Literal["identification", "rating", "two-interval", "staircase"]
 BlockOrder = Literal["random", "random-in-repetition", "counterbalanced", "as-listed"]

@@ -16,7 +16,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ...acquisition import williams_row
-from ...instruments import DataError
+from ...base.errors import DataError
 from .experiment_file import Block, Comparison, ExperimentFile
 from .rating import Rated, rated
 

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from ...instruments import DataError
-from ...instruments.files import new_file, private_files
+from ...base.errors import DataError
+from ...base.files import new_file, private_files
 from ..protocol import Answer, ExperimentFile, Step, session_levels, timing_of
 from .log import Event
 from .store import Store, StoredSession

@@ -1,6 +1,6 @@
 """The log of a session: one line an event, durable before the next thing happens.
 
-How no line of it is lost unnoticed, see `acquisition.line_files`. The event "complete" seals a log.
+How no line of it is lost unnoticed, see `base.line_files`. The event "complete" seals a log.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from ...acquisition.line_files import Line, LineFile, Mark, check_mark, read_lines, read_marks, write_marks
-from ...instruments import DataError
-from ...instruments.clock import Clock
+from ...base.clock import Clock
+from ...base.errors import DataError
+from ...base.line_files import Line, LineFile, Mark, check_mark, read_lines, read_marks, write_marks
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ from contextlib import contextmanager
 from dataclasses import asdict
 from typing import Any, Protocol
 
-from ...instruments import ConfigurationError, DataError
-from ...instruments.clock import Clock
+from ...base.clock import Clock
+from ...base.errors import ConfigurationError, DataError
 from ..protocol import Answer, Assignment, Course, Step, right_answer, session_levels, valid
 from .log import Event, EventLog
 from .store import Store

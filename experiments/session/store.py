@@ -17,10 +17,11 @@ from pathlib import Path
 from typing import Any
 
 from ...acquisition import file_name
-from ...acquisition.line_files import LineFile, Mark, check_mark, read_lines, read_marks, write_marks
-from ...instruments import ConfigurationError, DataError
-from ...instruments.files import os_error_text
-from ...instruments.safety import InUse, hold
+from ...base.errors import ConfigurationError, DataError
+from ...base.files import os_error_text
+from ...base.line_files import LineFile, Mark, check_mark, read_lines, read_marks, write_marks
+from ...base.marks import InUse
+from ...instruments.safety import hold
 from ..protocol import Answer, Assignment, Course, Experiment, Step, group_of_slot, valid
 from .log import Event, events_of, read_log
 

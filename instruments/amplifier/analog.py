@@ -13,9 +13,9 @@ from typing import Annotated, Self
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from ..arrays import FloatArray
-from ..bounded import NotPositive, Positive
-from ..clock import Clock
+from ...base.arrays import FloatArray
+from ...base.bounded import NotPositive, Positive
+from ...base.clock import Clock
 from ..config import RigFile
 from ..limits import Limits
 from .role import Amplifier

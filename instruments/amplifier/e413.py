@@ -10,8 +10,8 @@ from typing import Self
 
 from pydantic import model_validator
 
-from ..bounded import Negative, Positive
-from ..clock import Clock
+from ...base.bounded import Negative, Positive
+from ...base.clock import Clock
 from ..config import RatingSource, require_source
 from .analog import AnalogAmplifier, AnalogSettings
 

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Collection, Mapping
 from types import MappingProxyType
 
-from ..arrays import FloatArray
+from ...base.arrays import FloatArray
 from ..frozen import Frozen
 from ..limits import Limits
 

@@ -15,11 +15,11 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from ..bounded import Fraction, Number
-from ..clock import Clock
+from ...base.bounded import Fraction, Number
+from ...base.clock import Clock
+from ...base.errors import InstrumentError
+from ...base.extras import optional
 from ..driver import one_name
-from ..errors import InstrumentError
-from ..extras import optional
 from ..tape import Proxied, TapedLine, taped_line
 from .role import Camera, Frame
 

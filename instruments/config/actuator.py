@@ -12,7 +12,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-from ..bounded import Finite, NotNegative, NotPositive, Positive
+from ...base.bounded import Finite, NotNegative, NotPositive, Positive
 from ..coil import Coil
 from ..limits import Limits
 

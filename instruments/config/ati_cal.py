@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as Xml
 
-from ..errors import ConfigurationError
+from ...base.errors import ConfigurationError
 
 _AXES = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
 _LONGEST = 1 << 20

@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from ..errors import ConfigurationError
+from ...base.errors import ConfigurationError
 from .toml_lines import read_text
 
 _MOST = 10_000

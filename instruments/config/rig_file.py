@@ -17,8 +17,8 @@ from pydantic import (
 )
 from pydantic_core import InitErrorDetails
 
-from .. import entry_points
-from ..bounded import Fraction, Negative, NotNegative, Positive, Seed
+from ...base import entry_points
+from ...base.bounded import Fraction, Negative, NotNegative, Positive, Seed
 from ..frozen import FrozenDict, frozen
 from ..limits import Limits
 from ..sensors import Sensors

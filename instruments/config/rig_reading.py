@@ -10,10 +10,10 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from .. import entry_points
-from ..errors import ConfigurationError
-from ..files import beside
-from ..near_words import did_you_mean
+from ...base import entry_points
+from ...base.errors import ConfigurationError
+from ...base.files import beside
+from ...base.near_words import did_you_mean
 from .ati_cal import read_ati_cal
 from .contradictions import contradictions
 from .frf_file import read_frf

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from ..near_words import did_you_mean
+from ...base.near_words import did_you_mean
 from ..sensors import LinearSensor
 from .toml_lines import Location
 

@@ -8,8 +8,8 @@ from typing import Any, TypeVar, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from ..errors import ConfigurationError
-from ..near_words import did_you_mean
+from ...base.errors import ConfigurationError
+from ...base.near_words import did_you_mean
 from ..sensors import Described
 from .toml_lines import Location
 

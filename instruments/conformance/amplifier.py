@@ -6,8 +6,8 @@ from dataclasses import fields
 
 import numpy as np
 
+from ...base.errors import LimitError
 from ..amplifier import Amplifier
-from ..errors import LimitError
 from .suite import Conformance, refused
 
 

@@ -7,8 +7,8 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
+from ...base.errors import InstrumentError
 from ..camera import Camera
-from ..errors import InstrumentError
 from .suite import Conformance, refused
 
 

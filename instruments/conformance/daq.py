@@ -9,9 +9,9 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from ..arrays import FloatArray
+from ...base.arrays import FloatArray
+from ...base.errors import ConfigurationError, InstrumentError, LimitError
 from ..daq import Block, Daq
-from ..errors import ConfigurationError, InstrumentError, LimitError
 from .suite import Conformance, bypass_interlock, refused
 
 _SEED = 5

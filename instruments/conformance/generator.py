@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import pytest
 
-from ..errors import ConfigurationError, InstrumentError, LimitError
+from ...base.errors import ConfigurationError, InstrumentError, LimitError
 from ..generator import Burst, Generator, Sweep, Waveform
 from .suite import Conformance, bypass_interlock, refused
 

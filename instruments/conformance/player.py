@@ -7,9 +7,9 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from ..arrays import FloatArray
-from ..clock import Clock, RealClock
-from ..errors import InstrumentError, LimitError
+from ...base.arrays import FloatArray
+from ...base.clock import Clock, RealClock
+from ...base.errors import InstrumentError, LimitError
 from ..player import Player
 from .suite import Conformance, bypass_interlock, one_sentence, refused
 

@@ -8,8 +8,8 @@ from typing import ClassVar
 
 import pytest
 
-from ..clock import Clock, RealClock
-from ..errors import ConfigurationError, InstrumentError, LimitError
+from ...base.clock import Clock, RealClock
+from ...base.errors import ConfigurationError, InstrumentError, LimitError
 from ..relay import Relay
 from .suite import Conformance, bypass_interlock, one_sentence, refused
 

@@ -10,7 +10,7 @@ from typing import ClassVar, Protocol, TypeVar
 
 import pytest
 
-from ..errors import ConfigurationError, DataError, HaploopError, InstrumentError, LimitError
+from ...base.errors import ConfigurationError, DataError, HaploopError, InstrumentError, LimitError
 from ..generator import Waveform
 from ..interlock import Interlocked
 

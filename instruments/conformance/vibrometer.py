@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from ..errors import InstrumentError
+from ...base.errors import InstrumentError
 from ..vibrometer import DERIVATIVE, Vibrometer
 from .suite import Conformance, one_sentence, refused
 

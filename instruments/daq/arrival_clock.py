@@ -16,7 +16,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..arrays import FloatArray
+from ...base.arrays import FloatArray
 
 _BUCKET = 0.5
 """Interval of whose arrivals the earliest is kept (s)."""

@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..arrays import BoolArray, ComplexArray, FloatArray
-from ..clock import Clock
-from ..errors import ConfigurationError, InstrumentError
+from ...base.arrays import BoolArray, ComplexArray, FloatArray
+from ...base.clock import Clock
+from ...base.errors import ConfigurationError, InstrumentError
 from .arrival_clock import ArrivalClock
 from .role import Block, Daq, Stream, StreamRequest
 

@@ -9,8 +9,8 @@ from typing import Any, Self
 
 from nidaqmx.constants import ProductCategory
 
-from ..errors import ConfigurationError, HaploopError, InstrumentError
-from ..signals import uninterrupted
+from ...base.errors import ConfigurationError, HaploopError, InstrumentError
+from ...base.signals import uninterrupted
 from .ni_errors import translated, understood
 from .ni_sentences import unclocked
 from .ni_sessions import Sessions

@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from ..clock import Clock
+from ...base.clock import Clock
+from ...base.errors import ConfigurationError, HaploopError, InstrumentError, LimitError, TakenError
+from ...base.signals import uninterrupted
 from ..driver import one_name
-from ..errors import ConfigurationError, HaploopError, InstrumentError, LimitError, TakenError
-from ..signals import uninterrupted
 from .ni_filters import FILTERS
 from .ni_settings import NiSettings, Output, device_of
 from .role import Daq, Stream, StreamRequest

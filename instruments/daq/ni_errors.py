@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 from nidaqmx.errors import DaqError, DaqNotFoundError, DaqNotSupportedError, RpcError
 
-from ..errors import HaploopError, InstrumentError
+from ...base.errors import HaploopError, InstrumentError
 from .ni_sentences import first_line, refused
 
 

@@ -17,9 +17,9 @@ from nidaqmx.constants import SampleTimingType, TaskMode
 from nidaqmx.errors import DaqError
 from nidaqmx.stream_writers import AnalogMultiChannelWriter
 
-from ..arrays import FloatArray
-from ..clock import RealClock
-from ..errors import HaploopError, InstrumentError, TakenError
+from ...base.arrays import FloatArray
+from ...base.clock import RealClock
+from ...base.errors import HaploopError, InstrumentError, TakenError
 from .ni_sentences import refused
 from .ni_settings import Output
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from ..errors import ConfigurationError, InstrumentError, TakenError
+from ...base.errors import ConfigurationError, InstrumentError, TakenError
 
 _MOST_DIVIDED = 32
 _WHOLE = 1e-6

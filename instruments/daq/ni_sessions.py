@@ -22,9 +22,9 @@ from nidaqmx.errors import Error as NiError
 from nidaqmx.grpc_session_options import SessionInitializationBehavior
 from nidaqmx.system import System
 
-from ..clock import RealClock
-from ..errors import InstrumentError
-from ..signals import uninterrupted
+from ...base.clock import RealClock
+from ...base.errors import InstrumentError
+from ...base.signals import uninterrupted
 from ..tape import Failure, TapedLine, taped_line
 
 # grpc prints a traceback for an answer that it cannot parse, besides raising the error caught here.

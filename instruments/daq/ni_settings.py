@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from ..bounded import NotNegative, Positive
+from ...base.bounded import NotNegative, Positive
 
 Terminal = Annotated[str, Field(pattern=r"^[^/\s]+/\w+$")]
 

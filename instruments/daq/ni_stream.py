@@ -14,9 +14,9 @@ import numpy as np
 from nidaqmx.constants import AcquisitionType
 from nidaqmx.stream_readers import AnalogMultiChannelReader, CounterReader
 
-from ..arrays import FloatArray
-from ..clock import RealClock
-from ..errors import InstrumentError
+from ...base.arrays import FloatArray
+from ...base.clock import RealClock
+from ...base.errors import InstrumentError
 from .ni_cards import Plan, believed
 from .ni_filters import filter_delay
 from .ni_inputs import add_counter, add_input, factor

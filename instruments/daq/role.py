@@ -9,9 +9,9 @@ from typing import final
 
 import numpy as np
 
-from ..arrays import BoolArray, ComplexArray, FloatArray
-from ..closing import Closing
-from ..errors import ConfigurationError, LimitError
+from ...base.arrays import BoolArray, ComplexArray, FloatArray
+from ...base.closing import Closing
+from ...base.errors import ConfigurationError, LimitError
 from ..interlock import Interlocked
 
 

@@ -15,10 +15,10 @@ from typing import Any, Self
 
 import numpy as np
 
-from ..arrays import BoolArray, FloatArray
-from ..clock import Clock
+from ...base.arrays import BoolArray, FloatArray
+from ...base.clock import Clock
+from ...base.errors import ConfigurationError, InstrumentError
 from ..driver import one_name
-from ..errors import ConfigurationError, InstrumentError
 from ..recorded_along import Reading
 from ..tape import taped_line
 from ..transport import ByteLine, SerialBytes, TapedBytes

@@ -8,7 +8,7 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from ..bounded import Baud, Finite, NotNegative, Positive
+from ...base.bounded import Baud, Finite, NotNegative, Positive
 from ..config import RigFile, lacks
 from .serial_codec import Framing
 

@@ -19,10 +19,10 @@ from typing import Any, Self
 import numpy as np
 import scipy
 
-from ..arrays import ComplexArray, FloatArray
-from ..clock import Clock
-from ..errors import ConfigurationError, InstrumentError, LimitError
-from ..inbox import Inbox
+from ...base.arrays import ComplexArray, FloatArray
+from ...base.clock import Clock
+from ...base.errors import ConfigurationError, InstrumentError, LimitError
+from ...base.inbox import Inbox
 from ..portaudio import LEAD, Audio, AudioStream, found, high_pass, load, refuse_mean
 from ..tape import taped_line
 from ..taped_audio import on_tape

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from ..bounded import Number, Positive
+from ...base.bounded import Number, Positive
 from ..config import RigFile
 
 Corner = Annotated[float, Field(strict=True, ge=0, le=50)]

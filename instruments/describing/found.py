@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
-from ..extras import optional
+from ...base.extras import optional
 
 
 @dataclass(frozen=True)

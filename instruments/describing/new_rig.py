@@ -11,8 +11,8 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
+from ...base.files import check_destination, new_file
 from ..config import RigFile, load_rig_file, problems_of, rig_text, shipped_rig
-from ..files import check_destination, new_file
 from .found import Found
 
 LOOK_UP = "LOOK UP"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import final
 
-from ..errors import ConfigurationError
+from ...base.errors import ConfigurationError
 from ..interlock import Interlocked
 from ..waveforms import Waveform
 

@@ -15,10 +15,10 @@ from typing import Annotated, Any, Literal, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from ..bounded import Positive, Timeout
-from ..clock import Clock
+from ...base.bounded import Positive, Timeout
+from ...base.clock import Clock
+from ...base.errors import ConfigurationError, InstrumentError, LimitError
 from ..driver import one_name
-from ..errors import ConfigurationError, InstrumentError, LimitError
 from ..transport import Line, VisaLine
 from ..waveforms import Arbitrary, Burst, Sweep, Waveform
 from .role import Generator

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..errors import DataError
+from ...base.errors import DataError
 from ..sensors import Sensors
 from ..vibrometer import QUANTITIES, Quantity
 from .tap import LiveBlock, Run

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import FloatArray
+from ...base.arrays import FloatArray
 from ..sensors import Sensor
 from ..vibrometer import UNITS
 from .tap import LiveBlock, Run

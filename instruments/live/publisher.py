@@ -18,11 +18,11 @@ import threading
 from contextlib import suppress
 from pathlib import Path
 
-from ..clock import RealClock
-from ..closing import Closing
-from ..errors import InstrumentError
-from ..files import os_error_text
-from ..flag import Flag
+from ...base.clock import RealClock
+from ...base.closing import Closing
+from ...base.errors import InstrumentError
+from ...base.files import os_error_text
+from ...base.flag import Flag
 from .frames import TOKEN, frame_of
 from .tap import Feed
 

@@ -12,11 +12,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
-from ..arrays import BoolArray, FloatArray
-from ..clock import Clock, RealClock
-from ..closing import Closing
+from ...base.arrays import BoolArray, FloatArray
+from ...base.clock import Clock, RealClock
+from ...base.closing import Closing
+from ...base.inbox import Inbox
 from ..daq import Block
-from ..inbox import Inbox
 from ..sensors import Sensors
 from ..vibrometer import Quantity
 

@@ -16,10 +16,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from ...base.errors import ConfigurationError, DataError
+from ...base.files import new_file, private_files
 from ..config import RigFile, load_rig_file
 from ..driver import Mode
-from ..errors import ConfigurationError, DataError
-from ..files import new_file, private_files
 from ..safety import state_folder
 from .frames import PREFIX, TOKEN, header_of, lengths_of, volts_of
 from .publisher import ADDRESS_FILES, WAITING_FILES

@@ -9,7 +9,7 @@ from typing import Self
 
 from pydantic import BaseModel, ConfigDict
 
-from ..clock import Clock
+from ...base.clock import Clock
 from .role import Consent, Operator, Request, UnansweredError
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
-from ..errors import InstrumentError
+from ...base.errors import InstrumentError
 
 
 @dataclass(frozen=True)

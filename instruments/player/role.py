@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from contextlib import AbstractContextManager
 from typing import final
 
-from ..arrays import ComplexArray, FloatArray
+from ...base.arrays import ComplexArray, FloatArray
 from ..interlock import Interlocked
 
 

@@ -16,10 +16,10 @@ import numpy as np
 import scipy
 from pydantic import BaseModel, ConfigDict, Field
 
-from ..arrays import ComplexArray, FloatArray
-from ..bounded import Number, Positive
-from ..clock import Clock
-from ..errors import InstrumentError, LimitError
+from ...base.arrays import ComplexArray, FloatArray
+from ...base.bounded import Number, Positive
+from ...base.clock import Clock
+from ...base.errors import InstrumentError, LimitError
 from ..portaudio import LEAD, Audio, AudioStream, found, high_pass, load, refuse_mean
 from ..tape import taped_line
 from ..taped_audio import on_tape

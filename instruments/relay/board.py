@@ -14,9 +14,9 @@ from typing import Annotated, Protocol
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
-from ..bounded import Positive
-from ..clock import Clock
-from ..errors import ConfigurationError, InstrumentError
+from ...base.bounded import Positive
+from ...base.clock import Clock
+from ...base.errors import ConfigurationError, InstrumentError
 from .role import Relay
 
 _PATIENCE = 0.1

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from ..errors import ConfigurationError
+from ...base.errors import ConfigurationError
 from .role import Relay
 
 LOST = (

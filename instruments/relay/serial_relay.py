@@ -19,10 +19,10 @@ from typing import Annotated, Self
 import serial
 from pydantic import Field
 
-from ..bounded import Baud, Timeout
-from ..clock import Clock
+from ...base.bounded import Baud, Timeout
+from ...base.clock import Clock
+from ...base.errors import ConfigurationError, InstrumentError
 from ..driver import one_name
-from ..errors import ConfigurationError, InstrumentError
 from ..tape import Failure, taped_line
 from ..transport import SerialSettings, close_port, serial_trouble
 from .board import BoardSettings, ChannelRelay, ChannelState

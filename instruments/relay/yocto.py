@@ -22,11 +22,11 @@ from urllib.parse import urlencode, urlsplit
 
 from pydantic import AfterValidator, BaseModel, Field, ValidationError, model_validator
 
-from ..bounded import Positive, Timeout
-from ..clock import Clock, RealClock
+from ...base.bounded import Positive, Timeout
+from ...base.clock import Clock, RealClock
+from ...base.errors import ConfigurationError, InstrumentError
 from ..config import RatingSource, require_source, told
 from ..driver import one_name
-from ..errors import ConfigurationError, InstrumentError
 from ..tape import Failure, taped_line
 from .board import BoardSettings, ChannelRelay, ChannelState, read_back
 

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from ..arrays import ComplexArray, FloatArray
+from ...base.arrays import ComplexArray, FloatArray
+from ...base.errors import InstrumentError
 from ..daq import Capture
-from ..errors import InstrumentError
 
 _LEAST = 0.5
 """Correlation of measured and commanded drive below which the drive counts as not found."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..errors import InstrumentError
+from ...base.errors import InstrumentError
 from ..operator import ConfirmSettings
 from .roles import Instruments
 

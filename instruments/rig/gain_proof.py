@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import FloatArray
-from ..errors import InstrumentError
+from ...base.arrays import FloatArray
+from ...base.errors import InstrumentError
 from ..limits import Limits
 
 UNPROVED = (

@@ -8,9 +8,9 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from .. import entry_points
+from ...base import entry_points
+from ...base.errors import ConfigurationError
 from ..config import RigFile, fault_kinds, roles
-from ..errors import ConfigurationError
 
 
 def rig_schema() -> dict[str, Any]:

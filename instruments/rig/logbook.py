@@ -7,9 +7,9 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+from ...base.errors import ConfigurationError
 from ..config import RigFile, load_rig_file
 from ..driver import Mode
-from ..errors import ConfigurationError
 from ..safety import Audit, clear_lockout, entries, lockout_of, lockouts_folder, reserve, state_folder
 from .opening import hardware
 

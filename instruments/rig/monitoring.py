@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...base.errors import ConfigurationError
+from ...base.progress import Progress, silent
+from ...base.signals import deliver
 from ..daq import Block, Capture
-from ..errors import ConfigurationError
-from ..progress import Progress, silent
 from ..safety import AbortMonitor, Limiter, Lockouts, Renewal, combined, trip
-from ..signals import deliver
 from .ratings import ratings
 from .roles import Instruments
 

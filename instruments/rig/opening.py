@@ -9,12 +9,12 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from .. import entry_points
-from ..clock import RealClock
+from ...base import entry_points
+from ...base.clock import RealClock
+from ...base.errors import ConfigurationError, HaploopError, InstrumentError
 from ..config import Device, RigFile, SimulationSettings, load_rig_file, validate
 from ..daq import Alongside, Daq
 from ..driver import TAPE, Driver, Mode, Simulation, hardware_of, settings_of
-from ..errors import ConfigurationError, HaploopError, InstrumentError
 from ..operator import Operator
 from ..relay import DirectWire
 from ..reported_scales import compare_scales

@@ -14,13 +14,13 @@ from functools import partial
 
 import numpy as np
 
-from ..arrays import FloatArray
+from ...base.arrays import FloatArray
+from ...base.errors import ConfigurationError, InstrumentError, TakenError
+from ...base.signals import uninterrupted
 from ..daq import Block, Capture, Stream
-from ..errors import ConfigurationError, InstrumentError, TakenError
 from ..generator import Sweep, Waveform
 from ..limits import Limits
 from ..safety import Limiter, combined, exit_within
-from ..signals import uninterrupted
 from .alignment import align, find
 from .gain_proof import HZ, SHOWN, TOO_MUCH, UNPROVED, UnshownError, level_of, loudest, tone
 from .monitoring import Monitoring, Take

@@ -9,19 +9,20 @@ from contextlib import ExitStack, contextmanager, suppress
 from types import TracebackType
 from typing import Any, Self
 
-from ..arrays import FloatArray
-from ..clock import Clock
+from ...base.arrays import FloatArray
+from ...base.clock import Clock
+from ...base.errors import ConfigurationError
+from ...base.notebook import InNotebook
+from ...base.progress import Progress, silent
+from ...base.signals import at_console_close, at_program_end, ending_in_order, uninterrupted
 from ..config import RigFile
 from ..daq import Block, Capture
 from ..driver import Mode, Simulation
-from ..errors import ConfigurationError
 from ..frozen import Frozen
 from ..generator import Waveform
 from ..interlock import Interlocked
 from ..limits import Limits
 from ..live import Feed, Publisher, Run, Tap
-from ..notebook import InNotebook
-from ..progress import Progress, silent
 from ..safety import (
     Audit,
     Limiter,
@@ -33,7 +34,6 @@ from ..safety import (
     lockouts_folder,
     state_folder,
 )
-from ..signals import at_console_close, at_program_end, ending_in_order, uninterrupted
 from .declared_settings import DeclaredSettings
 from .monitoring import Monitoring, Take
 from .playing import Playing

@@ -8,13 +8,13 @@ from typing import Any, Literal, TypeVar
 
 import numpy as np
 
+from ...base.arrays import ComplexArray, FloatArray
+from ...base.clock import Clock
+from ...base.entry_points import role_class
+from ...base.errors import ConfigurationError
 from ..amplifier import Amplifier
-from ..arrays import ComplexArray, FloatArray
-from ..clock import Clock
 from ..config import Actuator, RigFile, TableSettings
 from ..daq import Daq
-from ..entry_points import role_class
-from ..errors import ConfigurationError
 from ..frozen import Frozen
 from ..generator import Generator
 from ..operator import Aim, Operator

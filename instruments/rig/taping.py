@@ -11,11 +11,11 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from .. import entry_points
-from ..clock import Clock
+from ...base import entry_points
+from ...base.clock import Clock
+from ...base.errors import ConfigurationError, DataError
 from ..config import Device, RigFile
 from ..driver import Driver, Mode, is_arithmetic, settings_of
-from ..errors import ConfigurationError, DataError
 from ..operator import Operator, Request, UnansweredError
 from ..tape import Failure, Player, Recorder, TapedLine, current, on_line, taped_line
 from .rig import Rig

@@ -13,10 +13,7 @@ from .deadline import run_within as run_within
 from .figures import Figures as Figures
 from .judge import combined as combined
 from .limiter import Limiter as Limiter
-from .lock import InUse as InUse
 from .lock import hold as hold
-from .lock import is_marked as is_marked
-from .lock import marked as marked
 from .lock import reserve as reserve
 from .lockout import Lockout as Lockout
 from .lockout import Lockouts as Lockouts

@@ -13,12 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import FloatArray
+from ...base.arrays import FloatArray
+from ...base.errors import InstrumentError, LimitError
+from ...base.files import whole_file
 from ..coil import Coil
 from ..config import AbortLimits
 from ..daq import Block
-from ..errors import InstrumentError, LimitError
-from ..files import whole_file
 from ..limits import Limits
 from ..sensors import Divider, Sensors
 from ..vibrometer import Vibrometer

@@ -22,13 +22,13 @@ from typing import Any
 
 import platformdirs
 
-from ..clock import RealClock
+from ...base.clock import RealClock
+from ...base.errors import ConfigurationError, DataError
+from ...base.file_lock import release, taken
+from ...base.files import os_error_text
+from ...base.json_text import as_line, from_text
 from ..config import RigFile
-from ..errors import ConfigurationError, DataError
-from ..files import os_error_text
 from ..frozen import Frozen
-from ..json_text import as_line, from_text
-from .file_lock import release, taken
 
 _LONGEST_LINE = 1 << 20
 """Bytes of a line that are read at once: a log without an end of line is damaged."""

@@ -8,7 +8,7 @@ from concurrent.futures import Future
 from contextlib import AbstractContextManager, contextmanager
 from typing import TypeVar
 
-from ..errors import InstrumentError
+from ...base.errors import InstrumentError
 
 Value = TypeVar("Value")
 

@@ -12,8 +12,8 @@ from collections.abc import Collection, Iterable
 from contextlib import suppress
 from pathlib import Path
 
-from ..errors import DataError
-from ..json_text import as_file, of_file
+from ...base.errors import DataError
+from ...base.json_text import as_file, of_file
 from . import machine
 
 MINUTE = 60.0

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import dataclass
 
-from ..errors import LimitError
+from ...base.errors import LimitError
 from ..limits import Limits
 
 

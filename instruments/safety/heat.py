@@ -12,9 +12,9 @@ import math
 from collections.abc import Collection
 from pathlib import Path
 
-from ..clock import Clock
-from ..errors import DataError
-from ..json_text import as_file, of_file
+from ...base.clock import Clock
+from ...base.errors import DataError
+from ...base.json_text import as_file, of_file
 from ..limits import Limits
 from . import machine
 

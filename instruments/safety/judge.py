@@ -16,9 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..arrays import FloatArray
-from ..clock import Clock
-from ..errors import DataError, LimitError
+from ...base.arrays import FloatArray
+from ...base.clock import Clock
+from ...base.errors import DataError, LimitError
 from ..generator import Waveform
 from ..limits import Limits, sounding
 from .duty import MINUTE, Span, clear_old, count_plays, plays_of

@@ -17,11 +17,11 @@ from pathlib import Path
 
 import numpy as np
 
+from ...base.arrays import FloatArray
+from ...base.clock import Clock
+from ...base.errors import DataError, InstrumentError, LimitError
+from ...base.flag import Flag
 from ..amplifier import Amplifier
-from ..arrays import FloatArray
-from ..clock import Clock
-from ..errors import DataError, InstrumentError, LimitError
-from ..flag import Flag
 from ..generator import Waveform
 from ..limits import Limits, sounding
 from ..relay import LOST

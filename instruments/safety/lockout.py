@@ -14,8 +14,8 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from ..errors import ConfigurationError
-from ..json_text import as_file, of_file
+from ...base.errors import ConfigurationError
+from ...base.json_text import as_file, of_file
 from . import machine
 from .audit import Audit, now_utc, who
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import HaploopError, InstrumentError, TakenError
+from ...base.errors import HaploopError, InstrumentError, TakenError
 
 _ZERO = 0.02
 """Largest volts that count as zero where an output is read back (V): ten times the offset error of a card's

@@ -11,8 +11,8 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from ..clock import Clock
-from ..flag import Flag
+from ...base.clock import Clock
+from ...base.flag import Flag
 from ..relay import Relay
 from .deadline import DEADLINE
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from ..clock import Clock
-from ..errors import HaploopError, InstrumentError
+from ...base.clock import Clock
+from ...base.errors import HaploopError, InstrumentError
 from ..interlock import Interlocked
 from .audit import Audit
 from .deadline import run_within

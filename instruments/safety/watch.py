@@ -11,9 +11,9 @@ import threading
 from collections.abc import Callable
 from contextlib import suppress
 
-from ..clock import Clock
-from ..errors import HaploopError
-from ..flag import Flag
+from ...base.clock import Clock
+from ...base.errors import HaploopError
+from ...base.flag import Flag
 from .deadline import DEADLINE
 
 _OFTEN = 0.2

@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
-from ..bounded import Finite, NotNegative, Positive
+from ...base.bounded import Finite, NotNegative, Positive
 from .sensor import LinearSensor, Motion
 from .transfer import Measured, Root, Transfer
 from .units import Dimensions, dimensions, value_of, with_unit

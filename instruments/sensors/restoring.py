@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import FloatArray
+from ...base.arrays import FloatArray
 from .sensor import LinearSensor
 
 _LOWEST_HZ = 0.005

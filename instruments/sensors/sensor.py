@@ -15,8 +15,8 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-from ..arrays import BoolArray, ComplexArray, FloatArray
-from ..bounded import Finite, Positive
+from ...base.arrays import BoolArray, ComplexArray, FloatArray
+from ...base.bounded import Finite, Positive
 from ..frozen import FrozenDict, frozen
 from .transfer import Transfer
 

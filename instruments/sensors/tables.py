@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field, GetJsonSchemaHandler
 from pydantic_core import core_schema
 
-from ..bounded import Finite, Positive
+from ...base.bounded import Finite, Positive
 from .linear_table import LinearTable, in_units
 from .sensor import LinearSensor
 from .units import Dimensions, G, dimensions

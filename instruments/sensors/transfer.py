@@ -14,8 +14,8 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from ..arrays import ComplexArray, FloatArray
-from ..bounded import Finite, NotNegative, Positive
+from ...base.arrays import ComplexArray, FloatArray
+from ...base.bounded import Finite, NotNegative, Positive
 
 Root = Positive | tuple[Positive, Annotated[float, Field(strict=True, gt=0, le=1)]]
 """A real pole or zero by its frequency (Hz), or a pair by its frequency and damping ratio."""

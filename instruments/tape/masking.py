@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from ..errors import ConfigurationError, DataError
+from ...base.errors import ConfigurationError, DataError
 from .tape_file import TapeLines, TapeWriter
 
 _NI_SERIAL = 0x632

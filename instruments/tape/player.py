@@ -20,9 +20,9 @@ from typing import Any, Self
 
 import numpy as np
 
-from ..clock import VirtualClock
-from ..errors import DataError, InstrumentError
-from ..flag import Flag
+from ...base.clock import VirtualClock
+from ...base.errors import DataError, InstrumentError
+from ...base.flag import Flag
 from .lines import Call
 from .tape_file import TapeLines
 from .values import Handles, as_json, from_json

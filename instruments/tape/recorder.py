@@ -16,9 +16,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from ..clock import Clock, RealClock
-from ..errors import ConfigurationError, DataError
-from ..inbox import Inbox
+from ...base.clock import Clock, RealClock
+from ...base.errors import ConfigurationError, DataError
+from ...base.inbox import Inbox
 from .lines import Call
 from .tape_file import KIND, VERSION, TapeWriter
 from .values import Handles, as_json

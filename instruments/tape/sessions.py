@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
 
-from ..errors import ConfigurationError
+from ...base.errors import ConfigurationError
 from .player import Player
 from .recorder import Recorder
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
-from ..errors import ConfigurationError, DataError
+from ...base.errors import ConfigurationError, DataError
 
 KIND, VERSION = "haploop tape", 1
 _HEX = 16

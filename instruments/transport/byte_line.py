@@ -8,10 +8,10 @@ from typing import Protocol
 
 import serial
 
-from ..clock import Clock
-from ..errors import InstrumentError
-from ..flag import Flag
-from ..inbox import Inbox
+from ...base.clock import Clock
+from ...base.errors import InstrumentError
+from ...base.flag import Flag
+from ...base.inbox import Inbox
 from ..tape import Failure, TapedLine
 from .serial_line import close_port, serial_remedy, serial_trouble
 

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 import serial
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from ..clock import RealClock
+from ...base.clock import RealClock
 from .text_line import Port, TextLine
 
 _POLL = 0.02

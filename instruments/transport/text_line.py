@@ -6,8 +6,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Protocol
 
-from ..clock import Clock, RealClock
-from ..errors import InstrumentError
+from ...base.clock import Clock, RealClock
+from ...base.errors import InstrumentError
 from ..tape import Failure, taped_line
 
 _LONGEST = 4096

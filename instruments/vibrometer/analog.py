@@ -11,8 +11,8 @@ from typing import Annotated, Self
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from ..bounded import Finite, NotNegative, Positive
-from ..clock import Clock
+from ...base.bounded import Finite, NotNegative, Positive
+from ...base.clock import Clock
 from ..config import RigFile, lacks, range_of
 from .role import Quantity, Vibrometer, shown
 

@@ -12,10 +12,10 @@ from typing import Annotated, Literal, Self, TypeVar
 
 from pydantic import Field
 
-from ..bounded import Baud, Positive, Timeout
-from ..clock import Clock
+from ...base.bounded import Baud, Positive, Timeout
+from ...base.clock import Clock
+from ...base.errors import ConfigurationError, InstrumentError
 from ..driver import one_name
-from ..errors import ConfigurationError, InstrumentError
 from ..transport import Line, SerialLine, SerialSettings
 from .ofv5000_codec import (
     Command,

@@ -12,7 +12,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from ..arrays import ComplexArray, FloatArray
+from ...base.arrays import ComplexArray, FloatArray
 from ..frozen import Frozen
 from ..sensors import low_pass
 

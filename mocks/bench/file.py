@@ -9,9 +9,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from ...base.errors import ConfigurationError
+from ...base.near_words import did_you_mean
 from ...instruments.config import key_lines, parse_toml, place, read_text, validate
-from ...instruments.errors import ConfigurationError
-from ...instruments.near_words import did_you_mean
 from ..daq import Signal, Wire
 from ..tabled import Instrument, read_table
 from .inputs import Number, Positive, input_of

@@ -11,10 +11,10 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 from scipy import signal
 
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
+from ...base.errors import ConfigurationError
+from ...base.near_words import did_you_mean
 from ...instruments.config import validate
-from ...instruments.errors import ConfigurationError
-from ...instruments.near_words import did_you_mean
 from ..daq import Signal, signal_of
 
 

@@ -8,8 +8,8 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from ...instruments.errors import ConfigurationError, InstrumentError
-from ...instruments.flag import Flag
+from ...base.errors import ConfigurationError, InstrumentError
+from ...base.flag import Flag
 from ...instruments.tape import Recorder
 from ..daq.ni import Failure, NiTwin
 from ..redirect import environment

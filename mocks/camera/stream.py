@@ -14,8 +14,8 @@ import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from ...base.clock import Clock
 from ...instruments.camera.opencv import OpenCvCamera
-from ...instruments.clock import Clock
 from ..clock import VirtualClock
 from ..plant import Plant
 from ..transport import Loopback

@@ -11,10 +11,10 @@ import math
 import numpy as np
 import scipy
 
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
+from ...base.errors import InstrumentError
 from ...instruments.camera.opencv import OpenCvCamera
 from ...instruments.camera.role import Camera, Frame
-from ...instruments.errors import InstrumentError
 from ..plant import OnCamera, Plant
 
 PIXELS_PER_METRE = 5.3e3

@@ -11,9 +11,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ...instruments.arrays import BoolArray, FloatArray
+from ...base.arrays import BoolArray, FloatArray
+from ...base.errors import ConfigurationError, HaploopError, InstrumentError, LimitError
 from ...instruments.daq import Block, Daq, Stream, StreamRequest
-from ...instruments.errors import ConfigurationError, HaploopError, InstrumentError, LimitError
 from ..plant import Plant, PlayStopped, Run, SamplesLost
 from .converter import convert, noise_of, put_out
 

@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ...instruments.arrays import BoolArray, FloatArray
+from ...base.arrays import BoolArray, FloatArray
 
 LOST = {
     "overrun": -200279,

@@ -14,9 +14,9 @@ from typing import Any, Literal, get_args
 
 from pydantic import TypeAdapter, ValidationError
 
+from ...base.entry_points import entries
+from ...base.errors import ConfigurationError
 from ...instruments.daq.ni_settings import Channel
-from ...instruments.entry_points import entries
-from ...instruments.errors import ConfigurationError
 
 Family = Literal[
     "E Series", "M Series", "X Series", "AO Series", "USB DAQ", "mioDAQ", "myDAQ", "DSA", "SC Express",

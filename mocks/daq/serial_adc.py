@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
 from ...instruments.daq.serial_adc import SerialAdc
 from ...instruments.transport import Arrival
 from ..plant import Plant, SamplesLost

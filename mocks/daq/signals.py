@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import scipy
 
-from ...instruments.arrays import FloatArray
-from ...instruments.clock import Clock
-from ...instruments.errors import ConfigurationError
+from ...base.arrays import FloatArray
+from ...base.clock import Clock
+from ...base.errors import ConfigurationError
 from ..plant import Run, SamplesLost, Signal, Source
 
 __all__ = ["Put", "Signal", "Signals", "Wire", "signal_of"]

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
 from ...instruments.daq.sound_card import SoundCardDaq
 from ...instruments.tape import taped_line
 from ...instruments.taped_audio import on_tape

@@ -7,7 +7,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
+from ...base.errors import ConfigurationError, HaploopError
+from ...base.near_words import did_you_mean
 from ...instruments.daq import StreamRequest
 from ...instruments.daq.ni_daqmx import NiDaq
 from ...instruments.daq.ni_filters import filter_delay
@@ -21,8 +23,6 @@ from ...instruments.daq.ni_sentences import (
     zeroed,
 )
 from ...instruments.daq.ni_settings import device_of
-from ...instruments.errors import ConfigurationError, HaploopError
-from ...instruments.near_words import did_you_mean
 from ..plant import Plant, PlayStopped, SamplesLost
 from .card_twin import Card, CardTwin
 from .converter import LOST, STOPPED

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...instruments.arrays import FloatArray
-from ...instruments.bounded import Positive
+from ...base.arrays import FloatArray
+from ...base.bounded import Positive
 from ...instruments.config import RigFile
 from ..plant import FaultSettings, OnAmplifier, Run, TimedFault
 

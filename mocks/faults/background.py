@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
-from ...instruments.arrays import FloatArray
-from ...instruments.bounded import NotNegative, Positive
+from ...base.arrays import FloatArray
+from ...base.bounded import NotNegative, Positive
 from ...instruments.config import RigFile
 from ..plant import FaultSettings, OnCards, TimedFault
 

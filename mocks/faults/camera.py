@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...instruments.bounded import Positive
+from ...base.bounded import Positive
 from ..plant import FaultSettings, OnCamera, PerEventFault, TimedFault
 
 

@@ -9,8 +9,8 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from ...instruments.arrays import FloatArray
-from ...instruments.bounded import Count, NotNegative, Positive
+from ...base.arrays import FloatArray
+from ...base.bounded import Count, NotNegative, Positive
 from ...instruments.config import RigFile
 from ..plant import FaultSettings, OnCards, PerEventFault, PlayStopped, SamplesLost, ScheduledFault
 

@@ -7,8 +7,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from ...instruments.arrays import FloatArray
-from ...instruments.bounded import Positive
+from ...base.arrays import FloatArray
+from ...base.bounded import Positive
 from ...instruments.config import RigFile
 from ..plant import FaultSettings, LaserHead, OnLaser, ScheduledFault, TimedFault
 

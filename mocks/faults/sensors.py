@@ -8,8 +8,8 @@ import numpy as np
 import scipy
 from pydantic import Field
 
-from ...instruments.arrays import FloatArray
-from ...instruments.bounded import NotNegative, Positive
+from ...base.arrays import FloatArray
+from ...base.bounded import NotNegative, Positive
 from ...instruments.config import RigFile
 from ..plant import FaultSettings, OnCards, OnSensors, TimedFault
 

@@ -9,10 +9,10 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from ...instruments.arrays import FloatArray
-from ...instruments.bounded import NotNegative, Positive
+from ...base.arrays import FloatArray
+from ...base.bounded import NotNegative, Positive
+from ...base.errors import ConfigurationError
 from ...instruments.config import RigFile
-from ...instruments.errors import ConfigurationError
 from ..plant import (
     AMPLITUDE,
     BoucWen,

@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ...instruments.clock import Clock
+from ...base.clock import Clock
 from ..plant import Source
 from .apply import apply_entries
 from .channel import HIGHEST, Channel

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
 from .waveform import Points
 
 _SOURCE = 50.0

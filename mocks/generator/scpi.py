@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
 
 _QUEUE = 20
 """Capacity of the error queue (docs/hardware.md, "Generators")."""

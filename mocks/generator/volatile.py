@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
 from .channel import Channel
 from .scpi import ScpiDevice, ScpiError, word_of
 from .waveform import Points

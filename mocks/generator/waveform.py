@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...instruments.arrays import FloatArray
-from ...instruments.clock import Clock
+from ...base.arrays import FloatArray
+from ...base.clock import Clock
 from ..plant import Run
 
 SHAPES = ("SINusoid", "SQUare", "TRIangle", "RAMP", "PULSe", "PRBS", "NOISe", "ARBitrary", "DC")

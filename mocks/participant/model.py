@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from ...instruments.bounded import Fraction, Positive, Proportion, Seed
+from ...base.bounded import Fraction, Positive, Proportion, Seed
 from ...instruments.config import load_model
 
 Spread = Annotated[float, Field(strict=True, ge=0, le=10)]

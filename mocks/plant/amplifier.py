@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
 from ...instruments.config import RigFile
 from .nodes import Run
 from .places import OnAmplifier

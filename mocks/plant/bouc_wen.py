@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
 from .hysteresis import AMPLITUDE, sections
 
 _TOWARDS, _AWAY = 1 / 40.0, 1 / 16.0

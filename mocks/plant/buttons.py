@@ -18,7 +18,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
 from ...instruments.operator import Press
 from .poles import ringing
 

@@ -24,7 +24,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...instruments.arrays import ComplexArray, FloatArray, IntArray
+from ...base.arrays import ComplexArray, FloatArray, IntArray
 from .contact import Contact
 from .modal import Modes
 

@@ -19,8 +19,8 @@ from typing import ClassVar
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from ...instruments.arrays import BoolArray, FloatArray
-from ...instruments.bounded import Count, NotNegative, Positive
+from ...base.arrays import BoolArray, FloatArray
+from ...base.bounded import Count, NotNegative, Positive
 from ...instruments.config import RigFile
 
 

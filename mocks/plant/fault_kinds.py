@@ -11,9 +11,9 @@ from typing import Any, TypeVar, overload
 
 import numpy as np
 
-from ...instruments import entry_points
+from ...base import entry_points
+from ...base.errors import ConfigurationError
 from ...instruments.config import RigFile, roles, validate_kind
-from ...instruments.errors import ConfigurationError
 from .fault import Fault, FaultSettings
 from .places import PLACES
 

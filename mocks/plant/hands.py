@@ -14,7 +14,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
 from .contact import Contact
 
 _STIFFNESS, _STIFFENS = 1300.0, 0.7

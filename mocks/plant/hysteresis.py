@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ...instruments.arrays import BoolArray, FloatArray
+from ...base.arrays import BoolArray, FloatArray
 
 _RADII = np.array([2.0, 5.0, 10.0, 16.0, 24.0, 34.0])
 """Half-widths of the play operators (V; estimate)."""

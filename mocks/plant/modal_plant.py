@@ -9,10 +9,10 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, model_validator
 
-from ...instruments.arrays import FloatArray
-from ...instruments.bounded import Finite, Positive, Proportion
+from ...base.arrays import FloatArray
+from ...base.bounded import Finite, Positive, Proportion
+from ...base.errors import ConfigurationError
 from ...instruments.config import RigFile
-from ...instruments.errors import ConfigurationError
 from .modal import Modes
 from .modal_surface import ModalSurface
 from .softening import SofteningSurface

@@ -12,8 +12,8 @@ from functools import partial
 
 import numpy as np
 
-from ...instruments.arrays import ComplexArray, FloatArray
-from ...instruments.errors import ConfigurationError
+from ...base.arrays import ComplexArray, FloatArray
+from ...base.errors import ConfigurationError
 from ...instruments.sensors import low_pass
 from ...instruments.vibrometer import DERIVATIVE, Quantity
 from .contact import Contact

@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 import scipy
 
-from ...instruments.arrays import ComplexArray, FloatArray
+from ...base.arrays import ComplexArray, FloatArray
 from ...instruments.sensors import LinearSensor
 from .buttons import SimulatedPress
 from .places import OnSensors

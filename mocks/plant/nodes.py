@@ -8,8 +8,8 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from ...instruments.arrays import FloatArray
-from ...instruments.clock import Clock
+from ...base.arrays import FloatArray
+from ...base.clock import Clock
 from ...instruments.vibrometer import Quantity
 
 

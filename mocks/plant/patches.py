@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ...instruments.arrays import ComplexArray, FloatArray
+from ...base.arrays import ComplexArray, FloatArray
 from .hysteresis import PatchLaw
 from .poles import Course, Poles
 from .surface import AMPLIFIER_POLE_HZ, REMEMBERED

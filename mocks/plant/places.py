@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
 from ..transport import ReplyFault
 from .fault import Fault
 from .hands import Hand

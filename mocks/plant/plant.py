@@ -16,10 +16,10 @@ from itertools import groupby
 
 import numpy as np
 
-from ...instruments.arrays import FloatArray
-from ...instruments.clock import Clock
+from ...base.arrays import FloatArray
+from ...base.clock import Clock
+from ...base.errors import ConfigurationError
 from ...instruments.config import RigFile
-from ...instruments.errors import ConfigurationError
 from .amplifier import Amplifier
 from .nodes import Called, LaserHead, Run, Source, Switches
 from .places import OnAmplifier, OnCards, OnRelay, OnSurface

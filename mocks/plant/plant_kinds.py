@@ -11,9 +11,9 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from ...instruments import entry_points
+from ...base import entry_points
+from ...base.errors import ConfigurationError, HaploopError, InstrumentError
 from ...instruments.config import RigFile, validate
-from ...instruments.errors import ConfigurationError, HaploopError, InstrumentError
 from .hysteresis import PatchLaw
 from .modal_surface import ModalSurface
 from .places import OnSurface

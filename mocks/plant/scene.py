@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...instruments.arrays import FloatArray
-from ...instruments.clock import Clock
+from ...base.arrays import FloatArray
+from ...base.clock import Clock
 from ...instruments.config import RigFile
 from ...instruments.operator import Press, RestFinger, Touch
 from .buttons import FLAWS, Finger, Flaw, Presses, button_named, press_button

@@ -12,8 +12,8 @@ from functools import partial
 
 import numpy as np
 
-from ...instruments.arrays import FloatArray
-from ...instruments.errors import HaploopError, InstrumentError
+from ...base.arrays import FloatArray
+from ...base.errors import HaploopError, InstrumentError
 from .motions import Quantity, shown_by
 from .nodes import LaserHead
 from .places import OnLaser

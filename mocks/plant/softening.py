@@ -14,7 +14,7 @@ from collections.abc import Callable
 import numpy as np
 import scipy
 
-from ...instruments.arrays import ComplexArray, FloatArray
+from ...base.arrays import ComplexArray, FloatArray
 from .modal import ModalPoles, Modes
 from .modal_surface import ModalSurface
 from .poles import Course

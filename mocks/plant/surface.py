@@ -14,9 +14,9 @@ import numpy as np
 import scipy
 from pydantic import BaseModel, ConfigDict
 
-from ...instruments.arrays import ComplexArray, FloatArray
+from ...base.arrays import ComplexArray, FloatArray
+from ...base.errors import ConfigurationError
 from ...instruments.config import RigFile, TableSettings
-from ...instruments.errors import ConfigurationError
 from ...instruments.vibrometer import Quantity
 from .contact import Contact
 from .hysteresis import Hysteresis, PatchLaw

@@ -13,8 +13,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from ...instruments.arrays import FloatArray, IntArray
-from ...instruments.bounded import Positive
+from ...base.arrays import FloatArray, IntArray
+from ...base.bounded import Positive
 from ...instruments.config import Actuator, RigFile
 from .modal import Modes
 from .modal_surface import ModalSurface

@@ -21,7 +21,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ...instruments.arrays import ComplexArray, FloatArray
+from ...base.arrays import ComplexArray, FloatArray
 from .contact import Contact
 from .coupled import Coupled
 from .modal import ModalPoles, Modes, Passing, Power, Seeing, low_passes

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...instruments.arrays import ComplexArray, FloatArray
+from ...base.arrays import ComplexArray, FloatArray
 from .buttons import SimulatedPress
 from .scene import AmplifierOutput, Scene
 from .surface import Surface

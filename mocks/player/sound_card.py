@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
 from ...instruments.player.sound_card import SoundCard
 from ...instruments.tape import taped_line
 from ...instruments.taped_audio import on_tape

@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ...instruments.clock import Clock
+from ...base.clock import Clock
 from ...instruments.relay import ChannelRelay, ChannelState
 from ...instruments.relay.yocto import Yocto
 from ..plant import Faults, OnRelay, RelayFailure, Switched, Switches

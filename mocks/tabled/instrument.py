@@ -22,9 +22,9 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, StrictBool, StrictFloat, StrictInt, StrictStr
 
+from ...base.errors import ConfigurationError
+from ...base.near_words import did_you_mean
 from ...instruments.config import key_lines, parse_toml, place, read_text, validate
-from ...instruments.errors import ConfigurationError
-from ...instruments.near_words import did_you_mean
 from ..transport import ReplyFault
 
 Value = bool | int | float | str

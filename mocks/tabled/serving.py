@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from http.server import BaseHTTPRequestHandler
 from urllib.parse import urlsplit
 
-from ...instruments.errors import ConfigurationError
+from ...base.errors import ConfigurationError
 from ..transport import Loopback, pseudo_terminal
 from .instrument import Instrument
 

@@ -13,7 +13,7 @@ import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 
-from ...instruments.flag import Flag
+from ...base.flag import Flag
 from .loopback import Loopback, ReplyFault
 
 Disturbance = Callable[[str], ReplyFault | None]

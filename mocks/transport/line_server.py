@@ -8,7 +8,7 @@ import threading
 from collections import deque
 from collections.abc import Callable, Sequence
 
-from ...instruments.errors import InstrumentError
+from ...base.errors import InstrumentError
 from .loopback import Loopback, ReplyFault
 
 Answer = Callable[[str], Sequence[str]]

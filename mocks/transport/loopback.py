@@ -12,8 +12,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Literal
 
-from ...instruments.closing import Closing
-from ...instruments.flag import Flag
+from ...base.closing import Closing
+from ...base.flag import Flag
 
 HOST = "127.0.0.1"
 """The only address on which simulated instruments listen: see `Loopback`."""

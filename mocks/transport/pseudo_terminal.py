@@ -9,8 +9,8 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
-from ...instruments.errors import ConfigurationError
-from ...instruments.flag import Flag
+from ...base.errors import ConfigurationError
+from ...base.flag import Flag
 
 _LOOK = 0.1
 """Interval of looks for the end (s)."""

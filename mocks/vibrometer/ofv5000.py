@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
-from ...instruments.clock import Clock
-from ...instruments.errors import ConfigurationError
+from ...base.clock import Clock
+from ...base.errors import ConfigurationError
 from ...instruments.vibrometer.ofv5000 import Ofv5000
 from ...instruments.vibrometer.ofv5000_codec import LEVEL_FULL, Command, scale_of, scale_text
 from ..plant import LaserHead, Plant

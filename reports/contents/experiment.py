@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from ...base.errors import DataError
 from ...experiments import Balance, Latency, Store, StoredSession, balance_of, latency_of
-from ...instruments import DataError
 from .parts import Contents, Grid, fact
 from .words import ANSWERS_SIMULATED, counted
 

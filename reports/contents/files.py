@@ -6,10 +6,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from ...acquisition import Recording, hdf5, load_study
+from ...acquisition import Recording, load_study
+from ...base import hdf5
+from ...base.errors import DataError
 from ...calibration import History, Waveforms
 from ...exchange.loading import RESULTS
-from ...instruments import DataError
 from .calibration import calibration_contents, drive_contents, waveforms_contents
 from .check import button_contents, check_contents
 from .curve import curve_contents

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...acquisition import Representative
+from ...base.arrays import FloatArray
 from ...calibration import Check, Feeling
-from ...instruments.arrays import FloatArray
 from .. import figures
 from .parts import Cell, verdict_cell
 from .words import percent

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
 
-from ...instruments import DataError
+from ...base.errors import DataError
 from ...terminal.progress import SIMULATED
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import numpy as np
 from ...acquisition import ButtonPress, Recording, accepted_presses, activation_forces, find_presses
 from ...acquisition.presses import LEAST_RATES, fast_enough
 from ...acquisition.recording import AlongFile, AlongReading
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
 from .. import figures
 from . import captions
 from .parts import Contents, Drawing, Fact, Verdict, fact

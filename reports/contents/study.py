@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from ...acquisition import Recording, Study, StudyProgress
-from ...instruments import DataError
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
+from ...base.errors import DataError
 from .parts import Cell, Contents, Drawing, Fact, Grid, Verdict, fact
 from .press import press_drawing
 from .recording import forces_drawing, forces_in

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
+from ...base.arrays import FloatArray
 from ...exchange.importing import Understanding, presses_in
-from ...instruments.arrays import FloatArray
 from .plotting import BLUE, GREEN, ORANGE, SOFT, VERMILLION, Columns, new_figure, style
 
 _COLOURS = {"force": VERMILLION, "displacement": ORANGE, "acceleration": BLUE, "activation": GREEN}

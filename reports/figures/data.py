@@ -13,7 +13,7 @@ from matplotlib.collections import PathCollection, QuadMesh
 from matplotlib.container import BarContainer
 from matplotlib.figure import Figure
 
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
 
 _HEADINGS = ("panel", "curve", "x axis", "y axis", "x", "y", "value")
 _DIGITS = 9

@@ -13,10 +13,11 @@ from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from ...base.arrays import FloatArray
+from ...base.errors import DataError
 from ...calibration import Calibration, Check
 from ...calibration.upkeep import History, PlaceMetrics, calibrations_of
-from ...instruments import DataError, RigFile
-from ...instruments.arrays import FloatArray
+from ...instruments import RigFile
 from .plotting import (
     BLUE,
     INK,

@@ -9,8 +9,8 @@ from matplotlib.colors import Colormap
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
+from ...base.arrays import FloatArray
 from ...calibration.map import ALL, VibrationMap
-from ...instruments.arrays import FloatArray
 from .plotting import GREY, INK, Columns, letter, new_figure, style
 
 _SHAPES = 5

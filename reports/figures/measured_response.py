@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from ...instruments.arrays import ComplexArray
+from ...base.arrays import ComplexArray
 from .plotting import (
     GREEN,
     GREY,

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from ...instruments import DataError
+from ...base.errors import DataError
 from .plotting import BLUE, INK, SOFT, VERMILLION, Columns, new_figure, style
 
 _ACROSS = {1: 2, 2: 5}

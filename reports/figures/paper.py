@@ -14,8 +14,8 @@ import scipy
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from ...base.arrays import FloatArray
 from ...calibration import modulate
-from ...instruments.arrays import FloatArray
 from .plotting import (
     BLUE,
     GREY,

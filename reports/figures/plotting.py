@@ -16,7 +16,7 @@ from matplotlib.ticker import FuncFormatter, NullLocator
 from matplotlib.transforms import ScaledTranslation
 from numpy.typing import NDArray
 
-from ...instruments.arrays import ComplexArray, FloatArray
+from ...base.arrays import ComplexArray, FloatArray
 
 # Palette of Okabe and Ito, distinguishable with any colour vision. Curves of one panel differ in brightness,
 # width, dashes or marks as well, because journals are printed in grey.

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from ...acquisition import ButtonPress, Recording, high_pass
 from ...acquisition.presses import bandwidth_of
-from ...instruments import DataError
+from ...base.errors import DataError
 from .plotting import Columns
 from .profiles import Profile, force_over_travel, profiles
 

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from ...instruments.arrays import FloatArray
+from ...base.arrays import FloatArray
 from .plotting import (
     BLUE,
     GREEN,

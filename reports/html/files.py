@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 
-from ...instruments.files import check_destination, paths_of, private_files
-from ...instruments.progress import Progress, silent
+from ...base.files import check_destination, paths_of, private_files
+from ...base.progress import Progress, silent
 from ..contents import Verdict, files_of
 from .page import CaptionedFigure, Page
 from .sections import captioned, planned, read_sections, write, write_formats

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...acquisition import hdf5
-from ...instruments import DataError
-from ...instruments.files import check_destination, paths_of, private_files
-from ...instruments.progress import Progress, silent
+from ...base import hdf5
+from ...base.errors import DataError
+from ...base.files import check_destination, paths_of, private_files
+from ...base.progress import Progress, silent
 from ..contents import files_of
 from ..figures import Columns
 from .sections import captioned, planned, read_sections, write_formats

@@ -5,9 +5,9 @@ from __future__ import annotations
 from importlib import metadata
 from pathlib import Path
 
+from ...base.errors import DataError
+from ...base.files import new_file, os_error_text
 from ...calibration.upkeep import History, Outcome
-from ...instruments import DataError
-from ...instruments.files import new_file, os_error_text
 from ..contents import outcome_contents
 from .page import CaptionedFigure, Page
 

@@ -9,6 +9,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from ...acquisition import content_hash, load_study
+from ...base.errors import DataError
+from ...base.files import check_destination, new_file
+from ...base.progress import Progress
 from ...calibration import History
 from ...experiments import (
     Store,
@@ -18,9 +21,6 @@ from ...experiments import (
     load_experiment,
     read_rows,
 )
-from ...instruments import DataError
-from ...instruments.files import check_destination, new_file
-from ...instruments.progress import Progress
 from ..contents import (
     Contents,
     Drawing,

@@ -11,7 +11,7 @@ from rich.text import Text
 from ..contents import text_of
 
 if TYPE_CHECKING:
-    from ...instruments.arrays import FloatArray
+    from ...base.arrays import FloatArray
     from ..contents import Gauge, Glance, Motion
 
 _KEY = " grey: recorded press; blue: measured; yellow: activation "

@@ -12,9 +12,9 @@ import h5py
 import numpy as np
 import pytest
 
-from haploop.acquisition import checksum
-from haploop.acquisition.checksum import bounded, created, unreadable
-from haploop.instruments import DataError
+from haploop.base import checksum
+from haploop.base.checksum import bounded, created, unreadable
+from haploop.base.errors import DataError
 
 LONG = np.arange(200_000.0)
 """More than the library keeps in memory."""

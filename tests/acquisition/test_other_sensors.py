@@ -15,7 +15,7 @@ import scipy
 
 import haploop
 from haploop.acquisition import high_pass
-from haploop.instruments import ConfigurationError, DataError
+from haploop.base.errors import ConfigurationError, DataError
 from tests.command_line import Run
 
 RIG = """

@@ -7,10 +7,10 @@ import h5py
 import numpy as np
 import pytest
 
-from haploop.acquisition import hdf5
-from haploop.acquisition.checksum import add_checksum
+from haploop.base import hdf5
+from haploop.base.checksum import add_checksum
+from haploop.base.errors import DataError
 from haploop.calibration import Calibration, Drive
-from haploop.instruments import DataError
 from tests.calibration.conftest import Calibrated
 
 

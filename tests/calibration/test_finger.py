@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 from scipy.fft import irfft, rfft, rfftfreq
 
+from haploop.base.errors import ConfigurationError, DataError, InstrumentError
 from haploop.calibration import Calibration, Check, Drive, Finger
 from haploop.calibration.drive import build_button, check_under_finger, drive_for, finger_check
 from haploop.calibration.drive.actuation import Actuation
 from haploop.calibration.drive.targets import target_grid
 from haploop.calibration.model import calibrate_finger, under_finger
-from haploop.instruments import ConfigurationError, DataError, InstrumentError, Rig
+from haploop.instruments import Rig
 from haploop.instruments.operator import RestFinger
 from haploop.instruments.operator.unattended import Unattended
 from tests.calibration.conftest import Calibrated, make_press

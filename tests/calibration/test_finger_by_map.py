@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from haploop.base.errors import ConfigurationError, DataError
 from haploop.calibration import Calibration, VibrationMap, map_plan, measure_map
 from haploop.calibration.model import PlateModes, calibrate_finger
-from haploop.instruments import ConfigurationError, DataError, Rig
+from haploop.instruments import Rig
 from haploop.mocks.plant.hands import Fingertip
 from haploop.mocks.plant.touched import touched_velocity
 from tests.calibration.conftest import Calibrated

@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from haploop.base.errors import InstrumentError
 from haploop.calibration import Multisine, calibrate, drive_for, quick_response
 from haploop.calibration.band import BAND
 from haploop.calibration.examination import examine
-from haploop.instruments import InstrumentError, Rig, load_rig_file, open_rig
+from haploop.instruments import Rig, load_rig_file, open_rig
 from haploop.mocks.plant.table import make_plate
 from tests.calibration.conftest import make_press
 from tests.calibration.drive.test_truth import played_and_true

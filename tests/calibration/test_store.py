@@ -11,11 +11,12 @@ import h5py
 import numpy as np
 import pytest
 
-from haploop.acquisition import Representative, content_hash, hdf5, verify
-from haploop.acquisition.checksum import add_checksum
+from haploop.acquisition import Representative, content_hash, verify
+from haploop.base import hdf5
+from haploop.base.checksum import add_checksum
+from haploop.base.errors import DataError
 from haploop.calibration import Calibration, Check, DigitalButton, Drive, Learning, build_button
 from haploop.calibration.map.folder import PointMeasurement
-from haploop.instruments import DataError
 from tests.calibration.conftest import Calibrated, make_press
 from tests.mutating import mutations, refused, restructure
 

@@ -11,11 +11,12 @@ import h5py
 import pytest
 
 from haploop.acquisition import Recording
+from haploop.base.errors import ConfigurationError
 from haploop.calibration.drive import Offer, Offers
 from haploop.commands.demo import run as run_module
 from haploop.commands.demo.report import demo_contents
 from haploop.commands.demo.run import _patches
-from haploop.instruments import ConfigurationError, open_rig
+from haploop.instruments import open_rig
 from tests.command_line import Demo, Run
 from tests.documents.pages import ROOT, blocks
 

@@ -26,10 +26,11 @@ import serial
 from nidaqmx.errors import DaqNotFoundError, RpcError
 from pyvisa.constants import StatusCode
 
+from haploop.base import entry_points, extras
 from haploop.commands.options import ChosenRig
 from haploop.console.data_folder import DataFolder
 from haploop.console.worker.worker import Worker
-from haploop.instruments import RigFile, entry_points, extras, load_rig_file
+from haploop.instruments import RigFile, load_rig_file
 from haploop.instruments.config import shipped_rigs
 from haploop.instruments.daq import ni_cards, ni_sessions
 from haploop.instruments.daq.ni_sessions import Sessions

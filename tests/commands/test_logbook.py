@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from haploop.instruments import InstrumentError, open_rig
-from haploop.instruments.json_text import as_line
+from haploop.base.errors import InstrumentError
+from haploop.base.json_text import as_line
+from haploop.instruments import open_rig
 from tests.command_line import Run
 
 pytestmark = pytest.mark.usefixtures("unproved")

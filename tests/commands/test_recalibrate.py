@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
+from haploop.base.errors import InstrumentError
 from haploop.calibration.upkeep.history import History
 from haploop.commands.options import ChosenRig
-from haploop.instruments import InstrumentError
 from haploop.instruments.operator.role import Aim, ConfirmSettings, Place, Press, Rest
 from haploop.instruments.operator.unattended import Unattended
 from haploop.instruments.safety.lock import hold

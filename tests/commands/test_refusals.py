@@ -14,9 +14,9 @@ import pytest
 from matplotlib.figure import Figure
 
 import haploop
-from haploop.acquisition.hdf5 import write
-from haploop.instruments import ConfigurationError, DataError
-from haploop.instruments.files import os_error_text
+from haploop.base.errors import ConfigurationError, DataError
+from haploop.base.files import os_error_text
+from haploop.base.hdf5 import write
 from haploop.reports import figures, outputs
 from tests.command_line import Demo, Run
 from tests.elsewhere import in_use_elsewhere

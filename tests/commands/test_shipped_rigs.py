@@ -17,11 +17,11 @@ import pytest
 import scipy
 
 import haploop
+from haploop.base.arrays import FloatArray
 from haploop.calibration import Check, Drive
 from haploop.calibration.drive.check import compare
 from haploop.calibration.drive.playing import play
 from haploop.instruments import Capture, Rig, load_rig_file
-from haploop.instruments.arrays import FloatArray
 from tests.calibration.test_other_rigs import PICKUPS
 from tests.command_line import Run
 

@@ -10,9 +10,9 @@ from click.testing import CliRunner
 from rich.box import SIMPLE
 from rich.table import Table
 
+from haploop.base.json_text import as_line
 from haploop.commands.cli import cli
 from haploop.instruments import load_rig_file
-from haploop.instruments.json_text import as_line
 from haploop.instruments.safety import Audit, state_folder
 from haploop.terminal.progress import Steps, note, print_line, print_table
 from tests.command_line import Demo, Run

@@ -8,13 +8,14 @@ from typing import Any
 import pytest
 
 import haploop
+from haploop.base.errors import ConfigurationError, DataError
 from haploop.calibration import DigitalButton, Drift, Loudness, Multisine, Trade
 from haploop.console.data_folder import DataFolder
 from haploop.console.server.button_route import button_shown
 from haploop.console.server.data_routes import _json
 from haploop.console.worker import button_jobs
 from haploop.console.worker.worker import Worker
-from haploop.instruments import ConfigurationError, DataError, load_rig_file
+from haploop.instruments import load_rig_file
 from tests.calibration.conftest import make_press
 from tests.console.test_worker import DEADLINE, begin, ended, pages, until
 

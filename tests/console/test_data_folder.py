@@ -8,9 +8,9 @@ import pytest
 from starlette.applications import Starlette
 from starlette.testclient import TestClient
 
+from haploop.base.errors import ConfigurationError
 from haploop.console.data_folder import DataFolder
 from haploop.console.server.data_routes import data_routes
-from haploop.instruments import ConfigurationError
 
 
 @pytest.mark.parametrize(

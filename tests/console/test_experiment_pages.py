@@ -7,12 +7,12 @@ import json
 import pytest
 from starlette.testclient import TestClient
 
+from haploop.base.errors import ConfigurationError
 from haploop.console.data_folder import DataFolder
 from haploop.console.server import Access, application
 from haploop.console.server.conductor import Conductor
 from haploop.console.server.follower import Follower
 from haploop.experiments import Store, load_experiment
-from haploop.instruments import ConfigurationError
 from tests.console.test_security import Link, Scope
 
 EXPERIMENT = """

@@ -7,10 +7,10 @@ from urllib.error import HTTPError
 
 import pytest
 
+from haploop.base.errors import ConfigurationError
+from haploop.base.marks import marked
 from haploop.console.data_folder import DataFolder
 from haploop.console.server.conductor import Conductor
-from haploop.instruments import ConfigurationError
-from haploop.instruments.safety import marked
 from tests.console.serving import served
 from tests.console.test_experiment_pages import RATING
 from tests.console.test_worker import begin, ended, made, pages, until

@@ -10,12 +10,13 @@ from typing import Any
 
 import pytest
 
+from haploop.base.errors import ConfigurationError, DataError
 from haploop.console.data_folder import DataFolder, store_of
 from haploop.console.server.conductor import Conductor
 from haploop.console.worker.board import Board
 from haploop.console.worker.presenting import Stimuli, present_stimuli
 from haploop.experiments import read_log
-from haploop.instruments import ConfigurationError, DataError, open_rig
+from haploop.instruments import open_rig
 from tests.experiments.played import played
 
 

@@ -15,6 +15,8 @@ from types import SimpleNamespace
 import pytest
 
 from haploop.acquisition import Recording
+from haploop.base.errors import ConfigurationError, InstrumentError
+from haploop.base.flag import Flag
 from haploop.console.data_folder import DataFolder
 from haploop.console.worker import Address, WorkerLink, jobs, stopping
 from haploop.console.worker import worker as workers
@@ -23,8 +25,7 @@ from haploop.console.worker.job import Job
 from haploop.console.worker.listener import Listener
 from haploop.console.worker.page_operator import PageOperator
 from haploop.console.worker.worker import Worker
-from haploop.instruments import ConfigurationError, InstrumentError, load_rig_file
-from haploop.instruments.flag import Flag
+from haploop.instruments import load_rig_file
 from haploop.instruments.operator import ConfirmSettings
 from haploop.mocks.operator import OperatorTwin
 from haploop.reports.contents.recording import recording_contents

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import haploop
-from haploop.acquisition import hdf5
+from haploop.base import hdf5
 from tests.command_line import Run
 from tests.mutating import mutations
 

@@ -14,8 +14,9 @@ import numpy as np
 import pytest
 from click.testing import Result
 
-from haploop.acquisition import Representative, hdf5
-from haploop.acquisition.json_files import write_json
+from haploop.acquisition import Representative
+from haploop.base import hdf5
+from haploop.base.json_files import write_json
 from haploop.calibration import Calibration, build_button
 from haploop.instruments import open_rig
 from tests.command_line import Demo, Run

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from haploop.base.errors import DataError
 from haploop.exchange.importing.timebase import TimeBase, time_base
-from haploop.instruments import DataError
 
 
 def rounded(seconds: float, rate_hz: float = 5000.0, stated: float | None = None) -> TimeBase:

@@ -15,19 +15,11 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from haploop.instruments import (
-    Amplifier,
-    Block,
-    Clock,
-    Daq,
-    Operator,
-    Relay,
-    Stream,
-    Vibrometer,
-    load_rig_file,
-)
+from haploop.base.arrays import ComplexArray, FloatArray
+from haploop.base.clock import Clock
+from haploop.base.errors import InstrumentError, LimitError
+from haploop.instruments import Amplifier, Block, Daq, Operator, Relay, Stream, Vibrometer, load_rig_file
 from haploop.instruments.amplifier.e413 import E413
-from haploop.instruments.arrays import ComplexArray, FloatArray
 from haploop.instruments.conformance import (
     AmplifierConformance,
     DaqConformance,
@@ -39,7 +31,6 @@ from haploop.instruments.conformance import (
 )
 from haploop.instruments.daq import StreamRequest
 from haploop.instruments.daq.ni_daqmx import NiDaq
-from haploop.instruments.errors import InstrumentError, LimitError
 from haploop.instruments.generator.role import Generator
 from haploop.instruments.generator.scpi_generator import Keysight33500
 from haploop.instruments.operator.console import Console

@@ -14,7 +14,8 @@ from typing import Any, ClassVar
 import pytest
 from nidaqmx.error_codes import DAQmxErrors
 
-from haploop.instruments import Amplifier, Clock, Daq, Operator, Relay, Vibrometer, load_rig_file
+from haploop.base.clock import Clock
+from haploop.instruments import Amplifier, Daq, Operator, Relay, Vibrometer, load_rig_file
 from haploop.instruments.amplifier.analog import AnalogAmplifier
 from haploop.instruments.amplifier.e413 import E413
 from haploop.instruments.conformance import (

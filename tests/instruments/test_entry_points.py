@@ -12,7 +12,8 @@ from typing import Any
 
 import pytest
 
-from haploop.instruments import ConfigurationError, InstrumentError, Rig, load_rig_file, open_rig
+from haploop.base.errors import ConfigurationError, InstrumentError
+from haploop.instruments import Rig, load_rig_file, open_rig
 from haploop.instruments.config import roles
 from haploop.instruments.interlock import Interlocked
 from haploop.instruments.rig import rig_schema

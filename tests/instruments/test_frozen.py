@@ -10,7 +10,8 @@ from typing import Any
 import pytest
 from pydantic import BaseModel, ConfigDict
 
-from haploop.instruments import AnalogChannel, ConfigurationError, RigFile, load_rig_file, open_rig
+from haploop.base.errors import ConfigurationError
+from haploop.instruments import AnalogChannel, RigFile, load_rig_file, open_rig
 from haploop.instruments.config import Device
 from haploop.instruments.driver import settings_of
 from haploop.instruments.frozen import FrozenDict, frozen

@@ -19,7 +19,7 @@ from typing import Any
 
 import pytest
 
-from haploop.instruments.errors import HaploopError, InstrumentError
+from haploop.base.errors import HaploopError, InstrumentError
 from haploop.instruments.generator.scpi_codec import error_of, number_of, switch_of, words_of
 from haploop.instruments.relay.board import ChannelState
 from haploop.instruments.relay.serial_relay import SerialRelay

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haploop.instruments import LimitError, Limits
+from haploop.base.errors import LimitError
+from haploop.instruments import Limits
 from haploop.instruments.limits import sounding
 
 RATE_HZ = 50_000.0

@@ -17,17 +17,12 @@ import numpy as np
 import pytest
 
 import haploop
-from haploop.instruments import (
-    ConfigurationError,
-    DataError,
-    HaploopError,
-    InstrumentError,
-    Rig,
-    entry_points,
-)
+from haploop.base import entry_points
+from haploop.base.clock import RealClock
+from haploop.base.errors import ConfigurationError, DataError, HaploopError, InstrumentError
+from haploop.instruments import Rig
 from haploop.instruments.camera import opencv
 from haploop.instruments.camera.opencv import OpenCvCamera
-from haploop.instruments.clock import RealClock
 from haploop.instruments.driver import settings_of
 from haploop.instruments.tape import Failure, Player, Recorder, TapedLine, TapeError, TapeLines, mask, on_line
 from haploop.instruments.tape.tape_file import TapeWriter, read_tape

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from haploop.acquisition import record
+from haploop.base.errors import ConfigurationError, DataError, InstrumentError, LimitError
 from haploop.calibration import LinearSweep, linear_sweep, measure_response
-from haploop.instruments import ConfigurationError, DataError, InstrumentError, LimitError, Rig, open_rig
+from haploop.instruments import Rig, open_rig
 from haploop.instruments.operator.role import Place, Remove
 from tests.conftest import OpenRig
 

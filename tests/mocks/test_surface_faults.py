@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import scipy
 
+from haploop.base.arrays import FloatArray
 from haploop.instruments import Rig, open_rig
-from haploop.instruments.arrays import FloatArray
 from haploop.instruments.operator.role import Place, Remove
 from tests.conftest import OpenRig
 

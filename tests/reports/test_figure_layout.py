@@ -17,13 +17,14 @@ from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
 from haploop.acquisition import Recording, Representative, accepted_presses
+from haploop.base.errors import ConfigurationError
 from haploop.calibration import ButtonPlan, Calibration, Check, VibrationMap, check_feeling, map_plan
 from haploop.calibration.drive import Offer, Offers
 from haploop.calibration.response.modes import Modes
 from haploop.calibration.response.terms import terms_of
 from haploop.console import server
 from haploop.experiments import load_experiment
-from haploop.instruments import ConfigurationError, open_rig
+from haploop.instruments import open_rig
 from haploop.reports import figures, plot
 from haploop.reports.contents import forces_in
 from haploop.reports.figures.plotting import colour, legend_under, letter, new_figure, style

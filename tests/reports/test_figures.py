@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import haploop
-from haploop.instruments import DataError
+from haploop.base.errors import DataError
 from haploop.reports.contents import Cell, Contents, Grid, Verdict, fact, plain, verdict_cell
 from haploop.reports.figures import Profile, activation_forces, profiles
 from haploop.reports.figures.encoding import png

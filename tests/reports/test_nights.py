@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
+from haploop.base.errors import DataError
 from haploop.calibration import History
-from haploop.instruments import DataError
 from haploop.reports.contents.history import night
 from haploop.reports.figures import encode
 from haploop.reports.figures.nights import nights_figure

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from haploop.instruments import ConfigurationError, DataError
+from haploop.base.errors import ConfigurationError, DataError
 from haploop.reports.html import contents_at, write_figures
 from tests.command_line import Run
 

@@ -17,7 +17,7 @@ import click
 import pytest
 
 from haploop import at_once
-from haploop.instruments.signals import STOPPING, ending_in_order
+from haploop.base.signals import STOPPING, ending_in_order
 from haploop.terminal.exits import Commands
 
 

@@ -22,8 +22,9 @@ from haploop.acquisition import (
     record,
     run_study,
 )
+from haploop.base.errors import InstrumentError
 from haploop.calibration import Calibration, Check, Drive
-from haploop.instruments import Consent, InstrumentError, Request, Rest, open_rig
+from haploop.instruments import Consent, Request, Rest, open_rig
 from haploop.instruments.operator import console
 from haploop.reports.show import Meter, StudyMeter
 from haploop.terminal import progress

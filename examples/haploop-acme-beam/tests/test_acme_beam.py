@@ -9,7 +9,8 @@ import pytest
 from haploop_acme_beam import Beam
 
 import haploop
-from haploop.instruments import ConfigurationError, Rig, load_rig_file
+from haploop.base.errors import ConfigurationError
+from haploop.instruments import Rig, load_rig_file
 from haploop.instruments.rig import rig_schema
 
 RIG = load_rig_file(Path(__file__).parents[1] / "beam.toml")

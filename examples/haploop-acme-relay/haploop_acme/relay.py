@@ -9,7 +9,8 @@ from typing import Annotated, Self
 
 from pydantic import Field
 
-from haploop.instruments import Clock, InstrumentError
+from haploop.base.clock import Clock
+from haploop.base.errors import InstrumentError
 from haploop.instruments.relay import BoardSettings, ChannelRelay, ChannelState
 from haploop.instruments.transport import Line, SerialLine
 

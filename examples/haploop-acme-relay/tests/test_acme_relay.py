@@ -11,7 +11,9 @@ import pytest
 from haploop_acme.relay import AcmeRelay
 from haploop_acme.twin import reply, twin
 
-from haploop.instruments import Clock, InstrumentError, Relay, Rig, load_rig_file
+from haploop.base.clock import Clock
+from haploop.base.errors import InstrumentError
+from haploop.instruments import Relay, Rig, load_rig_file
 from haploop.instruments.conformance import Fired, RelayConformance
 from haploop.mocks.clock import VirtualClock
 from haploop.mocks.plant import Plant

@@ -7,7 +7,9 @@ from typing import Self
 
 from pydantic import BaseModel, ConfigDict
 
-from haploop.instruments import Clock, InstrumentError, NewFile
+from haploop.base.clock import Clock
+from haploop.base.errors import InstrumentError
+from haploop.instruments import NewFile
 
 
 class Microscope(ABC):

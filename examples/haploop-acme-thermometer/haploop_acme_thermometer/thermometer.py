@@ -7,7 +7,9 @@ from typing import Annotated, Self
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from haploop.instruments import Clock, InstrumentError, Reading, Scale
+from haploop.base.clock import Clock
+from haploop.base.errors import InstrumentError
+from haploop.instruments import Reading, Scale
 from haploop.instruments.transport import Line, SerialLine
 
 

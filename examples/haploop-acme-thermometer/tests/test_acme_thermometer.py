@@ -16,7 +16,8 @@ from haploop_acme_thermometer.thermometer import AcmeT1, Thermometer
 
 import haploop
 from haploop.acquisition import verify
-from haploop.instruments import InstrumentError, RecordedAlong, Rig
+from haploop.base.errors import InstrumentError
+from haploop.instruments import RecordedAlong, Rig
 from haploop.instruments.rig import rig_schema
 from haploop.mocks.transport.line_server import DirectLine
 

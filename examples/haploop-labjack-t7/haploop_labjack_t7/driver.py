@@ -15,7 +15,9 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from haploop.instruments import Block, Clock, ConfigurationError, Daq, InstrumentError, LimitError, Stream
+from haploop.base.clock import Clock
+from haploop.base.errors import ConfigurationError, InstrumentError, LimitError
+from haploop.instruments import Block, Daq, Stream
 from haploop.instruments.daq import StreamRequest
 
 FASTEST = 100_000.0

@@ -16,7 +16,8 @@ from haploop_labjack_t7.driver import LabJackT7
 from haploop_labjack_t7.twin import T7Twin
 
 import haploop
-from haploop.instruments import ConfigurationError, Daq, InstrumentError, LimitError, Rig, load_rig_file
+from haploop.base.errors import ConfigurationError, InstrumentError, LimitError
+from haploop.instruments import Daq, Rig, load_rig_file
 from haploop.instruments.config import validate
 from haploop.instruments.conformance import DaqConformance, Fired, bypass_interlock
 from haploop.mocks.clock import VirtualClock

@@ -14,10 +14,10 @@ from typing import Any, Literal, Self
 
 from nidaqmx import utils
 
-from ....instruments.arrays import FloatArray
-from ....instruments.clock import RealClock
-from ....instruments.errors import ConfigurationError
-from ....instruments.near_words import did_you_mean
+from ....base.arrays import FloatArray
+from ....base.clock import RealClock
+from ....base.errors import ConfigurationError
+from ....base.near_words import did_you_mean
 from ....instruments.tape import Recorder
 from ...clock import VirtualClock
 from ...redirect import environment, sitecustomize

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ....instruments.arrays import FloatArray
+from ....base.arrays import FloatArray
 from ..converter import code_width
 from ..products import TIMEBASE_HZ, Product, input_range
 from .devices import NiDevice

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from nidaqmx._stubs import nidaqmx_pb2 as pb
 
-from ....instruments.arrays import FloatArray
+from ....base.arrays import FloatArray
 from .channel import Channel, timebase_of
 from .errors import DaqmxError, DAQmxErrors
 from .fields import flattened, is_by_scan

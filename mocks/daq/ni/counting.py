@@ -23,7 +23,7 @@ from nidaqmx.constants import (
     UsageTypeCI,
 )
 
-from ....instruments.arrays import FloatArray
+from ....base.arrays import FloatArray
 from .channel import Channel, default_terminal, timebase_of
 from .counters import INPUTS
 from .pulses import Transitions

@@ -8,7 +8,7 @@ import numpy as np
 from nidaqmx.constants import Edge
 from nidaqmx.error_codes import DAQmxErrors
 
-from ....instruments.arrays import BoolArray, FloatArray
+from ....base.arrays import BoolArray, FloatArray
 from ...plant import SamplesLost
 from ..converter import LOST, convert
 from .channel import Channel

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ....instruments.arrays import FloatArray
+from ....base.arrays import FloatArray
 from .channel import Channel
 
 

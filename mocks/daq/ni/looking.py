@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from ....instruments.arrays import BoolArray, FloatArray
+from ....base.arrays import BoolArray, FloatArray
 from ...plant import Nodes
 from .channel import Channel
 from .pulses import Train, Transitions, sampled, ticking

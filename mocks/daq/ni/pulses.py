@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ....instruments.arrays import BoolArray, FloatArray
+from ....base.arrays import BoolArray, FloatArray
 
 _GRID = 1e-5
 """Interval at which a function of time is looked at (s): shorter pulses are missed."""

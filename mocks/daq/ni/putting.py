@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from nidaqmx.constants import WriteRelativeTo
 
-from ....instruments.arrays import FloatArray
+from ....base.arrays import FloatArray
 from ..converter import put_out
 from .errors import DaqmxError, DAQmxErrors
 from .system import NiSystem

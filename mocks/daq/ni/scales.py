@@ -10,7 +10,7 @@ import numpy as np
 from nidaqmx.constants import ScaleType, UnitsPreScaled
 from numpy.polynomial.polynomial import polyfit, polyval
 
-from ....instruments.arrays import FloatArray
+from ....base.arrays import FloatArray
 from .errors import DaqmxError, DAQmxErrors
 
 _OWN = {

@@ -21,9 +21,9 @@ import numpy as np
 from google.protobuf import message_factory
 from nidaqmx._stubs import nidaqmx_pb2 as pb
 
-from ....instruments.arrays import FloatArray
-from ....instruments.clock import Clock, RealClock
-from ....instruments.closing import Closing
+from ....base.arrays import FloatArray
+from ....base.clock import Clock, RealClock
+from ....base.closing import Closing
 from ....instruments.tape import Recorder
 from ...plant import Nodes
 from ...redirect import CREATED, FOLDER, IGNORED, IN_CALLBACK

@@ -7,7 +7,7 @@ import re
 import numpy as np
 from nidaqmx.constants import Edge, Level, TriggerType
 
-from ....instruments.arrays import FloatArray
+from ....base.arrays import FloatArray
 from .channel import Channel, counter_timebase
 from .counting import Meter
 from .devices import Inventory, NiDevice

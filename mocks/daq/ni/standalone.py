@@ -10,9 +10,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from ....instruments.errors import ConfigurationError, InstrumentError
-from ....instruments.flag import Flag
-from ....instruments.near_words import did_you_mean
+from ....base.errors import ConfigurationError, InstrumentError
+from ....base.flag import Flag
+from ....base.near_words import did_you_mean
 from ...plant import Nodes
 from ..products import PRODUCTS, Product, described
 from .devices import Inventory, NiDevice, devices_from_ini

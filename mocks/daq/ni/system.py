@@ -9,7 +9,7 @@ from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from ....instruments.clock import Clock
+from ....base.clock import Clock
 from ...clock import VirtualClock
 from ...plant import Nodes, PlayStopped
 from ..converter import STOPPED, noise_of

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from nidaqmx.constants import AcquisitionType, SampleTimingType, TriggerType
 
-from ....instruments.arrays import FloatArray
+from ....base.arrays import FloatArray
 from ....instruments.daq.ni_filters import filter_delay
 from ..products import convert_interval
 from .channel import Channel, Kind

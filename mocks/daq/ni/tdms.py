@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from nidaqmx.constants import LoggingMode, LoggingOperation
 
-from ....instruments.arrays import FloatArray
+from ....base.arrays import FloatArray
 from . import inputs
 from .errors import DaqmxError, DAQmxErrors
 from .system import NiSystem

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ....instruments.arrays import FloatArray
+from ....base.arrays import FloatArray
 from ...plant import Run
 
 _MEMORY = 60.0

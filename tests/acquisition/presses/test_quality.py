@@ -16,7 +16,8 @@ from haploop.acquisition import (
     record,
     representative,
 )
-from haploop.instruments import DataError, Press
+from haploop.base.errors import DataError
+from haploop.instruments import Press
 from tests.acquisition.presses.pressworld import world_rig
 
 FLAGS = {

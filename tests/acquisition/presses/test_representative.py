@@ -25,7 +25,7 @@ from haploop.acquisition.presses.averaging import (
 )
 from haploop.acquisition.presses.barycentre import barycentre, paths_to
 from haploop.acquisition.presses.registration import WarpModel, register
-from haploop.instruments import ConfigurationError, DataError
+from haploop.base.errors import ConfigurationError, DataError
 from tests.acquisition.presses.pressworld import SHAPES, SyntheticPress, world_rig
 
 TEMPO = FAMILIES["tempo"]

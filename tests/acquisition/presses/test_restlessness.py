@@ -9,7 +9,7 @@ import pytest
 
 from haploop.acquisition import record
 from haploop.acquisition.presses.restlessness import crept, restlessness
-from haploop.instruments import DataError
+from haploop.base.errors import DataError
 from haploop.instruments.mains import mains_hum
 from tests.conftest import OpenRig
 

@@ -18,7 +18,7 @@ from haploop.acquisition.presses.averaging import average
 from haploop.acquisition.presses.choice import single
 from haploop.acquisition.presses.double_clicks import double_clicks
 from haploop.acquisition.presses.sensor_faults import signal_fault
-from haploop.instruments import DataError
+from haploop.base.errors import DataError
 
 INVERTED = {"kind": "accelerometer-inverted"}
 GAUGES = [f"gauge{number}" for number in range(6)]

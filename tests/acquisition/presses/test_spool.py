@@ -8,7 +8,7 @@ import pytest
 from haploop.acquisition.presses import spool
 from haploop.acquisition.presses.averaging import average
 from haploop.acquisition.presses.spool import Spool
-from haploop.instruments import DataError
+from haploop.base.errors import DataError
 from tests.acquisition.presses.test_representative import RATE, TEMPO
 
 

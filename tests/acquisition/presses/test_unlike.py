@@ -12,7 +12,7 @@ from benchmarks.synthetic_presses import FAMILIES, RATE, error
 from haploop.acquisition import Protocol, Recording, Segmentation, Window, record, representative
 from haploop.acquisition.presses.averaging import REGISTRATION, AverageMethod, average
 from haploop.acquisition.presses.registration import WarpModel
-from haploop.instruments import ConfigurationError
+from haploop.base.errors import ConfigurationError
 from tests.acquisition.presses import pressworld
 from tests.acquisition.presses.pressworld import world_rig
 

@@ -17,7 +17,8 @@ from haploop.acquisition.recording.rows import PressVerdict
 from haploop.acquisition.recording.salvage import finish
 from haploop.acquisition.recording.writer import Writer
 from haploop.acquisition.session.stream_reader import StreamReader
-from haploop.instruments import Block, RealClock, Stream, load_rig_file
+from haploop.base.clock import RealClock
+from haploop.instruments import Block, Stream, load_rig_file
 from tests.acquisition.presses.pressworld import world_rig
 
 CHANNELS = 16

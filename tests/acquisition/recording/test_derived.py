@@ -15,7 +15,8 @@ from haploop.acquisition.recording import recording as recording_module
 from haploop.acquisition.recording.file_format import Header, from_codes
 from haploop.acquisition.recording.salvage import finish
 from haploop.acquisition.recording.writer import Writer
-from haploop.instruments import AnalogChannel, Block, DataError
+from haploop.base.errors import DataError
+from haploop.instruments import AnalogChannel, Block
 from tests.acquisition.recording.pattern import CHANNELS, PRESS, RIG, header, unfinished
 
 COUNT, REST_END = 1000, 400

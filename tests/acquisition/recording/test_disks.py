@@ -20,7 +20,9 @@ from haploop.acquisition.recording.file_format import from_codes, to_codes
 from haploop.acquisition.recording.salvage import finish
 from haploop.acquisition.recording.writer import Writer
 from haploop.acquisition.session.stream_reader import OverrunError, StreamReader
-from haploop.instruments import ConfigurationError, InstrumentError, RealClock, Stream
+from haploop.base.clock import RealClock
+from haploop.base.errors import ConfigurationError, InstrumentError
+from haploop.instruments import Stream
 from tests.acquisition.presses.pressworld import world_rig
 from tests.acquisition.recording.pattern import CHANNELS, FULL_SCALE, RATE, block_of, codes_of, header
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from haploop.acquisition import Recording, record
-from haploop.instruments import ConfigurationError
+from haploop.base.errors import ConfigurationError
 from tests.acquisition.presses.pressworld import world_rig
 
 

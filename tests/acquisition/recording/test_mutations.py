@@ -12,7 +12,7 @@ import pytest
 from haploop.acquisition import Recording, verify
 from haploop.acquisition.recording.recovery import recover_damaged
 from haploop.acquisition.recording.salvage import finish
-from haploop.instruments import HaploopError
+from haploop.base.errors import HaploopError
 from tests.acquisition.recording.pattern import unfinished
 from tests.mutating import mutations, refused, restructure
 

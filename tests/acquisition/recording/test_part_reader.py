@@ -7,7 +7,8 @@ import pytest
 
 from haploop.acquisition import Recording, record
 from haploop.acquisition.recording import PartReader, salvage
-from haploop.instruments import DataError, open_rig
+from haploop.base.errors import DataError
+from haploop.instruments import open_rig
 
 
 def same(reader: PartReader, recording: Recording) -> None:

@@ -14,12 +14,13 @@ import numpy as np
 import pytest
 
 from haploop.acquisition import Recording, record, verify
-from haploop.acquisition.checksum import add_checksum
 from haploop.acquisition.recording.file_format import (
     read_header,
     write_header,
 )
-from haploop.instruments import DataError, load_rig_file
+from haploop.base.checksum import add_checksum
+from haploop.base.errors import DataError
+from haploop.instruments import load_rig_file
 from tests.acquisition.presses.pressworld import world_rig
 from tests.acquisition.recording.pattern import header, unfinished
 

@@ -13,12 +13,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from haploop.acquisition import Recording, hdf5, record, recover, verify
-from haploop.acquisition.json_files import append_json, write_json
+from haploop.acquisition import Recording, record, recover, verify
 from haploop.acquisition.recording.file_format import from_codes
 from haploop.acquisition.recording.salvage import finish
 from haploop.acquisition.recording.writer import Writer
-from haploop.instruments import ConfigurationError, DataError, HaploopError, InstrumentError
+from haploop.base import hdf5
+from haploop.base.errors import ConfigurationError, DataError, HaploopError, InstrumentError
+from haploop.base.json_files import append_json, write_json
 from tests.acquisition.presses.pressworld import world_rig
 from tests.acquisition.recording.pattern import FULL_SCALE, block_of, codes_of, header, unfinished
 

@@ -35,7 +35,7 @@ from haploop.acquisition.recording.rows import (
     verdicts_in,
     whole,
 )
-from haploop.instruments import ConfigurationError, DataError
+from haploop.base.errors import ConfigurationError, DataError
 
 PRESS = PressVerdict(2, 3, 100, 250, 112.5, 2.25, True, (), "")
 

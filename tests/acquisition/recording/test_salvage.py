@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from haploop.acquisition import Recording, content_hash, recover, verify
-from haploop.acquisition.checksum import add_checksum
 from haploop.acquisition.recording.file_format import from_codes, read_header
 from haploop.acquisition.recording.rows import EVENT, VERDICT, block_dtype
 from haploop.acquisition.recording.salvage import (
@@ -22,9 +21,10 @@ from haploop.acquisition.recording.salvage import (
     read_contents,
 )
 from haploop.acquisition.recording.writer import Writer
-from haploop.instruments import DataError
-from haploop.instruments.json_text import as_line
-from haploop.instruments.safety import marked
+from haploop.base.checksum import add_checksum
+from haploop.base.errors import DataError
+from haploop.base.json_text import as_line
+from haploop.base.marks import marked
 from tests.acquisition.recording.pattern import CHANNELS, FULL_SCALE, PRESS, block_of, codes_of, header
 
 BLOCKS = 12

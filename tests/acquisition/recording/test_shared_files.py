@@ -12,12 +12,12 @@ from pathlib import Path
 import pytest
 
 from haploop.acquisition import record, recover
-from haploop.acquisition.json_files import append_json, changing, read_json
 from haploop.acquisition.recording import Rejection, add_rejections
 from haploop.acquisition.recording.rejections import _rejections
 from haploop.acquisition.recording.writer import Writer
-from haploop.instruments import DataError
-from haploop.instruments.files import new_file, whole_file
+from haploop.base.errors import DataError
+from haploop.base.files import new_file, whole_file
+from haploop.base.json_files import append_json, changing, read_json
 from tests.acquisition.presses.pressworld import world_rig
 from tests.acquisition.recording.pattern import header, unfinished
 
@@ -80,7 +80,7 @@ def test_threads_of_one_program_wait_for_each_other_too(tmp_path: Path) -> None:
 def test_a_program_that_does_not_end_its_change_is_said(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("haploop.acquisition.json_files._PATIENCE", 0.05)
+    monkeypatch.setattr("haploop.base.json_files._PATIENCE", 0.05)
     with changing(tmp_path / "a.json"), pytest.raises(DataError, match="is being changed by another program"):
         append_json(tmp_path / "a.json", "looks", [{}])
 
@@ -102,7 +102,7 @@ def test_recordings_of_people_can_be_read_by_their_owner_only(tmp_path: Path) ->
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from haploop.instruments.files import whole_file
+from haploop.base.files import whole_file
 
 with whole_file(Path(sys.argv[1])) as part:
     part.write_bytes(bytes(1000))

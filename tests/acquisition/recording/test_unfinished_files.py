@@ -13,7 +13,8 @@ from haploop.acquisition.recording.file_format import from_codes
 from haploop.acquisition.recording.recovery import recover_damaged
 from haploop.acquisition.recording.salvage import CHUNK, finish
 from haploop.acquisition.recording.writer import Writer
-from haploop.instruments import Block, ConfigurationError, DataError
+from haploop.base.errors import ConfigurationError, DataError
+from haploop.instruments import Block
 from tests.acquisition.presses.pressworld import world_rig
 from tests.acquisition.recording.pattern import (
     CHANNELS,

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from haploop.acquisition.recording import whole, write_recording
-from haploop.instruments import ConfigurationError
+from haploop.base.errors import ConfigurationError
 from tests.acquisition.recording.pattern import block_of, header
 
 

@@ -24,9 +24,10 @@ from haploop.acquisition.recording.recovery import recover_damaged
 from haploop.acquisition.recording.rows import block_dtype
 from haploop.acquisition.recording.salvage import finish
 from haploop.acquisition.recording.writer import Writer
-from haploop.instruments import Block, ConfigurationError, DataError, InstrumentError
-from haploop.instruments.files import allocate
-from haploop.instruments.safety import marked
+from haploop.base.errors import ConfigurationError, DataError, InstrumentError
+from haploop.base.files import allocate
+from haploop.base.marks import marked
+from haploop.instruments import Block
 from tests.acquisition.recording.pattern import CHANNELS, FULL_SCALE, PRESS, block_of, codes_of, header
 
 Usage = namedtuple("Usage", "total used free")

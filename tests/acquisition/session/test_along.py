@@ -11,16 +11,9 @@ import pytest
 
 from haploop.acquisition import Protocol, Recording, record, verify
 from haploop.acquisition.session import along
-from haploop.instruments import (
-    AnalogChannel,
-    Block,
-    ConfigurationError,
-    InstrumentError,
-    NewFile,
-    Reading,
-    RealClock,
-    load_rig_file,
-)
+from haploop.base.clock import RealClock
+from haploop.base.errors import ConfigurationError, InstrumentError
+from haploop.instruments import AnalogChannel, Block, NewFile, Reading, load_rig_file
 from tests.acquisition.presses.pressworld import FULL_SCALE, world_rig
 
 BLOCK = round(Protocol().block * 5000)

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 import haploop
-from haploop.instruments import ConfigurationError, levels
+from haploop.base.errors import ConfigurationError
+from haploop.instruments import levels
 
 
 def test_every_sensor_and_the_laser_are_live(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

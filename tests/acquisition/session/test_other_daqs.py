@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import haploop
-from haploop.instruments import ConfigurationError, InstrumentError, load_rig_file
-from haploop.instruments.arrays import FloatArray
+from haploop.base.arrays import FloatArray
+from haploop.base.errors import ConfigurationError, InstrumentError
+from haploop.instruments import load_rig_file
 
 pytestmark = pytest.mark.requires("simulation")
 

@@ -8,7 +8,8 @@ import pytest
 from haploop.acquisition import Protocol, Recording, find_presses, record, recover, representative, verify
 from haploop.acquisition.recording.file_format import to_codes
 from haploop.acquisition.session.recorder import MOST_PRESSES
-from haploop.instruments import ConfigurationError, DataError, InstrumentError, Press, Rest
+from haploop.base.errors import ConfigurationError, DataError, InstrumentError
+from haploop.instruments import Press, Rest
 from tests.acquisition.presses.pressworld import world_rig
 
 BLOCK = round(Protocol().block * 5000)

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from haploop.acquisition.session.stream_reader import GapError, OverrunError, StreamReader
-from haploop.instruments import Block, Clock, InstrumentError, Stream
+from haploop.base.clock import Clock
+from haploop.base.errors import InstrumentError
+from haploop.instruments import Block, Stream
 from haploop.mocks.clock import VirtualClock
 
 

@@ -21,15 +21,8 @@ from haploop.acquisition import (
     with_presses,
 )
 from haploop.acquisition.session.session_run import SessionRun
-from haploop.instruments import (
-    ConfigurationError,
-    Consent,
-    DataError,
-    InstrumentError,
-    Press,
-    Ready,
-    open_rig,
-)
+from haploop.base.errors import ConfigurationError, DataError, InstrumentError
+from haploop.instruments import Consent, Press, Ready, open_rig
 from tests import forked
 from tests.acquisition.session import studying
 

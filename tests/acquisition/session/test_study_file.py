@@ -13,8 +13,8 @@ import pytest
 from haploop.acquisition import Protocol, load_study
 from haploop.acquisition.presses.segmentation import segmentation_for
 from haploop.acquisition.session.study_file import load_study_file
+from haploop.base.errors import ConfigurationError
 from haploop.commands.study import STUDY_FORM
-from haploop.instruments import ConfigurationError
 
 GOOD = """
 name = "trial"

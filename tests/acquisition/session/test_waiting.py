@@ -10,9 +10,10 @@ from pathlib import Path
 import pytest
 
 from haploop.acquisition import Protocol, Recording, load_study, record, recover, set_aside, verify
-from haploop.instruments import ConfigurationError, DataError, InstrumentError, Press
-from haploop.instruments.safety import is_marked, lock, marked
-from haploop.instruments.safety.lock import InUse
+from haploop.base.errors import ConfigurationError, DataError, InstrumentError
+from haploop.base.marks import InUse, is_marked, marked
+from haploop.instruments import Press
+from haploop.instruments.safety import lock
 from tests import forked
 from tests.acquisition.presses.pressworld import world_rig
 from tests.acquisition.session.studying import recording_until_told

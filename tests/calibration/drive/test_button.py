@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from haploop.base.errors import ConfigurationError, DataError
 from haploop.calibration import DigitalButton, build_button, play_button
-from haploop.instruments import ConfigurationError, DataError
 from tests.calibration.conftest import Calibrated, make_press, tamper
 
 

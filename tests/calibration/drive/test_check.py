@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from haploop.acquisition import Representative
+from haploop.base.errors import ConfigurationError, InstrumentError
 from haploop.calibration import (
     Check,
     Drive,
@@ -23,7 +24,7 @@ from haploop.calibration import (
 from haploop.calibration.background import rests
 from haploop.calibration.drive import check, playing
 from haploop.calibration.spectra import third_octaves
-from haploop.instruments import Capture, ConfigurationError, InstrumentError, load_rig_file, open_rig
+from haploop.instruments import Capture, load_rig_file, open_rig
 from tests.calibration.conftest import Calibrated, make_press, tamper
 from tests.conftest import OpenRig
 

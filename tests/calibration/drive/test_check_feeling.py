@@ -10,11 +10,12 @@ import pytest
 from scipy.fft import irfft, rfft, rfftfreq
 from scipy.signal import resample_poly
 
+from haploop.base.errors import ConfigurationError
 from haploop.calibration import Check, Drive, check_feeling
 from haploop.calibration.drive import check
 from haploop.calibration.drive.verdict import Signs, judged
 from haploop.calibration.perception import lab_threshold, levels_of
-from haploop.instruments import ConfigurationError, Rig, RigFile, open_rig
+from haploop.instruments import Rig, RigFile, open_rig
 from haploop.instruments.config import People
 from tests.calibration.conftest import Calibrated, make_press
 

@@ -8,8 +8,8 @@ import pytest
 from scipy.fft import rfft, rfftfreq
 
 from haploop.acquisition import Representative
+from haploop.base.errors import DataError
 from haploop.calibration import Calibration, Drive, Response, drive_for, modulate
-from haploop.instruments import DataError
 from tests.calibration.conftest import Calibrated, make_press
 
 

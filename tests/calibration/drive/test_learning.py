@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from haploop.base.arrays import FloatArray
+from haploop.base.errors import ConfigurationError
 from haploop.calibration import Drive, Learning, calibrate, drive_for, learn
 from haploop.calibration.drive import Method, check
 from haploop.calibration.drive import learning as learning_module
 from haploop.calibration.drive.agreement import shared_power
 from haploop.calibration.drive.correction import ResponseEstimate
-from haploop.instruments import ConfigurationError
-from haploop.instruments.arrays import FloatArray
 from haploop.pytest_plugin import Rigs
 from tests.calibration.conftest import Calibrated, make_press, tamper
 from tests.conftest import OpenRig

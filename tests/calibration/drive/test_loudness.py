@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from haploop.base.errors import ConfigurationError
 from haploop.calibration import ButtonPlan, Drift, Loudness, Trade, drive_for, plan_button, trade_for
 from haploop.calibration.drive import TOLERANCE, loudness
 from haploop.calibration.perception import levels_of
-from haploop.instruments import ConfigurationError
 from haploop.reports import plot
 from haploop.reports.contents import contents_of
 from tests.calibration.conftest import Calibrated, make_press

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from haploop.base.errors import ConfigurationError, DataError, InstrumentError
 from haploop.calibration import Calibration, Check, DigitalButton, Drive
 from haploop.calibration.drive import (
     PressedDrives,
@@ -21,7 +22,7 @@ from haploop.calibration.drive import (
     pressed_drives,
 )
 from haploop.calibration.model import at_force, calibrate_finger
-from haploop.instruments import ConfigurationError, DataError, InstrumentError, Rig, load_rig_file
+from haploop.instruments import Rig, load_rig_file
 from haploop.instruments.operator import LiftFinger, RestFinger
 from haploop.reports.contents.check import button_contents
 from tests.calibration.conftest import Calibrated, make_press

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from haploop.acquisition import Representative
+from haploop.base.errors import ConfigurationError, DataError
 from haploop.calibration import (
     Calibration,
     DigitalButton,
@@ -32,7 +33,7 @@ from haploop.calibration import (
 from haploop.calibration.drive import check, loudness
 from haploop.calibration.drive.actuation import Actuation
 from haploop.calibration.perception import levels_of, pressing_act
-from haploop.instruments import ConfigurationError, DataError, Rig, open_rig
+from haploop.instruments import Rig, open_rig
 from haploop.mocks.plant.hysteresis import Hysteresis
 from haploop.mocks.plant.table import TouchTable
 from haploop.reports.contents.check import button_contents

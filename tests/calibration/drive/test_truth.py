@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from benchmarks.synthetic_responses import generator
+from haploop.base.arrays import FloatArray
 from haploop.calibration import Drive, calibrate, drive_for, learn, paper_drive
 from haploop.calibration.drive.check import compare
 from haploop.calibration.drive.checked import Check
 from haploop.calibration.drive.playing import play
 from haploop.instruments import Capture, Rig
-from haploop.instruments.arrays import FloatArray
 from haploop.mocks.plant.table import make_plate
 from tests.calibration.conftest import Calibrated, make_press
 from tests.conftest import OpenRig

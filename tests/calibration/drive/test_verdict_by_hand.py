@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from haploop.base.errors import DataError
 from haploop.calibration import Check, Drive
 from haploop.calibration.drive.agreement import (
     SharedPower,
@@ -25,7 +26,6 @@ from haploop.calibration.drive.check import compare
 from haploop.calibration.drive.checked import Silence
 from haploop.calibration.drive.playing import Played
 from haploop.calibration.drive.verdict import all_judged
-from haploop.instruments import DataError
 
 RATE = 5000.0
 T = np.arange(5000) / RATE

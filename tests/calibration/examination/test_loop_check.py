@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 import haploop
+from haploop.base.errors import ConfigurationError, InstrumentError
 from haploop.calibration.examination import loop_check
 from haploop.calibration.response import linear_sweep
-from haploop.instruments import ConfigurationError, InstrumentError, Rig, load_rig_file
+from haploop.instruments import Rig, load_rig_file
 from haploop.instruments.config import Device, RigFile
 from haploop.mocks.daq.sound_card import DuplexCard
 from tests.command_line import Run

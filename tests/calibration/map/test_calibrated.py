@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from haploop.base.errors import ConfigurationError
 from haploop.calibration import (
     Calibration,
     DigitalButton,
@@ -24,7 +25,7 @@ from haploop.calibration import (
 )
 from haploop.calibration.drive import STEADY
 from haploop.calibration.drive.actuation import Actuation
-from haploop.instruments import ConfigurationError, Rig, open_rig
+from haploop.instruments import Rig, open_rig
 from tests.calibration.conftest import make_press
 
 pytestmark = pytest.mark.long

@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from haploop.acquisition.hdf5 import digest, flatten
+from haploop.base.errors import ConfigurationError, DataError
+from haploop.base.hdf5 import digest, flatten
 from haploop.calibration.map.folder import MapFolder
 from haploop.calibration.map.map import BAND, VibrationMap
 from haploop.calibration.map.measuring import map_plan, measure_map
-from haploop.instruments import ConfigurationError, DataError, Rig
+from haploop.instruments import Rig
 from haploop.mocks.plant.hysteresis import Hysteresis
 from haploop.pytest_plugin import Rigs
 from tests.conftest import OpenRig

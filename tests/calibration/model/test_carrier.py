@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from haploop.base.errors import ConfigurationError
 from haploop.calibration import Calibration, calibrate
-from haploop.instruments import ConfigurationError
 from haploop.reports.contents import calibration_contents
 from tests.command_line import Run
 from tests.conftest import OpenRig

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from haploop.base.arrays import FloatArray
+from haploop.base.errors import ConfigurationError, DataError
 from haploop.calibration import Calibration, Drift, Multisine, measure_response
 from haploop.calibration.drive.actuation import Actuation
 from haploop.calibration.model import ChannelScatter, channel_change, with_scatter
-from haploop.instruments import ConfigurationError, DataError, open_rig
-from haploop.instruments.arrays import FloatArray
+from haploop.instruments import open_rig
 from haploop.instruments.config import RigFile
 from haploop.mocks.plant.hysteresis import Hysteresis
 from haploop.mocks.plant.modal_surface import ModalSurface

@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
+from haploop.base.errors import ConfigurationError, DataError
 from haploop.calibration import Calibration, Finger
 from haploop.calibration.model import PlateModes, at_force, under_finger
 from haploop.calibration.model.finger_finding import Look, find_finger
 from haploop.calibration.model.model import fit
 from haploop.calibration.response import Response
 from haploop.calibration.response.response import LINEAR
-from haploop.instruments import ConfigurationError, DataError
 from haploop.instruments.operator import RestFinger
 from haploop.mocks.plant import Fingertip, Modes, Palm
 from haploop.mocks.plant.contact import Contact

@@ -13,10 +13,11 @@ from scipy.signal import StateSpace, freqresp, sosfreqz
 from benchmarks.fits import auto_fit, found
 from benchmarks.synthetic_responses import Case, beam, generator, response_of
 from benchmarks.synthetic_responses import plate as plate_of
+from haploop.base.errors import ConfigurationError, DataError
 from haploop.calibration import Model, Response, calibrate, fit
 from haploop.calibration.model import apart, rational
 from haploop.calibration.model.projection import Lines, Projection
-from haploop.instruments import ConfigurationError, DataError, open_rig
+from haploop.instruments import open_rig
 
 BEAM = Path(__file__).parents[2] / "data" / "beam_accelerance_point1.txt"
 

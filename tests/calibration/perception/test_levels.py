@@ -6,6 +6,7 @@ from importlib import resources
 import numpy as np
 import pytest
 
+from haploop.base.errors import DataError
 from haploop.calibration.perception import (
     SHORT,
     event_levels,
@@ -15,7 +16,6 @@ from haploop.calibration.perception import (
     thresholds,
 )
 from haploop.calibration.perception.levels import OCTAVES, mean_levels, pressing, resting
-from haploop.instruments import DataError
 
 RATE = 20000.0
 

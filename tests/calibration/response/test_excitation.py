@@ -3,8 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from haploop.base.errors import ConfigurationError
 from haploop.calibration import LinearSweep, Multisine, linear_sweep, measure_response, plan_excitation
-from haploop.instruments import ConfigurationError, Limits
+from haploop.instruments import Limits
 from tests.conftest import OpenRig
 
 RATE = 50e3

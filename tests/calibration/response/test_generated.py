@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from haploop.base.errors import ConfigurationError, InstrumentError
 from haploop.calibration import calibrate, load_calibrations
 from haploop.calibration.examination.patch_check import check_patches
 from haploop.calibration.response import QUICK, Spot, measure_response, play_sweep
 from haploop.calibration.response.excitation import LinearSweep
-from haploop.instruments import ConfigurationError, InstrumentError, Rig
+from haploop.instruments import Rig
 from tests.command_line import Run
 from tests.conftest import OpenRig
 from tests.instruments.rig.test_rig import assert_safe

@@ -11,9 +11,10 @@ import pyuff
 from click.testing import CliRunner
 from scipy.io import loadmat
 
+from haploop.base.errors import ConfigurationError, DataError
 from haploop.calibration import Calibration, Response, read_uff, write_uff
 from haploop.commands.cli import cli
-from haploop.instruments import ConfigurationError, DataError, load_rig_file
+from haploop.instruments import load_rig_file
 from haploop.terminal.exits import CommandState
 from tests.calibration.conftest import Calibrated
 from tests.calibration.model.test_model import plate

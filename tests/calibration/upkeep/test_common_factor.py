@@ -8,12 +8,12 @@ from typing import Any, cast
 
 import pytest
 
+from haploop.base.progress import silent
 from haploop.calibration import calibrate
 from haploop.calibration.upkeep.common_factor import common_factors, factors_since
 from haploop.calibration.upkeep.drift import PlaceMetrics, Verdict
 from haploop.calibration.upkeep.history import Generation, History
 from haploop.calibration.upkeep.look import look_at
-from haploop.instruments.progress import silent
 from tests.calibration.conftest import Calibrated
 from tests.conftest import OpenRig
 

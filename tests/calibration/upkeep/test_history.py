@@ -10,10 +10,11 @@ from typing import Any
 
 import pytest
 
-from haploop.acquisition import json_files, verify
-from haploop.acquisition.json_files import write_json
+from haploop.acquisition import verify
+from haploop.base import json_files, json_text
+from haploop.base.errors import DataError, InstrumentError
+from haploop.base.json_files import write_json
 from haploop.calibration.upkeep.history import Activation, Generation, History
-from haploop.instruments import DataError, InstrumentError, json_text
 from tests.calibration.map.killing import Victims
 
 WHEN = datetime(2026, 7, 31, 2, 15, tzinfo=UTC)
@@ -170,9 +171,10 @@ def test_one_writer_at_a_time_and_what_a_dead_one_left_goes(history: History) ->
 
 WRITER = """
 from datetime import UTC, datetime
-from haploop.acquisition import json_files, verify
-from haploop.acquisition.json_files import write_json
-from haploop.instruments import json_text
+from haploop.base import json_files
+from haploop.acquisition import verify
+from haploop.base.json_files import write_json
+from haploop.base import json_text
 from haploop.calibration.upkeep.history import History
 from tests.calibration.map.killing import serve
 from tests.calibration.upkeep.test_history import Part

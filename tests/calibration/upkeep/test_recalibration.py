@@ -18,6 +18,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from haploop.base.errors import ConfigurationError, DataError, InstrumentError, LimitError
+from haploop.base.progress import silent
 from haploop.calibration import Calibration, ChannelScatter, Check, Waveforms, sizes
 from haploop.calibration.drive import Elsewhere
 from haploop.calibration.drive.button import DigitalButton
@@ -30,17 +32,8 @@ from haploop.calibration.upkeep.adoption import (
 )
 from haploop.calibration.upkeep.history import History
 from haploop.calibration.upkeep.recalibration import Outcome, recalibrate
-from haploop.instruments import (
-    ConfigurationError,
-    DataError,
-    InstrumentError,
-    LimitError,
-    Rig,
-    load_rig_file,
-    log_entries,
-)
+from haploop.instruments import Rig, load_rig_file, log_entries
 from haploop.instruments.operator.unattended import Unattended
-from haploop.instruments.progress import silent
 from tests.calibration.conftest import Calibrated
 from tests.calibration.map.killing import Victims
 from tests.calibration.upkeep.conftest import WHEN
@@ -402,7 +395,7 @@ from haploop.calibration.upkeep import recalibration
 from haploop.calibration.upkeep.history import History
 from haploop.instruments import open_rig
 from haploop.instruments.operator.unattended import Unattended
-from haploop.instruments.progress import silent
+from haploop.base.progress import silent
 from tests.calibration.map.killing import serve
 
 def once(function):

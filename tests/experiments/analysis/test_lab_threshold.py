@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from haploop.base.errors import DataError
 from haploop.calibration.perception import LabThreshold, levels_of, pressing_act, thresholds
 from haploop.experiments import Threshold, lab_threshold_of, people_table
-from haploop.instruments import DataError
 from haploop.instruments.config import RigFile
 from tests.calibration.conftest import make_press
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from haploop.base.errors import ConfigurationError, DataError
 from haploop.experiments.analysis.power import load_power_plan, power_of
-from haploop.instruments import ConfigurationError, DataError
 
 PLAN = """
 people = [{people}]

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from haploop.base.errors import DataError
 from haploop.experiments.analysis.ratings import analyse_ratings, normalise
 from haploop.experiments.analysis.table import Rows, read_rows
-from haploop.instruments import DataError
 from tests.mutating import mutations, refused
 
 PAIRS = ("pleasant", "clear", "quick")

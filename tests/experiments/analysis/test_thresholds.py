@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from haploop.base.errors import DataError
 from haploop.experiments import Threshold, analyse_thresholds, lab_threshold_of, read_rows
-from haploop.instruments import DataError
 from tests.command_line import Run
 from tests.experiments.analysis.test_lab_threshold import played
 

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import scipy
 
+from haploop.base.errors import DataError
 from haploop.experiments.contact.area import (
     Background,
     Contact,
@@ -22,7 +23,7 @@ from haploop.experiments.contact.area import (
     drop_old_frames,
     learn_background,
 )
-from haploop.instruments import DataError, Frame
+from haploop.instruments import Frame
 
 SHAPE = (120, 160)
 

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 import scipy
 
+from haploop.base.arrays import FloatArray
 from haploop.experiments.contact import Activator
 from haploop.experiments.contact.area import Background, Contact, ContactMeter
 from haploop.instruments import Frame
-from haploop.instruments.arrays import FloatArray
 
 SHAPE = (240, 320)
 PIXEL = 1 / 5.3e3**2

@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from haploop.base.errors import ConfigurationError, DataError, LimitError
 from haploop.calibration import PressedDrives
 from haploop.experiments.contact import (
     Activator,
@@ -32,7 +33,7 @@ from haploop.experiments.contact import (
     watch_touch,
 )
 from haploop.experiments.contact.button import without_lead_in
-from haploop.instruments import Camera, ConfigurationError, DataError, LimitError, Rig, Touch, open_rig
+from haploop.instruments import Camera, Rig, Touch, open_rig
 from haploop.instruments.driver import Mode
 
 TARGET = 100e-6

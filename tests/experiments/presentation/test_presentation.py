@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from haploop.base.errors import ConfigurationError, DataError, HaploopError, LimitError
 from haploop.calibration import DigitalButton
 from haploop.commands.cli import cli
 from haploop.experiments import (
@@ -32,7 +33,7 @@ from haploop.experiments import (
     run_session,
 )
 from haploop.experiments.presentation.surface import _refuse_amplitudes
-from haploop.instruments import ConfigurationError, DataError, HaploopError, LimitError, Rig, open_rig
+from haploop.instruments import Rig, open_rig
 from haploop.mocks.participant import ParticipantModel, SimulatedParticipant
 from haploop.mocks.plant import touches
 from tests.experiments.played import PLAYED, played

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from haploop.base.errors import ConfigurationError, DataError
 from haploop.experiments.protocol import (
     Answer,
     Assignment,
@@ -23,7 +24,6 @@ from haploop.experiments.protocol import (
     timing_of,
     valid,
 )
-from haploop.instruments import ConfigurationError, DataError
 
 
 def steps_of(experiment: Experiment, slot: int = 0, session: int = 1, participant: str = "P01") -> list[Step]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from haploop.acquisition.line_files import Mark, read_lines, read_marks, write_marks
+from haploop.base.line_files import Mark, read_lines, read_marks, write_marks
 from haploop.experiments.protocol import load_experiment
 from haploop.experiments.session import Store, open_session, run_session
 from haploop.mocks.clock import VirtualClock

@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 
 from haploop.acquisition import verify
+from haploop.base.errors import ConfigurationError, DataError
+from haploop.base.json_text import as_line, from_text
 from haploop.experiments.analysis import analyse_identification, read_rows
 from haploop.experiments.protocol import load_experiment
 from haploop.experiments.session import Store, export_answers, open_session, read_log
-from haploop.instruments import ConfigurationError, DataError
-from haploop.instruments.json_text import as_line, from_text
 from haploop.mocks.clock import VirtualClock
 from haploop.mocks.participant import ParticipantModel, SimulatedParticipant
 from tests.experiments.session.sessions import answers, killed, run, store
@@ -276,7 +276,8 @@ from pathlib import Path
 from haploop.experiments.protocol import load_experiment
 from haploop.experiments.session import Store
 from haploop.experiments.session.log import EventLog
-from haploop.instruments import HaploopError, RealClock
+from haploop.base.errors import HaploopError
+from haploop.base.clock import RealClock
 
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (900, 900))

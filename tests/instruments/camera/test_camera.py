@@ -10,7 +10,8 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from haploop.instruments import Camera, ConfigurationError, InstrumentError, load_rig_file
+from haploop.base.errors import ConfigurationError, InstrumentError
+from haploop.instruments import Camera, load_rig_file
 from haploop.instruments.camera.opencv import OpenCvCamera
 from haploop.instruments.conformance import CameraConformance, Fired
 from haploop.mocks.camera import CameraTwin

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from haploop.instruments import ConfigurationError, load_rig_file
+from haploop.base.errors import ConfigurationError
+from haploop.instruments import load_rig_file
 from haploop.instruments.config.ati_cal import read_ati_cal
 from haploop.instruments.sensors import ForceTable, LinearSensor
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from haploop.instruments import ConfigurationError, load_rig_file
+from haploop.base.errors import ConfigurationError
+from haploop.instruments import load_rig_file
 
 FORCE = '[sensors.force]\nchannels = ["gauge0"]\n'
 BRIDGE = FORCE + 'sensitivity = "2 mV/V"\n'

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from haploop.instruments import ConfigurationError, load_rig_file, open_rig
+from haploop.base.errors import ConfigurationError
+from haploop.instruments import load_rig_file, open_rig
 
 COIL = """
 base = "haptable"

@@ -13,9 +13,10 @@ import pytest
 from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
+from haploop.base.errors import ConfigurationError
 from haploop.calibration.examination import examine
 from haploop.commands.cli import cli
-from haploop.instruments import ConfigurationError, load_rig_file, open_rig
+from haploop.instruments import load_rig_file, open_rig
 from haploop.instruments.config.rig_file import AbortLimits, RigFile
 from haploop.instruments.sensors import Described
 

@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from haploop.instruments import ConfigurationError, load_rig_file
+from haploop.base.errors import ConfigurationError
+from haploop.instruments import load_rig_file
 from haploop.instruments.config.toml_lines import key_lines
 from haploop.instruments.rig.json_schema import rig_schema
 

@@ -12,7 +12,7 @@ import threading
 
 import numpy as np
 
-from haploop.instruments.clock import RealClock
+from haploop.base.clock import RealClock
 from haploop.instruments.conformance import bypass_interlock
 from haploop.instruments.daq.sound_card import SoundCardDaq
 

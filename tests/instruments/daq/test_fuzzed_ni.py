@@ -20,10 +20,10 @@ import pytest
 from nidaqmx._stubs import nidaqmx_pb2 as pb
 from nidaqmx.errors import DaqWarning
 
+from haploop.base.errors import HaploopError, InstrumentError
 from haploop.instruments.conformance import bypass_interlock
 from haploop.instruments.daq.ni_daqmx import NiDaq
 from haploop.instruments.daq.role import Capture
-from haploop.instruments.errors import HaploopError, InstrumentError
 from haploop.mocks.daq.ni import NiServer, inventory_of
 from tests.instruments.daq.conftest import CARDS, WIRING, settings
 from tests.instruments.test_fuzzed_replies import SEED, replies

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import haploop
+from haploop.base.errors import ConfigurationError, InstrumentError
 from haploop.instruments.daq.ni_sessions import _Deadline
-from haploop.instruments.errors import ConfigurationError, InstrumentError
 
 BOTH = pytest.mark.parametrize("simulate", ["twin", "wire"])
 

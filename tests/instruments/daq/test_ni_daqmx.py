@@ -13,10 +13,10 @@ import pytest
 from nidaqmx.error_codes import DAQmxErrors
 from nidaqmx.system import System
 
+from haploop.base.errors import ConfigurationError, InstrumentError
 from haploop.instruments.conformance import bypass_interlock
 from haploop.instruments.daq.ni_daqmx import NiDaq
 from haploop.instruments.daq.ni_sentences import CONFIGURATION, SENTENCES
-from haploop.instruments.errors import ConfigurationError, InstrumentError
 from haploop.mocks.daq.ni import NiServer, inventory_of
 from haploop.mocks.daq.ni.devices import NiDevice
 from haploop.mocks.daq.ni.tasks import Task

@@ -13,11 +13,11 @@ import nidaqmx
 import numpy as np
 import pytest
 
+from haploop.base.clock import RealClock
+from haploop.base.errors import ConfigurationError, InstrumentError, LimitError
 from haploop.instruments import open_rig
-from haploop.instruments.clock import RealClock
 from haploop.instruments.conformance import bypass_interlock
 from haploop.instruments.daq.ni_daqmx import NiDaq
-from haploop.instruments.errors import ConfigurationError, InstrumentError, LimitError
 from haploop.mocks.daq.ni import NiServer, inventory_of
 from tests.instruments.daq.conftest import CARDS, WIRING, opened, settings
 from tests.mocks.daq.ni_client import Bench, connected

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from haploop.instruments import ConfigurationError, Daq, InstrumentError, load_rig_file
+from haploop.base.errors import ConfigurationError, InstrumentError
+from haploop.instruments import Daq, load_rig_file
 from haploop.instruments.config import validate
 from haploop.instruments.conformance import DaqConformance, Fired, bypass_interlock
 from haploop.instruments.daq import Alongside

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haploop.instruments import ConfigurationError
+from haploop.base.errors import ConfigurationError
 from haploop.instruments.config import validate
 from haploop.instruments.daq.serial_codec import Decoder, Framing
 

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from haploop.instruments import ConfigurationError, Daq, InstrumentError, LimitError, load_rig_file
-from haploop.instruments.arrays import FloatArray
+from haploop.base.arrays import FloatArray
+from haploop.base.errors import ConfigurationError, InstrumentError, LimitError
+from haploop.instruments import Daq, load_rig_file
 from haploop.instruments.config import validate
 from haploop.instruments.conformance import DaqConformance, Fired, bypass_interlock
 from haploop.instruments.daq.sound_card import SoundCardDaq

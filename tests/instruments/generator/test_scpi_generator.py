@@ -12,16 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from haploop.instruments import (
-    Arbitrary,
-    Burst,
-    ConfigurationError,
-    InstrumentError,
-    LimitError,
-    Sweep,
-    Waveform,
-)
-from haploop.instruments.arrays import FloatArray
+from haploop.base.arrays import FloatArray
+from haploop.base.errors import ConfigurationError, InstrumentError, LimitError
+from haploop.instruments import Arbitrary, Burst, Sweep, Waveform
 from haploop.instruments.conformance import bypass_interlock
 from haploop.instruments.generator.scpi_generator import Dg1000z, Keysight33500, ScpiGenerator
 from haploop.mocks.clock import VirtualClock

@@ -8,8 +8,9 @@ import sys
 
 import pytest
 
-from haploop.instruments import Consent, InstrumentError, Press, Ready
-from haploop.instruments.clock import RealClock
+from haploop.base.clock import RealClock
+from haploop.base.errors import InstrumentError
+from haploop.instruments import Consent, Press, Ready
 from haploop.instruments.operator.console import Console
 
 

@@ -10,7 +10,8 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from haploop.instruments import Clock, Player, load_rig_file
+from haploop.base.clock import Clock
+from haploop.instruments import Player, load_rig_file
 from haploop.instruments.conformance import Fired, PlayerConformance
 from haploop.instruments.player.sound_card import SoundCard
 from haploop.mocks.clock import VirtualClock

@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from haploop.base.arrays import FloatArray
+from haploop.base.clock import RealClock
+from haploop.base.errors import ConfigurationError, InstrumentError, LimitError
 from haploop.calibration import calibrate, drive_for
 from haploop.calibration.drive import check
 from haploop.calibration.response.excitation import linear_sweep
-from haploop.instruments import ConfigurationError, InstrumentError, LimitError, Rig, load_rig_file
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.clock import RealClock
+from haploop.instruments import Rig, load_rig_file
 from haploop.instruments.conformance import bypass_interlock
 from haploop.instruments.player.sound_card import SoundCard, at_rate
 from haploop.instruments.rig.alignment import Aligned, Timing, find

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from haploop.instruments.errors import ConfigurationError, InstrumentError
+from haploop.base.errors import ConfigurationError, InstrumentError
 from haploop.instruments.relay.role import Relay
 from haploop.instruments.relay.serial_relay import SerialRelay, answer_in
 from haploop.mocks.clock import VirtualClock

@@ -13,8 +13,8 @@ import hypothesis.strategies as st
 import pytest
 from pydantic import ValidationError
 
-from haploop.instruments.clock import RealClock
-from haploop.instruments.errors import ConfigurationError, InstrumentError
+from haploop.base.clock import RealClock
+from haploop.base.errors import ConfigurationError, InstrumentError
 from haploop.instruments.relay.yocto import Yocto
 from haploop.mocks.clock import VirtualClock
 from haploop.mocks.relay import BoxFault, RelayTwin, SimulatedBox, box_in

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from haploop.instruments import ConfigurationError, LimitError, open_rig
+from haploop.base.errors import ConfigurationError, LimitError
+from haploop.instruments import open_rig
 from tests.conftest import OpenRig
 
 RATE_HZ = 50_000

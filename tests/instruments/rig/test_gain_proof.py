@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from haploop.instruments import InstrumentError, LimitError, Rig, RigFile, Sweep, load_rig_file, open_rig
+from haploop.base.errors import InstrumentError, LimitError
+from haploop.instruments import Rig, RigFile, Sweep, load_rig_file, open_rig
 from haploop.instruments.driver import Mode
 from haploop.instruments.rig.gain_proof import TOO_MUCH, UnshownError, loudest, tone
 from haploop.instruments.safety.audit import entries

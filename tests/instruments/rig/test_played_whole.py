@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from haploop.instruments import InstrumentError, Rig, Sweep, open_rig
-from haploop.instruments.progress import Progress
+from haploop.base.errors import InstrumentError
+from haploop.base.progress import Progress
+from haploop.instruments import Rig, Sweep, open_rig
 from tests.instruments.safety.test_limiter import generator_rig
 
 TONE = 10 * np.sin(2 * np.pi * 250 * np.arange(25_000) / 50_000) * np.hanning(25_000)

@@ -11,19 +11,10 @@ import numpy as np
 import pytest
 
 from haploop.acquisition import record
-from haploop.instruments import (
-    Arbitrary,
-    Burst,
-    ConfigurationError,
-    InstrumentError,
-    LimitError,
-    Rig,
-    Sweep,
-    Waveform,
-    open_rig,
-)
+from haploop.base.errors import ConfigurationError, InstrumentError, LimitError
+from haploop.base.signals import uninterrupted
+from haploop.instruments import Arbitrary, Burst, Rig, Sweep, Waveform, open_rig
 from haploop.instruments.conformance import bypass_interlock
-from haploop.instruments.signals import uninterrupted
 from tests.conftest import OpenRig
 
 

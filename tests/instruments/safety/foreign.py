@@ -10,7 +10,8 @@ import nidaqmx
 import numpy as np
 from nidaqmx import GrpcSessionOptions
 
-from haploop.instruments import InstrumentError, Rig
+from haploop.base.errors import InstrumentError
+from haploop.instruments import Rig
 from haploop.mocks.plant import Run
 
 

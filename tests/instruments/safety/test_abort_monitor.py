@@ -10,16 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from haploop.instruments import (
-    Block,
-    InstrumentError,
-    LimitError,
-    Limits,
-    Rig,
-    RigFile,
-    load_rig_file,
-    open_rig,
-)
+from haploop.base.errors import InstrumentError, LimitError
+from haploop.instruments import Block, Limits, Rig, RigFile, load_rig_file, open_rig
 from haploop.instruments.config.rig_file import AbortLimits
 from haploop.instruments.safety.abort_monitor import AbortMonitor
 from haploop.instruments.safety.audit import entries

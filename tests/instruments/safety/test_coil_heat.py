@@ -12,8 +12,9 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from haploop.instruments import InstrumentError, LimitError, Limits, load_rig_file, open_rig
-from haploop.instruments.arrays import FloatArray
+from haploop.base.arrays import FloatArray
+from haploop.base.errors import InstrumentError, LimitError
+from haploop.instruments import Limits, load_rig_file, open_rig
 from haploop.instruments.coil import Coil
 from haploop.instruments.config.rig_file import AbortLimits
 from haploop.instruments.daq import Block

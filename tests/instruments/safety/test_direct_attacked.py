@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 import haploop
-from haploop.instruments import InstrumentError, LimitError, RigFile, load_rig_file, open_rig
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.flag import Flag
+from haploop.base.arrays import FloatArray
+from haploop.base.errors import InstrumentError, LimitError
+from haploop.base.flag import Flag
+from haploop.instruments import RigFile, load_rig_file, open_rig
 from haploop.instruments.safety.audit import entries
 from tests.instruments.safety.lab import Lab
 from tests.instruments.safety.lab import lab as a_lab

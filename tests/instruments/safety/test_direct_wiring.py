@@ -13,20 +13,13 @@ import numpy as np
 import pytest
 
 import haploop
+from haploop.base.clock import RealClock
+from haploop.base.entry_points import driver_class
+from haploop.base.errors import ConfigurationError, InstrumentError, LimitError
 from haploop.calibration.examination import examine
-from haploop.instruments import (
-    ConfigurationError,
-    InstrumentError,
-    LimitError,
-    RealClock,
-    Rig,
-    RigFile,
-    load_rig_file,
-    open_rig,
-)
+from haploop.instruments import Rig, RigFile, load_rig_file, open_rig
 from haploop.instruments.config.rig_file import AbortLimits
 from haploop.instruments.daq.ni_daqmx import NiDaq
-from haploop.instruments.entry_points import driver_class
 from haploop.instruments.relay import LOST
 from haploop.instruments.safety.audit import entries
 from haploop.mocks.simulation import Simulation

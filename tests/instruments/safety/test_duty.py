@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from haploop.instruments import DataError, LimitError, RigFile, load_rig_file, open_rig
+from haploop.base.errors import DataError, LimitError
+from haploop.base.json_text import of_file
+from haploop.instruments import RigFile, load_rig_file, open_rig
 from haploop.instruments.config.rig_file import DriveLimits
-from haploop.instruments.json_text import of_file
 from haploop.instruments.safety.duty import plays_of
 from tests.instruments.safety.at_the_patch import bursts, busiest_minute
 from tests.instruments.safety.lab import Lab, lab

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from haploop.instruments import ConfigurationError, InstrumentError, Rig, Sweep, open_rig
+from haploop.base.errors import ConfigurationError, InstrumentError
+from haploop.instruments import Rig, Sweep, open_rig
 from haploop.instruments.safety.audit import entries
 from tests.instruments.safety.at_the_patch import bursts
 from tests.instruments.safety.foreign import held, leave

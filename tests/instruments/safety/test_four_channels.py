@@ -18,8 +18,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from haploop.base.clock import RealClock
+from haploop.base.errors import DataError
 from haploop.calibration import Drive
-from haploop.instruments import DataError, RealClock, load_rig_file
+from haploop.instruments import load_rig_file
 from haploop.instruments.daq.ni_daqmx import NiDaq
 from haploop.instruments.relay.yocto import Yocto
 from haploop.mocks.simulation import Simulation
@@ -59,7 +61,8 @@ duty = {duty}
 PROGRAM = f"""
 import sys
 import numpy as np
-from haploop.instruments import HaploopError, open_rig
+from haploop.base.errors import HaploopError
+from haploop.instruments import open_rig
 path, patches, plays, seconds = sys.argv[1], sys.argv[2], int(sys.argv[3]), float(sys.argv[4])
 count = round(50_000 * seconds)
 burst = {PEAK} * np.sin(2 * np.pi * 250 * np.arange(count) / 50_000) * np.hanning(count)

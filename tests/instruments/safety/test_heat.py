@@ -3,7 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from haploop.instruments import LimitError, Limits
+from haploop.base.errors import LimitError
+from haploop.instruments import Limits
 from haploop.instruments.coil import Coil
 
 RATE_HZ = 50_000.0

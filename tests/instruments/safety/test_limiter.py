@@ -11,15 +11,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from haploop.instruments import (
-    ConfigurationError,
-    Daq,
-    LimitError,
-    Rig,
-    Sweep,
-    load_rig_file,
-    open_rig,
-)
+from haploop.base.errors import ConfigurationError, LimitError
+from haploop.instruments import Daq, Rig, Sweep, load_rig_file, open_rig
 from haploop.instruments.config.rig_file import Device, DriveLimits, RigFile
 from haploop.instruments.generator.role import Generator
 from haploop.instruments.limits import Limits

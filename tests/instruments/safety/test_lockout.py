@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from haploop.instruments import ConfigurationError
+from haploop.base.errors import ConfigurationError
 from haploop.instruments.safety import machine
 from haploop.instruments.safety.lockout import Lockout, clear_lockout, lockout_of, set_lockout
 

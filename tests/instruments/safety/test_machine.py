@@ -12,9 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from haploop.instruments import InstrumentError
+from haploop.base.errors import InstrumentError
+from haploop.base.marks import InUse, is_marked, marked
 from haploop.instruments.safety import machine
-from haploop.instruments.safety.lock import InUse, hold, is_marked, marked
+from haploop.instruments.safety.lock import hold
 from haploop.instruments.safety.lockout import Lockout, lockout_of, set_lockout
 
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="links, pipes and users of POSIX")
@@ -24,9 +25,10 @@ HOLDER = """
 import os, sys
 from pathlib import Path
 from haploop.instruments.safety import machine
-from haploop.instruments.safety.lock import InUse, hold, is_marked, marked
+from haploop.base.marks import InUse, is_marked, marked
+from haploop.instruments.safety.lock import hold
 from haploop.instruments.safety.lockout import Lockout, clear_lockout, lockout_of, set_lockout
-from haploop.instruments.json_text import as_file
+from haploop.base.json_text import as_file
 if len(sys.argv) > 2:
     as_file("lockout", None)  # the other user may not read this one's environment
     machine._place = lambda: Path(sys.argv[2])

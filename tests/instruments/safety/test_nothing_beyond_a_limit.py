@@ -13,20 +13,10 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from haploop.instruments import (
-    Arbitrary,
-    HaploopError,
-    InstrumentError,
-    LimitError,
-    Rig,
-    RigFile,
-    Sweep,
-    Waveform,
-    load_rig_file,
-    open_rig,
-)
+from haploop.base.arrays import FloatArray
+from haploop.base.errors import HaploopError, InstrumentError, LimitError
+from haploop.instruments import Arbitrary, Rig, RigFile, Sweep, Waveform, load_rig_file, open_rig
 from haploop.instruments import Burst as SineBurst
-from haploop.instruments.arrays import FloatArray
 from haploop.instruments.config import Actuator
 from haploop.instruments.config.rig_file import Device, DriveLimits
 from haploop.mocks.plant import AMPLIFIER_GAIN_ERROR

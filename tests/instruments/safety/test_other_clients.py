@@ -20,7 +20,8 @@ from nidaqmx import GrpcSessionOptions
 from nidaqmx.errors import DaqError
 from nidaqmx.system import System
 
-from haploop.instruments import InstrumentError, LimitError, Rig, open_rig
+from haploop.base.errors import InstrumentError, LimitError
+from haploop.instruments import Rig, open_rig
 from haploop.instruments.relay.board import ChannelRelay
 from haploop.instruments.safety import lockout_of
 from haploop.instruments.safety.audit import entries

@@ -15,13 +15,15 @@ import numpy as np
 import pytest
 
 import haploop
-from haploop.instruments import InstrumentError, RealClock, load_rig_file, open_rig
+from haploop.base.clock import RealClock
+from haploop.base.errors import HaploopError, InstrumentError
+from haploop.base.marks import is_marked, marked
+from haploop.instruments import load_rig_file, open_rig
 from haploop.instruments.daq.ni_daqmx import NiDaq
-from haploop.instruments.errors import HaploopError
 from haploop.instruments.relay.yocto import Yocto
 from haploop.instruments.rig.opening import hardware
 from haploop.instruments.safety.duty import plays_of
-from haploop.instruments.safety.lock import hold, is_marked, marked, reserve
+from haploop.instruments.safety.lock import hold, reserve
 from haploop.instruments.safety.lockout import lockout_of
 from haploop.mocks.simulation import Simulation
 

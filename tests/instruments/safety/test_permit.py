@@ -11,16 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from haploop.instruments import (
-    Arbitrary,
-    Burst,
-    InstrumentError,
-    LimitError,
-    Limits,
-    Sweep,
-    Waveform,
-    load_rig_file,
-)
+from haploop.base.errors import InstrumentError, LimitError
+from haploop.instruments import Arbitrary, Burst, Limits, Sweep, Waveform, load_rig_file
 from haploop.instruments.amplifier.e413 import E413
 from haploop.instruments.interlock import Interlocked
 from haploop.instruments.safety import Audit, Limiter, Lockouts, Outputs, entries

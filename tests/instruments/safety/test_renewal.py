@@ -9,7 +9,8 @@ from typing import Any
 
 import pytest
 
-from haploop.instruments import InstrumentError, RealClock
+from haploop.base.clock import RealClock
+from haploop.base.errors import InstrumentError
 from haploop.instruments.safety import Renewal
 from haploop.instruments.safety.watch import Watch
 from haploop.mocks.clock import VirtualClock

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from haploop.instruments import InstrumentError, Limits, open_rig
+from haploop.base.errors import InstrumentError
+from haploop.instruments import Limits, open_rig
 from haploop.instruments.amplifier.e413 import E413
 from haploop.instruments.coil import Coil
 from haploop.instruments.relay.board import ChannelRelay

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from haploop.instruments import InstrumentError, LimitError, Rig, open_rig
+from haploop.base.errors import InstrumentError, LimitError, TakenError
+from haploop.instruments import Rig, open_rig
 from haploop.instruments.daq.ni_outputs import NiOutputs
-from haploop.instruments.errors import TakenError
 from haploop.instruments.relay.board import ChannelRelay
 from haploop.instruments.safety import clear_lockout
 from haploop.mocks.relay.box import SimulatedBox

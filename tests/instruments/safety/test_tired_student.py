@@ -20,7 +20,8 @@ from hypothesis import HealthCheck, Phase, seed, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule, run_state_machine_as_test
 
-from haploop.instruments import HaploopError, Rig, RigFile, Sweep, load_rig_file, open_rig
+from haploop.base.errors import HaploopError
+from haploop.instruments import Rig, RigFile, Sweep, load_rig_file, open_rig
 from haploop.instruments.config.rig_file import AbortLimits, Device, DriveLimits
 from haploop.instruments.safety import Limiter, Outputs, clear_lockout
 from haploop.mocks.plant import AMPLIFIER_GAIN_ERROR

@@ -17,10 +17,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from haploop.instruments import InstrumentError, Rig, open_rig
+from haploop.base.errors import InstrumentError
+from haploop.base.signals import at_console_close, ending_in_order
+from haploop.instruments import Rig, open_rig
 from haploop.instruments.safety.audit import entries
 from haploop.instruments.safety.lock import hold
-from haploop.instruments.signals import at_console_close, ending_in_order
 from tests.instruments.safety.at_the_patch import bursts
 
 DRIVE = 20 * np.sin(2 * np.pi * 250 * np.arange(50_000) / 50_000) * np.hanning(50_000)
@@ -265,7 +266,7 @@ FORKED = """
 import multiprocessing, os, sys
 import numpy as np
 from haploop.instruments import open_rig
-from haploop.instruments.errors import HaploopError
+from haploop.base.errors import HaploopError
 from haploop.instruments.safety import lock
 from haploop.instruments.safety.audit import entries
 
@@ -324,7 +325,7 @@ def test_a_forked_child_has_neither_its_parents_rig_nor_its_lock(
 @pytest.fixture
 def no_other_rig(monkeypatch: pytest.MonkeyPatch) -> None:
     """As if no rig were open that another test of this run keeps."""
-    monkeypatch.setattr("haploop.instruments.signals._orderly", 0)
+    monkeypatch.setattr("haploop.base.signals._orderly", 0)
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from haploop.instruments import InstrumentError
-from haploop.instruments.clock import RealClock
+from haploop.base.clock import RealClock
+from haploop.base.errors import InstrumentError
 from haploop.instruments.relay.serial_relay import SerialRelay
 from haploop.instruments.relay.yocto import Yocto
 from haploop.instruments.transport import SerialLine, SerialSettings, VisaLine, serial_line

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from haploop.instruments import ConfigurationError, InstrumentError, load_rig_file
+from haploop.base.errors import ConfigurationError, InstrumentError
+from haploop.instruments import load_rig_file
 from haploop.instruments.vibrometer.ofv5000 import Ofv5000
 from haploop.instruments.vibrometer.ofv5000_codec import (
     Command,

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import haploop
-from haploop.instruments import ConfigurationError
+from haploop.base.errors import ConfigurationError
 from haploop.instruments.tape import TapeLines
 from haploop.mocks.bench import read_bench, running
 from tests.command_line import Run

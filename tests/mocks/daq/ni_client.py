@@ -10,7 +10,7 @@ import nidaqmx
 import numpy as np
 import pytest
 
-from haploop.instruments.arrays import FloatArray
+from haploop.base.arrays import FloatArray
 from haploop.mocks.clock import VirtualClock
 from haploop.mocks.daq.ni import NiServer
 from haploop.mocks.plant import Source

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Literal
 
 import haploop
+from haploop.base.errors import HaploopError
 from haploop.calibration.examination import examine
-from haploop.instruments.errors import HaploopError
 from haploop.mocks.daq.products import PRODUCTS, Product
 
 __all__ = ["Mode", "Pressed", "Rig", "of", "pressed", "run"]

@@ -16,7 +16,7 @@ from nidaqmx.constants import AcquisitionType
 from nidaqmx.errors import DaqError, DaqNotFoundError, DaqReadError
 from nidaqmx.system import System
 
-from haploop.instruments import ConfigurationError
+from haploop.base.errors import ConfigurationError
 from haploop.mocks.daq.ni import NiTwin
 
 RATE = 1000.0

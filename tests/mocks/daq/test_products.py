@@ -7,7 +7,7 @@ import tomllib
 
 import pytest
 
-from haploop.instruments.errors import ConfigurationError
+from haploop.base.errors import ConfigurationError
 from haploop.mocks.daq import products
 from haploop.mocks.daq.products import PRODUCTS
 

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from haploop.instruments import ConfigurationError, InstrumentError, Press, Rig, Scale, Sensors, open_rig
+from haploop.base.errors import ConfigurationError, InstrumentError
+from haploop.instruments import Press, Rig, Scale, Sensors, open_rig
 from haploop.instruments.reported_scales import compare_scales
 
 WASHER = """

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from haploop.base.errors import ConfigurationError
 from haploop.commands.cli import cli
-from haploop.instruments import ConfigurationError, load_rig_file, open_rig
+from haploop.instruments import load_rig_file, open_rig
 from haploop.instruments.rig.json_schema import rig_schema
 from haploop.mocks.plant import KINDS, fault_class
 from tests.conftest import OpenRig

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from haploop.instruments import ConfigurationError, Rig
+from haploop.base.errors import ConfigurationError
+from haploop.instruments import Rig
 from haploop.instruments.operator import LiftFinger, RestFinger
 from haploop.mocks.plant import Fingertip, random_modal
 from tests.conftest import OpenRig

@@ -11,8 +11,9 @@ import pytest
 from click.testing import CliRunner
 from scipy.signal import lfilter
 
+from haploop.base.errors import ConfigurationError, InstrumentError
 from haploop.commands.cli import cli
-from haploop.instruments import ConfigurationError, InstrumentError, load_rig_file, open_rig
+from haploop.instruments import load_rig_file, open_rig
 from haploop.instruments.config import RigFile
 from haploop.instruments.rig.json_schema import rig_schema
 from haploop.mocks.plant import Modal, ModalSurface, Modes, PlantSource, Surface, random_modal

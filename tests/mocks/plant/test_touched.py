@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from haploop.instruments import ConfigurationError
+from haploop.base.errors import ConfigurationError
 from haploop.mocks.plant import Contact, Modes
 from haploop.mocks.plant.modal_surface import ModalSurface
 from haploop.mocks.plant.softening import SofteningSurface

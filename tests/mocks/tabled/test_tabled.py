@@ -18,7 +18,7 @@ import pyvisa
 import serial
 from serial import Serial  # before any redirection, as modules under test do
 
-from haploop.instruments import ConfigurationError
+from haploop.base.errors import ConfigurationError
 from haploop.mocks.tabled import Instrument, Table, read_table
 from haploop.mocks.transport import ReplyFault
 

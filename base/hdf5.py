@@ -25,11 +25,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
-from ..instruments import DataError
-from ..instruments.arrays import scalar_of
-from ..instruments.files import new_file
+from .arrays import scalar_of
 from .checksum import NAME as CHECKSUM
 from .checksum import add_checksum, bounded, created, opened, stated, unreadable
+from .errors import DataError
+from .files import new_file
 from .packing import write_packed
 
 Flat = dict[str, NDArray[Any] | float | int | bool | str]

@@ -13,10 +13,11 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
-from ..instruments import DataError, InstrumentError, RealClock
-from ..instruments.files import new_file, os_error_text, whole_file
-from ..instruments.json_text import KEYS, VERSION, as_file, content_hash, from_text
-from ..instruments.safety import marked
+from .clock import RealClock
+from .errors import DataError, InstrumentError
+from .files import new_file, os_error_text, whole_file
+from .json_text import KEYS, VERSION, as_file, content_hash, from_text
+from .marks import marked
 
 _LARGEST = 1 << 28
 """Bytes of a file that are read; a list of 10^5 entries has a tenth of it."""

@@ -5,7 +5,7 @@ from types import GenericAlias
 import numpy as np
 import pytest
 
-from haploop.instruments import arrays
+from haploop.base import arrays
 
 
 def test_the_scalar_of_a_hint(monkeypatch: pytest.MonkeyPatch) -> None:

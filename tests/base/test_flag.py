@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from haploop.instruments.flag import Flag
-from haploop.instruments.inbox import Inbox
+from haploop.base.flag import Flag
+from haploop.base.inbox import Inbox
 
 LONG = 5.0
 """s: whoever waits so long hangs."""

@@ -10,9 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from haploop.instruments import ConfigurationError, DataError, publishing
-from haploop.instruments.files import check_destination, new_file, reserved, room, whole_file
-from haploop.instruments.publishing import publish
+from haploop.base import publishing
+from haploop.base.errors import ConfigurationError, DataError
+from haploop.base.files import check_destination, new_file, reserved, room, whole_file
+from haploop.base.publishing import publish
 
 
 def no_links(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -239,8 +240,8 @@ def test_a_move_never_replaces(tmp_path: Path) -> None:
 RACER = """
 import errno, os, sys, time
 from pathlib import Path
-from haploop.instruments import DataError
-from haploop.instruments.files import new_file
+from haploop.base.errors import DataError
+from haploop.base.files import new_file
 
 folder, name, links = Path(sys.argv[1]), sys.argv[2], sys.argv[3]
 if links == "no links":

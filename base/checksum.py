@@ -23,8 +23,8 @@ from typing import Any, BinaryIO
 import h5py
 import numpy as np
 
-from ..instruments import DataError
-from ..instruments.signals import uninterrupted
+from .errors import DataError
+from .signals import uninterrupted
 
 NAME = "checksum"
 """The data set."""

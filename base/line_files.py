@@ -19,11 +19,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from ..instruments import DataError
-from ..instruments.files import appended, beside, make_folder, os_error_text, private_files, whole_file
-from ..instruments.json_text import as_file, as_line, with_hash
-from ..instruments.publishing import sync_folder
+from .errors import DataError
+from .files import appended, beside, make_folder, os_error_text, private_files, whole_file
 from .json_files import read_json
+from .json_text import as_file, as_line, with_hash
+from .publishing import sync_folder
 
 _LARGEST = 1 << 28
 """Bytes of a log that are read."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from haploop.instruments import open_rig, silent
-from haploop.instruments.progress import part_of, prefixed
+from haploop.base.progress import part_of, prefixed, silent
+from haploop.instruments import open_rig
 from haploop.terminal.progress import Steps
 
 
