@@ -34,6 +34,8 @@ _NODE = 1e-5
 """Share of the largest coupling below which a mode has a node at every body."""
 _ROUNDS, _FOUND = 40, 1e-11
 """Most rounds of Aberth's method, and the largest step, relative to the pole, after which it has ended."""
+_BESIDE = 1 + 1e-12
+"""Where a round looks beside each pole, relative to it: at a root itself, a matrix cannot be solved."""
 _WHOLE = 1e-9
 """Largest error of the sum of all poles, relative to that of their sizes, with which none is missing."""
 
@@ -147,7 +149,7 @@ class Coupled:
         s = np.concatenate([self._full(lowest), bare - pushed / (2 * bare + self._loss[above])])
         moving = np.arange(len(s))
         for _ in range(_ROUNDS):
-            found = s[moving]
+            found = s[moving] * _BESIDE
             others = np.concatenate([s, s[s.imag > 0].conj()])
             apart = found[:, None] - others
             apart[np.arange(len(moving)), moving] = np.inf

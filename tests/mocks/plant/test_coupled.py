@@ -76,3 +76,13 @@ def test_few_bodies_couple_many_modes_as_the_whole_matrix_does(
         by_poles += share / (2j * np.pi * f - s) + share.conj() / (2j * np.pi * f - s.conj())
     for found in (told, by_poles):
         assert np.abs(found - solved).max() < 1e-9 * np.abs(solved).max()
+
+
+def test_a_root_that_is_met_exactly_is_one() -> None:
+    """One finger in 300 on this table met one, where the small matrix cannot be solved."""
+    rng = np.random.default_rng(43)
+    modes = pane(10_000.0, 0.96, 0)
+    for _ in range(12):
+        (x, y), force = rng.uniform(0.02, 0.98, 2), float(rng.uniform(0.01, 8))
+        poles, _, _ = Coupled(modes, Fingertip.of(rng).at("finger", (x, y), force)).solved()
+        assert 2 * len(poles) == 2 * (236 + 1)
