@@ -149,7 +149,7 @@ class Coupled:
         s = np.concatenate([self._full(lowest), bare - pushed / (2 * bare + self._loss[above])])
         moving = np.arange(len(s))
         for _ in range(_ROUNDS):
-            found = s[moving] * _BESIDE
+            found = np.asarray(s[moving] * _BESIDE, dtype=np.complex128)
             others = np.concatenate([s, s[s.imag > 0].conj()])
             apart = found[:, None] - others
             apart[np.arange(len(moving)), moving] = np.inf
