@@ -79,7 +79,6 @@ from .calibration import map_plan as map_plan
 from .calibration import measure_map as measure_map
 from .calibration import measure_response as measure_response
 from .calibration import modulate as modulate
-from .calibration import paper_drive as paper_drive
 from .calibration import plan_button as plan_button
 from .calibration import plan_excitation as plan_excitation
 from .calibration import play_button as play_button

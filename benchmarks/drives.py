@@ -20,11 +20,11 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
 
+from benchmarks.paper_drive import ORDERS, paper_drive
 from benchmarks.table import Row, ratios
 from haploop.acquisition import Representative
-from haploop.calibration import Calibration, Check, Drive, calibrate, drive_for, learn, paper_drive
+from haploop.calibration import Calibration, Check, Drive, calibrate, drive_for, learn
 from haploop.calibration.drive import Method, check
-from haploop.calibration.drive.paper_baseline import ORDERS
 from haploop.instruments import Rig, open_rig
 
 STALE = 0.03

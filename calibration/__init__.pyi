@@ -17,7 +17,6 @@ from .drive import drive_for as drive_for
 from .drive import learn as learn
 from .drive import load_elsewhere as load_elsewhere
 from .drive import modulate as modulate
-from .drive import paper_drive as paper_drive
 from .drive import plan_button as plan_button
 from .drive import play_button as play_button
 from .drive import pressed_drives as pressed_drives

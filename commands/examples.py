@@ -60,10 +60,6 @@ EXAMPLES = {
     "tape show": "haploop tape show day.tape",
     "twin all": "haploop twin all --rig haptable --press latch",
     "twin ni": "haploop twin ni --rig haptable",
-    "twin ofv": "haploop twin ofv --rig bench",
-    "twin scpi": "haploop twin scpi --rig bench",
-    "twin serial": "haploop twin serial --rig lab.toml",
-    "twin yocto": "haploop twin yocto --rig haptable",
     "verify": "haploop verify recordings/*.h5 calibration.h5",
 }
 

@@ -18,7 +18,6 @@ import click
 from ..base.signals import STOPPING
 
 if TYPE_CHECKING:
-    from ..instruments import RigFile
     from ..mocks.plant import Plant
 
 KINDS = {
@@ -41,8 +40,6 @@ class Asked:
     """What is to be served."""
 
     rig: str
-    kind: str | None = None
-    """The only kind; None for all."""
     ports: Mapping[str, int] = field(default_factory=dict)
     """TCP ports by kind; others are free ones."""
     terminals: bool = False
@@ -88,20 +85,17 @@ class Served:
             raise ConfigurationError(f"{path} cannot be written ({why.lower()}): name a new file.") from None
 
 
-def ports_of(text: str | None, kind: str | None) -> dict[str, int]:
-    """Ports by kind: "50051" for one kind, "ni=50051,yocto=4444" for several.
-
-    Raises click.UsageError for another text.
-    """
+def ports_of(text: str | None) -> dict[str, int]:
+    """Ports by kind, of "ni=50051,yocto=4444". Raises click.UsageError for another text."""
     if text is None:
         return {}
     found: dict[str, int] = {}
     for part in text.split(","):
-        name, equals, number = part.strip().partition("=")
-        name, number = (name, number) if equals else (kind or "", name)
+        name, _, number = part.strip().partition("=")
         if not name or not number.isdecimal() or not int(number) < 1 << 16 or name in found:
-            wanted = f"{kind}=N or N" if kind else "KIND=N,KIND=N, as ni=50051,yocto=4444"
-            raise click.UsageError(f"--port wants {wanted}, with ports up to 65535, and not {text!r}")
+            raise click.UsageError(
+                f"--port wants KIND=N,KIND=N, as ni=50051,yocto=4444, ports up to 65535, and not {text!r}"
+            )
         found[name] = int(number)
     return found
 
@@ -129,7 +123,7 @@ def served(asked: Asked) -> Iterator[Served]:
         for role, device in file.devices.items():
             driver: Any = entry_points.driver_class(device.driver, role)
             kind = KINDS.get(device.driver, device.driver)
-            if device.driver not in wires or asked.kind not in (None, kind):
+            if device.driver not in wires:
                 # The plant needs the instruments that are not served too, such as a laser.
                 simulation.instrument(role, device, driver, "twin")
                 others.append(f"{role} ({device.driver})")
@@ -148,7 +142,7 @@ def served(asked: Asked) -> Iterator[Served]:
                 if key in address and getattr(settings, key, None):
                     names[str(getattr(settings, key))] = str(address[key])
         if not found.addresses:
-            raise ConfigurationError(_nothing(file, asked.kind))
+            raise ConfigurationError(f"The rig {file.name!r} has no instrument to serve: name another rig.")
         unknown = sorted(set(asked.ports) - set(found.addresses))
         if unknown:
             raise ConfigurationError(
@@ -193,11 +187,6 @@ def run_command(command: tuple[str, ...], environment: Mapping[str, str]) -> int
             for number, handler in heeded.items():
                 signal.signal(number, handler)
     return code if code >= 0 else 128 - code
-
-
-def _nothing(file: RigFile, kind: str | None) -> str:
-    what = f" as {kind}" if kind else ""
-    return f"The rig {file.name!r} has no instrument to serve{what}: name another rig."
 
 
 def _at(stack: ExitStack, address: Mapping[str, Any], kind: str, port: int) -> dict[str, Any]:

@@ -204,18 +204,14 @@ class _Serving:
     allow: tuple[str, ...] = ()
 
 
-def _serve(kind: str | None, how: _Serving) -> int:
-    """Serve wires on one plant until Ctrl-C, and print their addresses, or as long as a command runs.
-
-    `kind` None serves all of them.
-    """
+def _serve(how: _Serving) -> int:
+    """Serve wires on one plant until Ctrl-C, and print their addresses, or as long as a command runs."""
     from ..mocks.redirect import environment  # noqa: PLC0415
 
     command = how.command
     asked = Asked(
         how.rig,
-        kind,
-        ports_of(how.port, kind),
+        ports_of(how.port),
         terminals=how.pty or (bool(command) and has_terminals()),
         own_ports=bool(command),
     )
@@ -241,7 +237,7 @@ def _serve(kind: str | None, how: _Serving) -> int:
         else:
             for name, address in found.addresses.items():
                 click.echo(f"{name}: {address}")
-        if kind is None and found.others:
+        if found.others:
             click.echo(f"Not served, because they have no protocol: {', '.join(found.others)}.", err=True)
         _wait(stopped, found.plant, how.press)
     return 0
@@ -300,14 +296,6 @@ def _options(served: Callable[..., Any]) -> Callable[..., Any]:
     return served
 
 
-def _command(kind: str, help_text: str, rig: Callable[..., Any] = _rig) -> None:
-    @twin.command(kind, help=help_text)
-    @rig
-    @_options
-    def serve(**how: Any) -> int:
-        return _serve(kind, _Serving(**how))
-
-
 @twin.command("all", short_help="Serve all simulated instruments of a rig.")
 @_rig
 @click.option(
@@ -322,20 +310,4 @@ def serve_all(**how: Any) -> int:
     A hub that the rig file has on this computer is at its own port. Any other port, resource, sound device or
     address of a network is refused, because it may be a real instrument: --allow names what may be opened.
     """
-    return _serve(None, _Serving(**how))
-
-
-_command("yocto", "Serve a Yoctopuce hub with a relay box over HTTP.")
-_command(
-    "serial",
-    "Serve a relay board on a serial line.",
-    click.option(
-        "--rig",
-        "-r",
-        required=True,
-        metavar="FILE",
-        help='Rig file whose [relay] has driver = "serial-relay".',
-    ),
-)
-_command("ofv", "Serve an OFV-5000 vibrometer on a serial line.")
-_command("scpi", "Serve a function generator on a SCPI socket.")
+    return _serve(_Serving(**how))

@@ -12,7 +12,6 @@ from .feeling import check_feeling
 from .finger_check import check_under_finger
 from .learning import Iteration, Learning, learn
 from .loudness import ButtonPlan, Loudness, Offer, Offers, offered, plan_button, trade_for
-from .paper_baseline import paper_drive
 from .playing import judged_to
 from .pressed import PressedDrives, pressed_drives
 from .targets import BEFORE, Method, modulate
@@ -52,7 +51,6 @@ __all__ = [
     "load_elsewhere",
     "modulate",
     "offered",
-    "paper_drive",
     "plan_button",
     "play_button",
     "pressed_drives",

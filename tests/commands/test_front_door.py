@@ -101,10 +101,6 @@ NO_WORK_FOR_A_SCRIPT = {
     "study new": "writes a form, to be filled in with an editor",
     "twin ni": "a server for other programs",
     "twin all": "a server for other programs",
-    "twin yocto": "a server for other programs",
-    "twin serial": "a server for other programs",
-    "twin ofv": "a server for other programs",
-    "twin scpi": "a server for other programs",
 }
 
 

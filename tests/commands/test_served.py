@@ -98,13 +98,7 @@ def test_the_guide_to_taps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     exec(compile(script, "live-views.md", "exec"), {})
 
 
-def test_a_rig_without_anything_to_serve_is_refused(run: Run, tmp_path: Path) -> None:
-    result = run("twin", "ofv", "--rig", "haptable")
-    assert result.exit_code == 2
-    assert "no instrument to serve as ofv" in result.output
-    result = run("twin", "yocto", "--rig", _serial(tmp_path))
-    assert result.exit_code == 2
-    assert "no instrument to serve as yocto" in result.output
+def test_a_rig_with_an_unknown_driver_is_refused(run: Run, tmp_path: Path) -> None:
     odd = tmp_path / "odd.toml"
     odd.write_text('base = "haptable"\n[relay]\ndriver = "no-such"\n', encoding="utf-8")
     result = run("twin", "all", "--rig", odd)
@@ -283,9 +277,9 @@ def test_ports_are_those_that_were_asked_for_and_a_rig_file_points_at_them(tmp_p
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no pseudo-terminals")
 def test_a_serial_line_is_a_device_file(tmp_path: Path) -> None:
-    with _running(_command("haploop twin ofv --rig bench --pty"), tmp_path) as server:
+    with _running(_command("haploop twin all --rig bench --pty --json"), tmp_path) as server:
         assert server.stdout is not None
-        path = server.stdout.readline().strip().removeprefix("ofv: ")
+        path = json.loads(server.stdout.readline())["ofv"]
         assert Path(path).is_char_device()
         for _ in range(2):
             with serial.Serial(path, 115200, timeout=5) as port:
@@ -299,7 +293,7 @@ def test_a_serial_line_is_a_device_file(tmp_path: Path) -> None:
         ("all --port yocto=x", "--port wants KIND=N,KIND=N"),
         ("all --port ni=1,ni=2", "--port wants KIND=N,KIND=N"),
         ("all --port 4444", "--port wants KIND=N,KIND=N"),
-        ("ofv --port 65536", "--port wants ofv=N or N"),
+        ("all --port ofv=65536", "--port wants KIND=N,KIND=N"),
         ("all --port nix=5", "'nix', and what is served is ni, yocto, ofv, scpi"),
         ("all -- no-such-program", "no-such-program cannot be run"),
         ("all --write other.toml", "other.toml exists and is another file"),
@@ -319,5 +313,5 @@ def test_a_port_that_is_taken_is_one_sentence(run: Run) -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
-        ran = run("twin", "yocto", "--rig", "haptable", "--port", str(taken.getsockname()[1]))
+        ran = run("twin", "all", "--rig", "haptable", "--port", f"yocto={taken.getsockname()[1]}")
     assert ran.exit_code == 3 and "name another" in ran.stderr, ran.stderr

@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from haploop.calibration import Drive, calibrate, paper_drive
+from benchmarks.paper_drive import ORDERS, paper_drive
+from haploop.calibration import Drive, calibrate
 from haploop.calibration.drive import check
-from haploop.calibration.drive.paper_baseline import ORDERS
 from tests.calibration.conftest import Calibrated, make_press
 from tests.conftest import OpenRig
 

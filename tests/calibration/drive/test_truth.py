@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.paper_drive import paper_drive
 from benchmarks.synthetic_responses import generator
 from haploop.base.arrays import FloatArray
-from haploop.calibration import Drive, calibrate, drive_for, learn, paper_drive
+from haploop.calibration import Drive, calibrate, drive_for, learn
 from haploop.calibration.drive.check import compare
 from haploop.calibration.drive.checked import Check
 from haploop.calibration.drive.playing import play

@@ -13,15 +13,15 @@ import numpy as np
 import scipy
 from threadpoolctl import threadpool_limits
 
-from ...acquisition import Representative
-from ...base.arrays import ComplexArray, FloatArray
-from ...instruments import Limits
-from ..band import BAND
-from ..model import Calibration
-from ..spectra import fade, resample
-from .actuation import Actuation
-from .drive import Drive
-from .targets import FADE, Method, target_grid
+from haploop.acquisition import Representative
+from haploop.base.arrays import ComplexArray, FloatArray
+from haploop.calibration.band import BAND
+from haploop.calibration.drive.actuation import Actuation
+from haploop.calibration.drive.drive import Drive
+from haploop.calibration.drive.targets import FADE, Method, target_grid
+from haploop.calibration.model import Calibration
+from haploop.calibration.spectra import fade, resample
+from haploop.instruments import Limits
 
 ORDERS = tuple(range(2, 34, 2))
 """Numbers of poles to try: the paper states none."""
