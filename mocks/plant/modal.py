@@ -151,6 +151,10 @@ class ModalPoles:
         """Pole of the amplifier (rad/s)."""
         return self.driving[0]
 
+    def rest(self) -> None:
+        """Forget what is large, until it is asked for again."""
+        self.poles.rest()
+
     def velocity(self, place: tuple[float, float], measured: bool) -> ComplexArray:
         """Return the partial fractions of driving x modes, (poles,), and x seeing if `measured`.
 

@@ -149,7 +149,7 @@ class ModalSurface(Surface):
                 self._poles = TouchedPoles(modes, self._contacts, *chain)
             self._tuned = time
         if self._course is None:
-            self._course = Course(self._poles, self._poles.poles, REMEMBERED)
+            self._course = Course(self._poles, self._poles.poles, REMEMBERED, lambda owner: owner.rest())
         return self._course, self._poles
 
 

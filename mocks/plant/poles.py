@@ -32,6 +32,8 @@ _SAME = 1e-12
 """Difference (s) below which two latenesses of samples are one."""
 _KEPT = 8
 """Number of latenesses and weights that are kept with their matrices."""
+_FRESH = 8
+"""Number of the last stretches that keep what can be found again: earlier ones are rarely asked for."""
 _DEAD = 1e-18
 """Share that is left of a state from which on it adds less than a rounding error."""
 _GONE = 1e-30
@@ -50,6 +52,10 @@ class Poles:
     def settled(self) -> ComplexArray:
         """States that a level of minus one settles at, (poles, channels)."""
         return self.inputs / self.poles[:, None]
+
+    def rest(self) -> None:
+        """Forget the steps until they are asked for again."""
+        self._steps.clear()
 
     def steps(self, period: float) -> _Steps:
         """Return what happens within a block of steps of `period` (s)."""
@@ -164,11 +170,20 @@ class Stretch:
                 state = anew(state - before._of.settled @ held) + of.settled @ self._held
             else:
                 state -= of.inputs @ (held - self._held) / of.poles
-        self._begins = self._blocks(state)
-        """State at each block's first step, (blocks, poles)."""
-        self._begins[np.abs(self._begins) < _GONE] = 0.0
+        self._first = state
         self._alive = self._begins.any(axis=0) | of.inputs[:, self._moving].any(axis=1)
         """(poles,): True where a state is, or becomes, other than the steady one."""
+
+    @cached_property
+    def _begins(self) -> ComplexArray:
+        """State at each block's first step, (blocks, poles)."""
+        begins = self._blocks(self._first)
+        begins[np.abs(begins) < _GONE] = 0.0
+        return begins
+
+    def rest(self) -> None:
+        """Forget the states between, of which there are many, until they are asked for again."""
+        self.__dict__.pop("_begins", None)
 
     def seen(self, times: FloatArray, weights: ComplexArray) -> FloatArray:
         """Return the real part of the sum of states times `weights` (poles,), (times,), at rising times (s).
@@ -267,11 +282,21 @@ class Stretch:
 
 
 class Course(Generic[Owner]):
-    """The stretches of the last `remembered` seconds; each has an owner, which knows the poles' weights."""
+    """The stretches of the last `remembered` seconds; each has an owner, which knows the poles' weights.
 
-    def __init__(self, owner: Owner, poles: Poles, remembered: float) -> None:
-        rest = np.zeros((poles.inputs.shape[1], 1))
-        self._stretches = deque([(owner, Stretch(poles, 0.0, np.inf, rest))])
+    `rest` is called with an owner whose last stretch was long ago, to forget what it can find again.
+    """
+
+    def __init__(
+        self,
+        owner: Owner,
+        poles: Poles,
+        remembered: float,
+        rest: Callable[[Owner], None] | None = None,
+    ) -> None:
+        self._rest = rest
+        still = np.zeros((poles.inputs.shape[1], 1))
+        self._stretches = deque([(owner, Stretch(poles, 0.0, np.inf, still))])
         self._remembered = remembered
 
     @property
@@ -299,6 +324,11 @@ class Course(Generic[Owner]):
         """
         stretch = Stretch(poles, start, period, levels, self._stretches[-1][1], anew)
         self._stretches.append((owner, stretch))
+        if len(self._stretches) > _FRESH:
+            left, old = self._stretches[-_FRESH - 1]
+            old.rest()
+            if self._rest is not None and left is not self._stretches[-_FRESH][0]:
+                self._rest(left)
         while len(self._stretches) > 1 and self._stretches[1][1].start < start - self._remembered:
             self._stretches.popleft()
 

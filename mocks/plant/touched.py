@@ -99,6 +99,11 @@ class TouchedPoles:
             inputs.append(self._forced(-pole)[self._velocities] * low_passes(complex(-pole), self.driving))
         return Poles(np.concatenate([own, chain, seen]), np.concatenate(inputs))
 
+    def rest(self) -> None:
+        """See `ModalPoles.rest`."""
+        self.poles.rest()
+        self.__dict__.pop("_own", None)
+
     @property
     def _velocities(self) -> slice:
         """Where a state has the velocities of modes."""
