@@ -4,11 +4,15 @@ A task that was committed explicitly keeps its resources when it is stopped and 
 and an output keeps its last value meanwhile (NI-DAQmx Key Concepts, "Transitioning the State Backwards"). So
 the same task writes zero on demand, plays on a sample clock and writes zero again, and no other program can
 write to the outputs in between (-50103).
+
+A reset of the card takes them from it all the same, unseen where the task changes its state just then: it
+reserves them again by itself. A reset takes the inputs of the card too, which are reserved before such a
+change, and have to be so still after it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
 from typing import Any, Protocol
 
@@ -30,20 +34,41 @@ _PAUSE = 0.01
 """Time between them (s)."""
 
 
-class Cards(Protocol):
-    """What the outputs ask of the cards that they are on."""
+class Tasks(Protocol):
+    """What makes tasks of NI's library."""
 
     def task(self, purpose: str) -> Any:
         """Create a task, a context that clears it."""
 
-    def add_output(self, task: Any, output: Output) -> None:
-        """Give a task an output."""
-
     def talking_to(self, device: str) -> AbstractContextManager[None]:
         """Turn any error of NI's library into one sentence about `device`."""
 
+
+class Cards(Tasks, Protocol):
+    """What the outputs ask of the cards that they are on."""
+
+    def add_output(self, task: Any, output: Output) -> None:
+        """Give a task an output."""
+
     def read_back(self, home: str) -> Mapping[str, float]:
         """Volts on the outputs of a card or chassis, by name, as far as they can be read now."""
+
+
+def _never() -> bool:
+    return False
+
+
+def reservable(daq: Tasks, home: str, add: Callable[[Any], object]) -> bool:
+    """True when a second task can reserve the channels that `add` gives it: the first has lost them."""
+    try:
+        with daq.talking_to(home), daq.task(f"{home} reserved") as second:
+            add(second)
+            second.control(TaskMode.TASK_RESERVE)
+    except HaploopError as error:
+        if getattr(error.__cause__, "error_code", 0) == _IN_USE:
+            return False
+        raise
+    return True
 
 
 class NiOutputs:
@@ -53,6 +78,7 @@ class NiOutputs:
         self._daq, self._home, self._outputs = daq, home, outputs
         self._task: Any = None
         self._plays = False
+        self._was_reset: Callable[[], bool] = _never
 
     def rest(self) -> None:
         """Stop what plays, write zero, and keep the outputs reserved. Idempotent.
@@ -66,12 +92,15 @@ class NiOutputs:
             try:
                 if taken or not self._lost():
                     self._write_zero()
-                    return
+                    if taken or not self._was_reset():
+                        return
+                    raise TakenError(self._taken(""))
                 taken = True
             except HaploopError as error:
                 if not isinstance(error.__cause__, DaqError):  # the server is gone
                     raise
                 taken |= isinstance(error, TakenError) or error.__cause__.error_code == _IN_USE
+                taken = taken or self._was_reset()
             if taken:
                 read = self._daq.read_back(self._home)
                 stood = ", ".join(f"{name!r} read {volts:.3g} V then" for name, volts in read.items())
@@ -91,10 +120,13 @@ class NiOutputs:
         if taken:
             raise TakenError(self._taken(stood))
 
-    def play(self, waveforms: Mapping[str, FloatArray], rate_hz: float, clock: str) -> Any:
+    def play(
+        self, waveforms: Mapping[str, FloatArray], rate_hz: float, clock: str, was_reset: Callable[[], bool]
+    ) -> Any:
         """Load waveforms ((samples,) V, all of one length) and arm them: sample 0 at `clock`'s first edge.
 
-        An output without a waveform plays zero. Returns the task, which is the caller's until `rest`.
+        An output without a waveform plays zero. `was_reset` says whether the card was reset since before the
+        call. Returns the task, which is the caller's until `rest`. Raises TakenError for a reset.
         """
         if self._plays:
             raise refused(self._home, _IN_USE, "")
@@ -114,6 +146,9 @@ class NiOutputs:
                     f"{self._home} took {taken} of a waveform's {length} samples; nothing was played."
                 )
             task.start()
+        self._was_reset = was_reset
+        if was_reset():
+            raise TakenError(self._taken(""))
         return task
 
     def let_go(self) -> None:
@@ -136,16 +171,11 @@ class NiOutputs:
         with self._daq.talking_to(self._home):
             if not self._task.is_task_done():
                 return False
-        try:
-            with self._daq.talking_to(self._home), self._daq.task(f"{self._home} reserved") as second:
-                for output in self._outputs.values():
-                    self._daq.add_output(second, output)
-                second.control(TaskMode.TASK_RESERVE)
-        except HaploopError as error:
-            if getattr(error.__cause__, "error_code", 0) == _IN_USE:
-                return False
-            raise
-        return True
+        return reservable(self._daq, self._home, self._add)
+
+    def _add(self, task: Any) -> None:
+        for output in self._outputs.values():
+            self._daq.add_output(task, output)
 
     def _taken(self, stood: str) -> str:
         return (
@@ -156,8 +186,7 @@ class NiOutputs:
     def _reserve(self) -> None:
         with self._daq.talking_to(self._home):
             self._task = self._daq.task(f"{self._home} output")
-            for output in self._outputs.values():
-                self._daq.add_output(self._task, output)
+            self._add(self._task)
             self._task.control(TaskMode.TASK_COMMIT)
             self._task.start()
         self._write_zero()

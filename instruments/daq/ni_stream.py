@@ -7,11 +7,11 @@ clock"), armed before it.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import AbstractContextManager, ExitStack
+from contextlib import ExitStack
 from typing import Any, Protocol
 
 import numpy as np
-from nidaqmx.constants import AcquisitionType
+from nidaqmx.constants import AcquisitionType, TaskMode
 from nidaqmx.stream_readers import AnalogMultiChannelReader, CounterReader
 
 from ...base.arrays import FloatArray
@@ -20,7 +20,7 @@ from ...base.errors import InstrumentError
 from .ni_cards import Plan, believed
 from .ni_filters import filter_delay
 from .ni_inputs import add_counter, add_input, factor
-from .ni_outputs import NiOutputs
+from .ni_outputs import NiOutputs, Tasks, reservable
 from .ni_sentences import cut_off, other_rate, shared_rates, unshared, zeroed
 from .ni_settings import NiSettings
 from .role import Block, Stream, StreamRequest
@@ -43,18 +43,12 @@ _APART = 0.5
 """Largest apparent lag between two cards on one clock (s): they transfer samples in chunks."""
 
 
-class Cards(Protocol):
+class Cards(Tasks, Protocol):
     """What a stream asks of the cards that it runs on."""
 
     @property
     def settings(self) -> NiSettings:
         """Settings of the rig file."""
-
-    def task(self, purpose: str) -> Any:
-        """Create a task, a context that clears it."""
-
-    def talking_to(self, device: str) -> AbstractContextManager[None]:
-        """Turn any error of NI's library into one sentence about `device`."""
 
     def outputs_at(self, home: str) -> NiOutputs:
         """The outputs of a card or chassis."""
@@ -269,7 +263,25 @@ class NiStream(Stream):
         length = self._length = max(2, *(len(volts) for volts in play.values()))
         rows = {name: np.pad(volts, (0, length - len(volts)), mode="edge") for name, volts in play.items()}
         self._outputs = self._daq.outputs_at(home)
-        self._player = self._outputs.play(rows, self.rate_hz, f"/{self._plan.master}/ai/SampleClock")
+        for task in self._beside_outputs():
+            with self._daq.talking_to(home):
+                task.control(TaskMode.TASK_COMMIT)
+        clock = f"/{self._plan.master}/ai/SampleClock"
+        self._player = self._outputs.play(rows, self.rate_hz, clock, self._was_reset)
+
+    def _beside_outputs(self) -> list[Any]:
+        """The task of the inputs on the outputs' card; none where it has no inputs here."""
+        named = zip(self._plan.inputs, self._inputs, strict=False)
+        return [task for (home, _), task in named if home == self._plan.output]
+
+    def _was_reset(self) -> bool:
+        """True when the outputs' card was reset since its inputs were reserved: their task has lost them."""
+        home = str(self._plan.output)
+        names = dict(self._plan.inputs).get(home, ())
+        if not self._beside_outputs():
+            return False
+        first = self._daq.settings.channels[names[0]]
+        return reservable(self._daq, home, lambda task: add_input(task, first))
 
     def _read(self, first: int, count: int) -> FloatArray:
         """Read the next `count` samples of every task, (channels in the tasks' order, samples)."""

@@ -237,3 +237,36 @@ def test_after_a_rig_the_outputs_are_free() -> None:
             act()
             assert other.write()
         other.write(0.0)
+
+
+@pytest.mark.parametrize(
+    "when", ["before its stop", "before it starts", "before it is stopped", "before zero"]
+)
+def test_a_reset_between_two_calls_of_a_play_locks_the_rig_out(
+    when: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The task that has lost its outputs reserves them again by itself, as if nothing had been."""
+    with open_rig("simulated", simulate="wire") as rig, clients(rig) as (other,):
+        rig.prove_gain("A")
+        name, place = {
+            "before its stop": ("stop", 1),
+            "before it starts": ("start", 2),
+            "before it is stopped": ("stop", 2),
+            "before zero": ("write", 3),
+        }[when]
+        own, calls = getattr(nidaqmx.Task, name), []
+
+        def called(task: nidaqmx.Task, *args: Any, **named: Any) -> Any:
+            if task.name.endswith("Dev2 output"):
+                calls.append(name)
+                if len(calls) == place:
+                    other.reset()
+                    other.write()
+            return own(task, *args, **named)
+
+        monkeypatch.setattr(nidaqmx.Task, name, called)
+        with pytest.raises(InstrumentError, match="Another program has taken the outputs of Dev2"):
+            rig.excite(TONE, ["A"], ["drive"])
+        monkeypatch.undo()
+        assert rig.lockout is not None and not rig.simulation.truth.closed
+        assert rig.daq.outputs_read()["amplifier"] == pytest.approx(0, abs=0.01)
