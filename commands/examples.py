@@ -40,7 +40,7 @@ EXAMPLES = {
     "recalibrate": "haploop recalibrate --rig lab.toml",
     "record": "haploop record latch --participant P01 --presses 5",
     "recover": "haploop recover recordings/P01-latch.h5",
-    "report": "haploop report pilot calibration.h5 latch.h5 --out report.html --pdf",
+    "report": "haploop report pilot calibration.h5 latch.h5 --out report.html",
     "represent": "haploop represent P01-latch.h5 P02-latch.h5 --out press.h5",
     "reset": 'haploop reset --rig lab.toml --reason "gain set back to 50"',
     "new": "haploop new my-study --buttons latch,push --participants 12 --rig lab.toml",

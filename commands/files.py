@@ -67,10 +67,9 @@ def list_command(where: Sequence[str], folders: Sequence[Path], rebuild: bool, a
 @click.option(
     "--out", "-o", type=PATH, default=Path("report.html"), show_default=True, help="HTML file to write."
 )
-@click.option("--pdf", is_flag=True, help="Also write the whole report as a PDF.")
 @click.option("--no-open", is_flag=True, help="Do not open the report in a browser.")
 @JSON
-def report(paths: Sequence[Path], out: Path, pdf: bool, no_open: bool, as_json: bool) -> int:
+def report(paths: Sequence[Path], out: Path, no_open: bool, as_json: bool) -> int:
     """Write a report with verdicts, figures and captions.
 
     PATH is a recording, a representative press, a calibration, a drive, a check, a digital button, a curve,
@@ -82,12 +81,11 @@ def report(paths: Sequence[Path], out: Path, pdf: bool, no_open: bool, as_json: 
     if out.suffix.lower() not in (".html", ".htm"):
         raise haploop.ConfigurationError(f"{out} has the wrong file type: use a name that ends with .html.")
     with Steps() as steps:
-        made = haploop.write_report(paths, out, pdf, steps)
+        made = haploop.write_report(paths, out, steps)
     if as_json:
         print_json(
             {
                 "report": str(made.html),
-                "pdf": str(made.pdf) if made.pdf else None,
                 "figures": [str(path) for path in made.figures],
                 "simulated": made.simulated,
                 "verdicts": [asdict(verdict) for verdict in made.verdicts],
@@ -97,8 +95,6 @@ def report(paths: Sequence[Path], out: Path, pdf: bool, no_open: bool, as_json: 
     if made.simulated:
         print_line(SIMULATED)
     print_line(f"Report: {made.html}")
-    if made.pdf:
-        print_line(f"PDF: {made.pdf}")
     if made.figures:
         print_line(f"Figures as PDF, SVG and CSV: {made.figures[0].parent}")
     if not no_open:

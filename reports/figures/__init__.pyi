@@ -6,10 +6,7 @@ from .curve import curves_figure as curves_figure
 from .encoding import FORMATS as FORMATS
 from .encoding import encode as encode
 from .encoding import mark_simulated as mark_simulated
-from .encoding import on_page as on_page
-from .encoding import pdf_of as pdf_of
 from .encoding import png as png
-from .encoding import text_page as text_page
 from .experiments import confusion_figure as confusion_figure
 from .experiments import ratings_figure as ratings_figure
 from .feeling import feeling_figure as feeling_figure

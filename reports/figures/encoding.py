@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import io
-import textwrap
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -17,7 +16,6 @@ DPI = 200.0
 _NO_DATE: dict[str, Any] = {"CreationDate": None, "Creator": None, "Producer": None}
 _STRIP = 0.15
 """Height (inches) of the strip below the panels that holds the word "simulated"."""
-_MARK = "simulated"
 
 
 def mark_simulated(figure: Figure) -> None:
@@ -35,7 +33,6 @@ def mark_simulated(figure: Figure) -> None:
         va="bottom",
         fontsize=7,
         color=SOFT,
-        gid=_MARK,
     )
 
 
@@ -98,63 +95,3 @@ FORMATS: dict[str, Callable[[FigureCanvasAgg, io.BytesIO], None]] = {
     "csv": _csv,
 }
 """Formats of a figure, which are also the suffixes of its file; CSV is what it draws, as numbers."""
-
-
-_PAGE = (8.27, 11.69)
-"""Inches; A4."""
-_MARGIN, _TITLE = 0.58, 0.45
-"""Inches: margin of a page; height of a title on it."""
-_CAPTION_WORDS = 118
-"""Characters on a line of a caption."""
-
-
-def on_page(figure: Figure, title: str, caption: str) -> Figure:
-    """Put a figure, drawn and marked, onto an A4 page, with its title above and its caption below."""
-    width, height = _PAGE
-    lines = textwrap.wrap(caption, _CAPTION_WORDS, break_on_hyphens=False)
-    room = height - 2 * _MARGIN - _TITLE - 0.3 - 0.15 * len(lines)
-    own = min(figure.get_figheight(), room)
-    bottom = height - _MARGIN - _TITLE - own
-    across = min(figure.get_figwidth(), width - 2 * _MARGIN)
-    figure.set_size_inches(width, height)
-    marks = [text for text in figure.texts if text.get_gid() == _MARK]
-    for mark in marks:
-        mark.set_position(((_MARGIN + across) / width, bottom / height))
-    foot = bottom + _STRIP if marks else bottom
-    rect = (_MARGIN / width, foot / height, across / width, (bottom + own - foot) / height)
-    figure.set_layout_engine("constrained", rect=rect)
-    for axes in figure.axes:
-        axes.set_in_layout(True)  # `lay_out` has placed them on their own canvas
-    with style():
-        _line(figure, height - _MARGIN, title, 10, "bold")
-        for number, line in enumerate(lines):
-            _line(figure, bottom - 0.15 - 0.15 * number, line, 8)
-    return figure
-
-
-def text_page(lines: Sequence[tuple[str, bool]]) -> Figure:
-    """Return an A4 page of lines of text, each with whether it is bold."""
-    page = Figure(figsize=_PAGE)
-    with style():
-        for number, (line, bold) in enumerate(lines):
-            _line(page, _PAGE[1] - _MARGIN - 0.145 * number, line, 8, "bold" if bold else "normal")
-    return page
-
-
-def _line(page: Figure, y: float, text: str, size: float, weight: str = "normal") -> None:
-    """Write a line, `y` inches above the foot of the page. Its text may hold a dollar sign."""
-    page.text(
-        _MARGIN / _PAGE[0], y / _PAGE[1], text, va="top", fontsize=size, fontweight=weight, parse_math=False
-    )
-
-
-def pdf_of(pages: Iterable[Figure]) -> bytes:
-    """Encode pages as one PDF, reproducibly."""
-    from matplotlib.backends.backend_pdf import FigureCanvasPdf, PdfPages  # noqa: PLC0415
-
-    buffer = io.BytesIO()
-    with style(), PdfPages(buffer, metadata=_NO_DATE) as pdf:
-        for page in pages:
-            lay_out(page)
-            FigureCanvasPdf(page).print_pdf(pdf)  # type: ignore[no-untyped-call]
-    return buffer.getvalue()

@@ -1,4 +1,4 @@
-"""The report of files: one HTML page, its figures as PDF, SVG and CSV, and all of it as one PDF."""
+"""The report of files: one HTML page, its figures as PDF, SVG and CSV."""
 
 from __future__ import annotations
 
@@ -19,7 +19,6 @@ class Report:
     """What `write_report` wrote."""
 
     html: Path
-    pdf: Path | None
     figures: tuple[Path, ...]
     """Each figure as PDF, as SVG, and what it draws as CSV."""
     simulated: bool
@@ -28,25 +27,21 @@ class Report:
 
 @private_files()
 def write_report(
-    paths: str | Path | Sequence[str | Path],
-    out: str | Path,
-    pdf: bool = False,
-    progress: Progress = silent,
+    paths: str | Path | Sequence[str | Path], out: str | Path, progress: Progress = silent
 ) -> Report:
     """Write a report of recordings, studies, calibrations, maps, buttons and answers into new files.
 
     Of a folder that is neither a study nor a map, every file in it is read.
     `out` (HTML) holds facts, verdicts and figures, and needs no other file. Beside it, the folder
-    `<out>-figures` holds each figure as PDF, SVG and CSV (what it draws), and with `pdf` the file `<out>.pdf`
-    the whole report.
+    `<out>-figures` holds each figure as PDF, SVG and CSV (what it draws).
     The same data give the same bytes. All files are readable by their owner only.
 
     Raises ConfigurationError when one of them exists or cannot be written, and DataError for data that cannot
     be read.
     """
     out = Path(out)
-    folder, printed = out.with_name(f"{out.stem}-figures"), out.with_suffix(".pdf")
-    for path in (out, folder, *((printed,) if pdf else ())):
+    folder = out.with_name(f"{out.stem}-figures")
+    for path in (out, folder):
         check_destination(path)
     sections = read_sections([file for path in paths_of(paths) for file in files_of(path)], progress)
     figures = planned(sections)
@@ -68,8 +63,5 @@ def write_report(
         drawn,
         list(dict.fromkeys(source for section in sections for source in section.sources)),
     )
-    content = page.html().encode("utf-8")
-    if pdf:
-        write(printed, page.pdf())
-    write(out, content)
-    return Report(out, printed if pdf else None, tuple(written), bool(page.simulated), tuple(page.verdicts))
+    write(out, page.html().encode("utf-8"))
+    return Report(out, tuple(written), bool(page.simulated), tuple(page.verdicts))

@@ -1,4 +1,4 @@
-"""A report as a page of HTML that needs no other file, and as a PDF: the same facts, and the same figures.
+"""A report as a page of HTML that needs no other file.
 
 Where results have a glance, the page opens with these, and all else is folded below. The same results give
 the same bytes.
@@ -7,8 +7,7 @@ the same bytes.
 from __future__ import annotations
 
 import base64
-import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
@@ -18,24 +17,16 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
-from ...terminal.progress import SIMULATED
-from ..contents import Contents, Glance, Grid, Verdict, one_style, text_of, unbroken
-from ..figures import encode, mark_simulated, on_page, pdf_of, text_page
+from ..contents import Contents, Glance, Grid, Verdict, text_of, unbroken
+from ..figures import encode, mark_simulated
 
 GLANCE_STYLE = Path(__file__).with_name("glance.css")
 """Style of glances: part of a report, and of a notebook's cell; the console serves it to its pages."""
-_LINES = 72
-"""Lines of text on a page of the PDF."""
-_WORDS = 105
-"""Characters on a line."""
 
 
 @dataclass(frozen=True, eq=False)
 class CaptionedFigure:
-    """A figure with its title and its caption, drawn once and placed on each page; marked if simulated.
-
-    All formats of it are made before a PDF places it on a page of its own.
-    """
+    """A figure with its title and its caption; marked if simulated."""
 
     figure: Figure
     title: str
@@ -93,40 +84,6 @@ class Page:
         images = [(one, base64.b64encode(one.svg).decode("ascii")) for one in self.figures]
         return _environment().get_template("page.html").render(page=self, images=images)
 
-    def pdf(self) -> bytes:
-        """The report as a PDF of A4 pages. The figures are placed on them, and are of no further use."""
-        return pdf_of(self._pages())
-
-    def _pages(self) -> Iterator[Figure]:
-        lines = list(self._lines())
-        for first in range(0, len(lines), _LINES):
-            yield text_page(lines[first : first + _LINES])
-        for number, one in enumerate(self.figures, 1):
-            yield on_page(one.figure, f"Figure {number}. {one.title}.", one.caption)
-
-    def _lines(self) -> Iterator[tuple[str, bool]]:
-        """Yield lines of text, and whether each is bold."""
-        yield self.title, True
-        yield self.lead, False
-        if self.simulated:
-            yield SIMULATED, True
-        yield "", False
-        if self.verdicts:
-            yield "Verdicts", True
-            for one in self.verdicts:
-                told = "; ".join((f"{one.subject}: {one.said}", one.measured, *one.answers))
-                yield from _wrapped(f"{told}. {one.why}" if one.why else told)
-            yield "", False
-        for section in self.sections:
-            yield section.title, True
-            for text in _told(section):
-                yield from _wrapped(text)
-            yield "", False
-        if self.sources:
-            yield "Data", True
-            for name, digest in self.sources:
-                yield from _wrapped(f"{name}: SHA-256 {digest}")
-
 
 def glances_html(glances: Sequence[Glance]) -> str:
     """Glances as a part of another page, whose style is `GLANCE_STYLE`."""
@@ -174,24 +131,3 @@ def _side_by_side(sections: Sequence[Contents]) -> Contents:
         tables=[Grid("", headings, table, words=len(headings)), *(t for one in sections for t in one.tables)],
         notes=list(dict.fromkeys(note for one in sections for note in one.notes)),
     )
-
-
-def _told(section: Contents) -> Iterator[str]:
-    """What a section says, as text: a row of a table becomes a line."""
-    for label, cell in section.rows:
-        yield f"{label}: {text_of(cell)}" if label else text_of(cell)
-    for grid in section.tables:
-        if grid.title:
-            yield f"{grid.title}:"
-        for first, *others in grid.rows:
-            cells = zip(grid.headings[1:], others, strict=True)
-            told = "; ".join(f"{heading} {text_of(cell)}" for heading, cell in cells if text_of(cell))
-            yield f"{text_of(first)}: {told}"
-        if grid.below:
-            yield grid.below
-    yield from section.said
-
-
-def _wrapped(text: str) -> Iterator[tuple[str, bool]]:
-    for line in textwrap.wrap(one_style(text), _WORDS, subsequent_indent="    ", break_on_hyphens=False):
-        yield line, False

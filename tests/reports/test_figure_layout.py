@@ -189,16 +189,6 @@ def test_every_figure_is_among_them(gallery: Mapping[str, Draw]) -> None:
     assert tuple(gallery) == NAMES
 
 
-def test_a_figure_on_a_page_is_marked_without_touching_its_caption(gallery: Mapping[str, Draw]) -> None:
-    figure = gallery["drive"](2)
-    figures.mark_simulated(figure)
-    figures.encode(figure)  # a page takes a figure that was placed on its own canvas before
-    page = figures.on_page(figure, "Figure 1. A title.", 20 * "words of a caption ")
-    texts = drawn_texts(page)
-    assert overlaps(page, texts) == [] and "simulated" in [text for text, *_ in texts]
-    assert min(axes.get_position().y0 for axes in page.axes) > 0.7  # on top of the page, above its caption
-
-
 def test_a_text_over_another_and_off_the_canvas_is_found() -> None:
     with style():
         figure = new_figure(1.5)

@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-import re
-
 import numpy as np
 import pytest
 
@@ -11,7 +9,7 @@ from haploop.reports.contents import Cell, Contents, Grid, Verdict, fact, plain,
 from haploop.reports.figures import Profile, activation_forces, profiles
 from haploop.reports.figures.encoding import png
 from haploop.reports.figures.plotting import active, continuous_phase, smoothed, spectrum
-from haploop.reports.html import CaptionedFigure, Page
+from haploop.reports.html import Page
 
 RATE = 5000.0
 
@@ -125,12 +123,6 @@ def test_a_real_rig_s_report_does_not_call_itself_simulated() -> None:
     assert "simulated" not in page.replace(".simulated", "").lower()
     both = Page("Report", "Rig: lab.", [section(simulated=False), section()]).html()
     assert "Simulated in part." in both
-
-
-def test_a_figure_is_drawn_once_and_placed_on_the_page_and_on_paper() -> None:
-    page = Page("A press", "", [section()], [CaptionedFigure(profiles([profile()]), "A press", "B.", True)])
-    html, pdf = page.html(), page.pdf()
-    assert html.count("data:image/svg+xml") == 1 and len(re.findall(rb"/Type /Page\b", pdf)) == 2
 
 
 def test_values_are_json_and_lines_are_text() -> None:

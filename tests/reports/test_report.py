@@ -19,7 +19,7 @@ def made(demo: Demo, tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("report")
     paths = [demo.folder / "recordings" / "P01-latch.h5", demo.folder / "calibration.h5"]
     for name in ("once", "again"):
-        write_report(paths, place / name / "all.html", pdf=True)
+        write_report(paths, place / name / "all.html")
     return place
 
 
@@ -40,12 +40,12 @@ def test_a_report_needs_no_other_file_and_says_what_is_simulated(made: Path, dem
 def test_a_report_made_again_is_the_same_bytes(made: Path) -> None:
     once = sorted(path.relative_to(made / "once") for path in (made / "once").rglob("*") if path.is_file())
     again = sorted(path.relative_to(made / "again") for path in (made / "again").rglob("*") if path.is_file())
-    assert once == again and len(once) == 2 + 3 * 3
+    assert once == again and len(once) == 1 + 3 * 3
     for path in once:
         assert (made / "once" / path).read_bytes() == (made / "again" / path).read_bytes(), path
 
 
-def test_its_figures_are_there_as_pictures_and_numbers_and_it_as_pdf(made: Path) -> None:
+def test_its_figures_are_there_as_pictures_and_numbers(made: Path) -> None:
     folder = made / "once" / "all-figures"
     names = ["01-forces", "02-presses", "03-response"]
     assert sorted(p.name for p in folder.iterdir()) == [
@@ -57,7 +57,7 @@ def test_its_figures_are_there_as_pictures_and_numbers_and_it_as_pdf(made: Path)
     assert first.startswith(
         "a Patch A to the button point,Measured,Frequency (Hz),Velocity per volt (µm/s/V),2"
     )
-    pdf = (made / "once" / "all.pdf").read_bytes()
+    pdf = (folder / "03-response.pdf").read_bytes()
     assert pdf.startswith(b"%PDF") and b"/Type3" not in pdf and b"CreationDate" not in pdf
 
 
@@ -76,7 +76,7 @@ def test_a_study_s_report_describes_its_participants_and_takes_names_for_text(
     result = run("report", study, "-o", tmp_path / "a.html", "--json")
     assert result.exit_code == 0, result.output
     values = json.loads(result.stdout)
-    assert values["simulated"] and values["pdf"] is None and len(values["figures"]) == 6
+    assert values["simulated"] and len(values["figures"]) == 6
     assert [v["said"] for v in values["verdicts"]] == ["complete", "complete"]
     page = (tmp_path / "a.html").read_text(encoding="utf-8")
     assert "<script" not in page and "<b>f" not in page
