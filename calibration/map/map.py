@@ -313,7 +313,7 @@ def _plays(
         # All patches together count as one patch with the mean of their drives.
         patches, inputs = plan.patches[:1], inputs.mean(axis=0)[None]
     indices = tuple(plan.patches.index(patch) for patch in patches)
-    return Plays(f, indices, inputs, (np.array(velocities) / gain[:, None]).T)
+    return Plays(f, indices, inputs, (np.array(velocities) / gain[:, None]).T, rings=not plan.swept)
 
 
 def _operators(plan: MapPlan, drive: ComplexArray, lines: IntArray) -> ComplexArray:

@@ -63,13 +63,16 @@ class Plays:
 
     `f` is (lines,) Hz: all lines of the band. `operators` is (patches, operators, lines): for each patch
     that played, the spectrum of its volts and, where hysteresis is modelled, of the volts after play
-    operators of rising half-width, and last of their square. `velocity` is (lines, points) m/s.
+    operators of rising half-width, and last of their square. `velocity` is (lines, points) m/s. What rings
+    at the start and the end of a period is a part of it if it `rings`; a response that was measured from rest
+    to rest has no such part.
     """
 
     f: FloatArray
     patches: tuple[int, ...]
     operators: ComplexArray
     velocity: ComplexArray
+    rings: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -298,6 +301,7 @@ class _Fitted:
     @classmethod
     def of(cls, modes: Modes, plays: Plays) -> _Fitted:
         terms, ringing = terms_of(modes.poles, plays.f)
+        ringing = ringing if plays.rings else ringing[:0]
         linear_volts = np.einsum("pr,prl->pl", modes.weights[list(plays.patches)], plays.operators)
         columns = np.concatenate([*(x * terms for x in linear_volts), ringing]).view(np.float64)
         gram = columns @ columns.T
@@ -316,7 +320,7 @@ class _Fitted:
         """(poles,): increase of the squared residual on removal of each pole, with the others fixed."""
         inverse = scipy.linalg.cho_solve((self.upper, False), np.eye(len(self.norms)))
         found, each, n = self.found * self.norms[:, None], len(self.terms), len(self.modes.poles)
-        starts = np.arange(len(self.plays.patches) + 1) * each
+        starts = np.arange(len(self.plays.patches) + self.plays.rings) * each
         losses = np.empty(n)
         for k in range(n):
             own = np.concatenate([starts + k, starts + n + k])
@@ -333,7 +337,7 @@ class _Fitted:
         # Only those of the patches that played.
         laws = np.add.outer(2 * n + np.array(plays.patches) * weights, np.arange(weights))
         own = np.concatenate([np.arange(2 * n), laws.ravel()])
-        drives = np.array([*self.linear_volts, np.ones(len(plays.f))])
+        drives = np.concatenate([self.linear_volts, np.ones((int(plays.rings), len(plays.f)))])
         for point, rest in zip(self.found.T, self.left, strict=True):
             shares = point.reshape(len(drives), each)
             change = [*moved(p, shares[:, : 2 * n], drives, plays.f)]

@@ -17,14 +17,15 @@ pytestmark = pytest.mark.many_plays
 
 
 def test_a_map_by_the_generator_is_the_plates_own(rigs: Rigs, open: OpenRig, tmp_path: Path) -> None:
+    """Of a pane with modes far above the sweep: a pole of what it does not ring made 17 % between lines."""
     simulated(rigs)
     file = tmp_path / "generator.toml"
     file.write_text(GENERATOR)
-    rig = open(str(file), seed=11)
+    rig = open(str(file), seed=11, highest_hz=10_000.0)
     plan = map_plan(rig, points=(0, 14, 45), patches=("A", "B"), period=1.0)
     assert plan.swept and not plan.together
     measure_map(rig, tmp_path / "map", plan)
     found = VibrationMap.load(tmp_path / "map")
-    assert error(Mapped(rig, found, tmp_path)) < 0.013  # of one by multisines: the same
+    assert error(Mapped(rig, found, tmp_path)) < 0.004
     assert max(dict(found.superposition).values()) < 0.02
     assert found.skipped == ()
