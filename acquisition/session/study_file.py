@@ -38,7 +38,8 @@ _PRESS = ("participant", "button", "number", "of")
 
 
 class _Section(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    # The text below a key is its description, which the console's form shows.
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
 
 
 class Prompts(_Section):
@@ -66,6 +67,7 @@ class ButtonSettings(_Section):
     """`[button.NAME]`: settings of one button, instead of the study's."""
 
     presses: Count | None = None
+    """Instead of the study's."""
     force: tuple[Positive, Positive] | None = None
     """N, lowest and highest at activation; see `Protocol.force`."""
     prompt: str = ""

@@ -22,13 +22,25 @@ from ..data_folder import DataFolder
 from .bodies import json_object
 from .conductor import Conductor
 from .data_routes import data_routes
+from .design_routes import design_routes
 from .experiment_routes import experiment_routes
 from .follower import Follower
 from .live_scope import LiveScope
 from .security import PARTICIPANT, Access, Guard
 
 _STATIC = Path(__file__).parent / "static"
-PAGES = ("record", "study", "preflight", "table", "buttons", "experiment", "catalogue", "file", "participant")
+PAGES = (
+    "record",
+    "study",
+    "preflight",
+    "table",
+    "buttons",
+    "experiment",
+    "catalogue",
+    "file",
+    "design",
+    "participant",
+)
 """Pages beside the first one: PAGE.html in the folder of static files."""
 _PERIOD = 0.02
 """s between two looks for new buckets; the console records a block every 40 ms, and each is a frame."""
@@ -113,6 +125,7 @@ def application(access: Access, follower: Follower, scope: LiveScope, data: Data
         Route("/api/command/{name}", command, methods=["POST"]),
         Route(PARTICIPANT, participant),
         *data_routes(data),
+        *design_routes(data),
         *experiment_routes(conductor, follower),
         WebSocketRoute("/socket", socket),
         Route("/static/glance.css", glance_style),

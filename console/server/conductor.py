@@ -20,6 +20,7 @@ from ...base.errors import ConfigurationError, DataError, HaploopError, Instrume
 from ...base.marks import marked
 from ...experiments import Session, Step, Store, open_session, played_by_rig, session_levels
 from ..data_folder import DataFolder, store_of
+from .question import question
 
 Worker = Callable[[str, Mapping[str, Any]], tuple[int, dict[str, Any]]]
 """Sends the worker a command; returns status and answer. Raises InstrumentError."""
@@ -303,7 +304,9 @@ def _for_participant(sitting: _Sitting) -> dict[str, Any]:
     return {
         "step": None if step is None else _step(step),
         "introduction": _introduction(sitting),
-        "ask": _question(sitting, step) if step and sitting.turn and not sitting.playing else None,
+        "ask": question(sitting.store.experiment.file, step, sitting.turn)
+        if step and sitting.turn and not sitting.playing
+        else None,
         "paused": sitting.paused,
         "told": sitting.told,
     }
@@ -318,26 +321,6 @@ def _introduction(sitting: _Sitting) -> str:
     step = sitting.session.due
     texts = {block.name: block.text for block in sitting.store.experiment.file.block}
     return "" if step is None else texts[step.block]
-
-
-def _question(sitting: _Sitting, step: Step) -> dict[str, Any]:
-    asked: dict[str, Any] = {"turn": sitting.turn, "kind": step.kind, "text": step.text}
-    match step.kind:
-        case "presses":
-            times = "once" if step.repetitions == 1 else f"{step.repetitions} times"
-            name = next(iter(step.stimulus.values()), "")
-            asked["text"] = f"Press the physical {name} button {times}."
-        case "finger":
-            asked["text"] = f"A {step.stimulus['press']} press."
-        case "rating":
-            low, high = step.values
-            pairs = zip(step.choices, sitting.store.experiment.file.question.pairs, strict=True)
-            asked |= {"pairs": [[name, *ends] for name, ends in pairs], "low": low, "high": high}
-        case "identification":
-            asked["choices"] = [[name, name] for name in step.choices]
-        case _:
-            asked["choices"] = [[1, "First"], [2, "Second"]]
-    return asked
 
 
 def _refuse_too_soon(store: Store, participant: str) -> None:

@@ -35,7 +35,7 @@ from ...reports.contents import experiment_contents, night
 from ..data_folder import DataFolder, store_of
 from .button_route import button_shown
 from .lab import lab, names
-from .shown_routes import answers, figure, shown
+from .shown_routes import answers, figure, report, shown
 from .shown_routes import night as night_report
 
 _BEFORE, _AFTER = 0.25, 0.5
@@ -81,6 +81,7 @@ def data_routes(data: DataFolder) -> list[Route]:
         route("/api/figure", figure),
         route("/api/night", night_report),
         route("/api/answers", answers),
+        route("/api/report", report),
         route("/api/map", _map),
         route("/api/shape", _shape),
         route("/api/button", button_shown),

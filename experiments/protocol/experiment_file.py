@@ -23,8 +23,13 @@ _RESERVED = {"participant", "group", "day", "block", "trial", "presented", "answ
 _RESERVED |= {"pair", "standard", "comparison", "interval", "time", "simulated", "count", "onset", "duration"}
 
 
+_MOST_TRIALS = 10_000
+"""Trials of a block: more are a mistyped number, and would fill the memory."""
+
+
 class _Section(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    # The text below a key is its description, which the console's form shows.
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
 
 
 class Factor(_Section):
@@ -32,6 +37,7 @@ class Factor(_Section):
 
     name: Name
     levels: Annotated[tuple[Name, ...], Field(min_length=2)]
+    """Two or more names."""
     varies: Literal["session", "trial"] = "trial"
     """A factor that varies by session is counterbalanced by a Latin square of groups and sessions."""
 
@@ -68,6 +74,7 @@ class Question(_Section):
     """`[question]`: what a participant is asked in each trial."""
 
     text: str = ""
+    """The question itself."""
     identify: str = ""
     """Factor whose level is to be named (identification)."""
     answers: tuple[Name, ...] = ()
@@ -89,6 +96,7 @@ class Block(_Section):
     repetitions: Annotated[int, Field(ge=1, le=1000)] = 1
     """Of each combination of levels; of each press."""
     order: BlockOrder = "random"
+    """counterbalanced: a row of Williams' square, by the participant's place in the design."""
     practice: bool = False
     """True when the answers are not analysed."""
     feedback: bool | dict[str, str] = False
@@ -110,11 +118,15 @@ class ExperimentFile(_Section):
     """A validated experiment file."""
 
     name: Name
+    """Stands in exported tables."""
     title: str = ""
+    """Stands in reports."""
     kind: Kind
+    """identification: which was it? rating: adjectives. two-interval, staircase: which is stronger?"""
     seed: Seed
     """Seed of random orders and of the assignment to groups."""
     groups: Annotated[tuple[Name, ...], Field(min_length=1)] = ("all",)
+    """Participants are assigned to them at random, equally many to each."""
     sessions: Annotated[int, Field(ge=1, le=50)] = 1
     """Sessions of each participant: days, as a rule."""
     consent: bool = True
@@ -150,9 +162,20 @@ class ExperimentFile(_Section):
                         raise ValueError(
                             f"feedback of the block {block.name!r} needs a session's factor and its level"
                         )
+            self._few_enough(block)
         if not any(block.kind == "trials" for block in self.block):
             raise ValueError("there is no block with trials")
         return self
+
+    def _few_enough(self, block: Block) -> None:
+        conditions = math.prod(len(factor.levels) for factor in self.trial_factors)
+        if self.comparison and self.kind == "two-interval":
+            conditions *= len(self.comparison.levels)
+        if block.kind == "trials" and conditions * block.repetitions > _MOST_TRIALS:
+            raise ValueError(
+                f"the block {block.name!r} has {conditions} conditions in {block.repetitions} repetitions: "
+                f"{_MOST_TRIALS} trials are the most"
+            )
 
     def _square_is_even(self) -> None:
         """Each level as often in each session and, over several sessions, for each participant."""

@@ -116,6 +116,16 @@ class Course:
                 rest = rest[len(self._fixed[index]) :]
         return None
 
+    def firsts(self) -> list[Step]:
+        """The first step of each block, which says how many follow."""
+        found = [
+            _staircase_step(_Part(self._file, block, index, self._assignment), [])
+            if self._adaptive(block)
+            else next(iter(self._fixed[index]), None)
+            for index, block in enumerate(self._file.block)
+        ]
+        return [step for step in found if step is not None]
+
     def _adaptive(self, block: Block) -> bool:
         return block.kind == "trials" and self._file.kind == "staircase"
 

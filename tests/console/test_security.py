@@ -124,6 +124,7 @@ def test_every_route_but_pages_is_under_api(app):
         "/experiment",
         "/catalogue",
         "/file",
+        "/design",
         "/static/glance.css",
         "/participant",
     }

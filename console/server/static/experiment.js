@@ -12,7 +12,9 @@ document.addEventListener("hello", async (event) => {
   const { experiments } = await get("/api/files");
   names = (await get("/api/names")).participants;
   who.offer(names);
-  choose($("experiment"), experiments, { first: ["There is no experiment in the data folder yet: first make one there, with ", el("code", {}, "haploop experiment new FOLDER"), "."] });
+  choose($("experiment"), experiments, { first: ["There is no experiment in the data folder yet: first ", el("a", { href: "/design" }, "make one from an example"), "."] });
+  const wanted = new URLSearchParams(location.search).get("experiment");
+  if (experiments.includes(wanted)) $("experiment").value = wanted;
   if (running()) $("experiment").value = running().experiment;
   await show(true);
 });
@@ -43,14 +45,16 @@ async function show(anew) {
 const askResults = newest();
 $("results-fold").addEventListener("toggle", results);
 $("download").addEventListener("click", () => save(`/api/answers?experiment=${encodeURIComponent($("experiment").value)}`, `${$("experiment").value.replaceAll("/", "-")}.csv`));
+$("report").addEventListener("click", () => save(`/api/report?${new URLSearchParams({ file: $("experiment").value })}`, `${$("experiment").value.replaceAll("/", "-")}.html`));
+const able = (yes) => { $("download").disabled = $("report").disabled = !yes; };
 async function results() {
   const name = $("experiment").value;
   if (!$("results-fold").open || !name) return;
   const asked = new URLSearchParams({ file: name });
   let found = null;
-  try { found = await askResults(`/api/shown?${asked}`); $("results-said").textContent = ""; } catch (error) { $("results-said").textContent = error.message; fill($("results")); $("download").disabled = true; return; }
+  try { found = await askResults(`/api/shown?${asked}`); $("results-said").textContent = ""; } catch (error) { $("results-said").textContent = error.message; fill($("results")); able(false); return; }
   if (!found) return;
-  $("download").disabled = false;
+  able(true);
   showContents($("results"), found, asked);
 }
 

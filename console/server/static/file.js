@@ -1,5 +1,5 @@
 import { $, get, say } from "./console.js";
-import { show } from "./shown.js";
+import { save, show } from "./shown.js";
 
 const asked = new URLSearchParams(location.search);
 
@@ -10,5 +10,7 @@ document.addEventListener("hello", async () => {
     document.title = `${found.title} - haploop`;
     $("name").textContent = [asked.get("file") || "", found.simulated ? "simulated" : ""].filter(Boolean).join(", ");
     show($("shown"), found, asked);
+    $("report").disabled = asked.has("history");
   } catch (error) { $("title").textContent = "This file cannot be shown"; say(error.message, "error"); }
 });
+$("report").addEventListener("click", () => save(`/api/report?${asked}`, `${asked.get("file").replaceAll("/", "-")}.html`));

@@ -1,7 +1,7 @@
 import { $, at, el, fill, get, on, say } from "./console.js";
 
 const page = (path, name) => el("a", { href: path }, name);
-const made = (what) => ["none yet: first make one in the data folder, with ", el("code", {}, `haploop ${what} new FOLDER`)];
+const made = (what) => ["none yet: first ", page(`/design?kind=${what}`, "make one")];
 
 document.addEventListener("hello", async (event) => {
   $("stop-page").setAttribute("href", event.detail.stop_page);

@@ -6,7 +6,9 @@ let known = "";
 
 document.addEventListener("hello", async () => {
   const found = await get("/api/files");
-  choose($("study"), found.studies, { first: ["There is no study in the data folder yet: first make one there, with ", el("code", {}, "haploop study new FOLDER"), "."] });
+  choose($("study"), found.studies, { first: ["There is no study in the data folder yet: first ", el("a", { href: "/design?kind=study" }, "make one"), "."] });
+  const wanted = new URLSearchParams(location.search).get("study");
+  if (found.studies.includes(wanted)) $("study").value = wanted;
   await show(true);
 });
 $("study").addEventListener("change", () => show(true));

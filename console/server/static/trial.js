@@ -1,10 +1,10 @@
-// A trial on the participant's page: choices, sliders, or presses to be confirmed.
+// A trial on the participant's page, or its preview: choices, sliders, or presses to be confirmed.
 import { $, el, fill, key, post } from "./console.js";
 
-let turn = "", sending = false;
+let turn = "", sending = false, tried = false;
 
 async function answer(value) {
-  if (sending || !turn || $("trial").classList.contains("hidden")) return;
+  if (sending || tried || !turn || $("trial").classList.contains("hidden")) return;
   sending = true;
   able(false);
   await post("/api/participant/answer", { turn, answer: value });
@@ -17,11 +17,12 @@ function able(yes) {
   if (yes) missing();
 }
 
-export function trial(now) {
+export function trial(now, preview = false) {
   const experiment = now.experiment, press = now.request;
   const shown = Boolean(experiment) && !press;
+  if (preview) [tried, turn] = [true, ""]; // drawn anew, and never answered
   $("trial").classList.toggle("hidden", !shown);
-  for (const id of ["prompt", "countdown"]) $(id).classList.toggle("hidden", shown);
+  if (!preview) for (const id of ["prompt", "countdown"]) $(id).classList.toggle("hidden", shown);
   if (!shown) return;
   const { step, ask, told, paused } = experiment;
   const of = step && (step.of ? `${step.number} of ${step.of}` : step.number);
