@@ -135,7 +135,9 @@ class Product:
         has: dict[str, tuple[object, tuple[object, ...]]] = {
             "configuration": (channel.config, ("default", *self.configurations(number))),
             "coupling": (channel.coupling, (None, *self.ai_couplings)),
-            "excitation (A)": (channel.excitation, (None, *self.ai_excitation)),
+            # What a sensor requires (AI.Excit.Val), which need not be what is supplied (AI.Excit.ActualVal):
+            # MathWorks, "Acquire IEPE Data", asks an NI 9234, of 2 mA, for 4 mA.
+            "excitation (A)": (None if self.ai_excitation else channel.excitation, (None,)),
             "bridge excitation (V)": (
                 channel.bridge and channel.bridge_excitation, (None, *self.ai_bridge_excitation)
             ),

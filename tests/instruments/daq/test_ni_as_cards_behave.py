@@ -128,6 +128,18 @@ def test_iepe_and_bridges_are_read_in_volts_at_the_terminal(tmp_path: Path, simu
 
 
 @BOTH
+def test_a_current_is_what_the_sensor_requires(tmp_path: Path, simulate: haploop.Mode) -> None:
+    """The card supplies what it has: 2.1 mA."""
+    channel = 'cap = { terminal = "Dev1/ai0", range = 5, coupling = "ac", excitation = 0.002 }'
+    rig = _rig(tmp_path, 'Dev1 = "USB-4431"', channel)
+    with (
+        haploop.open_rig(rig, simulate=simulate) as opened,
+        opened.daq.stream(["cap"], 2000, 100, 200) as stream,
+    ):
+        assert stream.capture().volts.shape == (1, 200)
+
+
+@BOTH
 def test_a_play_is_refused_at_a_rate_that_the_inputs_have_not(tmp_path: Path, simulate: haploop.Mode) -> None:
     rig = _rig(
         tmp_path,
