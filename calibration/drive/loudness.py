@@ -126,12 +126,19 @@ class ButtonPlan(InNotebook):
 
 
 def offered(drives: Sequence[Drive], lab: LabThreshold | None = None) -> Offers:
-    """The curve of drives of one method at the same patches, from the most like to the loudest."""
+    """The curve of drives of one method at the same patches, from the most like to the loudest.
+
+    Left out is what nobody would choose: a drive that another is louder than, at no more error. That happens
+    where nearly all error is a distortion's, which no budget changes, or where several drives are the same.
+    """
     first = drives[0]
-    # Where the least error is more than was asked for, several drives are the same.
-    offers = dict.fromkeys(
+    every = [
         Offer(d.worst_error(False), d.worst_error(True), _level(d, lab), d.scale, d.peak) for d in drives
-    )
+    ]
+    offers: list[Offer] = []
+    for one in sorted(every, key=lambda one: (one.error, -one.level)):
+        if not offers or one.level > offers[-1].level:
+            offers.append(one)
     return Offers(first.method, first.patch, first.in_band, tuple(offers))
 
 
@@ -169,7 +176,8 @@ def plan_button(
         for error in _ERRORS:
             progress(doing, len(curves) * len(_ERRORS) + len(drives), count, "")
             drive = drive_for(press, some, rig.limits, method=method, trade=Trade(error), elsewhere=elsewhere)
-            drives.append(drive)
+            if not drives or drive.expected_error <= TOLERANCE:
+                drives.append(drive)
         curves.append(offered(drives, lab))
     progress(doing, count, count, "")
     first = drives[0]

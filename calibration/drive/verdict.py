@@ -178,12 +178,13 @@ def _doubt(result: Check, signs: Signs) -> str:
         )
     if result.interval[1] > result.allowed:
         needed = plays_needed(result.whole, result.allowed) if result.allowed else None
-        remedy = (
-            f"{needed} plays would probably show it."
-            if needed
-            else "More plays would not: use a range or filter of the vibrometer with less noise, or more "
-            "output."
-        )
+        less_noise = "use a range or filter of the vibrometer with less noise, or more output."
+        if needed:
+            remedy = f"{needed} plays would probably show it."
+        elif not result.allowed:  # as more is judged, less is left to a bound
+            remedy = f"More plays would be judged to a higher frequency. Without them, {less_noise}"
+        else:
+            remedy = f"More plays would not: {less_noise}"
         return (
             f"the motion up to {hertz(result.judged_hz)} differs from the target by {_said(result)}, "
             f"{_bounded(result)}which does not tell on which side of the accepted {result.tolerance:.0%} it "
