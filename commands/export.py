@@ -12,10 +12,7 @@ from ..terminal.progress import SIMULATED, print_either
 from . import front as haploop
 from .options import JSON, PATH
 
-_FORMATS = (
-    "csv", "wav", "wav48", "mat", "uff", "sep005", "netcdf", "parquet", "nwb", "ahap", "haptic", "android",
-    "hjif",
-)  # fmt: skip
+_FORMATS = ("csv", "wav", "wav48", "mat", "uff", "ahap", "haptic", "android", "hjif")
 
 
 @click.command()
@@ -42,10 +39,9 @@ def export(
     recordings, become a table with one row a press.
 
     \b
-    csv, mat, uff, netcdf      all but a study (a study, a curve: csv)
-    wav, wav48, sep005         signals; wav48: for a sound card, at 48 kHz
-    parquet                    all (pip install "haploop[parquet]")
-    nwb                        recordings (pip install "haploop[nwb]")
+    csv                        all
+    mat, uff                   all but a study and a curve
+    wav, wav48                 signals; wav48: for a sound card, at 48 kHz
     ahap, haptic, android, hjif
                                phones and headsets: envelope and frequency
                                of a press, a drive, a check or a button

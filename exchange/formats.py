@@ -1,6 +1,6 @@
 """What can be exported into what: one table of (kind of file, format) -> function.
 
-To add a format, copy the smallest module (`sep005_file`), write a view of `views` in it, and enter the
+To add a format, copy the smallest module (`uff_file`), write a view of `views` in it, and enter the
 function in `FORMATS`. A function gets the path of the file to export and the path to write.
 """
 
@@ -21,11 +21,7 @@ from . import (
     csv_file,
     haptic_files,
     mat_file,
-    netcdf_file,
-    nwb_file,
-    parquet_file,
     reading,
-    sep005_file,
     uff_file,
     wav_file,
 )
@@ -42,12 +38,6 @@ def _via(read: Callable[[Path], View], write: Callable[[View, Path], None]) -> E
         return view.about
 
     return export
-
-
-def _nwb(path: Path, out: Path) -> About:
-    signals = reading.recording_signals(path)
-    nwb_file.write_recording(signals, reading.recording_presses([path]), out)
-    return signals.about
 
 
 def _curve(path: Path, out: Path) -> About:
@@ -69,18 +59,12 @@ _SIGNALS = {
     "wav48": wav_file.write_sound_card,
     "mat": mat_file.write_signals,
     "uff": uff_file.write_signals,
-    "sep005": sep005_file.write_signals,
-    "netcdf": netcdf_file.write_signals,
-    "parquet": parquet_file.write_signals,
 }
 _RESPONSES = {
     "csv": csv_file.write_responses,
     "mat": mat_file.write_responses,
     "uff": uff_file.write_responses,
-    "netcdf": netcdf_file.write_responses,
-    "parquet": parquet_file.write_responses,
 }
-_PRESSES = {"csv": csv_file.write_presses, "parquet": parquet_file.write_presses}
 _HAPTIC = {
     "ahap": haptic_files.write_ahap,
     "haptic": haptic_files.write_meta,
@@ -106,11 +90,8 @@ def _table() -> dict[tuple[str, str], Export]:
         ("map", reading.map_responses),
     ):
         table |= {(kind, name): _via(responses, write) for name, write in _RESPONSES.items()}
-    for name, write in _PRESSES.items():
-        table["study", name] = _via(lambda path: reading.study_presses(load_study(path)), write)
-    table["recording", "nwb"] = _nwb
+    table["study", "csv"] = _via(lambda path: reading.study_presses(load_study(path)), csv_file.write_presses)
     table["curve", "csv"] = _curve
-    table["curve", "parquet"] = _via(reading.curve_rows, parquet_file.write_presses)
     # Of a calibration MATLAB gets the model too, which simulates.
     table["calibration", "mat"] = _model
     return table
@@ -178,7 +159,7 @@ def export_file(
             check_destination(path)
         if len(paths) > 1:
             table = reading.recording_presses(paths)
-            _PRESSES[format](table, out)
+            csv_file.write_presses(table, out)
             about = table.about
         elif of == "press":
             about = _via(reading.envelope_of_press, _HAPTIC[format])(paths[0], out)

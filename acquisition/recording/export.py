@@ -61,14 +61,17 @@ def data_frame(recording: Recording) -> pd.DataFrame:
     """See `Recording.to_pandas`."""
     pandas = _library("pandas")
     columns: dict[str, Any] = {}
-    for name in _measured(recording):
+    units = {"time": "s"}
+    for name, unit in _measured(recording).items():
         if name == "acceleration":
             rows = zip(_axes(recording), recording.acceleration, strict=True)
-            columns |= {f"acceleration_{axis}": row for axis, row in rows}
+            found = {f"acceleration_{axis}": row for axis, row in rows}
         else:
-            columns[name] = getattr(recording, name)
+            found = {name: getattr(recording, name)}
+        columns |= found
+        units |= dict.fromkeys(found, unit)
     columns |= recording.extra
-    units = _measured(recording) | {name: sensor.unit for name, sensor in recording.sensors.extra.items()}
+    units |= {name: sensor.unit for name, sensor in recording.sensors.extra.items()}
     for name, readings in _readings(recording).items():
         columns[name] = np.full(len(recording.saturated), np.nan)
         for reading in readings:
@@ -76,7 +79,7 @@ def data_frame(recording: Recording) -> pd.DataFrame:
             columns[name][max(0, reading.sample - 1) : reading.sample] = reading.value
         units[name] = readings[0].unit
     table: pd.DataFrame = pandas.DataFrame(columns, index=pandas.Index(_time(recording), name="time"))
-    table.attrs = _about(recording) | {"units": units | {"time": "s"}}
+    table.attrs = _about(recording) | {"units": units}
     return table
 
 

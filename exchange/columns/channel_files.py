@@ -98,16 +98,20 @@ def _labels(info: Any) -> list[tuple[str, str]]:
 
 
 def parquet(path: Path) -> tuple[list[Column], dict[str, Any], dict[str, Any]]:
-    """Columns of numbers and instants, with the unit in a field's metadata or heading; what haploop said;
-    and columns of text, or the arrays of responses, a row a response, that such a table of haploop's holds.
+    """Columns of numbers and instants, with the unit in a field's metadata or heading, or in `attrs["units"]`
+    of the table of pandas; these `attrs`; and columns of text.
     """
     arrow = optional("pyarrow.parquet", "parquet", "A Parquet file")
     table = arrow.ParquetFile(path).read(use_threads=False)
+    about = json.loads((table.schema.metadata or {}).get(b"pandas", b"{}")).get("attributes", {})
+    units = about.get("units")
     columns, texts = [], {}
     for field, chunks in zip(table.schema, table.columns, strict=True):
         values = chunks.to_numpy()
         said = {key.decode(): value.decode(errors="replace") for key, value in (field.metadata or {}).items()}
         unit = said.get("unit", said.get("units", ""))
+        if not unit and isinstance(units, dict):
+            unit = str(units.get(field.name, ""))
         name, unit = (field.name, unit) if unit else split_heading(field.name)
         if values.dtype.kind in "mM":
             columns.append(Column(name, "", (values - values[0]) / _SECOND, stamps=True))
@@ -117,26 +121,7 @@ def parquet(path: Path) -> tuple[list[Column], dict[str, Any], dict[str, Any]]:
             )
         elif values.dtype.kind == "O" and all(one is None or isinstance(one, str) for one in values):
             texts[field.name] = np.array([one or "" for one in values], dtype=object)
-    about = json.loads((table.schema.metadata or {}).get(b"haploop", b"{}"))
-    if not {"patch", "point", "frequency", "velocity_real", "velocity_imaginary"} <= set(table.column_names):
-        return columns, about, texts
-    places = list(zip(*(table[name].to_pylist() for name in ("patch", "point")), strict=True))
-    each = list(dict.fromkeys(places))
-    by_name = {one.name: one.values.reshape(len(each), -1) for one in columns}
-    if places != [one for one in each for _ in range(len(places) // len(each))]:
-        raise ValueError("its responses do not stand below each other")
-    f = by_name.pop("frequency")
-    if np.ptp(f, axis=0).any():
-        raise ValueError("its responses are not over the same frequencies")
-    beside: dict[str, Any] = {**by_name, "frequency": f[0], "velocity_real.units": "(m/s)/V"}
-    return (
-        [],
-        about,
-        beside | dict(zip(("patches", "points"), map(list, zip(*each, strict=True)), strict=True)),
-    )
-
-
-_PLACES = {"patch": "patches", "point": "points"}
+    return columns, about, texts
 
 
 def netcdf(path: Path) -> tuple[list[Column], dict[str, Any], dict[str, Any]]:
@@ -157,9 +142,7 @@ def netcdf(path: Path) -> tuple[list[Column], dict[str, Any], dict[str, Any]]:
             values = np.asarray(variable[:] if variable.shape else variable.getValue())
             if values.dtype.kind == "S":
                 if values.ndim == 2:
-                    beside[_PLACES.get(name, name)] = [
-                        b"".join(row).decode(errors="replace") for row in values
-                    ]
+                    beside[name] = [b"".join(row).decode(errors="replace") for row in values]
             elif over_frequency:
                 beside[name] = values.astype(np.float64)
                 beside[f"{name}.units"] = said.get("units", "")

@@ -148,8 +148,8 @@ def _parquet(path: Path, tree: Tree) -> None:
     os.environ["ARROW_DEFAULT_MEMORY_POOL"] = "system"
     optional("pyarrow.parquet", "parquet", "A Parquet file")
     allow_memory(_PACKED * path.stat().st_size)
-    tree.columns, about, beside = channel_files.parquet(path)
-    _enter(tree, about, beside)
+    tree.columns, about, texts = channel_files.parquet(path)
+    _enter(tree, about, texts)
 
 
 def _netcdf(path: Path, tree: Tree) -> None:

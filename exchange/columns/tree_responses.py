@@ -1,7 +1,6 @@
 """Frequency responses in a tree of arrays: a complex array, or two real ones, over a vector of frequencies.
 
-MATLAB, HDF5 and NumPy files are such trees; netCDF, Parquet and CSV files as haploop exports responses
-become one.
+MATLAB, HDF5, NumPy and netCDF files are such trees; CSV files as haploop exports responses become one.
 """
 
 from __future__ import annotations

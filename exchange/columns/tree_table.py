@@ -215,6 +215,8 @@ def _shortened(columns: list[Column]) -> Iterator[Column]:
 
 
 def _about(tree: Tree) -> About:
-    """What a file of haploop's own says about itself."""
+    """What a file of haploop's own says about itself, or its recording that xarray wrote as netCDF 4."""
     said: dict[str, str | float] = {**tree.numbers, **tree.texts}
+    if "content_hash" in said:
+        return {name: value for name, value in said.items() if "." not in name}
     return {name.removeprefix("about."): value for name, value in said.items() if name.startswith("about.")}

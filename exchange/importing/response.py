@@ -27,7 +27,7 @@ def is_response_file(path: str | Path, format: str | None = None) -> bool:
         return not hdf5.kind_of(path)
     if found == "csv":
         return "responses" in read_sidecar(path)
-    if found in ("mat", "hdf5", "numpy", "netcdf", "parquet") and path.is_file():
+    if found in ("mat", "hdf5", "numpy", "netcdf") and path.is_file():
         return has_responses(path)
     return found == "uff" and uff_file.has_responses(path)
 
@@ -39,7 +39,7 @@ def import_response(
     point: str | None = None,
     unit: str | None = None,
 ) -> Response:
-    """The response in a UFF, MATLAB, HDF5 or NumPy file, or in any that haploop exported.
+    """The response in a UFF, MATLAB, HDF5, NumPy or netCDF file, or in a CSV file that haploop exported.
 
     Of several, it is the one of `patch` and `point`.
 

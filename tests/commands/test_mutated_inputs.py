@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from collections.abc import Callable
 from importlib import resources
@@ -9,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from haploop.acquisition import load_press
 from haploop.calibration import Waveforms
 from tests.command_line import Demo, Run
 from tests.exchange.test_mutated_files import ended
@@ -27,6 +29,13 @@ def signals(form: str, suffix: str) -> Callable[[Demo, Run, Path], Made]:
         return path, [("import", path, "--channel", "acceleration", "--out", folder / "out.h5", "--json")]
 
     return make
+
+
+def sep005(demo: Demo, _run: Run, folder: Path) -> Made:
+    press, path = load_press(demo.folder / "presses" / "push.h5"), folder / "press.json"
+    one = {"name": "acceleration", "unit_str": "m/s^2", "fs": press.rate_hz}
+    path.write_text(json.dumps([one | {"data": press.acceleration.tolist()}]), encoding="utf-8")
+    return path, [("import", path, "--button", "push", "--out", folder / "out.h5", "--json")]
 
 
 def beside(demo: Demo, run: Run, folder: Path) -> Made:
@@ -126,7 +135,7 @@ KINDS: dict[str, Callable[[Demo, Run, Path], Made]] = {
     "csv": signals("csv", ".csv"),
     "mat": signals("mat", ".mat"),
     "uff": signals("uff", ".uff"),
-    "sep005": signals("sep005", ".json"),
+    "sep005": sep005,
     "sidecar": beside,
     "responses": responses,
     "waveforms": waveforms,

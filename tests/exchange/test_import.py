@@ -15,7 +15,7 @@ import pytest
 from scipy.io import savemat, wavfile
 
 import haploop
-from haploop.acquisition import Representative
+from haploop.acquisition import Recording, Representative
 from tests.command_line import Run
 from tests.exchange.conftest import Files
 
@@ -36,8 +36,8 @@ def like(found: Representative, press: Representative, most: float = 0.02) -> No
 @pytest.mark.parametrize(
     ("format", "suffix"),
     [
-        ("csv", ".csv"), ("wav", ".wav"), ("wav48", ".wav"), ("mat", ".mat"), ("uff", ".uff"),
-        ("sep005", ".json"), ("sep005", ".sep005"), ("sep005", ".signals"),
+        ("csv", ".csv"), ("wav", ".wav"), ("wav48", ".wav"), ("mat", ".mat"), ("mat", ".signals"),
+        ("uff", ".uff"),
     ],
 )  # fmt: skip
 def test_a_press_goes_out_and_comes_back(files: Files, tmp_path: Path, format: str, suffix: str) -> None:
@@ -48,6 +48,39 @@ def test_a_press_goes_out_and_comes_back(files: Files, tmp_path: Path, format: s
     like(found, files.press, 0.04 if format == "wav48" else 0.02)
     assert found.simulated and found.sources[0][0] == out.name
     assert found.button == ("imported" if format == "uff" else "push")
+
+
+def _by_xarray(engine: str) -> Callable[[Recording, Path], None]:
+    def write(recording: Recording, path: Path) -> None:
+        pytest.importorskip("xarray")
+        pytest.importorskip(engine)
+        recording.to_xarray().to_netcdf(path, engine=engine)
+
+    return write
+
+
+def _by_pandas(recording: Recording, path: Path) -> None:
+    pytest.importorskip("pandas")
+    pytest.importorskip("pyarrow")
+    recording.to_pandas().to_parquet(path)
+
+
+@pytest.mark.usefixtures("read_here")
+@pytest.mark.parametrize(
+    ("write", "name"),
+    [(_by_pandas, "a.parquet"), (_by_xarray("scipy"), "a.nc"), (_by_xarray("h5netcdf"), "a.nc")],
+)
+def test_a_recording_by_pandas_or_xarray_says_what_it_is(
+    files: Files, tmp_path: Path, write: Callable[[Recording, Path], None], name: str
+) -> None:
+    """Units, button and participant, and that it is simulated."""
+    write(files.presses, tmp_path / name)
+    haploop.import_file(haploop.understand(tmp_path / name), tmp_path / "back.h5")
+    found = Recording.open(tmp_path / "back.h5")
+    assert (found.button, found.participant, found.simulated) == ("push", "P01", True)
+    np.testing.assert_allclose(found.force, files.presses.force, atol=2e-3)  # from the file's own rest
+    if name == "a.parquet":
+        np.testing.assert_allclose(found.acceleration[0], files.presses.acceleration[2], atol=2e-3)
 
 
 @pytest.mark.usefixtures("read_here")
@@ -120,6 +153,7 @@ def by_sdypy(path: Path, values: np.ndarray) -> None:
         (by_octave, "a.mat", 1.0),
         (by_pyuff, "a.uff", None),
         (by_sdypy, "a.sep005", None),
+        (by_sdypy, "a.json", None),
     ],
 )
 def test_a_file_that_another_library_wrote_alone(

@@ -28,13 +28,11 @@ def test_a_response_goes_out_and_comes_back(files: Files, run: Run, tmp_path: Pa
     assert imported.response.simulated
 
 
-@pytest.mark.parametrize("to", ["csv", "mat", "netcdf", "parquet", "uff"])
+@pytest.mark.parametrize("to", ["csv", "mat", "uff"])
 def test_what_is_exported_of_responses_is_read_back(
     to: str, files: Files, measured_map: Path, run: Run, tmp_path: Path
 ) -> None:
-    if to == "parquet":
-        pytest.importorskip("pyarrow")
-    path, back = tmp_path / f"a.{'nc' if to == 'netcdf' else to}", tmp_path / "b.h5"
+    path, back = tmp_path / f"a.{to}", tmp_path / "b.h5"
     assert run("export", files.calibration, "--to", to, "--out", path).exit_code == 0
     result = run("import", path, "--out", back)
     assert result.exit_code == 0, result.stderr
@@ -98,33 +96,6 @@ def test_a_map_opens_in_pandas(measured_map: Path, tmp_path: Path) -> None:
         np.testing.assert_allclose(table[f"{name} imaginary [(m/s)/V]"], values.imag, rtol=1e-8)
 
 
-def test_a_map_as_parquet_opens_in_pandas(measured_map: Path, tmp_path: Path) -> None:
-    pandas = pytest.importorskip("pandas")
-    arrow = pytest.importorskip("pyarrow.parquet")
-    haploop.export_file(measured_map, "parquet", tmp_path / "a.parquet")
-    table = pandas.read_parquet(tmp_path / "a.parquet")
-    groups = table.groupby(["patch", "point", "row", "column"], sort=False)
-    assert [key for key, _ in groups] == PLACES
-    f = table["frequency"][: len(table) // 4].to_numpy()
-    for (_, rows), values in zip(groups, own(measured_map, f), strict=True):
-        np.testing.assert_array_equal(rows["velocity_real"] + 1j * rows["velocity_imaginary"], values)
-    schema = arrow.read_schema(tmp_path / "a.parquet")
-    assert schema.field("velocity_real").metadata == {b"unit": b"(m/s)/V"}
-    assert json.loads(schema.metadata[b"haploop"])["simulated"] is True
-
-
-def test_a_map_in_libnetcdf(measured_map: Path, tmp_path: Path) -> None:
-    netcdf = pytest.importorskip("netCDF4")
-    haploop.export_file(measured_map, "netcdf", tmp_path / "a.nc")
-    with netcdf.Dataset(tmp_path / "a.nc") as file:
-        found = np.asarray(file["velocity_real"][:] + 1j * file["velocity_imaginary"][:])
-        np.testing.assert_array_equal(found, own(measured_map, np.asarray(file["frequency"][:])))
-        assert (file["velocity_real"].units, file["frequency"].units) == ("m s-1 V-1", "Hz")
-        names = [netcdf.chartostring(file[name][:]).tolist() for name in ("patch", "point")]
-        cells = [file[name][:].tolist() for name in ("row", "column")]
-        assert list(zip(*names, *cells, strict=True)) == PLACES
-
-
 def test_a_map_in_pyuff(measured_map: Path, tmp_path: Path) -> None:
     pyuff = pytest.importorskip("pyuff")
     haploop.export_file(measured_map, "uff", tmp_path / "a.uff")
@@ -148,16 +119,6 @@ def test_a_response_as_a_table(files: Files, tmp_path: Path) -> None:
     name = "patch A point button velocity"
     found = table[f"{name} real [(m/s)/V]"] + 1j * table[f"{name} imaginary [(m/s)/V]"]
     np.testing.assert_allclose(found, velocity(), rtol=1e-7)
-
-
-def test_a_response_in_libnetcdf(files: Files, tmp_path: Path) -> None:
-    netcdf = pytest.importorskip("netCDF4")
-    haploop.export_file(files.calibration, "netcdf", tmp_path / "a.nc")
-    with netcdf.Dataset(tmp_path / "a.nc") as file:
-        found = np.asarray(file["velocity_real"][0] + 1j * file["velocity_imaginary"][0])
-        np.testing.assert_array_equal(found, velocity())
-        assert file["velocity_real"].units == "m s-1 V-1"
-        assert b"".join(file["point"][0]).decode() == "button"
 
 
 def test_frequencies_in_uff_have_the_digits_that_fit(tmp_path: Path, files: Files) -> None:
@@ -190,6 +151,23 @@ def test_a_complex_array_over_frequencies_is_a_response(
     np.testing.assert_allclose(found.velocity, own, rtol=1e-12)
     savemat(path, {"H": own, "force": np.arange(400.0), "fs": 5000.0})
     assert not haploop.is_response_file(path)
+
+
+@pytest.mark.usefixtures("read_here")
+@pytest.mark.parametrize("engine", ["scipy", "h5netcdf"])
+def test_two_parts_over_frequency_in_netcdf_are_a_response(tmp_path: Path, engine: str) -> None:
+    xarray = pytest.importorskip("xarray")
+    pytest.importorskip(engine)
+    own, path = velocity(), tmp_path / "a.nc"
+    parts = {"H_real": own.real, "H_imag": own.imag}
+    unit = {"units": "m s-1 V-1"}  # as CF asks for
+    xarray.Dataset(
+        {name: ("frequency", part, unit) for name, part in parts.items()},
+        coords={"frequency": ("frequency", FREQUENCIES, {"units": "Hz"})},
+    ).to_netcdf(path, engine=engine)
+    found = haploop.import_response(path, haploop.load_rig_file("simulated"), "A", "button")
+    assert haploop.is_response_file(path) and (found.patch, found.point) == ("A", "button")
+    np.testing.assert_allclose(found.velocity, own, rtol=1e-12)
 
 
 @pytest.mark.usefixtures("read_here")

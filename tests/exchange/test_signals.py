@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import warnings
 from pathlib import Path
 
 import numpy as np
@@ -120,96 +119,6 @@ def test_uff_opens_in_pyuff(files: Files, tmp_path: Path, kind: str) -> None:
         assert one["id5"].startswith("Simulated")
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_sep005_is_valid(files: Files, tmp_path: Path, kind: str) -> None:
-    sep005 = pytest.importorskip("sdypy_sep005.sep005")
-    channels = json.loads(exported(files, kind, "sep005", tmp_path, ".json").read_text(encoding="utf-8"))
-    sep005.assert_sep005(channels)
-    found = {channel["name"]: channel for channel in channels}
-    for name, (values, unit) in expected(files, kind).items():
-        assert found[name]["unit_str"] == unit
-        np.testing.assert_allclose(found[name]["data"], values, rtol=1e-8, atol=1e-12)
-
-
-def test_pyfrf_takes_sep005(files: Files, tmp_path: Path) -> None:
-    """Force and acceleration of a recording as excitation and response: it computes their FRF."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # its own
-        pyfrf = pytest.importorskip("pyFRF")
-        channels = json.loads(exported(files, "recording", "sep005", tmp_path, ".json").read_text("utf-8"))
-        found = {channel["name"]: channel for channel in channels}
-        one = pyfrf.FRF(sampling_freq=5000, exc_type="f", resp_type="a", fft_len=4096)
-        one.add_data(found["force"], found["acceleration_z"])
-        assert np.isfinite(one.get_H1()[..., 1:]).all()  # it divides by zero at 0 Hz
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_netcdf_opens_in_libnetcdf(files: Files, tmp_path: Path, kind: str) -> None:
-    netcdf = pytest.importorskip("netCDF4")
-    with netcdf.Dataset(exported(files, kind, "netcdf", tmp_path, ".nc")) as file:
-        assert file.Conventions.startswith("CF-") and file.simulated == 1
-        time = file["elapsed_time"]
-        assert time.units == "s" and np.diff(time[:2]) == pytest.approx(1 / file.sample_rate_hz)
-        for name, (values, unit) in expected(files, kind).items():
-            np.testing.assert_array_equal(np.asarray(file[name][:]), values)
-            assert file[name].units == {"m/s^2": "m s-2"}.get(unit, unit)
-
-
-@pytest.mark.parametrize("kind", [*KINDS, "calibration"])
-def test_netcdf_keeps_the_conventions_that_it_names(files: Files, tmp_path: Path, kind: str) -> None:
-    """The checker of the ocean sites (IOOS): neither errors nor warnings."""
-    runner = pytest.importorskip("compliance_checker.runner")
-    out = exported(files, kind, "netcdf", tmp_path, ".nc")
-    report = str(tmp_path / "report.json")
-    runner.CheckSuite.load_all_available_checkers()
-    runner.ComplianceChecker.run_checker(
-        str(out), ["cf:1.11"], 0, "strict", output_filename=report, output_format="json"
-    )
-    (found,) = json.loads(Path(report).read_text("utf-8")).values()
-    problems = [one["msgs"] for one in found["all_priorities"] if one["msgs"]]
-    assert found["scored_points"] > 0 and not problems
-
-
-def test_parquet_opens_in_pandas(files: Files, tmp_path: Path) -> None:
-    pytest.importorskip("pyarrow")
-    pandas = pytest.importorskip("pandas")
-    table = pandas.read_parquet(exported(files, "representative", "parquet", tmp_path, ".parquet"))
-    np.testing.assert_array_equal(table["acceleration"], files.press.acceleration)
-
-
-def test_nwb_passes_the_inspector(files: Files, tmp_path: Path) -> None:
-    pytest.importorskip("pynwb")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # the inspector's own
-        inspector = pytest.importorskip("nwbinspector")
-        out = exported(files, "recording", "nwb", tmp_path, ".nwb")
-        found = list(inspector.inspect_nwbfile(nwbfile_path=out))
-    worse = [m for m in found if m.importance.name in ("ERROR", "PYNWB_VALIDATION", "CRITICAL")]
-    assert not worse, worse
-    import h5py  # its own reader, beneath pynwb
-
-    with h5py.File(out) as file:
-        z = file["acquisition/acceleration_z"]
-        np.testing.assert_array_equal(z["data"][:], files.presses.acceleration[2])
-        assert z["data"].attrs["unit"] == "m/s^2"
-        assert len(file["intervals/trials/id"]) == len(files.presses.verdicts)
-
-
-def test_the_library_beneath_nwb_meets_no_full_disk(
-    files: Files, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Where one system call after another failed, it crashed as the program ended."""
-    pytest.importorskip("pynwb")
-
-    def full(_path: Path, _data: bytes) -> int:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(Path, "write_bytes", full)
-    with pytest.raises(haploop.DataError, match=r"a\.nwb cannot be written: No space left on device"):
-        haploop.export_file(files.recording, "nwb", tmp_path / "a.nwb")
-    assert not list(tmp_path.iterdir())
-
-
 def test_a_table_of_presses(files: Files, tmp_path: Path) -> None:
     """Several recordings: one row a press; the same one twice has twice the rows."""
     done = haploop.export_file([files.recording, files.recording], "csv", tmp_path / "presses.csv")
@@ -230,7 +139,7 @@ def test_a_table_of_presses(files: Files, tmp_path: Path) -> None:
 def test_what_does_not_fit_is_one_sentence(files: Files, tmp_path: Path) -> None:
     with pytest.raises(haploop.ConfigurationError, match=r"recording cannot .*'ahap'.*representative press"):
         haploop.export_file(files.recording, "ahap", tmp_path / "a.ahap")
-    with pytest.raises(haploop.ConfigurationError, match="choose csv, mat, netcdf, parquet, uff"):
+    with pytest.raises(haploop.ConfigurationError, match="choose csv, mat, uff"):
         haploop.export_file(files.calibration, "wav", tmp_path / "a.wav")
     with pytest.raises(haploop.ConfigurationError, match="Several recordings cannot be exported as 'wav'"):
         haploop.export_file([files.recording, files.recording], "wav", tmp_path / "a.wav")
@@ -240,13 +149,6 @@ def test_what_does_not_fit_is_one_sentence(files: Files, tmp_path: Path) -> None
     with pytest.raises(haploop.ConfigurationError, match="already exists"):
         haploop.export_file(files.drive, "wav", tmp_path / "a.wav")
     assert [p.name for p in tmp_path.iterdir()] == ["a.wav.json"]
-
-
-def test_a_missing_library_is_named(files: Files, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(__import__("sys").modules, "pyarrow", None)
-    with pytest.raises(haploop.ConfigurationError, match=r'pip install "haploop\[parquet\]"'):
-        haploop.export_file(files.drive, "parquet", tmp_path / "a.parquet")
-    assert not list(tmp_path.iterdir())
 
 
 def test_channels_with_names_alike_are_all_in_the_matlab_file(tmp_path: Path) -> None:

@@ -190,7 +190,7 @@ def test_a_calibration_is_exported_by_a_command(calibrated: Calibrated, tmp_path
     (back,) = read_uff(tmp_path / "a.uff")
     assert back.velocity == pytest.approx(calibrated.calibration.response.velocity, rel=1e-10)
     assert np.array_equal(loadmat(tmp_path / "a.mat")["poles"].ravel(), calibrated.calibration.model.poles)
-    for to, said in (("uff", "is not overwritten"), ("wav", "choose csv, mat, netcdf, parquet, uff")):
+    for to, said in (("uff", "is not overwritten"), ("wav", "choose csv, mat, uff")):
         arguments = ["export", str(file), "--to", to, "--out", str(tmp_path / "a.uff")]
         result = CliRunner().invoke(cli, arguments, obj=CommandState())
         assert result.exit_code == 2 and said in " ".join(result.output.split())
