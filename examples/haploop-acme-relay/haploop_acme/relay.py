@@ -37,8 +37,7 @@ class AcmeRelay(ChannelRelay):
 
 class _Board:
     def __init__(self, line: Line, dead_man: float) -> None:
-        self._line = line
-        self.dead_man = dead_man
+        self._line, self.dead_man = line, dead_man
         self.identity = self._ask("ID", lambda answer: answer.startswith("ACME RB-8"))
 
     def states(self) -> dict[int, ChannelState]:
