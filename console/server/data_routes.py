@@ -20,10 +20,11 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
-from ...acquisition import load_study
+from ...acquisition import Representative, load_study
 from ...acquisition.recording import PartReader
 from ...base.arrays import FloatArray
 from ...base.errors import DataError, HaploopError
+from ...base.hdf5 import kind_of
 from ...calibration import (
     Calibration,
     VibrationMap,
@@ -139,6 +140,8 @@ def _presses(data: DataFolder, asked: Mapping[str, str]) -> Any:
     path = data.path(asked.get("file", ""))
     if not path.exists():
         raise DataError(f"There is no file {path}.")
+    if kind_of(path) == "representative":
+        return {"presses": [_averaged(Representative.load(path))]}
     recording = _reader(path)
     recording.look()
     rate_hz = recording.header.rate_hz
@@ -186,6 +189,15 @@ def _shown(recording: PartReader, first: int, end: int, step: int) -> dict[str, 
             middle = values - np.median(values) if len(values) else values
             shown |= {"fast": np.round(middle, 2), "fast_step_s": 1 / rate_hz, "fast_label": label}
     return shown
+
+
+def _averaged(press: Representative) -> dict[str, Any]:
+    """A representative press, as one of a recording."""
+    step_s = 1 / press.rate_hz
+    shown = {"fast": np.round(press.acceleration, 3), "fast_step_s": step_s, "fast_label": "m/s²"}
+    if press.force is not None:
+        shown |= {"slow": np.round(press.force, 4), "slow_step_s": step_s, "slow_label": "force (N)"}
+    return {**shown, "number": 0, "accepted": True, "start_s": -press.activation_index * step_s}
 
 
 @lru_cache(maxsize=2)

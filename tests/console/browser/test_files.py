@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from haploop import open_rig, record, representative
 from haploop.calibration import DigitalButton, History, adopt
 from haploop.commands.cli import cli
 from tests.console.browser.browsing import WAIT, Tab, expect, fits, visit
@@ -34,6 +35,9 @@ def console(made: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Se
     data = folder / "data"
     (data / "buttons").mkdir(parents=True)
     shutil.copy(made / "latch.h5", data / "buttons")
+    with open_rig("simulated") as rig:
+        recording = record(rig, "latch", "P01", 2, data / "recordings")
+    representative([recording]).save(data / "press.h5")
     for words in (["new", "--from", "matching"], ["simulate", "--participants", "2"]):
         done = CliRunner().invoke(cli, ["experiment", words[0], str(data / "matching"), *words[1:]])
         assert done.exit_code == 0, done.output
@@ -63,6 +67,17 @@ def test_a_row_of_files_opens_its_verdict_and_its_numbers(tab, console):
     assert saved(page, "Data (CSV)").startswith("panel,curve,x axis,y axis,x,y")
     for width in WIDTHS:
         fits(page, width)
+
+
+def test_a_press_is_laid_over_that_of_another_file(tab, console):
+    page = visit(tab, console, "file?file=recordings/P01-latch.h5")
+    page.get_by_label("Lay a press of another file over it").select_option("press.h5", timeout=WAIT)
+    expect(page.locator("#traces canvas")).to_have_count(2, timeout=WAIT)
+    expect(page.locator("#which")).to_contain_text("press.h5: the representative press")
+    for width in WIDTHS:
+        fits(page, width)
+    page.get_by_label("Lay a press of another file over it").select_option("none")
+    expect(page.locator("#traces canvas")).to_have_count(0)
 
 
 def test_a_psychologist_reads_the_scores_and_saves_the_answers(tab, console):
