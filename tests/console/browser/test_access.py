@@ -14,13 +14,14 @@ AXE = Path(os.environ.get("HAPLOOP_AXE", ROOT / "node_modules" / "axe-core" / "a
 pytestmark = pytest.mark.timeout(600)
 
 
+@pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("name", [*PAGES, "participant"])
-def test_no_barrier_that_axe_finds(browser, console, name):
+def test_no_barrier_that_axe_finds(browser, console, name, scheme):
     if not AXE.is_file():
         pytest.skip(
             "axe-core is not installed: npm install --no-save axe-core, or HAPLOOP_AXE=.../axe.min.js"
         )
-    tab = Tab(browser, console, bypass_csp=True)
+    tab = Tab(browser, console, bypass_csp=True, color_scheme=scheme)
     page = visit(tab, console, name) if name != "participant" else tab.page
     if name == "participant":
         page.goto(f"{console.base}/participant")
