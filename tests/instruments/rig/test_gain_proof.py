@@ -11,7 +11,8 @@ import pytest
 from haploop.base.errors import InstrumentError, LimitError
 from haploop.instruments import Rig, RigFile, Sweep, load_rig_file, open_rig
 from haploop.instruments.driver import Mode
-from haploop.instruments.rig.gain_proof import TOO_MUCH, UnshownError, loudest, tone
+from haploop.instruments.limits import Limits
+from haploop.instruments.rig.gain_proof import TOO_MUCH, UnshownError, level_of, loudest, tone
 from haploop.instruments.safety.audit import entries
 from haploop.mocks.faults.amplifier import AmplifierGain
 from haploop.mocks.faults.sensors import SensorDisconnected
@@ -167,12 +168,21 @@ def test_a_gain_that_cannot_be_proved_is_logged_once() -> None:
 
 
 @pytest.mark.parametrize(
-    ("mode", "file"), [("twin", "simulated"), ("twin", "four-channel"), ("wire", "simulated")]
+    ("mode", "file", "stands"),
+    [
+        ("twin", "simulated", 0.0),
+        ("twin", "simulated", 0.2),
+        ("twin", "four-channel", 0.0),
+        ("wire", "simulated", 0.0),
+    ],
 )
 def test_a_monitor_that_dies_after_the_proof_is_noticed_by_the_next_play(
-    mode: Mode, file: str, monkeypatch: pytest.MonkeyPatch
+    mode: Mode, file: str, stands: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """And the one after that is not played: a gain that is wrong by then reaches no patch."""
+    """And the one after that is not played: a gain that is wrong by then reaches no patch.
+
+    A dead monitor may show volts that stand (`stands`, at its terminal), as many as the play had.
+    """
     dead, patch = ("drive_c", "C") if file == "four-channel" else ("drive", "A")
     faults = [
         {"kind": "sensor-disconnected", "channel": dead},
@@ -181,7 +191,9 @@ def test_a_monitor_that_dies_after_the_proof_is_noticed_by_the_next_play(
     patches, broken = "ABCD" if file == "four-channel" else "A", set[str]()
     cut, gained = SensorDisconnected.channel, AmplifierGain.gain
     monkeypatch.setattr(
-        SensorDisconnected, "channel", lambda own, n, v, t: cut(own, n, v, t) if "monitor" in broken else v
+        SensorDisconnected,
+        "channel",
+        lambda own, n, v, t: cut(own, n, v, t) + stands * (n == dead) if "monitor" in broken else v,
     )
     monkeypatch.setattr(
         AmplifierGain, "gain", lambda own, g, run: gained(own, g, run) if "gain" in broken else g
@@ -197,3 +209,9 @@ def test_a_monitor_that_dies_after_the_proof_is_noticed_by_the_next_play(
             with pytest.raises(UnshownError, match="when the gain was proved"):
                 rig.excite_each(dict.fromkeys(patches, TONE), ["drive"])
         assert rig.simulation.truth.peak < 11 and not rig.simulation.truth.closed
+
+
+@pytest.mark.parametrize(("limit", "level"), [(40.0, 1.0), (2.0, 0.5)])
+def test_the_proof_is_a_quarter_of_a_small_limit(limit: float, level: float) -> None:
+    """A gain four times too large would still be within it."""
+    assert level_of(Limits(max=limit, min=-limit)) == level

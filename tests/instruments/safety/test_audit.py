@@ -55,6 +55,13 @@ def test_what_a_rig_did_is_in_the_log() -> None:
         assert datetime.fromisoformat(entry["time"]).tzinfo is not None
 
 
+def test_of_several_drives_the_largest_is_in_the_log() -> None:
+    with open_rig("four-channel") as rig:
+        rig.excite_each({"A": 0.5 * DRIVE, "B": DRIVE}, ["drive"])
+    played = [entry for entry in entries(rig.audit.folder) if entry["kind"] == "played"]
+    assert played[-1]["peak"] == float(np.abs(DRIVE).max())
+
+
 def test_a_play_is_in_the_log_before_it_sounds() -> None:
     seen: list[str] = []
     with open_rig("simulated") as rig:

@@ -15,7 +15,7 @@ from haploop.base.errors import DataError, LimitError
 from haploop.base.json_text import of_file
 from haploop.instruments import RigFile, load_rig_file, open_rig
 from haploop.instruments.config.rig_file import DriveLimits
-from haploop.instruments.safety.duty import plays_of
+from haploop.instruments.safety.duty import clear_old, count_plays, plays_of
 from tests.instruments.safety.at_the_patch import bursts, busiest_minute
 from tests.instruments.safety.lab import Lab, lab
 
@@ -135,3 +135,11 @@ def test_what_is_kept_stays_small(here: Lab, tmp_path: Path) -> None:
             rig.excite(TONE[::100] * 0, ["A"], ["drive"])
             here.clock.sleep(10)
     assert all(len(of_file("duty", path.read_bytes())) < 8 for path in tmp_path.glob("*.duty"))
+
+
+@pytest.mark.parametrize(("ago", "left"), [((90_000.0, 10.0), True), ((90_000.0, 90_000.0), False)])
+def test_a_day_after_the_last_play_its_file_goes(tmp_path: Path, ago: tuple[float, ...], left: bool) -> None:
+    now = 1e9
+    count_plays(tmp_path, ["a card"], [(now - past - 1.0, now - past) for past in ago])
+    clear_old(tmp_path, now)
+    assert bool(list(tmp_path.glob("*.duty"))) is left
