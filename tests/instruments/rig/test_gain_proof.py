@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -215,3 +216,13 @@ def test_a_monitor_that_dies_after_the_proof_is_noticed_by_the_next_play(
 def test_the_proof_is_a_quarter_of_a_small_limit(limit: float, level: float) -> None:
     """A gain four times too large would still be within it."""
     assert level_of(Limits(max=limit, min=-limit)) == level
+
+
+@pytest.mark.parametrize(("gain", "refused"), [(1.2, False), (1.3, True)])
+def test_a_quarter_more_than_was_asked_for_locks_the_rig_out(gain: float, refused: bool) -> None:
+    fault = {"kind": "amplifier-gain", "gain": 50 * gain, "patch": "A"}
+    with open_rig("simulated", simulation={"faults": [fault]}) as rig:
+        with suppress(InstrumentError):
+            rig.prove_gain("A")
+        assert (rig.lockout is not None) is refused
+        assert rig.simulation.truth.peak == pytest.approx(gain, rel=0.02)
