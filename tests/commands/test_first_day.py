@@ -32,7 +32,7 @@ from haploop.console.data_folder import DataFolder
 from haploop.console.worker.worker import Worker
 from haploop.instruments import RigFile, load_rig_file
 from haploop.instruments.config import shipped_rigs
-from haploop.instruments.daq import ni_cards, ni_sessions
+from haploop.instruments.daq import ni_cards, ni_sessions, serial_adc
 from haploop.instruments.daq.ni_sessions import Sessions
 from haploop.instruments.driver import hardware_of
 from haploop.instruments.rig import opening
@@ -166,6 +166,7 @@ def port(error: int) -> Broken:
 def port_answering(answer: bytes) -> Broken:
     def broken(patch: pytest.MonkeyPatch, settings: dict[str, Any], stack: ExitStack) -> Mapping[str, Any]:
         patch.setattr(serial, "serial_for_url", lambda *_, **__: _SerialPort(answer))
+        patch.setattr(serial_adc, "_LATE", 0.02)
         return {} if "frame" in settings else QUICK  # a board that streams is waited for on the rig's clock
 
     return broken

@@ -20,7 +20,7 @@ from tests.calibration.conftest import make_press
 from tests.calibration.upkeep.conftest import WHEN
 
 SEED = 16584257
-POINTS, PATCHES = ("button", "80"), "ABC"
+POINTS, PATCHES = ("button", "80"), "AB"
 
 
 def opened(mode_drift: float = 0.0) -> Rig:
