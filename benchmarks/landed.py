@@ -39,7 +39,7 @@ def main() -> int:
         try:  # both alike, because a checkout starts otherwise than what is installed
             for build, commit in builds.items():
                 _install(commit, folder / build, folder / "source" / build / "haploop")
-        except subprocess.CalledProcessError as error:
+        except (OSError, subprocess.CalledProcessError) as error:
             print(f"not compared: the build {landed} is not to be had here ({error})")
             return 0
         programs = {

@@ -146,13 +146,28 @@ def netcdf(path: Path) -> tuple[list[Column], dict[str, Any], dict[str, Any]]:
             elif over_frequency:
                 beside[name] = values.astype(np.float64)
                 beside[f"{name}.units"] = said.get("units", "")
-            elif values.dtype.kind in "iuf" and values.ndim == 1 and len(values) == max(lengths):
-                raw = unpacked(values.astype(values.dtype.newbyteorder("=")), said)
+            elif values.dtype.kind in "iuf" and values.ndim in (1, 2) and max(lengths) in values.shape:
+                raw = np.asarray(
+                    unpacked(values.astype(values.dtype.newbyteorder("=")), said), dtype=np.float64
+                )
                 unit = str(said.get("units", "")).partition(" since ")[0]
                 doubt = doubt_beside({key: said[key] for key in said if key not in CF})
-                columns.append(Column(name, unit, np.asarray(raw, dtype=np.float64), doubt=doubt))
+                rows = np.atleast_2d(raw if len(raw) != max(lengths) else raw.T)
+                for heading, row in zip(_headings(file, name, len(rows)), rows, strict=True):
+                    columns.append(Column(heading, unit, row, doubt=doubt))
         about = {key: _text(value) for key, value in file._attributes.items()}
     return columns, about, beside
+
+
+def _headings(file: Any, name: str, count: int) -> list[str]:
+    """Names of a variable's columns: of a matrix, with the texts along its other dimension, or numbers."""
+    if count == 1:
+        return [name]
+    for dimension in file.variables[name].dimensions:
+        along = file.variables.get(dimension)
+        if along is not None and along[:].dtype.kind == "S" and len(along[:]) == count:
+            return [f"{name} {b''.join(np.atleast_1d(row)).decode(errors='replace')}" for row in along[:]]
+    return [f"{name} {number}" for number in range(1, count + 1)]
 
 
 def _text(value: Any) -> Any:

@@ -50,6 +50,9 @@ def read(path: Path, matlab: bool, enter: Enter, texts: dict[str, str], columns:
                 enter(dotted, _plain(one.asstr()[()]))
             elif one.shape is not None:
                 enter(dotted, unpacked(one[()], packed))
+                if labels := _labels(one):
+                    leaf = dotted.rpartition(".")[2]
+                    enter(f"{dotted}.names", [f"{leaf} {label}" for label in labels])
         return "MATLAB file of level 7.3" if matlab else "HDF5 file"
 
 
@@ -79,6 +82,17 @@ def unpacked(values: Any, said: Mapping[str, Any]) -> Any:
     scale, offset = float(_one(said, "scale_factor", 1.0)), float(_one(said, "add_offset", 0.0))
     found = raw.astype(np.float64) * scale + offset
     return np.where(missing, np.nan, found)
+
+
+def _labels(one: Any) -> list[str]:
+    """Texts of the coordinate along a matrix's other dimension, as xarray writes x, y, z; none without."""
+    import h5py  # noqa: PLC0415 - for HDF5 files only
+
+    if len(one.shape) != 2 or "DIMENSION_LIST" not in one.attrs:
+        return []
+    scales = (scale for dimension in one.dims for scale in dimension.values())
+    texts = (scale.asstr()[()] for scale in scales if h5py.check_string_dtype(scale.dtype))
+    return next(([str(text) for text in np.atleast_1d(found)] for found in texts), [])
 
 
 def _one(said: Mapping[str, Any], key: str, otherwise: Any) -> Any:

@@ -129,12 +129,13 @@ def _columns(tree: Tree, name: str) -> Iterator[Column]:
     }
     names = next((lists[key] for key in _NAMES if key in lists), [])
     units = next((lists[key] for key in _UNITS if key in lists), [])
+    of_all, doubt = _unit(tree, said, name)
     for number, column in enumerate(rows.T):
         heading = names[number] if len(names) == rows.shape[1] else ""
-        unit = units[number] if len(units) == rows.shape[1] else ""
+        unit = units[number] if len(units) == rows.shape[1] else of_all
         yield Column(
             *_named(heading, unit), np.ascontiguousarray(column), rate, start_s=start, also=(heading,),
-            doubt=factor,
+            doubt=doubt or factor,
         )  # fmt: skip
 
 
