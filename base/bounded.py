@@ -35,6 +35,6 @@ Baud = Annotated[int, Field(strict=True, ge=300, le=12_000_000)]
 """From the slowest line in use to full-speed USB (bits/s)."""
 Number = Annotated[int, Field(strict=True, ge=0, le=10_000)]
 """Of a device or a grid point, from 0."""
-Seed = Annotated[int, Field(strict=True, ge=0, lt=1 << 64)]
+Seed = Annotated[int, Field(strict=True, ge=0, lt=1 << 53)]  # a browser rounds a larger one
 Timeout = Annotated[float, Field(strict=True, gt=0, le=60)]
 """Time for an instrument to answer (s)."""

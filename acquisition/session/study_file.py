@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationInfo, field_validator
 
-from ...base.bounded import Positive
+from ...base.bounded import Positive, Seed
 from ...base.errors import ConfigurationError
 from ...instruments.config import load_model
 from ..presses import AverageMethod, Protocol, Segmentation, segmentation_for
@@ -110,7 +110,7 @@ class StudyFile(_Section):
     """Presses of each button by each participant (ten in the paper)."""
     order: Order = "counterbalanced"
     """Order of the buttons for each participant."""
-    seed: Annotated[Annotated[int, Field(ge=0)] | None, Field(validate_default=True)] = None
+    seed: Annotated[Seed | None, Field(validate_default=True)] = None
     """Seed of a random order."""
     consent: bool = True
     """True when the operator must confirm each participant's consent."""

@@ -160,6 +160,7 @@ def test_two_intervals_compare_each_level_in_both_orders() -> None:
         (('groups = ["I", "II"]', 'groups = ["I", "I"]'), "listed twice"),
         (('kind = "identification"', 'kind = "staircase"'), r"\[comparison\]"),
         (("seed = 2020", "seed = "), "not valid TOML"),
+        (("seed = 2020", "seed = 9007199254740993"), "seed"),
         (('groups = ["I", "II"]', 'groups = ["I", "II", "III"]'), "number of groups must be a multiple of 2"),
         (('groups = ["I", "II"]', ""), "groups = 1 and sessions = 2 cannot balance"),
         (("sessions = 2", "sessions = 3"), "groups = 2 and sessions = 3 cannot balance"),
