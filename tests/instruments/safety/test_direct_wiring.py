@@ -245,6 +245,15 @@ def test_a_killed_program_leaves_at_most_its_drive_until_the_rig_is_opened_again
         assert abs(here.truth.patch_voltages["A"]) < 1e-3
 
 
+def test_outputs_stay_reserved_after_a_play_too(here: Lab) -> None:
+    with open_rig(hardware()) as rig:
+        rig.prove_gain("A")
+        rig.excite(TONE, ["A"], ["drive"])
+        rig.relay.connect([])
+        with pytest.raises(LimitError, match="The outputs stay reserved"):
+            rig.daq.let_go()
+
+
 CHILD = """
 import sys
 import numpy as np
