@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 from haploop.acquisition import Protocol, Recording, load_study, record, recover, set_aside, verify
+from haploop.base import marks
 from haploop.base.errors import ConfigurationError, DataError, InstrumentError
 from haploop.base.marks import InUse, is_marked, marked
 from haploop.instruments import Press
-from haploop.instruments.safety import lock
 from tests import forked
 from tests.acquisition.presses.pressworld import world_rig
 from tests.acquisition.session.studying import recording_until_told
@@ -93,13 +93,13 @@ def test_no_program_finishes_what_another_one_records(elsewhere, tmp_path: Path,
 def test_a_mark_that_its_holder_removes_meanwhile_is_not_taken_for_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path, taken = tmp_path / "file.h5", lock.taken
+    path, taken = tmp_path / "file.h5", marks.taken
 
     def after_its_holder(descriptor: int) -> bool:
         (tmp_path / ".file.h5.lock").unlink()
         return taken(descriptor)
 
-    monkeypatch.setattr(lock, "taken", after_its_holder)
+    monkeypatch.setattr(marks, "taken", after_its_holder)
     with pytest.raises(InUse), marked(path):
         pytest.fail("Marked, and nobody else can see it.")
 
