@@ -123,7 +123,7 @@ def test_a_scale_unlike_the_rig_files_is_one_sentence(simulate: str, tmp_path: P
         "The thermometer of the rig 'acme' reports 40 % per V on the channel 'humidity', and "
         "[sensors.extra.humidity] says 4 % per V: set the instrument, or correct the rig file."
     )
-    with pytest.raises(haploop.instruments.ConfigurationError) as raised:
+    with pytest.raises(haploop.ConfigurationError) as raised:
         haploop.open_rig(rig, simulate=simulate)
     assert str(raised.value) == expected
     findings = told("doctor", "--rig", str(rig), "--simulate", simulate)["findings"]
