@@ -140,9 +140,9 @@ def _presses(data: DataFolder, asked: Mapping[str, str]) -> Any:
     path = data.path(asked.get("file", ""))
     if not path.exists():
         raise DataError(f"There is no file {path}.")
-    if kind_of(path) == "representative":
-        return {"presses": [_averaged(Representative.load(path))]}
     recording = _reader(path)
+    if isinstance(recording, Representative):
+        return {"presses": [_averaged(recording)]}
     recording.look()
     rate_hz = recording.header.rate_hz
     count = recording.samples
@@ -201,9 +201,9 @@ def _averaged(press: Representative) -> dict[str, Any]:
 
 
 @lru_cache(maxsize=2)
-def _reader(path: Path) -> PartReader:
-    """The reader of a recording, kept from press to press."""
-    return PartReader(path)
+def _reader(path: Path) -> PartReader | Representative:
+    """The reader of a recording, kept from press to press, or what was averaged."""
+    return Representative.load(path) if kind_of(path) == "representative" else PartReader(path)
 
 
 def _means(values: FloatArray, step: int) -> FloatArray:
