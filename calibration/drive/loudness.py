@@ -173,8 +173,8 @@ def plan_button(
     doing, count = f"Plan the {press.button} button", len(together) * len(methods) * len(_ERRORS)
     for method, some in product(methods, together):
         drives: list[Drive] = []
-        for error in _ERRORS:
-            progress(doing, len(curves) * len(_ERRORS) + len(drives), count, "")
+        for number, error in enumerate(_ERRORS):
+            progress(doing, len(curves) * len(_ERRORS) + number, count, "")
             drive = drive_for(press, some, rig.limits, method=method, trade=Trade(error), elsewhere=elsewhere)
             if not drives or drive.expected_error <= TOLERANCE:
                 drives.append(drive)
