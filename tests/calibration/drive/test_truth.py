@@ -15,7 +15,7 @@ from haploop.calibration.drive.check import compare
 from haploop.calibration.drive.checked import Check
 from haploop.calibration.drive.playing import play
 from haploop.instruments import Capture, Rig
-from haploop.mocks.plant.table import LOWEST_HZ, make_plate
+from haploop.mocks.plant.table import HIGHEST_HZ, make_plate
 from tests.calibration.conftest import Calibrated, make_press
 from tests.conftest import OpenRig
 
@@ -112,7 +112,7 @@ def test_a_pane_that_rings_far_above_the_drive_does_not_pass(
 
     What the laser passes is planned with as well.
     """
-    plate = make_plate(np.random.default_rng(1), highest_hz=LOWEST_HZ)
+    plate = make_plate(np.random.default_rng(1), highest_hz=HIGHEST_HZ)
     rig = open(
         plant="modal",
         natural_hz=[*plate.natural_hz, hz],
