@@ -55,6 +55,11 @@ class Column:
         """Name and unit."""
         return f"{self.name} [{self.unit}]" if self.unit and self.unit != self.name else self.name
 
+    def called(self, number: int) -> str:
+        """The heading, with the column's number in place of a name that it has not."""
+        unit = f" [{self.unit}]" if self.unit else ""
+        return self.heading if self.name else f"column {number}{unit}"
+
 
 @dataclass(frozen=True, eq=False)
 class Labels:

@@ -82,7 +82,7 @@ def unit_of_time(
         for name, factor in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)):
             if hz is not None and abs(step * factor * hz - 1) < _AGREE:
                 return factor, name
-    name = column.heading or f"column {number}"
+    name = column.called(number)
     rises = f"{name} rises by {step:.3g} a sample" if step > 0 else ""
     why = "; ".join(filter(None, (column.doubt, rises))) or name
     option = "--unit time=mm:ss or --unit time=hh:mm" if "hh:mm" in column.doubt else "--unit time=ms"

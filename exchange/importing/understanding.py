@@ -120,7 +120,7 @@ class _Finder:
         )
 
     def _heading(self, number: int) -> str:
-        return self.table.columns[number].heading or f"column {number}"
+        return self.table.columns[number].called(number)
 
     def _look(self) -> None:
         """Take the columns that the file says are a role; a question where it says so of several."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 
@@ -40,6 +41,16 @@ def test_rest_is_of_both_ends_where_they_agree(start: float, end: float, told: A
 )
 def test_a_switch_is_at_one_of_two_levels_and_changes_seldom(values: np.ndarray, switches: bool) -> None:
     assert is_switching(values) == switches
+
+
+def test_columns_without_names_are_called_by_number_and_unit(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["time"] = np.arange(2000) / 1000
+        file["time"].attrs["units"] = "s"
+        file["acc"] = np.random.default_rng(1).normal(size=(3, 2000))
+        file["acc"].attrs["units"] = "m/s^2"
+    asked = str(haploop.understand(tmp_path / "a.h5").questions)
+    assert all(f"column {number} [m/s^2]" in asked for number in range(3)), asked
 
 
 @pytest.mark.parametrize(("every", "taken"), [(12, True), (8, False)])
