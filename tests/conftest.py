@@ -61,23 +61,32 @@ def pytest_configure(config: pytest.Config) -> None:
     if hasattr(signal, "SIGHUP"):
         signal.signal(signal.SIGHUP, signal.SIG_DFL)
     gc.set_threshold(20_000)
-    if (skipped := config.getoption("--skipped")) and not hasattr(config, "workerinput"):
-        config.pluginmanager.register(Skipped(Path(skipped)))
+    worker = getattr(config, "workerinput", {}).get("workerid")
+    if (skipped := config.getoption("--skipped")) and worker in (None, "gw0"):
+        config.pluginmanager.register(Skipped(Path(skipped), worker))
     config.addinivalue_line("markers", "many_plays: plays for minutes; on the wire with --full only")
     config.addinivalue_line("markers", "long: a whole loop whose steps have tests of their own; with --long")
 
 
 class Skipped:
-    """Writes the names of skipped tests to a file: for `pytest --long @FILE`, where nothing lacks."""
+    """Writes the names of skipped tests to a file: for `pytest --long @FILE`, where nothing lacks.
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    Files that are skipped whole are written by the first worker, which collects them all: of those that are
+    skipped at one place, as all that need a browser are, xdist hands on the first only.
+    """
+
+    def __init__(self, path: Path, worker: str | None) -> None:
+        self.path, self.worker = path, worker
         path.touch()
 
     def pytest_collectreport(self, report: pytest.CollectReport) -> None:
-        self.pytest_runtest_logreport(report)
+        self._write(report)
 
-    def pytest_runtest_logreport(self, report: pytest.CollectReport | pytest.TestReport) -> None:
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if self.worker is None:
+            self._write(report)
+
+    def _write(self, report: pytest.CollectReport | pytest.TestReport) -> None:
         if report.skipped and not re.search(r"--(full|pages)\b", report.longreprtext):
             with self.path.open("a", encoding="utf-8") as file:
                 file.write(f"{report.nodeid}\n")

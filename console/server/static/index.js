@@ -1,7 +1,7 @@
 import { $, at, el, fill, get, on, say } from "./console.js";
 
 const page = (path, name) => el("a", { href: path }, name);
-const made = (what) => ["none yet: first ", page(`/design?kind=${what}`, "make one")];
+const made = (what, one) => ["none yet: first ", page(`/design?kind=${what}`, `make ${one}`)];
 
 document.addEventListener("hello", async (event) => {
   $("stop-page").setAttribute("href", event.detail.stop_page);
@@ -9,8 +9,8 @@ document.addEventListener("hello", async (event) => {
   try { [lab, files] = await Promise.all([get("/api/lab"), get("/api/files")]); } catch (error) { return say(error.message, "error"); }
   for (const id of ["calibration", "studies", "experiments", "newest"]) $(id).classList.remove("note");
   fill($("calibration"), ...calibration(lab.calibration));
-  fill($("studies"), ...(lab.studies.length ? lab.studies.map((one) => el("div", {}, page("/study", one.name), `: ${due(one)}`)) : made("study")));
-  fill($("experiments"), ...(files.experiments.length ? [page("/experiment", files.experiments.join(", "))] : made("experiment")));
+  fill($("studies"), ...(lab.studies.length ? lab.studies.map((one) => el("div", {}, page("/study", one.name), `: ${due(one)}`)) : made("study", "a study")));
+  fill($("experiments"), ...(files.experiments.length ? [page("/experiment", files.experiments.join(", "))] : made("experiment", "an experiment")));
   fill($("newest"), newest(lab.newest));
   return undefined;
 });

@@ -14,7 +14,11 @@ from tests.console.serving import served
 pytestmark = pytest.mark.timeout(600)
 
 FIRST = {
-    "": ("first run the preflight, then record a button", "haploop study new FOLDER"),
+    "": (
+        "first run the preflight, then record a button",
+        "none yet: first make a study",
+        "none yet: first make an experiment",
+    ),
     "study": ("There is no study in the data folder yet: first make one",),
     "experiment": ("There is no experiment in the data folder yet: first make one",),
     "table": ("There is no calibration yet: first aim", "There is no map yet: first choose Measure"),
