@@ -41,7 +41,9 @@ def redirect(
     `utils` is the module in which nidaqmx chooses between the driver and a server. `known` is called with
     gRPC options of the program's own.
     """
-    before = utils._select_interpreter
+    from nidaqmx._lib import lib_importer  # noqa: PLC0415
+
+    before, encoding = utils._select_interpreter, lib_importer._encoding
 
     def select(grpc_options: Any = None, interpreter: Any = None) -> Any:
         if grpc_options:
@@ -50,8 +52,13 @@ def redirect(
             return before(grpc_options, interpreter)
         return driver().DriverInterpreter(options(), _KEYS)
 
+    def undo() -> None:
+        utils._select_interpreter, lib_importer._encoding = before, encoding
+
     utils._select_interpreter = select
-    return lambda: setattr(utils, "_select_interpreter", before)
+    # Who asks nidaqmx for the encoding of texts (as NI's tests do) makes it look for the driver's library.
+    lib_importer._encoding = "utf-8"
+    return undo
 
 
 def driver() -> Any:

@@ -1,10 +1,10 @@
 """Sensors that describe themselves (TEDS, IEEE 1451.4): the data of a file that stands for a sensor's memory.
 
 Read are the basic data (maker, model, version), the numbers of the templates, and of some templates what they
-say: the unit of the measurand, the sensitivity of accelerometers, force sensors and microphones, and the
-coefficients of thermistors. (Where these stand was found by NI's own files and what its tests read of them.)
-What else a template holds is not decoded; a bridge's data are then those of a full bridge of 350 Ohm, as most
-are (estimate).
+say: the unit of the measurand, the sensitivity of accelerometers, force sensors and microphones, the type of
+thermocouples, and the coefficients of thermistors. (Where these stand was found by NI's own files and what
+its tests read of them.) What else a template holds is not decoded; a bridge's data are then those of a full
+bridge of 350 Ohm, as most are (estimate).
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from nidaqmx.constants import (
     BridgeConfiguration,
     ForceIEPESensorSensitivityUnits,
     TEDSUnits,
+    ThermocoupleType,
 )
 
 from .errors import DaqmxError, DAQmxErrors
@@ -32,6 +33,8 @@ BASIC = 64
 _MEASURANDS = ("Kelvin", "Celsius", "strain", "microstrain", "Newton", "forcelb", "kgf", "m/s^2", "g")
 """Units by their number in templates of outputs in volts, milliamperes and of bridges (30, 31, 33)."""
 _MEASURED = (30, 31, 33)
+_THERMOCOUPLES = tuple(ThermocoupleType[letter].value for letter in "BEJKNRST")
+"""Types by their number: K's was found, and that the others stand in order of their letters is inferred."""
 _PER_NEWTON = ForceIEPESensorSensitivityUnits.MILLIVOLTS_PER_NEWTON
 
 
@@ -86,6 +89,8 @@ class Teds:
                 }
             case 27 if not self.number(first, 1):
                 return {"AI_MICROPHONE_SENSITIVITY": 1e3 * 1e-5 * 1.0002 ** self.number(first + 1, 16)}
+            case 36 if (number := self.number(first + 36, 4)) < len(_THERMOCOUPLES):
+                return {"AI_THRMCPL_TYPE": _THERMOCOUPLES[number]}
             case 38:
                 numbers = [self.number(first + 78 + 32 * place, 32) for place in range(3)]
                 floats = struct.unpack("<3f", struct.pack("<3I", *numbers))

@@ -25,6 +25,7 @@ from nidaqmx.constants import (
     OverwriteMode,
     Signal,
     TaskMode,
+    ThermocoupleType,
 )
 from nidaqmx.errors import DaqError, DaqWarning
 from nidaqmx.system import System
@@ -492,18 +493,24 @@ def bits(*fields: tuple[int, int]) -> bytes:
         ([(25, 8), (0, 1), (0, 1), (53735, 16)], "accel", ("ai_accel_sensitivity", 49.03)),
         ([(25, 8), (1, 1), (0, 1), (29270, 16)], "force_iepe", ("ai_force_iepe_sensor_sensitivity", 3.25)),
         ([(27, 8), (0, 1), (61036, 16)], "microphone", ("ai_microphone_sensitivity", 1999.81)),
+        (
+            [(36, 8), (223, 11), (473, 11), (0, 14), (3, 4)],
+            "thrmcpl",
+            ("ai_thrmcpl_type", ThermocoupleType.K),
+        ),
     ],
 )
-def test_a_sensor_tells_its_sensitivity(
-    twin: NiTwin, tmp_path: Path, fields: list[tuple[int, int]], add: str, right: tuple[str, float]
+def test_a_sensor_tells_what_it_is(
+    twin: NiTwin, tmp_path: Path, fields: list[tuple[int, int]], add: str, right: tuple[str, Any]
 ) -> None:
     """T test_ai_channel.py, add_teds_ai_..._chan; the numbers are those in NI's own files."""
     (tmp_path / "sensor.ted").write_bytes(bits((0, 64), (0, 2), *fields, (0, 64)))
-    physical = System.local().devices["Dsa"].ai_physical_chans[0]
+    device = "Eight" if add == "thrmcpl" else "Dsa"
+    physical = System.local().devices[device].ai_physical_chans[0]
     physical.configure_teds(str(tmp_path / "sensor.ted"))
     with nidaqmx.Task() as task:
         more = {"max_snd_press_level": 94.0} if add == "microphone" else {}
-        channel = getattr(task.ai_channels, f"add_teds_ai_{add}_chan")("Dsa/ai0", **more)
+        channel = getattr(task.ai_channels, f"add_teds_ai_{add}_chan")(f"{device}/ai0", **more)
         assert getattr(channel, right[0]) == pytest.approx(right[1], abs=0.01)
 
 

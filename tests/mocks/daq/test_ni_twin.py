@@ -12,6 +12,7 @@ from pathlib import Path
 import nidaqmx
 import numpy as np
 import pytest
+from nidaqmx._lib import lib_importer
 from nidaqmx.constants import AcquisitionType
 from nidaqmx.errors import DaqError, DaqNotFoundError, DaqReadError
 from nidaqmx.system import System
@@ -52,8 +53,11 @@ def test_unchanged_code_finds_the_cards(nidaqmx_twin: NiTwin) -> None:
 def test_nidaqmx_is_as_before_afterwards() -> None:
     with NiTwin({"Dev1": "PCIe-6363"}):
         assert len(System.local().devices) == 1
+        assert lib_importer.encoding == "utf-8", "without the driver's library"
         slept = time.sleep
     assert time.sleep is not slept
+    with pytest.raises(DaqNotFoundError):
+        lib_importer.encoding  # noqa: B018  asking is the point
     with pytest.raises(DaqNotFoundError):
         System.local().devices  # noqa: B018  asking is the point
 
