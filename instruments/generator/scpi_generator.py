@@ -59,8 +59,8 @@ class Dialect:
     """The program of each kind of waveform that it plays."""
 
 
-_STILL = ("SOUR{n}:SWE:STAT OFF", "SOUR{n}:BURS:STAT OFF", "SOUR{n}:FUNC SIN")
-"""Commands that stop sweep and burst and select a sine, so that no later settings conflict."""
+_STILL = (*(f"SOUR{{n}}:{mode}:STAT OFF" for mode in ("SWE", "BURS", "AM", "FM")), "SOUR{n}:FUNC SIN")
+"""Commands that stop sweep, burst and modulation and select a sine, so that no later settings conflict."""
 _LEVEL = (
     "OUTP{n}:LOAD {load}",
     "SOUR{n}:VOLT:UNIT VPP",

@@ -36,8 +36,16 @@ def _apply(box: Answering, product: Product, shape: str, n: int, argument: str) 
     if len(given) > (3 if product.by_mode else 4):
         raise ScpiError(-108, "Parameter not allowed")
     name = "ARB" if shape == "USER" else shape
-    # What would be in the way of the new signal: the old offset, sweep, burst and unit.
-    box.answer(f"SOUR{n}:SWE:STAT OFF;:SOUR{n}:BURS:STAT OFF;:SOUR{n}:VOLT:UNIT VPP;:SOUR{n}:VOLT:OFFS 0")
+    # What would be in the way of the new signal: the old offset, sweep, burst, modulation and unit.
+    for header in (
+        "SWE:STAT OFF",
+        "BURS:STAT OFF",
+        "AM:STAT OFF",
+        "FM:STAT OFF",
+        "VOLT:UNIT VPP",
+        "VOLT:OFFS 0",
+    ):
+        box.answer(f"SOUR{n}:{header}")
     box.answer(f"SOUR{n}:FUNC {name}")
     names = list(_NAMES)
     if not product.by_mode:

@@ -11,12 +11,12 @@ import math
 from functools import partial
 from typing import Protocol
 
-import numpy as np
-
 from ...base.clock import Clock
 from ..plant import Source
+from . import limits
 from .apply import apply_entries
 from .channel import HIGHEST, Channel
+from .coupling import COUPLED, HOW, RIGOL_COUPLES, follow
 from .front import PACES, front_entries
 from .headers import (
     ARB_MODE,
@@ -30,19 +30,18 @@ from .headers import (
     START,
     STOP,
     TRIGGERS,
-    UNIT,
     WORDS,
 )
-from .levels import QUANTITIES, Quantity, within
-from .limits import BURST, BURST_PHASE, SWEEP, TIME, degrees, exclude, highest, in_degrees, kind_of
+from .levels import INFINITE, QUANTITIES, Quantity, within
+from .limits import BURST, BURST_PHASE, SWEEP, TIME
+from .modulation import AM, FM, check_carrier, modulation_of
 from .products import Product
 from .pulses import FREQUENCY, HOLD, PULSES, duty, hold, pulse_value, set_pulse
 from .scpi import Entry, ScpiDevice, ScpiError, number_of, word_of
-from .volatile import receive
-from .waveform import Output, Playing, Points
+from .volatile import load, receive, select
+from .waveform import Output, Playing
 
 _CHANNELS = (1, 2)
-_INFINITE = 9.9e37
 _ON = ":OUTPut#[:STATe]"
 _DUTY, _SYMMETRY = "[:SOURce#]:FUNCtion:SQUare:DCYCle", "[:SOURce#]:FUNCtion:RAMP:SYMMetry"
 _CYCLES = "[:SOURce#]:BURSt:NCYCles"
@@ -77,7 +76,7 @@ class Box:
         self._clock = plant.clock
         self._triggers = [h for h in TRIGGERS[product.by_mode] if h.endswith("SOURce")]
         self._words = WORDS | OWN_WORDS[product.by_mode] | TRIGGERS[product.by_mode]
-        self._numbers = NUMBERS | product.sweep
+        self._numbers = NUMBERS | product.own
         self.playing = Playing(plant.clock)
         self._channels = {n: Channel() for n in _CHANNELS}
         self._device = ScpiDevice(
@@ -132,8 +131,6 @@ class Box:
             for h, w in self._words.items()
         }
         entries |= {
-            ":OUTPut#:LOAD": Entry(self._get_load, self._put_load),
-            ":OUTPut#:IMPedance": Entry(self._get_load, self._put_load),
             "[:SOURce#]:FUNCtion:ARBitrary": Entry(lambda n, _: self._channel(n).arb, self._select),
             "[:SOURce#]:DATA:VOLatile:CLEar": Entry(put=lambda n, _: self._channel(n).points.clear()),
             "[:SOURce#]:DATA:ARBitrary": Entry(put=partial(self._load_points, 1.0)),
@@ -164,6 +161,12 @@ class Box:
                 for kind, form in (("DATA", "[:DATA]"), ("DAC", ":DAC"), ("DAC16", ":DAC16"))
             }
             entries |= {
+                h.replace("]:", "]:MOD:", 1): entry
+                for h, entry in entries.items()
+                if h.startswith(("[:SOURce#]:AM", "[:SOURce#]:FM"))
+            }
+            entries |= {RIGOL_COUPLES[h]: entries[h] for h in RIGOL_COUPLES}
+            entries |= {
                 f"[:SOURce#]:{mode}": entries[f"[:SOURce#]:{mode}:STATe"] for mode in ("SWEep", "BURSt")
             }
             entries |= {
@@ -189,21 +192,21 @@ class Box:
         return Entry(get, put)
 
     def _get_number(self, header: str, low: float, high: float, n: int, argument: str) -> str:
-        ends = {"MINimum": low, "MAXimum": highest(self._product, self._channel(n), header, high)}
-        value = number_of(argument, ends) if argument else self._channel(n).values[header]
-        value /= degrees(header, self._angle)
-        return self._product.infinite if value >= _INFINITE else self._text(value)
+        ends = {"MINimum": low, "MAXimum": limits.highest(self._product, self._channel(n), header, high)}
+        value = number_of(argument, ends) if argument else self._shared(header, n).values[header]
+        value /= limits.degrees(header, self._angle)
+        return self._text(value)
 
     def _put_number(self, header: str, low: float, high: float, n: int, argument: str) -> None:
-        high = highest(self._product, self._channel(n), header, high)
+        high = limits.highest(self._product, self._channel(n), header, high)
         ends = {"MINimum": low, "MAXimum": high}
-        endless = {"INFinity": _INFINITE} if header == _CYCLES and self._product.by_mode else {}
-        value = number_of(argument, ends | endless, kind_of(header))
-        value = in_degrees(header, argument, value, self._angle)
-        self._channel(n).values[header] = (
+        endless = {"INFinity": INFINITE} if header == _CYCLES and self._product.by_mode else {}
+        value = number_of(argument, ends | endless, limits.kind_of(header))
+        value = limits.in_degrees(header, argument, value, self._angle)
+        self._changed(header, n).values[header] = (
             value if value in endless.values() else within(value, low, high, self.fail)
         )
-        self._apply(n)
+        self._settle(header, n)
 
     def _get_pulse(self, name: str, n: int, argument: str) -> str:
         low, high = PULSES[name]
@@ -214,30 +217,36 @@ class Box:
         low, high = PULSES[name]
         value = number_of(argument, {"MINimum": low, "MAXimum": high})
         set_pulse(self._channel(n), name, within(value, low, high, self.fail))
-        self._apply(n)
+        self._settle(FREQUENCY, n)
 
     def _get_on(self, header: str, n: int, argument: str) -> str:
-        return self._product.booleans[bool(self._channel(n).values[header])]
+        return self._product.booleans[bool(self._shared(header, n).values[header])]
 
     def _put_on(self, header: str, n: int, argument: str) -> None:
-        values = self._channel(n).values
-        values[header] = float(_boolean(argument))
-        if values[header]:
-            exclude(values, header, self.fail)
-        self._apply(n)
+        channel = self._shared(header, n)
+        on = _boolean(argument)
+        if on:
+            check_carrier(header, channel.words[SHAPE])
+            limits.exclude(channel.values, header, self.fail)
+        channel.values[header] = float(on)
+        self._settle(header, n)
 
     def _get_word(self, header: str, n: int, argument: str) -> str:
-        return self._channel(n).words[header]
+        return self._shared(header, n).words[header]
 
     def _put_word(self, header: str, words: tuple[str, ...], n: int, argument: str) -> None:
         word = word_of(argument, words)
         if word == "DBM" and math.isinf(self._channel(n).load):
             raise ScpiError(-221, "Settings conflict; not able to use dBm units with infinite load")
-        channel = self._channel(n)
+        channel = self._changed(header, n)
+        if header == SHAPE:
+            for mode in (AM, FM):
+                if channel.values[mode]:
+                    check_carrier(mode, word)
         if header == HOLD:
             hold(channel)
         channel.words[header] = word
-        most_hz = highest(self._product, channel, FREQUENCY, math.inf)
+        most_hz = limits.highest(self._product, channel, FREQUENCY, math.inf)
         if channel.values[FREQUENCY] > most_hz:
             channel.values[FREQUENCY] = most_hz
             self.fail(ScpiError(-221, "Settings conflict; frequency reduced for selected function"))
@@ -245,49 +254,43 @@ class Box:
         if abs(channel.offset) > most and not channel.is_direct:
             channel.offset = math.copysign(most, channel.offset)
             self.fail(ScpiError(-221, "Settings conflict; offset changed due to function"))
-        self._apply(n)
+        self._settle(header, n)
+
+    def _shared(self, header: str, n: int) -> Channel:
+        """Return the channel that has a setting: of both channels together, the first one."""
+        channel = self._channel(n)
+        return self._channels[1] if header == COUPLED or header in HOW else channel
+
+    def _changed(self, header: str, n: int) -> Channel:
+        """Return the channel whose setting is to be changed. Raises ScpiError where it is fixed."""
+        channel = self._shared(header, n)
+        if header in HOW and channel.values[COUPLED] and not self._product.by_mode:
+            raise ScpiError(-221, "Settings conflict; frequency coupling is on")  # DG1000Z guide, 2-11
+        return channel
+
+    def _settle(self, header: str, n: int) -> None:
+        """Let what depends on a setting that was changed follow it, and put it out."""
+        if header in HOW and self._channels[1].values[COUPLED]:
+            n = 1
+        if header in (FREQUENCY, SHAPE, COUPLED, *HOW):
+            highest = partial(limits.highest, self._product, header=FREQUENCY, high=math.inf)
+            most = {which: highest(channel=channel) for which, channel in self._channels.items()}
+            follow(self._channels, n, NUMBERS[FREQUENCY][1], most, self.fail)
+        limits.keep_deviation(self._product, self._channels[n], self.fail)
+        self._apply(1)
 
     def _get_mode(self, n: int, argument: str) -> str:
         return "SWE" if self._channel(n).values[SWEEP] else "CW"
 
     def _put_mode(self, n: int, argument: str) -> None:
-        values = self._channel(n).values
-        values[SWEEP] = float(word_of(argument, ("CW", "FIXed", "SWEep")) == "SWE")
-        if values[SWEEP]:
-            exclude(values, SWEEP, self.fail)
-        self._apply(n)
-
-    def _get_load(self, n: int, argument: str) -> str:
-        load = self._channel(n).load
-        return self._product.infinite if math.isinf(load) else self._text(load)
-
-    def _put_load(self, n: int, argument: str) -> None:
-        ends = {"INFinity": _INFINITE, "MINimum": 1.0, "MAXimum": 1e4, "DEFault": 50.0}
-        ohms = number_of(argument, ends)
-        channel = self._channel(n)
-        if channel.values[LIMITED]:
-            raise ScpiError(-221, "Settings conflict; output load not changed while voltage limits are on")
-        channel.load = math.inf if ohms >= _INFINITE else within(ohms, 1.0, 1e4, self.fail)
-        if math.isinf(channel.load) and channel.words[UNIT] == "DBM":
-            channel.words[UNIT] = "VPP"
+        swept = word_of(argument, ("CW", "FIXed", "SWEep")) == "SWE"
+        self._put_on(SWEEP, n, "ON" if swept else "OFF")
 
     # Arbitrary waveforms
 
     def _load_points(self, full: float, n: int, argument: str) -> None:
-        name, _, values = argument.partition(",")
         swapped = self._channel(1).words[":FORMat:BORDer"] == "SWAP"
-        kind = ("<" if swapped else ">") + ("f4" if full == 1.0 else "i2")
-        points = self._device.numbers_in(values, kind) / full
-        if len(points) < 8:
-            raise ScpiError(-109, "Missing parameter")
-        if len(points) > self._product.memory:
-            raise ScpiError(-223, "Too much data")
-        if np.abs(points).max() > 1.0 + 1e-6:
-            raise ScpiError(-222, "Data out of range")
-        known = self._channel(n).points
-        if _arb(name) in known:
-            raise ScpiError(785, "Specified arb waveform already exists")
-        known[_arb(name)] = Points(points)
+        load(self._device, self._channel(n), full, swapped, argument, self._product.memory)
 
     def _receive(self, kind: str, n: int, argument: str) -> None:
         channel = self._channel(n)
@@ -296,10 +299,7 @@ class Box:
             self._apply(n)
 
     def _select(self, n: int, name: str) -> None:
-        channel = self._channel(n)
-        if _arb(name) not in channel.points and _arb(name) != channel.arb:
-            raise ScpiError(786, "Specified arb waveform does not exist")
-        channel.arb = _arb(name)
+        select(self._channel(n), name)
         self._apply(n)
 
     # Output
@@ -370,6 +370,8 @@ class Box:
                 sweep=(values[START], values[STOP], values[TIME]) if values[SWEEP] else None,
                 burst=(cycles, period) if values[BURST] else None,
                 burst_phase=values[BURST_PHASE] / 360,
+                modulation=modulation_of(values, words),
+                ends=(channel.low, channel.high) if values[LIMITED] else (-HIGHEST / 2, HIGHEST / 2),
                 delay=values.get(":TRIGger#:DELay", values["[:SOURce#]:BURSt:TDELay"]),
                 logarithmic=words[SPACING] == "LOG",
                 repeats=self._trigger(channel) in ("IMM", "INT", "TIM") and not (endless and values[BURST]),
@@ -382,12 +384,7 @@ class Box:
         return self._channels[n]
 
     def _text(self, value: float) -> str:
-        return format(value, self._product.number)
-
-
-def _arb(name: str) -> str:
-    """Return a waveform's name as the instrument reports it: quoted and in capitals."""
-    return f'"{name.strip().strip(chr(34)).upper()}"'
+        return self._product.infinite if value >= INFINITE else format(value, self._product.number)
 
 
 def _boolean(argument: str) -> bool:

@@ -1,4 +1,4 @@
-"""What a client asks beside the signal: the display, the list of waveforms, modulation that is off."""
+"""What a client asks beside the signal: the display, the list of waveforms, modulations that are off."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from collections.abc import Callable
 from functools import partial
 
 from .channel import Channel
-from .levels import Fail, Quantity
+from .levels import Quantity
 from .products import Product
-from .scpi import Entry, ScpiError, number_of, word_of
+from .scpi import Entry, Fail, ScpiError, number_of, word_of
 
-_KINDS = ("AM", "FM", "PM", "PWM", "FSKey", "BPSK", "SUM")
+_KINDS = ("PM", "PWM", "FSKey", "BPSK", "SUM")
 _RATE = "[:SOURce#]:FUNCtion:ARBitrary:SRATe"
 _ON_OFF = {"ON": "1", "1": "1", "OFF": "0", "0": "0"}
 
@@ -56,7 +56,7 @@ def front_entries(channel: Callable[[int], Channel], product: Product) -> dict[s
 
 def _unmodulated(argument: str) -> None:
     if _ON_OFF[word_of(argument, tuple(_ON_OFF))] == "1":
-        raise ScpiError(-221, "Settings conflict; nothing here modulates")
+        raise ScpiError(-221, "Settings conflict; AM and FM only are simulated")
 
 
 def _catalogue(channel: Channel) -> str:

@@ -6,6 +6,9 @@ type of instrument (estimate).
 
 from __future__ import annotations
 
+from . import modulation
+from .coupling import COUPLED, MODE, OFFSET, RATIO
+from .modulation import AM, DEPTH, FM, PACE, SUPPRESSED
 from .pulses import FREQUENCY, HOLD
 from .waveform import SHAPES
 
@@ -34,6 +37,10 @@ NUMBERS: dict[str, tuple[float, float, float]] = {
     "[:SOURce#]:BURSt:PHASe": (0, -360, 360),
     "[:SOURce#]:BURSt:TDELay": (0, 0, 85),
     "[:SOURce#]:SWEep:STEP": (2, 2, 1024),
+    DEPTH: (100, 0, 120),
+    PACE["AM"]: (100, 1e-6, 30e6),
+    OFFSET: (0, -60e6, 60e6),
+    RATIO: (1, 1e-3, 1e3),
 }
 BOOLEANS = {
     "[:SOURce#]:BURSt:STATe": False,
@@ -43,6 +50,10 @@ BOOLEANS = {
     ":OUTPut#:SYNC[:STATe]": True,
     ":OUTPut#:TRIGger": False,
     LIMITED: False,
+    AM: False,
+    FM: False,
+    SUPPRESSED: False,
+    COUPLED: False,
     ":INITiate#:CONTinuous": True,
 }
 WORDS: dict[str, tuple[str, ...]] = {
@@ -64,6 +75,7 @@ WORDS: dict[str, tuple[str, ...]] = {
     ":FORMat:BORDer": ("NORMal", "SWAPped"),
     ":UNIT:ANGLe": ("DEGree", "RADian", "SECond"),
     "[:SOURce#]:ROSCillator:SOURce": ("INTernal", "EXTernal"),
+    **modulation.WORDS,
 }
 TRIGGERS: dict[bool, dict[str, tuple[str, ...]]] = {
     True: {":TRIGger#:SOURce": ("IMMediate", "EXTernal", "TIMer", "BUS")},
@@ -81,11 +93,16 @@ TRIGGERS: dict[bool, dict[str, tuple[str, ...]]] = {
 }
 """Sources of the trigger: of a sweep first, and of a burst last."""
 OWN_WORDS: dict[bool, dict[str, tuple[str, ...]]] = {
-    True: {BURST_MODE: ("TRIGgered", "GATed"), HOLD: ("WIDTh", "DCYCle")},
+    True: {
+        BURST_MODE: ("TRIGgered", "GATed"),
+        HOLD: ("WIDTh", "DCYCle"),
+        MODE: ("OFFSet", "RATio"),
+    },
     False: {
         BURST_MODE: ("TRIGgered", "INFinity", "GATed"),
         HOLD: ("WIDTh", "DUTY"),
         ARB_MODE: ("SRATe", "FREQ"),
+        MODE: ("RATio", "OFFSet"),
     },
 }
 """Words that the families have in different forms: those of a family by mode, and the other's."""

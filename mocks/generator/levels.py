@@ -13,11 +13,10 @@ from functools import partial
 
 from .channel import HIGHEST, Channel
 from .headers import LIMITED, NUMBERS, SHAPE, START, STOP, UNIT
-from .scpi import ScpiError, number_of, unit_of
+from .scpi import Fail, ScpiError, number_of, unit_of
 
-Fail = Callable[[ScpiError], None]
-"""Puts an error into the queue; the command goes on."""
-
+INFINITE = 9.9e37
+"""SCPI's number for infinity."""
 _LOWEST = 2e-3
 
 
@@ -123,6 +122,20 @@ def _put_limit(side: int, channel: Channel, argument: str, fail: Fail) -> None:
         channel.low = volts
 
 
+def _load(channel: Channel) -> float:
+    return min(channel.load, INFINITE)
+
+
+def _put_load(channel: Channel, argument: str, fail: Fail) -> None:
+    ends = {"INFinity": INFINITE, "MINimum": 1.0, "MAXimum": 1e4, "DEFault": 50.0}
+    ohms = number_of(argument, ends)
+    if channel.values[LIMITED]:
+        raise ScpiError(-221, "Settings conflict; output load not changed while voltage limits are on")
+    channel.load = math.inf if ohms >= INFINITE else within(ohms, 1.0, 1e4, fail)
+    if math.isinf(channel.load) and channel.words[UNIT] == "DBM":
+        channel.words[UNIT] = "VPP"
+
+
 def _centre(channel: Channel) -> float:
     return (channel.values[START] + channel.values[STOP]) / 2
 
@@ -151,6 +164,8 @@ QUANTITIES: dict[str, Quantity] = {
     f"{_NOW}:LOW": Quantity(partial(_end, -1), partial(_put_end, -1)),
     f"{_VOLTAGE}:LIMit:HIGH": Quantity(partial(_limit, 1), partial(_put_limit, 1)),
     f"{_VOLTAGE}:LIMit:LOW": Quantity(partial(_limit, -1), partial(_put_limit, -1)),
+    ":OUTPut#:LOAD": Quantity(_load, _put_load),
+    ":OUTPut#:IMPedance": Quantity(_load, _put_load),
     "[:SOURce#]:FREQuency:CENTer": Quantity(
         _centre, lambda channel, given, fail: _put_sweep(channel, number_of(given), _span(channel), fail)
     ),

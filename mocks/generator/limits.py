@@ -6,21 +6,31 @@ import math
 
 from .channel import Channel
 from .headers import SHAPE, START, STOP
-from .levels import Fail
+from .modulation import AM, DEVIATION, FM, PACE
 from .products import Product
 from .pulses import FREQUENCY
-from .scpi import ScpiError, unit_of
+from .scpi import Fail, ScpiError, unit_of
 
 SWEEP, BURST = "[:SOURce#]:SWEep:STATe", "[:SOURce#]:BURSt:STATe"
 TIME, BURST_PHASE = "[:SOURce#]:SWEep:TIME", "[:SOURce#]:BURSt:PHASe"
 _FREQUENCIES = (FREQUENCY, START, STOP, "[:SOURce#]:MARKer:FREQuency")
+_MODULATIONS = (DEVIATION, *PACE.values())
+_MODES = {SWEEP: "sweep", BURST: "burst", AM: "AM", FM: "FM"}
 _ANGLES = ("[:SOURce#]:PHASe[:ADJust]", BURST_PHASE)
 _RADIAN = 180 / math.pi
 
 
 def kind_of(header: str) -> str:
     """Return the kind of a setting's units, for `number_of`."""
-    return "HZ" if header in _FREQUENCIES else "DEG" if header in _ANGLES else "S" if header == TIME else ""
+    return (
+        "HZ"
+        if header in (*_FREQUENCIES, *_MODULATIONS)
+        else "DEG"
+        if header in _ANGLES
+        else "S"
+        if header == TIME
+        else ""
+    )
 
 
 def highest(product: Product, channel: Channel, header: str, high: float) -> float:
@@ -44,9 +54,17 @@ def in_degrees(header: str, argument: str, value: float, unit: str) -> float:
 
 
 def exclude(values: dict[str, float], header: str, fail: Fail) -> None:
-    """Switch burst off for a sweep, and a sweep for a burst: one of them is on."""
-    other = {SWEEP: BURST, BURST: SWEEP}.get(header)
-    if other is not None and values[other]:
-        values[other] = 0.0
-        name = "burst" if other == BURST else "sweep"
-        fail(ScpiError(-221, f"Settings conflict; {name} turned off by selection of other mode"))
+    """Switch the other modes off for one: of sweep, burst and the modulations, one is on."""
+    for other, name in _MODES.items():
+        if header in _MODES and other != header and values[other]:
+            values[other] = 0.0
+            fail(ScpiError(-221, f"Settings conflict; {name} turned off by selection of other mode"))
+
+
+def keep_deviation(product: Product, channel: Channel, fail: Fail) -> None:
+    """Reduce the deviation of a frequency modulation to what carrier and shape allow."""
+    carrier = channel.values[FREQUENCY]
+    most = min(carrier, highest(product, channel, FREQUENCY, math.inf) - carrier)
+    if channel.values[FM] and channel.values[DEVIATION] > most:
+        channel.values[DEVIATION] = most
+        fail(ScpiError(-221, "Settings conflict; FM deviation limited by frequency"))

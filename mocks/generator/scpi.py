@@ -48,6 +48,10 @@ class ScpiError(Exception):
         self.number, self.text = number, text
 
 
+Fail = Callable[[ScpiError], None]
+"""Puts an error into the queue; the command goes on."""
+
+
 @dataclass(frozen=True)
 class Entry:
     """Actions of a header; each gets the header's numeric suffix (1 without one) and the argument."""

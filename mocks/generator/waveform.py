@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ import numpy as np
 from ...base.arrays import FloatArray
 from ...base.clock import Clock
 from ..plant import Run
+from .modulation import Modulation
 
 SHAPES = ("SINusoid", "SQUare", "TRIangle", "RAMP", "PULSe", "PRBS", "NOISe", "ARBitrary", "DC")
 _PERIOD = 20e-6
@@ -52,6 +54,9 @@ class Output:
     """Where in its cycle a burst begins and waits."""
     delay: float = 0.0
     """From a trigger to the start (s)."""
+    modulation: Modulation | None = None
+    ends: tuple[float, float] = (-math.inf, math.inf)
+    """Lowest and highest that are put out (V)."""
     repeats: bool = True
     """True when sweep or burst trigger themselves; else they wait for a trigger, the sweep at its start
     frequency."""
@@ -60,7 +65,14 @@ class Output:
         """Return (times,) V at `times` (s) since the waveform was set or, if it has `fired`, triggered."""
         if self.burst is not None:
             return self._bursts(times, fired)
-        return np.asarray(self.offset + self.amplitude * self._unit(self._cycles(times, fired)))
+        amplitude: FloatArray | float = self.amplitude
+        cycles = self._cycles(times, fired)
+        if self.modulation is not None:
+            amplitude, cycles = (
+                amplitude * self.modulation.gain(times),
+                cycles + self.modulation.cycles(times),
+            )
+        return np.asarray(np.clip(self.offset + amplitude * self._unit(cycles), *self.ends))
 
     def _bursts(self, times: FloatArray, fired: bool) -> FloatArray:
         assert self.burst is not None

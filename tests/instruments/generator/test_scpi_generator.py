@@ -149,13 +149,14 @@ def test_the_load_halves_or_doubles_the_volts(setup: Setup) -> None:
     assert np.abs(setup.bench.volts(begin, begin + 1)).max() == pytest.approx(1.6, rel=1e-3)
 
 
-def test_configuring_switches_the_output_off_first(setup: Setup) -> None:
-    setup.tell("OUTP1 ON", "SOUR1:FUNC DC", "VOLT:OFFS 4", "BURS:STAT ON")
+@pytest.mark.parametrize("mode", ["BURS", "SWE", "AM", "FM"])
+def test_configuring_switches_the_output_off_first(setup: Setup, mode: str) -> None:
+    setup.tell("OUTP1 ON", "VOLT:OFFS 4", f"{mode}:STAT ON")
     generator = setup.open()
     generator.configure(SWEEP)
     assert not generator.is_on
     assert float(setup.tell("VOLT:OFFS?")) == 0
-    assert setup.tell("FUNC?;:BURS:STAT?") in ("SIN;0", "SIN;OFF")
+    assert setup.tell(f"FUNC?;:{mode}:STAT?") in ("SIN;0", "SIN;OFF")
 
 
 def test_more_volts_than_the_rig_allows_are_refused_before_anything_is_sent(setup: Setup) -> None:

@@ -417,13 +417,83 @@ def test_what_other_drivers_ask_of_a_33500(box: Box) -> None:
     assert ask(box, "SYST:ERR?") == '+0,"No error"'
 
 
-def test_modulation_can_only_be_off(each: Box) -> None:
-    for kind in ("AM", "FM", "PM", "PWM"):
+def test_other_modulations_can_only_be_off(each: Box) -> None:
+    for kind in ("PM", "PWM"):
         ask(each, f"SOUR1:{kind}:STAT OFF")
         assert ask(each, f"SOUR1:{kind}:STAT?") in ("0", "OFF")
     assert "No error" in (ask(each, "SYST:ERR?") or "")
-    ask(each, "SOUR1:AM:STAT ON")
-    assert ask(each, "SYST:ERR?") == '-221,"Settings conflict; nothing here modulates"'
+    ask(each, "SOUR1:PM:STAT ON")
+    assert ask(each, "SYST:ERR?") == '-221,"Settings conflict; AM and FM only are simulated"'
+
+
+TIMES = np.arange(5000) * 20e-6
+
+
+def modulated(kind: str, amount: float, pace: float, times: np.ndarray = TIMES) -> np.ndarray:
+    """A sine of 1 V peak and 500 Hz, modulated by a sine of `pace` (Hz)."""
+    if kind == "AM":
+        return (1 + amount * np.sin(2 * np.pi * pace * times)) / 2 * np.sin(2 * np.pi * 500 * times)
+    if kind == "DSSC":
+        return amount * np.sin(2 * np.pi * pace * times) * np.sin(2 * np.pi * 500 * times)
+    beyond = amount / pace * (1 - np.cos(2 * np.pi * pace * times))
+    return np.sin(2 * np.pi * 500 * times + beyond)
+
+
+@pytest.mark.parametrize(
+    ("commands", "right"),
+    [
+        ("AM:DEPT 50;INT:FREQ 20;:AM:STAT ON", modulated("AM", 0.5, 20)),
+        ("AM:INT:FREQ 20;:AM:STAT ON", modulated("AM", 1, 20)),
+        ("AM:DEPT 0;STAT ON", modulated("AM", 0, 20)),
+        ("AM:SOUR EXT;STAT ON", modulated("AM", 0, 20)),
+        ("AM:DEPT 80;DSSC ON;INT:FREQ 20;:AM:STAT ON", modulated("DSSC", 0.8, 20)),
+        ("FM:DEV 30;INT:FREQ 20;:FM:STAT ON", modulated("FM", 30, 20)),
+        ("FM:DEV 100;SOUR EXT;STAT ON", modulated("FM", 0, 20)),
+    ],
+)
+def test_a_modulated_sine_is_what_theory_says(each: Box, commands: str, right: np.ndarray) -> None:
+    bench: Bench = each._advance.__self__  # type: ignore[attr-defined]
+    ask(each, "OUTP1:LOAD INF;:SOUR1:VOLT 2;:SOUR1:FREQ 500;:OUTP1 ON")
+    ask(each, commands)
+    assert bench.volts(0.1)[:5000] == pytest.approx(right, abs=1e-4)
+    assert "No error" in (ask(each, "SYST:ERR?") or "")
+
+
+@pytest.mark.parametrize(
+    ("wave", "right"),
+    [("SQU", [1, 1, 0, 0]), ("RAMP", [0.125, 0.375, 0.625, 0.875]), ("NRAM", [0.875, 0.625, 0.375, 0.125]),
+     ("TRI", [0.25, 0.75, 0.75, 0.25])],
+)  # fmt: skip
+def test_what_modulates_has_a_shape(each: Box, wave: str, right: list[float]) -> None:
+    """The largest about the middle of each quarter of a wave of 2 Hz."""
+    bench: Bench = each._advance.__self__  # type: ignore[attr-defined]
+    ask(each, "OUTP1:LOAD INF;:SOUR1:VOLT 2;:SOUR1:FREQ 10000;:OUTP1 ON")
+    ask(each, f"AM:INT:FREQ 2;FUNC {wave};:AM:STAT ON")
+    volts = bench.volts(0.5)
+    middles = [
+        np.abs(volts[round(part * 25_000) + np.arange(-10, 10)]).max()
+        for part in (1 / 8, 3 / 8, 5 / 8, 7 / 8)
+    ]
+    assert middles == pytest.approx(np.array(right) * np.sin(2 * np.pi / 5), abs=5e-3)
+
+
+def test_no_modulation_goes_beyond_a_limit(each: Box) -> None:
+    bench: Bench = each._advance.__self__  # type: ignore[attr-defined]
+    ask(each, "OUTP1:LOAD INF;:SOUR1:VOLT 20;:SOUR1:FREQ 500;:AM:DEPT 120;STAT ON;:OUTP1 ON")
+    assert np.abs(bench.volts(0.1)).max() == 10  # DG1000Z guide, 2-117: 10 Vpp at 50 Ohm
+    ask(each, "SOUR1:VOLT 2;:SOUR1:VOLT:LIM:HIGH 1;LOW -1;STAT ON")
+    assert np.abs(bench.volts(0.1)).max() == 1
+
+
+def test_rigol_has_modulations_by_another_name_too(wired: tuple[Box, Bench]) -> None:
+    box, _ = wired
+    ask(box, ":SOUR1:MOD:AM 50;:SOUR1:MOD:FM:DEV 200;:SOUR1:AM 60")
+    assert [number(box, f"SOUR1:{q}?") for q in ("AM", "MOD:AM:DEPT", "FM")] == [60, 60, 200]
+    ask(box, ":COUP:FREQ:MODE OFFS;:COUP:FREQ:DEV 5;:COUP:FREQ ON")
+    assert (ask(box, "FREQ:COUP:MODE?"), number(box, "FREQ:COUP:OFFS?")) == ("OFFS", 5)
+    assert ask(box, "SYST:ERR?") == '0,"No error"'
+    ask(box, ":COUP:FREQ:DEV 6")
+    assert ask(box, "SYST:ERR?") == '-221,"Settings conflict; frequency coupling is on"'
 
 
 def test_every_voltage_is_that_at_the_load_which_is_set(box: Box) -> None:
@@ -478,6 +548,28 @@ def test_what_is_set_at_a_load_is_three_times_as_much_without(
         ("FREQ 1E7;FUNC RAMP", "FREQ?", None, -221),
         ("BURS:STAT ON;SWE:STAT ON", "BURS:STAT?", 0.0, -221),
         ("SWE:STAT ON;BURS:STAT ON", "SWE:STAT?", 0.0, -221),
+        ("AM:STAT ON;:SWE:STAT ON", "AM:STAT?", 0.0, -221),
+        ("BURS:STAT ON;:FM:STAT ON", "BURS:STAT?", 0.0, -221),
+        ("AM:STAT ON;:FM:STAT ON", "AM:STAT?", 0.0, -221),
+        ("FUNC DC;:AM:STAT ON", "AM:STAT?", 0.0, -221),
+        ("AM:STAT ON;:FUNC NOIS", "AM:STAT?", 1.0, 0),
+        ("FM:STAT ON;:FUNC NOIS", "FUNC?", None, -221),
+        ("AM:DEPT 130", "AM:DEPT?", 120.0, -222),
+        ("FREQ 1000;:FM:DEV 2000;STAT ON", "FM:DEV?", 1000.0, -221),
+        ("FM:DEV 1000;STAT ON;:FREQ 100", "FM:DEV?", 100.0, -221),
+        ("AM:INT:FUNC HEART", "AM:INT:FUNC?", None, -224),
+        ("AM:STAT ON;:APPL:SIN 1000,1", "AM:STAT?", 0.0, 0),
+        ("FREQ:COUP:MODE RAT;RAT 2;:SOUR1:FREQ:COUP ON;:SOUR1:FREQ 300", "SOUR2:FREQ?", 600.0, 0),
+        ("FREQ:COUP:MODE RAT;RAT 2;:SOUR1:FREQ:COUP ON;:SOUR2:FREQ 300", "SOUR1:FREQ?", 150.0, 0),
+        ("FREQ:COUP:MODE OFFS;OFFS 100;:SOUR2:FREQ:COUP ON;:SOUR2:FREQ 300", "SOUR1:FREQ?", 200.0, 0),
+        ("FREQ:COUP:MODE OFFS;OFFS 100;:FREQ:COUP ON;:SOUR2:FREQ 50", "SOUR2:FREQ?", 100.0, -221),
+        ("SOUR2:FUNC RAMP;:FREQ:COUP:MODE RAT;:FREQ:COUP ON;:SOUR1:FREQ 5E6", "SOUR1:FREQ?", None, -221),
+        (
+            "SOUR2:FREQ:COUP:MODE RAT;RAT 3;:SOUR1:FREQ:COUP ON;:FUNC PULS;:FUNC:PULS:PER 1E-3",
+            "SOUR2:FREQ?",
+            3000.0,
+            0,
+        ),
         ("VOLT 1 VRMS;VOLT:UNIT VPP", "VOLT?", 8**0.5, 0),
         ("VOLT 500 MVPP", "VOLT?", 0.5, 0),
         ("VOLT 300 MVRMS", "VOLT?", 0.3 * 8**0.5, 0),
@@ -494,7 +586,7 @@ def test_units_limits_and_modes_of_both_families(
     """The manuals of both families; frequencies by shape: their data sheets."""
     each.answer("*RST;*CLS")
     each.answer(commands)
-    told = (ask(each, asked) or "nan").replace("OFF", "0")
+    told = (ask(each, asked) or "nan").replace("OFF", "0").replace("ON", "1")
     if value is not None:
         assert float(told) == pytest.approx(value, rel=1e-3)
     assert int((ask(each, "SYST:ERR?") or "0").partition(",")[0]) == number
@@ -507,5 +599,6 @@ def test_angles_and_the_highest_frequency_of_a_33522b(box: Box) -> None:
     box.answer("UNIT:ANGL DEG")
     assert float(ask(box, "PHAS?") or "nan") == pytest.approx(180 / np.pi)
     assert float(ask(box, "FREQ? MAX") or "nan") == 30e6
+    assert [number(box, f"FUNC:NOIS:BAND?{end}") for end in ("", " MAX")] == [100e3, 30e6]
     box.answer("FUNC RAMP")
     assert float(ask(box, "FREQ? MAX") or "nan") == 200e3
