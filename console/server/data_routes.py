@@ -8,6 +8,7 @@ from __future__ import annotations
 import asyncio
 import json
 import math
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from functools import lru_cache
@@ -31,7 +32,7 @@ from ...calibration import (
     Waveforms,
 )
 from ...calibration.map import MapFolder
-from ...exchange.catalogue import list_files
+from ...exchange.catalogue import Member, lineage, list_files
 from ...reports.contents import experiment_contents, night
 from ..data_folder import DataFolder, store_of
 from .button_route import button_shown
@@ -80,6 +81,7 @@ def data_routes(data: DataFolder) -> list[Route]:
         route("/api/history", _history),
         route("/api/shown", shown),
         route("/api/figure", figure),
+        route("/api/lineage", _lineage),
         route("/api/night", night_report),
         route("/api/answers", answers),
         route("/api/report", report),
@@ -133,6 +135,20 @@ def _catalogue(data: DataFolder, asked: Mapping[str, str]) -> Any:
     ]
     newest = sorted(found, key=lambda one: one["date"], reverse=True)
     return {"of": len(found), "files": newest[:_MOST_FILES]}
+
+
+def _lineage(data: DataFolder, asked: Mapping[str, str]) -> Any:
+    """What a file was made from and what was made from it, of the files of the folder."""
+    path = data.path(asked.get("file", "")).resolve()
+    found = lineage(list_files([data.root]), str(path))
+    below = f"{data.root}{os.sep}"
+
+    def member(one: Member) -> dict[str, str]:
+        shown = data.shown(Path(one.file)) if one.file else ""
+        return {"name": one.name, "file": shown, "note": one.note.replace(below, "")}
+
+    nodes = [{**vars(one), "members": [member(each) for each in one.members]} for one in found.nodes]
+    return {"nodes": nodes, "edges": found.edges}
 
 
 def _presses(data: DataFolder, asked: Mapping[str, str]) -> Any:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...base.errors import HaploopError
+from . import sources
 
 if TYPE_CHECKING:
     from ...acquisition import Recording
@@ -47,6 +48,11 @@ class Entry:
     content_hash: str = ""
     problem: str = ""
     """One sentence on a file that cannot be read."""
+    made_from: str = ""
+    """What it states to be made from, as JSON: see `sources.Source`. Empty where it states nothing."""
+    holds: str = ""
+    """Content hashes of what other files name instead of this one, with spaces between: a button's drives,
+    the calibration of waveforms."""
 
     @property
     def settled(self) -> bool:
@@ -92,9 +98,11 @@ def _hdf5(path: Path) -> Entry | None:
     entry = Entry(**own)
     if kind == "representative":
         press = Representative.load(path)
-        entry = Entry(**own, button=press.button, simulated=_yes(press.simulated))
+        made = sources.packed(sources.of_press(press))
+        entry = Entry(**own, button=press.button, simulated=_yes(press.simulated), made_from=made)
     elif kind == "calibration":
-        response = Calibration.load(path).response
+        calibration = Calibration.load(path)
+        response = calibration.response
         entry = Entry(
             **own,
             date=response.created,
@@ -102,9 +110,14 @@ def _hdf5(path: Path) -> Entry | None:
             simulated=_yes(response.simulated),
             patch=response.patch,
             point=response.point,
+            made_from=sources.packed(sources.of_calibration(calibration, own["content_hash"])),
         )
+    elif kind == "waveforms":
+        entry = Entry(**own, holds=sources.measured_for(path))
     elif kind == "curve":
-        entry = Entry(**own, button=Curve.load(path).button)
+        curve = Curve.load(path)
+        original = sources.Source("original", curve.source, curve.source_sha256)
+        entry = Entry(**own, button=curve.button, made_from=sources.packed([original]))
     elif kind in _PLAYED:
         entry = _played(path, own)
     return entry
@@ -122,6 +135,10 @@ def _played(path: Path, own: dict[str, str]) -> Entry:
     }
     made = kinds[kind].load(path)
     drive = made if isinstance(made, Drive) else made.drive
+    if isinstance(made, DigitalButton):
+        found, holds = sources.of_button(made), " ".join(sources.drives_in(made))
+    else:
+        found, holds = sources.of_check(made) if isinstance(made, Check) else sources.of_drive(made), ""
     return Entry(
         **own,
         button=drive.button,
@@ -131,6 +148,8 @@ def _played(path: Path, own: dict[str, str]) -> Entry:
         simulated=_yes(made.simulated),
         patch=drive.patch,
         point=drive.point,
+        made_from=sources.packed(found),
+        holds=holds,
     )
 
 
@@ -151,6 +170,7 @@ def _recording(recording: Recording) -> Entry:
         simulated=_yes(recording.simulated),
         study=header.study,
         content_hash=content,
+        made_from=sources.packed(sources.of_recording(recording)),
     )
 
 
@@ -174,7 +194,9 @@ def _study(path: Path) -> Entry:
 def _experiment(path: Path) -> Entry:
     from ...experiments import load_experiment  # noqa: PLC0415
 
-    return Entry(str(path), "experiment", study=load_experiment(path).file.name)
+    experiment = load_experiment(path)
+    made = sources.packed(sources.of_experiment(experiment))
+    return Entry(str(path), "experiment", study=experiment.file.name, made_from=made)
 
 
 def _yes(value: bool) -> str:

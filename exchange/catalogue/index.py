@@ -26,7 +26,7 @@ from ..workers import worker_pool
 from .entry import Entry, entry_of
 from .where import condition
 
-_VERSION = 2
+_VERSION = 3
 """Part of the index's name: to be raised when `Entry` changes."""
 _NAMED = ("map.json", "study.toml", "experiment.toml")
 _REJECTIONS = "rejections.json"

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from itertools import groupby
 from pathlib import Path
+from typing import Any
 
-from ...exchange.catalogue import Entry
+from ...exchange.catalogue import Entry, stated
 from .parts import Contents, Grid, fact
 from .words import counted
 
@@ -23,10 +24,18 @@ def listing_contents(entries: Sequence[Entry]) -> Contents:
     of_kinds = groupby(sorted(entries, key=lambda entry: entry.kind), key=lambda entry: entry.kind)
     return Contents(
         "",
-        [fact(files=[asdict(entry) for entry in entries])],
+        [fact(files=[_plain(entry) for entry in entries])],
         [_grid(kind, list(some), mixed) for kind, some in of_kinds],
         [f"{counted(entries, 'file')}{of_one}.", *(entry.problem for entry in entries if entry.problem)],
     )
+
+
+def _plain(entry: Entry) -> dict[str, Any]:
+    """An entry as JSON values."""
+    sources = [
+        {"kind": one.kind, "name": one.name, "content_hash": one.content} for one in stated(entry.made_from)
+    ]
+    return asdict(entry) | {"made_from": sources}
 
 
 def _grid(kind: str, entries: Sequence[Entry], with_rig: bool) -> Grid:

@@ -1,5 +1,6 @@
 import { $, choose, fill, get, newest, say } from "./console.js";
 import { legend, line, plot } from "./plots.js";
+import { lineage } from "./lineage.js";
 import { save, show } from "./shown.js";
 
 const asked = new URLSearchParams(location.search);
@@ -12,7 +13,8 @@ document.addEventListener("hello", async () => {
     $("name").textContent = [asked.get("file") || "", found.simulated ? "simulated" : ""].filter(Boolean).join(", ");
     show($("shown"), found, asked);
     $("report").disabled = asked.has("history");
-    await others(asked.get("file"));
+    if (asked.has("history")) return;
+    await Promise.all([others(asked.get("file")), lineage($("lineage"), $("graph"), asked.get("file"))]);
   } catch (error) { $("title").textContent = "This file cannot be shown"; say(error.message, "error"); }
 });
 $("report").addEventListener("click", () => save(`/api/report?${asked}`, `${asked.get("file").replaceAll("/", "-")}.html`));

@@ -1,7 +1,7 @@
 // What a result says, drawn from the server's JSON: the same contents as a report, a notebook and a terminal show.
 import { el, fill, picture, say } from "./console.js";
 
-const svg = (tag, properties, ...children) => {
+export const svg = (tag, properties, ...children) => {
   const made = document.createElementNS("http://www.w3.org/2000/svg", tag);
   for (const [name, value] of Object.entries(properties)) made.setAttribute(name, value);
   made.append(...children);

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from haploop import open_rig, record, representative
 from haploop.calibration import DigitalButton, History, adopt
 from haploop.commands.cli import cli
-from tests.console.browser.browsing import WAIT, Tab, expect, fits, visit
+from tests.console.browser.browsing import WAIT, Tab, expect, fits, press, visit
 from tests.console.serving import Served, served
 
 pytestmark = pytest.mark.timeout(600)
@@ -67,6 +67,24 @@ def test_a_row_of_files_opens_its_verdict_and_its_numbers(tab, console):
     assert saved(page, "Data (CSV)").startswith("panel,curve,x axis,y axis,x,y")
     for width in WIDTHS:
         fits(page, width)
+
+
+def test_what_a_file_was_made_from_is_a_picture_of_links(tab, console):
+    page = visit(tab, console, "file?file=recordings/P01-latch.h5")
+    picture = page.get_by_role("group", name="What this file was made from")
+    for width in WIDTHS:
+        fits(page, width)
+        expect(picture.get_by_role("img", name="recording P01-latch.h5, this file")).to_be_visible(
+            timeout=WAIT
+        )
+    press(picture.get_by_role("link", name="representative press press.h5, made from P01-latch.h5"))
+    expect(page.locator("#name")).to_contain_text("press.h5", timeout=WAIT)
+    (console.data / "recordings" / "P01-latch.h5").rename(console.data / "recordings" / "first.h5")
+    try:
+        page.reload()
+        expect(page.locator("#graph")).to_contain_text("first.h5: called P01-latch.h5", timeout=WAIT)
+    finally:
+        (console.data / "recordings" / "first.h5").rename(console.data / "recordings" / "P01-latch.h5")
 
 
 def test_a_press_is_laid_over_that_of_another_file(tab, console):
