@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
-from ..base.arrays import FloatArray
+from ..base.arrays import FloatArray, IntArray
 
 
 def fade(samples: int, rise: int, fall: int) -> FloatArray:
@@ -38,6 +38,11 @@ def resample(signal: FloatArray, samples: int) -> FloatArray:
     n = min(lines, spectrum.shape[-1])
     kept[..., :n] = spectrum[..., :n]
     return np.asarray(scipy.fft.irfft(kept, samples) * (samples / signal.shape[-1]))
+
+
+def third_octave(f: FloatArray) -> IntArray:
+    """Number of the third octave that each frequency (Hz) lies in: of 0 the lowest is 1 kHz."""
+    return np.asarray(np.floor(3 * np.log2(f / 1000.0)).astype(int))
 
 
 def third_octaves(

@@ -10,7 +10,8 @@ import scipy
 
 from ...base.arrays import ComplexArray, FloatArray
 from ...instruments import Limits
-from ..model import Drift
+from ..model import Calibration, Drift
+from ..spectra import third_octave
 from .actuation import Actuation
 from .inversion import Plan, State, max_output, min_peak, within
 from .trade import STEADY, Trade
@@ -20,8 +21,13 @@ _SPREAD = 0.6
 """Error of a drive over that which distortion would make if it were spread evenly over the band: part of it
 stays near the drive's own lines, where the table moves little (measured on simulated tables)."""
 _FALLS = 0.5
-"""Distortion above the band that a calibration plays, over that within it. Simulated, up to 5 kHz: a quarter
-of a multisine's; of drives a third to two fifths on seven tables, and all of it on a beam."""
+"""Distortion above the frequencies that a calibration plays, over that within them, at most, as is expected
+where noise hides it: simulated, a quarter to two fifths, but all of it on a beam."""
+_LARGEST = 2.0
+"""The same, for a bound."""
+_MORE = 1.3
+"""What a drive moves above the frequencies played, over what a multisine of as many squared volts was
+measured to move, at most: 0.3 to 0.8 on four simulated tables, up to 1.1 on a beam."""
 _ALIKE = 20
 """Neighbouring lines whose gains have one error: the local fits' windows overlap."""
 _CLEAR = 3.0
@@ -73,28 +79,54 @@ def plan_for(
     )
 
 
-def _moved_by_distortion(table: Actuation, step: float) -> FloatArray:
-    """(points, patches): power that a distortion of one volt on each line moves, as it falls above the band.
+def _by_distortion(
+    table: Actuation, plan: Plan, V: ComplexArray, step: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Squared motion by what the law misses of spectra (patches, lines) of linear volts.
 
-    `step` (Hz) is the distance of the lines, which go on where a plan's grid ends: there is no drive there,
-    and still a distortion.
+    That is spread over the band, and beyond: the table moves as it does there, also where the drive itself
+    has no power. `step` (Hz) is the distance of the lines, which go on where the plan's grid ends. Above the
+    frequencies that a calibration plays it measured what a multisine moves.
+
+    Returns what is expected, (points, bands), the most that it may be, likewise, and (bands,) Hz, the lowest
+    frequency of each.
     """
-    f = np.arange(*table.known, step)
-    played = min(one.model.band[1] for one in table.own)
-    share = np.where(f <= played, 1.0, _FALLS**2)
-    power, noise, _ = _by_bands(table, f, share)
-    return np.asarray((power - noise).sum(axis=2))
+    target, volts = np.abs(plan.target[0]) ** 2, (np.abs(V) ** 2).sum(axis=1)
+    own = np.array([c.distortion for c in table.own])[:, None] ** 2
+    on_line = own / (target > 1e-6 * target.max()).sum()
+    f, played = np.arange(*table.known, step), min(one.model.band[1] for one in table.own)
+    within, noise, hz = _by_bands(table, f[f <= played])
+    above, lost, above_hz = _by_bands(table, f[f > played])
+    value, deviation = np.array([[_measured(c, above_hz) for c in row] for row in table.rows]).T.swapaxes(
+        1, 3
+    )
+    value = np.maximum(value, 0.0)
+    falls = np.minimum(value + deviation, (_SPREAD * _FALLS) ** 2 * on_line * (above - lost))
+    most = np.minimum(_MORE**2 * (value + 2 * deviation), _LARGEST**2 * on_line * above)
+    expected = np.concatenate([_SPREAD**2 * on_line * (within - noise), falls], axis=2)
+    bound = np.concatenate([_LARGEST**2 * on_line * within, most], axis=2)
+    return volts @ expected, volts @ bound, np.concatenate([hz, above_hz])
 
 
-def _by_bands(table: Actuation, f: FloatArray, share: FloatArray | float = 1.0) -> tuple[FloatArray, ...]:
+def _measured(calibration: Calibration, hz: FloatArray) -> FloatArray:
+    """(bands, 2): `Calibration.beyond` of the third octaves that begin at `hz`; infinite where unknown."""
+    bands, values = calibration.beyond[0], calibration.beyond[1:].T
+    at = dict(zip(third_octave(bands).tolist(), values.tolist(), strict=True))
+    found = [at.get(number, (np.inf, np.inf)) for number in third_octave(hz).tolist()]
+    return np.array(found, dtype=np.float64).reshape(-1, 2)
+
+
+def _by_bands(table: Actuation, f: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(points, patches, bands): power of the gain in third octaves of lines (Hz), and that of its noise.
 
     Both are zero where the gain does not stand out of its noise: a resonance does, what is even does not.
     Also (bands,): the lowest frequency of each.
     """
-    power = np.abs(table.gain(f)) ** 2 * share
-    noise = np.einsum("qppl->qpl", table.covariance(f)).real * share
-    starts = np.unique(np.floor(3 * np.log2(f / f[0])).astype(int), return_index=True)[1]
+    power = np.abs(table.gain(f)) ** 2
+    noise = np.einsum("qppl->qpl", table.covariance(f)).real
+    if not len(f):
+        return power, noise, f
+    starts = np.unique(third_octave(f), return_index=True)[1]
     spread = np.sqrt(_ALIKE * np.add.reduceat(noise**2, starts, axis=2))
     power, noise = (np.add.reduceat(one, starts, axis=2) for one in (power, noise))
     clear = power - noise > _CLEAR * spread
@@ -124,42 +156,21 @@ def expected_errors(table: Actuation, plan: Plan, linear_volts: FloatArray, rate
     """
     V = scipy.fft.rfft(linear_volts)
     each = [replace(plan, drift=0.0).left_at(V), plan.left_at(V)]
-    return np.sqrt(
-        np.array(each).T / plan.wanted
-        + _distorted(table, plan, V, rate_hz / linear_volts.shape[1])[:, None] ** 2
-    )
+    distorted = _by_distortion(table, plan, V, rate_hz / linear_volts.shape[1])[0].sum(axis=1)
+    return np.asarray(np.sqrt((np.array(each).T + (plan.weights * distorted)[:, None]) / plan.wanted))
 
 
 def expected_above(table: Actuation, plan: Plan, linear_volts: FloatArray, rate_hz: float) -> FloatArray:
     """(2, edges): frequencies (Hz), and the most that the first point may err above each, over its target.
 
-    It is the motion by the drive's own spectrum and the measured response, and by twice the distortion that
-    the calibration left, as strong above its band as within: more than any simulated table showed. A third
-    octave in which the response does not stand out of its noise counts as still.
+    It is the motion by the drive's own spectrum and the measured response, and the most that distortion may
+    move (`_by_distortion`). A third octave in which the response does not stand out of its noise counts as
+    still.
     """
     V = scipy.fft.rfft(linear_volts)
     f = scipy.fft.rfftfreq(linear_volts.shape[1], 1 / rate_hz)
     left = np.abs(plan.missed(V)[0]) ** 2 + np.einsum("pl,ppl->l", np.abs(V) ** 2, plan.covariance[0]).real
     left[~plan.known] = 0.0
-    power, _, edges = _by_bands(table, np.arange(*table.known, f[1]))
-    own = np.array([c.distortion for c in table.own])
-    moved = (2 * own) ** 2 * _per_line(plan, V) @ power[0]
-    each = [left[f >= edge].sum() + moved[edges >= edge].sum() for edge in edges]
+    _, most, edges = _by_distortion(table, plan, V, f[1])
+    each = [left[f >= edge].sum() + most[0, edges >= edge].sum() for edge in edges]
     return np.array([edges, np.sqrt(np.array(each) / plan.wanted)])
-
-
-def _per_line(plan: Plan, V: ComplexArray) -> FloatArray:
-    """(patches,): squared linear volts on each of the target's lines, if they were spread evenly."""
-    target = np.abs(plan.target[0]) ** 2
-    return np.asarray((np.abs(V) ** 2).sum(axis=1) / (target > 1e-6 * target.max()).sum())
-
-
-def _distorted(table: Actuation, plan: Plan, V: ComplexArray, step: float) -> FloatArray:
-    """(points,): error expected from distortion, over the target's rms.
-
-    Linear volts that the hysteresis model misses are spread over the band by it, and beyond; the table then
-    moves as it does there, also where the drives themselves have no power.
-    """
-    power = np.array([c.distortion for c in table.own]) ** 2 * _per_line(plan, V)
-    moved = _moved_by_distortion(table, step) @ power
-    return np.asarray(_SPREAD * np.sqrt(plan.weights * moved / plan.wanted))

@@ -208,8 +208,9 @@ def _beyond(result: Check) -> str:
         "another patch."
     )
     if above.motion is not None and result.whole.value + above.motion.value > result.tolerance**2:
+        limit = "that it passes" if above.bound is None else "up to which is judged"
         return (
-            f"the laser shows motion near {hertz(above.hz)}, above the {top} that it passes (or beyond the "
+            f"the laser shows motion near {hertz(above.hz)}, above the {top} {limit} (or beyond the "
             f"card's sample rate, and folded down), which its filter lets through as {above.motion.root:.1%} "
             f"of the target: {tell}"
         )

@@ -10,6 +10,7 @@ from ..response import (
     SWEEP,
     Excitation,
     Waveforms,
+    beyond,
     distortion,
     measure_above,
     measure_both_signs,
@@ -67,4 +68,5 @@ def examined(rig: Rig, calibration: Calibration, progress: Progress = silent) ->
     both = measure_both_signs(rig, patch, point, progress)
     law = replace(calibration.hysteresis, even=even_order(calibration, both))
     above = measure_above(rig, patch, point, law, progress)
-    return replace(calibration, hysteresis=law, above=above, distortion=distortion(both, law))
+    found = replace(calibration, hysteresis=law, above=above, distortion=distortion(both, law))
+    return found if above is None else replace(found, beyond=beyond(both, law, above))

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import glob
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from ...base import hdf5
+from ...base.arrays import FloatArray
 from ...base.errors import ConfigurationError
 from ...base.notebook import InNotebook
 from ...instruments import RigFile
@@ -57,6 +58,9 @@ class Calibration(InNotebook):
     Measured with a multisine at the largest level and its negative, without the noise of either. It limits
     what a drive reaches without learning; 0 if not measured.
     """
+    beyond: FloatArray = field(default_factory=lambda: np.zeros((3, 0)))
+    """(3, bands): what that multisine moves above its own frequencies, by third octaves: see `beyond`; empty
+    if not measured."""
     scatter: ChannelScatter = ChannelScatter()
     """Of its channel: see `calibration.model.channel_scatter`."""
     finger: Finger | None = None

@@ -1,6 +1,7 @@
 """Frequency responses: excitation, estimators, hysteresis, exchange files."""
 
 from .channels import Channels as Channels
+from .distortion import beyond as beyond
 from .distortion import distortion as distortion
 from .excitation import Excitation as Excitation
 from .excitation import LinearSweep as LinearSweep

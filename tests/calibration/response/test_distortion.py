@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from haploop.calibration import quick_response
-from haploop.calibration.response import distortion, measure_both_signs
+from haploop.calibration.response import beyond, distortion, measure_above, measure_both_signs
 from haploop.calibration.response.response import LINEAR
 from tests.conftest import OpenRig
 
@@ -31,3 +31,21 @@ def test_a_distortion_is_found_in_noise(open: OpenRig, noise: float) -> None:
     ]
     assert 0.02 < found[0] < 0.08
     assert found[1] == pytest.approx(found[0], rel=0.05)
+
+
+@pytest.mark.parametrize("noise", [1.0, 10.0])
+def test_noise_is_not_taken_for_motion_above_what_was_played(open: OpenRig, noise: float) -> None:
+    """A pane with modes to 10 kHz: a patch without hysteresis moves nothing there, one with it does."""
+    for hysteresis in (0.0, 0.12):
+        each = []
+        for scale in (0.1, noise):
+            rig = open(seed=41, hysteresis=hysteresis, vibrometer_noise_scale=scale, highest_hz=10_000.0)
+            both = measure_both_signs(rig, "A", "button")
+            above = measure_above(rig, "A", "button", LINEAR)
+            assert above is not None
+            each.append(beyond(both, LINEAR, above))
+        (hz, quiet, _), (_, found, deviation) = each
+        assert hz[0] > 600 and hz[-1] == pytest.approx(4000, abs=1)
+        away = (found - (quiet if hysteresis else 0)) / deviation
+        assert np.abs(away).max() < 4 and np.sqrt(np.mean(away**2)) < 2
+        assert (quiet > 20 * deviation).any() == bool(hysteresis)
