@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 import threading
 import warnings
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -69,7 +69,8 @@ class DriverInterpreter(GrpcStubInterpreter):  # type: ignore[misc]
         self._state = threading.Condition()
         self._running: Counter[tuple[str, int]] = Counter()
         """Callbacks that run now, by task and thread."""
-        self._closed: set[str] = set()
+        self._registered: defaultdict[str, set[object]] = defaultdict(set)
+        """Callbacks of tasks that are not closed, by task."""
         self._created = threading.local()
         super().__init__(grpc_options)
 
@@ -121,7 +122,7 @@ class DriverInterpreter(GrpcStubInterpreter):  # type: ignore[misc]
             )
 
         with self._state:
-            self._closed.add(task.name)
+            self._registered.pop(task.name, None)
             self._state.wait_for(returned, _LONGEST)
         super().clear_task(task)
 
@@ -157,15 +158,15 @@ class DriverInterpreter(GrpcStubInterpreter):  # type: ignore[misc]
 
     def _watched(self, task: Any, kind: str, callback: Callable[..., Any]) -> Callable[..., Any]:
         """Return `callback`, known to run while it does, and not called for a closed task."""
-        key = task.name
+        key, own = task.name, object()
         with self._state:
-            self._closed.discard(key)
+            self._registered[key].add(own)
         _handled[key, kind] = 0
 
         def run(*given: Any) -> Any:
             mine = (key, threading.get_ident())
             with self._state:
-                closed = key in self._closed
+                closed = own not in self._registered.get(key, ())
                 self._running[mine] += not closed
             _here.depth = getattr(_here, "depth", 0) + 1
             try:

@@ -44,13 +44,17 @@ def redirect(
     from nidaqmx._lib import lib_importer  # noqa: PLC0415
 
     before, encoding = utils._select_interpreter, lib_importer._encoding
+    made: dict[int, Any] = {}
 
     def select(grpc_options: Any = None, interpreter: Any = None) -> Any:
         if grpc_options:
             known(grpc_options)
         if grpc_options or interpreter:
             return before(grpc_options, interpreter)
-        return driver().DriverInterpreter(options(), _KEYS)
+        own = options()
+        if id(own) not in made:  # one for all tasks: to make its 451 calls takes longer than to read
+            made[id(own)] = driver().DriverInterpreter(own, _KEYS)
+        return made[id(own)]
 
     def undo() -> None:
         utils._select_interpreter, lib_importer._encoding = before, encoding

@@ -182,6 +182,10 @@ _DEGREES: dict[int, tuple[float, float]] = {
 """Factor and zero of a unit, from degrees Celsius."""
 
 
+_SENSED = {row.usage.value: row for row in reversed(MEASUREMENTS.values()) if row.sensor}
+"""Measurements by a sensor's sensitivity, by what they measure."""
+
+
 def measured_scale(values: Mapping[str, Any]) -> Scale | None:
     """Return the scale from volts at the terminal to the units of a channel with the properties `values`.
 
@@ -189,7 +193,9 @@ def measured_scale(values: Mapping[str, Any]) -> Scale | None:
     strain, position, frequency): such a channel shows its simulated signal in its own units.
     """
     usage = values.get("AI_MEAS_TYPE")
-    row = next((m for m in MEASUREMENTS.values() if m.usage.value == usage and m.sensor), None)
+    if usage == U.VOLTAGE.value:
+        return None
+    row = _SENSED.get(usage or 0)
     if row is not None and values.get(f"{row.sensor}_SENSITIVITY_UNITS") in _VOLTS_PER:
         volts = values[f"{row.sensor}_SENSITIVITY"] * _VOLTS_PER[values[f"{row.sensor}_SENSITIVITY_UNITS"]]
         return linear(_PER.get(values.get(row.units, 0), 1.0) / volts, 0.0) if volts else None
