@@ -33,6 +33,7 @@ SHORT = {
     "recording": "--rounds 5 --megabytes 128 --seconds 4",
     "server": "--rounds 3 --seconds 5",
     "tap": "--rounds 3 --seconds 2",
+    "calls": "--rounds 5",
     "start": "--rounds 5",
     "representative": "--seeds 100 101 --families tempo",
     "corpus": "36",
