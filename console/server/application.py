@@ -23,9 +23,10 @@ from .bodies import json_object
 from .conductor import Conductor
 from .data_routes import data_routes
 from .design_routes import design_routes
-from .experiment_routes import experiment_routes
+from .experiment_routes import experiment_routes, queue_routes
 from .follower import Follower
 from .live_scope import LiveScope
+from .run_queue import RunQueue
 from .security import PARTICIPANT, Access, Guard
 
 _STATIC = Path(__file__).parent / "static"
@@ -50,9 +51,16 @@ _TOKEN_DEADLINE = 5.0
 def application(access: Access, follower: Follower, scope: LiveScope, data: DataFolder) -> Starlette:
     """Return the application."""
     conductor = Conductor(data, follower.command)
-    follower.heard = conductor.heard
+    queue = RunQueue(data, follower.command)
+
+    def heard(snapshot: dict[str, Any]) -> None:
+        conductor.heard(snapshot)
+        with contextlib.suppress(HaploopError):  # the page says what is wrong with the list
+            queue.heard(snapshot)
+
+    follower.heard = heard
     shown = {
-        True: lambda: {**follower.snapshot, "experiment": conductor.operator},
+        True: lambda: {**follower.snapshot, "experiment": conductor.operator, "queue": queue.shown},
         False: lambda: {**_for_participant(follower.snapshot), "experiment": conductor.participant},
     }
 
@@ -127,6 +135,7 @@ def application(access: Access, follower: Follower, scope: LiveScope, data: Data
         *data_routes(data),
         *design_routes(data),
         *experiment_routes(conductor, follower),
+        *queue_routes(queue, follower),
         WebSocketRoute("/socket", socket),
         Route("/static/glance.css", glance_style),
         Mount("/static", StaticFiles(directory=_STATIC)),

@@ -36,6 +36,7 @@ from ...exchange.catalogue import Member, lineage, list_files
 from ...reports.contents import experiment_contents, night
 from ..data_folder import DataFolder, store_of
 from .button_route import button_shown
+from .estimates import of_experiment, pace
 from .lab import lab, names
 from .shown_routes import answers, figure, report, shown
 from .shown_routes import night as night_report
@@ -72,6 +73,7 @@ def data_routes(data: DataFolder) -> list[Route]:
     return [
         route("/api/lab", lab),
         route("/api/names", names),
+        route("/api/pace", pace),
         route("/api/files", _files),
         route("/api/catalogue", _catalogue),
         route("/api/presses", _presses),
@@ -255,7 +257,8 @@ def _experiment(data: DataFolder, asked: Mapping[str, str]) -> Any:
     store = store_of(data, asked.get("experiment", ""))
     file = store.experiment.file
     about = {"title": file.title or file.name, "groups": file.groups, "days": file.sessions}
-    return {**about, "consent": file.consent, "buttons": [*file.buttons], **experiment_contents(store).values}
+    about |= {"consent": file.consent, "buttons": [*file.buttons], "estimate": of_experiment(store)}
+    return {**about, **experiment_contents(store).values}
 
 
 def _calibration(data: DataFolder, asked: Mapping[str, str]) -> Any:

@@ -1,4 +1,4 @@
-"""Routes of an experiment's pages: the operator conducts, the participant answers."""
+"""Routes of what the server itself keeps: the session of an experiment, and the recordings lined up."""
 
 from __future__ import annotations
 
@@ -14,33 +14,49 @@ from ...base.errors import HaploopError
 from .bodies import json_object
 from .conductor import Conductor
 from .follower import Follower
+from .run_queue import RunQueue
 from .security import ANSWER
+
+Act = Callable[[Mapping[str, Any]], None]
 
 
 def experiment_routes(conductor: Conductor, follower: Follower) -> list[Route]:
     """Return the routes; after each request all pages are told."""
 
-    def route(path: str, act: Callable[[Mapping[str, Any]], None]) -> Route:
-        async def answer(request: Request) -> Response:
-            try:
-                values = await json_object(request)
-                await asyncio.to_thread(act, values)
-            except HaploopError as error:
-                return JSONResponse({"error": str(error)}, 409)
-            await follower.tell()
-            return JSONResponse({"done": True})
-
-        return Route(path, answer, methods=["POST"])
-
     def begin(values: Mapping[str, Any]) -> None:
         now = follower.snapshot
         conductor.begin(values, {"rig": now.get("rig"), "rig_simulated": bool(now.get("simulated"))})
 
-    return [
-        route("/api/experiment/begin", begin),
-        route("/api/experiment/present", conductor.present),
-        route("/api/experiment/done", conductor.done),
-        route("/api/experiment/pause", lambda values: conductor.pause(values.get("on") is True)),
-        route("/api/experiment/end", lambda _: conductor.end()),
-        route(ANSWER, conductor.answer),
-    ]
+    acts: dict[str, Act] = {
+        "/api/experiment/begin": begin,
+        "/api/experiment/present": conductor.present,
+        "/api/experiment/done": conductor.done,
+        "/api/experiment/pause": lambda values: conductor.pause(values.get("on") is True),
+        "/api/experiment/end": lambda _: conductor.end(),
+        ANSWER: conductor.answer,
+    }
+    return [_route(path, act, follower) for path, act in acts.items()]
+
+
+def queue_routes(queue: RunQueue, follower: Follower) -> list[Route]:
+    """Return the routes of the recordings that are lined up; after each request all pages are told."""
+    acts: dict[str, Act] = {
+        "add": queue.add,
+        "move": queue.move,
+        "drop": queue.drop,
+        "start": queue.start,
+    }
+    return [_route(f"/api/queue/{name}", act, follower) for name, act in acts.items()]
+
+
+def _route(path: str, act: Act, follower: Follower) -> Route:
+    async def answer(request: Request) -> Response:
+        try:
+            values = await json_object(request)
+            await asyncio.to_thread(act, values)
+        except HaploopError as error:
+            return JSONResponse({"error": str(error)}, 409)
+        await follower.tell()
+        return JSONResponse({"done": True})
+
+    return Route(path, answer, methods=["POST"])

@@ -24,7 +24,8 @@ from ...calibration import (
     with_map,
 )
 from ...instruments import Rig
-from .job import Tools, Work, clean, files, number, whole, words
+from ..fields import clean, whole
+from .job import Tools, Work, files, number, words
 
 ACTOR = "the console"
 _PLAYS = 8

@@ -31,8 +31,9 @@ from ...instruments import Rig
 from ...instruments.operator import ConfirmSettings
 from ...reports.contents import one_style
 from ..data_folder import store_of
+from ..fields import clean, whole
 from .button_jobs import ACTOR, adopt_button, check, make
-from .job import Job, Tools, Work, clean, numbers, whole, words
+from .job import Job, Tools, Work, numbers, words
 from .presenting import present_stimuli
 
 _PAUSE = 1800.0

@@ -21,8 +21,9 @@ from ...base.signals import uninterrupted
 from ...instruments import Rig, RigFile, open_rig
 from ...instruments.driver import Mode
 from ..data_folder import DataFolder
+from ..fields import clean
 from .board import Board
-from .job import Tools, Work, clean
+from .job import Tools, Work
 from .jobs import JOBS
 from .observer import Observer
 from .page_operator import PageOperator

@@ -1,5 +1,6 @@
 // The operator conducts an experiment: chooses the session, presents each stimulus, and sees the answers.
 import { $, busy, choose, command, el, fill, get, key, newest, on, post, say, start, state } from "./console.js";
+import { span } from "./estimate.js";
 import { save, show as showContents } from "./shown.js";
 import { naming } from "./names.js";
 
@@ -25,12 +26,13 @@ async function show(anew) {
   const name = $("experiment").value;
   if (!name) return;
   let found;
-  try { found = await ask(`/api/experiment?experiment=${encodeURIComponent(name)}`); } catch (error) { $("about").textContent = ""; fill($("entries")); say(error.message, "error"); return; }
+  try { found = await ask(`/api/experiment?experiment=${encodeURIComponent(name)}`); } catch (error) { $("about").textContent = $("estimate").textContent = ""; fill($("entries")); say(error.message, "error"); return; }
   if (!found) return;
   if (found.problems.length) say(found.problems.join(" "), "error");
   const { groups, balanced, multiple_of } = found.design;
   const sizes = Object.entries(groups).map(([name, count]) => (found.groups.length > 1 ? `${name} ${count}` : count)).join(", ");
   $("about").textContent = `${found.title} (days: ${found.days}; participants so far: ${sizes}${balanced ? "" : `, not balanced: that is at a multiple of ${multiple_of}`})`;
+  $("estimate").textContent = `A session takes about ${span(found.estimate)}: ${found.estimate.said}.`;
   $("surface").classList.toggle("hidden", !found.buttons.length);
   $("consent-label").classList.toggle("hidden", !found.consent);
   if (anew) fill($("day"), el("option", { value: "" }, "the one that is due"), ...Array.from({ length: found.days }, (_, n) => el("option", { value: n + 1 }, n + 1)));

@@ -1,5 +1,7 @@
 import { $, busy, get, on, say, start } from "./console.js";
+import { pace, span } from "./estimate.js";
 import { naming } from "./names.js";
+import { lineUp, queue } from "./queue.js";
 import { sitting } from "./sitting.js";
 
 sitting($("sitting"));
@@ -32,9 +34,24 @@ function suggest() {
 }
 $("name").addEventListener("input", () => { own = $("name").value !== ""; });
 document.addEventListener("hello", look);
+$("line-up").addEventListener("click", async () => {
+  if (!$("form").reportValidity()) return;
+  if (await lineUp({ participant: who.value(), button: what.value(), name: $("name").value, presses: Number($("number").value), notes: $("notes").value })) $("notes").value = "";
+});
+// How long it takes: as the newest recordings took.
+let known = null;
+async function estimate() {
+  known = await pace();
+  said();
+  redraw();
+}
+const said = () => { $("estimate").textContent = known && $("number").checkValidity() ? `About ${span(known, Number($("number").value))}, ${known.said}.` : ""; };
+$("number").addEventListener("input", said);
+document.addEventListener("hello", estimate);
+const redraw = queue($("queue"), $("queue-said"), () => known);
 on("state", (now) => {
   const mark = now.job ? `${now.job.number} ${now.job.state}` : "";
-  if (job && mark !== job) look();
+  if (job && mark !== job) { look(); estimate(); }
   job = mark || job;
 });
 on("state", (now) => {

@@ -1,4 +1,5 @@
 import { $, busy, choose, el, fill, get, newest, on, say, start, state } from "./console.js";
+import { pace, span } from "./estimate.js";
 import { sitting } from "./sitting.js";
 
 sitting($("sitting"));
@@ -12,6 +13,15 @@ document.addEventListener("hello", async () => {
   await show(true);
 });
 $("study").addEventListener("change", () => show(true));
+for (const id of ["who", "button"]) $(id).addEventListener("change", () => estimate());
+
+// How long what is due takes: as the newest recordings took.
+let due = [];
+async function estimate() {
+  const known = await pace(), chosen = due.filter((one) => ["", one.participant].includes($("who").value) && ["", one.button].includes($("button").value));
+  const left = chosen.reduce((sum, one) => sum + one.of - one.accepted, 0);
+  $("estimate").textContent = known && left ? `${left} presses are due: about ${span(known, left)}, ${known.said}.` : "";
+}
 
 const ask = newest();
 async function show(anew) {
@@ -25,6 +35,8 @@ async function show(anew) {
     choose($("who"), ["", ...found.participants], { empty: "all" });
     choose($("button"), ["", ...found.buttons], { empty: "all" });
   }
+  due = found.entries;
+  estimate();
   fill($("entries"), ...found.entries.map((entry) => el("tr", {}, el("td", {}, entry.participant), el("td", {}, entry.button), el("td", {}, `${entry.accepted} of ${entry.of}`),
     el("td", {}, `${entry.bad} bad, ${entry.rejected} rejected`), el("td", {}, entry.consented ? "confirmed" : "-"),
     el("td", {}, entry.in_progress ? "recording" : entry.accepted === entry.of ? "complete" : entry.interrupted ? "interrupted; the next run goes on" : "due"))));
