@@ -14,7 +14,8 @@ import numpy as np
 from ...base.arrays import BoolArray, FloatArray
 from ...base.errors import ConfigurationError, HaploopError, InstrumentError, LimitError
 from ...instruments.daq import Block, Daq, Stream, StreamRequest
-from ..plant import Plant, PlayStopped, Run, SamplesLost
+from ..nodes import PlayStopped, Run, SamplesLost
+from ..plant import Plant
 from .converter import convert, noise_of, put_out
 
 _APART = 0.5
@@ -97,7 +98,7 @@ class Terminal:
         return np.where(times < run.start, 0.0, run.values[index])
 
     def take(self, until: float) -> Sequence[Run]:
-        """See `haploop.mocks.plant.Source.take`."""
+        """See `haploop.mocks.nodes.Source.take`."""
         run = self._run
         if run is None or run.start > until:
             return []

@@ -13,12 +13,12 @@ LOST = {
     "overrun": -200279,
     "overflow": -200010,
 }
-"""NI's error for each `how` of `haploop.mocks.plant.SamplesLost`."""
+"""NI's error for each `how` of `haploop.mocks.nodes.SamplesLost`."""
 STOPPED = {
     "underflow": -200290,
     "fifo": -200621,
 }
-"""NI's error for each `how` of `haploop.mocks.plant.PlayStopped`; "stopped" is none."""
+"""NI's error for each `how` of `haploop.mocks.nodes.PlayStopped`; "stopped" is none."""
 
 
 class Converters(Protocol):

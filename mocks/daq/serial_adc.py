@@ -12,7 +12,8 @@ import numpy as np
 from ...base.arrays import FloatArray
 from ...instruments.daq.serial_adc import SerialAdc
 from ...instruments.transport import Arrival
-from ..plant import Plant, SamplesLost
+from ..nodes import SamplesLost
+from ..plant import Plant
 from ..transport import Loopback
 
 DRIFT = -0.013

@@ -14,7 +14,7 @@ import scipy
 from ...base.arrays import FloatArray
 from ...base.clock import Clock
 from ...base.errors import ConfigurationError
-from ..plant import Run, SamplesLost, Signal, Source
+from ..nodes import Run, SamplesLost, Signal, Source
 
 __all__ = ["Put", "Signal", "Signals", "Wire", "signal_of"]
 
@@ -132,7 +132,7 @@ def _from_file(path: Path, rate_hz: float | None) -> tuple[FloatArray, float | N
 
 
 class Signals:
-    """The nodes of terminals that a test sets: see `haploop.mocks.plant.Nodes`. Any thread may call it."""
+    """The nodes of terminals that a test sets: see `haploop.mocks.nodes.Nodes`. Any thread may call it."""
 
     def __init__(self, clock: Clock) -> None:
         self.clock = clock

@@ -23,7 +23,8 @@ from ...instruments.daq.ni_sentences import (
     zeroed,
 )
 from ...instruments.daq.ni_settings import device_of
-from ..plant import Plant, PlayStopped, SamplesLost
+from ..nodes import PlayStopped, SamplesLost
+from ..plant import Plant
 from .card_twin import Card, CardTwin
 from .converter import LOST, STOPPED
 from .products import Product, convert_interval, described, input_range

@@ -7,7 +7,8 @@ import numpy as np
 from ...base.arrays import FloatArray
 from ...base.bounded import Positive
 from ...instruments.config import RigFile
-from ..plant import FaultSettings, OnAmplifier, Run, TimedFault
+from ..nodes import Run
+from ..plant import FaultSettings, OnAmplifier, TimedFault
 
 
 class AmplifierGain(OnAmplifier):

@@ -12,7 +12,8 @@ from pydantic import Field
 from ...base.arrays import FloatArray
 from ...base.bounded import Count, NotNegative, Positive
 from ...instruments.config import RigFile
-from ..plant import FaultSettings, OnCards, PerEventFault, PlayStopped, SamplesLost, ScheduledFault
+from ..nodes import PlayStopped, SamplesLost
+from ..plant import FaultSettings, OnCards, PerEventFault, ScheduledFault
 
 _MULTIPLEXER = 100e-12
 """Capacitance of a card's multiplexer and amplifier (F; estimate: X Series inputs have 100 pF)."""

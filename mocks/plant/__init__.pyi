@@ -1,6 +1,9 @@
 from .amplifier import AMPLIFIER_GAIN_ERROR as AMPLIFIER_GAIN_ERROR
 from .bouc_wen import BoucWen as BoucWen
 from .contact import Contact as Contact
+from .equipment import LaserHead as LaserHead
+from .equipment import Switched as Switched
+from .equipment import Switches as Switches
 from .fault import Fault as Fault
 from .fault import FaultSettings as FaultSettings
 from .fault import PerEventFault as PerEventFault
@@ -20,15 +23,6 @@ from .modal import Modes as Modes
 from .modal_plant import Modal as Modal
 from .modal_plant import random_modal as random_modal
 from .modal_surface import ModalSurface as ModalSurface
-from .nodes import Called as Called
-from .nodes import LaserHead as LaserHead
-from .nodes import Nodes as Nodes
-from .nodes import PlayStopped as PlayStopped
-from .nodes import Run as Run
-from .nodes import SamplesLost as SamplesLost
-from .nodes import Source as Source
-from .nodes import Switched as Switched
-from .nodes import Switches as Switches
 from .places import PLACES as PLACES
 from .places import OnAmplifier as OnAmplifier
 from .places import OnCamera as OnCamera
@@ -41,7 +35,6 @@ from .places import OnSurface as OnSurface
 from .places import RelayFailure as RelayFailure
 from .plant import Plant as Plant
 from .scene import AmplifierOutput as AmplifierOutput
-from .sensed import Signal as Signal
 from .surface import AMPLIFIER_POLE_HZ as AMPLIFIER_POLE_HZ
 from .surface import REMEMBERED as REMEMBERED
 from .surface import PlantSettings as PlantSettings

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...base.arrays import FloatArray
 from ...instruments.config import RigFile
-from .nodes import Run
+from ..nodes import Run
 from .places import OnAmplifier
 
 AMPLIFIER_GAIN, AMPLIFIER_GAIN_ERROR = 50.0, 0.01

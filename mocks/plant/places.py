@@ -14,12 +14,13 @@ from typing import Literal
 import numpy as np
 
 from ...base.arrays import FloatArray
+from ..nodes import Run
 from ..transport import ReplyFault
+from .equipment import LaserHead
 from .fault import Fault
 from .hands import Hand
 from .hysteresis import PatchLaw
 from .modal import Modes
-from .nodes import LaserHead, Run
 
 RelayFailure = Literal["lost", "stuck", "welded"]
 """lost: a command never reaches the box. stuck: a channel does not switch, and reports its real state.

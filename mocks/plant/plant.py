@@ -20,11 +20,12 @@ from ...base.arrays import FloatArray
 from ...base.clock import Clock
 from ...base.errors import ConfigurationError
 from ...instruments.config import RigFile
+from ..nodes import Called, Run, Signal, Source
 from .amplifier import Amplifier
-from .nodes import Called, LaserHead, Run, Source, Switches
+from .equipment import LaserHead, Switches
 from .places import OnAmplifier, OnCards, OnRelay, OnSurface
 from .scene import AmplifierOutput, Scene
-from .sensed import Output, Quantity, Signal, laser, signalled, wired
+from .sensed import Output, Quantity, laser, signalled, wired
 from .surface import PlantSource
 from .truth import Truth
 
@@ -143,7 +144,7 @@ class Plant(Scene):
             then(now)
 
     def drive(self, node: str, source: Source) -> None:
-        """See `haploop.mocks.plant.Nodes.drive`. Only the amplifier's inputs have an effect.
+        """See `haploop.mocks.nodes.Nodes.drive`. Only the amplifier's inputs have an effect.
 
         The sources of a node add up; one of the same kind takes the place of the one before.
         """
@@ -156,7 +157,7 @@ class Plant(Scene):
     # Reading by converters
 
     def read(self, nodes: Sequence[str], times: FloatArray) -> FloatArray:
-        """See `haploop.mocks.plant.Nodes.read`. An unwired node carries 0 V."""
+        """See `haploop.mocks.nodes.Nodes.read`. An unwired node carries 0 V."""
         with self._lock:
             volts = np.zeros(times.shape)
             if not times.size:
@@ -200,7 +201,7 @@ class Plant(Scene):
         return clocked
 
     def plays(self, device: str) -> None:
-        """See `haploop.mocks.plant.Nodes.plays`."""
+        """See `haploop.mocks.nodes.Nodes.plays`."""
         for fault in self.faults.at(OnCards):
             fault.plays(device, self.clock.now())
 

@@ -16,9 +16,9 @@ from ...instruments.config import RigFile
 from ...instruments.operator import Press, RestFinger, Touch
 from .buttons import FLAWS, Finger, Flaw, Presses, button_named, press_button
 from .contact import Contact
+from .equipment import LaserHead
 from .fault_kinds import Faults
 from .hands import Fingertip, Hand
-from .nodes import LaserHead
 from .patches import Patches
 from .places import OnLaser, OnSurface
 from .plant_kinds import asked, plant_source, surface_and_laws

@@ -6,7 +6,7 @@ plant is freed at once with its memory.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -14,12 +14,13 @@ import numpy as np
 
 from ...base.arrays import FloatArray
 from ...base.errors import HaploopError, InstrumentError
+from ..nodes import Signal
+from .equipment import LaserHead
 from .motions import Quantity, shown_by
-from .nodes import LaserHead
 from .places import OnLaser
 from .scene import Scene
 
-__all__ = ["Output", "Quantity", "Signal", "laser", "signalled", "wired"]
+__all__ = ["Output", "Quantity", "laser", "signalled", "wired"]
 
 CONTACT = 5.0
 """Output of the closed contact (V; estimate)."""
@@ -28,11 +29,6 @@ VIBROMETER_NOISE = 0.02e-6
 "PDV-100")."""
 PICKUP_NOISE = {"displacement": 1e-6, "acceleration": 1e-7}
 """Noise density over the range (per sqrt(Hz); estimates)."""
-
-
-Signal = Callable[[FloatArray], FloatArray]
-"""Function that returns the volts of an instrument's output, (times,) V before any converter, at rising
-times, (times,) s of the plant's clock. It may be asked for the same times again, and for 30 s before them."""
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from nidaqmx.constants import Edge
 from nidaqmx.error_codes import DAQmxErrors
 
 from ....base.arrays import BoolArray, FloatArray
-from ...plant import SamplesLost
+from ...nodes import SamplesLost
 from ..converter import LOST, convert
 from .channel import Channel
 from .errors import DaqmxError

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from ....base.arrays import BoolArray, FloatArray
-from ...plant import Nodes
+from ...nodes import Nodes
 from .channel import Channel
 from .pulses import Train, Transitions, sampled, ticking
 from .terminals import OutputTerminal

@@ -25,7 +25,7 @@ from ....base.arrays import FloatArray
 from ....base.clock import Clock, RealClock
 from ....base.closing import Closing
 from ....instruments.tape import Recorder
-from ...plant import Nodes
+from ...nodes import Nodes
 from ...redirect import CREATED, FOLDER, IGNORED, IN_CALLBACK
 from ...transport import HOST
 from . import attributes

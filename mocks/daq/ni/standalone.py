@@ -13,7 +13,7 @@ from pathlib import Path
 from ....base.errors import ConfigurationError, InstrumentError
 from ....base.flag import Flag
 from ....base.near_words import did_you_mean
-from ...plant import Nodes
+from ...nodes import Nodes
 from ..products import PRODUCTS, Product, described
 from .devices import Inventory, NiDevice, devices_from_ini
 from .server import NiServer

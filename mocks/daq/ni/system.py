@@ -11,7 +11,7 @@ from typing import Any
 
 from ....base.clock import Clock
 from ...clock import VirtualClock
-from ...plant import Nodes, PlayStopped
+from ...nodes import Nodes, PlayStopped
 from ..converter import STOPPED, noise_of
 from .devices import Inventory, NiDevice
 from .errors import AlreadyExistsError, DaqmxError, DAQmxErrors

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....base.arrays import FloatArray
-from ...plant import Run
+from ...nodes import Run
 
 _MEMORY = 60.0
 """Past for which a terminal's values are kept (s)."""
@@ -98,7 +98,7 @@ class OutputTerminal:
             self._clock = None
 
     def take(self, until: float) -> Sequence[Run]:
-        """See `haploop.mocks.plant.Source.take`."""
+        """See `haploop.mocks.nodes.Source.take`."""
         with self._lock:
             self._advance(until)
             runs = []

@@ -19,7 +19,8 @@ from haploop.instruments.conformance import DaqConformance, Fired, bypass_interl
 from haploop.instruments.daq.sound_card import SoundCardDaq
 from haploop.mocks.clock import VirtualClock
 from haploop.mocks.daq.sound_card import DRIFT, LATENCY, DuplexCard, Line
-from haploop.mocks.plant import Faults, Plant, Run
+from haploop.mocks.nodes import Run
+from haploop.mocks.plant import Faults, Plant
 
 SIMULATED = load_rig_file("simulated")
 RATE = 48_000.0

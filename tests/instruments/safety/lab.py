@@ -19,7 +19,7 @@ from haploop.instruments.generator.scpi_generator import ScpiGenerator
 from haploop.instruments.rig import opening
 from haploop.instruments.safety import lock
 from haploop.mocks.daq.twin import DaqTwin
-from haploop.mocks.plant import Run
+from haploop.mocks.nodes import Run
 from haploop.mocks.relay.box import BoxAdapter, RelayTwin, SimulatedBox
 from haploop.mocks.simulation import Simulation
 

@@ -13,7 +13,7 @@ import pytest
 from haploop.base.arrays import FloatArray
 from haploop.mocks.clock import VirtualClock
 from haploop.mocks.daq.ni import NiServer
-from haploop.mocks.plant import Source
+from haploop.mocks.nodes import Source
 
 EXPORT = """
 [DAQmx]

@@ -9,7 +9,7 @@ import pytest
 
 from haploop.mocks.clock import VirtualClock
 from haploop.mocks.generator import DG1000Z, KEYSIGHT_33500, Box
-from haploop.mocks.plant import Source
+from haploop.mocks.nodes import Source
 from haploop.mocks.transport import LineServer
 
 

@@ -7,7 +7,8 @@ import pytest
 
 from haploop.instruments import load_rig_file
 from haploop.mocks.clock import VirtualClock
-from haploop.mocks.plant import Plant, Run
+from haploop.mocks.nodes import Run
+from haploop.mocks.plant import Plant
 from haploop.mocks.plant.amplifier import AMPLIFIER_GAIN
 
 
