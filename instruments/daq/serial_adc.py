@@ -58,6 +58,8 @@ class SerialAdc(FreeRunning):
         self.edge = None if edge is None else Edge(edge.channel, edge.threshold)
         self._lost = 0
         self._decoder = Decoder(settings.frame)
+        # A board that starts anew when its port is opened sends nothing meanwhile.
+        self._started = clock.now() + 5 * _LATE
         self._times = ArrivalClock(settings.rate_hz)
         self._frames: list[Frame] = []
         self._first = 0
@@ -129,7 +131,7 @@ class SerialAdc(FreeRunning):
 
     def settle(self) -> None:
         """See `FreeRunning.settle`."""
-        deadline, heard = self._clock.now() + 5 * _LATE, self.end
+        deadline, heard = max(self._started, self._clock.now() + _LATE), self.end
         self.follow(0.0)
         while not self._times.ready:
             self.follow(_STEP)

@@ -325,6 +325,17 @@ def test_the_daqs_own_channels_need_no_board() -> None:
     assert both.daq.cards(["laser", "gauge0"]) == {"Dev2": ["laser", "gauge0"]}
 
 
+def test_a_silent_board_is_waited_for_once_as_long_as_its_program_may_take_to_start() -> None:
+    both, waited = Both(slow()), []
+    both.board.silent_from = 0
+    for _ in range(2):
+        begin = both.plant.clock.now()
+        with pytest.raises(InstrumentError, match="sends nothing"):
+            both.adc.settle()
+        waited.append(both.plant.clock.now() - begin)
+    assert waited == pytest.approx([10.0, 2.0], abs=0.1)
+
+
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
