@@ -1,6 +1,6 @@
 """Processor time of haploop's main jobs beside the last landed build, in turns on this computer.
 
-    python benchmarks/landed.py                             # three minutes; not on Windows
+    python benchmarks/landed.py                             # two minutes; not on Windows
 
 `benchmarks/landed.txt` names that build's commit. A job that costs more than 1.10 times as much in every
 round ends this program with exit code 1, unless a commit since then says why: "Costs: ..." begins a line of
@@ -26,7 +26,7 @@ JOBS = {
     "record": "record latch -p P02 -n 2 --out NEW",
     "demo (calibrate, make, check)": "demo --out NEW",
 }
-ROUNDS = 3
+ROUNDS = 2
 DEARER = 1.10
 
 

@@ -29,12 +29,14 @@ hypothesis.settings.load_profile("haploop")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """`--full`: experiments at their whole size: hours. `--long`: minutes, in CI. `--pages`: each night."""
+    """`--long`: minutes, in CI. `--night`: an hour, each night. `--full`: hours, at whole size."""
     parser.addoption("--full", action="store_true", help="run long experiments at their full size")
     parser.addoption(
         "--long", action="store_true", help="run whole loops whose steps have tests of their own"
     )
-    parser.addoption("--pages", action="store_true", help="run the blocks of every page of the documents")
+    parser.addoption(
+        "--night", action="store_true", help="--long, further worlds and studies, every page of the documents"
+    )
     parser.addoption("--skipped", metavar="FILE", help="=FILE: write names of skipped tests to it")
 
 
@@ -66,6 +68,7 @@ def pytest_configure(config: pytest.Config) -> None:
         config.pluginmanager.register(Skipped(Path(skipped), worker))
     config.addinivalue_line("markers", "many_plays: plays for minutes; on the wire with --full only")
     config.addinivalue_line("markers", "long: a whole loop whose steps have tests of their own; with --long")
+    config.addinivalue_line("markers", "night: one more world, study or page; with --night")
 
 
 class Skipped:
@@ -87,7 +90,7 @@ class Skipped:
             self._write(report)
 
     def _write(self, report: pytest.CollectReport | pytest.TestReport) -> None:
-        if report.skipped and not re.search(r"--(full|pages)\b", report.longreprtext):
+        if report.skipped and not re.search(r"--(full|night)\b", report.longreprtext):
             with self.path.open("a", encoding="utf-8") as file:
                 file.write(f"{report.nodeid}\n")
 
@@ -114,14 +117,16 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     left_out = {}
     if config.getoption("--rig") == "wire":
         left_out["many_plays"] = "many plays: on the wire with --full only"
-    if not config.getoption("--long"):
-        left_out["long"] = "a whole loop: runs with --long, as CI does"
+    if not config.getoption("--night"):
+        left_out["night"] = "one more world, study or page: with --night"
+        if not config.getoption("--long"):
+            left_out["long"] = "a whole loop: runs with --long, as CI does"
     for item in items if not config.getoption("--full") else ():
         for mark, reason in left_out.items():
             if item.get_closest_marker(mark):
                 item.add_marker(pytest.mark.skip(reason=reason))
     for item in items:
-        if item.get_closest_marker("long") and not item.get_closest_marker("timeout"):
+        if any(map(item.get_closest_marker, ("long", "night"))) and not item.get_closest_marker("timeout"):
             item.add_marker(pytest.mark.timeout(1200))
 
 

@@ -41,7 +41,9 @@ def test_every_notebook_is_run() -> None:
 
 @pytest.mark.timeout(600)
 @pytest.mark.filterwarnings("default")
-@pytest.mark.parametrize("name", FIGURES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.night] * (n in ("paper", "last-night"))) for n in FIGURES]
+)
 def test_a_notebook_runs(name: str, tmp_path: Path) -> None:
     pytest.importorskip("pandas", reason="pandas is not installed: a recording becomes a table of it")
     found = outputs(name, tmp_path)

@@ -255,7 +255,7 @@ def resident() -> float:
     return int(statm.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
-@pytest.mark.long
+@pytest.mark.night
 @pytest.mark.timeout(3600)
 def test_a_week_with_every_fault_noticed_and_nothing_growing(tmp_path: Path, mode: str, full: bool) -> None:
     if mode != "twin":

@@ -45,7 +45,7 @@ def true_modes(rig: Rig) -> PlateModes:
     return PlateModes(points, str(rig.table.button_point), poles, shapes, np.full(len(points), 0.002))
 
 
-@pytest.mark.parametrize("mass", [0.96, 0.2])
+@pytest.mark.parametrize("mass", [0.96, pytest.param(0.2, marks=pytest.mark.night)])
 def test_neighbours_and_modes_tell_what_a_finger_does_where_no_laser_sees_it(
     calibrated: Calibrated, open: OpenRig, mass: float
 ) -> None:
@@ -56,6 +56,7 @@ def test_neighbours_and_modes_tell_what_a_finger_does_where_no_laser_sees_it(
     assert missed(rig, made) < 3 * made.finger.uncertainty < 0.06
 
 
+@pytest.mark.night
 def test_a_pane_that_drifted_since_its_map_is_the_same_pane(calibrated: Calibrated, open: OpenRig) -> None:
     rig = open(pane_mass=0.3)
     plate = true_modes(rig)
@@ -80,6 +81,7 @@ def test_points_that_are_not_beside_the_finger_are_refused(calibrated: Calibrate
         calibrate_finger(rig, bare, "P07", plate=few, beside="21")
 
 
+@pytest.mark.night
 def test_a_map_gives_the_modes_of_its_pane_and_each_once(open: OpenRig, tmp_path: Path) -> None:
     """Of a grid of 24 points. A map of too few of them is refused."""
     coarse = tmp_path / "coarse.toml"

@@ -98,7 +98,7 @@ def test_thresholds_of_simulated_participants(run: Run, tmp_path: Path) -> None:
     assert "a threshold needs 20 trials" in run("analyse", "thresholds", short).stderr
 
 
-@pytest.mark.long
+@pytest.mark.night
 def test_thresholds_of_a_button_become_what_people_of_the_lab_feel(
     demo: Demo, run: Run, tmp_path: Path
 ) -> None:

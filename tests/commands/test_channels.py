@@ -15,6 +15,7 @@ from tests.command_line import Demo, Run
 pytestmark = pytest.mark.long
 
 
+@pytest.mark.night
 def test_earlier_calibrations_tell_how_a_channel_scatters(
     demo: Demo, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

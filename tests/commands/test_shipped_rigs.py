@@ -37,24 +37,21 @@ source = "a test"
 channel = "laser"{PICKUPS["acceleration"]}"""
 
 
-@pytest.mark.long
 @pytest.mark.rig
 @pytest.mark.timeout(900)
 @pytest.mark.usefixtures("few_callbacks")
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(n, marks=[pytest.mark.long] * (n != "voice-coil"))
+        pytest.param(n, marks=pytest.mark.long if n in ("voice-coil", "usb-6211") else pytest.mark.night)
         for n in (*LABS, "glued", "four-channel", "pane")
     ],
 )
 def test_from_doctor_to_recalibration(
-    name: str, mode: str, full: bool, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    name: str, mode: str, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if mode not in ("twin", "wire"):
         pytest.skip("the rig of the session is another")
-    if mode == "wire" and name == "no-ni" and not full:
-        pytest.skip("a minute: on the wire with --full only")
     rig_file: str | Path = name
     if name == "glued":
         rig_file = tmp_path / "glued.toml"

@@ -162,6 +162,7 @@ def test_two_buttons_at_once_from_a_map_and_what_came_of_both(data: DataFolder) 
         shown(data, "58")
 
 
+@pytest.mark.night
 def test_a_silent_point_is_shown_with_its_contrast(data: DataFolder) -> None:
     job = work(data, quiet_at="57", map="maps/map", name="quiet")
     assert job["state"] == "done", job["sentence"]

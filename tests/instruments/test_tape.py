@@ -108,7 +108,7 @@ RIGS = {
 
 
 @pytest.mark.usefixtures("few_callbacks")
-@pytest.mark.parametrize("rig", [pytest.param(n, marks=[pytest.mark.long] * (n != "bench")) for n in RIGS])
+@pytest.mark.parametrize("rig", [pytest.param(n, marks=[pytest.mark.night] * (n != "bench")) for n in RIGS])
 def test_doctor_says_the_same_of_a_tape_as_of_the_wire(
     rig: str, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -519,7 +519,7 @@ def test_an_answer_that_cannot_be_read_is_one_sentence(answer: dict[str, Any], t
         )
 
 
-@pytest.mark.long
+@pytest.mark.night
 def test_a_demo_leaves_a_tape(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     ran = run("demo", "--out", "out", "--simulate", "wire", "--tape", "day.tape", "--json")

@@ -77,7 +77,7 @@ def test_a_laser_askew_is_named_by_its_factor(open: OpenRig, drive: Drive, scale
     assert "its scale is wrong (its aim, range or settings), or the patch moves" in told
 
 
-@pytest.mark.long
+@pytest.mark.night
 def test_learning_under_hum_is_as_good_as_without(
     calibrated: Calibrated, open: OpenRig, drive: Drive
 ) -> None:

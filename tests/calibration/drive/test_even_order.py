@@ -70,7 +70,7 @@ def test_a_patch_without_an_even_order_has_none(open: OpenRig) -> None:
     np.testing.assert_allclose(calibration.hysteresis.even, 0.0, atol=3e-4)
 
 
-@pytest.mark.long
+@pytest.mark.night
 def test_learning_knows_an_even_order_that_came_after_the_calibration(open: OpenRig) -> None:
     """Taken for an error of the response it cost three corrections, of which the first made it worse."""
     name = "30 modes, square 12 %"

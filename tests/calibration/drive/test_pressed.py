@@ -83,6 +83,7 @@ def test_the_drive_is_that_of_the_force_which_the_sensor_reads(
         assert made.number(force) == number
 
 
+@pytest.mark.night
 def test_without_a_force_sensor_the_nominal_is_played_and_that_is_said(
     finger: Calibration, open: OpenRig
 ) -> None:
@@ -117,6 +118,7 @@ def test_a_finger_s_calibration_states_the_force_that_the_sensor_read(
         at_force(calibrated.calibration, 1.0)
 
 
+@pytest.mark.night
 @pytest.mark.parametrize("sensor", [True, False])
 def test_nobody_there_and_a_finger_that_leaves_are_told(
     calibrated: Calibrated, weighed: str, open: OpenRig, monkeypatch: pytest.MonkeyPatch, sensor: bool

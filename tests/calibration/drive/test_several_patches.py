@@ -80,6 +80,7 @@ def button(four: Four) -> DigitalButton:
     return build_button(four.rig, make_press(), four.calibrations, trade=trade, iterations=1, plays=4)
 
 
+@pytest.mark.night
 def test_twice_as_loud_and_steady_where_one_patch_is_lost(four: Four, button: DigitalButton) -> None:
     """The table drifts by 1 %: with hysteresis that differs from patch to patch, noise and quantisation."""
     alone = drive_for(make_press(), four.calibrations[0], four.rig.limits)
@@ -259,6 +260,7 @@ def test_two_buttons_are_played_at_once_and_each_has_its_verdict(
     assert again.button == "push" and np.array_equal(again.target, made.drive.target)
 
 
+@pytest.mark.night
 @pytest.mark.many_plays
 @pytest.mark.parametrize("there", ["toggle", "silence"])
 def test_corrections_are_of_every_point(
@@ -290,6 +292,7 @@ def test_corrections_are_of_every_point(
             assert still[1] > still[0] + 4
 
 
+@pytest.mark.night
 def test_a_button_that_fails_elsewhere_fails_the_check(four: Four, beside: tuple[Calibration, ...]) -> None:
     """The first is as planned, and the other has volts that are not its own."""
     press = make_press()
@@ -363,6 +366,7 @@ def test_calibrations_that_do_not_belong_together_are_refused_in_a_sentence(four
     assert turned.drifted_error == pytest.approx(straight.drifted_error, rel=0.05)
 
 
+@pytest.mark.night
 def test_a_plan_compares_one_patch_and_four_as_calibrated_and_after_a_drift(four: Four) -> None:
     plan = plan_button(make_press(), four.calibrations, four.rig, methods=("modulated",))
     alone, every = plan.curves
@@ -378,6 +382,7 @@ def test_a_plan_compares_one_patch_and_four_as_calibrated_and_after_a_drift(four
     assert every.offers[0].error < every.offers[0].drifted
 
 
+@pytest.mark.night
 def test_a_plan_counts_what_other_points_do(
     four: Four,
     beside: tuple[Calibration, ...],
@@ -404,6 +409,7 @@ def test_a_plan_counts_what_other_points_do(
         plan_button(press, every, calibrated.rig, elsewhere=wanted)
 
 
+@pytest.mark.night
 def test_a_smaller_drift_that_is_planned_against_is_louder(four: Four) -> None:
     press, drives = make_press(), []
     for drift in (Drift(), Drift().times(0.1)):

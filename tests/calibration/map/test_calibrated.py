@@ -77,6 +77,7 @@ def test_a_point_of_the_map_is_known_as_well_as_is_said(mapped: Mapped) -> None:
     assert difference < 0.006 and difference < 3 * stated < 0.02
 
 
+@pytest.mark.night
 def test_a_map_of_before_the_drift_is_used_with_the_modes_of_now(mapped: Mapped) -> None:
     with opened(mode_drift=0.005) as rig:
         own, there = quickly(rig, "button"), quickly(rig, "57")

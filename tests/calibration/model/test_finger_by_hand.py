@@ -149,7 +149,7 @@ def test_the_uncertainty_is_that_of_a_hand_that_wanders(light: Pane, heavy: Pane
     assert spoilt.uncertainty == pytest.approx(np.hypot(spoilt.misfit, found.uncertainty), rel=0.1)
 
 
-@pytest.mark.long
+@pytest.mark.night
 def test_people_s_fingers_are_as_far_off_as_is_stated() -> None:
     """Each holds a force that wanders; the truth is the pane's at the force that was asked for."""
     seed, over = zlib.crc32(b"alder thimble"), []

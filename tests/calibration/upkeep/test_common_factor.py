@@ -75,7 +75,7 @@ def test_small_factors_of_several_nights_add_up_until_a_person_adopts() -> None:
 
 @pytest.mark.requires("simulation")
 @pytest.mark.many_plays
-@pytest.mark.long
+@pytest.mark.night
 def test_another_patch_speaks_for_the_laser_or_for_the_patch(calibrated: Calibrated, open: OpenRig) -> None:
     both = calibrated.calibration, calibrate(open(), "B")
     for fault, says in (

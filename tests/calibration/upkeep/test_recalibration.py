@@ -429,7 +429,7 @@ serve(run)
 """
 
 
-@pytest.mark.long
+@pytest.mark.night
 @pytest.mark.timeout(7200)
 @pytest.mark.requires("simulation")
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no fork, which makes many kills cheap")
@@ -515,7 +515,7 @@ def test_what_cannot_be_logged_does_not_become_active(
         {"kind": "mains-hum", "volts": 0.02},
         pytest.param(
             {"kind": "rotating-machine", "volts": 0.01, "frequency": 117.3, "after": 50.0, "run_up": 2.0},
-            marks=pytest.mark.long,
+            marks=pytest.mark.night,
         ),
     ],
     ids=["hum", "a motor that starts meanwhile"],

@@ -56,6 +56,7 @@ def test_somebody_who_is_asked_takes_the_hand_away(open: OpenRig, history: Histo
     assert "Something" not in found(outcome)
 
 
+@pytest.mark.night
 def test_dampings_that_somebody_confirms_are_a_drift(open: OpenRig, history: History) -> None:
     """A boundary that damps one mode more looks like a hand; whoever sees that there is none decides."""
     changed = {"kind": "mode-drift", "damping": 1.0, "near": 263.5}
@@ -91,6 +92,7 @@ def test_a_hand_that_comes_while_buttons_are_made_is_not_adopted(
     assert outcome.verdicts[0].kind == "drifted" and not outcome.verdicts[0].dampings.touched
 
 
+@pytest.mark.night
 def test_a_hand_that_leaves_while_buttons_are_made_is_not_adopted(
     open: OpenRig, history: History, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -116,7 +118,7 @@ def modes(calibrated: Calibrated) -> Any:
     return calibrated.rig.simulation.truth.surface.modes(0.0)
 
 
-@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in range(1, 4))])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.night) for seed in range(1, 4))])
 def test_real_drift_is_no_hand_and_a_hand_on_a_drifted_table_is_one(
     calibrated: Calibrated, seed: int
 ) -> None:
@@ -144,7 +146,7 @@ def test_real_drift_is_no_hand_and_a_hand_on_a_drifted_table_is_one(
     assert touched(light, Fingertip.of(rng).at("a finger", where, force))
 
 
-@pytest.mark.parametrize("patch", list("ABCD"))
+@pytest.mark.parametrize("patch", ["A", *(pytest.param(one, marks=pytest.mark.night) for one in "BCD")])
 def test_no_patch_takes_a_drift_for_a_hand(calibrated: Calibrated, patch: str, full: bool) -> None:
     """It sees some modes weakly, beside others or at the band's edge: no response tells their dampings."""
     rng, active = np.random.default_rng(7), calibrated.calibration

@@ -29,7 +29,7 @@ def opened(mode_drift: float = 0.0) -> Rig:
     return open_rig("four-channel", simulate="twin", simulation=simulation, plant=plant)
 
 
-@pytest.mark.long
+@pytest.mark.night
 def test_two_buttons_are_made_anew_together_on_a_table_that_has_drifted(tmp_path: Path) -> None:
     press = make_press()
     acceleration = 0.6 * np.roll(press.acceleration, round(0.02 * press.rate_hz))

@@ -307,7 +307,7 @@ def shell(*args: object) -> Any:
     return json.loads(result.stdout)
 
 
-@pytest.mark.long
+@pytest.mark.night
 def test_the_paper_s_experiments_on_a_rig_over_two_days_from_the_command_line(
     made: Path, tmp_path: Path
 ) -> None:
