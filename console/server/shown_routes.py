@@ -18,7 +18,7 @@ from ...base.errors import DataError
 from ...experiments import export_answers
 from ...reports.contents import Cell, Contents, Glance, Grid, unbroken
 from ...reports.figures import encode, mark_simulated
-from ...reports.html import contents_at, write_report
+from ...reports.html import contents_at, report_html
 from ..data_folder import DataFolder, store_of
 
 _TYPES = {"svg": "image/svg+xml", "png": "image/png", "pdf": "application/pdf", "csv": "text/csv"}
@@ -57,10 +57,7 @@ def night(data: DataFolder, asked: Mapping[str, str]) -> Response:
 
 def report(data: DataFolder, asked: Mapping[str, str]) -> Response:
     """All that `haploop report` says of a file or a folder: one page of HTML, which needs no other."""
-    path = data.path(asked.get("file", ""))
-    with TemporaryDirectory() as place, _DRAWING:
-        written = write_report(path, Path(place) / "report.html")
-        return Response(written.html.read_bytes(), media_type="text/html")
+    return Response(report_html(data.path(asked.get("file", "")), _DRAWING), media_type="text/html")
 
 
 def answers(data: DataFolder, asked: Mapping[str, str]) -> Response:

@@ -1,4 +1,5 @@
 from .files import Report as Report
+from .files import report_html as report_html
 from .files import write_report as write_report
 from .page import GLANCE_STYLE as GLANCE_STYLE
 from .page import CaptionedFigure as CaptionedFigure

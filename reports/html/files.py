@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -11,7 +12,7 @@ from ...base.files import check_destination, paths_of, private_files
 from ...base.progress import Progress, silent
 from ..contents import Verdict, files_of
 from .page import CaptionedFigure, Page
-from .sections import captioned, planned, read_sections, write, write_formats
+from .sections import Section, captioned, planned, read_sections, write, write_formats
 
 
 @dataclass(frozen=True)
@@ -54,14 +55,33 @@ def write_report(
         name = "".join(c if c.isalnum() or c in "-_" else "-" for c in drawing.name)
         written += write_formats(figure, folder / f"{number:02d}-{name}")
     progress("Draw the figures", len(figures), len(figures), "figures")
+    page = _page(sections, drawn)
+    write(out, page.html().encode("utf-8"))
+    return Report(out, tuple(written), bool(page.simulated), tuple(page.verdicts))
+
+
+def report_html(path: Path, drawing: AbstractContextManager[object]) -> bytes:
+    """The page of `write_report` alone. `drawing` is entered for each figure, and for nothing else.
+
+    Raises DataError for data that cannot be read.
+    """
+    sections = read_sections(files_of(path), silent)
+    drawn = []
+    for some, one in planned(sections):
+        with drawing:
+            figure = captioned(some, one)
+            figure.svg  # noqa: B018 (encoded here, and kept)
+        drawn.append(figure)
+    return _page(sections, drawn).html().encode("utf-8")
+
+
+def _page(sections: Sequence[Section], drawn: Sequence[CaptionedFigure]) -> Page:
     contents = [section.contents for section in sections]
     rigs = ", ".join(dict.fromkeys(one.rig for one in contents if one.rig)) or "none"
-    page = Page(
+    return Page(
         "Report" if len(contents) > 1 else contents[0].title,
         f"Rig: {rigs}; haploop {metadata.version('haploop')}.",
         contents,
         drawn,
         list(dict.fromkeys(source for section in sections for source in section.sources)),
     )
-    write(out, page.html().encode("utf-8"))
-    return Report(out, tuple(written), bool(page.simulated), tuple(page.verdicts))

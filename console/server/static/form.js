@@ -56,7 +56,7 @@ export function form(schema, values, changed) {
       const box = el("input", { id, type: "checkbox", checked: value, onchange: () => put(box.checked) });
       return el("div", {}, el("label", { class: "check" }, box, label), ...hint(one.description));
     }
-    const [text, read] = written(one), lines = one.type === "object" || (one.items && one.items.prefixItems);
+    const [text, read] = written(one, resolve), lines = one.type === "object" || (one.items && one.items.prefixItems);
     const box = el(lines ? "textarea" : "input", { id, autocomplete: "off", oninput: () => put(read(box.value)) });
     box.value = value === undefined || value === null ? "" : text(value);
     if (lines) box.rows = Math.max(2, box.value.split("\n").length);
@@ -75,25 +75,34 @@ export function form(schema, values, changed) {
 const number = (text) => (text.trim() && Number.isFinite(Number(text)) ? Number(text) : text.trim());
 const split = (text, by = ",") => text.split(by).map((one) => one.trim()).filter(Boolean);
 const some = (found) => (found.length ? found : undefined);
-function written(one) {
+function written(one, resolve) {
   const item = one.items || (one.prefixItems || [])[0] || {};
   if (one.type === "array" && item.prefixItems) return [(all) => all.map((pair) => pair.join(", ")).join("\n"), (text) => some(split(text, "\n").map((line) => split(line)))];
   if (one.type === "array") return [(all) => all.join(", "), (text) => some(item.type === "string" ? split(text) : split(text).map(number))];
-  if (one.type === "object") return [(all) => dotted(all).join("\n"), (text) => keys(split(text, "\n"), one.additionalProperties.type === "string")];
+  if (one.type === "object") return [(all) => dotted(all).join("\n"), (text) => keys(split(text, "\n"), one, resolve)];
   return [String, ["number", "integer"].includes(one.type) ? number : (text) => text];
 }
 
-// A table of names: "latch = latch.h5"; one of tables: "P01.age = 31".
+// A table of names: "latch = latch.h5"; one of tables: "P01.age = 31". A text that would be read as another kind of value
+// stands in quotes: "P01.code = "007"".
 function dotted(table, before = "") {
-  return Object.entries(table).flatMap(([name, value]) => (value && typeof value === "object" && !Array.isArray(value) ? dotted(value, `${before}${name}.`) : [`${before}${name} = ${Array.isArray(value) ? value.join(", ") : value}`]));
+  return Object.entries(table).flatMap(([name, value]) => (value && typeof value === "object" && !Array.isArray(value) ? dotted(value, `${before}${name}.`) : [`${before}${name} = ${shown(value)}`]));
 }
-function keys(lines, plain) {
+const shown = (value) => (Array.isArray(value) ? value.join(", ") : typeof value === "string" && plain(value) !== value ? JSON.stringify(value) : `${value}`);
+function plain(text) {
+  if (["true", "false"].includes(text)) return text === "true";
+  if (!/^".*"$/.test(text)) return number(text);
+  try { return JSON.parse(text); } catch (error) { return text; }
+}
+// A value is of the kind that the model states for its key; where it states none, a comma makes no list.
+function keys(lines, model, resolve) {
   const found = {};
   for (const line of lines) {
-    const [left, ...right] = line.split("="), text = right.join("=").trim(), path = plain ? [left.trim()] : split(left, ".");
-    let table = found;
+    const [left, ...right] = line.split("="), text = right.join("=").trim(), texts = model.additionalProperties.type === "string", path = texts ? [left.trim()] : split(left, ".");
+    let table = found, one = model;
+    for (const name of path) one = resolve((one.properties || {})[name] || (typeof one.additionalProperties === "object" ? one.additionalProperties : {}));
     for (const name of path.slice(0, -1)) table = table[name] = Object.hasOwn(table, name) && typeof table[name] === "object" ? table[name] : {};
-    table[path.at(-1)] = plain ? text : text.includes(",") ? split(text).map(number) : ["true", "false"].includes(text) ? text === "true" : number(text);
+    table[path.at(-1)] = one.type === "array" ? split(text).map(number) : one.type === "string" ? text : plain(text);
   }
   return lines.length ? found : undefined;
 }

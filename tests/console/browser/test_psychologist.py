@@ -88,8 +88,16 @@ def test_a_study_is_made_in_a_form_and_is_chosen(browser, tmp_path):
         page.get_by_role("link", name="make one").click()
         page.get_by_label("Buttons", exact=True).fill("doorbell, switch")
         page.get_by_label("Participant", exact=True).fill("P01.age = 31\nP02.age = 44\nP03.age = 5.5")
+        expect(page.locator("#text")).to_contain_text("age = 5.5", timeout=WAIT)
+        columns = ("tall, left-handed", '"007"', "true")
+        page.get_by_label("Participant", exact=True).fill(
+            "\n".join(f"P0{k}.age = 5.5\nP0{k}.note = {one}" for k, one in enumerate(columns, 1))
+        )
+        for kept in ('note = "tall, left-handed"', 'note = "007"', "note = true"):
+            expect(page.locator("#text")).to_contain_text(kept, timeout=WAIT)
+        page.get_by_label("Button", exact=True).fill("doorbell.force = 1, 5")
         expect(page.locator("#shown tbody")).to_contain_text("doorbell, switch", timeout=WAIT)
-        expect(page.locator("#text")).to_contain_text("age = 5.5")
+        expect(page.locator("#text")).to_contain_text("force = [1, 5]", timeout=WAIT)
         page.get_by_role("button", name="Save").click()
         expect(page.locator("#entries tr")).to_have_count(6, timeout=WAIT)
         assert not tab.errors
