@@ -6,6 +6,7 @@ import threading
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 
 from ...base.errors import ConfigurationError, InstrumentError
@@ -15,6 +16,7 @@ from ..daq.ni import Failure, NiTwin
 from ..redirect import environment
 from ..tabled import Served, serving
 from .file import Bench, Fault
+from .taping import on_tape
 
 
 @dataclass(frozen=True)
@@ -51,7 +53,9 @@ def running(
         twin = None
         if devices:
             try:
-                twin = NiTwin(devices, time="real", port=port, tape=tape)
+                twin = NiTwin(
+                    devices, time="real", port=port, around=None if tape is None else partial(on_tape, tape)
+                )
             except RuntimeError as error:
                 raise InstrumentError(f"The NI wire cannot listen on port {port}: {error}.") from None
             stack.callback(twin.close)

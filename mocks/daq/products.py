@@ -16,7 +16,6 @@ from pydantic import TypeAdapter, ValidationError
 
 from ...base.entry_points import entries
 from ...base.errors import ConfigurationError
-from ...instruments.daq.ni_settings import Channel
 
 Family = Literal[
     "E Series", "M Series", "X Series", "AO Series", "USB DAQ", "mioDAQ", "myDAQ", "DSA", "SC Express",
@@ -61,6 +60,10 @@ class Product:
     """What the inputs measure, by NI's names (`UsageTypeAI`); empty means voltage and the like."""
     ai_timebase_hz: float = 0.0
     """Master timebase of a delta-sigma converter, which samples at this / 256 / n; 0 for any other."""
+    ai_filter_samples: float = 0.0
+    """Delay of the converters' digital filter (samples; docs/hardware.md, "delay of a digital filter")."""
+    ai_filter_seconds: float = 0.0
+    """What of it does not depend on the rate (s)."""
     ai_rate_least_hz: float = 0.0
     """Lowest sample rate; 0 for that of the timebase's divider."""
     ai_ranges: tuple[float, ...] = ()
@@ -120,35 +123,9 @@ class Product:
         )
         return tuple(config for config in listed if paired or config != "diff")
 
-    def unfit(self, channel: Channel) -> str | None:
-        """Say why a channel of a rig file does not fit the product, in a sentence; None when it fits."""
-        tail = channel.terminal.partition("/")[2].lower()
-        if channel.counter is not None:
-            number = int("".join(c for c in tail if c.isdecimal()))
-            return None if number < self.counters else f"a {self.name} has {self.counters} counters."
-        count = max(self.ai_single_ended, self.ai_differential)
-        names = list(self.ai_names) or [f"ai{i}" for i in range(count)]
-        if tail not in names:
-            own = f"inputs {names[0]} to {names[-1]}" if names else "no inputs"
-            return f"a {self.name} has {own}, no {tail}."
-        number = int(tail.removeprefix("ai")) if tail.startswith("ai") else 0
-        has: dict[str, tuple[object, tuple[object, ...]]] = {
-            "configuration": (channel.config, ("default", *self.configurations(number))),
-            "coupling": (channel.coupling, (None, *self.ai_couplings)),
-            # What a sensor requires (AI.Excit.Val), which need not be what is supplied (AI.Excit.ActualVal):
-            # MathWorks, "Acquire IEPE Data", asks an NI 9234, of 2 mA, for 4 mA.
-            "excitation (A)": (None if self.ai_excitation else channel.excitation, (None,)),
-            "bridge excitation (V)": (
-                channel.bridge and channel.bridge_excitation, (None, *self.ai_bridge_excitation)
-            ),
-        }  # fmt: skip
-        for what, (asked, taken) in has.items():
-            if asked not in taken:
-                listed = ", ".join(str(value) for value in taken if value is not None) or "none"
-                return f"{tail} of a {self.name} has the {what} {listed}, not {asked}."
-        if channel.bridge is None and self.ai_measures and "VOLTAGE" not in self.ai_measures:
-            return f"a {self.name} does not measure volts: say what its inputs supply (bridge)."
-        return None
+    def filter_delay(self, rate_hz: float) -> float:
+        """Return the delay of the inputs' digital filter at a sample rate (s); 0 without one."""
+        return self.ai_filter_samples / rate_hz + self.ai_filter_seconds
 
     @property
     def clock_hz(self) -> float:

@@ -12,7 +12,6 @@ from ...base.errors import ConfigurationError, HaploopError
 from ...base.near_words import did_you_mean
 from ...instruments.daq import StreamRequest
 from ...instruments.daq.ni_daqmx import NiDaq
-from ...instruments.daq.ni_filters import filter_delay
 from ...instruments.daq.ni_sentences import (
     cut_off,
     other_rate,
@@ -22,7 +21,7 @@ from ...instruments.daq.ni_sentences import (
     unshared,
     zeroed,
 )
-from ...instruments.daq.ni_settings import device_of
+from ...instruments.daq.ni_settings import Channel, device_of
 from ..nodes import PlayStopped, SamplesLost
 from ..plant import Plant
 from .card_twin import Card, CardTwin
@@ -72,7 +71,7 @@ class DaqTwin(CardTwin):
         interval = convert_interval(product, rate_hz, count)
         if self._settings.ai_conv_rate is not None and not product.ai_simultaneous:
             interval = 1 / self._settings.ai_conv_rate
-        return np.arange(count, dtype=np.float64) * interval - filter_delay(product.name, rate_hz)
+        return np.arange(count, dtype=np.float64) * interval - product.filter_delay(rate_hz)
 
     def _rate(self, request: StreamRequest) -> float:
         """The rate of a delta-sigma converter among the cards, which is the clock of all."""
@@ -181,7 +180,7 @@ def _refuse_terminals(settings: NiDaq.Settings, products: Mapping[str, Product])
     for name, channel in settings.channels.items():
         device = device_of(channel.terminal)
         product = products.get(device)
-        fault = product.unfit(channel) if product is not None else None
+        fault = _unfit(product, channel) if product is not None else None
         if fault is not None:
             raise refused(device, _UNSUPPORTED, f"{name}: {fault}")
     for name, output in settings.outputs.items():
@@ -190,3 +189,34 @@ def _refuse_terminals(settings: NiDaq.Settings, products: Mapping[str, Product])
         number = re.fullmatch(r"ao(\d+)", output.terminal.partition("/")[2].lower())
         if product is not None and (number is None or int(number[1]) >= product.ao_channels):
             raise refused(device, -200170, f"{name}: a {product.name} has {product.ao_channels} outputs.")
+
+
+def _unfit(product: Product, channel: Channel) -> str | None:
+    """Say why a channel of a rig file does not fit the product, in a sentence; None when it fits."""
+    tail = channel.terminal.partition("/")[2].lower()
+    if channel.counter is not None:
+        number = int("".join(c for c in tail if c.isdecimal()))
+        return None if number < product.counters else f"a {product.name} has {product.counters} counters."
+    count = max(product.ai_single_ended, product.ai_differential)
+    names = list(product.ai_names) or [f"ai{i}" for i in range(count)]
+    if tail not in names:
+        own = f"inputs {names[0]} to {names[-1]}" if names else "no inputs"
+        return f"a {product.name} has {own}, no {tail}."
+    number = int(tail.removeprefix("ai")) if tail.startswith("ai") else 0
+    has: dict[str, tuple[object, tuple[object, ...]]] = {
+        "configuration": (channel.config, ("default", *product.configurations(number))),
+        "coupling": (channel.coupling, (None, *product.ai_couplings)),
+        # What a sensor requires (AI.Excit.Val), which need not be what is supplied (AI.Excit.ActualVal):
+        # MathWorks, "Acquire IEPE Data", asks an NI 9234, of 2 mA, for 4 mA.
+        "excitation (A)": (None if product.ai_excitation else channel.excitation, (None,)),
+        "bridge excitation (V)": (
+            channel.bridge and channel.bridge_excitation, (None, *product.ai_bridge_excitation)
+        ),
+    }  # fmt: skip
+    for what, (asked, taken) in has.items():
+        if asked not in taken:
+            listed = ", ".join(str(value) for value in taken if value is not None) or "none"
+            return f"{tail} of a {product.name} has the {what} {listed}, not {asked}."
+    if channel.bridge is None and product.ai_measures and "VOLTAGE" not in product.ai_measures:
+        return f"a {product.name} does not measure volts: say what its inputs supply (bridge)."
+    return None

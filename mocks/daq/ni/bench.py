@@ -18,14 +18,13 @@ from ....base.arrays import FloatArray
 from ....base.clock import RealClock
 from ....base.errors import ConfigurationError
 from ....base.near_words import did_you_mean
-from ....instruments.tape import Recorder
 from ...clock import VirtualClock
 from ...redirect import environment, sitecustomize
 from ..signals import Put, Signal, Signals, Wire, signal_of
 from .devices import Inventory
 from .errors import DaqmxError, DAQmxErrors
 from .programs_time import virtual_time
-from .server import NiServer
+from .server import Around, NiServer
 from .standalone import inventory_from_file, inventory_of
 
 Time = Literal["virtual", "real"]
@@ -47,7 +46,7 @@ class NiTwin:
 
     `devices` names a product for each device, {"Dev1": "PCIe-6363"}, or is a text export of NI MAX. In
     virtual time, a wait for samples, and `time.sleep`, take no real time; which clocks are virtual says
-    `virtual_time`. It is served at `port`, a free one by default, and every call goes on the `tape`. With
+    `virtual_time`. It is served at `port`, a free one by default, and `around` sees every call. With
     `direct`, calls of this program pass gRPC by, which is faster. Raises ConfigurationError for an unknown
     product, and RuntimeError for a port that is in use.
     """
@@ -59,7 +58,7 @@ class NiTwin:
         time: Time = "virtual",
         seed: int = 0,
         port: int = 0,
-        tape: Recorder | None = None,
+        around: Around | None = None,
         direct: bool = False,
     ) -> None:
         if time not in ("virtual", "real"):
@@ -79,7 +78,7 @@ class NiTwin:
             rtsi=True,
             seed=seed,
             port=port,
-            tape=tape,
+            around=around,
             call_time=_CALL if time == "virtual" else 0.0,
             handled=sitecustomize.driver().handled if time == "virtual" else None,
         )

@@ -24,10 +24,8 @@ from nidaqmx._stubs import nidaqmx_pb2 as pb
 from ....base.arrays import FloatArray
 from ....base.clock import Clock, RealClock
 from ....base.closing import Closing
-from ....instruments.tape import Recorder
 from ...nodes import Nodes
 from ...redirect import CREATED, FOLDER, IGNORED, IN_CALLBACK
-from ...transport import HOST
 from . import attributes
 from .calls import CALLS
 from .devices import Inventory, NiDevice
@@ -37,12 +35,18 @@ from .events import Events
 from .served import ignored
 from .storage import saved_in_export
 from .system import NiSystem
-from .taping import on_tape
 from .terminals import OutputTerminal
 
 Corrupt = Callable[[str, bytes], bytes]
 """Function from a call's name and reply to the bytes that are sent instead."""
 
+Handle = Callable[[Any, Callable[[], bool]], Any]
+"""What handles a call: its request, and a function that is False once the client has gone; it returns the
+answer, or its bytes."""
+Around = Callable[[str, Handle, Any], Handle]
+"""Function from a call's name, what handles it and the class of its answers, to what handles it instead."""
+
+_HOST = "127.0.0.1"
 _FIRST_SERIAL = 0x1000000
 """Seven hexadecimal digits, as of a card (estimate)."""
 _SERVICE = pb.DESCRIPTOR.services_by_name["NiDAQmx"]
@@ -58,8 +62,8 @@ class NiServer(Closing):
     share a clock only with a declared RTSI cable (`rtsi`). On a virtual clock a blocking read advances time
     until its samples exist; events fire when a wait advances time, and `handled` counts, by task and kind,
     those whose callbacks have returned. There a call that looks whether there is something new takes
-    `call_time` (s), so that a program that polls comes to an end; other calls take no time. Each call goes on
-    the `tape`.
+    `call_time` (s), so that a program that polls comes to an end; other calls take no time. `around` sees
+    each call.
     """
 
     def __init__(
@@ -74,7 +78,7 @@ class NiServer(Closing):
         seed: int = 0,
         call_time: float = 0.0,
         handled: Callable[[str, str], int | None] | None = None,
-        tape: Recorder | None = None,
+        around: Around | None = None,
     ) -> None:
         self._pool = _Threads()
         options = [
@@ -83,8 +87,8 @@ class NiServer(Closing):
             ("grpc.max_send_message_length", -1),
         ]
         self._server = grpc.server(self._pool, options=options)
-        self.port: int = self._server.add_insecure_port(f"{HOST}:{port}")
-        self.address = f"{HOST}:{self.port}"
+        self.port: int = self._server.add_insecure_port(f"{_HOST}:{port}")
+        self.address = f"{_HOST}:{self.port}"
         inventory = devices if isinstance(devices, Inventory) else Inventory.of(devices)
         # Other ones on another port, and the same again for a server that is started there again.
         inventory = inventory.numbered(_FIRST_SERIAL + (self.port << 8))
@@ -95,7 +99,7 @@ class NiServer(Closing):
         self._events = Events(self._system, handled)
         if handled is not None:
             self._system.move = self._events.move
-        self._service = _Service(self._system, self._events, tape)
+        self._service = _Service(self._system, self._events, around)
         self._server.add_generic_rpc_handlers((self._service,))
         self._server.start()
 
@@ -253,9 +257,9 @@ class _Threads(Executor):
 class _Service(grpc.GenericRpcHandler):  # type: ignore[misc]
     """Handler of all calls, selected by name: most of NI's 451 calls need nothing else."""
 
-    def __init__(self, system: NiSystem, events: Events, tape: Recorder | None) -> None:
+    def __init__(self, system: NiSystem, events: Events, around: Around | None) -> None:
         self.corrupt: Corrupt = lambda _call, reply: reply
-        self._tape = tape
+        self._around = around
         self._system = system
         self._events = events
 
@@ -296,8 +300,8 @@ class _Service(grpc.GenericRpcHandler):  # type: ignore[misc]
         served = attribute is not None or name in CALLS or name.startswith("Unregister")
         if not served:
             return self._unary(method, self._refuse(name))
-        taped = run if self._tape is None else on_tape(self._tape, name, run, reply)
-        return self._unary(method, self._guarded(taped))
+        seen = run if self._around is None else self._around(name, run, reply)
+        return self._unary(method, self._guarded(seen))
 
     def _unary(self, method: Any, handle: Callable[[Any, Any], Any]) -> Any:
         def serialized(reply: Any) -> bytes:

@@ -12,7 +12,6 @@ import numpy as np
 from nidaqmx.constants import AcquisitionType, SampleTimingType, TriggerType
 
 from ....base.arrays import FloatArray
-from ....instruments.daq.ni_filters import filter_delay
 from ..products import convert_interval
 from .channel import Channel, Kind
 from .counting import Meter
@@ -238,7 +237,7 @@ class Task:
         device = self.channels[index].device
         before = sum(channel.device == device for channel in self.channels[:index])
         late = 0.0 if device.product.ai_simultaneous else before * self.interval
-        return late - (filter_delay(device.product.name, self.rate_hz) if self.timed else 0.0)
+        return late - (device.product.filter_delay(self.rate_hz) if self.timed else 0.0)
 
     @property
     def skew(self) -> float:

@@ -8,6 +8,7 @@ import tomllib
 import pytest
 
 from haploop.base.errors import ConfigurationError
+from haploop.instruments.daq.ni_filters import filter_delay
 from haploop.mocks.daq import products
 from haploop.mocks.daq.products import PRODUCTS
 
@@ -18,6 +19,14 @@ def test_a_product_has_a_source_and_what_its_terminals_need() -> None:
         assert product.source and set(product.estimates) <= known, name
         assert product.source != "estimate" or not product.estimates, f"{name}: all of it is an estimate"
         assert list(product.ai_ranges) == sorted(product.ai_ranges, reverse=True), name
+
+
+@pytest.mark.parametrize("rate_hz", [1000.0, 51_200.0])
+def test_card_and_driver_have_a_filters_delay_from_the_same_data_sheet(rate_hz: float) -> None:
+    """Each has a table of its own: a delay that the driver takes off in error shows in what is measured."""
+    delays = {name: product.filter_delay(rate_hz) for name, product in PRODUCTS.items()}
+    assert delays == pytest.approx({name: filter_delay(name, rate_hz) for name in PRODUCTS}, abs=1e-12)
+    assert sum(delay > 0 for delay in delays.values()) == 13
 
 
 def test_a_product_like_another_takes_its_figures_and_not_its_source() -> None:

@@ -9,17 +9,15 @@ import numpy as np
 from google.protobuf.descriptor import FieldDescriptor
 from google.protobuf.message import Message
 
-from ....instruments.tape import Call, Failure, Recorder
-from .errors import DaqmxError
+from ...instruments.tape import Call, Failure, Recorder
+from ..daq.ni import DaqmxError, Handle
 
 _ROLE = "nidaqmx"
 _NUMBERS = (FieldDescriptor.CPPTYPE_DOUBLE, FieldDescriptor.CPPTYPE_FLOAT)
 _FAILURES = (Failure(DaqmxError, lambda error: (str(error), int(error.code))),)
 
-Run = Callable[[Any, Callable[[], bool]], Any]
 
-
-def on_tape(tape: Recorder, name: str, run: Run, reply: Any) -> Run:
+def on_tape(tape: Recorder, name: str, run: Handle, reply: Any) -> Handle:
     """Return `run`, whose every call is written on a tape; calls are ordered by task.
 
     `reply` is the class of the answers, which `run` may give as bytes.
