@@ -15,10 +15,9 @@ from typing import Any, Literal, Self
 from nidaqmx import utils
 
 from ....base.arrays import FloatArray
-from ....base.clock import RealClock
+from ....base.clock import RealClock, VirtualClock
 from ....base.errors import ConfigurationError
 from ....base.near_words import did_you_mean
-from ...clock import VirtualClock
 from ...redirect import environment, sitecustomize
 from ..signals import Put, Signal, Signals, Wire, signal_of
 from .devices import Inventory

@@ -12,7 +12,7 @@ from typing import Any
 from nidaqmx._stubs import nidaqmx_pb2 as pb
 from nidaqmx.constants import EveryNSamplesEventType, Signal
 
-from ...clock import VirtualClock
+from ....base.clock import VirtualClock
 from .errors import DaqmxError, DAQmxErrors
 from .fields import field
 from .signalling import GLIMPSE

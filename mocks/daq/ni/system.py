@@ -9,8 +9,7 @@ from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from ....base.clock import Clock
-from ...clock import VirtualClock
+from ....base.clock import Clock, VirtualClock
 from ...nodes import Nodes, PlayStopped
 from ..converter import STOPPED, noise_of
 from .devices import Inventory, NiDevice
