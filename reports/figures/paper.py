@@ -132,7 +132,9 @@ def comparison(results: Sequence[tuple[Representative, Check]], columns: Columns
         for row, ((press, check), (whole, stretch, spectra)) in enumerate(zip(results, grid, strict=True)):
             room = 1 if row == 0 else 0
             letter(whole, 3 * row, f"{press.button.capitalize()}: {check.verdict}", 2 * room * (columns == 2))
-            title = f"Error {100 * check.error:.1f} %, r = {check.correlation:.4f}"
+            # Its interval: an error below what the plays resolve comes out as nothing.
+            low, high = (100 * edge for edge in check.whole.interval)
+            title = f"Error {low:.1f} to {high:.1f} %, r = {check.correlation:.4f}"
             letter(stretch, 3 * row + 1, title, (columns if columns == 2 else 1) * room)
             letter(spectra, 3 * row + 2, "Spectrum", 2 * room)
             _whole(whole, press, check)

@@ -4,7 +4,8 @@
 
 A lab's data are made first, in virtual time, or taken from FOLDER/data if an earlier run has left them there.
 Then a console in real time is shown to Chromium, page by page, in the middle of what each is for. Pictures
-are 1280 pixels wide, in few colours. Needs the extra `browser`, and takes some minutes.
+are 1280 pixels wide, in few colours; `console-widths.png` has every page at three widths, smaller. Needs the
+extra `browser`, and takes some minutes.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 import re
 import sys
 import tempfile
+from base64 import b64encode
 from collections.abc import Callable
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
@@ -20,16 +22,22 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from click.testing import CliRunner
 from PIL import Image
 
 import haploop
+from haploop.commands.cli import cli
 from haploop.reports.figures import png
-from tests.console.browser.browsing import CHROMIUM, OPTIONS, WAIT, expect, fill, named, playwright
+from haploop.reports.html import write_figures
+from tests.console.browser.browsing import CHROMIUM, OPTIONS, PAGES, WAIT, expect, fill, named, playwright
 from tests.console.browser.test_several_patches import fill_two_buttons, made, save_what_it_takes
 from tests.console.serving import Served, served
 
 PICTURES = Path(__file__).parents[3] / "docs" / "pictures"
 _COLOURS = 64
+_WIDTHS = (1400, 1024, 390)
+_SMALL = 0.4
+"""Scale of a page on the sheet of all pages."""
 _GROUNDS = 10
 _MEASURED = 47
 """Points of the map that are measured before its picture: it is seen filling in."""
@@ -297,7 +305,71 @@ def figures(data: Path) -> None:
         print(f"{path.name}: {shot.width} x {shot.height}, {path.stat().st_size / 1e3:.0f} kB", flush=True)
 
 
-PARTS = (idle_pages, preflight, sittings, table, experiments)
+def widths(album: Album) -> None:
+    """The first screen of each page on a desk, a tablet and a phone, on one sheet."""
+    files = ("buttons/latch.h5", "recordings/P01-latch.h5")
+    pages = [
+        *(name for name in PAGES if name != "catalogue"),
+        "catalogue",
+        *(f"file?file={one}" for one in files),
+    ]
+    rows = []
+    for name in pages:
+        page, row = album.visit(name), []
+        for width in _WIDTHS:
+            page.set_viewport_size({"width": width, "height": 900})
+            page.wait_for_timeout(3000)  # lists and plots have come
+            shot = Image.open(BytesIO(page.screenshot())).convert("RGB")
+            row.append(
+                shot.resize(
+                    (round(shot.width * _SMALL), round(shot.height * _SMALL)), Image.Resampling.LANCZOS
+                )
+            )
+        rows.append(row)
+    _sheet(rows, PICTURES / "console-widths.png")
+
+
+def _sheet(rows: list[list[Image.Image]], path: Path) -> None:
+    """Pictures side by side and one below the other, in few colours."""
+    gap, high = 12, [max(one.height for one in row) for row in rows]
+    width = max(sum(one.width + gap for one in row) for row in rows) + gap
+    sheet = Image.new("RGB", (width, sum(high) + gap * (len(rows) + 1)), "#808890")
+    top = gap
+    for row, height in zip(rows, high, strict=True):
+        left = gap
+        for one in row:
+            sheet.paste(one, (left, top))
+            left += one.width + gap
+        top += height + gap
+    _few_colours(sheet).save(path, optimize=True)
+    print(f"{path.name}: {sheet.width} x {sheet.height}, {path.stat().st_size / 1e3:.0f} kB", flush=True)
+
+
+def paper(browser: Any, data: Path, folder: Path) -> None:
+    """The paper's figures of the lab's data and of simulated answers: `haploop figures --paper`."""
+    files = [*sorted(data.glob("recordings/*.h5")), *sorted(data.glob("buttons/*.h5"))]
+    for name in ("matching", "rating"):
+        files.append(folder / name)
+        for words in (["new", "--from", name], ["simulate", "--participants", "12"]):
+            done = CliRunner().invoke(cli, ["experiment", words[0], str(files[-1]), *words[1:]])
+            assert done.exit_code == 0, done.output
+    made = write_figures(files, folder / "figures", paper=True, columns=1).files
+    page = browser.new_page(viewport={"width": 1000, "height": 400})
+    drawn = (path for path in made if path.suffix == ".svg" and not re.search(r"-\d$", path.stem))
+    images = [
+        f'<img width="320" src="data:image/svg+xml;base64,{b64encode(path.read_bytes()).decode()}">'
+        for path in drawn  # one of those alike
+    ]
+    page.set_content(
+        f'<!doctype html><body style="margin:10px; columns:3; column-gap:10px">{"".join(images)}'
+    )
+    shot = Image.open(BytesIO(page.screenshot(full_page=True))).convert("RGB")
+    path = PICTURES.parent / "figures" / "paper.png"
+    _few_colours(shot).save(path, optimize=True)
+    print(f"{path.name}: {shot.width} x {shot.height}, {path.stat().st_size / 1e3:.0f} kB", flush=True)
+
+
+PARTS = (idle_pages, widths, preflight, sittings, table, experiments)
 
 
 def main() -> None:
@@ -314,6 +386,7 @@ def main() -> None:
         figures(data)
         with playwright.sync_playwright() as program:
             browser = program.chromium.launch(executable_path=CHROMIUM, args=OPTIONS)
+            paper(browser, data, Path(tempfile.mkdtemp(dir=folder)))
             for lab, rig, parts in ((data, "simulated", PARTS), (several, "four-channel", (two_buttons,))):
                 with served(lab, "--port", "0", "--rig", rig, state=folder / "state") as console:
                     for part in parts:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from time import monotonic
 
 import pytest
 
@@ -15,6 +16,9 @@ from tests.console.serving import served
 pytestmark = pytest.mark.timeout(600)
 MOST_CLICKS = 18
 """The operator's, beside `n` for each stimulus. They were counted, and are not to grow."""
+MOST_WORDS = 900
+"""On the pages as they are come to: what is folded is not read. They were counted too."""
+READ = "document.querySelector('main').innerText.split(/\\s+/).filter(Boolean).length"
 COUNTED = """
 window.clicks = Number(sessionStorage.getItem('clicks') || 0);
 addEventListener('click', (event) => {
@@ -33,13 +37,15 @@ def block(page, name):
 
 
 def test_a_psychologist_runs_and_reports_experiment_1_with_two_people(browser, tmp_path):
-    data = tmp_path / "data"
+    data, begun = tmp_path / "data", monotonic()
     with served(data, "--port", "0", state=tmp_path / "state") as console:
         tab = Tab(browser, console)
         tab.context.add_init_script(COUNTED)
         page = visit(tab, console, "experiment")
+        read = page.evaluate(READ)
         page.get_by_role("link", name="make one from an example").click()
         expect(page.locator("#trial .choices button")).to_have_count(3, timeout=WAIT)
+        read += page.evaluate(READ)
         block(page, "familiarisation").get_by_role("button", name="Remove").click()
         block(page, "finger calibration").get_by_role("button", name="Remove").click()
         repetitions = block(page, "experiment").get_by_label("Repetitions")
@@ -52,6 +58,7 @@ def test_a_psychologist_runs_and_reports_experiment_1_with_two_people(browser, t
         page.get_by_label("New folder in the data folder").fill("pilot")
         page.get_by_role("button", name="Save").click()
         expect(page.get_by_label("Experiment (a folder")).to_have_value("pilot", timeout=WAIT)
+        read += page.evaluate(READ)
         shown = participants_tab(browser, page, console)
         for who in ("P01", "P02"):
             if who == "P02":  # the first one is offered, once the list has been read again
@@ -73,7 +80,9 @@ def test_a_psychologist_runs_and_reports_experiment_1_with_two_people(browser, t
             with page.expect_download(timeout=WAIT) as download:
                 page.get_by_role("button", name=name, exact=True).click()
             assert Path(download.value.path()).read_text("utf-8").startswith(start)
-        assert page.evaluate("clicks") <= MOST_CLICKS
+        read += page.locator("#results").evaluate("one => one.innerText.split(/\\s+/).length")
+        print(f"{page.evaluate('clicks')} clicks, {read} words, {monotonic() - begun:.0f} s")
+        assert page.evaluate("clicks") <= MOST_CLICKS and read <= MOST_WORDS
         visit(tab, console, "design")
         for width in (1400, 1024, 390):
             fits(page, width)
