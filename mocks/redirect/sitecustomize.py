@@ -306,7 +306,7 @@ def _nidaqmx(utils: Any, address: str) -> None:
         if ALLOWED not in os.environ:
             return
         target = grpc_options.grpc_channel._channel.target().decode().rpartition("/")[2]
-        if target not in (address, *_told(ALLOWED)):
+        if target not in (address, address.replace("127.0.0.1", "localhost"), *_told(ALLOWED)):
             raise DaqNotFoundError(
                 f"The NI device server at {target} is not used, because it may have real cards: run haploop "
                 f"twin with --allow {target}."

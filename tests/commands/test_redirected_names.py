@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 PROGRAM = """
-import json, socket, sys, urllib.request
+import json, os, socket, sys, urllib.request
 import nidaqmx, pyvisa, serial, serial.serialposix
 import grpc
 from nidaqmx import GrpcSessionOptions
@@ -46,6 +46,7 @@ asked("termination", lambda: manager.open_resource("TCPIP0::192.0.2.10::5025::SO
 asked("hub", lambda: urllib.request.urlopen("http://192.0.2.7:4444/api.json", timeout=2))
 asked("hub here", lambda: socket.create_connection(("127.0.0.1", 4444), 2))
 asked("server", lambda: remote("192.0.2.8:31763"))
+asked("twin's server", lambda: remote("localhost:" + os.environ["HAPLOOP_NI_TWIN"].rpartition(":")[2]))
 asked("cards", lambda: nidaqmx.system.System.local().devices.device_names)
 asked("listed", lambda: manager.list_resources("?*"))
 asked("GPIB", lambda: manager.list_resources("GPIB?*"))
@@ -104,7 +105,7 @@ def test_every_way_to_write_a_name_is_redirected_and_no_other_name_is_opened(tmp
     for name in ("hub", "hub here"):
         assert "may be a real instrument" in said[name], said[name]
     assert "192.0.2.8:31763 is not used" in said["server"]
-    assert "Dev1" in said["cards"]
+    assert "Dev1" in said["cards"] and said["twin's server"] == said["cards"]
     assert "TCPIP0::192.0.2.10::5025::SOCKET" in said["listed"] and "ASRL3::INSTR" in said["listed"]
     assert said["GPIB"] == "()"
     assert said["sound"] == "no PortAudio" or "No sound device is opened" in said["sound"]
