@@ -66,10 +66,10 @@ def from_sweeps(
     lines = slice(int(np.ceil(first)), int(np.floor(last)) + 1)
     f = np.arange(lines.start, lines.stop) * rate_hz / length
     order = scipy.fft.rfft(commanded, length)[lines]
-    # Without the mean, zero padding makes no step. One play at a time: memory that is new costs more than the
-    # transform.
+    # Without the mean, zero padding makes no step. One play at a time, of which these lines are kept: memory
+    # that is new costs more than the transform.
     X, Y = (
-        np.array([scipy.fft.rfft(signal - signal.mean(), length)[lines] for signal in signals])
+        np.array([scipy.fft.rfft(signal - signal.mean(), length)[lines].copy() for signal in signals])
         for signals in (drives, velocities)
     )
     X, Y = X * channels.drive(X[:repeats], order, f), channels.velocity(Y, f)

@@ -18,6 +18,7 @@ output's times D: the estimate is then biased.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy
@@ -29,6 +30,8 @@ _HALF = 10
 """Lines on either side: fewer average less noise, more bias the response within 5 Hz."""
 _ORDER = 2
 """Order of all three polynomials: one resonance, and the slope from its neighbours."""
+_AT_ONCE = 1000
+"""Lines that are fitted at once: each takes 10 kB."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +54,16 @@ def local_rational(drive: ComplexArray, output: ComplexArray, lines: IntArray) -
     The drive must be strong on some of the lines around each.
     """
     half = int(min(_HALF, lines[0], len(drive) - 1 - lines[-1]))
+    some = [lines[first : first + _AT_ONCE] for first in range(0, len(lines), _AT_ONCE)]
+    fitted = zip(*(_fit(drive, output, one, half) for one in some), strict=True)
+    response, spread, variance, surprise = (np.concatenate(one) for one in fitted)
+    # Thirteen degrees of freedom estimate a variance within 28 %: the neighbours' are averaged in.
+    variance = scipy.ndimage.uniform_filter1d(variance, 2 * half + 1, mode="nearest")
+    return Local(response=response, spread=variance * spread, variance=variance, surprise=surprise)
+
+
+def _fit(drive: ComplexArray, output: ComplexArray, lines: IntArray, half: int) -> tuple[Any, ...]:
+    """Response, its variance over that of the output, the output's, and the surprise: each (lines,)."""
     r = np.arange(-half, half + 1) / half
     u = sliding_window_view(drive, 2 * half + 1)[lines - half]
     y = sliding_window_view(output, 2 * half + 1)[lines - half]
@@ -74,13 +87,11 @@ def local_rational(drive: ComplexArray, output: ComplexArray, lines: IntArray) -
     inverse = np.linalg.inv(upper + 1e-13 * size[:, None, None] * eye)
     solution = np.einsum("lij,lj->li", inverse, seen)
     variance = (np.abs(left) ** 2).sum(axis=1) / (2 * half + 1 - columns.shape[2])
-    # Thirteen degrees of freedom estimate a variance within 28 %: the neighbours' are averaged in.
-    variance = scipy.ndimage.uniform_filter1d(variance, 2 * half + 1, mode="nearest")
     covariance = (np.abs(inverse[:, 0, :]) ** 2).sum(axis=1)
     weight = (np.abs(q[:, half, :]) ** 2).sum(axis=1)
-    return Local(
-        response=solution[:, 0] / norms[:, 0, 0],
-        spread=variance * covariance / norms[:, 0, 0] ** 2,
-        variance=variance,
-        surprise=left[:, half] / np.maximum(1 - weight, 0.05),
+    return (
+        solution[:, 0] / norms[:, 0, 0],
+        covariance / norms[:, 0, 0] ** 2,
+        variance,
+        left[:, half] / np.maximum(1 - weight, 0.05),
     )
