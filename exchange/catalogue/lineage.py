@@ -186,11 +186,11 @@ def _reached(start: str, edges: Mapping[str, set[str]]) -> set[str]:
 
 def _ordered(keys: Sequence[str], before: Mapping[str, set[str]]) -> list[str]:
     """Keys, each as soon as all that it was made from has come: what belongs together stands together."""
-    order = dict[str, None]()
+    order, ranks = dict[str, None](), {key: rank for rank, key in enumerate(keys)}
 
     def visit(key: str) -> None:
-        for one in keys:
-            if one in before.get(key, ()) and one not in order:
+        for one in sorted(before.get(key, set()) & ranks.keys(), key=ranks.__getitem__):
+            if one not in order:
                 visit(one)
         order[key] = None
 
