@@ -26,6 +26,7 @@ from haploop.acquisition import Representative
 from haploop.calibration import Calibration, Check, Drive, calibrate, drive_for, learn
 from haploop.calibration.drive import Method, check
 from haploop.instruments import Rig, open_rig
+from haploop.mocks.plant.table import FEWEST_HZ
 
 STALE = 0.03
 WORLDS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
@@ -60,7 +61,8 @@ def main(words: Sequence[str] | None = None) -> list[Row]:
         found: dict[Method, Found] = {method: {} for method in METHODS}
         for seed in range(options.first, options.first + options.seeds):
             as_calibrated, change = WORLDS[world]
-            plant = {"seed": seed, "vibrometer_noise_scale": options.noise, **as_calibrated}
+            plant = {"seed": seed, "highest_hz": FEWEST_HZ, **as_calibrated}
+            plant["vibrometer_noise_scale"] = options.noise
             with open_rig("simulated", simulation=plant) as rig:
                 calibration = calibrate(rig)
             with open_rig("simulated", simulation={**plant, **change}) as rig:

@@ -35,6 +35,7 @@ from haploop.calibration.response import settle
 from haploop.instruments import Rig
 from haploop.instruments.operator import LiftFinger, RestFinger
 from haploop.mocks.plant.hands import Fingertip
+from haploop.mocks.plant.table import FEWEST_HZ
 from haploop.mocks.plant.touched import touched_velocity
 
 MASSES = (0.96, 0.32, 0.096)
@@ -92,7 +93,7 @@ def weighed(folder: Path) -> Path:
 def study(seed: int, people: Sequence[str], press: Representative, found: Found, folder: Path) -> None:
     """Add what one table says."""
     file = weighed(folder)
-    with haploop.open_rig(file, simulation={"seed": seed}) as rig:
+    with haploop.open_rig(file, simulation={"seed": seed, "highest_hz": FEWEST_HZ}) as rig:
         bare = haploop.calibrate(rig, "A", "button")
         haploop.measure_map(rig, folder / str(seed), haploop.map_plan(rig, patches=["A", "B"]))
         plate = haploop.VibrationMap.load(folder / str(seed)).plate_modes()
@@ -100,7 +101,9 @@ def study(seed: int, people: Sequence[str], press: Representative, found: Found,
     others: dict[float, Drive] = {}
     for number, person in enumerate(people):
         for mass in MASSES:
-            with haploop.open_rig(file, simulation={"seed": seed, "pane_mass": mass}) as rig:
+            with haploop.open_rig(
+                file, simulation={"seed": seed, "pane_mass": mass, "highest_hz": FEWEST_HZ}
+            ) as rig:
                 if mass not in others:
                     other = haploop.calibrate_finger(rig, bare, "P99")
                     others[mass] = haploop.drive_for(press, other, rig.limits)

@@ -25,7 +25,7 @@ from haploop.instruments import Rig, open_rig
 from haploop.instruments.config import RigFile
 from haploop.mocks.plant.hysteresis import Hysteresis
 from haploop.mocks.plant.modal_surface import ModalSurface
-from haploop.mocks.plant.table import TouchTable, make_plate
+from haploop.mocks.plant.table import FEWEST_HZ, TouchTable, make_plate
 
 WIDTHS = {"A": 0.12, "B": 0.09, "C": 0.15, "D": 0.11}
 WORLDS: dict[str, dict[str, float]] = {
@@ -40,13 +40,13 @@ LOUD = (1, 2, 3)
 
 
 class Table(TouchTable):
-    """A table whose patches differ in hysteresis, and whose modes may each drift on their own."""
+    """A table of 17 modes, each of which may drift on its own, and whose patches differ in hysteresis."""
 
     scatter: float = 0.0
 
     def make(self, file: RigFile, rng: np.random.Generator) -> ModalSurface:
         """See `PlantSettings.make`."""
-        plate = make_plate(rng, self.mode_drift, self.damping_scale)
+        plate = make_plate(rng, self.mode_drift, self.damping_scale, highest_hz=FEWEST_HZ)
         own = np.random.default_rng([file.simulation.seed, 1]).standard_normal(len(plate.natural_hz))
         return ModalSurface(replace(plate, natural_hz=plate.natural_hz * (1 + self.scatter * own)))
 

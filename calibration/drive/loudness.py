@@ -29,12 +29,12 @@ from .trade import BUDGET, Trade
 if TYPE_CHECKING:
     from ...acquisition import Representative
 
-_ERRORS = (BUDGET, 0.03, 0.06, 0.11, TOLERANCE)
-"""Errors for which a curve is computed."""
+_DRIVES = 5
+"""Drives of a curve, from the least error that is expected to what a check tolerates, in equal ratios."""
 _STEPS = 5
 """Largest number of drives that are computed to find an error."""
 _CLOSE, _NEXT = 0.93, 0.98
-"""Share of the error asked for from which a drive is loud enough, and that is tried next."""
+"""Share of the largest error to plan for from which a drive is loud enough, and that is tried next."""
 _STAIR = 0.92
 """Share of a planned error from which another drive is planned: output rises in stairs (see `max_output`)."""
 _OVER = 0.25
@@ -170,14 +170,18 @@ def plan_button(
         )
     together = [every] if elsewhere else [every[:1], every] if several and not shared else [every[:1]]
     curves: list[Offers] = []
-    doing, count = f"Plan the {press.button} button", len(together) * len(methods) * len(_ERRORS)
+    doing, count = f"Plan the {press.button} button", len(together) * len(methods) * _DRIVES
     for method, some in product(methods, together):
         drives: list[Drive] = []
-        for number, error in enumerate(_ERRORS):
-            progress(doing, len(curves) * len(_ERRORS) + number, count, "")
+        error = BUDGET
+        for number in range(_DRIVES):
+            progress(doing, len(curves) * _DRIVES + number, count, "")
             drive = drive_for(press, some, rig.limits, method=method, trade=Trade(error), elsewhere=elsewhere)
             if not drives or drive.expected_error <= TOLERANCE:
                 drives.append(drive)
+            least = drives[0].expected_error
+            wanted = least * (TOLERANCE / least) ** ((number + 1) / (_DRIVES - 1))
+            error = max(wanted**2 - _beside(drive, error), BUDGET**2) ** 0.5
         curves.append(offered(drives, lab))
     progress(doing, count, count, "")
     first = drives[0]
@@ -246,21 +250,23 @@ def trade_for(
 def _loudest(
     at: Callable[[float], Drive], most: float, closest: Drive, enough: Callable[[Drive], bool]
 ) -> tuple[float, Drive]:
-    """The error to plan for so that `most` is expected, or one whose drive is loud enough; and its drive.
-
-    What is expected beside the plan's own error, from distortion, hardly depends on that.
-    """
+    """The error to plan for so that `most` is expected, or one whose drive is loud enough; and its drive."""
     best, error = (BUDGET, closest), most
     for _ in range(_STEPS):
         drive = at(error)
+        room = most**2 - _beside(drive, error)
         if drive.expected_error <= most and drive.scale > best[1].scale:
             best = error, drive
-            if drive.expected_error > _CLOSE * most or enough(drive):
+            if error**2 > _CLOSE**2 * room or enough(drive):
                 break
-        beside = drive.expected_error**2 - error**2
-        aimed = max((_NEXT * most) ** 2 - beside, BUDGET**2) ** 0.5
+        aimed = max(_NEXT**2 * room, BUDGET**2) ** 0.5
         error = aimed if drive.expected_error <= most else min(aimed, _STAIR * error)
     return best
+
+
+def _beside(drive: Drive, error: float) -> float:
+    """Square of what is expected beside the `error` planned for, by distortion: it hardly depends on that."""
+    return drive.expected_error**2 - error**2
 
 
 def _least(

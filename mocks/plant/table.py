@@ -25,8 +25,10 @@ WIDTH, HEIGHT = 0.50, 0.35
 PATCH_WIDTH, PATCH_HEIGHT = 0.050, 0.030
 """Size of the ceramic of a P-876.A12 (m; found; docs/hardware.md, "Patches")."""
 MAIN_HZ = 263.5
-HIGHEST_HZ = 3.2 * MAIN_HZ
-"""Highest mode by default (17 of them): those above the band of drives add stiffness within it."""
+HIGHEST_HZ = 10_000.0
+"""Highest mode by default (236 of them): an octave above the corner of the laser's filter."""
+FEWEST_HZ = 3.2 * MAIN_HZ
+"""Lowest choice of the highest mode (17 of them): those above the band of drives add stiffness within it."""
 
 
 def _curvature(m: int, n: int) -> float:
@@ -47,9 +49,9 @@ def modes_to(highest_hz: float) -> list[tuple[int, int]]:
     )
 
 
-MODES = modes_to(HIGHEST_HZ)
+MODES = modes_to(FEWEST_HZ)
 MAIN = MODES.index((2, 2))
-_DAMPED_TO = 1.05 * HIGHEST_HZ
+_DAMPED_TO = 1.05 * FEWEST_HZ
 """Frequency (Hz) up to which the damping ratio rises; above it, it stays at 2.6 % (estimate: a mounted pane's
 loss factor, 1 to 6 %, hardly depends on the frequency)."""
 PATCHES = {"A": (0.20, 0.15), "B": (0.62, 0.93), "C": (0.08, 0.45), "D": (0.92, 0.55)}
@@ -80,9 +82,8 @@ class TouchTable(PlantSettings):
     daily_drift: Annotated[float, Field(strict=True, ge=0, lt=0.1)] = 0.0
     """Relative amplitude of the daily drift of every mode's frequency, caused by temperature."""
     damping_scale: Positive = 1.0
-    highest_hz: Annotated[float, Field(ge=HIGHEST_HZ, le=12_000)] = HIGHEST_HZ
-    """Highest mode (Hz). A real pane has hundreds up to 10 kHz, as the rig `pane` has; the default ends at
-    843 Hz."""
+    highest_hz: Annotated[float, Field(ge=FEWEST_HZ, le=12_000)] = HIGHEST_HZ
+    """Highest mode (Hz)."""
     collocated: bool = False
     """Put patch A under the button point, so that the response has no right-half-plane zeros."""
 

@@ -44,7 +44,7 @@ channel = "laser"{PICKUPS["acceleration"]}"""
     "name",
     [
         pytest.param(n, marks=pytest.mark.long if n in ("voice-coil", "usb-6211") else pytest.mark.night)
-        for n in (*LABS, "glued", "four-channel", "pane")
+        for n in (*LABS, "glued", "four-channel")
     ],
 )
 def test_from_doctor_to_recalibration(

@@ -27,7 +27,8 @@ def test_a_drive_uses_the_limits_and_keeps_them(calibrated: Calibrated, drive: D
     assert drive.peak * path <= limits.peak * (1 + 1e-9)
     assert drive.volts[:, [0, -1]] == pytest.approx(0, abs=0.05)
     assert drive.volts.mean() == pytest.approx(0, abs=1e-6)
-    assert 0.01 < drive.predicted_error <= 0.08
+    # Most of it is what the patch's distortion moves above the band.
+    assert 0.01 < drive.predicted_error <= 0.12
     assert drive.volts.shape == (1, *drive.target.shape)
     assert drive.simulated and drive.calibration == calibrated.calibration.digest
 

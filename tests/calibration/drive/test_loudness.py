@@ -49,7 +49,8 @@ def test_louder_is_less_like_and_a_curve_says_by_how_much(plan: ButtonPlan) -> N
     for curve in plan.curves:
         errors, levels = np.array([(one.error, one.level) for one in curve.offers]).T
         assert np.all(np.diff(errors) > 0) and np.all(np.diff(levels) > 0)
-        assert levels[-1] > levels[0] + 3 and errors[-1] == pytest.approx(0.2, abs=0.03)
+        # Output rises in stairs: the last may lie below what a check tolerates.
+        assert levels[-1] > levels[0] + 2 and 0.16 < errors[-1] <= 0.2
 
 
 def test_nobody_is_offered_more_error_for_less_or_what_no_check_tolerates(
