@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # One would guess: `import scipy.signal` runs definitions; texts for a reader cost a program nothing.
 # What is so: since 1.16 a decorator adds a table of array libraries to the docstring of each public function:
-#   numpydoc's parser takes 800 of them apart and writes them anew whenever a program starts, 38 % of the
+#   numpydoc's parser takes 800 of them apart and writes them anew whenever a program starts, more than a third of the
 #   import's processor time.
 # Version: scipy 1.17.1 (1.15.3 parses 68), Python 3.11 on Linux.
 # Source: scipy/_lib/_array_api.py, `xp_capabilities`; scipy/_lib/_docscrape.py.
