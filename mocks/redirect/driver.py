@@ -1,9 +1,9 @@
 """NI's own client for a device server, with the manners of the driver on this computer.
 
 NI's client of a server differs from its client of the driver: a task cannot be closed in a callback (issue
-559 of ni/nidaqmx-python), a callback in flight outlives its task, warnings of a start are dropped, and the
-names of several new channels are guessed. A program that was written for the driver meets the driver's
-manners here. It needs no haploop.
+559 of ni/nidaqmx-python), a callback in flight outlives its task, a program whose task is open does not end
+while an event is registered, warnings of a start are dropped, and the names of several new channels are
+guessed. A program that was written for the driver meets the driver's manners here. It needs no haploop.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import threading
 import warnings
 from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +42,20 @@ def handled(task: str, kind: str) -> int | None:
 def in_callback() -> bool:
     """True in the thread of a callback that is running."""
     return bool(getattr(_here, "depth", 0))
+
+
+def _by_daemon(make: Callable[[], Any]) -> Any:
+    """Return what `make` returns; its threads are daemons as its caller is, and let the program end."""
+    made: Future[Any] = Future()
+
+    def run() -> None:
+        try:
+            made.set_result(make())
+        except Exception as error:
+            made.set_exception(error)
+
+    threading.Thread(target=run, name="nidaqmx registers", daemon=True).start()
+    return made.result()
 
 
 class TwinWarning(UserWarning):
@@ -134,27 +149,25 @@ class DriverInterpreter(GrpcStubInterpreter):  # type: ignore[misc]
 
     def register_done_event(self, task: Any, options: int, callback_function: Any, callback_data: Any) -> Any:
         """See NI's."""
-        return _Handler(
-            super().register_done_event(
-                task, options, self._watched(task, "done", callback_function), callback_data
-            )
-        )
+        watched = self._watched(task, "done", callback_function)
+        register = super().register_done_event
+        return _Handler(_by_daemon(lambda: register(task, options, watched, callback_data)))
 
     def register_every_n_samples_event(
         self, task: Any, type_: int, n_samples: int, options: int, callback_function: Any, callback_data: Any
     ) -> Any:
         """See NI's."""
         watched = self._watched(task, "samples", callback_function)
-        return _Handler(
-            super().register_every_n_samples_event(task, type_, n_samples, options, watched, callback_data)
-        )
+        register = super().register_every_n_samples_event
+        return _Handler(_by_daemon(lambda: register(task, type_, n_samples, options, watched, callback_data)))
 
     def register_signal_event(
         self, task: Any, signal_id: int, options: int, callback_function: Any, callback_data: Any
     ) -> Any:
         """See NI's."""
         watched = self._watched(task, "signal", callback_function)
-        return _Handler(super().register_signal_event(task, signal_id, options, watched, callback_data))
+        register = super().register_signal_event
+        return _Handler(_by_daemon(lambda: register(task, signal_id, options, watched, callback_data)))
 
     def _watched(self, task: Any, kind: str, callback: Callable[..., Any]) -> Callable[..., Any]:
         """Return `callback`, known to run while it does, and not called for a closed task."""

@@ -11,8 +11,6 @@ import re
 from datetime import UTC
 from typing import Any
 
-from nidaqmx.utils import unflatten_channel_string
-
 from .channel import Channel
 from .channels import refuse_input
 from .counter_facts import COUNTER_FACTS, socket_of
@@ -20,6 +18,7 @@ from .defaults import default_value
 from .errors import DaqmxError, DAQmxErrors
 from .facts import CHANNEL_FACTS, DEVICE_FACTS, SYSTEM_FACTS
 from .keeping import read_kept, write_kept
+from .names import names_in
 from .state_facts import CHANNEL_STATE, TASK_STATE
 from .system import NiSystem
 from .tasks import Task, refuse_rate
@@ -237,7 +236,7 @@ def _channels(task: Task, names: str) -> list[Channel]:
     if not names:
         return task.channels
     known = {channel.name.lower(): channel for channel in task.channels}
-    wanted = [names] if names.lower() in known else unflatten_channel_string(names)
+    wanted = [names] if names.lower() in known else names_in(names)
     try:
         return [known[name.strip().lower()] for name in wanted]
     except KeyError as missing:

@@ -8,13 +8,14 @@ from typing import Any
 
 from nidaqmx._stubs import nidaqmx_pb2 as pb
 from nidaqmx.constants import SampleTimingType, Signal, TaskMode, TimestampEvent, TriggerType
-from nidaqmx.utils import flatten_channel_string, unflatten_channel_string
+from nidaqmx.utils import flatten_channel_string
 
 from .channels import CREATES
 from .counter_calls import COUNTING
 from .errors import DaqmxError, DAQmxErrors, error_string
 from .fields import field
 from .keeping import KEEPING
+from .names import names_in
 from .power_calls import POWER
 from .storage import STORAGE
 from .system import NiSystem
@@ -119,7 +120,7 @@ def _change_detection(system: NiSystem, request: Any, alive: Alive) -> None:
     for edge in ("rising", "falling"):
         lines = getattr(request, f"{edge}_edge_chan")
         task.settings["Timing", f"CHANGE_DETECT_DI_{edge.upper()}_EDGE_PHYSICAL_CHANS"] = ", ".join(
-            unflatten_channel_string(lines)
+            names_in(lines)
         )
 
 
@@ -282,7 +283,7 @@ def _creating(create: Callable[[NiSystem, Any], None]) -> Call:
 def _listed(names: list[str]) -> str:
     """Names in NI's short form, "a0:3", where it gives these names again."""
     short = str(flatten_channel_string(names))
-    return short if unflatten_channel_string(short) == names else ", ".join(names)
+    return short if names_in(short) == names else ", ".join(names)
 
 
 def _known_device(system: NiSystem, request: Any, alive: Alive) -> None:

@@ -8,10 +8,10 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 from nidaqmx.constants import TerminalConfiguration
-from nidaqmx.utils import unflatten_channel_string
 
 from ..products import Product, described
 from .errors import DaqmxError, DAQmxErrors
+from .names import names_in
 from .scales import Scale, scale_from_export
 
 CONFIGURATIONS = {
@@ -158,7 +158,7 @@ class Inventory:
 
         Lists and ranges follow the driver's syntax: "Dev1/ai0:3, Dev1/ai7", "Dev1/port0". Raises DaqmxError.
         """
-        names = unflatten_channel_string(text)
+        names = names_in(text)
         if not names:
             raise DaqmxError(DAQmxErrors.PHYSICAL_CHANNEL_NOT_SPECIFIED, "No physical channel is named.")
         for name in names:

@@ -7,10 +7,10 @@ from typing import Any
 
 from nidaqmx._stubs import nidaqmx_pb2 as pb
 from nidaqmx.constants import WDTTaskAction
-from nidaqmx.utils import unflatten_channel_string
 
 from .errors import DaqmxError, DAQmxErrors
 from .fields import field
+from .names import names_in
 from .scales import Scale, linear, mapped, polynomial, reverse_coefficients, tabulated
 from .storage import read_stored
 from .system import NiSystem
@@ -109,7 +109,7 @@ def _expiration(properties: dict[str, str]) -> Call:
 
     def call(system: NiSystem, request: Any, alive: Alive) -> None:
         watchdog = _watchdog(system, request)
-        names = unflatten_channel_string(request.channel_names)
+        names = names_in(request.channel_names)
         list(system.inventory.resolve(request.channel_names))
         for name, of in properties.items():
             for channel, value in zip(names, getattr(request, of), strict=True):

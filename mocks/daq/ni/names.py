@@ -9,9 +9,18 @@ from __future__ import annotations
 
 import re
 
+from nidaqmx.errors import DaqError
 from nidaqmx.utils import unflatten_channel_string
 
 from .errors import DaqmxError, DAQmxErrors
+
+
+def names_in(text: str) -> list[str]:
+    """Return the names that a list with ranges names ("Dev1/ai0:3, Dev1/ai5"). Raises DaqmxError."""
+    try:
+        return list(unflatten_channel_string(text))
+    except DaqError as error:
+        raise DaqmxError(DAQmxErrors(error.error_code), f"{error}".partition("\n\nStatus Code")[0]) from None
 
 
 def channel_names(assigned: str, count: int) -> list[str] | None:
@@ -20,7 +29,7 @@ def channel_names(assigned: str, count: int) -> list[str] | None:
     The items of a list are used in turn; the last of too few counts on from its trailing number, or from 0;
     those too many are left out (NI's own tests of digital channels). Raises DaqmxError for a name twice.
     """
-    given = [name.strip() for name in unflatten_channel_string(assigned)] if assigned.strip() else []
+    given = [name.strip() for name in names_in(assigned)] if assigned.strip() else []
     given = [name for name in given if name]
     if not given:
         return None

@@ -16,12 +16,12 @@ from nidaqmx.constants import (
     UsageTypeAO,
     VoltageUnits,
 )
-from nidaqmx.utils import unflatten_channel_string
 
 from .channel import Channel
 from .channels import add
 from .devices import Inventory
 from .errors import DaqmxError, DAQmxErrors
+from .names import names_in
 from .system import NiSystem
 from .taking import Alive, Call
 
@@ -155,7 +155,7 @@ def _delete_channel(system: NiSystem, request: Any, alive: Alive) -> None:
 def _add_channels(system: NiSystem, request: Any, alive: Alive) -> None:
     task = system.task(request.task.name)
     channels = []
-    for name in unflatten_channel_string(request.channel_names):
+    for name in names_in(request.channel_names):
         channel = _copied(_channel(system, name).channel)
         channel.values["CHAN_IS_GLOBAL"] = True
         channels.append(channel)

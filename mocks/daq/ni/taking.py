@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 from nidaqmx.constants import OverwriteMode, ReadRelativeTo
-from nidaqmx.utils import unflatten_channel_string
 
 from . import inputs
 from .channel import Channel
 from .errors import DaqmxError, DAQmxErrors
+from .names import names_in
 from .system import NiSystem
 from .tasks import State, Task
 from .tdms import log
@@ -185,7 +185,7 @@ def wanted_channels(task: Task) -> tuple[Channel, ...]:
     names = task.setting("Read", "CHANNELS_TO_READ")
     if not names:
         return tuple(task.channels)
-    listed = {name.strip().lower() for name in unflatten_channel_string(names)}
+    listed = {name.strip().lower() for name in names_in(names)}
     return tuple(channel for channel in task.channels if channel.name.lower() in listed)
 
 

@@ -7,10 +7,10 @@ from typing import Any
 
 from nidaqmx._stubs import nidaqmx_pb2 as pb
 from nidaqmx.constants import LogicFamily, PowerUpChannelType, PowerUpStates
-from nidaqmx.utils import unflatten_channel_string
 
 from .errors import DaqmxError, DAQmxErrors
 from .fields import field
+from .names import names_in
 from .system import NiSystem
 from .taking import Alive, Call
 
@@ -123,7 +123,7 @@ def _set_output(system: NiSystem, name: str, volts: float, kind: int) -> None:
 
 
 def _set_outputs(system: NiSystem, request: Any, alive: Alive) -> None:
-    names = unflatten_channel_string(request.channel_names)
+    names = names_in(request.channel_names)
     kinds = list(request.channel_type_array)
     for name, volts, kind in zip(names, request.state_array, kinds, strict=True):
         _set_output(system, name, volts, kind)
@@ -131,7 +131,7 @@ def _set_outputs(system: NiSystem, request: Any, alive: Alive) -> None:
 
 def _set_outputs_of_device(system: NiSystem, request: Any, alive: Alive) -> None:
     for entry in request.power_up_states:
-        for name in unflatten_channel_string(entry.channel_names):
+        for name in names_in(entry.channel_names):
             _set_output(system, name, entry.state, field(entry, "channel_type"))
 
 
@@ -143,7 +143,7 @@ def _state(system: NiSystem, name: str) -> tuple[float, int]:
 
 
 def _get_outputs(system: NiSystem, request: Any, alive: Alive) -> Any:
-    states = [_state(system, name) for name in unflatten_channel_string(request.channel_names)]
+    states = [_state(system, name) for name in names_in(request.channel_names)]
     return pb.GetAnalogPowerUpStatesWithOutputTypeResponse(
         state_array=[volts for volts, _ in states],
         channel_type_array=[kind for _, kind in states],

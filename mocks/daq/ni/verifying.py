@@ -88,6 +88,11 @@ def _refuse_interval(task: Task) -> None:
 
     NI-DAQmx help, "Software Events": with DMA it divides the buffer evenly on AO, E and M Series.
     """
+    if task.every and not task.timed and task.kind in ("ai", "ao", "di", "do"):
+        raise DaqmxError(
+            DAQmxErrors.EVERY_N_SAMPLES_EVENT_NOT_SUPPORTED_FOR_NON_BUFFERED_TASKS,
+            f"Task {task.name!r} has an every N samples event, but no buffer: set a sample clock.",
+        )
     if not task.every or not task.timed or not task.is_input:
         return
     product, size = task.device.product, task.buffer_size

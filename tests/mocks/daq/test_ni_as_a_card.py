@@ -31,6 +31,7 @@ from nidaqmx.errors import DaqError, DaqWarning
 from nidaqmx.system import System
 from nidaqmx.utils import unflatten_channel_string
 
+from haploop.base.errors import ConfigurationError
 from haploop.mocks.daq.ni import NiTwin
 
 CARDS = {
@@ -267,6 +268,29 @@ def test_intervals_of_events_fit_the_buffer(
         task.in_stream.input_buf_size = size
         getattr(task, ACQUIRED)(every, lambda *_: 0)
         assert code(task.start) == right
+
+
+@pytest.mark.parametrize("kind", ["ai", "ao", "di", "do"])
+def test_events_of_samples_need_a_buffer(twin: NiTwin, kind: str) -> None:
+    with nidaqmx.Task() as task:
+        if kind[0] == "a":
+            getattr(getattr(task, f"{kind}_channels"), f"add_{kind}_voltage_chan")(f"Dev1/{kind}0")
+        else:
+            getattr(getattr(task, f"{kind}_channels"), f"add_{kind}_chan")("Dev1/port0/line0")
+        register = ACQUIRED if kind[1] == "i" else "register_every_n_samples_transferred_from_buffer_event"
+        getattr(task, register)(100, lambda *_: 0)
+        assert code(task.start) == -200848
+        getattr(task, register)(100, None)
+        assert code(task.start) is None
+
+
+@pytest.mark.parametrize("wrong", ["Dev1/ai0:", "Dev1/ai:3", "Dev1/ai0:ao3"])
+def test_a_range_that_is_none(twin: NiTwin, wrong: str) -> None:
+    with nidaqmx.Task() as task:
+        assert code(lambda: task.ai_channels.add_ai_voltage_chan(wrong)) == -200498
+        assert code(lambda: task.ai_channels.add_ai_voltage_chan("Dev1/ai0", wrong)) == -200498
+    with pytest.raises(ConfigurationError, match="range"):
+        twin.set(wrong, 1.0)
 
 
 @pytest.mark.parametrize(

@@ -203,6 +203,29 @@ def test_a_script_of_another_program(tmp_path: Path) -> None:
         assert (ran.returncode, ran.stdout.split()) == (5, ["PCIe-6321", "7"]), ran.stderr
 
 
+OPEN = """
+import nidaqmx
+from nidaqmx.constants import AcquisitionType
+task = nidaqmx.Task()
+task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
+task.timing.cfg_samp_clk_timing(1000, sample_mode=AcquisitionType.CONTINUOUS)
+task.register_every_n_samples_acquired_into_buffer_event(100, lambda *_: 0)
+task.register_done_event(lambda *_: 0)
+task.start()
+raise SystemExit(5)
+"""
+
+
+def test_a_script_ends_though_a_task_with_events_is_open(tmp_path: Path) -> None:
+    (tmp_path / "script.py").write_text(OPEN, encoding="utf-8")
+    command = [sys.executable, "-m", "haploop", "twin", "ni", "--device", "Dev1=PCIe-6321"]
+    with subprocess.Popen([*command, "--", sys.executable, "script.py"], cwd=tmp_path) as program:
+        try:
+            assert program.wait(timeout=60) == 5
+        finally:
+            program.terminate()
+
+
 @pytest.mark.skipif(os.name == "nt", reason="Windows delivers Ctrl-C to a console, not to a process")
 @pytest.mark.parametrize(
     ("sent", "heed", "code"),
