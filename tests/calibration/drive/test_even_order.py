@@ -25,10 +25,12 @@ PLATES: dict[str, tuple[tuple[int, int, tuple[float, float]] | None, float, str,
     "30 modes, kink 7 %": ((102, 30, (0.01, 0.03)), 0.07, "kink", 0.09),
     "30 modes, square 7 %": ((100, 30, (0.01, 0.03)), 0.07, "square", 0.07),
     "12 modes, kink 5 %": ((4, 12, (0.01, 0.03)), 0.05, "kink", 0.09),
-    "table, square 4 %": (None, 0.04, "square", 0.045),
-    "table, kink 7 %": (None, 0.07, "kink", 0.045),
+    "table, square 4 %": (None, 0.04, "square", 0.08),
+    "table, kink 7 %": (None, 0.07, "kink", 0.08),
 }
-"""Plate (seed, modes, damping; None for the table), share, shape, and the largest error of its drive."""
+"""Plate (seed, modes, damping; None for the table), share, shape, and the largest error of its drive.
+
+Of the table's, 2 % is within the band and the rest above it, where harmonics move its modes up to 10 kHz."""
 
 
 def opened(open: OpenRig, name: str, share: float | None = None, **more: Any) -> Any:
