@@ -93,7 +93,7 @@ def test_from_doctor_to_recalibration(
 def played_and_true(
     rig: Rig, drive: Drive, plays: int, monkeypatch: pytest.MonkeyPatch
 ) -> tuple[Check, float]:
-    """A check, and the true error of the mean motion (20 Hz to half of the drive's rate), whenever it began."""
+    """A check, and the true error of the mean motion from 20 Hz on, whenever it began."""
     excite, seen, size = rig.excite_each, [], len(drive.target)
 
     def watched(drives: dict[str, FloatArray], *args: Any, **more: Any) -> Capture:
