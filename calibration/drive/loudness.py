@@ -13,6 +13,8 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ...base import hdf5
 from ...base.errors import ConfigurationError
 from ...base.notebook import InNotebook
@@ -225,7 +227,11 @@ def trade_for(
         return Trade(drift=loudness.drift)
     lab = lab_threshold(rig)
     most = TOLERANCE if loudness.error is None else loudness.error
-    closest = at(BUDGET)
+    least, closest = BUDGET, at(BUDGET)
+    if closest.expected_error > most:
+        # The drive that is planned the closest need not be: distortion may add less to a louder one.
+        others = [(error, at(error)) for error in np.geomspace(BUDGET, most, _DRIVES)[1:-1].tolist()]
+        least, closest = min(((least, closest), *others), key=lambda one: one[1].expected_error)
     if closest.expected_error > most:
         raise ConfigurationError(
             f"At most {most:.1%} of error cannot be had of the {press.button} button: the least to be "
@@ -233,8 +239,10 @@ def trade_for(
         )
     wanted = loudness.level
     if wanted is not None and level(closest) >= wanted:
-        return traded(BUDGET)
-    error, loudest = _loudest(at, most, closest, lambda drive: wanted is not None and level(drive) >= wanted)
+        return traded(least)
+    error, loudest = _loudest(
+        at, most, (least, closest), lambda drive: wanted is not None and level(drive) >= wanted
+    )
     if wanted is None:
         return traded(error)
     if level(loudest) < wanted:
@@ -243,15 +251,15 @@ def trade_for(
             f"within the limits, with at most {most:.0%} of error, {level(loudest):.1f} dB is the most."
         )
     return traded(
-        _least(lambda error: level(at(error)), wanted, (BUDGET, level(closest)), (error, level(loudest)))
+        _least(lambda error: level(at(error)), wanted, (least, level(closest)), (error, level(loudest)))
     )
 
 
 def _loudest(
-    at: Callable[[float], Drive], most: float, closest: Drive, enough: Callable[[Drive], bool]
+    at: Callable[[float], Drive], most: float, best: tuple[float, Drive], enough: Callable[[Drive], bool]
 ) -> tuple[float, Drive]:
     """The error to plan for so that `most` is expected, or one whose drive is loud enough; and its drive."""
-    best, error = (BUDGET, closest), most
+    error = most
     for _ in range(_STEPS):
         drive = at(error)
         room = most**2 - _beside(drive, error)

@@ -72,6 +72,24 @@ def test_an_offer_is_the_drive_that_is_then_made(calibrated: Calibrated, plan: B
     assert found[0] <= offer.error
 
 
+def test_the_least_error_may_be_that_of_a_louder_drive(
+    calibrated: Calibrated, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A plan offered a latch 13.0 % of error, and the command for it said that 13.6 % was the least."""
+
+    def drive(*_: object, trade: Trade, **__: object) -> SimpleNamespace:
+        return SimpleNamespace(
+            expected_error=0.13 + 0.01 * np.log(trade.error / 0.05) ** 2, scale=trade.error
+        )
+
+    monkeypatch.setattr("haploop.calibration.drive.loudness.drive_for", drive)
+    asked = Loudness(error=0.14)
+    trade = trade_for(make_press(), calibrated.calibration, calibrated.rig, asked)
+    assert drive(trade=trade).expected_error <= 0.14
+    with pytest.raises(ConfigurationError, match=r"the least to be expected is 13\.\d%"):
+        trade_for(make_press(), calibrated.calibration, calibrated.rig, Loudness(error=0.12))
+
+
 def test_as_loud_as_an_error_allows(calibrated: Calibrated) -> None:
     quiet, loud = (level(calibrated, Loudness(error=error)) for error in (0.12, 0.16))
     assert 0.108 < quiet[0] <= 0.12 and 0.148 < loud[0] <= 0.16
