@@ -171,7 +171,8 @@ def test_a_point_is_kept_silent_and_the_laser_visits_it(four: Four, beside: tupl
     quiet = drive_for(press, every, rig.limits, trade=trade, elsewhere={"57": None})
     assert quiet.points == ("button", "57") and loud.points == ("button",)
     still, drifted = quiet.elsewhere[0].expected
-    assert still < 0.1 and still < drifted < 0.25
+    # A part is what distortion moves above the band.
+    assert still < 0.15 and still < drifted < 0.25
     result = check(rig, quiet, plays=3)
     assert result.passed
     (silence,) = result.silent
@@ -182,7 +183,7 @@ def test_a_point_is_kept_silent_and_the_laser_visits_it(four: Four, beside: tupl
     assert quietest.elsewhere[0].expected[0] < 0.7 * still
     # Planned against no drift, it is quieter; and it moves when nobody asks for silence there.
     spoilt = check(rig, replace(loud, elsewhere=quiet.elsewhere), plays=3)
-    assert spoilt.silent[0].contrast_db < 15 and spoilt.error < 0.1
+    assert spoilt.silent[0].contrast_db < 15 and spoilt.within.root < 0.1
     assert spoilt.verdict == "fail" and "The 57 point, which is to be silent, moves" in spoilt.reasons[0]
 
 
@@ -210,7 +211,7 @@ def test_a_laser_that_sees_nothing_shows_no_silence(
 
     tamper(rig, monkeypatch, **blocked)
     result = check(rig, quiet, plays=3)
-    assert result.verdict == "fail" and result.error < 0.1
+    assert result.verdict == "fail" and result.within.root < 0.1
     (reason,) = result.reasons
     assert "Nothing is known of the 57 point" in reason and "coherence" in reason
 
@@ -228,7 +229,7 @@ def test_two_buttons_are_played_at_once_and_each_has_its_verdict(
     alone = drive_for(press, four.calibrations[0], four.rig.limits)
     trade = Trade(scale=alone.scale, drift=Drift(0, 0, 0, 0, 0))
     every = [*four.calibrations, *beside]
-    made = build_button(four.rig, press, every, trade=trade, elsewhere=wanted, iterations=0, plays=12)
+    made = build_button(four.rig, press, every, trade=trade, elsewhere=wanted, iterations=0, plays=24)
     (toggle,) = made.check.others
     assert made.passed and toggle.passed and toggle.drive.button == "toggle" and toggle.drive.point == "57"
     # Of the whole motion, up to 5 kHz, noise leaves more than that in so few plays.
@@ -238,7 +239,7 @@ def test_two_buttons_are_played_at_once_and_each_has_its_verdict(
     ((point, level),) = toggle.crosstalk_db
     assert point == "button" and -50 < level < -15
     # What the laser saw is what the plant did, at both points.
-    assert toggle.within.root < 2 * toggle.drive.predicted_error < 0.2
+    assert toggle.within.root < toggle.drive.predicted_error < 0.25
     assert np.linalg.norm(toggle.target) > 0.3 * np.linalg.norm(made.check.target)
     made.save(tmp_path / "both.h5")
     back = DigitalButton.load(tmp_path / "both.h5")
@@ -300,7 +301,7 @@ def test_a_button_that_fails_elsewhere_fails_the_check(four: Four, beside: tuple
     both = drive_for(press, [*four.calibrations, *beside], four.rig.limits, elsewhere={"57": late(press)})
     spoilt = replace(loud, elsewhere=tuple(replace(one, target=one.target / 3) for one in both.elsewhere))
     result = check(four.rig, spoilt, plays=3)
-    assert result.verdict == "fail" and result.error < 0.1
+    assert result.verdict == "fail" and result.within.root < 0.1
     assert any("The toggle button at the 57 point" in reason for reason in result.reasons)
 
 
