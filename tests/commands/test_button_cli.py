@@ -129,14 +129,14 @@ def test_a_plan_is_shown_and_its_choice_is_made(demo: Demo, run: Run, tmp_path: 
     assert planned.exit_code == 0 and {one["method"] for one in offers} == {"modulated", "broadband"}
     assert "Plan of the push button" in run("show", tmp_path / "plan.h5").output
     made = run(
-        "button", "make", press, "-c", table, "-o", tmp_path / "loud.h5", "--iterations", 0, "--error", "8%",
+        "button", "make", press, "-c", table, "-o", tmp_path / "loud.h5", "--iterations", 0, "--error", "12%",
         "--json",
     )  # fmt: skip
     loud, quiet = (
         json.loads(made.stdout),
         json.loads(run("show", demo.folder / "checks" / "push.h5", "--json").stdout),
     )
-    assert made.exit_code == 0 and 0.06 < loud["predicted_error"] <= 0.08
+    assert made.exit_code == 0 and 0.09 < loud["predicted_error"] <= 0.12
     levels = [one["feeling"]["acts"]["pressing"]["above_threshold_db"] for one in (loud, quiet)]
     assert levels[0] > levels[1] + 3
 
