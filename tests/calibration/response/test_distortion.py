@@ -48,4 +48,4 @@ def test_noise_is_not_taken_for_motion_above_what_was_played(open: OpenRig, nois
         assert hz[0] > 600 and hz[-1] == pytest.approx(4000, abs=1)
         away = (found - (quiet if hysteresis else 0)) / deviation
         assert np.abs(away).max() < 4 and np.sqrt(np.mean(away**2)) < 2
-        assert (quiet > 20 * deviation).any() == bool(hysteresis)
+        assert (quiet > 10 * deviation).any() == bool(hysteresis)
