@@ -113,7 +113,7 @@ def test_two_buttons_and_a_silent_point_as_loud_as_an_error_allows(browser, tmp_
         error.fill("50")
         page.get_by_role("button", name="Compute, play and check").click()
         assert error.evaluate("(one) => one.validationMessage") == "A number from 0.1 to 20."
-        error.fill("15")
+        error.fill("20")
         there.fill("")
         page.get_by_role("button", name="Compute, play and check").click()
         expect(page.locator("#said")).to_contain_text("Name the one point at which the second", timeout=WAIT)
@@ -121,7 +121,7 @@ def test_two_buttons_and_a_silent_point_as_loud_as_an_error_allows(browser, tmp_
         made(page, "both")
         button = haploop.DigitalButton.load(data / "buttons" / "both.h5")
         assert button.drive.points == ("button", "57", "75")
-        assert 0.1 < button.drive.expected_error <= 0.15 and button.drive.drift.common == 0.001
+        assert 0.1 < button.drive.expected_error <= 0.2 and button.drive.drift.common == 0.001
         rows = page.locator("#each-point tr")
         expect(rows).to_have_count(5, timeout=WAIT)
         expect(rows.nth(0)).to_contain_text(f"push at the button point{button.check.verdict}, error")
