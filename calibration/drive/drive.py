@@ -23,7 +23,7 @@ from ..spectra import resample, third_octaves
 from .actuation import Actuation
 from .elsewhere import NOWHERE, Elsewhere, Wanted, sized
 from .inversion import Plan
-from .planning import expected_above, expected_errors, plan_for, planned_by
+from .planning import expected, plan_for, planned_by
 from .targets import Method, target_grid
 from .trade import BUDGET, STEADY, TRADE, Trade
 
@@ -241,7 +241,7 @@ def drive_for(
         _, by = table.headroom(volts, limits)
     else:
         by = f"{_RANGE_USED:.0%} of the vibrometer's {shown(response.pickup, response.pickup_range)}"
-    errors = expected_errors(table, drifting, played, grid.rate_hz)
+    errors, above = expected(table, drifting, played, grid.rate_hz)
 
     def unreached(row: int) -> str:
         given_up = _given_up(steady.at(row), played, grid.rate_hz, band)
@@ -290,7 +290,7 @@ def drive_for(
         elsewhere=each[1:],
         drift=drift,
         drifted_error=drifted,
-        above=expected_above(table, steady, played, grid.rate_hz),
+        above=above,
     )
 
 

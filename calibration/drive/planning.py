@@ -149,28 +149,23 @@ def planned_by(plan: Plan, trade: Trade, budget: float, reach: float, inversion:
     return drive
 
 
-def expected_errors(table: Actuation, plan: Plan, linear_volts: FloatArray, rate_hz: float) -> FloatArray:
-    """(points, 2): rms error expected of each point, over its target's: as calibrated, and after the drift.
+def expected(
+    table: Actuation, plan: Plan, linear_volts: FloatArray, rate_hz: float
+) -> tuple[FloatArray, FloatArray]:
+    """What a drive is expected to err, over the targets.
 
-    At a point that is to be silent it is all the motion, over the first point's target.
-    """
-    V = scipy.fft.rfft(linear_volts)
-    each = [replace(plan, drift=0.0).left_at(V), plan.left_at(V)]
-    distorted = _by_distortion(table, plan, V, rate_hz / linear_volts.shape[1])[0].sum(axis=1)
-    return np.asarray(np.sqrt((np.array(each).T + (plan.weights * distorted)[:, None]) / plan.wanted))
-
-
-def expected_above(table: Actuation, plan: Plan, linear_volts: FloatArray, rate_hz: float) -> FloatArray:
-    """(2, edges): frequencies (Hz), and the most that the first point may err above each, over its target.
-
-    It is the motion by the drive's own spectrum and the measured response, and the most that distortion may
-    move (`_by_distortion`). A third octave in which the response does not stand out of its noise counts as
-    still.
+    First (points, 2), rms: of each point, as calibrated and after the plan's drift; at a point that is to be
+    silent it is all the motion, over the first point's target. Then (2, edges): frequencies (Hz), and the
+    most that the first point may err above each, by the drive's own spectrum and the measured response, and
+    by the most that distortion may move (`_by_distortion`). A third octave in which the response does not
+    stand out of its noise counts as still.
     """
     V = scipy.fft.rfft(linear_volts)
     f = scipy.fft.rfftfreq(linear_volts.shape[1], 1 / rate_hz)
+    moved, most, edges = _by_distortion(table, plan, V, f[1])
+    steady = replace(plan, drift=0.0)
+    each = np.array([steady.left_at(V), plan.left_at(V)]).T + (plan.weights * moved.sum(axis=1))[:, None]
     left = np.abs(plan.missed(V)[0]) ** 2 + np.einsum("pl,ppl->l", np.abs(V) ** 2, plan.covariance[0]).real
     left[~plan.known] = 0.0
-    _, most, edges = _by_distortion(table, plan, V, f[1])
-    each = [left[f >= edge].sum() + most[0, edges >= edge].sum() for edge in edges]
-    return np.array([edges, np.sqrt(np.array(each) / plan.wanted)])
+    above = [left[f >= edge].sum() + most[0, edges >= edge].sum() for edge in edges]
+    return np.sqrt(each / plan.wanted), np.array([edges, np.sqrt(np.array(above) / plan.wanted)])

@@ -18,7 +18,6 @@ output's times D: the estimate is then biased.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy
@@ -55,14 +54,16 @@ def local_rational(drive: ComplexArray, output: ComplexArray, lines: IntArray) -
     """
     half = int(min(_HALF, lines[0], len(drive) - 1 - lines[-1]))
     some = [lines[first : first + _AT_ONCE] for first in range(0, len(lines), _AT_ONCE)]
-    fitted = zip(*(_fit(drive, output, one, half) for one in some), strict=True)
-    response, spread, variance, surprise = (np.concatenate(one) for one in fitted)
+    fitted = [_fit(drive, output, one, half) for one in some]
+    response, spread, variance, surprise = map(np.concatenate, zip(*fitted, strict=True))
     # Thirteen degrees of freedom estimate a variance within 28 %: the neighbours' are averaged in.
     variance = scipy.ndimage.uniform_filter1d(variance, 2 * half + 1, mode="nearest")
     return Local(response=response, spread=variance * spread, variance=variance, surprise=surprise)
 
 
-def _fit(drive: ComplexArray, output: ComplexArray, lines: IntArray, half: int) -> tuple[Any, ...]:
+def _fit(
+    drive: ComplexArray, output: ComplexArray, lines: IntArray, half: int
+) -> tuple[ComplexArray, FloatArray, FloatArray, ComplexArray]:
     """Response, its variance over that of the output, the output's, and the surprise: each (lines,)."""
     r = np.arange(-half, half + 1) / half
     u = sliding_window_view(drive, 2 * half + 1)[lines - half]
