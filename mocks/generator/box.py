@@ -102,7 +102,7 @@ class Box:
         self._channels = copy.deepcopy(self._saved[place])
         for channel in self._channels.values():
             channel.values[_ON] = 0.0  # as the instruments do
-        self._apply(1)
+        self._apply()
 
     def _reset(self) -> None:
         for channel in self._channels.values():
@@ -115,7 +115,7 @@ class Box:
             channel.arb = '"INT:\\BUILTIN\\EXP_RISE.ARB"'
             channel.low, channel.high = -HIGHEST / 2, HIGHEST / 2
             channel.armed = 0
-        self._apply(1)
+        self._apply()
 
     def _entries(self) -> dict[str, Entry]:
         get, put = self._get_number, self._put_number
@@ -187,7 +187,7 @@ class Box:
 
         def put(n: int, argument: str) -> None:
             quantity.put(self._channel(n), argument, self.fail)
-            self._apply(n)
+            self._apply()
 
         return Entry(get, put)
 
@@ -277,7 +277,7 @@ class Box:
             most = {which: highest(channel=channel) for which, channel in self._channels.items()}
             follow(self._channels, n, NUMBERS[FREQUENCY][1], most, self.fail)
         limits.keep_deviation(self._product, self._channels[n], self.fail)
-        self._apply(1)
+        self._apply()
 
     def _get_mode(self, n: int, argument: str) -> str:
         return "SWE" if self._channel(n).values[SWEEP] else "CW"
@@ -296,11 +296,11 @@ class Box:
         channel = self._channel(n)
         if receive(self._device, channel, kind, argument, self._product.memory):
             channel.words[SHAPE] = "ARB"
-            self._apply(n)
+            self._apply()
 
     def _select(self, n: int, name: str) -> None:
         select(self._channel(n), name)
-        self._apply(n)
+        self._apply()
 
     # Output
 
@@ -343,10 +343,8 @@ class Box:
         self._advance(self._clock.now())
         self.playing.abort()
 
-    def _apply(self, n: int) -> None:
-        """Step the plant to now with the old output, then put out the current settings."""
-        if n != 1:
-            return
+    def _apply(self) -> None:
+        """Step the plant to now with the old output, then put out the current settings of channel 1."""
         channel = self._channel(1)
         values, words = channel.values, channel.words
         timed = self._trigger(channel) == "TIM"

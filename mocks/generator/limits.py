@@ -14,23 +14,19 @@ from .scpi import Fail, ScpiError, unit_of
 SWEEP, BURST = "[:SOURce#]:SWEep:STATe", "[:SOURce#]:BURSt:STATe"
 TIME, BURST_PHASE = "[:SOURce#]:SWEep:TIME", "[:SOURce#]:BURSt:PHASe"
 _FREQUENCIES = (FREQUENCY, START, STOP, "[:SOURce#]:MARKer:FREQuency")
-_MODULATIONS = (DEVIATION, *PACE.values())
 _MODES = {SWEEP: "sweep", BURST: "burst", AM: "AM", FM: "FM"}
 _ANGLES = ("[:SOURce#]:PHASe[:ADJust]", BURST_PHASE)
+_KINDS = {
+    **dict.fromkeys((*_FREQUENCIES, DEVIATION, *PACE.values()), "HZ"),
+    **dict.fromkeys(_ANGLES, "DEG"),
+    TIME: "S",
+}
 _RADIAN = 180 / math.pi
 
 
 def kind_of(header: str) -> str:
     """Return the kind of a setting's units, for `number_of`."""
-    return (
-        "HZ"
-        if header in (*_FREQUENCIES, *_MODULATIONS)
-        else "DEG"
-        if header in _ANGLES
-        else "S"
-        if header == TIME
-        else ""
-    )
+    return _KINDS.get(header, "")
 
 
 def highest(product: Product, channel: Channel, header: str, high: float) -> float:
