@@ -18,6 +18,7 @@ from ...acquisition import Recording
 from ...base.errors import DataError
 from ...exchange.catalogue import list_files
 from ...experiments import Assignment, Course, Step, Store, StoredSession, group_of_slot
+from ...reports.contents import counted
 from ..data_folder import DataFolder
 
 _PRESS = (10.0, 30.0)
@@ -44,7 +45,7 @@ def pace(data: DataFolder, _: Mapping[str, str]) -> dict[str, Any]:
         low, high = _PRESS
         return {"low_s": low, "high_s": high, "said": f"assumed: {low:g} to {high:g} s a press"}
     low, high = min(each), max(each)
-    told = f"at the measured pace of {_counted(len(each), 'recording' if people else 'simulated recording')}"
+    told = f"at the measured pace of {counted(len(each), 'recording' if people else 'simulated recording')}"
     return {"low_s": low, "high_s": high, "said": f"{told} ({low:.1f} to {high:.1f} s a press)"}
 
 
@@ -74,8 +75,8 @@ def of_experiment(store: Store) -> dict[str, Any]:
     new = [step.block for step in steps if step.block not in measured]
     sessions = len({who for own in measured.values() for who, _ in own})
     most_of = "up to " if any(step.kind == "staircase" for step in steps) else ""
-    total = f"{most_of}{_counted(sum(step.of for step in steps), 'step')}"
-    told = f"at the measured pace of {_counted(sessions, 'earlier session')}"
+    total = f"{most_of}{counted(sum(step.of for step in steps), 'step')}"
+    told = f"at the measured pace of {counted(sessions, 'earlier session')}"
     if not sessions:
         told = "what each takes is assumed, as no session has measured it yet"
     elif new:
@@ -128,7 +129,3 @@ def _quartiles(values: Sequence[float]) -> tuple[float, float]:
     """The ends of the middle half."""
     low, high = np.quantile(values, (0.25, 0.75))
     return float(low), float(high)
-
-
-def _counted(count: int, word: str) -> str:
-    return f"{count} {word}{'' if count == 1 else 's'}"
