@@ -7,13 +7,11 @@ that of the drive's target above the threshold of a finger that presses.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from ...base import hdf5
 from ...base.errors import ConfigurationError
@@ -174,16 +172,16 @@ def plan_button(
     curves: list[Offers] = []
     doing, count = f"Plan the {press.button} button", len(together) * len(methods) * _DRIVES
     for method, some in product(methods, together):
+
+        def at(error: float, method: Method = method, some: Sequence[Calibration] = some) -> Drive:
+            return drive_for(press, some, rig.limits, method=method, trade=Trade(error), elsewhere=elsewhere)
+
         drives: list[Drive] = []
-        error = BUDGET
-        for number in range(_DRIVES):
+        progress(doing, len(curves) * _DRIVES, count, "")
+        for number, (_, drive) in enumerate(_curve(at), 1):
             progress(doing, len(curves) * _DRIVES + number, count, "")
-            drive = drive_for(press, some, rig.limits, method=method, trade=Trade(error), elsewhere=elsewhere)
             if not drives or drive.expected_error <= TOLERANCE:
                 drives.append(drive)
-            least = drives[0].expected_error
-            wanted = least * (TOLERANCE / least) ** ((number + 1) / (_DRIVES - 1))
-            error = max(wanted**2 - _beside(drive, error), BUDGET**2) ** 0.5
         curves.append(offered(drives, lab))
     progress(doing, count, count, "")
     first = drives[0]
@@ -230,8 +228,7 @@ def trade_for(
     least, closest = BUDGET, at(BUDGET)
     if closest.expected_error > most:
         # The drive that is planned the closest need not be: distortion may add less to a louder one.
-        others = [(error, at(error)) for error in np.geomspace(BUDGET, most, _DRIVES)[1:-1].tolist()]
-        least, closest = min(((least, closest), *others), key=lambda one: one[1].expected_error)
+        least, closest = min(_curve(at), key=lambda one: one[1].expected_error)
     if closest.expected_error > most:
         raise ConfigurationError(
             f"At most {most:.1%} of error cannot be had of the {press.button} button: the least to be "
@@ -253,6 +250,19 @@ def trade_for(
     return traded(
         _least(lambda error: level(at(error)), wanted, (least, level(closest)), (error, level(loudest)))
     )
+
+
+def _curve(at: Callable[[float], Drive]) -> Iterator[tuple[float, Drive]]:
+    """The errors to plan for, and drives, from the closest on to what a check tolerates, in equal ratios."""
+    error = BUDGET
+    drive = at(error)
+    least = drive.expected_error
+    yield error, drive
+    for number in range(1, _DRIVES):
+        wanted = least * (TOLERANCE / least) ** (number / (_DRIVES - 1))
+        error = max(wanted**2 - _beside(drive, error), BUDGET**2) ** 0.5
+        drive = at(error)
+        yield error, drive
 
 
 def _loudest(
