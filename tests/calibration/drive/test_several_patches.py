@@ -35,7 +35,7 @@ from haploop.calibration.drive.actuation import Actuation
 from haploop.calibration.perception import levels_of, pressing_act
 from haploop.instruments import Rig, open_rig
 from haploop.mocks.plant.hysteresis import Hysteresis
-from haploop.mocks.plant.table import TouchTable
+from haploop.mocks.plant.table import FEWEST_HZ, HIGHEST_HZ, TouchTable
 from haploop.reports.contents.check import button_contents
 from haploop.reports.contents.plan import plan_contents
 from tests.calibration.conftest import Calibrated, make_press, tamper
@@ -56,9 +56,11 @@ class Unlike(TouchTable):
         return Hysteresis(WIDTHS[patch])
 
 
-def opened(noise: float = 1.0, **plant: float) -> Rig:
+def opened(noise: float = 1.0, highest_hz: float = FEWEST_HZ, **plant: float) -> Rig:
+    """By default a table of 17 modes: what these drives do is within their band."""
     simulation = {"seed": SEED, "vibrometer_noise_scale": noise}
-    return open_rig("four-channel", simulate="twin", simulation=simulation, plant=Unlike(**plant))
+    table = Unlike(highest_hz=highest_hz, **plant)
+    return open_rig("four-channel", simulate="twin", simulation=simulation, plant=table)
 
 
 @dataclass(frozen=True)
@@ -171,8 +173,7 @@ def test_a_point_is_kept_silent_and_the_laser_visits_it(four: Four, beside: tupl
     quiet = drive_for(press, every, rig.limits, trade=trade, elsewhere={"57": None})
     assert quiet.points == ("button", "57") and loud.points == ("button",)
     still, drifted = quiet.elsewhere[0].expected
-    # A part is what distortion moves above the band.
-    assert still < 0.15 and still < drifted < 0.25
+    assert still < 0.1 and still < drifted < 0.25
     result = check(rig, quiet, plays=3)
     assert result.passed
     (silence,) = result.silent
@@ -183,7 +184,7 @@ def test_a_point_is_kept_silent_and_the_laser_visits_it(four: Four, beside: tupl
     assert quietest.elsewhere[0].expected[0] < 0.7 * still
     # Planned against no drift, it is quieter; and it moves when nobody asks for silence there.
     spoilt = check(rig, replace(loud, elsewhere=quiet.elsewhere), plays=3)
-    assert spoilt.silent[0].contrast_db < 15 and spoilt.within.root < 0.1
+    assert spoilt.silent[0].contrast_db < 15 and spoilt.error < 0.1
     assert spoilt.verdict == "fail" and "The 57 point, which is to be silent, moves" in spoilt.reasons[0]
 
 
@@ -211,7 +212,7 @@ def test_a_laser_that_sees_nothing_shows_no_silence(
 
     tamper(rig, monkeypatch, **blocked)
     result = check(rig, quiet, plays=3)
-    assert result.verdict == "fail" and result.within.root < 0.1
+    assert result.verdict == "fail" and result.error < 0.1
     (reason,) = result.reasons
     assert "Nothing is known of the 57 point" in reason and "coherence" in reason
 
@@ -229,7 +230,7 @@ def test_two_buttons_are_played_at_once_and_each_has_its_verdict(
     alone = drive_for(press, four.calibrations[0], four.rig.limits)
     trade = Trade(scale=alone.scale, drift=Drift(0, 0, 0, 0, 0))
     every = [*four.calibrations, *beside]
-    made = build_button(four.rig, press, every, trade=trade, elsewhere=wanted, iterations=0, plays=24)
+    made = build_button(four.rig, press, every, trade=trade, elsewhere=wanted, iterations=0, plays=12)
     (toggle,) = made.check.others
     assert made.passed and toggle.passed and toggle.drive.button == "toggle" and toggle.drive.point == "57"
     # Of the whole motion, up to 5 kHz, noise leaves more than that in so few plays.
@@ -239,7 +240,7 @@ def test_two_buttons_are_played_at_once_and_each_has_its_verdict(
     ((point, level),) = toggle.crosstalk_db
     assert point == "button" and -50 < level < -15
     # What the laser saw is what the plant did, at both points.
-    assert toggle.within.root < toggle.drive.predicted_error < 0.25
+    assert toggle.within.root < 2 * toggle.drive.predicted_error < 0.2
     assert np.linalg.norm(toggle.target) > 0.3 * np.linalg.norm(made.check.target)
     made.save(tmp_path / "both.h5")
     back = DigitalButton.load(tmp_path / "both.h5")
@@ -262,7 +263,22 @@ def test_two_buttons_are_played_at_once_and_each_has_its_verdict(
 
 
 @pytest.mark.night
+def test_what_two_buttons_move_above_their_band_is_not_called_right() -> None:
+    """With modes to 10 kHz: the weaker one's error is an eighth between 2.5 and 5 kHz, and unknown above."""
+    rig = opened(highest_hz=HIGHEST_HZ)
+    every = [calibrate(rig, patch) for patch in "ABCD"]
+    every += [calibrate(rig, patch, "57", excitation=Multisine()) for patch in "ABCD"]
+    alone = drive_for(make_press(), every[0], rig.limits)
+    trade = Trade(scale=alone.scale, drift=Drift(0, 0, 0, 0, 0))
+    wanted = {"57": (late(make_press()), 0.9)}
+    made = build_button(rig, make_press(), every, trade=trade, elsewhere=wanted, iterations=0, plays=48)
+    (toggle,) = made.check.others
+    assert toggle.verdict == "not shown" and toggle.within.root < 0.12 and made.check.error < 0.15
+    assert "5 kHz" in toggle.reasons[0]
+
+
 @pytest.mark.many_plays
+@pytest.mark.night
 @pytest.mark.parametrize("there", ["toggle", "silence"])
 def test_corrections_are_of_every_point(
     four: Four, beside: tuple[Calibration, ...], monkeypatch: pytest.MonkeyPatch, there: str
@@ -301,7 +317,7 @@ def test_a_button_that_fails_elsewhere_fails_the_check(four: Four, beside: tuple
     both = drive_for(press, [*four.calibrations, *beside], four.rig.limits, elsewhere={"57": late(press)})
     spoilt = replace(loud, elsewhere=tuple(replace(one, target=one.target / 3) for one in both.elsewhere))
     result = check(four.rig, spoilt, plays=3)
-    assert result.verdict == "fail" and result.within.root < 0.1
+    assert result.verdict == "fail" and result.error < 0.1
     assert any("The toggle button at the 57 point" in reason for reason in result.reasons)
 
 
@@ -392,12 +408,12 @@ def test_a_plan_counts_what_other_points_do(
 ) -> None:
     """Errors are those of the worst button, and levels those of the weakest."""
     press, every, rig = make_press(), [*four.calibrations, *beside], four.rig
-    monkeypatch.setattr(loudness, "_ERRORS", (0.06,))
+    monkeypatch.setattr(loudness, "_DRIVES", 1)
     wanted = {"57": late(press)}
     plan = plan_button(press, every, rig, methods=("modulated",), elsewhere=wanted)
     (curve,) = plan.curves
     (offer,) = curve.offers
-    drive = drive_for(press, every, rig.limits, trade=Trade(0.06), elsewhere=wanted)
+    drive = drive_for(press, every, rig.limits, trade=Trade(loudness.BUDGET), elsewhere=wanted)
     (toggle,) = drive.elsewhere
     assert curve.patch == "A, B, C, D" and offer.scale == drive.scale
     assert offer.error == max(drive.predicted_error, toggle.expected[0])
