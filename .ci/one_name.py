@@ -15,7 +15,7 @@ import venv
 import zipfile
 from pathlib import Path
 
-ROOMS = ("instruments", "acquisition", "calibration", "mocks", "commands", "reports", "rigs")
+ROOMS = ("instruments", "acquisition", "calibration", "mocks", "nidaqmx_twin", "commands", "reports", "rigs")
 SCRIPT = """
 import calibration
 import haploop
@@ -30,11 +30,14 @@ print(recording.path.name, haploop.__version__)
 def compare_files(source: Path, installed: set[Path]) -> None:
     """Compare the wheel with the files of every folder of the source that is a package."""
     rooms = {init.parent.name for init in source.glob("*/__init__.py")} - {"tests"}
+    alone = {
+        source / "nidaqmx_twin" / name for name in ("LICENSE", "README.md", "pyproject.toml", "setup.py")
+    }
     wanted = {
         Path("haploop") / path.relative_to(source)
         for room in rooms
         for path in (source / room).rglob("*")
-        if path.is_file() and path.suffix != ".pyc"
+        if path.is_file() and path.suffix != ".pyc" and path not in alone
     }
     wanted |= {
         Path("haploop") / name

@@ -1,4 +1,4 @@
-"""Simulated DAQ cards: the twin, and NI's device server as the wire (in `ni`).
+"""Simulated DAQ cards: the twins, and the wires.
 
 Names are loaded when they are first used; `__init__.pyi` lists them.
 """

@@ -14,9 +14,9 @@ import numpy as np
 from ...base.arrays import BoolArray, FloatArray
 from ...base.errors import ConfigurationError, HaploopError, InstrumentError, LimitError
 from ...instruments.daq import Block, Daq, Stream, StreamRequest
-from ..nodes import PlayStopped, Run, SamplesLost
+from ...nidaqmx_twin.converter import convert, noise_of, put_out
+from ...nidaqmx_twin.nodes import PlayStopped, Run, SamplesLost
 from ..plant import Plant
-from .converter import convert, noise_of, put_out
 
 _APART = 0.5
 """Largest difference between two cards' sample counts that is accepted, as time (s)."""
@@ -98,7 +98,7 @@ class Terminal:
         return np.where(times < run.start, 0.0, run.values[index])
 
     def take(self, until: float) -> Sequence[Run]:
-        """See `haploop.mocks.nodes.Source.take`."""
+        """See `haploop.nidaqmx_twin.nodes.Source.take`."""
         run = self._run
         if run is None or run.start > until:
             return []

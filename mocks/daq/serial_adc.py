@@ -12,7 +12,7 @@ import numpy as np
 from ...base.arrays import FloatArray
 from ...instruments.daq.serial_adc import SerialAdc
 from ...instruments.transport import Arrival
-from ..nodes import SamplesLost
+from ...nidaqmx_twin.nodes import SamplesLost
 from ..plant import Plant
 from ..transport import Loopback
 

@@ -17,7 +17,7 @@ from ...base.arrays import FloatArray
 from ...instruments.daq.sound_card import SoundCardDaq
 from ...instruments.tape import taped_line
 from ...instruments.taped_audio import on_tape
-from ..nodes import PlayStopped, Run, SamplesLost
+from ...nidaqmx_twin.nodes import PlayStopped, Run, SamplesLost
 from ..plant import Plant
 from ..portaudio import FRAMES, CallbackAbort, CallbackStop, Coupling, Flags, PortAudioError
 
@@ -68,7 +68,7 @@ class Line:
         self._waiting.append(Run(now, period, np.zeros(round(_SETTLES / period))))
 
     def take(self, until: float) -> Sequence[Run]:
-        """See `haploop.mocks.nodes.Source.take`."""
+        """See `haploop.nidaqmx_twin.nodes.Source.take`."""
         runs = []
         while self._waiting and self._waiting[0].start <= until:
             run, rest = _until(self._waiting.popleft(), until)

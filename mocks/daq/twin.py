@@ -22,11 +22,11 @@ from ...instruments.daq.ni_sentences import (
     zeroed,
 )
 from ...instruments.daq.ni_settings import Channel, device_of
-from ..nodes import PlayStopped, SamplesLost
+from ...nidaqmx_twin.converter import LOST, STOPPED
+from ...nidaqmx_twin.nodes import PlayStopped, SamplesLost
+from ...nidaqmx_twin.products import Product, convert_interval, described, input_range
 from ..plant import Plant
 from .card_twin import Card, CardTwin
-from .converter import LOST, STOPPED
-from .products import Product, convert_interval, described, input_range
 
 _NO_CABLE = -89125
 """NI's error for cards without a trigger line between them."""

@@ -1,8 +1,1 @@
-"""The NI-DAQmx wire: simulated NI devices behind NI's own gRPC service.
-
-Names are loaded when they are first used; `__init__.pyi` lists them.
-"""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+"""Simulated NI cards (`nidaqmx_twin`) as the wire of a rig."""

@@ -8,10 +8,9 @@ from typing import Any
 
 from ....instruments.daq.ni_daqmx import NiDaq
 from ....instruments.daq.ni_settings import device_of
+from ....nidaqmx_twin import NiServer, inventory_of
+from ....nidaqmx_twin.products import described
 from ...plant import Plant
-from ..products import described
-from .server import NiServer
-from .standalone import inventory_of
 
 
 @contextmanager

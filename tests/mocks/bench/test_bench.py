@@ -12,7 +12,8 @@ import pytest
 import haploop
 from haploop.base.errors import ConfigurationError
 from haploop.instruments.tape import TapeLines
-from haploop.mocks.bench import read_bench, running
+from haploop.mocks.bench import running
+from haploop.nidaqmx_twin.bench import read_bench
 from tests.command_line import Run
 
 BENCH = """
@@ -188,7 +189,7 @@ def test_a_card_is_removed_and_comes_back(tmp_path: Path) -> None:
         (("--device", "Dev1"), "NAME=PRODUCT"),
         (("--device", "Dev1=PCIe-6363", "--device", "Dev1=PCIe-6363"), "twice"),
         (("--device", "Dev1=PCIe-6363", "--rig", "simulated"), "exclude each other"),
-        (("--device", "Dev1=PCIe-6363", "--bench", "bench.toml"), "name it once"),
+        (("--device", "Dev1=PCIe-6363", "--bench", "bench.toml"), "name each device once"),
         (("--bench", "none.toml"), "no bench file"),
         (("--tape", "new.tape"), "name the devices"),
     ],

@@ -10,7 +10,7 @@ from typing import Literal
 import haploop
 from haploop.base.errors import HaploopError
 from haploop.calibration.examination import examine
-from haploop.mocks.daq.products import PRODUCTS, Product
+from haploop.nidaqmx_twin.products import PRODUCTS, Product
 
 __all__ = ["Mode", "Pressed", "Rig", "of", "pressed", "run"]
 

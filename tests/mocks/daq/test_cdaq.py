@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import haploop
-from haploop.mocks.daq.ni import inventory_of
+from haploop.nidaqmx_twin import inventory_of
 from tests.command_line import Run
 
 RIG = """

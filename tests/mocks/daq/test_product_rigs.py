@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from haploop.mocks.daq.products import PRODUCTS
+from haploop.nidaqmx_twin.products import PRODUCTS
 from tests.mocks.daq import product_rigs
 
 SAMPLE = ("USB-6211", "USB-6001", "NI 9234", "cDAQ-9174")

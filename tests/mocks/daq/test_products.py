@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import tomllib
+from pathlib import Path
 
 import pytest
 
 from haploop.base.errors import ConfigurationError
-from haploop.instruments.daq.ni_filters import filter_delay
-from haploop.mocks.daq import products
-from haploop.mocks.daq.products import PRODUCTS
+from haploop.instruments.daq.ni_settings import filter_delay
+from haploop.nidaqmx_twin import products
+from haploop.nidaqmx_twin.products import PRODUCTS
 
 
 def test_a_product_has_a_source_and_what_its_terminals_need() -> None:
@@ -19,6 +20,11 @@ def test_a_product_has_a_source_and_what_its_terminals_need() -> None:
         assert product.source and set(product.estimates) <= known, name
         assert product.source != "estimate" or not product.estimates, f"{name}: all of it is an estimate"
         assert list(product.ai_ranges) == sorted(product.ai_ranges, reverse=True), name
+
+
+def test_the_packages_readme_counts_them() -> None:
+    readme = Path(products.__file__).with_name("README.md").read_text(encoding="utf-8")
+    assert f"{len(PRODUCTS)} products" in readme
 
 
 @pytest.mark.parametrize("rate_hz", [1000.0, 51_200.0])

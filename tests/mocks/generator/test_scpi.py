@@ -9,8 +9,8 @@ import pytest
 
 from haploop.mocks.clock import VirtualClock
 from haploop.mocks.generator import DG1000Z, KEYSIGHT_33500, Box
-from haploop.mocks.nodes import Source
 from haploop.mocks.transport import LineServer
+from haploop.nidaqmx_twin.nodes import Source
 
 
 class Bench:

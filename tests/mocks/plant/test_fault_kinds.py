@@ -145,7 +145,16 @@ def test_a_name_that_two_packages_give_is_refused(install: Install) -> None:
         open_rig("haptable", simulate="twin", simulation={"faults": [HUM]})
 
 
+def test_a_name_of_haploops_own_is_refused(install: Install) -> None:
+    install("mains-hum", "acme_faults", BLOCKS["acme_faults.py"], "MainsHum")
+    with pytest.raises(
+        ConfigurationError, match="'mains-hum' of the package acme-faults has the name of one"
+    ):
+        open_rig("haptable", simulate="twin", simulation={"faults": [HUM | {"kind": "mains-hum"}]})
+
+
 def test_every_kind_of_haploops_own_is_a_fault() -> None:
+    assert len(KINDS) >= 37
     assert [kind for kind in KINDS if not (fault_class(kind).__doc__ or "").strip()] == []
 
 

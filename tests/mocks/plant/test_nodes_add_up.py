@@ -7,9 +7,9 @@ import pytest
 
 from haploop.instruments import load_rig_file
 from haploop.mocks.clock import VirtualClock
-from haploop.mocks.nodes import Run
 from haploop.mocks.plant import Plant
-from haploop.mocks.plant.amplifier import AMPLIFIER_GAIN
+from haploop.mocks.plant.plant import AMPLIFIER_GAIN
+from haploop.nidaqmx_twin.nodes import Run
 
 
 class Card:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from haploop.mocks.plant.hysteresis import _RADII, Hysteresis, _bent
 from haploop.mocks.plant.modal import Modes
 from haploop.mocks.plant.modal_surface import ModalSurface
-from haploop.mocks.plant.patches import Patches
+from haploop.mocks.plant.scene import Patches
 from haploop.mocks.plant.surface import AMPLIFIER_POLE_HZ
 from haploop.mocks.plant.table import FEWEST_HZ, HIGHEST_HZ, MAIN, PATCHES, make_plate, warmed
 

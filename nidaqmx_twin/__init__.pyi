@@ -1,0 +1,12 @@
+from .devices import Inventory as Inventory
+from .devices import NiDevice as NiDevice
+from .devices import devices_from_ini as devices_from_ini
+from .errors import DaqmxError as DaqmxError
+from .server import Around as Around
+from .server import Handle as Handle
+from .server import NiServer as NiServer
+from .standalone import inventory_from_file as inventory_from_file
+from .standalone import inventory_of as inventory_of
+from .standalone import run as run
+from .twin import Failure as Failure
+from .twin import NiTwin as NiTwin

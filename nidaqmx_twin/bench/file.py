@@ -1,0 +1,114 @@
+"""A bench file: cards, inputs, wires and faults."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from ...base.errors import ConfigurationError
+from ...base.near_words import did_you_mean
+from ...base.toml_lines import key_lines, parse_toml, place, read_text
+from ...base.validation import validate
+from ..signals import Signal, Wire
+from .inputs import Number, Positive, input_of
+
+Location = tuple[str | int, ...]
+Place = Callable[[Location], str]
+"""The file and line of a key."""
+
+_NotNegative = Annotated[Number, Field(ge=0)]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+
+
+class WireTable(_Table):
+    """See `signals.Wire`."""
+
+    output: Annotated[str, Field(alias="from")]
+    input_: Annotated[str, Field(alias="to")]
+    gain: Number = 1.0
+    offset: Number = 0.0
+    delay_s: _NotNegative = 0.0
+    low_pass_hz: Positive | None = None
+    noise: _NotNegative = 0.0
+
+    def wire(self) -> Wire:
+        """What is in the way from the output to the input."""
+        return Wire(self.gain, self.offset, self.delay_s, self.low_pass_hz, self.noise)
+
+
+class Fault(_Table):
+    """A card that fails `at_s` after the start: once in a read, or from then on `until_s`."""
+
+    device: str
+    kind: Literal["overflow", "overrun", "removed", "reserved"]
+    at_s: _NotNegative = 0.0
+    until_s: Positive | None = None
+
+    @model_validator(mode="after")
+    def _order(self) -> Fault:
+        if self.until_s is not None and self.kind in ("overflow", "overrun"):
+            raise ValueError(f"an {self.kind} ends one read: leave out until_s")
+        if self.until_s is not None and self.until_s <= self.at_s:
+            raise ValueError(f"until_s ({self.until_s:g}) comes after at_s ({self.at_s:g})")
+        return self
+
+
+class _File(_Table):
+    devices: dict[str, str] = {}
+    inputs: dict[str, Any] = {}
+    wires: list[WireTable] = []
+    faults: list[Fault] = []
+    instruments: dict[str, str] = {}
+
+
+class Bench:
+    """What a bench file says, checked as far as the file alone allows."""
+
+    def __init__(self, said: _File, where: Place, folder: Path) -> None:
+        self.devices: Mapping[str, str] = said.devices
+        """Product of each device."""
+        self.inputs: Mapping[str, Callable[[str], Signal]] = {
+            name: input_of(told, folder, where(("inputs", name)) + f": inputs.{name}")
+            for name, told in said.inputs.items()
+        }
+        self.wires = said.wires
+        self.faults = said.faults
+        self.instruments: Mapping[str, Path] = {
+            name: folder / table for name, table in said.instruments.items()
+        }
+        """File of the table that describes what stands for each port, resource and address."""
+        self.where = where
+
+    def check_devices(self, names: list[str]) -> None:
+        """Raise ConfigurationError for a terminal or a fault of a device that is not among `names`."""
+        asked: list[tuple[Location, str]] = [
+            (("inputs", name), name.partition("/")[0]) for name in self.inputs
+        ]
+        for number, wire in enumerate(self.wires):
+            asked += [
+                (("wires", number, "from"), wire.output.partition("/")[0]),
+                (("wires", number, "to"), wire.input_.partition("/")[0]),
+            ]
+        asked += [(("faults", number, "device"), fault.device) for number, fault in enumerate(self.faults)]
+        known = [name.lower() for name in names]
+        for key, device in asked:
+            if device.lower() not in known:
+                hint = did_you_mean(device, names, "there are")
+                raise ConfigurationError(
+                    f"{self.where(key)}: there is no device {device!r} on this bench; {hint}"
+                )
+
+
+def read_bench(path: Path) -> Bench:
+    """Read a bench file. Raises ConfigurationError, which names the file, the line and the key."""
+    text = read_text(path, f"There is no bench file {path}.")
+    raw = parse_toml(text, path)
+    where = partial(place, ((str(path), key_lines(text)),))
+    return Bench(validate(_File, raw, where), where, path.absolute().parent)

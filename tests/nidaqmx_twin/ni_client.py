@@ -1,0 +1,117 @@
+"""The real nidaqmx package, connected to a wire in this process."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+import grpc
+import nidaqmx
+import numpy as np
+import pytest
+
+from haploop.base.arrays import FloatArray
+from haploop.base.clock import VirtualClock
+from haploop.nidaqmx_twin import NiServer
+from haploop.nidaqmx_twin.nodes import Source
+
+EXPORT = """
+[DAQmx]
+MajorVersion = 21
+
+[DAQmxScale double]
+Lin.Slope = 2
+Lin.YIntercept = 1
+ScaleType = Linear
+
+[DAQmxScale same]
+Poly.ForwardCoeff = 0, 1
+Poly.ReverseCoeff = 0, 1
+ScaleType = Polynomial
+
+[DAQmxDevice Sim]
+ProductType = PCIe-6363
+DevSerialNum = 0x0
+DevIsSimulated = 1
+ProductNum = 0x7435C4C4
+
+[DAQmxDevice Card]
+ProductType = PCIe-6363
+DevSerialNum = 0x1A2B
+DevIsSimulated = 0
+
+[DAQmxDevice Old]
+ProductType = PCI-6034E
+DevIsSimulated = 1
+
+[DAQmxDevice Bridge]
+ProductType = PXIe-9999
+DevIsSimulated = 1
+
+[DAQmxCDAQChassis Frame]
+ProductType = cDAQ-9189
+DevIsSimulated = 1
+
+[DAQmxCDAQModule FrameMod1]
+ProductType = NI 9215
+CompactDAQ.ChassisDevName = Frame
+CompactDAQ.SlotNum = 1
+
+[DAQmxCDAQModule FrameMod2]
+ProductType = NI 9205
+CompactDAQ.ChassisDevName = Frame
+CompactDAQ.SlotNum = 2
+
+[DAQmxCDAQModule StrayMod1]
+ProductType = NI 9401
+CompactDAQ.ChassisDevName = Stray
+CompactDAQ.SlotNum = 1
+"""
+"""As NI MAX writes it: products that are simulated, and some that are not."""
+
+
+@contextmanager
+def connected(server: NiServer) -> Iterator[nidaqmx.GrpcSessionOptions]:
+    """Options for tasks and systems on `server`."""
+    options = [("grpc.max_receive_message_length", -1), ("grpc.enable_http_proxy", 0)]
+    with grpc.insecure_channel(server.address, options=options) as channel:
+        yield nidaqmx.GrpcSessionOptions(channel, "")
+
+
+@contextmanager
+def fails(code: int, kind: type[nidaqmx.DaqError] = nidaqmx.DaqError) -> Iterator[pytest.ExceptionInfo]:
+    """The body ends with an error of this number."""
+    with pytest.raises(kind) as caught:
+        yield caught
+    assert caught.value.error_code == code
+
+
+class Bench:
+    """A plant of two nodes: "tone" is a sine of 10 Hz and 3 V, "loop" is what drives "out"."""
+
+    def __init__(self) -> None:
+        self.clock = VirtualClock(start=100.0)
+        self._source: Source | None = None
+        self._steps: list[tuple[float, float]] = [(-np.inf, 0.0)]
+
+    def plays(self, device: str) -> None:
+        """No play of this plant is ever cut off."""
+
+    def drive(self, node: str, source: Source) -> None:
+        assert node == "out"
+        self._source = source
+
+    def read(self, nodes: Sequence[str], times: FloatArray) -> FloatArray:
+        return np.array([self._read(node, own) for node, own in zip(nodes, times, strict=True)])
+
+    def _read(self, node: str, times: FloatArray) -> FloatArray:
+        assert len(times) == 0 or times[-1] <= self.clock.now() + 1e-9, "nobody can read the future"
+        if node == "tone":
+            return np.asarray(3 * np.sin(2 * np.pi * 10 * times))
+        assert node == "loop" and self._source is not None
+        for run in self._source.take(float(times[-1])):
+            self._steps += zip(run.times, run.values, strict=True)
+        starts = np.array([s for s, _ in self._steps])
+        values = np.array([v for _, v in self._steps])
+        # A step on the very edge of a sample has happened.
+        return np.asarray(values[np.searchsorted(starts, times + 1e-9, side="right") - 1])
