@@ -23,5 +23,6 @@ from .rows import PressVerdict as PressVerdict
 from .salvage import content_hash as content_hash
 from .salvage import finish as finish
 from .salvage import verify as verify
-from .whole import write_recording as write_recording
+from .streams import RecordedStream as RecordedStream
 from .writer import Writer as Writer
+from .writer import write_recording as write_recording

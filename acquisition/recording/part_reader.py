@@ -11,6 +11,7 @@ import numpy as np
 from ...base.arrays import FloatArray
 from ...base.checksum import opened, unreadable
 from ...base.errors import DataError
+from ...base.files import stamp
 from ...instruments import LinearSensor
 from ...instruments.sensors import Restorer
 from .file_format import Header, from_codes, read_header
@@ -56,7 +57,7 @@ class PartReader:
     def look(self) -> None:
         """Read, and verify, what was added since the last look."""
         with self._looking:
-            if self._hash and _mark(self.path) == self._verified:
+            if self._hash and stamp(self.path) == self._verified:
                 return
             with opened(self.path) as file:
                 header, state = read_header(file, self.path)
@@ -71,7 +72,7 @@ class PartReader:
                     self.events = events_in(events[events["sample"] <= self.samples])
                     self._verdicts = verdicts_in(presses[presses["end"] <= self.samples])
                     return
-            mark, whole = _mark(self.path), Recording.open(self.path)
+            mark, whole = stamp(self.path), Recording.open(self.path)
             self.samples = round(whole.duration * whole.rate_hz)
             self.events, self._hash = tuple(whole.events), whole.content_hash
             self._verdicts, self._verified = whole.verdicts, mark
@@ -108,7 +109,7 @@ class PartReader:
     def _volts(self, name: str, first: int, end: int) -> FloatArray:
         rows = [self.header.channels.index(channel) for channel in self._sensor(name).channels]
         end = min(end, self.samples)
-        if self._hash and _mark(self.path) == self._verified:
+        if self._hash and stamp(self.path) == self._verified:
             # Comparing the checksum of the whole file for each part would take most of the time.
             with (
                 unreadable(self.path, f"{self.path} cannot be read: copy it again from its source."),
@@ -125,11 +126,3 @@ class PartReader:
         if sensor is None:
             raise DataError(f"{self.path} was recorded without a sensor for {name}.")
         return sensor
-
-
-def _mark(path: Path) -> tuple[int, ...]:
-    try:
-        status = path.stat()
-    except OSError:
-        return ()
-    return status.st_ino, status.st_size, status.st_mtime_ns

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from functools import cached_property
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -24,6 +24,7 @@ from .readings import AlongFile, AlongReading, files_in, readings_in
 from .rejections import without_rejected
 from .rows import Event, PressVerdict, events_in, verdicts_in
 from .salvage import read_contents, tables
+from .streams import RecordedStream, read_streams
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
 
 _ORDERS = {"acceleration": 0, "velocity": 1, "displacement": 2}
 """Derivatives from each to the acceleration; the first that a recording has is used."""
+_PART = 1 << 18
+"""Samples that are converted at once: volts of six gauges, and what they become, take 200 bytes a sample."""
 
 
 class Recording(InNotebook):
@@ -40,6 +43,12 @@ class Recording(InNotebook):
     at (k + delay * rate_hz) / rate_hz seconds (`delay`). Each property that reads samples raises DataError
     for a damaged file, or one that was changed after it was finished (the content hash is compared on the
     first access).
+
+    For example:
+
+        >>> recording = haploop.Recording.open("data/P01-latch.h5")
+        >>> recording.button, recording.force.shape == (len(recording),)
+        ('latch', True)
     """
 
     def __init__(self, path: Path, header: Header, state: str) -> None:
@@ -175,6 +184,15 @@ class Recording(InNotebook):
         """Files from instruments recorded along, each at its sample index."""
         return files_in(self.events)
 
+    @cached_property
+    def streams(self) -> Mapping[str, RecordedStream]:
+        """Streams of other programs that were recorded along, by their names in the rig file: values, the
+        sender's stamps and corrections, and the time of each sample in this recording.
+
+        Raises ConfigurationError without pyxdf, DataError for a file that is missing or was changed.
+        """
+        return read_streams(self.path.parent, self.files, self.blocks, self.rate_hz)
+
     @property
     def verdicts(self) -> tuple[PressVerdict, ...]:
         """Final verdict on each attempt at each press, in order.
@@ -247,6 +265,11 @@ class Recording(InNotebook):
         """(channels, samples) V, as acquired."""
         return from_codes(self._contents.codes, self.header.full_scale)
 
+    def volts_in(self, channels: Sequence[str], part: slice) -> FloatArray:
+        """(channels, samples) V of some channels within some samples: `volts` converts all of them."""
+        rows = [self.channels.index(name) for name in channels]
+        return from_codes(self._contents.codes[rows, part], self.header.full_scale[rows])
+
     def has(self, quantity: str) -> bool:
         """True when force, acceleration, displacement, velocity or activation was measured."""
         return quantity in self.sensors.of_presses
@@ -265,13 +288,13 @@ class Recording(InNotebook):
     def acceleration(self) -> FloatArray:
         """(axes, samples) m/s^2 along the accelerometer's axes."""
         sensor = self._linear("acceleration")
-        return sensor.to_si(self._rows(sensor))
+        return self._by_parts(lambda part: sensor.to_si(self.volts_in(sensor.channels, part)))
 
     @cached_property
     def velocity(self) -> FloatArray:
         """(samples,) m/s of the cap, positive upwards."""
         sensor = self._linear("velocity")
-        return sensor.along(self._rows(sensor))
+        return self._by_parts(lambda part: sensor.along(self.volts_in(sensor.channels, part)))
 
     @property
     def motion(self) -> str | None:
@@ -300,18 +323,15 @@ class Recording(InNotebook):
     def activation(self) -> FloatArray:
         """(samples,): 1.0 where the contact is closed, 0.0 where it is open."""
         sensor = self._sensor("activation")
-        return np.asarray(sensor.to_si(self._rows(sensor))[0])
+        return self._by_parts(lambda part: np.asarray(sensor.to_si(self.volts_in(sensor.channels, part))[0]))
 
     @cached_property
     def extra(self) -> dict[str, FloatArray]:
         """(samples,) of each channel of `[sensors.extra]`, in the unit stated there."""
-        found = {}
-        for name, sensor in self.sensors.extra.items():
-            rows = [self.channels.index(sensor.channel)]
-            found[name] = sensor.to_si(
-                from_codes(self._contents.codes[rows], self.header.full_scale[rows])[0]
-            )
-        return found
+        return {
+            name: sensor.to_si(self.volts_in([sensor.channel], slice(None))[0])
+            for name, sensor in self.sensors.extra.items()
+        }
 
     @cached_property
     def saturated(self) -> BoolArray:
@@ -330,13 +350,15 @@ class Recording(InNotebook):
         """Samples (samples,) at which a sensor was at the end of its range, by what it measures."""
         found = {}
         for name, sensor in self.sensors.linear.items():
-            codes = self._contents.codes[self._indices(sensor)]
-            # The largest positive code is 32767, the largest negative one -32768.
-            edge = np.any(np.abs(codes.astype(np.int32)) >= CODES - 1, axis=0)
-            volts = self._rows(sensor)
-            rest = self._rest_of(volts) if sensor.tared else None
-            found[name] = np.asarray(edge | sensor.saturated(volts, rest))
+            rest = self._rest_of(sensor) if sensor.tared else None
+            found[name] = self._by_parts(partial(self._at_end, sensor, rest))
         return found
+
+    def _at_end(self, sensor: LinearSensor, rest: FloatArray | None, part: slice) -> BoolArray:
+        codes = self._contents.codes[self._indices(sensor), part]
+        # The largest positive code is 32767, the largest negative one -32768.
+        edge = np.any(np.abs(codes.astype(np.int32)) >= CODES - 1, axis=0)
+        return np.asarray(edge | sensor.saturated(self.volts_in(sensor.channels, part), rest))
 
     def delay(self, quantity: str) -> float:
         """Delay (s) from a sample's clock edge to the instant of `quantity` that it shows.
@@ -388,15 +410,27 @@ class Recording(InNotebook):
     def _tared(self, quantity: str) -> FloatArray:
         """(samples,) along the press, from the rest; what an AC-coupled sensor lets fade is restored."""
         sensor = self._linear(quantity)
-        volts = self._rows(sensor)
-        if not volts.size:
-            return np.zeros(0)
-        signal = sensor.along(volts, self._rest_of(volts))
-        return Restorer(sensor, self.rate_hz)(signal) if sensor.ac_coupled else signal
+        rest = self._rest_of(sensor)
+        signal = self._by_parts(lambda part: sensor.along(self.volts_in(sensor.channels, part), rest))
+        return Restorer(sensor, self.rate_hz)(signal) if sensor.ac_coupled and len(self) else signal
 
-    def _rest_of(self, volts: FloatArray) -> FloatArray:
+    def _rest_of(self, sensor: LinearSensor) -> FloatArray:
         """(channels,) V that a sensor's channels show at rest: weight and offset."""
-        return np.asarray(volts[:, self.quiet].mean(axis=1)) if volts.size else np.zeros(len(volts))
+        if not len(self):
+            return np.zeros(len(sensor.channels))
+        return np.asarray(self.volts_in(sensor.channels, self.quiet).mean(axis=1))
+
+    def _by_parts(self, convert: Callable[[slice], NDArray[Any]]) -> NDArray[Any]:
+        """What `convert` makes of all samples, of one part after the other; its last axis is the samples."""
+        first = convert(slice(0, _PART))
+        if len(self) <= _PART:
+            return first
+        found = np.empty((*first.shape[:-1], len(self)), first.dtype)
+        found[..., :_PART] = first
+        for begin in range(_PART, len(self), _PART):
+            part = slice(begin, begin + _PART)
+            found[..., part] = convert(part)
+        return found
 
     def _sensor(self, name: str) -> Sensor:
         sensor = self.sensors.of_presses.get(name)
@@ -411,8 +445,3 @@ class Recording(InNotebook):
 
     def _indices(self, sensor: Sensor) -> list[int]:
         return [self.channels.index(name) for name in sensor.channels]
-
-    def _rows(self, sensor: Sensor) -> FloatArray:
-        """(channels of the sensor, samples) V."""
-        rows = self._indices(sensor)
-        return from_codes(self._contents.codes[rows], self.header.full_scale[rows])

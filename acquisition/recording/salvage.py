@@ -152,6 +152,11 @@ def verify(path: str | Path) -> tuple[str, ...]:
     Compares the checksum and the content hash, and the continuity of a recording. Raises DataError for a
     file that is damaged, was changed or lost its end; an unfinished recording can have damaged rows and still
     be read, and an audit log damaged lines. The log of a session that is not complete is such a problem.
+
+    For example:
+
+        >>> haploop.verify("data/P01-latch.h5")
+        ()
     """
     path = Path(path)
     if path.match("log-*.jsonl") and path.is_file():

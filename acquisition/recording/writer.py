@@ -1,10 +1,11 @@
 """Write a recording file that is readable at every moment. Its speed: benchmarks/README.md, "Recording".
 
-Preallocate: a complete HDF5 file with all metadata and space for every block is created, allocated and
-synced before the first sample; a disk that is too small is detected here. Record: each block is one
-positioned write, with its CRC, into the bytes of the dataset, without a call of HDF5. Commit: a separate
-thread syncs the written data while the next blocks are converted, so that a busy disk never delays a block.
-Reasons: docs/explanation/durability.md.
+Preallocate: a complete HDF5 file with all metadata and space for every block is created, allocated and synced
+before the first sample; a disk that is too small is detected here. Record: each block is one positioned
+write, with its CRC, into the bytes of the dataset, without a call of HDF5. Commit: a separate thread syncs
+the written data while the next blocks are converted, so that a busy disk never delays a block. Reasons:
+docs/explanation/durability.md. A recording whose samples are all there already, of another program, is
+written in one go (`write_recording`).
 """
 
 from __future__ import annotations
@@ -14,19 +15,32 @@ import os
 import shutil
 import struct
 import threading
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
+from ...base.arrays import FloatArray
 from ...base.checksum import add_checksum, created
 from ...base.closing import Closing
 from ...base.errors import ConfigurationError, DataError, InstrumentError
-from ...base.files import WRITE_ERRORS, allocate, existing, os_error_text, private_files, whole_file
+from ...base.files import (
+    WRITE_ERRORS,
+    allocate,
+    check_destination,
+    existing,
+    os_error_text,
+    private_files,
+    whole_file,
+)
 from ...base.flag import Flag
+from ...base.marks import marked
 from ...instruments import Block
 from .file_format import Header, codes_per_volt, convert, write_header
+from .recording import Recording
 from .rows import EVENT, VERDICT, Event, PressVerdict, block_dtype, crc32, event_row, verdict_row
+from .salvage import finish
 
 _COMMIT_PERIOD = 0.05
 """Seconds between two syncs (measured: 50 to 100 ms costs nothing)."""
@@ -257,3 +271,43 @@ class Writer(Closing):
 def _mask(flags: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> int:
     """Pack flags into bits, the first channel lowest; channels from the 32nd on share the last bit."""
     return sum(1 << bit for bit in {min(i, 31) for i, flag in enumerate(flags.tolist()) if flag})
+
+
+_BLOCK = 0.05
+"""s of a block, as when presses are recorded."""
+
+
+def write_recording(
+    path: Path,
+    header: Header,
+    volts: FloatArray,
+    events: Sequence[Event],
+    judge: Callable[[Recording], Sequence[PressVerdict]],
+) -> Recording:
+    """Write (channels, samples) V, with events, and with the verdicts that `judge` gives of what is written.
+
+    Raises ConfigurationError for an existing file or a bad folder or disk, InstrumentError when it fails.
+    """
+    block = max(1, round(_BLOCK * header.rate_hz))
+    samples = volts.shape[1]
+    with private_files():
+        check_destination(path)
+    none = np.zeros(len(volts), dtype=np.bool_)
+    created = False
+    with marked(path):
+        try:
+            with Writer(path, header, block, -(-samples // block) + 1, len(events)) as writer:
+                created = True
+                for first in range(0, samples, block):
+                    writer.write(Block(first, volts[:, first : first + block], none), first / header.rate_hz)
+                for event in events:
+                    writer.note(*event)
+                for verdict in judge(Recording.open(path)):
+                    writer.write_verdict(verdict)
+        except BaseException:
+            if created:  # or the file is somebody else's, who was quicker
+                with suppress(OSError):
+                    path.unlink(missing_ok=True)
+            raise
+        finish(path)
+    return Recording.open(path)

@@ -1,6 +1,6 @@
 """Recording sessions: from the DAQ's stream to a study of many sessions."""
 
-from .looking import look as look
+from .recorder import look as look
 from .recorder import record as record
 from .study import Study as Study
 from .study import StudyProgress as StudyProgress

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import threading
 from collections import deque
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
@@ -18,7 +19,7 @@ from typing import Self
 
 from ...base.clock import Clock
 from ...base.errors import ConfigurationError, HaploopError, InstrumentError
-from ...instruments import RecordedAlong, Rig
+from ...instruments import NewFile, Reading, RecordedAlong, Rig
 from ...instruments.safety import run_within
 from ..recording import Event, Writer, reading_event
 
@@ -108,7 +109,9 @@ class _Poller:
         self._due = 0
         self._asked: int | None = None
         """Sample index of the pending request; None without one."""
-        self._failing = self._hung = self._stopped = False
+        self._failing = ""
+        """What it failed with at the last request."""
+        self._hung = self._stopped = False
         self._lock = threading.RLock()
         self._change = threading.Condition(self._lock)
         self._thread = threading.Thread(target=self._run, name=f"haploop-{role}", daemon=True)
@@ -118,7 +121,7 @@ class _Poller:
     def most(self, duration: float, block: int) -> int:
         """Largest number of events in `duration` seconds, with at most one request a block."""
         reads = math.ceil(duration * self._rate_hz / max(self._period, block)) + 2
-        return reads * (len(self._instrument.reads) + 1) + 8
+        return reads * (len(self._instrument.reads) + 1) + len(self._instrument.reads) + 8
 
     def start(self, stem: Path, clock: Clock) -> None:
         """Start the instrument, then its thread. Raises InstrumentError."""
@@ -150,7 +153,7 @@ class _Poller:
                 self._say_hung(self._asked or 0)
 
     def stop(self, index: int | None = None) -> None:
-        """Stop the thread and the instrument. May be called again; never raises.
+        """Stop the thread and the instrument, and take what is left. May be called again; never raises.
 
         A failure becomes an event at sample `index`.
         """
@@ -162,7 +165,7 @@ class _Poller:
         if self._thread.ident is not None and not self._hung:
             self._thread.join(_HUNG)
         try:
-            run_within(self._name, self._instrument.stop)
+            run_within(self._name, lambda: self._take(index or 0, self._instrument.stop()))
         except Exception as error:
             self._fail(index or 0, error)
 
@@ -178,17 +181,20 @@ class _Poller:
                     return
                 index = self._asked
             try:
-                for read in self._instrument.read():
-                    self.events.append(reading_event(index, self._role, read, self._folder))
+                self._take(index, self._instrument.read())
             except BaseException as error:  # no driver may end the recording, even by sys.exit
-                if not self._failing:
+                if _told(error) != self._failing:
                     self._fail(index, error)
-                self._failing = True
+                self._failing = _told(error)
             else:
-                self._failing = False
+                self._failing = ""
             with self._lock:
                 self._asked, self._hung = None, False
                 self._change.notify_all()
+
+    def _take(self, index: int, reads: Sequence[Reading | NewFile]) -> None:
+        for read in reads:
+            self.events.append(reading_event(index, self._role, read, self._folder))
 
     def _fail(self, index: int, error: BaseException) -> None:
         self.events.append(Event(index, "along-error", f"{self._name}: {_told(error)}"))

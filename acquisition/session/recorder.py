@@ -1,4 +1,4 @@
-"""Recording presses: every sample of a session goes to disk."""
+"""Recording presses: every sample of a session goes to disk; a look at the sensors before makes no file."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from datetime import UTC, datetime
 from importlib import metadata
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 
-from ...base.clock import Clock
 from ...base.errors import ConfigurationError, DataError, InstrumentError
 from ...base.files import check_destination, private_files
 from ...base.marks import marked
@@ -56,6 +56,12 @@ def record(
     that cannot take it; DataError when no press comes in time (`Protocol.patience`, `Protocol.wait`), or
     none is accepted in `Protocol.attempts` attempts; InstrumentError when a sample is lost or the disk
     refuses.
+
+    For example:
+
+        >>> recording = haploop.record(rig, "latch", "P01", 2, "data")
+        >>> recording.path.name, len(recording.accepted)
+        ('P01-latch.h5', 2)
     """
     if not isinstance(presses, int | np.integer) or presses < 1:
         raise ConfigurationError(f"{presses!r} is not a number of presses: use a whole number, at least 1.")
@@ -104,12 +110,12 @@ def _recorded(rig: Rig, session: Session, p: Protocol, told: Told) -> Recording:
                 created = True
                 try:
                     publish = rig.live_run("record", str(path), stream.channels, stream.rate_hz)
-                    blocks = _written(reader, writer, along, rig.clock, publish)
+                    blocks = _written(reader, writer, along, publish)
                     SessionRun(rig, session, p, told, writer).conduct(blocks)
                     along.finish(writer)
                 except BaseException as error:  # Ctrl-C and SIGTERM among them
                     with uninterrupted():
-                        _keep(reader, writer, along, rig.clock.now(), error)
+                        _keep(reader, writer, along, error)
                     raise
     except BaseException:
         if created:
@@ -146,22 +152,22 @@ def _header(rig: Rig, stream: Stream, session: Session, p: Protocol) -> Header:
 
 
 def _written(
-    reader: StreamReader, writer: Writer, along: Along, clock: Clock, publish: Callable[[Block], None]
+    reader: StreamReader, writer: Writer, along: Along, publish: Callable[[Block], None]
 ) -> Iterator[Block]:
     """Yield each block after it was written to the file, so that no consumer can lose it."""
     for block in reader:
-        writer.write(block, clock.now())
+        writer.write(block, reader.arrived)
         publish(block)
         along.follow(writer)
         yield block
 
 
-def _keep(reader: StreamReader, writer: Writer, along: Along, now: float, error: BaseException) -> None:
+def _keep(reader: StreamReader, writer: Writer, along: Along, error: BaseException) -> None:
     """Write the samples read but not yet written, and the event that ended the recording."""
     reader.stop()
     try:
         for block in reader.left():
-            writer.write(block, now)
+            writer.write(block, reader.arrived)
         kinds = {KeyboardInterrupt: "interrupted", GapError: "gap", OverrunError: "overrun"}
         writer.note(
             writer.written, kinds.get(type(error), "error"), str(error) or "The recording was interrupted."
@@ -171,3 +177,30 @@ def _keep(reader: StreamReader, writer: Writer, along: Along, now: float, error:
         if not isinstance(error, InstrumentError):
             raise
         # The disk failed; `error` already states it.
+
+
+_BLOCK = 0.04
+"""s: 25 blocks a second, so that a view moves as a person expects."""
+
+
+def look(rig: Rig, wanted: Callable[[], bool] = lambda: True) -> None:
+    """Acquire every channel that a sensor or the laser reads while `wanted`, for live views. Nothing is kept.
+
+    `Rig.tap`, `haploop live` and the console show the blocks as those of a recording. Raises
+    ConfigurationError for a rig without any such channel, and InstrumentError.
+    """
+    laser = (rig.vibrometer.channel,) if rig.has("vibrometer") else ()
+    drive = rig.sensors.drive.channels if rig.sensors.drive is not None else ()
+    channels = list(dict.fromkeys(chain(rig.sensors.recorded, drive, laser)))
+    if not channels:
+        raise ConfigurationError(f"The rig {rig.name!r} has no sensors: describe them in [sensors].")
+    rate_hz = rig.file.rate_hz
+    with (
+        rig.daq.stream(channels, rate_hz, round(_BLOCK * rate_hz)) as stream,
+        StreamReader(stream, rig.clock) as reader,
+    ):
+        publish = rig.live_run("look", "", stream.channels, stream.rate_hz)
+        for block in reader:
+            publish(block)
+            if not wanted():
+                return

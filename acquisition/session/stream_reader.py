@@ -46,7 +46,9 @@ class StreamReader:
         self._depth = depth
         # The block being consumed stays at the head until its consumer asks for the next, so that an
         # interrupt between any two instructions loses no block.
-        self._queue: Inbox[Block | BaseException | None] = Inbox()
+        self._queue: Inbox[tuple[Block, float] | BaseException | None] = Inbox()
+        self.arrived = 0.0
+        """When the driver gave the block that is being consumed (s of the clock)."""
         self._stopping = Flag()
         self._handled = Flag()
         self._thread = threading.Thread(target=self._read, name="haploop-reader", daemon=True)
@@ -70,13 +72,14 @@ class StreamReader:
                 return
             if isinstance(item, BaseException):
                 raise item
-            if item.first != self._next:
+            block, self.arrived = item
+            if block.first != self._next:
                 raise GapError(
-                    f"Samples {self._next} to {item.first - 1} were lost: a block was expected at sample "
-                    f"{self._next} and begins at {item.first}. Close other programs, or use a larger buffer."
+                    f"Samples {self._next} to {block.first - 1} were lost: a block was expected at sample "
+                    f"{self._next} and begins at {block.first}. Close other programs, or use a larger buffer."
                 )
-            self._next = item.end
-            yield item
+            self._next = block.end
+            yield block
             self._queue.take()
             self._handled.set()
 
@@ -105,10 +108,13 @@ class StreamReader:
         The consumer may have processed the first of them already; its index tells.
         """
         for item in self._queue:
-            if not isinstance(item, Block) or self._next not in (item.first, item.end):
+            if item is None or isinstance(item, BaseException):
                 return
-            self._next = item.end
-            yield item
+            block, self.arrived = item
+            if self._next not in (block.first, block.end):
+                return
+            self._next = block.end
+            yield block
 
     def _read(self) -> None:
         try:
@@ -119,7 +125,7 @@ class StreamReader:
                         f"The recorder fell behind: {self._depth} blocks wait to be written, and reading "
                         f"stopped at sample {block.first}. Use a faster or less busy disk."
                     )
-                self._queue.put(block)
+                self._queue.put((block, self._clock.now()))
                 self._clock.hold(self._consumed)
                 if self._stopping.is_set():
                     return

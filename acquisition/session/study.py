@@ -271,7 +271,17 @@ def with_presses(recordings: Iterable[Recording]) -> Iterator[Recording]:
 
 
 def load_study(path: str | Path) -> Study:
-    """Load a study from its file, or from the folder of its `study.toml`. Raises ConfigurationError."""
+    """Load a study from its file, or from the folder of its `study.toml`. Raises ConfigurationError.
+
+    For example:
+
+        >>> lines = ['name = "small"', 'buttons = ["push"]', 'participants = ["P01"]', "presses = 2"]
+        >>> with open("study.toml", "w") as file:
+        ...     print(*lines, sep=chr(10), file=file)
+        >>> study = haploop.load_study("study.toml")
+        >>> [(one.participant, one.button, len(one.missing)) for one in study.progress()]
+        [('P01', 'push', 2)]
+    """
     path = Path(path)
     if path.is_dir():
         path = path / "study.toml"
@@ -301,6 +311,13 @@ def run_study(
 
     Raises ConfigurationError for a name that the study does not have, DataError when a participant has
     not consented, and the errors of `record`.
+
+    For example:
+
+        >>> haploop.run_study(rig, haploop.load_study("study.toml"))
+        True
+        >>> [one.complete for one in haploop.load_study("study.toml").progress()]
+        [True]
     """
     for participant in participants or study.file.participants:
         for button in buttons or study.file.buttons:

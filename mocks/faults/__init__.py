@@ -1,1 +1,79 @@
-"""haploop's own kinds of fault, one module for each place of action. Rig files name them by entry point."""
+"""haploop's own kinds of fault, one module for each place of action, by the names that rig files give them.
+
+Other packages add kinds by entry points: see `haploop.mocks.plant.fault_kinds`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ..plant import Fault
+from .amplifier import AmplifierGain, AmplifierTrip
+from .background import FlickerNoise, RotatingMachine
+from .camera import AmbientLight, Defocus, FramesLost, SecondFinger
+from .daq import ClockDrift, DaqOverflow, DaqOverrun, PlayCutOff, RtsiMissing, SourceImpedance
+from .laser import LaserAskew, LaserBlocked, LaserDropout, LaserSpikes, VibrometerRange
+from .lines import Reply
+from .relay import RelayLost, RelayStuck, RelaySwapped, RelayWelded
+from .sensors import (
+    AccelerometerInverted,
+    ForceCalibration,
+    MainsHum,
+    SensorCreep,
+    SensorDisconnected,
+    SensorSaturated,
+)
+from .streams import SamplesLost, StreamLost
+from .table import (
+    FrequencyDrift,
+    HandOnTable,
+    ModeDrift,
+    PatchAsymmetry,
+    PatchDead,
+    PatchGain,
+    PatchHysteresis,
+)
+
+__all__ = ["OWN"]
+
+OWN: Mapping[str, type[Fault]] = {
+    "relay-swapped": RelaySwapped,
+    "relay-lost": RelayLost,
+    "relay-stuck": RelayStuck,
+    "relay-welded": RelayWelded,
+    "patch-dead": PatchDead,
+    "patch-gain": PatchGain,
+    "patch-asymmetry": PatchAsymmetry,
+    "patch-hysteresis": PatchHysteresis,
+    "mode-drift": ModeDrift,
+    "hand-on-table": HandOnTable,
+    "frequency-drift": FrequencyDrift,
+    "amplifier-gain": AmplifierGain,
+    "amplifier-trip": AmplifierTrip,
+    "force-calibration": ForceCalibration,
+    "accelerometer-inverted": AccelerometerInverted,
+    "sensor-disconnected": SensorDisconnected,
+    "mains-hum": MainsHum,
+    "sensor-creep": SensorCreep,
+    "sensor-saturated": SensorSaturated,
+    "rotating-machine": RotatingMachine,
+    "flicker-noise": FlickerNoise,
+    "rtsi-missing": RtsiMissing,
+    "source-impedance": SourceImpedance,
+    "clock-drift": ClockDrift,
+    "daq-overrun": DaqOverrun,
+    "play-cut-off": PlayCutOff,
+    "daq-overflow": DaqOverflow,
+    "vibrometer-range": VibrometerRange,
+    "laser-askew": LaserAskew,
+    "laser-spikes": LaserSpikes,
+    "laser-dropout": LaserDropout,
+    "laser-blocked": LaserBlocked,
+    "reply": Reply,
+    "ambient-light": AmbientLight,
+    "defocus": Defocus,
+    "frames-lost": FramesLost,
+    "second-finger": SecondFinger,
+    "stream-lost": StreamLost,
+    "samples-lost": SamplesLost,
+}

@@ -7,7 +7,7 @@ import numpy as np
 from ...base.arrays import FloatArray
 from ...base.bounded import Positive
 from ...instruments.config import RigFile
-from ..nodes import Run
+from ...nidaqmx_twin.nodes import Run
 from ..plant import FaultSettings, OnAmplifier, TimedFault
 
 

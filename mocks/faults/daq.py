@@ -12,7 +12,7 @@ from pydantic import Field
 from ...base.arrays import FloatArray
 from ...base.bounded import Count, NotNegative, Positive
 from ...instruments.config import RigFile
-from ..nodes import PlayStopped, SamplesLost
+from ...nidaqmx_twin.nodes import PlayStopped, SamplesLost
 from ..plant import FaultSettings, OnCards, PerEventFault, ScheduledFault
 
 _MULTIPLEXER = 100e-12
