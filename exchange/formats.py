@@ -24,6 +24,7 @@ from . import (
     reading,
     uff_file,
     wav_file,
+    xdf_file,
 )
 from .views import About, Envelope, PressTable, Responses, Signals, sidecar, write_json
 
@@ -92,6 +93,7 @@ def _table() -> dict[tuple[str, str], Export]:
         table |= {(kind, name): _via(responses, write) for name, write in _RESPONSES.items()}
     table["study", "csv"] = _via(lambda path: reading.study_presses(load_study(path)), csv_file.write_presses)
     table["curve", "csv"] = _curve
+    table["recording", "xdf"] = xdf_file.write_recording
     # Of a calibration MATLAB gets the model too, which simulates.
     table["calibration", "mat"] = _model
     return table
@@ -130,6 +132,12 @@ def export_file(
     Raises ConfigurationError for a format that does not fit, a package that is not installed, or an `out`
     that exists, and DataError for a file that cannot be read. Of recordings, studies and representative
     presses the new files are readable by their owner only.
+
+    For example:
+
+        >>> done = haploop.export_file("press.h5", "csv", "press.csv")
+        >>> [path.name for path in done.files]
+        ['press.csv', 'press.csv.json']
     """
     paths = [Path(files)] if isinstance(files, str | Path) else [Path(file) for file in files]
     out = Path(out)

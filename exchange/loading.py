@@ -43,6 +43,11 @@ def load(path: str | os.PathLike[str] | Iterable[str | os.PathLike[str]]) -> Any
     `DigitalButton` or `Curve` (.h5), a `VibrationMap` (the folder), a `Study` or an `Experiment` (the
     folder, or its .toml file).
     Raises DataError for what is missing, damaged, or nothing of these.
+
+    For example:
+
+        >>> haploop.load("press.h5").button
+        'latch'
     """
     if not isinstance(path, str | os.PathLike):
         return [load(one) for one in path]

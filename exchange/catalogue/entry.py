@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -191,10 +192,17 @@ def _study(path: Path) -> Entry:
     return Entry(str(path), "study", study=load_study(path).file.name)
 
 
-def _experiment(path: Path) -> Entry:
+def _experiment(path: Path) -> Entry | None:
     from ...experiments import load_experiment  # noqa: PLC0415
+    from ...instruments import load_rig_file  # noqa: PLC0415
 
-    experiment = load_experiment(path)
+    try:
+        experiment = load_experiment(path)
+    except HaploopError:
+        with suppress(HaploopError):
+            load_rig_file(path)
+            return None  # a rig's file may have any name
+        raise
     made = sources.packed(sources.of_experiment(experiment))
     return Entry(str(path), "experiment", study=experiment.file.name, made_from=made)
 

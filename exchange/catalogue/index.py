@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 import sqlite3
 import stat
 from collections.abc import Iterator, Sequence
@@ -23,8 +24,38 @@ from ...base.errors import ConfigurationError
 from ...base.files import paths_of
 from ...base.progress import Progress, silent
 from ..workers import worker_pool
-from .entry import Entry, entry_of
-from .where import condition
+from .entry import KINDS, Entry, entry_of
+
+_NAMES = [field.name for field in fields(Entry)]
+_SHAPE = re.compile(r"\s*(\w+)\s*(!=|>=|<=|=)\s*(.*?)\s*")
+_SQL = {"=": "GLOB", "!=": "NOT GLOB", ">=": ">=", "<=": "<="}
+
+
+def condition(where: Sequence[str]) -> tuple[str, list[str]]:
+    """SQL of conditions that must all hold, and its parameters.
+
+    A condition is NAME=VALUE or NAME!=VALUE, where `*` in VALUE stands for anything, or NAME>=VALUE or
+    NAME<=VALUE, which compare as text: dates, say, of which the beginning is enough. Raises
+    ConfigurationError.
+    """
+    terms, values = ["1"], []
+    for one in where:
+        match = _SHAPE.fullmatch(one)
+        if match is None or match[1] not in _NAMES:
+            raise ConfigurationError(
+                f"{one!r} is no condition: write NAME=VALUE, NAME!=VALUE, NAME>=VALUE or NAME<=VALUE with a "
+                f"name of {', '.join(_NAMES)}."
+            )
+        name, operator, value = match.groups()
+        if name == "kind" and "*" not in value and value not in KINDS and operator in ("=", "!="):
+            raise ConfigurationError(f"There is no kind {value!r}: the kinds are {', '.join(KINDS)}.")
+        # `date<=2026-11` includes that month, as `date=2026-11*` does.
+        column = f"substr({name}, 1, {len(value)})" if operator == "<=" else name
+        terms.append(f"{column} {_SQL[operator]} ?")
+        # A bracket is a bracket: GLOB would take it for a set of characters.
+        values.append(value.replace("[", "[[]") if operator in ("=", "!=") else value)
+    return " AND ".join(terms), values
+
 
 _VERSION = 3
 """Part of the index's name: to be raised when `Entry` changes."""
@@ -52,6 +83,11 @@ def list_files(
     is called as files are read. Files that haploop did not write are not listed; damaged ones are.
 
     Raises ConfigurationError for a folder that is not there, or an impossible condition.
+
+    For example:
+
+        >>> [entry.button for entry in haploop.list_files("data", "participant=P01")]
+        ['latch']
     """
     sql, values = condition([where] if isinstance(where, str) else where)
     seen: dict[str, str] = {}

@@ -13,11 +13,15 @@ from typing import Any
 import numpy as np
 
 from ...base.extras import optional
-from .factors import doubt_beside
 from .hdf5_tree import CF, unpacked
 from .table import Column
-from .units import split_heading
+from .units import doubt_beside, split_heading
 
+_SCALES = (
+    "Linear", "Polynomial", "Table", "Thermocouple", "Thermistor", "RTD", "Strain", "Add", "Subtract",
+    "AdvancedAPI",
+)  # fmt: skip
+"""Of DAQmx, those that the library for TDMS applies."""
 _SECOND = np.timedelta64(1, "s")
 
 
@@ -49,6 +53,11 @@ def tdms(path: Path) -> Iterator[Column]:
                 )
                 start = later + float(own.get("wf_start_offset", 0.0))
             unit = next((str(said[k]) for k in ("unit_string", "NI_UnitDescription") if said.get(k)), "")
+            # Scales that the library knows are applied; of an unknown one it gives the counts.
+            own_doubt = doubt_beside({key: said[key] for key in said if not key.startswith("NI_")})
+            for key, value in said.items() if said.get("NI_Scaling_Status") != "scaled" else ():
+                if key.endswith("_Scale_Type") and value not in _SCALES:
+                    own_doubt = f"its scale ({key} = {value}) was not applied"
             name, stamps = str(channel.name), values.dtype.kind == "M"
             yield Column(
                 f"{channel.group_name}.{name}" if several else name,
@@ -57,7 +66,7 @@ def tdms(path: Path) -> Iterator[Column]:
                 float(f"{1 / step:.9g}") if step > 0 else None,
                 stamps,
                 start,
-                doubt=doubt_beside(said),
+                doubt=own_doubt,
             )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import lru_cache
@@ -13,9 +14,8 @@ from ...base.errors import ConfigurationError, DataError
 from .. import sep005_file, wav_file
 from ..views import Signals
 from . import text_file, tree_table, uff_signals
-from .factors import doubt_among
 from .table import Column, Stated, Table
-from .units import contradiction, is_time
+from .units import contradiction, doubt_among, is_time, unit_of
 
 _SIGNALS: Mapping[str, Callable[[Path, float | None], Signals]] = {
     "wav": wav_file.read_signals,
@@ -31,6 +31,9 @@ _SUFFIXES = {
     ".tdms": "tdms", ".xlsx": "xlsx", ".uff": "uff", ".unv": "uff", ".sep005": "sep005", ".json": "sep005",
 }  # fmt: skip
 """Format by the end of a file's name, where nobody states it."""
+
+
+_FREQUENCY = re.compile(r"fr[eé]quen[cz]\w*|frecuencia\w*|freq\.?", re.I)
 
 
 def format_of(path: Path, format: str | None) -> str:
@@ -72,7 +75,7 @@ def _read(path: Path, found: str, decimal: str | None, skip: bool, _state: tuple
             table = tree_table.read_table(path, decimal, skip)
         else:
             table = text_file.read_table(path, decimal, skip)
-    if any(column.name.lower() == "frequency" for column in table.columns):
+    if any(map(_is_frequency, table.columns)):
         raise DataError(
             f"{path} is over frequency: of responses haploop imports UFF files, complex arrays (MATLAB, "
             "HDF5, NumPy), and what it exported itself, a CSV file with its sidecar."
@@ -91,6 +94,12 @@ def _read(path: Path, found: str, decimal: str | None, skip: bool, _state: tuple
         for column in table.columns
     )
     return replace(table, columns=columns)
+
+
+def _is_frequency(column: Column) -> bool:
+    """True for an axis of frequencies: such a column, rising throughout."""
+    called = _FREQUENCY.fullmatch(column.name) or unit_of(column.unit, "rate") is not None
+    return bool(called and np.all(np.diff(column.values) > 0))
 
 
 def _of_signals(path: Path, signals: Signals, format: str) -> Table:

@@ -12,10 +12,9 @@ import numpy as np
 from ...base.arrays import FloatArray
 from ...base.errors import DataError
 from ..views import read_sidecar
-from .stamps import is_stamp, seconds_of, unclear
 from .table import Column, Labels, Table
-from .text_head import Head, enter_unit, head_of
-from .text_rates import stated_rates
+from .text_head import Head, beside, enter_unit, head_of
+from .text_rates import is_stamp, seconds_of, stated_rates, unclear
 from .text_rows import Body, body_of, decoded, is_blank, is_number, measured, plain_number
 from .together import together
 from .units import Unit, is_time, unit_of, units_of
@@ -35,6 +34,14 @@ _LEVELS: tuple[dict[str, float], ...] = (
     {"low": 0.0, "high": 1.0},
 )  # fmt: skip
 """Words for the two levels of a contact."""
+_COUNT = re.compile(
+    r"(?<![a-z])(npts|n_?rows|data ?rows|(record|memory) ?(length|count)|(num(ber)?[. _]*(of )?)?(data ?)?"
+    r"(samples|points|scans|rows))(?![a-z])[^a-z0-9+-]{0,12}(?P<count>\d+(\.\d*)?(e\+?\d+)?)(?![\d:.])"
+    r"(?! ?[a-z%/])",
+    re.I)  # fmt: skip
+"""How many samples there are."""
+_DIVISIONS = 20.0
+"""Of a screen, with room for offsets: ten are usual."""
 _MOST_HEAD = 2000
 """Rows above the columns in which rates are looked for."""
 
@@ -115,23 +122,51 @@ def table_of(path: Path, body: Body) -> Table:
     """The columns of rows, with what the rows above them say. Raises DataError."""
     above = [[cell.strip() for cell in row] for row in body.above]
     head = head_of(path, body, above)
-    if any(row and (row[0].lower() == "sequence" or "t0 =" in " ".join(row)) for row in above[-2:]):
+    if any("t0 =" in " ".join(row) or {"Start", "Increment"} <= set(row) for row in above[-2:]):
         head.seconds = head.seconds or 1.0  # Rigol's increments
     stated = [[cell.strip("#%;/!") for cell in row] for row in above[-_MOST_HEAD:]]
-    rates = stated_rates([*stated, *_beside(body)], body.decimal, head.seconds)
+    rates = stated_rates([*stated, *beside(body)], body.decimal, head.seconds)
     of_units = _unit_columns(body, head)
     columns = _columns(path, body, head, of_units)
-    notes: list[str] = []
+    notes = _complete(path, body, head, [*stated, *beside(body)], len(columns[0].values))
     if len(columns) > 2 and not head.names and all(c.values[0] == n for n, c in enumerate(columns)):
         columns = [replace(column, values=column.values[1:]) for column in columns]
         notes.append("Its first row (0, 1, 2, ...) numbers its columns, and was left out.")
     if head.starts and len(rates) == 1:
-        columns, notes = together(path, [replace(column, rate_hz=rates[0].hz) for column in columns])
+        columns, moved = together(path, [replace(column, rate_hz=rates[0].hz) for column in columns])
+        notes += moved
     lines = f", the first row of numbers is line {len(above) + 1}" if above else ", no headings"
     return Table(
         path, body.shape + lines, tuple(columns), rates, notes=(*head.notes, *body.notes, *notes),
         labels=tuple(_labels(body, head, of_units)), damaged=body.damaged,
     )  # fmt: skip
+
+
+def _complete(path: Path, body: Body, head: Head, stated: Sequence[Sequence[str]], rows: int) -> list[str]:
+    """A sentence where a text states more samples than it has rows.
+
+    Raises DataError for samples that stand beside each other.
+    """
+    found = {int(float(one["count"])): one[0] for row in stated for one in _COUNT.finditer(" ".join(row))}
+    count, words = next(iter(found.items()), (0, ""))
+    width = len(body.columns)
+    if len(found) != 1 or count <= rows:
+        return []
+    if not head.names and width > 1 and rows * width <= count < (rows + 1) * width:
+        raise DataError(
+            f"{path} states {words!r} and has {rows} rows of {width}: its samples stand beside each other, "
+            "so write one to a row."
+        )
+    return [f"{words!r} is stated, and there are {rows} rows: its end may be missing."]
+
+
+def _beyond(head: Head, place: int, values: FloatArray) -> str:
+    """The doubt of numbers that no screen of the stated divisions shows: an oscilloscope's counts."""
+    span, one = float(np.ptp(values)) if len(values) else 0.0, head.divisions.get(place, np.inf)
+    if not span > _DIVISIONS * one > 0:
+        return ""
+    unit = head.units.get(place, "")
+    return f"{one:g} {unit} a division are stated, and it spans {span:g}, as counts do"
 
 
 def _unit_columns(body: Body, head: Head) -> dict[int, list[str]]:
@@ -182,7 +217,7 @@ def _columns(path: Path, body: Body, head: Head, of_units: Mapping[int, list[str
         unit = "" if stamps else head.units.get(place, "")
         return Column(
             head.names.get(place, ""), unit, values, start_s=head.starts.get(place), stamps=stamps,
-            doubt=head.doubts.get(place, ""), also=head.also.get(place, ()),
+            doubt=head.doubts.get(place, "") or _beyond(head, place, values), also=head.also.get(place, ()),
         )  # fmt: skip
 
     if body.values is not None:
@@ -277,12 +312,3 @@ def _labels(body: Body, head: Head, of_units: Mapping[int, list[str]]) -> list[L
         if words and not any(words == set(one) for one in _LEVELS):
             found.append(Labels(head.names.get(place, "") or f"column {place}", texts))
     return found
-
-
-def _beside(body: Body) -> list[list[str]]:
-    """Cells that stand beside the columns: an old oscilloscope's preamble, a start and an increment."""
-    places = set(body.columns)
-    return [
-        [cell for place, cell in enumerate(row) if place not in places and cell.strip()]
-        for row in body.rows[:40]
-    ]

@@ -9,22 +9,32 @@ from itertools import zip_longest
 from pathlib import Path
 
 from ...base.errors import DataError
-from .factors import factor_in, is_factor
-from .stamps import is_stamp
-from .text_rows import Body, is_blank, is_number
-from .units import is_time, split_heading, unit_of, units_of
+from .text_rates import is_stamp
+from .text_rows import Body, is_blank, is_number, plain_number
+from .units import factor_in, is_factor, is_time, split_heading, unit_of, units_of
 
 _MARKS = "#%;/!\"' "
 """Signs of a comment, before a line of headings."""
 _LESS = ("comment", "comments", "kommentar")
 """Headings of LabVIEW's that have no column."""
 _KEYS = {
-    "names": r"trace ?name|channel ?names?|labels?|ch\w* labels?|signal ?names?|names?",
+    "names": r"trace ?name|channel ?names?|labels?|ch\w* labels?|signal ?names?|names?|headers?",
     "units": r"y_unit_label|vertical units?|[vy] ?units?|units?|einheit(en)?",
-    "horizontal": r"horizontal units?|[hx] ?units?|x_unit_label|time ?units?",
+    "horizontal": r"horizontal units?|[hx] ?units?|x_unit_label|time ?units?|axis ?units?",
+    "dimension": r"x_dimension",
     "offset": r"h ?offset|x0",
+    "scale": r"vertical scale|volts? ?(/|per) ?div(ision)?",
 }
-_KEY = {what: re.compile(rf"(?:{key})\s*(?:[=:]\s*(?P<first>.*))?\Z", re.I) for what, key in _KEYS.items()}
+_ASIDE = ("units", "horizontal", "scale")
+"""Keys that may stand beside the numbers."""
+_KEY = {
+    what: re.compile(rf"(?:{key})\s*(?:(?::=|[=:])\s*(?P<first>.*))?\Z", re.I) for what, key in _KEYS.items()
+}
+_RULE = re.compile(r"[-=_*~+#]{2,}\Z")
+"""A line drawn below headings."""
+_WORD = re.compile(r"[A-Za-z][a-z]{4,}")
+"""In brackets behind a name, of what no unit is: `(Trigger)`, `(filtered)`."""
+_NO_UNIT = re.compile(r"no[ _]units?|unitless|dimensionless|none|-+", re.I)
 
 
 @dataclass
@@ -37,6 +47,8 @@ class Head:
     also: dict[int, tuple[str, ...]] = field(default_factory=dict)
     """The heading as it stands there, and other names."""
     starts: dict[int, float] = field(default_factory=dict)
+    divisions: dict[int, float] = field(default_factory=dict)
+    """What a division of an oscilloscope's screen is, in the column's unit."""
     seconds: float | None = None
     """The unit of the horizontal axis, where it is stated."""
     notes: list[str] = field(default_factory=list)
@@ -45,28 +57,52 @@ class Head:
 def head_of(path: Path, body: Body, above: Sequence[list[str]]) -> Head:
     """What the rows above a body state. Raises DataError for headings that cannot be told apart."""
     head = Head()
-    filled = [row for row in above if any(row)]
-    keyed: dict[str, list[str]] = {}
+    filled = [row for row in above if not all(not cell or _RULE.match(cell) for cell in row)]
+    keyed = {what: cells for what, cells in map(_keyed, beside(body)) if what in _ASIDE}
     free: list[list[str]] = []
     for row in filled:
         what, cells = _keyed(row)
         if what:
             keyed[what] = cells
         free.append([] if what else row)
+    for said in (*keyed.get("dimension", ()), *keyed.get("horizontal", ())):
+        if said.lower().startswith("freq") or unit_of(said, "rate"):
+            raise DataError(f"{path} states an axis of {said}: it is over frequency, and holds no signals.")
     if filled and filled[0][0].startswith("LabVIEW Measurement"):
         head.seconds = 1.0  # its axis of time is in seconds by definition
     # A row of keys stands above the headings, or takes their place.
     rows = free[max((n for n, row in enumerate(free) if not row), default=-1) + 1 :] if keyed else free
     _headings(path, body, head, rows, filled)
-    for place, unit in _placed(body, head, keyed.get("units", [])).items():
-        enter_unit(head, place, unit, "the row of units")
     for place, label in _placed(body, head, keyed.get("names", [])).items():
         name = head.names.get(place, "")
         head.names[place] = f"{label} {name}".strip()
         head.also[place] = (name, *head.also.get(place, ()))
+    for place, unit in _united(body, head, keyed).items():
+        enter_unit(head, place, unit, "the row of units")
+    for place, scale in _placed(body, head, keyed.get("scale", []), "horizontal" in keyed).items():
+        if is_number(scale, body.decimal):
+            head.divisions[place] = float(plain_number(scale, body.decimal))
     _axis(body, head, keyed)
     _factors(body, head, filled)
     return head
+
+
+def _united(body: Body, head: Head, keyed: Mapping[str, list[str]]) -> dict[int, str]:
+    """The units of a row of keys by column: of all that are measured, where it has one only."""
+    cells = keyed.get("units", [])
+    found = _placed(body, head, cells, "horizontal" in keyed)
+    if len(cells) != 1 or found or not head.names:
+        return found
+    return {n: cells[0] for n in body.columns if not is_time(head.names.get(n, ""), head.units.get(n, ""))}
+
+
+def beside(body: Body) -> list[list[str]]:
+    """Cells that stand beside the columns: an old oscilloscope's preamble, a start and an increment."""
+    places = set(body.columns)
+    return [
+        [cell.strip() for place, cell in enumerate(row) if place not in places and cell.strip()]
+        for row in body.rows[:40]
+    ]
 
 
 def _factors(body: Body, head: Head, rows: Sequence[Sequence[str]]) -> None:
@@ -116,7 +152,7 @@ def _axis(body: Body, head: Head, keyed: Mapping[str, list[str]]) -> None:
 
 def _keyed(row: list[str]) -> tuple[str, list[str]]:
     """What a row says of each channel, by the key that it begins with; "" for another row."""
-    first = row[0].strip(_MARKS)
+    first = row[0].strip(_MARKS) if row else ""
     for what, key in _KEY.items():
         if (match := key.match(first)) is not None:
             cells = [*([match["first"]] if match["first"] else []), *row[1:]]
@@ -127,11 +163,14 @@ def _keyed(row: list[str]) -> tuple[str, list[str]]:
     return "", []
 
 
-def _placed(body: Body, head: Head, cells: Sequence[str]) -> dict[int, str]:
-    """Cells of a row of keys by the columns that they are of; none where their number fits none."""
+def _placed(body: Body, head: Head, cells: Sequence[str], axis: bool = False) -> dict[int, str]:
+    """Cells of a row of keys by the columns that they are of; none where their number fits none.
+
+    `axis` where the first column is known to be the horizontal axis.
+    """
     columns = body.columns
     measured = [place for place in columns if not _is_named(head, place, "x_value")]
-    for places in (columns, measured, columns[1:] if columns[0] == 0 else ()):
+    for places in (columns, measured, columns[1:] if axis or columns[0] == 0 else ()):
         if len(places) == len(cells):
             return dict(zip(places, cells, strict=True))
     return {}
@@ -154,7 +193,7 @@ def _headings(
     over = levels[-2] if len(levels) > 1 else None
     named = over is not None and not any(re.search(r"\d[.]\d|[:=]", cell) for cell in over.values())
     if last and named and _are_units([last[place] for place in body.columns]):
-        units = {place: cell.strip("()[] ") for place, cell in last.items() if cell}
+        units = {n: cell.strip("()[] ") for n, cell in last.items() if cell and not _NO_UNIT.fullmatch(cell)}
         levels = levels[:-1]
         last = levels[-1]
     elif last and not _are_names(last, body):
@@ -162,7 +201,7 @@ def _headings(
     if last is None:
         row = [cell for cell in (rows[-1] if rows else []) if cell]
         wide = len(body.columns)
-        if body.shape.startswith("commas") and 2 <= len(row) < wide <= 2 * len(row):
+        if body.shape.startswith("commas") and 2 <= len(row) == len(rows[-1]) < wide <= 2 * len(row):
             raise DataError(
                 f"{path} has {len(row)} headings over {wide} columns: where commas stand both in numbers and "
                 "between them, they cannot be told apart, so export it with semicolons or tabs."
@@ -196,9 +235,11 @@ def _continues(rows: Sequence[list[str]], body: Body) -> bool:
 
 
 def enter_unit(head: Head, place: int, unit: str, where: str) -> None:
-    """Enter a unit; where another one is stated, neither holds."""
+    """Enter a unit; where another one is stated, neither holds. Words in brackets are a part of the name."""
     before = head.units.get(place, "")
-    if before and units_of(before) != units_of(unit):
+    if _WORD.fullmatch(before) and not units_of(before) and units_of(unit):
+        head.names[place] = head.also.get(place, (head.names.get(place, ""),))[-1]
+    elif before and units_of(before) != units_of(unit):
         head.doubts[place] = f"its heading says {before}, {where} {unit}"
     head.units[place] = unit
 
@@ -232,11 +273,12 @@ def _shaped(row: list[str], body: Body) -> dict[int, str] | None:
         return None
     found = {place: cells[place] for place in range(len(cells)) if place in body.columns or cells[place]}
     named = [found[place] for place in body.columns]
-    # The first may have none: pandas writes the numbers of rows under an empty heading.
-    return found if all(named[1:] if len(named) > 1 else named) else None
+    # The first may have none: pandas writes the numbers of rows under an empty heading. Of units, any may.
+    half = 2 * sum(map(bool, named)) >= len(named) and _are_units(named)
+    return found if all(named[1:] if len(named) > 1 else named) or half else None
 
 
 def _are_units(cells: Sequence[str]) -> bool:
-    found = [cell for cell in cells if cell]
+    found = [cell for cell in cells if cell and not _NO_UNIT.fullmatch(cell)]
     known = [bool(units_of(cell)) or (cell[0] in "([" and cell[-1] in ")]") for cell in found]
     return bool(found) and known.count(True) * 2 > len(found) and not any(map(is_number, found))

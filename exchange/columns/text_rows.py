@@ -23,13 +23,13 @@ import numpy as np
 
 from ...base.arrays import FloatArray
 from ...base.errors import DataError
-from .stamps import is_stamp
+from .text_rates import is_stamp
 from .units import units_of
 
 _GROUPED = r"[1-9]\d{0,2}(?:,\d{3})+\.\d*"
 """A number with its thousands apart, and a point that says which sign is which."""
 _POINT = re.compile(rf"\s*[-+]?\s*(?:{_GROUPED}|\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?\s*\Z")
-_COMMA = re.compile(r"\s*[-+]?\s*(?:[1-9]\d{0,2}(?:\.\d{3})+,\d*|\d+,?\d*|,\d+)(?:[eEdD][-+]?\d+)?\s*\Z")
+_COMMA = re.compile(r"\s*[-+]?\s*(?:[1-9]\d{0,2}(?:\.\d{3})+,\d*|\d+(?:,\d+)?|,\d+)(?:[eEdD][-+]?\d+)?\s*\Z")
 _MEASURED = re.compile(
     r"\s*(?P<number>[-+]?\d[\d.,]*(?:[eE][-+]?\d+)?)(?P<space>\s*)(?P<unit>[^\s\d.,:;+-].{0,15}?)\s*\Z"
 )
@@ -47,11 +47,14 @@ _SHAPES = (
 )  # fmt: skip
 """Separator ("" for spaces) and decimal sign, the likelier first; the last one in quotes only."""
 _NAMES = {"\t": "tabs", ";": "semicolons", ",": "commas", "|": "bars", "": "spaces"}
+_SPACED = re.compile(r'"[^"]*"|\S+')
 _SEPARATORS = set("\t;|,")
 _SAMPLE = 200
 _RUN = 10
 _WIDEST = 4096
 """Columns of a text; a press has a dozen."""
+_USUAL = 64
+"""Columns of a text beyond which there are more rows."""
 _TORN = 0.1
 """Share of rows that may be damaged."""
 
@@ -163,6 +166,12 @@ def body_of(path: Path, text: str, decimal: str | None = None, skip: bool = Fals
     body = None if quoted else _at_once(lines, sample, separator, sign, shape)
     if body is None:
         body = numeric_rows(path, _split(lines, separator), sign, shape, skip)
+    rows = len(body.rows) or len(body.values if body.values is not None else ())
+    if 4 * rows < len(body.columns) > _USUAL:
+        raise DataError(
+            f"{path} has {rows} rows of {len(body.columns)} numbers: samples stand below each other, so turn "
+            "the table."
+        )
     return body if text.endswith(("\n", "\r")) else _uncut(body, filled[-_SAMPLE:], separator)
 
 
@@ -329,20 +338,20 @@ def _fit(sample: Sequence[str], separator: str, decimal: str) -> tuple[int, int]
             widths[width] = widths.get(width, 0) + 1
     # A blank in a row, or a column of text, makes no other shape.
     whole = sum(widths.values())
-    if not whole:
+    if whole < 0.5 * len(rows):  # `898MA` in a column of names is a number with its unit
         for line, row in zip(sample, rows, strict=True):
             width = sum(_has_number(cell, decimal) or is_stamp(cell) for cell in row)
             words = [cell for cell in row if not _value(cell, decimal)]
             apart = '"' in line or not any(_SEPARATORS & set(cell) for cell in words)
-            if width > 1 and apart and any(_has_number(cell, decimal) for cell in row):
+            if words and width > 1 and apart and any(_has_number(cell, decimal) for cell in row):
                 widths[width] = widths.get(width, 0) + 1
-        whole = sum(widths.values()) // 2
+        whole = (whole + sum(widths.values())) // 2
     return (whole, max(widths, key=widths.__getitem__)) if whole else (0, 0)
 
 
 def _split(lines: Sequence[str], separator: str) -> list[list[str]]:
     if not separator:
-        return [line.split() for line in lines]
+        return [[cell.strip('"') for cell in _SPACED.findall(line)] for line in lines]
     if any('"' in line for line in lines):
         return [next(csv.reader([line], delimiter=separator), []) for line in lines]
     return [line.split(separator) for line in lines]

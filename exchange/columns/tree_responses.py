@@ -92,7 +92,8 @@ def read_responses(path: Path, unit: str | None) -> tuple[Response, ...]:
     """
     tree = _of_csv(path) if "responses" in read_sidecar(path) else tree_of(path)
     arrays, made = _complex(tree), []
-    for name, over in responses_of(tree):
+    pairs = responses_of(tree)
+    for name, over in pairs:
         values, of_unit = arrays[name]
         keys = (f"units.{of_unit}", f"{of_unit}.units", f"{of_unit}.unit")
         factor, power = _velocity_per(path, name, next(filter(None, map(tree.texts.get, keys)), ""), unit)
@@ -107,7 +108,10 @@ def read_responses(path: Path, unit: str | None) -> tuple[Response, ...]:
         share = np.zeros((len(H), 0)) if share is None else np.atleast_2d(share)
         places = [tree.lists.get(key) or [tree.texts.get(key, "")] for key in ("patches", "points")]
         for row, values in enumerate(H):
-            patch, point = (of[row] if row < len(of) and of[row] else str(row + 1) for of in places)
+            patch, point = (of[row] if row < len(of) else "" for of in places)
+            # Of several arrays, each is called as in the file.
+            patch = patch or (name.rpartition(".")[2] if len(pairs) > 1 else str(row + 1))
+            point = point or str(row + 1)
             own = share[row][kept] if row < len(share) and share.shape[1] == len(f) else np.zeros(0)
             velocity = factor * values[kept] * (2j * np.pi * f[kept]) ** power
             simulated = bool(tree.numbers.get("about.simulated", 0.0))

@@ -14,14 +14,13 @@ from ...base.arrays import FloatArray
 from ...base.errors import DataError
 from ..views import About
 from .contained import Tree, tree_of
-from .factors import doubt_beside, is_factor
 from .table import Column, Labels, Stated, Table
 from .text_file import table_of
 from .text_rates import stated_by
 from .text_rows import is_number, numeric_rows, plain_number
 from .together import together
 from .tree_responses import responses_of
-from .units import is_time, split_heading, units_of
+from .units import doubt_beside, is_factor, is_time, split_heading, unit_of, units_of
 
 _START = re.compile(r"(wfstartoffset|startingtime|x0|xorg|xorigin|startvalue|tstart)\Z")
 """Keys without their case, blanks and signs."""
@@ -55,7 +54,7 @@ def read_table(path: Path, decimal: str | None = None, skip: bool = False) -> Ta
         others = tree.lists.get("sheets", [])
         left = (f"Of its sheets {', '.join(map(repr, others))} were left out.",) if others else ()
         return replace(table, notes=(*table.notes, *left))
-    if responses_of(tree):
+    if responses_of(tree) or any(unit_of(said, "rate") for said in _axes(tree).values()):
         raise DataError(f"{path} ({tree.kind}) is over frequency: a response, and no signals.")
     over_time = [name for name, values in tree.arrays.items() if not np.iscomplexobj(values)]
     found = tree.columns or [column for name in over_time for column in _columns(tree, name)]
@@ -177,7 +176,19 @@ def _clock(tree: Tree, holder: str) -> tuple[float | None, float | None]:
             rate = stated.hz
         elif above == holder and _START.match(_plain(leaf)):
             start = value
+    axis = f"{holder.rpartition('.')[0]}.x_values"
+    if (
+        unit := unit_of(_axes(tree).get(axis, ""), "time")
+    ) is not None and f"{axis}.increment" in tree.numbers:
+        rate = float(f"{1 / (tree.numbers[f'{axis}.increment'] * unit.factor):.9g}")
+        start = unit.factor * tree.numbers.get(f"{axis}.start_value", 0.0)
     return rate, start
+
+
+def _axes(tree: Tree) -> dict[str, str]:
+    """By name: the units of axes that have entries of their own, as Simcenter Testlab writes them."""
+    end = ".quantity.label"
+    return {n.removesuffix(end): said for n, said in tree.texts.items() if n.endswith(f"x_values{end}")}
 
 
 def _named(heading: str, unit: str) -> tuple[str, str]:
@@ -201,7 +212,7 @@ def _rates(tree: Tree) -> tuple[Stated, ...]:
     found: dict[float | str, Stated] = {}
     for name, value in tree.numbers.items():
         holder, _, leaf = name.rpartition(".")
-        stated = stated_by(leaf, value)
+        stated = None if holder in _axes(tree) else stated_by(leaf, value)
         if stated is not None and (holder not in tree.arrays or stated.hz is None):
             found.setdefault(stated.hz or f"{leaf} {value}", replace(stated, words=f"{name} = {value:g}"))
     return tuple(found.values())

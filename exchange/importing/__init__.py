@@ -7,14 +7,14 @@ from .files import destination as destination
 from .files import import_file as import_file
 from .mapping import ROLES as ROLES
 from .mapping import FileMapping as FileMapping
-from .names import each_of as each_of
-from .names import named as named
 from .press import import_press as import_press
 from .press import press_of as press_of
 from .press import presses_in as presses_in
 from .recording import import_recording as import_recording
 from .response import import_response as import_response
 from .response import is_response_file as is_response_file
+from .roles import each_of as each_of
+from .roles import named as named
 from .understanding import understand as understand
 from .understood import Question as Question
 from .understood import Signal as Signal

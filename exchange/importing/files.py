@@ -35,7 +35,15 @@ def destination(name: str, folder: Path) -> Path:
 
 
 def import_file(found: Understanding, out: str | Path, activation: float | None = None) -> None:
-    """Write what a file holds into `out`: see `becomes`, `press_of`, `recording_of` and `curve_of`."""
+    """Write what a file holds into `out`: see `becomes`, `press_of`, `recording_of` and `curve_of`.
+
+    For example:
+
+        >>> done = haploop.export_file("press.h5", "csv", "theirs.csv")
+        >>> haploop.import_file(haploop.understand("theirs.csv"), "mine.h5")
+        >>> haploop.load("mine.h5").button
+        'latch'
+    """
     found.require()
     if found.mapping.make == "curve":
         curve_of(found).save(out)

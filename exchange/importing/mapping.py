@@ -9,7 +9,8 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from ...base.files import new_file
-from ...instruments.config import parse_toml, read_text, validate
+from ...base.toml_lines import parse_toml, read_text
+from ...base.validation import validate
 from ..columns import SI
 from .rest import End
 

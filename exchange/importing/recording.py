@@ -68,15 +68,16 @@ def recording_of(found: Understanding, out: Path) -> Recording:
     sensors = Sensors.model_validate(of)
     protocol = Protocol(segmentation=segmentation_for(button))
     rest = min(_REST, 0.1 * volts.shape[1] / RATE_HZ)
+    written = datetime.fromtimestamp(found.path.stat().st_mtime, UTC).isoformat(timespec="seconds")
+    dated = f"Dated {written} by the file's last change, which need not be when it was measured."
     origin = {
         "file": found.path.name,
         "sha256": found.sha256,
         "rate_hz": found.rate_hz,
         "mapping": found.mapping.model_dump(exclude_none=True),
-        "notes": [*found.notes, *_resampling(found.rate_hz)],
+        "notes": [*found.notes, *_resampling(found.rate_hz), dated],
     }
     rig = {"name": "imported", "imported": origin, "sensors": sensors.model_dump(mode="json")}
-    written = datetime.fromtimestamp(found.path.stat().st_mtime, UTC)
     header = Header(
         button=button,
         participant=who,
@@ -91,7 +92,7 @@ def recording_of(found: Understanding, out: Path) -> Recording:
         rig=json.dumps(rig),
         daq=f"imported from {found.path.name}",
         software=f"haploop {metadata.version('haploop')}",
-        started=written.isoformat(timespec="seconds"),
+        started=written,
         protocol=protocol.to_json(),
     )
     ratio = RATE_HZ / found.rate_hz

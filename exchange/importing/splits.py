@@ -143,6 +143,6 @@ def _beside(one: Labels) -> str:
 
 
 def _shown(one: Labels) -> str:
-    distinct = sorted({text for text in one.texts if not is_blank(text)})
+    distinct = sorted({" ".join(text.split())[:40] for text in one.texts if not is_blank(text)})
     more = f" and {len(distinct) - _SHOWN} more" if len(distinct) > _SHOWN else ""
     return ", ".join(distinct[:_SHOWN]) + more

@@ -81,11 +81,21 @@ def time_base(path: Path, stamps: FloatArray, unit: float, rate_hz: float | None
         raise DataError(f"{path} has the same time in all samples: state the rate (--rate).")
     late = stamps - start - slope * count
     deviation = float(np.abs(late).max())
+    if rate_hz is not None and _rounds(unit * (stamps - stamps[0]), steps.max() * unit, rate_hz):
+        # Stamps of some digits, whatever their size: 4.99E-03, 5.00E-03, 5.01E-03.
+        return TimeBase(rate_hz, (f"{rate_hz:g} samples/s, as stated; stamps are rounded",))
     rounded = float(np.ptp(late)) <= _ROUNDED * digit and not _lacks(steps, digit)
     if deviation <= _EVEN * slope or rounded:
         digit = digit if deviation > _EVEN * slope else 0.0
         return _even(path, stamps, slope, digit, unit, rate_hz)
     return _uneven(path, stamps, steps, unit)
+
+
+def _rounds(seconds: FloatArray, longest: float, rate_hz: float) -> bool:
+    """True for stamps (s, from the first) that round those of a rate, so coarsely that many are equal."""
+    coarse = longest * rate_hz > 1.5 and np.count_nonzero(np.diff(seconds) == 0) > 0.1 * len(seconds)
+    off = np.abs(seconds - np.arange(len(seconds)) / rate_hz).max()
+    return bool(coarse and off <= 0.51 * longest < 0.01 * seconds[-1])
 
 
 def _lacks(steps: FloatArray, digit: float) -> bool:
@@ -134,18 +144,29 @@ def _uneven(path: Path, stamps: FloatArray, steps: FloatArray, unit: float) -> T
         raise DataError(f"{path} has stamps too coarse or too uneven to tell a rate: state it (--rate).")
     whole = np.maximum(np.rint(steps / step), 1.0)
     index = np.concatenate([[0.0], np.cumsum(whole)])
+    if index[-1] > 10 * len(stamps):
+        raise DataError(
+            f"{path} lacks more samples than it has, in steps of up to {_s(steps.max() * unit)}: import its "
+            "parts one by one, or state the rate (--rate)."
+        )
     slope, start = np.polyfit(index, stamps, 1)
     late = stamps - start - slope * index
     rms, most = float(np.std(late)) / slope, float(np.abs(late).max()) / slope
     gaps = np.flatnonzero(whole > 1)
-    if rms > _UNEVEN or len(gaps) > 0.02 * len(stamps):
+    # Of a clock that drifts, neighbours are even, however far both are from a straight line.
+    local = float(np.std(steps - whole * step)) / step
+    if min(rms, local) > _UNEVEN or len(gaps) > 0.02 * len(stamps):
         raise DataError(
             f"{path} is not sampled at a constant rate (steps of {_s(steps.min() * unit)} to "
             f"{_s(steps.max() * unit)}): resample it first, or state the rate (--rate)."
         )
     rate = float(f"{1 / (slope * unit):.6g}")
     said = []
-    if most > _EVEN:
+    if rms > _UNEVEN:
+        said.append(
+            f"{rate:g} samples/s on the whole, from which its clock strays by {most:.1f}; resampled evenly"
+        )
+    elif most > _EVEN:
         said.append(
             f"{rate:g} samples/s with a jitter of {_s(rms * slope * unit)} rms, {_s(most * slope * unit)} at "
             f"most ({rms:.1%} and {most:.0%} of a step); resampled evenly"
@@ -166,8 +187,7 @@ def on_grid(base: TimeBase, values: FloatArray) -> FloatArray:
     """(samples,) on the even grid, of values at the base's stamps."""
     if base.stamps is None and base.index is None:
         return values
-    index = np.arange(len(values), dtype=np.float64) if base.index is None else base.index
-    at = index if base.stamps is None else base.stamps * base.rate_hz
+    at = _places(base, len(values))
     grid = np.arange(int(np.floor(at[-1])) + 1, dtype=np.float64)
     straight = np.interp(grid, at, values)
     if base.stamps is None or len(np.unique(values)) <= 2:
@@ -183,10 +203,15 @@ def holes_of(base: TimeBase) -> list[Hole]:
     if base.index is None:
         return []
     before = np.flatnonzero(np.diff(base.index) > 1)
-    offset = 0.0 if base.stamps is None else base.stamps[0] * base.rate_hz
-    return [
-        Hole(int(base.index[b] + 1 - offset), int(base.index[b + 1] - offset), "all signals") for b in before
-    ]
+    at = np.rint(_places(base, len(base.index))).astype(np.int64)
+    return [Hole(int(at[b]) + 1, int(at[b + 1]), "all signals") for b in before]
+
+
+def _places(base: TimeBase, count: int) -> FloatArray:
+    """(samples,) where each of `count` samples stands on the even grid."""
+    if base.stamps is not None:
+        return base.stamps * base.rate_hz
+    return np.arange(count, dtype=np.float64) if base.index is None else base.index
 
 
 def lost(base: TimeBase, damaged: Sequence[int]) -> list[Hole]:
@@ -226,7 +251,8 @@ def filled(values: FloatArray, what: str) -> tuple[FloatArray, list[Hole]]:
 
 def _last_digit(stamps: FloatArray) -> float:
     """The unit of the last decimal digit that stamps have, at most nine behind the point."""
-    some = stamps[:: max(1, len(stamps) // 2000)]
+    # Neighbours too: at equal distances a clock of few digits shows fewer still.
+    some = np.concatenate([stamps[:2000], stamps[:: max(1, len(stamps) // 2000)]])
     for digits in range(-3, 10):
         scaled = some * 10.0**digits
         if np.all(np.abs(scaled - np.rint(scaled)) < 1e-6 + 1e-14 * np.abs(scaled)):
@@ -237,6 +263,6 @@ def _last_digit(stamps: FloatArray) -> float:
 def _s(seconds: float) -> str:
     """A duration, for people."""
     for unit, factor in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6)):
-        if seconds >= factor:
+        if seconds >= factor * (1 - 1e-9):
             return f"{seconds / factor:.3g} {unit}"
     return f"{seconds / 1e-9:.3g} ns"

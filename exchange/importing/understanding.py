@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +19,7 @@ import numpy as np
 from ...base import hdf5
 from ...base.arrays import FloatArray
 from ...base.errors import ConfigurationError, DataError
+from ...base.wording import capital
 from ..columns import SI, WEIGHTS, Column, Table, per_unit, read_table, unit_of
 from .clock import base_of, rates_of, time_of, unit_of_time
 from .mapping import MEASURED, NONE, ROLES, FileMapping, Role
@@ -32,6 +33,8 @@ _SLOWEST, _FASTEST = 100.0, 1e8
 """Samples per second of a file: a press of half a second has fifty, and the fastest cards take 10^7."""
 _MARGIN = 0.05
 """Part by which a clock of 100 Hz may be slow."""
+_LISTED = 30
+"""Columns that a sentence names."""
 _SHORTEST = 0.01
 """s: a fifth of the shortest press."""
 _MOST = {"force": 1e5, "acceleration": 1e6, "displacement": 1.0, "activation": np.inf}
@@ -83,9 +86,9 @@ class _Finder:
         base = None if self.questions and self.questions[0].key.startswith("where") else self._base()
         asked = {q.key for q in self.questions}
         if not any(role in self.taken or role in asked for role in MEASURED):
-            headings = ", ".join(c.heading or str(n) for n, c in enumerate(table.columns))
+            all_ = self._listed(range(len(table.columns)))
             self.questions.append(Question(
-                "force", f"which of its columns ({headings}) is force, acceleration or displacement",
+                "force", f"which of its columns ({all_}) is force, acceleration or displacement",
                 "--force COLUMN, --acceleration COLUMN or --displacement COLUMN"))  # fmt: skip
         if self.time_unit is not None:
             units["time"] = self.time_unit
@@ -114,13 +117,22 @@ class _Finder:
             place = int(place)
         if isinstance(place, int) and place < len(columns):
             return place
-        all_ = ", ".join(c.heading or str(n) for n, c in enumerate(columns))
+        all_ = self._listed(range(len(columns)))
         raise ConfigurationError(
             f"{self.table.path} has no column {place!r} for {role}: it has {all_} (numbers count from 0)."
         )
 
     def _heading(self, number: int) -> str:
-        return self.table.columns[number].called(number)
+        """What a column is called, with its number where another has the same heading."""
+        columns = self.table.columns
+        called = columns[number].called(number)
+        same = sum(column.heading == columns[number].heading for column in columns) > 1
+        return f"{called} (column {number})" if same and columns[number].name else called
+
+    def _listed(self, numbers: Sequence[int]) -> str:
+        """Headings of columns, for a sentence."""
+        more = f" and {len(numbers) - _LISTED} more" if len(numbers) > _LISTED else ""
+        return ", ".join(map(self._heading, numbers[:_LISTED])) + more
 
     def _look(self) -> None:
         """Take the columns that the file says are a role; a question where it says so of several."""
@@ -161,7 +173,7 @@ class _Finder:
                 self.taken[role] = (found[0], claimed[found[0]].why + found[1])
             return
         which = "the vertical acceleration" if role == "acceleration" else role
-        names = ", ".join(self._heading(n) for n in claimed)
+        names = self._listed(list(claimed))
         if len(claimed) > 1:
             self.questions.append(Question(role, f"which of {names} is {which}", f"--{role} COLUMN"))
         for number, claim in claimed.items() if len(claimed) == 1 else ():
@@ -305,7 +317,7 @@ class _Finder:
         # A curve begins at rest, and may end at the largest travel; its rows are no seconds.
         falls = rest.falls("start" if curve else told)
         said = f"{rest.start:.3g} {SI[role]}" if curve else rest.words(told, SI[role])
-        self.notes.append(f"{role.capitalize()} at rest: {said}.")
+        self.notes.append(f"{capital(role)} at rest: {said}.")
         if falls is None:
             self.questions.append(Question(
                 f"rest {role}", f"where {role} rests ({said}; it reaches {rest.low:.3g} to {rest.high:.3g})",

@@ -87,6 +87,12 @@ def _tdms(*channels: tuple[str, np.ndarray, dict[str, Any]], **options: Any) -> 
 
 STEP = {"wf_increment": 1 / RATE}
 NEWTON, METRE = {**STEP, "unit_string": "N"}, {**STEP, "unit_string": "m/s^2"}
+LINEAR = {
+    "NI_Scaling_Status": "unscaled", "NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": "Linear",
+    "NI_Scale[0]_Linear_Slope": 2.0, "NI_Scale[0]_Linear_Y_Intercept": 0.0,
+    "NI_Scale[0]_Linear_Input_Source": 0xFFFFFFFF,
+}  # fmt: skip
+"""As NI's driver logs: numbers of the converter, and how to scale them."""
 BEGIN = np.datetime64("2026-01-01T00:00:00", "us")
 LATER = BEGIN + np.timedelta64(100, "ms")
 
@@ -252,6 +258,16 @@ def _texts(path: Path) -> None:
     book.save(path)
 
 
+def _lines(path: Path) -> None:
+    """With texts of several lines, as a cell's Alt-Enter makes them."""
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    book.active.append(["Time (s)", "Force (N)", "step"])
+    for t, f in zip(T.tolist(), F.tolist(), strict=True):
+        book.active.append([t, f, "press\nonce" if t < 0.1 else "rest"])
+    book.save(path)
+
+
 def electrical(file: Any) -> None:
     """A factor for each channel, as NWB's ElectricalSeries has it."""
     file.attrs["nwb_version"] = "2.7.0"
@@ -294,6 +310,15 @@ def _sides_in_netcdf(table: Any, path: Path) -> None:
             )
             variable[:] = np.array(table[name], dtype="S5").view("S1").reshape(-1, 5) if text else table[name]
             variable.units = {"time (s)": "s", "force (N)": "N"}.get(name, "")
+
+
+def _testlab(unit: str, step: float) -> dict[str, Any]:
+    """As Simcenter Testlab exports a function: an axis of its own, with its unit."""
+    axis = {"start_value": 0.0, "increment": step, "number_of_values": N, "quantity": {"label": unit}}
+    return {
+        "x_values": axis,
+        "y_values": {"values": F, "quantity": {"label": "N"}, "unit": "N", "name": "force"},
+    }
 
 
 def _matlab(**values: Any) -> Callable[[Path], None]:
@@ -378,6 +403,11 @@ ROWS: list[tuple[str, Callable[[Path], None], Right]] = [
     ("name against unit.h5", _hdf5(lambda file: two_units(file, "mN", "mN", "force_N")),
      "is called 'force_N', and its unit is given as mN"),
     ("scaled.mat", _matlab(force=F, Fs=5000.0, scale=1e-3, units={"force": "N"}), "'scale = 0.001' may"),
+    ("daqmx.tdms", _tdms(("Force", F, NEWTON | LINEAR)), {"force": 2 * F}),
+    ("of a map.tdms", _tdms(("Force", F, NEWTON | LINEAR | {"NI_Scale[0]_Scale_Type": "Map"})),
+     "_Scale_Type = Map) was not applied"),
+    ("testlab.mat", _matlab(Signal=_testlab("s", 1 / RATE)), {"force": F}),
+    ("testlab spectrum.mat", _matlab(Signal=_testlab("Hz", 1.0)), "over frequency"),
     ("scaled.tdms", _tdms(("Force", F, NEWTON | {"Scale factor": 1e-3})), "Scale factor = 0.001' may be in"),
     ("sides.parquet", _sides(lambda table, path: table.to_parquet(path)), "column 'side' has left, right"),
     ("sides.h5", _sides(_sides_in_hdf5), "column 'side' has left, right"),
@@ -408,6 +438,7 @@ ROWS: list[tuple[str, Callable[[Path], None], Right]] = [
     ("two formats.xlsx", _workbook('[<1]0.00" mN";0.00" N"'), "shows several units"),
     ("numbers as text.xlsx", _texts, "say what their comma is (--decimal , or --decimal .)"),
     ("told numbers as text.xlsx", _texts, {"force": F}),
+    ("lines in cells.xlsx", _lines, "column 'step' has press once, rest"),
     ("percent.xlsx", _workbook("0.0%", head="Force (N)"), "its heading says N, each of its rows %"),
     ("format against heading.xlsx", _workbook('0.00" mN"', head="Force (N)"),
      "its heading says N, each of its rows mN"),

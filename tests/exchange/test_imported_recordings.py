@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -40,6 +41,7 @@ KINDS = (
 def test_presses_are_the_same_presses(kind: Kind, own: Recording, presses: Written, tmp_path: Path) -> None:
     path, out = tmp_path / kind.name, tmp_path / "out.h5"
     kind.write(path, presses)
+    os.utime(path, (1.6e9, 1.6e9))
     found = haploop.import_recording(path, TOLD, out)
     assert found.complete and not found.simulated and haploop.verify(out) == ()
     assert (found.participant, found.button, found.rate_hz) == ("P02", "push", 5000)
@@ -49,6 +51,7 @@ def test_presses_are_the_same_presses(kind: Kind, own: Recording, presses: Writt
     shift = [p.activation - q.activation for p, q in zip(found.accepted, own.accepted, strict=True)]
     assert np.abs(shift).max() < 1.5  # the delays of a multiplexed card are not in the file
     assert found.imported["sha256"] == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert "Dated 2020-09-13T12:26:40+00:00 by the file's last change" in " ".join(found.imported["notes"])
     heading = {"a.csv": "Kraft [N]", "b.csv": "force [N]"}[kind.name]
     assert found.imported["file"] == kind.name and found.imported["mapping"]["force"] == heading
     press = haploop.representative([found])
@@ -58,6 +61,7 @@ def test_presses_are_the_same_presses(kind: Kind, own: Recording, presses: Writt
     assert np.corrcoef(press.acceleration[:n], reference.acceleration[:n])[0, 1] > 0.9
 
 
+@pytest.mark.long
 def test_an_imported_press_is_pressed_into_the_table(
     presses: Written, tmp_path: Path, run: Run, demo: Demo
 ) -> None:

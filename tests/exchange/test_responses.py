@@ -149,6 +149,10 @@ def test_a_complex_array_over_frequencies_is_a_response(
     found = haploop.import_response(path, rig, "A", "button", unit)
     assert (found.patch, found.point) == ("A", "button") and haploop.is_response_file(path)
     np.testing.assert_allclose(found.velocity, own, rtol=1e-12)
+    savemat(path, {"FRF_laser": own, "FRF_accelerometer": 2 * own, "freq": FREQUENCIES})
+    with pytest.raises(haploop.ConfigurationError, match="FRF_laser at 1, FRF_accelerometer at 1"):
+        haploop.import_response(path, rig, unit="(m/s)/V")
+    np.testing.assert_allclose(haploop.import_response(path, rig, "FRF_laser", unit="(m/s)/V").velocity, own)
     savemat(path, {"H": own, "force": np.arange(400.0), "fs": 5000.0})
     assert not haploop.is_response_file(path)
 

@@ -764,6 +764,195 @@ CASES = (
     Case("an axis that is only a unit", timed("in s,Force in N"), 5000, peaks=SURE),
     Case("kilograms are asked as kgf", timed("time (s),Load (kg)"), asks=("--unit force=kgf",)),
     Case("milligrams", timed("time (s),Load (mg)"), asks=("--unit 'force=0.001 gf'",)),
+    # Of other people's instruments
+    Case(
+        "a logger's row of headers, with its key",
+        ";SampleRate, 5000,Hz\n;Headers, time,Ax,Fz\n" + rows(T, 3 * F, F),
+        5000,
+        {"units": {"force": "N"}},
+        peaks=SURE,
+    ),
+    Case(
+        "units under a third row of headings",
+        '"sep=\t"\nUnix_CAL\tForce_CAL\tA1_UNCAL\tA2_UNCAL\nms\tN\tno_units\tno_units\n'
+        + rows(1e3 * T + 1.6e12, F, F, F, separator="\t"),
+        5000,
+        {"force": "Force_CAL"},
+        peaks=SURE,
+    ),
+    Case(
+        "units under all but the counts",
+        "Devices\n5000\n,,Plate - Force,\nFrame,Sub Frame,Fx,Fz\n,,N,N\n" + rows(T, T, 3 * F, F),
+        5000,
+        {"rate_hz": 5000},
+        peaks=SURE,
+    ),
+    *(
+        Case(
+            f"a preamble beside the numbers: {keys[0]}",
+            head + rows(*columns),
+            rate,
+            {"force": 1, "units": {"force": "0.5 V/N"}},
+            peaks={"force": 4},
+        )
+        for keys, rate, head, columns in (
+            (
+                ("Sample Interval,2.0E-4", "Vertical Units,V", "Horizontal Units,s"),
+                5000,
+                "",
+                (
+                    ["Sample Interval", "Vertical Units", "Horizontal Units", *[""] * 2497],
+                    ["2.0E-4", "V", "s", *[""] * 2497],
+                    [""] * 2500,
+                    np.round(T - 0.25, 7),
+                    np.round(F, 5),
+                ),
+            ),
+            (
+                ("Sampling Period", "stamps of three digits"),
+                50_000,
+                "col 1,col 2,,,\n",
+                (
+                    [f"{t:.2E}" for t in T / 10],
+                    np.round(F, 5),
+                    [""] * 2500,
+                    ["Vertical Units", "Horizontal Units", "Sampling Period", *[""] * 2497],
+                    ["V", "S", "2.0E-5", *[""] * 2497],
+                ),
+            ),
+        )
+    ),
+    Case(
+        "a start and an increment without a sequence",
+        "CH1,CH2,Start,Increment,\nVolt,Volt,-2.5e-01,2.0e-04\n" + rows(F, F, [""] * 2500),
+        5000,
+        {"force": "CH1", "units": {"force": "1 V/N"}},
+        peaks=SURE,
+    ),
+    Case(
+        "keys with := and one unit for all",
+        "# Simple Text\n# Sampling Rate (Hz):= 5000.00\n# Units:= N\n# Labels:= Fx\tFz\n"
+        + rows(3 * F, F, separator="\t"),
+        5000,
+        peaks=SURE,
+    ),
+    Case(
+        "a rate in JSON",
+        '# {"a": {"column": ["I1", "A1"], "sampling rate": 5000, "label": ["A1"]}}\n# EndOfHeader\n'
+        + rows([0] * 2500, F, separator="\t"),
+        5000,
+        {"force": 1, "units": {"force": "N"}},
+        peaks=SURE,
+    ),
+    Case("a line below headings", timed("Time (s),Force (N)\n--------------------"), 5000, peaks=SURE),
+    Case(
+        "words in brackets before a row of units",
+        "Time,Force (Trigger),Travel (filtered)\ns,N,mm\n" + rows(T, F, F),
+        5000,
+        peaks={**SURE, "displacement": 2e-3},
+    ),
+    Case(
+        "an old scale of the screen", timed("Horizontal Old Scale,0.05\nTime (s),Force (N)"), 5000, peaks=SURE
+    ),
+    Case(
+        "headings in quotes between spaces",
+        'Time "Force left" "Travel of it"\ns N mm\n' + rows(T, F, F, separator=" "),
+        5000,
+        peaks={"displacement": 2e-3, **SURE},
+    ),
+    Case(
+        "counts in the place of volts",
+        "Source,CH1,\nVertical Units,V,\nVertical Scale,5.0E-01,\nHorizontal Units,s,\n"
+        "Sampling Period,2.0E-4,\nWaveform Data,\n" + rows(np.rint(40 * F).astype(int), [""] * 2500),
+        told={"force": 0},
+        asks=("0.5 V a division are stated, and it spans 80, as counts do",),
+    ),
+    Case(
+        "samples beside each other",
+        "ACCELERATION IN UNITS OF G\nNPTS=   2500, DT=   .0002 SEC\n"
+        + rows(*np.round(F.reshape(-1, 5), 5).T, separator="  "),
+        asks=("'NPTS= 2500' and has 500 rows of 5: its samples stand beside each other",),
+    ),
+    Case(
+        "a table that lies on its side",
+        "\n".join(" ".join(f"{value:.5f}" for value in one) for one in (T, F)) + "\n",
+        asks=("has 2 rows of 2500 numbers: samples stand below each other",),
+    ),
+    Case(
+        "fewer rows than are stated",
+        timed("#Samples: 8192\nTime (s),Force (N)"),
+        5000,
+        peaks=SURE,
+        notes=("'Samples: 8192' is stated, and there are 2500 rows",),
+    ),
+    Case(
+        "two plates with the same headings",
+        "abs time (s),Fx,Fz,Fx,Fz\ns,N,N,N,N\n" + rows(T, F, F, F, F),
+        asks=("which of Fz [N] (column 2), Fz [N] (column 4) is force",),
+    ),
+    Case(
+        "a clock that drifts",
+        "Time (s),Force (N)\n" + rows(np.round(T + 0.02 * T * (T - 0.5) / 0.25, 6), F),
+        5000,
+        peaks=SURE,
+        notes=("from which its clock strays by ",),
+    ),
+    Case(
+        "a clock that is set while it records",
+        "Time (s),Force (N)\n" + rows(np.round(T + np.where(T < 0.3, 0, 1.7e9), 4), F),
+        asks=("lacks more samples than it has, in steps of up to 1.7e+09 s",),
+    ),
+    Case(
+        "a remark in brackets over one column",
+        "Sample rate: 5000 Hz\n,,(4=vigorous)\n" + rows(F, F, F),
+        asks=("which of its columns (column 0, column 1, column 2)",),
+    ),
+    Case(
+        "a short table of many columns",
+        "\n".join(" ".join(f"{k + n:.1f}" for n in range(80)) for k in range(60)) + "\n",
+        asks=("and 50 more) is force", "its sample rate"),
+    ),
+    Case(
+        "pairs of equal stamps",
+        "Time (s),Force (N)\n" + rows(np.round(np.repeat(0.0012 * np.arange(10_000), 2), 4), np.tile(F, 8)),
+        asks=("stamps too coarse",),
+    ),
+    *(
+        Case(f"over frequency: {name}", text, asks=(asks,))
+        for name, text, asks in (
+            (
+                "an axis unit",
+                "AxisUnit;Hz\nName;a;b\n'; a (Real);b (Real)\n" + rows(T, F, F, separator=";"),
+                "an axis of Hz",
+            ),
+            (
+                "LabVIEW's dimension",
+                LVM.format(x="No").replace("Multi_Headings\tYes", "Multi_Headings\tNo")
+                + SEGMENT.replace("X_Dimension\tTime\tTime", "X_Dimension\tFrequency\tFrequency")
+                + "X_Value\tForce\tAcc\tComment\n"
+                + rows([""] * 2500, F, F, separator="\t"),
+                "an axis of Frequency",
+            ),
+            ("a rising column in Hz", timed("f (Hz),Force (N)"), "is over frequency"),
+            ("a rising Frequenz", timed("Frequenz,Force (N)"), "is over frequency"),
+        )
+    ),
+    Case(
+        "a frequency that does not rise is a column",
+        timed("Time (s),Force (N),Frequency (Hz)", [50] * 2500),
+        5000,
+        peaks=SURE,
+    ),
+    Case(
+        "names of specimens, one of which looks like a number with its unit",
+        '"Units, Load",N\ntime (s),spec,Force (N),n,m\n'
+        + rows(
+            T, np.resize(["RZFE4", "5SDKT", "L8M6B", "V5SNQ", "898MA"], 2500), F, [564] * 2500, [9] * 2500
+        ),
+        5000,
+        {"where": {"spec": "*"}},
+        peaks=SURE,
+    ),
     Case(
         "a phone at 99.87/s",
         "Time (s),Force (N)\n" + rows(np.arange(300) / 99.8667, F[::8][:300]),
