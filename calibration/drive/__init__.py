@@ -3,18 +3,15 @@
 from ..band import BAND
 from .actuation import drift_change
 from .agreement import SharedPower, told_by_noise
-from .button import DigitalButton, build_button, button_under_finger, play_button
+from .button import DigitalButton, build_button, button_under_finger, check_feeling, play_button
 from .check import TOLERANCE, check, resolved
 from .checked import Check
 from .drive import Drive, drive_for
-from .elsewhere import NOWHERE, Elsewhere, Wanted, load_elsewhere
-from .feeling import check_feeling
-from .finger_check import check_under_finger
 from .learning import Iteration, Learning, learn
 from .loudness import ButtonPlan, Loudness, Offer, Offers, offered, plan_button, trade_for
 from .playing import judged_to
-from .pressed import PressedDrives, pressed_drives
-from .targets import BEFORE, Method, modulate
+from .pressed import PressedDrives, check_under_finger, pressed_drives
+from .targets import BEFORE, NOWHERE, Elsewhere, Method, Wanted, load_elsewhere, modulate
 from .trade import STEADY, Trade
 from .verdict import worst
 

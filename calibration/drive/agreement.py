@@ -16,6 +16,7 @@ import numpy as np
 import scipy
 
 from ...base.arrays import BoolArray, ComplexArray, FloatArray
+from ...base.wording import error_said
 from ..intervals import CONFIDENCE, common, not_negative, quantile, student
 
 _NORMAL = NormalDist().inv_cdf(0.5 + CONFIDENCE / 2)
@@ -79,6 +80,16 @@ class SharedPower:
         # The noise's own deviation is known from all lines, and has no Student's t.
         low, high = not_negative(self.value, max(reach, _NORMAL * self.least))
         return float(np.sqrt(low)), float(np.sqrt(high))
+
+    @property
+    def said(self) -> str:
+        """The root with its interval: see `error_said`."""
+        return error_said(self.root, self.interval)
+
+    @property
+    def brief(self) -> str:
+        """As `said`, without the interval of an estimate."""
+        return error_said(self.root, self.interval, brief=True)
 
     def summary(self) -> dict[str, Any]:
         """Plain values for JSON: root, interval and floor; NaN becomes null."""

@@ -1,32 +1,43 @@
-"""The digital button: one file that holds drive, check, and everything that both were computed from."""
+"""The digital button: one file that holds drive, check, and everything that both were computed from.
+
+With it is stored what a finger would feel of the drive, beside the press that was recorded.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from fractions import Fraction
 from importlib import metadata
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy
 
 from ...acquisition import Representative
 from ...base import hdf5
+from ...base.arrays import FloatArray
 from ...base.errors import ConfigurationError, DataError
 from ...base.notebook import InNotebook
 from ...base.progress import Progress, silent
 from ...instruments import Rig
 from ...instruments.operator import RestFinger
 from ..model import Calibration
+from ..perception import Feeling, Pressed, feeling_of
 from .check import check
 from .checked import Check, Verdict
 from .drive import Drive, drive_for
-from .elsewhere import NOWHERE, Wanted, sized
-from .finger_check import check_under_finger
 from .learning import Learning, learn
 from .playing import refuse_foreign
-from .pressed import PressedDrives, pressed_drives
-from .targets import Method
+from .pressed import PressedDrives, check_under_finger, pressed_drives
+from .targets import BEFORE, NOWHERE, Method, Wanted, sized
 from .trade import TRADE, Trade
 from .verdict import worst
+
+if TYPE_CHECKING:
+    from ...acquisition import Representative
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +47,12 @@ class DigitalButton(InNotebook):
     It contains its sources: `press` (with its recordings' names and content hashes), `calibrations`
     (with the rig file at that time), every drive that was tried (`learning`), and the `check` of the
     selected drive, from plays that had no part in the selection.
+
+    For example:
+
+        >>> button = haploop.DigitalButton.load("latch.h5")
+        >>> button.press.button, button.check.verdict
+        ('latch', 'pass')
     """
 
     press: Representative
@@ -65,7 +82,7 @@ class DigitalButton(InNotebook):
 
     def __repr__(self) -> str:
         simulated = ", simulated" if self.simulated else ""
-        error = f"error {100 * self.check.error:.1f} %"
+        error = f"error {self.check.whole.brief}"
         return f"<DigitalButton {self.press.button}: {self.verdict}, {error}{simulated}>"
 
     @property
@@ -130,6 +147,14 @@ def build_button(
     other points are to do: see `drive_for`.
     A button that fails its check is returned as well: see `DigitalButton.passed`.
     Raises what `drive_for`, `learn` and `check` raise.
+
+    For example:
+
+        >>> press, calibration = haploop.load("press.h5"), haploop.load("calibration.h5")
+        >>> button = haploop.build_button(rig, press, calibration, iterations=1)
+        >>> button.save("latch.h5")
+        >>> button.check.verdict
+        'pass'
     """
     calibrations = (calibration,) if isinstance(calibration, Calibration) else tuple(calibration)
     _refuse_other_world(rig, calibrations)
@@ -206,6 +231,11 @@ def play_button(
     With a `finger`, it rests on the button's point meanwhile, and the drive is the one for its force. Raises
     ConfigurationError on a rig other than the one it was made on, and for a finger that the button has no
     drives for; and what `check` and `check_under_finger` raise.
+
+    For example:
+
+        >>> haploop.play_button(rig, haploop.load("latch.h5")).verdict
+        'pass'
     """
     _refuse_other_world(rig, button.calibrations)
     if finger is None:
@@ -235,3 +265,45 @@ def _refuse_other_world(rig: Rig, calibrations: Sequence[Calibration], *, finger
                 f"The calibration is of a {kinds[response.simulated]} table and the rig "
                 f"{rig.name!r} is {kinds[rig.simulated]}: calibrate that rig first."
             )
+
+
+_RATES = 1000
+"""Largest denominator of the ratio of two sample rates."""
+
+
+def check_feeling(check: Check, press: Representative | None = None) -> Feeling:
+    """Compare the motion of a check with the thresholds of detection, and with `press` at its own size.
+
+    `press` is the one that the drive was computed for.
+
+    For example:
+
+        >>> feeling = haploop.check_feeling(haploop.load("check.h5"), haploop.load("press.h5"))
+        >>> "of people" in feeling.sentence
+        True
+    """
+    return feeling_of(
+        check.target,
+        check.measured,
+        check.rate_hz,
+        Pressed(lab=check.lab) if press is None else _pressed(press, check),
+        check.accelerations,
+    )
+
+
+def _pressed(press: Representative, check: Check) -> Pressed:
+    force = None if press.force is None else float(press.force[press.activation_index])
+    return Pressed(_on_clock(press, check.rate_hz, len(check.target)), force, check.lab)
+
+
+def _on_clock(press: Representative, rate_hz: float, samples: int) -> FloatArray:
+    """(samples,) m/s^2: a recorded press on the clock of its drive, which begins before it."""
+    ratio = Fraction(rate_hz / press.rate_hz).limit_denominator(_RATES)
+    acceleration = scipy.signal.resample_poly(
+        np.asarray(press.acceleration), ratio.numerator, ratio.denominator
+    )
+    start = round(BEFORE * rate_hz)
+    out = np.zeros(samples)
+    kept = acceleration[: samples - start]
+    out[start : start + len(kept)] = kept
+    return out

@@ -70,6 +70,13 @@ def check(
     otherwise. `progress` is called after each play. A signal that leaves its range, a dead
     patch or a blocked laser fails the check, with its reason. Raises ConfigurationError for fewer than
     three plays or a drive made for another rig or sample rate, and what `Rig.excite` raises.
+
+    For example:
+
+        >>> result = haploop.check(rig, haploop.load("drive.h5"), haploop.load("press.h5"))
+        >>> result.save("check.h5")
+        >>> result.verdict
+        'pass'
     """
     if plays < 3:
         raise ConfigurationError("A check needs at least 3 plays: their differences are its uncertainty.")
@@ -102,13 +109,22 @@ def _decided(rig: Rig, drive: Drive, seen: Drive, plays: tuple[int, int], progre
     first, most = plays
     played = play(rig, drive, first, progress=progress)
     result = compare(seen, played, rig, most)
-    if first >= most or not undecided(result):
-        return result
-    # Some more than would do: the noise that tells how many is itself known from few plays.
-    needed = plays_needed(result.whole, result.allowed) or most
-    count = min(most, needed + (needed - first + 2) // 3)
-    tell = part_of(progress, f"Check the {drive.button} button, which needs {count} plays", 0, count - first)
-    return compare(seen, joined(played, play(rig, drive, count - first, progress=tell)), rig)
+    while result.plays < most and undecided(result):
+        count = min(most, _wanted(result, most)) - result.plays
+        tell = part_of(
+            progress, f"Check the {drive.button} button, which needs {result.plays + count} plays", 0, count
+        )
+        played = joined(played, play(rig, drive, count, progress=tell))
+        result = compare(seen, played, rig)
+    return result
+
+
+def _wanted(result: Check, most: int) -> int:
+    """Number of plays that would probably decide, and some more: what tells it is known from few plays."""
+    if result.interval[1] <= result.tolerance:
+        return 2 * result.plays  # so that less may hide above
+    needed = plays_needed(result.whole, result.allowed or result.tolerance) or most
+    return needed + (needed - result.plays + 2) // 3
 
 
 def _silence(rig: Rig, drive: Drive, point: str, played: Played) -> Silence:
@@ -238,9 +254,9 @@ def _above(
     octave = shared_power(missed[:, (f >= top / 2) & (f < top)])
     beyond = (f >= top) & (f < played.judged_hz)
     hz = np.concatenate([f[beyond], played.above_hz])
-    shown = missed[:, beyond]
+    shown, above = missed[:, beyond], played.above / np.sqrt(power)
     if len(played.above_hz):
-        shown = np.concatenate([shown, played.above / np.sqrt(power)], axis=1)
+        shown = np.concatenate([shown, above], axis=1)
     bands = np.floor(3 * np.log2(np.maximum(hz, top) / top)).astype(int)
     found = []
     for number in np.unique(bands):
@@ -248,10 +264,12 @@ def _above(
         found.append((float(top * 2 ** ((number + 0.5) / 3)), motion))
     clear = [(hz, motion) for hz, motion in found if motion.clear]
     bound = float(np.interp(top, *drive.above)) if top < played.judged_hz else None
+    first = (played.above_hz >= played.judged_hz) & (played.above_hz < 2 ** (1 / 3) * played.judged_hz)
+    near = shared_power(above[:, first]) if np.any(first) else None
     if not clear:
-        return Above(octave, bound=bound)
+        return Above(octave, bound=bound, near=near)
     most_hz, motion = max(clear, key=lambda one: one[1].value / max(one[1].deviation, one[1].least))
-    return Above(octave, most_hz, motion, bound)
+    return Above(octave, most_hz, motion, bound, near)
 
 
 def _octaves(target: FloatArray, accelerations: FloatArray, rate_hz: float, judged_hz: float) -> ThirdOctaves:

@@ -68,18 +68,27 @@ class Above:
     gain of the filter that it declares, folded down from above the card's Nyquist frequency or not; over the
     target's mean square, as the other errors. `bound` is the most that the error above may be, over the
     target, by the drive's spectrum and the measured response: where the laser's noise ends the band that is
-    judged below the corner of its filter; None elsewhere.
+    judged below the corner of its filter; None elsewhere. `near` is motion in the first third octave above
+    what the laser passes, as the plays show it; None where they show nothing there.
     """
 
     octave: SharedPower
     hz: float = 0.0
     motion: SharedPower | None = None
     bound: float | None = None
+    near: SharedPower | None = None
 
     def summary(self) -> dict[str, Any]:
         """Plain values for JSON."""
         motion = self.motion.summary() if self.motion else None
-        return {"octave": self.octave.summary(), "hz": self.hz, "motion": motion, "bound": self.bound}
+        near = self.near.summary() if self.near else None
+        return {
+            "octave": self.octave.summary(),
+            "hz": self.hz,
+            "motion": motion,
+            "bound": self.bound,
+            "near": near,
+        }
 
 
 @dataclass(frozen=True)
@@ -171,11 +180,10 @@ class Check(InNotebook):
             raise DataError(f"the check has the verdict {self.verdict!r}: there is no such.")
 
     def __repr__(self) -> str:
-        low, high = (100 * edge for edge in self.interval)
         simulated = ", simulated" if self.simulated else ""
         return (
-            f"<Check {self.drive.button}: {self.verdict}, error {100 * self.error:.1f} % "
-            f"({low:.1f} to {high:.1f} %), {self.plays} plays{simulated}>"
+            f"<Check {self.drive.button}: {self.verdict}, error {self.whole.said}, "
+            f"{self.plays} plays{simulated}>"
         )
 
     @property
@@ -185,8 +193,32 @@ class Check(InNotebook):
 
     @property
     def allowed(self) -> float:
-        """Error up to `judged_hz` that the tolerance leaves beside what may lie above."""
-        return float(np.sqrt(max(self.tolerance**2 - (self.above.bound or 0.0) ** 2, 0.0)))
+        """Upper end of the error's interval that the tolerance leaves beside what may lie above.
+
+        What noise may hide there is independent of what it hides below, so that both reaches add as such.
+        """
+        shown, noise = self._above_the_laser
+        reach = self.interval[1] ** 2 - max(self.whole.value, 0.0)
+        beyond = (self.above.bound or 0.0) ** 2 + shown**2 + np.hypot(reach, noise**2) - reach
+        return float(np.sqrt(max(self.tolerance**2 - beyond, 0.0)))
+
+    @property
+    def hidden(self) -> float:
+        """Most that may move above what the laser passes, over the target.
+
+        As the calibration showed it, and as the noise may hide it just above: of the calibration's noise and
+        the plays', which is less.
+        """
+        return float(np.hypot(*self._above_the_laser))
+
+    @property
+    def _above_the_laser(self) -> tuple[float, float]:
+        shown, noise, _ = self.drive.hidden
+        if self.above.bound is not None:
+            return shown, 0.0  # noise that ends the band below says nothing of what is above
+        if self.above.near is not None and self.above.near.possible:
+            noise = min(noise, self.above.near.interval[1])
+        return shown, noise
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -255,9 +287,8 @@ class Check(InNotebook):
         return hdf5.restore(cls, hdf5.read(path, "check"), path)
 
     def __str__(self) -> str:
-        low, high = self.interval
         verdict = " ".join([f"{self.verdict}.", *self.reasons]) if self.reasons else self.verdict
         return (
-            f"error up to {hertz(self.judged_hz)} {self.error:.3f} ({low:.3f} to {high:.3f}), in band "
-            f"{self.within.root:.3f}, outside {self.outside.root:.3f}: {verdict}"
+            f"error up to {hertz(self.judged_hz)} {self.whole.said}, in band {self.within.brief}, "
+            f"outside {self.outside.brief}: {verdict}"
         )

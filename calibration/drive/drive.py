@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
@@ -21,10 +21,9 @@ from ..model import Calibration, Drift
 from ..response import Response
 from ..spectra import resample, third_octaves
 from .actuation import Actuation
-from .elsewhere import NOWHERE, Elsewhere, Wanted, sized
 from .inversion import Plan
-from .planning import expected, plan_for, planned_by
-from .targets import Method, target_grid
+from .planning import Inversion, expected, hidden, plan_for, planned_by, unmeasured_above
+from .targets import NOWHERE, Elsewhere, Method, TargetGrid, Wanted, sized, target_grid
 from .trade import BUDGET, STEADY, TRADE, Trade
 
 if TYPE_CHECKING:
@@ -89,6 +88,9 @@ class Drive(InNotebook):
     above: FloatArray = field(default_factory=lambda: np.zeros((2, 0)))
     """(2, edges): frequencies (Hz), and a bound of the error above each, over the target: see `planning`.
     Empty where none is known."""
+    hidden: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Most that it may move above what the laser passes, over the target: as the calibration showed it, and
+    as its noise may hide just above; and the frequency (Hz) of the most: see `planning`."""
 
     def __post_init__(self) -> None:
         """Raises DataError for signals that no calibration makes, so that nobody plots or plays them."""
@@ -156,6 +158,7 @@ class Drive(InNotebook):
             predicted_error=other.expected[0],
             drifted_error=other.expected[1],
             above=np.zeros((2, 0)),
+            hidden=(0.0, 0.0, 0.0),
             elsewhere=tuple(mine if one is other else one for one in self.elsewhere),
         )
 
@@ -181,7 +184,7 @@ def drive_for(
     *,
     method: Method = "modulated",
     band: tuple[float, float] = BAND,
-    inversion: Literal["optimised", "regularised"] = "optimised",
+    inversion: Inversion = "optimised",
     trade: Trade = TRADE,
     elsewhere: Wanted = NOWHERE,
 ) -> Drive:
@@ -204,10 +207,84 @@ def drive_for(
 
     Raises DataError for a press that cannot be driven or a response that is too noisy, LimitError
     when the limits leave no headroom.
+
+    For example:
+
+        >>> press, calibration = haploop.load("press.h5"), haploop.load("calibration.h5")
+        >>> drive = haploop.drive_for(press, calibration, rig.limits)
+        >>> drive.save("drive.h5")
+        >>> drive
+        <Drive latch at patch A: 47.8 V peak, 1.00 s, simulated>
     """
     if isinstance(calibration, Response):
         calibration = Calibration.of(calibration)
-    table = Actuation.of(calibration, elsewhere)
+    aim = _aim(press, Actuation.of(calibration, elsewhere), limits, method, band, trade, elsewhere)
+    scaled = _scaled(aim, limits, trade, inversion)
+    table, response = aim.table, aim.table.own[0].response
+    peaks = np.abs(scaled.volts).max(axis=1)
+    errors, above = expected(table, aim.drifting, scaled.played, aim.grid.rate_hz, peaks)
+    each = tuple(_at_point(aim, scaled, row, errors[row]) for row in range(len(table.points)))
+    # Where nothing is to move, motion is an error of the button that makes it.
+    silent = [row for row, one in enumerate(aim.presses) if one is None]
+    predicted, drifted = (float(np.linalg.norm(errors[[0, *silent], when])) for when in (0, 1))
+    own = each[0]
+    return Drive(
+        button=own.button,
+        patches=table.patches,
+        point=own.point,
+        rate_hz=table.rate_hz,
+        volts=scaled.volts,
+        target=own.target,
+        scale=own.scale,
+        method=method,
+        carrier_hz=own.carrier_hz,
+        band=aim.band,
+        in_band=own.in_band,
+        known=table.known,
+        predicted_error=predicted,
+        unreached=own.unreached,
+        rig=response.rig,
+        simulated=bool(response.simulated or any(one.simulated for one in aim.presses if one)),
+        sources=own.sources,
+        calibration=table.digest,
+        trade=trade,
+        elsewhere=each[1:],
+        drift=aim.drift,
+        drifted_error=drifted,
+        above=above,
+        hidden=hidden(table, aim.drifting, scaled.played, peaks),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Aim:
+    """What the points of a table are to do, and the plan for it.
+
+    `presses`, `sizes`, `in_band` and `targets`, (points, grid) m/s^2, have one entry a point, the drive's own
+    first. `drifting` is the plan by which the error after a drift is expected.
+    """
+
+    table: Actuation
+    presses: list[Representative | None]
+    sizes: FloatArray
+    grid: TargetGrid
+    band: tuple[float, float]
+    targets: FloatArray
+    in_band: FloatArray
+    drift: Drift
+    plan: Plan
+    drifting: Plan
+
+
+def _aim(
+    press: Representative,
+    table: Actuation,
+    limits: Limits,
+    method: Method,
+    band: tuple[float, float],
+    trade: Trade,
+    elsewhere: Wanted,
+) -> _Aim:
     others = sized(elsewhere)
     presses = [press, *(one for one, _ in others)]
     grid = target_grid(presses, table, method)
@@ -216,12 +293,27 @@ def drive_for(
     sizes = np.array([1.0, *(size for _, size in others)])
     targets = targets * sizes[:, None]
     drift = trade.drift_for(table)
-    plan = plan_for(table, targets, grid, band, limits, drift)
-    steady, drifting = replace(plan, drift=0.0), plan
+    plan = drifting = plan_for(table, targets, grid, band, limits, drift)
     if not drift.modes:
         drifting = replace(plan, drift=table.drifted(grid.frequencies, Drift()))
-    planned = planned_by(plan, trade, trade.budget(drift), float(table.reach(limits).max()), inversion)
+    return _Aim(table, presses, sizes, grid, band, targets, in_band, drift, plan, drifting)
 
+
+@dataclass(frozen=True, eq=False)
+class _Scaled:
+    """A plan within all limits: `volts` (patches, samples) to command, at `scale` of the target."""
+
+    volts: FloatArray
+    scale: float
+    by: str
+    """What limits the scale."""
+    played: FloatArray
+    """(patches, grid): linear volts on the plan's grid."""
+
+
+def _scaled(aim: _Aim, limits: Limits, trade: Trade, inversion: Inversion) -> _Scaled:
+    table, plan, grid = aim.table, aim.plan, aim.grid
+    planned = planned_by(plan, trade, trade.budget(aim.drift), float(table.reach(limits).max()), inversion)
     smooth = grid.smooth
     linear_volts = grid.on_drive(planned) * np.minimum(1.0, smooth / 0.05)
     # Back on the plan's grid, to predict the motion of the exact signal that will be played.
@@ -241,61 +333,31 @@ def drive_for(
         _, by = table.headroom(volts, limits)
     else:
         by = f"{_RANGE_USED:.0%} of the vibrometer's {shown(response.pickup, response.pickup_range)}"
-    errors, above = expected(table, drifting, played, grid.rate_hz)
+    return _Scaled(volts, scale, by, played)
 
-    def unreached(row: int) -> str:
-        given_up = _given_up(steady.at(row), played, grid.rate_hz, band)
-        return " ".join(filter(None, [*_left_out(scale * sizes[row], by, in_band[row], band), given_up]))
 
-    each = tuple(
-        Elsewhere(
-            point=point,
-            button=one.button if one else "",
-            target=scale * grid.on_drive(targets[row]),
-            scale=float(scale * sizes[row]),
-            carrier_hz=grid.carriers[row],
-            in_band=float(in_band[row]),
-            sources=_sources(one),
-            unreached=unreached(row) if one else "",
-            expected=(float(errors[row, 0]), float(errors[row, 1])),
-            known_to=table.known_to(row, band),
-            known_from=table.rows[row][0].response.source,
-        )
-        for row, (point, one) in enumerate(zip(table.points, presses, strict=True))
+def _at_point(aim: _Aim, scaled: _Scaled, row: int, errors: FloatArray) -> Elsewhere:
+    """What a drive does at the point of a `row`; `errors` (2,) are expected there, now and after a drift."""
+    press, first = aim.presses[row], aim.table.rows[row]
+    scale, in_band = float(scaled.scale * aim.sizes[row]), float(aim.in_band[row])
+    unreached = []
+    if press:
+        steady = replace(aim.plan, drift=0.0).at(row)
+        given_up = _given_up(steady, scaled.played, aim.grid.rate_hz, aim.band)
+        unreached = [*_left_out(scale, scaled.by, in_band, aim.band), given_up]
+    return Elsewhere(
+        point=aim.table.points[row],
+        button=press.button if press else "",
+        target=scaled.scale * aim.grid.on_drive(aim.targets[row]),
+        scale=scale,
+        carrier_hz=aim.grid.carriers[row],
+        in_band=in_band,
+        sources=tuple((str(name), str(content)) for name, content in press.sources) if press else (),
+        unreached=" ".join(filter(None, unreached)),
+        expected=(float(errors[0]), float(errors[1])),
+        known_to=aim.table.known_to(row, aim.band),
+        known_from="; ".join(filter(None, (first[0].response.source, unmeasured_above(first)))),
     )
-    # Where nothing is to move, motion is an error of the button that makes it.
-    silent = [row for row, one in enumerate(presses) if one is None]
-    predicted, drifted = (float(np.linalg.norm(errors[[0, *silent], when])) for when in (0, 1))
-    own = each[0]
-    return Drive(
-        button=own.button,
-        patches=table.patches,
-        point=own.point,
-        rate_hz=table.rate_hz,
-        volts=volts,
-        target=own.target,
-        scale=own.scale,
-        method=method,
-        carrier_hz=own.carrier_hz,
-        band=band,
-        in_band=own.in_band,
-        known=table.known,
-        predicted_error=predicted,
-        unreached=own.unreached,
-        rig=response.rig,
-        simulated=bool(response.simulated or any(one.simulated for one in presses if one)),
-        sources=own.sources,
-        calibration=table.digest,
-        trade=trade,
-        elsewhere=each[1:],
-        drift=drift,
-        drifted_error=drifted,
-        above=above,
-    )
-
-
-def _sources(press: Representative | None) -> tuple[tuple[str, str], ...]:
-    return tuple((str(name), str(content)) for name, content in press.sources) if press else ()
 
 
 def _within(

@@ -22,8 +22,7 @@ from ..model import Calibration, Drift
 from ..perception import LabThreshold, Sensation, lab_threshold, levels_of, pressing_act
 from .check import TOLERANCE
 from .drive import Drive, drive_for
-from .elsewhere import NOWHERE, Wanted
-from .targets import Method
+from .targets import NOWHERE, Method, Wanted
 from .trade import BUDGET, Trade
 
 if TYPE_CHECKING:
@@ -109,7 +108,8 @@ class ButtonPlan(InNotebook):
     """Other points that do something at the same time: each with its button's name, empty where silent."""
 
     def __repr__(self) -> str:
-        return f"<ButtonPlan {self.button} on {self.rig}: {len(self.curves)} curves>"
+        counted = "1 curve" if len(self.curves) == 1 else f"{len(self.curves)} curves"
+        return f"<ButtonPlan {self.button} on {self.rig}: {counted}>"
 
     def sensation(self, offer: Offer) -> Sensation:
         """What a person feels of an offer who presses."""
@@ -156,6 +156,13 @@ def plan_button(
     one alone cannot. Where one channel of the amplifier drives all patches, they cannot be played at once,
     and the first alone is planned. Raises ConfigurationError for other points with such
     an amplifier, and what `drive_for` raises.
+
+    For example:
+
+        >>> press, calibration = haploop.load("press.h5"), haploop.load("calibration.h5")
+        >>> plan = haploop.plan_button(press, calibration, rig, methods=["modulated"])
+        >>> plan
+        <ButtonPlan latch on simulated: 1 curve>
     """
     lab = lab_threshold(rig)
     every = (calibration,) if isinstance(calibration, Calibration) else tuple(calibration)

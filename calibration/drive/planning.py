@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal, Protocol
 
@@ -10,6 +11,7 @@ import scipy
 
 from ...base.arrays import ComplexArray, FloatArray
 from ...instruments import Limits
+from ..intervals import not_negative
 from ..model import Calibration, Drift
 from ..spectra import third_octave
 from .actuation import Actuation
@@ -25,13 +27,26 @@ _FALLS = 0.5
 where noise hides it: simulated, a quarter to two fifths, but all of it on a beam."""
 _LARGEST = 2.0
 """The same, for a bound."""
-_MORE = 1.3
-"""What a drive moves above the frequencies played, over what a multisine of as many squared volts was
-measured to move, at most: 0.3 to 0.8 on four simulated tables, up to 1.1 on a beam."""
+_MORE = 2.3
+"""What a drive at the largest level moves above the frequencies played, over what a multisine of as many
+squared volts was measured to move, at most: 0.3 to 0.9 on six simulated tables, 1.1 on a beam, and on plates
+of random modes up to 1.5, where a mode lies on a harmonic of the carrier 2.3."""
+_HIDDEN = 1.5
+"""The same, of motion above what the laser passes: enough for all but a mode on a harmonic of the carrier."""
+_STEEPEST = 1.3
+"""Power of the level over a quiet drive's volts by which distortion grows over its squared volts, at most:
+mostly 1, by which it is expected to, at 1 down to a fifteenth of the level."""
+_ELSEWHERE = 2.0
+"""Motion above the frequencies played at another point over that at the calibrated one, at most, where it was
+not measured: on five simulated tables 0.8 to 1.5 at nine points of ten, 2.2 at a corner. What a map shows
+below these frequencies does not tell it."""
 _ALIKE = 20
 """Neighbouring lines whose gains have one error: the local fits' windows overlap."""
 _CLEAR = 3.0
 """Standard deviations of its noise from which the power of a gain counts."""
+_SHOWN = 4.0
+"""Standard deviations of its noise from which motion above what the laser passes counts as seen: at 10 kHz
+that noise, twice differentiated, is as large as the target, and one band of a hundred exceeds three."""
 _SETTLING = 3
 """Runs of the splitting for one limit, each from where the last one ended."""
 
@@ -80,32 +95,101 @@ def plan_for(
 
 
 def _by_distortion(
-    table: Actuation, plan: Plan, V: ComplexArray, step: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+    table: Actuation, plan: Plan, V: ComplexArray, step: float, quieter: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Squared motion by what the law misses of spectra (patches, lines) of linear volts.
 
     That is spread over the band, and beyond: the table moves as it does there, also where the drive itself
     has no power. `step` (Hz) is the distance of the lines, which go on where the plan's grid ends. Above the
-    frequencies that a calibration plays it measured what a multisine moves.
+    frequencies that a calibration plays it measured what a multisine moves. `quieter` (patches,) is the level
+    of the calibration over the drive's.
 
-    Returns what is expected, (points, bands), the most that it may be, likewise, and (bands,) Hz, the lowest
-    frequency of each.
+    Returns (3, points, bands): what is expected; the most that it may be, less noise, and the variance that
+    noise gives that; and (bands,) Hz, the lowest frequency of each.
     """
     target, volts = np.abs(plan.target[0]) ** 2, (np.abs(V) ** 2).sum(axis=1)
     own = np.array([c.distortion for c in table.own])[:, None] ** 2
     on_line = own / (target > 1e-6 * target.max()).sum()
-    f, played = np.arange(*table.known, step), min(one.model.band[1] for one in table.own)
-    within, noise, hz = _by_bands(table, f[f <= played])
-    above, lost, above_hz = _by_bands(table, f[f > played])
-    value, deviation = np.array([[_measured(c, above_hz) for c in row] for row in table.rows]).T.swapaxes(
-        1, 3
-    )
-    value = np.maximum(value, 0.0)
-    falls = np.minimum(value + deviation, (_SPREAD * _FALLS) ** 2 * on_line * (above - lost))
-    most = np.minimum(_MORE**2 * (value + 2 * deviation), _LARGEST**2 * on_line * above)
-    expected = np.concatenate([_SPREAD**2 * on_line * (within - noise), falls], axis=2)
-    bound = np.concatenate([_LARGEST**2 * on_line * within, most], axis=2)
-    return volts @ expected, volts @ bound, np.concatenate([hz, above_hz])
+    played = min(one.model.band[1] for one in table.own)
+    within, spread, hz = _by_bands(table, np.arange(table.known[0], played, step))
+    each = [
+        _beyond(Actuation(table.patches, (point,), (row,)), on_line, played, step)
+        for point, row in zip(table.points, table.rows, strict=True)
+    ]
+    above_hz = np.unique(np.concatenate([own_hz for _, own_hz in each]))
+    above = np.zeros((3, *within.shape[:2], len(above_hz)))
+    for row, (squares, own_hz) in enumerate(each):
+        above[:, row][..., np.searchsorted(above_hz, own_hz)] = squares
+    most = _LARGEST**2 * on_line
+    inside = np.array([_SPREAD**2 * on_line * within, most * within, (most * spread) ** 2])
+    likely, upper, variance = np.concatenate([inside, above], axis=3)
+    usual, steepest = volts * quieter, volts * quieter**_STEEPEST
+    squares = np.array([usual @ likely, steepest @ upper, steepest**2 @ variance])
+    return squares, np.concatenate([hz, above_hz])
+
+
+def _beyond(
+    point: Actuation, on_line: FloatArray, played: float, step: float
+) -> tuple[FloatArray, FloatArray]:
+    """Squared motion of one point above the frequencies `played` (Hz), over squared volts, by distortion.
+
+    (3, patches, bands) as in `_by_distortion`, and the lowest frequency of each band.
+    Where the response was not measured so high, as at a point that only a map knows, that is what the patches
+    move at the calibrated point; it may be a multiple of it.
+    """
+    if any(c.above is None for c in point.own):
+        hz = np.unique(np.concatenate([c.beyond[0] for c in point.own]))
+        value, deviation = np.moveaxis(np.array([_measured(c, hz) for c in point.own]), 2, 0)
+        value, deviation = (np.where(np.isinf(one), 0.0, one) for one in (value, deviation))
+        most = (_ELSEWHERE * _MORE) ** 2
+        return np.array([np.maximum(value, 0.0), most * value, (most * deviation) ** 2]), hz
+    f = np.arange(played, point.known[1], step)[1:]
+    (above,), (spread,), hz = _by_bands(point, f)
+    value, deviation = np.moveaxis(np.array([_measured(c, hz) for c in point.own]), 2, 0)
+    falls = np.minimum(np.maximum(value, 0.0) + deviation, (_SPREAD * _FALLS) ** 2 * on_line * above)
+    measured = np.array([_MORE**2 * value, _MORE**2 * deviation])
+    by_gain = np.array([_LARGEST**2 * on_line * above, _LARGEST**2 * on_line * spread])
+    less = np.maximum(measured[0], 0.0) + 2 * measured[1] < by_gain[0] + 2 * by_gain[1]
+    most, noise = np.where(less, measured, by_gain)
+    return np.array([falls, most, noise**2]), hz
+
+
+def hidden(
+    table: Actuation, plan: Plan, linear_volts: FloatArray, peaks: FloatArray
+) -> tuple[float, float, float]:
+    """What a drive may move above all that the laser passes, over the target, as the patches were calibrated.
+
+    First what stood out of the noise. Then what the noise may hide in the first third octave, where most is
+    to be expected. Last where (Hz) the most of both is.
+    """
+    usual = (np.abs(scipy.fft.rfft(linear_volts)) ** 2).sum(axis=1) * _quieter(table, peaks) / plan.wanted
+    shown, noise = [(0.0, 0.0)], [(0.0, 0.0)]
+    for c, volts in zip(table.own, usual, strict=True):
+        hz, power, deviation = c.hidden
+        clear = power > _SHOWN * deviation
+        shown += zip((_HIDDEN**2 * volts * power[clear]).tolist(), hz[clear].tolist(), strict=True)
+        near = ~clear & (hz < 2 ** (1 / 3) * hz[:1])
+        if np.any(near):
+            most = not_negative(power[near].sum(), 2 * float(np.linalg.norm(deviation[near])))[1]
+            noise.append((float(most * volts), float(hz[near][-1])))
+    roots = [float(np.sqrt(sum(power for power, _ in own))) for own in (shown, noise)]
+    return roots[0], roots[1], max(shown + noise)[1]
+
+
+def _quieter(table: Actuation, peaks: FloatArray) -> FloatArray:
+    """(patches,): the calibrations' levels over what a drive reaches, (patches,) V, and at least one."""
+    levels = np.array([c.hysteresis.level for c in table.own])
+    return np.maximum(levels / np.maximum(peaks, 1e-9), 1.0)
+
+
+def unmeasured_above(row: Sequence[Calibration]) -> str:
+    """A clause on a point at which motion above the frequencies played was not measured; else empty."""
+    if all(c.above is not None for c in row):
+        return ""
+    said = f"motion above {min(c.model.band[1] for c in row):.0f} Hz was not measured there, and is"
+    if all(c.beyond.size for c in row):
+        return f"{said} expected as at the calibrated point"
+    return f"{said} not expected: it is not known"
 
 
 def _measured(calibration: Calibration, hz: FloatArray) -> FloatArray:
@@ -117,7 +201,7 @@ def _measured(calibration: Calibration, hz: FloatArray) -> FloatArray:
 
 
 def _by_bands(table: Actuation, f: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(points, patches, bands): power of the gain in third octaves of lines (Hz), and that of its noise.
+    """(points, patches, bands): power of the gain in third octaves of lines (Hz), less noise; its deviation.
 
     Both are zero where the gain does not stand out of its noise: a resonance does, what is even does not.
     Also (bands,): the lowest frequency of each.
@@ -130,7 +214,7 @@ def _by_bands(table: Actuation, f: FloatArray) -> tuple[FloatArray, FloatArray, 
     spread = np.sqrt(_ALIKE * np.add.reduceat(noise**2, starts, axis=2))
     power, noise = (np.add.reduceat(one, starts, axis=2) for one in (power, noise))
     clear = power - noise > _CLEAR * spread
-    return np.where(clear, power, 0.0), np.where(clear, noise, 0.0), f[starts]
+    return np.where(clear, power - noise, 0.0), np.where(clear, spread, 0.0), f[starts]
 
 
 def slew_of(limits: Limits, rate_hz: float) -> float:
@@ -150,22 +234,27 @@ def planned_by(plan: Plan, trade: Trade, budget: float, reach: float, inversion:
 
 
 def expected(
-    table: Actuation, plan: Plan, linear_volts: FloatArray, rate_hz: float
+    table: Actuation, plan: Plan, linear_volts: FloatArray, rate_hz: float, peaks: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """What a drive is expected to err, over the targets.
+    """What a drive is expected to err, over the targets, where it reaches `peaks` (patches,) V.
 
     First (points, 2), rms: of each point, as calibrated and after the plan's drift; at a point that is to be
-    silent it is all the motion, over the first point's target. Then (2, edges): frequencies (Hz), and the
-    most that the first point may err above each, by the drive's own spectrum and the measured response, and
-    by the most that distortion may move (`_by_distortion`). A third octave in which the response does not
-    stand out of its noise counts as still.
+    silent it is the motion within the band, over the first point's target. Then (2, edges): frequencies (Hz),
+    and the most that the first point may err above each, by the drive's own spectrum and the measured
+    response, and by the most that distortion may move (`_by_distortion`). A third octave in which the
+    response does not stand out of its noise counts as still.
     """
     V = scipy.fft.rfft(linear_volts)
     f = scipy.fft.rfftfreq(linear_volts.shape[1], 1 / rate_hz)
-    moved, most, edges = _by_distortion(table, plan, V, f[1])
+    (moved, most, variance), edges = _by_distortion(table, plan, V, f[1], _quieter(table, peaks))
     steady = replace(plan, drift=0.0)
-    each = np.array([steady.left_at(V), plan.left_at(V)]).T + (plan.weights * moved.sum(axis=1))[:, None]
+    # Of a silent point motion within the band counts.
+    heard = np.where(np.any(plan.target, axis=1)[:, None] | (edges < table.own[0].model.band[1]), moved, 0.0)
+    each = np.array([steady.left_at(V), plan.left_at(V)]).T + (plan.weights * heard.sum(axis=1))[:, None]
     left = np.abs(plan.missed(V)[0]) ** 2 + np.einsum("pl,ppl->l", np.abs(V) ** 2, plan.covariance[0]).real
     left[~plan.known] = 0.0
-    above = [left[f >= edge].sum() + most[0, edges >= edge].sum() for edge in edges]
+    above = [
+        left[f >= edge].sum() + not_negative(most[0, own].sum(), 2 * np.sqrt(variance[0, own].sum()))[1]
+        for edge, own in zip(edges, edges >= edges[:, None], strict=True)
+    ]
     return np.sqrt(each / plan.wanted), np.array([edges, np.sqrt(np.array(above) / plan.wanted)])

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...base.wording import capital, error_said
 from ..perception import levels_of, sensations_of
 from .agreement import SharedPower, plays_needed
 from .checked import Check, Silence, Verdict, hertz
@@ -26,12 +27,17 @@ _ARRIVES = 0.8
 """Share of a patch's volts that have to be measured at it."""
 _FACTOR = 0.05
 """Distance of a factor over the whole motion from one, from which it is told."""
+_CONFIDENT = "95 % confidence: "
 _WORSE: tuple[Verdict, ...] = ("pass", "not shown", "fail")
 _CONTRADICTS = 2.0
 """Ratio of a predicted error and an end of the measured one's interval, from which they contradict each
 other (estimate)."""
 _AMPLE = 0.05
 """Error from which one that was not expected is told."""
+_PASSES_MORE = (
+    "measure with a vibrometer or a filter that passes more, or play the button at another point or with "
+    "another patch."
+)
 _TOLD = 0.05
 """Share of the target from which tones that were taken out are told."""
 
@@ -69,7 +75,13 @@ def judged(result: Check, signs: Signs) -> Check:
 def undecided(result: Check) -> bool:
     """True for a verdict of not shown that nothing but the number of plays stands against."""
     low, high = result.interval
-    return result.verdict == "not shown" and low <= result.tolerance and high > result.allowed > 0
+    if result.verdict != "not shown" or low > result.tolerance or not high > result.allowed:
+        return False
+    # What more plays would not lessen.
+    stays = (result.above.bound or 0.0) ** 2
+    if high <= result.tolerance:
+        stays += result.drive.hidden[0] ** 2 + max(result.whole.value, 0.0)
+    return bool(stays < result.tolerance**2)
 
 
 def worst(verdicts: Iterable[Verdict]) -> Verdict:
@@ -105,11 +117,9 @@ def _of_silence(silence: Silence, tolerance: float) -> tuple[Verdict, str]:
             "fan, a motor): stop it, and check again."
         )
     low, high = silence.motion.interval
-    moves = (
-        f"{named} moves by {silence.motion.root:.1%} of the target (95 % confidence: {low:.1%} to {high:.1%})"
-    )
+    moves = f"{named} moves by {error_said(silence.motion.root, (low, high), _CONFIDENT)} of the target"
     if low > tolerance:
-        return "fail", f"{moves[0].upper()}{moves[1:]}, and {tolerance:.0%} is accepted."
+        return "fail", f"{capital(moves)}, and {tolerance:.0%} is accepted."
     if high > tolerance:
         return "not shown", (
             f"Not shown: {moves}, which does not tell on which side of the accepted {tolerance:.0%} it lies."
@@ -118,8 +128,10 @@ def _of_silence(silence: Silence, tolerance: float) -> tuple[Verdict, str]:
 
 
 def _said(result: Check) -> str:
-    low, high = result.interval
-    return f"{result.error:.1%} rms (95 % confidence: {low:.1%} to {high:.1%})"
+    """How far the motion differs from the target."""
+    if not np.isfinite(result.error):
+        return "an rms that is not known"
+    return f"an rms of {error_said(result.error, result.interval, _CONFIDENT)}"
 
 
 def _failures(result: Check, signs: Signs) -> list[str]:
@@ -145,8 +157,8 @@ def _failures(result: Check, signs: Signs) -> list[str]:
         failures.append(
             f"The motion of the surface up to {hertz(result.judged_hz)} differs from the target by "
             f"{_said(result)}, and "
-            f"{result.tolerance:.0%} is accepted: {result.within.root:.1%} within {low_hz:.0f} to "
-            f"{high_hz:.0f} Hz, and {result.outside.root:.1%} outside."
+            f"{result.tolerance:.0%} is accepted: {result.within.brief} within {low_hz:.0f} to "
+            f"{high_hz:.0f} Hz, and {result.outside.brief} outside."
         )
     if not drive.in_band >= LEAST_IN_BAND:
         failures.append(
@@ -177,42 +189,56 @@ def _doubt(result: Check, signs: Signs) -> str:
             "laser in step with the plays (mains, a fan, a motor): stop it, and check again."
         )
     if result.interval[1] > result.allowed:
-        needed = plays_needed(result.whole, result.allowed) if result.allowed else None
-        less_noise = "use a range or filter of the vibrometer with less noise, or more output."
-        if needed:
-            remedy = f"{needed} plays would probably show it."
-        elif not result.allowed:  # as more is judged, less is left to a bound
-            remedy = f"More plays would be judged to a higher frequency. Without them, {less_noise}"
-        else:
-            remedy = f"More plays would not: {less_noise}"
         return (
             f"the motion up to {hertz(result.judged_hz)} differs from the target by {_said(result)}, "
             f"{_bounded(result)}which does not tell on which side of the accepted {result.tolerance:.0%} it "
-            f"lies. {remedy}"
+            f"lies. {_remedy(result)}"
         )
     return _beyond(result) or (_contradiction(result) if _unlike_plan(result) else "")
 
 
 def _bounded(result: Check) -> str:
     """What may lie above the band that is judged, as a part of a sentence; empty where nothing is said."""
-    if result.above.bound is None:
-        return ""
-    return f"and above, where noise hides it, by at most {result.above.bound:.1%} as calibrated, "
+    said = ""
+    if result.above.bound is not None:
+        said = f"and above, where noise hides it, by at most {result.above.bound:.1%} as calibrated, "
+    if _hinges_on_hidden(result):
+        said += (
+            f"and near {hertz(result.drive.hidden[2])}, above what the laser passes, by up to "
+            f"{result.hidden:.1%}, "
+        )
+    return said
+
+
+def _hinges_on_hidden(result: Check) -> bool:
+    """True where the check would pass if nothing moved above what the laser passes, and where that is all."""
+    alone = np.hypot(result.interval[1], result.above.bound or 0.0) <= result.tolerance
+    return bool(alone or result.hidden >= result.tolerance)
+
+
+def _remedy(result: Check) -> str:
+    """A sentence on what would tell on which side of the tolerance the error lies."""
+    needed = plays_needed(result.whole, result.allowed) if result.allowed else None
+    if needed:
+        return f"{needed} plays would probably show it."
+    if _hinges_on_hidden(result):
+        told = np.hypot(result.interval[1], result.drive.hidden[0]) <= result.tolerance
+        return f"More plays would {'tell what moves there; otherwise' if told else 'not:'} {_PASSES_MORE}"
+    less_noise = "use a range or filter of the vibrometer with less noise, or more output."
+    if not result.allowed:  # as more is judged, less is left to a bound
+        return f"More plays would be judged to a higher frequency. Without them, {less_noise}"
+    return f"More plays would not: {less_noise}"
 
 
 def _beyond(result: Check) -> str:
     """Evidence that the surface moves too much above the highest frequency that is judged, in a clause."""
     above, top = result.above, hertz(result.judged_hz)
-    tell = (
-        "measure with a vibrometer or a filter that passes more, or play the button at another point or with "
-        "another patch."
-    )
     if above.motion is not None and result.whole.value + above.motion.value > result.tolerance**2:
         limit = "that it passes" if above.bound is None else "up to which is judged"
         return (
             f"the laser shows motion near {hertz(above.hz)}, above the {top} {limit} (or beyond the "
             f"card's sample rate, and folded down), which its filter lets through as {above.motion.root:.1%} "
-            f"of the target: {tell}"
+            f"of the target: {_PASSES_MORE}"
         )
     octave = above.octave
     if (
@@ -223,7 +249,7 @@ def _beyond(result: Check) -> str:
         return (
             f"{octave.root:.1%} of error lie between {hertz(result.judged_hz / 2)} and {top}, and if as much "
             f"lies in the octave above, which the laser does not pass, the motion differs by more than the "
-            f"accepted {result.tolerance:.0%}: {tell}"
+            f"accepted {result.tolerance:.0%}: {_PASSES_MORE}"
         )
     return ""
 
@@ -235,12 +261,12 @@ def _unlike_plan(result: Check) -> bool:
 
 def _contradiction(result: Check) -> str:
     """A clause on a predicted error that the plays contradict; empty where they do not."""
-    predicted, (low, high) = result.drive.predicted_error, result.interval
-    if not (_unlike_plan(result) or low > max(_AMPLE, _CONTRADICTS * predicted)):
+    predicted = result.drive.predicted_error
+    if not (_unlike_plan(result) or result.interval[0] > max(_AMPLE, _CONTRADICTS * predicted)):
         return ""
     return (
         f"{predicted:.1%} of error were expected when the drive was computed or learnt, and the plays show "
-        f"{result.error:.1%} ({low:.1%} to {high:.1%}): the table, the patch or the laser's aim has changed "
+        f"{result.whole.said}: the table, the patch or the laser's aim has changed "
         "since, or the calibration is wrong; calibrate again, and compute the drive from that."
     )
 

@@ -21,10 +21,9 @@ from ...instruments.relay import LOST
 from ...instruments.rig import UNPROVED, identify_each
 from ...instruments.vibrometer import Vibrometer, shown
 from ..drive import Drive
-from .band_check import check_bands
 from .camera_check import check_camera
 from .finding import Finding, Status
-from .ghost_check import check_ghosts
+from .loop_check import check_ghosts
 from .patch_check import check_patches
 from .sensor_check import (
     cards,
@@ -33,7 +32,8 @@ from .sensor_check import (
     check_gravity,
     check_noise,
 )
-from .verdict_check import check_verdicts
+from .stream_check import check_streams
+from .verdict_check import check_bands, check_verdicts
 
 NO_DRIVES: Mapping[str, Drive] = MappingProxyType({})
 _DIVIDER = 100.0
@@ -51,6 +51,11 @@ def examine(
     told which error a check can decide. `progress` is called
     before and after each part. A safe state that is not confirmed is the last finding. Raises
     ConfigurationError for a mass that is none.
+
+    For example:
+
+        >>> [finding.sentence for finding in haploop.examine(rig) if finding.status == "red"]
+        []
     """
     if not 0 < mass < math.inf:
         raise ConfigurationError(f"{mass} kg is no mass for a force sensor: use one of 0.05 to 10 kg.")
@@ -63,6 +68,7 @@ def examine(
         ("Force sensor", "force", rig.sensors.force is not None, lambda: check_force(rig, mass)),
         ("Accelerometer", "acceleration", rig.sensors.acceleration is not None, lambda: check_gravity(rig)),
         ("Camera", "camera", rig.has("camera"), lambda: check_camera(rig)),
+        ("Streams", "streams", rig.has("streams"), lambda: check_streams(rig)),
         ("Two cards, one clock", "daq", len(cards(rig)) > 1, lambda: check_clock(rig)),
         ("Relay", "relay", rig.file.relay is not None, lambda: _relay(rig)),
         ("Patches", "table", _has_table(rig), lambda: check_patches(rig)),
@@ -156,8 +162,8 @@ def _is_direct(rig: Rig) -> bool:
 
 def _identities(rig: Rig) -> Iterator[Finding]:
     for role, instrument in rig.instruments.items():
-        if role == "operator" or (role == "relay" and rig.file.relay is None):
-            continue
+        if role in ("operator", "streams") or (role == "relay" and rig.file.relay is None):
+            continue  # streams are looked for below
         sentence = f"{_identity(rig, role)} responds."
         if role == "amplifier":
             below = "; its gain is measured below" if rig.sensors.drive else ""

@@ -1,4 +1,4 @@
-"""Tell beforehand which error of a button the laser can decide, from its noise at rest.
+"""Tell beforehand which error of a button the laser can decide, from its noise, and which band sensors pass.
 
 A check passes when the upper end of its error's interval is within the tolerance. Of a drive without error,
 noise alone makes that end: the root of the reach of products of its spectra, line by line (see
@@ -6,11 +6,18 @@ noise alone makes that end: the root of the reach of products of its spectra, li
 
 Assumptions: the noise is as at rest, the same in each play, and without tones, which a check takes out. What
 breaks them: spikes, speckle that moves with the surface; then a check needs more plays than are said here.
+
+What sensors pass is compared with half the sample rate, and with the band that is felt. A converter without a
+filter folds what lies above half its rate back into the record (aliasing). Good sensors pass more than that,
+so it is told and not refused. A pick-up of motion that passes less than the skin feels best records a dull
+press, and the button made of it is dull. A force is not compared with the skin: it times presses, and its
+snap is slow.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -84,3 +91,42 @@ def _density(signal: FloatArray, rate_hz: float) -> tuple[FloatArray, FloatArray
     power = np.mean(np.abs(np.fft.rfft(parts)) ** 2, axis=0) / (rate_hz * np.sum(window**2))
     power[1 : (size + 1) // 2] *= 2
     return np.asarray(np.fft.rfftfreq(size, 1 / rate_hz), np.float64), np.asarray(power, np.float64)
+
+
+_FELT_HZ = 250.0
+"""Where the skin of a finger is most sensitive to displacement (Pacinian corpuscles; a textbook's figure)."""
+
+
+def check_bands(rig: Rig) -> Iterator[Finding]:
+    """Tell which pick-ups pass more than half the rate into a card without a filter, or less than is felt."""
+    rate_hz = rig.file.rate_hz
+    for name, sensor in rig.sensors.linear.items():
+        yield from _folded(rig, (name, sensor.channels), (sensor.bandwidth_hz, rate_hz, "rate_hz"))
+        if name != "force" and sensor.bandwidth_hz < _FELT_HZ:
+            yield Finding(
+                f"Bandwidth of {name}",
+                name,
+                "green",  # as the rig file says, and the paper's own
+                f"It passes {sensor.bandwidth_hz:.0f} Hz, and the skin is most sensitive near "
+                f"{_FELT_HZ:.0f} Hz: a recorded press, and the button made of it, is dull. Use a smaller "
+                "filter capacitor, or a sensor of 500 Hz or more.",
+            )
+    if rig.file.vibrometer is not None and rig.file.table is not None:
+        own = rig.vibrometer
+        passes = (own.bandwidth_hz, rig.file.table.rate_hz, "rate_hz in [table]")
+        yield from _folded(rig, ("vibrometer", (own.channel,)), passes)
+
+
+def _folded(rig: Rig, of: tuple[str, Sequence[str]], passes: tuple[float, float, str]) -> Iterator[Finding]:
+    (name, channels), (bandwidth_hz, rate_hz, key) = of, passes
+    unfiltered = [channel for channel in channels if not rig.daq.filtered(channel)]
+    if not unfiltered or not rate_hz / 2 < bandwidth_hz < math.inf:
+        return
+    yield Finding(
+        f"Bandwidth of {name}",
+        name,
+        "yellow",
+        f"It passes {bandwidth_hz:.0f} Hz, and {rate_hz / 2:.0f} Hz, half the sample rate, is recorded: what "
+        "lies between folds back into the record, unless a filter stands before the card. Write "
+        f"{key} = {2 * bandwidth_hz:.0f} or more, or put a low-pass filter there and state low_pass_hz.",
+    )

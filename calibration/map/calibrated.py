@@ -135,7 +135,7 @@ def _moved(modes: Modes, calibrations: Sequence[Calibration]) -> Modes:
     if abs(factor - 1) > _FAR or found.mean() < _LEAST_FOUND:
         raise ConfigurationError(
             f"The map does not fit the calibrations: {found.mean():.0%} of their resonances are among the "
-            f"map's, at {factor - 1:+.1%} in frequency. Measure a new map."
+            f"map's, at {factor - 1:+z.1%} in frequency. Measure a new map."
         )
     alike = np.abs(poles[:, None] - poles) < -_APART * (poles[:, None].real + poles.real)
     peaks = -poles.real < _DAMPED * np.abs(poles)

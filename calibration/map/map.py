@@ -73,6 +73,11 @@ class VibrationMap(InNotebook):
     `shares` is (patches, points, unknowns) of `modes`, per linear volt; `gains` (patches,) are the
     linear volts per volt of a sine of `plan.level` volts, lag included: together they are the response of
     a sweep at this level.
+
+    For example:
+
+        >>> haploop.VibrationMap.load("map").points
+        ('0',)
     """
 
     plan: MapPlan

@@ -1,10 +1,9 @@
 """Rational models of responses, and the calibration that contains response and model."""
 
-from .calibrating import calibrate, calibrate_keeping
+from .calibrating import calibrate, calibrate_keeping, even_order
 from .calibration import Calibration, ChannelScatter, calibration_of, load_calibrations
 from .channel_scatter import ChannelChange, channel_change, with_scatter
 from .drift import Drift, apart, mode_deviations, pole_slopes
-from .even_order import even_order
 from .finger import GROWS, Finger, at_force, under_finger
 from .finger_finding import PlateModes
 from .finger_measuring import calibrate_finger

@@ -43,6 +43,12 @@ class Calibration(InNotebook):
     """Response, model and hysteresis of one patch at one point; `rate_hz` is the sample rate of drives.
 
     The model holds at the level of the excitation; the hysteresis describes the change with amplitude.
+
+    For example:
+
+        >>> calibration = haploop.Calibration.load("calibration.h5")
+        >>> calibration.model.resonances[0].frequency_hz > 0
+        True
     """
 
     response: Response
@@ -61,6 +67,8 @@ class Calibration(InNotebook):
     beyond: FloatArray = field(default_factory=lambda: np.zeros((3, 0)))
     """(3, bands): what that multisine moves above its own frequencies, by third octaves: see `beyond`; empty
     if not measured."""
+    hidden: FloatArray = field(default_factory=lambda: np.zeros((3, 0)))
+    """The same above what the laser passes, as far as it shows a part of that."""
     scatter: ChannelScatter = ChannelScatter()
     """Of its channel: see `calibration.model.channel_scatter`."""
     finger: Finger | None = None
@@ -150,6 +158,12 @@ def load_calibrations(paths: Sequence[str | Path], patches: Sequence[str] = ()) 
 
     A path without a file stands for those of `calibration_of`. Raises ConfigurationError for a patch without
     a calibration, and what `Calibration.load` raises.
+
+    For example:
+
+        >>> (calibration,) = haploop.load_calibrations(["calibration.h5"])
+        >>> calibration.response.point
+        'button'
     """
     files: list[str | Path] = []
     for path in paths:

@@ -44,6 +44,13 @@ def calibrate_finger(
     Raises ConfigurationError for a calibration that is a finger's already, for another rig's, for points that
     are not beside the finger's, and for a force that no finger rests with; InstrumentError when nobody rests
     a finger; DataError when what rests is no fingertip, or nothing rests; and what `measure_response` raises.
+
+    For example:
+
+        >>> calibration = haploop.Calibration.load("calibration.h5")
+        >>> under = haploop.calibrate_finger(rig, calibration, "P01")
+        >>> len(under.model.resonances) > 0
+        True
     """
     response = bare.response
     if bare.finger is not None:

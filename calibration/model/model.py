@@ -13,8 +13,7 @@ from ...base.errors import ConfigurationError, DataError
 from ..band import BAND
 from ..response import Response
 from .projection import Lines, Projection
-from .rational import fit_poles
-from .resonant import decay_deviation, resonant, stands_out
+from .rational import decay_deviation, fit_poles, resonant, stands_out
 
 _FAST = 1000.0
 """Corner of the slope in state space, over the band's upper end: s alone is not proper."""

@@ -1,8 +1,9 @@
 """Frequency responses: excitation, estimators, hysteresis, exchange files."""
 
-from .channels import Channels as Channels
 from .distortion import beyond as beyond
 from .distortion import distortion as distortion
+from .distortion import fit_hysteresis as fit_hysteresis
+from .distortion import hidden as hidden
 from .excitation import Excitation as Excitation
 from .excitation import LinearSweep as LinearSweep
 from .excitation import Multisine as Multisine
@@ -17,7 +18,6 @@ from .hysteresis import HALF_WIDTHS as HALF_WIDTHS
 from .hysteresis import Hysteresis as Hysteresis
 from .hysteresis import even_terms as even_terms
 from .hysteresis import operators as operators
-from .hysteresis_of_levels import fit_hysteresis as fit_hysteresis
 from .measuring import QUICK as QUICK
 from .measuring import SWEEP as SWEEP
 from .measuring import BothSigns as BothSigns
@@ -40,6 +40,7 @@ from .settling import RESOLVED as RESOLVED
 from .settling import refuse_silent_drive as refuse_silent_drive
 from .settling import ringing_of as ringing_of
 from .settling import settle as settle
+from .spot import Channels as Channels
 from .spot import Spot as Spot
 from .spot import overloaded as overloaded
 from .terms import rows as rows

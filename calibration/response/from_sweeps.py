@@ -9,9 +9,9 @@ import scipy
 
 from ...base.arrays import ComplexArray, FloatArray
 from ..spectra import fade
-from .channels import Channels
-from .estimate import FrfEstimate
 from .excitation import LinearSweep
+from .response import FrfEstimate
+from .spot import Channels
 
 _LOWEST = 20.0
 """Lowest frequency (Hz): below it the sweep fades in."""

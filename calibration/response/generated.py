@@ -19,9 +19,8 @@ from ...base.arrays import FloatArray
 from ...base.errors import InstrumentError
 from ...base.progress import Progress, part_of, silent
 from ...instruments import Capture, Rig, Sweep
-from .channels import Channels
 from .excitation import LinearSweep
-from .spot import Spot, overloaded, signals_of
+from .spot import Channels, Spot, overloaded, signals_of
 
 START_HZ = 1.0
 """Where a sweep starts: no generator starts at 0 Hz, and no estimate begins below 20 Hz."""

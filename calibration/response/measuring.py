@@ -11,7 +11,6 @@ from ...base.errors import ConfigurationError, DataError, InstrumentError
 from ...base.progress import Progress, part_of, silent
 from ...instruments import Capture, Rig
 from ..background import LONGEST_REST, Record, Tones, rests, tones_in, without_tones
-from .channels import Channels
 from .excitation import Excitation, LinearSweep, Multisine
 from .from_multisine import from_multisine
 from .from_sweeps import from_sweeps
@@ -19,7 +18,7 @@ from .generated import LEAD, START_HZ, ordered, play_sweeps
 from .hysteresis import Hysteresis
 from .response import Response
 from .settling import full_level, refuse_silent_drive, settle
-from .spot import Spot, refuse_overload, response_of, signals_of
+from .spot import Channels, Spot, refuse_overload, response_of, signals_of
 
 ABOVE_HZ = 600.0
 """Lowest frequency (Hz) of the response above the band: a little below the end of the usual excitations."""

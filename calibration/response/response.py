@@ -1,4 +1,7 @@
-"""The measured frequency response from a patch's volts to the table's velocity at a point."""
+"""The measured frequency response from a patch's volts to the table's velocity at a point.
+
+Result of a frequency response estimator, for any excitation.
+"""
 
 from __future__ import annotations
 
@@ -145,3 +148,18 @@ class Response:
         if not inside.any():
             raise DataError(f"The response has no line between {low:g} and {high:g} Hz.")
         return float(self.coherence[inside].min())
+
+
+@dataclass(frozen=True, eq=False)
+class FrfEstimate:
+    """Fields as in `Response`; arrays are (lines,)."""
+
+    frequencies: FloatArray
+    velocity: ComplexArray
+    deviation: FloatArray
+    scatter: FloatArray
+    coherence: FloatArray
+    path: ComplexArray
+    noise: FloatArray
+    distortion: FloatArray
+    level_gain: ComplexArray

@@ -1,12 +1,8 @@
-"""Keeping a calibration true: history, drift, sensor health, recalibration."""
+"""Keeping a calibration true: history, drift, sensor health, recalibration.
 
-from .adoption import activate as activate
-from .adoption import adopt as adopt
-from .adoption import buttons_of as buttons_of
-from .adoption import calibrations_of as calibrations_of
-from .drift import PlaceMetrics as PlaceMetrics
-from .history import Generation as Generation
-from .history import History as History
-from .outcome import Outcome as Outcome
-from .outcome import note_unopened as note_unopened
-from .recalibration import recalibrate as recalibrate
+Names are loaded when they are first used; `__init__.pyi` lists them.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -120,6 +120,12 @@ class History(InNotebook):
 
     Reading needs no lock, and sees one state or the next. A writer takes the lock (`hold`) before it
     reads the state that it changes: two concurrent writers would undo each other's changes.
+
+    For example:
+
+        >>> history = haploop.History("lab-calibrations")
+        >>> len(history.generations)
+        0
     """
 
     def __init__(self, folder: str | Path) -> None:

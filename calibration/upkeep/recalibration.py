@@ -22,12 +22,20 @@ from .. import sizes
 from ..drive import Check, DigitalButton, Drive, Method, build_button, check
 from ..model import Calibration, calibrate_keeping
 from ..response import Waveforms
-from .adoption import buttons_of, calibrations_of, disturbed_in_check, parts
+from .adoption import (
+    Kind,
+    Outcome,
+    buttons_of,
+    calibrations_of,
+    disturbed_in_check,
+    note_outcome,
+    parts,
+    refuse_other,
+)
 from .common_factor import common_factors, factors_since
 from .drift import compare
 from .history import Generation, History
 from .look import Look, Place, look_at, place_of, places_of, touched_since
-from .outcome import Kind, Outcome, note_outcome, refuse_other
 from .resting import TAKE_AWAY, told_touched
 from .sensor_health import laser_at_rest
 
@@ -63,6 +71,11 @@ def recalibrate(
     ConfigurationError for another rig's and for a disk without room for what may be made, before anything is
     played; InstrumentError when another program recalibrates or the safe state was not confirmed. An
     instrument that fails otherwise is an outcome: broken.
+
+    For example:
+
+        >>> haploop.recalibrate(rig, haploop.History("lab-calibrations")).kind
+        'unchanged'
     """
     when = when or datetime.now(UTC)
     with history.hold(_size(history.active(), iterations)):
@@ -168,7 +181,7 @@ def _played(
         return _with(replace(outcome, kind="broken"), f"{name}: {error}")
     outcome = replace(outcome, before={name: found})
     if found.passed:
-        return _with(outcome, f"{told}: its error is {found.error:.1%}, and it passes.")
+        return _with(outcome, f"{told}: its error is {found.whole.brief}, and it passes.")
     reasons = " ".join(found.reasons)
     if found.verdict == "not shown" and not hidden:
         return _with(

@@ -97,8 +97,8 @@ def told_touched(verdicts: Sequence[Verdict]) -> tuple[str, ...]:
     """A sentence for each place at which something seems to rest on the table."""
     return tuple(
         f"Something seems to rest on the table: seen by patch {one.patch} at the {one.point} point, the "
-        f"dampings of its modes changed by {np.expm1(one.dampings.lowest):+.0%} to "
-        f"{np.expm1(one.dampings.risen):+.0%}, as a finger or a palm changes them, and a drift hardly."
+        f"dampings of its modes changed by {np.expm1(one.dampings.lowest):+z.0%} to "
+        f"{np.expm1(one.dampings.risen):+z.0%}, as a finger or a palm changes them, and a drift hardly."
         for one in verdicts
         if one.dampings.touched
     )

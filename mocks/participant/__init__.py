@@ -1,6 +1,5 @@
 """Simulated participants, who answer by a psychometric model."""
 
-from .model import ParticipantModel, load_participant_model
-from .participant import SimulatedParticipant
+from .participant import ParticipantModel, SimulatedParticipant, load_participant_model
 
 __all__ = ["ParticipantModel", "SimulatedParticipant", "load_participant_model"]

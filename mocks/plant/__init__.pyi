@@ -1,4 +1,3 @@
-from .amplifier import AMPLIFIER_GAIN_ERROR as AMPLIFIER_GAIN_ERROR
 from .bouc_wen import BoucWen as BoucWen
 from .contact import Contact as Contact
 from .equipment import LaserHead as LaserHead
@@ -31,8 +30,10 @@ from .places import OnLaser as OnLaser
 from .places import OnLine as OnLine
 from .places import OnRelay as OnRelay
 from .places import OnSensors as OnSensors
+from .places import OnStreams as OnStreams
 from .places import OnSurface as OnSurface
 from .places import RelayFailure as RelayFailure
+from .plant import AMPLIFIER_GAIN_ERROR as AMPLIFIER_GAIN_ERROR
 from .plant import Plant as Plant
 from .scene import AmplifierOutput as AmplifierOutput
 from .surface import AMPLIFIER_POLE_HZ as AMPLIFIER_POLE_HZ

@@ -36,6 +36,8 @@ _ROUNDS, _FOUND = 40, 1e-11
 """Most rounds of Aberth's method, and the largest step, relative to the pole, after which it has ended."""
 _BESIDE = 1 + 1e-12
 """Where a round looks beside each pole, relative to it: at a root itself, a matrix cannot be solved."""
+_REAL = 1e-12
+"""Imaginary part of a real pole, relative to it, that is nothing but rounding."""
 _WHOLE = 1e-9
 """Largest error of the sum of all poles, relative to that of their sizes, with which none is missing."""
 
@@ -154,7 +156,9 @@ class Coupled:
             apart = found[:, None] - others
             apart[np.arange(len(moving)), moving] = np.inf
             step = 1 / (self._growth(found, modes) - (1 / apart).sum(axis=1))
-            s[moving] = found - step
+            found = found - step
+            # A real pole that left the axis by rounding would be repelled by its own image.
+            s[moving] = np.where(np.abs(found.imag) < _REAL * np.abs(found), found.real, found)
             moving = moving[np.abs(step) > _FOUND * np.abs(found)]
             if not len(moving):
                 break

@@ -7,8 +7,8 @@ are seconds of the plant's clock since the rig was opened; with `within`, the se
 
 A kind of fault is a subclass of `Fault`, `TimedFault` or `PerEventFault`, which say when it acts, and of
 the places where it sits (`places.py`), whose hooks it overrides. The plant calls the hooks of all faults at
-a place, in the order of the rig file. A kind is found by its entry point, so that other packages can add
-kinds (see docs/reference/faults.md).
+a place, in the order of the rig file. haploop's own kinds stand in a table, and
+other packages add kinds by entry points (see docs/reference/faults.md).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from ...instruments.config import RigFile
 
 
 class FaultSettings(BaseModel):
-    """One table of `[[simulation.faults]]`; `kind` is the name of its entry point."""
+    """One table of `[[simulation.faults]]`; `kind` is its name in the table or of its entry point."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 

@@ -1,7 +1,8 @@
 """Installed kinds of fault, and the faults of a rig file.
 
-The set is open: an entry point of the group `haploop.faults` names a subclass of `Fault`. A kind is loaded
-only when a rig file names it, so that a broken package does not affect other rigs.
+haploop's own stand in a table (`mocks/faults/`), which the plant does not know: it asks the simulation. The
+set is open: an entry point of the group `haploop.faults` names a subclass of `Fault`. It is loaded only when
+a rig file names it, so that a broken package does not affect other rigs.
 """
 
 from __future__ import annotations
@@ -13,7 +14,8 @@ import numpy as np
 
 from ...base import entry_points
 from ...base.errors import ConfigurationError
-from ...instruments.config import RigFile, roles, validate_kind
+from ...base.validation import validate_kind
+from ...instruments.config import RigFile, roles
 from .fault import Fault, FaultSettings
 from .places import PLACES
 
@@ -29,13 +31,22 @@ class FaultKinds(Mapping[str, type[FaultSettings]]):
         return fault_class(kind).Settings
 
     def __contains__(self, kind: object) -> bool:
-        return kind in entry_points.installed(entry_points.FAULTS)
+        return kind in _names()
 
     def __iter__(self) -> Iterator[str]:
-        return iter(entry_points.installed(entry_points.FAULTS))
+        return iter(_names())
 
     def __len__(self) -> int:
-        return len(entry_points.installed(entry_points.FAULTS))
+        return len(_names())
+
+
+def _own() -> Mapping[str, type[Fault]]:
+    own: Mapping[str, type[Fault]] = entry_points.load(entry_points.SIMULATION, "plant").own_faults()
+    return own
+
+
+def _names() -> list[str]:
+    return sorted({*_own(), *entry_points.installed(entry_points.FAULTS)})
 
 
 KINDS = FaultKinds()
@@ -48,7 +59,15 @@ def fault_class(kind: str) -> type[Fault]:
     Raises ConfigurationError, which names the package, for a kind that is not installed, that cannot be
     loaded, that two packages provide, or that is not a fault.
     """
+    own = _own().get(kind)
+    if own is not None and not entry_points.entries(entry_points.FAULTS, kind):
+        return own
     loaded: Any = entry_points.load(entry_points.FAULTS, kind)
+    if own not in (None, loaded):
+        raise ConfigurationError(
+            f"{entry_points.named(entry_points.FAULTS, kind)} has the name of one of haploop's own: "
+            "uninstall that package, or ask its author for another name."
+        )
     settings = getattr(loaded, "Settings", None)
     if not (isinstance(loaded, type) and issubclass(loaded, Fault)) or not (
         isinstance(settings, type) and issubclass(settings, FaultSettings)

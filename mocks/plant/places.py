@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 
 from ...base.arrays import FloatArray
-from ..nodes import Run
+from ...nidaqmx_twin.nodes import Run
 from ..transport import ReplyFault
 from .equipment import LaserHead
 from .fault import Fault
@@ -157,6 +157,18 @@ class OnCamera(Fault):
         return False
 
 
+class OnStreams(Fault):
+    """Hooks at the senders of streams, each by its name in the rig file."""
+
+    def stream_lost(self, stream: str, time: float) -> bool:
+        """Return True when the stream is not there, at `time` (s)."""
+        return False
+
+    def samples_lost(self, stream: str, time: float) -> bool:
+        """Return True when the sample of this time never arrives."""
+        return False
+
+
 class OnLine(Fault):
     """Hooks at the lines to instruments."""
 
@@ -178,6 +190,7 @@ PLACES: tuple[type[Fault], ...] = (
     OnSensors,
     OnLaser,
     OnCamera,
+    OnStreams,
     OnLine,
 )
 """Every place."""

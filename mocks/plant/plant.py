@@ -20,14 +20,49 @@ from ...base.arrays import FloatArray
 from ...base.clock import Clock
 from ...base.errors import ConfigurationError
 from ...instruments.config import RigFile
-from ..nodes import Called, Run, Signal, Source
-from .amplifier import Amplifier
+from ...nidaqmx_twin.nodes import Called, Run, Signal, Source
 from .equipment import LaserHead, Switches
 from .places import OnAmplifier, OnCards, OnRelay, OnSurface
 from .scene import AmplifierOutput, Scene
 from .sensed import Output, Quantity, laser, signalled, wired
 from .surface import PlantSource
 from .truth import Truth
+
+AMPLIFIER_GAIN, AMPLIFIER_GAIN_ERROR = 50.0, 0.01
+"""Gain of an E-413.D2 (V per V) and its relative tolerance (docs/hardware.md, "Amplifier")."""
+AMPLIFIER_LOW, AMPLIFIER_HIGH = -100.0, 400.0
+"""Rails of its output (V; docs/hardware.md, "Amplifier")."""
+_DESCRIBED = "analog-amplifier"
+"""Driver of an amplifier whose figures are the rig file's; of any other they are those of the E-413.D2."""
+
+
+class Amplifier:
+    """The amplifier of a rig. `inputs` maps each patch to the node that drives it."""
+
+    def __init__(self, file: RigFile, patches: Sequence[str], rng: np.random.Generator) -> None:
+        self._tolerance = 1 + AMPLIFIER_GAIN_ERROR * rng.uniform(-1, 1)
+        told = file.amplifier.settings if file.amplifier else {}
+        described = file.amplifier is not None and file.amplifier.driver == _DESCRIBED
+        gain = float(told["gain"]) if described else AMPLIFIER_GAIN
+        self._gain = -gain if described and told.get("inverting") else gain
+        self._low = float(told["min"]) if described else AMPLIFIER_LOW
+        self._high = float(told["max"]) if described else AMPLIFIER_HIGH
+        named = told.get("input")
+        if isinstance(named, dict):
+            self.inputs = {str(patch): str(node) for patch, node in named.items()}
+        else:
+            self.inputs = dict.fromkeys(patches, str(named)) if named else {}
+
+    def output(self, run: Run, faults: Sequence[OnAmplifier]) -> FloatArray:
+        """Return the output (steps,) V for a run of an input."""
+        gain = self._gain
+        for fault in faults:
+            gain = fault.gain(gain, run)
+        volts = np.clip(run.values * (gain * self._tolerance), self._low, self._high)
+        for fault in faults:
+            volts = fault.output(volts, run.times)
+        return np.asarray(volts)
+
 
 _Place = tuple[str, type]
 """A node, and the kind of source that drives it."""
@@ -144,7 +179,7 @@ class Plant(Scene):
             then(now)
 
     def drive(self, node: str, source: Source) -> None:
-        """See `haploop.mocks.nodes.Nodes.drive`. Only the amplifier's inputs have an effect.
+        """See `haploop.nidaqmx_twin.nodes.Nodes.drive`. Only the amplifier's inputs have an effect.
 
         The sources of a node add up; one of the same kind takes the place of the one before.
         """
@@ -157,7 +192,7 @@ class Plant(Scene):
     # Reading by converters
 
     def read(self, nodes: Sequence[str], times: FloatArray) -> FloatArray:
-        """See `haploop.mocks.nodes.Nodes.read`. An unwired node carries 0 V."""
+        """See `haploop.nidaqmx_twin.nodes.Nodes.read`. An unwired node carries 0 V."""
         with self._lock:
             volts = np.zeros(times.shape)
             if not times.size:
@@ -201,7 +236,7 @@ class Plant(Scene):
         return clocked
 
     def plays(self, device: str) -> None:
-        """See `haploop.mocks.nodes.Nodes.plays`."""
+        """See `haploop.nidaqmx_twin.nodes.Nodes.plays`."""
         for fault in self.faults.at(OnCards):
             fault.plays(device, self.clock.now())
 

@@ -13,7 +13,8 @@ import numpy as np
 
 from ...base import entry_points
 from ...base.errors import ConfigurationError, HaploopError, InstrumentError
-from ...instruments.config import RigFile, validate
+from ...base.validation import validate
+from ...instruments.config import RigFile
 from .hysteresis import PatchLaw
 from .modal_surface import ModalSurface
 from .places import OnSurface

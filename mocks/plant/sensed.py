@@ -14,7 +14,7 @@ import numpy as np
 
 from ...base.arrays import FloatArray
 from ...base.errors import HaploopError, InstrumentError
-from ..nodes import Signal
+from ...nidaqmx_twin.nodes import Signal
 from .equipment import LaserHead
 from .motions import Quantity, shown_by
 from .places import OnLaser

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -90,3 +91,13 @@ class Truth:
         scene.advance(scene.clock.now())
         scene.amplifier_record = []
         return scene.amplifier_record
+
+    def began(self, record: Sequence[AmplifierOutput]) -> float:
+        """Time (s) at which the first waveform of a record began that a closed contact passed.
+
+        Not its first volts: a waveform may begin with zeros. Raises LookupError where none was passed.
+        """
+        for one in record:
+            if one.closed and np.isfinite(one.period):
+                return one.start
+        raise LookupError("no waveform was passed to a patch")

@@ -12,7 +12,7 @@ from scipy.fft import irfft, rfft, rfftfreq
 
 from haploop.base.errors import ConfigurationError, DataError, InstrumentError
 from haploop.calibration import Calibration, Check, Drive, Finger
-from haploop.calibration.drive import build_button, check_under_finger, drive_for, finger_check
+from haploop.calibration.drive import build_button, check_under_finger, drive_for, pressed
 from haploop.calibration.drive.actuation import Actuation
 from haploop.calibration.drive.targets import target_grid
 from haploop.calibration.model import calibrate_finger, under_finger
@@ -100,7 +100,7 @@ def under(rig: Rig, drive: Drive, monkeypatch: pytest.MonkeyPatch) -> tuple[Chec
         volts = drives[drive.patch]
         rest = len(volts) - len(own)
         if rest >= 0 and np.array_equal(volts[rest:], own):
-            start = next(one.start for one in record if one.closed and np.isfinite(one.period))
+            start = truth.began(record)
             seen.append(truth.velocity(drive.point, start + (rest + np.arange(len(own))) / drive.rate_hz))
         return capture
 
@@ -156,7 +156,7 @@ def test_nobody_and_wrong_requests_are_told_and_the_finger_leaves(
         raise InstrumentError("it broke")
 
     with monkeypatch.context() as failing, pytest.raises(InstrumentError, match="it broke"):
-        failing.setattr(finger_check, "check", broken)
+        failing.setattr(pressed, "check", broken)
         check_under_finger(rig, drive, "P07")
     rig.clock.sleep(1.0)
     rig.simulation.truth.velocity_response("A", "button", BAND)

@@ -108,7 +108,8 @@ def test_what_noise_hides_of_the_table_s_own_modes_is_bounded_and_shows_no_pass(
         result, error, outside = played_and_true(rig, drive, 12, monkeypatch)
     print(f"true {error:.3f}, outside {outside:.3f}; bound {result.above.bound:.3f}; {result}")
     assert result.verdict == "not shown" and error < 0.15
-    assert result.above.bound is not None and outside < result.above.bound
+    # Of noise alone it was 0.64; what is left is what no play of this sensor tells of the distortion.
+    assert result.above.bound is not None and outside < result.above.bound < 0.5
 
 
 @pytest.mark.long
@@ -153,6 +154,7 @@ def test_a_glued_accelerometer_lowers_the_resonance_by_its_mass(tmp_path: Path) 
         assert loaded.resonance_hz < unloaded.resonance_hz - 0.5
 
 
+@pytest.mark.long
 def test_a_drive_stays_within_the_range_of_what_is_shown(tmp_path: Path) -> None:
     """The displacement that a drive makes is within the share of the range that a drive may use."""
     with rig_of("displacement", tmp_path) as rig:

@@ -135,7 +135,9 @@ def test_a_few_plays_are_told_how_many_would_show_it(
         monkeypatch,
         laser=lambda v: (1 + 0.10 * noise.standard_normal()) * v * 0.82,
     )
-    result = check(calibrated.rig, drive, plays=3, most=3)
+    # As much as noise hides is bounded by so much that no number of plays would do.
+    unbounded = replace(drive, above=np.zeros((2, 0)), hidden=(0.0, 0.0, 0.0))
+    result = check(calibrated.rig, unbounded, plays=3, most=3)
     assert result.verdict == "not shown"
     assert "plays would probably show it" in result.reasons[0]
 
@@ -150,6 +152,26 @@ def test_few_plays_that_end_below_what_may_move_are_not_told_that_more_are_of_no
     assert few.judged_hz < 5000 and few.verdict == "not shown"
     assert "More plays would be judged to a higher frequency." in few.reasons[0]
     assert check(calibrated.rig, ringing, plays=8, most=8).judged_hz > few.judged_hz
+
+
+@pytest.mark.parametrize(
+    ("hidden", "says"),
+    [
+        ((0.0, 0.3, 5040.0), ""),
+        ((0.25, 0.0, 6350.0), "More plays would not: measure with a vibrometer"),
+    ],
+    ids=["hidden by noise", "shown"],
+)
+def test_what_the_calibration_left_open_above_the_laser_more_plays_tell(
+    calibrated: Calibrated, drive: Drive, hidden: tuple[float, float, float], says: str
+) -> None:
+    found = check(calibrated.rig, replace(drive, hidden=hidden), plays=4 if not says else 8)
+    if not says:
+        assert found.passed and found.plays > 4 and found.hidden < 0.2
+        unseen = replace(found, above=replace(found.above, near=None))
+        assert (unseen.hidden, unseen.allowed) == (0.3, 0.0) and found.allowed > found.interval[1]
+        return
+    assert found.verdict == "not shown" and found.plays < 64 and says in found.reasons[0]
 
 
 def test_motion_outside_the_band_fails(
@@ -208,6 +230,7 @@ def test_a_play_unlike_the_others_is_no_pass(
     assert any(re.match(said, note) for note in result.notes)
 
 
+@pytest.mark.long
 def test_what_was_played_before_does_not_change_the_verdict(open: OpenRig, drive: Drive) -> None:
     """A patch remembers: right after an excitation a play was 42 to 60 % wrong."""
     rig = open()

@@ -69,6 +69,7 @@ def test_an_even_order_is_identified_and_taken_out_of_the_drive(open: OpenRig, f
     assert PLATES[name][0] is not None or result.within.root < 0.03
 
 
+@pytest.mark.long
 def test_a_patch_without_an_even_order_has_none(open: OpenRig) -> None:
     calibration, _ = made(open, "table, square 4 %", share=-0.02)
     np.testing.assert_allclose(calibration.hysteresis.even, 0.0, atol=3e-4)

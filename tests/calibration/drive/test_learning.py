@@ -60,6 +60,7 @@ def near_the_floor(learning: Learning, method: Method) -> None:
     assert learning.best_again == pytest.approx(best.within.root, abs=0.005)
 
 
+@pytest.mark.long
 @pytest.mark.requires("simulation")
 @pytest.mark.parametrize("number", range(50))
 def test_learning_is_never_worse_than_its_first_play(

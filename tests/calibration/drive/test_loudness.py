@@ -96,6 +96,7 @@ def test_as_loud_as_an_error_allows(calibrated: Calibrated) -> None:
     assert loud[1] > quiet[1] + 1
 
 
+@pytest.mark.long
 def test_at_least_a_level_at_the_least_error(calibrated: Calibrated) -> None:
     loudest = level(calibrated, Loudness(error=TOLERANCE))[1]
     wanted = loudest - 3
@@ -149,8 +150,10 @@ def test_a_stronger_amplifier_moves_the_curve_to_the_right(calibrated: Calibrate
     half = replace(limits, min=limits.min / 2, max=limits.max / 2, peak_to_peak=limits.peak_to_peak / 2)
     rig: Any = SimpleNamespace(limits=half, file=calibrated.rig.file, simulated=True)
     weak = plan_button(make_press(), calibrated.calibration, rig, methods=("modulated",))
-    for one, other in zip(weak.curves[0].offers, plan.curves[0].offers, strict=True):
-        assert other.level - one.level == pytest.approx(6, abs=1.5)
+    one, other = weak.curves[0].offers[0], plan.curves[0].offers[0]
+    assert 5 < other.level - one.level < 9
+    # Distortion is a larger part of what fewer volts move.
+    assert 1.2 < one.error / other.error < 1.6
 
 
 def test_a_plan_is_kept_shown_and_drawn(plan: ButtonPlan, tmp_path: Path) -> None:

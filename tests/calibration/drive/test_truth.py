@@ -7,12 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.by_command import plant
+from benchmarks.disturbed import press_of
 from benchmarks.paper_drive import paper_drive
 from benchmarks.synthetic_responses import generator
 from haploop.base.arrays import FloatArray
-from haploop.calibration import Drive, calibrate, drive_for, learn
+from haploop.calibration import Drive, Trade, calibrate, drive_for, learn
 from haploop.calibration.drive.check import compare
-from haploop.calibration.drive.checked import Check
+from haploop.calibration.drive.checked import Check, hertz
 from haploop.calibration.drive.playing import play
 from haploop.instruments import Capture, Rig
 from haploop.mocks.plant.table import FEWEST_HZ, make_plate
@@ -45,7 +47,7 @@ def played_and_true(
         first = drive.patches[0]
         rest = len(drives[first]) - len(drive.target)
         if rest >= 0 and np.array_equal(drives[first][rest:], drive.volts[0]):
-            start = next(one.start for one in record if one.closed and np.isfinite(one.period))
+            start = truth.began(record)
             times = start + (rest + np.arange(len(drive.target))) / drive.rate_hz
             seen.append(truth.velocity(drive.point, times))
         return capture
@@ -76,7 +78,7 @@ def test_the_stated_interval_holds_the_surfaces_own_error(
     assert low - 0.002 <= error <= high + 0.002
     # Six plays may leave it open.
     assert result.verdict != "fail" and error < 0.10
-    assert outside < 0.08 and outside < bound_of(drive) < 4 * outside
+    assert outside < 0.08 and outside < bound_of(drive) < 5 * outside
 
 
 @pytest.mark.many_plays
@@ -84,7 +86,13 @@ def test_the_stated_interval_holds_the_surfaces_own_error(
     ("hz", "push", "foreseen", "says"),
     [
         (3400.0, 0.3, True, "The motion of the surface up to 5 kHz differs from the target by"),
-        (7000.0, 0.6, False, "Not shown: the laser shows motion near 7"),
+        pytest.param(
+            7000.0,
+            0.6,
+            False,
+            "Not shown: the motion up to 5 kHz differs from the target by",
+            marks=pytest.mark.long,
+        ),
     ],
 )
 def test_a_pane_that_rings_far_above_the_drive_does_not_pass(
@@ -106,9 +114,50 @@ def test_a_pane_that_rings_far_above_the_drive_does_not_pass(
     result, error, outside = played_and_true(rig, drive, 8, monkeypatch)
     assert error > 0.5 and outside > 0.5 and result.within.root < 0.06
     # What the laser does not pass is in no bound.
-    assert not foreseen or outside < bound_of(drive) < 4 * outside
+    assert not foreseen or outside < bound_of(drive) < 5 * outside
     assert (drive.predicted_error > 0.2) == foreseen and drive.known[1] == pytest.approx(5000, abs=1)
     assert not result.passed and result.reasons[0].startswith(says)
+
+
+@pytest.mark.many_plays
+@pytest.mark.parametrize(
+    ("world", "hz", "most"), [(75, "6.35 kHz", (0.2, 0.32)), (127, "5.04 kHz", (0.15, 0.3))]
+)
+def test_what_only_the_calibration_may_show_above_the_laser_is_no_pass(
+    open: OpenRig, monkeypatch: pytest.MonkeyPatch, world: int, hz: str, most: tuple[float, float]
+) -> None:
+    """Modes at 6.2 and 6.5 kHz, and at 5.6 and 5.8 in its noise, passed.
+
+    Two seconds of multisine show, or bound, what eight plays do not.
+    """
+    rig = open(**plant(generator("by command", world), True))
+    press = press_of(generator("by command", world, "press"))
+    drive = drive_for(press, calibrate(rig), rig.limits)
+    result, error, _ = played_and_true(rig, drive, 8, monkeypatch)
+    assert error > 0.2 and result.verdict == "not shown"
+    assert most[0] < np.hypot(*drive.hidden[:2]) < most[1] and hertz(drive.hidden[2]) == hz
+    # Where noise ends the band that is judged, the bound of what is above counts alone.
+    said = f"near {hz}, above what the laser passes, by up to {result.hidden:.1%}" in result.reasons[0]
+    assert said == (result.above.bound is None)
+
+
+@pytest.mark.many_plays
+def test_the_bound_above_the_band_holds_for_drives_unlike_the_multisine_of_its_calibration(
+    open: OpenRig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Hysteresis counts more in a quiet drive: one of 9 of 48 V moved 0.24 above, of a bound of 0.19."""
+    rig = open(seed=77, hysteresis=0.3)
+    calibration, click = calibrate(rig), make_press(((400, 40, 0.0007),))
+    loud = drive_for(make_press(), calibration, rig.limits)
+    quieter = [
+        drive_for(make_press(), calibration, rig.limits, trade=Trade(scale=loud.scale * part))
+        for part in (0.5, 0.2, 0.067)
+    ]
+    for drive in (loud, *quieter, drive_for(click, calibration, rig.limits, method="broadband")):
+        _, error, outside = played_and_true(rig, drive, 3, monkeypatch)
+        print(f"{drive.peak:.1f} V: true {error:.3f}, outside {outside:.3f}; {drive.predicted_error:.3f}")
+        assert outside < bound_of(drive) < 5 * outside
+        assert error / 2 < drive.predicted_error < 2 * error
 
 
 @pytest.mark.timeout(7200)

@@ -130,8 +130,8 @@ def test_tones_that_were_taken_out_are_told_from_five_percent_of_the_target_on(
 def test_a_check_in_words_and_as_plain_values() -> None:
     found = judged(0.9, outside=0.05, spread=0.3)
     assert repr(found) == "<Check push: pass, error 11.2 % (11.2 to 11.2 %), 5 plays, simulated>"
-    assert str(found) == "error up to 1 kHz 0.112 (0.112 to 0.112), in band 0.100, outside 0.050: pass"
-    assert str(judged(0.5)).endswith(f"outside 0.000: fail. {' '.join(judged(0.5).reasons)}")
+    assert str(found) == "error up to 1 kHz 11.2 % (11.2 to 11.2 %), in band 10.0 %, outside 5.0 %: pass"
+    assert str(judged(0.5)).endswith(f"outside at most 0.1 %: fail. {' '.join(judged(0.5).reasons)}")
     np.testing.assert_allclose(found.noise, 0.3 * (noise(0) - noise(1)) / np.sqrt(10), atol=1e-12)
     np.testing.assert_allclose(found.measured, found.accelerations.mean(axis=0))
     said = found.summary()
@@ -177,8 +177,9 @@ def test_a_check_that_nobody_can_have_measured_is_refused(wrong: dict[str, Any],
         (
             {"share": 0.8, "outside": 0.05},
             "fail",
-            "The motion of the surface up to 1 kHz differs from the target by 20.6% rms (95 % confidence: "
-            "20.6% to 20.6%), and 20% is accepted: 20.0% within 200 to 300 Hz, and 5.0% outside.",
+            "The motion of the surface up to 1 kHz differs from the target by an rms of 20.6 % (95 % "
+            "confidence: 20.6 to 20.6 %), and 20% is accepted: 20.0 % within 200 to 300 Hz, and 5.0 % "
+            "outside.",
         ),
         ({"overload": "The laser left its range."}, "fail", "The laser left its range."),
         ({"peak": 50.9}, "pass", ""),
@@ -214,7 +215,7 @@ def test_a_check_that_nobody_can_have_measured_is_refused(wrong: dict[str, Any],
             {"share": 0.85, "predicted_error": 0.62},
             "not shown",
             "Not shown: 62.0% of error were expected when the drive was computed or learnt, and the plays "
-            "show 15.0% (15.0% to 15.0%): the table",
+            "show 15.0 % (15.0 to 15.0 %): the table",
         ),
     ],
 )
@@ -258,7 +259,7 @@ def test_evidence_of_dependence_takes_every_error_away(spread: float, says: str)
 def test_plays_without_numbers_fail() -> None:
     found = judged(share=[0.9, float("nan"), 0.9, 0.9, 0.9])
     assert found.verdict == "fail" and not found.passed
-    assert "differs from the target by nan% rms (95 % confidence: nan% to nan%)" in found.reasons[0]
+    assert "differs from the target by an rms that is not known, and 20% is accepted" in found.reasons[0]
 
 
 @pytest.mark.parametrize(
@@ -301,8 +302,9 @@ def test_plays_that_do_not_tell_are_no_verdict_and_how_many_would() -> None:
     remedy = f"{needed} plays would probably show it." if needed else "More plays would not: use a range"
     (reason,) = found.reasons
     assert reason.startswith(
-        f"Not shown: the motion up to 1 kHz differs from the target by {found.error:.1%} rms (95 % "
-        f"confidence: {low:.1%} to {high:.1%}), which does not tell on which side of the accepted 20% it"
+        f"Not shown: the motion up to 1 kHz differs from the target by an rms of "
+        f"{100 * found.error:.1f} % (95 % confidence: {100 * low:.1f} to {100 * high:.1f} %), which does "
+        "not tell on which side of the accepted 20% it"
     )
     assert remedy in reason
 
@@ -538,7 +540,7 @@ def test_a_silent_point_that_moves_fails_the_check() -> None:
     assert quiet.passed and quiet.silent[0].contrast_db == pytest.approx(14.4, abs=0.1)
     assert loud.verdict == "fail" and loud.error == quiet.error
     (reason,) = loud.reasons
-    assert reason.startswith("The 57 point, which is to be silent, moves by 21.0% of the target (95 % conf")
+    assert reason.startswith("The 57 point, which is to be silent, moves by 21.0 % (95 % confidence: 21.0 to")
     unsure = still(0.19, noise=0.02)
     assert unsure.verdict == "not shown" and "on which side of the accepted 20% it lies" in unsure.reasons[0]
 

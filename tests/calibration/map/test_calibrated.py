@@ -105,8 +105,19 @@ def test_one_point_plays_and_one_is_silent_that_nobody_calibrated(mapped: Mapped
     assert other.outside.root < 0.3 and made.check.outside.root < 0.3
     for one in planned:
         assert 0 < one.known_to < 0.02 and "map" in one.known_from
+        assert "above 625 Hz was not measured there, and is expected as at the cal" in one.known_from
+    # What distortion moves beyond is expected of a button, by what it moves at the calibrated point.
+    assert other.whole.interval[0] / 1.5 < planned[0].expected[0] < 1.5 * other.whole.interval[1]
+    assert planned[0].expected[0] > 2 * other.within.root
     made.save(tmp_path / "quiet.h5")
     assert DigitalButton.load(tmp_path / "quiet.h5").digest == made.digest
+
+
+def test_what_nobody_measured_above_a_map_is_said_to_be_unknown(mapped: Mapped) -> None:
+    nothing = tuple(replace(one, beyond=np.zeros((3, 0)), above=None) for one in mapped.own)
+    every, press = with_map(nothing, mapped.map, ["57"]), make_press()
+    drive = drive_for(press, every, mapped.rig.limits, elsewhere={"57": press})
+    assert drive.elsewhere[0].known_from.endswith("there, and is not expected: it is not known")
 
 
 def test_a_map_that_does_not_fit_is_refused_in_a_sentence(mapped: Mapped, tmp_path: Path) -> None:

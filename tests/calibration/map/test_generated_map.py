@@ -16,6 +16,7 @@ from tests.conftest import OpenRig
 pytestmark = pytest.mark.many_plays
 
 
+@pytest.mark.long
 def test_a_map_by_the_generator_is_the_plates_own(rigs: Rigs, open: OpenRig, tmp_path: Path) -> None:
     """Of a pane with modes far above the sweep: a pole of what it does not ring made 17 % between lines."""
     simulated(rigs)

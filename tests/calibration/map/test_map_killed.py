@@ -47,6 +47,7 @@ def measured(folder: MapFolder) -> dict[str, np.ndarray]:
     return {name: point.velocity for name, point in measurements.items() if point is not None}
 
 
+@pytest.mark.long
 @pytest.mark.timeout(3600)
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no fork, which makes many kills cheap")
 def test_killed_anywhere_and_gone_on_with_it_is_the_same_map(tmp_path: Path, mode: str, full: bool) -> None:

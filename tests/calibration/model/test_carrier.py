@@ -27,10 +27,16 @@ def said(calibration: Calibration, label: str) -> str:
     ("machine", "background"),
     [
         ({"volts": 0.05}, "steady tones at 50.0, 100.0, 150.0, 200.0 Hz, which were taken out"),
-        ({"volts": 0.2, "wander": 1e-3}, "that are not steady and stay in"),
-        ({"volts": 0.5, "after": 15.0}, "look for mains hum (ground the laser's cable), a fan or a motor"),
+        pytest.param(
+            {"volts": 0.2, "wander": 1e-3}, "that are not steady and stay in", marks=pytest.mark.long
+        ),
+        pytest.param(
+            {"volts": 0.5, "after": 15.0},
+            "look for mains hum (ground the laser's cable), a fan or a motor",
+            marks=pytest.mark.long,
+        ),
         # In one play alone, and not of the full level: only what the levels say of each other shows it.
-        ({"volts": 0.4, "after": 46.0, "frequency": 182.2}, ""),
+        pytest.param({"volts": 0.4, "after": 46.0, "frequency": 182.2}, "", marks=pytest.mark.long),
     ],
     ids=["steady", "wandering", "starts", "starts in the last play"],
 )
@@ -56,6 +62,7 @@ def coil(tmp_path_factory: pytest.TempPathFactory) -> Calibration:
         return calibrate(rig)
 
 
+@pytest.mark.long
 def test_a_carrier_lies_in_the_band_of_drives_and_says_what_it_costs(coil: Calibration) -> None:
     """A coil moves the table most at 64.58 Hz, below the band: of a press on it a drive holds little."""
     assert coil.carrier_hz == pytest.approx(127.45, abs=0.05)

@@ -146,4 +146,4 @@ def test_a_calibration_keeps_and_says_its_scatter(before: Calibration, tmp_path:
         [f.lines for f in contents_of(c).facts if f.label == "Channel"] for c in (again, before)
     )
     assert f"{100 * stated.scatter.gain:.2f} % of gain" in str(said[0]) and "3 changes within" in str(said[0])
-    assert "1.00 % of gain and 2 us of delay (estimates)" in str(guessed[0])
+    assert "1.00 % of gain and 2 µs of delay (estimates)" in str(guessed[0])

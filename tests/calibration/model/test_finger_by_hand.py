@@ -138,6 +138,7 @@ def test_nothing_is_no_finger_and_the_lightest_is_one(heavy: Pane) -> None:
     assert 0.015 < heavy.found(crumb).changed < 0.025
 
 
+@pytest.mark.long
 def test_the_uncertainty_is_that_of_a_hand_that_wanders(light: Pane, heavy: Pane) -> None:
     """With an exact response nothing else is left: 3 % of the force that was held for two seconds."""
     for one, force in ((light, 1.0), (light, 5.0), (heavy, 1.0)):

@@ -25,6 +25,7 @@ def measured(laser_hz: float, drive_hz: float) -> haploop.Response:
         return haploop.quick_response(rig, "A", "button")
 
 
+@pytest.mark.long
 def test_a_response_does_not_depend_on_the_couplings() -> None:
     direct = measured(0.0, 0.0)
     for laser_hz, drive_hz in ((20.0, 0.0), (0.0, 5.0)):

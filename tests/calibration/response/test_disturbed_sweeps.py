@@ -40,6 +40,7 @@ def test_a_steady_tone_is_no_mode_and_no_error(open: OpenRig, fault: dict[str, A
     assert calibration.model.resonance_hz == pytest.approx(truth.resonance_hz, abs=0.05)
 
 
+@pytest.mark.long
 def test_a_tone_that_is_not_steady_is_in_the_stated_deviation(open: OpenRig) -> None:
     fan = {"kind": "rotating-machine", "channel": "laser", "volts": 0.02, "frequency": 117.3, "wander": 1e-3}
     response = (rig := open(seed=7, faults=[fan])) and calibrate(rig).response

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from haploop.calibration import Multisine, fit, quick_response
-from haploop.calibration.response.local_rational import local_rational
+from haploop.calibration.response.from_multisine import local_rational
 from tests.conftest import OpenRig
 
 RATE = 5000.0

@@ -11,7 +11,7 @@ from haploop import calibration
 from haploop.base.errors import ConfigurationError, DataError, InstrumentError
 from haploop.calibration import LinearSweep, Multisine, fit, measure_response, quick_response
 from haploop.calibration.response import settle
-from haploop.calibration.response.channels import Channels
+from haploop.calibration.response.spot import Channels
 from haploop.instruments import Aim, Rig
 from tests.calibration.conftest import Calibrated, tamper
 from tests.conftest import OpenRig

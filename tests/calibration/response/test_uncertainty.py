@@ -78,6 +78,7 @@ def test_a_drift_between_sweeps_is_in_their_deviation() -> None:
         assert 0.5 < stated < 5
 
 
+@pytest.mark.long
 def test_modes_that_soften_are_in_the_deviation() -> None:
     """Sweeps at two levels show it, and a multisine on the lines that it leaves out."""
     surface = random_modal(np.random.default_rng(60481), modes=6, damping=(0.006, 0.01), close_pairs=0)

@@ -92,6 +92,7 @@ def test_the_table_as_it_was_is_unchanged(calibrated: Calibrated, history: Histo
     assert "The button push-A-button was played" in outcome.sentences[-1]
 
 
+@pytest.mark.long
 @pytest.mark.requires("simulation")
 def test_a_tenth_of_a_percent_is_unchanged(open: OpenRig, history: History) -> None:
     before = content(history)
@@ -203,6 +204,7 @@ def test_a_new_calibration_keeps_what_is_known_of_its_channel(
     assert anew.without[0].startswith("push has no drives for P07's finger now: make them again")
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("looked_once")
 @pytest.mark.requires("simulation")
 def test_what_the_response_does_not_show_is_seen_when_the_button_is_played(
@@ -222,6 +224,7 @@ def test_what_the_response_does_not_show_is_seen_when_the_button_is_played(
     assert outcome.kind == "drifted"
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("looked_once")
 def test_every_button_has_its_turn_and_the_least_margin_is_first(
     calibrated: Calibrated, history: History, monkeypatch: pytest.MonkeyPatch
@@ -249,6 +252,7 @@ def test_every_button_has_its_turn_and_the_least_margin_is_first(
     assert played == ["close-A-button", "push-A-button", "far-A-button", "close-A-button"]
 
 
+@pytest.mark.long
 @pytest.mark.requires("simulation")
 def test_spikes_of_the_laser_are_filled_and_counted_and_named(open: OpenRig, history: History) -> None:
     before = content(history)
@@ -288,6 +292,7 @@ def test_a_point_that_nobody_aims_at_is_not_measured(calibrated: Calibrated, his
     )
 
 
+@pytest.mark.long
 def test_a_button_that_needs_another_point_is_not_played_when_nobody_aims_there(
     open: OpenRig, history: History, tmp_path: Path
 ) -> None:

@@ -1,0 +1,10 @@
+from .adoption import Outcome as Outcome
+from .adoption import activate as activate
+from .adoption import adopt as adopt
+from .adoption import buttons_of as buttons_of
+from .adoption import calibrations_of as calibrations_of
+from .adoption import note_unopened as note_unopened
+from .drift import PlaceMetrics as PlaceMetrics
+from .history import Generation as Generation
+from .history import History as History
+from .recalibration import recalibrate as recalibrate
