@@ -3,7 +3,6 @@
 from .averaging import AverageMethod as AverageMethod
 from .filtering import bandwidth_of as bandwidth_of
 from .filtering import high_pass as high_pass
-from .judging import judged as judged
 from .pressing import NAMES as NAMES
 from .pressing import LivePressing as LivePressing
 from .pressing import levels_of as levels_of
@@ -12,6 +11,7 @@ from .protocol import Protocol as Protocol
 from .quality import QualityCheck as QualityCheck
 from .quality import accepted_presses as accepted_presses
 from .quality import activation_forces as activation_forces
+from .quality import judged as judged
 from .rates import LEAST_RATES as LEAST_RATES
 from .rates import fast_enough as fast_enough
 from .rates import require_rate as require_rate

@@ -30,6 +30,8 @@ _NOISE = 5.0
 """A click begins at this multiple of the mean magnitude at rest, at least."""
 _WARM = 0.1
 """s of samples before a block in which its high-pass settles."""
+_PART = 1 << 18
+"""Samples that are filtered at once: the triangular system takes 50 bytes for each."""
 
 
 @dataclass(frozen=True)
@@ -111,10 +113,17 @@ def shaken(vertical: FloatArray, rate_hz: float, high_pass_hz: float) -> FloatAr
     moved = vertical - vertical[:1]
     k = np.tan(np.pi * min(high_pass_hz / rate_hz, 0.45))
     scale = 1 / (1 + np.sqrt(2) * k + k**2)
-    bands = np.ones((3, len(moved)))
-    bands[1], bands[2] = 2 * (k**2 - 1) * scale, (1 - np.sqrt(2) * k + k**2) * scale
-    driven = scale * np.convolve(moved, [1.0, -2.0, 1.0])[: len(moved), None]
-    return np.asarray(np.abs(scipy.linalg.lapack.dtbtrs(bands, driven, uplo="L")[0][:, 0]))
+    last, before = 2 * (k**2 - 1) * scale, (1 - np.sqrt(2) * k + k**2) * scale
+    found = scale * np.convolve(moved, [1.0, -2.0, 1.0])[: len(moved)]
+    bands = np.ones((3, min(len(moved), _PART)))
+    bands[1], bands[2] = last, before
+    for begin in range(0, len(found), _PART):
+        part = found[begin : begin + _PART]
+        if begin:  # what the part before leaves
+            one, two = found[begin - 1], found[begin - 2]
+            part[:2] -= [last * one + before * two, before * one][: len(part)]
+        part[:] = scipy.linalg.lapack.dtbtrs(bands[:, : len(part)], part[:, None], uplo="L")[0][:, 0]
+    return np.asarray(np.abs(found))
 
 
 class LivePressing:

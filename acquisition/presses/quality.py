@@ -10,13 +10,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-import scipy
 
 from ...base.arrays import FloatArray
 from ...base.errors import DataError
-from ...instruments import Sensors
+from ...base.wording import capital
+from ...instruments import LinearSensor, Sensors
 from ...instruments.sensors import Restorer
 from ..recording import BLOCK, EVENT, FLAGS, VERDICT, Contents, Header, PressVerdict, Recording, to_codes
+from .filtering import running_mean
 from .pressing import Levels, press_quantity, pressing
 from .protocol import Protocol
 from .restlessness import crept, hum_of
@@ -42,6 +43,12 @@ def accepted_presses(
     """Select the accepted presses, or all presses of a recording without verdicts.
 
     `found` defaults to the presses found with the recording's own segmentation. Raises DataError.
+
+    For example:
+
+        >>> recording = haploop.Recording.open("data/P01-latch.h5")
+        >>> len(haploop.accepted_presses(recording))
+        2
     """
     protocol = Protocol.from_json(recording.header.protocol)
     if found is None:
@@ -141,14 +148,14 @@ class QualityCheck:
             force=np.nan if at is None else at,
             accepted=not wrong,
             flags=tuple(flag for flag in FLAGS if flag in wrong),
-            reason=f"{sentence[0].upper()}{sentence[1:]}." if sentence else "",
+            reason=f"{capital(sentence)}." if sentence else "",
         )
 
     def _strength(self, force: FloatArray, at: float | None) -> dict[str, str]:
         """What is wrong with the force (samples,) N of a press, and with that at its activation."""
         p = self._p
         width = max(1, round(p.segmentation.bin * self._header.rate_hz))
-        peak = float(scipy.ndimage.uniform_filter1d(force, width).max())
+        peak = float(running_mean(force, width).max())
         low, high = p.force or (p.segmentation.pressed, self._most)
         if peak > self._most:
             return {
@@ -165,7 +172,7 @@ class QualityCheck:
         p, rate_hz = self._p, self._header.rate_hz
         wrong = {}
         width = max(1, round(p.segmentation.bin * rate_hz))
-        force = np.asarray(scipy.ndimage.uniform_filter1d(signal, width))
+        force = running_mean(signal, width)
         peak = float(force[begin:end].max())
         if _times(force[begin:end:width]) > 1:
             wrong["double"] = "it was pressed twice"
@@ -218,16 +225,17 @@ class _Excerpt(Recording):
         """See `Recording.quiet`."""
         return self._still
 
-    def _rest_of(self, volts: FloatArray) -> FloatArray:
+    def _rest_of(self, sensor: LinearSensor) -> FloatArray:
         # The median ignores a touch within it.
-        return np.asarray(np.median(volts[:, self._still], axis=1))
+        return np.asarray(np.median(self.volts_in(sensor.channels, self._still), axis=1))
 
     def _tared(self, quantity: str) -> FloatArray:
         sensor = self._linear(quantity)
         if not sensor.ac_coupled or quantity not in self._rests:
             return super()._tared(quantity)
         # What fades of the press before is no rest: that of the session is, and what it leaves is constant.
-        signal = Restorer(sensor, self.rate_hz)(sensor.along(self._rows(sensor), self._rests[quantity]))
+        faded = sensor.along(self.volts_in(sensor.channels, slice(None)), self._rests[quantity])
+        signal = Restorer(sensor, self.rate_hz)(faded)
         return np.asarray(signal - np.median(signal[self._still]))
 
 
@@ -256,3 +264,26 @@ def _times(force: FloatArray) -> int:
         elif value > top and (count or value > least):
             count, top, bottom = max(count, 1), value, value
     return count
+
+
+_BEFORE = 1.0
+"""s before a press that are looked at, unless another press is nearer."""
+
+
+def judged(recording: Recording, protocol: Protocol) -> tuple[PressVerdict, ...]:
+    """The verdict on each press, numbered in order, each at its first attempt. Raises DataError."""
+    check = QualityCheck(recording.path, recording.header, recording.sensors, protocol)
+    for quantity, sensor in recording.sensors.linear.items():
+        check.rests[quantity] = recording.volts_in(sensor.channels, recording.rest).mean(axis=1)
+    found = find_presses(recording, protocol.segmentation)
+    rate_hz = recording.rate_hz
+    verdicts = []
+    for number, press in enumerate(found, 1):
+        low = found[number - 2].release + 1 if number > 1 else 0
+        high = found[number].onset if number < len(found) else len(recording)
+        first = max(low, press.onset - round(_BEFORE * rate_hz))
+        end = min(high, press.release + 1 + round(protocol.quiet * rate_hz))
+        span = Span(press.onset, press.release + 1, 0.0)
+        volts = recording.volts_in(recording.channels, slice(first, end))
+        verdicts.append(check(volts, first, span, number, 1))
+    return tuple(verdicts)

@@ -23,7 +23,14 @@ KIND = "representative"
 
 @dataclass(frozen=True, eq=False)
 class Representative(InNotebook):
-    """The representative press of `members` presses; arrays are (samples,)."""
+    """The representative press of `members` presses; arrays are (samples,).
+
+    For example:
+
+        >>> press = haploop.Representative.load("press.h5")
+        >>> press.acceleration.shape == press.force.shape
+        True
+    """
 
     button: str
     rate_hz: float

@@ -82,6 +82,12 @@ def load_press(
     """The press that one file of a representative press holds, or the average of recordings' presses.
 
     Raises DataError for a file of another kind, and the errors of `representative`.
+
+    For example:
+
+        >>> press = haploop.load_press("data/P01-latch.h5", method="mean")
+        >>> press.button, press.members
+        ('latch', 2)
     """
     paths = paths_of(files)
     if len(paths) == 1 and hdf5.kind_of(paths[0]) == KIND:
@@ -115,13 +121,20 @@ def representative(
 
     The sign of an accelerometer that was upside down is corrected. Presses with hum, spikes or a sensor that
     does not follow, and those that clicked once more than the participant's others, are left out and listed
-    (`sensor_faults.py`, `double_clicks.py`).
+    (`sensor_faults.py`, `choice.py`).
 
     Presses that were rejected, saturated a sensor, did not activate the button, were held for less than half
     the median time, or differ from the participant's other presses are left out and listed, as are
     participants whose presses differ from the others'. `progress` is called as recordings are read, and as
     presses are averaged. Raises DataError when no press is left, ConfigurationError for recordings that
     cannot be combined, an invalid band, or an unknown method.
+
+    For example:
+
+        >>> press = haploop.representative(haploop.Recording.open("data/P01-latch.h5"))
+        >>> press.save("press.h5")
+        >>> press
+        <Representative latch: 2 presses, 8.80 m/s² peak, simulated>
     """
     if isinstance(recordings, Recording):
         recordings = [recordings]

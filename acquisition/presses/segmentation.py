@@ -21,15 +21,14 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 
 from ...base.arrays import BoolArray, FloatArray
 from ..recording import Recording
-from .force_at import Instant, force_at
+from .filtering import running_mean
+from .force_at import BEHIND, Instant, Snaps, force_at
 from .pressing import Levels, levels_of, pressing, shaken
 from .rates import fast_enough
 from .segmentation_settings import Segmentation, segmentation_for
-from .snaps import BEHIND, Snaps
 
 
 class Span(NamedTuple):
@@ -124,7 +123,7 @@ class ButtonPress:
     """End of the window (exclusive)."""
     activation: float | None
     """Instant of the contact's first change, in either direction; without a contact, of the snap in the force
-    or the click in the motion (`snaps.py`); None without any."""
+    or the click in the motion (`force_at.py`); None without any."""
     opened: float | None
     """Instant at which the contact changed back during the same press (momentary buttons); None otherwise."""
     force_at_activation: float | None
@@ -170,7 +169,9 @@ class _Finder:
     def __init__(self, recording: Recording, p: Segmentation, signal: FloatArray, levels: Levels) -> None:
         self._recording, self._p, self._signal, self._levels = recording, p, signal, levels
         rate_hz = recording.rate_hz
-        self._smooth = np.asarray(scipy.ndimage.uniform_filter1d(signal, max(1, round(p.bin * rate_hz))))
+        self._smooth = running_mean(signal, max(1, round(p.bin * rate_hz)))
+        self._above = np.empty(len(signal))
+        """`_smooth` above the rest of the press that is looked at, between its neighbours only."""
         self._shaken = shaken(recording.vertical, rate_hz, p.stage_high_pass) if recording.motion else None
 
     def press(self, span: Span, low: int, high: int, first: bool, last: bool) -> ButtonPress:
@@ -179,7 +180,8 @@ class _Finder:
         margin = round(p.margin * rate_hz)
         quiet = _before(self._signal, span, low, margin)
         rest = float(quiet.mean()) if len(quiet) else span.rest
-        above = self._smooth - rest
+        above = self._above
+        np.subtract(self._smooth[low:high], rest, out=above[low:high])
         onset, release = _edges(above, span, low, high, self._levels)
         start = max(onset - margin, 0 if first else (low + onset) // 2)
         stop = min(release + margin, len(above) if last else (release + high) // 2)

@@ -28,6 +28,7 @@ from ...instruments.mains import mains_hum
 from ...instruments.sensors import fault_along_vertical, fault_at_rest
 from ...instruments.sensors import upside_down as turned_over
 from ..recording import Recording
+from .filtering import running_mean
 
 _NAMES = {
     "force": "force sensor",
@@ -66,7 +67,7 @@ def left_range(quantities: Sequence[str]) -> str:
 def upside_down(recording: Recording, rest: slice) -> bool:
     """True when the accelerometer shows gravity along -z in the samples `rest`."""
     sensor = recording.sensors.acceleration
-    return sensor is not None and turned_over(sensor, _volts(recording, sensor.channels)[:, rest])
+    return sensor is not None and turned_over(sensor, recording.volts_in(sensor.channels, rest))
 
 
 def axis_fault(recording: Recording, rest: slice) -> str:
@@ -74,7 +75,7 @@ def axis_fault(recording: Recording, rest: slice) -> str:
     sensor = recording.sensors.acceleration
     if sensor is None:
         return ""
-    volts = _volts(recording, sensor.channels)[:, rest]
+    volts = recording.volts_in(sensor.channels, rest)
     shown = sensor.to_si(volts).mean(axis=1)
     if wrong := fault_along_vertical(sensor, volts):
         axis = sensor.axes[sensor.row]
@@ -116,8 +117,9 @@ def signal_fault(recording: Recording, rest: slice, press: slice, still: FloatAr
     force = recording.sensors.force
     if force is None or len(force.channels) == 1:
         return ""
-    gauges, weights = _volts(recording, force.channels), force.weights
-    shares = weights * (gauges[:, press].mean(axis=1) - gauges[:, rest].mean(axis=1))
+    weights = force.weights
+    pressed, before = (recording.volts_in(force.channels, part).mean(axis=1) for part in (press, rest))
+    shares = weights * (pressed - before)
     heavy = np.abs(weights) > _WEIGHT * np.abs(weights).max()
     deaf = heavy & (np.abs(shares) < _STILL * np.abs(shares).sum())
     if deaf.any() and not deaf[heavy].all():
@@ -133,7 +135,7 @@ def doubt(recording: Recording, rest: slice, press: slice, still: FloatArray) ->
     """
     sensor = recording.sensors.acceleration
     doubts: list[str] = []
-    if sensor and (wrong := fault_at_rest(sensor, _volts(recording, sensor.channels)[:, rest])):
+    if sensor and (wrong := fault_at_rest(sensor, recording.volts_in(sensor.channels, rest))):
         doubts.append(f"accelerometer: {wrong.removesuffix('.')}")
     if recording.motion:
         called, motion = _NAMES[recording.motion], recording.vertical[press]
@@ -151,10 +153,6 @@ def doubt(recording: Recording, rest: slice, press: slice, still: FloatArray) ->
         if left > _CREPT:
             doubts.append(f"the force sensor creeps: {left:.1%} of the force is left after the press")
     return "; ".join(doubts)
-
-
-def _volts(recording: Recording, channels: tuple[str, ...]) -> FloatArray:
-    return np.asarray(recording.volts[[recording.channels.index(name) for name in channels]])
 
 
 def _hum(still: FloatArray, motion: FloatArray, rate_hz: float) -> tuple[float, str] | None:
@@ -182,7 +180,7 @@ def _over(rms: float, motion: FloatArray, rate_hz: float) -> float:
 
 
 def _fast(signal: FloatArray, rate_hz: float) -> FloatArray:
-    return np.asarray(signal - scipy.ndimage.uniform_filter1d(signal, max(1, round(_SLOW * rate_hz))))
+    return np.asarray(signal - running_mean(signal, max(1, round(_SLOW * rate_hz))))
 
 
 def _spikes(still: FloatArray, motion: FloatArray) -> int:

@@ -12,8 +12,7 @@ import haploop
 from haploop.acquisition import find_presses
 from haploop.calibration.examination.sensor_check import check_noise
 from haploop.instruments import load_rig_file
-from haploop.instruments.daq.serial_codec import Framing
-from haploop.instruments.daq.serial_settings import Column, SerialSettings
+from haploop.instruments.daq.serial_codec import Column, Framing, SerialSettings
 from haploop.instruments.live.levels import levels
 from haploop.mocks.clock import VirtualClock
 from haploop.mocks.daq.serial_adc import Board

@@ -123,7 +123,9 @@ def agreement(press: haploop.Representative, truth) -> float:
     return float((found / sizes).max())
 
 
-@pytest.mark.parametrize("kind", ["charge and IEPE, no switch", "travel and a switch"])
+@pytest.mark.parametrize(
+    "kind", [pytest.param("charge and IEPE, no switch", marks=pytest.mark.long), "travel and a switch"]
+)
 def test_what_is_missing_takes_its_figures_away_and_nothing_else(tmp_path: Path, kind: str, run: Run) -> None:
     rig = written(tmp_path, kind)
     out = tmp_path / "recordings"

@@ -83,7 +83,8 @@ def test_the_stated_uncertainty_holds_for_presses_that_nobody_chose(rate_hz: flo
 
 
 @pytest.mark.parametrize(
-    ("every", "force", "bandwidth"), [(1, True, 2500), (2, True, 1250), (10, True, 250), (15, False, 0)]
+    ("every", "force", "bandwidth"),
+    [(1, True, 2500), (2, True, 1250), (10, True, 250), pytest.param(15, False, 0, marks=pytest.mark.long)],
 )
 def test_an_import_is_as_good_as_the_rate_that_it_was_measured_at(
     every: int, force: bool, bandwidth: float, run: Run, tmp_path: Path

@@ -40,7 +40,7 @@ def rms(values):
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-@pytest.mark.parametrize("family", ["tempo", "hands"])
+@pytest.mark.parametrize("family", [pytest.param("tempo", marks=pytest.mark.long), "hands"])
 def test_smoothly_warped_presses_give_their_template_as_well_as_their_true_warps_would(family, full):
     """Tuned on "tempo", seeds 0 to 2; "hands" and these seeds were held out."""
     errors, limits, shapes = [], [], []
@@ -59,7 +59,7 @@ def test_smoothly_warped_presses_give_their_template_as_well_as_their_true_warps
     assert rms(shapes) < 0.02
 
 
-@pytest.mark.parametrize("family", ["tempo", "hands"])
+@pytest.mark.parametrize("family", [pytest.param("tempo", marks=pytest.mark.long), "hands"])
 def test_events_that_jitter_independently_keep_their_shape_and_their_spectrum(family, full):
     shapes, spectra = {}, {}
     for seed in range(100, 110 if full else 101):

@@ -2,9 +2,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.ndimage import uniform_filter1d
 
-from haploop.acquisition import find_presses, record
+from haploop.acquisition import Recording, find_presses, record
+from haploop.acquisition.presses import pressing
+from haploop.acquisition.presses.filtering import running_mean
 from haploop.acquisition.presses.segmentation import Detector
+from haploop.acquisition.recording import recording as reading
 from tests.acquisition.presses.pressworld import world_rig
 
 BUTTONS = ("latch", "toggle", "push")
@@ -39,6 +43,28 @@ def test_every_press_is_found_where_it_was(tmp_path, button):
             assert abs(press.first_stage - 5000 * (t.activation - 0.06 / t.speed)) < 6
         else:
             assert press.first_stage is None
+
+
+@pytest.mark.parametrize("button", BUTTONS)
+def test_a_long_recording_is_read_in_parts_as_at_once(tmp_path, button, monkeypatch):
+    recording, _ = recorded(tmp_path, button)
+    monkeypatch.setattr(reading, "_PART", 7001)
+    monkeypatch.setattr(pressing, "_PART", len(recording) - 1)  # the last part is one sample
+    again = Recording.open(recording.path)
+    for signal in ("force", "acceleration", "activation", "saturated"):
+        np.testing.assert_allclose(getattr(again, signal), getattr(recording, signal), rtol=1e-12, atol=1e-12)
+    assert find_presses(again) == find_presses(recording)
+    whole = pressing.shaken(recording.vertical, recording.rate_hz, 40.0)
+    monkeypatch.setattr(pressing, "_PART", 997)
+    parts = pressing.shaken(recording.vertical, recording.rate_hz, 40.0)
+    np.testing.assert_allclose(parts, whole, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("samples", [0, 1, 2, 5, 30, 10_000])
+@pytest.mark.parametrize("size", [1, 2, 3, 24, 25])
+def test_a_running_mean_is_scipys(samples, size):
+    signal = np.random.default_rng(samples).normal(1e6, 1.0, samples)
+    np.testing.assert_allclose(running_mean(signal, size), uniform_filter1d(signal, size), rtol=0, atol=1e-8)
 
 
 @pytest.mark.parametrize(

@@ -15,8 +15,7 @@ from benchmarks.synthetic_presses import FAMILIES, RATE, error
 from haploop.acquisition import PressVerdict, Recording, representative
 from haploop.acquisition.presses import quality
 from haploop.acquisition.presses.averaging import average
-from haploop.acquisition.presses.choice import single
-from haploop.acquisition.presses.double_clicks import double_clicks
+from haploop.acquisition.presses.choice import double_clicks, single
 from haploop.acquisition.presses.sensor_faults import signal_fault
 from haploop.base.errors import DataError
 

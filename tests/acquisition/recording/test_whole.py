@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from haploop.acquisition.recording import whole, write_recording
+from haploop.acquisition.recording import write_recording, writer
 from haploop.base.errors import ConfigurationError
 from tests.acquisition.recording.pattern import block_of, header
 
@@ -19,7 +19,7 @@ def test_a_file_that_appears_meanwhile_is_somebody_elses(
     def quicker(_path: Path) -> None:
         path.write_text("another program's")
 
-    monkeypatch.setattr(whole, "check_destination", quicker)
+    monkeypatch.setattr(writer, "check_destination", quicker)
     with pytest.raises(ConfigurationError, match="exists"):
         write_recording(path, header(), block_of(0).volts, [], lambda _: [])
     assert path.read_text() == "another program's"

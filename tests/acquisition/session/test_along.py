@@ -43,6 +43,7 @@ class Meter:
 
     def stop(self):
         self.calls.append("stop")
+        return []
 
 
 def rig_with(meter, **settings):

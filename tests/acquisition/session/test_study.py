@@ -248,6 +248,7 @@ def difference(one, other) -> float:
     return float(np.sqrt(np.mean(apart**2) / np.mean(other.acceleration[:length] ** 2)))
 
 
+@pytest.mark.long
 @pytest.mark.timeout(1800)
 def test_a_study_that_is_interrupted_again_and_again_comes_to_the_same_end(tmp_path, monkeypatch, full):
     seed = 5
