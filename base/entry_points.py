@@ -1,7 +1,7 @@
 """Entry points of installed packages: roles, drivers, twins, wires, plants and faults.
 
-haploop's own are found in the same way. Only those that a rig needs are loaded, so that a broken
-package affects only the rigs that use it.
+haploop's own are found in the same way, except its faults (`mocks/faults/`). Only those that a rig needs
+are loaded, so that a broken package affects only the rigs that use it.
 """
 
 from __future__ import annotations

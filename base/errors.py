@@ -8,7 +8,16 @@ from __future__ import annotations
 
 
 class HaploopError(Exception):
-    """Base of all errors that haploop raises on purpose; `str(error)` is one clear sentence."""
+    """Base of all errors that haploop raises on purpose; `str(error)` is one clear sentence.
+
+    For example:
+
+        >>> try:
+        ...     haploop.load("nothing.h5")
+        ... except haploop.HaploopError as error:
+        ...     print(error)
+        There is no file nothing.h5: check the name.
+    """
 
     exit_code = 2
 
@@ -26,7 +35,16 @@ class DataError(HaploopError):
 
 
 class InstrumentError(HaploopError):
-    """An instrument did not answer, refused a command, lost samples or read back another value."""
+    """An instrument did not answer, refused a command, lost samples or read back another value.
+
+    For example:
+
+        >>> try:
+        ...     raise haploop.InstrumentError("The relay did not answer.")
+        ... except haploop.HaploopError as error:
+        ...     print(error, "Exit code", error.exit_code)
+        The relay did not answer. Exit code 3
+    """
 
     exit_code = 3
 

@@ -277,6 +277,15 @@ def allocate(file: int, place: int, length: int) -> None:
         length -= os.write(file, bytes(min(length, 1 << 20)))
 
 
+def stamp(path: Path) -> tuple[int, ...]:
+    """What differs between two states of a file; empty where there is none."""
+    try:
+        status = path.stat()
+    except OSError:
+        return ()
+    return status.st_ino, status.st_size, status.st_mtime_ns
+
+
 def existing(path: Path) -> str:
     """Error message for a destination that exists."""
     return f"{path} already exists and is not overwritten: move it away, or write to another place."

@@ -164,6 +164,13 @@ class Heard:
         """Be called by Python."""
         global _heard  # noqa: PLW0603  as below
         _heard += 1
+        at = frame
+        while at is not None:
+            # What the hook itself raises is dropped without a hook: send this stop once more.
+            if at.f_code is _dropped.__code__:
+                _thread.start_new_thread(_send_again, (number,))
+                return
+            at = at.f_back
         self._handler(number, frame)
 
 

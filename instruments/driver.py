@@ -9,7 +9,8 @@ from typing import Any, Protocol
 from pydantic import BaseModel
 
 from ..base.clock import Clock
-from .config import Device, validate
+from ..base.validation import validate
+from .config import Device
 from .frozen import frozen_fields
 
 Mode = str

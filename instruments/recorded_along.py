@@ -49,5 +49,5 @@ class RecordedAlong(Protocol):
     def read(self) -> Sequence[Reading | NewFile]:
         """Return what is new: at most one of each name in `reads`. A file is complete and closed."""
 
-    def stop(self) -> None:
-        """Stop, and release what `start` acquired. May be called again."""
+    def stop(self) -> Sequence[Reading | NewFile]:
+        """Stop, and release what `start` acquired; return what is left, as `read`. May be called again."""

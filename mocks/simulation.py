@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import ExitStack
 from typing import Any
 
@@ -11,7 +12,7 @@ from ..base.errors import ConfigurationError
 from ..instruments.config import Device, RigFile
 from ..instruments.driver import Driver, Mode, is_arithmetic, settings_of
 from .clock import RealTimeClock, VirtualClock
-from .plant import KINDS, Faults, OnLine, Plant, PlantSource, Truth
+from .plant import KINDS, Fault, Faults, OnLine, Plant, PlantSource, Truth
 from .transport import ReplyFault, faulty_line
 
 
@@ -27,6 +28,13 @@ class Simulation:
 
     fault_kinds = KINDS
     """See `haploop.mocks.plant.FaultKinds`."""
+
+    @staticmethod
+    def own_faults() -> Mapping[str, type[Fault]]:
+        """Return haploop's own kinds of fault, by their names in rig files."""
+        from .faults import OWN  # noqa: PLC0415  some 30 ms, for which a rig without faults does not wait
+
+        return OWN
 
     def __init__(
         self, file: RigFile, clock: Clock | None = None, plant: object = None, real_time: bool = False

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ...base.errors import ConfigurationError
-from .toml_lines import read_text
+from ...base.toml_lines import read_text
 
 _MOST = 10_000
 """Largest number of rows."""

@@ -8,8 +8,8 @@ from typing import TypeVar
 
 from pydantic import BaseModel
 
-from .toml_lines import key_lines, parse_toml, place, read_text
-from .validation import validate
+from ...base.toml_lines import key_lines, parse_toml, place, read_text
+from ...base.validation import validate
 
 Model = TypeVar("Model", bound=BaseModel)
 

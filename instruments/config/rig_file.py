@@ -23,7 +23,18 @@ from ..frozen import FrozenDict, frozen
 from ..limits import Limits
 from ..sensors import Sensors
 from .actuator import Actuator
-from .ratings import RatingSource
+
+RatingSource = Annotated[str, Field(min_length=5, max_length=200, pattern=r"\S")] | None
+"""Where a figure beyond the product's own is from: a data sheet of another version, or who measured it."""
+
+
+def require_source(product: str, key: str, value: float, own: float, source: str | None) -> None:
+    """Refuse a figure that is not the product's own without its source. Raises ValueError."""
+    if source is None:
+        raise ValueError(
+            f"{key} = {value:g} is not what the {product} has ({own:g}): correct it, or say where it is from "
+            "in rating_source"
+        )
 
 
 class _Section(BaseModel):

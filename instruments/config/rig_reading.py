@@ -14,12 +14,12 @@ from ...base import entry_points
 from ...base.errors import ConfigurationError
 from ...base.files import beside
 from ...base.near_words import did_you_mean
+from ...base.toml_lines import Location, Places, key_lines, parse_toml, place, read_text
+from ...base.validation import sentences, validate, validate_kind
 from .ati_cal import read_ati_cal
 from .contradictions import contradictions
 from .frf_file import read_frf
 from .rig_file import RigFile, SimulationSettings, roles
-from .toml_lines import Location, Places, key_lines, parse_toml, place, read_text
-from .validation import sentences, validate, validate_kind
 
 
 def load_rig_file(path: str | Path) -> RigFile:
@@ -30,6 +30,12 @@ def load_rig_file(path: str | Path) -> RigFile:
     simulated rig with another plant. Settings of instruments are validated by their drivers, where
     these are installed.
     Raises ConfigurationError, which names the file, the line, the key, and what was expected.
+
+    For example:
+
+        >>> file = haploop.load_rig_file("usb-6211")
+        >>> file.name, file.rate_hz
+        ('usb-6211', 5000.0)
     """
     raw, places = _raw(Path(path), ())
     return _validated(raw, partial(place, places))

@@ -21,8 +21,7 @@ from ...base.clock import Clock
 from ...base.errors import ConfigurationError, HaploopError, InstrumentError, LimitError, TakenError
 from ...base.signals import uninterrupted
 from ..driver import one_name
-from .ni_filters import FILTERS
-from .ni_settings import NiSettings, Output, device_of
+from .ni_settings import FILTERS, NiSettings, Output, device_of
 from .role import Daq, Stream, StreamRequest
 
 if TYPE_CHECKING:

@@ -18,11 +18,10 @@ from ...base.arrays import FloatArray
 from ...base.clock import RealClock
 from ...base.errors import InstrumentError
 from .ni_cards import Plan, believed
-from .ni_filters import filter_delay
 from .ni_inputs import add_counter, add_input, factor
 from .ni_outputs import NiOutputs, Tasks, reservable
 from .ni_sentences import cut_off, other_rate, shared_rates, unshared, zeroed
-from .ni_settings import NiSettings
+from .ni_settings import NiSettings, filter_delay
 from .role import Block, Stream, StreamRequest
 
 _LATE = 5.0
@@ -143,8 +142,8 @@ class NiStream(Stream):
 
     @property
     def homes(self) -> tuple[str, ...]:
-        """Devices whose inputs it has reserved."""
-        return tuple(home for home, _ in self._plan.inputs) if self._open else ()
+        """Devices whose inputs it has reserved, until it is forgotten."""
+        return tuple(home for home, _ in self._plan.inputs)
 
     def __iter__(self) -> Iterator[Block]:
         """See `Stream.__iter__`."""
@@ -175,8 +174,8 @@ class NiStream(Stream):
     def release(self) -> None:
         """Release the tasks; outputs keep their value."""
         self._open = False
-        self._daq.forget(self)
         with ExitStack() as every:
+            every.callback(self._daq.forget, self)  # last: until then its inputs are reserved
             # Release each, even when another one cannot be reached.
             for task in (*self._inputs, *self._counters):
                 every.enter_context(self._daq.talking_to(self._plan.master))

@@ -25,8 +25,7 @@ from ..transport import ByteLine, SerialBytes, TapedBytes
 from .arrival_clock import ArrivalClock
 from .free_running import Edge, FreeRunning
 from .role import Block, Stream, StreamRequest
-from .serial_codec import Decoder, Frame
-from .serial_settings import SerialSettings
+from .serial_codec import Decoder, Frame, SerialSettings
 
 _LATE = 2.0
 """Time without a frame after which the board counts as silent (s)."""
@@ -196,8 +195,9 @@ class SerialAdc(FreeRunning):
         self._told = now
         return told
 
-    def stop(self) -> None:
+    def stop(self) -> Sequence[Reading]:
         """Do nothing: the board goes on."""
+        return ()
 
     # For streams
 

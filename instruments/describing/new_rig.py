@@ -65,6 +65,11 @@ def new_rig_on(path: str | Path, base: str, name: str = "") -> RigFile:
 
     `name` is the rig's, by default the file's. Raises ConfigurationError when the base is not valid, and when
     the file exists or cannot be written.
+
+    For example:
+
+        >>> haploop.new_rig_on("lab.toml", base="usb-6211").name
+        'lab'
     """
     path = Path(path)
     check_destination(path)

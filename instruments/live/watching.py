@@ -46,6 +46,14 @@ def watch_live(
 
     Raises ConfigurationError when no program publishes the rig. Taking a block raises DataError for
     invalid data.
+
+    For example:
+
+        >>> with rig.publish_live(), haploop.watch_live(rig.file) as tap:
+        ...     recording = haploop.record(rig, "push", "P01", 1, "watched")
+        ...     block = tap.latest()
+        >>> block.run.doing, block.volts.shape[0] == len(recording.channels)
+        ('record', True)
     """
     file = rig if isinstance(rig, RigFile) else load_rig_file(rig)
     folder = state_folder(file, (simulate or file.simulate) is not None)

@@ -25,7 +25,8 @@ from pydantic import AfterValidator, BaseModel, Field, ValidationError, model_va
 from ...base.bounded import Positive, Timeout
 from ...base.clock import Clock, RealClock
 from ...base.errors import ConfigurationError, InstrumentError
-from ..config import RatingSource, require_source, told
+from ...base.validation import told
+from ..config import RatingSource, require_source
 from ..driver import one_name
 from ..tape import Failure, taped_line
 from .board import BoardSettings, ChannelRelay, ChannelState, read_back

@@ -12,7 +12,8 @@ from pydantic import BaseModel
 from ...base import entry_points
 from ...base.clock import RealClock
 from ...base.errors import ConfigurationError, HaploopError, InstrumentError
-from ..config import Device, RigFile, SimulationSettings, load_rig_file, validate
+from ...base.validation import validate
+from ..config import Device, RigFile, SimulationSettings, load_rig_file
 from ..daq import Alongside, Daq
 from ..driver import TAPE, Driver, Mode, Simulation, hardware_of, settings_of
 from ..operator import Operator
@@ -45,6 +46,12 @@ def open_rig(
     open: no other program, and no other rig of this one, can open it.
 
     Raises ConfigurationError, and InstrumentError when an instrument is missing or in use.
+
+    For example:
+
+        >>> with haploop.open_rig("simulated") as rig:
+        ...     print(rig.name, rig.limits.peak)
+        simulated 48.0
     """
     opened, holding = _made(rig, simulate, simulation or {}, plant, real_time)
     try:

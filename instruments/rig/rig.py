@@ -11,7 +11,7 @@ from typing import Any, Self
 
 from ...base.arrays import FloatArray
 from ...base.clock import Clock
-from ...base.errors import ConfigurationError
+from ...base.errors import ConfigurationError, InstrumentError
 from ...base.notebook import InNotebook
 from ...base.progress import Progress, silent
 from ...base.signals import at_console_close, at_program_end, ending_in_order, uninterrupted
@@ -23,6 +23,7 @@ from ..generator import Waveform
 from ..interlock import Interlocked
 from ..limits import Limits
 from ..live import Feed, Publisher, Run, Tap
+from ..operator import ConfirmSettings
 from ..safety import (
     Audit,
     Limiter,
@@ -34,11 +35,32 @@ from ..safety import (
     lockouts_folder,
     state_folder,
 )
-from .declared_settings import DeclaredSettings
 from .monitoring import Monitoring, Take
 from .playing import Playing
 from .ratings import figures, ratings
 from .roles import Instruments, Role
+
+
+class DeclaredSettings:
+    """The declared settings of a rig's instruments that are already confirmed."""
+
+    def __init__(self) -> None:
+        self._confirmed: set[str] = set()
+
+    def confirm(self, rig: Instruments) -> None:
+        """See `Rig.confirm_settings`."""
+        declared = {rig.vibrometer.identity: rig.vibrometer.declared, rig.daq.identity: rig.daq.declared}
+        if rig.feeds_amplifier("player"):
+            declared[rig.player.identity] = rig.player.declared
+        for identity, sentence in declared.items():
+            if not sentence or sentence in self._confirmed:
+                continue
+            if not rig.operator.confirm(ConfirmSettings(sentence)):
+                raise InstrumentError(
+                    f"The operator did not confirm the settings of the {identity}: "
+                    "set them as the rig file says, or change the rig file."
+                )
+            self._confirmed.add(sentence)
 
 
 class Rig(Instruments, InNotebook):

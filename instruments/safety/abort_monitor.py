@@ -16,6 +16,7 @@ import numpy as np
 from ...base.arrays import FloatArray
 from ...base.errors import InstrumentError, LimitError
 from ...base.files import whole_file
+from ...base.wording import capital
 from ..coil import Coil
 from ..config import AbortLimits
 from ..daq import Block
@@ -122,7 +123,7 @@ class AbortMonitor:
             if not found and quantity.name != "the drive" and block.overload[rows].any():
                 found = f"{quantity.name} stood at the end of its channel's range"
             if found:
-                self.tripped = f"{found[0].upper()}{found[1:]}"
+                self.tripped = capital(found)
                 raise InstrumentError(
                     f"{self.tripped.rstrip('.')}. The play was stopped. Check the amplifier's gain, a "
                     "player's volume and 'volts_per_full_scale', and [abort]; then `haploop reset` clears "

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import HaploopError, InstrumentError, TakenError
+from ...base.wording import capital
 
 _ZERO = 0.02
 """Largest volts that count as zero where an output is read back (V): ten times the offset error of a card's
@@ -138,7 +139,7 @@ class Outputs:
         if standing and was:
             raise Standing(f"A patch may have got volts before its contact opened, because {standing}")
         if standing:
-            raise InstrumentError(standing[0].upper() + standing[1:])
+            raise InstrumentError(capital(standing))
 
     def _standing(self) -> str:
         """What stands on an output that was set to zero; "" without any."""

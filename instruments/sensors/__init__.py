@@ -1,11 +1,11 @@
 """Sensors: values that convert volts to SI, described in the rig file by what they measure."""
 
 from .linear_table import LinearTable as LinearTable
+from .rest import Restorer as Restorer
 from .rest import fault_along_vertical as fault_along_vertical
 from .rest import fault_at_rest as fault_at_rest
 from .rest import loss as loss
 from .rest import upside_down as upside_down
-from .restoring import Restorer as Restorer
 from .sensor import UNITS as UNITS
 from .sensor import AnalogChannel as AnalogChannel
 from .sensor import Divider as Divider

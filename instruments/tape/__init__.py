@@ -15,12 +15,12 @@ from .lines import Proxied as Proxied
 from .lines import TapedLine as TapedLine
 from .lines import on_line as on_line
 from .lines import taped_line as taped_line
-from .masking import mask as mask
 from .player import Player as Player
 from .player import TapeClock as TapeClock
 from .player import TapeError as TapeError
 from .recorder import Recorder as Recorder
 from .sessions import current as current
+from .sessions import mask as mask
 from .sessions import played as played
 from .sessions import recorded as recorded
 from .sessions import recording_of as recording_of

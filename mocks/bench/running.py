@@ -1,22 +1,62 @@
-"""A bench while it runs: served to other programs, in real time."""
+"""A bench while it runs: its cards and its instruments, served to other programs in real time."""
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Collection, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
-from ...base.errors import ConfigurationError, InstrumentError
-from ...base.flag import Flag
-from ...instruments.tape import Recorder
-from ..daq.ni import Failure, NiTwin
-from ..redirect import environment
-from ..tabled import Served, serving
-from .file import Bench, Fault
-from .taping import on_tape
+import numpy as np
+from google.protobuf.descriptor import FieldDescriptor
+from google.protobuf.message import Message
+
+from ...instruments.tape import Call, Failure, Recorder
+from ...nidaqmx_twin import DaqmxError, Handle, NiTwin
+from ...nidaqmx_twin.bench import Bench, cards
+from ...nidaqmx_twin.redirect import environment
+from ..tabled import Instrument, Served, read_table, serving
+
+_ROLE = "nidaqmx"
+_NUMBERS = (FieldDescriptor.CPPTYPE_DOUBLE, FieldDescriptor.CPPTYPE_FLOAT)
+_FAILURES = (Failure(DaqmxError, lambda error: (str(error), int(error.code))),)
+
+
+def on_tape(tape: Recorder, name: str, run: Handle, reply: Any) -> Handle:
+    """Return `run`, whose every call is written on a tape; calls are ordered by task.
+
+    `reply` is the class of the answers, which `run` may give as bytes.
+    """
+
+    def taped(request: Any, alive: Callable[[], bool]) -> Any:
+        task = request.task.name if hasattr(request, "task") else ""
+        answers: list[Any] = []
+
+        def make() -> Any:
+            answers.append(run(request, alive))
+            answer = reply.FromString(answers[0]) if isinstance(answers[0], bytes) else answers[0]
+            return plain(answer)
+
+        tape.pass_on(Call(_ROLE, name, (plain(request),), failures=_FAILURES, order=(_ROLE, task)), make)
+        return answers[0]
+
+    return taped
+
+
+def plain(message: Message) -> dict[str, Any]:
+    """A message's fields that are set; rows of numbers are arrays (samples,)."""
+    told: dict[str, Any] = {}
+    for field, value in message.ListFields():
+        repeated = not isinstance(value, str | bytes | Message) and hasattr(value, "__len__")
+        if field.cpp_type in _NUMBERS and repeated:
+            told[field.name] = np.array(value)
+        elif repeated:
+            told[field.name] = [plain(one) if isinstance(one, Message) else one for one in value]
+        else:
+            told[field.name] = plain(value) if isinstance(value, Message) else value
+    return told
 
 
 @dataclass(frozen=True)
@@ -49,78 +89,8 @@ def running(
 
     Raises ConfigurationError for what the bench cannot have, and InstrumentError for a port in use.
     """
-    with ExitStack() as stack:
-        twin = None
-        if devices:
-            try:
-                twin = NiTwin(
-                    devices, time="real", port=port, around=None if tape is None else partial(on_tape, tape)
-                )
-            except RuntimeError as error:
-                raise InstrumentError(f"The NI wire cannot listen on port {port}: {error}.") from None
-            stack.callback(twin.close)
-        if bench is not None:
-            _set_up(twin, bench)
-            if twin is not None:
-                stack.enter_context(_failing(twin, bench.faults))
-        found = stack.enter_context(serving(bench.instruments if bench is not None else {}))
+    tables = bench.instruments if bench is not None else {}
+    instruments = {name: Instrument(read_table(table)) for name, table in tables.items()}
+    around = None if tape is None else partial(on_tape, tape)
+    with cards(devices, bench, port=port, around=around) as twin, serving(instruments) as found:
         yield Running(twin, found)
-
-
-def _set_up(twin: NiTwin | None, bench: Bench) -> None:
-    bench.check_devices(twin.devices if twin is not None else [])
-    if twin is None:
-        return
-    driven: dict[str, str] = {}
-    for name, signal_at in bench.inputs.items():
-        with _placed(f"{bench.where(('inputs', name))}: {name}"):
-            terminals = twin.inputs(name)
-            _claim(driven, terminals, f"[inputs] sets {name}")
-            for terminal in terminals:
-                twin.set(terminal, signal_at(terminal))
-    for number, wire in enumerate(bench.wires):
-        with _placed(bench.where(("wires", number))):
-            _claim(driven, twin.inputs(wire.input_), f"a wire goes from {wire.output} to {wire.input_}")
-            twin.wire(wire.output, wire.input_, **asdict(wire.wire()))
-
-
-def _claim(driven: dict[str, str], names: list[str], how: str) -> None:
-    """Raise ConfigurationError where two things drive one input."""
-    for name in names:
-        if name in driven:
-            raise ConfigurationError(f"{driven[name]}, and {how}: leave one of them out.")
-        driven[name] = how
-
-
-@contextmanager
-def _placed(place: str) -> Iterator[None]:
-    """Let an error say where it is in the file."""
-    try:
-        yield
-    except ConfigurationError as error:
-        raise ConfigurationError(f"{place}: {error}") from None
-
-
-@contextmanager
-def _failing(twin: NiTwin, faults: list[Fault]) -> Iterator[None]:
-    """Let cards fail when their times have come; those of the start fail already."""
-    steps: list[tuple[float, str, Failure | None]] = [(f.at_s, f.device, f.kind) for f in faults]
-    steps += [(fault.until_s, fault.device, None) for fault in faults if fault.until_s is not None]
-    due = sorted(steps, key=lambda step: step[0])
-    while due and due[0][0] == 0:
-        twin.fail(*due.pop(0)[1:])
-    stopped = Flag()
-
-    def wait() -> None:
-        for at, device, kind in due:
-            if stopped.wait(max(0.0, at - twin.now)):
-                return
-            twin.fail(device, kind)
-
-    thread = threading.Thread(target=wait, name="bench faults", daemon=True)
-    thread.start()
-    try:
-        yield
-    finally:
-        stopped.set()
-        thread.join()

@@ -12,7 +12,7 @@ from functools import partial
 from typing import Protocol
 
 from ...base.clock import Clock
-from ..nodes import Source
+from ...nidaqmx_twin.nodes import Source
 from . import limits
 from .apply import apply_entries
 from .channel import HIGHEST, Channel
@@ -58,7 +58,7 @@ class Input(Protocol):
         """The plant's time."""
 
     def drive(self, node: str, source: Source) -> None:
-        """See `haploop.mocks.nodes.Nodes.drive`."""
+        """See `haploop.nidaqmx_twin.nodes.Nodes.drive`."""
 
     def advance(self, until: float) -> None:
         """Step the plant to `until` (s), with the sources' output up to that time."""

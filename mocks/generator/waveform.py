@@ -11,7 +11,7 @@ import numpy as np
 
 from ...base.arrays import FloatArray
 from ...base.clock import Clock
-from ..nodes import Run
+from ...nidaqmx_twin.nodes import Run
 from .modulation import Modulation
 
 SHAPES = ("SINusoid", "SQUare", "TRIangle", "RAMP", "PULSe", "PRBS", "NOISe", "ARBitrary", "DC")
@@ -156,7 +156,7 @@ class Playing:
                 self._restart()
 
     def take(self, until: float) -> Sequence[Run]:
-        """See `haploop.mocks.nodes.Source.take`."""
+        """See `haploop.nidaqmx_twin.nodes.Source.take`."""
         with self._guard:
             # The tolerance counts a step at `until` itself as past, in spite of rounding.
             past = int((until - self._since) / _PERIOD + 1e-3) + 1 if until >= self._since else 0

@@ -14,7 +14,7 @@ from ...base.arrays import FloatArray
 from ...instruments.player.sound_card import SoundCard
 from ...instruments.tape import taped_line
 from ...instruments.taped_audio import on_tape
-from ..nodes import Run
+from ...nidaqmx_twin.nodes import Run
 from ..plant import Plant
 from ..portaudio import FRAMES, CallbackAbort, CallbackStop, Coupling, Flags, PortAudioError
 
@@ -74,7 +74,7 @@ class Jack:
             self._silence()
 
     def take(self, until: float) -> Sequence[Run]:
-        """See `haploop.mocks.nodes.Source.take`."""
+        """See `haploop.nidaqmx_twin.nodes.Source.take`."""
         # The tolerance counts a step at `until` itself as past, in spite of rounding.
         past = int((until - self._start) / self._period + 1e-3) + 1 if until >= self._start else 0
         while self._given + len(self._ready) < past and self._goes_on():

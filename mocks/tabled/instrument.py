@@ -24,7 +24,8 @@ from pydantic import BaseModel, ConfigDict, StrictBool, StrictFloat, StrictInt, 
 
 from ...base.errors import ConfigurationError
 from ...base.near_words import did_you_mean
-from ...instruments.config import key_lines, parse_toml, place, read_text, validate
+from ...base.toml_lines import key_lines, parse_toml, place, read_text
+from ...base.validation import validate
 from ..transport import ReplyFault
 
 Value = bool | int | float | str

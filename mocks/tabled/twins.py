@@ -8,7 +8,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from ..redirect import redirected
+from ...nidaqmx_twin.redirect import redirected
 from .instrument import Instrument, table_of
 from .serving import Served, add
 

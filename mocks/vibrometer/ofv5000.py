@@ -8,8 +8,7 @@ from contextlib import contextmanager
 
 from ...base.clock import Clock
 from ...base.errors import ConfigurationError
-from ...instruments.vibrometer.ofv5000 import Ofv5000
-from ...instruments.vibrometer.ofv5000_codec import LEVEL_FULL, Command, scale_of, scale_text
+from ...instruments.vibrometer.ofv5000 import LEVEL_FULL, Command, Ofv5000, scale_of, scale_text
 from ..plant import LaserHead, Plant
 from ..transport import DirectLine, LineServer
 

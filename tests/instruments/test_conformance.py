@@ -37,7 +37,6 @@ from haploop.instruments.vibrometer.analog import AnalogVibrometer
 from haploop.instruments.vibrometer.ofv5000 import Ofv5000
 from haploop.instruments.vibrometer.pdv100 import Pdv100
 from haploop.mocks.clock import VirtualClock
-from haploop.mocks.daq.ni import NiServer, inventory_of
 from haploop.mocks.daq.twin import DaqTwin
 from haploop.mocks.generator import DG1000Z, KEYSIGHT_33500, Box, Product
 from haploop.mocks.operator.twin import OperatorTwin
@@ -47,10 +46,11 @@ from haploop.mocks.relay.serial_relay import SerialRelayTwin, SerialRelayWire
 from haploop.mocks.relay.yocto_hub import YoctoHub
 from haploop.mocks.transport import DirectLine, LineServer, ReplyFault
 from haploop.mocks.vibrometer.ofv5000 import Controller
+from haploop.nidaqmx_twin import NiServer, inventory_of
 from tests.instruments import broken_drivers
 from tests.instruments.player.on_a_sound_card import OnASoundCard
 from tests.instruments.relay.contacts import Contacts
-from tests.mocks.daq import ni_client
+from tests.nidaqmx_twin import ni_client
 
 BOX_FAULTS = ("lost", "stuck")
 LINE_FAULTS = ("silence", "drip", "garbled", "truncated", "disconnect")

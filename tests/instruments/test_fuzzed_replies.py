@@ -27,7 +27,7 @@ from haploop.instruments.relay.serial_relay import _Board as SerialBoard
 from haploop.instruments.relay.yocto import _Board as YoctoBoard
 from haploop.instruments.relay.yocto import _Hub
 from haploop.instruments.transport.text_line import Port, TextLine
-from haploop.instruments.vibrometer.ofv5000_codec import duration_of, frequency_of, level_of, scale_of
+from haploop.instruments.vibrometer.ofv5000 import duration_of, frequency_of, level_of, scale_of
 from haploop.mocks.clock import VirtualClock
 
 NUMBER = r"(\d+(\.\d*)?|\.\d+)"

@@ -107,6 +107,7 @@ RIGS = {
 """One patch is enough for the others to tell."""
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("few_callbacks")
 @pytest.mark.parametrize("rig", [pytest.param(n, marks=[pytest.mark.night] * (n != "bench")) for n in RIGS])
 def test_doctor_says_the_same_of_a_tape_as_of_the_wire(

@@ -42,8 +42,9 @@ class Microscope(ABC):
         self._taken += 1
         return [NewFile("frame", path)]
 
-    def stop(self) -> None:  # noqa: B027  an optional method
+    def stop(self) -> Sequence[NewFile]:
         """Do nothing: every frame's file is complete."""
+        return ()
 
 
 class AcmeC1(Microscope):

@@ -34,8 +34,9 @@ class Thermometer(ABC):
     def read(self) -> Sequence[Reading]:
         return [Reading("temperature", self.temperature(), "°C")]
 
-    def stop(self) -> None:  # noqa: B027
+    def stop(self) -> Sequence[Reading]:
         """Do nothing: nothing was started."""
+        return ()
 
 
 class AcmeT1(Thermometer):

@@ -17,8 +17,8 @@ from haploop_labjack_t7.twin import T7Twin
 
 import haploop
 from haploop.base.errors import ConfigurationError, InstrumentError, LimitError
+from haploop.base.validation import validate
 from haploop.instruments import Daq, Rig, load_rig_file
-from haploop.instruments.config import validate
 from haploop.instruments.conformance import DaqConformance, Fired, bypass_interlock
 from haploop.mocks.clock import VirtualClock
 from haploop.mocks.plant import Faults, Plant

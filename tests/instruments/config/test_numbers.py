@@ -19,15 +19,16 @@ from haploop.commands.cli import cli
 from haploop.instruments import load_rig_file, open_rig
 from haploop.instruments.config.rig_file import AbortLimits, RigFile
 from haploop.instruments.sensors import Described
+from haploop.mocks.faults import OWN
 
-GROUPS = ("haploop.drivers", "haploop.faults", "haploop.plants")
+GROUPS = ("haploop.drivers", "haploop.plants")
 NO_NUMBERS = [True, "1", "1e9", 1e308, -1e308, 10**30, -(10**30), float("nan"), float("inf"), float("-inf")]
 
 
 def models() -> list[type[BaseModel]]:
     """Everything that describes a table of a rig file."""
     loaded = [entry.load() for group in GROUPS for entry in metadata.entry_points(group=group)]
-    return [RigFile, *(getattr(kind, "Settings", kind) for kind in loaded)]
+    return [RigFile, *(getattr(kind, "Settings", kind) for kind in (*loaded, *OWN.values()))]
 
 
 def numbers(model: type[BaseModel], seen: set[Any]) -> Iterator[tuple[str, Any]]:

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from haploop.base.errors import ConfigurationError
+from haploop.base.toml_lines import key_lines
 from haploop.instruments import load_rig_file
-from haploop.instruments.config.toml_lines import key_lines
 from haploop.instruments.rig.json_schema import rig_schema
 
 SHIPPED = Path(__file__).parents[3] / "rigs" / "simulated.toml"

@@ -11,8 +11,8 @@ import pytest
 
 from haploop.instruments.conformance import bypass_interlock
 from haploop.instruments.daq.ni_daqmx import NiDaq
-from haploop.mocks.daq.ni import NiServer, inventory_of
-from tests.mocks.daq.ni_client import Bench
+from haploop.nidaqmx_twin import NiServer, inventory_of
+from tests.nidaqmx_twin.ni_client import Bench
 
 CARDS = {"Dev1": "PCI-6034E", "Dev2": "PCIe-6321"}
 WIRING = {

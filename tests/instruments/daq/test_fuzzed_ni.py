@@ -24,10 +24,10 @@ from haploop.base.errors import HaploopError, InstrumentError
 from haploop.instruments.conformance import bypass_interlock
 from haploop.instruments.daq.ni_daqmx import NiDaq
 from haploop.instruments.daq.role import Capture
-from haploop.mocks.daq.ni import NiServer, inventory_of
+from haploop.nidaqmx_twin import NiServer, inventory_of
 from tests.instruments.daq.conftest import CARDS, WIRING, settings
 from tests.instruments.test_fuzzed_replies import SEED, replies
-from tests.mocks.daq.ni_client import Bench
+from tests.nidaqmx_twin.ni_client import Bench
 
 RANGES = np.array([[10.0], [5.0]])
 """V, of the channels `drive` and `laser`."""

@@ -74,7 +74,7 @@ class _Permissive:
 def test_such_an_output_is_never_done_on_another_clock_of_as_many_pulses() -> None:
     import nidaqmx
 
-    from haploop.mocks.daq.ni import NiTwin
+    from haploop.nidaqmx_twin import NiTwin
 
     for product, done in (("PCI-6052E", False), ("PCI-6733", False), ("PCIe-6321", True)):
         with NiTwin({"Dev1": product, "Dev2": "PCIe-6321"}), nidaqmx.Task() as clock, nidaqmx.Task() as out:

@@ -17,12 +17,12 @@ from haploop.base.errors import ConfigurationError, InstrumentError
 from haploop.instruments.conformance import bypass_interlock
 from haploop.instruments.daq.ni_daqmx import NiDaq
 from haploop.instruments.daq.ni_sentences import CONFIGURATION, SENTENCES
-from haploop.mocks.daq.ni import NiServer, inventory_of
-from haploop.mocks.daq.ni.devices import NiDevice
-from haploop.mocks.daq.ni.tasks import Task
-from haploop.mocks.daq.products import PRODUCTS, convert_interval
+from haploop.nidaqmx_twin import NiServer, inventory_of
+from haploop.nidaqmx_twin.devices import NiDevice
+from haploop.nidaqmx_twin.products import PRODUCTS, convert_interval
+from haploop.nidaqmx_twin.tasks import Task
 from tests.instruments.daq.conftest import CARDS, LSB, WIRING, opened, settings, tone
-from tests.mocks.daq.ni_client import Bench, connected
+from tests.nidaqmx_twin.ni_client import Bench, connected
 
 
 def test_every_sentence_is_of_a_number_that_the_library_knows_and_says_it() -> None:

@@ -18,9 +18,9 @@ from haploop.base.errors import ConfigurationError, InstrumentError, LimitError
 from haploop.instruments import open_rig
 from haploop.instruments.conformance import bypass_interlock
 from haploop.instruments.daq.ni_daqmx import NiDaq
-from haploop.mocks.daq.ni import NiServer, inventory_of
+from haploop.nidaqmx_twin import NiServer, inventory_of
 from tests.instruments.daq.conftest import CARDS, WIRING, opened, settings
-from tests.mocks.daq.ni_client import Bench, connected
+from tests.nidaqmx_twin.ni_client import Bench, connected
 
 
 def test_cards_without_a_cable(bench: Bench) -> None:

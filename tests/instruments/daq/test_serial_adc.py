@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from haploop.base.errors import ConfigurationError, InstrumentError
+from haploop.base.validation import validate
 from haploop.instruments import Daq, load_rig_file
-from haploop.instruments.config import validate
 from haploop.instruments.conformance import DaqConformance, Fired, bypass_interlock
 from haploop.instruments.daq import Alongside
 from haploop.instruments.daq.serial_adc import SerialAdc

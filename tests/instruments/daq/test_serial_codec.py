@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from haploop.base.errors import ConfigurationError
-from haploop.instruments.config import validate
+from haploop.base.validation import validate
 from haploop.instruments.daq.serial_codec import Decoder, Framing
 
 FRAMINGS: dict[str, dict[str, Any]] = {

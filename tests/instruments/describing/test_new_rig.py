@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 import haploop
+from haploop.base.validation import _FORMS
 from haploop.instruments.config import shipped_rigs
-from haploop.instruments.config.validation import _FORMS
 from haploop.instruments.describing import LOOK_UP, Found, FoundCard, rig_problems, to_look_up
 from tests.command_line import Run
 

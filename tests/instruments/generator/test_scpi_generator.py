@@ -19,8 +19,8 @@ from haploop.instruments.conformance import bypass_interlock
 from haploop.instruments.generator.scpi_generator import Dg1000z, Keysight33500, ScpiGenerator
 from haploop.mocks.clock import VirtualClock
 from haploop.mocks.generator import DG1000Z, KEYSIGHT_33500, Box, Product
-from haploop.mocks.nodes import Run, Source
 from haploop.mocks.transport import DirectLine, LineServer, ReplyFault
+from haploop.nidaqmx_twin.nodes import Run, Source
 
 FAMILIES = {"keysight": (Keysight33500, KEYSIGHT_33500), "rigol": (Dg1000z, DG1000Z)}
 

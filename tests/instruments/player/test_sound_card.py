@@ -331,7 +331,7 @@ def test_a_clock_that_is_no_crystals_is_refused() -> None:
         find(np.random.default_rng(0).standard_normal(170_000), sweep, RATE, 0.0, flat)
 
 
-@pytest.mark.long
+@pytest.mark.night
 @pytest.mark.many_plays
 @pytest.mark.usefixtures("few_callbacks")
 def test_a_drive_made_through_the_sound_card_passes_its_check(open: OpenRig) -> None:

@@ -12,7 +12,7 @@ from nidaqmx import GrpcSessionOptions
 
 from haploop.base.errors import InstrumentError
 from haploop.instruments import Rig
-from haploop.mocks.nodes import Run
+from haploop.nidaqmx_twin.nodes import Run
 
 
 def leave(rig: Rig, output: str, volts: float) -> None:

@@ -19,9 +19,9 @@ from haploop.instruments.generator.scpi_generator import ScpiGenerator
 from haploop.instruments.rig import opening
 from haploop.instruments.safety import lock
 from haploop.mocks.daq.twin import DaqTwin
-from haploop.mocks.nodes import Run
 from haploop.mocks.relay.box import BoxAdapter, RelayTwin, SimulatedBox
 from haploop.mocks.simulation import Simulation
+from haploop.nidaqmx_twin.nodes import Run
 
 __all__ = ["Lab", "lab"]
 

@@ -16,9 +16,9 @@ import pytest
 
 from haploop.acquisition import content_hash, verify
 from haploop.base.errors import ConfigurationError, DataError, InstrumentError, LimitError
+from haploop.base.validation import validate
 from haploop.instruments import load_rig_file, log_entries, open_rig
 from haploop.instruments.config.rig_file import AbortLimits, RigFile
-from haploop.instruments.config.validation import validate
 from haploop.instruments.safety.audit import Audit, entries, state_folder
 from tests.mutating import mutations
 

@@ -149,6 +149,7 @@ def ctrl_c_twice(process: subprocess.Popen[str]) -> None:
     process.send_signal(signal.SIGINT)
 
 
+@pytest.mark.long
 def test_a_program_that_ends_in_the_middle_of_a_play_leaves_all_four_patches_off(lab: Lab) -> None:
     """One after the other, and each plays, although volts stood on one output before the first."""
     client = Client(lab.server, "somebody's")
@@ -207,6 +208,7 @@ def test_a_card_that_is_reset_and_written_to_in_a_play_is_noticed(lab: Lab) -> N
     lab.safe_within(LATE)
 
 
+@pytest.mark.long
 def test_what_one_program_played_into_a_patch_counts_for_another_patch_in_the_next(tmp_path: Path) -> None:
     with a_lab(tmp_path, duty=0.02) as lab:  # 1.2 s of a minute
         with lab.program("A", plays=1, seconds=0.8) as process:

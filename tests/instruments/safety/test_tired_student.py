@@ -267,6 +267,7 @@ def _not_frozen(patch: pytest.MonkeyPatch) -> None:
     patch.setattr("haploop.instruments.safety.figures.Kept.ratings", lambda _, n, now: now.ratings[n])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("take_out", [_no_rest, _no_duty, _not_frozen], ids=lambda f: f.__name__)
 def test_it_is_noticed_when_an_interlock_is_missing(tmp_path: Path, take_out: Any) -> None:
     with pytest.raises(BaseException, match=r"\d V|s of a minute"):

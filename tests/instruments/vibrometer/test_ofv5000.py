@@ -11,9 +11,9 @@ from pydantic import ValidationError
 
 from haploop.base.errors import ConfigurationError, InstrumentError
 from haploop.instruments import load_rig_file
-from haploop.instruments.vibrometer.ofv5000 import Ofv5000
-from haploop.instruments.vibrometer.ofv5000_codec import (
+from haploop.instruments.vibrometer.ofv5000 import (
     Command,
+    Ofv5000,
     duration_of,
     frequency_of,
     level_of,

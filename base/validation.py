@@ -8,9 +8,8 @@ from typing import Any, TypeVar, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from ...base.errors import ConfigurationError
-from ...base.near_words import did_you_mean
-from ..sensors import Described
+from .errors import ConfigurationError
+from .near_words import did_you_mean
 from .toml_lines import Location
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -146,8 +145,8 @@ def _keys_at(kind: Any, location: Location) -> list[str]:
         field = kind.model_fields.get(str(location[0]))
         if field is None:
             return []
-        # A sensor is described by the keys of another model than its own.
-        described = next((one.table for one in field.metadata if isinstance(one, Described)), None)
+        # A sensor is described by the keys of another model than its own (`instruments.sensors.Described`).
+        described = next((one.table for one in field.metadata if hasattr(one, "table")), None)
         return _keys_at(described or field.annotation, location[1:])
     # A mapping or a sequence is one level of the location, a union none.
     step = int(get_origin(kind) in (dict, tuple, list))

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ...base.errors import ConfigurationError
-from ...base.files import os_error_text
+from .errors import ConfigurationError
+from .files import os_error_text
 
 Location = tuple[str | int, ...]
 """Location of a key: names of tables and keys, and indices within arrays."""
