@@ -8,6 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from ..base.errors import ConfigurationError
+from ..base.files import stamp
 from ..calibration import History
 from ..experiments import Store, load_experiment
 
@@ -27,6 +28,12 @@ class DataFolder:
     def sitting(self) -> Path:
         """File whose mark (`marked`) says that a server conducts a session of an experiment."""
         return self.root / "experiment-session"
+
+    @property
+    def calibrations(self) -> str:
+        """A mark of the rig's history, another one after each activation and each verification of anybody."""
+        folder = self.history.folder
+        return f"{stamp(folder / 'activations.json')} {stamp(folder / 'looks.json')}"
 
     def path(self, name: object) -> Path:
         """Return the path of a name relative to this folder, with forward slashes.

@@ -2,6 +2,11 @@
 
 Each function returns a matplotlib Figure, one or two columns of a journal wide, marked if it shows simulated
 data. `save` writes it as PNG, PDF, SVG or CSV (what it draws), the same bytes every time.
+
+For example:
+
+    >>> figure = haploop.plot.press(haploop.load("press.h5"), columns=1)
+    >>> haploop.plot.save(figure, "press.svg")
 """
 
 from __future__ import annotations

@@ -45,6 +45,8 @@ PAGES = (
 """Pages beside the first one: PAGE.html in the folder of static files."""
 _PERIOD = 0.02
 """s between two looks for new buckets; the console records a block every 40 ms, and each is a frame."""
+_LOOK = 1.0
+"""s between two looks whether another program has changed what is lined up, or the active calibration."""
 _TOKEN_DEADLINE = 5.0
 
 
@@ -58,9 +60,14 @@ def application(access: Access, follower: Follower, scope: LiveScope, data: Data
         with contextlib.suppress(HaploopError):  # the page says what is wrong with the list
             queue.heard(snapshot)
 
-    follower.heard = heard
+    follower.heard, conductor.completed = heard, queue.completed
     shown = {
-        True: lambda: {**follower.snapshot, "experiment": conductor.operator, "queue": queue.shown},
+        True: lambda: {
+            **follower.snapshot,
+            "experiment": conductor.operator,
+            "queue": queue.shown,
+            "calibrations": data.calibrations,
+        },
         False: lambda: {**_for_participant(follower.snapshot), "experiment": conductor.participant},
     }
 
@@ -118,11 +125,13 @@ def application(access: Access, follower: Follower, scope: LiveScope, data: Data
 
     @contextlib.asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:
-        task = asyncio.create_task(follower.run([*access.origins]))
+        running = (follower.run([*access.origins]), _watch(queue, data, follower))
+        tasks = [asyncio.create_task(one) for one in running]
         yield
-        task.cancel()
-        with contextlib.suppress(asyncio.CancelledError, HaploopError):
-            await task
+        for task in tasks:
+            task.cancel()
+            with contextlib.suppress(asyncio.CancelledError, HaploopError):
+                await task
         scope.close()
         await asyncio.to_thread(conductor.end)
 
@@ -145,6 +154,16 @@ def application(access: Access, follower: Follower, scope: LiveScope, data: Data
         Guard, access=access, stop_origin=lambda: f"http://127.0.0.1:{follower.link.address.port}"
     )
     return app
+
+
+async def _watch(queue: RunQueue, data: DataFolder, follower: Follower) -> None:
+    """Have the pages told when another program has changed what is lined up, or the history."""
+    known = data.calibrations
+    while True:
+        await asyncio.sleep(_LOOK)
+        before, known = known, await asyncio.to_thread(lambda: data.calibrations)
+        if known != before or await asyncio.to_thread(lambda: queue.changed):
+            await follower.tell()
 
 
 async def _serve(

@@ -16,10 +16,8 @@ from ...calibration.spectra import resample, third_octaves
 from ...reports.contents import (
     check_glance,
     crosstalk_facts,
-    interval,
     one_style,
     other_facts,
-    percent,
     silence_facts,
     text_of,
 )
@@ -57,11 +55,13 @@ def button_shown(data: DataFolder, asked: Mapping[str, str]) -> Any:
         "points": [one.drive.point for one in (whole, *whole.others)],
         "each_point": _each_point(whole, (button.press, *button.others)),
         "glance": glance_json(check_glance(check, feeling, press)),
-        "check": check.summary(),
+        "check": check.summary() | {"reasons": _styled(check.reasons), "notes": _styled(check.notes)},
+        "error_said": check.whole.said,
+        "outside_said": check.outside.brief,
         "felt": one_style(feeling.sentence),
         "loudness_db": feeling.loudness_db,
         "in_band": drive.in_band,
-        "notes": [one_style(note) for note in feeling.notes],
+        "notes": _styled(feeling.notes),
         "step_s": step / check.rate_hz,
         "recorded": np.round(recorded[begin:end:step], 4),
         "target": np.round(check.target[begin:end:step], 4),
@@ -78,6 +78,10 @@ def button_shown(data: DataFolder, asked: Mapping[str, str]) -> Any:
     }
 
 
+def _styled(sentences: Sequence[str]) -> list[str]:
+    return [one_style(one) for one in sentences]
+
+
 def _seen(button: DigitalButton, check: Check, point: str) -> tuple[Check, Representative]:
     """The check and the press of the button at a point; "" is the drive's own."""
     seen = zip((check, *check.others), (button.press, *button.others), strict=False)
@@ -92,7 +96,7 @@ def _each_point(check: Check, presses: Sequence[Representative]) -> list[dict[st
     if not check.drive.elsewhere:
         return []
     rows: list[dict[str, Any]] = []
-    own = f"error {percent(check.whole.root)} ({interval(check.whole.interval)})"
+    own = f"error {check.whole.said}"
     errors = [own, *(text_of(known.lines[1]) for known in other_facts(check, presses[1:]))]
     for one, press, error in zip((check, *check.others), presses, errors, strict=False):
         rows.append(

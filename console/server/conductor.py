@@ -26,10 +26,6 @@ Worker = Callable[[str, Mapping[str, Any]], tuple[int, dict[str, Any]]]
 """Sends the worker a command; returns status and answer. Raises InstrumentError."""
 
 
-_BY_HAND = ("presses", "finger")
-"""Steps that are done and not answered; a blindfolded participant has the operator confirm them."""
-
-
 @dataclass
 class _Sitting:
     """The session that runs, and what the pages know of it."""
@@ -68,6 +64,8 @@ class Conductor:
         self._sitting: _Sitting | None = None
         self.operator: dict[str, Any] | None = None
         self.participant: dict[str, Any] | None = None
+        self.completed: Callable[[str, str], None] = lambda _experiment, _participant: None
+        """Called with the experiment and the participant of a session that is complete."""
 
     # Commands of the operator's page; each raises a HaploopError when it cannot be done
 
@@ -243,7 +241,10 @@ class Conductor:
         sitting.last = {"block": step.block, "number": step.number, "answer": answer}
         sitting.told = None if told is None else {"right": told, "was": step.presented}
         due = session.due
-        if due is not None and due.kind == "finger" and due.number > 1:
+        if due is None:
+            with suppress(HaploopError):  # the page says what is wrong with the list
+                self.completed(sitting.name, session.assignment.participant)
+        elif due.kind == "finger" and due.number > 1:
             # One press follows the other; only the first of them waits for the operator.
             self._present(sitting)
         self._show()
@@ -261,8 +262,9 @@ def _plays(sitting: _Sitting) -> bool:
 
 
 def _by_hand(sitting: _Sitting) -> bool:
+    """Whether a step is done and not answered: a blindfolded participant has the operator confirm it."""
     step = sitting.session.due
-    return step is not None and step.kind in _BY_HAND and not _plays(sitting)
+    return step is not None and step.by_hand and not _plays(sitting)
 
 
 def _for_operator(sitting: _Sitting) -> dict[str, Any]:
@@ -293,7 +295,7 @@ def _stimulus(sitting: _Sitting, step: Step) -> str:
     """What the operator is to present: the levels of this trial, and the values of two intervals."""
     of_session = session_levels(sitting.store.experiment.file, sitting.session.assignment)
     shown = [level for name, level in step.stimulus.items() if name not in of_session]
-    if step.kind in ("two-interval", "staircase"):
+    if step.compares:
         shown.append("{:g}, then {:g}".format(*step.values))
     return ", ".join(shown)
 

@@ -25,16 +25,8 @@ from starlette.routing import Route
 from ...acquisition.session import StudyFile, load_study_file
 from ...base.errors import ConfigurationError, HaploopError
 from ...base.files import new_file, private_files
-from ...experiments import (
-    Assignment,
-    Course,
-    ExperimentFile,
-    balance_of,
-    example_names,
-    group_of_slot,
-    load_experiment,
-)
-from ...reports.contents import Contents, Grid
+from ...experiments import ExperimentFile, balance_of, example_names, load_experiment
+from ...reports.contents import Contents, Grid, first_steps, steps_grid
 from ..data_folder import DataFolder
 from .bodies import json_object
 from .question import question
@@ -196,23 +188,15 @@ def _copy(data: DataFolder, names: tuple[str, ...], to: Path) -> None:
 def _experiment(loaded: Any) -> dict[str, Any]:
     """The blocks of the first participant's first day, and the first trial as the participant sees it."""
     file: ExperimentFile = loaded.file
-    steps = Course(file, Assignment("P01", 0, group_of_slot(file, 0), 1)).firsts()
-    blocks = {block.name: block for block in file.block}
-    rows = [
-        (one.block, one.kind, blocks[one.block].order, ", ".join(one.stimulus.values()),
-         f"{'up to ' if one.kind == 'staircase' else ''}{one.of}")
-        for one in steps
-    ]  # fmt: skip
     multiple = balance_of(file, []).multiple_of
     said = [f"A multiple of {multiple} participants is balanced."] if multiple > 1 else []
-    days = "a day" if file.sessions == 1 else f"each of {file.sessions} days"
-    grid = Grid(
-        f"Steps of a participant, {days}", ("Block", "Kind", "Order", "First", "Steps"), rows, words=4
-    )
-    trial = next(one for one in steps if one.kind not in ("presses", "finger"))
+    trial = next(one for one in first_steps(file) if not one.by_hand)
     shown = {"block": trial.block, "number": 1, "of": 0 if trial.kind == "staircase" else trial.of}
     ask = question(file, trial, "preview")
-    return {"shown": contents_json(Contents("", [], [grid], said)), "trial": {"step": shown, "ask": ask}}
+    return {
+        "shown": contents_json(Contents("", [], [steps_grid(file)], said)),
+        "trial": {"step": shown, "ask": ask},
+    }
 
 
 def _study(file: StudyFile) -> dict[str, Any]:

@@ -1,8 +1,8 @@
-"""Recordings that the operator has lined up: who presses what next.
+"""Recordings and sessions of experiments that the operator has lined up: who does what next.
 
-The list is a file of the data folder, so that a page that is reloaded and a server that is started again show
-the same. It begins nothing by itself: each recording is started by a person, one at a time. One that was not
-completed stays in the list.
+The list is a file of the data folder, which several servers may change: each reads it anew. It begins
+nothing by itself: a person starts each, one at a time. What was not completed stays in the list. A recording
+that runs is known by its worker, because another one, of another rig, counts its jobs from 1 as well.
 """
 
 from __future__ import annotations
@@ -10,65 +10,89 @@ from __future__ import annotations
 import secrets
 import threading
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 from ...acquisition import file_name
 from ...base.errors import ConfigurationError, DataError
-from ...base.files import private_files, whole_file
+from ...base.files import private_files, stamp, whole_file
 from ...base.json_files import changing, read_json
 from ...base.json_text import as_file
-from ..data_folder import DataFolder
+from ...base.marks import is_marked
+from ..data_folder import DataFolder, store_of
 from ..fields import clean, whole
 
 _KIND = "run queue"
 _MOST = 200
 _ENDED = ("done", "stopped", "failed", "unconfirmed")
+_KEYS = {"id", "participant", "experiment", "button", "name", "presses", "notes", "job", "said"}
+_NOT_KNOWN = "How it ended is not known: see Files."
 Item = dict[str, Any]
+"""A recording or, with the name of an `experiment`, a session; `job` names the worker that records it."""
 
 
 class RunQueue:
     """The list, in order. `worker` sends a command of a page; for any thread. Methods raise HaploopError."""
 
     def __init__(self, data: DataFolder, worker: Callable[[str, Mapping[str, Any]], Any]) -> None:
-        self._path = data.root / "run-queue.json"
+        self._data, self._path = data, data.root / "run-queue.json"
         self._worker = worker
-        self._lock = threading.Lock()
-        self._unseen: set[str] = set()
-        """Recordings that were started here, and that no snapshot of the worker has shown yet."""
-        self.problem = ""
-        """Why the list cannot be read, as a sentence."""
-        self.items: list[Item] = []
-        self._read()
+        self._changing = threading.Lock()
+        self._read: tuple[tuple[int, ...], list[Item], str] = ((), [], "")
+        """State of the file as it was read, the list in it, and why it cannot be read, as a sentence."""
+
+    @property
+    def items(self) -> list[Item]:
+        """The list as the file has it now; empty while it cannot be read."""
+        return self._newest()[1]
 
     @property
     def shown(self) -> dict[str, Any]:
         """What pages show of it."""
-        return {"items": self.items, "problem": self.problem}
+        _, items, problem = self._newest()
+        return {"items": items, "problem": problem}
+
+    @property
+    def changed(self) -> bool:
+        """Whether the file is another one than was read last, as another server has changed it."""
+        return stamp(self._path) != self._read[0]
 
     def add(self, values: Mapping[str, Any]) -> None:
-        """Put a recording at the end: participant, button, presses, and, where given, name and notes."""
-        one = {name: str(values.get(name) or "") for name in ("participant", "button", "name")}
-        file = file_name(one["participant"], one["button"], one["name"])
+        """Put one at the end: participant, button, presses, and, where given, name and notes; or participant
+        and experiment.
+        """
+        one = {name: str(values.get(name) or "") for name in ("participant", "experiment", "button", "name")}
+        presses = 0
+        if one["experiment"]:
+            store_of(self._data, one["experiment"])  # refuses what is no experiment
+            file_name(one["participant"], "x")  # and what is no pseudonym
+            one |= {"button": "", "name": ""}
+        else:
+            file_name(one["participant"], one["button"], one["name"])
+            presses = whole(values.get("presses", 10), "The number of presses", 1, 200)
         item = {
             **one,
             "id": secrets.token_hex(8),
-            "presses": whole(values.get("presses", 10), "The number of presses", 1, 200),
+            "presses": presses,
             "notes": clean(values.get("notes") or "", "The notes"),
-            "job": 0,
+            "job": None,
             "said": "",
         }
 
         def put(items: list[Item]) -> list[Item]:
-            if any(file_name(i["participant"], i["button"], i["name"]) == file for i in items):
-                raise ConfigurationError(f"{file} is lined up already: give this recording another name.")
+            if any(_title(other) == _title(item) for other in items):
+                raise ConfigurationError(
+                    f"{_title(item)} is lined up already"
+                    f"{'' if one['experiment'] else ': give this recording another name'}."
+                )
             if len(items) >= _MOST:
-                raise ConfigurationError(f"{_MOST} recordings are lined up: record some first.")
+                raise ConfigurationError(f"{_MOST} are lined up: do some of them first.")
             return [*items, item]
 
         self._change(put)
 
     def move(self, values: Mapping[str, Any]) -> None:
-        """Move a recording to another place, which is counted from 0."""
+        """Move one to another place, which is counted from 0."""
         to = whole(values.get("to"), "The place", 0, _MOST)
 
         def moved(items: list[Item]) -> list[Item]:
@@ -79,7 +103,7 @@ class RunQueue:
         self._change(moved)
 
     def drop(self, values: Mapping[str, Any]) -> None:
-        """Take a recording off the list. What is being recorded goes on."""
+        """Take one off the list. What is being recorded goes on."""
 
         def without(items: list[Item]) -> list[Item]:
             one = _named(items, values)
@@ -88,64 +112,98 @@ class RunQueue:
         self._change(without)
 
     def start(self, values: Mapping[str, Any]) -> None:
-        """Start a recording, because a person asks for it. It leaves the list when it is complete."""
-        with self._lock:
-            one = _named(self.items, values)
+        """Start a recording, because a person asks for it. It leaves the list when it is complete.
+
+        No other server changes the list until the worker has answered, so that none starts it too.
+        """
+
+        def started(items: list[Item]) -> list[Item]:
+            one = _named(items, values)
             if one["job"]:
                 raise ConfigurationError("That recording runs already.")
+            if one["experiment"]:
+                raise ConfigurationError("A session begins on the page Experiment.")
             wanted = {name: one[name] for name in ("participant", "button", "name", "presses", "notes")}
             status, answer = self._worker("start", {"kind": "record", "parameters": wanted})
             if status != 200:
                 raise ConfigurationError(str(answer.get("error", "The worker refused.")))
-            self._unseen.add(one["id"])
-        self._change(lambda items: _with(items, one["id"], job=answer["job"], said=""))
+            job = {"number": answer["job"], **answer["worker"]}
+            return _with(items, one["id"], job=job, said="")
+
+        self._change(started)
 
     def heard(self, snapshot: Mapping[str, Any]) -> None:
-        """Note what became of the recording that was started."""
-        running = next((item for item in self.items if item["job"]), None)
-        if running is None:
+        """Note what became of the recordings that were started."""
+        ended = {item["id"]: _ended(item["job"], snapshot) for item in self.items if item["job"]}
+        if not any(ended.values()):
             return
-        job, own = snapshot.get("job") or {}, running["id"]
-        seen = not snapshot.get("gone") and job.get("number") == running["job"] and job["kind"] == "record"
-        if seen:
-            self._unseen.discard(own)
-            if job["state"] not in _ENDED:
-                return
-            if job["state"] == "done":
-                self._change(lambda items: [item for item in items if item["id"] != own])
-                return
-        elif own in self._unseen and not snapshot.get("gone"):
-            return  # the worker's next snapshot shows it
-        said = job["sentence"] or "It was stopped." if seen else "How it ended is not known: see Files."
-        self._unseen.discard(own)
-        self._change(lambda items: _with(items, own, job=0, said=said))
+
+        def noted(items: list[Item]) -> list[Item]:
+            left = [item for item in items if not (item["job"] and ended.get(item["id"]) == "done")]
+            for own, said in ended.items():
+                left = _with(left, own, job=None, said=said) if said else left
+            return left
+
+        self._change(noted)
+
+    def completed(self, experiment: str, participant: str) -> None:
+        """Take the session that is complete off the list."""
+        own = (experiment, participant)
+        if any((item["experiment"], item["participant"]) == own for item in self.items):
+            self._change(lambda items: [i for i in items if (i["experiment"], i["participant"]) != own])
 
     def _change(self, change: Callable[[list[Item]], list[Item]]) -> None:
         """Change the file's list, also beside another server of this data folder."""
         self._path.parent.mkdir(parents=True, exist_ok=True)
-        with self._lock, private_files(), changing(self._path):
-            self._read()
-            if self.problem:
-                raise DataError(self.problem)
-            items = change(self.items)
-            text, _ = as_file(_KIND, items)
+        with self._changing, private_files(), changing(self._path):
+            _, items, problem = self._newest()
+            if problem:
+                raise DataError(problem)
+            text, _ = as_file(_KIND, change(items))
             with whole_file(self._path, replace=True) as part:
                 part.write_text(text, encoding="utf-8", newline="\n")
-            self.items = items
 
-    def _read(self) -> None:
-        try:
-            self.items = read_json(self._path, _KIND, list) if self._path.exists() else []
-            self.problem = ""
-        except DataError as error:
-            self.items, self.problem = [], f"{error} Remove it to line up recordings anew."
+    def _newest(self) -> tuple[tuple[int, ...], list[Item], str]:
+        """`_read`, anew where the file has changed."""
+        now = stamp(self._path)
+        if now != self._read[0]:
+            try:
+                items = read_json(self._path, _KIND, list) if now else []
+                if any(not isinstance(one, dict) or one.keys() != _KEYS for one in items):
+                    raise DataError(f"{self._path} was not written by this version of haploop.")
+                self._read = (now, items, "")
+            except DataError as error:
+                self._read = (now, [], f"{error} Remove it to line up recordings anew.")
+        return self._read
+
+
+def _ended(own: Mapping[str, Any], snapshot: Mapping[str, Any]) -> str:
+    """How a job ended, "done" or a sentence, by a worker's snapshot; "" while it may run."""
+    told = snapshot.get("worker") or {"place": "", "begun": ""}
+    if snapshot.get("gone") or told["place"] != own["place"]:
+        return "" if is_marked(Path(own["place"])) else _NOT_KNOWN
+    if told["begun"] != own["begun"]:  # an older worker's snapshot says nothing of this one
+        return _NOT_KNOWN if told["begun"] > own["begun"] else ""
+    job = snapshot.get("job") or {"number": 0}
+    if job["number"] != own["number"]:
+        return _NOT_KNOWN if job["number"] > own["number"] else ""
+    if job["state"] not in _ENDED:
+        return ""
+    return "done" if job["state"] == "done" else job["sentence"] or "It was stopped."
+
+
+def _title(item: Item) -> str:
+    """What tells one from another."""
+    if item["experiment"]:
+        return f"{item['participant']}'s session of {item['experiment']}"
+    return file_name(item["participant"], item["button"], item["name"])
 
 
 def _named(items: list[Item], values: Mapping[str, Any]) -> Item:
     for item in items:
         if item["id"] == values.get("id"):
             return item
-    raise ConfigurationError("That recording is not lined up any more.")
+    raise ConfigurationError("That is not lined up any more.")
 
 
 def _with(items: list[Item], own: str, **values: Any) -> list[Item]:

@@ -1,13 +1,17 @@
-"""Run the console: worker, application and socket, until Ctrl-C."""
+"""Run the console: worker, application and socket, until Ctrl-C; connections that send nothing are closed."""
 
 from __future__ import annotations
 
+import asyncio
+import logging
 import socket
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 import uvicorn
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from ...base.errors import ConfigurationError
 from ...instruments import RigFile
@@ -16,11 +20,42 @@ from ...terminal.progress import note
 from ..data_folder import DataFolder
 from ..worker import WorkerLink, free_tape, serving, start_worker
 from .application import application
-from .bodies import LARGEST
-from .connections import ImpatientProtocol
+from .bodies import LARGEST, PATIENCE
 from .follower import Follower
 from .live_scope import LiveScope
 from .security import Access
+
+
+class ImpatientProtocol(H11Protocol):
+    """HTTP that closes a connection on which no request was made for up to twice `PATIENCE`.
+
+    uvicorn itself limits only the time between an answer and the next request's first byte.
+    """
+
+    _looked_at: Any = None
+    _look: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: Any) -> None:
+        """See `asyncio.Protocol`."""
+        super().connection_made(transport)
+        self._look = self.loop.call_later(PATIENCE, self._close_if_silent)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """See `asyncio.Protocol`."""
+        if self._look is not None:
+            self._look.cancel()
+        super().connection_lost(exc)
+
+    def _close_if_silent(self) -> None:
+        if self.transport.is_closing() or self.transport.get_protocol() is not self:
+            return  # a WebSocket's now, which has a deadline of its own
+        cycle = self.cycle
+        answered = cycle is None or cycle.response_complete
+        if answered and (cycle is None or cycle is self._looked_at):
+            self.transport.close()
+            return
+        self._looked_at = cycle if answered else None
+        self._look = self.loop.call_later(PATIENCE, self._close_if_silent)
 
 
 def serve_console(
@@ -62,6 +97,7 @@ def serve_console(
                 ws_max_size=LARGEST,
                 timeout_graceful_shutdown=1,
             )
+            logging.getLogger("uvicorn.error").addFilter(_of_a_fault)
             ready(access)
             uvicorn.Server(config).run(sockets=[listener])
         finally:
@@ -72,6 +108,12 @@ def serve_console(
                     "The console's worker goes on, because another `haploop serve` of this rig runs. "
                     "`haploop serve --stop` ends it."
                 )
+
+
+def _of_a_fault(record: logging.LogRecord) -> bool:
+    """Whether a line of the log is one of a fault: not of pages that a stop leaves without their answer."""
+    cut = record.exc_info is not None and isinstance(record.exc_info[1], asyncio.CancelledError)
+    return not cut and "graceful shutdown exceeded" not in record.getMessage()
 
 
 def _bound(address: str, port: int) -> socket.socket:

@@ -18,6 +18,7 @@ from typing import Any
 
 from ...base.clock import RealClock
 from ...base.errors import ConfigurationError
+from ...base.wording import capital
 from ...instruments import Rig
 from .board import Board
 
@@ -45,7 +46,7 @@ class Stopping:
         at_rest: str,
     ) -> None:
         """`at_rest` is the rig's safe state, as a clause."""
-        self._safe = f"{at_rest[0].upper()}{at_rest[1:]}, read back."
+        self._safe = f"{capital(at_rest)}, read back."
         self._board, self._changing, self._job, self._reach = board, changing, job, reach
         self._clock = RealClock()
         self._late = False

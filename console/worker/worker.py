@@ -22,6 +22,7 @@ from ...instruments import Rig, RigFile, open_rig
 from ...instruments.driver import Mode
 from ..data_folder import DataFolder
 from ..fields import clean
+from .address import address_path
 from .board import Board
 from .job import Tools, Work
 from .jobs import JOBS
@@ -67,6 +68,10 @@ class Worker:
             simulated=mode is not None,
             data=str(data.root),
             calibrations=str(data.history.folder),
+            worker={
+                "place": str(address_path(file, simulate)),
+                "begun": datetime.now(UTC).isoformat(timespec="microseconds"),
+            },
             table=None if file.table is None else _table(file),
             job=None,
             progress=None,
@@ -172,7 +177,7 @@ class Worker:
             raise ConfigurationError("The parameters of a job are an object of names and values.")
         if job.gated:
             self._refuse_without_preflight()
-        return {"job": self._add(kind, wanted)}
+        return {"job": self._add(kind, wanted), "worker": self.board["worker"]}
 
     def _hold(self, values: Mapping[str, Any]) -> None:
         """Keep the rig for a session of an experiment, {experiment, participant}, until `let_go`.

@@ -11,6 +11,9 @@ from .check import crosstalk_facts as crosstalk_facts
 from .check import other_facts as other_facts
 from .check import silence_facts as silence_facts
 from .experiment import experiment_contents as experiment_contents
+from .experiment import first_steps as first_steps
+from .experiment import plan_of_experiment as plan_of_experiment
+from .experiment import steps_grid as steps_grid
 from .feeling import feeling_values as feeling_values
 from .files import contents_of as contents_of
 from .files import file_contents as file_contents
@@ -21,6 +24,7 @@ from .glance import Gauge as Gauge
 from .glance import Glance as Glance
 from .glance import Motion as Motion
 from .glance import check_glance as check_glance
+from .glance import key_of as key_of
 from .history import difference_contents as difference_contents
 from .history import generation_contents as generation_contents
 from .history import history_contents as history_contents
@@ -52,6 +56,7 @@ from .words import ANSWERS_SIMULATED as ANSWERS_SIMULATED
 from .words import counted as counted
 from .words import fixed as fixed
 from .words import interval as interval
+from .words import measured_error as measured_error
 from .words import one_style as one_style
 from .words import percent as percent
 from .words import unbroken as unbroken

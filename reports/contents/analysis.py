@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
 from typing import Any
 
+from ...base.wording import capital
 from ...calibration import LabThreshold
 from ...experiments import (
     METRICS,
@@ -39,7 +41,7 @@ def identification_contents(result: Identification, simulated: bool, of: str = "
         left_out = f"; without {', '.join(one.left_out)}" if one.left_out else ""
         tables.append(_effects(one.effects, f"Effects on {one.metric} ({one.people} participants{left_out})"))
         tables += [
-            _comparisons(some, f"{one.metric.capitalize()}: {factor}", 100, " %")
+            _comparisons(some, f"{capital(one.metric)}: {factor}", 100, " %")
             for factor, some in one.comparisons.items()
         ]
     values = fact(
@@ -152,7 +154,11 @@ def power_contents(found: Sequence[Power]) -> Contents:
 
 
 def thresholds_contents(
-    found: Sequence[Threshold], columns: Sequence[str], of: Rows, lab: LabThreshold | None = None
+    found: Sequence[Threshold],
+    columns: Sequence[str],
+    of: Rows,
+    lab: LabThreshold | None = None,
+    title: str = "",
 ) -> Contents:
     """Thresholds; `columns` name what tells them apart in the rows that they were fitted to.
 
@@ -192,7 +198,7 @@ def thresholds_contents(
         )
     remarks = [*none, *of.remarks]
     facts = [fact(thresholds=values, notes=remarks), *_lab_facts(lab)]
-    return _answers("", facts, tables, [*([note] if known else []), *remarks], simulated=of.simulated)
+    return _answers(title, facts, tables, [*([note] if known else []), *remarks], simulated=of.simulated)
 
 
 def _lab_facts(lab: LabThreshold | None) -> Iterator[Fact]:
@@ -210,7 +216,7 @@ def _lab_facts(lab: LabThreshold | None) -> Iterator[Fact]:
 
 def _level(by: Sequence[str], key: Sequence[str]) -> str:
     told = ", ".join(f"{column} {value}" for column, value in zip(by, key, strict=True))
-    return told[:1].upper() + told[1:]
+    return capital(told)
 
 
 def _confusion(confusion: Confusion, title: str) -> Grid:
@@ -221,7 +227,7 @@ def _confusion(confusion: Confusion, title: str) -> Grid:
     edges = confusion.overall_interval
     bounds = f" ({interval(edges)})" if edges else ""
     correct = f"Correct: {percent(confusion.overall, 2)}{bounds} of {confusion.counts.sum()} trials."
-    headings = ("Presented", *confusion.classes, *(metric.capitalize() for metric in METRICS))
+    headings = ("Presented", *confusion.classes, *(capital(metric) for metric in METRICS))
     return Grid(title, headings, rows, below=correct)
 
 
@@ -257,9 +263,12 @@ def _comparisons(some: Sequence[Comparison], title: str, scale: float = 1, unit:
     rows = []
     for one in some:
         low, high = (scale * bound for bound in one.interval)
-        difference = f"{scale * one.difference:.2f}{unit} ({low:.2f} to {high:.2f})"
+        levels, difference = f"{one.first} - {one.second}", f"{scale * one.difference:.2f}{unit}"
+        if math.isnan(one.t):  # all people differ alike: no spread to test against
+            rows.append((levels, difference, "not defined", str(one.df), "not defined", "not defined"))
+            continue
+        difference += f" ({low:.2f} to {high:.2f})"
         d = f"{one.d:.2f} ({one.d_interval[0]:.2f} to {one.d_interval[1]:.2f})"
-        levels = f"{one.first} - {one.second}"
         rows.append((levels, difference, f"{one.t:.2f}", str(one.df), _p(one.p_bonferroni), d))
     return Grid(title, ("Levels", "Difference (95 %)", "t", "df", "p (Bonferroni)", "d (95 %)"), rows)
 

@@ -12,7 +12,7 @@ from ...calibration import Calibration, Drift, Drive, Model, Resonance, Waveform
 from ...calibration.band import BAND
 from .. import figures
 from . import captions
-from .parts import Contents, Drawing, Fact, Verdict, detailed, fact
+from .parts import Contents, Drawing, Fact, Grid, Verdict, detailed, fact
 from .words import damping, percent, sentence
 
 _TOLD, _MOST = 0.01, 5
@@ -98,6 +98,7 @@ def calibration_contents(calibration: Calibration) -> Contents:
     return Contents(
         f"Calibration of patch {patch} at the {point} point",
         facts,
+        [_resonances(calibration)],
         kind="calibration",
         simulated=response.simulated,
         rig=response.rig,
@@ -168,6 +169,15 @@ def _background(calibration: Calibration) -> Iterator[Fact]:
     )
 
 
+def _resonances(calibration: Calibration) -> Grid:
+    """The resonances of the model, each with its residue as the peak of its pole pair."""
+    response, rows = calibration.response, []
+    for one in calibration.model.resonances:
+        rows.append((f"{one.frequency_hz:.2f} Hz", damping(one), f"{1e6 * one.strength:.3g} µm/s"))
+    title = f"Resonances of patch {response.patch} at the {response.point} point"
+    return Grid(title, ("Frequency", "Damping ratio (95 %)", "Residue, as its peak per volt"), rows)
+
+
 def _resonance(one: Resonance) -> dict[str, Any]:
     return {
         "frequency_hz": one.frequency_hz,
@@ -229,7 +239,7 @@ def channel_fact(calibrations: Sequence[Calibration]) -> Fact:
     how = f"{widest.changes} changes within {widest.seconds / 3600:.1f} h" if widest.changes else "estimates"
     return fact(
         "Channel",
-        f"scatters by {percent(widest.gain, 2)} of gain and {1e6 * widest.delay:.2g} us of delay ({how})",
+        f"scatters by {percent(widest.gain, 2)} of gain and {1e6 * widest.delay:.2g} µs of delay ({how})",
         channel=asdict(widest),
     )
 

@@ -9,6 +9,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
+from ...base.wording import capital
 from ...exchange.catalogue import Entry, stated
 from .parts import Contents, Grid, fact
 from .words import counted
@@ -52,7 +53,7 @@ def _grid(kind: str, entries: Sequence[Entry], with_rig: bool) -> Grid:
     said = {name: cells for name, cells in columns.items() if any(cells)}
     rows = list(zip(*said.values(), strict=True))
     title = f"{kind}, in {_near(folder)}" if folder.parts else kind
-    return Grid(title, [name.capitalize() for name in said], rows, words=len(said))
+    return Grid(title, [capital(name) for name in said], rows, words=len(said))
 
 
 def _cell(entry: Entry, name: str) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...acquisition import Representative
 from ...calibration import Check, DigitalButton, Feeling, check_feeling
-from ...calibration.drive import Elsewhere, SharedPower
+from ...calibration.drive import Elsewhere
 from .. import figures
 from . import captions
 from .calibration import drive_drawing, drive_facts, response_drawing
@@ -20,7 +20,7 @@ from .feeling import feeling_facts, loudness
 from .glance import Glance, check_glance
 from .parts import Contents, Drawing, Fact, Verdict, detailed, fact, verdict_cell
 from .press import press_drawing
-from .words import interval, percent, sentence
+from .words import percent, sentence
 
 
 def check_contents(check: Check, press: Representative | None = None, file: Path | None = None) -> Contents:
@@ -87,7 +87,7 @@ def button_contents(button: DigitalButton) -> Contents:
     press, drive, check, learning = button.press, button.drive, button.check, button.learning
     feeling, kept = check_feeling(check, press), sum(one.kept for one in learning.iterations[1:])
     tried = [
-        f"{number}: in band {', '.join(f'{power.root:.1%}' for power in one.each_within)}, "
+        f"{number}: in band {', '.join(power.brief for power in one.each_within)}, "
         f"{'kept' if one.kept else 'not kept'}: {one.reason}"
         for number, one in enumerate(learning.iterations)
     ]
@@ -145,8 +145,7 @@ def _under_a_finger(button: DigitalButton) -> list[Fact]:
     if button.pressed is None:
         return []
     each = [
-        f"{force:.3g} N: {one.verdict}, error {one.error:.1%} ({one.interval[0]:.1%} to "
-        f"{one.interval[1]:.1%})"
+        f"{force:.3g} N: {one.verdict}, error {one.whole.said}"
         for force, one in zip(button.pressed.forces, button.pressed_checks, strict=True)
     ]
     return [
@@ -241,7 +240,7 @@ def _check_facts(check: Check, feeling: Feeling, presses: Sequence[Representativ
     yield fact("Verdict", [verdict_cell(check.verdict), *check.reasons, *check.notes])
     yield fact(
         f"Error up to {check.judged_hz:.0f} Hz",
-        f"{_error(check.whole)}, at most {percent(check.tolerance)}, in {check.plays} plays",
+        f"{check.whole.said}, {percent(check.tolerance)} accepted, in {check.plays} plays",
     )
     yield from silence_facts(check)
     yield from other_facts(check, presses)
@@ -250,8 +249,8 @@ def _check_facts(check: Check, feeling: Feeling, presses: Sequence[Representativ
     noise = f"{percent(check.whole.floor)}, within the band {percent(check.within.floor)}"
     yield from detailed(
         [
-            fact(f"Within {low:.0f} to {high:.0f} Hz", _error(check.within)),
-            fact("Motion outside, of the target", _error(check.outside)),
+            fact(f"Within {low:.0f} to {high:.0f} Hz", check.within.said),
+            fact("Motion outside, of the target", check.outside.said),
             fact("Correlation", f"{check.correlation:.4f}, {envelopes}"),
             fact("Third octaves", f"{check.octaves.error_db:.2f} dB"),
             fact("Noise of the plays' mean", noise),
@@ -285,7 +284,7 @@ def other_facts(check: Check, presses: Sequence[Representative]) -> Iterator[Fac
             f"{one.button} at point {one.point}",
             [
                 verdict_cell(other.verdict),
-                f"error {_error(other.whole)}; {expected} were expected, as calibrated and after a drift"
+                f"error {other.whole.said}; {expected} were expected, as calibrated and after a drift"
                 f"{_known(one)}",
                 felt.sentence,
                 ", ".join(filter(None, (_played(other), loudness(felt)))),
@@ -316,17 +315,13 @@ def _below(motion: float) -> str:
     return f"{-20 * np.log10(max(motion, 1e-6)):.0f}"
 
 
-def _error(part: SharedPower) -> str:
-    return f"{percent(part.root)} ({interval(part.interval)})"
-
-
 def _verdict(subject: str, check: Check, feeling: Feeling) -> Verdict:
     """Is it like the recorded press, can it be felt, how loud is it, and how much of the press is it?"""
     return Verdict(
         subject,
         check.verdict,
         check.passed,
-        f"error {_error(check.whole)} of at most {percent(check.tolerance, 0)}, n = {check.plays} plays",
+        f"error {check.whole.said}, {percent(check.tolerance, 0)} accepted, {check.plays} plays",
         " ".join((*check.reasons, *check.notes)),
         (feeling.sentence.removesuffix("."), ", ".join(filter(None, (_played(check), loudness(feeling))))),
     )

@@ -1,11 +1,100 @@
-"""What an experiment says: who has answered what."""
+"""What an experiment says: what it asks, and who has answered what."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
+
 from ...base.errors import DataError
-from ...experiments import Balance, Latency, Store, StoredSession, balance_of, latency_of
-from .parts import Contents, Grid, fact
+from ...experiments import (
+    Assignment,
+    Balance,
+    Course,
+    ExperimentFile,
+    Latency,
+    Step,
+    Store,
+    StoredSession,
+    balance_of,
+    group_of_slot,
+    latency_of,
+)
+from .parts import Contents, Fact, Grid, fact
 from .words import ANSWERS_SIMULATED, counted
+
+_ASKS = {
+    "identification": "identification: which was it?",
+    "rating": "rating of pairs of adjectives",
+    "two-interval": "two intervals: in which was it stronger?",
+    "staircase": "staircase: in which of two intervals was it stronger?",
+}
+
+
+def plan_of_experiment(store: Store, why: str) -> Contents:
+    """What an experiment is and who has begun it, where it has no scores; `why` says why it has none.
+
+    Raises DataError as `experiment_contents`.
+    """
+    file, begun = store.experiment.file, experiment_contents(store)
+    return replace(
+        begun,
+        title=f"Experiment {file.title or file.name}",
+        facts=[*begun.facts, *_conditions(file)],
+        tables=[steps_grid(file), *(replace(grid, title="Sessions") for grid in begun.tables)],
+        notes=[why, *begun.notes],
+    )
+
+
+def steps_grid(file: ExperimentFile) -> Grid:
+    """The blocks of the first participant's first day: kind, order, first stimulus and number of steps."""
+    blocks = {block.name: block for block in file.block}
+    rows = [
+        (one.block, one.kind, blocks[one.block].order, _first(one),
+         f"{'up to ' if one.kind == 'staircase' else ''}{one.of}")
+        for one in first_steps(file)
+    ]  # fmt: skip
+    days = "a day" if file.sessions == 1 else f"each of {file.sessions} days"
+    headings = ("Block", "Kind", "Order", "First", "Steps")
+    return Grid(f"Steps of a participant, {days}", headings, rows, words=4)
+
+
+def _first(step: Step) -> str:
+    """The first stimulus: levels of factors, and the values of two intervals."""
+    values = [" and ".join(f"{value:g}" for value in step.values)] if step.compares else []
+    return ", ".join([*step.stimulus.values(), *values])
+
+
+def first_steps(file: ExperimentFile) -> list[Step]:
+    """The first step of each block of the first participant's first day."""
+    return Course(file, Assignment("P01", 0, group_of_slot(file, 0), 1)).firsts()
+
+
+def _conditions(file: ExperimentFile) -> Iterator[Fact]:
+    yield fact("Kind", _ASKS[file.kind])
+    if file.question.text:
+        yield fact("Question", file.question.text)
+    for factor in file.factor:
+        yield fact(factor.name.capitalize(), f"{', '.join(factor.levels)} (varies by {factor.varies})")
+    if file.question.pairs:
+        yield fact("Pairs", ", ".join(file.pair_names))
+    if file.comparison:
+        yield fact(file.comparison.name.capitalize(), _compared(file))
+    if len(file.groups) > 1:
+        yield fact("Groups", ", ".join(file.groups))
+    multiple = balance_of(file, []).multiple_of
+    if multiple > 1:
+        yield fact("Balanced", f"with a multiple of {multiple} participants")
+
+
+def _compared(file: ExperimentFile) -> str:
+    """What is compared in two intervals."""
+    compared = file.comparison
+    assert compared is not None
+    values = ", ".join(f"{level:g}" for level in compared.levels)
+    if file.kind == "staircase":
+        values = f"a staircase from {compared.start:g}, {compared.down} right answers in a row down"
+    unit = f" {compared.unit}" if compared.unit not in ("", "1") else ""  # 1: a ratio
+    return f"{compared.standard:g}{unit} against {values}{unit if compared.levels else ''}"
 
 
 def experiment_contents(store: Store) -> Contents:

@@ -7,12 +7,14 @@ beside the threshold of a finger that presses, with the range in which that thre
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ...acquisition import Representative
 from ...base.arrays import FloatArray
+from ...base.wording import capital
 from ...calibration import Check, Feeling
 from .. import figures
 from .parts import Cell, verdict_cell
@@ -24,6 +26,8 @@ on a phone."""
 _POINTS = 400
 """Points of a curve: two for each pixel of a narrow screen."""
 
+
+_ELSEWHERE = "the reason, which is not the error, stands with the verdict"
 
 WIDTH, HEIGHT = 360, 100
 """Units of the drawing of a motion, which is stretched to its place."""
@@ -129,6 +133,18 @@ class Glance:
     """At most twenty words."""
 
 
+def key_of(glances: Sequence[Glance]) -> list[tuple[str, str]]:
+    """What is drawn in any of the glances: the name of a stroke, and what it is."""
+    drawn = {name for one in glances for name, _ in one.motion.strokes()}
+    limit = "activation, or limit" if "activation" in drawn else "limit"
+    every = [
+        ("recorded", "recorded press"),
+        ("measured", "measured motion"),
+        ("band", "tolerated, or where the threshold may lie"),
+    ]
+    return [*(one for one in every if one[0] in drawn), ("activation", limit)]
+
+
 def check_glance(check: Check, feeling: Feeling, press: Representative | None) -> Glance:
     """What a check says at a glance; the recorded `press` adds its curve and its activation."""
     drive, (low, high) = check.drive, check.interval
@@ -136,8 +152,8 @@ def check_glance(check: Check, feeling: Feeling, press: Representative | None) -
     near = max(2 * check.tolerance, 1e-6)
     like = Gauge(
         "how like",
-        f"error {percent(check.error)} ({percent(low)} to {percent(high)})",
-        check.error,
+        f"error {check.whole.said}",
+        check.error or np.nan,  # zero was not measured
         0.0,
         near,
         (low, high) if np.isfinite(low) and np.isfinite(high) else None,
@@ -147,14 +163,16 @@ def check_glance(check: Check, feeling: Feeling, press: Representative | None) -
     level = sensation.level
     loud = Gauge(
         "how loud",
-        f"{level:+.0f} dB beside threshold".replace("-", "−") if np.isfinite(level) else "not known",
+        f"{abs(level):.0f} dB {'below' if level < 0 else 'above'} threshold"
+        if np.isfinite(level)
+        else "not known",
         level,
         -30.0,
         30.0,
         limit=0.0,
         limit_range=(-sensation.act.lower, sensation.act.higher),
     )
-    title = f"{drive.button.capitalize()}{f' at {drive.point}' if drive.point != 'button' else ''}"
+    title = f"{capital(drive.button)}{f' at {drive.point}' if drive.point != 'button' else ''}"
     return Glance(
         title,
         verdict_cell(check.verdict),
@@ -175,7 +193,11 @@ def _sentence(check: Check, feeling: Feeling) -> str:
             }[feeling.felt]
             return f"Repeats the press at {percent(check.drive.scale)} of its size; {felt}."
         case "fail":
-            return f"Does not repeat the press: the motion is off by more than {most}."
+            if check.interval[0] > check.tolerance:
+                return f"Does not repeat the press: the motion is off by more than {most}."
+            return f"Does not pass: {_ELSEWHERE}."
+        case _ if check.interval[1] <= check.tolerance:
+            return f"These plays do not show that it passes: {_ELSEWHERE}."
         case _:
             return f"These plays cannot tell whether the motion is within {most} of the press."
 

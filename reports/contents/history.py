@@ -12,7 +12,7 @@ from ...calibration.upkeep import Generation, History, Outcome, PlaceMetrics, bu
 from .. import figures
 from . import captions
 from .parts import Cell, Contents, Drawing, Grid, Tone, fact, verdict_cell
-from .words import counted, damping, fixed, percent
+from .words import counted, damping, fixed, measured_error, percent
 
 Place = tuple[str, str]
 
@@ -126,7 +126,7 @@ def _done(look: Mapping[str, Any]) -> str:
     if look["outcome"] == "restored":
         return f"{counted(look['buttons'], 'button')} made anew; {look['active']} is active"
     played = [
-        f"{name} played: error {percent(one['before']['whole']['error'])}"
+        f"{name} played: error {measured_error(one['before']['whole'], brief=True)}"
         for name, one in look["buttons"].items()
         if one["before"]
     ]
@@ -140,7 +140,7 @@ def _nights(nights: Sequence[Mapping[str, Any]]) -> Grid:
         (
             f"{datetime.fromisoformat(one['when']):%Y-%m-%d %H:%M}",
             Cell(one["outcome"], _TONES.get(one["outcome"], "doubtful")),
-            "" if one["drift"] is None else f"{one['drift']:+.2%}",
+            "" if one["drift"] is None else f"{one['drift']:+z.2%}",
             one["done"],
             one["why"],
         )
@@ -228,7 +228,7 @@ def difference_contents(one: Generation, other: Generation) -> Contents:
 def _change(label: str, numbers: Sequence[float | None]) -> tuple[str, str, str, str]:
     told = ["none" if number is None else f"{number:.4g}" for number in numbers]
     was, now = numbers
-    change = f"{now / was - 1:+.2%}" if was and now is not None else ""
+    change = f"{now / was - 1:+z.2%}" if was and now is not None else ""
     return label, told[0], told[1], change
 
 
@@ -300,8 +300,8 @@ def _button_row(name: str, outcome: Outcome, after: Mapping[str, Check]) -> Sequ
     both = (outcome.before.get(name), after.get(name))
     # On an unchanged table, the old drive is the one that is judged.
     judged = both[outcome.kind != "unchanged"]
-    errors = ["not measured" if c is None else percent(c.error) for c in both]
-    outside = ["-" if c is None else percent(c.outside.root) for c in both]
+    errors = ["not measured" if c is None else c.whole.brief for c in both]
+    outside = ["-" if c is None else c.outside.brief for c in both]
     correlations = ["-" if c is None else fixed(c.correlation, 4) for c in both]
     tolerance = "-" if judged is None else percent(judged.tolerance, 0)
     verdict = Cell("not made", "doubtful") if judged is None else verdict_cell(judged.verdict)

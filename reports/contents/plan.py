@@ -54,12 +54,18 @@ def plan_contents(plan: ButtonPlan) -> Contents:
             )
         ],
         kind="plan",
-        tables=[Grid("", _HEADINGS, rows, below=_EXPLAINED)],
+        tables=[Grid("", _HEADINGS, rows, below=_EXPLAINED + _chosen(plan))],
         notes=[*_at_other_points(plan), first.reservation],
         simulated=plan.simulated,
         rig=plan.rig,
         figures=[plan_drawing(plan)],
     )
+
+
+def _chosen(plan: ButtonPlan) -> str:
+    """What else a row needs to be chosen, where that is not the default; "" without such rows."""
+    methods = {curve.method for curve in plan.curves}
+    return " Rows that are broadband need `--method broadband` with it." if "broadband" in methods else ""
 
 
 def _at_other_points(plan: ButtonPlan) -> Iterator[str]:

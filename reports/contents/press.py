@@ -120,7 +120,7 @@ def press_drawing(press: Representative) -> Drawing:
     return Drawing(
         "presses",
         "Representative presses",
-        f"{captions.PRESSES} The band is one standard deviation of the aligned presses.",
+        f"{captions.PRESSES} Light blue: one standard deviation of the aligned presses.",
         [press],
         lambda some, columns: figures.profiles([figures.Profile.of(one) for one in some], columns),
         lambda some: sentence(

@@ -240,7 +240,7 @@ def _travelled(recording: Recording, presses: Sequence[ButtonPress]) -> list[Dra
 
 def _pressed(recording: Recording, presses: tuple[ButtonPress, ...]) -> Drawing:
     return Drawing(
-        "presses",
+        "pressed",
         "One press of each recording",
         captions.PRESSES,
         [(recording, presses)],
@@ -276,13 +276,16 @@ def _along(recording: Recording) -> Iterator[Fact]:
         read.setdefault((f"{one.instrument}: {one.name}", one.unit), []).append(one.value)
     for (label, unit), values in read.items():
         spread = _spread(np.array(values))
-        yield fact(label, f"{spread['mean']:.5g} {unit}, {_range(spread)} in {counted(values, 'reading')}")
+        among = "" if len(values) == 1 else f", {_range(spread)} in {counted(values, 'reading')}"
+        yield fact(label, f"{spread['mean']:.5g} {unit}{among}")
 
     written: dict[str, list[str]] = {}
     for file in recording.files:
         written.setdefault(f"{file.instrument}: {file.name}", []).append(file.file)
     for label, names in written.items():
-        yield fact(label, f"{counted(names, 'file')}, {names[0]} to {names[-1]}")
+        yield fact(
+            label, names[0] if len(names) == 1 else f"{counted(names, 'file')}, {names[0]} to {names[-1]}"
+        )
 
     failures = [event for event in recording.events if event.kind in ("along-error", "along-full")]
     yield fact(

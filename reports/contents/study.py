@@ -12,6 +12,7 @@ import numpy as np
 from ...acquisition import Recording, Study, StudyProgress
 from ...base.arrays import FloatArray
 from ...base.errors import DataError
+from ...base.wording import capital
 from .parts import Cell, Contents, Drawing, Fact, Grid, Verdict, fact
 from .press import press_drawing
 from .recording import forces_drawing, forces_in
@@ -42,7 +43,7 @@ def study_contents(study: Study, progress: Sequence[StudyProgress]) -> Contents:
         )
         presses = [_cell(mine[button]) for button in file.buttons]
         rows.append((name, *consent, *presses, Cell(", ".join(file.order_for(name)), "aside")))
-    buttons = [button.capitalize() for button in file.buttons]
+    buttons = [capital(button) for button in file.buttons]
     headings = ("Participant", *(["Consent"] if file.consent else []), *buttons, "Order")
     facts = [
         fact(study=file.name, file=study.path, participants=participants),
@@ -96,7 +97,7 @@ def forces_contents(recordings: Sequence[Recording]) -> Contents:
     names = sorted({name for by in by_button.values() for name in by})
     rows = [(name, *(_force(by.get(name)) for by in by_button.values())) for name in names]
     rows.append(("All", *map(_force, everyone.values())))
-    headings = ("Participant", *(button.capitalize() for button in by_button))
+    headings = ("Participant", *(capital(button) for button in by_button))
     return Contents(
         "",
         [fact(files=[recording.path for recording in recordings], buttons=values)],
@@ -160,7 +161,7 @@ def _columns(recordings: Sequence[Recording]) -> Iterator[Fact]:
         else:
             counts = Counter("yes" if v is True else "no" if v is False else str(v) for v in values)
             told = ", ".join(f"{value}: {count}" for value, count in sorted(counts.items()))
-        yield fact(column.capitalize(), told)
+        yield fact(capital(column), told)
 
 
 def _summary(forces: FloatArray) -> dict[str, Any]:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence, Sized
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from ...base.wording import capital, error_said
 
 if TYPE_CHECKING:
     from ...calibration import Resonance
@@ -57,6 +59,11 @@ def unbroken(text: str) -> str:
     return _SPACED.sub("\N{NO-BREAK SPACE}", dated)
 
 
+def measured_error(summary: Mapping[str, Any], brief: bool = False) -> str:
+    """What `SharedPower.said` says, or `brief`, of its summary."""
+    return error_said(summary["error"], summary["interval"], brief=brief)
+
+
 def interval(edges: Sequence[float | None]) -> str:
     """A confidence interval as percentages."""
     low, high = edges
@@ -76,8 +83,7 @@ def counted(things: Sized | int, what: str) -> str:
 
 def sentence(parts: Sequence[str], mark: str = "; ") -> str:
     """Parts as one sentence."""
-    told = mark.join(parts)
-    return f"{told[:1].upper()}{told[1:]}."
+    return f"{capital(mark.join(parts))}."
 
 
 def damping(resonance: Resonance) -> str:

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
+from ...base.wording import capital
 from ...experiments import Confusion, Identification, Ratings
 from .plotting import INK, Columns, colour, hatch, legend_under, letter, panels, style
 
@@ -47,7 +48,7 @@ def confusion_figure(result: Identification, columns: Columns = 2) -> Figure:
             axes.set_yticks(places, confusion.classes)
             axes.set_xlabel("Answered")
             axes.set_ylabel("Presented (%)")
-            letter(axes, index, title[:1].upper() + title[1:])
+            letter(axes, index, capital(title))
         return figure
 
 
@@ -80,7 +81,7 @@ def ratings_figure(result: Ratings, columns: Columns = 2) -> Figure:
             below = not turned or panel == len(second) - 1
             axes.tick_params(axis="x", labelsize=_PAIR_SIZE, labelbottom=below)
             axes.set_ylabel("Normalised rating" if result.normalised else "Rating")
-            letter(axes, panel, second[panel].capitalize(), 1 if panel == 0 else 0)
+            letter(axes, panel, capital(second[panel]), 1 if panel == 0 else 0)
         legend_under(grid[0, 0], len(first))
         return figure
 

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
+from ...base.wording import capital
 from ...calibration import Feeling
 from ...calibration.perception import shares
 from .plotting import BLUE, GREEN, GREY, INK, VERMILLION, Columns, legend_under, letter, panels, style
@@ -29,7 +30,7 @@ def feeling_figure(results: Sequence[tuple[str, Feeling]], columns: Columns = 2)
         figure, grid = panels(len(results), 2, 1.95, columns, ratios=(1.15, 1))
         for row, ((button, feeling), (bands, time)) in enumerate(zip(results, grid, strict=True)):
             room = 3 if row == 0 else 0
-            letter(bands, 2 * row, f"{button.capitalize()}, felt by a pressing finger: {feeling.felt}", room)
+            letter(bands, 2 * row, f"{capital(button)}, felt by a pressing finger: {feeling.felt}", room)
             people = f"{feeling.measured.pressing:+.0f} dB, {shares(*feeling.pressing.people)} of people"
             letter(time, 2 * row + 1, people.replace("-", "−"), room)
             draw_feeling(bands, time, feeling, with_legend=row == 0)

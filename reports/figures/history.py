@@ -171,7 +171,7 @@ def before_and_after(before: Mapping[str, Check], after: Mapping[str, Check]) ->
                 if name in checks:
                     check = checks[name]
                     _stretch(axes, check)
-                    title = f"{name}, {when}: error {100 * check.error:.1f} %, {check.verdict}"
+                    title = f"{name}, {when}: error {check.whole.brief}, {check.verdict}"
                 letter(axes, 2 * row + column, title)
                 axes.set_xlabel("Time in the drive (ms)" if row == len(names) - 1 else "")
             grid[row, 0].set_ylabel("Acceleration (m/s²)")

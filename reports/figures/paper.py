@@ -15,6 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ...base.arrays import FloatArray
+from ...base.wording import capital
 from ...calibration import modulate
 from .plotting import (
     BLUE,
@@ -64,8 +65,8 @@ def activation_forces(
         # The paper puts all buttons together in the upper right.
         order: list[str | None] = [*forces]
         order.insert(1, None)
-        rows = (len(order) + 1) // 2
-        figure, grid = panels(rows, 2, 1.8, columns)
+        # Below each other, an odd number of panels leaves no place empty.
+        figure, grid = panels(-(-len(order) // columns), columns, 1.8, columns)
         for place, (axes, button) in enumerate(zip(grid.flat, order, strict=False)):
             if button is None:
                 letter(axes, place, "All together", legend_rows=1 if truth else 0)
@@ -73,7 +74,7 @@ def activation_forces(
                 continue
             index = list(forces).index(button)
             beside = place == 0 and columns == 2 and bool(truth)
-            letter(axes, place, button.capitalize(), legend_rows=1 if beside else 0)
+            letter(axes, place, capital(button), legend_rows=1 if beside else 0)
             by = forces[button]
             _forces(axes, [by.get(p, np.empty(0)) for p in participants], participants, [colour(index)])
             mean = float(np.mean(everyone[button]))
@@ -107,7 +108,7 @@ def drives(
             axes.set_ylabel("Voltage (V)")
             peak_to_peak = float(np.ptp(volts))
             told = f", patch {patch}: {peak_to_peak:.1f} V peak to peak"
-            name = drive.button.capitalize()
+            name = capital(drive.button)
             room = _TITLE * columns - len(told)
             title = (name if len(name) <= room else f"{name[: room - 1]}…") + told
             letter(axes, row, title, legend_rows=1 if limits and row == 0 else 0)
@@ -131,10 +132,10 @@ def comparison(results: Sequence[tuple[Representative, Check]], columns: Columns
         figure, grid = panels(len(results), 3, 1.75, columns, ratios=(1.3, 1, 1.05))
         for row, ((press, check), (whole, stretch, spectra)) in enumerate(zip(results, grid, strict=True)):
             room = 1 if row == 0 else 0
-            letter(whole, 3 * row, f"{press.button.capitalize()}: {check.verdict}", 2 * room * (columns == 2))
-            # Its interval: an error below what the plays resolve comes out as nothing.
+            letter(whole, 3 * row, f"{capital(press.button)}: {check.verdict}", 2 * room * (columns == 2))
             low, high = (100 * edge for edge in check.whole.interval)
-            title = f"Error {low:.1f} to {high:.1f} %, r = {check.correlation:.4f}"
+            error = f"{low:.1f} to {high:.1f} %" if low else f"at most {high:.1f} %"
+            title = f"Error {error}, r = {check.correlation:.4f}"
             letter(stretch, 3 * row + 1, title, (columns if columns == 2 else 1) * room)
             letter(spectra, 3 * row + 2, "Spectrum", 2 * room)
             _whole(whole, press, check)
@@ -148,7 +149,7 @@ def comparison(results: Sequence[tuple[Representative, Check]], columns: Columns
 
 
 def _together(axes: Axes, everyone: Mapping[str, FloatArray], truth: Mapping[str, float]) -> None:
-    names = [button.capitalize() for button in everyone]
+    names = [capital(button) for button in everyone]
     _forces(axes, list(everyone.values()), names, [colour(i) for i in range(len(everyone))])
     label = "truth of the plant"
     for index, button in enumerate(everyone):

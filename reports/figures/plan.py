@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 
+from ...base.wording import capital
 from ...calibration import ButtonPlan
 from ...calibration.drive import TOLERANCE
 from .plotting import GREY, INK, Columns, colour, dash, legend_under, letter, panels, style
@@ -22,7 +23,7 @@ def plan_figure(plans: Sequence[ButtonPlan], columns: Columns = 2) -> Figure:
         places = [axes for row in grid for axes in row]
         for number, (plan, axes) in enumerate(zip(plans, places, strict=False)):
             rows = (len(plan.curves) + 3) // 2 if number < 2 else 0
-            letter(axes, number, plan.button.capitalize(), rows)
+            letter(axes, number, capital(plan.button), rows)
             _draw(axes, plan)
             if number < 2:
                 legend_under(axes, 2)

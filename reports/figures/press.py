@@ -63,4 +63,5 @@ def _press_of(recording: Recording, press: ButtonPress) -> Profile:
         travel=recording.travel[part] if recording.has("displacement") else None,
         motion=recording.motion or "",
         activated_by=press.activated_by,
+        participant=recording.participant,
     )

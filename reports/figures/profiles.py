@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from ...base.arrays import FloatArray
+from ...base.wording import capital
 from .plotting import (
     BLUE,
     GREEN,
@@ -53,6 +54,8 @@ class Profile:
     """What the acceleration is from, see `Representative.motion`."""
     activated_by: str = "activation"
     """See `Representative.activated_by`."""
+    participant: str = ""
+    """Whose press it is; empty for one that stands for many."""
 
     @classmethod
     def of(cls, press: Representative) -> Profile:
@@ -79,7 +82,8 @@ def profiles(presses: Sequence[Profile], columns: Columns = 2) -> Figure:
         figure, grid = panels(len(presses), 2, 1.62, columns, ratios=(1.55, 1))
         for row, (press, (left, right)) in enumerate(zip(presses, grid, strict=True)):
             room = 1 if row == 0 else 0
-            letter(left, 2 * row, press.button.capitalize(), room)
+            whose = f", {press.participant}" if press.participant else ""
+            letter(left, 2 * row, f"{capital(press.button)}{whose}", room)
             letter(right, 2 * row + 1, "Spectrum", room if columns == 2 else 0)
             _profile(left, press, with_legend=row == 0)
             _density(right, press, with_legend=row == 0)
@@ -163,13 +167,13 @@ def force_over_travel(presses: Sequence[Profile], columns: Columns = 2) -> Figur
             assert press.force is not None and press.travel is not None
             axes.plot(
                 1e3 * press.travel, press.force, color=colour(number), linewidth=0.9,
-                label=press.button.capitalize(),
+                label=capital(press.button),
             )  # fmt: skip
             at = int(np.argmin(np.abs(press.time)))
             axes.plot(1e3 * press.travel[at], press.force[at], "o", color=colour(number), markersize=3)
         axes.set_xlabel("Travel (mm)")
         axes.set_ylabel("Force (N)")
-        if len(presses) > 1:
+        if len({press.button for press in presses}) > 1:
             legend_under(axes, 3)
         return figure
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import metadata
 from pathlib import Path
+from urllib.parse import quote
 
 from ...base.files import check_destination, paths_of, private_files
 from ...base.progress import Progress, silent
@@ -39,6 +41,12 @@ def write_report(
 
     Raises ConfigurationError when one of them exists or cannot be written, and DataError for data that cannot
     be read.
+
+    For example:
+
+        >>> report = haploop.write_report("press.h5", "report.html")
+        >>> report.html.name, len(report.figures)
+        ('report.html', 3)
     """
     out = Path(out)
     folder = out.with_name(f"{out.stem}-figures")
@@ -50,10 +58,11 @@ def write_report(
     written: list[Path] = []
     for number, (some, drawing) in enumerate(figures, 1):
         progress("Draw the figures", number - 1, len(figures), "figures")
-        figure = captioned(some, drawing)
-        drawn.append(figure)
         name = "".join(c if c.isalnum() or c in "-_" else "-" for c in drawing.name)
-        written += write_formats(figure, folder / f"{number:02d}-{name}")
+        stem = folder / f"{number:02d}-{name}"
+        figure = captioned(some, drawing, beside=f"{quote(folder.name)}/{stem.name}")
+        drawn.append(figure)
+        written += write_formats(figure, stem)
     progress("Draw the figures", len(figures), len(figures), "figures")
     page = _page(sections, drawn)
     write(out, page.html().encode("utf-8"))
@@ -72,7 +81,10 @@ def report_html(path: Path, drawing: AbstractContextManager[object]) -> bytes:
             figure = captioned(some, one)
             figure.svg  # noqa: B018 (encoded here, and kept)
         drawn.append(figure)
-    return _page(sections, drawn).html().encode("utf-8")
+    page = replace(
+        _page(sections, drawn), figures_by=f"haploop figures {shlex.quote(path.name)} --out figures"
+    )
+    return page.html().encode("utf-8")
 
 
 def _page(sections: Sequence[Section], drawn: Sequence[CaptionedFigure]) -> Page:

@@ -17,7 +17,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
-from ..contents import Contents, Glance, Grid, Verdict, text_of, unbroken
+from ..contents import Contents, Glance, Grid, Verdict, key_of, text_of, unbroken
 from ..figures import encode, mark_simulated
 
 GLANCE_STYLE = Path(__file__).with_name("glance.css")
@@ -32,6 +32,8 @@ class CaptionedFigure:
     title: str
     caption: str
     simulated: bool
+    beside: str = ""
+    """Where the figure's files are, from the page, without their suffix; empty where there are none."""
 
     def __post_init__(self) -> None:
         if self.simulated:
@@ -53,6 +55,8 @@ class Page:
     figures: Sequence[CaptionedFigure] = ()
     sources: Sequence[tuple[str, str]] = ()
     """Name and SHA-256 of the content of each file that was read."""
+    figures_by: str = ""
+    """The command that writes figures of these files, where none are beside the page."""
 
     @property
     def verdicts(self) -> list[Verdict]:
@@ -100,12 +104,18 @@ def _environment() -> Environment:
         lstrip_blocks=True,
     )
     environment.finalize = _shown
+    environment.globals["key_of"] = key_of
     return environment
 
 
 def _shown(value: object) -> object:
     """What a page shows of a value: numbers stay with their units."""
     return unbroken(value) if type(value) is str else value
+
+
+def _joined(told: Sequence[str]) -> str:
+    """Sentences one after the other, other texts as a list."""
+    return (" " if all(one.endswith(".") for one in told) else "; ").join(told)
 
 
 def _side_by_side(sections: Sequence[Contents]) -> Contents:
@@ -121,7 +131,7 @@ def _side_by_side(sections: Sequence[Contents]) -> Contents:
             found.setdefault(label, []).append(text_of(cell))
         labels |= dict.fromkeys(found)
         cells.append(found)
-    table = [[label, *("; ".join(found.get(label, [])) for found in cells)] for label in labels]
+    table = [[label, *(_joined(found.get(label, [])) for found in cells)] for label in labels]
     headings = ["", *(section.title for section in sections)]
     first = sections[0]
     return replace(

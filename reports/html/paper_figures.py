@@ -18,6 +18,7 @@ _PAPER = {
     # Name of the drawing: number in the paper, and what it takes.
     "map": (3, "a vibration map"),
     "presses": (6, "recordings"),
+    "pressed": (6, "recordings"),  # one press of each recording, where nothing has a representative one
     "forces": (7, "recordings with a force"),
     "drives": (8, "a digital button"),
     "motion": (9, "a digital button"),
@@ -55,20 +56,24 @@ def write_figures(
     check_destination(out)
     files = [file for path in paths_of(paths) for file in (_belonging(path) if paper else files_of(path))]
     sections = read_sections(files, progress)
-    figures = [one for one in planned(sections) if not paper or one[1].name in _PAPER]
+    figures = planned(sections)
+    if paper:
+        names = {drawing.name for _, drawing in figures}
+        wanted = _PAPER.keys() - ({"pressed"} if "presses" in names else set())
+        figures = [one for one in figures if one[1].name in wanted]
     if not figures:
         raise DataError("These data have no such figure: name recordings, digital buttons or answers.")
     written: list[Path] = []
-    names: dict[str, int] = {}
+    written_of: dict[str, int] = {}
     for number, (some, drawing) in enumerate(figures):
         progress("Draw the figures", number, len(figures), "figures")
         name = f"figure-{_PAPER[drawing.name][0]}-{drawing.name}" if paper else drawing.name
-        names[name] = names.get(name, 0) + 1
-        name += f"-{names[name]}" if names[name] > 1 else ""
+        written_of[name] = written_of.get(name, 0) + 1
+        name += f"-{written_of[name]}" if written_of[name] > 1 else ""
         written += write_formats(captioned(some, drawing, columns), out / name)
     progress("Draw the figures", len(figures), len(figures), "figures")
-    drawn = {drawing.name for _, drawing in figures}
-    missing = {number: takes for name, (number, takes) in _PAPER.items() if paper and name not in drawn}
+    drawn = {_PAPER[drawing.name][0] for _, drawing in figures} if paper else set()
+    missing = {number: takes for number, takes in _PAPER.values() if paper and number not in drawn}
     return PaperFigures(tuple(written), missing, any(section.contents.simulated for section in sections))
 
 

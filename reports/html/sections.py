@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from ...acquisition import content_hash, load_study
-from ...base.errors import DataError
+from ...base.errors import DataError, HaploopError
 from ...base.files import check_destination, new_file
 from ...base.progress import Progress
 from ...calibration import History
@@ -17,6 +18,7 @@ from ...experiments import (
     Store,
     analyse_identification,
     analyse_ratings,
+    analyse_thresholds,
     export_answers,
     load_experiment,
     read_rows,
@@ -27,14 +29,16 @@ from ..contents import (
     file_contents,
     identification_contents,
     is_history,
+    plan_of_experiment,
     ratings_contents,
     study_contents,
     study_figures,
+    thresholds_contents,
 )
 from ..figures import Columns, encode
 from .page import CaptionedFigure
 
-_ORDER = ("forces", "presses", "map", "response", "plan", "drives", "check", "motion", "feeling")
+_ORDER = ("forces", "presses", "pressed", "map", "response", "plan", "drives", "check", "motion", "feeling")
 """Names of figures in the order in which they stand in a report; others follow."""
 
 
@@ -62,8 +66,8 @@ def read_section(path: Path) -> Section:
     """Read a result, a study, or a table of answers. Raises DataError."""
     if path.suffix.lower() == ".csv":
         return Section(_answers(path), [(path.name, hashlib.sha256(path.read_bytes()).hexdigest())])
-    if (path / "experiment.toml").is_file():
-        return _experiment(path)
+    if path.name == "experiment.toml" or (path / "experiment.toml").is_file():
+        return _experiment(path.parent if path.name == "experiment.toml" else path)
     if path.suffix == ".toml" or (path.is_dir() and (path / "study.toml").is_file()):
         return _study(path)
     if is_history(path):
@@ -88,20 +92,30 @@ def _study(path: Path) -> Section:
     study = load_study(path)
     progress = study.progress()
     sources = [(r.path.name, r.content_hash) for one in progress for r in one.recordings]
-    if not sources:
-        raise DataError(
-            f"The study {study.file.name!r} has no recording yet: `haploop study run` makes them."
-        )
+    if not sources:  # what it asks for stands in its file
+        sources = [(study.path.name, hashlib.sha256(study.path.read_bytes()).hexdigest())]
     return Section(replace(study_contents(study, progress), figures=study_figures(study)), sources)
 
 
 def _experiment(folder: Path) -> Section:
-    """The answers of an experiment, as its exported table would say them."""
+    """The answers of an experiment, as its exported table would say them; without scores, what it is."""
     store = Store(load_experiment(folder), folder / "answers")
+    if not any(step.analysed for one in store.sessions() for step, *_ in one.answers):
+        return _plan(store, "Nobody has answered yet.")
     with TemporaryDirectory() as place:
         table = Path(place) / f"{folder.resolve().name}.csv"
         export_answers(store, table)
-        return Section(_answers(table), [(table.name, hashlib.sha256(table.read_bytes()).hexdigest())])
+        try:
+            found = _answers(table)
+        except HaploopError as error:
+            return _plan(store, f"There are no scores yet. {str(error).replace(f'{place}{os.sep}', '')}")
+        return Section(found, [(table.name, hashlib.sha256(table.read_bytes()).hexdigest())])
+
+
+def _plan(store: Store, why: str) -> Section:
+    return Section(
+        plan_of_experiment(store, why), [(store.experiment.path.name, store.experiment.content_hash)]
+    )
 
 
 def _files_of_map(folder: Path) -> list[tuple[str, str]]:
@@ -118,9 +132,11 @@ def _answers(path: Path) -> Contents:
         return identification_contents(analyse_identification(rows), rows.simulated, of)
     if {"pair", "rating"} <= set(rows.columns):
         return ratings_contents(analyse_ratings(rows), rows.simulated, of)
+    if {"comparison", "correct"} <= set(rows.columns):
+        return thresholds_contents(analyse_thresholds(rows), ("participant",), rows, title=f"Thresholds{of}")
     raise DataError(
-        f"{path} has neither the columns presented and answered nor pair and rating: name a table of "
-        "`haploop experiment export`."
+        f"{path} has none of the columns presented and answered, pair and rating, or comparison and "
+        "correct: name a table of `haploop experiment export`."
     )
 
 
@@ -143,7 +159,9 @@ def planned(sections: Sequence[Section]) -> list[tuple[Sequence[Section], Drawin
     return sorted(found, key=lambda one: [*_ORDER, one[1].name].index(one[1].name))
 
 
-def captioned(sections: Sequence[Section], drawing: Drawing, columns: Columns = 2) -> CaptionedFigure:
+def captioned(
+    sections: Sequence[Section], drawing: Drawing, columns: Columns = 2, beside: str = ""
+) -> CaptionedFigure:
     """Draw a figure of sections; its caption says of how much it is, on which rig, and from which files."""
     rigs = ", ".join(dict.fromkeys(f"“{s.contents.rig}”" for s in sections if s.contents.rig))
     simulated = any(s.contents.simulated for s in sections)
@@ -156,7 +174,8 @@ def captioned(sections: Sequence[Section], drawing: Drawing, columns: Columns = 
             *(["Simulated."] if simulated else []),
         ]
     )
-    return CaptionedFigure(drawing.draw(drawing.things, columns), drawing.title, caption, simulated)
+    drawn = drawing.draw(drawing.things, columns)
+    return CaptionedFigure(drawn, drawing.title, caption, simulated, beside)
 
 
 def write_formats(figure: CaptionedFigure, stem: Path) -> list[Path]:

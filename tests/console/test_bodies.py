@@ -15,9 +15,9 @@ from starlette.testclient import TestClient
 from starlette.websockets import WebSocketDisconnect
 
 from haploop.console.data_folder import DataFolder
-from haploop.console.server import Access, application, bodies, connections
-from haploop.console.server.connections import ImpatientProtocol
+from haploop.console.server import Access, application, bodies, serving
 from haploop.console.server.follower import Follower
+from haploop.console.server.serving import ImpatientProtocol
 from tests.console.test_security import SNAPSHOT, Link, Scope
 
 
@@ -99,7 +99,7 @@ async def app(scope, receive, send):
 
 @pytest.fixture
 def port(monkeypatch):
-    monkeypatch.setattr(connections, "PATIENCE", 0.4)
+    monkeypatch.setattr(serving, "PATIENCE", 0.4)
     options = {"log_level": "error", "lifespan": "off", "http": ImpatientProtocol, "ws": "websockets-sansio"}
     server = uvicorn.Server(uvicorn.Config(app, **options, timeout_keep_alive=30))
     with contextlib.closing(socket.create_server(("127.0.0.1", 0))) as listener:

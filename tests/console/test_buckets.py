@@ -8,8 +8,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haploop.console.server.buckets import Buckets
-from haploop.console.server.live_scope import LiveScope
+from haploop.console.server.live_scope import Buckets, LiveScope
 from haploop.instruments import LiveBlock, Sensors, load_rig_file
 from haploop.instruments.live import Run
 

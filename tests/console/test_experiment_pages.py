@@ -166,8 +166,9 @@ def test_a_participant_is_never_shown_what_is_presented_nor_who_they_are(console
 
 
 def test_confirmation_is_told_in_training_only_and_only_where_the_experiment_gives_it(data):
-    told, groups = {}, {}
+    told, groups, completed = {}, {}, []
     conductor = Conductor(DataFolder(data, data / "history"), Link().command)
+    conductor.completed = lambda *session: completed.append(session)
     for participant in ("P01", "P02"):  # one of each group
         conductor.begin({"experiment": "small", "participant": participant, "consent": True}, {})
         groups[participant] = conductor.operator["levels"]["confirmation"]
@@ -179,6 +180,7 @@ def test_confirmation_is_told_in_training_only_and_only_where_the_experiment_giv
             conductor.answer({"turn": conductor.operator["turn"], "answer": answer})
             told.setdefault((participant, step["block"]), []).append(conductor.participant["told"])
         conductor.end()
+    assert completed == [("small", "P01"), ("small", "P02")]
     assert sorted(groups.values()) == ["given", "none"]
     for (participant, block), values in told.items():
         if block == "training" and groups[participant] == "given":

@@ -73,6 +73,7 @@ class Console:
             raise self.failure
 
 
+@pytest.mark.long
 def test_a_session_on_the_pages_is_played_by_the_worker(made: Path, tmp_path: Path) -> None:
     console = Console(made, tmp_path)
     conductor = console.conductor

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -21,7 +22,7 @@ from haploop.console.server import serving
 from haploop.console.worker import Address, WorkerHangsError, free_tape, link, start_worker
 from haploop.instruments import load_rig_file
 from haploop.instruments.tape import Player
-from tests.console.serving import end, served, start
+from tests.console.serving import Served, end, served, start
 
 
 def gone(address: Path) -> bool:
@@ -247,3 +248,28 @@ def test_a_console_ends_soon_after_ctrl_c(tmp_path):
         assert one.process.wait(5) == 130
     finally:
         end(one)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Ctrl-C reaches a process group there")
+def test_a_stop_while_a_page_is_answered_shows_no_traceback(tmp_path):
+    slow = tmp_path / "slow.py"
+    slow.write_text(
+        "import time\n"
+        "from haploop.console.server import data_routes\n"
+        "data_routes.lab = lambda *_: time.sleep(3)\n"
+        "from haploop.__main__ import main\n"
+        "main()\n",
+        encoding="utf-8",
+    )
+    command = [sys.executable, str(slow), "serve", "--json", "--port", "0", "--data", str(tmp_path / "data")]
+    environment = {**os.environ, "HAPLOOP_STATE": str(tmp_path / "state")}
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen(command, env=environment, text=True, **pipes) as process:
+        base, _, token = json.loads(process.stdout.readline())["url"].partition("/#")
+        with ThreadPoolExecutor(1) as pool:
+            asked = pool.submit(Served(process, base, token, tmp_path / "data").ask, "/api/lab")
+            time.sleep(1)
+            process.terminate()
+            said = process.communicate(timeout=60)[1]
+            assert asked.exception() is not None, "the page had no answer"
+    assert "Traceback" not in said and "Stopped" in said

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import re
 import shutil
 import threading
 from concurrent.futures import ThreadPoolExecutor
@@ -45,4 +46,9 @@ def test_figures_are_drawn_while_a_report_is_being_made(
         body = bytes(page.result(PATIENCE).body)
     monkeypatch.undo()
     whole = write_report(data.root / "latch.h5", tmp_path / "report.html").html.read_bytes()
-    assert body == whole, "the same page as the command's"
+    beside = re.compile(rb"In the folder beside this page: [^\n]*(?=</figcaption>)")
+    instead = re.compile(
+        rb'\n<p class="aside">[^\n]*<code>haploop figures latch\.h5 --out figures</code></p>'
+    )
+    assert beside.search(whole) and instead.search(body)
+    assert instead.sub(b"", body) == beside.sub(b"", whole), "the page of the command, with figures beside it"

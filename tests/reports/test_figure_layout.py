@@ -26,7 +26,7 @@ from haploop.console import server
 from haploop.experiments import load_experiment
 from haploop.instruments import open_rig
 from haploop.reports import figures, plot
-from haploop.reports.contents import forces_in
+from haploop.reports.contents import forces_in, plan_contents
 from haploop.reports.figures.plotting import colour, legend_under, letter, new_figure, style
 from tests.command_line import Demo, Run
 from tests.reports.colour_vision import LEAST, VISIONS, lab, nearest
@@ -222,6 +222,7 @@ def test_red_and_green_of_one_brightness_are_found_and_dashes_mend_it() -> None:
     assert alike(figure) == []
 
 
+@pytest.mark.long
 def test_every_colour_scale_goes_from_dark_to_light_for_everybody(gallery: Mapping[str, Draw]) -> None:
     """So that a value is read off it in any colour vision, and in grey."""
     seen = set()
@@ -277,3 +278,11 @@ def test_plots_of_a_script_are_marked_and_saved_once(demo: Demo, tmp_path: Path)
         plot.vibration_map(vibration_map(range(12))),
     ):
         assert "simulated" in [text.get_text() for text in made.texts]
+
+
+def test_a_plan_says_how_its_broadband_rows_are_chosen() -> None:
+    plan = planned("push")
+    modulated = replace(plan, curves=tuple(one for one in plan.curves if one.method == "modulated"))
+    whole, part = (plan_contents(one).tables[0].below for one in (plan, modulated))
+    assert whole.endswith(" Rows that are broadband need `--method broadband` with it.")
+    assert "broadband" not in part

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import io
 import json
+import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from rich.console import Console
 
-from haploop.calibration import DigitalButton
+from haploop.calibration import DigitalButton, check_feeling
+from haploop.calibration.drive import SharedPower
+from haploop.calibration.drive.checked import Verdict
 from haploop.console.server.shown_routes import glance_json
 from haploop.reports import notebook
-from haploop.reports.contents import Glance, contents_of, text_of, unbroken
+from haploop.reports.contents import Glance, check_glance, contents_of, text_of, unbroken
 from haploop.reports.html import glances_html
-from haploop.reports.show.glance import print_glance
+from haploop.reports.show.terminal import print_glance
 
 
 @pytest.fixture(scope="module")
@@ -52,6 +56,41 @@ def test_a_glance_says_the_same_everywhere(where: str, glance: Glance, button: D
         assert unbroken(said) in shown
     if where != "pipe":
         assert all(unbroken(end) in shown for end in glance.motion.ends)
+
+
+def test_no_error_of_zero_is_shown_as_measured(button: DigitalButton) -> None:
+    whole = replace(button.check.whole, value=-1e-6)
+    check = replace(button.check, whole=whole)
+    like = check_glance(check, check_feeling(check, button.press), button.press).gauges[1]
+    assert like.said == f"error at most {100 * whole.interval[1]:.1f} %" and not like.known
+    assert {name for name, *_ in like.marks()} == {"scale", "interval", "limit"}
+    contents = contents_of(replace(button, check=check))
+    told = " ".join([str(check), repr(check), *(verdict.measured for verdict in contents.verdicts)])
+    assert told.count("at most") == 3 and not re.search(r"\b0\.0+ ?%", told)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "value", "says"),
+    [
+        ("fail", 0.09, "Does not repeat the press: the motion is off by more than 20 %."),
+        ("fail", 0.01, "Does not pass: the reason, which is not the error, stands with the verdict."),
+        ("fail", float("nan"), "Does not pass: the reason, which is not the error, stands with the verdict."),
+        ("not shown", 0.04, "These plays cannot tell whether the motion is within 20 % of the press."),
+        ("not shown", 0.01, "These plays do not show that it passes: the reason, which is not the error,"),
+        (
+            "not shown",
+            float("nan"),
+            "These plays cannot tell whether the motion is within 20 % of the press.",
+        ),
+    ],
+)
+def test_a_glance_gives_no_reason_that_is_not_so(
+    button: DigitalButton, verdict: Verdict, value: float, says: str
+) -> None:
+    whole = SharedPower(value, 0.0005, 1e-4, 8)
+    check = replace(button.check, whole=whole, verdict=verdict)
+    said = check_glance(check, check_feeling(check, button.press), button.press).sentence
+    assert said.startswith(says) and len(said.split()) <= 20
 
 
 @pytest.mark.parametrize("where", ["page", "console", "notebook"])

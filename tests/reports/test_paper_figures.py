@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from haploop import open_rig, record
 from haploop.base.errors import ConfigurationError, DataError
 from haploop.reports.html import contents_at, write_figures
 from tests.command_line import Run
@@ -22,7 +23,7 @@ def matching(run: Run, tmp_path: Path) -> Path:
     return folder
 
 
-@pytest.mark.parametrize(("columns", "millimetres"), [(1, 88), (2, 180)])
+@pytest.mark.parametrize(("columns", "millimetres"), [(1, 88), pytest.param(2, 180, marks=pytest.mark.long)])
 def test_a_button_has_its_figures_in_a_journal_s_width(
     columns: int, millimetres: float, made: Path, tmp_path: Path
 ) -> None:
@@ -37,6 +38,17 @@ def test_a_button_has_its_figures_in_a_journal_s_width(
     assert "Voltage (V)" in (out / "figure-8-drives.csv").read_text("utf-8")
     with pytest.raises(ConfigurationError, match="figures already exists"):
         write_figures(made / "latch.h5", out, paper=True)
+
+
+def test_figure_6_tells_two_people_s_presses_apart(made: Path, tmp_path: Path) -> None:
+    with open_rig("simulated") as rig:
+        recordings = [record(rig, "latch", who, 2, tmp_path / "recordings").path for who in ("P01", "P02")]
+    write_figures(recordings, tmp_path / "alone", paper=True)
+    drawn = (tmp_path / "alone" / "figure-6-pressed.csv").read_text("utf-8")
+    assert "Latch, P01" in drawn and "Latch, P02" in drawn
+    done = write_figures([*recordings, made / "latch.h5"], tmp_path / "together", paper=True)
+    sixth = {path.stem for path in done.files if "figure-6" in path.name}
+    assert sixth == {"figure-6-presses"} and 6 not in done.missing
 
 
 def test_a_study_s_folder_stands_for_its_experiments(matching: Path, run: Run, tmp_path: Path) -> None:
@@ -56,8 +68,30 @@ def test_an_experiment_says_its_scores_without_an_export(matching: Path) -> None
     assert {"sensitivity", "precision", "accuracy"} <= headings
 
 
+@pytest.mark.parametrize("name", ["matching", "rating", "staircase", "two-interval"])
+def test_an_experiment_without_answers_says_what_it_asks(run: Run, tmp_path: Path, name: str) -> None:
+    run("experiment", "new", tmp_path / name, "--from", name)
+    told = contents_at(tmp_path / name / "experiment.toml")
+    assert told.notes[0] == "Nobody has answered yet." and told.tables[0].rows and not told.figures
+    labels = {label for label, _ in told.rows}
+    assert {"Kind", "Question" if name != "rating" else "Pairs"} <= labels
+
+
+def test_few_answers_say_why_there_are_no_scores(run: Run, tmp_path: Path) -> None:
+    run("experiment", "new", tmp_path / "staircase", "--from", "staircase")
+    plan = tmp_path / "staircase" / "experiment.toml"
+    plan.write_text(re.sub(r"max_trials.*|reversals.*", "", plan.read_text("utf-8")), encoding="utf-8")
+    text = plan.read_text("utf-8").replace("[comparison]", "[comparison]\nmax_trials = 6")
+    plan.write_text(text, encoding="utf-8")
+    done = run("experiment", "simulate", tmp_path / "staircase", "--participants", "1")
+    assert done.exit_code == 0, done.output
+    told = contents_at(tmp_path / "staircase")
+    assert told.notes[0].startswith("There are no scores yet. ") and str(tmp_path) not in told.notes[0]
+    assert told.tables[1].title == "Sessions" and told.simulated
+
+
 def test_data_without_a_figure_are_refused(run: Run, tmp_path: Path) -> None:
     run("experiment", "new", tmp_path / "rating", "--from", "rating")
-    with pytest.raises(DataError, match="holds no answer"):
+    with pytest.raises(DataError, match="no such figure"):
         write_figures(tmp_path / "rating", tmp_path / "figures", paper=True)
     assert not (tmp_path / "figures").exists()

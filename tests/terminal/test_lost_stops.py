@@ -17,6 +17,7 @@ import click
 import pytest
 
 from haploop import at_once
+from haploop.base import signals
 from haploop.base.signals import STOPPING, ending_in_order
 from haploop.terminal.exits import Commands
 
@@ -139,6 +140,26 @@ def test_no_stop_is_lost(
         assert ended.value.code == 128 + number
         assert capsys.readouterr().err.strip() == "Error: Stopped."
     assert handlers == [signal.getsignal(kind) for kind in STOPPING]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_stop_that_comes_while_another_is_dropped_is_not_lost(
+    number: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a busy computer a signal was sent again just when the one before it was heard, and dropped."""
+    number_of = signals._number_of
+
+    def meanwhile(stop: BaseException | None) -> int | None:
+        monkeypatch.setattr(signals, "_number_of", number_of)
+        signal.raise_signal(number)
+        return number_of(stop)
+
+    monkeypatch.setattr(signals, "_number_of", meanwhile)
+    with pytest.raises((KeyboardInterrupt, SystemExit)), ending_in_order():
+        Stops(number)
+        time.sleep(3)
+        raise AssertionError("The stop was lost.")
 
 
 def test_a_program_of_a_user_keeps_its_own_interrupts() -> None:

@@ -6,6 +6,10 @@ import { glances } from "./shown.js";
 asking("Nothing is being played.");
 const tone = (verdict) => ({ pass: "good", fail: "bad" }[verdict] || "warn");
 const chosen = (id) => [...$(id).selectedOptions].map((option) => option.value);
+// What is folded says that something stands in it, and opens for what is refused in it.
+const marked = () => document.querySelectorAll(".more").forEach((one) => one.classList.toggle("set", [...one.querySelectorAll("input, select")].some((field) => field.value)));
+$("make-form").addEventListener("input", marked);
+$("make-form").addEventListener("invalid", (event) => { const fold = event.target.closest("details"); if (fold) fold.open = true; }, true);
 $("make-form").addEventListener("submit", (event) => {
   event.preventDefault();
   start("make", { recordings: chosen("recordings"), calibrations: chosen("calibrations"), error: $("error").value, level: $("level").value, drift: $("drift").value, quiet_at: $("quiet").value, also: chosen("also"), also_at: $("also-at").value, size: $("size").value, map: $("map").value, iterations: Number($("iterations").value), name: $("name").value });
@@ -50,7 +54,7 @@ async function show(anew) {
   const drives = Object.entries(found.drives), several = drives.length > 1, check = found.check, percent = (value) => (value === null ? "-" : `${(100 * value).toFixed(1)} %`);
   $("verdict").textContent = check.verdict;
   fill($("glance"), ...glances([found.glance]));
-  $("said-of-it").textContent = `${found.name}, patch ${drives.map(([patch]) => patch).join(" + ")} at the ${found.point} point${found.simulated ? ", simulated" : ""}. Error up to ${check.judged_hz} Hz ${percent(check.whole.error)} (${percent(check.whole.interval[0])} to ${percent(check.whole.interval[1])}) over ${check.plays} plays; outside the band ${percent(check.outside.error)}. It plays ${percent(found.in_band)} of the recorded press's energy${found.loudness_db === null ? "" : `, ${Math.abs(found.loudness_db).toFixed(0)} dB ${found.loudness_db < 0 ? "quieter" : "louder"}`}. ${found.felt}`;
+  $("said-of-it").textContent = `${found.name}, patch ${drives.map(([patch]) => patch).join(" + ")} at the ${found.point} point${found.simulated ? ", simulated" : ""}. Error up to ${check.judged_hz} Hz ${found.error_said} over ${check.plays} plays; outside the band ${found.outside_said}. It plays ${percent(found.in_band)} of the recorded press's energy${found.loudness_db === null ? "" : `, ${Math.abs(found.loudness_db).toFixed(0)} dB ${found.loudness_db < 0 ? "quieter" : "louder"}`}. ${found.felt}`;
   fill($("reasons"), ...[...new Set([...check.reasons, ...check.notes, ...found.notes])].map((one) => el("li", {}, one)));
   const times = found.target.map((_, k) => 1000 * k * found.step_s);
   $("legend").append(legend(["target", "measured (mean of the plays)", "recorded press, scaled as the target", ...(several ? [] : ["drive"])]));

@@ -16,11 +16,8 @@ async function list() {
     el("td", {}, one.rig + (one.simulated === "yes" && one.rig !== "simulated" ? " (simulated)" : "")), el("td", {}, ...opened(one), ...(one.problem ? [el("p", { class: "bad" }, one.problem)] : [])))));
 }
 
-// The page of a file: an experiment has one already, and what is damaged has none.
-function opened(one) {
-  if (one.kind === "damaged") return [one.file];
-  return [el("a", { href: one.kind === "experiment" ? "/experiment" : `/file?file=${encodeURIComponent(one.file)}` }, one.file)];
-}
+// The page of a file: what is damaged has none.
+const opened = (one) => [one.kind === "damaged" ? one.file : el("a", { href: `/file?file=${encodeURIComponent(one.file)}` }, one.file)];
 
 $("form").addEventListener("submit", (event) => { event.preventDefault(); list(); });
 document.addEventListener("hello", list);

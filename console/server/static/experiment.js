@@ -1,10 +1,11 @@
 // The operator conducts an experiment: chooses the session, presents each stimulus, and sees the answers.
 import { $, busy, choose, command, el, fill, get, key, newest, on, post, say, start, state } from "./console.js";
-import { span } from "./estimate.js";
+import { pace, span } from "./estimate.js";
+import { lineUp, queue } from "./queue.js";
 import { save, show as showContents } from "./shown.js";
 import { naming } from "./names.js";
 
-let known = "", names = {};
+let known = "", names = {}, answered = false;
 const who = naming("who", "A new participant ...");
 const running = () => state && state.experiment;
 
@@ -14,12 +15,18 @@ document.addEventListener("hello", async (event) => {
   names = (await get("/api/names")).participants;
   who.offer(names);
   choose($("experiment"), experiments, { first: ["There is no experiment in the data folder yet: first ", el("a", { href: "/design" }, "make one from an example"), "."] });
-  const wanted = new URLSearchParams(location.search).get("experiment");
+  const asked = new URLSearchParams(location.search), wanted = asked.get("experiment");
   if (experiments.includes(wanted)) $("experiment").value = wanted;
   if (running()) $("experiment").value = running().experiment;
   await show(true);
+  if (asked.has("participant")) { who.choose(asked.get("participant")); history.replaceState(null, "", location.pathname); } // once
+  recorded = await pace();
+  redraw();
 });
 $("experiment").addEventListener("change", () => show(true));
+let recorded = null;
+const redraw = queue($("queue"), $("queue-said"), () => recorded);
+$("line-up").addEventListener("click", () => $("form").reportValidity() && lineUp({ participant: who.value(), experiment: $("experiment").value }));
 
 const ask = newest();
 async function show(anew) {
@@ -28,6 +35,7 @@ async function show(anew) {
   let found;
   try { found = await ask(`/api/experiment?experiment=${encodeURIComponent(name)}`); } catch (error) { $("about").textContent = $("estimate").textContent = ""; fill($("entries")); say(error.message, "error"); return; }
   if (!found) return;
+  answered = found.sessions.some((one) => one.answers);
   if (found.problems.length) say(found.problems.join(" "), "error");
   const { groups, balanced, multiple_of } = found.design;
   const sizes = Object.entries(groups).map(([name, count]) => (found.groups.length > 1 ? `${name} ${count}` : count)).join(", ");
@@ -56,7 +64,7 @@ async function results() {
   let found = null;
   try { found = await askResults(`/api/shown?${asked}`); $("results-said").textContent = ""; } catch (error) { $("results-said").textContent = error.message; fill($("results")); able(false); return; }
   if (!found) return;
-  able(true);
+  able(answered);
   showContents($("results"), found, asked);
 }
 

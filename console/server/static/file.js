@@ -1,11 +1,18 @@
-import { $, choose, fill, get, newest, say } from "./console.js";
+import { $, choose, fill, get, newest, on, say } from "./console.js";
 import { legend, line, plot } from "./plots.js";
 import { lineage } from "./lineage.js";
 import { save, show } from "./shown.js";
 
 const asked = new URLSearchParams(location.search);
 
-document.addEventListener("hello", async () => {
+document.addEventListener("hello", list);
+// A history changes: by the nights, a command, another server.
+let calibrations = "";
+on("state", (now) => {
+  if (asked.has("history") && calibrations && now.calibrations !== calibrations) list();
+  calibrations = now.calibrations;
+});
+async function list() {
   try {
     const found = await get(`/api/shown?${asked}`);
     $("title").textContent = found.title;
@@ -14,10 +21,19 @@ document.addEventListener("hello", async () => {
     show($("shown"), found, asked);
     $("report").disabled = asked.has("history");
     if (asked.has("history")) return;
+    runs(asked.get("file"));
     await Promise.all([others(asked.get("file")), lineage($("lineage"), $("graph"), asked.get("file"))]);
   } catch (error) { $("title").textContent = "This file cannot be shown"; say(error.message, "error"); }
-});
+}
 $("report").addEventListener("click", () => save(`/api/report?${asked}`, `${asked.get("file").replaceAll("/", "-")}.html`));
+
+// An experiment and a study are run on a page of their own.
+function runs(file) {
+  const [, folder, page] = /^(.*)\/(experiment|study)\.toml$/.exec(file) || [];
+  if (!page) return;
+  $("run").setAttribute("href", `/${page}?${new URLSearchParams({ [page]: folder })}`);
+  $("run").classList.remove("hidden");
+}
 
 // The press of another recording, or another representative press, over the one of this file: both from their activation.
 async function others(mine) {

@@ -3,8 +3,11 @@ import { $, at, el, fill, get, on, say } from "./console.js";
 const page = (path, name) => el("a", { href: path }, name);
 const made = (what, one) => ["none yet: first ", page(`/design?kind=${what}`, `make ${one}`)];
 
-document.addEventListener("hello", async (event) => {
+document.addEventListener("hello", (event) => {
   $("stop-page").setAttribute("href", event.detail.stop_page);
+  return list();
+});
+async function list() {
   let lab, files;
   try { [lab, files] = await Promise.all([get("/api/lab"), get("/api/files")]); } catch (error) { return say(error.message, "error"); }
   for (const id of ["calibration", "studies", "experiments", "newest"]) $(id).classList.remove("note");
@@ -13,8 +16,13 @@ document.addEventListener("hello", async (event) => {
   fill($("experiments"), ...(files.experiments.length ? [page("/experiment", files.experiments.join(", "))] : made("experiment", "an experiment")));
   fill($("newest"), newest(lab.newest));
   return undefined;
-});
+}
+// What a job of this lab, the nights, a command or another server has changed.
+let mark = "";
 on("state", (now) => {
+  const done = `${now.job && now.job.number} ${now.job && now.job.state} ${now.calibrations}`;
+  if (mark && done !== mark) list();
+  mark = done;
   $("about-rig").textContent = `${now.rig}${now.simulated ? `, simulated (${now.mode}), in real time` : ""}`;
   $("data").textContent = now.data;
   const found = now.preflight;

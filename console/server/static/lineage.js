@@ -50,9 +50,10 @@ function box(nodes, edges, k, { x, y, width }) {
   const short = name.length > room ? `${name.slice(0, Math.ceil(room / 2) - 1)}…${name.slice(name.length - Math.floor(room / 2) + 1)}` : name;
   const link = node.here || node.members.length > 1 ? "" : page(node, one);
   const sources = edges.filter(([, to]) => to === k).map(([from]) => title(nodes[from]));
-  const label = `${kind(node)} ${name}${node.here ? ", this file" : ""}${node.members.length === 1 && !one.file ? ", not here" : ""}${sources.length ? `, made from ${sources.join(", ")}` : ""}`;
+  const whole = short === name ? name : `${short} (${name})`; // what is seen is part of what is said
+  const label = `${kind(node)} ${whole}${node.here ? ", this file" : ""}${node.members.length === 1 && !one.file ? ", not here" : ""}${sources.length ? `, made from ${sources.join(", ")}` : ""}`;
   const parts = [svg("rect", { x: x + 1, y: y + 1, width: width - 2, height: HEIGHT - 2, rx: 6 }),
-    svg("text", { x: x + 8, y: y + 18, class: "kind", "aria-hidden": "true" }, node.here ? `${kind(node)}, this file` : kind(node)), svg("text", { x: x + 8, y: y + 36, "aria-hidden": "true" }, short)];
+    svg("text", { x: x + 8, y: y + 18, class: "kind", "aria-hidden": "true" }, node.here ? `${kind(node)}, this file` : kind(node)), " ", svg("text", { x: x + 8, y: y + 36, "aria-hidden": "true" }, short)];
   const how = `node${node.here ? " here" : ""}${node.members.some((each) => !each.file) ? " gone" : ""}`;
   return link ? svg("a", { href: link, class: how, "aria-label": label }, ...parts) : svg("g", { class: how, role: "img", "aria-label": label }, ...parts);
 }

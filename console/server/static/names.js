@@ -17,6 +17,12 @@ export function naming(id, another, changed = () => {}) {
   field.addEventListener("input", changed);
   return {
     value,
+    choose(name) {
+      list.value = [...list.options].some((one) => one.value === name) ? name : NEW;
+      if (!chosen()) field.value = name;
+      show();
+      changed();
+    },
     offer(names) {
       const before = value(), known = new Set();
       const asked = list.value === NEW && !list.disabled; // the operator is about to write it

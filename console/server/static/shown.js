@@ -11,10 +11,11 @@ const cell = (tag, one, properties = {}) => el(tag, { class: one.tone, ...proper
 
 export function glances(all) {
   if (!all.length) return [];
-  const key = ["recorded", "recorded press", "measured", "measured motion", "band", "tolerated, or where the threshold may lie", "activation", "activation, or limit"];
+  const drawn = new Set(all.flatMap((one) => one.strokes.map(([name]) => name)));
+  const key = [...(drawn.has("recorded") ? [["recorded", "recorded press"]] : []), ["measured", "measured motion"], ["band", "tolerated, or where the threshold may lie"], ["activation", drawn.has("activation") ? "activation, or limit" : "limit"]];
   return [
     el("div", { class: "glances" }, ...all.map(glance)),
-    el("p", { class: "key" }, ...key.map((one, k) => (k % 2 ? one : el("i", { class: one })))),
+    el("p", { class: "key" }, ...key.map(([name, said]) => el("span", {}, el("i", { class: name }), said))),
   ];
 }
 
@@ -32,7 +33,7 @@ export function table(grid) {
   const scope = (tag, k) => (tag === "th" ? { scope: "row" } : k < grid.words ? {} : { class: "number" });
   return el("div", { class: "scroll tall", tabindex: "0", role: "region", "aria-label": grid.title || "Table" }, el("table", { class: grid.words === grid.headings.length ? "cards" : "" },
     ...(grid.title ? [el("caption", {}, grid.title)] : []),
-    el("thead", {}, el("tr", {}, ...grid.headings.map((one, k) => el("th", { scope: "col", class: k < grid.words ? "" : "number" }, one)))),
+    el("thead", {}, el("tr", {}, ...grid.headings.map((one, k) => (one ? el("th", { scope: "col", class: k < grid.words ? "" : "number" }, one) : el("td"))))),
     el("tbody", {}, ...grid.rows.map((row) => el("tr", {}, ...row.map((one, k) => cell(k ? "td" : "th", one, one.tone ? {} : scope(k ? "td" : "th", k))))))));
 }
 
@@ -53,7 +54,7 @@ function figure(one, number, asked) {
     if (image.src) return;
     try { image.src = URL.createObjectURL(await picture(path)); image.classList.remove("hidden"); waiting.remove(); } catch (error) { say(error.message, "error"); }
   };
-  return el("section", {}, el("details", { ontoggle: drawn }, el("summary", {}, one.title), el("figure", {}, waiting, image, el("figcaption", {}, one.caption)), el("div", { class: "row" }, ...kinds)));
+  return el("section", {}, el("details", { ontoggle: drawn }, el("summary", {}, one.title), el("figure", {}, waiting, el("div", { class: "wide", tabindex: "0", role: "region", "aria-label": one.title }, image), el("figcaption", {}, one.caption)), el("div", { class: "row" }, ...kinds)));
 }
 
 // Hand a file of the server to the browser, which saves it.

@@ -143,13 +143,14 @@ async function history() {
   } catch (error) { say(error.message, "error"); }
 }
 
-let mark = "", points = 0;
+let mark = "", points = 0, calibrations = "";
 on("state", (now) => {
   for (const id of ["calibrate", "measure", "activate"]) $(id).disabled = busy(now);
   if (now.table && !$("patch").options.length) fill($("patch"), ...now.table.patches.map((patch) => el("option", { value: patch }, patch)));
   drawGrid();
   const done = `${now.job && now.job.number} ${now.job && now.job.state}`;
-  if (done !== mark) { mark = done; list(); }
+  if (done !== mark) { mark = done; list(); } else if (now.calibrations !== calibrations) history();
+  calibrations = now.calibrations; // which the nights, a command or another server change
   // A point was finished when the next one is asked for.
   if (now.job && now.job.kind === "map" && busy(now) && now.progress && now.progress.done !== points) { points = now.progress.done; map(); }
 });

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 from pathlib import Path
@@ -22,6 +23,7 @@ OPTIONS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", 
 OPTIONS += ["--disable-background-networking", "--disable-component-update"]
 expect = playwright.expect
 WAIT = 60_000
+AXE = Path(os.environ.get("HAPLOOP_AXE", Path(__file__).parents[3] / "node_modules/axe-core/axe.min.js"))
 PAGES = ("", "preflight", "record", "study", "table", "buttons", "experiment", "catalogue", "design")
 STUDY = """
 name = "<script>alert(1)</script>"
@@ -121,6 +123,18 @@ def fits(page: Any, width: int) -> None:
             return
         page.wait_for_timeout(100)
     pytest.fail(f"a page {width} pixels wide scrolls sideways")
+
+
+def barriers(page: Any) -> list[Any]:
+    """What axe-core finds on a page, of a tab with `bypass_csp`; skips the test where it is not installed."""
+    if not AXE.is_file():
+        pytest.skip(
+            "axe-core is not installed: npm install --no-save axe-core, or HAPLOOP_AXE=.../axe.min.js"
+        )
+    page.add_script_tag(content=AXE.read_text(encoding="utf-8"))
+    tags = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "best-practice"]
+    found = page.evaluate("tags => axe.run(document, {runOnly: tags})", tags)
+    return [(one["id"], [n["html"][:90] for n in one["nodes"]]) for one in found["violations"]]
 
 
 def told(page: Any, text: str) -> None:

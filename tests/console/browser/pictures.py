@@ -1,4 +1,4 @@
-"""Make the console's pictures in docs/pictures again, and figures of docs/figures, from the simulated rig.
+"""Make the pictures of docs/pictures again, and figures of docs/figures, from the simulated rig.
 
     python -m tests.console.browser.pictures [FOLDER]
 
@@ -13,7 +13,6 @@ from __future__ import annotations
 import re
 import sys
 import tempfile
-from base64 import b64encode
 from collections.abc import Callable
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
@@ -21,28 +20,26 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from click.testing import CliRunner
 from PIL import Image
 
 import haploop
-from haploop.commands.cli import cli
-from haploop.reports.figures import png
-from haploop.reports.html import write_figures
 from tests.console.browser.browsing import CHROMIUM, OPTIONS, PAGES, WAIT, expect, fill, named, playwright
-from tests.console.browser.test_several_patches import fill_two_buttons, made, save_what_it_takes
+from tests.console.browser.drawing import PICTURES, figures, paper, report, save
+from tests.console.browser.test_several_patches import few_modes, fill_two_buttons, made, save_what_it_takes
 from tests.console.serving import Served, served
 
-PICTURES = Path(__file__).parents[3] / "docs" / "pictures"
-_COLOURS = 64
 _WIDTHS = (1400, 1024, 390)
-_SMALL = 0.4
+_SMALL = 0.36
 """Scale of a page on the sheet of all pages."""
-_GROUNDS = 10
 _MEASURED = 47
 """Points of the map that are measured before its picture: it is seen filling in."""
 _NIGHTS = (0.0, 0.0004, 0.0009, 0.0013)
 """Drift of the table at each verification, as a part of its resonances."""
+_HIDE = """([folder, place]) => {
+  const texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  while (texts.nextNode()) texts.currentNode.data = texts.currentNode.data.replaceAll(folder, place);
+}"""
+"""Writes another folder where a page names the one in which the pictures are made."""
 _STUDY = """
 name = "two buttons"
 buttons = ["push", "toggle"]
@@ -154,31 +151,21 @@ class Album:
         page = page or self.page
         page.evaluate("scrollTo(0, 0)")
         page.wait_for_timeout(700)  # plots are drawn at the next frames
+        self.hide(page)
         seen = page.locator("section").filter(has=page.get_by_role("heading", name=part)) if part else page
         taken = seen.screenshot() if part else seen.screenshot(full_page=True)
         shot = Image.open(BytesIO(taken)).convert("RGB")
         path = PICTURES / f"console-{name}.png"
-        _few_colours(shot).save(path, optimize=True)
-        print(f"{path.name}: {shot.width} x {shot.height}, {path.stat().st_size / 1e3:.0f} kB", flush=True)
+        save(shot, path)
+
+    def hide(self, page: Any) -> None:
+        """Name another folder than the one in which the pictures are made."""
+        page.evaluate(_HIDE, [str(self.console.data.parent), "/home/lab"])
+        assert tempfile.gettempdir() not in page.inner_text("body"), "a picture shows where it was made"
 
     def stop(self) -> None:
         self.page.keyboard.press("Escape")
         expect(self.page.locator("#stopped")).to_contain_text("the relay is open, read back", timeout=WAIT)
-
-
-def _few_colours(shot: Image.Image) -> Image.Image:
-    """A picture with `_COLOURS` colours; small things count for more, so that curves keep theirs."""
-    counts = shot.getcolors(shot.width * shot.height) or []
-    pixels = [colour for count, colour in counts for _ in range(1 + int(count**0.4))]
-    sample = Image.new("RGB", (len(pixels), 1))
-    sample.putdata(pixels)
-    palette = sample.quantize(_COLOURS, Image.Quantize.MEDIANCUT, kmeans=2)
-    few = np.array(palette.getpalette()).reshape(-1, 3)
-    # Grounds stay exactly what they are: white is white.
-    for _, colour in sorted(counts)[-_GROUNDS:]:
-        few[np.argmin(np.abs(few - colour).sum(axis=1))] = colour
-    palette.putpalette(few.astype(np.uint8).tobytes())
-    return shot.quantize(palette=palette, dither=Image.Dither.NONE)
 
 
 def idle_pages(album: Album) -> None:
@@ -286,25 +273,6 @@ def two_buttons(album: Album) -> None:
     album.take("two-buttons", part="Look at one")
 
 
-def figures(data: Path) -> None:
-    """The figures of the console's own data; those of a map and of forces need more than it measures."""
-    buttons = [haploop.DigitalButton.load(path) for path in sorted(data.glob("buttons/*.h5"))]
-    plot = haploop.reports.plot
-    drawn = {
-        "press": plot.press(*(one.press for one in buttons)),
-        "drive": plot.drive(*(one.drive for one in buttons)),
-        "comparison": plot.comparison(*buttons),
-        "feeling": plot.feeling(*buttons),
-        "response": plot.response(haploop.Calibration.load(data / "calibrations-made" / "A-button.h5")),
-        "trend": plot.trend(haploop.History(data / "simulated-calibrations")),
-    }
-    for name, figure in drawn.items():
-        shot = Image.open(BytesIO(png(figure, 110))).convert("RGB")
-        path = PICTURES.parent / "figures" / f"{name}.png"
-        _few_colours(shot).save(path, optimize=True)
-        print(f"{path.name}: {shot.width} x {shot.height}, {path.stat().st_size / 1e3:.0f} kB", flush=True)
-
-
 def widths(album: Album) -> None:
     """The first screen of each page on a desk, a tablet and a phone, on one sheet."""
     files = ("buttons/latch.h5", "recordings/P01-latch.h5")
@@ -319,6 +287,7 @@ def widths(album: Album) -> None:
         for width in _WIDTHS:
             page.set_viewport_size({"width": width, "height": 900})
             page.wait_for_timeout(3000)  # lists and plots have come
+            album.hide(page)
             shot = Image.open(BytesIO(page.screenshot())).convert("RGB")
             row.append(
                 shot.resize(
@@ -341,32 +310,7 @@ def _sheet(rows: list[list[Image.Image]], path: Path) -> None:
             sheet.paste(one, (left, top))
             left += one.width + gap
         top += height + gap
-    _few_colours(sheet).save(path, optimize=True)
-    print(f"{path.name}: {sheet.width} x {sheet.height}, {path.stat().st_size / 1e3:.0f} kB", flush=True)
-
-
-def paper(browser: Any, data: Path, folder: Path) -> None:
-    """The paper's figures of the lab's data and of simulated answers: `haploop figures --paper`."""
-    files = [*sorted(data.glob("recordings/*.h5")), *sorted(data.glob("buttons/*.h5"))]
-    for name in ("matching", "rating"):
-        files.append(folder / name)
-        for words in (["new", "--from", name], ["simulate", "--participants", "12"]):
-            done = CliRunner().invoke(cli, ["experiment", words[0], str(files[-1]), *words[1:]])
-            assert done.exit_code == 0, done.output
-    made = write_figures(files, folder / "figures", paper=True, columns=1).files
-    page = browser.new_page(viewport={"width": 1000, "height": 400})
-    drawn = (path for path in made if path.suffix == ".svg" and not re.search(r"-\d$", path.stem))
-    images = [
-        f'<img width="320" src="data:image/svg+xml;base64,{b64encode(path.read_bytes()).decode()}">'
-        for path in drawn  # one of those alike
-    ]
-    page.set_content(
-        f'<!doctype html><body style="margin:10px; columns:3; column-gap:10px">{"".join(images)}'
-    )
-    shot = Image.open(BytesIO(page.screenshot(full_page=True))).convert("RGB")
-    path = PICTURES.parent / "figures" / "paper.png"
-    _few_colours(shot).save(path, optimize=True)
-    print(f"{path.name}: {shot.width} x {shot.height}, {path.stat().st_size / 1e3:.0f} kB", flush=True)
+    save(sheet, path, 64)
 
 
 PARTS = (idle_pages, widths, preflight, sittings, table, experiments)
@@ -375,19 +319,20 @@ PARTS = (idle_pages, widths, preflight, sittings, table, experiments)
 def main() -> None:
     """Make the data, serve them, and take the pictures."""
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(sys.argv[1] if len(sys.argv) > 1 else name)
+        folder = Path(sys.argv[1] if len(sys.argv) > 1 else name).resolve()
         data = folder / "data"
         if not data.is_dir():
             data.mkdir(parents=True)
             make_data(data)
-        several = folder / "several"
+        several, few = folder / "several", few_modes(folder)
         if not several.is_dir():
-            save_what_it_takes(several)
+            save_what_it_takes(several, few)
         figures(data)
         with playwright.sync_playwright() as program:
             browser = program.chromium.launch(executable_path=CHROMIUM, args=OPTIONS)
             paper(browser, data, Path(tempfile.mkdtemp(dir=folder)))
-            for lab, rig, parts in ((data, "simulated", PARTS), (several, "four-channel", (two_buttons,))):
+            report(browser, Path(tempfile.mkdtemp(dir=folder)))
+            for lab, rig, parts in ((data, "simulated", PARTS), (several, str(few), (two_buttons,))):
                 with served(lab, "--port", "0", "--rig", rig, state=folder / "state") as console:
                     for part in parts:
                         if len(sys.argv) < 3 or part.__name__ in sys.argv[2:]:

@@ -66,6 +66,7 @@ def test_preflight_calibration_map_and_button(browser, tmp_path):  # noqa: PLR09
         told(page, "Play buttons/latch.h5: stopped")
         page = visit(tab, console, "catalogue")
         expect(page.locator("#count")).to_have_text("5 files", timeout=WAIT)
+        press(page.get_by_text("Choose which"))
         write(page.get_by_label("Other, such as"), "patch=A, button=latch")
         page.keyboard.press("Enter")
         expect(page.locator("#count")).to_have_text("1 file", timeout=WAIT)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,10 +10,10 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from haploop import open_rig, record, representative
+from haploop import open_rig, record, representative, write_report
 from haploop.calibration import DigitalButton, History, adopt
 from haploop.commands.cli import cli
-from tests.console.browser.browsing import WAIT, Tab, expect, fits, press, visit
+from tests.console.browser.browsing import WAIT, Tab, barriers, expect, fits, press, visit
 from tests.console.serving import Served, served
 
 pytestmark = pytest.mark.timeout(600)
@@ -69,6 +70,20 @@ def test_a_row_of_files_opens_its_verdict_and_its_numbers(tab, console):
         fits(page, width)
 
 
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize(
+    "name", ["buttons/latch.h5", "recordings/P01-latch.h5", "press.h5", "matching", "history"]
+)
+def test_no_barrier_that_axe_finds_on_a_files_page(browser, console, name, scheme):
+    tab = Tab(browser, console, bypass_csp=True, color_scheme=scheme)
+    asked = "history=1" if name == "history" else f"file={name}"
+    page = visit(tab, console, f"file?{asked}")
+    expect(page.locator("#shown section").first).to_be_visible(timeout=WAIT)
+    page.evaluate("document.querySelectorAll('details').forEach((one) => { one.open = true; })")
+    assert barriers(page) == []
+    tab.context.close()
+
+
 def test_what_a_file_was_made_from_is_a_picture_of_links(tab, console):
     page = visit(tab, console, "file?file=recordings/P01-latch.h5")
     picture = page.get_by_role("group", name="What this file was made from")
@@ -85,6 +100,25 @@ def test_what_a_file_was_made_from_is_a_picture_of_links(tab, console):
         expect(page.locator("#graph")).to_contain_text("first.h5: called P01-latch.h5", timeout=WAIT)
     finally:
         (console.data / "recordings" / "first.h5").rename(console.data / "recordings" / "P01-latch.h5")
+
+
+@pytest.mark.parametrize("name", ["matching", "rating", "staircase", "two-interval", "study"])
+def test_what_nobody_has_answered_says_what_it_is(tab, console, name):
+    folder, kind = console.data / f"unanswered-{name}", "study" if name == "study" else "experiment"
+    new = ["study", "new"] if name == "study" else ["experiment", "new", "--from", name]
+    if not folder.exists():
+        done = CliRunner().invoke(cli, [*new, str(folder)])
+        assert done.exit_code == 0, done.output
+    page = visit(tab, console, "catalogue")
+    page.get_by_role("link", name=f"unanswered-{name}/{kind}.toml").click(timeout=WAIT)
+    expect(page.locator("#shown table").first).to_be_visible(timeout=WAIT)
+    if kind == "experiment":
+        expect(page.locator("#shown")).to_contain_text("Nobody has answered yet.")
+        expect(page.locator("#shown table").first).to_contain_text("Steps of a participant")
+    for width in WIDTHS:
+        fits(page, width)
+    page.get_by_role("link", name="Run a session").click()
+    expect(page.locator(f"#{kind}")).to_have_value(folder.name, timeout=WAIT)
 
 
 def test_a_press_is_laid_over_that_of_another_file(tab, console):
@@ -141,3 +175,26 @@ def test_a_tablet_and_a_phone_show_a_glance(browser, console):
         assert box["y"] + box["height"] <= 844, "the first screen shows all of it"
         assert not tab.errors
         tab.context.close()
+
+
+def test_a_report_of_three_buttons_is_two_pages_of_paper(browser, made, tmp_path):
+    for name in ("latch", "toggle", "push"):
+        shutil.copy(made / "latch.h5", tmp_path / f"{name}.h5")
+    write_report([tmp_path / f"{name}.h5" for name in ("latch", "toggle", "push")], tmp_path / "report.html")
+    page = browser.new_page()
+    page.goto((tmp_path / "report.html").as_uri())
+    printed = page.pdf(format="A4")
+    page.close()
+    assert 1 <= len(re.findall(rb"/Type\s*/Page\b", printed)) <= 2
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_no_barrier_that_axe_finds_in_a_report_on_a_phone(browser, made, tmp_path, scheme):
+    write_report([made / "latch.h5", made / "push.h5"], tmp_path / "report.html")
+    context = browser.new_context(viewport={"width": 390, "height": 844}, color_scheme=scheme)
+    page = context.new_page()
+    page.goto((tmp_path / "report.html").as_uri())
+    page.evaluate("document.querySelectorAll('details').forEach((one) => { one.open = true; })")
+    assert page.evaluate("document.documentElement.scrollWidth") == 390
+    assert barriers(page) == []
+    context.close()

@@ -82,6 +82,7 @@ def test_stop_covers_nothing_where_the_window_is_small(width, tab, console):
 
 def test_files_shows_experiments_too(tab, console):
     page = visit(tab, console, "catalogue")
+    page.get_by_text("Choose which").click()
     page.get_by_label("Kind").select_option("experiment")
     page.get_by_role("button", name="List").click()
     # Of the answer to this question: the files of any kind, which the page lists first, hold it too.
