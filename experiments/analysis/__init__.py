@@ -13,10 +13,6 @@ from .identification import Performance as Performance
 from .identification import analyse_identification as analyse_identification
 from .lab import lab_threshold_of as lab_threshold_of
 from .lab import people_table as people_table
-from .manova import MultivariateEffect as MultivariateEffect
-from .manova import eta_squared_of_f as eta_squared_of_f
-from .manova import manova_independent as manova_independent
-from .manova import manova_repeated as manova_repeated
 from .pairs import Comparison as Comparison
 from .pairs import compare_levels as compare_levels
 from .power import Power as Power
@@ -30,9 +26,13 @@ from .prediction import participant_model as participant_model
 from .prediction import predict_answers as predict_answers
 from .proportions import clustered_interval as clustered_interval
 from .proportions import wilson_interval as wilson_interval
+from .ratings import MultivariateEffect as MultivariateEffect
 from .ratings import PairRatings as PairRatings
 from .ratings import Ratings as Ratings
 from .ratings import analyse_ratings as analyse_ratings
+from .ratings import eta_squared_of_f as eta_squared_of_f
+from .ratings import manova_independent as manova_independent
+from .ratings import manova_repeated as manova_repeated
 from .ratings import normalise as normalise
 from .table import Rows as Rows
 from .table import read_rows as read_rows

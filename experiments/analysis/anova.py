@@ -81,7 +81,7 @@ def anova(
     error_df = people - design.shape[1]
     if error_df < 1 or (between and design.shape[1] < 2) or min(levels, default=2) < 2:
         raise DataError(
-            f"An analysis of variance of {people} people in {design.shape[1]} groups is not possible: "
+            f"An analysis of variance is not possible (people: {people}, groups: {design.shape[1]}): "
             "each factor needs two levels, and there must be more people than groups."
         )
     flat = values.reshape(people, -1)

@@ -51,6 +51,12 @@ def analyse_identification(rows: Rows, within: str = "", between: str = "") -> I
     Matrices are made for each group and day. With participants, each metric is analysed with the within
     factors `within` and class, and the factor `between` people; by default those are `confirmation` (else
     `day`) and `group`, where the file has such a column. Raises DataError.
+
+    For example:
+
+        >>> result = haploop.analyse_identification(haploop.read_rows("matching.csv"))
+        >>> result.pooled.counts.shape  # presented by answered
+        (3, 3)
     """
     by = tuple(column for column in ("group", "day") if column in rows.columns)
     pooled, matrices = confusion_of(rows), confusions_by(rows, *by)

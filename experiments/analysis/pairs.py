@@ -24,7 +24,8 @@ class Comparison:
     difference: float
     """Mean of the first less that of the second; groups weighted alike."""
     interval: tuple[float, float]
-    """Interval of 95 % of the difference, not corrected."""
+    """Interval of 95 % of the difference, not corrected. NaN, as t, p and d, where all people differ alike:
+    without a spread there is nothing to test against."""
     t: float
     df: int
     p: float
@@ -54,10 +55,9 @@ def paired(first: str, second: str, differences: FloatArray, groups: Sequence[in
     mean, weight = float(coefficients[0]), 1 / float(inverse[0, 0])
     error = spread / math.sqrt(weight)
     # Rounding leaves a trace of spread where all differences are the same.
-    if error > 1e-12 * max(1.0, float(np.max(np.abs(differences)))):
-        t = mean / error
-    else:
-        t = math.nan if mean == 0 else math.copysign(math.inf, mean)
+    if error <= 1e-12 * max(1.0, float(np.max(np.abs(differences)))):
+        error = math.nan
+    t = mean / error
     half = float(scipy.stats.t.ppf(0.975, df)) * error
     p = float(2 * scipy.stats.t.sf(abs(t), df))
     return Comparison(
@@ -92,4 +92,4 @@ def compare_levels(
 
 def bonferroni(found: Sequence[Comparison]) -> tuple[Comparison, ...]:
     """Correct a family of comparisons: p times their number, at most 1."""
-    return tuple(replace(one, p_bonferroni=min(1.0, one.p * len(found))) for one in found)
+    return tuple(replace(one, p_bonferroni=min(one.p * len(found), 1.0)) for one in found)

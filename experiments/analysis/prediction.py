@@ -21,9 +21,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...acquisition import Representative
 from ...base.arrays import FloatArray
 from ...base.errors import ConfigurationError
-from ...calibration import DigitalButton
+from ...calibration import Check, DigitalButton
 from ...calibration.drive import BEFORE
 from ...calibration.perception import Act, event_levels, pressing_act, thresholds
 
@@ -96,20 +97,20 @@ def predict_answers(buttons: Sequence[DigitalButton], seed: int = 0) -> Predicti
             "them again on one rig, for the answer would depend on which comes first."
         )
     act = pressing_act(buttons[0].check.lab)
-    felt = np.array([_felt(one) for one in buttons]) - act.shift
-    wanted = np.array([_recorded(one) for one in buttons]) - act.shift
-    quieter = np.mean([_total(one) for one in felt]) - np.mean([_total(one) for one in wanted])
+    felt = np.array([felt_levels(one.press, one.check) for one in buttons]) - act.shift
+    recorded = np.array([recorded_levels(one.press) for one in buttons]) - act.shift
     rng = np.random.default_rng(seed)
-    worlds = np.array([_world(felt, wanted + quieter, act, rng) for _ in range(_WORLDS)])
+    worlds = np.array([_world(felt, recorded, act, rng) for _ in range(_WORLDS)])
     right = np.trace(worlds, axis1=1, axis2=2) / len(classes)
     low, high = np.percentile(right, _RANGE)
+    each = metrics_of(worlds)
     return Prediction(
         classes=classes,
         cells=worlds.mean(axis=0),
         least=np.percentile(worlds, _RANGE[0], axis=0),
         most=np.percentile(worlds, _RANGE[1], axis=0),
         overall=(float(right.mean()), float(low), float(high)),
-        metrics=_metrics(worlds),
+        metrics=np.stack([each.mean(axis=0), *np.percentile(each, _RANGE, axis=0)], axis=2),
         levels=tuple(_total(one) for one in felt),
         act=act,
         simulated=any(one.simulated for one in buttons),
@@ -140,14 +141,12 @@ def participant_model(prediction: Prediction, seed: int = 0) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _metrics(worlds: FloatArray) -> FloatArray:
-    """`Prediction.metrics` of (draws, classes, classes) fractions of a row."""
-    right, answered = np.diagonal(worlds, axis1=1, axis2=2), worlds.sum(axis=1)
-    classes = worlds.shape[1]
+def metrics_of(answers: FloatArray) -> FloatArray:
+    """(draws, metrics, classes): `METRICS` of (draws, classes, classes) fractions of a row."""
+    right, answered = np.diagonal(answers, axis1=1, axis2=2), answers.sum(axis=1)
     # Nobody who answers never is right: the precision is then that of no answer.
     precision = right / np.where(answered > 0, answered, np.inf)
-    each = np.array([1 - (1 + answered - 2 * right) / classes, precision, right])
-    return np.stack([each.mean(axis=1), *np.percentile(each, _RANGE, axis=1)], axis=2)
+    return np.stack([1 - (1 + answered - 2 * right) / answers.shape[1], precision, right], axis=1)
 
 
 def _quoted(name: str) -> str:
@@ -155,16 +154,14 @@ def _quoted(name: str) -> str:
     return json.dumps(name, ensure_ascii=False)
 
 
-def _felt(button: DigitalButton) -> FloatArray:
+def felt_levels(press: Representative, check: Check) -> FloatArray:
     """(windows,) dB of the measured motion, about the activation."""
-    press, check = button.press, button.check
     activation = BEFORE + press.activation_index / press.rate_hz
     return event_levels(check.accelerations, check.rate_hz, activation + _FIRST, _WINDOW, _WINDOWS)
 
 
-def _recorded(button: DigitalButton) -> FloatArray:
+def recorded_levels(press: Representative) -> FloatArray:
     """(windows,) dB of the recorded press, about the activation."""
-    press = button.press
     activation = press.activation_index / press.rate_hz
     # A window that begins before the recording holds nothing.
     silence = np.zeros(round(-_FIRST * press.rate_hz))
@@ -172,17 +169,20 @@ def _recorded(button: DigitalButton) -> FloatArray:
     return event_levels(signal, press.rate_hz, activation, _WINDOW, _WINDOWS)
 
 
-def _total(levels: FloatArray) -> float:
-    return float(10 * np.log10(np.sum(10 ** (levels / 10)) + 1e-30))
+def answers_of_people(
+    felt: FloatArray, recorded: FloatArray, spread: float, kept: float, rng: np.random.Generator
+) -> FloatArray:
+    """(classes, classes) answers, fractions of a row, of people about a mean threshold of 0 dB.
 
-
-def _world(felt: FloatArray, remembered: FloatArray, act: Act, rng: np.random.Generator) -> FloatArray:
-    """(classes, classes) answers of people, with one draw of what is not known."""
-    threshold = rng.uniform(-act.lower, act.higher)
-    kept = float(np.exp(rng.uniform(*np.log(_MEMORY))))
+    `felt` and `recorded` are (classes, windows) dB above it, `spread` is the standard deviation of people in
+    dB, and `kept` the share of the squared differences that memory keeps.
+    """
     classes = len(felt)
+    remembered = (
+        recorded + np.mean([_total(one) for one in felt]) - np.mean([_total(one) for one in recorded])
+    )
     counts = np.zeros((classes, classes))
-    for own in threshold + act.spread * rng.normal(size=_PEOPLE):
+    for own in spread * rng.normal(size=_PEOPLE):
         moved, memory = (_just_noticeable(levels - own) for levels in (felt, remembered))
         apart = ((moved[:, None] - memory) ** 2).sum(axis=2)
         # Noise of one just noticeable difference a window matters along the remembered buttons only.
@@ -192,6 +192,17 @@ def _world(felt: FloatArray, remembered: FloatArray, act: Act, rng: np.random.Ge
         counts += [np.bincount(row, minlength=classes) for row in answered]
     shares = counts / counts.sum(axis=1, keepdims=True)
     return np.asarray((1 - _LAPSE) * shares + _LAPSE / classes)
+
+
+def _total(levels: FloatArray) -> float:
+    return float(10 * np.log10(np.sum(10 ** (levels / 10)) + 1e-30))
+
+
+def _world(felt: FloatArray, recorded: FloatArray, act: Act, rng: np.random.Generator) -> FloatArray:
+    """(classes, classes) answers of people, with one draw of what is not known."""
+    threshold = rng.uniform(-act.lower, act.higher)
+    kept = float(np.exp(rng.uniform(*np.log(_MEMORY))))
+    return answers_of_people(felt - threshold, recorded - threshold, act.spread, kept, rng)
 
 
 def _just_noticeable(levels: FloatArray) -> FloatArray:

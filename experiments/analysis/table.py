@@ -136,6 +136,12 @@ def read_rows(path: str | Path) -> Rows:
     commas, numbers may have a decimal comma.
     `NAME.json` beside it, as `export_answers` writes it, gives the order of a column's values (`Levels`).
     Raises DataError: no file, no text in UTF-8, no line of data, a line with too many or too few cells.
+
+    For example:
+
+        >>> rows = haploop.read_rows("matching.csv")
+        >>> rows.simulated, "answered" in rows.columns
+        (True, True)
     """
     path = Path(path)
     try:

@@ -61,6 +61,16 @@ def analyse_thresholds(rows: Rows, by: tuple[str, ...] = ()) -> tuple[Threshold,
     `first_value` and `second_value`, the other of the two is the standard. Raises ConfigurationError without
     psignifit, DataError: a missing column, fewer than 20 trials, fewer than two values, values on both sides
     of the standard.
+
+    For example:
+
+        >>> path = haploop.new_experiment("two-interval", "two-interval")
+        >>> store = haploop.Store(haploop.load_experiment("two-interval"), "two-interval/answers")
+        >>> somebody = haploop.SimulatedParticipant(haploop.ParticipantModel(), "P01", 1)
+        >>> with haploop.open_session(store, "P01", haploop.RealClock(), simulated=True) as session:
+        ...     haploop.run_session(session, somebody)
+        >>> answers = haploop.export_answers(store, "two-interval.csv")
+        >>> (threshold,) = haploop.analyse_thresholds(haploop.read_rows("two-interval.csv"))
     """
     rows.require("comparison", "correct")
     columns = tuple(name for name in ("participant", *by) if name in rows.columns)

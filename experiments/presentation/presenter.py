@@ -73,8 +73,7 @@ class Presenter:
         if step.kind == "finger":
             self._finger(session, step)
             return
-        compared = step.kind in ("two-interval", "staircase")
-        for number, scale in enumerate(step.values if compared else (1.0,), 1):
+        for number, scale in enumerate(step.values if step.compares else (1.0,), 1):
             self._button(session, step, digital_button(self._file, step), scale, number)
 
     def _finger(self, session: Logged, step: Step) -> None:

@@ -303,6 +303,12 @@ def load_experiment(path: str | Path) -> Experiment:
     """Load an experiment from a file, a folder with an `experiment.toml`, or the name of a shipped example.
 
     Raises ConfigurationError: file, line, key, and what is wrong.
+
+    For example:
+
+        >>> path = haploop.new_experiment("matching", "matching")
+        >>> haploop.load_experiment("matching").path.name
+        'experiment.toml'
     """
     shipped = str(path) in example_names() and not Path(path).exists()
     path = (

@@ -60,10 +60,25 @@ class Step:
     repetitions: int = 1
     """Of presses of a physical button."""
 
+    @property
+    def by_hand(self) -> bool:
+        """True for presses and the finger calibration, which are done and not answered."""
+        return self.kind in ("presses", "finger")
+
+    @property
+    def compares(self) -> bool:
+        """True for two intervals, each with a value of its own."""
+        return self.kind in ("two-interval", "staircase")
+
+    @property
+    def analysed(self) -> bool:
+        """False for practice, and for what is done by hand: no analysis takes their answers."""
+        return not (self.practice or self.by_hand)
+
 
 def digital_button(file: ExperimentFile, step: Step) -> str:
     """Name of the digital button that the rig plays in a step; "" when it plays none."""
-    if not file.buttons or step.kind in ("presses", "finger"):
+    if not file.buttons or step.by_hand:
         return ""
     if any(step.stimulus[factor] != level for factor, level in file.surface.when.items()):
         return ""

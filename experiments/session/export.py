@@ -130,7 +130,7 @@ def _lines(file: ExperimentFile, stored: StoredSession, practice: bool) -> Itera
             continue
         step, answer = steps[event.number]
         shown, presentations = presentations, []
-        if step.kind in ("presses", "finger") or (step.practice and not practice):
+        if step.by_hand or (step.practice and not practice):
             continue
         assignment = stored.assignment
         same_run = bool(shown) and shown[-1].run == event.run

@@ -130,6 +130,13 @@ def open_session(
 
     Raises ConfigurationError: no such session, all complete, an earlier one is not; DataError: no consent, a
     log that is damaged or of another version of the experiment; ConfigurationError: another program runs one.
+
+    For example:
+
+        >>> store = haploop.Store(haploop.load_experiment("matching"), "matching/answers")
+        >>> with haploop.open_session(store, "P09", haploop.RealClock(), simulated=True) as session:
+        ...     session.due.number  # of the trial that comes next
+        1
     """
     file = store.experiment.file
     with store.hold(f"The experiment {file.name!r} in {store.folder}"):
@@ -172,6 +179,15 @@ def run_session(session: Session, who: Answerer, rig: Presents | None = None) ->
 
     `rig` presents the stimuli that it has a part in; without one, somebody else does. One who answers may
     answer `AGAIN` to such a stimulus.
+
+    For example:
+
+        >>> store = haploop.Store(haploop.load_experiment("matching"), "matching/answers")
+        >>> somebody = haploop.SimulatedParticipant(haploop.ParticipantModel(), "P01", 1)
+        >>> with haploop.open_session(store, "P01", haploop.RealClock(), simulated=True) as session:
+        ...     haploop.run_session(session, somebody)
+        >>> haploop.export_answers(store, "matching.csv")  # how many answers
+        30
     """
     while (step := session.due) is not None:
         session.presented()

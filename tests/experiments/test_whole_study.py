@@ -77,7 +77,7 @@ def test_a_study_from_start_to_report(tmp_path: Path) -> None:
     assert f"{100 * matching['overall']:.2f}\N{NO-BREAK SPACE}%" in page
     (tmp_path / "other.csv").write_text("participant,rating\nP01,3\n", encoding="utf-8")
     refused = CliRunner().invoke(cli, ["report", str(tmp_path / "other.csv"), "-o", str(tmp_path / "x.html")])
-    assert refused.exit_code == 2 and "neither the columns" in refused.stderr
+    assert refused.exit_code == 2 and "none of the columns" in refused.stderr
 
 
 def simulated(experiment: Experiment, model: ParticipantModel) -> list[str]:

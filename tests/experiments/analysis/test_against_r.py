@@ -13,13 +13,13 @@ from haploop.experiments import eta_squared_interval, eta_squared_of_f
 from haploop.experiments.analysis.anova import Effect, anova
 from haploop.experiments.analysis.cells import Cells, cells_of
 from haploop.experiments.analysis.effect_size import cohen_interval
-from haploop.experiments.analysis.manova import (
+from haploop.experiments.analysis.pairs import compare_levels
+from haploop.experiments.analysis.proportions import wilson_interval
+from haploop.experiments.analysis.ratings import (
     MultivariateEffect,
     manova_independent,
     manova_repeated,
 )
-from haploop.experiments.analysis.pairs import compare_levels
-from haploop.experiments.analysis.proportions import wilson_interval
 from haploop.experiments.analysis.table import read_rows
 
 DATA = Path(__file__).parents[2] / "data" / "statistics"

@@ -51,6 +51,13 @@ def test_the_interval_of_d_leaves_out_a_fortieth_on_each_side() -> None:
     assert cohen_interval(found.t, 7, 4 * 8) == pytest.approx((low / 2, high / 2))
 
 
+def test_people_who_all_differ_alike_leave_nothing_to_test_against() -> None:
+    (found,) = bonferroni([paired("a", "b", np.full(4, 0.3))])
+    assert found.difference == pytest.approx(0.3)
+    others = (found.t, found.p, found.p_bonferroni, found.d, *found.interval, *found.d_interval)
+    assert all(map(math.isnan, others))
+
+
 def test_intervals_of_proportions_stay_between_0_and_1() -> None:
     for hits, total in ((0, 3), (3, 3), (16, 16), (0, 27), (1e6, 1e6), (0, 1e-3)):
         low, high = wilson_interval(hits, total) or (math.nan, math.nan)

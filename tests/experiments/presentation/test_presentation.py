@@ -169,6 +169,7 @@ def test_a_session_is_played_interrupted_and_resumed(folder: Path) -> None:
     assert all(one["error"] < 0.2 for one in surface["buttons"].values())
 
 
+@pytest.mark.long
 def test_physical_stimuli_are_not_played_and_releases_are(folder: Path) -> None:
     with presented(folder, RATING) as (rig, presenter, store), session_of(rig, store) as session:
         run_session(session, SimulatedParticipant(ParticipantModel(), "P01", 1), presenter)
@@ -179,6 +180,7 @@ def test_physical_stimuli_are_not_played_and_releases_are(folder: Path) -> None:
     assert release["area"] < release["threshold"]
 
 
+@pytest.mark.long
 def test_two_amplitudes_are_played_one_after_the_other(folder: Path) -> None:
     with presented(folder, COMPARED) as (rig, presenter, store):
         outputs = rig.simulation.truth.record()  # type: ignore[union-attr]
@@ -204,6 +206,7 @@ def test_an_amplitude_beyond_the_limits_is_refused_before_anybody_comes(folder: 
         pass
 
 
+@pytest.mark.long
 def test_a_finger_that_cannot_be_calibrated_is_refused(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Firm presses no firmer than light ones: three calibrations, then one sentence; the step stays due."""
     monkeypatch.setitem(touches._FORCES, "firm", (0.4, 0.6))
@@ -220,6 +223,7 @@ def test_a_finger_that_cannot_be_calibrated_is_refused(folder: Path, monkeypatch
             assert session.due is None
 
 
+@pytest.mark.long
 def test_a_finger_at_the_threshold_that_trembles_is_one_press(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
