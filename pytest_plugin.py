@@ -16,13 +16,15 @@ import pytest
 
 from . import instruments
 from .base import errors
+from .nidaqmx_twin import pytest_plugin as of_cards
 
 if TYPE_CHECKING:
     from .instruments import Rig, RigFile
-    from .mocks.daq.ni import NiTwin
     from .mocks.tabled import Instrument
 
 OpenRig = Callable[..., "Rig"]
+OF_CARDS = "nidaqmx_twin"
+"""Name of the plugin with the fixture `nidaqmx_twin`."""
 _ALONE = pytest.StashKey[str]()
 """The sentence about workers that were taken away."""
 
@@ -50,15 +52,13 @@ def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "rig: runs on an open rig, the one that --rig selects")
     config.addinivalue_line(
         "markers",
-        'nidaqmx(Dev1="PCIe-6363", ..., time="virtual", direct=False): cards of the fixture nidaqmx_twin; '
-        'nidaqmx("cards.ini"): those of a text export of NI MAX',
-    )
-    config.addinivalue_line(
-        "markers",
         "requires(name, ...): skipped on a rig without these parts: instruments or sensors by their "
         "rig-file names, 'table', or 'simulation'; in a conformance suite, one of its capabilities",
     )
 
+    # The package nidaqmx_twin, installed by itself, brings the fixture under this name, of its own classes.
+    if not config.pluginmanager.has_plugin(OF_CARDS):
+        config.pluginmanager.register(of_cards, OF_CARDS)
     if not _is_worker(config) and _named(config) is not None:
         _check(config)
 
@@ -216,22 +216,6 @@ def open_rig(rigs: Rigs, request: pytest.FixtureRequest) -> Iterator[OpenRig]:
 def rig(open_rig: OpenRig) -> Rig:
     """An open rig, as --rig selects; it reaches its safe state after the test."""
     return open_rig()
-
-
-@pytest.fixture
-def nidaqmx_twin(request: pytest.FixtureRequest) -> Iterator[NiTwin]:
-    """Simulated NI cards, which `nidaqmx.Task()` and `System.local()` use in code that is unchanged.
-
-    The mark `nidaqmx` names them: `@pytest.mark.nidaqmx(Dev1="PCIe-6363")`; without it there is that one.
-    """
-    from .mocks.daq.ni import NiTwin  # noqa: PLC0415
-
-    mark = request.node.get_closest_marker("nidaqmx")
-    words = dict(mark.kwargs) if mark else {}
-    time, direct = words.pop("time", "virtual"), bool(words.pop("direct", False))
-    listed = request.config.rootpath / mark.args[0] if mark and mark.args else None
-    with NiTwin(listed or words or {"Dev1": "PCIe-6363"}, time=time, direct=direct) as twin:
-        yield twin
 
 
 @pytest.fixture

@@ -38,10 +38,11 @@ def _history(rig: str, folder: Path | None) -> History:
 
 def active_drives(rig: str) -> dict[str, Drive]:
     """The drives of a rig's active digital buttons, by name; none where there is no history to be read."""
-    from ..calibration.upkeep import buttons_of  # noqa: PLC0415
-
     try:
-        buttons = buttons_of(_history(rig, None).active())
+        active = _history(rig, None).active()
+        from ..calibration.upkeep import buttons_of  # noqa: PLC0415
+
+        buttons = buttons_of(active)
     except haploop.HaploopError:
         return {}
     return {name: button.drive for name, button in buttons.items()}

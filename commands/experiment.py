@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..base.files import new_file
+from ..base.wording import capital
 from ..reports import contents, outputs, show
 from ..terminal.progress import Steps, note, print_either, print_line
 from . import front as haploop
@@ -276,7 +277,7 @@ class _AtTerminal:
         """See `haploop.experiments.Answerer`."""
         if step.block != self._block:
             self._block = step.block
-            note(f"--- {step.block.capitalize()}")
+            note(f"--- {capital(step.block)}")
         head = f"{step.number} of {step.of}. " if step.kind != "staircase" else f"{step.number}. "
         again = [] if self._presenter is None or not self._presenter.presents(step) else [haploop.AGAIN]
         match step.kind:

@@ -12,13 +12,27 @@ from ..terminal.progress import SIMULATED, print_either
 from . import front as haploop
 from .options import JSON, PATH
 
-_FORMATS = ("csv", "wav", "wav48", "mat", "uff", "ahap", "haptic", "android", "hjif")
+
+class _Format(click.Choice[str]):
+    """A format; of a picture, which command writes it."""
+
+    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """See `click.Choice.convert`. Raises ConfigurationError for a picture."""
+        if value in ("svg", "pdf", "png"):
+            raise haploop.ConfigurationError(
+                "Figures, as SVG, PDF and CSV of what each draws, are written by another command: haploop "
+                "figures FILE --out DIR."
+            )
+        return super().convert(value, param, ctx)
+
+
+_FORMATS = ("csv", "wav", "wav48", "mat", "uff", "xdf", "ahap", "haptic", "android", "hjif")
 
 
 @click.command()
 @click.argument("files", nargs=-1, required=True, type=PATH, metavar="FILE...")
 @click.option(
-    "--to", "format", required=True, type=click.Choice(_FORMATS), help="Format, see above.", metavar="FORMAT"
+    "--to", "format", required=True, type=_Format(_FORMATS), help="Format, see above.", metavar="FORMAT"
 )
 @click.option("--out", "-o", required=True, type=PATH, metavar="PATH", help="File to write.")
 @click.option(
@@ -42,11 +56,13 @@ def export(
     csv                        all
     mat, uff                   all but a study and a curve
     wav, wav48                 signals; wav48: for a sound card, at 48 kHz
+    xdf                        a recording, with its LSL streams on its time
     ahap, haptic, android, hjif
                                phones and headsets: envelope and frequency
                                of a press, a drive, a check or a button
 
-    A file of a format without units gets a sidecar, PATH.json.
+    A file of a format without units gets a sidecar, PATH.json. Figures of FILE, and their data, are
+    written by `haploop figures`.
     """  # noqa: D301 - click's mark must be the character itself
     done = haploop.export_file(files, format, out, of=of)
     written = [str(file) for file in done.files]

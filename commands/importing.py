@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..base.wording import capital
 from ..reports import contents, outputs, show
 from ..terminal.progress import Steps, note, print_json, print_line
 from . import front as haploop
@@ -227,7 +228,7 @@ def _at_a_terminal() -> bool:
 
 
 def _ask(question: Question) -> str:
-    return str(click.prompt(f"{question.what[:1].upper()}{question.what[1:]} ({question.option})", err=True))
+    return str(click.prompt(f"{capital(question.what)} ({question.option})", err=True))
 
 
 def _several(files: Sequence[Path], mapping: FileMapping, each: str | None, wanted: _Wanted) -> int:

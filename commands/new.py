@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +15,28 @@ from ..reports import contents, outputs
 from ..terminal.browser import open_page
 from ..terminal.progress import print_line
 from . import front as haploop
-from .asking import asker
 from .options import PATH
 from .study import STUDY_FORM
+
+
+def asker(instead: str) -> Callable[[str, str], str]:
+    """Return what asks a question, with the answer that Enter gives.
+
+    Where nobody is there to answer, it raises ConfigurationError with `instead`: what to give to be asked
+    nothing.
+    """
+
+    def ask(question: str, default: str) -> str:
+        try:
+            return str(click.prompt(question, default=default, show_default=bool(default), err=True))
+        except click.Abort:  # Ctrl-C, or the end of what was written into it
+            if sys.stdin.isatty():
+                raise
+            asked = question.splitlines()[0]
+            raise haploop.ConfigurationError(f"Nobody is there to answer {asked!r}: {instead}.") from None
+
+    return ask
+
 
 _README = """\
 # {name}

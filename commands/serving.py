@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import json
 import os
-import signal
-import subprocess
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 import click
-
-from ..base.signals import STOPPING
 
 if TYPE_CHECKING:
     from ..mocks.plant import Plant
@@ -31,8 +27,6 @@ KINDS = {
 """Served name of each driver's wire; a wire of another package has its driver's name."""
 _MARK = "# Written by haploop twin"
 """Beginning of a rig file that may be written over."""
-_PATIENCE = 3
-"""Ctrl-C or SIGTERM at which another program is killed."""
 
 
 @dataclass(frozen=True)
@@ -109,8 +103,8 @@ def served(asked: Asked) -> Iterator[Served]:
     from ..base import entry_points  # noqa: PLC0415
     from ..base.clock import RealClock  # noqa: PLC0415
     from ..base.errors import ConfigurationError  # noqa: PLC0415
+    from ..base.validation import validate  # noqa: PLC0415
     from ..instruments import load_rig_file  # noqa: PLC0415
-    from ..instruments.config import validate  # noqa: PLC0415
     from ..mocks.simulation import Simulation  # noqa: PLC0415
 
     file = load_rig_file(asked.rig)
@@ -149,44 +143,6 @@ def served(asked: Asked) -> Iterator[Served]:
                 f"--port names {unknown[0]!r}, and what is served is {', '.join(found.addresses)}."
             )
         yield found
-
-
-def run_command(command: tuple[str, ...], environment: Mapping[str, str]) -> int:
-    """Run another program and return its exit code. Raises click.UsageError when there is no such program.
-
-    A program that a signal ended has 128 and the signal's number, as a shell says it. Ctrl-C reaches the
-    program as well, and SIGTERM is handed on. The program may end by either as it means to: it is waited
-    for, and killed at the third.
-    """
-    try:
-        program = subprocess.Popen(command, env=dict(environment))
-    except OSError as error:
-        raise click.UsageError(f"{command[0]} cannot be run: {error.strerror}") from None
-    # Counted, not raised: an exception as the program ends would lose its exit code, which is told once.
-    stops: list[int] = []
-
-    def stop(number: int, _: object) -> None:
-        stops.append(number)
-        if len(stops) == _PATIENCE:
-            program.kill()
-        elif number != signal.SIGINT:
-            program.terminate()
-
-    before = ((number, signal.getsignal(number)) for number in STOPPING)
-    heeded = {number: handler for number, handler in before if handler != signal.SIG_IGN}
-    with program:
-        try:
-            for number in heeded:
-                signal.signal(number, stop)
-            code = None
-            while code is None:
-                # With a time-out, because Ctrl-C does not interrupt an unlimited wait on Windows.
-                with suppress(subprocess.TimeoutExpired):
-                    code = program.wait(0.25)
-        finally:
-            for number, handler in heeded.items():
-                signal.signal(number, handler)
-    return code if code >= 0 else 128 - code
 
 
 def _at(stack: ExitStack, address: Mapping[str, Any], kind: str, port: int) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from . import front as haploop
 if TYPE_CHECKING:
     from ..exchange.catalogue import Entry
 
-_LOOKED_FOR = ("*.h5", "*/*.h5", "*.toml")
+_LOOKED_FOR = ("*.h5", "*/*.h5", "*.toml", "*/experiment.toml")
 _NAMED = (
     *("study", "experiment", "recording", "representative", "curve", "calibration", "map"),
     *("plan", "drive", "button", "check"),
@@ -27,6 +27,8 @@ _GENERATION = re.compile(r"\d{4,}-\d{8}T\d{6}Z")
 """A folder in a history of calibrations: its files are copies."""
 _MOST = 4
 """Files that a suggested command names; of more it names their folder."""
+
+_NOTHING_DUE = ("Nothing is due. All of it, to look at in a browser", "haploop serve")
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,8 @@ class Found:
     """Buttons of the study in this folder."""
     problem: str = ""
     """Why that study cannot be read."""
+    sessions: Sequence[tuple[str, str]] = ()
+    """Folder of an experiment, and the participant whose session was begun; "" where nobody has answered."""
     active: frozenset[str] = field(default_factory=frozenset)
     """Names of the buttons of the active calibration."""
     history: str = ""
@@ -65,7 +69,7 @@ def status() -> bool:
     said = [f"rig file {found.rig}"] if found.rig else []
     said += [contents.counted(counts[kind], kind) for kind in _NAMED if counts[kind]]
     print_line(f"In this folder: {', '.join(said) or 'files of haploop'}.")
-    for sentence, command in next_steps(found):
+    for sentence, command in next_steps(found) or [_NOTHING_DUE]:
         print_line(f"\n{sentence}:\n    {command}")
     print_line("\nAll commands: haploop --help. What else is here: haploop list")
     return True
@@ -102,9 +106,23 @@ def look(here: Path) -> Found:
         due=due,
         study=study,
         problem=problem,
+        sessions=[*_sessions(entries, here)],
         active=active,
         history=history.folder.name if active else "",
     )
+
+
+def _sessions(entries: Sequence[Entry], here: Path) -> Iterator[tuple[str, str]]:
+    """See `Found.sessions`; an experiment that cannot be read is left to `haploop experiment status`."""
+    for folder in (Path(entry.file).parent for entry in entries if entry.kind == "experiment"):
+        name = folder.relative_to(here).as_posix()
+        try:
+            store = haploop.Store(haploop.load_experiment(folder), folder / "answers")
+            if not store.participants():
+                yield name, ""
+            yield from ((name, one.assignment.participant) for one in store.unfinished())
+        except haploop.HaploopError:
+            continue
 
 
 def _rigs(here: Path) -> Iterator[str]:
@@ -133,13 +151,17 @@ def next_steps(found: Found) -> list[tuple[str, str]]:
         steps.append((f"The study is not complete: {named} due", "haploop study run"))
     recorded = [one for one in found.of("recording") if one.verdict == "complete"]
     known = dict.fromkeys(e.button for k in ("recording", "representative", "button") for e in found.of(k))
-    if not known and not found.due:
+    asked = [*found.due, *found.of("experiment")]
+    if not known and not asked:
         steps.append(("No button is recorded", f"haploop record latch -p P01{rig}"))
     calibrations = found.of("calibration")
     for name in known:
         steps += _of_button(found, name, [one for one in recorded if one.button == name], rig)
     if known and not calibrations:
         steps.append(("The table is not calibrated", f"haploop calibrate{rig}"))
+    for folder, who in found.sessions:
+        said = f"{who}'s session of {folder} is not complete" if who else f"Nobody has answered {folder}"
+        steps.append((said, f"haploop experiment run {shlex.quote(folder)} --participant {who or 'P01'}"))
     if found.history:
         steps.append(
             (f"The table's calibration is in {found.history}; each night", f"haploop recalibrate{rig}")

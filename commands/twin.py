@@ -17,7 +17,7 @@ import click
 from ..base.flag import Flag
 from ..terminal.progress import note
 from .options import NewFile, tape_session
-from .serving import Asked, has_terminals, ports_of, run_command, served
+from .serving import Asked, has_terminals, ports_of, served
 
 if TYPE_CHECKING:
     from ..mocks.plant import Plant
@@ -109,15 +109,16 @@ def ni(
     if rig is not None and own:
         raise click.UsageError(f"--rig and {own[0]} exclude each other: use one of them")
     if own:
-        return _on_a_bench(_devices_of(named), devices, bench, tape, port, allow, command)
+        return _on_a_bench(named, devices, bench, tape, port, allow, command)
     # Each way imports what it needs: a server is there the sooner.
     from ..base.clock import RealClock  # noqa: PLC0415
     from ..base.errors import ConfigurationError  # noqa: PLC0415
+    from ..base.validation import validate  # noqa: PLC0415
     from ..instruments import load_rig_file  # noqa: PLC0415
-    from ..instruments.config import validate  # noqa: PLC0415
     from ..instruments.daq.ni_daqmx import NiDaq  # noqa: PLC0415
-    from ..mocks.daq.ni import inventory_of, run, wiring_of  # noqa: PLC0415
+    from ..mocks.daq.ni.wire import wiring_of  # noqa: PLC0415
     from ..mocks.plant import Plant  # noqa: PLC0415
+    from ..nidaqmx_twin import inventory_of, run  # noqa: PLC0415
 
     file = load_rig_file(rig or "simulated")
     if file.daq.driver != "ni-daqmx" or not file.daq.settings.get("devices"):
@@ -130,20 +131,8 @@ def ni(
     return None
 
 
-def _devices_of(named: tuple[str, ...]) -> dict[str, str]:
-    """Product of each device that --device names."""
-    pairs = [name.partition("=")[::2] for name in named]
-    if not all(name and product for name, product in pairs):
-        raise click.UsageError("--device wants NAME=PRODUCT, as --device Dev1=PCIe-6363")
-    names = [name for name, _ in pairs]
-    twice = next((name for name in names if names.count(name) > 1), None)
-    if twice is not None:
-        raise click.UsageError(f"--device names {twice} twice: name each device once")
-    return dict(pairs)
-
-
 def _on_a_bench(
-    named: dict[str, str],
+    named: tuple[str, ...],
     export: Path | None,
     bench: Path | None,
     tape: Path | None,
@@ -153,15 +142,13 @@ def _on_a_bench(
 ) -> int:
     """Run a command whose nidaqmx finds simulated cards, and return its exit code; without one, serve."""
     from ..instruments.tape import Recorder, current  # noqa: PLC0415
-    from ..mocks.bench import read_bench, running  # noqa: PLC0415
+    from ..mocks.bench import running  # noqa: PLC0415
+    from ..nidaqmx_twin.bench import devices_of, read_bench  # noqa: PLC0415
+    from ..nidaqmx_twin.command import run_command  # noqa: PLC0415
 
     said = read_bench(bench) if bench is not None else None
-    listed = {**(said.devices if said else {}), **named}
-    if export is not None and listed:
-        raise click.UsageError("--devices names all devices: leave out --device and the bench's [devices]")
-    if said is not None and (twice := named.keys() & said.devices.keys()):
-        raise click.UsageError(f"{min(twice)} is in --device and in {bench}: name it once")
-    if export is None and not listed and not (said and said.instruments):
+    listed = devices_of(named, export, said)
+    if not listed and not (said and said.instruments):
         raise click.UsageError(
             "name the devices: by --device NAME=PRODUCT, by --devices FILE.ini, or by [devices] in --bench"
         )
@@ -172,7 +159,7 @@ def _on_a_bench(
     with tape_session(None, tape), ExitStack() as stack:
         deck = current()
         recorder = deck if isinstance(deck, Recorder) else None
-        found = stack.enter_context(running(export or listed, said, port=port, tape=recorder))
+        found = stack.enter_context(running(listed, said, port=port, tape=recorder))
         for sentence in found.twin.left_out if found.twin else ():
             note(sentence)
         if command:
@@ -206,7 +193,8 @@ class _Serving:
 
 def _serve(how: _Serving) -> int:
     """Serve wires on one plant until Ctrl-C, and print their addresses, or as long as a command runs."""
-    from ..mocks.redirect import environment  # noqa: PLC0415
+    from ..nidaqmx_twin.command import run_command  # noqa: PLC0415
+    from ..nidaqmx_twin.redirect import environment  # noqa: PLC0415
 
     command = how.command
     asked = Asked(

@@ -112,8 +112,9 @@ def pytest_collection(session: pytest.Session) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Long files first, so that no worker waits for them; `many_plays` on the twin only, unless --full."""
-    items.sort(key=lambda item: item.path.parent.name != "tests")
+    """Long files first, and those that wait for a browser, so that no worker waits for them at the end;
+    `many_plays` on the twin only, unless --full."""
+    items.sort(key=lambda item: item.path.parent.name not in ("tests", "browser"))
     left_out = {}
     if config.getoption("--rig") == "wire":
         left_out["many_plays"] = "many plays: on the wire with --full only"

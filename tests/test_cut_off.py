@@ -25,10 +25,10 @@ import pytest
 
 from haploop.acquisition import Recording, recover
 from haploop.base.clock import RealClock
+from haploop.base.validation import validate
 from haploop.calibration import Calibration
 from haploop.commands.cli import cli
 from haploop.instruments import Press, load_rig_file
-from haploop.instruments.config.validation import validate
 from haploop.instruments.daq.ni_daqmx import NiDaq
 from haploop.instruments.generator.scpi_generator import Keysight33500
 from haploop.instruments.relay.yocto import Yocto
@@ -209,6 +209,7 @@ def known(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.long
 @pytest.mark.timeout(7200)
 def test_cut_off_at_any_moment(known: Path, tmp_path: Path, full: bool, mode: str) -> None:
     if mode != "twin":

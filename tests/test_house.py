@@ -44,6 +44,8 @@ def found_packages() -> set[str]:
     found = {"haploop"}
     for room in ROOMS:
         for init in folder_of(room).rglob("__init__.py"):
+            if "build" in init.relative_to(ROOT).parts:
+                continue  # what an installation of nidaqmx_twin by itself left behind
             found.add(".".join(["haploop", *init.parent.relative_to(ROOT).parts]))
     return found
 
@@ -112,7 +114,7 @@ def imports(path: Path) -> Iterator[tuple[int, str, str]]:
 
 
 def role_of(module: str) -> str:
-    """The folder of a sub-package in its room: `daq` of `haploop.mocks.daq.ni.server`."""
+    """The folder of a sub-package in its room: `daq` of `haploop.nidaqmx_twin.server`."""
     parts = module.split(".")
     return parts[2] if len(parts) > 2 else ""
 

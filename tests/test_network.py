@@ -17,8 +17,8 @@ UNPICKLES = {"pickle", "marshal", "shelve", "dill", "joblib", "cloudpickle"}
 def test_listeners_are_on_loopback_only(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every wire of the rigs that haploop ships, and the addresses that they asked the system for."""
     from haploop.base.clock import RealClock
+    from haploop.base.validation import validate
     from haploop.instruments import load_rig_file
-    from haploop.instruments.config.validation import validate
     from haploop.mocks.simulation import Simulation
     from haploop.mocks.transport import Loopback
 

@@ -66,6 +66,10 @@ def test_own(rig):
     assert not {"instruments", "mocks", "acquisition"} & set(sys.modules)
 """
 
+CARDS = """
+def test_cards(nidaqmx_twin):
+    assert type(nidaqmx_twin).__module__ == {0!r}
+"""
 
 ARGUMENTS = ("-rs", "--strict-markers", "-p", "no:cacheprovider")
 
@@ -142,6 +146,7 @@ def test_a_rig_that_is_not_there_is_one_sentence_also_with_workers(pytester: pyt
     assert "INTERNALERROR" not in str(result.stdout)
 
 
+@pytest.mark.long
 def test_hardware_runs_on_one_worker(pytester: pytest.Pytester) -> None:
     pytester.makepyfile(TESTS)
     lab = pytester.makefile(".toml", lab='base = "haptable"\nname = "lab"')
@@ -152,3 +157,25 @@ def test_hardware_runs_on_one_worker(pytester: pytest.Pytester) -> None:
         busy = pytester.runpytest_subprocess(*ARGUMENTS, "-n", "2", "--rig", "lab.toml")
     assert busy.ret == pytest.ExitCode.USAGE_ERROR
     busy.stderr.fnmatch_lines(["ERROR: The rig 'lab' is in use (*"])
+
+
+@pytest.mark.parametrize("first", ["a_twin", "z_twin"])
+def test_the_package_of_the_cards_by_itself_brings_their_fixture(
+    first: str, pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # What `pip install ./nidaqmx_twin` adds: a plugin of this name. In both orders of the two packages.
+    source = "class NiTwin: pass\n\n@pytest.fixture\ndef nidaqmx_twin():\n    return NiTwin()\n"
+    pytester.makepyfile(**{first: f"import pytest\n\n{source}"})
+    info = pytester.mkdir(f"{first}-1.0.dist-info")
+    (info / "METADATA").write_text(f"Name: {first}\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(f"[pytest11]\nnidaqmx_twin = {first}\n")
+    monkeypatch.setenv("PYTHONPATH", str(pytester.path), prepend=os.pathsep)
+    pytester.makepyfile(test_it=CARDS.format(first))
+    pytester.runpytest_subprocess("-p", "no:cacheprovider").assert_outcomes(passed=1)
+
+
+def test_haploop_brings_the_fixture_of_the_cards(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(CARDS.format("haploop.nidaqmx_twin.twin"))
+    pytester.runpytest_subprocess(*ARGUMENTS).assert_outcomes(passed=1)
+    marks = pytester.runpytest_subprocess("--markers").outlines
+    assert len([line for line in marks if line.startswith("@pytest.mark.nidaqmx(")]) == 1

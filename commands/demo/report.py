@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime
@@ -11,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ...base.wording import capital
 from ...calibration import check_feeling
 from ...reports import figures
 from ...reports.contents import (
@@ -23,7 +25,7 @@ from ...reports.contents import (
     fact,
     feeling_values,
     fixed,
-    interval,
+    measured_error,
     percent,
     plain,
     verdict_cell,
@@ -106,8 +108,7 @@ def demo_contents(summary: Mapping[str, Any]) -> Contents:
             fixed(b["activation_force_true_n"], 2, "N"),
             fixed(b["drive_peak_v"], 1, "V"),
             percent(b["in_band"]),
-            percent(b["whole"]["error"]),
-            interval(b["whole"]["interval"]),
+            measured_error(b["whole"]),
             b["feeling"]["felt"],
             fixed(b["feeling"]["loudness_db"], 1, "dB"),
             verdict_cell(b["verdict"]),
@@ -116,7 +117,7 @@ def demo_contents(summary: Mapping[str, Any]) -> Contents:
     ]
     said = [f"{name}: {one}" for name, b in buttons.items() for one in (*b["reasons"], *b["notes"])]
     recorded = [name for name, b in buttons.items() if b["method"] == "broadband"]
-    felt = [f"{name.capitalize()}: {b['feeling']['sentence']}" for name, b in buttons.items()]
+    felt = [f"{capital(name)}: {b['feeling']['sentence']}" for name, b in buttons.items()]
     return Contents(
         _TITLE,
         tables=[Grid("", _HEADINGS, rows, below=_EXPLAINED)],
@@ -124,7 +125,7 @@ def demo_contents(summary: Mapping[str, Any]) -> Contents:
             *felt,
             *dict.fromkeys(b["feeling"]["notes"][0] for b in buttons.values()),
             *(
-                [f"{', '.join(recorded).capitalize()}: played as recorded, without a carrier ({_AS_IS})."]
+                [f"{capital(', '.join(recorded))}: played as recorded, without a carrier ({_AS_IS})."]
                 if recorded
                 else []
             ),
@@ -167,7 +168,7 @@ def _strength(summary: Mapping[str, Any]) -> Iterator[str]:
 _AS_IS = "on the carrier it is not known whether most people would feel it"
 _TITLE = "From a press to a verified digital button"
 _HEADINGS = (
-    "Button", "Presses", "Force", "(true)", "Drive", "In band", "Error", "(95 %)", "Felt", "Loudness",
+    "Button", "Presses", "Force", "(true)", "Drive", "In band", "Error (95 %)", "Felt", "Loudness",
     "Verdict",
 )  # fmt: skip
 _EXPLAINED = (
@@ -196,13 +197,15 @@ def report(demo: Demo, summary: Mapping[str, Any]) -> str:
         *_about(demo, summary),
     ]
     sources = [(r.path.name, r.content_hash) for b in demo.buttons for r in b.recordings]
-    return Page(_TITLE, lead, sections, _captioned_figures(demo), sources).html()
+    made = [demo.out / name for name in ("recordings", "presses", "drives", "checks", "calibration.h5")]
+    by = f"haploop figures {shlex.join(map(str, made))} --out figures"
+    return Page(_TITLE, lead, sections, _captioned_figures(demo), sources, by).html()
 
 
 def _about(demo: Demo, summary: Mapping[str, Any]) -> Iterator[Contents]:
     """How to read the numbers, what the run cannot show, and what it was made with."""
     left_out = [
-        f"{one.button.capitalize()}, left out of the representative press: {press}"
+        f"{capital(one.button)}, left out of the representative press: {press}"
         for one in demo.buttons
         for press in one.press.left_out
     ]
@@ -250,7 +253,7 @@ def _captioned_figures(demo: Demo) -> Sequence[CaptionedFigure]:
         (
             figures.profiles([figures.Profile.of(r.press) for r in results]),
             "Representative press of each button",
-            f"{captions.PRESSES} The band is one standard deviation of the aligned presses. {_counts(demo)}",
+            f"{captions.PRESSES} Light blue: one standard deviation of the aligned presses. {_counts(demo)}",
         ),
         (
             figures.activation_forces(forces, truth),
@@ -288,13 +291,13 @@ def _modulated(results: Sequence[ButtonResult]) -> str:
     for one in results:
         carrier = one.check.drive.carrier_hz
         told.append(f"{one.button} {f'modulated onto {carrier:.2f} Hz' if carrier else 'as recorded'}")
-    return f"{', '.join(told).capitalize()};"
+    return f"{capital(', '.join(told))};"
 
 
 def _counts(demo: Demo) -> str:
     participants = len(demo.buttons[0].recordings)
     told = ", ".join(f"{r.button} n = {r.press.members}" for r in demo.buttons)
-    return f"{told.capitalize()} presses by {participants} participant{'' if participants == 1 else 's'}."
+    return f"{capital(told)} presses by {participants} participant{'' if participants == 1 else 's'}."
 
 
 def _software() -> dict[str, str]:

@@ -79,6 +79,7 @@ def test_a_press_is_represented_by_the_method_that_is_asked_for(demo: Demo, run:
     assert "exists" in run("represent", *recordings, "-o", tmp_path / "paper.h5").output
 
 
+@pytest.mark.long
 def test_button_and_check_ask_for_the_paper_s_press_too(demo: Demo, run: Run, tmp_path: Path) -> None:
     recording = next((demo.folder / "recordings").glob("*latch*.h5"))
     table = demo.folder / "calibration.h5"

@@ -195,4 +195,4 @@ def test_twin_ni_refuses_a_file_without_devices(run: Run, tmp_path: Path, text: 
 
 def test_twin_ni_refuses_a_device_named_twice(run: Run) -> None:
     result = run("twin", "ni", "--device", "Dev1=PCIe-6363", "--device", "Dev1=PCIe-6321", "--", "true")
-    assert result.exit_code == 2 and "Dev1 twice" in result.stderr
+    assert result.exit_code == 2 and "Dev1 is in --device or in the bench twice" in result.stderr

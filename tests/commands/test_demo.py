@@ -1,9 +1,12 @@
 from __future__ import annotations
 
+import html
 import json
 import math
 import re
+import shlex
 import shutil
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -77,6 +80,16 @@ def test_recordings_are_kept_with_the_hash_that_the_summary_names(demo: Demo) ->
         recording = Recording.open(demo.folder / "recordings" / source["file"])
         assert recording.complete and recording.simulated
         assert recording.content_hash == source["sha256"]
+
+
+def test_the_report_names_the_command_that_writes_its_figures(demo: Demo, run: Run, tmp_path: Path) -> None:
+    report = (demo.folder / "report.html").read_text(encoding="utf-8")
+    (command,) = re.findall(r"<code>haploop (figures .*) --out figures</code>", report)
+    result = run(*shlex.split(html.unescape(command)), "--out", tmp_path / "figures")
+    assert result.exit_code == 0, result.output
+    written = {path.name for path in (tmp_path / "figures").iterdir()}
+    names = ("presses", "forces", "drives", "response", "check")
+    assert written >= {f"{name}.{kind}" for name in names for kind in ("svg", "csv")}
 
 
 def test_the_report_stands_alone(demo: Demo) -> None:

@@ -37,8 +37,8 @@ from haploop.instruments.daq.ni_sessions import Sessions
 from haploop.instruments.driver import hardware_of
 from haploop.instruments.rig import opening
 from haploop.instruments.safety import machine
-from haploop.mocks.daq.ni import NiTwin
 from haploop.mocks.simulation import Simulation
+from haploop.nidaqmx_twin import NiTwin
 from tests.command_line import Run
 
 try:
@@ -331,7 +331,8 @@ DESCRIBED: dict[str, tuple[str, dict[str, dict[str, Any]]]] = {
                 "output": "generator",
             },
         },
-    )
+    ),
+    "streams": ("minimal", {"streams": {"driver": "lsl", "inlets": {"eeg": {"type": "EEG"}}}}),
 }
 """Rigs with the drivers that no shipped one has: one that each is like, and its own tables."""
 

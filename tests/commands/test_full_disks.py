@@ -151,6 +151,7 @@ def test_a_disk_that_others_fill_meanwhile_takes_the_result(
         assert not list(small.rglob(".*"))
 
 
+@pytest.mark.long
 def test_a_disk_that_takes_the_calibration_only_keeps_neither(
     tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -75,10 +75,13 @@ def test_a_drift_is_reported_with_before_and_after(folder: Path) -> None:
     html = report.read_text(encoding="utf-8")
     assert "The table had drifted; every button is within tolerance again" in html
     assert "Everything here is simulated." in html
-    before, after = re.findall(r"latch-A-button</th><td>([\d.]+)\s%</td><td>([\d.]+)\s%", html)[0]
+    cell = r"<td>(?:at most )?([\d.]+)\s%</td>"
+    before, after = re.findall(f"latch-A-button</th>{cell}{cell}", html)[0]
     assert float(before) > 50 and float(after) < 20
     assert html.count("data:image/svg+xml;base64,") == 3
     assert not re.search("https?:", html)
+    linked = re.findall(r'href="([^"]+)"', html)
+    assert len(linked) == 9 and all((report.parent / one).is_file() for one in linked)
 
 
 def test_the_active_one_is_told(history: Path, run: Run) -> None:

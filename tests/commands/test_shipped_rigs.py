@@ -102,7 +102,7 @@ def played_and_true(
         volts = drives[drive.patches[0]]
         capture = excite(drives, *args, **more)
         if len(volts) >= size and np.array_equal(volts[len(volts) - size :], drive.volts[0]):
-            start = next(one.start for one in record if one.closed and np.isfinite(one.period))
+            start = truth.began(record)
             last = rig.clock.now() - 2 / drive.rate_hz
             times = np.arange(start, min(last, start + len(volts) / drive.rate_hz + 0.3), 1 / drive.rate_hz)
             seen.append(np.gradient(truth.velocity(drive.point, times), 1 / drive.rate_hz))

@@ -40,6 +40,12 @@ def test_one_recording_and_a_folder_are_represented(recorded: Path, run: Run, tm
     assert np.array_equal(haploop.load(tmp_path / "press.h5").acceleration, one.acceleration)
 
 
+def test_a_figure_is_not_exported_and_the_command_that_writes_it_is_named(recorded: Path, run: Run) -> None:
+    (path,) = recorded.glob("*.h5")
+    result = run("export", path, "--to", "svg", "--out", "a.svg")
+    assert result.exit_code == 2 and "haploop figures FILE --out DIR" in result.stderr
+
+
 def test_text_is_not_called_damaged(run: Run, tmp_path: Path) -> None:
     path = tmp_path / "notes.txt"
     path.write_text("my notes of today\n", encoding="utf-8")

@@ -98,6 +98,16 @@ def test_what_is_not_finished_comes_with_its_command(found: Found, steps: list[t
     assert next_steps(found) == steps
 
 
+def test_sessions_of_an_experiment_are_due(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    run("experiment", "new", "matching", "--from", "matching")
+    said = run().stdout
+    assert "Nobody has answered matching:\n    haploop experiment run matching --participant P01" in said
+    run("experiment", "simulate", "matching", "--participants", 1)
+    said = run().stdout
+    assert "Nobody" not in said and "Nothing is due" in said and "    haploop serve" in said
+
+
 def test_an_empty_folder_has_help_and_two_beginnings(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -122,3 +132,15 @@ def test_a_folder_of_a_curve_names_it(run: Run, tmp_path: Path, monkeypatch: pyt
     monkeypatch.chdir(tmp_path)
     assert run("import", "switch.csv", "--as", "curve", "--out", "switch.h5").exit_code == 0
     assert run().stdout.startswith("In this folder: 1 curve.")
+
+
+def test_a_rigs_file_may_be_called_experiment(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "experiment.toml").write_text('base = "simulated"\n[camera]\ndriver = "opencv"\nsource = 0\n')
+    (tmp_path / "torn").mkdir()
+    (tmp_path / "torn" / "experiment.toml").write_text('name = "torn"\nkind = ')
+    monkeypatch.chdir(tmp_path)
+    said = run().stdout
+    assert said.startswith("In this folder: rig file experiment.toml.")
+    assert "torn/experiment.toml is damaged" in said and said.count("is damaged") == 1

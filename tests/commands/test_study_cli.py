@@ -33,6 +33,7 @@ def study(run: Run, tmp_path: Path) -> Path:
     return folder
 
 
+@pytest.mark.long
 def test_a_study_from_its_first_line_to_its_figure(run: Run, study: Path, tmp_path: Path) -> None:
     first = run("study", "run", "--study", study, "-p", "P01", "--json")
     assert first.exit_code == 0, first.stderr

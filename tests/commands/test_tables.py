@@ -74,6 +74,7 @@ def test_no_name_is_taken_for_markup(run: Run, rig: Path, calibration: Path, tmp
         assert "[/x]" in result.stderr
 
 
+@pytest.mark.long
 def test_no_name_of_a_button_or_calibration_is_taken_for_markup(
     run: Run, demo: Demo, rig: Path, calibration: Path, tmp_path: Path
 ) -> None:

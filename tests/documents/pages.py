@@ -5,7 +5,7 @@ a command of haploop and nothing else runs in this process, as starting one take
 bash; Python runs in one namespace a page. A block that begins with a file's name in a comment is written into
 that file, and TOML without one is parsed. Comments that the site does not show:
 
-    <!-- not run: REASON -->      before a block, which is then skipped
+    <!-- not run: REASON -->      before a block, which is then skipped; "needs MODULE": only without it
     <!-- smaller:                 edits (sed -i) of a file that the page has written, up to -->: fewer
                                   presses, another address. What a block needs stands in the page.
 
@@ -14,6 +14,7 @@ The pages are shared by several modules, because one worker of pytest-xdist runs
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import re
 import shlex
@@ -152,5 +153,6 @@ def run_blocks(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     mpl.use("agg")
     page = Page(folder)
     for block in blocks(path.read_text(encoding="utf-8")):
-        if not block.excuse:
+        needs = re.fullmatch(r"needs (\w+)", block.excuse)
+        if not block.excuse or (needs and importlib.util.find_spec(needs[1])):
             page.run(block, f"{name_of(path)}:{block.line}")

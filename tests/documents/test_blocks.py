@@ -69,6 +69,12 @@ def test_the_reference_shows_each_name_in_use() -> None:
     assert [name for name in haploop.__all__ if not re.search(rf"\b{name}\b", shown)] == []
 
 
+def test_each_name_that_tab_completes_has_an_example() -> None:
+    text = (ROOT / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
+    programs = "".join(block.text for block in blocks(text) if block.language == "python")
+    assert [name for name in dir(haploop) if not re.search(rf"\b{name}\b", programs)] == []
+
+
 def test_each_page_is_run_once() -> None:
     shared = [page for patterns in SHARES.values() for page in pages_of(*patterns)]
     assert sorted(shared) == sorted(pages_of("README.md", "docs/**/*.md"))
