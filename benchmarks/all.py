@@ -43,6 +43,7 @@ SHORT = {
     "drives": "--seeds 1 --plays 4 --only beside",
     "patches": "--seeds 1 --plays 3",
     "points": "--tables 1",
+    "people": "",
     "recalibration": "--tables 1 --part 1/30 --restore 100 --iterations 0",
 }
 """Arguments that make each benchmark take a minute or a few."""

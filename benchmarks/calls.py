@@ -1,4 +1,4 @@
-"""Calls of nidaqmx to a simulated card in one process: through gRPC, and past it (`direct=True`).
+"""Calls of nidaqmx to a simulated card in one process, and through gRPC.
 
 python -m benchmarks.calls                              # half a minute
 """
@@ -11,13 +11,14 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import grpc
 import nidaqmx
 from nidaqmx.constants import AcquisitionType
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.table import Row, markdown, ratios
-from haploop.mocks.daq.ni import NiTwin
+from haploop.nidaqmx_twin import NiTwin
 
 _clock = time.perf_counter  # the card's own time is virtual
 
@@ -38,9 +39,10 @@ def main(words: Sequence[str] | None = None) -> list[Row]:
 
 
 def _round(direct: bool, seconds: float) -> dict[str, float]:
-    with NiTwin({"Dev1": "PCIe-6363"}, direct=direct) as twin:
+    with NiTwin({"Dev1": "PCIe-6363"}) as twin:
         twin.set("Dev1/ai0", 1.0)
-        with nidaqmx.Task() as one, nidaqmx.Task() as eight:
+        options = None if direct else nidaqmx.GrpcSessionOptions(grpc.insecure_channel(twin.address), "")
+        with nidaqmx.Task(grpc_options=options) as one, nidaqmx.Task(grpc_options=options) as eight:
             channel = one.ai_channels.add_ai_voltage_chan("Dev1/ai8")
             eight.ai_channels.add_ai_voltage_chan("Dev1/ai0:7")
             eight.timing.cfg_samp_clk_timing(
@@ -52,12 +54,12 @@ def _round(direct: bool, seconds: float) -> dict[str, float]:
             }
             eight.start()
             found["read of 100 samples of 8 channels"] = _rate(lambda: eight.read(100), seconds)
-        found["task of 100 samples, from its making to its end"] = _rate(_task, seconds)
+        found["task of 100 samples, from its making to its end"] = _rate(lambda: _task(options), seconds)
     return found
 
 
-def _task() -> None:
-    with nidaqmx.Task() as task:
+def _task(options: nidaqmx.GrpcSessionOptions | None) -> None:
+    with nidaqmx.Task(grpc_options=options) as task:
         task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
         task.timing.cfg_samp_clk_timing(1000, samps_per_chan=100)
         task.read(100)

@@ -52,7 +52,7 @@ def true_error(rig: Rig, drive: Drive, person: str, force: float) -> float:
     truth = rig.simulation.truth
     played, volts = truth.record(), np.atleast_2d(drive.volts)[0]
     rig.excite(volts, ["A"], ["laser"])
-    start = next(part.start for part in played if part.closed and np.isfinite(part.period))
+    start = truth.began(played)
     velocity = truth.velocity("button", start + np.arange(len(volts)) / drive.rate_hz)
     rig.operator.confirm(LiftFinger())
     rig.clock.sleep(0.5)

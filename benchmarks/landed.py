@@ -1,6 +1,6 @@
-"""Processor time of haploop's main jobs beside the last landed build, in turns on this computer.
+"""Processor time of haploop's main jobs beside the last landed build, at the same time on this computer.
 
-    python benchmarks/landed.py                             # two minutes; not on Windows
+    python benchmarks/landed.py                             # a minute; not on Windows
 
 `benchmarks/landed.txt` names that build's commit. A job that costs more than 1.10 times as much in every
 round ends this program with exit code 1, unless a commit since then says why: "Costs: ..." begins a line of
@@ -47,7 +47,7 @@ def main() -> int:
             for job in JOBS
             for build in builds
         }
-        took = in_rounds(programs, ROUNDS, folder)
+        took = in_rounds(programs, ROUNDS, folder, at_once=len(builds))
     print(f"| CPU, s | {landed} | now | ratio, of {ROUNDS} rounds |\n|---|---|---|---|")
     dearer = []
     for job in JOBS:

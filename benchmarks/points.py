@@ -155,11 +155,12 @@ def moved(rig: Rig, drive: Drive) -> tuple[float, list[float]]:
     """
     assert rig.simulation is not None
     settle(rig, drive.patches)
-    record = rig.simulation.truth.record()
+    truth = rig.simulation.truth
+    record = truth.record()
     rig.excite_each(
         drive.by_patch, (*dict.fromkeys(map(rig.monitor, drive.patches)), rig.vibrometer.channel), 0.1
     )
-    start = next(part.start for part in record if part.closed and np.any(part.volts))
+    start = truth.began(record)
     times = start + np.arange(len(drive.target)) / drive.rate_hz
     f = rfftfreq(len(times), 1 / drive.rate_hz)
     inside = (f >= drive.band[0]) & (f <= drive.band[1])

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
@@ -25,30 +26,38 @@ class Cost:
     """MB at most."""
 
 
-def in_rounds(programs: Mapping[str, Sequence[str]], rounds: int, folder: Path) -> dict[str, list[Cost]]:
+def in_rounds(
+    programs: Mapping[str, Sequence[str]], rounds: int, folder: Path, at_once: int = 1
+) -> dict[str, list[Cost]]:
     """Run every program once a round, in `folder`, and return what each took. Not on Windows.
 
-    An argument `NEW` becomes a path that does not exist. Raises CalledProcessError when a program fails.
+    `at_once` of them run at the same time. An argument `NEW` becomes a path that does not exist. Raises
+    CalledProcessError when a program fails.
     """
     found: dict[str, list[Cost]] = {name: [] for name in programs}
     environment = {**os.environ, "HAPLOOP_STATE": str(folder / "state"), "HAPLOOP_LIVE": "off"}
     environment |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    for _ in range(rounds):
-        for name, command in programs.items():
-            new = tempfile.mktemp(dir=folder)
-            words = [word.replace("NEW", new) for word in command]
-            with (
-                tempfile.TemporaryFile() as said,
-                subprocess.Popen(
-                    words, cwd=folder, env=environment, stdout=subprocess.DEVNULL, stderr=said
-                ) as process,
-            ):
-                _, status, used = os.wait4(process.pid, 0)
-                process.returncode = os.waitstatus_to_exitcode(status)
-                if process.returncode not in (0, 1):  # 1: done, and out of tolerance
-                    said.seek(0)
-                    raise subprocess.CalledProcessError(process.returncode, words, stderr=said.read())
-            found[name].append(_cost(used))
+
+    def cost(command: Sequence[str]) -> Cost:
+        new = tempfile.mktemp(dir=folder)
+        words = [word.replace("NEW", new) for word in command]
+        with (
+            tempfile.TemporaryFile() as said,
+            subprocess.Popen(
+                words, cwd=folder, env=environment, stdout=subprocess.DEVNULL, stderr=said
+            ) as process,
+        ):
+            _, status, used = os.wait4(process.pid, 0)
+            process.returncode = os.waitstatus_to_exitcode(status)
+            if process.returncode not in (0, 1):  # 1: done, and out of tolerance
+                said.seek(0)
+                raise subprocess.CalledProcessError(process.returncode, words, stderr=said.read())
+        return _cost(used)
+
+    with ThreadPoolExecutor(at_once) as pool:
+        for _ in range(rounds):
+            for name, used in zip(programs, pool.map(cost, programs.values()), strict=True):
+                found[name].append(used)
     return found
 
 

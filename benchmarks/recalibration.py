@@ -179,8 +179,9 @@ def errors(rig: Rig, button: DigitalButton) -> tuple[float, float]:
     settle(rig, drive.patches)
     record = rig.simulation.truth.record()
     rig.excite_each(drive.by_patch, channels, 0.1)
-    start = next((part.start for part in record if part.closed and np.any(part.volts)), None)
-    if start is None:
+    try:
+        start = rig.simulation.truth.began(record)
+    except LookupError:
         return 1.0, 1.0  # no volts reach the patch, and nothing moves
     times = start + np.arange(len(drive.target) + round(0.05 * drive.rate_hz)) / drive.rate_hz
     velocity = rig.simulation.truth.velocity(drive.point, times)

@@ -40,8 +40,8 @@ from haploop.acquisition.recording.writer import Writer
 from haploop.acquisition.session.stream_reader import StreamReader
 from haploop.base.arrays import FloatArray
 from haploop.base.clock import RealClock
+from haploop.base.validation import validate
 from haploop.instruments import Stream
-from haploop.instruments.config.validation import validate
 from haploop.instruments.daq.ni_daqmx import NiDaq
 
 RATE = 5000.0
