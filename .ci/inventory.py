@@ -22,6 +22,7 @@ from haploop.commands.cli import cli
 from haploop.exchange.columns import FORMATS as READ
 from haploop.exchange.formats import FORMATS as WRITTEN
 from haploop.instruments.rig.json_schema import rig_schema
+from haploop.mocks.faults import OWN as FAULTS
 from haploop.terminal import exits
 
 _LIST = Path(__file__).with_suffix(".txt")
@@ -103,6 +104,7 @@ def _now() -> list[str]:
         *_names(),
         *_keys(rig_schema(), ""),
         *(f"entry point {one.group} {one.name}" for one in installed),
+        *(f"fault {kind}" for kind in FAULTS),
         *(f"read {name}" for name in READ),
         *(f"written {kind} as {name}" for kind, name in WRITTEN),
         *(f"rig file {path.stem}" for path in (_ROOT / "rigs").glob("*.toml")),
