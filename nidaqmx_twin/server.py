@@ -329,14 +329,17 @@ class _Service(grpc.GenericRpcHandler):  # type: ignore[misc]
     def _live(self, process: bytes, context: Any) -> Iterator[bytes]:
         """Wait until a process ends, however it does, and clear its tasks, as the driver does."""
         gone = Flag()
-        if context.add_callback(gone.set):
-            context.send_initial_metadata(())
-            self._lives.append(gone)
-            while not gone.wait(3600.0):
-                pass
-            self._lives.remove(gone)
-        with self._system.lock:
-            self._events.clear_tasks(process.decode())
+        try:
+            if context.add_callback(gone.set):
+                # The process makes no task before it has this.
+                context.send_initial_metadata(())
+                self._lives.append(gone)
+                while not gone.wait(3600.0):
+                    pass
+                self._lives.remove(gone)
+        finally:
+            with self._system.lock:
+                self._events.clear_tasks(process.decode())
         yield from ()
 
     def _session(self, name: str) -> Callable[[Any, Any], Any]:

@@ -61,6 +61,15 @@ def _by_daemon(make: Callable[[], Any]) -> Any:
     return made.result()
 
 
+def _heard(stream: Any) -> Any:
+    """Return a stream once the server has taken it.
+
+    gRPC forgets one that ends before a thread of the server has begun it, and the process's tasks would stay.
+    """
+    stream.initial_metadata()
+    return stream
+
+
 def _end(stream: Any, process: int) -> None:
     """End a stream of this process, and not of the one that it was forked from.
 
@@ -99,7 +108,7 @@ class DriverInterpreter(GrpcStubInterpreter):  # type: ignore[misc]
             process = uuid.uuid4().hex
             self._process = [(keys["process"], process)]
             wait = grpc_options.grpc_channel.unary_stream(lives)
-            self._lives = _by_daemon(lambda: wait(process.encode()))
+            self._lives = _by_daemon(lambda: _heard(wait(process.encode())))
             atexit.register(_end, self._lives, os.getpid())
         self._state = threading.Condition()
         self._running: Counter[tuple[str, int]] = Counter()

@@ -14,6 +14,7 @@ import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +39,7 @@ from nidaqmx.utils import unflatten_channel_string
 
 from haploop.base.errors import ConfigurationError
 from haploop.nidaqmx_twin import NiTwin
+from haploop.nidaqmx_twin.threads import Threads
 
 CARDS = {
     "Dev1": "PCIe-6363", "M": "PCI-6221", "Old": "PCI-6034E", "cDAQ1": "cDAQ-9178", "Dsa": "PXIe-4466",
@@ -367,9 +369,21 @@ input()
 """
 
 
+@pytest.mark.parametrize("late", [0.0, 2.0])
 @pytest.mark.parametrize("end", ["kill", "exit"])
-def test_a_task_lives_in_its_process(end: str) -> None:
-    """Its name is unique there, and what it has reserved is free when the process has ended, however."""
+def test_a_task_lives_in_its_process(end: str, late: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its name is unique there, and what it has reserved is free when the process has ended, however.
+
+    So it is where the server's thread for the first call, which lasts as long as the process, starts `late`
+    (s): gRPC runs no call whose client has gone before.
+    """
+    first, submit = iter([late]), Threads.submit
+
+    def submit_late(pool: Threads, call: Callable[..., Any], *args: Any) -> Future[Any]:
+        delay = next(first, 0.0)
+        return submit(pool, lambda: (time.sleep(delay), call(*args)))
+
+    monkeypatch.setattr(Threads, "submit", submit_late)
     with NiTwin({"Dev1": "PCIe-6363"}, time="real") as twin:
         program = subprocess.Popen(
             [sys.executable, "-c", _OTHER_PROGRAM],
@@ -403,6 +417,7 @@ from nidaqmx.errors import DaqNotFoundError
 from contextlib import nullcontext
 from haploop.base.errors import ConfigurationError
 from haploop.nidaqmx_twin import NiTwin
+from haploop.nidaqmx_twin.threads import Threads
 
 _, where, end = sys.argv
 
