@@ -81,7 +81,7 @@ def check(
     if plays < 3:
         raise ConfigurationError("A check needs at least 3 plays: their differences are its uncertainty.")
     refuse_foreign(rig, drive)
-    if press is not None and (press.button, tuple(press.sources)) != (drive.button, drive.sources):
+    if press is not None and not drive.is_of(press):
         raise ConfigurationError(
             f"The drive was computed for another press than this one of {press.button!r}: compute it again."
         )

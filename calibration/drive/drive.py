@@ -162,6 +162,10 @@ class Drive(InNotebook):
             elsewhere=tuple(mine if one is other else one for one in self.elsewhere),
         )
 
+    def is_of(self, press: Representative) -> bool:
+        """Whether it was computed for a press: of the same button, from the same recordings."""
+        return (press.button, tuple(press.sources)) == (self.button, self.sources)
+
     @property
     def peak(self) -> float:
         """Largest voltage of any patch (V)."""

@@ -197,8 +197,7 @@ def report(demo: Demo, summary: Mapping[str, Any]) -> str:
         *_about(demo, summary),
     ]
     sources = [(r.path.name, r.content_hash) for b in demo.buttons for r in b.recordings]
-    made = [demo.out / name for name in ("recordings", "presses", "drives", "checks", "calibration.h5")]
-    by = f"haploop figures {shlex.join(map(str, made))} --out figures"
+    by = f"haploop figures {shlex.quote(str(demo.out))} --out figures"
     return Page(_TITLE, lead, sections, _captioned_figures(demo), sources, by).html()
 
 

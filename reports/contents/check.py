@@ -26,7 +26,8 @@ from .words import percent, sentence
 def check_contents(check: Check, press: Representative | None = None, file: Path | None = None) -> Contents:
     """What a check says.
 
-    `press`, the recorded one, adds how loud the motion is against it; `file` is where the plays are kept.
+    `press`, the recorded one, adds how loud the motion is against it, and figures of both; `file` is where
+    the plays are kept.
     """
     drive, feeling = check.drive, check_feeling(check, press)
     facts = [
@@ -42,7 +43,11 @@ def check_contents(check: Check, press: Representative | None = None, file: Path
         simulated=check.simulated,
         rig=drive.rig,
         verdicts=[_verdict(f"Check of the {drive.button} button", check, feeling), *_others(check)],
-        figures=[_check_drawing("check", check), *_other_drawings(check)],
+        figures=[
+            _check_drawing("check", check),
+            *([_motion_drawing(press, check), _feeling_drawing(check, feeling)] if press else []),
+            *_other_drawings(check),
+        ],
         glances=_glances(check, feeling, press),
     )
 
@@ -126,7 +131,7 @@ def button_contents(button: DigitalButton) -> Contents:
             title,
             captions.LEARNING,
             lambda columns: figures.button_figure(button, columns),
-            _plays([button]),
+            _plays([check]),
         ),
     )
 
@@ -201,24 +206,8 @@ def _figures_of(button: DigitalButton, feeling: Feeling) -> Sequence[Drawing]:
         press_drawing(press),
         *(response_drawing(one) for one in button.calibrations),
         drive_drawing(button.drive),
-        Drawing(
-            "motion",
-            "Measured motion of the surface",
-            captions.COMPARISON,
-            [button],
-            lambda some, columns: figures.comparison([(one.press, one.check) for one in some], columns),
-            _plays,
-        ),
-        Drawing(
-            "feeling",
-            "What a finger would feel",
-            captions.FEELING,
-            [(button, feeling)],
-            lambda some, columns: figures.feeling_figure(
-                [(one.press.button, felt) for one, felt in some], columns
-            ),
-            lambda some: _plays([one for one, _ in some]),
-        ),
+        _motion_drawing(press, check),
+        _feeling_drawing(check, feeling),
         Drawing.alone(
             f"button-{press.button}",
             f"Digital {press.button} button: {check.verdict}",
@@ -230,8 +219,32 @@ def _figures_of(button: DigitalButton, feeling: Feeling) -> Sequence[Drawing]:
     ]
 
 
-def _plays(buttons: Sequence[DigitalButton]) -> str:
-    return sentence([f"{one.press.button}, n = {one.check.plays} plays" for one in buttons])
+def _motion_drawing(press: Representative, check: Check) -> Drawing:
+    return Drawing(
+        "motion",
+        "Measured motion of the surface",
+        captions.COMPARISON,
+        [(press, check)],
+        figures.comparison,
+        lambda some: _plays([one for _, one in some]),
+    )
+
+
+def _feeling_drawing(check: Check, feeling: Feeling) -> Drawing:
+    return Drawing(
+        "feeling",
+        "What a finger would feel",
+        captions.FEELING,
+        [(check, feeling)],
+        lambda some, columns: figures.feeling_figure(
+            [(one.drive.button, felt) for one, felt in some], columns
+        ),
+        lambda some: _plays([one for one, _ in some]),
+    )
+
+
+def _plays(checks: Sequence[Check]) -> str:
+    return sentence([f"{one.drive.button}, n = {one.plays} plays" for one in checks])
 
 
 def _check_facts(check: Check, feeling: Feeling, presses: Sequence[Representative] = ()) -> Iterator[Fact]:

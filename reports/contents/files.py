@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from ...acquisition import Recording, load_study
+from ...acquisition import Recording, Representative, load_study
 from ...base import hdf5
 from ...base.errors import DataError
-from ...calibration import History, Waveforms
+from ...calibration import Check, History, Waveforms
 from ...exchange.loading import RESULTS
 from .calibration import calibration_contents, drive_contents, waveforms_contents
 from .check import button_contents, check_contents
@@ -46,10 +46,11 @@ def contents_of(value: Any) -> Contents:
     raise TypeError(f"{type(value).__name__} is nothing that haploop shows.")
 
 
-def file_contents(path: str | Path) -> Contents:
+def file_contents(path: str | Path, presses: Sequence[Representative] = ()) -> Contents:
     """What a file, or the folder of a vibration map or of a history of calibrations, says.
 
-    Raises DataError for a file that is missing, damaged, or of another kind.
+    A check is shown beside the one of `presses` that its drive was computed for. Raises DataError for a file
+    that is missing, damaged, or of another kind.
     """
     path = Path(path)
     if is_history(path):
@@ -57,7 +58,10 @@ def file_contents(path: str | Path) -> Contents:
     kind = "map" if path.is_dir() else hdf5.kind_of(path)
     if kind not in _SAID:
         raise DataError(f"{path} holds a {kind}, which `haploop show` cannot display.")
-    return _SAID[kind](RESULTS[kind][1](path))
+    value = RESULTS[kind][1](path)
+    if isinstance(value, Check):
+        return check_contents(value, next(filter(value.drive.is_of, presses), None))
+    return _SAID[kind](value)
 
 
 def is_history(path: Path) -> bool:
@@ -66,7 +70,8 @@ def is_history(path: Path) -> bool:
 
 
 def files_of(path: Path) -> list[Path]:
-    """What to read of a file or folder: itself, the study whose recordings it holds, or the files in it.
+    """What to read of a file or folder: itself, the study whose recordings it holds, or the files in it; of a
+    demo, those in its folders too.
 
     Raises DataError for a folder that holds nothing to read.
     """
@@ -77,7 +82,8 @@ def files_of(path: Path) -> list[Path]:
     if whole.name == "recordings" and (whole.parent / "study.toml").is_file():
         return [whole.parent]
     # Waveforms have no figure of their own: they belong to the calibration beside them.
-    files = sorted(one for one in path.glob("*.h5") if not Waveforms.is_beside(one))
+    patterns = ("*/*.h5", "*.h5") if (path / "summary.json").is_file() else ("*.h5",)
+    files = sorted(one for some in patterns for one in path.glob(some) if not Waveforms.is_beside(one))
     if not files:
         raise DataError(
             f"{path} holds neither a study (study.toml), nor a map (map.json), nor files of haploop (.h5): "

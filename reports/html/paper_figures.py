@@ -20,8 +20,8 @@ _PAPER = {
     "presses": (6, "recordings"),
     "pressed": (6, "recordings"),  # one press of each recording, where nothing has a representative one
     "forces": (7, "recordings with a force"),
-    "drives": (8, "a digital button"),
-    "motion": (9, "a digital button"),
+    "drives": (8, "a digital button or a drive"),
+    "motion": (9, "a digital button, or a check and its press"),
     "confusion": (13, "answers of an identification experiment"),
     "ratings": (14, "adjective ratings"),
 }

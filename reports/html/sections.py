@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from ...acquisition import content_hash, load_study
+from ...acquisition import Representative, content_hash, load_study
+from ...base import hdf5
 from ...base.errors import DataError, HaploopError
 from ...base.files import check_destination, new_file
 from ...base.progress import Progress
@@ -62,8 +63,8 @@ def contents_at(path: Path) -> Contents:
     return read_section(path).contents
 
 
-def read_section(path: Path) -> Section:
-    """Read a result, a study, or a table of answers. Raises DataError."""
+def read_section(path: Path, presses: Sequence[Representative] = ()) -> Section:
+    """Read a result, a study, or a table of answers; a check beside its press. Raises DataError."""
     if path.suffix.lower() == ".csv":
         return Section(_answers(path), [(path.name, hashlib.sha256(path.read_bytes()).hexdigest())])
     if path.name == "experiment.toml" or (path / "experiment.toml").is_file():
@@ -74,16 +75,21 @@ def read_section(path: Path) -> Section:
         active = History(path).active()
         return Section(file_contents(path), [(f"{path.resolve().name}, {active.name}", active.digest)])
     return Section(
-        file_contents(path), _files_of_map(path) if path.is_dir() else [(path.name, content_hash(path))]
+        file_contents(path, presses),
+        _files_of_map(path) if path.is_dir() else [(path.name, content_hash(path))],
     )
 
 
 def read_sections(files: Sequence[Path], progress: Progress) -> list[Section]:
     """Read each file, with its progress. Raises DataError."""
-    sections = []
+    sections, presses = [], []
+    # A check is shown beside its press, wherever that is named.
+    for path in files if len(files) > 1 else ():
+        if path.suffix == ".h5" and hdf5.kind_of(path) == "representative":
+            presses.append(Representative.load(path))
     for number, path in enumerate(files):
         progress("Read the data", number, len(files), "files")
-        sections.append(read_section(path))
+        sections.append(read_section(path, presses))
     progress("Read the data", len(files), len(files), "files")
     return sections
 

@@ -88,7 +88,7 @@ def test_the_report_names_the_command_that_writes_its_figures(demo: Demo, run: R
     result = run(*shlex.split(html.unescape(command)), "--out", tmp_path / "figures")
     assert result.exit_code == 0, result.output
     written = {path.name for path in (tmp_path / "figures").iterdir()}
-    names = ("presses", "forces", "drives", "response", "check")
+    names = ("presses", "forces", "drives", "response", "check", "motion", "feeling")
     assert written >= {f"{name}.{kind}" for name in names for kind in ("svg", "csv")}
 
 
