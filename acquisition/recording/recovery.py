@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -20,9 +21,11 @@ from ...base.files import existing, os_error_text
 from ...base.marks import is_marked, marked
 from ...base.own_process import allow_memory, answer_of
 from ...base.publishing import publish
+from ...instruments import NewFile
 from .file_format import Contents, Header, read_header
+from .readings import files_in, reading_event
 from .recording import Recording
-from .rows import EVENT, Event, event_row, verdicts_in
+from .rows import EVENT, Event, event_row, events_in, verdicts_in
 from .salvage import intact_part, later_rows, read_blocks, write_finished
 
 
@@ -49,7 +52,7 @@ def recover(path: str | Path) -> Path:
             raise
         _recover_elsewhere(path, destination)
     else:
-        _save(destination, header, contents, lost)
+        _save(path, destination, header, contents, lost)
     return destination
 
 
@@ -95,12 +98,13 @@ def _lost(file: h5py.File) -> str:
     return "samples after the last block are lost."
 
 
-def _save(destination: Path, header: Header, contents: Contents, lost: str) -> None:
+def _save(path: Path, destination: Path, header: Header, contents: Contents, lost: str) -> None:
     samples = contents.codes.shape[1]
     accepted = len({press.number for press in verdicts_in(contents.presses) if press.accepted})
     saved = f"Recovered {samples / header.rate_hz:.2f} s with {accepted} of {header.presses} presses accepted"
-    event = np.frombuffer(event_row(Event(samples, "recovered", f"{saved}; {lost}")), dtype=EVENT)
-    contents = replace(contents, events=np.concatenate([contents.events, event]))
+    events = [*_streams_left(path, header, contents), Event(samples, "recovered", f"{saved}; {lost}")]
+    rows = np.frombuffer(b"".join(map(event_row, events)), dtype=EVENT)
+    contents = replace(contents, events=np.concatenate([contents.events, rows]))
     write_finished(destination, header, contents, "recovered", in_place=False)
 
 
@@ -121,7 +125,7 @@ def recover_damaged(path: Path, destination: Path, allow: Callable[[int], object
             lost = f"the rest of {file['codes'].shape[1] / header.rate_hz:.2f} s is damaged."
     if not contents.codes.size:
         raise DataError(f"{path} holds no intact block, so nothing can be recovered: copy it again.")
-    _save(destination, header, contents, lost)
+    _save(path, destination, header, contents, lost)
 
 
 _LOST = "{} is damaged in its metadata, so nothing can be recovered: copy it again from its source."
@@ -172,6 +176,20 @@ def _padded(path: Path) -> Iterator[h5py.File]:
         h5py.File(padded, "r", locking=False) as file,
     ):
         yield file
+
+
+def _streams_left(path: Path, header: Header, contents: Contents) -> Iterator[Event]:
+    """The files of streams that a killed session did not come to name, as events: whole up to the cut."""
+    named = {file.file for file in files_in(events_in(contents.events))}
+    streams = json.loads(header.rig).get("streams") or {"inlets": ()}
+    for name in streams["inlets"]:
+        written = re.compile(rf"{re.escape(path.stem)}-{re.escape(name)}(?:\.(\d+))?\.xdf")
+        matches = filter(None, (written.fullmatch(one.name) for one in path.parent.iterdir()))
+        # Those with a lower number are of sessions that ended before their first press.
+        last = max(matches, key=lambda match: int(match[1] or 1), default=None)
+        if last and last[0] not in named:
+            file = NewFile(name, path.parent / last[0])
+            yield reading_event(contents.codes.shape[1], "streams", file, path.parent)
 
 
 class _Padded(io.RawIOBase):

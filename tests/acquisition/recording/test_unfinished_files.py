@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -9,6 +12,7 @@ import numpy as np
 import pytest
 
 from haploop.acquisition import Recording, content_hash, record, recover, verify
+from haploop.acquisition.recording import AlongFile
 from haploop.acquisition.recording.file_format import from_codes
 from haploop.acquisition.recording.recovery import recover_damaged
 from haploop.acquisition.recording.salvage import CHUNK, finish
@@ -69,6 +73,22 @@ def test_recovering_makes_it_whole_and_leaves_the_original_alone(tmp_path):
     for folder in (tmp_path, ""):
         with pytest.raises(DataError, match="is a folder"):
             recover(folder)
+
+
+def test_recovering_names_the_files_of_streams_that_a_kill_left(tmp_path):
+    path = tmp_path / "P01-push.h5"
+    rig = json.dumps({"streams": {"inlets": {"eeg": {}, "cues": {}, "gone": {}}}})
+    with Writer(path, replace(header(), rig=rig), 250, 20) as writer:
+        writer.write(block_of(0), 0.05)
+    for name in ("eeg", "eeg.2", "eeg.10", "cues", "other-eeg"):
+        (tmp_path / f"P01-push-{name}.xdf").write_bytes(name.encode())
+    recovered = Recording.open(recover(path))
+    assert verify(recovered.path) == ()
+    assert recovered.files == tuple(
+        AlongFile(250, "streams", name, f"P01-push-{file}.xdf", hashlib.sha256(file.encode()).hexdigest())
+        for name, file in (("eeg", "eeg.10"), ("cues", "cues"))
+    )
+    assert [event.kind for event in recovered.events] == ["file", "file", "recovered"]
 
 
 def cut(path: Path, folder: Path, keep: int) -> Path:
