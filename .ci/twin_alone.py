@@ -25,7 +25,7 @@ def full():
     return False
 """
 SETTINGS = (
-    "[pytest]\naddopts = --import-mode=importlib\npythonpath = .\nfilterwarnings = error\ntimeout = 300\n"
+    "[pytest]\naddopts = --import-mode=importlib\npythonpath = .\nfilterwarnings = error\ntimeout = 900\n"
 )
 NOTHING_OF_HAPLOOP = (
     "import importlib.util, nidaqmx_twin as t; assert importlib.util.find_spec('haploop') is None; t.NiTwin"
