@@ -74,6 +74,11 @@ _FLIPPED = ("force", "acceleration", "displacement", "activation")
     help=f"Format of FILE: {', '.join(_FORMATS)}.  [default: as its name ends]",
     metavar="FORMAT",
 )
+@click.option(
+    "--zone",
+    metavar="ZONE",
+    help="Time zone of dates that state none, +02:00 or Europe/Berlin.  [default: they are kept as stated]",
+)
 @click.option("--decimal", type=click.Choice((".", ",")), help="Decimal sign of a text that leaves a doubt.")
 @click.option(
     "--as",

@@ -24,11 +24,17 @@ def read_signals(path: Path, rate_hz: float | None) -> Signals:
             for c in found
         )
         rates = {_rate(path, c) for c in found}
+        starts = {str(c.get("start_timestamp") or "") for c in found}
     except (ArithmeticError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise DataError(f"{path} does not follow SEP-005 ({type(error).__name__}: {error}).") from None
     if len(rates) != 1 or len({len(c.values) for c in channels}) != 1:
         raise DataError(f"{path} holds channels of several rates or lengths: export one group at a time.")
-    return Signals(path.stem, rates.pop(), channels, channels[0].name, {})
+    if len(starts) > 1:
+        raise DataError(
+            f"{path} holds channels that begin at different times ({', '.join(sorted(starts))}): export "
+            "those that belong together."
+        )
+    return Signals(path.stem, rates.pop(), channels, channels[0].name, {"start_timestamp": starts.pop()})
 
 
 def _rate(path: Path, channel: dict[str, object]) -> float:

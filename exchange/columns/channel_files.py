@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import numpy as np
 
 from ...base.extras import optional
 from .hdf5_tree import CF, unpacked
+from .started import Start, instant, since_of
 from .table import Column
 from .units import doubt_beside, split_heading
 
@@ -32,8 +34,8 @@ def tdms(path: Path) -> Iterator[Column]:
     with path.open("rb") as opened, nptdms.TdmsFile.open(opened) as file:
         channels = [channel for group in file.groups() for channel in group.channels() if len(channel)]
         several = len({channel.group_name for channel in channels}) > 1
-        begun = [t for one in channels if (t := one.properties.get("wf_start_time")) is not None]
-        origin = min((np.datetime64(t) for t in begun), default=None)
+        begun = [t for one in channels if (t := _begun(one.properties)) is not None]
+        origin = min(begun, default=None)
         for channel in channels:
             said = {**file.properties, **file[channel.group_name].properties, **channel.properties}
             values = np.asarray(channel[:])
@@ -46,12 +48,11 @@ def tdms(path: Path) -> Iterator[Column]:
                 raise ValueError(f"{channel.name} is over frequency")
             step = float(said.get("wf_increment", 0.0))
             own = channel.properties
-            start = None
-            if step > 0 and (origin is None or "wf_start_time" in own):
-                later = (
-                    0.0 if origin is None else float((np.datetime64(own["wf_start_time"]) - origin) / _SECOND)
-                )
-                start = later + float(own.get("wf_start_offset", 0.0))
+            at = _begun(own)
+            start, since = None, at
+            if step > 0 and (origin is None or at is not None):
+                later = 0.0 if origin is None or at is None else float((at - origin) / _SECOND)
+                start, since = later + float(own.get("wf_start_offset", 0.0)), origin
             unit = next((str(said[k]) for k in ("unit_string", "NI_UnitDescription") if said.get(k)), "")
             # Scales that the library knows are applied; of an unknown one it gives the counts.
             own_doubt = doubt_beside({key: said[key] for key in said if not key.startswith("NI_")})
@@ -66,14 +67,35 @@ def tdms(path: Path) -> Iterator[Column]:
                 float(f"{1 / step:.9g}") if step > 0 else None,
                 stamps,
                 start,
+                _utc("", values[0]) if stamps else _utc("wf_start_time ", since),
                 doubt=own_doubt,
             )
 
 
-def xdf(path: Path) -> Iterator[Column]:
-    """Channels of each stream of numbers, with the instants that the recorder corrected by its clocks."""
+def _begun(own: Any) -> Any:
+    """The instant at which a waveform begins; None for LabVIEW's zero, of one that states none."""
+    at = None if own.get("wf_start_time") is None else np.datetime64(own["wf_start_time"])
+    return None if at is None or at < np.datetime64("1905-01-01") else at
+
+
+def _utc(words: str, at: Any) -> Start | None:
+    """An instant of a format whose time is in UTC."""
+    found = None if at is None else instant(f"{np.datetime64(at, 'us')}Z")
+    return found and replace(found, words=f"{words}{found.words}")
+
+
+def xdf(path: Path) -> tuple[list[Column], str]:
+    """Channels of each stream of numbers, with the instants that the recorder corrected by its clocks.
+
+    Beside them the date that the recorder gave the file; "" without one.
+    """
     pyxdf = optional("pyxdf", "files", "An XDF file")
-    streams, _ = pyxdf.load_xdf(str(path), verbose=False)
+    streams, header = pyxdf.load_xdf(str(path), verbose=False)
+    dated = ((header or {}).get("info", {}).get("datetime") or [""])[0]
+    return list(_streams(streams)), str(dated or "")
+
+
+def _streams(streams: Any) -> Iterator[Column]:
     streams = [
         one for one in streams if isinstance(one["time_series"], np.ndarray) and len(one["time_stamps"]) > 1
     ]
@@ -123,7 +145,10 @@ def parquet(path: Path) -> tuple[list[Column], dict[str, Any], dict[str, Any]]:
             unit = str(units.get(field.name, ""))
         name, unit = (field.name, unit) if unit else split_heading(field.name)
         if values.dtype.kind in "mM":
-            columns.append(Column(name, "", (values - values[0]) / _SECOND, stamps=True))
+            since = _utc("", values[0]) if values.dtype.kind == "M" else None
+            if since is not None and since.at is not None and getattr(field.type, "tz", None) is None:
+                since = Start(since.words.removesuffix("Z"), since.at.replace(tzinfo=None))
+            columns.append(Column(name, "", (values - values[0]) / _SECOND, stamps=True, since=since))
         elif values.dtype.kind in "iufb":
             columns.append(
                 Column(name, unit, values.astype(np.float64), also=(field.name,), doubt=doubt_beside(said))
@@ -159,11 +184,11 @@ def netcdf(path: Path) -> tuple[list[Column], dict[str, Any], dict[str, Any]]:
                 raw = np.asarray(
                     unpacked(values.astype(values.dtype.newbyteorder("=")), said), dtype=np.float64
                 )
-                unit = str(said.get("units", "")).partition(" since ")[0]
+                unit, since = since_of(str(said.get("units", "")))
                 doubt = doubt_beside({key: said[key] for key in said if key not in CF})
                 rows = np.atleast_2d(raw if len(raw) != max(lengths) else raw.T)
                 for heading, row in zip(_headings(file, name, len(rows)), rows, strict=True):
-                    columns.append(Column(heading, unit, row, doubt=doubt))
+                    columns.append(Column(heading, unit, row, since=since, doubt=doubt))
         about = {key: _text(value) for key, value in file._attributes.items()}
     return columns, about, beside
 

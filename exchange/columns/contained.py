@@ -14,6 +14,7 @@ import sys
 import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from datetime import datetime
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ from ...base.extras import optional
 from ...base.files import os_error_text
 from ...base.own_process import allow_memory, answer_of
 from . import channel_files, hdf5_tree, workbook
+from .started import Start
 from .table import Column
 
 _PACE = 1 << 26
@@ -66,9 +68,12 @@ def _tree(path: Path, _state: tuple[int, int, int]) -> Tree:
             said = json.loads(str(found["said"]))
             arrays = {name: found[f"a{number}"] for number, name in enumerate(said.pop("names", []))}
             columns = [
-                Column(**own, values=found[f"c{number}"], times=found[f"t{number}"] if has_times else None)
-                for number, (own, has_times) in enumerate(said.pop("columns", []))
-            ]
+                Column(
+                    **own, values=found[f"c{number}"], times=found[f"t{number}"] if has_times else None,
+                    since=_since(since),
+                )
+                for number, (own, has_times, since) in enumerate(said.pop("columns", []))
+            ]  # fmt: skip
     except OSError as error:
         raise DataError(f"{path} cannot be read: {os_error_text(error)}.") from None
     except (ValueError, LookupError, EOFError, zipfile.BadZipFile):
@@ -94,7 +99,10 @@ def _in_child() -> None:
     said = {
         "kind": tree.kind, "numbers": tree.numbers, "texts": tree.texts, "lists": tree.lists,
         "rows": tree.rows, "names": list(tree.arrays), "error": error, "missing": missing,
-        "columns": [(_labels(one), one.times is not None) for one in tree.columns],
+        "columns": [
+            (_labels(one), one.times is not None, one.since and (one.since.words, str(one.since.at or "")))
+            for one in tree.columns
+        ],
     }  # fmt: skip
     arrays = {f"a{number}": values for number, values in enumerate(tree.arrays.values())}
     for number, one in enumerate(tree.columns):
@@ -107,6 +115,12 @@ def _in_child() -> None:
 def _labels(column: Column) -> dict[str, Any]:
     kept = ("name", "unit", "rate_hz", "stamps", "start_s", "also", "doubt")
     return {key: getattr(column, key) for key in kept}
+
+
+def _since(said: list[str] | None) -> Start | None:
+    if said is None:
+        return None
+    return Start(said[0], datetime.fromisoformat(said[1]) if said[1] else None)
 
 
 def _read(path: Path, tree: Tree) -> None:
@@ -140,7 +154,7 @@ def _tdms(path: Path, tree: Tree) -> None:
 
 
 def _xdf(path: Path, tree: Tree) -> None:
-    tree.columns += channel_files.xdf(path)
+    tree.columns, tree.texts["datetime"] = channel_files.xdf(path)
 
 
 def _parquet(path: Path, tree: Tree) -> None:

@@ -15,9 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .started import instant
 from .table import Column
 
 Enter = Callable[[str, Any], None]
+_DATES_OF_NWB = ("timestamps_reference_time", "session_start_time")
+"""The zero of all its clocks, which is the start of the session where it is not stated."""
 _OF_NWB = {"conversion": "scale_factor", "offset": "add_offset"}
 CF = ("scale_factor", "add_offset", "_FillValue", "missing_value", "valid_range", "valid_min", "valid_max")
 """Attributes that are used up here."""
@@ -132,6 +135,8 @@ def _series(file: Any) -> Iterator[Column]:
     """The columns of each TimeSeries of an NWB file, on the session's clock."""
     import h5py  # noqa: PLC0415
 
+    dates = {name: one for name, one in _inside(file) if name in _DATES_OF_NWB}
+    since = next((instant(str(dates[name].asstr()[()])) for name in _DATES_OF_NWB if name in dates), None)
     for name, one in _inside(file):
         data = one.get("data") if isinstance(one, h5py.Group) else None
         if (
@@ -158,5 +163,6 @@ def _series(file: Any) -> Iterator[Column]:
                 np.ascontiguousarray(column, dtype=np.float64),
                 rate,
                 start_s=None if start is None else float(start[()]),
+                since=since,
                 times=None if stamps is None else np.asarray(stamps[()], dtype=np.float64),
             )

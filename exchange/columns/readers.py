@@ -14,6 +14,7 @@ from ...base.errors import ConfigurationError, DataError
 from .. import sep005_file, wav_file
 from ..views import Signals
 from . import text_file, tree_table, uff_signals
+from .started import instant
 from .table import Column, Stated, Table
 from .units import contradiction, doubt_among, is_time, unit_of
 
@@ -106,4 +107,5 @@ def _of_signals(path: Path, signals: Signals, format: str) -> Table:
     columns = tuple(Column(c.name, c.unit, c.values) for c in signals.channels)
     kind = {"wav": "WAV", "sep005": "SEP-005"}[format]
     stated = (Stated(signals.rate_hz, "the file's own rate"),)
-    return Table(path, kind, columns, stated, signals.about)
+    start = instant(str(signals.about.get("start_timestamp", "")))
+    return Table(path, kind, columns, stated, signals.about, starts=() if start is None else ((0, start),))

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ...base.arrays import FloatArray
 from ..views import About
+from .started import Start
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,8 @@ class Column:
     """True for dates and times, which `values` counts in s from the first."""
     start_s: float | None = None
     """Instant of the first sample (s), on a clock that all columns of the file share; None where unstated."""
+    since: Start | None = None
+    """Instant of that clock's zero, and of the zero of `values` in a column of times; None where unstated."""
     times: FloatArray | None = None
     """(samples,) s: instants of the samples on that clock, of a column that the file gives its own."""
     doubt: str = ""
@@ -87,6 +90,8 @@ class Table:
     """Columns of text, which say what rows belong to."""
     damaged: tuple[int, ...] = ()
     """Numbers of rows that were left out as damaged: NaN in all columns."""
+    starts: tuple[tuple[int, Start], ...] = ()
+    """What the file states of its start, and of the start of each segment, by the row that it is of."""
 
     @property
     def by_name(self) -> Mapping[str, int]:

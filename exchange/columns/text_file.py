@@ -12,7 +12,8 @@ import numpy as np
 from ...base.arrays import FloatArray
 from ...base.errors import DataError
 from ..views import read_sidecar
-from .table import Column, Labels, Table
+from .started import Start, instant, since_epoch, stated_start
+from .table import Column, Labels, Stated, Table
 from .text_head import Head, beside, enter_unit, head_of
 from .text_rates import is_stamp, seconds_of, stated_rates, unclear
 from .text_rows import Body, body_of, decoded, is_blank, is_number, measured, plain_number
@@ -42,6 +43,10 @@ _COUNT = re.compile(
 """How many samples there are."""
 _DIVISIONS = 20.0
 """Of a screen, with room for offsets: ten are usual."""
+_FEWEST = 10
+"""Rows of a file whose first two are told apart from samples."""
+_FASTEST, _SMALL = 1e5, 1e-3
+"""Hz, and the largest sample over a start: neither is a column of times."""
 _MOST_HEAD = 2000
 """Rows above the columns in which rates are looked for."""
 
@@ -113,9 +118,12 @@ def _joined(path: Path, parts: Sequence[Table]) -> Table:
     rates = tuple(dict.fromkeys(rate for part in parts for rate in part.rates))
     notes = tuple(dict.fromkeys(note for part in parts for note in part.notes))
     kind = f"{first.kind}, {len(parts)} segments"
+    above = np.cumsum([0, *(len(part.columns[0].values) for part in parts)]).tolist()
+    starts = tuple((row, start) for row, part in zip(above, parts, strict=False) for _, start in part.starts)
     return replace(
-        first, kind=kind, columns=columns, rates=rates, notes=notes, labels=(Labels("segment", numbers),)
-    )
+        first, kind=kind, columns=columns, rates=rates, notes=notes, labels=(Labels("segment", numbers),),
+        starts=starts,
+    )  # fmt: skip
 
 
 def table_of(path: Path, body: Body) -> Table:
@@ -129,17 +137,52 @@ def table_of(path: Path, body: Body) -> Table:
     of_units = _unit_columns(body, head)
     columns = _columns(path, body, head, of_units)
     notes = _complete(path, body, head, [*stated, *beside(body)], len(columns[0].values))
+    start = _start(head, stated)
+    left = 0
     if len(columns) > 2 and not head.names and all(c.values[0] == n for n, c in enumerate(columns)):
-        columns = [replace(column, values=column.values[1:]) for column in columns]
+        left = 1
         notes.append("Its first row (0, 1, 2, ...) numbers its columns, and was left out.")
+    elif not head.names and (first := _of_empatica(columns)) is not None:
+        left, (start, rate) = 2, first
+        rates = (*rates, rate)
+        notes.append("Its first two rows state its start and its rate, and were left out.")
+    columns = [replace(column, values=column.values[left:]) for column in columns]
     if head.starts and len(rates) == 1:
         columns, moved = together(path, [replace(column, rate_hz=rates[0].hz) for column in columns])
         notes += moved
     lines = f", the first row of numbers is line {len(above) + 1}" if above else ", no headings"
     return Table(
         path, body.shape + lines, tuple(columns), rates, notes=(*head.notes, *body.notes, *notes),
-        labels=tuple(_labels(body, head, of_units)), damaged=body.damaged,
+        labels=tuple(replace(one, texts=one.texts[left:]) for one in _labels(body, head, of_units)),
+        damaged=tuple(row - left for row in body.damaged if row >= left),
+        starts=() if start is None else ((0, start),),
     )  # fmt: skip
+
+
+def _start(head: Head, stated: Sequence[Sequence[str]]) -> Start | None:
+    """What the rows above say of the start; of LabVIEW's, the instant of the first sample, which X0 is after
+    the date (Specification for the LabVIEW Measurement File, NI 4139).
+    """
+    found = stated_start(stated)
+    after = max(head.starts.values(), default=0.0)
+    if found is None or not head.labview:
+        return found
+    return replace(found.later(after), words=found.words + f", X0 {after:g} s" * (after != 0), exact=True)
+
+
+def _of_empatica(columns: Sequence[Column]) -> tuple[Start, Stated] | None:
+    """The start and the rate that an Empatica E4 writes as the first two samples of each column."""
+    if any(len(column.values) < _FEWEST or column.stamps for column in columns):
+        return None
+    first, second = ({float(column.values[row]) for column in columns} for row in (0, 1))
+    if len(first) > 1 or len(second) > 1:
+        return None
+    (seconds,), (hz,) = first, second
+    start = since_epoch(f"{seconds:.15g} in its first row", seconds)
+    most = max(float(np.nanmax(np.abs(column.values[2:]), initial=0.0)) for column in columns)
+    if start is None or not 0 < hz <= _FASTEST or most > _SMALL * seconds:
+        return None
+    return start, Stated(float(f"{hz:.9g}"), f"{hz:g} in its second row")
 
 
 def _complete(path: Path, body: Body, head: Head, stated: Sequence[Sequence[str]], rows: int) -> list[str]:
@@ -235,7 +278,8 @@ def _columns(path: Path, body: Body, head: Head, of_units: Mapping[int, list[str
                 values = seconds_of(cells)
                 found.append(replace(column(place, values), doubt="" if unit_of(unit, "time") else doubt))
         elif is_stamp(one) and not is_number(one, body.decimal):
-            stamped.append((column(place, seconds_of(cells), stamps=True), cells))
+            own = replace(column(place, seconds_of(cells), stamps=True), since=instant(one, head.order))
+            stamped.append((own, cells))
         else:
             try:
                 values, units = _numbers(cells, body.decimal)
@@ -251,7 +295,7 @@ def _columns(path: Path, body: Body, head: Head, of_units: Mapping[int, list[str
         ):
             closed = [levels.get(row[place].strip().lower(), float("nan")) for row in body.rows]
             found.append(column(place, np.array(closed)))
-    return _one_stamp(stamped, found)
+    return _one_stamp(stamped, found, head.order)
 
 
 def _is_timed(head: Head, place: int) -> bool:
@@ -278,7 +322,7 @@ def _finite(values: FloatArray) -> FloatArray:
     return np.where(np.isfinite(values), values, np.nan)
 
 
-def _one_stamp(stamped: Sequence[tuple[Column, list[str]]], others: list[Column]) -> list[Column]:
+def _one_stamp(stamped: Sequence[tuple[Column, list[str]]], others: list[Column], order: str) -> list[Column]:
     """Of a date and a time of day in a column each, one instant; with a column of their milliseconds, too."""
     dates = [one for one in stamped if not any(":" in cell for cell in one[1][:10])]
     clocks = [one for one in stamped if one not in dates]
@@ -287,13 +331,15 @@ def _one_stamp(stamped: Sequence[tuple[Column, list[str]]], others: list[Column]
         (day, days), (clock, times) = dates[0], clocks[0]
         both = [f"{d.strip()} {t.strip()}" for d, t in zip(days, times, strict=True)]
         values = seconds_of(both) if all(map(is_stamp, both[:10])) else clock.values
-        found = [Column(f"{day.name} {clock.name}".strip(), "", values, stamps=True)]
+        since = instant(next((text for text in both if is_stamp(text)), ""), order)
+        found = [Column(f"{day.name} {clock.name}".strip(), "", values, stamps=True, since=since)]
     if len(found) == 1 and not np.any(np.diff(found[0].values[np.isfinite(found[0].values)]) % 1):
         for part in [column for column in others if column.name.lower() in ("ms", "us", "msec", "usec")]:
             unit = unit_of(part.name, "time")
             if unit is not None and 0 <= np.nanmin(part.values) <= np.nanmax(part.values) < 1 / unit.factor:
                 name = f"{found[0].name} {part.name}".strip()
-                found = [Column(name, "", found[0].values + unit.factor * part.values, stamps=True)]
+                fine = found[0].values + unit.factor * part.values
+                found = [replace(found[0], name=name, also=(), values=fine)]
                 others = [column for column in others if column is not part]
                 break
     return [*found, *others]

@@ -9,6 +9,7 @@ from itertools import zip_longest
 from pathlib import Path
 
 from ...base.errors import DataError
+from .started import order_of
 from .text_rates import is_stamp
 from .text_rows import Body, is_blank, is_number, plain_number
 from .units import factor_in, is_factor, is_time, split_heading, unit_of, units_of
@@ -51,6 +52,10 @@ class Head:
     """What a division of an oscilloscope's screen is, in the column's unit."""
     seconds: float | None = None
     """The unit of the horizontal axis, where it is stated."""
+    labview: bool = False
+    """True for LabVIEW's text of a measurement."""
+    order: str = ""
+    """What stands first in dates, the day or the month ("d", "m"), where the file gives their form."""
     notes: list[str] = field(default_factory=list)
 
 
@@ -69,7 +74,8 @@ def head_of(path: Path, body: Body, above: Sequence[list[str]]) -> Head:
         if said.lower().startswith("freq") or unit_of(said, "rate"):
             raise DataError(f"{path} states an axis of {said}: it is over frequency, and holds no signals.")
     if filled and filled[0][0].startswith("LabVIEW Measurement"):
-        head.seconds = 1.0  # its axis of time is in seconds by definition
+        head.labview, head.seconds = True, 1.0  # its axis of time is in seconds by definition
+    head.order = order_of(filled)
     # A row of keys stands above the headings, or takes their place.
     rows = free[max((n for n, row in enumerate(free) if not row), default=-1) + 1 :] if keyed else free
     _headings(path, body, head, rows, filled)

@@ -56,6 +56,10 @@ _DEFINED = {
 """Names of entries that a program defines (LabVIEW, PicoScope, Simulink), or that are short for others."""
 _WORD = re.compile(r"(?<=[a-z])(?=[A-Z])|[ _.-]+")
 """Between the words of an entry's name: `sampleRate_Hz`."""
+_PER_SAMPLE = re.compile(r"(?P<number>\d[\d.,]*) ?(?P<unit>[mµu]?s(ec)?) ?/ ?sample(?![a-z])", re.I)
+"""Of AcqKnowledge."""
+_SECTION = re.compile(r"(devices|trajectories|model outputs|joints|segments|analog|emg)\Z", re.I)
+"""Of Vicon's tables, below whose name the rate stands."""
 _CELL = " : "
 """Between the cells of a row."""
 
@@ -65,7 +69,7 @@ def stated_rates(rows: Sequence[Sequence[str]], decimal: str, seconds: float | N
     found: dict[float | str, Stated] = {}
     for number, row in enumerate(rows):
         below = rows[number + 1] if number + 1 < len(rows) else ()
-        for one in _in_row(row, below, decimal, seconds):
+        for one in (*_in_row(row, below, decimal, seconds), *_of_program(row, below, decimal)):
             found.setdefault(one.words if one.hz is None else one.hz, one)
     return tuple(found.values())
 
@@ -109,6 +113,18 @@ def _in_row(row: Sequence[str], below: Sequence[str], decimal: str, seconds: flo
                 said = f"{cell.strip()} {below[place].strip()}"
                 found += _stated(whole[0], said, beside, is_step, decimal, seconds)
     return found
+
+
+def _of_program(row: Sequence[str], below: Sequence[str], decimal: str) -> list[Stated]:
+    """A rate as single programs state it."""
+    cells, under = ([cell.strip() for cell in one if cell.strip()] for one in (row, below))
+    if len(cells) == 1 and _SECTION.match(cells[0]) and under and under[1:] in ([], ["Hz"]):
+        hz = _number(under[0], decimal)
+        return [Stated(hz, f"{cells[0]} {under[0]}")] if hz is not None and hz > 0 else []
+    match = _PER_SAMPLE.match(" ".join(cells))
+    unit = unit_of(match["unit"], "time") if match else None
+    number = _number(match["number"], decimal) if match else None
+    return [Stated.step(number * unit.factor, match[0])] if match and unit and number else []
 
 
 def _stated(

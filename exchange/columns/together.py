@@ -38,7 +38,8 @@ def together(path: Path, columns: Sequence[Column]) -> tuple[list[Column], list[
         or (one.times is not None and np.array_equal(one.times, first))
         for one in columns
     ):
-        time = Column("time", "", first - first[0], stamps=True)
+        since = next((one.since.later(float(first[0])) for one in columns if one.since is not None), None)
+        time = Column("time", "", first - first[0], stamps=True, since=since)
         return [time, *(replace(one, times=None, start_s=None) for one in columns)], []
     return _aligned(path, [_even(path, one) for one in columns])
 

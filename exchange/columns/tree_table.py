@@ -14,6 +14,7 @@ from ...base.arrays import FloatArray
 from ...base.errors import DataError
 from ..views import About
 from .contained import Tree, tree_of
+from .started import since_of, stated_start
 from .table import Column, Labels, Stated, Table
 from .text_file import table_of
 from .text_rates import stated_by
@@ -38,6 +39,7 @@ _UNITS = (
     "engineeringunits",
 )
 _NAMES = ("columns", "names", "channels", "channelnames", "labels", "headings")
+_HUMP = re.compile(r"(?<=[a-z])(?=[A-Z])")
 _WIDEST = 64
 """Columns of a matrix; a wider one is a picture or a spectrogram."""
 
@@ -78,9 +80,12 @@ def read_table(path: Path, decimal: str | None = None, skip: bool = False) -> Ta
     if texts and rows < longest:
         notes.append(f"{', '.join(texts)} are text of other rows, and were left out.")
         texts = {}
+    start = stated_start([[" ".join(re.split(_HUMP, name.rpartition(".")[2])), said]
+                          for name, said in tree.texts.items()])  # fmt: skip
     return Table(
         path, tree.kind, tuple(_shortened(columns)), _rates(tree), _about(tree), tuple(notes),
         labels=tuple(Labels(name, own) for name, own in texts.items()),
+        starts=() if start is None else ((0, start),),
     )  # fmt: skip
 
 
@@ -118,7 +123,8 @@ def _columns(tree: Tree, name: str) -> Iterator[Column]:
         unit, doubt = _unit(tree, said, name)
         name, unit = _named(title, unit)
         doubt = doubt or ("" if is_time(name.rpartition(".")[2], unit) else factor)
-        yield Column(name, unit, values, rate, stamps, start, also=(title,), doubt=doubt)
+        since = next((since_of(str(said[key]))[1] for key in _UNITS if key in said), None)
+        yield Column(name, unit, values, rate, stamps, start, since, also=(title,), doubt=doubt)
         return
     rows: FloatArray = values if values.shape[0] >= values.shape[1] else values.T
     if rows.shape[1] > _WIDEST:
@@ -202,7 +208,7 @@ def _unit(tree: Tree, said: Mapping[str, str | float], name: str) -> tuple[str, 
         tree.texts.get(f"{above}.{key}.{leaf}" if above else f"{key}.{leaf}") for key in ("unit", "units")
     )
     own = [str(said[key]) for key in _UNITS if isinstance(said.get(key), str)]
-    found = [one.partition(" since ")[0] for one in (*own, *beside) if one is not None] or [""]
+    found = [since_of(one)[0] for one in (*own, *beside) if one is not None] or [""]
     other = next((one for one in found if one and units_of(one) != units_of(found[0])), "")
     return found[0], f"the file says both {found[0]!r} and {other!r}" if other else ""
 

@@ -14,6 +14,7 @@ from ...base.errors import DataError
 from ...calibration.response import ordinate_of, read_uff_sets, units_of
 from ...terminal.progress import SIMULATED
 from ..views import About
+from .started import instant
 from .table import Column, Table
 from .together import together
 from .units import SI, unit_of
@@ -52,7 +53,11 @@ def read_table(path: Path) -> Table:
     }
     if all((own := _OWN.search(str(one["id4"]))) is not None for one in found) and own is not None:
         about = {**about, "content_hash": own[1]}
-    return Table(path, "UFF 58", tuple(columns), about=about, notes=tuple(notes))
+    start = instant(str(found[0]["id3"]))
+    return Table(
+        path, "UFF 58", tuple(columns), about=about, notes=tuple(notes),
+        starts=() if start is None else ((0, start),),
+    )  # fmt: skip
 
 
 def _column(

@@ -19,7 +19,7 @@ from .understood import Question
 
 _AGREE = 0.01
 """Largest relative difference of two rates that are the same."""
-_EPOCH = re.compile(r"unix|epoch|posix|labview", re.I)
+EPOCH_NAME = re.compile(r"unix|epoch|posix|labview", re.I)
 """Headings of seconds since a date."""
 _DATES = (1e8, 6e9)
 """s since 1970 or 1904 of any recording."""
@@ -59,7 +59,7 @@ def _stated_unit(column: Column) -> tuple[float, str] | None:
     if (unit := unit_of(column.unit, "time")) is not None:
         return unit.factor, column.unit
     some = column.values[np.isfinite(column.values)]
-    if not column.unit and _EPOCH.search(column.name) and len(some) and _DATES[0] < some[0] < _DATES[1]:
+    if not column.unit and EPOCH_NAME.search(column.name) and len(some) and _DATES[0] < some[0] < _DATES[1]:
         return 1.0, "s"
     return None
 

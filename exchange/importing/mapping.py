@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 from ...base.files import new_file
 from ...base.toml_lines import parse_toml, read_text
 from ...base.validation import validate
-from ..columns import SI
+from ..columns import SI, zone_of
 from .rest import End
 
 Role = Literal["time", "force", "acceleration", "displacement", "activation"]
@@ -52,6 +52,8 @@ class FileMapping(BaseModel):
     """Leave damaged rows of a text out, as gaps."""
     format: str | None = None
     """How the file is read; by default as its name ends."""
+    zone: str | None = None
+    """Time zone of dates that state none: an offset (+02:00) or a place (Europe/Berlin)."""
     decimal: Literal[",", "."] | None = None
     """Decimal sign of a text, where the file leaves a doubt."""
     make: Literal["recording", "press", "curve"] | None = None
@@ -68,6 +70,13 @@ class FileMapping(BaseModel):
             if role not in (*_QUANTITIES, "response"):
                 raise ValueError(f"{role!r} has no unit: use {', '.join(_QUANTITIES)}")
         return units
+
+    @field_validator("zone")
+    @classmethod
+    def _that_is(cls, zone: str | None) -> str | None:
+        if zone is not None and zone_of(zone) is None:
+            raise ValueError(f"{zone!r} is no time zone: write +02:00, UTC or Europe/Berlin")
+        return zone
 
     @field_validator("rest")
     @classmethod

@@ -113,9 +113,17 @@ def press_of(found: Understanding, activation: float | None = None) -> Represent
         left_out=(),
         method="imported",
         simulated=bool(about.get("simulated", False)),
-        reason=f"from {taken.heading} of {path.name}, {after}",
+        reason=f"from {taken.heading} of {path.name}, {after}{_started(found)}",
         parameters={"import": {"rate_hz": found.rate_hz, "scale": taken.factor}},
     )
+
+
+def _started(found: Understanding) -> str:
+    """A clause on the start of its file."""
+    if found.start is None:
+        return ""
+    instant = "" if found.start.utc is None else f"{found.start.utc.isoformat()}, "
+    return f"; measured from {instant}as stated ({found.start.words!r})"
 
 
 def _beside(found: Understanding, role: str, cut: slice, length: int) -> FloatArray | None:

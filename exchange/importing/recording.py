@@ -68,14 +68,14 @@ def recording_of(found: Understanding, out: Path) -> Recording:
     sensors = Sensors.model_validate(of)
     protocol = Protocol(segmentation=segmentation_for(button))
     rest = min(_REST, 0.1 * volts.shape[1] / RATE_HZ)
-    written = datetime.fromtimestamp(found.path.stat().st_mtime, UTC).isoformat(timespec="seconds")
-    dated = f"Dated {written} by the file's last change, which need not be when it was measured."
+    started, dated = _dated(found)
     origin = {
         "file": found.path.name,
         "sha256": found.sha256,
         "rate_hz": found.rate_hz,
         "mapping": found.mapping.model_dump(exclude_none=True),
-        "notes": [*found.notes, *_resampling(found.rate_hz), dated],
+        "notes": [*found.notes, *_resampling(found.rate_hz), *dated],
+        **({} if found.start is None else {"started": found.start.contents}),
     }
     rig = {"name": "imported", "imported": origin, "sensors": sensors.model_dump(mode="json")}
     header = Header(
@@ -92,7 +92,7 @@ def recording_of(found: Understanding, out: Path) -> Recording:
         rig=json.dumps(rig),
         daq=f"imported from {found.path.name}",
         software=f"haploop {metadata.version('haploop')}",
-        started=written,
+        started=started,
         protocol=protocol.to_json(),
     )
     ratio = RATE_HZ / found.rate_hz
@@ -114,6 +114,14 @@ def recording_of(found: Understanding, out: Path) -> Recording:
         return [_whole(one, holes) for one in found_there]
 
     return write_recording(out, header, volts, sorted(events), judge)
+
+
+def _dated(found: Understanding) -> tuple[str, list[str]]:
+    """The start in UTC, of the file's last change where no instant is stated, and that it is so."""
+    if found.start is not None and found.start.utc is not None:
+        return found.start.utc.isoformat(), []
+    written = datetime.fromtimestamp(found.path.stat().st_mtime, UTC).isoformat(timespec="seconds")
+    return written, [f"Dated {written} by the file's last change, which need not be when it was measured."]
 
 
 def _who(found: Understanding) -> tuple[str, str]:

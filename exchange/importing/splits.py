@@ -11,6 +11,7 @@ import numpy as np
 from ...base.arrays import BoolArray
 from ...base.errors import ConfigurationError
 from ..columns import Labels, Table, is_blank
+from .began import rows_of
 from .understood import Question
 
 _NOTES = re.compile(
@@ -121,7 +122,8 @@ def _of_rows(table: Table, kept: BoolArray) -> Table:
     columns = tuple(replace(column, values=column.values[kept]) for column in table.columns)
     place = np.cumsum(kept) - 1
     damaged = tuple(int(place[row]) for row in table.damaged if kept[row])
-    return replace(table, columns=columns, damaged=damaged)
+    starts = rows_of(table.starts, int(np.argmax(kept)))
+    return replace(table, columns=columns, damaged=damaged, starts=starts)
 
 
 def _beside(one: Labels) -> str:

@@ -21,6 +21,7 @@ from ...base.arrays import FloatArray
 from ...base.errors import ConfigurationError, DataError
 from ...base.wording import capital
 from ..columns import SI, WEIGHTS, Column, Table, per_unit, read_table, unit_of
+from .began import began, words_of
 from .clock import base_of, rates_of, time_of, unit_of_time
 from .mapping import MEASURED, NONE, ROLES, FileMapping, Role
 from .rest import rest_of
@@ -104,9 +105,12 @@ class _Finder:
             if role in signals and len(signals[role].values):
                 self._sign(role, signals[role].values, rate)
         self._contact(signals)
+        time = (self.taken["time"][0], self.time_unit[0]) if self.time_unit is not None else None
+        start = began(table, time, [n for role, (n, _) in self.taken.items() if role != "time"], told)
+        self.notes += [words_of(start)] if start is not None else []
         return Understanding(
             table.path, table, self._explicit(signals), signals, rate, tuple(self.questions),
-            tuple(self.notes), tuple(self.holes))  # fmt: skip
+            tuple(self.notes), tuple(self.holes), start)  # fmt: skip
 
     def _number(self, role: str, place: int | str) -> int:
         """The number of a column that was told."""

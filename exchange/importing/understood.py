@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ...base.arrays import FloatArray
 from ...base.errors import ConfigurationError
-from ..columns import Table
+from ..columns import Start, Table
 from .mapping import FileMapping, Role
 from .timebase import Hole
 
@@ -58,6 +58,8 @@ class Understanding:
     notes: tuple[str, ...]
     """Sentences with figures: rate, jitter, gaps, missing values, gravity."""
     holes: tuple[Hole, ...] = ()
+    start: Start | None = None
+    """What the file states of the instant of its first sample; None where it states nothing."""
 
     @property
     def sha256(self) -> str:

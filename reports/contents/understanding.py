@@ -48,6 +48,7 @@ def understanding_contents(found: Understanding) -> Contents:
         fact("Read as", table.kind, read_as=table.kind),
         fact(columns=columns, mapping=found.mapping.model_dump(exclude_none=True)),
         fact("Understood", list(found.notes), notes=found.notes, rate_hz=found.rate_hz),
+        fact(started=None if found.start is None else found.start.contents),
         fact(
             "Presses found",
             None if open_ else f"{len(presses)}{f', at {times} s' if presses else ''}",

@@ -784,7 +784,6 @@ CASES = (
         "units under all but the counts",
         "Devices\n5000\n,,Plate - Force,\nFrame,Sub Frame,Fx,Fz\n,,N,N\n" + rows(T, T, 3 * F, F),
         5000,
-        {"rate_hz": 5000},
         peaks=SURE,
     ),
     *(

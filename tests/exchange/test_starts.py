@@ -1,0 +1,488 @@
+"""What a file states of its start is read: in UTC with its time zone, as it stands there without one."""
+
+from __future__ import annotations
+
+import datetime as dt
+import json
+import os
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+import scipy
+
+import haploop
+from tests.command_line import Run
+
+T = np.arange(2500) / 5000
+F = np.round(2 * np.exp(-(((T - 0.25) / 0.05) ** 2)), 6)
+AT = "2026-05-01T10:00:00"
+UTC = f"{AT}+00:00"
+"""Of the files below, unless they say otherwise."""
+UNIX = int(dt.datetime.fromisoformat(UTC).timestamp())
+TEXT = "Time (s),Force (N)"
+SECTIONS = ("Devices", "Trajectories")
+
+
+def rows(*columns: Any, separator: str = ",") -> str:
+    return "".join(separator.join(map(str, row)) + "\n" for row in zip(*columns, strict=True))
+
+
+def table(head: str, *, begins: float = 0.0, separator: str = ",") -> str:
+    heading = TEXT.replace(",", separator)
+    return f"{head}\n{heading}\n" + rows(np.round(T + begins, 7), np.round(F, 5), separator=separator)
+
+
+def lvm(x0: float = 0.0, segments: int = 1, columns: str = "One") -> str:
+    """A LabVIEW measurement whose segments begin a minute apart."""
+    text = (
+        "LabVIEW Measurement\t\nWriter_Version\t2\nSeparator\tTab\nDecimal_Separator\t.\n"
+        f"Multi_Headings\tYes\nX_Columns\t{columns}\nTime_Pref\tAbsolute\nDate\t2026/05/01\n"
+        "Time\t09:59:58.25\n***End_of_Header***\t\n\t\n"
+    )
+    for number in range(segments):
+        text += (
+            "Channels\t1\t\nSamples\t2500\t\nDate\t2026/05/01\t\n"
+            f"Time\t10:0{number}:00.5000000000001\t\nY_Unit_Label\tN\t\nX_Dimension\tTime\t\nX0\t{x0:E}\t\n"
+            "Delta_X\t0.000200\t\n***End_of_Header***\t\t\nX_Value\tForce\tComment\n"
+        )
+        text += rows(T + x0 if columns == "One" else [""] * 2500, F, separator="\t") + "\n"
+    return text
+
+
+@dataclass(frozen=True)
+class Case:
+    """A file, and what is right: the start in UTC, or on its own clock, or neither; a part of its words."""
+
+    name: str
+    file: str | Callable[[Path], None]
+    words: str = ""
+    utc: str = ""
+    local: str = ""
+    suffix: str = "csv"
+    told: dict[str, Any] = field(default_factory=dict)
+    rate_hz: float = 5000
+
+
+def stamped(first: str, *, zone: str = "", form: str = "%Y-%m-%d %H:%M:%S.%f", heading: str = "Time") -> str:
+    times = (dt.datetime.fromisoformat(first) + dt.timedelta(seconds=t) for t in T.tolist())
+    return f"{heading},Force (N)\n" + rows([t.strftime(form) + zone for t in times], F)
+
+
+def tdms(**said: Any) -> Callable[[Path], None]:
+    def write(path: Path) -> None:
+        nptdms = pytest.importorskip("nptdms")
+        own = {"unit_string": "N", "wf_increment": 2e-4, **said}
+        with nptdms.TdmsWriter(str(path)) as file:
+            file.write_segment([nptdms.ChannelObject("group", "Force", F, properties=own)])
+
+    return write
+
+
+def nwb(path: Path) -> None:
+    with h5py.File(path, "w") as file:
+        file.attrs["nwb_version"] = "2.7"
+        file["session_start_time"] = f"{AT}+02:00"
+        file["timestamps_reference_time"] = f"{AT}+02:00"
+        group = file.create_group("acquisition/force")
+        group.attrs["neurodata_type"] = "TimeSeries"
+        group["data"] = F
+        group["data"].attrs["unit"] = "N"
+        group["starting_time"] = 1.5
+        group["starting_time"].attrs["rate"] = 5000.0
+
+
+def hdf5(**said: Any) -> Callable[[Path], None]:
+    def write(path: Path) -> None:
+        with h5py.File(path, "w") as file:
+            file["force"] = F
+            file["force"].attrs["units"] = "N"
+            file.attrs.update(sample_rate=5000.0, **said)
+
+    return write
+
+
+def xdf(path: Path) -> None:
+    """As LabRecorder writes one, which dates the file's header."""
+    pytest.importorskip("pyxdf")
+    about = (
+        "<info><name>lab</name><type>Haptics</type><channel_count>1</channel_count>"
+        "<nominal_srate>5000</nominal_srate><channel_format>double64</channel_format><source_id>a</source_id>"
+        "<desc><channels><channel><label>force</label><unit>N</unit></channel></channels></desc></info>"
+    )
+    samples = b"".join(struct.pack("<Bdd", 8, 10 + t, f) for t, f in zip(T.tolist(), F.tolist(), strict=True))
+    first = struct.pack("<I", 1)
+    chunks = (
+        (1, f"<info><version>1.0</version><datetime>{AT}+0200</datetime></info>".encode()),
+        (2, first + about.encode()),
+        (3, first + struct.pack("<BI", 4, 2500) + samples),
+        (6, first + b"<info><sample_count>2500</sample_count></info>"),
+    )
+    with path.open("wb") as file:
+        file.write(b"XDF:")
+        for tag, content in chunks:
+            file.write(b"\x04" + struct.pack("<IH", len(content) + 2, tag) + content)
+
+
+def netcdf(path: Path) -> None:
+    with scipy.io.netcdf_file(path, "w") as file:
+        file.createDimension("time", 2500)
+        for name, unit, values in (
+            ("time", f"seconds since {AT.replace('T', ' ')}", T + 2),
+            ("force", "N", F),
+        ):
+            one = file.createVariable(name, "d", ("time",))
+            one[:], one.units = values, unit
+
+
+def matlab(path: Path) -> None:
+    scipy.io.savemat(path, {"force_N": F, "sample_rate": 5000.0, "StartTime": f"{AT}+02:00"})
+
+
+def parquet(zone: str | None) -> Callable[[Path], None]:
+    def write(path: Path) -> None:
+        arrow = pytest.importorskip("pyarrow")
+        parquet_file = pytest.importorskip("pyarrow.parquet")
+        stamps = np.datetime64(AT, "us") + (1e6 * T).astype("timedelta64[us]")
+        column = arrow.array(stamps, arrow.timestamp("us", tz=zone))
+        parquet_file.write_table(arrow.table({"time": column, "force [N]": F}), path)
+
+    return write
+
+
+def uff(path: Path) -> None:
+    import pyuff
+
+    pyuff.UFF(str(path)).write_sets(
+        [{
+            "type": 58, "binary": 0, "func_type": 1, "id1": "force", "id3": "01-May-2026 10:00:00",
+            "rsp_node": 1, "ref_node": 0, "rsp_dir": 3, "ref_dir": 0, "abscissa_spacing": 1,
+            "abscissa_spec_data_type": 17, "abscissa_axis_units_lab": "s", "ordinate_spec_data_type": 13,
+            "ordinate_axis_units_lab": "N", "orddenom_spec_data_type": 0, "data": F, "x": T,
+        }],
+        mode="overwrite",
+    )  # fmt: skip
+
+
+def sep005(*starts: str) -> str:
+    return json.dumps([
+        {"name": f"force {n}", "unit_str": "N", "fs": 5000, "data": F.tolist(), "start_timestamp": start}
+        for n, start in enumerate(starts)
+    ])  # fmt: skip
+
+
+def empatica(hz: float = 5000.0, columns: int = 3) -> str:
+    first = [f"{UNIX}.000000"] * columns, [f"{hz:f}"] * columns
+    return "".join(", ".join(row) + "\n" for row in first) + rows(*[np.round(F, 5)] * columns)
+
+
+CASES = (
+    # Of programs, in the shape of their headers
+    Case("LabVIEW", lvm(), "Date 2026/05/01, Time 10:00:00.5", local=f"{AT}.500000", suffix="lvm"),
+    Case("LabVIEW's X0", lvm(0.25), "X0 0.25 s", local=f"{AT}.750000", suffix="lvm"),
+    Case("LabVIEW without a time", lvm(0.25, columns="No"), "X0", local=f"{AT}.750000", suffix="lvm"),
+    Case(
+        "LabVIEW's second segment",
+        lvm(segments=2),
+        "Time 10:01:00.5",
+        local="2026-05-01T10:01:00.500000",
+        suffix="lvm",
+        told={"where": {"segment": "2"}},
+    ),
+    Case("TDMS", tdms(wf_start_time=np.datetime64(AT, "us")), "wf_start_time", UTC, suffix="tdms"),
+    Case(
+        "TDMS's offset",
+        tdms(wf_start_time=np.datetime64(AT, "us"), wf_start_offset=0.25),
+        "wf_start_time",
+        "2026-05-01T10:00:00.250000+00:00",
+        suffix="tdms",
+    ),
+    Case("TDMS's zero", tdms(wf_start_time=np.datetime64("1904-01-01", "us")), suffix="tdms"),
+    Case("NWB", nwb, f"{AT}+02:00", "2026-05-01T08:00:01.500000+00:00", suffix="nwb"),
+    Case("XDF", xdf, f"{AT}+0200", "2026-05-01T08:00:00+00:00", suffix="xdf"),
+    Case("netCDF", netcdf, "seconds since", "2026-05-01T10:00:02+00:00", suffix="nc"),
+    Case("HDF5", hdf5(recording_start="2026-05-01 10:00:00 UTC"), "UTC", UTC, suffix="h5"),
+    Case("HDF5's own clock", hdf5(recorded_at=AT), "recorded", local=AT, suffix="h5"),
+    Case("MATLAB", matlab, "Start Time", "2026-05-01T08:00:00+00:00", suffix="mat"),
+    Case("Parquet", parquet(None), AT, local=AT, suffix="parquet"),
+    Case("Parquet of a zone", parquet("Europe/Berlin"), AT, UTC, suffix="parquet"),
+    Case("UFF", uff, "01-May-2026 10:00:00", local=AT, suffix="uff"),
+    Case("SEP-005", sep005(f"{AT}+00:00"), AT, UTC, suffix="sep005", told={"force": 0}),
+    Case(
+        "Digilent WaveForms",
+        table("#Device Name: X\n#Date Time: 2026-05-01 10:00:00.250.500.750"),
+        "10:00:00.250.500.750",
+        local=f"{AT}.250500",
+    ),
+    Case(
+        "Digilent WaveForms before its trigger",
+        table("#Date Time: 2026-05-01 10:00:00", begins=-0.1),
+        "2026-05-01 10:00:00",
+    ),
+    Case(
+        "Empatica's start and rate",
+        empatica(),
+        f"{UNIX} in its first row",
+        UTC,
+        told={"force": 0, "units": {"force": "N"}},
+    ),
+    Case(
+        "Empatica's one column",
+        empatica(1000, 1),
+        f"{UNIX} in its first row",
+        UTC,
+        told={"force": 0, "units": {"force": "N"}},
+        rate_hz=1000,
+    ),
+    *(
+        Case(
+            f"Vicon's rate of {name}",
+            f"{name}\n5000\n,,Plate,\nFrame,Sub Frame,Fx,Fz\n,,N,N\n"
+            + rows(np.arange(2500), [0] * 2500, 3 * F, F),
+        )
+        for name in SECTIONS
+    ),
+    Case("Vicon's older rate", "ANALOG\n5000,Hz\nSample #,Fz\nUnits:,N\n" + rows(np.arange(2500), F)),
+    Case(
+        "AcqKnowledge",
+        "Recording on: 2026-05-01 10:00:00.125\n0.2 msec/sample\n1 channels\nForce [N]\tEMG\n"
+        + rows(F, [1] * 2500, separator="\t"),
+        "Recording on 2026-05-01 10:00:00.125",
+        local=f"{AT}.125000",
+    ),
+    Case(
+        "LabChart, whose number of the day says what 01/05/26 is",
+        "Interval=\t0.0002 s\nExcelDateTime=\t4.6143416666666664e+04\t01/05/26 10:00:00.5\n"
+        "TimeFormat=\tStartOfBlock\nDateFormat=\t\nChannelTitle=\tForce\nRange=\t10.0 N\nUnitName=\tN\n"
+        + rows(T, F, separator="\t"),
+        "ExcelDateTime 01/05/26",
+        local=f"{AT}.500000",
+        told={"time": 0, "force": 1, "units": {"time": "s", "force": "N"}},
+    ),
+    Case(
+        "Trigno Discover",
+        table("Application:, Trigno Discover (2.1)\nDate/Time:, 2026/05/01 10:00:00"),
+        "Date/Time 2026/05/01 10:00:00",
+        local=AT,
+    ),
+    Case(
+        "ActiGraph",
+        table(
+            "--- Data File Created By ActiGraph ActiLife v6 date format M/d/yyyy at 5000 Hz ---\n"
+            "Start Time 10:00:00\nStart Date 5/1/2026\nDownload Time 11:00:00\nDownload Date 6/1/2026"
+        ),
+        "Start Date 5/1/2026, Start Time 10:00:00",
+        local=AT,
+    ),
+    Case("GCDC", table(";Start_time, 2026-05-01, 10:00:00.125"), "10:00:00.125", local=f"{AT}.125000"),
+    Case(
+        "OpenSignals",
+        '# {"00:07": {"time": "10:00:0.5", "sampling rate": 5000, "date": "2026-5-1"}}\n# EndOfHeader\n'
+        + rows(F, [0] * 2500, separator="\t"),
+        "date 2026-5-1, time 10:00:0.5",
+        local=f"{AT}.500000",
+        told={"force": 0, "units": {"force": "N"}},
+    ),
+    Case(
+        "LeCroy's trigger",
+        table("LECROY,1,Waveform\nSegment,TrigTime,TimeSince\n#1,01-May-2026 10:00:00,0"),
+        "TrigTime 01-May-2026 10:00:00",
+    ),
+    Case("Keysight", table("Date:,01 MAY 2026\nTime:,10:00:00"), "Date 01 MAY 2026", local=AT),
+    Case("catman", table("T0 = 01.05.2026 10:00:00"), "T0 01.05.2026", local=AT),
+    Case("Dewesoft", table("Start time: 5/13/2026 1:02:03 PM"), "PM", local="2026-05-13T13:02:03"),
+    # Columns of dates
+    Case("dates with an offset", stamped(AT, zone="+02:00"), "+02:00", "2026-05-01T08:00:00+00:00"),
+    Case("dates in UTC", stamped(AT, zone="Z"), f"{AT[:10]} 10", UTC),
+    Case("dates alone", stamped(AT), "2026-05-01 10", local=AT),
+    Case("dates with a told rate", stamped(AT, zone="Z"), AT[:10], UTC, told={"rate_hz": 5000}),
+    Case("dates of either order", stamped(AT, form="%d/%m/%Y %H:%M:%S.%f"), "01/05/2026 10:00:00"),
+    Case(
+        "a date and a time of day",
+        "Date,Time,Force (N)\n" + rows([AT[:10]] * 2500, [f"10:00:0{t:.4f}" for t in T], F),
+        "2026-05-01 10:00:00.0000",
+        local=AT,
+    ),
+    Case("Unix seconds", "Unix Timestamp,Force (N)\n" + rows(UNIX + T, F), "Unix", UTC),
+    Case("Unix milliseconds", "Unix time (ms),Force (N)\n" + rows(1e3 * (UNIX + T), F), "Unix", UTC),
+    Case("no unit of Unix", "Timestamp (ms),Force (N)\n" + rows(1e3 * (UNIX + T), F)),
+    Case(
+        "the second trial's own dates",
+        "Trial,Time,Force (N)\n"
+        + rows(
+            ["1"] * 10 + ["2"] * 2500,
+            [
+                *[f"{AT}.{n}00" for n in range(10)],
+                *(
+                    (dt.datetime(2026, 5, 1, 11) + dt.timedelta(seconds=t)).isoformat(timespec="microseconds")
+                    for t in T.tolist()
+                ),
+            ],
+            [*F[:10], *F],
+        ),
+        "and 3600 s",
+        local="2026-05-01T11:00:00",
+        told={"where": {"Trial": "2"}},
+    ),
+    # Zones
+    Case(
+        "an offset in a header",
+        table("Start: 2026-05-01T10:00:00+0200"),
+        "+0200",
+        "2026-05-01T08:00:00+00:00",
+    ),
+    Case("a zone in a key", table("Start time (UTC): 2026-05-01 10:00:00"), "(UTC)", UTC),
+    Case("Unix in a key", table(f"Start time (unix): {UNIX}"), str(UNIX), UTC),
+    Case(
+        "a zone in another row",
+        table("Date: 2026-05-01\nTime: 10:00:00\nTime zone: Europe/Berlin"),
+        "Europe/Berlin",
+        "2026-05-01T08:00:00+00:00",
+    ),
+    Case("letters of several zones", table("Date: 2026-05-01 10:00:00 IST"), "IST", local=AT),
+    Case(
+        "a told zone",
+        table("Date: 2026-05-01 10:00:00"),
+        "in Europe/Berlin as told",
+        "2026-05-01T08:00:00+00:00",
+        told={"zone": "Europe/Berlin"},
+    ),
+    Case(
+        "a told offset",
+        lvm(),
+        "as told",
+        "2026-05-01T15:30:00.500000+00:00",
+        suffix="lvm",
+        told={"zone": "-05:30"},
+    ),
+    Case("a told zone yields", table("Date: 2026-05-01 10:00:00Z"), "Z", UTC, told={"zone": "-05:00"}),
+    # What states no start
+    *(
+        Case(f"no start: {line}", table(line))
+        for line in (
+            "Exported: 2026-05-01 10:00:00",
+            "Download Time 10:00:00",
+            "Calibration date: 2026-05-01 10:00",
+            "Date of birth: 2000-05-01",
+            "Start: 1000 Hz",
+            "Time step: 10:00",
+            "Saved 2026-05-01 10:00:00",
+        )
+    ),
+    *(
+        Case(f"words: {line}", table(line), line.replace(":", "", 1))
+        for line in ("Date: 01/05/2026 10:00:00", "Test date: 2026-05-01", "Start time: 10:00:00")
+    ),
+    Case(
+        "a test time is no time of day",
+        table("Test date: 2026-05-01\nTest time: 00:05:30"),
+        "Test date 2026-05-01",
+    ),
+    Case(
+        "a part of a table",
+        "Sensor,Time (s),Force (N)\n" + rows(["left"] * 10 + ["right"] * 2500, [*T[:10], *T], [*F[:10], *F]),
+        told={"where": {"Sensor": "right"}},
+    ),
+    Case(
+        "a part of a dated table",
+        "Date: 2026-05-01 10:00:00\nSensor,Time (s),Force (N)\n"
+        + rows(["left"] * 10 + ["right"] * 2500, [*T[:10], *T], [*F[:10], *F]),
+        "of the whole file",
+        told={"where": {"Sensor": "right"}},
+    ),
+)
+
+
+def written(case: Case, folder: Path) -> Path:
+    path = folder / f"a.{case.suffix}"
+    if isinstance(case.file, str):
+        path.write_text(case.file, encoding="utf-8")
+    else:
+        case.file(path)
+    return path
+
+
+@pytest.mark.usefixtures("read_here")
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def test_the_start_that_a_file_states(case: Case, tmp_path: Path) -> None:
+    found = haploop.understand(written(case, tmp_path), haploop.FileMapping(**case.told))
+    assert not found.questions
+    assert found.rate_hz == pytest.approx(case.rate_hz, rel=1e-6)
+    assert len(found.signals["force"].values) == 2500
+    assert np.abs(found.signals["force"].values).max() == pytest.approx(2, rel=1e-3)
+    said = {} if found.start is None else found.start.contents
+    assert case.words in said.pop("stated", ""), found.start
+    assert bool(case.words) == (found.start is not None)
+    assert said == ({"utc": case.utc} if case.utc else {"local": case.local} if case.local else {})
+
+
+@pytest.mark.parametrize(
+    ("text", "suffix", "told", "asked"),
+    [
+        (empatica(64), "csv", {"force": 0, "units": {"force": "N"}}, "would have 64 samples/s"),
+        (sep005(UTC, AT), "sep005", {}, "channels that begin at different times"),
+        (
+            table("Date: 2026-10-25 02:30:00"),
+            "csv",
+            {"zone": "Europe/Berlin"},
+            "which Europe/Berlin has twice or never",
+        ),
+    ],
+)
+def test_what_is_refused(text: str, suffix: str, told: dict[str, Any], asked: str, tmp_path: Path) -> None:
+    path = written(Case("", text, suffix=suffix), tmp_path)
+    with pytest.raises((haploop.ConfigurationError, haploop.DataError), match=asked):
+        haploop.understand(path, haploop.FileMapping(**told))
+
+
+def test_two_samples_that_look_like_a_start_are_kept_in_a_table_with_headings(tmp_path: Path) -> None:
+    text = "Sample rate: 5000 Hz\nForce (mN)\n" + rows([UNIX, 5000, *np.round(F, 5)])
+    path = written(Case("", text), tmp_path)
+    with pytest.raises(haploop.ConfigurationError, match="would reach"):
+        haploop.understand(path)
+
+
+def test_a_recording_is_dated_by_the_start_that_its_file_states(run: Run, tmp_path: Path) -> None:
+    """Without a time zone by the file's last change, and the clock time stands beside it."""
+    path, saved = tmp_path / "a.csv", tmp_path / "lab.toml"
+    path.write_text(table("Start: 2026-05-01T10:00:00"), encoding="utf-8")
+    os.utime(path, (1.6e9, 1.6e9))
+    told = ("import", path, "--button", "push", "-p", "P01", "--as", "recording")
+    for name, more, started, kept, shown in (
+        ("plain", (), "2020-09-13T12:26:40+00:00", {"local": AT}, f"{AT} of a clock whose time zone is not"),
+        ("zoned", ("--zone", "+02:00", "--save-mapping", saved), "2026-05-01T08:00:00+00:00",
+         {"utc": "2026-05-01T08:00:00+00:00"}, "It began at 2026-05-01T08:00:00+00:00"),
+        ("mapped", ("--mapping", saved), "2026-05-01T08:00:00+00:00",
+         {"utc": "2026-05-01T08:00:00+00:00"}, "It began at 2026-05-01T08:00:00+00:00"),
+    ):  # fmt: skip
+        out = tmp_path / f"{name}.h5"
+        made = run(*told, *more, "-o", out)
+        assert made.exit_code == 0, made.output
+        recording = haploop.Recording.open(out)
+        assert recording.header.started == started
+        assert {k: v for k, v in recording.imported["started"].items() if k != "stated"} == kept
+        said = " ".join(run("show", out).stdout.split())
+        assert shown in said and ("last change" in said) == (name == "plain")
+        listed = json.loads(run("import", path, *more[:2] if name == "zoned" else (), "--json").stdout)
+        assert listed["started"]["stated"].startswith("Start 2026-05-01T10:00:00")
+    refused = run(*told, "--zone", "Berlin", "-o", tmp_path / "no.h5")
+    assert refused.exit_code == 2 and "is no time zone" in refused.stderr
+
+
+@pytest.mark.usefixtures("read_here")
+@pytest.mark.parametrize("format", ["csv", "wav", "mat", "uff"])
+def test_an_own_export_brings_its_start_back(format: str, run: Run, tmp_path: Path) -> None:
+    path, first = tmp_path / "a.csv", tmp_path / "first.h5"
+    path.write_text(table(f"Start: {UTC}"), encoding="utf-8")
+    told = ("--button", "push", "-p", "P01", "--as", "recording")
+    assert run("import", path, *told, "-o", first).exit_code == 0
+    out, again = tmp_path / f"b.{format}", tmp_path / "again.h5"
+    assert run("export", first, "--to", format, "-o", out).exit_code == 0
+    made = run("import", out, *told, "-o", again)
+    assert made.exit_code == 0, made.output
+    assert haploop.Recording.open(again).header.started == UTC
