@@ -11,11 +11,10 @@ from haploop.nidaqmx_twin import served
 PAGE = Path(__file__).parents[2] / "docs" / "reference" / "nidaqmx-served.md"
 _HEAD = """# What the NI twin serves of nidaqmx
 
-The properties and calls of nidaqmx 1.7 that the twin does not serve, generated; a test compares this page
-with the installed nidaqmx. All others are *served*: the twin computes them, or acts on them.
+Every property and call of nidaqmx 1.7, generated; a test compares this page with the installed nidaqmx.
 
-*Kept*: a program can set it and read it back, and nothing follows from it; a task that starts with one at
-another value than its default warns (`TwinWarning`).
+*Served*: the twin computes it, or acts on it. *Kept*: a program can set it and read it back, and nothing
+follows from it; a task that starts with one at another value than its default warns (`TwinWarning`).
 *Refused*: a property is -200197 until a program sets it (and is then kept), a call is
 `DaqFunctionNotSupportedError`. Names are those of NI's C interface.
 """
@@ -34,9 +33,7 @@ def page() -> str:
         parts.append(f"\n## {kind}\n")
         for status, title in _TITLES.items():
             names = [name for _, of, name in listed if of == status]
-            if names and status == served.SERVED:  # the page names what fails, or warns
-                parts.append(f"\nServed: {len(names)}.\n")
-            elif names:
+            if names:
                 told = f"{title} ({len(names)}): {', '.join(names)}."
                 parts.append(
                     "\n" + textwrap.fill(told, 120, break_long_words=False, break_on_hyphens=False) + "\n"
