@@ -26,7 +26,7 @@ _CALIBRATION: dict[str, Any] = {
     "CAL_RECOMMENDED_ACC_CONNECTION_COUNT_LIMIT": 0,
 }
 """Calibration data of a device that no program has set (°C, months, characters). Temperatures are 0, as of
-NI's simulated devices (nidaqmx-python, test_device_properties.py); others are estimates."""
+NI's simulated devices (NI's own tests); others are estimates."""
 
 
 def read_calibration(system: NiSystem, name: str, request: Any) -> Any:

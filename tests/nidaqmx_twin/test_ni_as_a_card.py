@@ -374,8 +374,6 @@ input()
 def test_a_task_lives_in_its_process(end: str, late: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its name is unique there, and what it has reserved is free when the process has ended, however.
 
-    Inferred: the driver is a library of the process; K kA00Z000000P8kmSAC (-50103).
-
     So it is where the server's thread for the first call, which lasts as long as the process, starts `late`
     (s): gRPC runs no call whose client has gone before.
     """
@@ -591,7 +589,6 @@ def test_events_of_samples_need_a_buffer(twin: NiTwin, kind: str) -> None:
 
 @pytest.mark.parametrize("wrong", ["Dev1/ai0:", "Dev1/ai:3", "Dev1/ai0:ao3"])
 def test_a_range_that_is_none(twin: NiTwin, wrong: str) -> None:
-    """nidaqmx-python, utils.py."""
     with nidaqmx.Task() as task:
         assert code(lambda: task.ai_channels.add_ai_voltage_chan(wrong)) == -200498
         assert code(lambda: task.ai_channels.add_ai_voltage_chan("Dev1/ai0", wrong)) == -200498
@@ -721,7 +718,6 @@ def chassis(tmp_path: Path) -> Iterator[NiTwin]:
 
 
 def test_triggers_of_a_chassis(chassis: NiTwin) -> None:
-    """I 162: the terminal is known once the task is reserved; I 589: a module has none of its own."""
     with nidaqmx.Task() as read, nidaqmx.Task() as play:
         read.ai_channels.add_ai_voltage_chan("cDAQ1Mod1/ai0")
         read.timing.cfg_samp_clk_timing(1000, samps_per_chan=100)
@@ -784,7 +780,7 @@ def test_a_cold_junction_needs_a_sensor(twin: NiTwin, device: str, right: int | 
 
 
 def test_a_supply_that_is_off_reads_no_number(twin: NiTwin) -> None:
-    """T test_read_write.py, TestPowerRead."""
+    """T TestPowerRead."""
     for on in (False, True):
         with nidaqmx.Task() as task:
             task.ai_channels.add_ai_power_chan("Sup/power", 1.0, 0.03, on)

@@ -97,10 +97,7 @@ def test_limits_of_a_sensor(add: str, channel: str, words: dict[str, float], rig
 @pytest.mark.usefixtures("twin")
 @pytest.mark.parametrize(("timed", "right"), [(False, -200300), (True, None)])
 def test_a_dynamic_signal_card_has_a_sample_clock(timed: bool, right: int | None) -> None:
-    """slightlynybbled/daqmx issue 3: "Sample Timing Type is set to On Demand which is not supported".
-
-    The code is inferred.
-    """
+    """daqmx, issue 3: "Sample Timing Type is set to On Demand which is not supported"; inferred code."""
     with nidaqmx.Task() as task:
         task.ai_channels.add_ai_voltage_chan("Dsa/ai0")
         if timed:

@@ -288,11 +288,7 @@ def test_a_delay_from_the_reference_trigger(twin: NiTwin) -> None:
 
 @pytest.mark.parametrize("what", ["clock", "trigger", "names"])
 def test_two_cards_in_step(twin: NiTwin, what: str) -> None:
-    """A line of the RTSI cable is one line, whatever card names it; the one that waits is started first.
-
-    NI-DAQmx Key Concepts, "Synchronization"; AO Series manual, "Synchronizing Multiple Devices": "start all
-    of the slave devices before starting the master device".
-    """
+    """A line of the RTSI cable is one line, whatever card names it; the one that waits is started first."""
     with nidaqmx.Task() as first, nidaqmx.Task() as second:
         for task, device in ((first, "Dev1"), (second, "Dev2")):
             task.ai_channels.add_ai_voltage_chan(f"{device}/ai0")
