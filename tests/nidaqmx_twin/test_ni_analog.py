@@ -140,7 +140,7 @@ def test_time_out_delivers_what_there_is(task: nidaqmx.Task) -> None:
     samples = np.full((1, 5000), np.inf)
     with fails(DAQmxErrors.SAMPLES_NOT_YET_AVAILABLE, DaqReadError) as caught:
         AnalogMultiChannelReader(task.in_stream).read_many_sample(samples, 5000, timeout=0.1)
-    assert 50 < caught.value.samps_per_chan_read < 1000
+    assert 50 < caught.value.samps_per_chan_read < 5000
     assert np.isfinite(samples[0, : caught.value.samps_per_chan_read]).all()
 
 
