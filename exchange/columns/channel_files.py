@@ -15,7 +15,7 @@ import numpy as np
 
 from ...base.extras import optional
 from .hdf5_tree import CF, unpacked
-from .started import Start, instant, since_of
+from .started import Start, instant, since_of, zone_in
 from .table import Column
 from .units import doubt_beside, split_heading
 
@@ -147,7 +147,8 @@ def parquet(path: Path) -> tuple[list[Column], dict[str, Any], dict[str, Any]]:
         if values.dtype.kind in "mM":
             since = _utc("", values[0]) if values.dtype.kind == "M" else None
             if since is not None and since.at is not None and getattr(field.type, "tz", None) is None:
-                since = Start(since.words.removesuffix("Z"), since.at.replace(tzinfo=None))
+                at = since.at.replace(tzinfo=zone_in(field.name))
+                since = Start(since.words.removesuffix("Z"), at)
             columns.append(Column(name, "", (values - values[0]) / _SECOND, stamps=True, since=since))
         elif values.dtype.kind in "iufb":
             columns.append(

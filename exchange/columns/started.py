@@ -8,6 +8,7 @@ count only under keys that say what began: files name times of export, download 
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -44,7 +45,7 @@ _KEYS = (
     ("trigger", rf"trig(ger)?( ?{_WHEN})+"),
 )  # fmt: skip
 """Kinds of keys, the likelier ones to name the first sample before others."""
-_UTC = r"( ?[(\[]?(utc|gmt|unix|epoch|posix)[)\]]?)?"
+_UTC = r"(,? ?[(\[]?((utc|gmt)( ?[+-]\d\d:?\d\d|[+-]\d{1,2})?|unix|epoch|posix)[)\]]?)?"
 _KEY = tuple(
     (kind, re.compile(rf"{_UTC} ?({key}){_UTC}\s*([:=,;]+|(?=[\s\d])|\Z)", re.I)) for kind, key in _KEYS
 )
@@ -52,6 +53,8 @@ _ZONE_KEY = re.compile(r"(time[ _]?zone|utc[ _]?offset|zeitzone|tz)\s*[:=]?\s*(?
 _ORDER = re.compile(r"date ?format\W*(?P<first>[dm])[dm]?[-/.]", re.I)
 """A form like `M/d/yyyy` that a file gives its dates."""
 _JSON = re.compile(r'"(?P<key>[\w /]+)"\s*:\s*"(?P<value>[^"]*)"')
+_EPOCH_NUMBER = re.compile(r"(?P<whole>\d{9,10}|\d{12,13}|\d{15,16}|\d{18,19})(\.\d+)?(?!\d)")
+"""s, ms, us or ns since 1970, as their digits tell."""
 _MARKS = "#%;/!\"'*- \t"
 _NAMES = "jan feb mar/mär/mrz apr may/mai jun jul aug sep oct/okt nov dec/dez"
 _MONTHS = {name: number for number, names in enumerate(_NAMES.split(), 1) for name in names.split("/")}
@@ -59,16 +62,27 @@ _DATE = re.compile(
     r"(?:[A-Za-z]{2,9}\.?,? +)?'?(?:"
     r"(?P<y>\d{4})[-/.](?P<m>\d{1,2})[-/.](?P<d>\d{1,2})|"
     r"(?P<a>\d{1,2})(?P<sign>[-/.])(?P<b>\d{1,2})(?P=sign)(?P<c>\d{4}|\d\d)|"
-    r"(?P<day>\d{1,2})[-. ]+(?P<name>[A-Za-zä]{3})[a-z]*[-., ]+(?P<year>\d{4})|"
+    r"(?P<day>\d{1,2})[-. ]+(?P<name>[A-Za-zä]{3})[a-z]*[-., ]+(?P<year>\d{4}|\d\d(?!:))|"
     r"(?P<name2>[A-Za-zä]{3})[a-z]*\.? +(?P<day2>\d{1,2}),? +(?P<year2>\d{4}))(?!\d)"
 )
 _CLOCK = re.compile(
-    r"(?P<h>\d{1,2}):(?P<m>\d{2})(?::(?P<s>\d{1,2})(?P<part>(?:[.,:]\d+)*))?"
-    r"(?: ?(?P<half>[AaPp])\.?[Mm]\b\.?)?"
+    r"(?P<h>\d{1,2}):(?P<m>\d{2}|\d(?=:))(?::(?P<s>\d{1,2})(?P<part>(?:[.,:]\d+)*))?"
+    r"(?:\s?(?P<half>[AaPp])\.?\s?[Mm]\b\.?)?"
 )
-_ZONE = re.compile(r"(?: ?(?:UTC|GMT))? ?[+-]\d\d:?\d\d(?!\d)|[+-]\d\d(?![\d.])|(?: ?(?:UTC|GMT)|Z)\b")
+"""Before AM and PM, JavaScript and macOS write a narrow blank (U+202F), Spanish `p. m.`."""
+_ZONE = re.compile(
+    r"(?: ?\(?(?:UTC|GMT))? ?[+-]\d\d:?\d\d(?![\d:])\)?|[+-]\d\d(?![\d.:])|"
+    r" ?\(?(?:UTC|GMT)[+-]\d\d?(?![\d.:])\)?|(?: ?\(?(?:UTC|GMT)\)?|Z)(?!\w)"
+)
+_IN_HEADING = re.compile(r"(?<![a-z])(?:utc|gmt)(?![a-z])(?: ?[+-]\d\d:?\d\d|[+-]\d{1,2})?(?!\d)", re.I)
+_SINCE = re.compile(
+    r"(?P<at>[\d/.-]+(?P<clock>[T ]+[\d:.]+)?)\s*(?P<zone>(?:UTC|GMT|Z)?\s*(?:[+-]\d{1,2}(?::?\d\d)?)?)\s*"
+)
+"""As UDUNITS writes an instant: `1992-10-8 15:15:42.5 -6:00`."""
 _LETTERS = re.compile(r" ?\(?[A-Z]{3,5}\b\)?")
 """CET, EST, IST: each the name of more than one time zone, so it is kept in the words alone."""
+_FARTHEST = timedelta(hours=14)
+"""From UTC, of all places."""
 _OFFSET = re.compile(r"(?:UTC|GMT|Z)?\s*(?:(?P<sign>[+-])(?P<h>\d{1,2})(?::?(?P<m>\d\d))?)?", re.I)
 
 
@@ -123,7 +137,7 @@ def zone_of(text: str) -> tzinfo | None:
     if text and (match := _OFFSET.fullmatch(text)):
         minutes = 60 * int(match["h"] or 0) + int(match["m"] or 0)
         offset = timedelta(minutes=-minutes if match["sign"] == "-" else minutes)
-        return timezone(offset) if abs(offset) < timedelta(days=1) else None
+        return timezone(offset) if abs(offset) <= _FARTHEST else None
     try:
         return ZoneInfo(text) if "/" in text else None
     except (LookupError, OSError, ValueError):
@@ -135,15 +149,30 @@ def since_epoch(words: str, seconds: float, epoch: datetime = EPOCH) -> Start | 
     return Start(words, epoch).later(seconds) if _DATES[0] < seconds < _DATES[1] else None
 
 
-def instant(text: str, order: str = "") -> Start | None:
+def instant(text: str, order: str = "", zone: tzinfo | None = None) -> Start | None:
     """The date in a text, with its time of day; None for a text that is none.
 
-    `order` is "d" or "m" where the file says what stands first in its dates.
+    `order` is "d" or "m" where the file says what stands first in its dates, `zone` what it says of them.
     """
     said = _said(text.strip(), order)
     if said is None or not said.dated:
         return None
-    return Start(said.words, said.at)
+    found = Start(said.words, said.at)
+    with contextlib.suppress(ValueError):
+        return found if zone is None else found.in_zone(zone)
+    return found
+
+
+def clock_of(text: str) -> float | None:
+    """The time of day (s since midnight) that a text without a date is; None for another."""
+    said = _said(text.strip(), "") if text.count(":") > 1 else None
+    return None if said is None or said.dated or said.clock is None else said.clock.total_seconds()
+
+
+def zone_in(heading: str) -> tzinfo | None:
+    """The time zone in a heading or a key: `time_utc`, `Date Time, GMT+02:00`."""
+    match = _IN_HEADING.search(heading)
+    return zone_of(match[0]) if match else None
 
 
 def order_of(rows: Sequence[Sequence[str]]) -> str:
@@ -156,53 +185,70 @@ def since_of(unit: str) -> tuple[str, Start | None]:
 
     Without a time zone that is in UTC (CF conventions 1.11, chapter 4.4).
     """
-    plain, found, date_ = unit.partition(" since ")
-    since = instant(date_ if ":" in date_ else f"{date_} 00:00") if found else None
-    return plain, since and replace(since.in_zone(UTC), words=unit.strip())
+    plain, _, date_ = unit.partition(" since ")
+    match = _SINCE.fullmatch(date_.strip())
+    if match is None:
+        return plain, instant(date_) and Start(unit.strip())
+    zone = zone_of(match["zone"]) if match["zone"].strip() else UTC
+    since = instant(match["at"] if match["clock"] else f"{match['at']} 00:00", zone=zone)
+    return plain, since and Start(unit.strip(), since.at if zone else None)
 
 
-def stated_start(rows: Sequence[Sequence[str]]) -> Start | None:
-    """What rows of cells, as keys and values, state of the start."""
-    order = order_of(rows)
+def zones_of(rows: Sequence[Sequence[str]]) -> tuple[str, tzinfo | None]:
+    """The time zone that rows state, in their words, and what it is; of several, none."""
     zones = {m["zone"] for row in rows if (m := _ZONE_KEY.match(" ".join(row).strip(_MARKS)))}
+    words = zones.pop() if len(zones) == 1 else ""
+    return words, zone_of(words)
+
+
+def stated_start(rows: Sequence[Sequence[str]], last: bool = False) -> Start | None:
+    """What rows of cells, as keys and values, state of the start.
+
+    Where two statements of a kind differ, none is clear; where `last`, the later one holds.
+    """
+    order = order_of(rows)
     dates: dict[str, _Said] = {}
     clocks: dict[str, _Said] = {}
+    unlike = {"trigger"}  # samples begin before their trigger, and how long before is no format's definition
     for kind, key, value in _entries(rows):
         if kind == "plain" and key.lower().startswith("exceldatetime"):
             found = _of_excel(value)
         else:
-            found = _said(value, order, zoned="utc" in key.lower() or "gmt" in key.lower())
-        if re.search("unix|epoch|posix", key, re.I) and (number := re.match(r"\d{9,10}(\.\d+)?", value)):
-            return since_epoch(f"{key} {number[0]}", float(number[0]))
+            found = _said(value, order, zone_in(key))
+        if re.search("unix|epoch|posix", key, re.I) and (number := _EPOCH_NUMBER.match(value)):
+            digits = len(number["whole"])
+            return since_epoch(f"{key} {number[0]}", float(number[0]) / 1000 ** ((digits - 9) // 3))
         if found is None:
             continue
         if kind == "recorded" and not found.dated:
             continue  # a test time of 00:05:30 may be how long it lasted
         found = replace(found, words=f"{key} {found.words}")
-        if found.dated:
-            dates[kind] = found
-        if found.clock is not None:
-            clocks[kind] = found
-    best = _best(dates, clocks)
-    if best is None or best.at is None or len(zones) != 1 or (zone := zone_of(*zones)) is None:
+        for known, has in ((dates, found.dated), (clocks, found.clock is not None)):
+            before = None if last else known.get(kind)
+            if has and before is not None and before.differs(found):
+                unlike.add(kind)
+            if has and (before is None or found.fullness > before.fullness):
+                known[kind] = found
+    best = _best(dates, clocks, unlike)
+    words, zone = zones_of(rows)
+    if best is None or best.at is None or zone is None:
         return best
     try:
-        return replace(best.in_zone(zone), words=f"{best.words}, {zones.pop()}")
+        return replace(best.in_zone(zone), words=f"{best.words}, {words}")
     except ValueError:
         return best
 
 
-def _best(dates: dict[str, _Said], clocks: dict[str, _Said]) -> Start | None:
+def _best(dates: dict[str, _Said], clocks: dict[str, _Said], unlike: set[str]) -> Start | None:
     """Of dates and times of day by kind of key, the fullest statement of the likeliest kind."""
     for kind, _ in _KEYS:
         day, clock = dates.get(kind) or dates.get("plain"), clocks.get(kind) or clocks.get("plain")
         if day is None or clock is None or not (kind in dates or kind in clocks):
             continue
-        if day is clock:
-            # Samples begin before their trigger, and how long before is no format's definition.
-            return Start(day.words, None if kind == "trigger" else day.at)
         both = _Said(f"{day.words}, {clock.words}", True, day.day, clock.clock, clock.zone or day.zone)
-        return Start(both.words, None if kind == "trigger" else both.at)
+        both = day if day is clock else both
+        of = {kind, *({"plain"} if not (kind in dates and kind in clocks) else ())}
+        return Start(both.words, None if of & unlike else both.at)
     some = [found.words for kind, _ in _KEYS for found in (dates.get(kind), clocks.get(kind)) if found]
     return Start(some[0]) if some and (dates or "start" in clocks) else None
 
@@ -238,14 +284,27 @@ class _Said:
     zone: tzinfo | None = None
 
     @property
+    def fullness(self) -> int:
+        """How much it states. Midnight beside a date may be no time of day: a workbook's dates have it."""
+        return 2 * (self.clock is not None and not (self.dated and not self.clock)) + self.dated
+
+    def differs(self, other: _Said) -> bool:
+        """True where both state a day, or a time of day, and not the same."""
+        days = None not in (self.day, other.day) and self.day != other.day
+        return days or (self.fullness > 1 < other.fullness and self.clock != other.clock)
+
+    @property
     def at(self) -> datetime | None:
         if self.day is None or self.clock is None:
             return None
         return datetime(self.day.year, self.day.month, self.day.day, tzinfo=self.zone) + self.clock
 
 
-def _said(text: str, order: str, zoned: bool = False) -> _Said | None:
-    """What a text begins with; None for one that begins with neither date nor time of day."""
+def _said(text: str, order: str, zoned: tzinfo | None = None) -> _Said | None:
+    """What a text begins with; None for one that begins with neither date nor time of day.
+
+    `zoned` is the time zone that its key states.
+    """
     dated = _DATE.match(text)
     end = dated.end() if dated else 0
     while dated and end < len(text) and text[end] in "T ,;\t":
@@ -263,7 +322,9 @@ def _said(text: str, order: str, zoned: bool = False) -> _Said | None:
     end = clock.end() if clock else dated.end() if dated else 0
     letters = _LETTERS.match(text, end)
     zone = _ZONE.match(text, end) if clock else None
-    named = zone_of(zone[0]) if zone else UTC if zoned else None
+    if zone and clock and not clock["s"] and zone[0][0] == "-" and not text[: clock.start()].endswith("T"):
+        zone = None  # from 10:00-10:30
+    named = zone_of(zone[0].strip(" ()")) if zone else zoned
     end = zone.end() if zone else letters.end() if letters else end
     return _Said(text[:end].strip(), dated is not None, day, passed, named)
 
@@ -285,6 +346,8 @@ def _day(match: re.Match[str], order: str) -> date | None:
     name, day_, year = (match[key] or match[f"{key}2"] for key in ("name", "day", "year"))
     if name.lower() not in _MONTHS:
         raise ValueError(name)
+    if len(year) == 2:
+        return None
     return date(int(year), _MONTHS[name.lower()], int(day_))
 
 

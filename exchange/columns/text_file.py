@@ -12,7 +12,7 @@ import numpy as np
 from ...base.arrays import FloatArray
 from ...base.errors import DataError
 from ..views import read_sidecar
-from .started import Start, instant, since_epoch, stated_start
+from .started import Start, clock_of, instant, since_epoch, stated_start, zone_in
 from .table import Column, Labels, Stated, Table
 from .text_head import Head, beside, enter_unit, head_of
 from .text_rates import is_stamp, seconds_of, stated_rates, unclear
@@ -146,6 +146,9 @@ def table_of(path: Path, body: Body) -> Table:
         left, (start, rate) = 2, first
         rates = (*rates, rate)
         notes.append("Its first two rows state its start and its rate, and were left out.")
+    elif _are_counts(columns, rates):
+        left = 1
+        notes.append("Its first row states how many samples each channel has, and was left out.")
     columns = [replace(column, values=column.values[left:]) for column in columns]
     if head.starts and len(rates) == 1:
         columns, moved = together(path, [replace(column, rate_hz=rates[0].hz) for column in columns])
@@ -163,7 +166,7 @@ def _start(head: Head, stated: Sequence[Sequence[str]]) -> Start | None:
     """What the rows above say of the start; of LabVIEW's, the instant of the first sample, which X0 is after
     the date (Specification for the LabVIEW Measurement File, NI 4139).
     """
-    found = stated_start(stated)
+    found = stated_start(stated, head.labview)
     after = max(head.starts.values(), default=0.0)
     if found is None or not head.labview:
         return found
@@ -183,6 +186,15 @@ def _of_empatica(columns: Sequence[Column]) -> tuple[Start, Stated] | None:
     if start is None or not 0 < hz <= _FASTEST or most > _SMALL * seconds:
         return None
     return start, Stated(float(f"{hz:.9g}"), f"{hz:g} in its second row")
+
+
+def _are_counts(columns: Sequence[Column], rates: Sequence[Stated]) -> bool:
+    """True for the first row of AcqKnowledge's text, which a time has nothing in."""
+    first = [float(c.values[0]) for c in columns if np.isfinite(c.values[0])]
+    rows = len(columns[0].values) - 1
+    known = any("/sample" in rate.words.replace(" ", "") for rate in rates)
+    whole = all(1 <= one <= max(first) and one.is_integer() for one in first)
+    return bool(known and first and whole and abs(max(first) - rows) <= max(_FEWEST, 0.001 * rows))
 
 
 def _complete(path: Path, body: Body, head: Head, stated: Sequence[Sequence[str]], rows: int) -> list[str]:
@@ -278,7 +290,9 @@ def _columns(path: Path, body: Body, head: Head, of_units: Mapping[int, list[str
                 values = seconds_of(cells)
                 found.append(replace(column(place, values), doubt="" if unit_of(unit, "time") else doubt))
         elif is_stamp(one) and not is_number(one, body.decimal):
-            own = replace(column(place, seconds_of(cells), stamps=True), since=instant(one, head.order))
+            own = column(place, seconds_of(cells), stamps=True)
+            zone = zone_in(" ".join(own.also)) or head.zone
+            own = replace(own, since=instant(one, head.order, zone), start_s=clock_of(one))
             stamped.append((own, cells))
         else:
             try:
@@ -295,7 +309,7 @@ def _columns(path: Path, body: Body, head: Head, of_units: Mapping[int, list[str
         ):
             closed = [levels.get(row[place].strip().lower(), float("nan")) for row in body.rows]
             found.append(column(place, np.array(closed)))
-    return _one_stamp(stamped, found, head.order)
+    return _one_stamp(stamped, found, head)
 
 
 def _is_timed(head: Head, place: int) -> bool:
@@ -322,7 +336,7 @@ def _finite(values: FloatArray) -> FloatArray:
     return np.where(np.isfinite(values), values, np.nan)
 
 
-def _one_stamp(stamped: Sequence[tuple[Column, list[str]]], others: list[Column], order: str) -> list[Column]:
+def _one_stamp(stamped: Sequence[tuple[Column, list[str]]], others: list[Column], head: Head) -> list[Column]:
     """Of a date and a time of day in a column each, one instant; with a column of their milliseconds, too."""
     dates = [one for one in stamped if not any(":" in cell for cell in one[1][:10])]
     clocks = [one for one in stamped if one not in dates]
@@ -331,7 +345,8 @@ def _one_stamp(stamped: Sequence[tuple[Column, list[str]]], others: list[Column]
         (day, days), (clock, times) = dates[0], clocks[0]
         both = [f"{d.strip()} {t.strip()}" for d, t in zip(days, times, strict=True)]
         values = seconds_of(both) if all(map(is_stamp, both[:10])) else clock.values
-        since = instant(next((text for text in both if is_stamp(text)), ""), order)
+        zone = zone_in(" ".join((*clock.also, *day.also))) or head.zone
+        since = instant(next((text for text in both if is_stamp(text)), ""), head.order, zone)
         found = [Column(f"{day.name} {clock.name}".strip(), "", values, stamps=True, since=since)]
     if len(found) == 1 and not np.any(np.diff(found[0].values[np.isfinite(found[0].values)]) % 1):
         for part in [column for column in others if column.name.lower() in ("ms", "us", "msec", "usec")]:

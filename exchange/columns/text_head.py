@@ -5,11 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import tzinfo
 from itertools import zip_longest
 from pathlib import Path
 
 from ...base.errors import DataError
-from .started import order_of
+from .started import order_of, zones_of
 from .text_rates import is_stamp
 from .text_rows import Body, is_blank, is_number, plain_number
 from .units import factor_in, is_factor, is_time, split_heading, unit_of, units_of
@@ -56,6 +57,8 @@ class Head:
     """True for LabVIEW's text of a measurement."""
     order: str = ""
     """What stands first in dates, the day or the month ("d", "m"), where the file gives their form."""
+    zone: tzinfo | None = None
+    """The time zone that the file states of its times."""
     notes: list[str] = field(default_factory=list)
 
 
@@ -75,7 +78,7 @@ def head_of(path: Path, body: Body, above: Sequence[list[str]]) -> Head:
             raise DataError(f"{path} states an axis of {said}: it is over frequency, and holds no signals.")
     if filled and filled[0][0].startswith("LabVIEW Measurement"):
         head.labview, head.seconds = True, 1.0  # its axis of time is in seconds by definition
-    head.order = order_of(filled)
+    head.order, head.zone = order_of(filled), zones_of(filled)[1]
     # A row of keys stands above the headings, or takes their place.
     rows = free[max((n for n, row in enumerate(free) if not row), default=-1) + 1 :] if keyed else free
     _headings(path, body, head, rows, filled)

@@ -188,7 +188,7 @@ def _number(text: str, decimal: str) -> float | None:
         return None
 
 
-_CLOCK = r"(?P<h>\d{1,2}):(?P<m>\d{2}):(?P<s>\d{2}(?:[.,]\d+|:\d{3})?)\s*(?P<half>[AaPp]\.?[Mm]\.?)?"
+_CLOCK = r"(?P<h>\d{1,2}):(?P<m>\d{2}):(?P<s>\d{2}(?:[.,]\d+|:\d{3})?)\s*(?P<half>[AaPp]\.?\s?[Mm]\.?)?"
 _STAMPS = tuple(
     re.compile(rf"\s*{day}{between}(?:{_CLOCK})?\s*(?:Z|UTC|[+-]\d\d:?\d\d)?\s*\Z")
     for day, between in (

@@ -8,6 +8,7 @@ under a heading is what it states, so the cell 0.02 in `0%` is "2 %". Runs in `c
 from __future__ import annotations
 
 import re
+from datetime import datetime, time
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,8 @@ _PART = re.compile(
     r'"(?P<quoted>[^"]*)"|\\(?P<escaped>.)|\[\$(?P<currency>[^\]-]*)[^\]]*\]|\[[^\]]*\]|[_*].|'
     r"(?P<digits>General|[0#?](?:[0#?.,]*[0#?])?(?P<thousands>,*)(?:[eE][+-]0+)?)|(?P<end>;)|(?P<plain>.)"
 )
+_SHOWS_TIME = re.compile(r"[hs]", re.I)
+"""In the number format of a date."""
 """Of a number format: literals, colours and conditions, blanks and fillers, digits, the next section."""
 
 
@@ -61,7 +64,10 @@ def _text(cell: Any) -> str:
     if value is None:
         return ""
     if hasattr(value, "isoformat"):
-        return str(value.isoformat(sep=" ") if hasattr(value, "date") else value.isoformat())
+        if not hasattr(value, "date"):
+            return str(value.isoformat())
+        day = value == datetime.combine(value, time()) and not _SHOWS_TIME.search(cell.number_format or "h")
+        return str(value.date().isoformat() if day else value.isoformat(sep=" "))
     if isinstance(value, int | float) and not isinstance(value, bool):
         factor, unit = _shown(cell.number_format or "General")
         shown = value if factor == 1 else f"{factor * value:.15g}"

@@ -16,6 +16,9 @@ from ..columns import LABVIEW_EPOCH, Start, Table, instant, since_epoch, zone_of
 from .clock import EPOCH_NAME
 from .mapping import FileMapping
 
+_SET = 1973
+"""Year before which a clock was never set: 1970, 1904."""
+_DAY = 86_400.0
 _STEPS = 2.0
 """Samples at which a time begins at zero: some programs count from 0, others from 1."""
 
@@ -36,10 +39,12 @@ def began(
             found = _after(column.since, column.start_s or 0.0)
     if found is None:
         found = next((start for row, start in table.starts if row == 0), None)
-        if found is not None and not found.exact and time is not None and _is_apart(table, *time):
+        if found is not None and not found.exact and time is not None and _is_apart(found, table, *time):
             found = Start(found.words)
     if found is None and (said := str(table.about.get("started") or "")):
         found = instant(said)
+    if found is not None and found.at is not None and found.at.year < _SET:
+        found = Start(found.words)
     zone = zone_of(told.zone or "")
     if found is None or zone is None or found.at is None or found.utc is not None:
         return found
@@ -72,9 +77,18 @@ def _after(since: Start, seconds: float) -> Start:
     return replace(since.later(seconds), words=since.words + f" and {seconds:g} s" * (seconds != 0))
 
 
-def _is_apart(table: Table, number: int, factor: float) -> bool:
-    """True where the time does not begin at zero, so that a date is of its zero or of its first sample."""
-    values = factor * table.columns[number].values[:2]
+def _is_apart(start: Start, table: Table, number: int, factor: float) -> bool:
+    """True where the time does not begin at zero, so that a date is of its zero or of its first sample.
+
+    Times of day may begin at the start's, too, to the second.
+    """
+    column = table.columns[number]
+    values = factor * column.values[:2] + (column.start_s or 0.0 if column.stamps else 0.0)
+    if column.start_s is not None and column.stamps and start.at is not None:
+        midnight = start.at.replace(hour=0, minute=0, second=0, microsecond=0)
+        off = (values[0] - (start.at - midnight).total_seconds() + 1) % _DAY
+        if off <= 2.0:
+            return False
     return not abs(values[0]) <= _STEPS * abs(values[-1] - values[0])
 
 

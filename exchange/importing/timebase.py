@@ -76,7 +76,7 @@ def time_base(path: Path, stamps: FloatArray, unit: float, rate_hz: float | None
         )
     digit = _last_digit(stamps)
     count = np.arange(len(stamps), dtype=np.float64)
-    slope, start = np.polyfit(count, stamps, 1)
+    slope, start = _line(count, stamps)
     if not slope > 0 or not np.ptp(stamps):
         raise DataError(f"{path} has the same time in all samples: state the rate (--rate).")
     late = stamps - start - slope * count
@@ -89,6 +89,12 @@ def time_base(path: Path, stamps: FloatArray, unit: float, rate_hz: float | None
         digit = digit if deviation > _EVEN * slope else 0.0
         return _even(path, stamps, slope, digit, unit, rate_hz)
     return _uneven(path, stamps, steps, unit)
+
+
+def _line(count: FloatArray, stamps: FloatArray) -> tuple[float, float]:
+    """Slope and start of a straight line; the fit squares stamps, and an epoch in ns has 19 digits."""
+    slope, start = np.polyfit(count, stamps - stamps[0], 1)
+    return float(slope), float(start + stamps[0])
 
 
 def _rounds(seconds: FloatArray, longest: float, rate_hz: float) -> bool:
@@ -149,7 +155,7 @@ def _uneven(path: Path, stamps: FloatArray, steps: FloatArray, unit: float) -> T
             f"{path} lacks more samples than it has, in steps of up to {_s(steps.max() * unit)}: import its "
             "parts one by one, or state the rate (--rate)."
         )
-    slope, start = np.polyfit(index, stamps, 1)
+    slope, start = _line(index, stamps)
     late = stamps - start - slope * index
     rms, most = float(np.std(late)) / slope, float(np.abs(late).max()) / slope
     gaps = np.flatnonzero(whole > 1)

@@ -129,15 +129,25 @@ def xdf(path: Path) -> None:
             file.write(b"\x04" + struct.pack("<IH", len(content) + 2, tag) + content)
 
 
-def netcdf(path: Path) -> None:
-    with scipy.io.netcdf_file(path, "w") as file:
-        file.createDimension("time", 2500)
-        for name, unit, values in (
-            ("time", f"seconds since {AT.replace('T', ' ')}", T + 2),
-            ("force", "N", F),
-        ):
-            one = file.createVariable(name, "d", ("time",))
-            one[:], one.units = values, unit
+def netcdf(since: str = "2026-05-01 10:00:00") -> Callable[[Path], None]:
+    def write(path: Path) -> None:
+        with scipy.io.netcdf_file(path, "w") as file:
+            file.createDimension("time", 2500)
+            for name, unit, values in (("time", f"seconds since {since}", T + 2), ("force", "N", F)):
+                one = file.createVariable(name, "d", ("time",))
+                one[:], one.units = values, unit
+
+    return write
+
+
+def workbook(path: Path) -> None:
+    """A column of dates and one of times of day."""
+    book = pytest.importorskip("openpyxl").Workbook()
+    first = dt.datetime.fromisoformat(AT)
+    book.active.append(["Date", "Time", "Force (N)"])
+    for n, force in enumerate(F.tolist()):
+        book.active.append([first.date(), (first + dt.timedelta(milliseconds=n)).time(), force])
+    book.save(path)
 
 
 def matlab(path: Path) -> None:
@@ -205,7 +215,19 @@ CASES = (
     Case("TDMS's zero", tdms(wf_start_time=np.datetime64("1904-01-01", "us")), suffix="tdms"),
     Case("NWB", nwb, f"{AT}+02:00", "2026-05-01T08:00:01.500000+00:00", suffix="nwb"),
     Case("XDF", xdf, f"{AT}+0200", "2026-05-01T08:00:00+00:00", suffix="xdf"),
-    Case("netCDF", netcdf, "seconds since", "2026-05-01T10:00:02+00:00", suffix="nc"),
+    Case("netCDF", netcdf(), "seconds since", "2026-05-01T10:00:02+00:00", suffix="nc"),
+    *(
+        Case(f"netCDF since {since}", netcdf(since), since, utc, suffix="nc")
+        for since, utc in (
+            ("2026-5-1 10:0:0", "2026-05-01T10:00:02+00:00"),
+            ("2026-05-01 10:00:00 -6:30", "2026-05-01T16:30:02+00:00"),
+            ("2026-05-01 10:00:00 +2", "2026-05-01T08:00:02+00:00"),
+            ("2026-05-01T10:00:00.5+02:00", "2026-05-01T08:00:02.500000+00:00"),
+            ("2026-05-01", "2026-05-01T00:00:02+00:00"),
+            ("2026-05-01 10:00:00 CET", ""),
+        )
+    ),
+    Case("Excel", workbook, "2026-05-01 10:00:00", local=AT, suffix="xlsx", rate_hz=1000),
     Case("HDF5", hdf5(recording_start="2026-05-01 10:00:00 UTC"), "UTC", UTC, suffix="h5"),
     Case("HDF5's own clock", hdf5(recorded_at=AT), "recorded", local=AT, suffix="h5"),
     Case("MATLAB", matlab, "Start Time", "2026-05-01T08:00:00+00:00", suffix="mat"),
@@ -254,6 +276,18 @@ CASES = (
         + rows(F, [1] * 2500, separator="\t"),
         "Recording on 2026-05-01 10:00:00.125",
         local=f"{AT}.125000",
+    ),
+    Case(
+        "AcqKnowledge's row of counts",
+        "run.acq\n0.2 msec/sample\n2 channels\nForce\nN\nEMG\nmV\nsec\tCH1\tCH2\n\t2500\t2497\n"
+        + rows(np.round(T, 7), F, [1] * 2500, separator="\t"),
+        told={"force": 1, "units": {"force": "N"}},
+    ),
+    Case(
+        "AcqKnowledge's row of counts without a time",
+        "run.acq\n0.2 msec/sample\n2 channels\nForce\nN\nEMG\nmV\nCH1\tCH2\n2500\t2497\n"
+        + rows(F, [1] * 2500, separator="\t"),
+        told={"force": 0, "units": {"force": "N"}},
     ),
     Case(
         "LabChart, whose number of the day says what 01/05/26 is",
@@ -309,6 +343,12 @@ CASES = (
         local=AT,
     ),
     Case("Unix seconds", "Unix Timestamp,Force (N)\n" + rows(UNIX + T, F), "Unix", UTC),
+    Case(
+        "Unix nanoseconds",
+        "Unix time (ns),Force (N)\n" + rows([10**9 * UNIX + 200_000 * n for n in range(2500)], F),
+        "Unix",
+        UTC,
+    ),
     Case("Unix milliseconds", "Unix time (ms),Force (N)\n" + rows(1e3 * (UNIX + T), F), "Unix", UTC),
     Case("no unit of Unix", "Timestamp (ms),Force (N)\n" + rows(1e3 * (UNIX + T), F)),
     Case(
@@ -343,6 +383,72 @@ CASES = (
         table("Date: 2026-05-01\nTime: 10:00:00\nTime zone: Europe/Berlin"),
         "Europe/Berlin",
         "2026-05-01T08:00:00+00:00",
+    ),
+    *(
+        Case(f"a zone: {words}", table(f"Start: 2026-05-01 10:00:00{words}"), words, utc)
+        for words, utc in (
+            (" UTC+2", "2026-05-01T08:00:00+00:00"),
+            (" GMT-5", "2026-05-01T15:00:00+00:00"),
+            (" (UTC+02:00)", "2026-05-01T08:00:00+00:00"),
+        )
+    ),
+    Case(
+        "an offset in a key",
+        table("Start (UTC+2): 2026-05-01 10:00:00"),
+        "UTC+2",
+        "2026-05-01T08:00:00+00:00",
+    ),
+    *(
+        Case(
+            f"a zone that a file states yields no told one: {heading}",
+            head + stamped(AT, heading=heading),
+            AT[:10],
+            utc,
+            told={"zone": "America/New_York"},
+        )
+        for head, heading, utc in (
+            ("", "Timestamp (UTC)", UTC),
+            ("", "time_utc", UTC),
+            ("", '"Date Time, GMT+02:00"', "2026-05-01T08:00:00+00:00"),
+            ("Time zone: +02:00\n", "Time", "2026-05-01T08:00:00+00:00"),
+        )
+    ),
+    Case("from and to", table("Date: 2026-05-01\nTime: 10:00-10:30"), "Time 10:00", local=AT),
+    *(
+        Case(f"half a day: {clock!r}", table(f"Start: 5/13/2026 {clock}"), clock, local=f"2026-05-13T{local}")
+        for clock, local in (
+            ("1:02:03 PM", "13:02:03"),
+            ("1:02:03\u202fPM", "13:02:03"),
+            ("1:02:03 p.\u00a0m.", "13:02:03"),
+            ("12:02:03 a. m.", "00:02:03"),
+        )
+    ),
+    Case("seconds in a key", table("Start epoch: 999999999"), "999999999", "2001-09-09T01:46:39+00:00"),
+    Case("milliseconds in a key", table(f"Start epoch: {UNIX}250"), f"{UNIX}250", f"{AT}.250000+00:00"),
+    # Two statements
+    *(
+        Case(f"two starts that differ: {one}", table(one), one.split("\n")[0].replace(":", "", 1))
+        for one in (
+            "Date: 2026-05-01 10:00:00\nDate: 2020-01-01 00:00:01",
+            "Session start: 2026-05-01 09:00:00\nRecording start: 2026-05-01 10:00:00",
+        )
+    ),
+    Case(
+        "a workbook's midnight", table("Date: 2026-05-01 00:00:00\nTime: 10:00:00"), "Time 10:00:00", local=AT
+    ),
+    *(
+        Case(
+            f"times of day from {begins}",
+            "Date: 2026-05-01\nStart time: 10:00:00\nTime,Force (N)\n"
+            + rows([f"{begins}{t:.4f}" for t in T], F),
+            "10:00:00",
+            local=local,
+        )
+        for begins, local in (("10:00:0", AT), ("00:00:0", AT), ("10:20:0", ""), ("00:20:0", ""))
+    ),
+    *(
+        Case(f"a clock that nobody set: {at}", table(f"Start: {at}"), at)
+        for at in ("1970-01-01 00:00:00Z", "1904-01-01 00:00:00")
     ),
     Case("letters of several zones", table("Date: 2026-05-01 10:00:00 IST"), "IST", local=AT),
     Case(
