@@ -1,4 +1,4 @@
-"""How the tests of this folder drive a browser: see docs/how-to/console.md, "Tests in a browser"."""
+"""How the tests of this folder drive a browser: see CONTRIBUTING.md, "Test"."""
 
 from __future__ import annotations
 
