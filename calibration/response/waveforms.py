@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -50,11 +50,11 @@ class Waveforms:
 
     @classmethod
     def of(cls, rig: Rig, captures: Sequence[Capture], calibration: str, patch: str, point: str) -> Waveforms:
-        """Reduce captures of a rig to single precision."""
+        """Of the captures that a rig collected."""
         divider = rig.sensors.drive
         assert divider is not None  # a table was measured
         return cls(
-            tuple(replace(one, volts=one.volts.astype(np.float32)) for one in captures),
+            tuple(captures),
             calibration,
             patch,
             point,

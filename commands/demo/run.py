@@ -31,7 +31,6 @@ from ...instruments import Rig, load_rig_file, open_rig
 from ...instruments.driver import Mode
 from ...instruments.sensors import loss
 from ...reports.contents import forces_in
-from .report import report, summarise
 from .result import BUTTONS, PRESSES, ButtonResult, Demo
 
 _RESULTS = (
@@ -87,6 +86,9 @@ def run_demo(
         demo = _loop(opened, folder, participants, played, str(rig), progress, lambda: clock.now() - began)
     step = "Write the report"
     progress(step, 0, 1, "")
+    # Matplotlib is 40 MB, which a calibration needs for its own.
+    from .report import report, summarise  # noqa: PLC0415
+
     summary = summarise(demo)
     with new_file(folder / "summary.json") as part:
         part.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")

@@ -6,8 +6,11 @@ import os
 import threading
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import replace
 from types import TracebackType
 from typing import Any, Self
+
+import numpy as np
 
 from ...base.arrays import FloatArray
 from ...base.clock import Clock
@@ -263,7 +266,10 @@ class Rig(Instruments, InNotebook):
 
     @contextmanager
     def captures(self) -> Iterator[list[Capture]]:
-        """Collect the capture of every play while this context lasts, in order, settling included."""
+        """Collect the capture of every play while this context lasts, in order, settling included.
+
+        In single precision: a calibration's are tens of megabytes.
+        """
         collected: list[Capture] = []
         self._collections.append(collected)
         try:
@@ -273,7 +279,7 @@ class Rig(Instruments, InNotebook):
 
     def _collected(self, capture: Capture) -> Capture:
         for collected in self._collections:
-            collected.append(capture)
+            collected.append(replace(capture, volts=capture.volts.astype(np.float32)))
         return capture
 
     def make_safe(self) -> None:

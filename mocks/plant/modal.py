@@ -11,6 +11,9 @@ import numpy as np
 from ...base.arrays import ComplexArray, FloatArray
 from .poles import Poles
 
+_PART = 256
+"""Frequencies at which a response is computed at a time: all of them at all modes are 80 MB."""
+
 
 @dataclass(frozen=True, eq=False)
 class Modes:
@@ -44,10 +47,16 @@ class Modes:
 
     def velocity(self, patch: str, place: tuple[float, float], frequencies: FloatArray) -> ComplexArray:
         """Return the response at a place (m/s per V at the patch), at `frequencies` (Hz)."""
-        s = 2j * np.pi * np.asarray(frequencies)[:, None]
+        every = 2j * np.pi * np.asarray(frequencies)[:, None]
         w = 2 * np.pi * self.natural_hz
         strength = self.shape(place) * self.coupling[patch]
-        return np.asarray((strength * s / (s**2 + 2 * self.damping * w * s + w**2)).sum(axis=1))
+        found = np.empty(len(every), dtype=np.complex128)
+        for first in range(0, len(every), _PART):
+            s = every[first : first + _PART]
+            found[first : first + _PART] = (strength * s / (s**2 + 2 * self.damping * w * s + w**2)).sum(
+                axis=1
+            )
+        return found
 
 
 class Passing(Protocol):
