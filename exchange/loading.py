@@ -7,29 +7,35 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, overload
 
-from ..acquisition import Recording, Representative, load_study
+from .. import acquisition, calibration, exchange, experiments
 from ..base import hdf5
 from ..base.errors import DataError
-from ..calibration import ButtonPlan, Calibration, Check, DigitalButton, Drive, Waveforms
-from ..calibration.map import VibrationMap
-from ..experiments import load_experiment
-from .curve import Curve
 
-RESULTS: Mapping[str, tuple[type, Callable[[Path], Any]]] = {
-    "recording": (Recording, Recording.open),
-    "representative": (Representative, Representative.load),
-    "calibration": (Calibration, Calibration.load),
-    "waveforms": (Waveforms, Waveforms.load),
-    "drive": (Drive, Drive.load),
-    "check": (Check, Check.load),
-    "button": (DigitalButton, DigitalButton.load),
-    "map": (VibrationMap, VibrationMap.load),
-    "plan": (ButtonPlan, ButtonPlan.load),
-    "curve": (Curve, Curve.load),
+RESULTS: Mapping[str, Callable[[], Any]] = {
+    "recording": lambda: acquisition.Recording,
+    "representative": lambda: acquisition.Representative,
+    "calibration": lambda: calibration.Calibration,
+    "waveforms": lambda: calibration.Waveforms,
+    "drive": lambda: calibration.Drive,
+    "check": lambda: calibration.Check,
+    "button": lambda: calibration.DigitalButton,
+    "map": lambda: calibration.VibrationMap,
+    "plan": lambda: calibration.ButtonPlan,
+    "curve": lambda: exchange.Curve,
 }
-"""The class of each kind of result, and the function that reads it."""
+"""Gives the class of a kind of result: only what a file holds is imported."""
 
-_FOLDERS = {"map.json": VibrationMap.load, "study.toml": load_study, "experiment.toml": load_experiment}
+_FOLDERS: Mapping[str, Callable[[], Callable[[Path], Any]]] = {
+    "map.json": lambda: calibration.VibrationMap.load,
+    "study.toml": lambda: acquisition.load_study,
+    "experiment.toml": lambda: experiments.load_experiment,
+}
+
+
+def read_result(kind: str, path: Path) -> Any:
+    """Read a file of a kind of `RESULTS`. Raises DataError for a damaged one."""
+    result = RESULTS[kind]()
+    return result.open(path) if kind == "recording" else result.load(path)
 
 
 @overload
@@ -56,10 +62,10 @@ def load(path: str | os.PathLike[str] | Iterable[str | os.PathLike[str]]) -> Any
         if one.name == name:
             one = one.parent
         if (one / name).is_file():
-            return read(one)
+            return read()(one)
     if one.is_dir():
         raise DataError(f"{one} is a folder without {', '.join(_FOLDERS)}: name a file in it.")
     kind = hdf5.kind_of(one)
     if kind not in RESULTS:
         raise DataError(f"{one} holds a {kind}, which cannot be loaded by itself.")
-    return RESULTS[kind][1](one)
+    return read_result(kind, one)

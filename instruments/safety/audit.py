@@ -18,7 +18,7 @@ from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import platformdirs
 
@@ -27,8 +27,10 @@ from ...base.errors import ConfigurationError, DataError
 from ...base.file_lock import release, taken
 from ...base.files import os_error_text
 from ...base.json_text import as_line, from_text
-from ..config import RigFile
 from ..frozen import Frozen
+
+if TYPE_CHECKING:
+    from ..config import RigFile
 
 _LONGEST_LINE = 1 << 20
 """Bytes of a line that are read at once: a log without an end of line is damaged."""

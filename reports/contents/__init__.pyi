@@ -5,11 +5,15 @@ from .analysis import ratings_contents as ratings_contents
 from .analysis import thresholds_contents as thresholds_contents
 from .calibration import calibration_contents as calibration_contents
 from .calibration import calibrations_contents as calibrations_contents
+from .calibration import drive_contents as drive_contents
+from .calibration import waveforms_contents as waveforms_contents
 from .catalogue import listing_contents as listing_contents
+from .check import button_contents as button_contents
 from .check import check_contents as check_contents
 from .check import crosstalk_facts as crosstalk_facts
 from .check import other_facts as other_facts
 from .check import silence_facts as silence_facts
+from .curve import curve_contents as curve_contents
 from .experiment import experiment_contents as experiment_contents
 from .experiment import first_steps as first_steps
 from .experiment import plan_of_experiment as plan_of_experiment
@@ -31,6 +35,7 @@ from .history import history_contents as history_contents
 from .history import night as night
 from .history import outcome_contents as outcome_contents
 from .history import simulated as simulated
+from .map import map_contents as map_contents
 from .parts import Cell as Cell
 from .parts import Contents as Contents
 from .parts import Drawing as Drawing
@@ -44,8 +49,10 @@ from .parts import verdict_cell as verdict_cell
 from .plan import plan_contents as plan_contents
 from .plan import plan_drawing as plan_drawing
 from .prediction import prediction_contents as prediction_contents
+from .press import press_contents as press_contents
 from .recording import Forces as Forces
 from .recording import forces_in as forces_in
+from .recording import recording_contents as recording_contents
 from .rig import findings_contents as findings_contents
 from .rig import log_contents as log_contents
 from .study import forces_contents as forces_contents

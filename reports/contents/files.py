@@ -4,45 +4,40 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from ...acquisition import Recording, Representative, load_study
+from ... import acquisition, calibration
 from ...base import hdf5
 from ...base.errors import DataError
-from ...calibration import Check, History, Waveforms
-from ...exchange.loading import RESULTS
-from .calibration import calibration_contents, drive_contents, waveforms_contents
-from .check import button_contents, check_contents
-from .curve import curve_contents
-from .history import history_contents
-from .map import map_contents
+from ...exchange.loading import RESULTS, read_result
+from .. import contents
 from .parts import Contents
-from .plan import plan_contents
-from .press import press_contents
-from .recording import recording_contents
 
-_SAID: dict[str, Callable[[Any], Contents]] = {
-    "recording": recording_contents,
-    "representative": press_contents,
-    "calibration": calibration_contents,
-    "waveforms": waveforms_contents,
-    "drive": drive_contents,
-    "check": check_contents,
-    "button": button_contents,
-    "map": map_contents,
-    "plan": plan_contents,
-    "curve": curve_contents,
+if TYPE_CHECKING:
+    from ...acquisition import Recording, Representative
+
+_SAID = {
+    "recording": "recording_contents",
+    "representative": "press_contents",
+    "calibration": "calibration_contents",
+    "waveforms": "waveforms_contents",
+    "drive": "drive_contents",
+    "check": "check_contents",
+    "button": "button_contents",
+    "map": "map_contents",
+    "plan": "plan_contents",
+    "curve": "curve_contents",
 }
-"""The function that says what a result of each kind says."""
+"""Name of the function that says what a result of each kind says; `_said` imports it."""
 
 
 def contents_of(value: Any) -> Contents:
     """What a result says. Raises DataError for damaged data, TypeError for what is no result."""
-    if isinstance(value, History):
-        return history_contents(value)
-    for kind, say in _SAID.items():
-        if isinstance(value, RESULTS[kind][0]):
-            return say(value)
+    if isinstance(value, calibration.History):
+        return contents.history_contents(value)
+    for kind in _SAID:
+        if isinstance(value, RESULTS[kind]()):
+            return _said(kind, value)
     raise TypeError(f"{type(value).__name__} is nothing that haploop shows.")
 
 
@@ -54,14 +49,19 @@ def file_contents(path: str | Path, presses: Sequence[Representative] = ()) -> C
     """
     path = Path(path)
     if is_history(path):
-        return history_contents(History(path))
+        return contents.history_contents(calibration.History(path))
     kind = "map" if path.is_dir() else hdf5.kind_of(path)
     if kind not in _SAID:
         raise DataError(f"{path} holds a {kind}, which `haploop show` cannot display.")
-    value = RESULTS[kind][1](path)
-    if isinstance(value, Check):
-        return check_contents(value, next(filter(value.drive.is_of, presses), None))
-    return _SAID[kind](value)
+    value = read_result(kind, path)
+    if kind == "check":
+        return contents.check_contents(value, next(filter(value.drive.is_of, presses), None))
+    return _said(kind, value)
+
+
+def _said(kind: str, value: Any) -> Contents:
+    say: Callable[[Any], Contents] = getattr(contents, _SAID[kind])
+    return say(value)
 
 
 def is_history(path: Path) -> bool:
@@ -83,7 +83,9 @@ def files_of(path: Path) -> list[Path]:
         return [whole.parent]
     # Waveforms have no figure of their own: they belong to the calibration beside them.
     patterns = ("*/*.h5", "*.h5") if (path / "summary.json").is_file() else ("*.h5",)
-    files = sorted(one for some in patterns for one in path.glob(some) if not Waveforms.is_beside(one))
+    files = sorted(
+        one for some in patterns for one in path.glob(some) if not calibration.Waveforms.is_beside(one)
+    )
     if not files:
         raise DataError(
             f"{path} holds neither a study (study.toml), nor a map (map.json), nor files of haploop (.h5): "
@@ -102,7 +104,7 @@ def recordings_in(paths: Sequence[Path]) -> list[Recording]:
                 f"export {one} ANSWERS.csv` writes its answers."
             )
         if one.is_dir() or one.suffix == ".toml":
-            study = load_study(one)
+            study = acquisition.load_study(one)
             found += (recording for button in study.file.buttons for recording in study.recordings(button))
             continue
         kind = hdf5.kind_of(one)
@@ -111,5 +113,5 @@ def recordings_in(paths: Sequence[Path]) -> list[Recording]:
                 f"{one} holds a {kind}, and several files are shown together only when all are recordings: "
                 "show it alone, or name all of them to `haploop report`."
             )
-        found.append(Recording.open(one))
+        found.append(acquisition.Recording.open(one))
     return found
