@@ -85,8 +85,9 @@ def check_destination(path: Path) -> None:
             pass
     except OSError as error:
         if error.errno == errno.ENAMETOOLONG:
+            name = max(path.parts, key=len)
             raise ConfigurationError(
-                f"{path.name[:20]}... has {len(path.name)} characters, which is too long a name for a file: "
+                f"{name[:20]}... has {len(name)} characters, which is too long a name for a file or folder: "
                 "choose a shorter one."
             ) from None
         raise ConfigurationError(

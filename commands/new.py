@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -111,12 +112,15 @@ def new(
     chosen = _given("rig", rig, "Which rig: a file, or a shipped rig's name?", "simulated")
     names = ("rig.toml", "study.toml", "experiment/experiment.toml", "README.md", "start.html")
     paths = [folder / name for name in names]
+    simulated = haploop.load_rig_file(chosen).simulate is not None
+    if not (name := folder.resolve().name):
+        raise haploop.ConfigurationError(
+            f"{folder} has no name, and a study is named as its folder: choose another one."
+        )
     for path in paths:
         outputs.check_destination(path)
-    simulated = haploop.load_rig_file(chosen).simulate is not None
-    haploop.new_rig_on(paths[0], chosen, folder.resolve().name)
+    haploop.new_rig_on(paths[0], chosen, name)
     people = [f"P{number:02d}" for number in range(1, count + 1)]
-    name = folder.resolve().name
     said = {"rig": "rig.toml", "buttons": named, "participants": people, "presses": presses}
     _write(paths[1], _study(name, said))
     if len(named) > 1:
@@ -131,7 +135,8 @@ def new(
     haploop.load_study(folder)
     haploop.load_rig_file(paths[0])
     print_line(
-        f"Made {folder}: {paths[4]} says what to run; first: cd {folder}, haploop doctor --rig rig.toml"
+        f"Made {folder}: {paths[4]} says what to run; first: cd {shlex.quote(str(folder))}, haploop doctor "
+        "--rig rig.toml"
     )
     if not no_open:
         open_page(paths[4])

@@ -57,7 +57,17 @@ class FiniteRange(click.FloatRange):
         return found
 
 
-PATH = click.Path(path_type=Path)
+class _Named(click.Path):
+    """A file or a folder, which "" names none of: a script's variable that is not set."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Convert a value; raise click.BadParameter for an empty one."""
+        if not str(value):
+            self.fail("an empty name is no file or folder: name one, such as . for this folder.", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+PATH = _Named(path_type=Path)
 
 
 class Measure(click.ParamType):  # type: ignore[type-arg, unused-ignore]  # not generic before 8.3

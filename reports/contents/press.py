@@ -27,10 +27,9 @@ def press_contents(press: Representative) -> Contents:
     if press.undone_hz is not None:
         low, high = press.undone_hz
         undone = f"from {low:g} to {high:g} Hz; noise grew {press.noise_gain:.1f} times"
-    stands_for = f"{press.members} presses in {len(press.sources)} recordings"
     method = f"{press.method}: {press.reason}" if press.reason else press.method
     facts = [
-        fact("Stands for", stands_for, button=press.button, presses=press.members),
+        fact("Stands for", _members(press), button=press.button, presses=press.members),
         fact(
             "Length",
             f"{1e3 * duration:.0f} ms at {press.rate_hz:g} Hz",
@@ -74,6 +73,12 @@ def press_contents(press: Representative) -> Contents:
         simulated=press.simulated,
         figures=[press_drawing(press), *travel_drawings(press)],
     )
+
+
+def _members(press: Representative) -> str:
+    """Of how many presses it is, and of how many recordings."""
+    several = "s" * (len(press.sources) != 1)
+    return f"{press.members} presses in {len(press.sources)} recording{several}"
 
 
 def travel_drawings(press: Representative) -> list[Drawing]:
@@ -125,7 +130,7 @@ def press_drawing(press: Representative) -> Drawing:
         lambda some, columns: figures.profiles([figures.Profile.of(one) for one in some], columns),
         lambda some: sentence(
             [
-                f"{one.button}, {one.method} of n = {one.members} presses in {len(one.sources)} recordings"
+                f"{one.button}, {one.method} of n = {_members(one)}"
                 f"{derived(one.motion)}{_activation(one.activated_by)}"
                 for one in some
             ]

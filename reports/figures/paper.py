@@ -133,9 +133,9 @@ def comparison(results: Sequence[tuple[Representative, Check]], columns: Columns
         for row, ((press, check), (whole, stretch, spectra)) in enumerate(zip(results, grid, strict=True)):
             room = 1 if row == 0 else 0
             letter(whole, 3 * row, f"{capital(press.button)}: {check.verdict}", 2 * room * (columns == 2))
-            low, high = (100 * edge for edge in check.whole.interval)
-            error = f"{low:.1f} to {high:.1f} %" if low else f"at most {high:.1f} %"
-            title = f"Error {error}, r = {check.correlation:.4f}"
+            low, high = (f"{100 * edge:.{int(edge < 1)}f}" for edge in check.whole.interval)
+            error = f"{low} to {high} %" if check.whole.interval[0] else f"at most {high} %"
+            title = f"Error {error}, r = {check.correlation:.3f}"
             letter(stretch, 3 * row + 1, title, (columns if columns == 2 else 1) * room)
             letter(spectra, 3 * row + 2, "Spectrum", 2 * room)
             _whole(whole, press, check)

@@ -100,7 +100,14 @@ def test_nothing_is_replaced_and_wrong_answers_are_one_sentence(run: Run, lab: P
     ):
         result = run("new", tmp_path / "other", *wrong)
         assert result.exit_code == 2 and said in result.stderr and result.stderr.count("\n") == 1
-        assert not (tmp_path / "other" / "study.toml").exists()
+        assert not (tmp_path / "other").exists()
+    for folder, said in (
+        ("", "an empty name is no file or folder"),
+        (tmp_path.anchor, f"{tmp_path.anchor} has no name"),
+        (tmp_path / ("a" * 300), "aaaa... has 300 characters"),
+    ):
+        result = run("new", folder, *given)
+        assert result.exit_code == 2 and said in " ".join(result.stderr.split())
 
 
 def test_a_name_with_a_space_is_quoted_in_the_command_to_go_on_with(
@@ -109,3 +116,5 @@ def test_a_name_with_a_space_is_quoted_in_the_command_to_go_on_with(
     monkeypatch.chdir(tmp_path)
     made = run("rig", "new", "my lab.toml", "--like", "no-ni")
     assert made.exit_code == 0 and "haploop rig check 'my lab.toml'" in made.output
+    made = run("new", "my study", "--buttons", "a", "--participants", 1, "--rig", "simulated")
+    assert made.exit_code == 0 and "cd 'my study'," in " ".join(made.output.split())
