@@ -41,7 +41,7 @@ class Conformance:
     """Capabilities among `optional` that this rig has."""
     faults: ClassVar[tuple[str, ...]] = ()
     """Names of faults that `fault` can inject: the driver must detect each of them."""
-    deadline: ClassVar[float] = 10.0
+    deadline: ClassVar[float] = 60.0
     """Time for every call to return or raise (real s), even when the instrument misbehaves."""
 
     def fault(self, kind: str) -> AbstractContextManager[Fired]:
