@@ -117,7 +117,15 @@ def _h5py(folder: Path, material: Material, blocks: int, flush: bool) -> Iterato
     _sync(path)
 
 
-def pytables(folder: Path, material: Material, blocks: int) -> Iterator[None]:
+def pytables_flush(folder: Path, material: Material, blocks: int) -> Iterator[None]:
+    yield from _pytables(folder, material, blocks, flush=True)
+
+
+def pytables_append(folder: Path, material: Material, blocks: int) -> Iterator[None]:
+    yield from _pytables(folder, material, blocks, flush=False)
+
+
+def _pytables(folder: Path, material: Material, blocks: int, flush: bool) -> Iterator[None]:
     import tables
 
     path = folder / "array.h5"
@@ -129,6 +137,8 @@ def pytables(folder: Path, material: Material, blocks: int) -> Iterator[None]:
         yield
         for i in range(blocks):
             array.append(material.codes[i % len(material.codes)])
+            if flush:
+                array.flush()
     _sync(path)
 
 
@@ -191,7 +201,8 @@ CONTESTANTS = (
     *(
         Contestant(name, way, part)
         for module, name, way, part in (
-            ("tables", "PyTables", pytables, 1.0),
+            ("tables", "PyTables, append", pytables_append, 1.0),
+            ("tables", "PyTables, append and flush", pytables_flush, 1.0),
             ("nptdms", "npTDMS", nptdms, 1.0),
             ("qcodes", "QCoDeS, arrays to its data set", qcodes, 0.05),
             ("pymeasure", "PyMeasure, CSV results", pymeasure, 0.005),

@@ -22,7 +22,7 @@ from threadpoolctl import threadpool_limits
 from ...base.arrays import BoolArray, FloatArray, IntArray
 from ...base.errors import ConfigurationError
 from ...base.progress import Progress, silent
-from .barycentre import WarpingPath, alike, along, barycentre, centred, lags_along, paths_to, read_at
+from .barycentre import WarpingPath, alike, along, barycentre, centred, lags_along, read_at
 from .registration import WarpModel, leads, register
 from .spline_rows import moved
 from .spool import Spool
@@ -89,39 +89,42 @@ def average(
         raise ConfigurationError(f"There is no method {method!r} for a representative press: use {names}.")
     m = model or WarpModel()
     window = m.window(rate_hz)
+    # The paper compares every sample.
+    every = 1 if method == "barycentre" else m.every(rate_hz)
     registering = method in ("automatic", "registration")
     steps = len(groups) + 3
     # Threads cost more than they gain on matrices this small when the machine is busy.
     with threadpool_limits(1):
         masks, centres, means, each = [], Spool(), Spool(), Spool()
+        warped = _Warped(Spool(), Spool(), Spool())
         for number, group in enumerate(groups):
             progress(_DOING, number, steps, "")
-            mask, centre, paths = alike(group[:, 0], window)
+            mask, centre, paths = alike(group[:, 0], window, every)
             masks.append(mask)
             centres.append(centre[None])
+            if method in ("automatic", "barycentre"):
+                warped.append(group[mask], paths)
             if registering:
                 one = register(group[mask], rate_hz, m, (centre, paths))
                 means.append(one.template)
                 each.append(np.concatenate(one.aligned))
         progress(_DOING, len(groups), steps, "")
-        known = paths if len(groups) == 1 else None
-        if known is None:
-            trusted, centre, _ = alike(leads(centres), window)
-            masks = [mask & like for mask, like in zip(masks, trusted, strict=True)]
-            if registering:
-                means, each = _those(means, trusted), _those(each, trusted)
+        trusted, centre, paths = alike(leads(centres), window, every)
+        masks = [mask & like for mask, like in zip(masks, trusted, strict=True)]
+        means, each = _those(means, trusted), _those(each, trusted)
+        warped = _Warped(*(_those(one, trusted) for one in (warped.means, warped.each, warped.lags)))
         own = _Kept(groups, masks)
         single = own.members == 1
         made: dict[str, _Template] = {}
         if method == "mean" or single:
             made[MEAN] = _mean(own)
         if method == "barycentre" and not single:
-            made[BARYCENTRE] = _barycentre(own, centre, rate_hz, window, known, in_time=False)
+            made[BARYCENTRE] = _barycentre(warped, centre, paths, rate_hz, in_time=False)
         if registering and not single:
             made[REGISTRATION] = _registration(means, each, rate_hz, m)
         progress(_DOING, len(groups) + 1, steps, "")
         if method == "automatic" and own.members > 2:
-            made[CENTRED] = _barycentre(own, centre, rate_hz, window, known, in_time=True)
+            made[CENTRED] = _barycentre(warped, centre, paths, rate_hz, in_time=True)
         progress(_DOING, len(groups) + 2, steps, "")
         scores = {name: _score(one, own, window) for name, one in made.items() if len(made) > 1}
     progress(_DOING, steps, steps, "")
@@ -187,7 +190,7 @@ def _mean(own: _Kept) -> _Template:
 
 def _those(spool: Spool, which: BoolArray) -> Spool:
     """The arrays of a spool that are meant by (arrays,)."""
-    if which.all():
+    if which.all() or not len(spool):
         return spool
     some = Spool()
     for number in np.flatnonzero(which):
@@ -199,7 +202,7 @@ def _registration(
     means: Sequence[FloatArray], each: Iterable[FloatArray], rate_hz: float, m: WarpModel
 ) -> _Template:
     """Register the participants' templates (channels, samples), and with them their presses."""
-    whole = register(means, rate_hz, m, barycentre(leads(means), m.window(rate_hz)))
+    whole = register(means, rate_hz, m, barycentre(leads(means), m.window(rate_hz), m.every(rate_hz)))
     aligned = Spool()
     # The participant's warp is applied after each press's own warp.
     for rows, shift in zip(each, chain.from_iterable(whole.shifts), strict=True):
@@ -207,31 +210,42 @@ def _registration(
     return _Template(whole.template, aligned)
 
 
-def _barycentre(
-    own: _Kept,
-    centre: FloatArray,
-    rate_hz: float,
-    window: int,
-    known: list[WarpingPath] | None,
-    *,
-    in_time: bool,
-) -> _Template:
-    """The paper's average, of which the first channel is the `centre`; `in_time`, brought to the mean time of
-    the presses. Of one participant the paths to the centre are `known` already.
-    """
-    template, lag, aligned = np.zeros((0, 0)), np.zeros(len(centre)), Spool()
-    for curves in own:
-        paths = known or list(paths_to(centre, curves[:, 0], window))
+@dataclass(frozen=True, eq=False)
+class _Warped:
+    """Presses of participants, each along its DTW path to the barycentre of its participant."""
+
+    means: Spool
+    """Each (channels, samples)."""
+    each: Spool
+    """Each (presses, samples): their first channel."""
+    lags: Spool
+    """Each (samples,), in samples: how late the presses are, in sum."""
+
+    def append(self, curves: FloatArray, paths: Sequence[WarpingPath]) -> None:
         warped = along(curves, paths)
-        aligned.append(warped[:, 0])
-        lag += np.sum([lags_along(path, len(centre)) for path in paths], axis=0)
-        mean = warped.mean(axis=0)
-        template = template + mean if template.size else mean
-    template /= own.participants
+        self.means.append(warped.mean(axis=0))
+        self.each.append(warped[:, 0])
+        self.lags.append(np.sum([lags_along(path, curves.shape[-1]) for path in paths], axis=0))
+
+
+def _barycentre(
+    warped: _Warped, centre: FloatArray, paths: Sequence[WarpingPath], rate_hz: float, *, in_time: bool
+) -> _Template:
+    """The paper's average, of which the first channel is the `centre`: a participant's path to it is followed
+    after each press's own.
+
+    `in_time` brings it to the mean time of the presses.
+    """
+    template, lag, members, aligned = np.zeros_like(warped.means[0]), np.zeros(len(centre)), 0, Spool()
+    for mean, rows, lags, path in zip(warped.means, warped.each, warped.lags, paths, strict=True):
+        template += along(mean[None], [path])[0] / len(paths)
+        aligned.append(along(rows[None], [path])[0])
+        lag += along(lags[None, None], [path])[0, 0] + len(rows) * lags_along(path, len(centre))
+        members += len(rows)
     template[0] = centre
     if not in_time:
         return _Template(template, aligned)
-    places, timed = centred(centre, lag / own.members, rate_hz), Spool()
+    places, timed = centred(centre, lag / members, rate_hz), Spool()
     for rows in aligned:
         timed.append(read_at(rows, places))
     return _Template(read_at(template, places), timed)

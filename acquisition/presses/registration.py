@@ -19,7 +19,7 @@ import scipy
 
 from ...base.arrays import BoolArray, FloatArray, IntArray
 from ...base.errors import ConfigurationError
-from .barycentre import WarpingPath, paths_to
+from .barycentre import WarpingPath, coarse_paths
 from .spline_rows import SplineRows, moved, splines
 from .spool import Spool
 
@@ -70,6 +70,10 @@ class WarpModel:
     def window(self, rate_hz: float) -> int:
         """`reach` in samples."""
         return max(2, round(self.reach * rate_hz))
+
+    def every(self, rate_hz: float) -> int:
+        """Samples between the places at which curves are compared: a click has no content above 1 kHz."""
+        return max(1, int(rate_hz // 2500))
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,12 +167,12 @@ def _average(blocks: Iterable[FloatArray], weights: FloatArray) -> FloatArray:
 class _Work:
     """Curves (curves, samples) with the values computed once for all steps. Warps are (curves, knots).
 
-    Curves are compared at `places` only: a click has no content above 1 kHz, so every n-th sample suffices.
+    Curves are compared at `places` only, see `WarpModel.every`.
     """
 
     def __init__(self, lead: FloatArray, rate_hz: float, m: WarpModel) -> None:
         samples = lead.shape[1]
-        self._every = max(1, int(rate_hz // 2500))
+        self._every = m.every(rate_hz)
         self.lead = lead
         self.m = m
         self.window = m.window(rate_hz)
@@ -236,7 +240,9 @@ class _Work:
             return warps
         tried = warps.copy()
         whole = scipy.interpolate.CubicSpline(self.places, template)(np.arange(self.lead.shape[1]))
-        tried[far] = self.from_paths(whole, paths_to(whole, self.lead[far], self.window), len(far))
+        tried[far] = self.from_paths(
+            whole, coarse_paths(whole, self.lead[far], self.window, self._every), len(far)
+        )
         for _ in range(self.m.rounds):
             tried = self.step(tried, template, noise, far)
         better = self.distances(tried, template, noise) < left

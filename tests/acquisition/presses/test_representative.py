@@ -75,7 +75,7 @@ def test_events_that_jitter_independently_keep_their_shape_and_their_spectrum(fa
     assert rms(spectra["chosen"]) < rms(spectra["paper"])
 
 
-@pytest.mark.parametrize(("family", "number"), [("tempo", 1002), ("crowded", 1019)])
+@pytest.mark.parametrize(("family", "number"), [("tempo", 1002), ("crowded", 1000)])
 def test_where_events_jitter_the_method_with_the_smaller_error_is_chosen(family, number):
     """Clear cases, picked among 100 hash-seeded sets: they guard against regression, and show no accuracy."""
     presses = unseen(family, "jittered", number)
