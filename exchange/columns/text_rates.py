@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import contextlib
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
-from datetime import date, datetime
+from datetime import datetime
 
 import numpy as np
 
@@ -190,11 +190,10 @@ def _number(text: str, decimal: str) -> float | None:
 
 _CLOCK = r"(?P<h>\d{1,2}):(?P<m>\d{2}):(?P<s>\d{2}(?:[.,]\d+|:\d{3})?)\s*(?P<half>[AaPp]\.?\s?[Mm]\.?)?"
 _STAMPS = tuple(
-    re.compile(rf"\s*{day}{between}(?:{_CLOCK})?\s*(?:Z|UTC|[+-]\d\d:?\d\d)?\s*\Z")
+    re.compile(rf"\s*{day}{between}(?:{_CLOCK})?\s*(?:Z|UTC|(?P<offset>[+-]\d\d:?\d\d))?\s*\Z")
     for day, between in (
         (r"(?P<year>\d{4})[-/.](?P<month>\d{1,2})[-/.](?P<day>\d{1,2})", r"[T ]?\s*"),
         (r"(?P<day>\d{1,2})\.(?P<month>\d{1,2})\.(?P<year>\d{4})", r"[T ,]?\s*"),
-        # Month first, as in the United States; the other way round only a day's change would be wrong.
         (r"(?P<month>\d{1,2})/(?P<day>\d{1,2})/(?P<year>\d{4})", r"[T ,]?\s*"),
         (r"(?P<day>\d{1,2})[- ](?P<month>[A-Z][a-z]{2})[- ](?P<year>\d{4})", r"[T ,]?\s*"),
     )
@@ -239,24 +238,20 @@ def seconds_of(texts: Sequence[str]) -> FloatArray:
                 return np.asarray((instants - instants[0]) / np.timedelta64(1, "ns") * 1e-9)
     one = next((text for text in texts if is_stamp(text)), "")
     kind = next((s for s in (*_STAMPS, *_CLOCKS) if s.match(one)), _TIME)
-    days: dict[tuple[str, str, str], float] = {}
+    matches = [(row, match) for row, text in enumerate(texts) if (match := kind.match(text))]
+    dated = kind in _STAMPS
+    days = _days({_day_of(match) for _, match in matches}) if dated else {}
     found = np.full(len(texts), np.nan)
-    for row, text in enumerate(texts):
-        match = kind.match(text)
-        if match is None:
-            continue
+    for row, match in matches:
         said = match.groupdict()
-        clock = 0.0
+        clock = _DAY * days[_day_of(match)] if dated else 0.0
         if said["s"] is not None:
             hour = int(said.get("h") or 0)
             if said.get("half"):
                 hour = hour % 12 + 12 * (said["half"][0].lower() == "p")
-            clock = _HOUR * hour + 60.0 * int(said["m"]) + float(re.sub("[,:]", ".", said["s"]))
-        if "year" in said:
-            key = (said["year"], said["month"], said["day"])
-            if key not in days:
-                days[key] = _ordinal(*key) * _DAY
-            clock += days[key] - next(iter(days.values()))
+            clock += _HOUR * hour + 60.0 * int(said["m"]) + float(re.sub("[,:]", ".", said["s"]))
+        if offset := said.get("offset"):  # which changes in the hour in which clocks are set
+            clock -= float(f"{offset[0]}1") * (_HOUR * int(offset[1:3]) + 60.0 * int(offset[-2:]))
         found[row] = clock + _DAY * int(said.get("days") or 0)
     there = np.flatnonzero(np.isfinite(found))
     if not len(there):
@@ -267,11 +262,23 @@ def seconds_of(texts: Sequence[str]) -> FloatArray:
     return np.asarray(found - found[there[0]])
 
 
-def _ordinal(year: str, month: str, day: str) -> float:
-    for form in ("%Y-%m-%d", "%Y-%d-%m", "%Y-%b-%d"):  # the 20th month: the day stands first
-        try:
-            found: date = datetime.strptime(f"{year}-{month}-{day}", form)
-        except ValueError:
-            continue
-        return float(found.toordinal())
-    return float("nan")
+def _day_of(match: re.Match[str]) -> tuple[str, str, str]:
+    return match["year"], match["month"], match["day"]
+
+
+def _days(keys: Collection[tuple[str, str, str]]) -> dict[tuple[str, str, str], float]:
+    """Days from the first of year, month and day, NaN for what is none.
+
+    Of day and month, that stands first with which the days are nearest to each other: a measurement over
+    midnight is of two neighbours.
+    """
+    best: dict[tuple[str, str, str], float] = {}
+    for form in ("%Y-%m-%d", "%Y-%d-%m", "%Y-%b-%d"):
+        found = {}
+        for key in keys:
+            with contextlib.suppress(ValueError):
+                found[key] = datetime.strptime("-".join(key), form).toordinal()
+        first, last = min(found.values(), default=0), max(found.values(), default=0)
+        if (len(found), first - last) > (len(best), -max(best.values(), default=0.0)):
+            best = {key: float(day - first) for key, day in found.items()}
+    return {key: best.get(key, float("nan")) for key in keys}

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from zoneinfo import ZoneInfo
 
 import h5py
 import numpy as np
@@ -334,6 +335,32 @@ CASES = (
     Case("dates with an offset", stamped(AT, zone="+02:00"), "+02:00", "2026-05-01T08:00:00+00:00"),
     Case("dates in UTC", stamped(AT, zone="Z"), f"{AT[:10]} 10", UTC),
     Case("dates alone", stamped(AT), "2026-05-01 10", local=AT),
+    *(
+        Case(f"over midnight: {form}", stamped(f"{day}T23:59:59.9", form=form), words, local=local)
+        for day, form, words, local in (
+            ("2026-05-12", "%d/%m/%Y %H:%M:%S.%f", "12/05/2026", ""),
+            ("2026-05-31", "%d/%m/%Y %H:%M:%S.%f", "31/05/2026", "2026-05-31T23:59:59.900000"),
+            ("2026-05-01", "%d/%m/%Y %H:%M:%S.%f", "01/05/2026", ""),
+            ("2026-05-31", "%m/%d/%Y %I:%M:%S.%f %p", "05/31/2026", "2026-05-31T23:59:59.900000"),
+            ("2026-12-31", "%d-%b-%Y %H:%M:%S.%f", "31-Dec-2026", "2026-12-31T23:59:59.900000"),
+        )
+    ),
+    Case(
+        "offsets in the hour in which clocks are set",
+        TEXT.replace("Time (s)", "Time")
+        + "\n"
+        + rows(
+            [
+                (dt.datetime.fromisoformat("2026-03-29T01:59:59.9+01:00") + dt.timedelta(seconds=t))
+                .astimezone(ZoneInfo("Europe/Berlin"))
+                .isoformat(timespec="microseconds")
+                for t in T.tolist()
+            ],
+            F,
+        ),
+        "01:59:59.900000+01:00",
+        "2026-03-29T00:59:59.900000+00:00",
+    ),
     Case("dates with a told rate", stamped(AT, zone="Z"), AT[:10], UTC, told={"rate_hz": 5000}),
     Case("dates of either order", stamped(AT, form="%d/%m/%Y %H:%M:%S.%f"), "01/05/2026 10:00:00"),
     Case(
