@@ -5,6 +5,7 @@ Runs in `contained`'s process.
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Iterator
 from dataclasses import replace
@@ -25,6 +26,8 @@ _SCALES = (
 )  # fmt: skip
 """Of DAQmx, those that the library for TDMS applies."""
 _SECOND = np.timedelta64(1, "s")
+_LEAD = 28
+"""Bytes before a TDMS segment's metadata; the last eight are the metadata's length."""
 
 
 def tdms(path: Path) -> Iterator[Column]:
@@ -34,8 +37,9 @@ def tdms(path: Path) -> Iterator[Column]:
     with path.open("rb") as opened, nptdms.TdmsFile.open(opened) as file:
         channels = [channel for group in file.groups() for channel in group.channels() if len(channel)]
         several = len({channel.group_name for channel in channels}) > 1
-        begun = [t for one in channels if (t := _begun(one.properties)) is not None]
-        origin = min(begun, default=None)
+        first = _of_first_segment(nptdms, path)
+        starts = {one.path: _begun({**one.properties, **first.get(one.path, {})}) for one in channels}
+        origin = min((at for at in starts.values() if at is not None), default=None)
         for channel in channels:
             said = {**file.properties, **file[channel.group_name].properties, **channel.properties}
             values = np.asarray(channel[:])
@@ -48,7 +52,7 @@ def tdms(path: Path) -> Iterator[Column]:
                 raise ValueError(f"{channel.name} is over frequency")
             step = float(said.get("wf_increment", 0.0))
             own = channel.properties
-            at = _begun(own)
+            at = starts[channel.path]
             start, since = None, at
             if step > 0 and (origin is None or at is not None):
                 later = 0.0 if origin is None or at is None else float((at - origin) / _SECOND)
@@ -70,6 +74,21 @@ def tdms(path: Path) -> Iterator[Column]:
                 _utc("", values[0]) if stamps else _utc("wf_start_time ", since),
                 doubt=own_doubt,
             )
+
+
+def _of_first_segment(nptdms: Any, path: Path) -> dict[str, Any]:
+    """By a channel's path, its properties as the first segment states them.
+
+    The library gives the last ones: of a waveform that was written piece by piece, the last piece's start.
+    """
+    with path.open("rb") as file:
+        lead = file.read(_LEAD)
+        size = _LEAD + int.from_bytes(lead[-8:], "little")
+        if len(lead) < _LEAD or size > path.stat().st_size:
+            return {}
+        head = io.BytesIO(lead + file.read(size - _LEAD))
+    found = nptdms.TdmsFile.read_metadata(head)
+    return {one.path: one.properties for group in found.groups() for one in group.channels()}
 
 
 def _begun(own: Any) -> Any:

@@ -75,12 +75,17 @@ def stamped(first: str, *, zone: str = "", form: str = "%Y-%m-%d %H:%M:%S.%f", h
     return f"{heading},Force (N)\n" + rows([t.strftime(form) + zone for t in times], F)
 
 
-def tdms(**said: Any) -> Callable[[Path], None]:
+def tdms(segments: int = 1, **said: Any) -> Callable[[Path], None]:
+    """A waveform that is written piece by piece, with the start of each."""
+
     def write(path: Path) -> None:
         nptdms = pytest.importorskip("nptdms")
         own = {"unit_string": "N", "wf_increment": 2e-4, **said}
         with nptdms.TdmsWriter(str(path)) as file:
-            file.write_segment([nptdms.ChannelObject("group", "Force", F, properties=own)])
+            for part in np.split(F, segments):
+                file.write_segment([nptdms.ChannelObject("group", "Force", part, properties=own)])
+                if segments > 1:
+                    own["wf_start_time"] += np.timedelta64(200 * len(part), "us")
 
     return write
 
@@ -212,6 +217,9 @@ CASES = (
         "wf_start_time",
         "2026-05-01T10:00:00.250000+00:00",
         suffix="tdms",
+    ),
+    Case(
+        "TDMS in pieces", tdms(5, wf_start_time=np.datetime64(AT, "us")), "wf_start_time", UTC, suffix="tdms"
     ),
     Case("TDMS's zero", tdms(wf_start_time=np.datetime64("1904-01-01", "us")), suffix="tdms"),
     Case("NWB", nwb, f"{AT}+02:00", "2026-05-01T08:00:01.500000+00:00", suffix="nwb"),
