@@ -102,7 +102,16 @@ def _save(path: Path, destination: Path, header: Header, contents: Contents, los
     samples = contents.codes.shape[1]
     accepted = len({press.number for press in verdicts_in(contents.presses) if press.accepted})
     saved = f"Recovered {samples / header.rate_hz:.2f} s with {accepted} of {header.presses} presses accepted"
-    events = [*_streams_left(path, header, contents), Event(samples, "recovered", f"{saved}; {lost}")]
+    streams = _streams_left(path, header)
+    if gone := ", ".join(name for name, file in streams.items() if file is None):
+        lost += f" No file is there of the stream {gone}."
+    named = {file.file for file in files_in(events_in(contents.events))}
+    left = [
+        reading_event(samples, "streams", NewFile(name, file), path.parent)
+        for name, file in streams.items()
+        if file is not None and file.name not in named
+    ]
+    events = [*left, Event(samples, "recovered", f"{saved}; {lost}")]
     rows = np.frombuffer(b"".join(map(event_row, events)), dtype=EVENT)
     contents = replace(contents, events=np.concatenate([contents.events, rows]))
     write_finished(destination, header, contents, "recovered", in_place=False)
@@ -178,18 +187,17 @@ def _padded(path: Path) -> Iterator[h5py.File]:
         yield file
 
 
-def _streams_left(path: Path, header: Header, contents: Contents) -> Iterator[Event]:
-    """The files of streams that a killed session did not come to name, as events: whole up to the cut."""
-    named = {file.file for file in files_in(events_in(contents.events))}
+def _streams_left(path: Path, header: Header) -> dict[str, Path | None]:
+    """By name, the file of each stream, whole up to the cut; None where none is there."""
     streams = json.loads(header.rig).get("streams") or {"inlets": ()}
+    found: dict[str, Path | None] = {}
     for name in streams["inlets"]:
         written = re.compile(rf"{re.escape(path.stem)}-{re.escape(name)}(?:\.(\d+))?\.xdf")
         matches = filter(None, (written.fullmatch(one.name) for one in path.parent.iterdir()))
         # Those with a lower number are of sessions that ended before their first press.
         last = max(matches, key=lambda match: int(match[1] or 1), default=None)
-        if last and last[0] not in named:
-            file = NewFile(name, path.parent / last[0])
-            yield reading_event(contents.codes.shape[1], "streams", file, path.parent)
+        found[name] = path.parent / last[0] if last else None
+    return found
 
 
 class _Padded(io.RawIOBase):

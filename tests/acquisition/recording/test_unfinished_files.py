@@ -89,6 +89,7 @@ def test_recovering_names_the_files_of_streams_that_a_kill_left(tmp_path):
         for name, file in (("eeg", "eeg.10"), ("cues", "cues"))
     )
     assert [event.kind for event in recovered.events] == ["file", "file", "recovered"]
+    assert recovered.events[-1].text.endswith("are lost. No file is there of the stream gone.")
 
 
 def cut(path: Path, folder: Path, keep: int) -> Path:
