@@ -81,17 +81,19 @@ def read_section(path: Path, presses: Sequence[Representative] = ()) -> Section:
 
 
 def read_sections(files: Sequence[Path], progress: Progress) -> list[Section]:
-    """Read each file, with its progress. Raises DataError."""
-    sections, presses = [], []
+    """Read each file, a copy of another once, with its progress. Raises DataError."""
+    presses = []
+    sections: dict[tuple[str, ...], Section] = {}
     # A check is shown beside its press, wherever that is named.
     for path in files if len(files) > 1 else ():
         if path.suffix == ".h5" and hdf5.kind_of(path) == "representative":
             presses.append(Representative.load(path))
     for number, path in enumerate(files):
         progress("Read the data", number, len(files), "files")
-        sections.append(read_section(path, presses))
+        section = read_section(path, presses)
+        sections.setdefault(tuple(digest for _, digest in section.sources), section)
     progress("Read the data", len(files), len(files), "files")
-    return sections
+    return list(sections.values())
 
 
 def _study(path: Path) -> Section:

@@ -108,6 +108,13 @@ def test_what_several_files_show_alike_is_one_figure_and_drawn_once(demo: Demo, 
     assert caption.count("n = 10 presses") == 2 and "latch.h5" in caption and "push.h5" in caption
 
 
+def test_a_copy_of_a_file_counts_once(demo: Demo, tmp_path: Path) -> None:
+    one = demo.folder / "recordings" / "P01-latch.h5"
+    write_report([one, Path(shutil.copy(one, tmp_path / "copy.h5"))], tmp_path / "a.html")
+    page = (tmp_path / "a.html").read_text(encoding="utf-8")
+    assert "n = 10 presses by 1 participant" in page and "n = 20" not in page
+
+
 def test_a_folder_of_files_is_reported_and_shown_and_any_other_refused(
     demo: Demo, run: Run, tmp_path: Path
 ) -> None:
