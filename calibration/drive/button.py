@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from fractions import Fraction
+from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -282,6 +283,11 @@ def check_feeling(check: Check, press: Representative | None = None) -> Feeling:
         >>> "of people" in feeling.sentence
         True
     """
+    return _feeling(check, press)
+
+
+@lru_cache(maxsize=8)  # a report asks for its table, its verdicts and its figure
+def _feeling(check: Check, press: Representative | None) -> Feeling:
     return feeling_of(
         check.target,
         check.measured,
