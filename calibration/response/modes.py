@@ -28,8 +28,9 @@ from .terms import moved, rows, terms_of
 
 _STEPS = 12
 """Largest number of refinement steps."""
-_CONVERGED = 1e-3
-"""Relative decrease of the squared residual, as foreseen, below which refinement ends."""
+_SETTLED, _CONVERGED = 1e-2, 1e-3
+"""Relative decrease of the squared residual, as foreseen, below which refinement ends: during the search for
+poles, and at the end."""
 _STRONGEST = 16
 """Singular vectors of the points that contain nearly all power: about one for each mode."""
 _FEW, _MORE = 2, 6
@@ -147,7 +148,7 @@ def fit_modes(plays: Sequence[Plays], patches: int) -> Modes:
         else:
             best, cost = grown, grown.cost
     modes = _pruned(best, _KEEP * each).modes
-    return _refined(_Fit.of(modes, [_mixed(one, _MORE) for one in plays]), _STEPS).modes
+    return _refined(_Fit.of(modes, [_mixed(one, _MORE) for one in plays]), _STEPS, _CONVERGED).modes
 
 
 def _pruned(best: _Fit, worth: float) -> _Fit:
@@ -162,13 +163,13 @@ def _pruned(best: _Fit, worth: float) -> _Fit:
     return best
 
 
-def _refined(best: _Fit, steps: int) -> _Fit:
+def _refined(best: _Fit, steps: int, settled: float = _SETTLED) -> _Fit:
     """Refine modes to a minimum of the squared residual near the given ones."""
     damping, linear = 1e-4, None
     for _ in range(steps):
         normal, gradient = linear = linear or best.linear()
         modes, step = _stepped(best.modes, normal, gradient, damping)
-        if 2 * step @ gradient - step @ normal @ step < _CONVERGED * best.cost:
+        if 2 * step @ gradient - step @ normal @ step < settled * best.cost:
             break
         tried = _Fit.of(modes, [one.plays for one in best.parts])
         if tried.cost < best.cost:
