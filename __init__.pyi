@@ -49,7 +49,7 @@ from .calibration import Multisine as Multisine
 from .calibration import Outcome as Outcome
 from .calibration import PressedDrives as PressedDrives
 from .calibration import Response as Response
-from .calibration import Trade as Trade
+from .calibration import TradeOff as TradeOff
 from .calibration import VibrationMap as VibrationMap
 from .calibration import Waveforms as Waveforms
 from .calibration import activate as activate

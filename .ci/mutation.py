@@ -50,17 +50,12 @@ TESTS: dict[str, tuple[str, ...]] = {
     "instruments/interlock.py": PLAYED,
     "instruments/safety/limiter.py": PLAYED,
     "instruments/safety/judge.py": PLAYED,
-    "instruments/safety/outputs.py": (
-        f"{SAFETY}outputs.py",
-        f"{SAFETY}foreign_volts.py",
-        f"{SAFETY}other_clients.py",
-        f"{SAFETY}taken.py",
-    ),
     "instruments/safety/safe_state.py": tuple(
-        f"{SAFETY}{name}.py" for name in ("single_steps", "taken", "ways_out", "other_clients")
+        f"{SAFETY}{name}.py"
+        for name in ("outputs", "foreign_volts", "single_steps", "taken", "ways_out", "other_clients")
     ),
-    "instruments/rig/gain_proof.py": (f"{SAFETY}single_steps.py", "tests/instruments/rig/test_gain_proof.py"),
-    "acquisition/session/stream_reader.py": ("tests/acquisition/session/test_stream_reader.py",),
+    "instruments/rig/monitoring.py": (f"{SAFETY}single_steps.py", "tests/instruments/rig/test_gain_proof.py"),
+    "acquisition/session/recorder.py": ("tests/acquisition/session/test_stream_reader.py",),
     "instruments/safety/duty.py": (f"{SAFETY}outputs.py", f"{SAFETY}duty.py"),
     "instruments/safety/lockout.py": (
         f"{SAFETY}lockout.py",

@@ -7,7 +7,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 
-from .flag import Flag
+from .threads import Flag
 
 
 class Clock(ABC):

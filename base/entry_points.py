@@ -1,4 +1,4 @@
-"""Entry points of installed packages: roles, drivers, twins, wires, plants and faults.
+"""Entry points of installed packages, and packages of optional extras: loaded where they are needed.
 
 haploop's own are found in the same way, except its faults (`mocks/faults/`). Only those that a rig needs
 are loaded, so that a broken package affects only the rigs that use it.
@@ -6,6 +6,7 @@ are loaded, so that a broken package affects only the rigs that use it.
 
 from __future__ import annotations
 
+import importlib
 import os
 import sys
 from contextlib import suppress
@@ -17,8 +18,8 @@ from typing import Any
 from pydantic import BaseModel
 
 from .errors import ConfigurationError
-from .near_words import did_you_mean
 from .signals import uninterrupted
+from .wording import did_you_mean
 
 ROLES, DRIVERS, TWINS, WIRES = "haploop.roles", "haploop.drivers", "haploop.twins", "haploop.wires"
 FAULTS, PLANTS, SIMULATION = "haploop.faults", "haploop.plants", "haploop.simulation"
@@ -161,3 +162,20 @@ def named(group: str, name: str) -> str:
     found = entries(group, name)
     packages = sorted(entry.dist.name if entry.dist else "(unknown)" for entry in found)
     return f"The {_kind(group)} {name!r} of the package {' and '.join(packages)}"
+
+
+# Packages of optional extras, loaded where they are needed.
+
+
+def optional(module: str, extra: str, user: str) -> Any:
+    """Import `module` for `user`, the subject of the error's sentence.
+
+    Raises ConfigurationError, which names the package and the extra to install.
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        package = module.partition(".")[0]
+        raise ConfigurationError(
+            f'{user} needs {package}, which does not load ({error}): pip install "haploop[{extra}]".'
+        ) from None

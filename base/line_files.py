@@ -21,8 +21,7 @@ from typing import Any
 
 from .errors import DataError
 from .files import appended, beside, make_folder, os_error_text, private_files, whole_file
-from .json_files import read_json
-from .json_text import as_file, as_line, with_hash
+from .json_files import as_file, as_line, read_json, with_hash
 from .publishing import sync_folder
 
 _LARGEST = 1 << 28

@@ -9,8 +9,8 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from .errors import ConfigurationError
-from .near_words import did_you_mean
 from .toml_lines import Location
+from .wording import did_you_mean
 
 Model = TypeVar("Model", bound=BaseModel)
 

@@ -34,9 +34,9 @@ from haploop.calibration import Calibration, Drive, PressedDrives
 from haploop.calibration.response import settle
 from haploop.instruments import Rig
 from haploop.instruments.operator import LiftFinger, RestFinger
-from haploop.mocks.plant.hands import Fingertip
 from haploop.mocks.plant.table import FEWEST_HZ
 from haploop.mocks.plant.touched import touched_velocity
+from haploop.mocks.plant.touches import Fingertip
 
 MASSES = (0.96, 0.32, 0.096)
 FORCES = (0.25, 1.0, 5.0)

@@ -29,8 +29,8 @@ import numpy as np
 import haploop
 from haploop.acquisition import Representative
 from haploop.base.progress import silent
-from haploop.calibration.upkeep import History, adopt, recalibrate
-from haploop.calibration.upkeep.look import look_at
+from haploop.calibration.recalibration import History, adopt, recalibrate
+from haploop.calibration.recalibration.look import look_at
 from haploop.instruments.operator.unattended import Unattended
 
 MASSES = (0.96, 0.32, 0.096)

@@ -19,7 +19,7 @@ import numpy as np
 
 from benchmarks.drives import METHODS, snap
 from benchmarks.table import Row, ratios
-from haploop.calibration import Drive, Trade, calibrate, drive_for
+from haploop.calibration import Drive, TradeOff, calibrate, drive_for
 from haploop.calibration.drive import check
 from haploop.instruments import Rig, open_rig
 from haploop.instruments.config import RigFile
@@ -92,7 +92,7 @@ def made(rig: Rig, method: str) -> dict[str, Drive]:
     calibrations = [calibrate(rig, patch) for patch in WIDTHS]
     drives = {"A alone": drive_for(press, calibrations[0], limits, method=method)}  # type: ignore[arg-type]
     for loud in LOUD:
-        trade = Trade(scale=loud * drives["A alone"].scale)
+        trade = TradeOff(scale=loud * drives["A alone"].scale)
         drives[f"four, {loud} x as loud"] = drive_for(press, calibrations, limits, method=method, trade=trade)  # type: ignore[arg-type]
     return drives
 

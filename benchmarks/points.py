@@ -28,7 +28,7 @@ from haploop.acquisition import Representative
 from haploop.calibration import (
     Drive,
     Multisine,
-    Trade,
+    TradeOff,
     VibrationMap,
     calibrate,
     drive_for,
@@ -103,13 +103,13 @@ def made(rig: Rig, rng: np.random.Generator) -> dict[str, Drive]:
     scale = drive_for(press, own[0], limits).scale
     taken = with_map(own, found, [str(point) for point in points])
 
-    def planned(wanted: Wanted, trade: Trade) -> Drive:
+    def planned(wanted: Wanted, trade: TradeOff) -> Drive:
         kept = [c for c in taken if c.response.point in ("button", *wanted)]
         return drive_for(press, kept, limits, trade=trade, elsewhere=wanted)
 
     drives = {}
     for plan, drift in PLANS.items():
-        quiet, both = Trade(scale=scale, drift=drift), Trade(error=0.05, drift=drift)
+        quiet, both = TradeOff(scale=scale, drift=drift), TradeOff(error=0.05, drift=drift)
         for count in range(1, len(far) + 1):
             name = f"silent at {count} point{'s' if count > 1 else ''}{plan}"
             drives[name] = planned(dict.fromkeys(far[:count]), quiet)
@@ -119,7 +119,7 @@ def made(rig: Rig, rng: np.random.Generator) -> dict[str, Drive]:
             print(f"{name}: {drives[name].scale / scale:.2f} times as loud as A alone", flush=True)
     for step, point in near.items():
         name = f"silent {step} step{'s' if step > 1 else ''} beside the button"
-        drives[name] = planned({point: None}, Trade(scale=scale, drift=STEADY))
+        drives[name] = planned({point: None}, TradeOff(scale=scale, drift=STEADY))
     return drives
 
 

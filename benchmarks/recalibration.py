@@ -33,8 +33,8 @@ import haploop
 from benchmarks.table import Row
 from haploop.base.arrays import FloatArray
 from haploop.calibration import DigitalButton
+from haploop.calibration.recalibration import History, adopt, buttons_of, recalibrate
 from haploop.calibration.response import settle
-from haploop.calibration.upkeep import History, adopt, buttons_of, recalibrate
 from haploop.instruments import Rig
 
 BUTTONS = ("latch", "toggle", "push")

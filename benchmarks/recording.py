@@ -28,7 +28,7 @@ from benchmarks.contestants import CHANNELS, CONTESTANTS, FULL_SCALE, NAMES, Mat
 from benchmarks.table import Row, ratios
 from haploop.acquisition.recording.salvage import read_contents
 from haploop.acquisition.recording.writer import Writer
-from haploop.acquisition.session.stream_reader import StreamReader
+from haploop.acquisition.session.recorder import StreamReader
 from haploop.base.clock import RealClock
 from haploop.instruments import Block, Stream
 

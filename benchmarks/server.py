@@ -37,7 +37,7 @@ from benchmarks.contestants import header
 from benchmarks.processes import spread
 from benchmarks.table import Row, ratios
 from haploop.acquisition.recording.writer import Writer
-from haploop.acquisition.session.stream_reader import StreamReader
+from haploop.acquisition.session.recorder import StreamReader
 from haploop.base.arrays import FloatArray
 from haploop.base.clock import RealClock
 from haploop.base.validation import validate

@@ -32,7 +32,7 @@ from benchmarks.recording import PAPER_RATE, Paced
 from benchmarks.table import Row, ratios
 from haploop.acquisition.recording.salvage import read_contents
 from haploop.acquisition.recording.writer import Writer
-from haploop.acquisition.session.stream_reader import StreamReader
+from haploop.acquisition.session.recorder import StreamReader
 from haploop.base.clock import RealClock
 from haploop.instruments import Sensors
 from haploop.instruments.live import Feed, Publisher, Run

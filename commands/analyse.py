@@ -10,8 +10,8 @@ import click
 
 from ..reports import contents, show
 from ..terminal.progress import Steps
-from . import front as haploop
-from .grouped import Shown, showing
+from . import public as haploop
+from .option_groups import Shown, showing
 from .options import JSON, ONLY, PATH
 
 if TYPE_CHECKING:

@@ -13,8 +13,8 @@ from ..calibration import sizes
 from ..instruments.operator import RestFinger
 from ..reports import contents, outputs, show
 from ..terminal.progress import Steps
-from . import front as haploop
-from .grouped import (
+from . import public as haploop
+from .option_groups import (
     AskedElsewhere,
     AskedPlays,
     AskedPress,

@@ -14,8 +14,8 @@ from ..base.errors import InstrumentError
 from ..reports import contents, outputs
 from ..reports import show as display
 from ..terminal.progress import Steps, print_either
-from . import front as haploop
-from .grouped import COLUMNS
+from . import public as haploop
+from .option_groups import COLUMNS
 from .options import JSON, PATH, PICTURE, RIG, TAPE, ChosenRig, on_rig, on_table
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def active_drives(rig: str) -> dict[str, Drive]:
     """The drives of a rig's active digital buttons, by name; none where there is no history to be read."""
     try:
         active = _history(rig, None).active()
-        from ..calibration.upkeep import buttons_of  # noqa: PLC0415
+        from ..calibration.recalibration import buttons_of  # noqa: PLC0415
 
         buttons = buttons_of(active)
     except haploop.HaploopError:
@@ -178,7 +178,7 @@ def recalibrate(
     file = rig.load()  # an error in the rig file is told before that it has no calibration
     history = _history(rig.name or str(rig.simulate).removeprefix(TAPE), calibrations)
     history.active()
-    from ..calibration.upkeep import note_unopened  # noqa: PLC0415
+    from ..calibration.recalibration import note_unopened  # noqa: PLC0415
 
     nobody = None if attended else haploop.Unattended(laser_at)
     with ExitStack() as stack:

@@ -18,16 +18,14 @@ from .calibrations import calibrations, recalibrate
 from .demo.command import demo
 from .examples import show_examples
 from .experiment import experiment
-from .export import export
-from .figures import figures
+from .export import export, figures
 from .files import list_command, recover, report, show, verify
 from .importing import import_
 from .live import live
-from .maintenance import doctor, log, reset, schema
 from .map import map_command
 from .new import new
 from .record import record, represent
-from .rig import rig
+from .rig import doctor, log, reset, rig, schema
 from .serve import serve
 from .status import status
 from .study import study

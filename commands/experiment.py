@@ -14,7 +14,7 @@ from ..base.files import new_file
 from ..base.wording import capital
 from ..reports import contents, outputs, show
 from ..terminal.progress import Steps, note, print_either, print_line
-from . import front as haploop
+from . import public as haploop
 from .options import JSON, PATH, ChosenRig, FiniteRange, NewFile, on_rig
 
 if TYPE_CHECKING:

@@ -12,8 +12,8 @@ from ..reports import contents
 from ..reports import show as display
 from ..terminal.browser import open_page
 from ..terminal.progress import SIMULATED, Steps, note, print_json, print_line
-from . import front as haploop
-from .grouped import Shown, showing
+from . import public as haploop
+from .option_groups import Shown, showing
 from .options import JSON, PATH
 
 

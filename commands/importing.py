@@ -14,7 +14,7 @@ import click
 from ..base.wording import capital
 from ..reports import contents, outputs, show
 from ..terminal.progress import Steps, note, print_json, print_line
-from . import front as haploop
+from . import public as haploop
 from .options import JSON, PATH, PICTURE, RIG, FiniteRange
 
 if TYPE_CHECKING:

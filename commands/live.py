@@ -6,7 +6,7 @@ from contextlib import ExitStack
 
 import click
 
-from . import front as haploop
+from . import public as haploop
 from .options import ChosenRig, FiniteRange, on_rig
 
 

@@ -8,7 +8,7 @@ import click
 
 from ..reports import contents, show
 from ..terminal.progress import Steps, note
-from . import front as haploop
+from . import public as haploop
 from .options import JSON, PATH, ChosenRig, FiniteRange, on_rig
 
 _MOST_POINTS = 100_000

@@ -15,7 +15,7 @@ import click
 from ..reports import contents, outputs
 from ..terminal.browser import open_page
 from ..terminal.progress import print_line
-from . import front as haploop
+from . import public as haploop
 from .options import PATH
 from .study import STUDY_FORM
 

@@ -17,7 +17,7 @@ from .. import instruments
 from ..reports import outputs
 from ..terminal.exits import CommandState
 from ..terminal.progress import note
-from . import front as haploop
+from . import public as haploop
 
 if TYPE_CHECKING:
     from ..instruments import Rig, RigFile

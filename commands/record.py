@@ -10,8 +10,8 @@ import click
 
 from ..reports import contents, show
 from ..terminal.progress import Steps, note
-from . import front as haploop
-from .grouped import Prompts, on_prompts
+from . import public as haploop
+from .option_groups import Prompts, on_prompts
 from .options import AVERAGE, JSON, NEW, NOTES, PATH, ChosenRig, on_rig
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ import click
 
 from .. import instruments
 from ..terminal.progress import note
-from . import front as haploop
+from . import public as haploop
 from .calibrations import CALIBRATIONS
 from .options import PATH, RIG, SIMULATE, TAPED
 

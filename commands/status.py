@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from ..reports import contents
 from ..terminal.progress import Steps, print_line
-from . import front as haploop
+from . import public as haploop
 
 if TYPE_CHECKING:
     from ..exchange.catalogue import Entry

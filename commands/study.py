@@ -12,8 +12,8 @@ import click
 
 from ..reports import contents, outputs, show
 from ..terminal.progress import Steps, print_either, print_line
-from . import front as haploop
-from .grouped import Prompts, on_prompts
+from . import public as haploop
+from .option_groups import Prompts, on_prompts
 from .options import JSON, NOTES, PATH, ChosenRig, average_option, on_rig
 
 if TYPE_CHECKING:

@@ -16,8 +16,8 @@ from ..calibration.band import BAND
 from ..instruments.operator import RestFinger
 from ..reports import contents, outputs, show
 from ..terminal.progress import Steps, note
-from . import front as haploop
-from .grouped import AskedPlays, AskedPress, on_plays, on_press
+from . import public as haploop
+from .option_groups import AskedPlays, AskedPress, on_plays, on_press
 from .options import EXITS, FINGER, FORCE, JSON, NEW, PATH, ChosenRig, FiniteRange, Names, on_rig, on_table
 
 _FEWEST = 3

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..terminal.progress import note, print_json, print_line
-from . import front as haploop
+from . import public as haploop
 from .options import JSON, PATH, NewFile
 
 if TYPE_CHECKING:

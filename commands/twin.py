@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..base.flag import Flag
+from ..base.threads import Flag
 from ..terminal.progress import note
 from .options import NewFile, tape_session
 from .serving import Asked, has_terminals, ports_of, served
@@ -116,7 +116,7 @@ def ni(
     from ..base.validation import validate  # noqa: PLC0415
     from ..instruments import load_rig_file  # noqa: PLC0415
     from ..instruments.daq.ni_daqmx import NiDaq  # noqa: PLC0415
-    from ..mocks.daq.ni.wire import wiring_of  # noqa: PLC0415
+    from ..mocks.daq.ni_wire import wiring_of  # noqa: PLC0415
     from ..mocks.plant import Plant  # noqa: PLC0415
     from ..nidaqmx_twin import inventory_of, run  # noqa: PLC0415
 
@@ -144,7 +144,7 @@ def _on_a_bench(
     from ..instruments.tape import Recorder, current  # noqa: PLC0415
     from ..mocks.bench import running  # noqa: PLC0415
     from ..nidaqmx_twin.bench import devices_of, read_bench  # noqa: PLC0415
-    from ..nidaqmx_twin.command import run_command  # noqa: PLC0415
+    from ..nidaqmx_twin.standalone import run_command  # noqa: PLC0415
 
     said = read_bench(bench) if bench is not None else None
     listed = devices_of(named, export, said)
@@ -193,8 +193,8 @@ class _Serving:
 
 def _serve(how: _Serving) -> int:
     """Serve wires on one plant until Ctrl-C, and print their addresses, or as long as a command runs."""
-    from ..nidaqmx_twin.command import run_command  # noqa: PLC0415
     from ..nidaqmx_twin.redirect import environment  # noqa: PLC0415
+    from ..nidaqmx_twin.standalone import run_command  # noqa: PLC0415
 
     command = how.command
     asked = Asked(

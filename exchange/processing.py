@@ -10,16 +10,18 @@ from __future__ import annotations
 import csv
 import hashlib
 import json
+import multiprocessing
 import os
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import numpy as np
@@ -34,15 +36,14 @@ from ..acquisition import (
     representative,
     with_presses,
 )
+from ..base.entry_points import optional
 from ..base.errors import ConfigurationError, DataError, InstrumentError
-from ..base.extras import optional
 from ..base.files import check_destination, new_file, private_files
 from ..base.json_files import read_json, write_json
 from ..base.marks import marked
 from ..base.progress import Progress, silent
 from .csv_file import write_rows
 from .press_rows import COLUMNS, press_table
-from .workers import worker_pool
 
 _ALONE = 8
 """Tasks up to which one process computes them: starting others takes as long."""
@@ -324,3 +325,31 @@ def _write_statistics(path: Path, parts: Sequence[_Task]) -> None:
 def _moments(values: Sequence[float]) -> tuple[int, str, str]:
     deviation = f"{np.std(values, ddof=1):.9g}" if len(values) > 1 else ""
     return len(values), f"{np.mean(values):.9g}", deviation
+
+
+# Processes that work through a list of files side by side.
+
+
+def worker_pool(count: int | None, *needs: str) -> ProcessPoolExecutor:
+    """Create a pool of `count` processes, None for one a core, that have these modules loaded.
+
+    Each worker is forked from a process that has loaded them and does nothing else: spawned, each would
+    load them anew (on Windows they are). Not from this one, because a fork would take the threads' locks of
+    the HDF5 library along. Workers end when this process does, however it ends.
+    """
+    forks = "forkserver" in multiprocessing.get_all_start_methods()
+    context = multiprocessing.get_context("forkserver" if forks else "spawn")
+    if forks:
+        context.set_forkserver_preload([*needs])
+    return ProcessPoolExecutor(count, context, initializer=_begin)
+
+
+def _begin() -> None:
+    Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)

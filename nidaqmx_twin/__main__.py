@@ -42,8 +42,7 @@ def _port(text: str) -> int:
 def _run(asked: argparse.Namespace, command: Sequence[str]) -> int:
     # Not before what is asked for is read: this takes a second.
     from .bench import cards, devices_of, read_bench  # noqa: PLC0415
-    from .command import run_command  # noqa: PLC0415
-    from .standalone import serve  # noqa: PLC0415
+    from .standalone import run_command, serve  # noqa: PLC0415
 
     bench = read_bench(asked.bench) if asked.bench is not None else None
     devices = devices_of(asked.device, asked.devices, bench)

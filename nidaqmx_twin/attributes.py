@@ -13,11 +13,11 @@ from typing import Any
 
 from .channel import Channel
 from .channels import refuse_input
-from .counter_facts import COUNTER_FACTS, socket_of
+from .counter_calls import COUNTER_FACTS, socket_of
 from .defaults import default_value
 from .errors import DaqmxError, DAQmxErrors
 from .facts import CHANNEL_FACTS, DEVICE_FACTS, SYSTEM_FACTS
-from .keeping import read_kept, write_kept
+from .maintenance import read_kept, write_kept
 from .names import names_in
 from .state_facts import CHANNEL_STATE, TASK_STATE
 from .system import NiSystem

@@ -13,18 +13,15 @@ from nidaqmx.utils import flatten_channel_string
 from .channels import CREATES
 from .counter_calls import COUNTING
 from .errors import DaqmxError, DAQmxErrors, error_string
-from .fields import field
-from .keeping import KEEPING
-from .names import names_in
-from .power_calls import POWER
+from .maintenance import KEEPING, UPKEEP
+from .names import field, names_in
+from .reading import Alive, Call
 from .storage import STORAGE
 from .system import NiSystem
-from .taking import Alive, Call
 from .tasks import Task, refuse_rate
 from .tdms import log
 from .teds_calls import TEDS
-from .transfers import TRANSFERS
-from .upkeep import UPKEEP
+from .transfers import POWER, TRANSFERS
 from .waveform_calls import WAVEFORMS
 
 

@@ -23,9 +23,8 @@ from .channel import Channel, Kind
 from .counters import COUNTERS
 from .devices import CONFIGURATIONS, NiDevice
 from .errors import DaqmxError, DAQmxErrors
-from .fields import field
 from .measurements import FIELDS, MEASUREMENTS, Measurement, measures
-from .names import channel_names
+from .names import channel_names, field
 from .scales import Scale
 from .system import NiSystem
 from .tasks import Task

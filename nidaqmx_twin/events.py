@@ -14,7 +14,7 @@ from nidaqmx.constants import EveryNSamplesEventType, Signal
 
 from ..base.clock import VirtualClock
 from .errors import DaqmxError, DAQmxErrors
-from .fields import field
+from .names import field
 from .signalling import GLIMPSE
 from .system import NiSystem
 from .tasks import Task

@@ -1,4 +1,4 @@
-"""Names of virtual channels that one call makes.
+"""Names of virtual channels that one call makes, and fields of requests.
 
 NI-DAQmx help, "Channel Name Generation": `Dev1/ai0:7` with "foo" makes foo0 to foo7, "foo31" makes foo31 to
 foo38, "foo 123" makes foo123 to foo130, and "a0:3, b" makes a0 to a3 and b0 to b3. Leading zeros are kept
@@ -8,7 +8,10 @@ foo38, "foo 123" makes foo123 to foo130, and "a0:3, b" makes a0 to a3 and b0 to 
 from __future__ import annotations
 
 import re
+from typing import Any
 
+import numpy as np
+from nidaqmx.constants import FillMode
 from nidaqmx.errors import DaqError
 from nidaqmx.utils import unflatten_channel_string
 
@@ -48,3 +51,25 @@ def _counted(name: str, count: int) -> list[str]:
     base, digits = re.fullmatch(r"(.*?)\s*(\d*)", name, re.DOTALL).groups()  # type: ignore[union-attr]  # always
     first = int(digits or 0)
     return [f"{base}{first + i:0{len(digits)}d}" for i in range(count)]
+
+
+# Fields of requests, which are given as an enum or as its raw number, and the order of their arrays.
+
+
+def field(request: Any, name: str) -> Any:
+    """Return a field of a request, given as the enum or as its raw number."""
+    raw = f"{name}_raw"
+    fields = request.DESCRIPTOR.fields_by_name
+    if raw in fields and getattr(request, raw):
+        return getattr(request, raw)
+    return getattr(request, name) if name in fields else None
+
+
+def is_by_scan(request: Any, name: str) -> bool:
+    """Return True when an array holds sample after sample, of all channels each."""
+    return bool(field(request, name) == FillMode.GROUP_BY_SCAN_NUMBER.value)
+
+
+def flattened(rows: Any, request: Any, name: str = "fill_mode") -> Any:
+    """Return (channels, samples) as one row, in the order that field `name` asks for."""
+    return np.ascontiguousarray(rows.T if is_by_scan(request, name) else rows).ravel()

@@ -15,7 +15,7 @@ from nidaqmx._stubs import nidaqmx_pb2 as pb
 
 from .attributes import ATTRIBUTE_CALL
 from .calls import CALLS
-from .counter_facts import COUNTER_FACTS
+from .counter_calls import COUNTER_FACTS
 from .defaults import default_value
 from .facts import CHANNEL_FACTS, DEVICE_FACTS, SYSTEM_FACTS
 from .state_facts import CHANNEL_STATE, TASK_STATE

@@ -19,12 +19,10 @@ from nidaqmx._stubs import nidaqmx_pb2 as pb
 
 from ..base.arrays import FloatArray
 from ..base.clock import Clock, RealClock
-from ..base.closing import Closing
-from ..base.flag import Flag
+from ..base.threads import Closing, Flag
 from . import attributes
 from .calls import CALLS
 from .devices import Inventory, NiDevice
-from .direct import DirectChannel
 from .errors import AlreadyExistsError, DaqmxError, DAQmxErrors
 from .events import Events
 from .nodes import Nodes
@@ -33,7 +31,7 @@ from .served import ignored
 from .storage import saved_in_export
 from .system import NiSystem
 from .terminals import OutputTerminal
-from .threads import HOST, Listener
+from .threads import HOST, DirectChannel, Listener
 
 Corrupt = Callable[[str, bytes], bytes]
 """Function from a call's name and reply to the bytes that are sent instead."""

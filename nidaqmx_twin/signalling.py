@@ -13,9 +13,8 @@ from ..base.arrays import FloatArray
 from .channel import Channel, counter_timebase, filter_width
 from .counting import Meter
 from .devices import Inventory, NiDevice
-from .edges import Bursts, Edges
+from .edges import Bursts, Edges, Terminals
 from .errors import DaqmxError, DAQmxErrors
-from .looking import Terminals
 from .pulses import PulseTrain, TriggeredTrain
 from .tasks import Task
 

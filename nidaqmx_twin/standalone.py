@@ -1,18 +1,21 @@
-"""The wire as a separate program in real time, for any nidaqmx program."""
+"""The wire as a separate program in real time, for any nidaqmx program, which it can run to its end."""
 
 from __future__ import annotations
 
 import configparser
 import re
 import signal
+import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
 from ..base.errors import ConfigurationError, InstrumentError
-from ..base.flag import Flag
-from ..base.near_words import did_you_mean
+from ..base.signals import STOPPING
+from ..base.threads import Flag
+from ..base.wording import did_you_mean
 from .devices import Inventory, NiDevice, devices_from_ini
 from .nodes import Nodes
 from .products import PRODUCTS, Product, described
@@ -106,3 +109,47 @@ def serve(port: int, unserved: Mapping[str, int]) -> None:
         pass
     for name, count in unserved.items():
         print(f"{name} was asked for {count} times and is not served.", file=sys.stderr, flush=True)
+
+
+# Another program, run to its end.
+
+_PATIENCE = 3
+"""Ctrl-C or SIGTERM as often as this kills the program that is run."""
+
+
+def run_command(command: Sequence[str], environment: Mapping[str, str]) -> int:
+    """Run another program and return its exit code. Raises ConfigurationError when there is none.
+
+    A program that a signal ended has 128 and the signal's number, as a shell says it. Ctrl-C reaches the
+    program as well, and SIGTERM is handed on. The program may end by either as it means to: it is waited
+    for, and killed at the third.
+    """
+    try:
+        program = subprocess.Popen(command, env=dict(environment))
+    except OSError as error:
+        raise ConfigurationError(f"{command[0]} cannot be run: {error.strerror}.") from None
+    # Counted, not raised: an exception as the program ends would lose its exit code, which is told once.
+    stops: list[int] = []
+
+    def stop(number: int, _: object) -> None:
+        stops.append(number)
+        if len(stops) == _PATIENCE:
+            program.kill()
+        elif number != signal.SIGINT:
+            program.terminate()
+
+    before = ((number, signal.getsignal(number)) for number in STOPPING)
+    heeded = {number: handler for number, handler in before if handler != signal.SIG_IGN}
+    with program:
+        try:
+            for number in heeded:
+                signal.signal(number, stop)
+            code = None
+            while code is None:
+                # With a time-out, because Ctrl-C does not interrupt an unlimited wait on Windows.
+                with suppress(subprocess.TimeoutExpired):
+                    code = program.wait(0.25)
+        finally:
+            for number, handler in heeded.items():
+                signal.signal(number, handler)
+    return code if code >= 0 else 128 - code

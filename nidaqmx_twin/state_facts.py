@@ -11,11 +11,11 @@ from nidaqmx import constants as c
 
 from .channel import Channel
 from .errors import DaqmxError, DAQmxErrors
-from .putting import space
+from .reading import available
 from .system import NiSystem
-from .taking import available
 from .tasks import State, Task
 from .verifying import verify
+from .writing import space
 
 _CHANNEL_TYPE = {
     "ai": c.ChannelType.ANALOG_INPUT,

@@ -22,8 +22,8 @@ from .channels import add
 from .devices import Inventory
 from .errors import DaqmxError, DAQmxErrors
 from .names import names_in
+from .reading import Alive, Call
 from .system import NiSystem
-from .taking import Alive, Call
 
 _OVERWRITE, _EDITABLE, _DELETABLE = 1, 2, 4
 """Option bits of a request to save something."""

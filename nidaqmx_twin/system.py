@@ -12,9 +12,9 @@ from typing import Any
 from ..base.clock import Clock, VirtualClock
 from .converter import STOPPED, noise_of
 from .devices import Inventory, NiDevice
+from .edges import Terminals
 from .errors import AlreadyExistsError, DaqmxError, DAQmxErrors
 from .failures import Failures
-from .looking import Terminals
 from .nodes import Nodes, PlayStopped
 from .signalling import (
     GLIMPSE,

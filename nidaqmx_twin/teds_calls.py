@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from .errors import DaqmxError, DAQmxErrors
+from .reading import Alive, Call
 from .system import NiSystem
-from .taking import Alive, Call
 from .teds import BASIC, not_detected, teds_from_file
 
 

@@ -1,4 +1,4 @@
-"""Read and write calls, side by side: each transfers samples in its own format.
+"""Read and write calls, side by side: each transfers samples in its own format; lines and power too.
 
 A task holds (rows, samples): volts of its analog channels, or 0 and 1 of its digital lines. `take` and `put`
 wait for samples and for space; here they are brought into the arrays of the calls, and out of them.
@@ -16,11 +16,47 @@ from nidaqmx._stubs import nidaqmx_pb2 as pb
 from ..base.arrays import FloatArray
 from .channel import Channel
 from .errors import DaqmxError, DAQmxErrors
-from .fields import flattened, is_by_scan
-from .lines import line_order, port_words, word_lines
-from .putting import put
+from .names import flattened, is_by_scan
+from .reading import Alive, Call, Taken, take, take_one
 from .system import NiSystem
-from .taking import Alive, Call, Taken, take, take_one
+from .tasks import Task
+from .writing import put
+
+# Formats of digital lines in the driver's calls: words of a port, and lines in rising order.
+
+
+def port_words(channels: Sequence[Channel], rows: Any) -> Any:
+    """Pack (lines, samples) bool into (channels, samples) words: bit i is line i; higher ports follow."""
+    words, row = [], 0
+    for channel in channels:
+        bits = _bits(channel)
+        mine = rows[row : row + len(bits)].astype(np.uint32)
+        words.append((mine << np.array(bits, dtype=np.uint32)[:, np.newaxis]).sum(axis=0, dtype=np.uint32))
+        row += len(bits)
+    return np.array(words, dtype=np.uint32)
+
+
+def word_lines(channels: Sequence[Channel], words: Any) -> FloatArray:
+    """Unpack (channels, samples) words into (lines, samples) of 0 and 1: the reverse of `port_words`."""
+    lines = []
+    for channel, row in zip(channels, words, strict=True):
+        lines += [(np.asarray(row, dtype=np.int64) >> bit) & 1 for bit in _bits(channel)]
+    return np.array(lines, dtype=np.float64)
+
+
+def _bits(channel: Channel) -> list[int]:
+    base, bases = 0, {}
+    for port in sorted({line.partition("/")[0] for line in channel.physical}):
+        bases[port] = base
+        base += channel.product.ports[int(port.removeprefix("port"))]
+    return [bases[p] + int(n) for p, _, n in (line.partition("/line") for line in channel.physical)]
+
+
+def line_order(channel: Channel) -> list[int]:
+    """Return the order of a channel's lines in the driver's arrays: rising, independent of their naming."""
+    bits = _bits(channel)
+    return sorted(range(len(bits)), key=bits.__getitem__)
+
 
 # Arrays of numbers
 
@@ -266,3 +302,65 @@ TRANSFERS: dict[str, Call] = {
     "WriteRaw": _write_raw,
 }
 """Read and write calls that are served, by name."""
+
+
+# Reading of power channels: a simulated supply gives what it is set to.
+
+_CODES = (4096.0, 8192.0)
+"""Codes per volt and per ampere (NI's own tests)."""
+
+
+def _supplied(channels: Sequence[Channel], count: int) -> tuple[FloatArray, FloatArray]:
+    """Return the volts and amperes (channels, count) that channels put out: their setpoints, NaN when off."""
+    on = [bool(channel.values.get("PWR_OUTPUT_ENABLE")) for channel in channels]
+    volts, amperes = (
+        np.array([
+            [float(channel.values.get(f"PWR_{of}_SETPOINT", 0.0)) if enabled else np.nan] * count
+            for channel, enabled in zip(channels, on, strict=True)
+        ]).reshape(-1, count)
+        for of in ("VOLTAGE", "CURRENT")
+    )  # fmt: skip
+    return volts, amperes
+
+
+def _refuse_mixed(task: Task) -> None:
+    """Power is read of channels of power alone."""
+    for channel in task.channels:
+        if channel.values.get("AI_MEAS_TYPE_NAME") != "POWER":
+            raise DaqmxError(
+                DAQmxErrors.READ_CHAN_TYPE_MISMATCH,
+                f"Read cannot be performed: {channel.name!r} of task {task.name!r} measures no power.",
+                read=0,
+            )
+
+
+def _power_reader(name: str, coded: bool) -> Call:
+    reply = getattr(pb, f"Read{name}Response")
+
+    def call(system: NiSystem, request: Any, alive: Alive) -> Any:
+        _refuse_mixed(system.task(request.task.name))
+        result = take(system, request, alive)
+        answer = reply(status=result.status, samps_per_chan_read=result.count)
+        targets = (answer.read_array_voltage, answer.read_array_current)
+        for target, rows, codes in zip(
+            targets, _supplied(result.channels, result.count), _CODES, strict=True
+        ):
+            flat = flattened(rows, request)
+            target.extend(np.nan_to_num(flat * codes).astype(int).tolist() if coded else flat.tolist())
+        return answer
+
+    return call
+
+
+def _read_one(system: NiSystem, request: Any, alive: Alive) -> Any:
+    result = take(system, request, alive)
+    volts, amperes = _supplied(result.channels, 1)
+    return pb.ReadPowerScalarF64Response(voltage=float(volts[0, 0]), current=float(amperes[0, 0]))
+
+
+POWER: dict[str, Call] = {
+    "ReadPowerF64": _power_reader("PowerF64", coded=False),
+    "ReadPowerBinaryI16": _power_reader("PowerBinaryI16", coded=True),
+    "ReadPowerScalarF64": _read_one,
+}
+"""Calls of this module, by name."""

@@ -8,11 +8,10 @@ from collections.abc import Callable, Container
 from nidaqmx.constants import CJCSource, LoggingMode, TemperatureUnits, ThermocoupleType
 
 from .channel import Channel
-from .counter_checks import verify_counters
+from .counter_checks import refuse_changes, refuse_repeated, refuse_timing, verify_counters
 from .devices import Inventory
 from .errors import DaqmxError, DAQmxErrors, DAQmxWarnings
 from .tasks import Task
-from .timing_checks import refuse_changes, refuse_repeated, refuse_timing
 from .trigger_checks import refuse_unfollowed, verify_triggers
 
 _LEAST_BUFFER = 2

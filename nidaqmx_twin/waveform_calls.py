@@ -10,11 +10,11 @@ from nidaqmx._stubs import nidaqmx_pb2 as pb
 
 from .channel import Channel
 from .errors import DaqmxError, DAQmxErrors
-from .fields import field
-from .putting import put
+from .names import field
+from .reading import Alive, Call, Taken, take
 from .system import NiSystem
-from .taking import Alive, Call, Taken, take
 from .tasks import Task
+from .writing import put
 
 _TIMING, _PROPERTIES = 1, 2
 """Bits of NI's WaveformAttributeMode, which older clients lack."""

@@ -10,7 +10,7 @@ from pathlib import Path
 from haploop.base.marks import InUse
 from haploop.instruments import load_rig_file
 from haploop.instruments.rig.opening import hardware
-from haploop.instruments.safety.lock import _locked
+from haploop.instruments.safety.machine import _locked
 
 
 @contextmanager

@@ -22,7 +22,7 @@ import pytest
 
 from haploop.acquisition import recover, verify
 from haploop.base import signals
-from haploop.calibration.upkeep.history import History
+from haploop.calibration.recalibration.history import History
 from haploop.commands.cli import cli
 from haploop.mocks.plant import Plant
 from haploop.mocks.simulation import Simulation

@@ -20,10 +20,10 @@ from haploop.acquisition.recording import Rejection, add_rejections
 from haploop.acquisition.recording.rejections import _rejections
 from haploop.base.json_files import append_json, read_json, write_json
 from haploop.calibration.map.folder import MapFolder, MapPlan
+from haploop.calibration.recalibration.history import History
 from haploop.calibration.response import Response
 from haploop.calibration.response.uff import read_uff, write_uff
-from haploop.calibration.upkeep.history import History
-from haploop.console.worker.address import Address
+from haploop.console.worker.link import Address
 from haploop.experiments.analysis.power import load_power_plan
 from haploop.experiments.protocol import load_experiment
 from haploop.instruments import load_rig_file
@@ -31,7 +31,7 @@ from haploop.instruments.config.ati_cal import read_ati_cal
 from haploop.instruments.live import watching
 from haploop.instruments.safety.duty import count_plays, plays_of
 from haploop.instruments.safety.lockout import Lockout, lockout_of, set_lockout
-from tests.calibration.upkeep.test_history import publish
+from tests.calibration.recalibration.test_history import publish
 from tests.instruments.config.test_ati_cal import cal
 from tests.mutating import mutations, refused
 

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from haploop.acquisition.recording.readings import file_problems
 from haploop.acquisition.recording.rows import Event
+from haploop.acquisition.recording.streams import file_problems
 from haploop.base.errors import ConfigurationError, HaploopError
 from haploop.base.files import beside
 from haploop.base.line_files import Mark, check_marked, write_marks
-from haploop.calibration.upkeep.history import Generation
+from haploop.calibration.recalibration.history import Generation
 from haploop.experiments import load_experiment
 from haploop.instruments import load_rig_file
 

@@ -30,9 +30,9 @@ import pytest
 from haploop.acquisition import Protocol, Recording, record, verify
 from haploop.base.errors import DataError, InstrumentError
 from haploop.calibration import LinearSweep, build_button, calibrate
-from haploop.calibration.upkeep.adoption import adopt, calibrations_of
-from haploop.calibration.upkeep.history import History
-from haploop.calibration.upkeep.recalibration import recalibrate
+from haploop.calibration.recalibration.adoption import adopt, calibrations_of
+from haploop.calibration.recalibration.history import History
+from haploop.calibration.recalibration.recalibration import recalibrate
 from haploop.instruments import Rig, load_rig_file, open_rig
 from tests.calibration.conftest import make_press
 

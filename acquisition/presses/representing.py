@@ -31,14 +31,12 @@ from ...base.files import paths_of
 from ...base.progress import Progress, silent
 from ..recording import Recording
 from .averaging import AverageMethod, average
-from .choice import few, held, single, usable
-from .cutting import Activated, Cuttable, common_opening, cut_out
+from .choice import Activated, Cuttable, common_opening, cut_out, few, held, single, usable
 from .filtering import bandwidth_of, high_pass, noise_gain, undone
-from .protocol import Protocol
-from .rates import require_rate
+from .quality import Protocol
 from .registration import WarpModel
 from .representative import KIND, Representative
-from .segmentation_settings import Segmentation, segmentation_for
+from .segmentation_settings import Segmentation, require_rate, segmentation_for
 from .sensor_faults import upside_down
 from .spool import Spool
 

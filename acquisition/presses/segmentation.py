@@ -27,8 +27,7 @@ from ..recording import Recording
 from .filtering import running_mean
 from .force_at import BEHIND, Instant, Snaps, force_at
 from .pressing import Levels, levels_of, pressing, shaken
-from .rates import fast_enough
-from .segmentation_settings import Segmentation, segmentation_for
+from .segmentation_settings import Segmentation, fast_enough, segmentation_for
 
 
 class Span(NamedTuple):

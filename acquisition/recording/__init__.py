@@ -6,9 +6,6 @@ from .file_format import file_name as file_name
 from .file_format import refuse_name as refuse_name
 from .file_format import to_codes as to_codes
 from .part_reader import PartReader as PartReader
-from .readings import AlongFile as AlongFile
-from .readings import AlongReading as AlongReading
-from .readings import reading_event as reading_event
 from .recording import Recording as Recording
 from .recovery import recover as recover
 from .recovery import set_aside as set_aside
@@ -23,6 +20,9 @@ from .rows import PressVerdict as PressVerdict
 from .salvage import content_hash as content_hash
 from .salvage import finish as finish
 from .salvage import verify as verify
+from .streams import AlongFile as AlongFile
+from .streams import AlongReading as AlongReading
 from .streams import RecordedStream as RecordedStream
+from .streams import reading_event as reading_event
 from .writer import Writer as Writer
 from .writer import write_recording as write_recording

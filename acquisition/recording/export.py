@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...base.errors import ConfigurationError
-from .readings import AlongReading
+from .streams import AlongReading
 
 if TYPE_CHECKING:
     import pandas as pd

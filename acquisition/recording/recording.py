@@ -20,11 +20,10 @@ from ...base.notebook import InNotebook
 from ...instruments import LinearSensor, Sensor, Sensors
 from ...instruments.sensors import Restorer
 from .file_format import CODES, Contents, Header, from_codes, read_header
-from .readings import AlongFile, AlongReading, files_in, readings_in
 from .rejections import without_rejected
 from .rows import Event, PressVerdict, events_in, verdicts_in
 from .salvage import read_contents, tables
-from .streams import RecordedStream, read_streams
+from .streams import AlongFile, AlongReading, RecordedStream, files_in, read_streams, readings_in
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -23,10 +23,10 @@ from ...base.own_process import allow_memory, answer_of
 from ...base.publishing import publish
 from ...instruments import NewFile
 from .file_format import Contents, Header, read_header
-from .readings import files_in, reading_event
 from .recording import Recording
 from .rows import EVENT, Event, event_row, events_in, verdicts_in
 from .salvage import intact_part, later_rows, read_blocks, write_finished
+from .streams import files_in, reading_event
 
 
 def recover(path: str | Path) -> Path:

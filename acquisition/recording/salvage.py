@@ -14,14 +14,14 @@ from ...base import hdf5
 from ...base.checksum import add_checksum, bounded, created, opened
 from ...base.errors import ConfigurationError, DataError, InstrumentError
 from ...base.files import WRITE_ERRORS, existing, os_error_text, private_files, whole_file
+from ...base.hdf5 import write_packed
 from ...base.json_files import is_json, json_hash
 from ...base.line_files import check_marked, is_marks, line_problems
 from ...base.marks import is_marked
-from ...base.packing import write_packed
 from ...instruments.safety import log_problems
 from .file_format import CODES, Contents, Header, read_header, write_header
-from .readings import file_problems
 from .rows import BLOCK, EVENT, VERDICT, Codes, block_dtype, events_in, finished_row, samples_crc, whole
+from .streams import file_problems
 
 CHUNK = 8192
 """Samples of a chunk of all channels. Within a chunk each channel's samples are contiguous, which halves the

@@ -1,4 +1,4 @@
-"""Streams recorded along: their values, and when each sample was taken on the recording's own time base.
+"""Recorded along: numbers and files as events, and streams with the time of each of their samples.
 
 Three steps lead from a stamp to a time of the recording. A line through the measured corrections leads from
 the sender's clock to LSL's clock of the recording computer; a line through the pairs of the file's stream
@@ -10,19 +10,118 @@ measurements that a busy computer or network has delayed.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from ...base.arrays import FloatArray
+from ...base.entry_points import optional
 from ...base.errors import DataError
-from ...base.extras import optional
+from ...base.files import beside
+from ...instruments import NewFile, Reading
 from ...instruments.streams import CLOCK
-from .readings import AlongFile
+from .rows import EVENT, Event
+
+# Numbers and files recorded along, stored as events of a recording.
+#
+# An event's text has a limited length and is part of the recording's hash. The event of a file states its
+# name and SHA-256, so that a later replacement of the file is detected.
+
+_LONGEST = EVENT["text"].itemsize
+
+
+class AlongReading(NamedTuple):
+    """A number read from an instrument while recording."""
+
+    sample: int
+    """Number of samples recorded at the time of the request."""
+    instrument: str
+    """Its role in the rig file."""
+    name: str
+    value: float
+    unit: str
+
+
+class AlongFile(NamedTuple):
+    """A file that an instrument wrote beside the recording."""
+
+    sample: int
+    """Number of samples recorded at the time of the request."""
+    instrument: str
+    """Its role in the rig file."""
+    name: str
+    file: str
+    """The file's name, in the recording's folder."""
+    sha256: str
+
+
+def reading_event(sample: int, instrument: str, read: Reading | NewFile, folder: Path) -> Event:
+    """Make an event from an instrument's reading or file; a file is read once, for its hash.
+
+    `folder` is the recording's. Raises DataError for content that an event cannot hold, OSError for a
+    file that cannot be read.
+    """
+    if not (read.name + getattr(read, "unit", "")).isprintable():
+        raise DataError(f"The name or unit of {read.name[:20]!r} has characters that cannot be printed.")
+    about: dict[str, object] = {"instrument": instrument, "name": read.name}
+    if isinstance(read, NewFile):
+        kind = "file"
+        if read.path.absolute().parent != folder.absolute():
+            raise DataError(f"The file {read.path} must be in the recording's folder, {folder}.")
+        with read.path.open("rb") as file:
+            sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+        about |= {"file": read.path.name, "sha256": sha256}
+    else:
+        kind = "reading"
+        value = float(read.value)
+        if not math.isfinite(value):
+            raise DataError(f"The {read.name} was {value}, which is no reading.")
+        about |= {"value": value, "unit": read.unit}
+    text = json.dumps(about, ensure_ascii=False)
+    if len(text.encode()) > _LONGEST:
+        raise DataError(
+            f"The names of {read.name[:20]!r} are too long for an event, which has {_LONGEST} bytes for them."
+        )
+    return Event(sample, kind, text)
+
+
+def readings_in(events: Sequence[Event]) -> tuple[AlongReading, ...]:
+    """Decode the readings among events."""
+    found = [(e.sample, json.loads(e.text)) for e in events if e.kind == "reading"]
+    return tuple(AlongReading(s, a["instrument"], a["name"], a["value"], a["unit"]) for s, a in found)
+
+
+def files_in(events: Sequence[Event]) -> tuple[AlongFile, ...]:
+    """Decode the files among events."""
+    found = [(e.sample, json.loads(e.text)) for e in events if e.kind == "file"]
+    return tuple(AlongFile(s, a["instrument"], a["name"], a["file"], a["sha256"]) for s, a in found)
+
+
+def file_problems(events: Sequence[Event], folder: Path) -> tuple[str, ...]:
+    """Check the files recorded along; return one sentence for each problem."""
+    problems = []
+    for written in files_in(events):
+        try:
+            path = beside(folder, written.file, "The recording", DataError)
+        except DataError as error:
+            problems.append(str(error))
+            continue
+        try:
+            with path.open("rb") as file:
+                found = hashlib.file_digest(file, "sha256").hexdigest()
+        except OSError as error:
+            problems.append(f"{path}, which was recorded along, cannot be read ({error.strerror or error}).")
+            continue
+        if found != written.sha256:
+            problems.append(f"{path} was changed after it was recorded: its SHA-256 does not match.")
+    return tuple(problems)
+
 
 _LARGEST_DRIFT = 1e-4
 """Largest difference of two computers' rates: crystals differ by 5 to 50 ppm (docs/hardware.md, "Two cards
@@ -147,7 +246,7 @@ def _arrivals(blocks: npt.NDArray[np.void], rate_hz: float) -> tuple[float, floa
 
     A block arrives after its last sample, by a delay that is never less than the shortest: the line lies
     below all arrivals. Its slope is that of most pairs of these earliest blocks, because an edge of their
-    convex hull, as a board's rate has it (`instruments/daq/arrival_clock.py`), is tilted by a few seconds in
+    convex hull, as a board's rate has it (`instruments/daq/free_running.py`), is tilted by a few seconds in
     which the computer is busy.
     """
     last = blocks["first"].astype(np.float64) + blocks["count"] - 1

@@ -23,7 +23,6 @@ import numpy as np
 
 from ...base.arrays import FloatArray
 from ...base.checksum import add_checksum, created
-from ...base.closing import Closing
 from ...base.errors import ConfigurationError, DataError, InstrumentError
 from ...base.files import (
     WRITE_ERRORS,
@@ -34,8 +33,8 @@ from ...base.files import (
     private_files,
     whole_file,
 )
-from ...base.flag import Flag
 from ...base.marks import marked
+from ...base.threads import Closing, Flag
 from ...instruments import Block
 from .file_format import Header, codes_per_volt, convert, write_header
 from .recording import Recording

@@ -61,7 +61,7 @@ class Session:
 
 
 @dataclass(frozen=True)
-class Told:
+class Listeners:
     """Who is told how a session goes on."""
 
     progress: Progress = silent
@@ -74,7 +74,7 @@ class Told:
 class SessionRun:
     """A running session, from the first block to the last: rest, presses, trail."""
 
-    def __init__(self, rig: Rig, session: Session, p: Protocol, told: Told, writer: Writer) -> None:
+    def __init__(self, rig: Rig, session: Session, p: Protocol, told: Listeners, writer: Writer) -> None:
         sensor, header = telling_sensor(rig), writer.header
         self._operator, self._writer, self._told = rig.operator, writer, told
         self._session, self._p, self._rate_hz = session, p, header.rate_hz

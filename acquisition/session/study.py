@@ -23,7 +23,7 @@ from ...instruments.safety import hold
 from ..presses import AverageMethod, Protocol, Representative, representative
 from ..recording import PressVerdict, Recording, Rejection, add_rejections, file_name, finish
 from .recorder import run_session
-from .session_run import Session, Told, ignore
+from .session_run import Listeners, Session, ignore
 from .study_file import StudyFile, load_study_file
 
 CONSENT = "consent"
@@ -341,7 +341,7 @@ def run_study(
                 if not rig.operator.confirm(Ready(participant, button, presses, words)):
                     return False
                 session = _session(study, entry, consented, notes)
-                told = Told(progress, partial(on_verdict, participant, button), on_request)
+                told = Listeners(progress, partial(on_verdict, participant, button), on_request)
                 run_session(rig, session, adapt(study.file.protocol_for(button)), told)
     return True
 

@@ -9,10 +9,10 @@ from .checked import Check
 from .drive import Drive, drive_for
 from .learning import Iteration, Learning, learn
 from .loudness import ButtonPlan, Loudness, Offer, Offers, offered, plan_button, trade_for
+from .planning import STEADY, TradeOff
 from .playing import judged_to
 from .pressed import PressedDrives, check_under_finger, pressed_drives
-from .targets import BEFORE, NOWHERE, Elsewhere, Method, Wanted, load_elsewhere, modulate
-from .trade import STEADY, Trade
+from .targets import BEFORE, NOWHERE, Method, OtherPoint, Wanted, load_elsewhere, modulate
 from .verdict import worst
 
 __all__ = [
@@ -25,16 +25,16 @@ __all__ = [
     "Check",
     "DigitalButton",
     "Drive",
-    "Elsewhere",
     "Iteration",
     "Learning",
     "Loudness",
     "Method",
     "Offer",
     "Offers",
+    "OtherPoint",
     "PressedDrives",
     "SharedPower",
-    "Trade",
+    "TradeOff",
     "Wanted",
     "build_button",
     "button_under_finger",

@@ -31,10 +31,10 @@ from .check import check
 from .checked import Check, Verdict
 from .drive import Drive, drive_for
 from .learning import Learning, learn
+from .planning import TRADE_OFF, TradeOff
 from .playing import refuse_foreign
 from .pressed import PressedDrives, check_under_finger, pressed_drives
 from .targets import BEFORE, NOWHERE, Method, Wanted, sized
-from .trade import TRADE, Trade
 from .verdict import worst
 
 if TYPE_CHECKING:
@@ -136,7 +136,7 @@ def build_button(
     calibration: Calibration | Sequence[Calibration],
     *,
     method: Method = "modulated",
-    trade: Trade = TRADE,
+    trade: TradeOff = TRADE_OFF,
     elsewhere: Wanted = NOWHERE,
     iterations: int = 5,
     plays: int = 8,

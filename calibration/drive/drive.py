@@ -22,9 +22,19 @@ from ..response import Response
 from ..spectra import resample, third_octaves
 from .actuation import Actuation
 from .inversion import Plan
-from .planning import Inversion, expected, hidden, plan_for, planned_by, unmeasured_above
-from .targets import NOWHERE, Elsewhere, Method, TargetGrid, Wanted, sized, target_grid
-from .trade import BUDGET, STEADY, TRADE, Trade
+from .planning import (
+    BUDGET,
+    STEADY,
+    TRADE_OFF,
+    Inversion,
+    TradeOff,
+    expected,
+    hidden,
+    plan_for,
+    planned_by,
+    unmeasured_above,
+)
+from .targets import NOWHERE, Method, OtherPoint, TargetGrid, Wanted, sized, target_grid
 
 if TYPE_CHECKING:
     from ...acquisition import Representative
@@ -76,9 +86,9 @@ class Drive(InNotebook):
     """Recordings that the press stands for: file name, content hash."""
     calibration: str
     """Content hash of the calibrations used."""
-    trade: Trade = TRADE
+    trade: TradeOff = TRADE_OFF
     """What it was planned for."""
-    elsewhere: tuple[Elsewhere, ...] = ()
+    elsewhere: tuple[OtherPoint, ...] = ()
     """What other points are to do at the same time."""
     drift: Drift = STEADY
     """Drift of the table that was planned against."""
@@ -151,7 +161,7 @@ class Drive(InNotebook):
         (other,) = (one for one in self.elsewhere if one.point == point)
         own = {name: getattr(self, name) for name in _OWN}
         errors = self.predicted_error, self.drifted_error
-        mine = Elsewhere(**own, expected=errors, known_to=0.0, known_from="")
+        mine = OtherPoint(**own, expected=errors, known_to=0.0, known_from="")
         return replace(
             self,
             **{name: getattr(other, name) for name in _OWN},
@@ -189,7 +199,7 @@ def drive_for(
     method: Method = "modulated",
     band: tuple[float, float] = BAND,
     inversion: Inversion = "optimised",
-    trade: Trade = TRADE,
+    trade: TradeOff = TRADE_OFF,
     elsewhere: Wanted = NOWHERE,
 ) -> Drive:
     """The drive that makes the calibrated point reproduce a press.
@@ -286,7 +296,7 @@ def _aim(
     limits: Limits,
     method: Method,
     band: tuple[float, float],
-    trade: Trade,
+    trade: TradeOff,
     elsewhere: Wanted,
 ) -> _Aim:
     others = sized(elsewhere)
@@ -315,7 +325,7 @@ class _Scaled:
     """(patches, grid): linear volts on the plan's grid."""
 
 
-def _scaled(aim: _Aim, limits: Limits, trade: Trade, inversion: Inversion) -> _Scaled:
+def _scaled(aim: _Aim, limits: Limits, trade: TradeOff, inversion: Inversion) -> _Scaled:
     table, plan, grid = aim.table, aim.plan, aim.grid
     planned = planned_by(plan, trade, trade.budget(aim.drift), float(table.reach(limits).max()), inversion)
     smooth = grid.smooth
@@ -340,7 +350,7 @@ def _scaled(aim: _Aim, limits: Limits, trade: Trade, inversion: Inversion) -> _S
     return _Scaled(volts, scale, by, played)
 
 
-def _at_point(aim: _Aim, scaled: _Scaled, row: int, errors: FloatArray) -> Elsewhere:
+def _at_point(aim: _Aim, scaled: _Scaled, row: int, errors: FloatArray) -> OtherPoint:
     """What a drive does at the point of a `row`; `errors` (2,) are expected there, now and after a drift."""
     press, first = aim.presses[row], aim.table.rows[row]
     scale, in_band = float(scaled.scale * aim.sizes[row]), float(aim.in_band[row])
@@ -349,7 +359,7 @@ def _at_point(aim: _Aim, scaled: _Scaled, row: int, errors: FloatArray) -> Elsew
         steady = replace(aim.plan, drift=0.0).at(row)
         given_up = _given_up(steady, scaled.played, aim.grid.rate_hz, aim.band)
         unreached = [*_left_out(scale, scaled.by, in_band, aim.band), given_up]
-    return Elsewhere(
+    return OtherPoint(
         point=aim.table.points[row],
         button=press.button if press else "",
         target=scaled.scale * aim.grid.on_drive(aim.targets[row]),

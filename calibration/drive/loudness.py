@@ -22,8 +22,8 @@ from ..model import Calibration, Drift
 from ..perception import LabThreshold, Sensation, lab_threshold, levels_of, pressing_act
 from .check import TOLERANCE
 from .drive import Drive, drive_for
+from .planning import BUDGET, TradeOff
 from .targets import NOWHERE, Method, Wanted
-from .trade import BUDGET, Trade
 
 if TYPE_CHECKING:
     from ...acquisition import Representative
@@ -52,7 +52,7 @@ class Loudness:
     level: float | None = None
     """Least level above the threshold of a finger that presses (dB), at the least error."""
     drift: Drift | None = None
-    """See `Trade`: a smaller one leaves more volts for loudness."""
+    """See `TradeOff`: a smaller one leaves more volts for loudness."""
 
     def __post_init__(self) -> None:
         """Raises ConfigurationError for an error that no check tolerates."""
@@ -181,7 +181,9 @@ def plan_button(
     for method, some in product(methods, together):
 
         def at(error: float, method: Method = method, some: Sequence[Calibration] = some) -> Drive:
-            return drive_for(press, some, rig.limits, method=method, trade=Trade(error), elsewhere=elsewhere)
+            return drive_for(
+                press, some, rig.limits, method=method, trade=TradeOff(error), elsewhere=elsewhere
+            )
 
         drives: list[Drive] = []
         progress(doing, len(curves) * _DRIVES, count, "")
@@ -210,15 +212,15 @@ def trade_for(
     loudness: Loudness,
     method: Method = "modulated",
     elsewhere: Wanted = NOWHERE,
-) -> Trade:
+) -> TradeOff:
     """The trade with which a drive is what was asked for.
 
     Raises ConfigurationError where the rig's limits do not allow it, with what they do; otherwise what
     `drive_for` raises.
     """
 
-    def traded(error: float) -> Trade:
-        return Trade(error, drift=loudness.drift)
+    def traded(error: float) -> TradeOff:
+        return TradeOff(error, drift=loudness.drift)
 
     def at(error: float) -> Drive:
         return drive_for(
@@ -229,7 +231,7 @@ def trade_for(
         return _level(drive, lab)
 
     if loudness.error is None and loudness.level is None:
-        return Trade(drift=loudness.drift)
+        return TradeOff(drift=loudness.drift)
     lab = lab_threshold(rig)
     most = TOLERANCE if loudness.error is None else loudness.error
     least, closest = BUDGET, at(BUDGET)

@@ -33,9 +33,9 @@ from ..resting_finger import FORCES, LEAST, TableForce, refuse_force, resting
 from .check import check
 from .checked import Check
 from .drive import Drive, drive_for
+from .planning import TRADE_OFF, TradeOff
 from .playing import refuse_foreign
 from .targets import Method
-from .trade import TRADE, Trade
 
 _OVER_NOMINAL = (0.4, 1.0, 3.0)
 """Forces of a light, a nominal and a firm finger, over the one that the finger was calibrated with: with 1 N,
@@ -102,7 +102,7 @@ def pressed_drives(
     limits: Limits,
     *,
     method: Method = "modulated",
-    trade: Trade = TRADE,
+    trade: TradeOff = TRADE_OFF,
 ) -> PressedDrives:
     """Make the drives of a press for a light, a nominal and a firm finger.
 
@@ -121,7 +121,7 @@ def pressed_drives(
     forces = tuple(dict.fromkeys(min(max(share * nominal, least), most) for share in _OVER_NOMINAL))
     loaded = [tuple(at_force(one, force) for one in calibrations) for force in forces]
 
-    def planned(own: Sequence[Calibration], trade: Trade) -> Drive:
+    def planned(own: Sequence[Calibration], trade: TradeOff) -> Drive:
         return drive_for(press, own, limits, method=method, trade=trade)
 
     # The firm finger takes most volts: what is within reach under it sets the scale of all.

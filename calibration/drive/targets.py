@@ -1,6 +1,6 @@
 """Targets of a drive: the presses that points are to follow, on the clock of the drive.
 
-Other points than the drive's own have a button of their own, or silence (`Elsewhere`).
+Other points than the drive's own have a button of their own, or silence (`OtherPoint`).
 """
 
 from __future__ import annotations
@@ -193,7 +193,7 @@ def load_elsewhere(
 
 
 @dataclass(frozen=True, eq=False)
-class Elsewhere:
+class OtherPoint:
     """A point with a button of its own, in the words of `Drive`; or a silent one, whose target is zero."""
 
     point: str

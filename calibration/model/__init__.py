@@ -1,14 +1,19 @@
 """Rational models of responses, and the calibration that contains response and model."""
 
-from .calibrating import calibrate, calibrate_keeping, even_order
-from .calibration import Calibration, ChannelScatter, calibration_of, load_calibrations
-from .channel_scatter import ChannelChange, channel_change, with_scatter
-from .drift import Drift, apart, mode_deviations, pole_slopes
+from .calibration import (
+    Calibration,
+    ChannelScatter,
+    calibrate,
+    calibrate_keeping,
+    calibration_of,
+    even_order,
+    load_calibrations,
+)
+from .drift import ChannelChange, Drift, apart, channel_change, mode_deviations, pole_slopes, with_scatter
 from .finger import GROWS, Finger, at_force, under_finger
 from .finger_finding import PlateModes
 from .finger_measuring import calibrate_finger
-from .model import Model, Resonance, fit
-from .uncertainty import standard_deviation
+from .model import Model, Resonance, fit, standard_deviation
 
 __all__ = [
     "GROWS",

@@ -9,11 +9,11 @@ from .excitation import LinearSweep as LinearSweep
 from .excitation import Multisine as Multisine
 from .excitation import linear_sweep as linear_sweep
 from .excitation import plan_excitation as plan_excitation
+from .from_sweeps import Swept as Swept
+from .from_sweeps import capture_sweep as capture_sweep
+from .from_sweeps import ordered as ordered
+from .from_sweeps import play_sweep as play_sweep
 from .from_sweeps import without_harmonics as without_harmonics
-from .generated import Swept as Swept
-from .generated import capture_sweep as capture_sweep
-from .generated import ordered as ordered
-from .generated import play_sweep as play_sweep
 from .hysteresis import HALF_WIDTHS as HALF_WIDTHS
 from .hysteresis import Hysteresis as Hysteresis
 from .hysteresis import even_terms as even_terms
@@ -36,6 +36,7 @@ from .modes import Modes as Modes
 from .modes import Plays as Plays
 from .modes import fit_modes as fit_modes
 from .response import Response as Response
+from .response import Waveforms as Waveforms
 from .settling import RESOLVED as RESOLVED
 from .settling import refuse_silent_drive as refuse_silent_drive
 from .settling import ringing_of as ringing_of
@@ -54,4 +55,3 @@ from .uff import write_uff as write_uff
 from .uff import write_uff_sets as write_uff_sets
 from .uff_units import ordinate_of as ordinate_of
 from .uff_units import per_unit as per_unit
-from .waveforms import Waveforms as Waveforms

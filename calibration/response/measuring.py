@@ -13,8 +13,7 @@ from ...instruments import Capture, Rig
 from ..background import LONGEST_REST, Record, Tones, rests, tones_in, without_tones
 from .excitation import Excitation, LinearSweep, Multisine
 from .from_multisine import from_multisine
-from .from_sweeps import from_sweeps
-from .generated import LEAD, START_HZ, ordered, play_sweeps
+from .from_sweeps import LEAD, START_HZ, from_sweeps, ordered, play_sweeps
 from .hysteresis import Hysteresis
 from .response import Response
 from .settling import full_level, refuse_silent_drive, settle

@@ -12,7 +12,7 @@ from ... import instruments
 from ...reports import show
 from ...terminal.exits import CommandState
 from ...terminal.progress import Steps, note, print_json, print_line
-from .. import front as haploop
+from .. import public as haploop
 from ..options import EXITS, JSON, PATH, RIG, SIMULATE, TAPED, Names, tape_session
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from ...calibration import (
     Check,
     Drift,
     Drive,
-    Trade,
+    TradeOff,
     Waveforms,
     calibrate_keeping,
     drive_for,
@@ -31,7 +31,7 @@ from ...instruments import Rig, load_rig_file, open_rig
 from ...instruments.driver import Mode
 from ...instruments.sensors import loss
 from ...reports.contents import forces_in
-from .result import BUTTONS, PRESSES, ButtonResult, Demo
+from .report import BUTTONS, PRESSES, ButtonResult, Demo
 
 _RESULTS = (
     "recordings",
@@ -48,7 +48,7 @@ _SURE = 1.0
 """Level (dB) by which a drive is planned above what most people feel: up to 0.5 dB less was measured."""
 _METHODS: tuple[Method, ...] = ("modulated", "broadband")
 """Methods that several patches play by: the first that most people feel, or else the louder."""
-_LOUD = Trade(error=0.065, drift=Drift().times(0.1))
+_LOUD = TradeOff(error=0.065, drift=Drift().times(0.1))
 """What several patches are planned for: 8 % of error with what distortion adds, and a tenth of the usual
 drift, because they are played minutes after they were calibrated."""
 

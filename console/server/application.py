@@ -19,15 +19,13 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from ...base.errors import ConfigurationError, HaploopError, InstrumentError
 from ...reports.html import GLANCE_STYLE
 from ..data_folder import DataFolder
-from .bodies import json_object
 from .conductor import Conductor
 from .data_routes import data_routes
 from .design_routes import design_routes
-from .experiment_routes import experiment_routes, queue_routes
 from .follower import Follower
 from .live_scope import LiveScope
-from .run_queue import RunQueue
-from .security import PARTICIPANT, Access, Guard
+from .run_queue import RunQueue, experiment_routes, queue_routes
+from .security import PARTICIPANT, Access, Guard, json_object
 
 _STATIC = Path(__file__).parent / "static"
 PAGES = (

@@ -18,9 +18,8 @@ from ...acquisition import file_name
 from ...base.clock import RealClock
 from ...base.errors import ConfigurationError, DataError, HaploopError, InstrumentError
 from ...base.marks import marked
-from ...experiments import Session, Step, Store, open_session, played_by_rig, session_levels
+from ...experiments import ExperimentFile, Session, Step, Store, open_session, played_by_rig, session_levels
 from ..data_folder import DataFolder, store_of
-from .question import question
 
 Worker = Callable[[str, Mapping[str, Any]], tuple[int, dict[str, Any]]]
 """Sends the worker a command; returns status and answer. Raises InstrumentError."""
@@ -334,3 +333,27 @@ def _refuse_too_soon(store: Store, participant: str) -> None:
             f"{participant}'s day before ended {hours:.1f} hours ago: if day {due} is meant to begin now, "
             f"choose {due} as the day."
         )
+
+
+# What a participant is asked in a step, for their page and for a preview.
+
+
+def question(file: ExperimentFile, step: Step, turn: str) -> dict[str, Any]:
+    """What the page asks: text, and choices or scales; `turn` comes back with the answer."""
+    asked: dict[str, Any] = {"turn": turn, "kind": step.kind, "text": step.text}
+    match step.kind:
+        case "presses":
+            times = "once" if step.repetitions == 1 else f"{step.repetitions} times"
+            name = next(iter(step.stimulus.values()), "")
+            asked["text"] = f"Press the physical {name} button {times}."
+        case "finger":
+            asked["text"] = f"A {step.stimulus['press']} press."
+        case "rating":
+            low, high = step.values
+            pairs = zip(step.choices, file.question.pairs, strict=True)
+            asked |= {"pairs": [[name, *ends] for name, ends in pairs], "low": low, "high": high}
+        case "identification":
+            asked["choices"] = [[name, name] for name in step.choices]
+        case _:
+            asked["choices"] = [[1, "First"], [2, "Second"]]
+    return asked

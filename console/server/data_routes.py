@@ -35,10 +35,8 @@ from ...calibration.map import MapFolder
 from ...exchange.catalogue import Member, lineage, list_files
 from ...reports.contents import experiment_contents, night
 from ..data_folder import DataFolder, store_of
-from .button_route import button_shown
-from .estimates import of_experiment, pace
-from .lab import lab, names
-from .shown_routes import answers, figure, report, shown
+from .lab import lab, names, of_experiment, pace
+from .shown_routes import answers, button_shown, figure, report, shown
 from .shown_routes import night as night_report
 
 _BEFORE, _AFTER = 0.25, 0.5

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ...base.arrays import FloatArray
 from ...base.clock import RealClock
 from ...base.errors import DataError, HaploopError
-from ...base.flag import Flag
+from ...base.threads import Flag
 from ...instruments import LiveBlock, RigFile, Tap, watch_live
 from ...instruments.driver import Mode
 from ...instruments.live import Run, quantities

@@ -1,4 +1,4 @@
-"""Recordings and sessions of experiments that the operator has lined up: who does what next.
+"""Recordings and sessions of experiments that the operator has lined up, and the routes to them.
 
 The list is a file of the data folder, which several servers may change: each reads it anew. It begins
 nothing by itself: a person starts each, one at a time. What was not completed stays in the list. A recording
@@ -7,20 +7,27 @@ that runs is known by its worker, because another one, of another rig, counts it
 
 from __future__ import annotations
 
+import asyncio
 import secrets
 import threading
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import Route
+
 from ...acquisition import file_name
-from ...base.errors import ConfigurationError, DataError
+from ...base.errors import ConfigurationError, DataError, HaploopError
 from ...base.files import private_files, stamp, whole_file
-from ...base.json_files import changing, read_json
-from ...base.json_text import as_file
+from ...base.json_files import as_file, changing, read_json
 from ...base.marks import is_marked
 from ..data_folder import DataFolder, store_of
 from ..fields import clean, whole
+from .conductor import Conductor
+from .follower import Follower
+from .security import ANSWER, json_object
 
 _KIND = "run queue"
 _MOST = 200
@@ -208,3 +215,50 @@ def _named(items: list[Item], values: Mapping[str, Any]) -> Item:
 
 def _with(items: list[Item], own: str, **values: Any) -> list[Item]:
     return [{**item, **values} if item["id"] == own else item for item in items]
+
+
+# Routes of what the server itself keeps: the session of an experiment, and the recordings lined up.
+
+Act = Callable[[Mapping[str, Any]], None]
+
+
+def experiment_routes(conductor: Conductor, follower: Follower) -> list[Route]:
+    """Return the routes; after each request all pages are told."""
+
+    def begin(values: Mapping[str, Any]) -> None:
+        now = follower.snapshot
+        conductor.begin(values, {"rig": now.get("rig"), "rig_simulated": bool(now.get("simulated"))})
+
+    acts: dict[str, Act] = {
+        "/api/experiment/begin": begin,
+        "/api/experiment/present": conductor.present,
+        "/api/experiment/done": conductor.done,
+        "/api/experiment/pause": lambda values: conductor.pause(values.get("on") is True),
+        "/api/experiment/end": lambda _: conductor.end(),
+        ANSWER: conductor.answer,
+    }
+    return [_route(path, act, follower) for path, act in acts.items()]
+
+
+def queue_routes(queue: RunQueue, follower: Follower) -> list[Route]:
+    """Return the routes of the recordings that are lined up; after each request all pages are told."""
+    acts: dict[str, Act] = {
+        "add": queue.add,
+        "move": queue.move,
+        "drop": queue.drop,
+        "start": queue.start,
+    }
+    return [_route(f"/api/queue/{name}", act, follower) for name, act in acts.items()]
+
+
+def _route(path: str, act: Act, follower: Follower) -> Route:
+    async def answer(request: Request) -> Response:
+        try:
+            values = await json_object(request)
+            await asyncio.to_thread(act, values)
+        except HaploopError as error:
+            return JSONResponse({"error": str(error)}, 409)
+        await follower.tell()
+        return JSONResponse({"done": True})
+
+    return Route(path, answer, methods=["POST"])

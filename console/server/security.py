@@ -1,19 +1,23 @@
-"""Who may talk to the console: Host and Origin, the token, and what a page may load."""
+"""Who may talk to the console, what a page may load, and what it sends: bounded in length and time."""
 
 from __future__ import annotations
 
+import asyncio
 import hmac
 import ipaddress
 import json
 import secrets
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
 from starlette.datastructures import Headers, MutableHeaders
+from starlette.requests import Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from ...base.errors import ConfigurationError
 
 PARTICIPANT = "/api/participant"
 """What a participant may see."""
@@ -171,3 +175,31 @@ class Guard:
             "X-Content-Type-Options": "nosniff",
             "Cache-Control": "no-store",
         }
+
+
+# What a page sends: bounded in length and in time, before anything reads it.
+
+LARGEST = 1 << 16
+"""Bytes of a request, or of a message on a socket: the participant's page is the least trusted one."""
+PATIENCE = 10.0
+"""s for a client to send what it has begun to send."""
+
+
+async def json_object(request: Request) -> Mapping[str, Any]:
+    """The JSON object of a request; {} without a body. Raises ConfigurationError when there is none."""
+    content = b""
+    try:
+        async with asyncio.timeout(PATIENCE):
+            async for piece in request.stream():
+                content += piece
+                if len(content) > LARGEST:
+                    raise ConfigurationError(f"The request is longer than {LARGEST} bytes.")
+    except TimeoutError:
+        raise ConfigurationError(f"The request was not sent within {PATIENCE:g} s.") from None
+    try:
+        values = json.loads(content or b"{}")
+    except (ValueError, RecursionError):
+        values = None
+    if not isinstance(values, Mapping):
+        raise ConfigurationError("The request is no JSON object.")
+    return values

@@ -20,10 +20,9 @@ from ...terminal.progress import note
 from ..data_folder import DataFolder
 from ..worker import WorkerLink, free_tape, serving, start_worker
 from .application import application
-from .bodies import LARGEST, PATIENCE
 from .follower import Follower
 from .live_scope import LiveScope
-from .security import Access
+from .security import LARGEST, PATIENCE, Access
 
 
 class ImpatientProtocol(H11Protocol):

@@ -17,7 +17,7 @@ from ...base.marks import marked
 from ...instruments import load_rig_file
 from ...instruments.tape import recorded
 from ..data_folder import DataFolder
-from .address import Address, address_path, written
+from .link import Address, address_path, written
 from .listener import Listener
 from .worker import Worker
 

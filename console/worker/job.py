@@ -10,8 +10,8 @@ from typing import Any
 
 from ...acquisition import PressVerdict
 from ...base.errors import ConfigurationError
-from ...base.flag import Flag
 from ...base.progress import Progress
+from ...base.threads import Flag
 from ...instruments import Rig, RigFile
 from ..data_folder import DataFolder
 from .board import Board

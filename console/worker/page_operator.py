@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 
 from ...base.errors import InstrumentError
-from ...base.flag import Flag
+from ...base.threads import Flag
 from ...instruments import Operator
 from ...instruments.operator import (
     Aim,

@@ -11,9 +11,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ...base.errors import ConfigurationError, DataError
-from ...base.flag import Flag
-from ...base.inbox import Inbox
 from ...base.progress import Progress
+from ...base.threads import Flag, Inbox
 from ...experiments import (
     Assignment,
     Event,

@@ -14,18 +14,17 @@ from typing import Any, cast
 from ...acquisition import PressVerdict
 from ...base.clock import RealClock
 from ...base.errors import ConfigurationError, HaploopError, InstrumentError
-from ...base.flag import Flag
-from ...base.inbox import Inbox
 from ...base.marks import is_marked
 from ...base.signals import uninterrupted
+from ...base.threads import Flag, Inbox
 from ...instruments import Rig, RigFile, open_rig
 from ...instruments.driver import Mode
 from ..data_folder import DataFolder
 from ..fields import clean
-from .address import address_path
 from .board import Board
 from .job import Tools, Work
 from .jobs import JOBS
+from .link import address_path
 from .observer import Observer
 from .page_operator import PageOperator
 from .presenting import Stimuli

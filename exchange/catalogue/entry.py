@@ -1,17 +1,24 @@
-"""What the catalogue knows of a file."""
+"""What the catalogue knows of a file, and what the file states that it was made from."""
 
 from __future__ import annotations
 
+import json
+import re
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+from ...base import hdf5
+from ...base.checksum import opened
 from ...base.errors import HaploopError
-from . import sources
 
 if TYPE_CHECKING:
-    from ...acquisition import Recording
+    from ...acquisition import Recording, Representative
+    from ...calibration import Calibration, Check, DigitalButton, Drive
+    from ...experiments import Experiment
+
 
 _PLAYED = ("drive", "check", "button")
 
@@ -99,7 +106,7 @@ def _hdf5(path: Path) -> Entry | None:
     entry = Entry(**own)
     if kind == "representative":
         press = Representative.load(path)
-        made = sources.packed(sources.of_press(press))
+        made = packed(of_press(press))
         entry = Entry(**own, button=press.button, simulated=_yes(press.simulated), made_from=made)
     elif kind == "calibration":
         calibration = Calibration.load(path)
@@ -111,14 +118,14 @@ def _hdf5(path: Path) -> Entry | None:
             simulated=_yes(response.simulated),
             patch=response.patch,
             point=response.point,
-            made_from=sources.packed(sources.of_calibration(calibration, own["content_hash"])),
+            made_from=packed(of_calibration(calibration, own["content_hash"])),
         )
     elif kind == "waveforms":
-        entry = Entry(**own, holds=sources.measured_for(path))
+        entry = Entry(**own, holds=measured_for(path))
     elif kind == "curve":
         curve = Curve.load(path)
-        original = sources.Source("original", curve.source, curve.source_sha256)
-        entry = Entry(**own, button=curve.button, made_from=sources.packed([original]))
+        original = Source("original", curve.source, curve.source_sha256)
+        entry = Entry(**own, button=curve.button, made_from=packed([original]))
     elif kind in _PLAYED:
         entry = _played(path, own)
     return entry
@@ -137,9 +144,9 @@ def _played(path: Path, own: dict[str, str]) -> Entry:
     made = kinds[kind].load(path)
     drive = made if isinstance(made, Drive) else made.drive
     if isinstance(made, DigitalButton):
-        found, holds = sources.of_button(made), " ".join(sources.drives_in(made))
+        found, holds = of_button(made), " ".join(drives_in(made))
     else:
-        found, holds = sources.of_check(made) if isinstance(made, Check) else sources.of_drive(made), ""
+        found, holds = of_check(made) if isinstance(made, Check) else of_drive(made), ""
     return Entry(
         **own,
         button=drive.button,
@@ -149,7 +156,7 @@ def _played(path: Path, own: dict[str, str]) -> Entry:
         simulated=_yes(made.simulated),
         patch=drive.patch,
         point=drive.point,
-        made_from=sources.packed(found),
+        made_from=packed(found),
         holds=holds,
     )
 
@@ -171,7 +178,7 @@ def _recording(recording: Recording) -> Entry:
         simulated=_yes(recording.simulated),
         study=header.study,
         content_hash=content,
-        made_from=sources.packed(sources.of_recording(recording)),
+        made_from=packed(of_recording(recording)),
     )
 
 
@@ -203,9 +210,122 @@ def _experiment(path: Path) -> Entry | None:
             load_rig_file(path)
             return None  # a rig's file may have any name
         raise
-    made = sources.packed(sources.of_experiment(experiment))
+    made = packed(of_experiment(experiment))
     return Entry(str(path), "experiment", study=experiment.file.name, made_from=made)
 
 
 def _yes(value: bool) -> str:
     return "yes" if value else "no"
+
+
+# What a file states that it was made from: kinds, names and content hashes, as its own fields hold them.
+
+_IMPORTED = re.compile(r"imported from (.+), sha256 ([0-9a-f]{64})")
+_MAPPED = re.compile(r"map, SHA-256 ([0-9a-f]{16})")
+
+
+class Source(NamedTuple):
+    """One source of a file."""
+
+    kind: str
+    """As `Entry.kind`; "original" for a file of another program, of which a hash over its bytes is known."""
+    name: str
+    """File name at that time; empty where none was stated."""
+    content: str
+    """Content hash, or its beginning; empty for a file that is named by its path."""
+    sources: tuple[Source, ...] = ()
+    """What it was made from itself, where it need not be a file: a press of recordings, say."""
+
+
+def packed(sources: Iterable[Source]) -> str:
+    """Sources as the text that an index keeps; empty for none."""
+    found = [*dict.fromkeys(sources)]
+    return json.dumps(found) if found else ""
+
+
+def stated(text: str) -> tuple[Source, ...]:
+    """The sources in a text of `packed`."""
+    return _read(json.loads(text)) if text else ()
+
+
+def _read(rows: list[Any]) -> tuple[Source, ...]:
+    return tuple(Source(kind, name, content, _read(own)) for kind, name, content, own in rows)
+
+
+def of_recording(recording: Recording) -> tuple[Source, ...]:
+    """The file that it was imported from."""
+    said = recording.imported
+    return (Source("original", said["file"], said["sha256"]),) if said else ()
+
+
+def of_press(press: Representative) -> tuple[Source, ...]:
+    """The recordings that it stands for, or the file that it was imported from."""
+    kind = "original" if press.method == "imported" else "recording"
+    return tuple(Source(kind, name, content) for name, content in press.sources)
+
+
+def of_calibration(calibration: Calibration, content: str) -> tuple[Source, ...]:
+    """Its waveforms, the map, or the file that it was imported from."""
+    said = calibration.response.source
+    if imported := _IMPORTED.fullmatch(said):
+        return (Source("original", imported[1], imported[2]),)
+    if mapped := _MAPPED.fullmatch(said):
+        return (Source("map", "", mapped[1]),)
+    return (Source("waveforms", "", content),)
+
+
+def of_drive(drive: Drive) -> tuple[Source, ...]:
+    """The recordings of its presses, and its calibration; of several, their common hash names no file."""
+    stated_by = (drive.sources, *(one.sources for one in drive.elsewhere))
+    recordings = [Source("recording", name, content) for some in stated_by for name, content in some]
+    alone = len(drive.patches) * len(drive.points) == 1
+    name = "" if alone else f"of patches {drive.patch}, at {', '.join(drive.points)}"
+    return (*recordings, Source("calibration" if alone else "calibrations", name, drive.calibration))
+
+
+def of_check(check: Check) -> tuple[Source, ...]:
+    """Its drive."""
+    return (Source("drive", "", _digest(check.drive), of_drive(check.drive)),)
+
+
+def of_button(button: DigitalButton) -> tuple[Source, ...]:
+    """Its presses and calibrations, and what these were made from."""
+    presses = [
+        Source("representative", "", _digest(one), of_press(one)) for one in (button.press, *button.others)
+    ]
+    fingers = [Source("calibration", "", one.calibration) for one in _pressed(button) if not one.patches[1:]]
+    return (*presses, *map(_calibration, button.calibrations), *fingers)
+
+
+def of_experiment(experiment: Experiment) -> tuple[Source, ...]:
+    """The digital buttons that it plays, by their paths."""
+    names = (*experiment.file.buttons.values(), *experiment.file.surface.releases.values())
+    folder = experiment.path.parent.resolve()
+    return tuple(Source("button", str(folder / name), "") for name in dict.fromkeys(names))
+
+
+def drives_in(button: DigitalButton) -> tuple[str, ...]:
+    """Content hashes of the drives that a button holds, by which a check names it."""
+    return tuple(map(_digest, (button.drive, *_pressed(button))))
+
+
+def _pressed(button: DigitalButton) -> tuple[Drive, ...]:
+    return tuple(one.drive for one in button.pressed_checks)
+
+
+def _calibration(calibration: Calibration) -> Source:
+    response, content = calibration.response, calibration.digest
+    place = f"patch {response.patch} at {response.point}"
+    # What a map gives of a point is in no file of its own; any other calibration is, or is missing.
+    sources = tuple(one for one in of_calibration(calibration, content) if one.kind == "map")
+    return Source("calibration", place, content, sources)
+
+
+def _digest(value: Any) -> str:
+    return hdf5.digest(hdf5.flatten(value))
+
+
+def measured_for(path: Path) -> str:
+    """Content hash of the calibration that waveforms were measured for."""
+    with opened(path) as file:
+        return str(file.attrs["calibration"])

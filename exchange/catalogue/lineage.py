@@ -12,8 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from .entry import Entry
-from .sources import Source, stated
+from .entry import Entry, Source, stated
 
 _SEVERAL = 5
 """Files of one kind with the same neighbours that are drawn as one."""

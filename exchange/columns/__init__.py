@@ -1,10 +1,10 @@
 """Files of any program, read as columns of numbers with their headings and units."""
 
 from .readers import FORMATS, format_of, read_table
-from .started import LABVIEW_EPOCH, Start, instant, since_epoch, zone_of
+from .start_times import LABVIEW_EPOCH, Start, instant, since_epoch, zone_of
 from .table import Column, Labels, Stated, Table
 from .text_rows import is_blank
-from .tree_responses import has_responses, read_responses
+from .tree_table import has_responses, read_responses
 from .units import SI, WEIGHTS, per_unit, unit_of, units_of
 
 __all__ = [

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from ...base.extras import optional
+from ...base.entry_points import optional
 from .hdf5_tree import CF, unpacked
-from .started import Start, instant, since_of, zone_in
+from .start_times import Start, instant, since_of, zone_in
 from .table import Column
 from .units import doubt_beside, split_heading
 

@@ -21,12 +21,12 @@ from typing import Any
 
 import numpy as np
 
+from ...base.entry_points import optional
 from ...base.errors import ConfigurationError, DataError
-from ...base.extras import optional
 from ...base.files import os_error_text
 from ...base.own_process import allow_memory, answer_of
 from . import channel_files, hdf5_tree, workbook
-from .started import Start
+from .start_times import Start
 from .table import Column
 
 _PACE = 1 << 26

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .started import instant
+from .start_times import instant
 from .table import Column
 
 Enter = Callable[[str, Any], None]

@@ -14,7 +14,7 @@ from ...base.errors import ConfigurationError, DataError
 from .. import sep005_file, wav_file
 from ..views import Signals
 from . import text_file, tree_table, uff_signals
-from .started import instant
+from .start_times import instant
 from .table import Column, Stated, Table
 from .units import contradiction, doubt_among, is_time, unit_of
 

@@ -1,14 +1,18 @@
-"""What a file holds, before anybody says what it means: columns of numbers, and what it states of them."""
+"""What a file holds, before anybody says what it means: columns of numbers, brought onto one clock."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+import scipy
+
 from ...base.arrays import FloatArray
+from ...base.errors import DataError
 from ..views import About
-from .started import Start
+from .start_times import Start
 
 
 @dataclass(frozen=True)
@@ -104,3 +108,103 @@ class Table:
                     twice.add(name)
                 found[name] = number
         return {name: number for name, number in found.items() if name and name not in twice}
+
+
+# Columns that a file gives clocks of their own, brought onto one.
+#
+# A channel of TDMS, NWB, UFF or XDF states its rate and the instant of its first sample, or that of each.
+# Channels that began at different instants are cut to the time that all of them lasted; a difference that is
+# no whole number of samples is interpolated by a cubic spline. What cannot be brought onto one clock is
+# refused.
+
+_SAME_RATE = 1e-6
+_WHOLE = 0.01
+"""Part of a sample by which starts may differ and be the same."""
+_EVEN = 0.01
+"""Largest deviation of an instant from an even grid, in samples."""
+
+
+def together(path: Path, columns: Sequence[Column]) -> tuple[list[Column], list[str]]:
+    """Columns without instants of their own and with one start, and sentences on what was done.
+
+    Raises DataError for columns that do not belong together.
+    """
+    own = [one for one in columns if one.times is not None]
+    first = own[0].times if own else None
+    if first is not None and all(
+        (one.times is None and len(one.values) == len(first))
+        or (one.times is not None and np.array_equal(one.times, first))
+        for one in columns
+    ):
+        since = next((one.since.later(float(first[0])) for one in columns if one.since is not None), None)
+        time = Column("time", "", first - first[0], stamps=True, since=since)
+        return [time, *(replace(one, times=None, start_s=None) for one in columns)], []
+    return _aligned(path, [_even(path, one) for one in columns])
+
+
+def _even(path: Path, column: Column) -> Column:
+    """A column with rate and start in place of even instants. Raises DataError for uneven ones."""
+    times = column.times
+    if times is None or len(times) < 2:
+        return replace(column, times=None)
+    step = (times[-1] - times[0]) / (len(times) - 1)
+    if not step > 0 or np.abs(times - times[0] - step * np.arange(len(times))).max() > _EVEN * step:
+        raise DataError(
+            f"{path} gives {column.name!r} uneven instants that other columns do not share: export those "
+            "that belong together."
+        )
+    return replace(column, times=None, rate_hz=float(f"{1 / step:.9g}"), start_s=float(times[0]))
+
+
+def _aligned(path: Path, columns: list[Column]) -> tuple[list[Column], list[str]]:
+    starts = {one.start_s for one in columns if one.start_s is not None}
+    rates = {one.rate_hz for one in columns}
+    rate = next(iter(rates)) if rates else None
+    if len(starts) < 2:
+        return columns, []
+    if (
+        rate is None
+        or any(one.start_s is None for one in columns)
+        or np.ptp(np.array([*rates])) > _SAME_RATE * rate
+    ):
+        early, late = (_named(columns, pick(starts)) for pick in (min, max))
+        raise DataError(
+            f"{path} states that {early} begins {max(starts) - min(starts):.6g} s before {late}, and not "
+            "rate and start of all columns: export those that belong together."
+        )
+    latest = max(starts)
+    shifts = [(latest - float(one.start_s or 0.0)) * rate for one in columns]
+    length = min(len(one.values) - int(np.ceil(s - _WHOLE)) for one, s in zip(columns, shifts, strict=True))
+    if length < 3:
+        raise DataError(
+            f"{path}: {_named(columns, min(starts))} ends before {_named(columns, latest)} begins, "
+            f"{latest - min(starts):.6g} s after it: export what was measured at the same time."
+        )
+    if max(shifts) < _WHOLE:
+        return columns, []
+    note = (
+        f"{_named(columns, min(starts))} begins {latest - min(starts):.6g} s before "
+        f"{_named(columns, latest)}: its first {max(shifts):.4g} samples were left out."
+    )
+    return [
+        replace(one, values=_shifted(one.values, shift)[:length], start_s=latest)
+        for one, shift in zip(columns, shifts, strict=True)
+    ], [note]
+
+
+def _shifted(values: FloatArray, shift: float) -> FloatArray:
+    """Values from `shift` samples on."""
+    whole = round(shift)
+    if abs(shift - whole) < _WHOLE:
+        return values[whole:]
+    places = np.arange(int(np.ceil(shift)), len(values)) - np.ceil(shift) + shift
+    finite = np.isfinite(values)
+    if not finite.all():
+        return np.where(
+            finite[np.floor(places).astype(int)], np.interp(places, np.arange(len(values)), values), np.nan
+        )
+    return np.asarray(scipy.interpolate.CubicSpline(np.arange(len(values)), values)(places))
+
+
+def _named(columns: Sequence[Column], start: float) -> str:
+    return ", ".join(one.name or "a column" for one in columns if one.start_s == start)

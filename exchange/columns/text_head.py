@@ -10,7 +10,7 @@ from itertools import zip_longest
 from pathlib import Path
 
 from ...base.errors import DataError
-from .started import order_of, zones_of
+from .start_times import order_of, zones_of
 from .text_rates import is_stamp
 from .text_rows import Body, is_blank, is_number, plain_number
 from .units import factor_in, is_factor, is_time, split_heading, unit_of, units_of

@@ -14,9 +14,8 @@ from ...base.errors import DataError
 from ...calibration.response import ordinate_of, read_uff_sets, units_of
 from ...terminal.progress import SIMULATED
 from ..views import About
-from .started import instant
-from .table import Column, Table
-from .together import together
+from .start_times import instant
+from .table import Column, Table, together
 from .units import SI, unit_of
 from .units import units_of as names_of
 

@@ -13,7 +13,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from ...base.extras import optional
+from ...base.entry_points import optional
 from .units import units_of
 
 MOST_COLUMNS = 1000

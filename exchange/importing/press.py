@@ -12,10 +12,8 @@ from ...acquisition import Representative, Window, file_name, high_pass
 from ...acquisition.presses import Detector, require_rate, segmentation_for
 from ...base.arrays import FloatArray
 from ...base.errors import ConfigurationError, DataError
-from .mapping import FileMapping
-from .rest import rest_of
 from .understanding import understand
-from .understood import Understanding
+from .understood import FileMapping, Understanding, rest_of
 
 RATE_HZ = 5000.0
 """Samples per second of what is imported: the paper's, of which the drives' rate is a multiple."""

@@ -23,11 +23,9 @@ from ...acquisition.recording import Event, Header, PressVerdict, write_recordin
 from ...base.arrays import FloatArray
 from ...base.errors import ConfigurationError, DataError
 from ...instruments import LinearSensor, Sensors, Switch
-from .mapping import FileMapping
 from .press import RATE_HZ, presses_in, resampled
-from .rest import rest_of
 from .understanding import understand
-from .understood import Signal, Understanding
+from .understood import FileMapping, Signal, Understanding, rest_of
 
 _REST = 0.5
 """s: hands off, as in a session."""

@@ -19,8 +19,8 @@ import numpy as np
 from ...base.arrays import FloatArray
 from ...base.errors import ConfigurationError
 from ..columns import Column, read_table, units_of
-from .mapping import MEASURED, ROLES, FileMapping, Role
 from .splits import values_of
+from .understood import MEASURED, ROLES, FileMapping, Role
 
 _WORDS: Mapping[Role, str] = {
     "time": r"(((elapsed|relative|absolute|unix|epoch|sensor|posix)[ _]?)?(time(stamps?)?|epoch)|elapsed|t|"

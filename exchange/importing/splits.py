@@ -11,7 +11,7 @@ import numpy as np
 from ...base.arrays import BoolArray
 from ...base.errors import ConfigurationError
 from ..columns import Labels, Table, is_blank
-from .began import rows_of
+from .clock import rows_of
 from .understood import Question
 
 _NOTES = re.compile(

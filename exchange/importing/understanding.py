@@ -21,14 +21,11 @@ from ...base.arrays import FloatArray
 from ...base.errors import ConfigurationError, DataError
 from ...base.wording import capital
 from ..columns import SI, WEIGHTS, Column, Table, per_unit, read_table, unit_of
-from .began import began, words_of
-from .clock import base_of, rates_of, time_of, unit_of_time
-from .mapping import MEASURED, NONE, ROLES, FileMapping, Role
-from .rest import rest_of
+from .clock import base_of, began, rates_of, time_of, unit_of_time, words_of
 from .roles import Claim, claim_of, is_switching
 from .splits import split
 from .timebase import Hole, TimeBase, filled, holes_of, lost, on_grid, spikes
-from .understood import Question, Signal, Understanding
+from .understood import MEASURED, NONE, ROLES, FileMapping, Question, Role, Signal, Understanding, rest_of
 
 _SLOWEST, _FASTEST = 100.0, 1e8
 """Samples per second of a file: a press of half a second has fifty, and the fastest cards take 10^7."""

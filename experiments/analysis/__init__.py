@@ -1,20 +1,20 @@
 """Statistics of experiments: identification, ratings, and the power of a plan."""
 
+from .anova import Comparison as Comparison
 from .anova import Effect as Effect
 from .anova import Sphericity as Sphericity
 from .anova import anova as anova
+from .anova import compare_levels as compare_levels
 from .confusion import METRICS as METRICS
 from .confusion import Confusion as Confusion
 from .confusion import confusion_of as confusion_of
 from .confusion import confusions_by as confusions_by
-from .effect_size import eta_squared_interval as eta_squared_interval
 from .identification import Identification as Identification
 from .identification import Performance as Performance
 from .identification import analyse_identification as analyse_identification
-from .lab import lab_threshold_of as lab_threshold_of
-from .lab import people_table as people_table
-from .pairs import Comparison as Comparison
-from .pairs import compare_levels as compare_levels
+from .intervals import clustered_interval as clustered_interval
+from .intervals import eta_squared_interval as eta_squared_interval
+from .intervals import wilson_interval as wilson_interval
 from .power import Power as Power
 from .power import PowerPlan as PowerPlan
 from .power import load_power_plan as load_power_plan
@@ -24,8 +24,6 @@ from .prediction import PAPER_METRICS as PAPER_METRICS
 from .prediction import Prediction as Prediction
 from .prediction import participant_model as participant_model
 from .prediction import predict_answers as predict_answers
-from .proportions import clustered_interval as clustered_interval
-from .proportions import wilson_interval as wilson_interval
 from .ratings import MultivariateEffect as MultivariateEffect
 from .ratings import PairRatings as PairRatings
 from .ratings import Ratings as Ratings
@@ -38,3 +36,5 @@ from .table import Rows as Rows
 from .table import read_rows as read_rows
 from .threshold import Threshold as Threshold
 from .threshold import analyse_thresholds as analyse_thresholds
+from .threshold import lab_threshold_of as lab_threshold_of
+from .threshold import people_table as people_table

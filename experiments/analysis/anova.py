@@ -1,4 +1,4 @@
-"""Analysis of variance with within factors and at most one between factor.
+"""Analysis of variance: within factors and at most one between factor, contrasts, comparisons of pairs.
 
 No Python library that is kept computes this design (two within factors and one between), so it is here, and
 tested against stored results of R (car, afex).
@@ -6,8 +6,10 @@ tested against stored results of R (car, afex).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -15,8 +17,65 @@ import scipy
 
 from ...base.arrays import FloatArray
 from ...base.errors import DataError
-from .effect_size import eta_squared_interval
-from .linear import between_design, products, within_contrasts
+from .intervals import cohen_interval, eta_squared_interval
+
+# The general linear model of repeated measures: contrasts within people, a factor between them.
+#
+# Sums of squares and products are those of type III (each effect adjusted for all others, groups weighted
+# alike), which R's afex and SPSS print; with groups of the same size all types agree.
+
+
+def within_contrasts(levels: Sequence[int]) -> Iterator[tuple[tuple[int, ...], FloatArray]]:
+    """Each effect of crossed within factors: indices of its factors, and its contrasts (cells, df).
+
+    The first is the mean over all cells, with no factor. Cells are in C order. Contrasts are orthonormal, so
+    that sums of squares are those of the observations.
+    """
+    order = sorted(
+        itertools.chain.from_iterable(
+            itertools.combinations(range(len(levels)), size) for size in range(len(levels) + 1)
+        ),
+        key=lambda effect: (len(effect), effect),
+    )
+    for effect in order:
+        parts = [
+            _orthonormal(count) if factor in effect else np.full((count, 1), count**-0.5)
+            for factor, count in enumerate(levels)
+        ]
+        whole: FloatArray = np.ones((1, 1))
+        for part in parts:
+            whole = np.asarray(np.kron(whole, part))
+        yield effect, whole
+
+
+def between_design(groups: Sequence[int]) -> FloatArray:
+    """Design matrix (people, groups) of one between factor, by the group's number of each person.
+
+    Columns after the first are coded to sum to zero, so that the first is the unweighted mean of the groups.
+    """
+    numbers = np.asarray(groups)
+    count = int(numbers.max()) + 1
+    coded = np.vstack([np.eye(count - 1), -np.ones((1, count - 1))])
+    return np.hstack([np.ones((len(numbers), 1)), coded[numbers]])
+
+
+def products(y: FloatArray, design: FloatArray, columns: slice) -> tuple[FloatArray, FloatArray]:
+    """Hypothesis and error sums of squares and products (variables, variables) for columns of a design.
+
+    `y`: (people, variables). The hypothesis is that the coefficients of these columns are zero.
+    """
+    inverse = np.linalg.inv(design.T @ design)
+    coefficients = inverse @ design.T @ y
+    residual = y - design @ coefficients
+    tested = coefficients[columns]
+    hypothesis = tested.T @ np.linalg.solve(inverse[columns, columns], tested)
+    return hypothesis, residual.T @ residual
+
+
+def _orthonormal(count: int) -> FloatArray:
+    """Orthonormal contrasts (levels, levels - 1): Helmert's."""
+    raw = np.array([[1.0] * k + [-float(k)] + [0.0] * (count - k - 1) for k in range(1, count)]).T
+    return np.asarray(raw / np.linalg.norm(raw, axis=0))
 
 
 @dataclass(frozen=True)
@@ -165,3 +224,86 @@ def _sphericity(e: FloatArray, n: int, rank: int, f: float, cells: int) -> Spher
         return float(scipy.stats.f.sf(f, rank * width * epsilon, n * width * epsilon))
 
     return Sphericity(float(np.exp(log_w)), float(p), gg, hf, corrected(gg), corrected(capped))
+
+
+# Comparisons of pairs of levels after an analysis of variance, corrected by Bonferroni.
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Difference between two levels of a factor."""
+
+    first: str
+    second: str
+    difference: float
+    """Mean of the first less that of the second; groups weighted alike."""
+    interval: tuple[float, float]
+    """Interval of 95 % of the difference, not corrected. NaN, as t, p and d, where all people differ alike:
+    without a spread there is nothing to test against."""
+    t: float
+    df: int
+    p: float
+    p_bonferroni: float
+    d: float
+    """Standardised by the standard deviation of people's differences (Cohen's d_z)."""
+    weight: float
+    """Number of people whose mean difference would be known as well: less if groups differ in size."""
+
+    @property
+    def d_interval(self) -> tuple[float, float]:
+        """Interval of 95 % of `d`."""
+        return cohen_interval(self.t, self.df, self.weight)
+
+
+def paired(first: str, second: str, differences: FloatArray, groups: Sequence[int] = ()) -> Comparison:
+    """Compare two levels from each person's difference (people,), within groups if there are any.
+
+    The spread is that within groups, so that a difference between groups is no noise.
+    """
+    people = len(differences)
+    design = between_design(groups) if len(groups) else np.ones((people, 1))
+    inverse = np.linalg.inv(design.T @ design)
+    coefficients = inverse @ design.T @ differences
+    df = people - design.shape[1]
+    spread = math.sqrt(float(np.sum((differences - design @ coefficients) ** 2)) / df)
+    mean, weight = float(coefficients[0]), 1 / float(inverse[0, 0])
+    error = spread / math.sqrt(weight)
+    # Rounding leaves a trace of spread where all differences are the same.
+    if error <= 1e-12 * max(1.0, float(np.max(np.abs(differences)))):
+        error = math.nan
+    t = mean / error
+    half = float(scipy.stats.t.ppf(0.975, df)) * error
+    p = float(2 * scipy.stats.t.sf(abs(t), df))
+    return Comparison(
+        first,
+        second,
+        mean,
+        (mean - half, mean + half),
+        t,
+        df,
+        p,
+        p,
+        t / math.sqrt(weight),
+        weight,
+    )
+
+
+def compare_levels(
+    values: FloatArray, factor: int, levels: Sequence[str], groups: Sequence[int] = ()
+) -> tuple[Comparison, ...]:
+    """Compare all pairs of levels of a within factor, averaged over the other within factors.
+
+    `values`: (people, levels of each within factor ...); `factor`: its index among the within factors.
+    """
+    rest = tuple(axis + 1 for axis in range(values.ndim - 1) if axis != factor)
+    means = values.mean(axis=rest)
+    found = [
+        paired(levels[i], levels[j], means[:, i] - means[:, j], groups)
+        for i, j in itertools.combinations(range(len(levels)), 2)
+    ]
+    return bonferroni(found)
+
+
+def bonferroni(found: Sequence[Comparison]) -> tuple[Comparison, ...]:
+    """Correct a family of comparisons: p times their number, at most 1."""
+    return tuple(replace(one, p_bonferroni=min(one.p * len(found), 1.0)) for one in found)

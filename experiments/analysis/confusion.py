@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...base.errors import DataError
-from .proportions import Interval, clustered_interval, wilson_interval
+from .intervals import Interval, clustered_interval, wilson_interval
 from .table import Rows
 
 Metric = Literal["accuracy", "precision", "sensitivity"]

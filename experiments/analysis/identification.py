@@ -10,11 +10,9 @@ import numpy as np
 
 from ...base.arrays import FloatArray
 from ...base.errors import DataError
-from .anova import Effect, anova
-from .cells import uneven_groups
+from .anova import Comparison, Effect, anova, compare_levels
 from .confusion import METRICS, Confusion, Metric, confusion_of, confusions_by
-from .pairs import Comparison, compare_levels
-from .table import Rows
+from .table import Rows, uneven_groups
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,18 @@ import scipy
 
 from ...base.arrays import FloatArray
 from ...base.errors import DataError
-from .anova import Effect, anova
-from .cells import cells_of, uneven_groups
-from .linear import between_design, products, within_contrasts
-from .pairs import Comparison, bonferroni, compare_levels, paired
-from .table import Rows
+from .anova import (
+    Comparison,
+    Effect,
+    anova,
+    between_design,
+    bonferroni,
+    compare_levels,
+    paired,
+    products,
+    within_contrasts,
+)
+from .table import Rows, cells_of, uneven_groups
 
 
 @dataclass(frozen=True)

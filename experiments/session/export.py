@@ -11,8 +11,7 @@ from typing import Any
 from ...base.errors import DataError
 from ...base.files import new_file, private_files
 from ..protocol import Answer, ExperimentFile, Step, session_levels, timing_of
-from .log import Event
-from .store import Store, StoredSession
+from .store import Event, Store, StoredSession
 
 _COLUMNS = {
     "participant": "Pseudonym",

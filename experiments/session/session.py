@@ -14,8 +14,7 @@ from typing import Any, Protocol
 from ...base.clock import Clock
 from ...base.errors import ConfigurationError, DataError
 from ..protocol import Answer, Assignment, Course, Step, right_answer, session_levels, valid
-from .log import Event, EventLog
-from .store import Store
+from .store import Event, EventLog, Store
 
 
 class Answerer(Protocol):

@@ -17,8 +17,8 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from ...base.bounded import Fraction, Number
 from ...base.clock import Clock
+from ...base.entry_points import optional
 from ...base.errors import InstrumentError
-from ...base.extras import optional
 from ..driver import one_name
 from ..tape import Proxied, TapedLine, taped_line
 from .role import Camera, Frame

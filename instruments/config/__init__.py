@@ -3,7 +3,6 @@
 from .actuator import Actuator as Actuator
 from .contradictions import lacks as lacks
 from .contradictions import range_of as range_of
-from .model_file import load_model as load_model
 from .rig_file import AbortLimits as AbortLimits
 from .rig_file import Device as Device
 from .rig_file import People as People
@@ -15,6 +14,7 @@ from .rig_file import TableSettings as TableSettings
 from .rig_file import require_source as require_source
 from .rig_file import roles as roles
 from .rig_reading import fault_kinds as fault_kinds
+from .rig_reading import load_model as load_model
 from .rig_reading import load_rig_file as load_rig_file
 from .rig_reading import problems_of as problems_of
 from .rig_reading import rig_text as rig_text

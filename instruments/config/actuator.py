@@ -13,8 +13,7 @@ from typing import Annotated, Literal, Self
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from ...base.bounded import Finite, NotNegative, NotPositive, Positive
-from ..coil import Coil
-from ..limits import Limits
+from ..limits import Coil, Limits
 
 _KEYS = {"piezo": ("capacitance", "min", "max"), "coil": ("resistance", "volts", "watts", "thermal_time")}
 """Keys that a kind needs."""

@@ -13,8 +13,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from ...base.near_words import did_you_mean
 from ...base.toml_lines import Location
+from ...base.wording import did_you_mean
 from ..sensors import LinearSensor
 
 if TYPE_CHECKING:

@@ -1,24 +1,24 @@
-"""Read a rig file and its bases, and validate all of it before anything is opened."""
+"""Read a rig file, its bases and the files that it names, and validate all before anything is opened."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from functools import partial
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import BaseModel
 
 from ...base import entry_points
 from ...base.errors import ConfigurationError
 from ...base.files import beside
-from ...base.near_words import did_you_mean
 from ...base.toml_lines import Location, Places, key_lines, parse_toml, place, read_text
 from ...base.validation import sentences, validate, validate_kind
+from ...base.wording import did_you_mean
 from .ati_cal import read_ati_cal
 from .contradictions import contradictions
-from .frf_file import read_frf
 from .rig_file import RigFile, SimulationSettings, roles
 
 
@@ -203,3 +203,55 @@ def shipped_rig(name: str) -> str:
         meant = did_you_mean(name, shipped_rigs(), "use a rig file, or a shipped rig:")
         raise ConfigurationError(f"There is no rig {name!r}: {meant}")
     return (resources.files("haploop.rigs") / f"{name}.toml").read_text(encoding="utf-8")
+
+
+# A TOML file that describes one thing, as a validated model.
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+def load_model(path: Path, model: type[Model], absent: str) -> Model:
+    """Read and validate a file; `absent` says what to do when there is none.
+
+    Raises ConfigurationError: file, line, key, and what is wrong.
+    """
+    text = read_text(path, absent)
+    return validate(model, parse_toml(text, path), partial(place, [(str(path), key_lines(text))]))
+
+
+# Read a measured frequency response of a sensor: a CSV file with columns of Hz, gain and degrees.
+
+_MOST = 10_000
+"""Largest number of rows."""
+
+
+def read_frf(path: Path) -> dict[str, Any]:
+    """Keys of a measured response. Raises ConfigurationError, which names the file and the line."""
+    text = read_text(path, f"There is no file {path}, which [sensors] names as frf: correct its name.")
+    rows: list[tuple[float, float, float]] = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        words = line.replace(";", ",").replace("\t", ",").split(",")
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        try:
+            hz, gain, degrees = (float(word) for word in words)
+        except ValueError:
+            if not rows and number < 10:  # headings
+                continue
+            hz = math.nan
+        if not (math.isfinite(hz) and hz > 0 and gain > 0 and math.isfinite(gain + degrees)):
+            raise ConfigurationError(
+                f"{path}, line {number}: a measured response has rows of Hz, gain (1 where the sensor's "
+                "scale holds) and degrees, all numbers with a decimal point, the first two above 0."
+            )
+        if (rows and hz <= rows[-1][0]) or len(rows) >= _MOST:
+            raise ConfigurationError(
+                f"{path}, line {number}: the frequencies must rise, and be at most {_MOST}: sort the rows."
+            )
+        rows.append((hz, gain, degrees))
+    if len(rows) < 2:
+        raise ConfigurationError(
+            f"{path} holds no measured response: give it rows of Hz, gain and degrees, separated by commas."
+        )
+    hz_, gain_, degrees_ = zip(*rows, strict=True)
+    return {"hz": hz_, "gain": gain_, "degrees": degrees_, "file": path.name}

@@ -1,20 +1,74 @@
-"""NI cards: the properties that they report, and the assignment of a stream's tasks to them."""
+"""NI cards: their errors, the properties that they report, and the tasks and channels of a stream on them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from contextlib import closing, suppress
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, Self
 
-from nidaqmx.constants import ProductCategory
+from nidaqmx.constants import (
+    AngleUnits,
+    BridgeConfiguration,
+    BridgeUnits,
+    Coupling,
+    EncoderType,
+    ExcitationSource,
+    ProductCategory,
+    TerminalConfiguration,
+)
+from nidaqmx.errors import DaqError, DaqNotFoundError, DaqNotSupportedError, RpcError
 
 from ...base.errors import ConfigurationError, HaploopError, InstrumentError
 from ...base.signals import uninterrupted
-from .ni_errors import translated, understood
-from .ni_sentences import unclocked
+from .ni_sentences import first_line, refused, unclocked
 from .ni_sessions import Sessions
-from .ni_settings import NiSettings, device_of
+from .ni_settings import Channel, NiSettings, device_of
+
+# Translate exceptions of NI's library into one sentence each.
+
+
+@contextmanager
+def translated(device: str, server: str | None) -> Iterator[None]:
+    """Turn any error of NI's library into one sentence about `device`.
+
+    Raises InstrumentError, or ConfigurationError for a cause in the rig file. The loss of a device
+    server (host:port) is not a DAQmx error, and has its own sentence.
+    """
+    try:
+        yield
+    except DaqError as error:
+        raise refused(device, error.error_code, str(error)) from error
+    except (DaqNotFoundError, DaqNotSupportedError):
+        raise InstrumentError(
+            "The NI-DAQmx driver is not installed on this computer: install it from ni.com, or name "
+            'the computer that has it as server = "host:port" in [daq].'
+        ) from None
+    except RpcError as error:
+        raise InstrumentError(
+            f"The NI device server at {server} failed while {device} was used: "
+            f"{first_line(str(error))} Restart the server, and check the outputs."
+        ) from error
+
+
+@contextmanager
+def understood(device: str) -> Iterator[None]:
+    """Turn an exception of NI's library at an invalid answer into one sentence about `device`.
+
+    An answer that is too long, or that holds a value unknown to the library, is not an error of NI's
+    but any exception of Python. Raises InstrumentError. Must be entered before `translated`.
+    """
+    try:
+        yield
+    except HaploopError:
+        raise
+    except Exception as error:
+        said = first_line(f"{type(error).__name__}: {error}".rstrip(": "))
+        raise InstrumentError(
+            f"{device} answered what NI's library cannot make sense of. {said} Restart the driver or device "
+            "server, and see that its version and the library's belong together."
+        ) from error
+
 
 _PATIENCE = 5.0
 """Time for a device server to answer when it is asked for its cards' numbers (s)."""
@@ -186,3 +240,64 @@ def _numbers(device: Any) -> tuple[str, ...]:
 
 def _is_module(device: Any) -> bool:
     return bool(device.product_category == ProductCategory.C_SERIES_MODULE)
+
+
+# Channels of NI's input tasks as a rig file describes them: coupling, excitation, bridges, counters.
+#
+# Whatever an input supplies, its rows are volts at the terminal: a bridge is read as a ratio and multiplied
+# by its excitation, and the sensor's own description says what the volts mean.
+
+_CONFIGS = {
+    "default": TerminalConfiguration.DEFAULT,
+    "diff": TerminalConfiguration.DIFF,
+    "rse": TerminalConfiguration.RSE,
+    "nrse": TerminalConfiguration.NRSE,
+    "pseudodiff": TerminalConfiguration.PSEUDO_DIFF,
+}
+_COUPLINGS = {"ac": Coupling.AC, "dc": Coupling.DC}
+_BRIDGES = {
+    "full": BridgeConfiguration.FULL_BRIDGE,
+    "half": BridgeConfiguration.HALF_BRIDGE,
+    "quarter": BridgeConfiguration.QUARTER_BRIDGE,
+}
+
+
+def factor(channel: Channel) -> float:
+    """Volts at the terminal for one unit that the driver reads."""
+    return channel.bridge_excitation if channel.bridge is not None else 1.0
+
+
+def add_input(task: Any, channel: Channel) -> None:
+    """Give a task an analog input."""
+    limit = channel.range / factor(channel)
+    if channel.bridge is not None:
+        added = task.ai_channels.add_ai_bridge_chan(
+            channel.terminal,
+            min_val=-limit,
+            max_val=limit,
+            units=BridgeUnits.VOLTS_PER_VOLT,
+            bridge_config=_BRIDGES[channel.bridge],
+            voltage_excit_source=ExcitationSource.INTERNAL,
+            voltage_excit_val=channel.bridge_excitation,
+            nominal_bridge_resistance=channel.bridge_resistance,
+        )
+    else:
+        added = task.ai_channels.add_ai_voltage_chan(
+            channel.terminal, terminal_config=_CONFIGS[channel.config], min_val=-limit, max_val=limit
+        )
+    if channel.coupling is not None:
+        added.ai_coupling = _COUPLINGS[channel.coupling]
+    if channel.excitation is not None:
+        added.ai_excit_src = ExcitationSource.INTERNAL
+        added.ai_excit_val = channel.excitation
+
+
+def add_counter(task: Any, channel: Channel) -> None:
+    """Give a task a counter."""
+    if channel.counter == "encoder":
+        # In ticks: quarter periods, whatever a turn has of them.
+        task.ci_channels.add_ci_ang_encoder_chan(
+            channel.terminal, decoding_type=EncoderType.X_4, units=AngleUnits.TICKS
+        )
+    else:
+        task.ci_channels.add_ci_count_edges_chan(channel.terminal)

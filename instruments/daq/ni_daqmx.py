@@ -232,7 +232,7 @@ class NiDaq(Daq):
     @contextmanager
     def talking_to(self, device: str) -> Iterator[None]:
         """Turn any error of NI's library into one sentence about `device`."""
-        from .ni_errors import translated, understood  # noqa: PLC0415
+        from .ni_cards import translated, understood  # noqa: PLC0415
 
         with understood(device), translated(device, self._settings.server):
             yield

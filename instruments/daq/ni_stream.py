@@ -17,8 +17,7 @@ from nidaqmx.stream_readers import AnalogMultiChannelReader, CounterReader
 from ...base.arrays import FloatArray
 from ...base.clock import RealClock
 from ...base.errors import InstrumentError
-from .ni_cards import Plan, believed
-from .ni_inputs import add_counter, add_input, factor
+from .ni_cards import Plan, add_counter, add_input, believed, factor
 from .ni_outputs import NiOutputs, Tasks, reservable
 from .ni_sentences import cut_off, other_rate, shared_rates, unshared, zeroed
 from .ni_settings import NiSettings, filter_delay

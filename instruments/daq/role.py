@@ -10,8 +10,8 @@ from typing import final
 import numpy as np
 
 from ...base.arrays import BoolArray, ComplexArray, FloatArray
-from ...base.closing import Closing
 from ...base.errors import ConfigurationError, LimitError
+from ...base.threads import Closing
 from ..interlock import Interlocked
 
 

@@ -22,8 +22,7 @@ from ..driver import one_name
 from ..recorded_along import Reading
 from ..tape import taped_line
 from ..transport import ByteLine, SerialBytes, TapedBytes
-from .arrival_clock import ArrivalClock
-from .free_running import Edge, FreeRunning
+from .free_running import ArrivalClock, Edge, FreeRunning
 from .role import Block, Stream, StreamRequest
 from .serial_codec import Decoder, Frame, SerialSettings
 

@@ -22,10 +22,9 @@ import scipy
 from ...base.arrays import ComplexArray, FloatArray
 from ...base.clock import Clock
 from ...base.errors import ConfigurationError, InstrumentError, LimitError
-from ...base.inbox import Inbox
-from ..portaudio import LEAD, Audio, AudioStream, found, high_pass, load, refuse_mean
+from ...base.threads import Inbox
+from ..portaudio import LEAD, Audio, AudioStream, found, high_pass, load, on_tape, refuse_mean
 from ..tape import taped_line
-from ..taped_audio import on_tape
 from .role import Block, Daq, Stream, StreamRequest
 from .sound_settings import SoundSettings
 

@@ -21,8 +21,7 @@ from ...base.errors import ConfigurationError, InstrumentError, LimitError
 from ..driver import one_name
 from ..transport import Line, VisaLine
 from ..waveforms import Arbitrary, Burst, Sweep, Waveform
-from .role import Generator
-from .scpi_codec import error_of, number_of, switch_of, words_of
+from .role import Generator, error_of, number_of, switch_of, words_of
 
 Value = TypeVar("Value")
 

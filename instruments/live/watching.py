@@ -21,8 +21,7 @@ from ...base.files import new_file, private_files
 from ..config import RigFile, load_rig_file
 from ..driver import Mode
 from ..safety import state_folder
-from .frames import PREFIX, TOKEN, header_of, lengths_of, volts_of
-from .publisher import ADDRESS_FILES, WAITING_FILES
+from .publisher import ADDRESS_FILES, PREFIX, TOKEN, WAITING_FILES, header_of, lengths_of, volts_of
 from .tap import LiveBlock, Tap
 
 ByteArray = npt.NDArray[np.uint8]

@@ -20,9 +20,8 @@ from ...base.arrays import ComplexArray, FloatArray
 from ...base.bounded import Number, Positive
 from ...base.clock import Clock
 from ...base.errors import InstrumentError, LimitError
-from ..portaudio import LEAD, Audio, AudioStream, found, high_pass, load, refuse_mean
+from ..portaudio import LEAD, Audio, AudioStream, found, high_pass, load, on_tape, refuse_mean
 from ..tape import taped_line
-from ..taped_audio import on_tape
 from .role import Player
 
 _GUARD = 0.02

@@ -1,7 +1,6 @@
 """Relay boxes: the role, the logic common to all boards, and the drivers."""
 
 from .board import BoardSettings, ChannelRelay, ChannelState
-from .direct import LOST, DirectWire
-from .role import Relay
+from .role import LOST, DirectWire, Relay
 
 __all__ = ["LOST", "BoardSettings", "ChannelRelay", "ChannelState", "DirectWire", "Relay"]

@@ -1,9 +1,10 @@
-"""Open a rig: the drivers of its file, their twins, or the drivers connected to their wires."""
+"""Open a rig: its drivers, twins or wires; its logbook; the scales that its instruments report."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator, Mapping
-from contextlib import AbstractContextManager, closing
+from contextlib import AbstractContextManager, ExitStack, closing
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +15,12 @@ from ...base.clock import RealClock
 from ...base.errors import ConfigurationError, HaploopError, InstrumentError
 from ...base.validation import validate
 from ..config import Device, RigFile, SimulationSettings, load_rig_file
-from ..daq import Alongside, Daq
+from ..daq import CombinedDaq, Daq
 from ..driver import TAPE, Driver, Mode, Simulation, hardware_of, settings_of
 from ..operator import Operator
 from ..relay import DirectWire
-from ..reported_scales import compare_scales
-from ..safety import hold
+from ..safety import Audit, clear_lockout, entries, hold, lockout_of, lockouts_folder, reserve, state_folder
+from ..sensors import Scale, Sensors
 from ..tape import Player, Recorder, current
 from .rig import Rig
 from .taping import PlayedWorld, TapedOperator, check_recordable, is_of_hardware, recording
@@ -238,7 +239,7 @@ def _complete(rig: Rig) -> None:
     if rig.has("adc"):
         channels = rig.file.daq.settings.get("channels")
         base = next(iter(channels), None) if isinstance(channels, Mapping) else None
-        rig._roles["daq"] = Alongside(rig._roles["daq"], rig._roles["adc"], rig.clock, base)
+        rig._roles["daq"] = CombinedDaq(rig._roles["daq"], rig._roles["adc"], rig.clock, base)
     rig.complete()
 
 
@@ -252,3 +253,81 @@ def _drivers(file: RigFile) -> Iterator[tuple[str, Device, Driver]]:
             )
         driver: Any = entry_points.driver_class(device.driver, role)
         yield role, device, driver
+
+
+# State of a rig that outlasts a program: its audit log and its lockout.
+
+
+def log_entries(rig: str | Path | RigFile, simulate: Mode | None = None) -> Iterator[Mapping[str, Any]]:
+    """Read the audit log of rigs of this name, oldest entry first.
+
+    `rig` and `simulate` are as in `open_rig`: a simulated rig has a separate log. A damaged line is an entry
+    "damaged" of every rig. Raises ConfigurationError, and DataError for a log that cannot be read.
+    """
+    file = rig if isinstance(rig, RigFile) else load_rig_file(rig)
+    folder = state_folder(file, (simulate or file.simulate) is not None)
+    return (entry for entry in entries(folder) if entry.get("rig", file.name) == file.name)
+
+
+def reset_lockout(rig: str | Path | RigFile, reason: str, simulate: Mode | None = None) -> None:
+    """Clear the lockout of an inspected rig, once the reason is in its audit log.
+
+    `rig` and `simulate` are as in `open_rig`. Raises ConfigurationError without a reason and for a rig that
+    is not locked out, InstrumentError when another program has the rig.
+    """
+    file = rig if isinstance(rig, RigFile) else load_rig_file(rig)
+    mode = simulate or file.simulate
+    pieces = hardware(file, mode)
+    with ExitStack() as stack:
+        if mode is None:
+            stack.enter_context(reserve(pieces, f"The rig {file.name!r}"))
+        if not reason.strip():
+            raise ConfigurationError(
+                "A reset needs a reason: state the cause of the trip and what was done about it."
+            )
+        folder = state_folder(file, mode is not None)
+        lockouts = lockouts_folder(folder, mode is not None)
+        lockout = lockout_of(lockouts, pieces)
+        if lockout is None:
+            raise ConfigurationError(f"The rig {file.name!r} is not locked out: there is nothing to reset.")
+        Audit(file, folder, mode is not None).note(
+            "reset", reason=reason.strip(), locked_out=lockout.when, why=lockout.why
+        )
+        clear_lockout(lockouts, pieces)
+
+
+# Scales that instruments report, compared with what the rig file says of the same channels.
+#
+# An instrument with an analog output (a charge amplifier, a high-voltage amplifier with a monitor) may have
+# an attribute `scales`: the scale of each DAQ channel that it is wired to. A rig whose file says another is
+# not opened, because everything that it recorded would be scaled wrongly.
+
+_TOLERANCE = 1e-3
+"""Relative tolerance: rig files give four digits or more."""
+
+
+def compare_scales(role: str, instrument: Any, sensors: Sensors, rig: str) -> None:
+    """Compare the scales that an instrument reports, if any, with its rig file's sensors.
+
+    Raises ConfigurationError for the first channel that differs, and for one that no sensor reads.
+    """
+    scales = getattr(instrument, "scales", {})
+    if not isinstance(scales, Mapping) or not all(isinstance(scale, Scale) for scale in scales.values()):
+        raise ConfigurationError(
+            f"The 'scales' of the {role} of the rig {rig!r} map no channels to haploop.instruments.Scale: "
+            "ask the author of its driver, or of its twin."
+        )
+    for channel, reported in scales.items():
+        told = f"The {role} of the rig {rig!r} reports {reported} on the channel {channel!r}, and"
+        found = sensors.scale_of(channel)
+        if found is None:
+            raise ConfigurationError(
+                f"{told} [sensors] has none with that channel and one scale: add one, or correct [{role}]."
+            )
+        table, filed = found
+        if reported.unit != filed.unit or not math.isclose(
+            reported.per_volt, filed.per_volt, rel_tol=_TOLERANCE
+        ):
+            raise ConfigurationError(
+                f"{told} [sensors.{table}] says {filed}: set the instrument, or correct the rig file."
+            )

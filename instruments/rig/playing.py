@@ -22,10 +22,19 @@ from ..generator import Sweep, Waveform
 from ..limits import Limits
 from ..safety import Limiter, combined, exit_within
 from .alignment import align, find
-from .gain_proof import HZ, SHOWN, TOO_MUCH, UNPROVED, UnshownError, level_of, loudest, tone
-from .monitoring import Monitoring, Take
-from .ratings import figures
-from .roles import Instruments
+from .monitoring import (
+    HZ,
+    SHOWN,
+    TOO_MUCH,
+    UNPROVED,
+    Monitoring,
+    PlayRequest,
+    UnshownError,
+    level_of,
+    loudest,
+    tone,
+)
+from .roles import Instruments, figures
 
 _SLACK = 0.5
 """Time for a generator to answer its trigger and for a block to arrive (s)."""
@@ -61,7 +70,7 @@ class Playing:
         self._make_safe = make_safe
         self._proved = proved
 
-    def excite(self, drive: FloatArray, take: Take) -> Capture:
+    def excite(self, drive: FloatArray, take: PlayRequest) -> Capture:
         """See `Rig.excite`."""
         rig = self._rig
         if rig.feeds_amplifier("generator") and not rig.feeds_amplifier("daq"):
@@ -84,7 +93,7 @@ class Playing:
         capture, count = self._by_player(drive, take), len(drive) + take.samples_after(rate_hz)
         return self._aligned(capture, drive, take, count) if drive.any() else take.only(capture, count)
 
-    def excite_each(self, drives: Mapping[str, FloatArray], take: Take) -> Capture:
+    def excite_each(self, drives: Mapping[str, FloatArray], take: PlayRequest) -> Capture:
         """See `Rig.excite_each`."""
         rig = self._rig
         inputs = rig.amplifier.inputs
@@ -109,7 +118,7 @@ class Playing:
         self._prove_each(own, tuple(drives))
         return self._played(own, take)
 
-    def generate(self, waveform: Waveform, take: Take) -> Capture:
+    def generate(self, waveform: Waveform, take: PlayRequest) -> Capture:
         """See `Rig.generate`."""
         rig = self._rig
         if not rig.feeds_amplifier("generator"):
@@ -132,7 +141,7 @@ class Playing:
         rate_hz, level = rig.table.rate_hz, level_of(combined(self._ratings(1)))
         source = rig.amplifier.inputs.get(patch, rig.amplifier.input)
         if rig.feeds_amplifier("player"):
-            proof = Take((patch,), rig.drive_monitor().channels)
+            proof = PlayRequest((patch,), rig.drive_monitor().channels)
             self._prove(source, patch, lambda _: self._by_player(tone(level, rate_hz), proof))
         elif not rig.feeds_amplifier("generator"):
             self._prove_each({source: tone(level, rate_hz)}, (patch,))
@@ -154,11 +163,11 @@ class Playing:
                 ),
             )
 
-    def _proof(self, patch: str) -> Take:
+    def _proof(self, patch: str) -> PlayRequest:
         """What is recorded of a proof: the monitor of the patch first, and every other one."""
         rig = self._rig
         others = rig.sensors.drive.channels if rig.sensors.drive else ()
-        return Take((patch,), tuple(dict.fromkeys((rig.monitor(patch), *others))))
+        return PlayRequest((patch,), tuple(dict.fromkeys((rig.monitor(patch), *others))))
 
     def _prove(self, source: str, patch: str, play: Callable[[float], Capture]) -> None:
         """Prove the gain from an amplifier's input to a patch, once in a session, by the drive monitor.
@@ -191,7 +200,7 @@ class Playing:
             raise UnshownError(patch, shown[0] / level, elsewhere)
         self._proved.add(source)
 
-    def _played(self, drives: Mapping[str, FloatArray], take: Take) -> Capture:
+    def _played(self, drives: Mapping[str, FloatArray], take: PlayRequest) -> Capture:
         """Play drives (V at the patch) on the DAQ's outputs."""
         rig = self._rig
         rate_hz = rig.table.rate_hz
@@ -230,7 +239,7 @@ class Playing:
             self._proved.discard(source)
             raise UnshownError(patch, share, (), "it was played")
 
-    def _by_player(self, drive: FloatArray, take: Take) -> Capture:
+    def _by_player(self, drive: FloatArray, take: PlayRequest) -> Capture:
         """Play a drive (V at the patch) on the player, and record until it has certainly been played."""
         rig = self._rig
         output, rate_hz = rig.player.output, rig.table.rate_hz
@@ -247,7 +256,7 @@ class Playing:
             ):
                 return stream.capture(each)
 
-    def _aligned(self, capture: Capture, drive: FloatArray, take: Take, count: int) -> Capture:
+    def _aligned(self, capture: Capture, drive: FloatArray, take: PlayRequest, count: int) -> Capture:
         """Put what a player played (V at the patch) on the drive's own clock, by the drive monitor."""
         rate_hz, monitor = self._rig.table.rate_hz, self._rig.drive_monitor()
         row = capture.channels.index(monitor.channels[0])
@@ -256,7 +265,7 @@ class Playing:
         found = find(measured, drive, rate_hz, delay, self._rig.player.response)
         return take.only(align(capture, found, count), count)
 
-    def _generated(self, waveform: Waveform, take: Take) -> Capture:
+    def _generated(self, waveform: Waveform, take: PlayRequest) -> Capture:
         """Play a waveform, in volts at the patch."""
         rig = self._rig
         permitted = self._limiter.permit_waveform(
@@ -265,7 +274,7 @@ class Playing:
         with uninterrupted(), permitted as at_output:
             return self._generated_at(at_output, take)
 
-    def _generated_at(self, waveform: Waveform, take: Take) -> Capture:
+    def _generated_at(self, waveform: Waveform, take: PlayRequest) -> Capture:
         """Play a waveform, in volts at the generator's output."""
         rig = self._rig
         triggered: list[float] = []

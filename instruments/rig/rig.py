@@ -38,10 +38,9 @@ from ..safety import (
     lockouts_folder,
     state_folder,
 )
-from .monitoring import Monitoring, Take
+from .monitoring import Monitoring, PlayRequest
 from .playing import Playing
-from .ratings import figures, ratings
-from .roles import Instruments, Role
+from .roles import Instruments, Role, figures, ratings
 
 
 class DeclaredSettings:
@@ -216,7 +215,7 @@ class Rig(Instruments, InNotebook):
 
         Raises LimitError, ConfigurationError, InstrumentError.
         """
-        return self._collected(self._playing.excite(drive, Take(patches, channels, tail, progress)))
+        return self._collected(self._playing.excite(drive, PlayRequest(patches, channels, tail, progress)))
 
     def excite_each(
         self,
@@ -231,7 +230,9 @@ class Rig(Instruments, InNotebook):
         one patch. One alone is played on any amplifier. Raises ConfigurationError for an amplifier without a
         channel for each patch, and as `excite` does.
         """
-        return self._collected(self._playing.excite_each(drives, Take(drives, channels, tail, progress)))
+        return self._collected(
+            self._playing.excite_each(drives, PlayRequest(drives, channels, tail, progress))
+        )
 
     def generate(
         self,
@@ -251,7 +252,9 @@ class Rig(Instruments, InNotebook):
 
         Raises LimitError, ConfigurationError, InstrumentError.
         """
-        return self._collected(self._playing.generate(waveform, Take(patches, channels, tail, progress)))
+        return self._collected(
+            self._playing.generate(waveform, PlayRequest(patches, channels, tail, progress))
+        )
 
     def prove_gain(self, patch: str) -> None:
         """Prove the amplifier's gain at a volt now, where the first play into this patch would do it.

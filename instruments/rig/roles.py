@@ -1,4 +1,4 @@
-"""The instruments of a rig, each by its role."""
+"""The instruments of a rig, each by its role, and the limits of the drive that follow from them."""
 
 from __future__ import annotations
 
@@ -17,9 +17,11 @@ from ..config import Actuator, RigFile, TableSettings
 from ..daq import Daq
 from ..frozen import Frozen
 from ..generator import Generator
+from ..limits import Limits
 from ..operator import Aim, Operator
 from ..player import Player
 from ..relay import Relay
+from ..safety import Figures
 from ..sensors import Divider, Sensors
 from ..vibrometer import Vibrometer
 
@@ -169,3 +171,26 @@ class Instruments(Frozen):
             outputs = self.file.daq.settings.get("outputs")
             return isinstance(outputs, Mapping) and self.amplifier.input in outputs
         return self.has(role) and self._roles[role].output == self.amplifier.input
+
+
+# Limits of the drive at a patch, from the amplifier, the relay, the actuator and the rig file.
+
+_VOLTS = (-100.0, -1.0, 1.0, 50.0, 400.0)
+"""Volts at the patch at which the amplifier's gain is noted."""
+
+
+def ratings(rig: Instruments, patches: int) -> dict[str, Limits]:
+    """Collect the limits for `patches` patches in parallel, by owner."""
+    relay = Limits(min=-rig.relay.rating, max=rig.relay.rating)
+    return {
+        "the amplifier": rig.amplifier.limits(patches),
+        "the relay": relay,
+        "the actuator": rig.actuator.limits(patches),
+        "the rig file's [limits]": rig.file.limits.limits(),
+    }
+
+
+def figures(rig: Instruments) -> Figures:
+    """All that the limits of a play rest on, now. Raises ConfigurationError for a rig that cannot play."""
+    each = {count: ratings(rig, count) for count in range(len(rig.table.patches) + 1)}
+    return Figures(each, tuple(map(float, rig.amplifier.to_input(np.array(_VOLTS)))), rig.file.digest)

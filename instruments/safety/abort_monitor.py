@@ -17,10 +17,9 @@ from ...base.arrays import FloatArray
 from ...base.errors import InstrumentError, LimitError
 from ...base.files import whole_file
 from ...base.wording import capital
-from ..coil import Coil
 from ..config import AbortLimits
 from ..daq import Block
-from ..limits import Limits
+from ..limits import Coil, Limits
 from ..sensors import Divider, Sensors
 from ..vibrometer import Vibrometer
 from .audit import make_folder, now_utc, who

@@ -24,9 +24,9 @@ import platformdirs
 
 from ...base.clock import RealClock
 from ...base.errors import ConfigurationError, DataError
-from ...base.file_lock import release, taken
 from ...base.files import os_error_text
-from ...base.json_text import as_line, from_text
+from ...base.json_files import as_line, from_text
+from ...base.marks import release, taken
 from ..frozen import Frozen
 
 if TYPE_CHECKING:

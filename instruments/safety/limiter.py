@@ -20,17 +20,15 @@ import numpy as np
 from ...base.arrays import FloatArray
 from ...base.clock import Clock
 from ...base.errors import DataError, InstrumentError, LimitError
-from ...base.flag import Flag
+from ...base.threads import Flag
 from ..amplifier import Amplifier
 from ..generator import Waveform
 from ..limits import Limits, sounding
 from ..relay import LOST
-from .deadline import DEADLINE
-from .figures import Kept
-from .judge import Heating, Judge, Ratings, combined
+from .deadline import DEADLINE, Watch
+from .judge import Heating, Judge, OpeningFigures, Ratings, combined
 from .lockout import Lockout, Lockouts
-from .outputs import Outputs, Standing
-from .watch import Watch
+from .safe_state import Outputs, Standing
 
 _SELDOM = 60.0
 """Longest interval (s) at which volts that stand again and again are logged."""
@@ -85,7 +83,7 @@ class Limiter:
         """What earlier plays had left in a coil (W) when the present one began."""
         self._quiet, self._quiet_until = 0.1, -np.inf
         self._watch = Watch(clock, self.authorise_renewal)
-        self.kept = Kept()
+        self.kept = OpeningFigures()
         """What the limits rest on, as it was when the rig was opened."""
 
     @property

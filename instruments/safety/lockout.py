@@ -15,7 +15,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from ...base.errors import ConfigurationError
-from ...base.json_text import as_file, of_file
+from ...base.json_files import as_file, of_file
 from . import machine
 from .audit import Audit, now_utc, who
 

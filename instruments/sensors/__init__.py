@@ -13,11 +13,11 @@ from .sensor import LinearSensor as LinearSensor
 from .sensor import Scale as Scale
 from .sensor import Sensor as Sensor
 from .sensor import Switch as Switch
-from .sensors import Sensors as Sensors
 from .tables import AccelerationTable as AccelerationTable
 from .tables import Described as Described
 from .tables import DisplacementTable as DisplacementTable
 from .tables import ForceTable as ForceTable
+from .tables import Sensors as Sensors
 from .tables import VelocityTable as VelocityTable
 from .transfer import Measured as Measured
 from .transfer import Transfer as Transfer

@@ -24,8 +24,8 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from ...base.clock import Clock
+from ...base.entry_points import optional
 from ...base.errors import InstrumentError
-from ...base.extras import optional
 from ..recorded_along import NewFile, Reading
 from .xdf_writer import FORMATS, XdfWriter, header
 

@@ -9,20 +9,20 @@ A tape is gzip of JSON lines (`zcat`, `jq`), each with the hash of all lines so 
 it is the last.
 """
 
-from .lines import Call as Call
-from .lines import Failure as Failure
-from .lines import Proxied as Proxied
-from .lines import TapedLine as TapedLine
-from .lines import on_line as on_line
-from .lines import taped_line as taped_line
 from .player import Player as Player
 from .player import TapeClock as TapeClock
 from .player import TapeError as TapeError
+from .recorder import Call as Call
+from .recorder import Failure as Failure
+from .recorder import Proxied as Proxied
 from .recorder import Recorder as Recorder
+from .recorder import TapedLine as TapedLine
+from .recorder import on_line as on_line
+from .recorder import taped_line as taped_line
 from .sessions import current as current
 from .sessions import mask as mask
 from .sessions import played as played
 from .sessions import recorded as recorded
 from .sessions import recording_of as recording_of
+from .tape_file import Handle as Handle
 from .tape_file import TapeLines as TapeLines
-from .values import Handle as Handle

@@ -22,10 +22,9 @@ import numpy as np
 
 from ...base.clock import VirtualClock
 from ...base.errors import DataError, InstrumentError
-from ...base.flag import Flag
-from .lines import Call
-from .tape_file import TapeLines
-from .values import Handles, as_json, from_json
+from ...base.threads import Flag
+from .recorder import Call
+from .tape_file import Handles, TapeLines, as_json, from_json
 
 _RARELY = 1.5
 """What repeats a call by time does so less often than on the tape, and never asks for more than it holds."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...base.arrays import FloatArray
 from ...base.errors import ConfigurationError, HaploopError
-from ...base.near_words import did_you_mean
+from ...base.wording import did_you_mean
 from ...instruments.daq import StreamRequest
 from ...instruments.daq.ni_daqmx import NiDaq
 from ...instruments.daq.ni_sentences import (

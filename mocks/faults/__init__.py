@@ -1,6 +1,6 @@
 """haploop's own kinds of fault, one module for each place of action, by the names that rig files give them.
 
-Other packages add kinds by entry points: see `haploop.mocks.plant.fault_kinds`.
+Other packages add kinds by entry points: see `haploop.mocks.plant.kinds`.
 """
 
 from __future__ import annotations
@@ -8,13 +8,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from ..plant import Fault
-from .amplifier import AmplifierGain, AmplifierTrip
 from .background import FlickerNoise, RotatingMachine
-from .camera import AmbientLight, Defocus, FramesLost, SecondFinger
 from .daq import ClockDrift, DaqOverflow, DaqOverrun, PlayCutOff, RtsiMissing, SourceImpedance
-from .laser import LaserAskew, LaserBlocked, LaserDropout, LaserSpikes, VibrometerRange
-from .lines import Reply
-from .relay import RelayLost, RelayStuck, RelaySwapped, RelayWelded
+from .laser import (
+    AmbientLight,
+    Defocus,
+    FramesLost,
+    LaserAskew,
+    LaserBlocked,
+    LaserDropout,
+    LaserSpikes,
+    SecondFinger,
+    VibrometerRange,
+)
+from .lines import Reply, SamplesLost, StreamLost
+from .relay import AmplifierGain, AmplifierTrip, RelayLost, RelayStuck, RelaySwapped, RelayWelded
 from .sensors import (
     AccelerometerInverted,
     ForceCalibration,
@@ -23,7 +31,6 @@ from .sensors import (
     SensorDisconnected,
     SensorSaturated,
 )
-from .streams import SamplesLost, StreamLost
 from .table import (
     FrequencyDrift,
     HandOnTable,

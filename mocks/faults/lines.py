@@ -1,12 +1,13 @@
-"""Faults of the communication lines to instruments."""
+"""Faults of the communication lines to instruments, and of streams that other programs send."""
 
 from __future__ import annotations
 
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field
 
-from ..plant import OnLine, PerEventFault
+from ..plant import OnLine, OnStreams, PerEventFault, TimedFault
 from ..transport import ReplyFault
 
 
@@ -32,3 +33,31 @@ class Reply(PerEventFault, OnLine):
         if self.settings.asked not in request or not self.fires(now):
             return None
         return ReplyFault(self.settings.how, delay=self.settings.delay)
+
+
+# Faults of streams that other programs send.
+
+
+class _OfStream(TimedFault, OnStreams):
+    class Settings(TimedFault.Settings):
+        stream: str
+        """Its name in the rig file."""
+
+    settings: Settings
+
+    def _acts(self, stream: str, time: float) -> bool:
+        return stream == self.settings.stream and bool(self.active(np.array([time]))[0])
+
+
+class StreamLost(_OfStream):
+    """The sender's program ends, or was not started; later it is there again."""
+
+    def stream_lost(self, stream: str, time: float) -> bool:
+        return self._acts(stream, time)
+
+
+class SamplesLost(_OfStream):
+    """The sender is there, and sends nothing."""
+
+    def samples_lost(self, stream: str, time: float) -> bool:
+        return self._acts(stream, time)

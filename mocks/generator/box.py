@@ -13,33 +13,53 @@ from typing import Protocol
 
 from ...base.clock import Clock
 from ...nidaqmx_twin.nodes import Source
-from . import limits
-from .apply import apply_entries
-from .channel import HIGHEST, Channel
-from .coupling import COUPLED, HOW, RIGOL_COUPLES, follow
-from .front import PACES, front_entries
+from . import headers
+from .front import PACES, apply_entries, front_entries
 from .headers import (
     ARB_MODE,
     BOOLEANS,
+    BURST,
     BURST_MODE,
+    BURST_PHASE,
+    COUPLED,
+    HOW,
     LIMITED,
     NUMBERS,
     OWN_WORDS,
+    RIGOL_COUPLES,
     SHAPE,
     SPACING,
     START,
     STOP,
+    SWEEP,
+    TIME,
     TRIGGERS,
     WORDS,
+    Product,
+    follow,
 )
 from .levels import INFINITE, QUANTITIES, Quantity, within
-from .limits import BURST, BURST_PHASE, SWEEP, TIME
-from .modulation import AM, FM, check_carrier, modulation_of
-from .products import Product
-from .pulses import FREQUENCY, HOLD, PULSES, duty, hold, pulse_value, set_pulse
 from .scpi import Entry, ScpiDevice, ScpiError, number_of, word_of
-from .volatile import load, receive, select
-from .waveform import Output, Playing
+from .waveform import (
+    AM,
+    FM,
+    FREQUENCY,
+    HIGHEST,
+    HOLD,
+    PULSES,
+    Channel,
+    Output,
+    Playing,
+    check_carrier,
+    duty,
+    hold,
+    load,
+    modulation_of,
+    pulse_value,
+    receive,
+    select,
+    set_pulse,
+)
 
 _CHANNELS = (1, 2)
 _ON = ":OUTPut#[:STATe]"
@@ -192,17 +212,17 @@ class Box:
         return Entry(get, put)
 
     def _get_number(self, header: str, low: float, high: float, n: int, argument: str) -> str:
-        ends = {"MINimum": low, "MAXimum": limits.highest(self._product, self._channel(n), header, high)}
+        ends = {"MINimum": low, "MAXimum": headers.highest(self._product, self._channel(n), header, high)}
         value = number_of(argument, ends) if argument else self._shared(header, n).values[header]
-        value /= limits.degrees(header, self._angle)
+        value /= headers.degrees(header, self._angle)
         return self._text(value)
 
     def _put_number(self, header: str, low: float, high: float, n: int, argument: str) -> None:
-        high = limits.highest(self._product, self._channel(n), header, high)
+        high = headers.highest(self._product, self._channel(n), header, high)
         ends = {"MINimum": low, "MAXimum": high}
         endless = {"INFinity": INFINITE} if header == _CYCLES and self._product.by_mode else {}
-        value = number_of(argument, ends | endless, limits.kind_of(header))
-        value = limits.in_degrees(header, argument, value, self._angle)
+        value = number_of(argument, ends | endless, headers.kind_of(header))
+        value = headers.in_degrees(header, argument, value, self._angle)
         self._changed(header, n).values[header] = (
             value if value in endless.values() else within(value, low, high, self.fail)
         )
@@ -227,7 +247,7 @@ class Box:
         on = _boolean(argument)
         if on:
             check_carrier(header, channel.words[SHAPE])
-            limits.exclude(channel.values, header, self.fail)
+            headers.exclude(channel.values, header, self.fail)
         channel.values[header] = float(on)
         self._settle(header, n)
 
@@ -246,7 +266,7 @@ class Box:
         if header == HOLD:
             hold(channel)
         channel.words[header] = word
-        most_hz = limits.highest(self._product, channel, FREQUENCY, math.inf)
+        most_hz = headers.highest(self._product, channel, FREQUENCY, math.inf)
         if channel.values[FREQUENCY] > most_hz:
             channel.values[FREQUENCY] = most_hz
             self.fail(ScpiError(-221, "Settings conflict; frequency reduced for selected function"))
@@ -273,10 +293,10 @@ class Box:
         if header in HOW and self._channels[1].values[COUPLED]:
             n = 1
         if header in (FREQUENCY, SHAPE, COUPLED, *HOW):
-            highest = partial(limits.highest, self._product, header=FREQUENCY, high=math.inf)
+            highest = partial(headers.highest, self._product, header=FREQUENCY, high=math.inf)
             most = {which: highest(channel=channel) for which, channel in self._channels.items()}
             follow(self._channels, n, NUMBERS[FREQUENCY][1], most, self.fail)
-        limits.keep_deviation(self._product, self._channels[n], self.fail)
+        headers.keep_deviation(self._product, self._channels[n], self.fail)
         self._apply()
 
     def _get_mode(self, n: int, argument: str) -> str:

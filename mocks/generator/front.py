@@ -1,14 +1,15 @@
-"""What a client asks beside the signal: the display, the list of waveforms, modulations that are off."""
+"""What a client asks beside the signal, and APPLy: display, list of waveforms, modulations that are off."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from typing import Protocol
 
-from .channel import Channel
+from .headers import Product
 from .levels import Quantity
-from .products import Product
 from .scpi import Entry, Fail, ScpiError, number_of, word_of
+from .waveform import Channel
 
 _KINDS = ("PM", "PWM", "FSKey", "BPSK", "SUM")
 _RATE = "[:SOURce#]:FUNCtion:ARBitrary:SRATe"
@@ -88,3 +89,91 @@ PACES = {
     for name, power in (("FREQuency", 1), ("PERiod", -1))
 }
 """How fast Keysight's points are put out, by headers: their rate, stated as that of the whole waveform."""
+
+
+# APPLy, the command that everybody begins with: function, frequency, amplitude, offset, and output on.
+
+_SHAPES = ("SINusoid", "SQUare", "TRIangle", "RAMP", "PULSe", "PRBS", "NOISe", "ARBitrary", "USER", "DC")
+_DEFAULTS = ("1000", "0.1", "0")
+"""Frequency (Hz), amplitude (V peak to peak) and offset (V) of what is left out."""
+_NAMES = ("FREQ", "VOLT", "VOLT:OFFS")
+
+
+class Answering(Protocol):
+    """What is applied to: the commands that APPLy stands for."""
+
+    def answer(self, line: str) -> object:
+        """Execute a line of commands."""
+
+    def get(self, line: str) -> str:
+        """Answer one query."""
+
+
+def apply_entries(box: Answering, product: Product) -> dict[str, Entry]:
+    """Entries of APPLy in a family's form."""
+    root = "[:SOURce#]:APPLy"
+    entries = {f"{root}:{shape}": Entry(put=partial(_apply, box, product, shape)) for shape in _SHAPES}
+    return {root: Entry(get=partial(_applied, box, product)), **entries}
+
+
+def _apply(box: Answering, product: Product, shape: str, n: int, argument: str) -> None:
+    given = [word.strip() for word in argument.split(",")] if argument else []
+    if len(given) > (3 if product.by_mode else 4):
+        raise ScpiError(-108, "Parameter not allowed")
+    name = "ARB" if shape == "USER" else shape
+    # What would be in the way of the new signal: the old offset, sweep, burst, modulation and unit.
+    for header in (
+        "SWE:STAT OFF",
+        "BURS:STAT OFF",
+        "AM:STAT OFF",
+        "FM:STAT OFF",
+        "VOLT:UNIT VPP",
+        "VOLT:OFFS 0",
+    ):
+        box.answer(f"SOUR{n}:{header}")
+    box.answer(f"SOUR{n}:FUNC {name}")
+    names = list(_NAMES)
+    if not product.by_mode:
+        names, given = _rigol(box, n, shape, names, given)
+    wanted = [*given, *[""] * 3][:3]
+    for header, value, default in zip(names, wanted, _DEFAULTS, strict=True):
+        word = default if value.upper() in ("", "DEF", "DEFAULT") else value
+        if header == "FREQ" and name in ("NOISe", "DC"):
+            continue
+        box.answer(f"SOUR{n}:{header} {word}")
+    if len(given) == 4 and given[3]:
+        box.answer(f"SOUR{n}:PHAS {given[3]}")
+    if product.by_mode:
+        box.answer(f"TRIG{n}:SOUR IMM")
+    box.answer(f"OUTP{n} ON")
+
+
+def _rigol(
+    box: Answering, n: int, shape: str, names: list[str], given: list[str]
+) -> tuple[list[str], list[str]]:
+    """Headers and arguments where the DG1000Z has others: points by their rate, noise without a frequency.
+
+    QCoDeS's driver sends noise with all four arguments; they are taken as well.
+    """
+    match shape:
+        case "NOISe" if len(given) < 3:
+            return names, ["", *given]
+        case "ARBitrary":
+            box.answer(f"SOUR{n}:FUNC:ARB:MODE SRAT")
+            return ["FUNC:ARB:SRAT", *names[1:]], given
+        case "USER":
+            box.answer(f"SOUR{n}:FUNC:ARB:MODE FREQ")
+    return names, given
+
+
+def _applied(box: Answering, product: Product, n: int, argument: str) -> str:
+    shape, *numbers = (box.get(f"SOUR{n}:{header}?") for header in ("FUNC", *_NAMES))
+    if product.by_mode:
+        return f'"{shape} {",".join(numbers)}"'
+    phase = box.get(f"SOUR{n}:PHAS?")
+    match shape:
+        case "NOIS":
+            return ",".join(["NOISE", "DEF", *numbers[1:], "DEF"])
+        case "ARB" if box.get(f"SOUR{n}:FUNC:ARB:MODE?") == "SRAT":
+            return ",".join(["ARB", box.get(f"SOUR{n}:FUNC:ARB:SRAT?"), *numbers[1:]])
+    return ",".join([{"PULS": "PULSE", "ARB": "USER"}.get(shape, shape), *numbers, phase])

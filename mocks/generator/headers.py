@@ -1,4 +1,4 @@
-"""Settings of the simulated function generators: headers as in manuals, with what each may be.
+"""Settings of the simulated function generators: headers as in manuals, what each may be, and the families.
 
 Ranges and keywords are those of the product families. A limit that was not found is the usual one for this
 type of instrument (estimate).
@@ -6,11 +6,117 @@ type of instrument (estimate).
 
 from __future__ import annotations
 
-from . import modulation
-from .coupling import COUPLED, MODE, OFFSET, RATIO
-from .modulation import AM, DEPTH, FM, PACE, SUPPRESSED
-from .pulses import FREQUENCY, HOLD
-from .waveform import SHAPES
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from . import waveform
+from .scpi import Fail, ScpiError, unit_of
+from .waveform import AM, DEPTH, DEVIATION, FM, FREQUENCY, HOLD, PACE, SHAPES, SUPPRESSED, Channel
+
+# Families of function generators that can be simulated, described by their differences.
+
+
+@dataclass(frozen=True)
+class Product:
+    """Externally visible properties of one family that differ from the other's."""
+
+    identity: str
+    number: str
+    """Format specification of the numbers in its answers."""
+    booleans: tuple[str, str]
+    infinite: str
+    """Its text for an infinite load (an open input)."""
+    own: dict[str, tuple[float, float, float]]
+    """Settings that only this family has, or has differently: header to (default, lowest, highest)."""
+    highest: dict[str, float]
+    """Highest frequency of each shape (Hz); that of "SIN" for any other."""
+    memory: int
+    """Points of the longest arbitrary waveform."""
+    by_mode: bool
+    """True for Keysight: the sweep is a frequency mode, and all functions share one trigger."""
+
+
+KEYSIGHT_33500 = Product(
+    identity="Agilent Technologies,33522B,MY00000001,5.00-1.19-2.00-58-00",
+    number="+.15E",
+    booleans=("0", "1"),
+    infinite="+9.900000000000000E+37",
+    own={
+        "[:SOURce#]:SWEep:HTIMe": (0, 0, 3600),
+        ":TRIGger#:DELay": (0, 0, 1000),
+        ":TRIGger#:COUNt": (1, 1, 1e6),
+        ":TRIGger#:TIMer": (1, 1e-6, 8e3),
+        ":TRIGger#:LEVel": (1.65, 0.9, 3.8),
+        "[:SOURce#]:FUNCtion:NOISe:BANDwidth": (100e3, 1e-3, 30e6),
+        DEVIATION: (100, 1e-6, 15e6),
+        PACE["FM"]: (10, 1e-6, 30e6),
+    },
+    # Data sheet 5991-0692 of the 33500B Series, 30 MHz models.
+    highest={"SIN": 30e6, "RAMP": 200e3, "TRI": 200e3},
+    memory=1_000_000,
+    by_mode=True,
+)
+DG1000Z = Product(
+    identity="Rigol Technologies,DG1062Z,DG1ZA000000001,03.01.12",
+    number=".6E",
+    booleans=("OFF", "ON"),
+    infinite="INFINITY",
+    own={
+        "[:SOURce#]:SWEep:HTIMe[:STARt]": (0, 0, 500),
+        "[:SOURce#]:SWEep:HTIMe:STOP": (0, 0, 500),
+        DEVIATION: (1e3, 0, 60e6),
+        PACE["AM"]: (100, 2e-3, 1e6),
+        PACE["FM"]: (100, 2e-3, 1e6),
+    },
+    # Data sheet of the DG1000Z Series, DG1062Z.
+    highest={"SIN": 60e6, "SQU": 25e6, "PULS": 25e6, "RAMP": 1e6, "TRI": 1e6, "ARB": 20e6},
+    memory=8_388_608,
+    by_mode=False,
+)
+
+
+# Two channels of a simulated function generator whose frequencies are coupled.
+#
+# Channel 2 has channel 1's frequency and an offset more, or a ratio times it; whichever is set, the other
+# follows (DG800 programming guide, FREQuency:COUPle; the same of a 33500 is an estimate).
+
+COUPLED = "[:SOURce#]:FREQuency:COUPle[:STATe]"
+MODE = "[:SOURce#]:FREQuency:COUPle:MODE"
+OFFSET, RATIO = "[:SOURce#]:FREQuency:COUPle:OFFSet", "[:SOURce#]:FREQuency:COUPle:RATio"
+HOW = (MODE, OFFSET, RATIO)
+RIGOL_COUPLES = {
+    COUPLED: ":COUPling:FREQuency[:STATe]",
+    MODE: ":COUPling:FREQuency:MODE",
+    OFFSET: ":COUPling:FREQuency:DEViation",
+    RATIO: ":COUPling:FREQuency:RATio",
+}
+"""Headers that the DG1000Z has besides."""
+
+
+def follow(
+    channels: Mapping[int, Channel], n: int, low: float, highest: Mapping[int, float], fail: Fail
+) -> None:
+    """Let the other channel's frequency follow that of channel `n`, where they are coupled.
+
+    One that would go beyond its `highest` (Hz), or below `low`, stays there, and the first one with it.
+    """
+    values = channels[1].values
+    if not values[COUPLED]:
+        return
+    plus, times = (values[OFFSET], 1.0) if channels[1].words[MODE] == "OFFS" else (0.0, values[RATIO])
+
+    def other_of(which: int, hz: float) -> float:
+        return hz * times + plus if which == 1 else (hz - plus) / times
+
+    other = 3 - n
+    wanted = other_of(n, channels[n].values[FREQUENCY])
+    taken = min(max(wanted, low), highest[other])
+    channels[other].values[FREQUENCY] = taken
+    if taken != wanted:
+        channels[n].values[FREQUENCY] = min(max(other_of(other, taken), low), highest[n])
+        fail(ScpiError(-221, "Settings conflict; frequency coupling limited frequency on other channel"))
+
 
 ARB_MODE = "[:SOURce#]:FUNCtion:ARBitrary:MODE"
 BURST_MODE = "[:SOURce#]:BURSt:MODE"
@@ -75,7 +181,7 @@ WORDS: dict[str, tuple[str, ...]] = {
     ":FORMat:BORDer": ("NORMal", "SWAPped"),
     ":UNIT:ANGLe": ("DEGree", "RADian", "SECond"),
     "[:SOURce#]:ROSCillator:SOURce": ("INTernal", "EXTernal"),
-    **modulation.WORDS,
+    **waveform.WORDS,
 }
 TRIGGERS: dict[bool, dict[str, tuple[str, ...]]] = {
     True: {":TRIGger#:SOURce": ("IMMediate", "EXTernal", "TIMer", "BUS")},
@@ -106,3 +212,60 @@ OWN_WORDS: dict[bool, dict[str, tuple[str, ...]]] = {
     },
 }
 """Words that the families have in different forms: those of a family by mode, and the other's."""
+
+
+# What a setting may be: highest frequencies by shape, units of angles, modes that exclude each other.
+
+SWEEP, BURST = "[:SOURce#]:SWEep:STATe", "[:SOURce#]:BURSt:STATe"
+TIME, BURST_PHASE = "[:SOURce#]:SWEep:TIME", "[:SOURce#]:BURSt:PHASe"
+_FREQUENCIES = (FREQUENCY, START, STOP, "[:SOURce#]:MARKer:FREQuency")
+_MODES = {SWEEP: "sweep", BURST: "burst", AM: "AM", FM: "FM"}
+_ANGLES = ("[:SOURce#]:PHASe[:ADJust]", BURST_PHASE)
+_KINDS = {
+    **dict.fromkeys((*_FREQUENCIES, DEVIATION, *PACE.values()), "HZ"),
+    **dict.fromkeys(_ANGLES, "DEG"),
+    TIME: "S",
+}
+_RADIAN = 180 / math.pi
+
+
+def kind_of(header: str) -> str:
+    """Return the kind of a setting's units, for `number_of`."""
+    return _KINDS.get(header, "")
+
+
+def highest(product: Product, channel: Channel, header: str, high: float) -> float:
+    """Return the upper limit of a setting: of a frequency that of the product and the shape (Hz)."""
+    if header not in _FREQUENCIES:
+        return high
+    return product.highest.get(channel.words.get(SHAPE, "SIN"), product.highest["SIN"])
+
+
+def degrees(header: str, unit: str) -> float:
+    """Return the degrees in the `unit` of angles that is set; 1 of any other setting."""
+    return _RADIAN if header in _ANGLES and unit == "RAD" else 1.0
+
+
+def in_degrees(header: str, argument: str, value: float, unit: str) -> float:
+    """Return the `value` of an argument in degrees, where the setting is an angle."""
+    own = unit_of(argument)
+    if argument[:1].upper() == "M" or header not in _ANGLES or own not in ("", "RAD"):
+        return value
+    return value * (_RADIAN if own else degrees(header, unit))
+
+
+def exclude(values: dict[str, float], header: str, fail: Fail) -> None:
+    """Switch the other modes off for one: of sweep, burst and the modulations, one is on."""
+    for other, name in _MODES.items():
+        if header in _MODES and other != header and values[other]:
+            values[other] = 0.0
+            fail(ScpiError(-221, f"Settings conflict; {name} turned off by selection of other mode"))
+
+
+def keep_deviation(product: Product, channel: Channel, fail: Fail) -> None:
+    """Reduce the deviation of a frequency modulation to what carrier and shape allow."""
+    carrier = channel.values[FREQUENCY]
+    most = min(carrier, highest(product, channel, FREQUENCY, math.inf) - carrier)
+    if channel.values[FM] and channel.values[DEVIATION] > most:
+        channel.values[DEVIATION] = most
+        fail(ScpiError(-221, "Settings conflict; FM deviation limited by frequency"))

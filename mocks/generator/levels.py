@@ -11,9 +11,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-from .channel import HIGHEST, Channel
 from .headers import LIMITED, NUMBERS, SHAPE, START, STOP, UNIT
 from .scpi import Fail, ScpiError, number_of, unit_of
+from .waveform import HIGHEST, Channel
 
 INFINITE = 9.9e37
 """SCPI's number for infinity."""

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from ...instruments.generator.scpi_generator import Dg1000z, Keysight33500, ScpiGenerator
 from ..transport import DirectLine, LineServer
 from .box import Box, Input
-from .products import DG1000Z, KEYSIGHT_33500, Product
+from .headers import DG1000Z, KEYSIGHT_33500, Product
 
 
 def keysight(settings: ScpiGenerator.Settings, plant: Input) -> Keysight33500:

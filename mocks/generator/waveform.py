@@ -1,10 +1,10 @@
-"""Output of a function generator, as voltage steps at a node of the plant."""
+"""Output of a function generator, as voltage steps: pulse, modulation, channel, volatile memory."""
 
 from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +12,133 @@ import numpy as np
 from ...base.arrays import FloatArray
 from ...base.clock import Clock
 from ...nidaqmx_twin.nodes import Run
-from .modulation import Modulation
+from .scpi import ScpiDevice, ScpiError, word_of
+
+# Pulse of a simulated function generator: width and share of the period, of which one is held.
+#
+# The other follows the frequency, as both families do it.
+
+FREQUENCY = "[:SOURce#]:FREQuency[:CW|:FIXed]"
+HOLD = "[:SOURce#]:FUNCtion:PULSe:HOLD"
+_WIDTH, _DUTY = "pulse width", "pulse duty"
+PULSES: dict[str, tuple[float, float]] = {
+    "PERiod": (33e-9, 1e6),
+    "WIDTh": (16e-9, 1e6),
+    "DCYCle": (0.0, 100.0),
+}
+"""Lowest and highest of what is set of a pulse (s, s, %)."""
+
+
+def duty(channel: Channel) -> float:
+    """Share of its period that a pulse is high."""
+    if channel.words[HOLD] == "WIDT":
+        return min(channel.values.get(_WIDTH, 100e-6) * channel.values[FREQUENCY], 1.0)
+    return channel.values.get(_DUTY, 0.1)
+
+
+def pulse_value(channel: Channel, name: str) -> float:
+    """Return a key of `PULSES` in its unit."""
+    frequency = channel.values[FREQUENCY]
+    match name:
+        case "PERiod":
+            return 1 / frequency
+        case "WIDTh":
+            return duty(channel) / frequency
+    return 100 * duty(channel)
+
+
+def set_pulse(channel: Channel, name: str, value: float) -> None:
+    """Set a key of `PULSES` in its unit."""
+    if name == "PERiod":
+        channel.values[FREQUENCY] = 1 / value
+        return
+    share = value / 100 if name == "DCYCle" else value * channel.values[FREQUENCY]
+    channel.values[_DUTY] = min(share, 1.0)
+    channel.values[_WIDTH] = channel.values[_DUTY] / channel.values[FREQUENCY]
+
+
+def hold(channel: Channel) -> None:
+    """Let what has been held go on from the pulse that is put out now, whichever is held next."""
+    set_pulse(channel, "DCYCle", 100 * duty(channel))
+
+
+# Amplitude and frequency modulation of a simulated function generator.
+#
+# AM at a depth of 0 halves the amplitude, and reaches it at 100 % (DG1000Z programming guide, 2-117); with a
+# suppressed carrier it is in proportion to the depth. The peak deviation of FM is at most the carrier's
+# frequency, and both together at most its highest (DG4000 programming guide, FM). Where a modulating wave
+# begins was not found: a sine at zero (estimate). Nothing is wired to the input of an external source: 0 V.
+
+AM, FM = "[:SOURce#]:AM:STATe", "[:SOURce#]:FM:STATe"
+DEPTH, DEVIATION = "[:SOURce#]:AM[:DEPTh]", "[:SOURce#]:FM[:DEViation]"
+SUPPRESSED = "[:SOURce#]:AM:DSSC"
+SOURCE = {kind: f"[:SOURce#]:{kind}:SOURce" for kind in ("AM", "FM")}
+WAVE = {kind: f"[:SOURce#]:{kind}:INTernal:FUNCtion" for kind in ("AM", "FM")}
+PACE = {kind: f"[:SOURce#]:{kind}:INTernal:FREQuency" for kind in ("AM", "FM")}
+_WAVES = ("SINusoid", "SQUare", "TRIangle", "RAMP", "NRAMp")
+WORDS = dict.fromkeys(SOURCE.values(), ("INTernal", "EXTernal")) | dict.fromkeys(WAVE.values(), _WAVES)
+
+_CYCLE = np.linspace(0.0, 1.0, 4097)
+_CORNERS = {"TRI": (-1, 1, -1), "RAMP": (-1, 1), "NRAM": (1, -1)}
+"""Waves of straight lines, at evenly spaced times of a cycle."""
+
+
+@dataclass(frozen=True)
+class Modulation:
+    """What modulates a channel."""
+
+    kind: str
+    """AM or FM."""
+    wave: str
+    frequency: float
+    """Of the wave (Hz)."""
+    amount: float
+    """Depth of AM (1 for 100 %), peak deviation of FM (Hz)."""
+    suppressed: bool = False
+    """True for AM without its carrier."""
+
+    def gain(self, times: FloatArray) -> FloatArray | float:
+        """Return (times,) factors of the amplitude at `times` (s)."""
+        if self.kind != "AM":
+            return 1.0
+        wave = np.interp(np.mod(times * self.frequency, 1.0), _CYCLE, _wave(self.wave))
+        return np.asarray(self.amount * wave if self.suppressed else (1 + self.amount * wave) / 2)
+
+    def cycles(self, times: FloatArray) -> FloatArray | float:
+        """Return (times,) cycles beyond those of the carrier."""
+        if self.kind != "FM":
+            return 0.0
+        wave = _wave(self.wave)
+        since = np.concatenate([[0.0], np.cumsum((wave[1:] + wave[:-1]) / 2)]) / (len(wave) - 1)
+        since -= since[-1] * _CYCLE  # no wave here has a mean
+        phase = np.mod(times * self.frequency, 1.0)
+        return np.asarray(self.amount / self.frequency * np.interp(phase, _CYCLE, since))
+
+
+def _wave(name: str) -> FloatArray:
+    if name in _CORNERS:
+        corners = _CORNERS[name]
+        return np.interp(_CYCLE, np.linspace(0.0, 1.0, len(corners)), corners)
+    if name == "SQU":
+        return np.where(_CYCLE < 0.5, 1.0, -1.0)
+    return np.asarray(np.sin(2 * np.pi * _CYCLE) if name == "SIN" else np.zeros(len(_CYCLE)))
+
+
+def modulation_of(values: Mapping[str, float], words: Mapping[str, str]) -> Modulation | None:
+    """Return the modulation that is on, None without one."""
+    kind = "AM" if values[AM] else "FM"
+    if not values[AM] and not values[FM]:
+        return None
+    wave = words[WAVE[kind]] if words[SOURCE[kind]] == "INT" else ""
+    amount = values[DEPTH] / 100 if kind == "AM" else values[DEVIATION]
+    return Modulation(kind, wave, values[PACE[kind]], amount, bool(values[SUPPRESSED]))
+
+
+def check_carrier(header: str, shape: str) -> None:
+    """Raise ScpiError for a modulation, by its header, that a shape does not take."""
+    if header in (AM, FM) and shape in (("DC",) if header == AM else ("DC", "NOIS", "PRBS")):
+        raise ScpiError(-221, "Settings conflict; not able to modulate this function")
+
 
 SHAPES = ("SINusoid", "SQUare", "TRIangle", "RAMP", "PULSe", "PRBS", "NOISe", "ARBitrary", "DC")
 _PERIOD = 20e-6
@@ -173,3 +299,104 @@ class Playing:
         self._since = self._clock.now()
         self._next = 0
         self._fired = False
+
+
+# Settings of one channel of a simulated function generator.
+
+_SOURCE = 50.0
+"""Output impedance (ohm)."""
+HIGHEST = 20.0
+"""Largest amplitude without load (V peak to peak): half of it at 50 ohm."""
+
+
+class Channel:
+    """Settings of one channel; a reset fills them in."""
+
+    def __init__(self) -> None:
+        self.values: dict[str, float] = {}
+        self.words: dict[str, str] = {}
+        self.points: dict[str, Points] = {}
+        self.arb = ""
+        self.arriving: list[FloatArray] = []
+        """Points of which more are to come."""
+        self.peak_to_peak = 0.0
+        """Amplitude without load (V peak to peak)."""
+        self.offset = 0.0
+        self.load = 50.0
+        self.low, self.high = -HIGHEST / 2, HIGHEST / 2
+        """Voltage limits, without load."""
+        self.armed = 0
+        """Triggers that it takes before it is idle, where it is not armed for ever."""
+
+    @property
+    def is_direct(self) -> bool:
+        """True for direct voltage: the offset alone, whose range the amplitude does not reduce."""
+        return self.words["[:SOURce#]:FUNCtion[:SHAPe]"] == "DC"
+
+    @property
+    def share(self) -> float:
+        """Ratio of the voltage at the load that is set to the open-circuit voltage."""
+        return 1.0 if math.isinf(self.load) else self.load / (self.load + _SOURCE)
+
+
+# Volatile memory: the points of arbitrary waveforms. The DG1000Z plays what is sent to it at once.
+
+_NAME = '"VOLATILE"'
+_FULL = 16383
+"""Code of the highest level (DG1000Z programming guide, 2-174)."""
+
+
+def load(device: ScpiDevice, channel: Channel, full: float, swapped: bool, argument: str, most: int) -> None:
+    """Take a named waveform of at most `most` points up to `full`, as the 33500 does. Raises ScpiError."""
+    name, _, values = argument.partition(",")
+    kind = ("<" if swapped else ">") + ("f4" if full == 1.0 else "i2")
+    points = device.numbers_in(values, kind) / full
+    _check(points, 8, most)
+    if quoted(name) in channel.points:
+        raise ScpiError(785, "Specified arb waveform already exists")
+    channel.points[quoted(name)] = Points(points)
+
+
+def select(channel: Channel, name: str) -> None:
+    """Choose the waveform that is put out. Raises ScpiError for one that is not there."""
+    if quoted(name) not in channel.points and quoted(name) != channel.arb:
+        raise ScpiError(786, "Specified arb waveform does not exist")
+    channel.arb = quoted(name)
+
+
+def quoted(name: str) -> str:
+    """Return a waveform's name as the instrument reports it: quoted and in capitals."""
+    return f'"{name.strip().strip(chr(34)).upper()}"'
+
+
+def receive(device: ScpiDevice, channel: Channel, kind: str, argument: str, most: int) -> bool:
+    """Take points as DATA, DAC or DAC16 sends them; True with the last of them. Raises ScpiError.
+
+    The order of the bytes was not found: the low one first (estimate).
+    """
+    memory, _, data = argument.partition(",")
+    word_of(memory.strip(), ("VOLATILE",))
+    flag = "END"
+    if kind == "DAC16":
+        flag, _, data = data.partition(",")
+        flag = word_of(flag.strip(), ("CON", "END"))
+    values = device.numbers_in(data, "<u2")
+    levels = values if kind == "DATA" else values / _FULL * 2 - 1
+    levels = np.concatenate([*channel.arriving, levels])
+    channel.arriving.clear()
+    _check(levels, 2, most)
+    if flag == "CON":
+        channel.arriving.append(levels)
+        return False
+    channel.points[_NAME] = Points(levels)
+    channel.arb = _NAME
+    return True
+
+
+def _check(levels: FloatArray, least: int, most: int) -> None:
+    if len(levels) < least:
+        raise ScpiError(-109, "Missing parameter")
+    if len(levels) > most:
+        raise ScpiError(-223, "Too much data")
+    if np.abs(levels).max() > 1.0 + 1e-6:
+        raise ScpiError(-222, "Data out of range")

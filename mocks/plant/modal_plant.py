@@ -14,8 +14,7 @@ from ...base.bounded import Finite, Positive, Proportion
 from ...base.errors import ConfigurationError
 from ...instruments.config import RigFile
 from .modal import Modes
-from .modal_surface import ModalSurface
-from .softening import SofteningSurface
+from .modal_surface import ModalSurface, SofteningSurface
 from .surface import PlantSettings, place_of, table_of
 
 _PEAK = 1e-4

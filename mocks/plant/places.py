@@ -1,4 +1,4 @@
-"""Places at which a fault sits: each is a class of hooks, and a kind of fault derives from one or more.
+"""Relays and laser heads as the plant sees them, and the places at which a fault sits, as classes of hooks.
 
 A permanent fault derives from its places alone, another also from a class that says when it acts. A hook
 gets the plant's value, as the earlier faults of the rig file have changed it, and returns the value for the
@@ -9,18 +9,55 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Literal
+from dataclasses import dataclass
+from typing import Literal, Protocol
 
 import numpy as np
 
 from ...base.arrays import FloatArray
+from ...instruments.vibrometer import Quantity
 from ...nidaqmx_twin.nodes import Run
 from ..transport import ReplyFault
-from .equipment import LaserHead
 from .fault import Fault
-from .hands import Hand
 from .hysteresis import PatchLaw
 from .modal import Modes
+from .touches import Hand
+
+# Relays and laser heads, as the plant sees them.
+
+Switched = tuple[str, bool, float]
+"""A patch, True when its contact closed or False when it opened, and the time (s)."""
+
+
+class Switches(Protocol):
+    """A box of relays, as the plant sees it."""
+
+    def take(self, until: float) -> Sequence[Switched]:
+        """Return, once, each contact that switches as a result of events up to `until` (s)."""
+
+
+@dataclass
+class LaserHead:
+    """Real state of a vibrometer's optics and decoder, which may differ from the rig file's."""
+
+    range: float
+    """Full scale (m/s, or SI of `quantity`), at which the output clips."""
+    scale: float
+    """Scale of the output (SI per V)."""
+    bandwidth_hz: float
+    delay: float
+    """Delay of the output (s)."""
+    level: float = 1.0
+    """Fraction of the light that returns, 0 to 1; without light the output is noise only."""
+    quantity: Quantity = "velocity"
+    """What it shows; range and scale are in its SI unit."""
+    high_pass_hz: float = 0.0
+    """Corner of its high-pass (Hz); 0 without."""
+    zero: float = 0.0
+    """Its output at zero (V)."""
+    mass: float = 0.0
+    """Mass that is glued to the surface (kg)."""
+
 
 RelayFailure = Literal["lost", "stuck", "welded"]
 """lost: a command never reaches the box. stuck: a channel does not switch, and reports its real state.

@@ -21,8 +21,7 @@ from ...base.clock import Clock
 from ...base.errors import ConfigurationError
 from ...instruments.config import RigFile
 from ...nidaqmx_twin.nodes import Called, Run, Signal, Source
-from .equipment import LaserHead, Switches
-from .places import OnAmplifier, OnCards, OnRelay, OnSurface
+from .places import LaserHead, OnAmplifier, OnCards, OnRelay, OnSurface, Switches
 from .scene import AmplifierOutput, Scene
 from .sensed import Output, Quantity, laser, signalled, wired
 from .surface import PlantSource

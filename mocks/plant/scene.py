@@ -16,15 +16,12 @@ from ...instruments.config import RigFile
 from ...instruments.operator import Press, RestFinger, Touch
 from .buttons import FLAWS, Finger, Flaw, Presses, button_named, press_button
 from .contact import Contact
-from .equipment import LaserHead
-from .fault_kinds import Faults
-from .hands import Fingertip, Hand
 from .hysteresis import PatchLaw
-from .places import OnLaser, OnSurface
-from .plant_kinds import asked, plant_source, surface_and_laws
+from .kinds import Faults, asked, plant_source, surface_and_laws
+from .places import LaserHead, OnLaser, OnSurface
 from .poles import Course, Poles
 from .surface import AMPLIFIER_POLE_HZ, REMEMBERED, PlantSource, place_of, table_of
-from .touches import SimulatedTouch, skin_of, touch_surface
+from .touches import Fingertip, Hand, SimulatedTouch, skin_of, touch_surface
 
 
 class Patches:

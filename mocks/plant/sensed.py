@@ -15,9 +15,8 @@ import numpy as np
 from ...base.arrays import FloatArray
 from ...base.errors import HaploopError, InstrumentError
 from ...nidaqmx_twin.nodes import Signal
-from .equipment import LaserHead
 from .motions import Quantity, shown_by
-from .places import OnLaser
+from .places import LaserHead, OnLaser
 from .scene import Scene
 
 __all__ = ["Output", "Quantity", "laser", "signalled", "wired"]

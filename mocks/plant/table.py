@@ -17,8 +17,7 @@ from ...base.arrays import FloatArray, IntArray
 from ...base.bounded import Positive
 from ...instruments.config import Actuator, RigFile
 from .modal import Modes
-from .modal_surface import ModalSurface
-from .softening import SofteningSurface
+from .modal_surface import ModalSurface, SofteningSurface
 from .surface import PlantSettings, place_of
 
 WIDTH, HEIGHT = 0.50, 0.35
@@ -92,7 +91,7 @@ class TouchTable(PlantSettings):
     by patches, stay as they are."""
 
     softening: Annotated[float, Field(strict=True, ge=0, lt=0.2)] = 0.0
-    """Relative fall of a mode's frequency at a displacement of 3 um: see `haploop.mocks.plant.softening`."""
+    """Relative fall of a mode's frequency at a displacement of 3 um: see `modal_surface`."""
 
     def make(self, file: RigFile, rng: np.random.Generator) -> ModalSurface:
         """See `PlantSettings.make`."""

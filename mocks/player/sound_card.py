@@ -12,8 +12,8 @@ import numpy as np
 
 from ...base.arrays import FloatArray
 from ...instruments.player.sound_card import SoundCard
+from ...instruments.portaudio import on_tape
 from ...instruments.tape import taped_line
-from ...instruments.taped_audio import on_tape
 from ...nidaqmx_twin.nodes import Run
 from ..plant import Plant
 from ..portaudio import FRAMES, CallbackAbort, CallbackStop, Coupling, Flags, PortAudioError

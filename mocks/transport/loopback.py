@@ -1,19 +1,21 @@
-"""Base of every wire over TCP: serves on loopback, injects faults, stops cleanly."""
+"""Wires over TCP: the base of all, lines of text, and a proxy that disturbs answers."""
 
 from __future__ import annotations
 
 import math
 import os
+import re
 import socket
 import socketserver
 import threading
-from collections.abc import Callable
-from contextlib import suppress
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Literal
 
-from ...base.closing import Closing
-from ...base.flag import Flag
+from ...base.errors import InstrumentError
+from ...base.threads import Closing, Flag
 
 HOST = "127.0.0.1"
 """The only address on which simulated instruments listen: see `Loopback`."""
@@ -161,3 +163,171 @@ class _Server(socketserver.ThreadingTCPServer):
             for link in self._links:
                 with suppress(OSError):
                     link.shutdown(socket.SHUT_RDWR)
+
+
+# Access to a simulated instrument that speaks lines of text, over TCP or by calls in the same process.
+
+Answer = Callable[[str], Sequence[str]]
+"""An instrument: takes a line (without its end) and returns the lines of its answer."""
+
+_LONGEST_COMMAND = 1 << 25
+
+
+_BLOCK = re.compile(rb"[, ]#([1-9])(\d*)")
+"""Beginning of a block of binary data: the number of digits of its length, and those that have come."""
+
+
+def _end_of_line(pending: bytearray) -> tuple[int | None, int]:
+    """Where the first line ends, outside of blocks of binary data; None, and how many bytes it needs."""
+    at = 0
+    while True:
+        end = pending.find(b"\n", at)
+        block = _BLOCK.search(pending, at, end if end >= 0 else len(pending))
+        if block is None:
+            return (end if end >= 0 else None), len(pending) + 1
+        digits = int(block[1])
+        length = bytes(pending[block.start(2) : block.start(2) + digits])
+        if len(length) < digits:
+            return None, len(pending) + 1
+        if not length.isdigit():
+            return (end if end >= 0 else None), len(pending) + 1
+        at = block.start(2) + digits + int(length)
+        if at > len(pending):
+            return None, at + 1
+
+
+class DirectLine:
+    """A `Line` to an instrument in the same process, for a twin's driver."""
+
+    def __init__(self, answer: Answer) -> None:
+        self._answer = answer
+        self._replies: deque[str] = deque()
+
+    def send(self, text: str) -> None:
+        """See `Line.send`."""
+        self._replies = deque(self._answer(text))
+
+    def receive(self, asked: str) -> str:
+        """See `Line.receive`. Raises InstrumentError at once when there is no answer."""
+        if not self._replies:
+            raise InstrumentError(f"The twin did not answer {asked!r}: it does not know that command.")
+        return self._replies.popleft()
+
+    def close(self) -> None:
+        """See `Line.close`."""
+
+
+class LineServer(Loopback):
+    """Server of one instrument, one command at a time, for any number of clients."""
+
+    def __init__(self, answer: Answer, port: int = 0) -> None:
+        self.faults: list[ReplyFault] = []
+        self._answer = answer
+        self._turn = threading.Lock()
+        super().__init__(self._lines, port)
+
+    def _lines(self, link: socket.socket) -> None:
+        pending = bytearray()
+        wanted = 1
+        while (more := link.recv(1 << 16)) and len(pending) < _LONGEST_COMMAND:
+            pending += more
+            while len(pending) >= wanted:
+                end, wanted = _end_of_line(pending)
+                if end is None:
+                    break
+                command = bytes(pending[:end]).decode("latin-1").strip("\r\n")
+                del pending[: end + 1]
+                wanted = 1
+                if command.strip() and not self._reply(link, command if "#" in command else command.strip()):
+                    return
+
+    def _reply(self, link: socket.socket, command: str) -> bool:
+        """Answer one command; return False when a fault ends the connection."""
+        with self._turn:
+            reply = "".join(f"{line}\n" for line in self._answer(command)).encode("latin-1")
+        fault = next((f for f in self.faults if f.fires(command)), None)
+        if fault is None:
+            link.sendall(reply)
+            return True
+        if fault.kind == "terminator":
+            reply = reply.replace(b"\n", b"\r")
+        if fault.kind == "garbled":
+            # As with a wrong baud rate, the text is lost. Its end survives: the harder case for a driver.
+            link.sendall(bytes(b if b == 10 else b ^ 0xA5 for b in reply))
+            return True
+        return fault.send(link, reply, self.closing)
+
+
+# TCP proxy between a real driver and a wire, which disturbs answers.
+#
+# It is independent of the protocol: the client's last message is the request, and the next data from the
+# wire is its answer. The head of an HTTP answer stays intact, so that a fault tests the driver's handling of
+# a wrong body rather than of a wrong head.
+
+Disturbance = Callable[[str], ReplyFault | None]
+"""Return the fault of the answer to a request; None leaves the answer intact."""
+
+_PLACE = re.compile(r"(?P<host>127\.0\.0\.1)(?P<between>:+)(?P<port>\d+)")
+
+
+@contextmanager
+def faulty_line(
+    address: Mapping[str, object], disturbance: Disturbance, port: int = 0
+) -> Iterator[dict[str, object]]:
+    """Serve a line that disturbs answers; yield a wire's `address` (driver settings) redirected to it.
+
+    `port` is the line's own, 0 for a free one.
+    """
+    found = [(key, match) for key, value in address.items() if (match := _PLACE.search(str(value)))]
+    (key, match), *_ = found
+    line = _Line(int(match["port"]), disturbance)
+    with Loopback(line.serve, port) as loopback:
+        line.closing = loopback.closing
+        place = f"{match['host']}{match['between']}{loopback.port}"
+        yield {**address, key: str(address[key]).replace(match[0], place)}
+
+
+class _Line:
+    def __init__(self, port: int, disturbance: Disturbance) -> None:
+        self.closing = Flag()
+        self._port, self._disturbance = port, disturbance
+
+    def serve(self, client: socket.socket) -> None:
+        """Serve one connection: pass requests on unchanged, and answers as the faults change them."""
+        with socket.create_connection(("127.0.0.1", self._port)) as server:
+            current: list[ReplyFault | None] = [None]
+            back = threading.Thread(target=self._answers, args=(server, client, current), daemon=True)
+            back.start()
+            try:
+                while request := client.recv(1 << 16):
+                    current[0] = self._disturbance(request.decode("latin-1"))
+                    server.sendall(request)
+            finally:
+                for end in (server, client):
+                    with suppress(OSError):
+                        end.shutdown(socket.SHUT_RDWR)
+                back.join()
+
+    def _answers(
+        self, server: socket.socket, client: socket.socket, current: list[ReplyFault | None]
+    ) -> None:
+        with suppress(OSError):
+            while answer := server.recv(1 << 16):
+                fault = current[0]
+                if fault is None:
+                    client.sendall(answer)
+                elif not self._disturbed(fault, client, answer):
+                    break
+            if current[0] is not None and current[0].kind == "silence":
+                return  # The server has hung up, as in HTTP; the client is left waiting.
+        # The server has gone: end the other direction's wait for the client.
+        for end in (server, client):
+            with suppress(OSError):
+                end.shutdown(socket.SHUT_RDWR)
+
+    def _disturbed(self, fault: ReplyFault, client: socket.socket, answer: bytes) -> bool:
+        """Send an answer with a fault; return False when the fault ends the connection."""
+        if fault.kind == "silence":
+            return True
+        head = answer.find(b"\r\n\r\n") + 4 if answer.startswith(b"HTTP/") else 0
+        return fault.send(client, answer, self.closing, spare=head)

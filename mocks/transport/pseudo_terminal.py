@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 from ...base.errors import ConfigurationError
-from ...base.flag import Flag
+from ...base.threads import Flag
 
 _LOOK = 0.1
 """Interval of looks for the end (s)."""

@@ -1,6 +1,6 @@
 """Simulated vibrometers: twins and wires."""
 
+from .analog import pdv100
 from .ofv5000 import Controller
-from .pdv100 import pdv100
 
 __all__ = ["Controller", "pdv100"]

@@ -1,10 +1,11 @@
-"""Twin of every pick-up with an analog output, which installs its head in the plant."""
+"""Twins of pick-ups with an analog output, and of the PDV-100: each installs its head in the plant."""
 
 from __future__ import annotations
 
 from typing import TypeVar
 
 from ...instruments.vibrometer.analog import AnalogVibrometer
+from ...instruments.vibrometer.pdv100 import Pdv100
 from ..plant import LaserHead, Plant
 
 Driver = TypeVar("Driver", bound=AnalogVibrometer)
@@ -29,3 +30,11 @@ def installed(driver: Driver, plant: Plant) -> Driver:
     )
     plant.install(driver.channel, head)
     return driver
+
+
+# Twin of the PDV-100, which installs its laser head in the plant.
+
+
+def pdv100(settings: Pdv100.Settings, plant: Plant) -> Pdv100:
+    """Install a head with the rig file's settings; return the real driver, which is arithmetic only."""
+    return installed(Pdv100(settings), plant)

@@ -9,7 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from ...base.errors import ConfigurationError, InstrumentError
-from ...base.flag import Flag
+from ...base.threads import Flag
 from ..server import Around
 from ..twin import Failure, NiTwin
 from .file import Bench, Fault

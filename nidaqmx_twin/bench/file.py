@@ -1,8 +1,8 @@
-"""A bench file: cards, inputs, wires and faults."""
+"""A bench file: cards, inputs, wires and faults; and which cards are asked for."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -10,9 +10,9 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from ...base.errors import ConfigurationError
-from ...base.near_words import did_you_mean
 from ...base.toml_lines import key_lines, parse_toml, place, read_text
 from ...base.validation import validate
+from ...base.wording import did_you_mean
 from ..signals import Signal, Wire
 from .inputs import Number, Positive, input_of
 
@@ -112,3 +112,25 @@ def read_bench(path: Path) -> Bench:
     raw = parse_toml(text, path)
     where = partial(place, ((str(path), key_lines(text)),))
     return Bench(validate(_File, raw, where), where, path.absolute().parent)
+
+
+# Which cards are asked for: by options, by an export of NI MAX, by a bench.
+
+
+def devices_of(named: Sequence[str], export: Path | None, bench: Bench | None) -> Mapping[str, str] | Path:
+    """Return the product of each device that `named` ("Dev1=PCIe-6363") and a bench name, or the export.
+
+    Raises ConfigurationError for what names no product, for a device that is named twice, and where an export
+    and others name devices.
+    """
+    pairs = [name.partition("=")[::2] for name in named]
+    if not all(name and product for name, product in pairs):
+        raise ConfigurationError("--device takes NAME=PRODUCT: --device Dev1=PCIe-6363.")
+    names = [*(name for name, _ in pairs), *(bench.devices if bench is not None else ())]
+    if twice := next((name for name in names if names.count(name) > 1), None):
+        raise ConfigurationError(f"{twice} is in --device or in the bench twice: name each device once.")
+    if export is not None and names:
+        raise ConfigurationError(
+            "--devices names all devices: leave out --device, and [devices] of the bench."
+        )
+    return export or {**(bench.devices if bench is not None else {}), **dict(pairs)}

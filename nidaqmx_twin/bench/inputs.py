@@ -13,8 +13,8 @@ from scipy import signal
 
 from ...base.arrays import FloatArray
 from ...base.errors import ConfigurationError
-from ...base.near_words import did_you_mean
 from ...base.validation import validate
+from ...base.wording import did_you_mean
 from ..signals import Signal, signal_of
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...acquisition import Representative
 from ...calibration import Check, DigitalButton, Feeling, check_feeling
-from ...calibration.drive import Elsewhere
+from ...calibration.drive import OtherPoint
 from .. import figures
 from . import captions
 from .calibration import drive_drawing, drive_facts, response_drawing
@@ -319,7 +319,7 @@ def _contrast(level: float) -> str:
     return f"{level:.0f} dB below the target" if math.isfinite(level) else "not known"
 
 
-def _known(one: Elsewhere) -> str:
+def _known(one: OtherPoint) -> str:
     """How well the responses of a point are known."""
     return f"; the point is known to {percent(one.known_to)} ({one.known_from})"
 

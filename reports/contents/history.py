@@ -8,7 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from ...calibration import Calibration, Check
-from ...calibration.upkeep import Generation, History, Outcome, PlaceMetrics, buttons_of, calibrations_of
+from ...calibration.recalibration import (
+    Generation,
+    History,
+    Outcome,
+    PlaceMetrics,
+    buttons_of,
+    calibrations_of,
+)
 from .. import figures
 from . import captions
 from .parts import Cell, Contents, Drawing, Grid, Tone, fact, verdict_cell

@@ -14,7 +14,7 @@ from ...instruments.safety import lockout_of, lockouts_folder, state_folder
 from .parts import Cell, Contents, Grid, Tone, fact
 
 if TYPE_CHECKING:
-    from ...calibration.examination import Finding
+    from ...calibration.self_test import Finding
 
 _TONES: dict[str, Tone] = {"green": "good", "yellow": "doubtful", "red": "bad"}
 """Of each status, from the best to the worst."""

@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 import pytest
 
-from haploop.base.packing import write_packed
+from haploop.base.hdf5 import write_packed
 
 
 @pytest.mark.parametrize(

@@ -11,8 +11,7 @@ from typing import Any
 
 import pytest
 
-from haploop.base.flag import Flag
-from haploop.base.inbox import Inbox
+from haploop.base.threads import Flag, Inbox
 
 LONG = 5.0
 """s: whoever waits so long hangs."""

@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from haploop.base.inbox import Inbox
+from haploop.base.threads import Inbox
 
 
 def test_items_come_in_order_and_the_oldest_gives_way() -> None:

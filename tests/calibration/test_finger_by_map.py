@@ -12,8 +12,8 @@ from haploop.base.errors import ConfigurationError, DataError
 from haploop.calibration import Calibration, VibrationMap, map_plan, measure_map
 from haploop.calibration.model import PlateModes, calibrate_finger
 from haploop.instruments import Rig
-from haploop.mocks.plant.hands import Fingertip
 from haploop.mocks.plant.touched import touched_velocity
+from haploop.mocks.plant.touches import Fingertip
 from tests.calibration.conftest import Calibrated
 from tests.conftest import OpenRig
 

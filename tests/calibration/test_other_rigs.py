@@ -14,7 +14,7 @@ import pytest
 from haploop.base.errors import InstrumentError
 from haploop.calibration import Multisine, calibrate, drive_for, quick_response
 from haploop.calibration.band import BAND
-from haploop.calibration.examination import examine
+from haploop.calibration.self_test import examine
 from haploop.instruments import Rig, load_rig_file, open_rig
 from haploop.mocks.plant.table import FEWEST_HZ, make_plate
 from tests.calibration.conftest import make_press

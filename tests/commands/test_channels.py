@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from haploop.calibration import Calibration, Waveforms
-from haploop.commands import front
+from haploop.commands import public
 from tests.command_line import Demo, Run
 
 pytestmark = pytest.mark.long
@@ -22,7 +22,7 @@ def test_earlier_calibrations_tell_how_a_channel_scatters(
     table = demo.folder / "calibration.h5"
     first, earlier = Calibration.load(table), []
     measured = first, Waveforms.load(Waveforms.beside(table))
-    monkeypatch.setattr(front, "calibrate_keeping", lambda *_: measured, raising=False)
+    monkeypatch.setattr(public, "calibrate_keeping", lambda *_: measured, raising=False)
     for number, gain in enumerate((0.998, 1.0, 1.003)):
         response = replace(first.response, velocity=gain * first.response.velocity)
         earlier += ["--since", tmp_path / f"{number}.h5"]

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from haploop.base.errors import ConfigurationError, InstrumentError
-from haploop.calibration.examination import Finding, examine, examine_each
-from haploop.calibration.examination.camera_check import check_camera
-from haploop.calibration.examination.verdict_check import check_bands
+from haploop.calibration.self_test import Finding, examine, examine_each
+from haploop.calibration.self_test.sensor_test import check_camera
+from haploop.calibration.self_test.verdict_test import check_bands
 from haploop.instruments import Rig, load_rig_file, open_rig
 from haploop.instruments.config import RigFile
 from haploop.instruments.config.rig_file import Device

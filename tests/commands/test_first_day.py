@@ -26,7 +26,7 @@ import serial
 from nidaqmx.errors import DaqNotFoundError, RpcError
 from pyvisa.constants import StatusCode
 
-from haploop.base import entry_points, extras
+from haploop.base import entry_points
 from haploop.commands.options import ChosenRig
 from haploop.console.data_folder import DataFolder
 from haploop.console.worker.worker import Worker
@@ -254,7 +254,7 @@ _SOUND: dict[str, Broken] = {
     "silent": card(8),
     "without library": without("sounddevice"),
     "without PortAudio": doing(
-        extras.importlib, "import_module", raising(OSError("PortAudio library not found"))
+        entry_points.importlib, "import_module", raising(OSError("PortAudio library not found"))
     ),
     "without permission": card(8, "Stream", _PortAudioError("Unanticipated host error")),
 }

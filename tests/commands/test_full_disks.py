@@ -159,7 +159,7 @@ def test_a_disk_that_takes_the_calibration_only_keeps_neither(
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     with monkeypatch.context() as patch:
-        patch.setattr("haploop.calibration.response.waveforms.hdf5.flatten", full)
+        patch.setattr("haploop.calibration.response.response.hdf5.flatten", full)
         run("calibrate", "-o", tmp_path / "table.h5")
     assert list(tmp_path.iterdir()) == []
     assert run("calibrate", "-o", tmp_path / "table.h5").exit_code == 0

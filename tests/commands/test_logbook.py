@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from haploop.base.errors import InstrumentError
-from haploop.base.json_text import as_line
+from haploop.base.json_files import as_line
 from haploop.instruments import open_rig
 from tests.command_line import Run
 

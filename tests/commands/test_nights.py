@@ -12,7 +12,7 @@ import pytest
 from haploop.acquisition import Representative
 from haploop.calibration import calibrate
 from haploop.calibration.drive.button import build_button
-from haploop.calibration.upkeep.history import History
+from haploop.calibration.recalibration.history import History
 from haploop.instruments import load_rig_file, open_rig
 from tests.command_line import Demo, Run
 

@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 
 from haploop.base.errors import InstrumentError
-from haploop.calibration.upkeep.history import History
+from haploop.calibration.recalibration.history import History
 from haploop.commands.options import ChosenRig
 from haploop.instruments.operator.role import Aim, ConfirmSettings, Place, Press, Rest
 from haploop.instruments.operator.unattended import Unattended
-from haploop.instruments.safety.lock import hold
+from haploop.instruments.safety.machine import hold
 from haploop.reports.figures.history import trend
 from tests.command_line import Run
 from tests.reports.figure_checks import overlaps

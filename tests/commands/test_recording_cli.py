@@ -10,7 +10,7 @@ import pytest
 
 from haploop.commands.cli import cli
 from haploop.instruments import Press
-from haploop.mocks.operator.twin import OperatorTwin
+from haploop.mocks.operator import OperatorTwin
 from tests.command_line import Run
 
 ROOT = Path(__file__).parents[2]

@@ -9,7 +9,7 @@ import pytest
 
 from haploop.commands.study import STUDY_FORM
 from haploop.instruments import Consent, open_rig
-from haploop.mocks.operator.twin import OperatorTwin
+from haploop.mocks.operator import OperatorTwin
 from tests.command_line import Run
 
 PNG = b"\x89PNG"

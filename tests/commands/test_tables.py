@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from rich.box import SIMPLE
 from rich.table import Table
 
-from haploop.base.json_text import as_line
+from haploop.base.json_files import as_line
 from haploop.commands.cli import cli
 from haploop.instruments import load_rig_file
 from haploop.instruments.safety import Audit, state_folder

@@ -15,7 +15,7 @@ from starlette.testclient import TestClient
 from starlette.websockets import WebSocketDisconnect
 
 from haploop.console.data_folder import DataFolder
-from haploop.console.server import Access, application, bodies, serving
+from haploop.console.server import Access, application, security, serving
 from haploop.console.server.follower import Follower
 from haploop.console.server.serving import ImpatientProtocol
 from tests.console.test_security import SNAPSHOT, Link, Scope
@@ -61,7 +61,7 @@ def test_no_more_of_a_body_is_read_than_a_request_may_have(page):
 
     pieces = endless()
     with pytest.raises(Exception, match="longer than 65536 bytes"):
-        asyncio.run(bodies.json_object(Request({"type": "http", "method": "POST"}, receive)))
+        asyncio.run(security.json_object(Request({"type": "http", "method": "POST"}, receive)))
     assert read <= 3 << 16
 
 
@@ -71,9 +71,9 @@ def test_a_body_that_stops_coming_is_not_waited_for(monkeypatch):
 
     from starlette.requests import Request
 
-    monkeypatch.setattr(bodies, "PATIENCE", 0.05)
+    monkeypatch.setattr(security, "PATIENCE", 0.05)
     with pytest.raises(Exception, match=r"not sent within 0\.05 s"):
-        asyncio.run(bodies.json_object(Request({"type": "http", "method": "POST"}, receive)))
+        asyncio.run(security.json_object(Request({"type": "http", "method": "POST"}, receive)))
 
 
 @pytest.mark.parametrize("first", [b"\x00\xff", b""])

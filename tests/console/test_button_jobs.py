@@ -9,10 +9,10 @@ import pytest
 
 import haploop
 from haploop.base.errors import ConfigurationError, DataError
-from haploop.calibration import DigitalButton, Drift, Loudness, Multisine, Trade
+from haploop.calibration import DigitalButton, Drift, Loudness, Multisine, TradeOff
 from haploop.console.data_folder import DataFolder
-from haploop.console.server.button_route import button_shown
 from haploop.console.server.data_routes import _json
+from haploop.console.server.shown_routes import button_shown
 from haploop.console.worker import button_jobs
 from haploop.console.worker.worker import Worker
 from haploop.instruments import load_rig_file
@@ -122,7 +122,7 @@ def test_how_loud_is_what_the_command_would_be_told(
 
     def traded(
         _press: object, _calibrations: object, _rig: object, loudness: Loudness, **_more: object
-    ) -> Trade:
+    ) -> TradeOff:
         told.append(loudness)
         raise ConfigurationError("That is enough.")
 

@@ -10,7 +10,7 @@ import pytest
 from haploop.acquisition import Recording
 from haploop.base.clock import VirtualClock
 from haploop.console.data_folder import DataFolder
-from haploop.console.server.estimates import of_experiment, pace
+from haploop.console.server.lab import of_experiment, pace
 from haploop.experiments import Store, load_experiment, open_session
 from tests.console.test_experiment_pages import EXPERIMENT
 

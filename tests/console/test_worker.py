@@ -16,7 +16,7 @@ import pytest
 
 from haploop.acquisition import Recording
 from haploop.base.errors import ConfigurationError, InstrumentError
-from haploop.base.flag import Flag
+from haploop.base.threads import Flag
 from haploop.console.data_folder import DataFolder
 from haploop.console.worker import Address, WorkerLink, jobs, stopping
 from haploop.console.worker import worker as workers

@@ -9,9 +9,8 @@ import pytest
 
 from haploop.exchange.columns import Column, Stated, Table
 from haploop.exchange.importing.clock import base_of
-from haploop.exchange.importing.mapping import FileMapping
 from haploop.exchange.importing.timebase import TimeBase
-from haploop.exchange.importing.understood import Question
+from haploop.exchange.importing.understood import FileMapping, Question
 
 
 @pytest.mark.parametrize("off", [-0.5, -0.05, -0.012, -0.008, 0.0, 0.008, 0.012, 0.05, 0.5])

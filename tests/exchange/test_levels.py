@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import haploop
-from haploop.exchange.importing.rest import Rest
 from haploop.exchange.importing.roles import is_switching
+from haploop.exchange.importing.understood import Rest
 
 
 @pytest.mark.parametrize(

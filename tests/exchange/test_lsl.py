@@ -15,8 +15,7 @@ import numpy as np
 import pytest
 
 import haploop
-from haploop.exchange.live import find, published
-from haploop.exchange.lsl import Stamps
+from haploop.exchange.live import Stamps, find, published
 from haploop.instruments.live import Run
 from haploop.instruments.safety import state_folder
 from haploop.instruments.sensors import Sensors

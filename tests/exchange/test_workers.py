@@ -11,7 +11,7 @@ import pytest
 
 POOL = """
 import os, time
-from haploop.exchange.workers import worker_pool
+from haploop.exchange.processing import worker_pool
 
 def endless(_number):
     print(os.getpid(), flush=True)

@@ -41,7 +41,7 @@ from haploop.instruments.vibrometer.pdv100 import Pdv100
 from haploop.mocks.clock import VirtualClock
 from haploop.mocks.daq.twin import DaqTwin
 from haploop.mocks.generator import KEYSIGHT_33500, Box
-from haploop.mocks.operator.twin import OperatorTwin
+from haploop.mocks.operator import OperatorTwin
 from haploop.mocks.plant import Plant
 from haploop.mocks.relay import BoxFault, RelayTwin
 from haploop.mocks.transport import DirectLine

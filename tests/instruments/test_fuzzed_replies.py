@@ -20,7 +20,7 @@ from typing import Any
 import pytest
 
 from haploop.base.errors import HaploopError, InstrumentError
-from haploop.instruments.generator.scpi_codec import error_of, number_of, switch_of, words_of
+from haploop.instruments.generator.role import error_of, number_of, switch_of, words_of
 from haploop.instruments.relay.board import ChannelState
 from haploop.instruments.relay.serial_relay import SerialRelay
 from haploop.instruments.relay.serial_relay import _Board as SerialBoard

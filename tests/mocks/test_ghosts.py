@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import haploop
-from haploop.calibration.examination.loop_check import check_ghosts
+from haploop.calibration.self_test.loop_test import check_ghosts
 from tests.conftest import OpenRig
 
 

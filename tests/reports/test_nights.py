@@ -13,7 +13,7 @@ from haploop.base.errors import DataError
 from haploop.calibration import History
 from haploop.reports.contents.history import night
 from haploop.reports.figures import encode
-from haploop.reports.figures.nights import nights_figure
+from haploop.reports.figures.history import nights_figure
 
 
 def look(day: int, outcome: str, compared_with: str, modes: dict[float, float]) -> dict[str, Any]:

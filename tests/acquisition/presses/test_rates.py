@@ -11,9 +11,8 @@ import pytest
 import haploop
 from haploop.acquisition import find_presses
 from haploop.acquisition.presses.force_at import Instant, force_at
-from haploop.acquisition.presses.rates import LEAST_RATES
 from haploop.acquisition.presses.segmentation import _first_lasting
-from haploop.acquisition.presses.segmentation_settings import Segmentation
+from haploop.acquisition.presses.segmentation_settings import LEAST_RATES, Segmentation
 from haploop.instruments import Press, load_rig_file
 from haploop.mocks.plant.buttons import Finger, button_named, press_button
 from tests.command_line import Run

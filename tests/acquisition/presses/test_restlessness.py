@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from haploop.acquisition import record
-from haploop.acquisition.presses.restlessness import crept, restlessness
+from haploop.acquisition.presses.sensor_faults import crept, restlessness
 from haploop.base.errors import DataError
 from haploop.instruments.mains import mains_hum
 from tests.conftest import OpenRig

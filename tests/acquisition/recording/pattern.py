@@ -16,7 +16,7 @@ from haploop.acquisition.recording.file_format import Header, from_codes
 from haploop.acquisition.recording.rows import PressVerdict
 from haploop.acquisition.recording.salvage import finish
 from haploop.acquisition.recording.writer import Writer
-from haploop.acquisition.session.stream_reader import StreamReader
+from haploop.acquisition.session.recorder import StreamReader
 from haploop.base.clock import RealClock
 from haploop.instruments import Block, Stream, load_rig_file
 from tests.acquisition.presses.pressworld import world_rig

@@ -19,7 +19,7 @@ from haploop.acquisition import Recording, record, recover, verify
 from haploop.acquisition.recording.file_format import from_codes, to_codes
 from haploop.acquisition.recording.salvage import finish
 from haploop.acquisition.recording.writer import Writer
-from haploop.acquisition.session.stream_reader import OverrunError, StreamReader
+from haploop.acquisition.session.recorder import OverrunError, StreamReader
 from haploop.base.clock import RealClock
 from haploop.base.errors import ConfigurationError, InstrumentError
 from haploop.instruments import Stream

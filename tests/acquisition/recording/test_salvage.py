@@ -23,7 +23,7 @@ from haploop.acquisition.recording.salvage import (
 from haploop.acquisition.recording.writer import Writer
 from haploop.base.checksum import add_checksum
 from haploop.base.errors import DataError
-from haploop.base.json_text import as_line
+from haploop.base.json_files import as_line
 from haploop.base.marks import marked
 from tests.acquisition.recording.pattern import CHANNELS, FULL_SCALE, PRESS, block_of, codes_of, header
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from haploop.acquisition import Protocol, Recording, record, verify
-from haploop.acquisition.session import along
+from haploop.acquisition.session import side_recording
 from haploop.base.clock import RealClock
 from haploop.base.errors import ConfigurationError, InstrumentError
 from haploop.instruments import AnalogChannel, Block, NewFile, Reading, load_rig_file
@@ -142,7 +142,7 @@ def test_one_that_ends_the_program_when_it_starts_or_stops_does_not(tmp_path):
 
 
 def test_one_that_hangs_costs_no_press_and_is_waited_for_once(tmp_path, monkeypatch):
-    monkeypatch.setattr(along, "_HUNG", 0.3)
+    monkeypatch.setattr(side_recording, "_HUNG", 0.3)
     let_go = threading.Event()
     meter = Meter(read=lambda: let_go.wait(60) and [])
     began = time.monotonic()
@@ -173,7 +173,7 @@ def test_a_rate_beyond_the_blocks_takes_no_more_space_than_they_have(tmp_path):
     samples = [reading.sample for reading in recording.readings]
     assert samples == list(range(BLOCK, BLOCK * len(samples) + 1, BLOCK))
     assert (
-        along.Along(rig_with(Meter(reads_hz=1e9)), tmp_path / "a.h5").reserve(100.0, BLOCK)
+        side_recording.SideRecording(rig_with(Meter(reads_hz=1e9)), tmp_path / "a.h5").reserve(100.0, BLOCK)
         < 2.5 * 100 * 5000 / BLOCK
     )
 
@@ -232,7 +232,7 @@ def test_in_real_time_no_block_waits_for_a_slow_instrument(tmp_path):
     rig = rig_with(meter)
     vars(rig)["clock"] = RealClock()
     sink, longest = Sink(), 0.0
-    with along.Along(rig, sink.path) as recorded:
+    with side_recording.SideRecording(rig, sink.path) as recorded:
         recorded.reserve(10.0, 250)
         for number in range(1, 100):
             block = Block(250 * (number - 1), np.zeros((1, 250)), np.zeros(1, dtype=bool))

@@ -14,7 +14,7 @@ from haploop.instruments import load_rig_file
 
 pytestmark = pytest.mark.requires("simulation")
 
-CARD = Path(__file__).parents[2] / "calibration" / "examination" / "card.toml"
+CARD = Path(__file__).parents[2] / "calibration" / "self_test" / "card.toml"
 """The paper's rig on a sound card with twelve inputs."""
 SERIAL = """
 base = "minimal"

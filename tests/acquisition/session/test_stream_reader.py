@@ -5,7 +5,7 @@ import threading
 import numpy as np
 import pytest
 
-from haploop.acquisition.session.stream_reader import GapError, OverrunError, StreamReader
+from haploop.acquisition.session.recorder import GapError, OverrunError, StreamReader
 from haploop.base.clock import Clock
 from haploop.base.errors import InstrumentError
 from haploop.instruments import Block, Stream

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from haploop.base.errors import ConfigurationError
-from haploop.calibration import ButtonPlan, Drift, Loudness, Trade, drive_for, plan_button, trade_for
+from haploop.calibration import ButtonPlan, Drift, Loudness, TradeOff, drive_for, plan_button, trade_for
 from haploop.calibration.drive import TOLERANCE, loudness
 from haploop.calibration.perception import levels_of
 from haploop.reports import plot
@@ -77,7 +77,7 @@ def test_the_least_error_may_be_that_of_a_louder_drive(
 ) -> None:
     """A plan offered a latch 13.0 % of error, and the command for it said that 13.6 % was the least."""
 
-    def drive(*_: object, trade: Trade, **__: object) -> SimpleNamespace:
+    def drive(*_: object, trade: TradeOff, **__: object) -> SimpleNamespace:
         return SimpleNamespace(
             expected_error=0.13 + 0.01 * np.log(trade.error / 0.05) ** 2, scale=trade.error
         )
@@ -111,7 +111,7 @@ def test_at_least_a_level_at_the_least_error(calibrated: Calibrated) -> None:
 def test_without_a_choice_it_is_as_like_as_it_can_be(calibrated: Calibrated) -> None:
     for drift in (None, Drift.usual(0.002)):
         wanted = trade_for(make_press(), calibrated.calibration, calibrated.rig, Loudness(drift=drift))
-        assert wanted == Trade(drift=drift)
+        assert wanted == TradeOff(drift=drift)
     assert Drift.usual(0.002).common == 0.002 and Drift.usual(Drift().common) == Drift()
 
 
@@ -131,7 +131,7 @@ def test_a_level_within_reach_takes_few_drives(
     """Errors come in stairs, of which the highest is below what a check tolerates."""
     stairs, planned = 0.05 * 1.3 ** np.arange(9), []
 
-    def stair(*_args: Any, trade: Trade, **_more: Any) -> SimpleNamespace:
+    def stair(*_args: Any, trade: TradeOff, **_more: Any) -> SimpleNamespace:
         planned.append(trade.error)
         error = float(max(stairs[stairs <= (trade.error or 0)], default=stairs[0]))
         return SimpleNamespace(expected_error=error, scale=error)

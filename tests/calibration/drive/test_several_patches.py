@@ -19,7 +19,7 @@ from haploop.calibration import (
     Finger,
     Loudness,
     Multisine,
-    Trade,
+    TradeOff,
     build_button,
     calibrate,
     calibration_of,
@@ -78,7 +78,7 @@ def four() -> Iterator[Four]:
 @pytest.fixture(scope="module")
 def button(four: Four) -> DigitalButton:
     alone = drive_for(make_press(), four.calibrations[0], four.rig.limits)
-    trade = Trade(scale=2 * alone.scale)
+    trade = TradeOff(scale=2 * alone.scale)
     return build_button(four.rig, make_press(), four.calibrations, trade=trade, iterations=1, plays=4)
 
 
@@ -150,11 +150,11 @@ def test_what_cannot_be_is_said_before_anything_is_played(four: Four, button: Di
     with pytest.raises(ConfigurationError, match=f"Point {number} is the button point: one place"):
         drive_for(press, [*four.calibrations, *same], limits, elsewhere={number: None})
     with pytest.raises(ConfigurationError, match="for an error or for a scale"):
-        Trade(error=0.1, scale=0.1)
+        TradeOff(error=0.1, scale=0.1)
     with pytest.raises(ConfigurationError, match=r"A drift cannot be common = -0\.01"):
         Drift().times(-1)
     with pytest.raises(ConfigurationError, match="scale = -1"):
-        Trade(scale=-1)
+        TradeOff(scale=-1)
     with pytest.raises(DataError, match="a signal for each patch"):
         replace(button.drive, patches=("A", "B"))
 
@@ -168,7 +168,7 @@ def beside(four: Four) -> tuple[Calibration, ...]:
 def test_a_point_is_kept_silent_and_the_laser_visits_it(four: Four, beside: tuple[Calibration, ...]) -> None:
     rig, press = four.rig, make_press()
     alone = drive_for(press, four.calibrations[0], rig.limits)
-    trade, every = Trade(scale=alone.scale), [*four.calibrations, *beside]
+    trade, every = TradeOff(scale=alone.scale), [*four.calibrations, *beside]
     loud = drive_for(press, four.calibrations, rig.limits, trade=trade)
     quiet = drive_for(press, every, rig.limits, trade=trade, elsewhere={"57": None})
     assert quiet.points == ("button", "57") and loud.points == ("button",)
@@ -194,7 +194,7 @@ def test_a_laser_that_sees_nothing_shows_no_silence(
     """Somebody stands in the beam while it is aimed at the silent point."""
     rig, every = four.rig, [*four.calibrations, *beside]
     alone = drive_for(make_press(), four.calibrations[0], rig.limits)
-    trade = Trade(scale=alone.scale)
+    trade = TradeOff(scale=alone.scale)
     quiet = drive_for(make_press(), every, rig.limits, trade=trade, elsewhere={"57": None})
     aimed, confirm = [], rig.operator.confirm
 
@@ -228,7 +228,7 @@ def test_two_buttons_are_played_at_once_and_each_has_its_verdict(
 ) -> None:
     press, wanted = make_press(), {"57": (late(make_press()), 0.9)}
     alone = drive_for(press, four.calibrations[0], four.rig.limits)
-    trade = Trade(scale=alone.scale, drift=Drift(0, 0, 0, 0, 0))
+    trade = TradeOff(scale=alone.scale, drift=Drift(0, 0, 0, 0, 0))
     every = [*four.calibrations, *beside]
     made = build_button(four.rig, press, every, trade=trade, elsewhere=wanted, iterations=0, plays=12)
     (toggle,) = made.check.others
@@ -269,7 +269,7 @@ def test_what_two_buttons_move_above_their_band_is_not_called_right() -> None:
     every = [calibrate(rig, patch) for patch in "ABCD"]
     every += [calibrate(rig, patch, "57", excitation=Multisine()) for patch in "ABCD"]
     alone = drive_for(make_press(), every[0], rig.limits)
-    trade = Trade(scale=alone.scale, drift=Drift(0, 0, 0, 0, 0))
+    trade = TradeOff(scale=alone.scale, drift=Drift(0, 0, 0, 0, 0))
     wanted = {"57": (late(make_press()), 0.9)}
     made = build_button(rig, make_press(), every, trade=trade, elsewhere=wanted, iterations=0, plays=48)
     (toggle,) = made.check.others
@@ -286,7 +286,7 @@ def test_corrections_are_of_every_point(
     """On a table that has drifted since, by the surface's own motion before and after."""
     press, every = make_press(), [*four.calibrations, *beside]
     alone = drive_for(press, four.calibrations[0], four.rig.limits)
-    trade = Trade(scale=0.7 * alone.scale, drift=Drift(0, 0, 0, 0, 0))
+    trade = TradeOff(scale=0.7 * alone.scale, drift=Drift(0, 0, 0, 0, 0))
     wanted = {"57": late(press) if there == "toggle" else None}
     drive = drive_for(press, every, four.rig.limits, trade=trade, elsewhere=wanted)
     with opened(mode_drift=0.005) as rig:
@@ -391,7 +391,7 @@ def test_a_plan_compares_one_patch_and_four_as_calibrated_and_after_a_drift(four
     # Each is what the check of that drive finds, on the table as it was calibrated and on one that drifted.
     for curve, some in ((alone, four.calibrations[:1]), (every, four.calibrations)):
         offer = curve.offers[1]
-        drive = drive_for(make_press(), some, four.rig.limits, trade=Trade(scale=offer.scale))
+        drive = drive_for(make_press(), some, four.rig.limits, trade=TradeOff(scale=offer.scale))
         with opened(mode_drift=0.01) as rig:
             drifted = check(rig, drive, plays=3).error
         assert offer.error < 0.06 and 0.5 * drifted < offer.drifted < 2 * drifted
@@ -413,7 +413,7 @@ def test_a_plan_counts_what_other_points_do(
     plan = plan_button(press, every, rig, methods=("modulated",), elsewhere=wanted)
     (curve,) = plan.curves
     (offer,) = curve.offers
-    drive = drive_for(press, every, rig.limits, trade=Trade(loudness.BUDGET), elsewhere=wanted)
+    drive = drive_for(press, every, rig.limits, trade=TradeOff(loudness.BUDGET), elsewhere=wanted)
     (toggle,) = drive.elsewhere
     assert curve.patch == "A, B, C, D" and offer.scale == drive.scale
     assert offer.error == max(drive.predicted_error, toggle.expected[0])

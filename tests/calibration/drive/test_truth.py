@@ -12,7 +12,7 @@ from benchmarks.disturbed import press_of
 from benchmarks.paper_drive import paper_drive
 from benchmarks.synthetic_responses import generator
 from haploop.base.arrays import FloatArray
-from haploop.calibration import Drive, Trade, calibrate, drive_for, learn
+from haploop.calibration import Drive, TradeOff, calibrate, drive_for, learn
 from haploop.calibration.drive.check import compare
 from haploop.calibration.drive.checked import Check, hertz
 from haploop.calibration.drive.playing import play
@@ -150,7 +150,7 @@ def test_the_bound_above_the_band_holds_for_drives_unlike_the_multisine_of_its_c
     calibration, click = calibrate(rig), make_press(((400, 40, 0.0007),))
     loud = drive_for(make_press(), calibration, rig.limits)
     quieter = [
-        drive_for(make_press(), calibration, rig.limits, trade=Trade(scale=loud.scale * part))
+        drive_for(make_press(), calibration, rig.limits, trade=TradeOff(scale=loud.scale * part))
         for part in (0.5, 0.2, 0.067)
     ]
     for drive in (loud, *quieter, drive_for(click, calibration, rig.limits, method="broadband")):

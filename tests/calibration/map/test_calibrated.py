@@ -14,7 +14,7 @@ from haploop.calibration import (
     Calibration,
     DigitalButton,
     Multisine,
-    Trade,
+    TradeOff,
     VibrationMap,
     build_button,
     calibrate,
@@ -95,7 +95,7 @@ def test_one_point_plays_and_one_is_silent_that_nobody_calibrated(mapped: Mapped
     alone = drive_for(press, mapped.own[0], rig.limits)
     every = with_map(mapped.own, mapped.map, ["57", "75"])
     tick = replace(press, button="tick", acceleration=np.roll(press.acceleration, 100))
-    trade, wanted = Trade(scale=alone.scale, drift=STEADY), {"57": tick, "75": None}
+    trade, wanted = TradeOff(scale=alone.scale, drift=STEADY), {"57": tick, "75": None}
     made = build_button(rig, press, every, trade=trade, elsewhere=wanted, iterations=0, plays=4)
     (silence,), (other,), planned = made.check.silent, made.check.others, made.drive.elsewhere
     assert silence.contrast_db > 20 and silence.motion.root < 2.5 * planned[1].expected[0]

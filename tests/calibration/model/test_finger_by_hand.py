@@ -18,8 +18,8 @@ from haploop.calibration.response.response import LINEAR
 from haploop.instruments.operator import RestFinger
 from haploop.mocks.plant import Fingertip, Modes, Palm
 from haploop.mocks.plant.contact import Contact
-from haploop.mocks.plant.hands import Hand
 from haploop.mocks.plant.touched import touched_velocity
+from haploop.mocks.plant.touches import Hand
 
 F = np.arange(60.0, 640.0, 1.0)
 BAND = (F >= 75) & (F <= 600)

@@ -13,7 +13,7 @@ from haploop.instruments.config import Device
 
 pytestmark = pytest.mark.requires("simulation")
 
-CARD = load_rig_file(Path(__file__).parents[1] / "examination" / "card.toml")
+CARD = load_rig_file(Path(__file__).parents[1] / "self_test" / "card.toml")
 
 
 def measured(laser_hz: float, drive_hz: float) -> haploop.Response:

@@ -10,9 +10,9 @@ import pytest
 
 from haploop.base.errors import ConfigurationError, InstrumentError
 from haploop.calibration import calibrate, load_calibrations
-from haploop.calibration.examination.patch_check import check_patches
 from haploop.calibration.response import QUICK, Spot, measure_response, play_sweep
 from haploop.calibration.response.excitation import LinearSweep
+from haploop.calibration.self_test.patch_test import check_patches
 from haploop.instruments import Rig
 from tests.command_line import Run
 from tests.conftest import OpenRig
@@ -83,7 +83,7 @@ def test_another_sweep_than_the_one_asked_for_is_refused(
     rig = open(file)
     other = LinearSweep(seconds=0.5, tail=0.2)
     monkeypatch.setattr(
-        "haploop.calibration.response.generated.ordered",
+        "haploop.calibration.response.from_sweeps.ordered",
         lambda sweep, rate_hz: np.sin(np.linspace(0, 500, round(sweep.seconds * rate_hz)) ** 2 / 200),
     )
     with pytest.raises(InstrumentError, match=r"does not show the sweep of 1 to 625 Hz in 0\.5 s"):

@@ -11,7 +11,7 @@ import pytest
 import haploop
 from haploop.calibration import Check, DigitalButton
 from haploop.exchange.catalogue import Entry, Lineage, lineage
-from haploop.exchange.catalogue.sources import Source, packed
+from haploop.exchange.catalogue.entry import Source, packed
 
 Change = Callable[[Path], object]
 

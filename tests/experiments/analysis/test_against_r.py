@@ -10,17 +10,14 @@ import numpy as np
 import pytest
 
 from haploop.experiments import eta_squared_interval, eta_squared_of_f
-from haploop.experiments.analysis.anova import Effect, anova
-from haploop.experiments.analysis.cells import Cells, cells_of
-from haploop.experiments.analysis.effect_size import cohen_interval
-from haploop.experiments.analysis.pairs import compare_levels
-from haploop.experiments.analysis.proportions import wilson_interval
+from haploop.experiments.analysis.anova import Effect, anova, compare_levels
+from haploop.experiments.analysis.intervals import cohen_interval, wilson_interval
 from haploop.experiments.analysis.ratings import (
     MultivariateEffect,
     manova_independent,
     manova_repeated,
 )
-from haploop.experiments.analysis.table import read_rows
+from haploop.experiments.analysis.table import Cells, cells_of, read_rows
 
 DATA = Path(__file__).parents[2] / "data" / "statistics"
 NAMES = {"g": "group", "g2": "group"}

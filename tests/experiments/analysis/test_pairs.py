@@ -8,12 +8,10 @@ import numpy as np
 import pytest
 import scipy
 
-from haploop.experiments.analysis.cells import cells_of
-from haploop.experiments.analysis.effect_size import cohen_interval
-from haploop.experiments.analysis.pairs import bonferroni, paired
-from haploop.experiments.analysis.proportions import clustered_interval, wilson_interval
+from haploop.experiments.analysis.anova import bonferroni, paired
+from haploop.experiments.analysis.intervals import clustered_interval, cohen_interval, wilson_interval
 from haploop.experiments.analysis.ratings import analyse_ratings
-from haploop.experiments.analysis.table import Rows
+from haploop.experiments.analysis.table import Rows, cells_of
 
 DIFFERENCES = np.array([1.0, 3.0, 2.0, 6.0, -1.0, 4.0, 2.5, 0.5])
 

@@ -201,7 +201,7 @@ def test_an_answer_that_may_be_lost_is_not_written_twice(
                 session.answer(who.answer(session.due))
         with monkeypatch.context() as patched:
             patched.setattr(
-                "os.fsync" if what == "fsync" else "haploop.experiments.session.log.write_marks", refuses
+                "os.fsync" if what == "fsync" else "haploop.experiments.session.store.write_marks", refuses
             )
             with pytest.raises(DataError, match="No space left"):
                 session.answer(who.answer(session.due))

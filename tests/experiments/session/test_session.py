@@ -12,7 +12,7 @@ import pytest
 
 from haploop.acquisition import verify
 from haploop.base.errors import ConfigurationError, DataError
-from haploop.base.json_text import as_line, from_text
+from haploop.base.json_files import as_line, from_text
 from haploop.experiments.analysis import analyse_identification, read_rows
 from haploop.experiments.protocol import load_experiment
 from haploop.experiments.session import Store, export_answers, open_session, read_log
@@ -275,7 +275,7 @@ import resource, signal, sys
 from pathlib import Path
 from haploop.experiments.protocol import load_experiment
 from haploop.experiments.session import Store
-from haploop.experiments.session.log import EventLog
+from haploop.experiments.session.store import EventLog
 from haploop.base.errors import HaploopError
 from haploop.base.clock import RealClock
 

@@ -14,8 +14,7 @@ from haploop.base.errors import ConfigurationError, InstrumentError
 from haploop.instruments import Camera, load_rig_file
 from haploop.instruments.camera.opencv import OpenCvCamera
 from haploop.instruments.conformance import CameraConformance, Fired
-from haploop.mocks.camera import CameraTwin
-from haploop.mocks.camera.stream import wire
+from haploop.mocks.camera import CameraTwin, wire
 from haploop.mocks.clock import VirtualClock
 from haploop.mocks.plant import Faults, OnCamera, Plant
 

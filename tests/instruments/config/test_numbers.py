@@ -14,7 +14,7 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
 from haploop.base.errors import ConfigurationError
-from haploop.calibration.examination import examine
+from haploop.calibration.self_test import examine
 from haploop.commands.cli import cli
 from haploop.instruments import load_rig_file, open_rig
 from haploop.instruments.config.rig_file import AbortLimits, RigFile

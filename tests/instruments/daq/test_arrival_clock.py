@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from haploop.instruments.daq.arrival_clock import ArrivalClock
+from haploop.instruments.daq.free_running import ArrivalClock
 
 
 def arrivals(rate_hz: float, seconds: float, wait: float, rng: np.random.Generator) -> np.ndarray:

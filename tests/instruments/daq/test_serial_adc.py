@@ -15,7 +15,7 @@ from haploop.base.errors import ConfigurationError, InstrumentError
 from haploop.base.validation import validate
 from haploop.instruments import Daq, load_rig_file
 from haploop.instruments.conformance import DaqConformance, Fired, bypass_interlock
-from haploop.instruments.daq import Alongside
+from haploop.instruments.daq import CombinedDaq
 from haploop.instruments.daq.serial_adc import SerialAdc
 from haploop.mocks.clock import VirtualClock
 from haploop.mocks.daq import Card, CardTwin
@@ -197,7 +197,7 @@ class Both:
         self.adc = twin(own, self.plant)
         self.board = board_of(self.adc)
         bypass_interlock(self.card)
-        self.daq = Alongside(self.card, self.adc, self.plant.clock, "laser")
+        self.daq = CombinedDaq(self.card, self.adc, self.plant.clock, "laser")
 
     @staticmethod
     def signal(times: np.ndarray) -> np.ndarray:

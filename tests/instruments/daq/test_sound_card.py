@@ -262,7 +262,7 @@ def test_a_wrong_table_is_one_sentence(changes: dict[str, Any], says: str) -> No
     ],
 )
 def test_what_a_file_says_twice_is_one_sentence(change: tuple[str, str], says: str, tmp_path: Path) -> None:
-    text = (Path(__file__).parents[2] / "calibration/examination/card.toml").read_text()
+    text = (Path(__file__).parents[2] / "calibration/self_test/card.toml").read_text()
     assert change[0] in text
     (tmp_path / "rig.toml").write_text(text.replace(*change, 1))
     with pytest.raises(ConfigurationError, match=says):

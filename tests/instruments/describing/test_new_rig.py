@@ -188,7 +188,7 @@ def test_a_library_that_is_missing_or_fails_is_one_sentence(monkeypatch: pytest.
     def broken() -> list[FoundCard]:
         raise RuntimeError("Could not find an installation of NI-DAQmx. More words.")
 
-    monkeypatch.setattr("haploop.instruments.describing.found._cards", broken)
+    monkeypatch.setattr("haploop.instruments.describing._cards", broken)
     found = haploop.look_for_hardware()
     assert found.cards == ()
     assert (

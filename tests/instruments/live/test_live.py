@@ -24,7 +24,7 @@ from haploop.base.clock import Clock
 from haploop.base.errors import ConfigurationError, DataError, InstrumentError
 from haploop.instruments import Block, load_rig_file, watch_live
 from haploop.instruments.live import Feed, LiveBlock, Publisher, Run, Tap, levels
-from haploop.instruments.live.frames import PREFIX, frame_of, header_of, lengths_of, volts_of
+from haploop.instruments.live.publisher import PREFIX, frame_of, header_of, lengths_of, volts_of
 from haploop.instruments.sensors import Sensors
 from tests.conftest import OpenRig
 

@@ -13,9 +13,9 @@ from haploop.base.errors import InstrumentError, LimitError
 from haploop.instruments import Rig, RigFile, Sweep, load_rig_file, open_rig
 from haploop.instruments.driver import Mode
 from haploop.instruments.limits import Limits
-from haploop.instruments.rig.gain_proof import TOO_MUCH, UnshownError, level_of, loudest, tone
+from haploop.instruments.rig.monitoring import TOO_MUCH, UnshownError, level_of, loudest, tone
 from haploop.instruments.safety.audit import entries
-from haploop.mocks.faults.amplifier import AmplifierGain
+from haploop.mocks.faults.relay import AmplifierGain
 from haploop.mocks.faults.sensors import SensorDisconnected
 from tests.instruments.safety.at_the_patch import bursts
 from tests.instruments.safety.test_limiter import TONE, generator_rig

@@ -17,7 +17,7 @@ import pytest
 from haploop.instruments import Rig, RigFile, load_rig_file
 from haploop.instruments.generator.scpi_generator import ScpiGenerator
 from haploop.instruments.rig import opening
-from haploop.instruments.safety import lock
+from haploop.instruments.safety import machine
 from haploop.mocks.daq.twin import DaqTwin
 from haploop.mocks.relay.box import BoxAdapter, RelayTwin, SimulatedBox
 from haploop.mocks.simulation import Simulation
@@ -69,8 +69,8 @@ class Lab:
         gc.collect()  # from Python 3.13 on, the locks are in a cycle
         rig._signals.close()
         for piece in rig.hardware:
-            lock._held.discard(piece)
-            lock._reserved.discard(piece)
+            machine._held.discard(piece)
+            machine._reserved.discard(piece)
 
     @property
     def daq(self) -> DaqTwin:

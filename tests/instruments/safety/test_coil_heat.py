@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 from haploop.base.arrays import FloatArray
 from haploop.base.errors import InstrumentError, LimitError
 from haploop.instruments import Limits, load_rig_file, open_rig
-from haploop.instruments.coil import Coil
 from haploop.instruments.config.rig_file import AbortLimits
 from haploop.instruments.daq import Block
+from haploop.instruments.limits import Coil
 from haploop.instruments.safety.abort_monitor import AbortMonitor
 from haploop.mocks.plant import AMPLIFIER_GAIN_ERROR, AmplifierOutput
 from tests.instruments.safety.lab import lab

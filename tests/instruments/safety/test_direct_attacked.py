@@ -13,7 +13,7 @@ import pytest
 import haploop
 from haploop.base.arrays import FloatArray
 from haploop.base.errors import InstrumentError, LimitError
-from haploop.base.flag import Flag
+from haploop.base.threads import Flag
 from haploop.instruments import RigFile, load_rig_file, open_rig
 from haploop.instruments.safety.audit import entries
 from tests.instruments.safety.lab import Lab

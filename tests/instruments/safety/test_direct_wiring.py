@@ -16,7 +16,7 @@ import haploop
 from haploop.base.clock import RealClock
 from haploop.base.entry_points import driver_class
 from haploop.base.errors import ConfigurationError, InstrumentError, LimitError
-from haploop.calibration.examination import examine
+from haploop.calibration.self_test import examine
 from haploop.instruments import Rig, RigFile, load_rig_file, open_rig
 from haploop.instruments.config.rig_file import AbortLimits
 from haploop.instruments.daq.ni_daqmx import NiDaq

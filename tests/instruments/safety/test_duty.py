@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from haploop.base.errors import DataError, LimitError
-from haploop.base.json_text import of_file
+from haploop.base.json_files import of_file
 from haploop.instruments import RigFile, load_rig_file, open_rig
 from haploop.instruments.config.rig_file import DriveLimits
 from haploop.instruments.safety.duty import clear_old, count_plays, plays_of

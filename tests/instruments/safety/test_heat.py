@@ -5,7 +5,7 @@ import pytest
 
 from haploop.base.errors import LimitError
 from haploop.instruments import Limits
-from haploop.instruments.coil import Coil
+from haploop.instruments.limits import Coil
 
 RATE_HZ = 50_000.0
 COIL = Coil(8.0, 0.5e-3, 2.0)

@@ -15,8 +15,8 @@ import pytest
 from haploop.base.errors import InstrumentError
 from haploop.base.marks import InUse, is_marked, marked
 from haploop.instruments.safety import machine
-from haploop.instruments.safety.lock import hold
 from haploop.instruments.safety.lockout import Lockout, lockout_of, set_lockout
+from haploop.instruments.safety.machine import hold
 
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="links, pipes and users of POSIX")
 PIECE = f"a card of test {os.getpid()}"
@@ -26,9 +26,9 @@ import os, sys
 from pathlib import Path
 from haploop.instruments.safety import machine
 from haploop.base.marks import InUse, is_marked, marked
-from haploop.instruments.safety.lock import hold
+from haploop.instruments.safety.machine import hold
 from haploop.instruments.safety.lockout import Lockout, clear_lockout, lockout_of, set_lockout
-from haploop.base.json_text import as_file
+from haploop.base.json_files import as_file
 if len(sys.argv) > 2:
     as_file("lockout", None)  # the other user may not read this one's environment
     machine._place = lambda: Path(sys.argv[2])
@@ -209,7 +209,7 @@ def test_a_program_that_sees_another_folder_there_excludes_others_too(place: Pat
 import sys
 from pathlib import Path
 from haploop.instruments.safety import machine
-from haploop.instruments.safety.lock import hold
+from haploop.instruments.safety.machine import hold
 machine._place = lambda: Path({str(place)!r})
 with hold({{{PIECE!r}}}, "The rig 'theirs'"):
     print("held", flush=True)

@@ -23,8 +23,8 @@ from haploop.instruments.daq.ni_daqmx import NiDaq
 from haploop.instruments.relay.yocto import Yocto
 from haploop.instruments.rig.opening import hardware
 from haploop.instruments.safety.duty import plays_of
-from haploop.instruments.safety.lock import hold, reserve
 from haploop.instruments.safety.lockout import lockout_of
+from haploop.instruments.safety.machine import hold, reserve
 from haploop.mocks.simulation import Simulation
 
 DRIVE = 20 * np.sin(2 * np.pi * 250 * np.arange(50_000) / 50_000) * np.hanning(50_000)

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from haploop.base.errors import DataError, InstrumentError
-from haploop.base.json_text import as_file
+from haploop.base.json_files import as_file
 from haploop.instruments.safety import Outputs, machine
 from haploop.instruments.safety.duty import clear_old, count_plays, plays_of
 

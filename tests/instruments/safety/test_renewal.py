@@ -12,7 +12,7 @@ import pytest
 from haploop.base.clock import RealClock
 from haploop.base.errors import InstrumentError
 from haploop.instruments.safety import Renewal
-from haploop.instruments.safety.watch import Watch
+from haploop.instruments.safety.deadline import Watch
 from haploop.mocks.clock import VirtualClock
 
 DEAD_MAN = 0.4

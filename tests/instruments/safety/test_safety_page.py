@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from haploop.base.errors import ConfigurationError
-from haploop.calibration.examination import examine
+from haploop.calibration.self_test import examine
 from haploop.instruments import RigFile, load_rig_file, open_rig
 from haploop.instruments.config.rig_file import AbortLimits, Device
 from haploop.instruments.daq.ni_daqmx import NiDaq

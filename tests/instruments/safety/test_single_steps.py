@@ -11,9 +11,9 @@ import pytest
 from haploop.base.errors import InstrumentError
 from haploop.instruments import Limits, open_rig
 from haploop.instruments.amplifier.e413 import E413
-from haploop.instruments.coil import Coil
+from haploop.instruments.limits import Coil
 from haploop.instruments.relay.board import ChannelRelay
-from haploop.instruments.rig.gain_proof import loudest, tone
+from haploop.instruments.rig.monitoring import loudest, tone
 from haploop.instruments.safety import clear_lockout
 from tests.instruments.safety.test_limiter import TONE
 from tests.instruments.safety.test_other_clients import clients

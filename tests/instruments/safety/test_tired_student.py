@@ -264,7 +264,7 @@ def _no_duty(patch: pytest.MonkeyPatch) -> None:
 def _not_frozen(patch: pytest.MonkeyPatch) -> None:
     patch.setattr("haploop.instruments.frozen.Frozen.__setattr__", object.__setattr__)
     # A play is held to a copy of the limits besides.
-    patch.setattr("haploop.instruments.safety.figures.Kept.ratings", lambda _, n, now: now.ratings[n])
+    patch.setattr("haploop.instruments.safety.judge.OpeningFigures.ratings", lambda _, n, now: now.ratings[n])
 
 
 @pytest.mark.long

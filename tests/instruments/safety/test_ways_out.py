@@ -21,7 +21,7 @@ from haploop.base.errors import InstrumentError
 from haploop.base.signals import at_console_close, ending_in_order
 from haploop.instruments import Rig, open_rig
 from haploop.instruments.safety.audit import entries
-from haploop.instruments.safety.lock import hold
+from haploop.instruments.safety.machine import hold
 from tests.instruments.safety.at_the_patch import bursts
 
 DRIVE = 20 * np.sin(2 * np.pi * 250 * np.arange(50_000) / 50_000) * np.hanning(50_000)
@@ -267,7 +267,7 @@ import multiprocessing, os, sys
 import numpy as np
 from haploop.instruments import open_rig
 from haploop.base.errors import HaploopError
-from haploop.instruments.safety import lock
+from haploop.instruments.safety import machine
 from haploop.instruments.safety.audit import entries
 
 def tried(action):
@@ -276,8 +276,8 @@ def tried(action):
     except HaploopError as error:
         print(error, flush=True)
 
-with lock.hold({"a card"}, "The rig 'one'"), open_rig("simulated") as rig:
-    file = lock.machine.folder() / lock.machine.file_for("a card", "lock")
+with machine.hold({"a card"}, "The rig 'one'"), open_rig("simulated") as rig:
+    file = machine.folder() / machine.file_for("a card", "lock")
     child = multiprocessing.get_context("fork").Process(target=int)
     child.start()
     child.join()

@@ -9,7 +9,7 @@ from typing import Literal
 
 import haploop
 from haploop.base.errors import HaploopError
-from haploop.calibration.examination import examine
+from haploop.calibration.self_test import examine
 from haploop.nidaqmx_twin.products import PRODUCTS, Product
 
 __all__ = ["Mode", "Pressed", "Rig", "of", "pressed", "run"]

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from haploop.mocks.plant.bouc_wen import _AWAY, _TOWARDS, BoucWen
-from haploop.mocks.plant.hysteresis import Hysteresis
+from haploop.mocks.plant.hysteresis import _AWAY, _TOWARDS, BoucWen, Hysteresis
 
 
 def test_the_loop_has_the_width_that_was_asked_for() -> None:

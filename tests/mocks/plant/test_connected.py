@@ -10,7 +10,7 @@ import pytest
 
 from haploop.base.errors import ConfigurationError, InstrumentError
 from haploop.instruments import Press, Rig, Scale, Sensors, open_rig
-from haploop.instruments.reported_scales import compare_scales
+from haploop.instruments.rig.opening import compare_scales
 
 WASHER = """
 base = "simulated"

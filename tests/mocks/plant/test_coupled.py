@@ -10,9 +10,9 @@ import pytest
 
 from haploop.mocks.plant import Contact, Fingertip, Modes
 from haploop.mocks.plant.coupled import Coupled
-from haploop.mocks.plant.hands import Palm
 from haploop.mocks.plant.table import make_plate
 from haploop.mocks.plant.touched import touched_velocity
+from haploop.mocks.plant.touches import Palm
 
 LAID = {
     "nothing": (),

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from haploop.mocks.plant.modal import Modes
-from haploop.mocks.plant.modal_surface import ModalSurface
-from haploop.mocks.plant.softening import SofteningSurface
+from haploop.mocks.plant.modal_surface import ModalSurface, SofteningSurface
 from haploop.mocks.plant.surface import AMPLIFIER_POLE_HZ, Surface
 from tests.conftest import OpenRig
 

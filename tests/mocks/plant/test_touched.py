@@ -11,8 +11,7 @@ import pytest
 
 from haploop.base.errors import ConfigurationError
 from haploop.mocks.plant import Contact, Modes
-from haploop.mocks.plant.modal_surface import ModalSurface
-from haploop.mocks.plant.softening import SofteningSurface
+from haploop.mocks.plant.modal_surface import ModalSurface, SofteningSurface
 from haploop.mocks.plant.touched import TouchedPoles
 
 T = 1 / 50_000

@@ -1,1 +1,0 @@
-"""Simulated NI cards (`nidaqmx_twin`) as the wire of a rig."""
