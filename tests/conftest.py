@@ -32,7 +32,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """`--long`: minutes, in CI. `--night`: an hour, each night. `--full`: hours, at whole size."""
     parser.addoption("--full", action="store_true", help="run long experiments at their full size")
     parser.addoption(
-        "--long", action="store_true", help="run whole loops whose steps have tests of their own"
+        "--long",
+        action="store_true",
+        help="run what is dear, too: whole loops, other programs, worlds",
     )
     parser.addoption(
         "--night", action="store_true", help="--long, further worlds and studies, every page of the documents"
@@ -67,7 +69,7 @@ def pytest_configure(config: pytest.Config) -> None:
     if (skipped := config.getoption("--skipped")) and worker in (None, "gw0"):
         config.pluginmanager.register(Skipped(Path(skipped), worker))
     config.addinivalue_line("markers", "many_plays: plays for minutes; on the wire with --full only")
-    config.addinivalue_line("markers", "long: a whole loop whose steps have tests of their own; with --long")
+    config.addinivalue_line("markers", "long: dear, and not the only test of what it tests; with --long")
     config.addinivalue_line("markers", "night: one more world, study or page; with --night")
 
 
@@ -121,7 +123,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if not config.getoption("--night"):
         left_out["night"] = "one more world, study or page: with --night"
         if not config.getoption("--long"):
-            left_out["long"] = "a whole loop: runs with --long, as CI does"
+            left_out["long"] = "dear, and not the only test of it: runs with --long, as CI does"
     for item in items if not config.getoption("--full") else ():
         for mark, reason in left_out.items():
             if item.get_closest_marker(mark):

@@ -161,6 +161,7 @@ def test_imports_within_the_package_are_relative() -> None:
     assert not wrong, "\n".join(wrong)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("where", ["beside", "in", "above"])
 def test_a_script_finds_the_package_wherever_it_starts(where: str, tmp_path: Path) -> None:
     """Above a clone that is called haploop, its folder is the package, and not an empty namespace."""

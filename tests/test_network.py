@@ -60,6 +60,7 @@ def test_listeners_are_on_loopback_only(monkeypatch: pytest.MonkeyPatch) -> None
     assert set(bound) == {"127.0.0.1"}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("room", ROOMS)
 def test_nothing_is_unpickled_or_evaluated(room: str) -> None:
     for path in (Path(__file__).parents[1] / room).rglob("*.py"):

@@ -123,6 +123,7 @@ def test_requiring_what_no_rig_has_is_a_mistake(pytester: pytest.Pytester) -> No
     result.stdout.fnmatch_lines(["*requires() does not know 'fource'; it accepts *force*table*simulation*"])
 
 
+@pytest.mark.long
 def test_a_project_of_other_rigs_is_left_alone(pytester: pytest.Pytester) -> None:
     pytester.makepyfile(STRANGER)
     pytester.runpytest_subprocess(*ARGUMENTS).assert_outcomes(passed=1)
@@ -138,6 +139,7 @@ def test_two_runs_never_share_hardware(pytester: pytest.Pytester) -> None:
     result.stderr.fnmatch_lines([f"ERROR: The rig 'lab' is in use (*) by process {os.getpid()} (*: wait*"])
 
 
+@pytest.mark.long
 def test_a_rig_that_is_not_there_is_one_sentence_also_with_workers(pytester: pytest.Pytester) -> None:
     pytester.makepyfile(TESTS)
     result = pytester.runpytest_subprocess(*ARGUMENTS, "-n", "2", "--rig", "nonsuch.toml")
@@ -159,6 +161,7 @@ def test_hardware_runs_on_one_worker(pytester: pytest.Pytester) -> None:
     busy.stderr.fnmatch_lines(["ERROR: The rig 'lab' is in use (*"])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("first", ["a_twin", "z_twin"])
 def test_the_package_of_the_cards_by_itself_brings_their_fixture(
     first: str, pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
@@ -174,6 +177,7 @@ def test_the_package_of_the_cards_by_itself_brings_their_fixture(
     pytester.runpytest_subprocess("-p", "no:cacheprovider").assert_outcomes(passed=1)
 
 
+@pytest.mark.long
 def test_haploop_brings_the_fixture_of_the_cards(pytester: pytest.Pytester) -> None:
     pytester.makepyfile(CARDS.format("haploop.nidaqmx_twin.twin"))
     pytester.runpytest_subprocess(*ARGUMENTS).assert_outcomes(passed=1)

@@ -292,6 +292,7 @@ def test_a_week_with_every_fault_noticed_and_nothing_growing(tmp_path: Path, mod
     assert_flat(week.sizes)
 
 
+@pytest.mark.long
 @pytest.mark.timeout(3600)
 def test_two_hours_of_recording_grow_nothing(
     tmp_path: Path, mode: str, full: bool, monkeypatch: pytest.MonkeyPatch

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from haploop.acquisition import find_presses, record, representative, verify
 
 BUTTONS = ("latch", "toggle", "push")
 
 
+@pytest.mark.long
 def test_three_buttons_are_recorded_and_told_apart(open, tmp_path):
     rig = open(seed=11)
     forces = {}
@@ -23,6 +25,7 @@ def test_three_buttons_are_recorded_and_told_apart(open, tmp_path):
     assert forces["latch"] > forces["push"] > forces["toggle"]
 
 
+@pytest.mark.long
 def test_presses_are_found_as_they_were_whatever_the_seed(open, tmp_path, full):
     """`--full`: 20 rigs, each with a study of twelve participants, three buttons and ten presses."""
     seeds, participants, presses = (20, 12, 10) if full else (2, 1, 3)

@@ -96,6 +96,7 @@ def test_presses_are_found_timed_and_represented(tmp_path: Path, kind: str, butt
     assert agreement(press, truth) > (0.5 if motion == "displacement" else 0.9)  # a travel has its noise
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["one axis each, and a switch", "acceleration alone"])
 def test_the_drivers_record_them_too(tmp_path: Path, kind: str) -> None:
     with haploop.open_rig(written(tmp_path, kind), simulate="wire") as rig:
@@ -123,6 +124,7 @@ def agreement(press: haploop.Representative, truth) -> float:
     return float((found / sizes).max())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "kind", [pytest.param("charge and IEPE, no switch", marks=pytest.mark.long), "travel and a switch"]
 )

@@ -261,6 +261,7 @@ for number in range(60):
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("disks", [("links", "links"), ("no links", "no links"), ("links", "no links")])
 def test_of_two_programs_exactly_one_wins_each_name(tmp_path: Path, disks: tuple[str, str]) -> None:
     racers = [

@@ -76,6 +76,7 @@ def test_the_response_is_the_surfaces_own_velocity(name: str, within: float, tmp
     assert response.pickup == ("velocity" if name == "coil" else name)
 
 
+@pytest.mark.long
 @pytest.mark.many_plays
 @pytest.mark.parametrize("name", ["coil", *(pytest.param(n, marks=pytest.mark.long) for n in PICKUPS)])
 def test_the_verdict_is_right_about_the_surfaces_own_error_of_a_right_and_of_a_wrong_drive(
@@ -177,6 +178,7 @@ def test_a_pickup_at_the_end_of_its_range_is_told_in_its_unit(tmp_path: Path) ->
         quick_response(rig)
 
 
+@pytest.mark.long
 def test_a_coil_is_planned_within_its_heat(tmp_path: Path) -> None:
     """With a tenth of the power, calibration and check lower their levels, and nothing is refused."""
     file = load_rig_file("voice-coil")

@@ -18,6 +18,7 @@ def made(demo: Demo, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("made") / "latch.h5"
 
 
+@pytest.mark.long
 def test_a_button_is_made_shown_and_verified(
     demo: Demo, made: Path, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -46,6 +47,7 @@ def test_a_button_is_made_shown_and_verified(
     assert taken.exit_code == 2 and "exists" in taken.output
 
 
+@pytest.mark.long
 def test_points_that_cannot_be_are_refused_before_anything_is_played(
     demo: Demo, run: Run, tmp_path: Path
 ) -> None:
@@ -65,6 +67,7 @@ def test_points_that_cannot_be_are_refused_before_anything_is_played(
         assert planned.exit_code in (2, 3) and told in " ".join(planned.output.split())
 
 
+@pytest.mark.long
 def test_a_press_is_represented_by_the_method_that_is_asked_for(demo: Demo, run: Run, tmp_path: Path) -> None:
     recordings = sorted((demo.folder / "recordings").glob("*latch*.h5"))
     result = run("represent", *recordings, "-o", tmp_path / "both.h5")

@@ -137,6 +137,7 @@ def test_a_stopped_recording_is_safe_and_readable(tmp_path: Path, number: signal
     assert recording.volts.shape[0] == len(recording.channels)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(os.name == "nt", reason="Windows delivers Ctrl-C to a console, not to a process")
 def test_twin_ni_serves_the_devices_of_an_export(tmp_path: Path) -> None:
     export = tmp_path / "max.ini"

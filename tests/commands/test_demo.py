@@ -82,6 +82,7 @@ def test_recordings_are_kept_with_the_hash_that_the_summary_names(demo: Demo) ->
         assert recording.content_hash == source["sha256"]
 
 
+@pytest.mark.long
 def test_the_report_names_the_command_that_writes_its_figures(demo: Demo, run: Run, tmp_path: Path) -> None:
     report = (demo.folder / "report.html").read_text(encoding="utf-8")
     (command,) = re.findall(r"<code>haploop (figures .*) --out figures</code>", report)

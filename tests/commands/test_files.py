@@ -75,6 +75,7 @@ def test_every_file_in_a_folder_is_verified(run, files, tmp_path):
     assert result.exit_code == 2 and "holds no .h5 file" in result.stderr
 
 
+@pytest.mark.long
 def test_recovering_tells_what_was_saved_and_leaves_the_file_alone(run, files):
     for name, saved in (("interrupted", "Recovered 5.00 s"), ("cut", "Recovered ")):
         before = files[name].read_bytes()
@@ -116,6 +117,7 @@ def test_a_recovery_whose_process_dies_is_one_sentence(run, files, tmp_path, mon
     assert "so nothing can be recovered: copy it again from its source." in result.stderr
 
 
+@pytest.mark.long
 @pytest.mark.skipif(os.name == "nt", reason="Windows gives a file the rights of its folder")
 def test_what_is_made_of_peoples_recordings_is_for_its_owner_only(
     demo: Demo, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -11,6 +11,7 @@ from haploop.pytest_plugin import Rigs
 from tests.command_line import Run
 
 
+@pytest.mark.long
 def test_a_small_map_is_measured_shown_and_drawn(run: Run, tmp_path: Path, rigs: Rigs) -> None:
     if rigs.mode != "twin":
         pytest.skip("the command opens a rig of its own")

@@ -64,6 +64,7 @@ def test_a_button_is_recorded_again_under_another_name(run: Run, tmp_path: Path)
     assert sorted(path.name for path in tmp_path.glob("*.h5")) == ["P01-push-2.h5", "P01-push.h5"]
 
 
+@pytest.mark.long
 def test_a_study_waits_as_long_as_its_file_or_its_option_says(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

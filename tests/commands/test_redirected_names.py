@@ -89,6 +89,7 @@ def said_by_a_program(folder: Path, rig: str, *options: str) -> dict[str, Any]:
     return found
 
 
+@pytest.mark.long
 def test_every_way_to_write_a_name_is_redirected_and_no_other_name_is_opened(tmp_path: Path) -> None:
     said = said_by_a_program(tmp_path, "bench")
     for name in GENERATOR:
@@ -111,6 +112,7 @@ def test_every_way_to_write_a_name_is_redirected_and_no_other_name_is_opened(tmp
     assert said["sound"] == "no PortAudio" or "No sound device is opened" in said["sound"]
 
 
+@pytest.mark.long
 def test_what_is_allowed_is_opened_as_it_is(tmp_path: Path) -> None:
     """What is not there then fails in its own words."""
     allowed = ("/dev/ttyS99", "TCPIP0::192.0.2.11::5025::SOCKET", "192.0.2.7")

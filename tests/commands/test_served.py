@@ -114,6 +114,7 @@ def _serial(folder: Path) -> Path:
     return path
 
 
+@pytest.mark.long
 @pytest.mark.skipif(os.name == "nt", reason="Windows delivers Ctrl-C to a console, not to a process")
 @pytest.mark.parametrize("rig", ["bench", "serial"])
 def test_every_kind_is_served(tmp_path: Path, rig: str) -> None:
@@ -137,6 +138,7 @@ def test_nothing_to_watch_is_one_sentence(run: Run) -> None:
     assert told.startswith("Error: No running program publishes the rig 'simulated'")
 
 
+@pytest.mark.long
 @pytest.mark.skipif(os.name == "nt", reason="Ctrl-C is sent as a POSIX signal")
 def test_alone_it_looks_at_the_sensors_itself(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "haploop", "live", "--rig", "simulated", "--json"]
@@ -240,6 +242,7 @@ def free_port() -> int:
         return int(found.getsockname()[1])
 
 
+@pytest.mark.long
 def test_a_program_that_knows_nothing_of_haploop_finds_every_instrument_of_a_rig(tmp_path: Path) -> None:
     """By the names of the rig file: cards, serial port, VISA resource, and the hub's own address."""
     (tmp_path / "script.py").write_text(SCRIPT)
@@ -262,6 +265,7 @@ def test_a_program_that_knows_nothing_of_haploop_finds_every_instrument_of_a_rig
     assert "Yocto-MaxiCoupler" in boxes
 
 
+@pytest.mark.long
 def test_ports_are_those_that_were_asked_for_and_a_rig_file_points_at_them(tmp_path: Path) -> None:
     ni, yocto = free_port(), free_port()
     command = f"haploop twin all --rig bench --port ni={ni},yocto={yocto} --write lab.toml --json"
@@ -275,6 +279,7 @@ def test_ports_are_those_that_were_asked_for_and_a_rig_file_points_at_them(tmp_p
             assert "33522B" in rig.generator.identity
 
 
+@pytest.mark.long
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no pseudo-terminals")
 def test_a_serial_line_is_a_device_file(tmp_path: Path) -> None:
     with _running(_command("haploop twin all --rig bench --pty --json"), tmp_path) as server:

@@ -135,6 +135,7 @@ def test_nothing_is_taken_for_a_study_that_is_none(run: Run, study: Path, tmp_pa
     assert "names no rig" in run("study", "run", "--study", study).stderr
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("rig", ["simulated", "haptable", "stock-accelerometer"])
 def test_a_new_button_in_one_go_on_any_rig(run: Run, tmp_path: Path, rig: str) -> None:
     with open_rig(rig, simulate="twin") as opened:

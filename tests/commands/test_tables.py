@@ -37,6 +37,7 @@ def calibration(rig: Path) -> Path:
     return path
 
 
+@pytest.mark.long
 def test_no_name_is_taken_for_markup(run: Run, rig: Path, calibration: Path, tmp_path: Path) -> None:
     out, study = tmp_path / "out [/x]", tmp_path / "study [/x]"
     recording = out / "P01-push.h5"
@@ -132,6 +133,7 @@ def test_no_table_cuts_a_word(
     assert max(map(len, printed.splitlines())) <= width
 
 
+@pytest.mark.long
 def test_the_commands_tables_fit_80_columns(
     run: Run, demo: Demo, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

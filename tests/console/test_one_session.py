@@ -110,6 +110,7 @@ def test_a_session_outlives_its_worker(data):
     assert second.board["held"] is None
 
 
+@pytest.mark.long
 def test_two_servers_of_a_rig_have_one_session(data):
     options = {"state": data / "state"}
     with (

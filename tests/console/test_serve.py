@@ -73,6 +73,7 @@ def test_a_server_that_is_killed_and_comes_back_finds_the_recording_going_on(tmp
     assert os.name == "nt" or gone(address), "Ctrl-C ended the worker too"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("when", ["while it starts", "before pages are served"])
 def test_a_stop_before_the_console_is_served_leaves_no_worker(tmp_path, monkeypatch, when):
     monkeypatch.setenv("HAPLOOP_STATE", str(tmp_path / "state"))
@@ -155,6 +156,7 @@ def hanging_worker(tmp_path: Path) -> Iterator[tuple[Address, Path, dict[str, st
         worker.wait(60)
 
 
+@pytest.mark.long
 @needs_stopped_processes
 def test_stop_at_a_worker_that_hangs_says_to_switch_the_amplifier_off(tmp_path):
     with hanging_worker(tmp_path) as (worker, _, environment):
@@ -170,6 +172,7 @@ def folders(place):
     return DataFolder(place, place / "history")
 
 
+@pytest.mark.long
 @needs_stopped_processes
 def test_no_second_worker_is_started_beside_one_that_hangs(tmp_path, monkeypatch):
     monkeypatch.setenv("HAPLOOP_STATE", str(tmp_path / "state"))
@@ -238,6 +241,7 @@ def test_a_worker_that_follows_another_has_a_tape_of_its_own(tmp_path):
     assert free_tape(tape) == tmp_path / "day-3.tape"
 
 
+@pytest.mark.long
 @pytest.mark.skipif(os.name == "nt", reason="Ctrl-C of POSIX")
 def test_a_console_ends_soon_after_ctrl_c(tmp_path):
     """Its question to the worker lasts for a second; the worker is told to stop after that."""
@@ -250,6 +254,7 @@ def test_a_console_ends_soon_after_ctrl_c(tmp_path):
         end(one)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(os.name == "nt", reason="Ctrl-C reaches a process group there")
 def test_a_stop_while_a_page_is_answered_shows_no_traceback(tmp_path):
     slow = tmp_path / "slow.py"

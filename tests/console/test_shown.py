@@ -18,6 +18,7 @@ from haploop.reports.html import write_report
 PATIENCE = 60.0
 
 
+@pytest.mark.long
 def test_figures_are_drawn_while_a_report_is_being_made(
     made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -14,6 +14,7 @@ NEEDS = {"analyse_thresholds": "psignifit"}
 """Packages that an example needs beside haploop."""
 
 
+@pytest.mark.long
 def test_each_example_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """In one folder, empty at first: an example may use the files that those before it have written.
 

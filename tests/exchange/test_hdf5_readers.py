@@ -40,6 +40,7 @@ def test_pyfive_reads_what_the_library_reads(files: Files, kind: str) -> None:
             np.testing.assert_array_equal(file[name][...], values)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(shutil.which("octave-cli") is None, reason="GNU Octave is not installed")
 @pytest.mark.parametrize("kind", KINDS)
 def test_octave_reads_what_the_library_reads(files: Files, kind: str, tmp_path: Path) -> None:

@@ -37,6 +37,7 @@ KINDS = (
 )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
 def test_presses_are_the_same_presses(kind: Kind, own: Recording, presses: Written, tmp_path: Path) -> None:
     path, out = tmp_path / kind.name, tmp_path / "out.h5"

@@ -58,6 +58,7 @@ def ended(run: Run, *arguments: object) -> Result:
     return result
 
 
+@pytest.mark.long
 @pytest.mark.timeout(3600)
 def test_a_command_survives_any_bytes_and_any_structure(
     kind: str, files: dict[str, Path], run: Run, tmp_path: Path, full: bool
@@ -112,6 +113,7 @@ def test_content_that_nobody_measured_is_refused_under_a_hash_that_fits(
         assert used(run, "show", path, "--json") == 2
 
 
+@pytest.mark.long
 def test_a_response_without_coherence_is_shown_and_reported(
     files: dict[str, Path], run: Run, tmp_path: Path
 ) -> None:
@@ -130,6 +132,7 @@ def test_a_response_without_coherence_is_shown_and_reported(
 OTHERS = ([], {}, [1], [[]], {"a": None}, "a", None, 1e308, [None] * 1000)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("kind", "own"), [("map", {"rig": "rig"}), ("rejections", [{"file": "P01-push.h5"}])]
 )

@@ -53,6 +53,7 @@ def octave(script: str, folder: Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.long
 def test_octave_opens_every_kind(files: Files, measured_map: Path, tmp_path: Path) -> None:
     kinds = {kind: getattr(files, kind) for kind in (*KINDS, "calibration")} | {"map": measured_map}
     for kind, path in kinds.items():
@@ -93,6 +94,7 @@ def test_octave_opens_every_kind(files: Files, measured_map: Path, tmp_path: Pat
     np.testing.assert_array_equal(read("map", "columns"), [3, 5, 3, 5])
 
 
+@pytest.mark.long
 def test_a_press_that_octave_saved_is_imported(tmp_path: Path, run: Run) -> None:
     """In g at 10 kHz, as somebody else would save it."""
     script = (

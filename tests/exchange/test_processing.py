@@ -64,6 +64,7 @@ def once(act: Callable[[], None]) -> haploop.Progress:
     return progress
 
 
+@pytest.mark.long
 def test_what_is_written(folder: Path, alone: dict[str, bytes]) -> None:
     pairs = [f"{who}-{button}" for who in ("P01", "P02", "P03") for button in ("latch", "push")]
     parts = [f"parts/{pair}{end}" for pair in pairs for end in (".json", "-press.h5")]
@@ -94,6 +95,7 @@ def _hash(press: haploop.Representative, folder: Path) -> str:
     return haploop.content_hash(path)
 
 
+@pytest.mark.long
 def test_a_killed_process_costs_time_only(folder: Path, alone: dict[str, bytes], tmp_path: Path) -> None:
     killed = []
 
@@ -107,6 +109,7 @@ def test_a_killed_process_costs_time_only(folder: Path, alone: dict[str, bytes],
     assert content(tmp_path) == alone
 
 
+@pytest.mark.long
 def test_two_runs_do_not_write_into_one_folder(
     folder: Path, alone: dict[str, bytes], tmp_path: Path, run: Run
 ) -> None:
@@ -121,6 +124,7 @@ def test_two_runs_do_not_write_into_one_folder(
     assert content(tmp_path) == alone
 
 
+@pytest.mark.long
 def test_what_is_done_is_not_done_again_and_what_was_changed_or_is_gone_is(
     folder: Path, alone: dict[str, bytes], tmp_path: Path
 ) -> None:
@@ -143,6 +147,7 @@ def test_what_is_done_is_not_done_again_and_what_was_changed_or_is_gone_is(
     assert content(tmp_path) == alone
 
 
+@pytest.mark.long
 def test_a_rejection_is_a_change(folder: Path, tmp_path: Path) -> None:
     copy = tmp_path / "study"
     (copy / "recordings").mkdir(parents=True)

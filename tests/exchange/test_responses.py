@@ -28,6 +28,7 @@ def test_a_response_goes_out_and_comes_back(files: Files, run: Run, tmp_path: Pa
     assert imported.response.simulated
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("to", ["csv", "mat", "uff"])
 def test_what_is_exported_of_responses_is_read_back(
     to: str, files: Files, measured_map: Path, run: Run, tmp_path: Path

@@ -82,6 +82,7 @@ def day(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, int]:
     return tape, recording, recorder.calls
 
 
+@pytest.mark.long
 def test_a_recording_over_the_wire_is_played_again_bit_by_bit(
     day: tuple[Path, Path, int], tmp_path: Path, nothing_is_opened: Callable[[], None]
 ) -> None:
@@ -222,6 +223,7 @@ def test_another_file_is_no_tape(text: bytes, tmp_path: Path) -> None:
         haploop.open_rig(simulate=f"tape:{path}")
 
 
+@pytest.mark.long
 def test_a_tape_that_unpacks_to_more_than_any_session_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "large.tape"
     with gzip.open(path, "wb") as file:
@@ -309,6 +311,7 @@ def open_port() -> None:
     raise ConnectionError("no such port")
 
 
+@pytest.mark.long
 def test_a_masked_tape_has_no_serial_number_and_plays_the_same(tmp_path: Path) -> None:
     tape, masked = tmp_path / "day.tape", tmp_path / "mail.tape"
     with haploop.recorded(tape), haploop.open_rig("bench", simulate="wire") as rig:
@@ -382,6 +385,7 @@ def test_a_play_in_real_time_with_the_relay_s_renewals_is_played_again(tmp_path:
     assert first.volts.tobytes() == second.volts.tobytes()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("text", [SERIAL_ADC, ALONG], ids=["only DAQ", "along"])
 def test_a_board_that_sends_by_itself_is_played_again_bit_by_bit(text: str, tmp_path: Path) -> None:
     tape, file = tmp_path / "day.tape", tmp_path / "rig.toml"

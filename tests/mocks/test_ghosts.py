@@ -30,6 +30,7 @@ def test_sources_that_settle_show_no_ghost(open: OpenRig) -> None:
     assert not list(check_ghosts(open("haptable"), [("switch", "acceleration_x", "drive")]))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("simulate", ["twin", "wire"])
 def test_slower_conversions_cure_it(tmp_path: Path, simulate: haploop.Mode) -> None:
     fault = {"kind": "source-impedance", "channel": "acceleration_x"}

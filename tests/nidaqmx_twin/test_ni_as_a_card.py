@@ -461,6 +461,7 @@ _NO_CARDS = "A forked child has no NI cards, because they are simulated in its p
 _NO_TASK = "Task specified is invalid or does not exist"
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
 @pytest.mark.parametrize(
     ("where", "end", "told"),

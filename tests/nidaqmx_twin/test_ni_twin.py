@@ -194,6 +194,7 @@ raise SystemExit(5)
 """
 
 
+@pytest.mark.long
 def test_a_script_of_another_program(tmp_path: Path) -> None:
     (tmp_path / "script.py").write_text(SCRIPT, encoding="utf-8")
     (tmp_path / "sitecustomize.py").write_text("print('of the lab')", encoding="utf-8")
@@ -206,6 +207,7 @@ def test_a_script_of_another_program(tmp_path: Path) -> None:
         assert (ran.returncode, ran.stdout.split(), ran.stderr) == (5, ["PCIe-6321", "7"], "")
 
 
+@pytest.mark.long
 def test_a_run_of_tests_ends_in_silence(tmp_path: Path) -> None:
     """pytest keeps the client of the cards until Python itself has ended."""
     (tmp_path / "test_it.py").write_text(
@@ -262,6 +264,7 @@ raise SystemExit(5)
 """
 
 
+@pytest.mark.long
 def test_a_script_ends_though_a_task_with_events_is_open(tmp_path: Path) -> None:
     (tmp_path / "script.py").write_text(OPEN, encoding="utf-8")
     command = [sys.executable, "-m", "haploop.nidaqmx_twin", "--device", "Dev1=PCIe-6321"]
@@ -272,6 +275,7 @@ def test_a_script_ends_though_a_task_with_events_is_open(tmp_path: Path) -> None
             program.terminate()
 
 
+@pytest.mark.long
 @pytest.mark.skipif(os.name == "nt", reason="Windows delivers Ctrl-C to a console, not to a process")
 @pytest.mark.parametrize(
     ("sent", "heed", "code"),

@@ -45,6 +45,7 @@ def test_the_facts_hold_the_levels_and_every_sentence() -> None:
     assert {feeling.sentence, *feeling.notes, *(one.sentence() for one in feeling.acts[1:])} <= set(lines)
 
 
+@pytest.mark.long
 def test_the_figure_has_levels_and_both_thresholds_for_each_button() -> None:
     loud, quiet = felt(3.0), felt(1e-4, with_press=False)
     figure = feeling_figure([("latch", loud), ("push", quiet)])

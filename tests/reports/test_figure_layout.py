@@ -174,6 +174,7 @@ def gallery(demo: Demo) -> Mapping[str, Draw]:
     }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", NAMES)
 def test_no_text_overlaps_another_or_leaves_the_canvas(gallery: Mapping[str, Draw], name: str) -> None:
     for columns in (1, 2):
@@ -247,6 +248,7 @@ def test_the_consoles_curves_are_told_apart_by_colour_for_everybody_but_a_grey_p
             assert np.linalg.norm(lab(one, vision) - lab(other, vision)) > LEAST, (one, other, vision)
 
 
+@pytest.mark.long
 def test_a_plot_is_a_new_file_in_three_formats_at_two_widths(demo: Demo, run: Run, tmp_path: Path) -> None:
     drive = demo.folder / "drives" / "latch.h5"
     sizes = {}

@@ -23,6 +23,7 @@ def matching(run: Run, tmp_path: Path) -> Path:
     return folder
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("columns", "millimetres"), [(1, 88), pytest.param(2, 180, marks=pytest.mark.long)])
 def test_a_button_has_its_figures_in_a_journal_s_width(
     columns: int, millimetres: float, made: Path, tmp_path: Path
@@ -40,6 +41,7 @@ def test_a_button_has_its_figures_in_a_journal_s_width(
         write_figures(made / "latch.h5", out, paper=True)
 
 
+@pytest.mark.long
 def test_figure_6_tells_two_people_s_presses_apart(made: Path, tmp_path: Path) -> None:
     with open_rig("simulated") as rig:
         recordings = [record(rig, "latch", who, 2, tmp_path / "recordings").path for who in ("P01", "P02")]

@@ -23,6 +23,7 @@ def made(demo: Demo, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place
 
 
+@pytest.mark.long
 def test_a_report_needs_no_other_file_and_says_what_is_simulated(made: Path, demo: Demo) -> None:
     page = (made / "once" / "all.html").read_text(encoding="utf-8")
     assert not re.search(r'(?:src="(?!data:)|href="(?!all-figures/))', page)
@@ -37,6 +38,7 @@ def test_a_report_needs_no_other_file_and_says_what_is_simulated(made: Path, dem
     assert ">stable</td>" in page and "10 presses accepted, 0 not" in page
 
 
+@pytest.mark.long
 def test_a_report_made_again_is_the_same_bytes(made: Path) -> None:
     once = sorted(path.relative_to(made / "once") for path in (made / "once").rglob("*") if path.is_file())
     again = sorted(path.relative_to(made / "again") for path in (made / "again").rglob("*") if path.is_file())
@@ -63,6 +65,7 @@ def test_its_figures_are_there_as_pictures_and_numbers(made: Path) -> None:
     assert pdf.startswith(b"%PDF") and b"/Type3" not in pdf and b"CreationDate" not in pdf
 
 
+@pytest.mark.long
 def test_a_study_s_report_describes_its_participants_and_takes_names_for_text(
     run: Run, tmp_path: Path
 ) -> None:
@@ -95,6 +98,7 @@ def test_a_study_s_report_describes_its_participants_and_takes_names_for_text(
     assert linked == (tmp_path / "a.html").read_bytes()
 
 
+@pytest.mark.long
 def test_what_several_files_show_alike_is_one_figure_and_drawn_once(demo: Demo, tmp_path: Path) -> None:
     again = Path(shutil.copy(demo.folder / "calibration.h5", tmp_path / "again.h5"))
     presses = [demo.folder / "presses" / f"{name}.h5" for name in ("latch", "push")]
@@ -108,6 +112,7 @@ def test_what_several_files_show_alike_is_one_figure_and_drawn_once(demo: Demo, 
     assert caption.count("n = 10 presses") == 2 and "latch.h5" in caption and "push.h5" in caption
 
 
+@pytest.mark.long
 def test_a_copy_of_a_file_counts_once(demo: Demo, tmp_path: Path) -> None:
     one = demo.folder / "recordings" / "P01-latch.h5"
     write_report([one, Path(shutil.copy(one, tmp_path / "copy.h5"))], tmp_path / "a.html")
@@ -148,6 +153,7 @@ def test_what_cannot_be_reported_is_one_sentence(run: Run, demo: Demo, tmp_path:
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.long
 def test_the_first_screen_answers_like_felt_and_loud_in_three_lines(demo: Demo, tmp_path: Path) -> None:
     made = write_report(demo.folder / "checks" / "latch.h5", tmp_path / "report.html")
     of_latch = next(one for one in made.verdicts if "latch" in one.subject and "error" in one.measured)
@@ -160,6 +166,7 @@ def test_the_first_screen_answers_like_felt_and_loud_in_three_lines(demo: Demo, 
     assert "20\N{NO-BREAK SPACE}%" in page and not re.search(r"\d%[^\";]", page.split("</style>")[1])
 
 
+@pytest.mark.long
 def test_a_report_opens_with_a_glance_of_each_button_and_folds_the_rest(demo: Demo, tmp_path: Path) -> None:
     names = ("latch", "toggle", "push")
     checks = [demo.folder / "checks" / f"{name}.h5" for name in names]

@@ -38,6 +38,7 @@ def test_a_page_opens_where_somebody_watches(
     assert pages == [Path("report.html").resolve().as_uri()] * opened
 
 
+@pytest.mark.long
 def test_report_opens_its_page_unless_told_not_to(
     demo: Demo, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -138,6 +138,7 @@ def test_a_question_is_asked_in_a_cell(monkeypatch: pytest.MonkeyPatch) -> None:
     assert asked == ["Has P01 read and signed the consent form? [y/n] "]
 
 
+@pytest.mark.long
 def test_values_are_short_and_a_notebook_shows_a_picture(demo: Demo) -> None:
     folder = demo.folder
     values = (
@@ -221,6 +222,7 @@ def drawn(written: str) -> tuple[list[str], list[str]]:
     return screen, erased
 
 
+@pytest.mark.long
 def test_at_a_terminal_sentences_and_meter_never_share_a_line(tmp_path: Path) -> None:
     """`haploop study run` at a terminal of its own, with a press that is refused meanwhile."""
     (tmp_path / "rig.toml").write_text(FAULT, encoding="utf-8")

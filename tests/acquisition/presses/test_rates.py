@@ -64,6 +64,7 @@ def test_a_constant_and_a_ramp_read_as_they_are(rate_hz: float) -> None:
     assert force_at(ramp, Instant(0.5, 1.0, rate_hz), FIT * rate_hz, 0.0) is None
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("rate_hz", [500, 800, 999, 2000, 5000, 48_000])
 def test_the_stated_uncertainty_holds_for_presses_that_nobody_chose(rate_hz: float) -> None:
     """Of 100 presses of any button, finger and phase of the clock, 98 are within what is stated."""
@@ -81,6 +82,7 @@ def test_the_stated_uncertainty_holds_for_presses_that_nobody_chose(rate_hz: flo
     assert np.mean(within) >= 0.98
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("every", "force", "bandwidth"),
     [(1, True, 2500), (2, True, 1250), (10, True, 250), pytest.param(15, False, 0, marks=pytest.mark.long)],

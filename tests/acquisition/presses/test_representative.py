@@ -40,6 +40,7 @@ def rms(values):
     return float(np.sqrt(np.mean(np.square(values))))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("family", [pytest.param("tempo", marks=pytest.mark.long), "hands"])
 def test_smoothly_warped_presses_give_their_template_as_well_as_their_true_warps_would(family, full):
     """Tuned on "tempo", seeds 0 to 2; "hands" and these seeds were held out."""
@@ -59,6 +60,7 @@ def test_smoothly_warped_presses_give_their_template_as_well_as_their_true_warps
     assert rms(shapes) < 0.02
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("family", [pytest.param("tempo", marks=pytest.mark.long), "hands"])
 def test_events_that_jitter_independently_keep_their_shape_and_their_spectrum(family, full):
     shapes, spectra = {}, {}
@@ -75,6 +77,7 @@ def test_events_that_jitter_independently_keep_their_shape_and_their_spectrum(fa
     assert rms(spectra["chosen"]) < rms(spectra["paper"])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("family", "number"), [("tempo", 1002), ("crowded", 1000)])
 def test_where_events_jitter_the_method_with_the_smaller_error_is_chosen(family, number):
     """Clear cases, picked among 100 hash-seeded sets: they guard against regression, and show no accuracy."""
@@ -274,6 +277,7 @@ def test_presses_that_were_rejected_are_left_out_and_said_so(tmp_path):
         representative([Recording.open(tmp_path / "P02-push.h5")])
 
 
+@pytest.mark.long
 def test_the_accelerometers_own_low_pass_is_undone_within_a_band(tmp_path):
     """A stock GY-61 passes 50 Hz."""
     recording = record(world_rig(seed=50, pole_hz=50.0), "push", "P01", 4, tmp_path)

@@ -64,6 +64,7 @@ def held(hold: float, who: str, seed: int, folder: Path, monkeypatch: pytest.Mon
     return record(world_rig(seed=seed), "push", who, 4, folder)
 
 
+@pytest.mark.long
 def test_presses_that_are_held_for_different_times_open_together(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -75,6 +76,7 @@ def test_presses_that_are_held_for_different_times_open_together(
     assert both.members == 8 and both.left_out == ()
 
 
+@pytest.mark.long
 def test_a_press_that_is_held_for_less_than_half_the_time_is_left_out(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -97,6 +97,7 @@ def test_kill_9_before_and_after_recording_leaves_whole_files_or_none(context, t
             assert Recording.open(path).volts.shape[0] == CHANNELS
 
 
+@pytest.mark.long
 def test_kill_9_in_the_middle_of_a_session_keeps_every_press_that_was_seen(context, tmp_path):
     path = tmp_path / "P01-push.h5"
     told = killed(context, "record_session", path, "pressed", 1.0)

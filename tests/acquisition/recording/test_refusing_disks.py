@@ -82,6 +82,7 @@ def test_while_a_file_is_laid_out(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", NUMBERS, ids=errno.errorcode.get)
 @pytest.mark.parametrize("call", ["pwrite", "fdatasync", "fsync", "close"])
 def test_while_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: str, number: int) -> None:
@@ -137,6 +138,7 @@ def largest_file(size: int) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("size", [0, 512, 1000, 8000, 12_000, 100_000])
 def test_a_quota_is_a_full_disk(tmp_path: Path, size: int, capfd: pytest.CaptureFixture[str]) -> None:
     path = unfinished(tmp_path / "P02-push.h5")

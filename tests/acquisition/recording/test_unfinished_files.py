@@ -44,6 +44,7 @@ def test_an_unfinished_file_is_an_ordinary_hdf5_file_while_it_grows(tmp_path):
             assert not recording.complete
 
 
+@pytest.mark.long
 def test_a_report_of_it_says_what_it_is(tmp_path, run):
     path = unfinished(tmp_path / "P01-push.h5")
     assert content_hash(path) == Recording.open(path).content_hash
@@ -105,6 +106,7 @@ def saved_of(broken: Path) -> Path:
     return destination
 
 
+@pytest.mark.long
 def test_of_a_file_that_was_cut_short_everything_before_the_cut_is_saved(tmp_path):
     path = tmp_path / "P01-push.h5"
     volts = from_codes(

@@ -69,6 +69,7 @@ def rig_file(folder: Path, text: str) -> Path:
     return path
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("mode", ["twin", "wire"])
 def test_a_board_on_a_serial_port_is_a_rigs_only_daq(tmp_path: Path, mode: str) -> None:
     with haploop.open_rig(rig_file(tmp_path, SERIAL), simulate=mode) as rig:
@@ -81,6 +82,7 @@ def test_a_board_on_a_serial_port_is_a_rigs_only_daq(tmp_path: Path, mode: str) 
     assert peaks[0] == pytest.approx(peaks[1], rel=0.1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("mode", ["twin", "wire"])
 def test_a_load_cell_is_recorded_along_on_its_own_clock(tmp_path: Path, mode: str) -> None:
     with haploop.open_rig(rig_file(tmp_path, ALONG), simulate=mode) as rig:
@@ -119,6 +121,7 @@ def test_what_a_file_says_twice_is_one_sentence(tmp_path: Path) -> None:
             load_rig_file(rig_file(tmp_path, text))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("file", ["card", "board"])
 def test_what_is_lost_while_recording_ends_it_and_stands_in_the_file(tmp_path: Path, file: str) -> None:
     path = CARD if file == "card" else rig_file(tmp_path, SERIAL)
@@ -135,6 +138,7 @@ def test_what_is_lost_while_recording_ends_it_and_stands_in_the_file(tmp_path: P
     assert recording.volts.shape[1] > 5 * recording.rate_hz
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("few_callbacks")
 def test_the_papers_rig_on_a_sound_card_is_green_and_records(tmp_path: Path) -> None:
     """As on NI's cards. All the way to a recalibration goes the rig no-ni, in test_shipped_rigs.py."""

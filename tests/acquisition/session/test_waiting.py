@@ -135,6 +135,7 @@ def test_a_session_waits_for_somebody_who_is_away_and_asks_again(tmp_path: Path)
     assert 60 < recording.duration < 75
 
 
+@pytest.mark.long
 def test_a_wait_is_for_the_whole_session_and_ends(tmp_path: Path) -> None:
     rig = world_rig(seed=1)
     away(rig, prompts=2)  # comes at 15 s, and uses nothing of the wait but the time to press

@@ -26,6 +26,7 @@ def button(calibrated: Calibrated) -> DigitalButton:
     return made
 
 
+@pytest.mark.long
 def test_a_button_holds_all_that_made_it(calibrated: Calibrated, button: DigitalButton) -> None:
     assert button.passed and button.simulated == calibrated.rig.simulated
     assert button.drive.calibration == button.calibrations[0].digest
@@ -57,6 +58,7 @@ def test_a_damaged_button_is_refused(button: DigitalButton, tmp_path: Path) -> N
         DigitalButton.load(path)
 
 
+@pytest.mark.long
 def test_playing_it_verifies_it(
     calibrated: Calibrated, button: DigitalButton, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -75,6 +75,7 @@ def test_everything_said_can_be_computed_again_from_the_plays(
     assert parts == pytest.approx(stored.whole.value, abs=0.02**2 + stored.whole.deviation)
 
 
+@pytest.mark.long
 def test_third_octaves_are_levels(calibrated: Calibrated, drive: Drive) -> None:
     """A tone of 1 m/s^2 rms stands at 0 dB in its own band, and nowhere else."""
     t = np.arange(50000) / 50000
@@ -142,6 +143,7 @@ def test_a_few_plays_are_told_how_many_would_show_it(
     assert "plays would probably show it" in result.reasons[0]
 
 
+@pytest.mark.long
 def test_few_plays_that_end_below_what_may_move_are_not_told_that_more_are_of_no_use(
     calibrated: Calibrated, drive: Drive
 ) -> None:
@@ -154,6 +156,7 @@ def test_few_plays_that_end_below_what_may_move_are_not_told_that_more_are_of_no
     assert check(calibrated.rig, ringing, plays=8, most=8).judged_hz > few.judged_hz
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("hidden", "says"),
     [
@@ -174,6 +177,7 @@ def test_what_the_calibration_left_open_above_the_laser_more_plays_tell(
     assert found.verdict == "not shown" and found.plays < 64 and says in found.reasons[0]
 
 
+@pytest.mark.long
 def test_motion_outside_the_band_fails(
     calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -261,6 +265,7 @@ def test_too_much_voltage_at_the_patch_fails(
     assert "the rig's limit" in result.reasons[0]
 
 
+@pytest.mark.long
 def test_the_floor_is_the_standard_error_of_the_mean(
     calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -25,6 +25,7 @@ def result(calibrated: Calibrated, drive: Drive) -> Check:
     return check(calibrated.rig, drive, plays=3)
 
 
+@pytest.mark.long
 def test_the_level_is_that_of_the_surface_itself(calibrated: Calibrated, drive: Drive, result: Check) -> None:
     """The plant's own motion, without laser and without anything that the check computes."""
     rig = calibrated.rig
@@ -42,6 +43,7 @@ def test_the_level_is_that_of_the_surface_itself(calibrated: Calibrated, drive: 
     assert feeling.measured.resting == pytest.approx(true.resting, abs=0.3)
 
 
+@pytest.mark.long
 def test_the_recorded_press_is_compared_at_its_own_size_and_on_the_drives_clock(
     drive: Drive, result: Check
 ) -> None:
@@ -91,6 +93,7 @@ def with_people(rig: Rig, **more: Any) -> RigFile:
     return rig.file.model_copy(update={"people": people})
 
 
+@pytest.mark.long
 def test_a_labs_own_threshold_decides_what_the_table_left_open(
     calibrated: Calibrated, drive: Drive, result: Check, tmp_path: Path
 ) -> None:

@@ -22,6 +22,7 @@ def hum(volts: float, frequency: float) -> dict[str, Any]:
     return {"faults": [{"kind": "mains-hum", "channel": "laser", "volts": volts, "frequency": frequency}]}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("volts", "frequency"), [(0.02, 50.0), (0.02, 60.0), (0.003, 49.9)])
 def test_hum_changes_neither_the_error_nor_the_verdict(
     open: OpenRig, drive: Drive, volts: float, frequency: float
@@ -35,6 +36,7 @@ def test_hum_changes_neither_the_error_nor_the_verdict(
     assert any(f"steady tones at {frequency:.1f}," in note for note in result.notes)
 
 
+@pytest.mark.long
 def test_a_wrong_drive_fails_under_hum_as_without(open: OpenRig, drive: Drive) -> None:
     world = {"mode_drift": 0.01}
     quiet, _, truth = true_error(open(**world), drive, 8)
@@ -93,6 +95,7 @@ def test_learning_under_hum_is_as_good_as_without(
     assert learning.best_again == pytest.approx(result.within.root, abs=0.02)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("scale", [0.8, 1.2])
 def test_nothing_is_learnt_from_a_laser_askew(
     calibrated: Calibrated, open: OpenRig, drive: Drive, scale: float
@@ -105,6 +108,7 @@ def test_nothing_is_learnt_from_a_laser_askew(
     assert "Nothing is learnt, because a wrong scale would make the drive wrong" in learning.stopped
 
 
+@pytest.mark.long
 def test_noise_that_hides_the_motion_is_no_dead_patch(
     calibrated: Calibrated, open: OpenRig, drive: Drive
 ) -> None:

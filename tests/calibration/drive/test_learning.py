@@ -46,6 +46,7 @@ def learnt(calibrated: Calibrated, rigs: Rigs, request: pytest.FixtureRequest, d
         return learn(rig, drive, calibrated.calibration, iterations=2, plays=4)
 
 
+@pytest.mark.long
 @pytest.mark.requires("simulation")
 def test_two_iterations_bring_a_fresh_drive_near_the_floor(learnt: Learning) -> None:
     near_the_floor(learnt, "modulated")
@@ -112,6 +113,7 @@ def quieter(_estimate: ResponseEstimate, volts: FloatArray, *_rest: object) -> t
     return 0.9 * volts, 1.0
 
 
+@pytest.mark.long
 @pytest.mark.requires("simulation")
 def test_a_correction_that_makes_it_worse_is_not_kept(
     calibrated: Calibrated, open: OpenRig, drive: Drive, monkeypatch: pytest.MonkeyPatch
@@ -126,6 +128,7 @@ def test_a_correction_that_makes_it_worse_is_not_kept(
     assert "no closer" in learning.iterations[1].reason
 
 
+@pytest.mark.long
 @pytest.mark.requires("simulation")
 def test_what_was_better_by_chance_is_not_taken(
     calibrated: Calibrated, open: OpenRig, drive: Drive, monkeypatch: pytest.MonkeyPatch
@@ -141,6 +144,7 @@ def test_what_was_better_by_chance_is_not_taken(
     assert not learning.iterations[1].kept and "Played again" in learning.stopped
 
 
+@pytest.mark.long
 @pytest.mark.requires("simulation")
 def test_every_iteration_is_kept_on_disk(learnt: Learning, tmp_path: Path) -> None:
     learnt.save(tmp_path / "learning.h5")

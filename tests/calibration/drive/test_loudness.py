@@ -44,6 +44,7 @@ def make_drive(error: float, level: float) -> SimpleNamespace:
     return SimpleNamespace(worst_error=lambda _drifted: error, **own, **more)
 
 
+@pytest.mark.long
 def test_louder_is_less_like_and_a_curve_says_by_how_much(plan: ButtonPlan) -> None:
     assert [curve.method for curve in plan.curves] == ["modulated", "broadband"]
     for curve in plan.curves:
@@ -65,6 +66,7 @@ def test_nobody_is_offered_more_error_for_less_or_what_no_check_tolerates(
     assert [(one.error, one.level) for one in found.curves[0].offers] == [(0.147, -3.9), (0.154, -2.0)]
 
 
+@pytest.mark.long
 def test_an_offer_is_the_drive_that_is_then_made(calibrated: Calibrated, plan: ButtonPlan) -> None:
     offer = plan.curves[0].offers[2]
     found = level(calibrated, Loudness(error=offer.error))
@@ -90,6 +92,7 @@ def test_the_least_error_may_be_that_of_a_louder_drive(
         trade_for(make_press(), calibrated.calibration, calibrated.rig, Loudness(error=0.12))
 
 
+@pytest.mark.long
 def test_as_loud_as_an_error_allows(calibrated: Calibrated) -> None:
     quiet, loud = (level(calibrated, Loudness(error=error)) for error in (0.12, 0.16))
     assert 0.108 < quiet[0] <= 0.12 and 0.148 < loud[0] <= 0.16
@@ -145,6 +148,7 @@ def test_a_level_within_reach_takes_few_drives(
         trade_for(make_press(), calibrated.calibration, calibrated.rig, Loudness(level=12.0))
 
 
+@pytest.mark.long
 def test_a_stronger_amplifier_moves_the_curve_to_the_right(calibrated: Calibrated, plan: ButtonPlan) -> None:
     limits = calibrated.rig.limits
     half = replace(limits, min=limits.min / 2, max=limits.max / 2, peak_to_peak=limits.peak_to_peak / 2)
@@ -156,6 +160,7 @@ def test_a_stronger_amplifier_moves_the_curve_to_the_right(calibrated: Calibrate
     assert 1.2 < one.error / other.error < 1.6
 
 
+@pytest.mark.long
 def test_a_plan_is_kept_shown_and_drawn(plan: ButtonPlan, tmp_path: Path) -> None:
     plan.save(tmp_path / "plan.h5")
     again = ButtonPlan.load(tmp_path / "plan.h5")

@@ -12,6 +12,7 @@ from tests.conftest import OpenRig
 pytestmark = pytest.mark.many_plays
 
 
+@pytest.mark.long
 def test_where_patch_and_point_differ_no_order_inverts(calibrated: Calibrated, drive: Drive) -> None:
     """The stable inverse of a response with zeros in the right half plane does not exist."""
     limits = calibrated.rig.limits

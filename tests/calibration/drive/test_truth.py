@@ -81,6 +81,7 @@ def test_the_stated_interval_holds_the_surfaces_own_error(
     assert outside < 0.08 and outside < bound_of(drive) < 5 * outside
 
 
+@pytest.mark.long
 @pytest.mark.many_plays
 @pytest.mark.parametrize(
     ("hz", "push", "foreseen", "says"),
@@ -119,6 +120,7 @@ def test_a_pane_that_rings_far_above_the_drive_does_not_pass(
     assert not result.passed and result.reasons[0].startswith(says)
 
 
+@pytest.mark.long
 @pytest.mark.many_plays
 @pytest.mark.parametrize(
     ("world", "hz", "most"), [(75, "6.35 kHz", (0.2, 0.32)), (127, "5.04 kHz", (0.15, 0.3))]
@@ -141,6 +143,7 @@ def test_what_only_the_calibration_may_show_above_the_laser_is_no_pass(
     assert said == (result.above.bound is None)
 
 
+@pytest.mark.long
 @pytest.mark.many_plays
 def test_the_bound_above_the_band_holds_for_drives_unlike_the_multisine_of_its_calibration(
     open: OpenRig, monkeypatch: pytest.MonkeyPatch

@@ -74,6 +74,7 @@ def mapped(
         yield Mapped(rig, VibrationMap.load(folder), folder)
 
 
+@pytest.mark.long
 def test_a_map_is_the_plates_own(mapped: Mapped) -> None:
     assert error(mapped) < 0.013
     assert mapped.found.configurations == ("A", "B", "all")
@@ -209,6 +210,7 @@ def test_what_a_map_needs_is_asked_for(open: OpenRig) -> None:
                 map_plan(rig, **{key: value})
 
 
+@pytest.mark.long
 def test_all_patches_at_once(rigs: Rigs, request: pytest.FixtureRequest, tmp_path: Path) -> None:
     simulated(rigs)
     with rigs.open(request.node, "four-channel", {}) as rig:

@@ -74,6 +74,7 @@ def test_a_carrier_lies_in_the_band_of_drives_and_says_what_it_costs(coil: Calib
     assert f"moves the table {quieter:.1f} dB less" in told
 
 
+@pytest.mark.long
 def test_another_carrier_can_be_chosen_and_says_what_it_costs(coil: Calibration) -> None:
     chosen = coil.carried_by(263.34)
     assert chosen.carrier_hz == 263.34 and chosen.digest != coil.digest

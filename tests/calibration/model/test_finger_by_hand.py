@@ -104,6 +104,7 @@ def test_a_finger_is_found_and_follows_its_law_to_other_forces(light: Pane) -> N
     assert found.changed == pytest.approx(relative(light.factor(1.0) * bare, bare), rel=0.02)
 
 
+@pytest.mark.long
 def test_what_no_fingertip_explains_is_refused_beyond_its_limit(light: Pane, heavy: Pane) -> None:
     """3 % of what the finger changed, and 0.4 % of the response for noise."""
     for one, force, least, most in ((light, 1.0, 0.02, 0.025), (heavy, 0.1, 0.06, 0.08)):
@@ -114,6 +115,7 @@ def test_what_no_fingertip_explains_is_refused_beyond_its_limit(light: Pane, hea
             one.found(tip(force), most)
 
 
+@pytest.mark.long
 def test_a_palm_and_two_fingers_are_refused_on_a_light_pane(light: Pane) -> None:
     two = (*tip(), *Fingertip().at("another", (0.62, 0.55), 1.0))
     for hands in (Palm().at("a palm", PLACES["button"], 5.0), two):
@@ -121,6 +123,7 @@ def test_a_palm_and_two_fingers_are_refused_on_a_light_pane(light: Pane) -> None
             light.found(hands)
 
 
+@pytest.mark.long
 def test_a_palm_is_too_heavy_for_a_fingertip_where_it_looks_like_one(heavy: Pane) -> None:
     rng = np.random.default_rng(zlib.crc32(b"larch button"))
     for force in (0.5, 5.0):
@@ -210,6 +213,7 @@ def test_beside_the_finger_a_tenth_may_be_left(light: Pane) -> None:
         looked(0.08)
 
 
+@pytest.mark.long
 def test_a_force_that_no_fingertip_rests_with_has_no_response(light: Pane) -> None:
     made = under_finger(light.bare, light.found(tip()))
     for force in (0.0, -1.0, float("nan"), 30.0):
@@ -218,6 +222,7 @@ def test_a_force_that_no_fingertip_rests_with_has_no_response(light: Pane) -> No
     assert at_force(made, 0.1).finger is not None
 
 
+@pytest.mark.long
 def test_a_calibration_at_another_force_is_of_one_finger_and_can_be_taken_back(light: Pane) -> None:
     made = under_finger(light.bare, light.found(tip()))
     firm = at_force(made, 4.0)

@@ -61,6 +61,7 @@ def test_a_response_is_laid_over_the_active_one(
     assert re.search(says, verdict.sentences[0])
 
 
+@pytest.mark.long
 def test_what_is_not_the_same_place_is_broken(calibrated: Calibrated) -> None:
     active = calibrated.calibration
     response = active.response
@@ -73,6 +74,7 @@ def test_what_is_not_the_same_place_is_broken(calibrated: Calibrated) -> None:
 SEEDS = [int.from_bytes(hashlib.sha256(f"drift {k}".encode()).digest()[:4], "big") for k in range(2)]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", SEEDS)
 def test_each_mode_that_moved_by_its_own_amount_is_found_and_is_a_drift(
     calibrated: Calibrated, drive: Drive, seed: int
@@ -91,6 +93,7 @@ def test_each_mode_that_moved_by_its_own_amount_is_found_and_is_a_drift(
     assert "moved each on its own" in " ".join(verdict.sentences)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("change", [0.02, -0.02])
 def test_a_single_mode_that_moved_is_a_drift(calibrated: Calibrated, drive: Drive, change: float) -> None:
     active = calibrated.calibration

@@ -193,6 +193,7 @@ serve(write)
 """
 
 
+@pytest.mark.long
 @pytest.mark.timeout(1800)
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no fork, which makes many kills cheap")
 def test_a_kill_leaves_exactly_one_active_and_it_is_whole(history: History, full: bool) -> None:

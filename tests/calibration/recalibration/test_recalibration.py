@@ -261,6 +261,7 @@ def test_spikes_of_the_laser_are_filled_and_counted_and_named(open: OpenRig, his
     assert history.looks[-1]["laser_spikes"] == pytest.approx(20, rel=0.5)
 
 
+@pytest.mark.long
 @pytest.mark.requires("simulation")
 def test_hum_of_the_laser_is_named(open: OpenRig, history: History) -> None:
     before = content(history)
@@ -508,6 +509,7 @@ def test_what_cannot_be_logged_does_not_become_active(
     assert history.activations == activations
 
 
+@pytest.mark.long
 @pytest.mark.requires("simulation")
 @pytest.mark.parametrize(
     "fault",
@@ -532,6 +534,7 @@ def test_nothing_is_activated_from_a_disturbed_measurement(
     assert any("hum" in sentence or "steady tones" in sentence for sentence in outcome.sentences)
 
 
+@pytest.mark.long
 @pytest.mark.requires("simulation")
 @pytest.mark.parametrize("scale", [0.7, 0.85, 0.93, 1.07, 1.3])
 @pytest.mark.parametrize("drifted", [False, True])

@@ -13,6 +13,7 @@ from tests.conftest import OpenRig
 pytestmark = pytest.mark.requires("simulation")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("noise", [1.0, 5.0, 20.0])
 def test_noise_is_not_taken_for_distortion(open: OpenRig, noise: float) -> None:
     """A patch without hysteresis distorts nothing: what one play leaves on silent lines is noise."""
@@ -33,6 +34,7 @@ def test_a_distortion_is_found_in_noise(open: OpenRig, noise: float) -> None:
     assert found[1] == pytest.approx(found[0], rel=0.05)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("noise", [1.0, 10.0])
 def test_noise_is_not_taken_for_motion_above_what_was_played(open: OpenRig, noise: float) -> None:
     """A patch without hysteresis moves nothing there, one with it does."""

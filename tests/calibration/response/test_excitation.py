@@ -123,6 +123,7 @@ def test_a_plan_takes_no_longer_than_it_must() -> None:
         plan_excitation(0.0, 20, peak=48)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("target", [0.006, 0.0025])
 def test_a_plan_keeps_its_word(open: OpenRig, target: float) -> None:
     rig = open(hysteresis=0, vibrometer_noise_scale=10, seed=31)

@@ -45,6 +45,7 @@ def shape_error(rig: Rig, found: Any) -> float:
     return float(np.linalg.norm(H - true) / np.linalg.norm(true))
 
 
+@pytest.mark.long
 @pytest.mark.requires("simulation")
 @pytest.mark.many_plays
 def test_a_calibration_by_the_generator_is_as_near_the_truth_as_one_by_the_daq(
@@ -117,6 +118,7 @@ def test_the_command_calibrates_by_the_generator(run: Run, file: str, tmp_path: 
     assert made.carrier_hz > 200
 
 
+@pytest.mark.long
 @pytest.mark.requires("simulation")
 @pytest.mark.many_plays
 def test_doctor_tests_the_patches_by_the_generator(open: OpenRig, file: str) -> None:

@@ -68,6 +68,7 @@ def test_a_cubic_shows_on_the_odd_lines_that_were_left_out_and_not_on_the_even()
     assert size["odd", 0.1] > 5 * size["even", 0.1]
 
 
+@pytest.mark.long
 def test_two_seconds_are_enough_at_37_db(open: OpenRig, full: bool) -> None:
     """Lines within 0.5 % and the fit within 0.2 % of the plate's own response, from 2.05 s of measuring.
 

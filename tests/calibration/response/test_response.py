@@ -29,6 +29,7 @@ def true_velocity(rig: Rig, frequencies: np.ndarray) -> np.ndarray:
     return np.asarray(rig.simulation.truth.velocity_response("A", "button", frequencies))
 
 
+@pytest.mark.long
 def test_the_response_is_the_plates_own(open: OpenRig) -> None:
     """In gain and phase up to the band's end: a delay or a skew of 14 us that was left in would show."""
     rig = open(hysteresis=0)
@@ -72,6 +73,7 @@ def test_noise_coherence_and_path_are_what_the_rig_has(calibrated: Calibrated) -
         assert 0.018e-6 < np.median(response.noise) < 0.03e-6
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "excitation",
     [
@@ -123,6 +125,7 @@ def test_two_seconds_from_rest_are_a_response(open: OpenRig, full: bool) -> None
         assert abs(off) < 0.005 and abs(damping) < 0.005
 
 
+@pytest.mark.long
 def test_a_known_law_takes_distortion_and_level_out(calibrated: Calibrated) -> None:
     rig, law, sweep = calibrated.rig, calibrated.calibration.hysteresis, calibrated.calibration.response
     for level in (None, 12.0):

@@ -61,6 +61,7 @@ def test_a_card_as_the_file_says_is_green_but_for_the_voltmeter() -> None:
     assert "0.3394 V rms at 200 Hz" in found["Volts of amplifier"][1]
 
 
+@pytest.mark.long
 def test_the_latency_is_told() -> None:
     assert looped(latency=0)["Latency"] == (
         "red",
@@ -85,6 +86,7 @@ def test_another_latency_each_time_is_no_latency(monkeypatch: pytest.MonkeyPatch
     assert status == "red" and "another time each, so no play is aligned" in sentence
 
 
+@pytest.mark.long
 def test_volts_are_told_with_and_without_a_voltmeter() -> None:
     """The card puts out 1.1 V where the file says 1.4, and its input takes 1.5 V as the file says."""
 

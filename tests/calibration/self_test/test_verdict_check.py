@@ -14,6 +14,7 @@ from tests.conftest import OpenRig
 pytestmark = [pytest.mark.requires("simulation"), pytest.mark.many_plays]
 
 
+@pytest.mark.long
 def test_doctor_says_beforehand_what_a_check_will_tell(open: OpenRig, drive: Drive) -> None:
     rig = open()
     _, of_it = check_verdicts(rig, {"push": drive})

@@ -61,6 +61,7 @@ def copy(folder: Path) -> None:
     shutil.copy(folder / "P01-latch.h5", folder / "twice.h5")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("change", "name", "said"),
     [

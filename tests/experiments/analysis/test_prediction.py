@@ -38,6 +38,7 @@ def three(level: float, lab: LabThreshold | None = NO_DOUBT) -> list[Any]:
     return [button(name, level, clicks, lab) for name, clicks in SNAPS.items()]
 
 
+@pytest.mark.long
 def test_what_is_far_above_threshold_and_unlike_is_told_apart() -> None:
     found = predict_answers(three(40))
     assert found.classes == tuple(SNAPS) and found.chance == pytest.approx(1 / 3)
@@ -57,6 +58,7 @@ def test_two_of_one_motion_are_confused_and_a_third_is_not() -> None:
     assert found.cells[2, 2] > 0.9
 
 
+@pytest.mark.long
 def test_rows_add_up_and_the_range_holds_what_one_draw_says() -> None:
     found = predict_answers(three(15, None))
     np.testing.assert_allclose(found.cells.sum(axis=1), 1)
@@ -169,6 +171,7 @@ def test_buttons_of_two_labs_are_not_compared() -> None:
     assert predict_answers(same).overall[0] > 0.5
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ['a "quoted" one', "back\\slash", "über 1.0"])
 def test_any_name_of_a_button_makes_a_model_that_can_be_read(name: str, tmp_path: Path) -> None:
     found = predict_answers([button(name, -300, SNAPS["push"]), button("push", 40, SNAPS["push"])])

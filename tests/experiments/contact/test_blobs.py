@@ -136,6 +136,7 @@ def test_what_is_refused_activates_nothing_nor_does_its_going(case: str) -> None
     assert played([0.0, light, light, 0.0, 0.0, *touch(150e-6)]) == ["press"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("drift", [0.5, -0.5], ids=["brighter", "darker"])
 def test_the_background_is_followed(drift: float) -> None:
     """Half a grey level a second, for 40 s: six presses of six, and areas as before."""
@@ -160,6 +161,7 @@ def test_the_background_is_followed(drift: float) -> None:
     assert max(largest) == pytest.approx(150e-6 * np.sin(np.pi / 2), rel=0.01)
 
 
+@pytest.mark.long
 def test_a_smudge_that_stays_becomes_background_and_a_finger_does_not() -> None:
     measured = meter()
     smudge = finger(30e-6, 260, 60, level=9.0)

@@ -96,6 +96,7 @@ def test_area_is_within_three_percent_of_the_truth(tmp_path: Path, seed: int, wa
             assert {contact.problem for contact in contacts} == {""}
 
 
+@pytest.mark.long
 def test_a_finger_calibration_shows_its_repeatability(tmp_path: Path) -> None:
     with rig_with_camera(tmp_path) as (rig, camera):
         told: list[tuple[str, int, float]] = []

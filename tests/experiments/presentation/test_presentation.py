@@ -136,6 +136,7 @@ def bursts(outputs: Any, since: float) -> int:
     return int(len(times) > 0) + int(np.sum(np.diff(times) > 0.25))
 
 
+@pytest.mark.long
 def test_a_session_is_played_interrupted_and_resumed(folder: Path) -> None:
     """One activation a trial, within budget and limits; the finger is not calibrated twice."""
     with presented(folder, MATCHING) as (rig, presenter, store):
@@ -289,6 +290,7 @@ def test_what_is_missing_is_one_sentence(folder: Path, rig: str, text: str, said
         prepare_surface(opened, experiment)
 
 
+@pytest.mark.long
 def test_the_command_plays_for_a_person_and_once_more(folder: Path) -> None:
     experiment_of(folder, MATCHING)
     result = CliRunner().invoke(

@@ -15,6 +15,7 @@ def arrivals(rate_hz: float, seconds: float, wait: float, rng: np.random.Generat
     return np.asarray(turns[np.searchsorted(turns, times)])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("rate_hz", "drift"), [(80.0, -0.08), (80.0, 0.03), (1000.0, 50e-6), (2000.0, -2e-4)]
 )

@@ -132,6 +132,7 @@ def test_a_card_with_a_range_of_its_own_goes_to_zero_and_plays(
         daq.zero()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("master", "other"), [("PCIe-6321", "PCI-6034E"), ("PCIe-6363", "PCIe-6321"), ("PCIe-6321", "PCIe-6363")]
 )
@@ -297,6 +298,7 @@ def test_reader_that_comes_too_late(server: NiServer, bench: Bench) -> None:
         assert next(blocks).first == 100
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("inputs", ["NI 9215", "NI 9205", "NI 9775"])
 def test_modules_of_one_chassis(bench: Bench, inputs: str) -> None:
     """Inputs in one slot, outputs in another: the chassis has the clock, at awkward rates too."""

@@ -269,6 +269,7 @@ def lateness(volts: np.ndarray, begin: float) -> float:
     return float(tried[best])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("latency", [0.002, 0.030])
 def test_an_edge_that_both_see_measures_the_latency(latency: float) -> None:
     """The board is later, or earlier, than the rig file says."""

@@ -161,6 +161,7 @@ def played(rig: Rig) -> Jack:
     return rig.player.audio.jack
 
 
+@pytest.mark.long
 def test_a_capture_is_on_the_drives_clock(open: OpenRig, tmp_path: Path) -> None:
     """As with the DAQ's own output, whenever a play begins and however fast the card's clock is."""
     # Without coupling, so that both give the same.
@@ -224,6 +225,7 @@ def test_the_operator_confirms_what_no_software_can_read(
     assert len(asked) == 2 and "1.4 V peak" in asked[1]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("full_scale", "says"),
     [
@@ -243,6 +245,7 @@ def test_a_wrong_volume_is_found_in_what_is_measured(open: OpenRig, full_scale: 
     assert max(map(abs, truth.patch_voltages.values())) < 0.02
 
 
+@pytest.mark.long
 def test_an_underflow_on_the_rig_is_an_error_and_leaves_it_safe(open: OpenRig) -> None:
     rig = open("sound-card")
     played(rig).starves_at = 9600

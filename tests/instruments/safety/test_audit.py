@@ -164,6 +164,7 @@ def test_what_json_does_not_have_is_not_logged(tmp_path: Path) -> None:
     assert not list(entries(tmp_path))
 
 
+@pytest.mark.long
 def test_two_programs_write_one_log_line_by_line(tmp_path: Path, full: bool) -> None:
     lines = 2000 if full else 200
     script = (

@@ -110,6 +110,7 @@ def test_an_output_that_was_taken_is_a_lockout_whoever_finds_it_first(
         world.close()
 
 
+@pytest.mark.long
 def test_whoever_takes_the_output_again_and_again_gets_zero_as_soon_each_time(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -285,6 +285,7 @@ def driver_of(name: str) -> Any:
     return driver_class(name, "vibrometer")
 
 
+@pytest.mark.long
 @POSIX
 def test_kill_9_in_a_play_leaves_what_the_server_plays_to_its_end(tmp_path: Path) -> None:
     """A device server outlives the program: a finite waveform ends at zero."""

@@ -174,6 +174,7 @@ def test_a_program_that_ends_in_the_middle_of_a_play_leaves_all_four_patches_off
     lab.safe_within(0.1)
 
 
+@pytest.mark.long
 def test_another_program_that_writes_one_channel_in_a_loop_gets_nothing_through(lab: Lab) -> None:
     client, ended = Client(lab.server, "somebody's"), threading.Event()
 
@@ -196,6 +197,7 @@ def test_another_program_that_writes_one_channel_in_a_loop_gets_nothing_through(
     assert lab.peak() < 1.1 * PEAK
 
 
+@pytest.mark.long
 def test_a_card_that_is_reset_and_written_to_in_a_play_is_noticed(lab: Lab) -> None:
     client = Client(lab.server, "somebody's")
     with lab.program() as process:

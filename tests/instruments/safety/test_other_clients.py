@@ -97,6 +97,7 @@ def peak(rig: Rig) -> float:
     return float(rig.simulation.truth.peak)
 
 
+@pytest.mark.long
 def test_clients_that_write_in_a_loop_get_nothing_through(full: bool) -> None:
     with open_rig("simulated", simulate="wire") as rig:
         played = 0
@@ -122,6 +123,7 @@ def test_clients_that_write_in_a_loop_get_nothing_through(full: bool) -> None:
         assert rig.lockout is None
 
 
+@pytest.mark.long
 def test_at_no_moment_of_a_play_is_an_output_free(monkeypatch: pytest.MonkeyPatch) -> None:
     """From before the contact closes until it reads open again, step by step of the rig's own."""
     said: dict[str, list[bool]] = {}
@@ -239,6 +241,7 @@ def test_after_a_rig_the_outputs_are_free() -> None:
         other.write(0.0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "when", ["before its stop", "before it starts", "before it is stopped", "before zero"]
 )

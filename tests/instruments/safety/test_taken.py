@@ -91,6 +91,7 @@ def test_so_does_one_with_a_welded_contact(monkeypatch: pytest.MonkeyPatch) -> N
         assert_locked_out(rig)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("output", range(4))
 def test_so_does_one_at_any_channel_of_four(tmp_path: Path, output: int) -> None:
     path = tmp_path / "four.toml"
@@ -198,6 +199,7 @@ def within(seconds: float, condition: Callable[[], bool]) -> None:
         time.sleep(0.01)
 
 
+@pytest.mark.long
 def test_at_random_moments_of_plays_in_real_time(
     lab: tuple[Path, Simulation], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, full: bool
 ) -> None:

@@ -242,6 +242,7 @@ def run(folder: Path, examples: int, take_out: Any = None, number: int = 0) -> C
     return counts
 
 
+@pytest.mark.long
 @pytest.mark.timeout(7200)
 def test_no_limit_is_exceeded_whatever_is_done(tmp_path: Path, full: bool) -> None:
     counts: Counter[str] = Counter()

@@ -148,6 +148,7 @@ raise ValueError("nobody closes them")
 """
 
 
+@pytest.mark.long
 @starts_threads
 def test_rigs_that_nobody_closes_are_closed_when_the_program_ends() -> None:
     """While threads still run, and the simulated device server with them; each one, whatever another does."""
@@ -182,6 +183,7 @@ concurrent.futures.ThreadPoolExecutor().submit(own)
 """
 
 
+@pytest.mark.long
 @starts_threads
 def test_a_rig_is_open_until_the_last_thread_of_a_program_has_ended() -> None:
     used = subprocess.run(
@@ -240,6 +242,7 @@ def test_two_threads_that_ask_for_the_safe_state_take_turns(
     assert most == 1
 
 
+@pytest.mark.long
 def test_a_play_has_ended_before_its_rig_is_closed_by_another_thread() -> None:
     rig = open_rig("haptable", simulate="wire")
     played, errors = threading.Event(), list[str]()

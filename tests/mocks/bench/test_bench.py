@@ -58,6 +58,7 @@ raise SystemExit(7)
 """
 
 
+@pytest.mark.long
 def test_a_program_finds_its_bench(tmp_path: Path, run: Run) -> None:
     import json
 

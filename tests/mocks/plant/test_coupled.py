@@ -49,6 +49,7 @@ def whole(modes: Modes, contacts: Sequence[Contact]) -> np.ndarray:
     return np.concatenate([np.eye(2 * n)[n:], below])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("laid", LAID)
 @pytest.mark.parametrize(("highest_hz", "mass"), [(843.2, 0.96), (10_000.0, 0.96), (10_000.0, 0.02)])
 def test_few_bodies_couple_many_modes_as_the_whole_matrix_does(

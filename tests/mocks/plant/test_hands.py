@@ -47,6 +47,7 @@ def test_the_mean_finger_changes_the_paper_s_pane_as_the_prototype_did(open: Ope
     surface.touched(())
 
 
+@pytest.mark.long
 def test_a_finger_is_more_to_a_light_pane_and_a_palm_more_than_a_finger(open: OpenRig) -> None:
     def change(**settings: Any) -> float:
         bare, under = changed(open, **settings)
@@ -58,6 +59,7 @@ def test_a_finger_is_more_to_a_light_pane_and_a_palm_more_than_a_finger(open: Op
     assert np.all(changed(open)[0] == changed(open, mass=0.096)[0])
 
 
+@pytest.mark.long
 def test_people_differ_and_the_same_seed_is_the_same_person(open: OpenRig) -> None:
     def under(participant: str, **settings: Any) -> np.ndarray:
         return changed(open, participant=participant, **settings)[1]
@@ -66,6 +68,7 @@ def test_people_differ_and_the_same_seed_is_the_same_person(open: OpenRig) -> No
     assert np.linalg.norm(under("P02") - under("P01")) > 0.01 * np.linalg.norm(under("P01"))
 
 
+@pytest.mark.long
 def test_a_hand_comes_and_leaves_in_the_middle_of_a_play(open: OpenRig, unproved: None) -> None:
     """What the laser shows is what the surface does: bare, then less, then bare again."""
     seen = []

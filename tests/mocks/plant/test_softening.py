@@ -49,6 +49,7 @@ def stepped(volts: np.ndarray, share: float, amplitude: float, late: float) -> n
     return seen
 
 
+@pytest.mark.long
 def test_it_moves_as_a_numerical_integration_does() -> None:
     t = np.arange(3000) * T
     volts = 50 * np.sin(2 * np.pi * 262 * t) * np.minimum(t / 0.01, 1) * (t < 0.045)
@@ -88,6 +89,7 @@ def test_its_frequency_falls_by_what_was_asked_for(softening: float) -> None:
     assert measured / 200 - 1 == pytest.approx(-softening * lost / (np.sqrt(2) - 1), rel=0.05)
 
 
+@pytest.mark.long
 def test_small_motion_is_the_tables(open: OpenRig) -> None:
     """And the rig that softens falls in frequency as it is driven harder."""
     t = np.arange(20_000) * T

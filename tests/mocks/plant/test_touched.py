@@ -111,6 +111,7 @@ class Integrated:
         }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("coil_hz", "high_hz"), [(None, 0.0), (900.0, 0.0), (700.0, 30.0)])
 def test_bodies_that_come_press_harder_and_go_are_exact(coil_hz: float | None, high_hz: float) -> None:
     surface, drive = ModalSurface(MODES), volts(0.028)

@@ -97,6 +97,7 @@ def test_nothing_is_redirected_afterwards() -> None:
     assert pyvisa.ResourceManager.open_resource.__module__ == "pyvisa.highlevel"
 
 
+@pytest.mark.long
 def test_a_command_that_is_not_in_the_table_fails_the_test(tmp_path: Path) -> None:
     (tmp_path / "pytest.ini").write_text("[pytest]")
     (tmp_path / "test_it.py").write_text(
@@ -203,6 +204,7 @@ print(json.dumps([rate, page, identity, refused, elsewhere]))
 """
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="serial lines are device files")
 def test_a_bench_has_instruments(tmp_path: Path) -> None:
     (tmp_path / "pump.toml").write_text('[answers]\n"RATE?" = "{rate}"\n[state]\nrate = 1.5\n')
