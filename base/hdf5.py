@@ -31,6 +31,7 @@ from .checksum import NAME as CHECKSUM
 from .checksum import add_checksum, bounded, created, opened, stated, unreadable
 from .errors import DataError
 from .files import new_file
+from .parts import Parted
 
 Flat = dict[str, NDArray[Any] | float | int | bool | str]
 """A dataclass flattened to plain values, with slashes in the names of nested fields."""
@@ -269,7 +270,7 @@ except ImportError:  # no wheel for this processor
 def write_packed(
     group: h5py.Group,
     name: str,
-    values: NDArray[Any],
+    values: NDArray[Any] | Parted,
     chunks: tuple[int, ...] | bool = True,
     *,
     fletcher32: bool = False,
@@ -295,7 +296,7 @@ def write_packed(
         part = values[tuple(slice(at, at + step) for at, step in zip(begin, steps, strict=True))]
         chunk = np.zeros(steps, values.dtype)  # also where it reaches beyond the array
         chunk[tuple(map(slice, part.shape))] = part
-        packed = _deflated(chunk.view(np.uint8).reshape(-1, values.itemsize).T.tobytes())
+        packed = _deflated(chunk.view(np.uint8).reshape(-1, values.dtype.itemsize).T.tobytes())
         dataset.id.write_direct_chunk(begin, packed + (_fletcher32(packed) if fletcher32 else b""))
 
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from ...base.arrays import FloatArray
 from ...base.errors import DataError
+from ...base.parts import Parted
 from ...base.wording import capital
 from ...instruments import LinearSensor, Sensors
 from ...instruments.sensors import Restorer
@@ -277,7 +278,7 @@ class _Excerpt(Recording):
     ) -> None:
         super().__init__(path, header, "recording")
         codes, _ = to_codes(volts, header.full_scale)
-        contents = Contents(codes, np.empty(0, BLOCK), np.empty(0, EVENT), np.empty(0, VERDICT))
+        contents = Contents(Parted.of(codes), np.empty(0, BLOCK), np.empty(0, EVENT), np.empty(0, VERDICT))
         self.__dict__ |= {"_checked": (contents, ""), "sensors": sensors}
         self._still, self._rests = quiet, rests
 

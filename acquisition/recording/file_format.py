@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from ...base.arrays import BoolArray, FloatArray
 from ...base.errors import ConfigurationError, DataError
+from ...base.parts import Parted
 from .rows import Codes
 
 FORMAT = "haploop recording"
@@ -29,6 +30,8 @@ CODES = 32768
 """Number of codes from 0 V to full scale: a sample is full_scale * code / CODES volts."""
 
 
+_HELD = 128 << 20
+"""Bytes of rows that are held while the row before them is hashed."""
 _AGAIN = "Copy it again from its source."
 _PSEUDONYM = re.compile(r"[A-Za-z]{1,4}[0-9]{1,4}")
 _BUTTON = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,39}")
@@ -76,11 +79,11 @@ class Header:
 class Contents:
     """Contents of a file without its header, in either state.
 
-    `codes` is (channels, samples); `blocks`, `events` and `presses` are the filled rows of `BLOCK`,
+    `codes` is (channels, samples) of int16; `blocks`, `events` and `presses` are the filled rows of `BLOCK`,
     `EVENT` and `VERDICT`. `stored_hash` is None for a file that was never finished.
     """
 
-    codes: Codes
+    codes: Parted
     blocks: NDArray[np.void]
     events: NDArray[np.void]
     presses: NDArray[np.void]
@@ -111,7 +114,16 @@ class Contents:
             "study": header.study,
         }
         digest = hashlib.sha256(json.dumps(essential, sort_keys=True).encode())
-        digest.update(np.ascontiguousarray(self.codes, dtype="<i2").data)
+        # Row by row, and stored chunk by chunk: of a long recording only some rows fit into memory.
+        channels, samples = self.codes.shape
+        more = _HELD // max(1, 2 * samples)
+        for row in range(0, channels, 1 + more):
+            held = np.empty((min(more, channels - row - 1), samples), "<i2")
+            for part in self.codes.parts():
+                codes = self.codes[:, part]
+                digest.update(np.ascontiguousarray(codes[row], "<i2").data)
+                held[:, part] = codes[row + 1 : row + 1 + len(held)]
+            digest.update(held.reshape(-1).data)
         for column in ("first", "count", "overload"):
             digest.update(self.blocks[column].tobytes())
         digest.update(self.events.tobytes())

@@ -5,11 +5,10 @@ from __future__ import annotations
 import threading
 from pathlib import Path
 
-import h5py
 import numpy as np
 
 from ...base.arrays import FloatArray
-from ...base.checksum import opened, unreadable
+from ...base.checksum import opened
 from ...base.errors import DataError
 from ...base.files import stamp
 from ...instruments import LinearSensor
@@ -18,7 +17,7 @@ from .file_format import Header, from_codes, read_header
 from .recording import Recording
 from .rejections import without_rejected
 from .rows import Event, PressVerdict, events_in, verdicts_in
-from .salvage import codes_between, records_after, tables
+from .salvage import codes_between, records_after, reopened, tables
 
 
 class PartReader:
@@ -109,16 +108,8 @@ class PartReader:
     def _volts(self, name: str, first: int, end: int) -> FloatArray:
         rows = [self.header.channels.index(channel) for channel in self._sensor(name).channels]
         end = min(end, self.samples)
-        if self._hash and stamp(self.path) == self._verified:
-            # Comparing the checksum of the whole file for each part would take most of the time.
-            with (
-                unreadable(self.path, f"{self.path} cannot be read: copy it again from its source."),
-                h5py.File(self.path, "r", locking=False) as file,
-            ):
-                codes = codes_between(file, self.header, first, end)
-        else:
-            with opened(self.path) as file:
-                codes = codes_between(file, self.header, first, end)
+        with reopened(self.path, self.header, self._verified) as file:
+            codes = codes_between(file, self.header, first, end)
         return from_codes(codes[rows], self.header.full_scale[rows])
 
     def _sensor(self, name: str) -> LinearSensor:

@@ -262,7 +262,7 @@ class Recording(InNotebook):
     @cached_property
     def volts(self) -> FloatArray:
         """(channels, samples) V, as acquired."""
-        return from_codes(self._contents.codes, self.header.full_scale)
+        return from_codes(self._contents.codes[:], self.header.full_scale)
 
     def volts_in(self, channels: Sequence[str], part: slice) -> FloatArray:
         """(channels, samples) V of some channels within some samples: `volts` converts all of them."""

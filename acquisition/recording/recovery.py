@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ import numpy as np
 
 from ...base.checksum import opened, stated, unreadable
 from ...base.errors import ConfigurationError, DataError, InstrumentError
-from ...base.files import existing, os_error_text
+from ...base.files import existing, os_error_text, stamp
 from ...base.marks import is_marked, marked
 from ...base.own_process import allow_memory, answer_of
 from ...base.publishing import publish
@@ -25,7 +26,7 @@ from ...instruments import NewFile
 from .file_format import Contents, Header, read_header
 from .recording import Recording
 from .rows import EVENT, Event, event_row, events_in, verdicts_in
-from .salvage import intact_part, later_rows, read_blocks, write_finished
+from .salvage import intact_part, later_rows, read_blocks, reopened, write_finished
 from .streams import files_in, reading_event
 
 
@@ -84,11 +85,12 @@ def set_aside(path: Path) -> Path | None:
 
 def _unfinished(path: Path) -> tuple[Header, Contents, str]:
     """Read an undamaged file that was not finished. Raises DataError for a damaged one."""
+    mark = stamp(path)
     with opened(path) as file:
         header, state = read_header(file, path)
         if state != "recording":
             raise ConfigurationError(f"{path} is complete: there is nothing to recover.")
-        return header, read_blocks(file, header), _lost(file)
+        return header, read_blocks(file, header, partial(reopened, path, header, mark)), _lost(file)
 
 
 def _lost(file: h5py.File) -> str:
@@ -129,15 +131,18 @@ def recover_damaged(path: Path, destination: Path, allow: Callable[[int], object
         if state == "recording":
             contents, lost = read_blocks(file, header), _lost(file)
         else:
-            allow(6 * len(header.channels) * int(sum(map(int, file["blocks"]["count"]))))
+            needed = 6 * len(header.channels) * int(sum(map(int, file["blocks"]["count"])))
+            allow(min(needed, _MEMORY) + _OF_BLOCK * len(file["blocks"]))
             contents = intact_part(file, header)
             lost = f"the rest of {file['codes'].shape[1] / header.rate_hz:.2f} s is damaged."
-    if not contents.codes.size:
-        raise DataError(f"{path} holds no intact block, so nothing can be recovered: copy it again.")
-    _save(path, destination, header, contents, lost)
+        if not len(contents.codes):
+            raise DataError(f"{path} holds no intact block, so nothing can be recovered: copy it again.")
+        _save(path, destination, header, contents, lost)
 
 
 _LOST = "{} is damaged in its metadata, so nothing can be recovered: copy it again from its source."
+_MEMORY, _OF_BLOCK = 1 << 28, 400
+"""Bytes that the samples of a recovery take at most, and the row of each block."""
 _PACE = 1 << 28
 """Bytes of a file for which a recovery has another minute."""
 _MOST = 1000

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from functools import partial
 from pathlib import Path
 
 import h5py
@@ -11,43 +13,81 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base import hdf5
-from ...base.checksum import add_checksum, bounded, created, opened
+from ...base.checksum import add_checksum, bounded, created, opened, unreadable
 from ...base.errors import ConfigurationError, DataError, InstrumentError
-from ...base.files import WRITE_ERRORS, existing, os_error_text, private_files, whole_file
+from ...base.files import WRITE_ERRORS, existing, os_error_text, private_files, stamp, whole_file
 from ...base.hdf5 import write_packed
 from ...base.json_files import is_json, json_hash
 from ...base.line_files import check_marked, is_marks, line_problems
 from ...base.marks import is_marked
+from ...base.parts import Parted
 from ...instruments.safety import log_problems
 from .file_format import CODES, Contents, Header, read_header, write_header
 from .rows import BLOCK, EVENT, VERDICT, Codes, block_dtype, events_in, finished_row, samples_crc, whole
 from .streams import file_problems
 
+Again = Callable[[], AbstractContextManager[h5py.File]]
+"""Opens a recording once more, for a part of its samples."""
 CHUNK = 8192
 """Samples of a chunk of all channels. Within a chunk each channel's samples are contiguous, which halves the
 compressed size."""
 
 
 def read_contents(path: Path) -> Contents:
-    """Read every valid sample of a recording, finished or not. Raises DataError."""
+    """Every valid sample of a recording, finished or not, read as it is asked for. Raises DataError."""
+    mark = stamp(path)
     with opened(path) as file:
         header, state = read_header(file, path)
-        return _contents(file, header, state)
+        return _contents(file, header, state, partial(reopened, path, header, mark))
 
 
-def _contents(file: h5py.File, header: Header, state: str) -> Contents:
+@contextmanager
+def reopened(path: Path, header: Header, mark: tuple[int, ...]) -> Iterator[h5py.File]:
+    """Open a recording again that was verified when its `stamp` was `mark`, and since then if it has changed.
+
+    A recording that is going on grows, and is replaced by its finished form. Raises DataError.
+    """
+    if mark and stamp(path) == mark:
+        # Comparing the checksum of the whole file for each part would take most of the time.
+        with (
+            unreadable(path, f"{path} cannot be read: copy it again from its source."),
+            h5py.File(path, "r", locking=False) as file,
+        ):
+            yield file
+        return
+    with opened(path) as file:
+        if read_header(file, path)[0].started != header.started:
+            raise DataError(f"{path} is another recording now: open it again.")
+        yield file
+
+
+def _contents(file: h5py.File, header: Header, state: str, again: Again | None = None) -> Contents:
     if state == "recording":
-        return read_blocks(file, header)
+        return read_blocks(file, header, again)
     blocks, events, presses = (_rows(file, name, kind) for name, kind in _TABLES)
-    codes = np.asarray(_codes(file, header, blocks)[:], dtype=np.int16)
+    codes = _parted(file, header, _codes(file, header, blocks).shape[1], again)
     return Contents(codes, blocks, events, presses, str(file.attrs["content_hash"]))
 
 
-def read_blocks(file: h5py.File, header: Header) -> Contents:
-    """Read every valid row of a file in the state "recording"."""
-    codes, blocks = _valid(file, len(header.channels))
+def read_blocks(file: h5py.File, header: Header, again: Again | None = None) -> Contents:
+    """Read every valid row of a file in the state "recording".
+
+    Its samples are read from `again` as they are asked for, or from `file`, which is open until then.
+    """
+    blocks = _valid(file, len(header.channels))
     events, presses = tables(file)
-    return ending_at(Contents(codes, blocks, events, presses), codes.shape[1])
+    samples = int(blocks["count"].sum())
+    return ending_at(Contents(_parted(file, header, samples, again), blocks, events, presses), samples)
+
+
+def _parted(file: h5py.File, header: Header, samples: int, again: Again | None) -> Parted:
+    """The first samples of a file: (channels, samples) of int16."""
+
+    def read(part: slice) -> Codes:
+        with nullcontext(file) if again is None else again() as source:
+            return codes_between(source, header, part.start, part.stop)
+
+    return Parted((len(header.channels), samples), np.int16, read)
 
 
 def records_after(file: h5py.File, block: int, sample: int) -> Iterator[np.void]:
@@ -64,11 +104,20 @@ def codes_between(file: h5py.File, header: Header, first: int, end: int) -> Code
     if "codes" in file:
         return np.asarray(file["codes"][:, first:end], dtype=np.int16)
     blocks = file["blocks"]
-    size = blocks.dtype["samples"].shape[1]  # all blocks but the last are full
-    records = blocks[first // size : -(-end // size)]["samples"]
-    found = records.transpose(1, 0, 2).reshape(len(header.channels), -1)
-    begin = first - first // size * size
-    return np.asarray(found[:, begin : begin + end - first], dtype=np.int16)
+    size = blocks.dtype["samples"].shape[1]
+    found = np.empty((len(header.channels), end - first), np.int16)
+    at, reached = first // size, first  # blocks that are not full come later
+    while reached < end:
+        records = _step(blocks, at)
+        at += len(records)
+        if np.all(records["count"] == size):
+            codes = records["samples"].transpose(1, 0, 2).reshape(len(found), -1)
+        else:
+            codes = np.concatenate([one["samples"][:, : one["count"]] for one in records], axis=1)
+        begin = int(records["first"][0])
+        low, reached = max(first, begin), min(end, begin + codes.shape[1])
+        found[:, low - first : max(low, reached) - first] = codes[:, low - begin : max(low, reached) - begin]
+    return found
 
 
 def tables(file: h5py.File) -> tuple[NDArray[np.void], NDArray[np.void]]:
@@ -81,8 +130,7 @@ def intact_part(file: h5py.File, header: Header) -> Contents:
     """Read the intact blocks of a damaged file that was finished: those before the first other one."""
     rows, events, presses = (_filled(_rows(file, name, kind)) for name, kind in _TABLES)
     stored = _codes(file, header, rows, damaged=True)
-    parts: list[Codes] = []
-    chunk, began, samples = np.zeros((len(header.channels), 0), np.int16), 0, 0
+    chunk, began, samples, kept = np.zeros((len(header.channels), 0), np.int16), 0, 0, 0
     for row in rows:
         end = samples + int(row["count"])
         try:
@@ -97,10 +145,8 @@ def intact_part(file: h5py.File, header: Header) -> Contents:
         part = chunk[:, samples - began : end - began]
         if int(row["first"]) != samples or samples_crc(part) != int(row["samples_crc"]):
             break
-        parts.append(part)
-        samples = end
-    codes = np.concatenate([np.zeros((len(header.channels), 0), np.int16), *parts], axis=1)
-    return ending_at(Contents(codes, rows[: len(parts)], events, presses), samples)
+        kept, samples = kept + 1, end
+    return ending_at(Contents(_parted(file, header, samples, None), rows[:kept], events, presses), samples)
 
 
 def ending_at(contents: Contents, samples: int) -> Contents:
@@ -108,7 +154,7 @@ def ending_at(contents: Contents, samples: int) -> Contents:
     blocks = contents.blocks[contents.blocks["first"] + contents.blocks["count"] <= samples]
     samples = int(blocks["count"].sum())
     return Contents(
-        contents.codes[:, :samples],
+        contents.codes.until(samples),
         blocks,
         contents.events[contents.events["sample"] <= samples],
         contents.presses[contents.presses["end"] <= samples],
@@ -122,9 +168,11 @@ def finish(path: Path, state: str = "finished") -> None:
     read back before it replaces the old one. On DataError or InstrumentError the unfinished file is
     unchanged.
     """
+    mark = stamp(path)
     with opened(path) as file:
         header, before = read_header(file, path)
-        contents = _contents(file, header, before)
+        again = partial(reopened, path, header, mark)
+        contents = _contents(file, header, before, again)
     write_finished(path, header, contents, state, in_place=True)
 
 
@@ -174,14 +222,15 @@ def verify(path: str | Path) -> tuple[str, ...]:
     with opened(path) as file:
         header, state = read_header(file, path)
         later = later_rows(file) if state == "recording" else {}
-    contents = read_contents(path)
+        contents = _contents(file, header, state)
+        intact = state == "recording" or contents.stored_hash == contents.hash(header)
     problems = []
     if state == "recording" and is_marked(path):
         problems.append(f"{path} is being recorded now: verify it when the session has ended.")
     elif state == "recording":
         problems.append(f"{path} was interrupted: `haploop recover` salvages it into a finished file.")
         problems += [f"{path} has {number} {name} after damaged ones." for name, number in later.items()]
-    elif contents.stored_hash != contents.hash(header):
+    elif not intact:
         raise DataError(f"{path} was changed after it was recorded: its content hash does not match.")
     ends = contents.blocks["first"] + contents.blocks["count"]
     starts = np.append(contents.blocks["first"], contents.codes.shape[1])
@@ -217,7 +266,7 @@ def write_finished(path: Path, header: Header, contents: Contents, state: str, i
                 else:  # HDF5 has no empty chunks
                     file.create_dataset("codes", data=contents.codes).attrs.update(scale)
             add_checksum(temporary, "recording")
-            if read_contents(temporary).hash(header) != content_hash:
+            if not _same(read_contents(temporary), contents):
                 raise DataError(f"{path} read back with other content than was written: check the disk.")
     except FileExistsError:
         raise ConfigurationError(existing(path)) from None
@@ -225,6 +274,15 @@ def write_finished(path: Path, header: Header, contents: Contents, state: str, i
         raise InstrumentError(
             f"{path} could not be written ({os_error_text(error)}); the recorded samples are safe."
         ) from None
+
+
+def _same(some: Contents, others: Contents) -> bool:
+    """Whether two files hold the same samples, blocks, events and verdicts."""
+    return (
+        some.codes.shape == others.codes.shape
+        and all(getattr(some, name).tobytes() == getattr(others, name).tobytes() for name, _ in _TABLES)
+        and all(np.array_equal(some.codes[:, part], others.codes[:, part]) for part in some.codes.parts())
+    )
 
 
 def later_rows(file: h5py.File) -> dict[str, int]:
@@ -264,21 +322,18 @@ def _codes(file: h5py.File, header: Header, blocks: NDArray[np.void], damaged: b
     return codes
 
 
-def _valid(file: h5py.File, channels: int) -> tuple[Codes, NDArray[np.void]]:
-    """Read the samples of the records before the first damaged one.
+def _valid(file: h5py.File, channels: int) -> NDArray[np.void]:
+    """The rows of `BLOCK` of the records before the first damaged one.
 
     Records after a gap are left out, because a channel must not have gaps.
     """
     stored = bounded(file["blocks"], file.id.get_filesize())
     if stored.dtype != block_dtype(channels, stored.dtype["samples"].shape[1]):
         raise ValueError("blocks")
-    parts: list[Codes] = []
-    rows: list[bytes] = []
+    rows = bytearray()
     for record in records_after(file, 0, 0):
-        parts.append(record["samples"][:, : int(record["count"])].copy())
-        rows.append(finished_row(record).tobytes())
-    codes = np.concatenate(parts, axis=1) if parts else np.zeros((channels, 0), dtype=np.int16)
-    return codes.astype(np.int16, copy=False), np.frombuffer(bytearray().join(rows), BLOCK)
+        rows += finished_row(record).tobytes()
+    return np.frombuffer(rows, BLOCK)
 
 
 def _filled(rows: NDArray[np.void]) -> NDArray[np.void]:
@@ -288,9 +343,14 @@ def _filled(rows: NDArray[np.void]) -> NDArray[np.void]:
 
 def _records(blocks: h5py.Dataset, first: int = 0) -> Iterator[np.void]:
     """Read the records in steps, because a file preallocated for an hour may not fit into memory."""
-    step = max(1, (1 << 20) // blocks.dtype.itemsize)
-    for start in range(first, len(blocks), step):
-        yield from blocks[start : start + step]
+    while len(records := _step(blocks, first)):
+        first += len(records)
+        yield from records
+
+
+def _step(blocks: h5py.Dataset, first: int) -> NDArray[np.void]:
+    """A megabyte of records."""
+    return np.asarray(blocks[first : first + max(1, (1 << 20) // blocks.dtype.itemsize)])
 
 
 def _written(record: np.void) -> bool:

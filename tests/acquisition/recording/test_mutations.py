@@ -36,7 +36,7 @@ def content(path: Path) -> dict[str, Any]:
     }
     return {
         "header": header,
-        "codes": recording._contents.codes,
+        "codes": recording._contents.codes[:],
         "events": recording.events,
         "verdicts": recording.verdicts,
         "force": recording.force,

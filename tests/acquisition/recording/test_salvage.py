@@ -60,10 +60,9 @@ def test_of_an_unfinished_recording_the_blocks_before_a_damaged_one_are_kept(num
     with h5py.File(path, "r", locking=False) as file:
         head, _ = read_header(file, path)
         contents = read_blocks(file, head)
-        later = BLOCKS - 1 - number
+        later, kept = BLOCKS - 1 - number, 250 * number
         assert later_rows(file) == ({"blocks": later} if later else {})
-    kept = 250 * number
-    np.testing.assert_array_equal(contents.codes, codes_of(0, kept))
+        np.testing.assert_array_equal(contents.codes, codes_of(0, kept))
     assert contents.blocks["first"].tolist() == list(range(0, kept, 250))
     assert contents.events["sample"].tolist() == [250 * (n + 1) for n in range(number)]
     assert contents.presses["end"].tolist() == [250 * (n + 1) for n in range(number)]
@@ -100,10 +99,9 @@ def test_of_a_finished_recording_the_blocks_before_a_changed_sample_are_kept(sam
         file["codes"][:] = codes
     with h5py.File(path, "r", locking=False) as file:
         head, state = read_header(file, path)
-        contents = intact_part(file, head)
+        contents, kept = intact_part(file, head), sample // 250 * 250
+        np.testing.assert_array_equal(contents.codes, codes_of(0, kept))
     assert state == "finished"
-    kept = sample // 250 * 250
-    np.testing.assert_array_equal(contents.codes, codes_of(0, kept))
     assert contents.blocks["count"].sum() == kept and len(contents.events) == len(contents.presses)
     assert contents.events["sample"].tolist() == list(range(250, kept + 1, 250))
 
@@ -113,7 +111,7 @@ def test_a_finished_recording_that_is_whole_is_kept_whole(path: Path) -> None:
     with h5py.File(path, "r", locking=False) as file:
         head, _ = read_header(file, path)
         contents = intact_part(file, head)
-    np.testing.assert_array_equal(contents.codes, codes_of(0, 2850))
+        np.testing.assert_array_equal(contents.codes, codes_of(0, 2850))
     assert len(contents.events) == len(contents.presses) == len(contents.blocks) == BLOCKS
     assert contents.blocks["count"].tolist() == [250] * 11 + [100]
 

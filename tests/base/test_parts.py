@@ -1,0 +1,52 @@
+"""Arrays that are made part by part: the same samples as at once, and few parts at a time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from haploop.base.parts import PART, Parted
+
+SAMPLES = 3 * PART + 10
+
+
+@pytest.fixture
+def asked() -> list[slice]:
+    return []
+
+
+@pytest.fixture
+def parted(asked: list[slice]) -> Parted:
+    def make(part: slice) -> np.ndarray:
+        asked.append(part)
+        return np.array([[1], [-1]]) * np.arange(part.start, part.stop)
+
+    return Parted((2, SAMPLES), np.int64, make)
+
+
+@pytest.mark.parametrize("within", [(0, 0), (0, 1), (5, PART), (PART - 1, PART + 1), (3, SAMPLES), (7, 5)])
+def test_any_samples_are_those_of_the_whole(within: tuple[int, int], parted: Parted) -> None:
+    whole, part = np.array([[1], [-1]]) * np.arange(SAMPLES), slice(*within)
+    np.testing.assert_array_equal(parted[part], whole[:, part])
+    np.testing.assert_array_equal(parted[1, part], whole[1, part])
+    np.testing.assert_array_equal(parted.until(PART + 3)[:, part], whole[:, : PART + 3][:, part])
+    np.testing.assert_array_equal(parted, whole)
+    np.testing.assert_array_equal(parted[part], whole[:, part])
+    assert len(parted) == SAMPLES and parted.shape == whole.shape
+
+
+def test_a_part_is_made_when_it_is_asked_for_and_kept_for_a_while(parted: Parted, asked: list[slice]) -> None:
+    for _ in range(3):
+        assert parted[:, PART : PART + 5].shape == (2, 5)
+    assert asked == [slice(PART, 2 * PART)]
+    assert list(parted.parts()) == [
+        *(slice(n * PART, (n + 1) * PART) for n in range(3)),
+        slice(3 * PART, SAMPLES),
+    ]
+
+
+def test_an_array_in_memory_and_an_empty_one() -> None:
+    array = np.arange(6).reshape(2, 3)
+    found = Parted.of(array)
+    assert found[:] is not None and np.array_equal(found[0, 1:], [1, 2]) and not found.until(0)[:].size
+    assert Parted((2, 0), np.int16, lambda part: array[:, :0])[:].shape == (2, 0)
