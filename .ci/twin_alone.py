@@ -26,6 +26,7 @@ def full():
 """
 SETTINGS = (
     "[pytest]\naddopts = --import-mode=importlib\npythonpath = .\nfilterwarnings = error\ntimeout = 900\n"
+    "markers = long\n"
 )
 NOTHING_OF_HAPLOOP = (
     "import importlib.util, nidaqmx_twin as t; assert importlib.util.find_spec('haploop') is None; t.NiTwin"
