@@ -257,14 +257,17 @@ def _tuples(value: Any) -> Any:
 
 # Arrays packed into HDF5 files, deflated eight times as fast as by the library itself.
 
+_Inflater: Any
+_InflateError: Any
 try:
-    from isal.isal_zlib import compress
+    from isal import isal_zlib
 
-    _deflated = partial(compress, level=2)
+    _deflated, _Inflater = partial(isal_zlib.compress, level=2), isal_zlib.decompressobj
+    _InflateError = isal_zlib.error
 except ImportError:  # no wheel for this processor
-    from zlib import compress
+    import zlib
 
-    _deflated = partial(compress, level=4)
+    _deflated, _Inflater, _InflateError = partial(zlib.compress, level=4), zlib.decompressobj, zlib.error
 
 
 def write_packed(
@@ -307,3 +310,33 @@ def _fletcher32(packed: bytes) -> bytes:
     # Sums are folded, not divided: a multiple of 65,535 stays 65,535.
     low, high = (total and (total - 1) % 0xFFFF + 1 for total in sums)
     return (high << 16 | low).to_bytes(4, "little")
+
+
+_PACKED = [h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_FLETCHER32]
+
+
+def read_packed(dataset: h5py.Dataset, first: int, end: int) -> NDArray[Any]:
+    """Samples `first` to `end` - 1 of a two-dimensional array of `write_packed`, whose chunks hold all rows.
+
+    In half the time that HDF5's filters take. The chunks' own checksums are not compared: the file's was.
+    """
+    plan = dataset.id.get_create_plist()
+    if [plan.get_filter(at)[0] for at in range(plan.get_nfilters())] != _PACKED:
+        return np.asarray(dataset[:, first:end])
+    rows, width = dataset.chunks
+    found = np.empty((rows, end - first), dataset.dtype)
+    size = rows * width * dataset.dtype.itemsize
+    for at in range(first // width * width, end, width):
+        skipped, packed = dataset.id.read_direct_chunk((0, at))
+        try:
+            plain = _Inflater().decompress(packed[:-4], size + 1)
+        except _InflateError as error:
+            raise ValueError(dataset.name) from error
+        if skipped or len(plain) != size:
+            raise ValueError(dataset.name)
+        planes = np.frombuffer(plain, np.uint8).reshape(dataset.dtype.itemsize, rows, width)
+        low, high = max(first, at), min(end, at + width)
+        into = found[:, low - first : high - first].view(np.uint8).reshape(rows, high - low, -1)
+        for byte, plane in enumerate(planes):
+            into[..., byte] = plane[:, low - at : high - at]
+    return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
@@ -11,25 +12,30 @@ from numpy.typing import DTypeLike, NDArray
 
 PART = 1 << 18
 """Samples of a part."""
-_KEPT = 48 << 20
-"""Bytes of parts of one array that are kept: a recording of some minutes stays in memory."""
+_KEPT = 4 << 20
+"""Bytes of parts of one array that are kept: two parts at least."""
 
 
 class Parted:
     """An array (..., samples) that `make` makes, one part of `PART` samples after the other.
 
-    `make` is given the slice of samples of a part. A part that was used lately is kept, and so is the whole
-    array once it was asked for. Index it with a slice of samples, after any other indices.
+    `make` is given the slice of samples of a part. Parts that were used lately are kept, `kept` bytes of them
+    or two, and so is the whole array once it was asked for. Index it with a slice of samples, after any other
+    indices.
     """
 
     def __init__(
-        self, shape: tuple[int, ...], dtype: DTypeLike, make: Callable[[slice], NDArray[Any]]
+        self,
+        shape: tuple[int, ...],
+        dtype: DTypeLike,
+        make: Callable[[slice], NDArray[Any]],
+        kept: int = _KEPT,
     ) -> None:
         self.shape, self.dtype = shape, np.dtype(dtype)
         self._make = make
         self._made: OrderedDict[int, NDArray[Any]] = OrderedDict()
         bytes_of_part = max(1, PART * int(np.prod(shape[:-1])) * self.dtype.itemsize)
-        self._most = max(2, _KEPT // bytes_of_part)
+        self._most = max(2, kept // bytes_of_part)
         self._whole: NDArray[Any] | None = None
 
     @classmethod
@@ -55,7 +61,7 @@ class Parted:
         return np.asarray(self._between(begin, max(begin, end))[tuple(others)])
 
     def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
-        return np.array(self[:], dtype, copy=copy)
+        return np.asarray(np.array(self[:], dtype, copy=copy))
 
     def until(self, samples: int) -> Parted:
         """The first `samples` of it."""
@@ -87,3 +93,24 @@ class Parted:
         else:
             self._made.move_to_end(number)
         return made
+
+
+def carried(signal: Parted, filtered: Callable[[NDArray[Any]], NDArray[Any]]) -> Parted:
+    """What a filter with a memory makes of a signal (samples,); `filtered` is called part by part, in order.
+
+    Its state before each part is kept, so that parts can be asked for in any order.
+    """
+    states = [filtered]
+
+    def make(part: slice) -> NDArray[Any]:
+        number = part.start // PART
+        for earlier in range(len(states) - 1, number):
+            states.append(deepcopy(states[-1]))
+            states[-1](signal[earlier * PART : (earlier + 1) * PART])
+        state = deepcopy(states[number])
+        made = np.asarray(state(signal[part]))
+        if len(states) == number + 1:
+            states.append(state)
+        return made
+
+    return Parted(signal.shape, np.float64, make)

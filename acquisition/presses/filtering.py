@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import scipy
 
 from ...base.arrays import ComplexArray, FloatArray
 from ...base.errors import DataError
+from ...base.parts import Parted
 from ...instruments import LinearSensor
 from ..recording import Recording
 
@@ -21,10 +24,35 @@ def running_mean(signal: FloatArray, size: int) -> FloatArray:
     Not by running sums, which leave rounding on a plateau; and scipy.ndimage would load for 0.15 s in the
     middle of a session.
     """
-    if not len(signal):
-        return signal
-    mirrored = np.pad(signal, (size // 2, size - 1 - size // 2), mode="symmetric")
-    return np.convolve(mirrored, np.full(size, 1 / size), "valid")
+    return _mean(signal, size, (size // 2, size - 1 - size // 2)) if len(signal) else signal
+
+
+def smoothed(signal: Parted, size: int) -> Parted:
+    """`running_mean` of a signal (samples,), part by part."""
+    before, after = size // 2, size - 1 - size // 2
+
+    def make(part: slice) -> FloatArray:
+        low, high = part.start - before, part.stop + after
+        near = signal[max(0, low) : high]
+        return _mean(near, size, (max(0, -low), max(0, high - len(signal))))
+
+    return Parted(signal.shape, np.float64, make)
+
+
+@dataclass(frozen=True, eq=False)
+class Above:
+    """A signal (samples,) above a rest."""
+
+    signal: Parted
+    rest: float
+
+    def __getitem__(self, within: slice) -> FloatArray:
+        return self.signal[within] - self.rest
+
+
+def _mean(signal: FloatArray, size: int, mirrored: tuple[int, int]) -> FloatArray:
+    """Means over `size` samples, with so many mirrored ones before and after."""
+    return np.convolve(np.pad(signal, mirrored, mode="symmetric"), np.full(size, 1 / size), "valid")
 
 
 def high_pass(acceleration: FloatArray, rate_hz: float, cutoff_hz: float = 10.0) -> FloatArray:

@@ -36,7 +36,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ...base.arrays import FloatArray
+from ...base.parts import Parted
 from ..recording import Recording
+from .filtering import Above
 from .segmentation_settings import Segmentation
 
 _FEWEST = 2
@@ -69,7 +71,9 @@ class Instant(NamedTuple):
         return missed * self.step
 
 
-def force_at(signal: FloatArray, instant: Instant, reach: float, noise: float) -> tuple[float, float] | None:
+def force_at(
+    signal: FloatArray | Parted, instant: Instant, reach: float, noise: float
+) -> tuple[float, float] | None:
     """The value of a signal (samples,) at an instant, and its uncertainty in the same unit.
 
     `reach` is in samples, `noise` the standard deviation of a sample. None at the ends of a signal, where
@@ -90,7 +94,9 @@ def force_at(signal: FloatArray, instant: Instant, reach: float, noise: float) -
     return value, moved + shape + _SIGMAS * noise * spread * float(np.sqrt(instant.step))
 
 
-def _two_lines(signal: FloatArray, at: float, reach: float) -> tuple[float, float, float, float] | None:
+def _two_lines(
+    signal: FloatArray | Parted, at: float, reach: float
+) -> tuple[float, float, float, float] | None:
     """Value, slopes before and after (1/sample) and relative deviation of two lines that meet at `at`."""
     low, high = max(0, int(np.ceil(at - reach))), min(len(signal), int(np.floor(at + reach)) + 1)
     t = np.arange(low, high) - at
@@ -116,11 +122,11 @@ _BEGINS = 0.15
 class Snaps:
     """Finds activations in a recording's force and motion."""
 
-    def __init__(self, recording: Recording, p: Segmentation, shaken: FloatArray | None) -> None:
+    def __init__(self, recording: Recording, p: Segmentation, shaken: Parted | None) -> None:
         self._recording, self._p, self._shaken = recording, p, shaken
 
     def activation(
-        self, force: FloatArray | None, above: FloatArray, start: int, onset: int, release: int
+        self, force: Above | None, above: Above, start: int, onset: int, release: int
     ) -> tuple[float, str] | None:
         """Instant (samples) of the activation of a press, and what told it; None where nothing does.
 
@@ -137,7 +143,7 @@ class Snaps:
         at = self._click(start, onset, onset, max(stop, onset + 1), _LOUD)
         return None if at is None else (at, quantity)
 
-    def _snap(self, force: FloatArray, start: int, onset: int, release: int) -> tuple[float, str] | None:
+    def _snap(self, force: Above, start: int, onset: int, release: int) -> tuple[float, str] | None:
         fall = _fall(force[onset : release + 1], self._p.snap_share)
         if fall is None:
             return None
@@ -164,8 +170,8 @@ class Snaps:
         near = round(_NEAR * self._recording.rate_hz)
         top = reached + int(np.argmax(shaken[reached : reached + near + 1]))
         low = max(start, top - near)
-        level = max(_BEGINS * float(shaken[top]), 3 * noise)
-        begins = low + int(np.argmax(shaken[low : top + 1] > level))
+        rising = shaken[low : top + 1]
+        begins = low + int(np.argmax(rising > max(_BEGINS * float(rising[-1]), 3 * noise)))
         return begins - 0.5 + self._recording.delay(quantity) * self._recording.rate_hz
 
 

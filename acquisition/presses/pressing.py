@@ -18,6 +18,7 @@ import scipy
 
 from ...base.arrays import FloatArray
 from ...base.errors import DataError
+from ...base.parts import Parted, carried
 from ...instruments import LinearSensor, Sensors
 from ...instruments.sensors import Restorer
 from ..recording import Recording
@@ -30,8 +31,6 @@ _NOISE = 5.0
 """A click begins at this multiple of the mean magnitude at rest, at least."""
 _WARM = 0.1
 """s of samples before a block in which its high-pass settles."""
-_PART = 1 << 18
-"""Samples that are filtered at once: the triangular system takes 50 bytes for each."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +78,7 @@ def levels_of(quantity: str, p: Segmentation, spread: float = 0.15) -> Levels:
     )
 
 
-def pressing(recording: Recording, p: Segmentation, still: slice) -> tuple[str, FloatArray, Levels]:
+def pressing(recording: Recording, p: Segmentation, still: slice) -> tuple[str, Parted, Levels]:
     """The quantity that tells presses, its (samples,), and the levels for it; hands are off in `still`.
 
     Raises DataError for a recording without such a sensor.
@@ -92,38 +91,55 @@ def pressing(recording: Recording, p: Segmentation, still: slice) -> tuple[str, 
         )
     levels = levels_of(quantity, p)
     if quantity == "force":
-        return quantity, recording.force, levels
+        return quantity, recording.in_parts("force"), levels
     if quantity == "displacement":
-        return quantity, recording.travel, levels
-    signal = shaken(recording.vertical, recording.rate_hz, p.stage_high_pass)
+        return quantity, recording.in_parts("travel"), levels
+    signal = shaken(recording.in_parts("vertical"), recording.rate_hz, p.stage_high_pass)
     quiet = signal[still]
     return quantity, signal, levels.above(float(quiet.mean()) if len(quiet) else 0.0)
 
 
-def shaken(vertical: FloatArray, rate_hz: float, high_pass_hz: float) -> FloatArray:
-    """Magnitude (samples,) of the vertical acceleration without the hand's motion.
+def shaken(vertical: Parted, rate_hz: float, high_pass_hz: float) -> Parted:
+    """Magnitude (samples,) of the vertical acceleration without the hand's motion (`Shaken`)."""
+    return carried(vertical, Shaken(rate_hz, high_pass_hz))
+
+
+class Shaken:
+    """Magnitude of the vertical acceleration without the hand's motion, part by part.
 
     The high-pass filter is causal, so that no click appears before its instant: a Butterworth filter of
     second order by the bilinear transform (Oppenheim and Schafer, Discrete-Time Signal Processing, 3rd ed.,
     7.2.2), settled at the first sample. Its recursion is the solution of a banded triangular system, because
-    scipy.signal would load scipy.stats, half a second in the middle of a session.
+    scipy.signal would load scipy.stats, half a second in the middle of a session. That takes 50 bytes for
+    each sample of a part.
     """
-    if not len(vertical):
-        return vertical
-    moved = vertical - vertical[:1]
-    k = np.tan(np.pi * min(high_pass_hz / rate_hz, 0.45))
-    scale = 1 / (1 + np.sqrt(2) * k + k**2)
-    last, before = 2 * (k**2 - 1) * scale, (1 - np.sqrt(2) * k + k**2) * scale
-    found = scale * np.convolve(moved, [1.0, -2.0, 1.0])[: len(moved)]
-    bands = np.ones((3, min(len(moved), _PART)))
-    bands[1], bands[2] = last, before
-    for begin in range(0, len(found), _PART):
-        part = found[begin : begin + _PART]
-        if begin:  # what the part before leaves
-            one, two = found[begin - 1], found[begin - 2]
-            part[:2] -= [last * one + before * two, before * one][: len(part)]
-        part[:] = scipy.linalg.lapack.dtbtrs(bands[:, : len(part)], part[:, None], uplo="L")[0][:, 0]
-    return np.asarray(np.abs(found))
+
+    def __init__(self, rate_hz: float, high_pass_hz: float) -> None:
+        k = np.tan(np.pi * min(high_pass_hz / rate_hz, 0.45))
+        self._scale = 1 / (1 + np.sqrt(2) * k + k**2)
+        self._last, self._before = 2 * (k**2 - 1) * self._scale, (1 - np.sqrt(2) * k + k**2) * self._scale
+        self._first: FloatArray = np.zeros(0)
+        self._moved: FloatArray = np.zeros(0)
+        self._found: FloatArray = np.zeros(0)
+        """The last two samples of the part before."""
+
+    def __call__(self, vertical: FloatArray) -> FloatArray:
+        """(samples,) of the next part."""
+        if not len(vertical):
+            return vertical
+        if not len(self._first):
+            self._first = vertical[:1].copy()
+        earlier = len(self._moved)
+        moved = np.concatenate([self._moved, vertical - self._first])
+        found = self._scale * np.convolve(moved, [1.0, -2.0, 1.0])[earlier : len(moved)]
+        if earlier == 2:  # what the part before leaves
+            two, one = self._found
+            found[:2] -= [self._last * one + self._before * two, self._before * one][: len(found)]
+        bands = np.ones((3, len(found)))
+        bands[1], bands[2] = self._last, self._before
+        found = scipy.linalg.lapack.dtbtrs(bands, found[:, None], uplo="L")[0][:, 0]
+        self._moved, self._found = moved[-2:].copy(), np.concatenate([self._found, found[-2:]])[-2:]
+        return np.asarray(np.abs(found))
 
 
 class LivePressing:
@@ -160,4 +176,4 @@ class LivePressing:
     def _magnitude(self, signal: FloatArray) -> FloatArray:
         if self.quantity == "velocity" and len(signal):
             signal = np.diff(signal, prepend=signal[0]) * self._rate_hz
-        return shaken(signal, self._rate_hz, self._high_pass_hz)
+        return Shaken(self._rate_hz, self._high_pass_hz)(signal)

@@ -118,7 +118,11 @@ def accepted_presses(
     if protocol is None:
         return tuple(found)
     accepted = recording.accepted
-    return tuple(press for press in found if any(is_of(verdict, press) for verdict in accepted))
+    # A press is within a verdict when more of them have begun at its peak than have ended.
+    begun, ended = np.sort([one.first for one in accepted]), np.sort([one.end for one in accepted])
+    peaks = [press.peak for press in found]
+    within = np.searchsorted(begun, peaks, "right") > np.searchsorted(ended, peaks, "right")
+    return tuple(press for press, inside in zip(found, within, strict=True) if inside)
 
 
 def is_of(verdict: PressVerdict, press: ButtonPress) -> bool:
@@ -177,7 +181,8 @@ class QualityCheck:
         )
         if found:
             begin, end = found[0].onset, found[-1].release + 1
-        quantity, signal, levels = pressing(excerpt, p.segmentation, quiet)
+        quantity, whole, levels = pressing(excerpt, p.segmentation, quiet)
+        signal = whole[:]
 
         wrong: dict[str, str] = {}
         if activation is None:
@@ -291,14 +296,14 @@ class _Excerpt(Recording):
         # The median ignores a touch within it.
         return np.asarray(np.median(self.volts_in(sensor.channels, self._still), axis=1))
 
-    def _tared(self, quantity: str) -> FloatArray:
+    def _tared(self, quantity: str) -> Parted:
         sensor = self._linear(quantity)
         if not sensor.ac_coupled or quantity not in self._rests:
             return super()._tared(quantity)
         # What fades of the press before is no rest: that of the session is, and what it leaves is constant.
         faded = sensor.along(self.volts_in(sensor.channels, slice(None)), self._rests[quantity])
         signal = Restorer(sensor, self.rate_hz)(faded)
-        return np.asarray(signal - np.median(signal[self._still]))
+        return Parted.of(np.asarray(signal - np.median(signal[self._still])))
 
 
 def _unswitched(sensors: Sensors) -> str:

@@ -23,11 +23,15 @@ from typing import NamedTuple
 import numpy as np
 
 from ...base.arrays import BoolArray, FloatArray
+from ...base.parts import Parted
 from ..recording import Recording
-from .filtering import running_mean
+from .filtering import Above, smoothed
 from .force_at import BEHIND, Instant, Snaps, force_at
 from .pressing import Levels, levels_of, pressing, shaken
 from .segmentation_settings import Segmentation, fast_enough, segmentation_for
+
+_STEP = 1 << 14
+"""Samples that are searched at once for the beginning and the end of a press."""
 
 
 class Span(NamedTuple):
@@ -148,7 +152,8 @@ def find_presses(recording: Recording, parameters: Segmentation | None = None) -
     p = parameters or segmentation_for(recording.button)
     _, signal, levels = pressing(recording, p, recording.quiet)
     detector = Detector(recording.rate_hz, p, levels)
-    detector.feed(signal)
+    for part in signal.parts():
+        detector.feed(signal[part])
     detector.finish()
     spans = detector.spans
     if not spans:
@@ -165,13 +170,12 @@ def find_presses(recording: Recording, parameters: Segmentation | None = None) -
 class _Finder:
     """Finds the events of presses in a recording's signals."""
 
-    def __init__(self, recording: Recording, p: Segmentation, signal: FloatArray, levels: Levels) -> None:
+    def __init__(self, recording: Recording, p: Segmentation, signal: Parted, levels: Levels) -> None:
         self._recording, self._p, self._signal, self._levels = recording, p, signal, levels
         rate_hz = recording.rate_hz
-        self._smooth = running_mean(signal, max(1, round(p.bin * rate_hz)))
-        self._above = np.empty(len(signal))
-        """`_smooth` above the rest of the press that is looked at, between its neighbours only."""
-        self._shaken = shaken(recording.vertical, rate_hz, p.stage_high_pass) if recording.motion else None
+        self._smooth = smoothed(signal, max(1, round(p.bin * rate_hz)))
+        vertical = recording.in_parts("vertical") if recording.motion else None
+        self._shaken = None if vertical is None else shaken(vertical, rate_hz, p.stage_high_pass)
 
     def press(self, span: Span, low: int, high: int, first: bool, last: bool) -> ButtonPress:
         """The press in a span; its neighbours end at `low` and begin at `high`."""
@@ -179,11 +183,10 @@ class _Finder:
         margin = round(p.margin * rate_hz)
         quiet = _before(self._signal, span, low, margin)
         rest = float(quiet.mean()) if len(quiet) else span.rest
-        above = self._above
-        np.subtract(self._smooth[low:high], rest, out=above[low:high])
+        above = Above(self._smooth, rest)
         onset, release = _edges(above, span, low, high, self._levels)
         start = max(onset - margin, 0 if first else (low + onset) // 2)
-        stop = min(release + margin, len(above) if last else (release + high) // 2)
+        stop = min(release + margin, len(self._signal) if last else (release + high) // 2)
         force = above if recording.has("force") else None
         by: str | None = "activation"
         if recording.has("activation"):
@@ -207,7 +210,7 @@ class _Finder:
             force_at_activation=at_activation,
             force_uncertainty=uncertainty,
             first_stage=stage,
-            saturated=bool(np.any(recording.saturated[onset : release + 1])),
+            saturated=bool(np.any(recording.in_parts("saturated")[onset : release + 1])),
             activated_by=by or "",
         )
 
@@ -232,7 +235,7 @@ class _Finder:
         return (None, None) if found is None else (found[0] - rest, found[1])
 
     def _first_stage(
-        self, force: tuple[FloatArray, float] | None, start: int, onset: int, activation: float
+        self, force: tuple[Above, float] | None, start: int, onset: int, activation: float
     ) -> float | None:
         """Find the instant of the first click in the acceleration; None without one.
 
@@ -265,18 +268,24 @@ class _Finder:
         return begin + near + int(np.argmax(before[near : largest + 1] > level)) - 0.5 + late
 
 
-def _before(force: FloatArray, span: Span, low: int, margin: int) -> FloatArray:
+def _before(force: Parted, span: Span, low: int, margin: int) -> FloatArray:
     """The force (N) before a press, without its rise and the fall of the preceding press; empty if short."""
     quiet = force[max(low + margin // 5, span.first - margin) : max(0, span.first - margin // 5)]
     return quiet if len(quiet) >= margin // 5 else quiet[:0]
 
 
-def _edges(above: FloatArray, span: Span, low: int, high: int, p: Levels) -> tuple[int, int]:
-    """Indices at which the smoothed signal leaves its rest and returns to it."""
-    before = np.flatnonzero(above[low : span.first] < p.onset)
-    after = np.flatnonzero(above[span.end : high] < p.released)
-    onset = low + int(before[-1]) + 1 if len(before) else low
-    release = span.end + int(after[0]) if len(after) else high - 1
+def _edges(above: Above, span: Span, low: int, high: int, p: Levels) -> tuple[int, int]:
+    """Indices at which the smoothed signal leaves its rest and returns to it, between its neighbours."""
+    onset, release = low, high - 1
+    for end in range(span.first, low, -_STEP):
+        begin = max(low, end - _STEP)
+        if len(before := np.flatnonzero(above[begin:end] < p.onset)):
+            onset = begin + int(before[-1]) + 1
+            break
+    for begin in range(span.end, high, _STEP):
+        if len(after := np.flatnonzero(above[begin : min(high, begin + _STEP)] < p.released)):
+            release = begin + int(after[0])
+            break
     return onset, release
 
 
@@ -284,7 +293,7 @@ def _switching(
     recording: Recording, start: int, onset: int, stop: int, p: Segmentation
 ) -> tuple[float | None, float | None]:
     """Instants (samples) at which the contact leaves its initial state and returns to it."""
-    state = recording.activation[start:stop] > 0.5
+    state = recording.in_parts("activation")[start:stop] > 0.5
     if not len(state):
         return None, None
     before = state[: max(1, onset - start)]

@@ -17,6 +17,7 @@ from ...base.checksum import opened
 from ...base.errors import DataError
 from ...base.marks import is_marked
 from ...base.notebook import InNotebook
+from ...base.parts import Parted, carried
 from ...instruments import LinearSensor, Sensor, Sensors
 from ...instruments.sensors import Restorer
 from .file_format import CODES, Contents, Header, from_codes, read_header
@@ -31,8 +32,6 @@ if TYPE_CHECKING:
 
 _ORDERS = {"acceleration": 0, "velocity": 1, "displacement": 2}
 """Derivatives from each to the acceleration; the first that a recording has is used."""
-_PART = 1 << 18
-"""Samples that are converted at once: volts of six gauges, and what they become, take 200 bytes a sample."""
 
 
 class Recording(InNotebook):
@@ -273,27 +272,76 @@ class Recording(InNotebook):
         """True when force, acceleration, displacement, velocity or activation was measured."""
         return quantity in self.sensors.of_presses
 
+    def in_parts(self, signal: str) -> Parted:
+        """A signal that is made part by part as it is asked for, by its name below ("extra.NAME" of `extra`).
+
+        With all signals in memory, a sample of ten channels takes 200 bytes.
+        """
+        if signal not in self._parted:
+            make = getattr(self, f"_{signal}", None)
+            self._parted[signal] = self._extra(signal.removeprefix("extra.")) if make is None else make()
+        return self._parted[signal]
+
+    @cached_property
+    def _parted(self) -> dict[str, Parted]:
+        return {}
+
+    def _force(self) -> Parted:
+        return self._tared("force")
+
+    def _travel(self) -> Parted:
+        return self._tared("displacement")
+
+    def _acceleration(self) -> Parted:
+        sensor = self._linear("acceleration")
+        rows = (len(sensor.axes),)
+        return self._by_parts(lambda part: sensor.to_si(self.volts_in(sensor.channels, part)), rows=rows)
+
+    def _velocity(self) -> Parted:
+        sensor = self._linear("velocity")
+        return self._by_parts(lambda part: sensor.along(self.volts_in(sensor.channels, part)))
+
+    def _vertical(self) -> Parted:
+        sensor = self.sensors.acceleration
+        if sensor is None:
+            return Parted.of(self._differentiated[0])
+        row, sign, axes = sensor.row, sensor.sign, self.in_parts("acceleration")
+        return self._by_parts(lambda part: axes[row, part] if sign > 0 else -axes[row, part])
+
+    def _activation(self) -> Parted:
+        sensor = self._sensor("activation")
+        return self._by_parts(lambda part: sensor.to_si(self.volts_in(sensor.channels, part))[0])
+
+    def _extra(self, name: str) -> Parted:
+        sensor = self.sensors.extra[name]
+        return self._by_parts(lambda part: sensor.to_si(self.volts_in([sensor.channel], part)[0]))
+
+    def _saturated(self) -> Parted:
+        def make(part: slice) -> BoolArray:
+            none = np.zeros(part.stop - part.start, dtype=np.bool_)
+            return np.asarray(np.any([none, *(edge[part] for edge in self._at_ends.values())], axis=0))
+
+        return self._by_parts(make, bool)
+
     @cached_property
     def force(self) -> FloatArray:
         """(samples,) N along the press: from its rest (the mean during hands off), what fades restored."""
-        return self._tared("force")
+        return self.in_parts("force")[:]
 
     @cached_property
     def travel(self) -> FloatArray:
         """(samples,) m of the cap: from its rest, rising as it is pressed."""
-        return self._tared("displacement")
+        return self.in_parts("travel")[:]
 
     @cached_property
     def acceleration(self) -> FloatArray:
         """(axes, samples) m/s^2 along the accelerometer's axes."""
-        sensor = self._linear("acceleration")
-        return self._by_parts(lambda part: sensor.to_si(self.volts_in(sensor.channels, part)))
+        return self.in_parts("acceleration")[:]
 
     @cached_property
     def velocity(self) -> FloatArray:
         """(samples,) m/s of the cap, positive upwards."""
-        sensor = self._linear("velocity")
-        return self._by_parts(lambda part: sensor.along(self.volts_in(sensor.channels, part)))
+        return self.in_parts("velocity")[:]
 
     @property
     def motion(self) -> str | None:
@@ -307,11 +355,7 @@ class Recording(InNotebook):
         Without an accelerometer a velocity or a displacement is differentiated (`motion.py`), up to
         `motion_hz`. Raises DataError without any.
         """
-        sensor = self.sensors.acceleration
-        if sensor is None:
-            return self._differentiated[0]
-        upright = self.acceleration[sensor.row]
-        return np.asarray(upright if sensor.sign > 0 else -upright)
+        return self.in_parts("vertical")[:]
 
     @property
     def motion_hz(self) -> float | None:
@@ -321,16 +365,12 @@ class Recording(InNotebook):
     @cached_property
     def activation(self) -> FloatArray:
         """(samples,): 1.0 where the contact is closed, 0.0 where it is open."""
-        sensor = self._sensor("activation")
-        return self._by_parts(lambda part: np.asarray(sensor.to_si(self.volts_in(sensor.channels, part))[0]))
+        return self.in_parts("activation")[:]
 
     @cached_property
     def extra(self) -> dict[str, FloatArray]:
         """(samples,) of each channel of `[sensors.extra]`, in the unit stated there."""
-        return {
-            name: sensor.to_si(self.volts_in([sensor.channel], slice(None))[0])
-            for name, sensor in self.sensors.extra.items()
-        }
+        return {name: self.in_parts(f"extra.{name}")[:] for name in self.sensors.extra}
 
     @cached_property
     def saturated(self) -> BoolArray:
@@ -338,19 +378,19 @@ class Recording(InNotebook):
 
         A contact has two states and no range: its converter's end is one of them.
         """
-        return np.asarray(np.any([np.zeros(len(self), dtype=np.bool_), *self._at_ends.values()], axis=0))
+        return self.in_parts("saturated")[:]
 
     def saturated_in(self, part: slice) -> tuple[str, ...]:
         """What was at the end of its range within samples: "force", "acceleration" and so on."""
         return tuple(name for name, edge in self._at_ends.items() if edge[part].any())
 
     @cached_property
-    def _at_ends(self) -> dict[str, BoolArray]:
+    def _at_ends(self) -> dict[str, Parted]:
         """Samples (samples,) at which a sensor was at the end of its range, by what it measures."""
         found = {}
         for name, sensor in self.sensors.linear.items():
             rest = self._rest_of(sensor) if sensor.tared else None
-            found[name] = self._by_parts(partial(self._at_end, sensor, rest))
+            found[name] = self._by_parts(partial(self._at_end, sensor, rest), bool)
         return found
 
     def _at_end(self, sensor: LinearSensor, rest: FloatArray | None, part: slice) -> BoolArray:
@@ -406,12 +446,12 @@ class Recording(InNotebook):
 
         return differentiated(signal, _ORDERS[source], self.rate_hz, self.quiet)
 
-    def _tared(self, quantity: str) -> FloatArray:
+    def _tared(self, quantity: str) -> Parted:
         """(samples,) along the press, from the rest; what an AC-coupled sensor lets fade is restored."""
         sensor = self._linear(quantity)
         rest = self._rest_of(sensor)
         signal = self._by_parts(lambda part: sensor.along(self.volts_in(sensor.channels, part), rest))
-        return Restorer(sensor, self.rate_hz)(signal) if sensor.ac_coupled and len(self) else signal
+        return carried(signal, Restorer(sensor, self.rate_hz)) if sensor.ac_coupled else signal
 
     def _rest_of(self, sensor: LinearSensor) -> FloatArray:
         """(channels,) V that a sensor's channels show at rest: weight and offset."""
@@ -419,17 +459,10 @@ class Recording(InNotebook):
             return np.zeros(len(sensor.channels))
         return np.asarray(self.volts_in(sensor.channels, self.quiet).mean(axis=1))
 
-    def _by_parts(self, convert: Callable[[slice], NDArray[Any]]) -> NDArray[Any]:
-        """What `convert` makes of all samples, of one part after the other; its last axis is the samples."""
-        first = convert(slice(0, _PART))
-        if len(self) <= _PART:
-            return first
-        found = np.empty((*first.shape[:-1], len(self)), first.dtype)
-        found[..., :_PART] = first
-        for begin in range(_PART, len(self), _PART):
-            part = slice(begin, begin + _PART)
-            found[..., part] = convert(part)
-        return found
+    def _by_parts(
+        self, make: Callable[[slice], NDArray[Any]], dtype: type = float, rows: tuple[int, ...] = ()
+    ) -> Parted:
+        return Parted((*rows, len(self)), dtype, make)
 
     def _sensor(self, name: str) -> Sensor:
         sensor = self.sensors.of_presses.get(name)

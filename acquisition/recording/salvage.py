@@ -16,7 +16,7 @@ from ...base import hdf5
 from ...base.checksum import add_checksum, bounded, created, opened, unreadable
 from ...base.errors import ConfigurationError, DataError, InstrumentError
 from ...base.files import WRITE_ERRORS, existing, os_error_text, private_files, stamp, whole_file
-from ...base.hdf5 import write_packed
+from ...base.hdf5 import read_packed, write_packed
 from ...base.json_files import is_json, json_hash
 from ...base.line_files import check_marked, is_marks, line_problems
 from ...base.marks import is_marked
@@ -28,6 +28,8 @@ from .streams import file_problems
 
 Again = Callable[[], AbstractContextManager[h5py.File]]
 """Opens a recording once more, for a part of its samples."""
+_KEPT = 32 << 20
+"""Bytes of samples that stay in memory: every signal is made of them."""
 CHUNK = 8192
 """Samples of a chunk of all channels. Within a chunk each channel's samples are contiguous, which halves the
 compressed size."""
@@ -87,7 +89,7 @@ def _parted(file: h5py.File, header: Header, samples: int, again: Again | None) 
         with nullcontext(file) if again is None else again() as source:
             return codes_between(source, header, part.start, part.stop)
 
-    return Parted((len(header.channels), samples), np.int16, read)
+    return Parted((len(header.channels), samples), np.int16, read, _KEPT)
 
 
 def records_after(file: h5py.File, block: int, sample: int) -> Iterator[np.void]:
@@ -102,7 +104,7 @@ def records_after(file: h5py.File, block: int, sample: int) -> Iterator[np.void]
 def codes_between(file: h5py.File, header: Header, first: int, end: int) -> Codes:
     """Codes of samples `first` to `end` - 1 of a file in any state: (channels, samples)."""
     if "codes" in file:
-        return np.asarray(file["codes"][:, first:end], dtype=np.int16)
+        return read_packed(file["codes"], first, end)
     blocks = file["blocks"]
     size = blocks.dtype["samples"].shape[1]
     found = np.empty((len(header.channels), end - first), np.int16)

@@ -11,6 +11,7 @@ from ...acquisition import ButtonPress, Recording, accepted_presses, activation_
 from ...acquisition.presses import LEAST_RATES, fast_enough
 from ...acquisition.recording import AlongFile, AlongReading
 from ...base.arrays import FloatArray
+from ...base.parts import PART, Parted
 from .. import figures
 from . import captions
 from .parts import Contents, Drawing, Fact, Verdict, fact
@@ -137,7 +138,7 @@ def _ended(recording: Recording) -> Iterator[Fact]:
 
 def _presses(recording: Recording, found: Sequence[ButtonPress], counting: Sequence[ButtonPress]) -> Fact:
     """The presses that were found, and why others do not count."""
-    bad = [press for press in recording.verdicts if not press.accepted]
+    bad, accepted = [press for press in recording.verdicts if not press.accepted], set(counting)
     return fact(
         "Presses found",
         [
@@ -146,7 +147,7 @@ def _presses(recording: Recording, found: Sequence[ButtonPress], counting: Seque
         ],
         presses_detected=len(found),
         presses_accepted=len(counting),
-        presses=[_press(p, recording.rate_hz, p in counting) for p in found],
+        presses=[_press(p, recording.rate_hz, p in accepted) for p in found],
         bad_presses=[
             {"press": p.number, "attempt": p.attempt, "flags": p.flags, "reason": p.reason} for p in bad
         ],
@@ -265,7 +266,7 @@ def _along(recording: Recording) -> Iterator[Fact]:
     rate_hz = recording.rate_hz
     extra: dict[str, dict[str, Any]] = {}
     for name, sensor in recording.sensors.extra.items():
-        spread, called = _spread(recording.extra[name]), sensor.name or name
+        spread, called = _spread(recording.in_parts(f"extra.{name}")), sensor.name or name
         extra[name] = {"name": called, "channel": sensor.channel, "unit": sensor.unit, **spread}
         yield fact(
             called, f"{spread['mean']:.5g} {sensor.unit}, {_range(spread)}" if spread else "no samples"
@@ -275,7 +276,7 @@ def _along(recording: Recording) -> Iterator[Fact]:
     for one in recording.readings:
         read.setdefault((f"{one.instrument}: {one.name}", one.unit), []).append(one.value)
     for (label, unit), values in read.items():
-        spread = _spread(np.array(values))
+        spread = _spread(Parted.of(np.array(values)))
         among = "" if len(values) == 1 else f", {_range(spread)} in {counted(values, 'reading')}"
         yield fact(label, f"{spread['mean']:.5g} {unit}{among}")
 
@@ -303,11 +304,22 @@ def _timed(one: AlongReading | AlongFile, rate_hz: float) -> dict[str, Any]:
     return {"time_s": values.pop("sample") / rate_hz, **values}
 
 
-def _spread(signal: FloatArray) -> dict[str, float]:
+def _spread(signal: Parted) -> dict[str, float]:
     """Mean, smallest and largest value; empty without samples."""
-    if not signal.size:
+    if not len(signal):
         return {}
-    return {"mean": float(signal.mean()), "min": float(signal.min()), "max": float(signal.max())}
+    ends = [(float(part.min()), float(part.max())) for part in map(signal.__getitem__, signal.parts())]
+    lows, highs = zip(*ends, strict=True)
+    return {"mean": _sum(signal, 0, len(signal)) / len(signal), "min": min(lows), "max": max(highs)}
+
+
+def _sum(signal: Parted, begin: int, end: int) -> float:
+    """The sum of samples as NumPy forms it of all at once: by halves, each of a multiple of eight samples."""
+    count = end - begin
+    if count <= PART:
+        return float(np.add.reduce(signal[begin:end]))
+    half = begin + count // 2 // 8 * 8
+    return _sum(signal, begin, half) + _sum(signal, half, end)
 
 
 def _range(spread: Mapping[str, float]) -> str:

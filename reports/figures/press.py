@@ -38,6 +38,10 @@ if TYPE_CHECKING:
     from ...acquisition import Representative
 
 
+_SETTLING = 10.0
+"""s before and after a press, of which nothing is left in it behind the high-pass."""
+
+
 def recording_figure(
     recordings: Sequence[tuple[Recording, tuple[ButtonPress, ...]]], columns: Columns = 2
 ) -> Figure:
@@ -70,21 +74,25 @@ def _press_of(recording: Recording, press: ButtonPress) -> Profile:
     time = np.asarray((np.arange(press.start, press.stop) - zero) / recording.rate_hz)
     moved, bandwidth_hz = np.zeros(len(time)), None
     if recording.motion:
-        moved = high_pass(recording.vertical, recording.rate_hz)[part]
+        first = max(0, press.start - round(_SETTLING * recording.rate_hz))
+        near = slice(first, press.stop + round(_SETTLING * recording.rate_hz))
+        moved = high_pass(recording.in_parts("vertical")[near], recording.rate_hz)
+        moved = moved[press.start - first : press.stop - first]
         bandwidth_hz = min(bandwidth_of(recording), recording.motion_hz or np.inf)
     activation = np.asarray(time >= 0, dtype=np.float64)
     if recording.has("activation"):
         # A maintained button opens at every other press: plot the change of state.
-        activation = np.abs(recording.activation[part] - recording.activation[press.start])
+        state = recording.in_parts("activation")[part]
+        activation = np.abs(state - state[0])
     return Profile(
         button=recording.button,
         time=time,
         acceleration=moved,
-        force=recording.force[part] if recording.has("force") else None,
+        force=recording.in_parts("force")[part] if recording.has("force") else None,
         activation=activation,
         rate_hz=recording.rate_hz,
         bandwidth_hz=bandwidth_hz if bandwidth_hz and np.isfinite(bandwidth_hz) else None,
-        travel=recording.travel[part] if recording.has("displacement") else None,
+        travel=recording.in_parts("travel")[part] if recording.has("displacement") else None,
         motion=recording.motion or "",
         activated_by=press.activated_by,
         participant=recording.participant,

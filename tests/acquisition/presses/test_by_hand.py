@@ -13,6 +13,7 @@ from haploop.acquisition.presses.pressing import shaken
 from haploop.acquisition.presses.quality import _times
 from haploop.acquisition.presses.segmentation import Detector, Span, _first_lasting, find_presses
 from haploop.acquisition.presses.segmentation_settings import Segmentation
+from haploop.base.parts import Parted
 from haploop.instruments import load_rig_file
 
 RATE = 1000.0
@@ -37,7 +38,7 @@ def recording(
     vertical = np.full(len(force), 9.81)
     for at, height in (clicks or {}).items():
         vertical[at] += height
-    return SimpleNamespace(
+    found = SimpleNamespace(
         button="push",
         rate_hz=RATE,
         measured_hz=RATE,
@@ -51,6 +52,8 @@ def recording(
         saturated=np.zeros(len(force), bool),
         delay=lambda name: (delays or {}).get(name, 0.0),
     )
+    found.in_parts = lambda name: Parted.of(getattr(found, name))
+    return found
 
 
 # The detector
@@ -217,7 +220,9 @@ def test_what_the_hand_does_is_removed_by_a_butterworth_filter_of_60_hz() -> Non
     filtered = scipy.signal.sosfilt(
         scipy.signal.butter(2, 60.0, "high", fs=RATE, output="sos"), moved.vertical - 9.81
     )
-    assert shaken(moved.vertical, RATE, 60.0) == pytest.approx(np.abs(filtered), rel=1e-9, abs=1e-12)
+    assert shaken(moved.in_parts("vertical"), RATE, 60.0)[:] == pytest.approx(
+        np.abs(filtered), rel=1e-9, abs=1e-12
+    )
 
 
 @pytest.mark.parametrize(("change", "samples"), [(560, range(558, 562)), (2, range(4))])

@@ -6,9 +6,9 @@ from scipy.ndimage import uniform_filter1d
 
 from haploop.acquisition import Recording, find_presses, record
 from haploop.acquisition.presses import pressing
-from haploop.acquisition.presses.filtering import running_mean
+from haploop.acquisition.presses.filtering import running_mean, smoothed
 from haploop.acquisition.presses.segmentation import Detector
-from haploop.acquisition.recording import recording as reading
+from haploop.base import parts
 from tests.acquisition.presses.pressworld import world_rig
 
 BUTTONS = ("latch", "toggle", "push")
@@ -45,19 +45,20 @@ def test_every_press_is_found_where_it_was(tmp_path, button):
             assert press.first_stage is None
 
 
+@pytest.mark.parametrize("size", [7001, -1])
 @pytest.mark.parametrize("button", BUTTONS)
-def test_a_long_recording_is_read_in_parts_as_at_once(tmp_path, button, monkeypatch):
+def test_a_long_recording_is_read_in_parts_as_at_once(tmp_path, button, size, monkeypatch):
     recording, _ = recorded(tmp_path, button)
-    monkeypatch.setattr(reading, "_PART", 7001)
-    monkeypatch.setattr(pressing, "_PART", len(recording) - 1)  # the last part is one sample
+    whole = pressing.shaken(recording.in_parts("vertical"), recording.rate_hz, 40.0)[:]
+    found = find_presses(recording)
+    monkeypatch.setattr(parts, "PART", size % len(recording))  # -1: the last part is one sample
     again = Recording.open(recording.path)
+    assert find_presses(again) == found
+    np.testing.assert_array_equal(smoothed(again.in_parts("force"), 25)[:], running_mean(again.force, 25))
+    shaken = pressing.shaken(again.in_parts("vertical"), recording.rate_hz, 40.0)
+    np.testing.assert_allclose(shaken, whole, rtol=1e-9, atol=1e-12)
     for signal in ("force", "acceleration", "activation", "saturated"):
         np.testing.assert_allclose(getattr(again, signal), getattr(recording, signal), rtol=1e-12, atol=1e-12)
-    assert find_presses(again) == find_presses(recording)
-    whole = pressing.shaken(recording.vertical, recording.rate_hz, 40.0)
-    monkeypatch.setattr(pressing, "_PART", 997)
-    parts = pressing.shaken(recording.vertical, recording.rate_hz, 40.0)
-    np.testing.assert_allclose(parts, whole, rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.parametrize("samples", [0, 1, 2, 5, 30, 10_000])

@@ -18,6 +18,7 @@ from haploop.acquisition.presses.averaging import average
 from haploop.acquisition.presses.choice import double_clicks, single
 from haploop.acquisition.presses.sensor_faults import signal_fault
 from haploop.base.errors import DataError
+from haploop.base.parts import Parted
 
 INVERTED = {"kind": "accelerometer-inverted"}
 GAUGES = [f"gauge{number}" for number in range(6)]
@@ -176,7 +177,7 @@ def test_a_spike_is_told_in_a_press_and_a_click_is_none(tmp_path: Path) -> None:
     for height, wide, count in ((0.0, 1, 0), (0.4, 1, 0), (2.0, 1, 1), (-20.0, 1, 1), (-20.0, 4, 0)):
         shown = right.copy()
         shown[2, press.start + 300 : press.start + 300 + wide] += height
-        recording.__dict__["acceleration"] = shown
+        recording.__dict__["_parted"] = {"acceleration": Parted.of(shown)}
         said = signal_fault(recording, rest, press, right[2][rest])
         assert said.startswith("the accelerometer's signal has 1 spike;") == bool(count), (height, wide, said)
 
@@ -190,7 +191,7 @@ def test_a_clicks_ringing_that_is_sampled_eight_times_a_period_is_no_spike(tmp_p
     verdict, shown = recording.verdicts[0], recording.acceleration.copy()
     rings = [11.0, 10.43, 10.03, 9.75, 9.75, 10.11, 10.68, 11.1, 11.11, 10.73, 10.36, 10.02, 9.98, 10.01]
     shown[2, verdict.first + 285 : verdict.first + 299] = rings
-    recording.__dict__["acceleration"] = shown
+    recording.__dict__["_parted"] = {"acceleration": Parted.of(shown)}
     still = shown[2][recording.rest]
     assert signal_fault(recording, recording.rest, slice(verdict.first, verdict.end), still) == ""
 
