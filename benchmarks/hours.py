@@ -1,9 +1,9 @@
 """Recordings of 0.1 to 10 hours: CPU time and memory to record, verify and show one.
 
-    python benchmarks/hours.py 0.1 1                        # 10 hours take 11 GB of memory; not on Windows
+    python benchmarks/hours.py 0.1 1                        # 10 hours take 6 GB of disk; not on Windows
 
 The presses of one simulated recording follow each other, with their verdicts, as fast as the disk takes
-them: 5 kS/s x 16 channels. Prints Markdown.
+them: 5 kS/s x 10 channels. Prints Markdown.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from haploop.base.parts import PART, Parted
+from haploop.base.parts import PART, Parted, carried
 
 SAMPLES = 3 * PART + 10
 
@@ -50,3 +50,21 @@ def test_an_array_in_memory_and_an_empty_one() -> None:
     found = Parted.of(array)
     assert found[:] is not None and np.array_equal(found[0, 1:], [1, 2]) and not found.until(0)[:].size
     assert Parted((2, 0), np.int16, lambda part: array[:, :0])[:].shape == (2, 0)
+
+
+def test_a_filter_with_a_memory_gives_the_same_in_any_order() -> None:
+    class Sum:
+        """The sum of all samples so far."""
+
+        before = 0.0
+
+        def __call__(self, signal: np.ndarray) -> np.ndarray:
+            found = self.before + np.cumsum(signal)
+            self.before = float(found[-1])
+            return found
+
+    signal = np.random.default_rng(1).integers(-9, 9, SAMPLES).astype(float)
+    found, whole = carried(Parted.of(signal), Sum()), np.cumsum(signal)
+    for begin in (2 * PART, 0, 3 * PART + 2, PART - 1, 5):
+        np.testing.assert_array_equal(found[begin : begin + 9], whole[begin : begin + 9])
+    np.testing.assert_array_equal(found, whole)
