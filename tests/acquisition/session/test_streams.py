@@ -236,12 +236,13 @@ import pylsl
 eeg = pylsl.StreamOutlet(pylsl.StreamInfo("amp", "EEG", 3, 100.0, "float32", "amp-1"))
 counts = pylsl.StreamOutlet(pylsl.StreamInfo("counter", "Counts", 1, 50.0, "int64", "counter-1"))
 marks = pylsl.StreamOutlet(pylsl.StreamInfo("cues", "Markers", 1, 0, "string", "cues-1"))
-began = time.monotonic()
+began, first = time.monotonic(), pylsl.local_clock()
 for number in range(100000):
     time.sleep(max(0.0, began + number / 100 - time.monotonic()))
-    eeg.push_sample([number, -1.5, time.monotonic() - began])
+    # A device samples in time, also where its program waits for the processor.
+    eeg.push_sample([number, -1.5, time.monotonic() - began], first + number / 100)
     if number % 2 == 0:
-        counts.push_sample([2**60 + number])
+        counts.push_sample([2**60 + number], first + number / 100)
     if number % 30 == 0:
         marks.push_sample([f"{time.monotonic()!r} é"])
 """
