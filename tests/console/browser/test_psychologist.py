@@ -17,7 +17,7 @@ pytestmark = pytest.mark.timeout(600)
 MOST_CLICKS = 18
 """The operator's, beside `n` for each stimulus. They were counted, and are not to grow."""
 MOST_WORDS = 920
-"""On the pages as they are come to, once they are whole: what is folded is not read. They were counted too."""
+"""On the pages, once they are whole: what is folded is not read. They were counted too."""
 READ = "document.querySelector('main').innerText.split(/\\s+/).filter(Boolean).length"
 COUNTED = """
 window.clicks = Number(sessionStorage.getItem('clicks') || 0);
