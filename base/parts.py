@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from copy import deepcopy
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -87,11 +89,13 @@ class Parted:
         made = self._made.get(number)
         if made is None:
             made = self._make(slice(number * PART, min((number + 1) * PART, len(self))))
-            while len(self._made) >= self._most:
-                self._made.popitem(last=False)
+            with suppress(KeyError):  # another thread has made room
+                while len(self._made) >= self._most:
+                    self._made.popitem(last=False)
             self._made[number] = made
         else:
-            self._made.move_to_end(number)
+            with suppress(KeyError):
+                self._made.move_to_end(number)
         return made
 
 
@@ -100,17 +104,21 @@ def carried(signal: Parted, filtered: Callable[[NDArray[Any]], NDArray[Any]]) ->
 
     Its state before each part is kept, so that parts can be asked for in any order.
     """
-    states = [filtered]
+    states, one_at_a_time = [filtered], Lock()
 
     def make(part: slice) -> NDArray[Any]:
+        with one_at_a_time:
+            return made(part)
+
+    def made(part: slice) -> NDArray[Any]:
         number = part.start // PART
         for earlier in range(len(states) - 1, number):
             states.append(deepcopy(states[-1]))
             states[-1](signal[earlier * PART : (earlier + 1) * PART])
         state = deepcopy(states[number])
-        made = np.asarray(state(signal[part]))
+        found = np.asarray(state(signal[part]))
         if len(states) == number + 1:
             states.append(state)
-        return made
+        return found
 
     return Parted(signal.shape, np.float64, make)

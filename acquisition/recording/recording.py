@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
+_SIGNALS = ("force", "travel", "acceleration", "velocity", "vertical", "activation", "saturated")
 _ORDERS = {"acceleration": 0, "velocity": 1, "displacement": 2}
 """Derivatives from each to the acceleration; the first that a recording has is used."""
 
@@ -65,6 +66,10 @@ class Recording(InNotebook):
         path = Path(path)
         with opened(path) as file:
             return cls(path, *read_header(file, path))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What another process needs to read the file again; no sample goes to it."""
+        return {name: vars(self)[name] for name in ("path", "header", "_state", "_in_progress")}
 
     def __repr__(self) -> str:
         simulated = ", simulated" if self.simulated else ""
@@ -275,11 +280,15 @@ class Recording(InNotebook):
     def in_parts(self, signal: str) -> Parted:
         """A signal that is made part by part as it is asked for, by its name below ("extra.NAME" of `extra`).
 
-        With all signals in memory, a sample of ten channels takes 200 bytes.
+        With all signals in memory, a sample of ten channels takes 200 bytes. Raises DataError for a signal
+        that there is not.
         """
         if signal not in self._parted:
-            make = getattr(self, f"_{signal}", None)
-            self._parted[signal] = self._extra(signal.removeprefix("extra.")) if make is None else make()
+            extra = {f"extra.{name}": partial(self._extra, name) for name in self.sensors.extra}
+            made = {name: getattr(self, f"_{name}") for name in _SIGNALS} | extra
+            if signal not in made:
+                raise DataError(f"{self.path} has no signal {signal!r}: ask for one of {', '.join(made)}.")
+            self._parted[signal] = made[signal]()
         return self._parted[signal]
 
     @cached_property

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import pickle
 import re
 import shutil
 import subprocess
@@ -251,3 +252,17 @@ def test_a_header_without_sense_is_refused_under_a_hash_that_fits(change, tmp_pa
         write_header(file, replace(header(), **change), "recording")
         with pytest.raises(ValueError, match=r"rig|channels"):
             read_header(file, tmp_path)
+
+
+def test_a_recording_goes_to_another_process_as_its_file(finished):
+    """Without a sample, so that hours of them go to a pool of processes."""
+    read = Recording.open(finished[0].path)
+    assert read.force.size > 1000
+    sent = pickle.dumps(read)
+    assert len(sent) < 20_000
+    np.testing.assert_array_equal(pickle.loads(sent).force, read.force)
+
+
+def test_a_signal_that_there_is_not_is_refused_with_those_that_there_are(finished):
+    with pytest.raises(DataError, match=r"has no signal 'forec': ask for one of force, travel, "):
+        Recording.open(finished[0].path).in_parts("forec")
