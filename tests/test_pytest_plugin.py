@@ -139,7 +139,6 @@ def test_two_runs_never_share_hardware(pytester: pytest.Pytester) -> None:
     result.stderr.fnmatch_lines([f"ERROR: The rig 'lab' is in use (*) by process {os.getpid()} (*: wait*"])
 
 
-@pytest.mark.long
 def test_a_rig_that_is_not_there_is_one_sentence_also_with_workers(pytester: pytest.Pytester) -> None:
     pytester.makepyfile(TESTS)
     result = pytester.runpytest_subprocess(*ARGUMENTS, "-n", "2", "--rig", "nonsuch.toml")

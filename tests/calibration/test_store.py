@@ -127,7 +127,6 @@ def test_a_file_of_another_structure_is_refused_also_with_a_checksum_that_fits(
             assert same(found[0], before), seed
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("seed", range(3))
 def test_what_another_program_writes_with_every_hash_is_still_no_crash(
     seed: int, values: dict[str, Any], tmp_path: Path

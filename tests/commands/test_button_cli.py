@@ -47,7 +47,6 @@ def test_a_button_is_made_shown_and_verified(
     assert taken.exit_code == 2 and "exists" in taken.output
 
 
-@pytest.mark.long
 def test_points_that_cannot_be_are_refused_before_anything_is_played(
     demo: Demo, run: Run, tmp_path: Path
 ) -> None:

@@ -131,7 +131,6 @@ def test_every_route_but_pages_is_under_api(app):
     assert len(api(app)) > 12
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("token", ["", "wrong", "é"])
 def test_nothing_is_told_or_done_without_the_token(app, page, access, link, token):
     for method, path in api(app):
@@ -143,7 +142,6 @@ def test_nothing_is_told_or_done_without_the_token(app, page, access, link, toke
     assert (link.commands, link.stops) == ([], 0)
 
 
-@pytest.mark.long
 @pytest.mark.parametrize(
     "origin", ["http://evil.example", "null", "http://127.0.0.1:8736", "http://localhost"]
 )

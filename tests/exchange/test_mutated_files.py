@@ -132,7 +132,6 @@ def test_a_response_without_coherence_is_shown_and_reported(
 OTHERS = ([], {}, [1], [[]], {"a": None}, "a", None, 1e308, [None] * 1000)
 
 
-@pytest.mark.long
 @pytest.mark.parametrize(
     ("kind", "own"), [("map", {"rig": "rig"}), ("rejections", [{"file": "P01-push.h5"}])]
 )

@@ -223,7 +223,6 @@ def test_another_file_is_no_tape(text: bytes, tmp_path: Path) -> None:
         haploop.open_rig(simulate=f"tape:{path}")
 
 
-@pytest.mark.long
 def test_a_tape_that_unpacks_to_more_than_any_session_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "large.tape"
     with gzip.open(path, "wb") as file:

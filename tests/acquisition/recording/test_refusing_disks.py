@@ -138,7 +138,6 @@ def largest_file(size: int) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("size", [0, 512, 1000, 8000, 12_000, 100_000])
 def test_a_quota_is_a_full_disk(tmp_path: Path, size: int, capfd: pytest.CaptureFixture[str]) -> None:
     path = unfinished(tmp_path / "P02-push.h5")

@@ -104,7 +104,6 @@ def test_a_finger_is_found_and_follows_its_law_to_other_forces(light: Pane) -> N
     assert found.changed == pytest.approx(relative(light.factor(1.0) * bare, bare), rel=0.02)
 
 
-@pytest.mark.long
 def test_what_no_fingertip_explains_is_refused_beyond_its_limit(light: Pane, heavy: Pane) -> None:
     """3 % of what the finger changed, and 0.4 % of the response for noise."""
     for one, force, least, most in ((light, 1.0, 0.02, 0.025), (heavy, 0.1, 0.06, 0.08)):
@@ -115,7 +114,6 @@ def test_what_no_fingertip_explains_is_refused_beyond_its_limit(light: Pane, hea
             one.found(tip(force), most)
 
 
-@pytest.mark.long
 def test_a_palm_and_two_fingers_are_refused_on_a_light_pane(light: Pane) -> None:
     two = (*tip(), *Fingertip().at("another", (0.62, 0.55), 1.0))
     for hands in (Palm().at("a palm", PLACES["button"], 5.0), two):

@@ -61,7 +61,6 @@ def test_a_response_is_laid_over_the_active_one(
     assert re.search(says, verdict.sentences[0])
 
 
-@pytest.mark.long
 def test_what_is_not_the_same_place_is_broken(calibrated: Calibrated) -> None:
     active = calibrated.calibration
     response = active.response

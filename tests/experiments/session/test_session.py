@@ -53,7 +53,6 @@ def test_a_line_that_was_cut_off_is_left_behind(tmp_path: Path, cut: int) -> Non
     assert path.read_bytes().startswith(content[:-cut])
 
 
-@pytest.mark.long
 def test_every_changed_byte_is_noticed(tmp_path: Path) -> None:
     """Also at the end: what could be a line that was cut off was whole before."""
     where = store(tmp_path, "rating")
@@ -253,7 +252,6 @@ def test_every_changed_byte_of_a_note_is_noticed_and_verify_knows_logs_and_notes
     assert refused(lambda: verify(log))
 
 
-@pytest.mark.long
 def test_a_log_of_another_program_under_a_hash_that_fits_is_refused(tmp_path: Path) -> None:
     where = store(tmp_path)
     with pytest.raises(KeyboardInterrupt):

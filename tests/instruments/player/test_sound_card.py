@@ -245,7 +245,6 @@ def test_a_wrong_volume_is_found_in_what_is_measured(open: OpenRig, full_scale: 
     assert max(map(abs, truth.patch_voltages.values())) < 0.02
 
 
-@pytest.mark.long
 def test_an_underflow_on_the_rig_is_an_error_and_leaves_it_safe(open: OpenRig) -> None:
     rig = open("sound-card")
     played(rig).starves_at = 9600

@@ -62,7 +62,6 @@ def lab(tmp_path: Path) -> Iterator[tuple[Path, Simulation]]:
     world.close()
 
 
-@pytest.mark.long
 @POSIX
 def test_another_program_is_refused_and_one_that_is_killed_leaves_an_open_relay(
     lab: tuple[Path, Simulation], tmp_path: Path
