@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-_SIGNALS = ("force", "travel", "acceleration", "velocity", "vertical", "activation", "saturated")
 _ORDERS = {"acceleration": 0, "velocity": 1, "displacement": 2}
 """Derivatives from each to the acceleration; the first that a recording has is used."""
 
@@ -284,8 +283,16 @@ class Recording(InNotebook):
         that there is not.
         """
         if signal not in self._parted:
-            extra = {f"extra.{name}": partial(self._extra, name) for name in self.sensors.extra}
-            made = {name: getattr(self, f"_{name}") for name in _SIGNALS} | extra
+            made: dict[str, Callable[[], Parted]] = {
+                "force": partial(self._tared, "force"),
+                "travel": partial(self._tared, "displacement"),
+                "acceleration": self._acceleration,
+                "velocity": self._velocity,
+                "vertical": self._vertical,
+                "activation": self._activation,
+                "saturated": self._saturated,
+                **{f"extra.{name}": partial(self._extra, name) for name in self.sensors.extra},
+            }
             if signal not in made:
                 raise DataError(f"{self.path} has no signal {signal!r}: ask for one of {', '.join(made)}.")
             self._parted[signal] = made[signal]()
@@ -294,12 +301,6 @@ class Recording(InNotebook):
     @cached_property
     def _parted(self) -> dict[str, Parted]:
         return {}
-
-    def _force(self) -> Parted:
-        return self._tared("force")
-
-    def _travel(self) -> Parted:
-        return self._tared("displacement")
 
     def _acceleration(self) -> Parted:
         sensor = self._linear("acceleration")
