@@ -51,9 +51,7 @@ def test_an_error_that_is_not_the_disks_is_raised(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("moment", range(1, 9))
-def test_a_ctrl_c_does_not_reach_into_the_library(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, moment: int
-) -> None:
+def test_no_ctrl_c_within_the_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, moment: int) -> None:
     write, calls = checksum._Disk.write, itertools.count(1)
 
     def interrupted(disk: checksum._Disk, data: object) -> int:

@@ -41,9 +41,7 @@ def _channel(file: File, name: str, range_: float) -> File:
 
 @pytest.mark.parametrize("button", ["latch", "toggle", "push"])
 @pytest.mark.parametrize("board", [contact_of_five_volts, dc_accelerometer])
-def test_presses_on_an_ordinary_board_are_accepted(
-    board: Callable[[File], File], button: str, tmp_path: Path
-) -> None:
+def test_an_ordinary_board_is_accepted(board: Callable[[File], File], button: str, tmp_path: Path) -> None:
     with haploop.open_rig(board(load_rig_file("simulated"))) as rig:
         with rig.tap() as tap:
             found = haploop.record(rig, button, "P01", 5, out=tmp_path)
@@ -78,9 +76,7 @@ def test_a_sensor_at_the_end_of_its_range_is_named(tmp_path: Path) -> None:
         ({"struct": "<ff", "sync": "AA55"}, {"scale": 1.0, "range": 5.0}, 1e-4),
     ],
 )
-def test_a_board_prints_the_digits_that_it_has(
-    frame: dict[str, object], column: dict[str, float], digit: float
-) -> None:
+def test_a_board_prints_its_digits(frame: dict[str, object], column: dict[str, float], digit: float) -> None:
     """The twin's values, as volts, are off by a digit and its noise; no more."""
 
     class Wire:

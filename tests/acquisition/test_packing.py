@@ -21,9 +21,7 @@ from haploop.base.hdf5 import write_packed
         (np.array([True, False, True]), True),
     ],
 )
-def test_the_library_reads_every_value_back_and_refuses_a_flipped_bit(
-    tmp_path: Path, values: np.ndarray[Any, Any], chunks: Any
-) -> None:
+def test_the_library_refuses_a_flipped_bit(tmp_path: Path, values: np.ndarray[Any, Any], chunks: Any) -> None:
     path = tmp_path / "packed.h5"
     with h5py.File(path, "w") as file:
         write_packed(file, "a/b", values, chunks, fletcher32=True)

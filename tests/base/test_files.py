@@ -85,9 +85,7 @@ def test_what_somebody_writes_into_the_claim_stays(tmp_path: Path, monkeypatch: 
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows needs no claim")
-def test_a_disk_that_refuses_to_rename_leaves_no_claim(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_rename_that_fails_leaves_no_claim(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     no_links(monkeypatch)
 
     def refuse(*_: object) -> None:
@@ -122,9 +120,7 @@ def test_a_name_that_no_disk_takes_is_told_before_anything_is_measured(tmp_path:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows renames without links")
-def test_a_link_that_the_disk_made_but_did_not_confirm_counts(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_link_made_but_not_confirmed_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     link = os.link
 
     def twice(source: Path, destination: Path) -> None:
@@ -209,9 +205,7 @@ def test_a_replaced_file_is_the_old_or_the_new_one(tmp_path: Path, monkeypatch: 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no sync of folders")
 @pytest.mark.usefixtures("any_disk")
-def test_the_file_is_synced_before_its_name_and_the_name_after(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_file_is_synced_before_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     synced: list[tuple[str, bool]] = []
     fsync = os.fsync
 

@@ -55,9 +55,7 @@ def within(step: Callable[[], object]) -> object:
     "step", [Flag.set, Flag.clear, lambda flag: flag.wait(0.01)], ids=["set", "clear", "wait"]
 )
 @pytest.mark.parametrize("up", [True, False])
-def test_an_interrupt_at_any_instruction_leaves_a_flag_usable(
-    step: Callable[[Flag], object], up: bool
-) -> None:
+def test_an_interrupt_anywhere_leaves_a_flag_usable(step: Callable[[Flag], object], up: bool) -> None:
     at = 1
     while True:
         flag = Flag()

@@ -72,9 +72,7 @@ def test_the_response_under_a_finger_is_the_plant_s(
     assert relative(fitted, bare.model.velocity(f) * finger.factor(f)) < 0.01
 
 
-def test_a_finger_s_calibration_is_a_file_and_keeps_the_bare_table_s_carrier(
-    calibrated: Calibrated, open: OpenRig, tmp_path: Path
-) -> None:
+def test_a_fingers_file_keeps_the_bare_carrier(calibrated: Calibrated, open: OpenRig, tmp_path: Path) -> None:
     rig, bare = open(pane_mass=0.1), calibrated.calibration
     made = calibrate_finger(rig, bare, "P07")
     made.save(tmp_path / "P07.h5")

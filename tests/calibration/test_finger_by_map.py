@@ -46,7 +46,7 @@ def true_modes(rig: Rig) -> PlateModes:
 
 
 @pytest.mark.parametrize("mass", [0.96, pytest.param(0.2, marks=pytest.mark.night)])
-def test_neighbours_and_modes_tell_what_a_finger_does_where_no_laser_sees_it(
+def test_neighbours_and_modes_tell_a_hidden_finger(
     calibrated: Calibrated, open: OpenRig, mass: float
 ) -> None:
     rig = open(pane_mass=mass)

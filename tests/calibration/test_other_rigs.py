@@ -79,7 +79,7 @@ def test_the_response_is_the_surfaces_own_velocity(name: str, within: float, tmp
 @pytest.mark.long
 @pytest.mark.many_plays
 @pytest.mark.parametrize("name", ["coil", *(pytest.param(n, marks=pytest.mark.long) for n in PICKUPS)])
-def test_the_verdict_is_right_about_the_surfaces_own_error_of_a_right_and_of_a_wrong_drive(
+def test_the_verdict_is_right_of_any_drive(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # Twice differentiated, a displacement's noise up to the corner would leave nothing to be told: see below.
@@ -101,9 +101,7 @@ def test_the_verdict_is_right_about_the_surfaces_own_error_of_a_right_and_of_a_w
 
 
 @pytest.mark.long
-def test_what_noise_hides_of_the_table_s_own_modes_is_bounded_and_shows_no_pass(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_modes_that_noise_hides_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with rig_of("displacement", tmp_path) as rig:
         drive = drive_for(make_press(), calibrate(rig), rig.limits)
         result, error, outside = played_and_true(rig, drive, 12, monkeypatch)
@@ -115,9 +113,7 @@ def test_what_noise_hides_of_the_table_s_own_modes_is_bounded_and_shows_no_pass(
 
 @pytest.mark.long
 @pytest.mark.parametrize(("hz", "push"), [(1800.0, 0.1), (2300.0, 0.15), (3400.0, 0.3), (7000.0, 0.6)])
-def test_a_mode_that_noise_hides_is_no_pass(
-    hz: float, push: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_hidden_mode(hz: float, push: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Above the judged band, within the sensor's or beyond it: the calibration saw what the plays do not."""
     plate = make_plate(np.random.default_rng(1), highest_hz=FEWEST_HZ)
     ringing = {

@@ -84,9 +84,7 @@ def same(one: hdf5.Flat, other: hdf5.Flat) -> bool:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_comes_back_is_what_was_written(
-    kind: str, values: dict[str, Any], saved: Callable[[str], Path]
-) -> None:
+def test_what_comes_back_was_written(kind: str, values: dict[str, Any], saved: Callable[[str], Path]) -> None:
     path = saved(kind)
     assert same(load(kind, path), hdf5.flatten(values[kind]))
     assert hdf5.kind_of(path) == kind and verify(path) == ()
@@ -95,9 +93,7 @@ def test_what_comes_back_is_what_was_written(
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.timeout(3600)
-def test_a_changed_byte_is_refused_or_changes_nothing(
-    kind: str, saved: Callable[[str], Path], tmp_path: Path, full: bool
-) -> None:
+def test_a_changed_byte(kind: str, saved: Callable[[str], Path], tmp_path: Path, full: bool) -> None:
     raw, before = saved(kind).read_bytes(), load(kind, saved(kind))
     path, number = tmp_path / "changed.h5", 0
     for changed in mutations(raw, 500 if full else 100, seed=len(kind)):
@@ -114,9 +110,7 @@ def test_a_changed_byte_is_refused_or_changes_nothing(
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.timeout(3600)
-def test_a_file_of_another_structure_is_refused_also_with_a_checksum_that_fits(
-    kind: str, saved: Callable[[str], Path], tmp_path: Path, full: bool
-) -> None:
+def test_another_structure(kind: str, saved: Callable[[str], Path], tmp_path: Path, full: bool) -> None:
     raw, before = saved(kind).read_bytes(), load(kind, saved(kind))
     path = tmp_path / "changed.h5"
     for seed in range(500 if full else 20):
@@ -128,9 +122,7 @@ def test_a_file_of_another_structure_is_refused_also_with_a_checksum_that_fits(
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_what_another_program_writes_with_every_hash_is_still_no_crash(
-    seed: int, values: dict[str, Any], tmp_path: Path
-) -> None:
+def test_another_programs_file_is_no_crash(seed: int, values: dict[str, Any], tmp_path: Path) -> None:
     """A field gone, or of another type: also where all hashes are right."""
     random = np.random.default_rng(seed)
     for kind, value in values.items():

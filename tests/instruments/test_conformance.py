@@ -435,7 +435,5 @@ def verdicts() -> dict[str, set[str]]:
 
 
 @pytest.mark.parametrize("name", broken_drivers.broken())
-def test_a_broken_driver_fails_what_it_breaks_and_nothing_else(
-    name: str, verdicts: dict[str, set[str]]
-) -> None:
+def test_a_broken_driver_fails_exactly_what_it_breaks(name: str, verdicts: dict[str, set[str]]) -> None:
     assert verdicts[name] == broken_drivers.broken()[name]

@@ -126,9 +126,7 @@ def test_a_role_from_outside_is_validated_opened_made_safe_and_closed(lamp: Any,
 
 @pytest.mark.parametrize("mode", ["twin", "wire"])
 @pytest.mark.parametrize("says", ["", "    arithmetic = False", "    arithmetic = 'no'"])
-def test_a_simulation_opens_no_driver_that_has_no_twin(
-    package: Package, tmp_path: Path, mode: Any, says: str
-) -> None:
+def test_a_simulation_opens_only_twins(package: Package, tmp_path: Path, mode: Any, says: str) -> None:
     """It used to be opened as it is, and its outputs written, while everything was said to be simulated."""
     code = LAMP.replace("    arithmetic = True", says)
     lamp = __import__(package("acme-lamp", code, roles={"lamp": "Lamp"}, drivers={"acme-lamp": "AcmeLamp"}))
@@ -201,9 +199,7 @@ def test_only_what_puts_out_volts_is_made_safe_before_the_relay_opens(
     rig.close()
 
 
-def test_an_identity_that_hangs_later_keeps_no_relay_closed(
-    connected: Rig, lamp: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_identity_may_hang_later(connected: Rig, lamp: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(lamp.AcmeLamp, "identity", property(dead))
     connected.make_safe()
     assert connected.relay.connected() == frozenset()
@@ -284,9 +280,7 @@ BROKEN = {
 
 
 @pytest.mark.parametrize("how", BROKEN)
-def test_a_broken_driver_is_one_sentence_for_the_rig_that_uses_it(
-    package: Package, tmp_path: Path, how: str
-) -> None:
+def test_a_broken_driver_is_one_sentence_for_its_rig(package: Package, tmp_path: Path, how: str) -> None:
     code, named, says = BROKEN[how]
     package("acme-broken", code, drivers={"broken": named})
     with pytest.raises(ConfigurationError, match="the package acme-broken") as caught:
@@ -296,9 +290,7 @@ def test_a_broken_driver_is_one_sentence_for_the_rig_that_uses_it(
 
 
 @pytest.mark.parametrize("named", ["Nobody", "an_instance", "wrong_twin"])
-def test_a_broken_role_is_one_sentence_for_the_rig_that_uses_it(
-    package: Package, tmp_path: Path, named: str
-) -> None:
+def test_a_broken_role_is_one_sentence_for_its_rig(package: Package, tmp_path: Path, named: str) -> None:
     package("acme-lamp", LAMP, roles={"lamp": named}, drivers={"acme-lamp": "AcmeLamp"})
     says = "cannot be loaded" if named == "Nobody" else "must be a class"
     with pytest.raises(ConfigurationError, match=f"The role 'lamp' of the package acme-lamp .*{says}"):

@@ -65,9 +65,7 @@ def test_peak_is_half_of_peak_to_peak_or_the_nearer_limit() -> None:
 
 
 @given(low=st.floats(-200, -1), high=st.floats(1, 200), width=st.floats(1, 300), peak=st.floats(0, 300))
-def test_what_passes_two_limits_passes_their_union(
-    low: float, high: float, width: float, peak: float
-) -> None:
+def test_two_limits_are_met_by_their_union(low: float, high: float, width: float, peak: float) -> None:
     a, b, drive = Limits(min=low, max=high), Limits(peak_to_peak=width), tone(peak)
 
     def passes(limits: Limits) -> bool:
@@ -105,9 +103,7 @@ SMALL = np.array([0.0, 0.0, 0.0, 1.0, 3.0, -2.0, 1.0, 0.0, 0.0])
         ("max_offset", 0.75, 0.5, "has an offset of 0.75 V at sample 3, 0.25 V beyond the 0.5 V"),
     ],
 )
-def test_each_limit_is_exact_and_says_by_how_much_and_where(
-    limit: str, at: float, below: float, says: str
-) -> None:
+def test_each_limit_is_exact_and_says_how_much_where(limit: str, at: float, below: float, says: str) -> None:
     exact = Limits(**{"capacitance": 1.0, limit: at})
     exact.check(SMALL, 10.0)
     exact.check(SMALL + 0.0, 10.0)

@@ -111,9 +111,7 @@ RIGS = {
 @pytest.mark.long
 @pytest.mark.usefixtures("few_callbacks")
 @pytest.mark.parametrize("rig", [pytest.param(n, marks=[pytest.mark.night] * (n != "bench")) for n in RIGS])
-def test_doctor_says_the_same_of_a_tape_as_of_the_wire(
-    rig: str, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_doctor_of_a_tape(rig: str, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("lab.toml").write_text(RIGS[rig])
     words = ["doctor", "--json"]
@@ -128,9 +126,7 @@ def test_doctor_says_the_same_of_a_tape_as_of_the_wire(
     assert held and f"{held[1]} of the tape's {held[1]} calls were asked for" in tape.stderr
 
 
-def test_the_first_call_that_differs_is_told_with_what_the_tape_holds(
-    day: tuple[Path, Path, int], tmp_path: Path
-) -> None:
+def test_the_first_call_that_differs_is_told(day: tuple[Path, Path, int], tmp_path: Path) -> None:
     tape, _, _ = day
     other = tmp_path / "rig.toml"
     other.write_text('base = "simulated"\n[daq.channels]\ngauge0 = { terminal = "Dev1/ai9", range = 10 }\n')
@@ -476,9 +472,7 @@ def test_commands_of_a_tape(run: Run, whole: Path, tmp_path: Path, monkeypatch: 
         assert ran.exit_code == code and sentence.lower() in ran.stderr.lower(), (words, ran.stderr)
 
 
-def test_a_disk_that_is_full_ends_the_tape_and_nothing_else(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_ends_the_tape_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 

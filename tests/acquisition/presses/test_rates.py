@@ -30,9 +30,7 @@ def rig_at(rate_hz: float) -> haploop.RigFile:
 
 @pytest.mark.parametrize("button", ["latch", "toggle", "push"])
 @pytest.mark.parametrize("rate_hz", [500, 800, 999, 1000, 2000, 5000, 48_000])
-def test_the_force_at_activation_is_within_what_is_stated(
-    rate_hz: float, button: str, tmp_path: Path
-) -> None:
+def test_force_at_activation_is_within_its_bound(rate_hz: float, button: str, tmp_path: Path) -> None:
     """Of a live recording; the truth is the plant's. What is stated is no more than the rate makes it."""
     with haploop.open_rig(rig_at(rate_hz)) as rig:
         found = find_presses(haploop.record(rig, button, "P01", 4, out=tmp_path))
@@ -87,9 +85,7 @@ def test_the_stated_uncertainty_holds_for_presses_that_nobody_chose(rate_hz: flo
     ("every", "force", "bandwidth"),
     [(1, True, 2500), (2, True, 1250), (10, True, 250), pytest.param(15, False, 0, marks=pytest.mark.long)],
 )
-def test_an_import_is_as_good_as_the_rate_that_it_was_measured_at(
-    every: int, force: bool, bandwidth: float, run: Run, tmp_path: Path
-) -> None:
+def test_an_imports_rate(every: int, force: bool, bandwidth: float, run: Run, tmp_path: Path) -> None:
     """Resampling adds nothing: neither certainty of the force, nor bandwidth."""
     with haploop.open_rig("simulated") as rig:
         live = haploop.record(rig, "push", "P01", 2, out=tmp_path / "live")

@@ -65,9 +65,7 @@ def held(hold: float, who: str, seed: int, folder: Path, monkeypatch: pytest.Mon
 
 
 @pytest.mark.long
-def test_presses_that_are_held_for_different_times_open_together(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_presses_held_for_any_time_open_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     short, long = (held(t, who, 5, tmp_path, monkeypatch) for t, who in ((0.1, "P01"), (0.3, "P02")))
     alone, both = representative([short]), representative([short, long])
     after = [one.acceleration[one.activation_index + 400 :] for one in (alone, both)]
@@ -77,9 +75,7 @@ def test_presses_that_are_held_for_different_times_open_together(
 
 
 @pytest.mark.long
-def test_a_press_that_is_held_for_less_than_half_the_time_is_left_out(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_press_of_under_half_the_time_is_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     long, short = (held(t, who, 5, tmp_path, monkeypatch) for t, who in ((0.5, "P01"), (0.06, "P02")))
     others = held(0.5, "P03", 6, tmp_path, monkeypatch)
     found = representative([long, short, others])

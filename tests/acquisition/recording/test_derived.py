@@ -89,9 +89,7 @@ def test_what_was_forgotten_is_read_again(tmp_path: Path, codes: np.ndarray) -> 
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows replaces no file that is open")
-def test_a_recording_that_ends_while_it_is_opened_is_finished(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_recording_that_ends_meanwhile_is_finished(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = unfinished(tmp_path / "P01-push.h5")
 
     def marked(_path: Path) -> bool:
@@ -138,7 +136,7 @@ def test_delays_are_of_the_channels_that_make_a_quantity(tmp_path: Path, codes: 
         (8, round((1.65 + 0.33 * 3.1) / 5 * 32768), True), (8, round((1.65 + 0.33 * 2.9) / 5 * 32768), False),
     ],
 )  # fmt: skip
-def test_a_sample_at_the_end_of_a_range_is_marked(
+def test_a_clipped_sample_is_marked(
     row: int, code: int, said: bool, tmp_path: Path, codes: np.ndarray
 ) -> None:
     changed = codes.copy()

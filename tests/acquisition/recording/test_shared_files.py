@@ -77,9 +77,7 @@ def test_threads_of_one_program_wait_for_each_other_too(tmp_path: Path) -> None:
     assert len(read_json(path, "looks", list)) == 40
 
 
-def test_a_program_that_does_not_end_its_change_is_said(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_program_that_never_ends_its_change(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("haploop.base.json_files._PATIENCE", 0.05)
     with changing(tmp_path / "a.json"), pytest.raises(DataError, match="is being changed by another program"):
         append_json(tmp_path / "a.json", "looks", [{}])

@@ -11,9 +11,7 @@ from haploop.base.errors import ConfigurationError
 from tests.acquisition.recording.pattern import block_of, header
 
 
-def test_a_file_that_appears_meanwhile_is_somebody_elses(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_file_that_appears_meanwhile_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "P01-latch.h5"
 
     def quicker(_path: Path) -> None:

@@ -33,9 +33,7 @@ from tests.acquisition.recording.pattern import CHANNELS, FULL_SCALE, PRESS, blo
 Usage = namedtuple("Usage", "total used free")
 
 
-def test_a_recording_needs_twice_its_size_and_a_megabyte(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_recording_needs_twice_its_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     needed = 2 * 2000 * block_dtype(CHANNELS, 250).itemsize + (1 << 20)
     monkeypatch.setattr(shutil, "disk_usage", lambda _path: Usage(0, 0, needed - 1))
     with pytest.raises(ConfigurationError, match=f"but this recording needs {needed / 1e6:.0f} MB: free"):
@@ -71,9 +69,7 @@ def test_events_and_verdicts_have_room_for_so_many_and_the_last_event_says_so(tm
 
 
 @pytest.mark.parametrize("length", [1, 1 << 20, (5 << 19) + 3])
-def test_room_is_taken_in_zeros_where_the_system_has_no_call_for_it(
-    length: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_room_is_taken_in_zeros(length: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delattr(os, "posix_fallocate", raising=False)
     path = tmp_path / "room"
     path.write_bytes(b"x" * 100)
@@ -82,9 +78,7 @@ def test_room_is_taken_in_zeros_where_the_system_has_no_call_for_it(
     assert path.read_bytes() == b"x" * 90 + bytes(length) + b"x" * max(0, 10 - length)
 
 
-def test_a_disk_that_takes_nothing_and_says_nothing_is_full(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_disk_that_takes_nothing_is_full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     if not hasattr(os, "pwrite"):
         pytest.skip("a disk's refusal is simulated at this call")
     writer = Writer(tmp_path / "P01-push.h5", header(), 250, 4)
@@ -97,9 +91,7 @@ def test_a_disk_that_takes_nothing_and_says_nothing_is_full(
     writer.close()
 
 
-def test_eight_megabytes_are_synced_before_it_is_time(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_eight_megabytes_are_synced_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("haploop.acquisition.recording.writer._COMMIT_PERIOD", 1000.0)
     blocks = -(-(8 << 20) // block_dtype(CHANNELS, 250).itemsize)
     with Writer(tmp_path / "P01-push.h5", header(), 250, blocks) as writer:
@@ -113,9 +105,7 @@ def test_eight_megabytes_are_synced_before_it_is_time(
         assert writer.committed
 
 
-def test_what_comes_while_the_disk_syncs_is_not_called_safe(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_comes_during_a_sync_is_not_safe(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("haploop.acquisition.recording.writer._COMMIT_PERIOD", 0.01)
     syncing, go_on = threading.Event(), threading.Event()
 
@@ -156,9 +146,7 @@ def test_behind_a_short_block_stand_no_samples_of_the_one_before(tmp_path: Path)
 
 
 @pytest.mark.parametrize(("first", "count"), [(251, 250), (250, 251)])
-def test_a_gap_of_one_sample_and_a_block_that_is_too_long_are_refused(
-    tmp_path: Path, first: int, count: int
-) -> None:
+def test_a_gap_of_one_sample_and_a_long_block_are_refused(tmp_path: Path, first: int, count: int) -> None:
     with Writer(tmp_path / "P01-push.h5", header(), 250, 4) as writer:
         writer.write(block_of(0), 0.0)
         with pytest.raises(InstrumentError, match=f"of {count} samples begins at sample {first}, but 250 is"):
@@ -214,9 +202,7 @@ def test_what_holds_no_press_is_set_aside_and_nothing_else(tmp_path: Path) -> No
     assert set_aside(path) is None and path.exists()
 
 
-def test_what_cannot_be_renamed_or_is_being_recorded_is_said(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_cannot_be_renamed_or_is_recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "P01-push.h5"
     with Writer(path, header(), 250, 4) as writer:
         writer.write(block_of(0), 0.0)
@@ -266,9 +252,7 @@ def test_a_damaged_file_is_recovered_in_a_process_with_limited_memory(tmp_path: 
     assert child.stdout == '{"error": "", "text": ""}'
 
 
-def test_a_recovery_has_a_minute_and_one_for_each_quarter_of_a_gigabyte(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_recovery_has_time_by_its_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path, waited = tmp_path / "P01-push.h5", []
 
     def run(*_: object, timeout: float, **_more: object) -> None:

@@ -90,9 +90,7 @@ def test_no_program_finishes_what_another_one_records(elsewhere, tmp_path: Path,
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows removes no file that is open")
-def test_a_mark_that_its_holder_removes_meanwhile_is_not_taken_for_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_mark_that_is_removed_meanwhile_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path, taken = tmp_path / "file.h5", marks.taken
 
     def after_its_holder(descriptor: int) -> bool:
@@ -172,9 +170,7 @@ def test_an_empty_recording_does_not_refuse_the_next_and_is_kept(tmp_path: Path)
         record(world_rig(), "push", "P01", 1, tmp_path)
 
 
-def test_one_that_cannot_be_set_aside_is_a_sentence_and_stays(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_cannot_be_set_aside_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(DataError, match="No press 1 of 1"):
         record(world_rig(answers=False), "push", "P01", 1, tmp_path)
 

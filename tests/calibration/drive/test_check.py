@@ -55,9 +55,7 @@ def test_a_fresh_drive_passes_by_what_was_expected(calibrated: Calibrated, drive
         assert low <= value <= high
 
 
-def test_everything_said_can_be_computed_again_from_the_plays(
-    calibrated: Calibrated, drive: Drive, tmp_path: Path
-) -> None:
+def test_all_figures_follow_from_the_plays(calibrated: Calibrated, drive: Drive, tmp_path: Path) -> None:
     """With nothing but numpy and the file; docs/explanation/check.md shows the same script."""
     check(calibrated.rig, drive).save(tmp_path / "check.h5")
     stored = Check.load(tmp_path / "check.h5")
@@ -114,9 +112,7 @@ def test_what_did_not_follow_never_passes(
     assert says in " ".join(result.reasons)
 
 
-def test_noise_that_hides_the_motion_is_no_verdict(
-    calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_noise_is_no_verdict(calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
     """The tolerance does not grow with the noise: neither pass nor fail, and it says what would show it."""
     noise = np.random.default_rng(0)
     tamper(calibrated.rig, monkeypatch, laser=lambda v: v + 0.3 * noise.standard_normal(len(v)))
@@ -127,7 +123,7 @@ def test_noise_that_hides_the_motion_is_no_verdict(
     assert any("single tones there would not be seen" in note for note in result.notes)
 
 
-def test_a_few_plays_are_told_how_many_would_show_it(
+def test_few_plays_ask_for_more(
     calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     noise = np.random.default_rng(0)
@@ -144,9 +140,7 @@ def test_a_few_plays_are_told_how_many_would_show_it(
 
 
 @pytest.mark.long
-def test_few_plays_that_end_below_what_may_move_are_not_told_that_more_are_of_no_use(
-    calibrated: Calibrated, drive: Drive
-) -> None:
+def test_few_plays_are_not_told_that_more_are_of_no_use(calibrated: Calibrated, drive: Drive) -> None:
     """Three plays are judged to less than the corner of the laser's filter, eight to the corner."""
     above = np.where(drive.above[:1] < 5000, 0.61, 0.0)
     ringing = replace(drive, above=np.concatenate([drive.above[:1], above]))
@@ -178,9 +172,7 @@ def test_what_the_calibration_left_open_above_the_laser_more_plays_tell(
 
 
 @pytest.mark.long
-def test_motion_outside_the_band_fails(
-    calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_motion_out_of_band(calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
     """A tone at 800 Hz, where nothing was planned: within the band everything is as it was."""
     size = float(np.sqrt(np.mean(drive.target**2)))
     rig = calibrated.rig
@@ -204,9 +196,7 @@ def test_motion_outside_the_band_fails(
     assert "outside" in result.reasons[0]
 
 
-def test_plays_that_drift_are_named(
-    calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_drift_is_named(calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
     played = iter(range(100))
     tamper(
         calibrated.rig,
@@ -218,9 +208,7 @@ def test_plays_that_drift_are_named(
     assert any("from the first play to the last" in note for note in result.notes)
 
 
-def test_a_play_unlike_the_others_is_no_pass(
-    calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_unlike_play(calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
     """The error without noise would not show it: one odd play is noise to products of different plays."""
     played = iter(range(100))
 
@@ -245,9 +233,7 @@ def test_what_was_played_before_does_not_change_the_verdict(open: OpenRig, drive
     assert first.within.root == pytest.approx(again.within.root, abs=0.015)
 
 
-def test_a_patch_without_volts_is_told(
-    calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_patch_without_volts(calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
     tamper(calibrated.rig, monkeypatch, drive=lambda v: 0 * v, laser=lambda v: 0 * v)
     with pytest.raises(InstrumentError, match="the relay"):
         check(calibrated.rig, drive, plays=3)
@@ -257,18 +243,14 @@ def test_a_patch_without_volts_is_told(
     assert "relay" in " ".join(result.reasons)
 
 
-def test_too_much_voltage_at_the_patch_fails(
-    calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_too_many_volts_fail(calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
     tamper(calibrated.rig, monkeypatch, drive=lambda v: 1.1 * v)
     result = check(calibrated.rig, drive, plays=3)
     assert "the rig's limit" in result.reasons[0]
 
 
 @pytest.mark.long
-def test_the_floor_is_the_standard_error_of_the_mean(
-    calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_noise_floor(calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
     noise = np.random.default_rng(3)
     tamper(calibrated.rig, monkeypatch, laser=lambda v: v + 0.02 * noise.standard_normal(len(v)))
     few, many = (check(calibrated.rig, drive, plays=plays, most=plays) for plays in (3, 12))
@@ -284,9 +266,7 @@ def test_yesterdays_drive_fails_on_a_table_that_drifted(open: OpenRig, drive: Dr
 @pytest.mark.parametrize(
     "plant", [{"seed": 12, "damping_scale": 3.0, "vibrometer_noise_scale": 3.16, "hysteresis": 0.15}]
 )
-def test_other_tables_pass_as_expected(
-    open: OpenRig, press: Representative, plant: dict[str, float], full: bool
-) -> None:
+def test_other_tables(open: OpenRig, press: Representative, plant: dict[str, float], full: bool) -> None:
     if not full:
         pytest.skip("calibrates another table: runs with --full")
     rig = open(**plant)
@@ -334,9 +314,7 @@ def test_a_check_comes_back_from_disk(calibrated: Calibrated, drive: Drive, tmp_
     ],
     ids=["check", "learn", "calibrate", "quick response", "map"],
 )
-def test_without_a_drive_monitor_nothing_is_played(
-    calibrated: Calibrated, drive: Drive, tmp_path: Path, play: Any
-) -> None:
+def test_without_a_drive_monitor(calibrated: Calibrated, drive: Drive, tmp_path: Path, play: Any) -> None:
     """Nothing would show there that the amplifier's gain is five times what the rig file says."""
     file = load_rig_file("simulated")
     sensors = file.sensors.model_copy(update={"drive": None})
@@ -349,7 +327,7 @@ def test_without_a_drive_monitor_nothing_is_played(
         assert rig.simulation.truth.peak == 0 and rig.lockout is None
 
 
-def test_plays_of_a_drive_that_differs_in_its_last_bits_are_the_same_plays(
+def test_last_bits_do_not_matter(
     calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What is drawn at random comes from names, not from computed volts, which no two machines share."""

@@ -44,9 +44,7 @@ def test_the_level_is_that_of_the_surface_itself(calibrated: Calibrated, drive: 
 
 
 @pytest.mark.long
-def test_the_recorded_press_is_compared_at_its_own_size_and_on_the_drives_clock(
-    drive: Drive, result: Check
-) -> None:
+def test_the_press_is_compared_at_its_own_size_on_the_drives_clock(drive: Drive, result: Check) -> None:
     press = make_press()
     feeling = check_feeling(result, press)
     assert feeling.recorded is not None
@@ -94,9 +92,7 @@ def with_people(rig: Rig, **more: Any) -> RigFile:
 
 
 @pytest.mark.long
-def test_a_labs_own_threshold_decides_what_the_table_left_open(
-    calibrated: Calibrated, drive: Drive, result: Check, tmp_path: Path
-) -> None:
+def test_a_labs_own_threshold(calibrated: Calibrated, drive: Drive, result: Check, tmp_path: Path) -> None:
     assert check_feeling(result).felt == "not known"
     with open_rig(with_people(calibrated.rig), simulate="twin") as rig:
         known = check(rig, drive, plays=3)

@@ -24,9 +24,7 @@ def hum(volts: float, frequency: float) -> dict[str, Any]:
 
 @pytest.mark.long
 @pytest.mark.parametrize(("volts", "frequency"), [(0.02, 50.0), (0.02, 60.0), (0.003, 49.9)])
-def test_hum_changes_neither_the_error_nor_the_verdict(
-    open: OpenRig, drive: Drive, volts: float, frequency: float
-) -> None:
+def test_hum_changes_no_verdict(open: OpenRig, drive: Drive, volts: float, frequency: float) -> None:
     """With 20 mV, 50 Hz used to pass with error 0.0000 (0.0000 to 0.0000), and 60 Hz to fail with 59 %."""
     result, _, truth = true_error(open(**hum(volts, frequency)), drive, 8)
     low, high = result.interval
@@ -62,7 +60,7 @@ def test_plays_that_contradict_their_assumption_show_nothing(open: OpenRig, driv
 
 
 @pytest.mark.usefixtures("in_step")
-def test_nothing_is_learnt_from_plays_that_contradict_their_assumption(
+def test_plays_against_the_assumption_teach_nothing(
     calibrated: Calibrated, open: OpenRig, drive: Drive
 ) -> None:
     learning = learn(open(**hum(0.02, 50.0)), drive, calibrated.calibration, iterations=2)
@@ -81,9 +79,7 @@ def test_a_laser_askew_is_named_by_its_factor(open: OpenRig, drive: Drive, scale
 
 
 @pytest.mark.night
-def test_learning_under_hum_is_as_good_as_without(
-    calibrated: Calibrated, open: OpenRig, drive: Drive
-) -> None:
+def test_learning_is_as_good_under_hum(calibrated: Calibrated, open: OpenRig, drive: Drive) -> None:
     """It used to say 0.000 for a drive that was 7 % off."""
     world = {"mode_drift": 0.002}
     _, before, _ = true_error(open(**world), drive, 3)
@@ -97,9 +93,7 @@ def test_learning_under_hum_is_as_good_as_without(
 
 @pytest.mark.long
 @pytest.mark.parametrize("scale", [0.8, 1.2])
-def test_nothing_is_learnt_from_a_laser_askew(
-    calibrated: Calibrated, open: OpenRig, drive: Drive, scale: float
-) -> None:
+def test_an_askew_laser_is_no_use(calibrated: Calibrated, open: OpenRig, drive: Drive, scale: float) -> None:
     """Learning made the drive louder by the laser's factor, and its check passed: it was 20 % wrong."""
     rig = open(faults=[{"kind": "laser-askew", "scale": scale}])
     learning = learn(rig, drive, calibrated.calibration, iterations=2)
@@ -109,9 +103,7 @@ def test_nothing_is_learnt_from_a_laser_askew(
 
 
 @pytest.mark.long
-def test_noise_that_hides_the_motion_is_no_dead_patch(
-    calibrated: Calibrated, open: OpenRig, drive: Drive
-) -> None:
+def test_noise_is_no_dead_patch(calibrated: Calibrated, open: OpenRig, drive: Drive) -> None:
     """It used to say that the patch is not connected, or that the laser does not see the surface."""
     rig = open(faults=[{"kind": "flicker-noise", "channel": "laser", "volts": 0.05}])
     learning = learn(rig, drive, calibrated.calibration, iterations=1)
@@ -161,9 +153,7 @@ def test_no_verdict_is_wrong_under_any_disturbance(full: bool) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("seed", [7, 8, 9])
-def test_a_table_that_rings_long_has_come_to_rest_before_it_is_played(
-    open: OpenRig, full: bool, seed: int
-) -> None:
+def test_a_table_that_rings_long_rests_before_it_is_played(open: OpenRig, full: bool, seed: int) -> None:
     """A run-down left 1.3 times the target ringing, and the first play was 75 % off."""
     if seed != 7 and not full:
         pytest.skip("calibrates another table: runs with --full")

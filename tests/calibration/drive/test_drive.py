@@ -41,9 +41,7 @@ def test_a_drive_has_no_power_where_the_response_was_not_measured(drive: Drive) 
     assert below < -20 and above < -45
 
 
-def test_the_target_is_the_scaled_press_within_the_band(
-    calibrated: Calibrated, drive: Drive, press: Representative
-) -> None:
+def test_the_target_is_the_press_in_band(calibrated: Calibrated, drive: Drive, press: Representative) -> None:
     assert drive.carrier_hz == calibrated.calibration.model.resonance_hz
     low, high = drive.band
     assert low < drive.carrier_hz < high
@@ -83,9 +81,7 @@ def test_what_is_not_reached_is_said(calibrated: Calibrated, drive: Drive, press
     assert "of the recorded acceleration" not in loud.unreached
 
 
-def test_half_the_limit_gives_about_half_the_scale(
-    calibrated: Calibrated, drive: Drive, press: Representative
-) -> None:
+def test_half_the_limit_halves_the_scale(calibrated: Calibrated, drive: Drive, press: Representative) -> None:
     limits = replace(calibrated.rig.limits, peak_to_peak=calibrated.rig.limits.peak)
     softer = drive_for(press, calibrated.calibration, limits)
     limits.check(softer.volts[0], softer.rate_hz)
@@ -114,9 +110,7 @@ def test_the_vibrometers_range_is_a_limit_too(calibrated: Calibrated, press: Rep
         ({"acceleration": np.ones(3)}, "no acceleration"),
     ],
 )
-def test_a_press_that_cannot_be_driven_is_refused(
-    calibrated: Calibrated, change: dict[str, object], says: str
-) -> None:
+def test_what_cannot_be_driven(calibrated: Calibrated, change: dict[str, object], says: str) -> None:
     with pytest.raises(DataError, match=says):
         drive_for(replace(make_press(), **change), calibrated.calibration, calibrated.rig.limits)  # type: ignore[arg-type]
 
@@ -136,9 +130,7 @@ def test_a_drive_comes_back_from_disk(drive: Drive, tmp_path: Path) -> None:
     assert replace(back, **arrays).__dict__ == drive.__dict__
 
 
-def test_a_response_alone_is_fitted_first(
-    calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_response_is_fitted(calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
     fitted = []
 
     def of(response: Response) -> Calibration:

@@ -64,9 +64,7 @@ def near_the_floor(learning: Learning, method: Method) -> None:
 @pytest.mark.long
 @pytest.mark.requires("simulation")
 @pytest.mark.parametrize("number", range(50))
-def test_learning_is_never_worse_than_its_first_play(
-    calibrated: Calibrated, open: OpenRig, full: bool, number: int
-) -> None:
+def test_learning_is_never_worse(calibrated: Calibrated, open: OpenRig, full: bool, number: int) -> None:
     if not full and number != 1:
         pytest.skip("calibrates another table: runs with --full")
     world = dict(WORLDS[number % len(WORLDS)])
@@ -162,9 +160,7 @@ def test_no_iterations_is_one_measurement(calibrated: Calibrated, drive: Drive) 
     assert len(learning.iterations) == 1 and learning.drive is drive
 
 
-def test_a_clipped_measurement_teaches_nothing(
-    calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_clipping_is_no_lesson(calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
     tamper(calibrated.rig, monkeypatch, laser=lambda v: 1000 * v)
     learning = learn(calibrated.rig, drive, calibrated.calibration, iterations=1, plays=3)
     assert len(learning.iterations) == 1 and "left its range" in learning.stopped

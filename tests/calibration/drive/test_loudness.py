@@ -54,9 +54,7 @@ def test_louder_is_less_like_and_a_curve_says_by_how_much(plan: ButtonPlan) -> N
         assert levels[-1] > levels[0] + 2 and 0.16 < errors[-1] <= 0.2
 
 
-def test_nobody_is_offered_more_error_for_less_or_what_no_check_tolerates(
-    calibrated: Calibrated, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_no_trade_is_worse_or_intolerable(calibrated: Calibrated, monkeypatch: pytest.MonkeyPatch) -> None:
     """On a pane with modes to 10 kHz a distortion alone was 15 % of error, at every budget."""
     had = zip((0.149, 0.147, 0.148, 0.154, 0.234), (-4.8, -3.9, -3.9, -2.0, 2.3), strict=True)
     drives = iter([make_drive(*one) for one in had])
@@ -74,9 +72,7 @@ def test_an_offer_is_the_drive_that_is_then_made(calibrated: Calibrated, plan: B
     assert found[0] <= offer.error
 
 
-def test_the_least_error_may_be_that_of_a_louder_drive(
-    calibrated: Calibrated, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_louder_drive_may_err_least(calibrated: Calibrated, monkeypatch: pytest.MonkeyPatch) -> None:
     """A plan offered a latch 13.0 % of error, and the command for it said that 13.6 % was the least."""
 
     def drive(*_: object, trade: TradeOff, **__: object) -> SimpleNamespace:
@@ -128,9 +124,7 @@ def test_what_the_limits_do_not_allow_is_refused_with_what_they_do(calibrated: C
         Loudness(error=0.3)
 
 
-def test_a_level_within_reach_takes_few_drives(
-    calibrated: Calibrated, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_level_takes_few_drives(calibrated: Calibrated, monkeypatch: pytest.MonkeyPatch) -> None:
     """Errors come in stairs, of which the highest is below what a check tolerates."""
     stairs, planned = 0.05 * 1.3 ** np.arange(9), []
 

@@ -84,9 +84,7 @@ def test_the_drive_is_that_of_the_force_which_the_sensor_reads(
 
 
 @pytest.mark.night
-def test_without_a_force_sensor_the_nominal_is_played_and_that_is_said(
-    finger: Calibration, open: OpenRig
-) -> None:
+def test_without_a_force_sensor_the_nominal_is_played(finger: Calibration, open: OpenRig) -> None:
     rig = open(pane_mass=0.2)
     made = pressed_drives(make_press(), finger, rig.limits)
     result = check_under_finger(rig, made, "P08", force=4.0, plays=3)
@@ -146,9 +144,7 @@ def test_nobody_there_and_a_finger_that_leaves_are_told(
         check_under_finger(rig, drive, "P07", plays=3)
 
 
-def test_the_firm_and_the_light_finger_rest_with_forces_that_fingers_have(
-    finger: Calibration, open: OpenRig, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_fingers_rest_with_force(finger: Calibration, open: OpenRig, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a calibration with 10 N three times that was asked for, after two checks had been played."""
     rig = open(pane_mass=0.2)
     monkeypatch.setattr(pressed, "drive_for", lambda *_args, **_more: DRIVE)
@@ -160,9 +156,7 @@ def test_the_firm_and_the_light_finger_rest_with_forces_that_fingers_have(
         made.refuse_nonsense()
 
 
-def test_a_finger_that_lifts_while_it_is_calibrated_is_no_finger(
-    calibrated: Calibrated, open: OpenRig, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_finger_that_lifts(calibrated: Calibrated, open: OpenRig, monkeypatch: pytest.MonkeyPatch) -> None:
     rig = open(pane_mass=0.3)
     excite = rig.excite
 
@@ -184,9 +178,7 @@ def test_a_force_sensor_that_cannot_feel_a_finger_is_refused_in_the_rig_file(tmp
             load_rig_file(path)
 
 
-def test_a_button_holds_its_drives_for_a_finger_and_a_check_of_each(
-    calibrated: Calibrated, weighed: str, open: OpenRig, tmp_path: Path
-) -> None:
+def test_a_button_holds_all(calibrated: Calibrated, weighed: str, open: OpenRig, tmp_path: Path) -> None:
     rig, bare = open(weighed), calibrated.calibration
     button = build_button(rig, make_press(), bare, iterations=0, plays=3)
     with pytest.raises(ConfigurationError, match="made for the bare table"):

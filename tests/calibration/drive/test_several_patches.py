@@ -97,9 +97,7 @@ def test_twice_as_loud_and_steady_where_one_patch_is_lost(four: Four, button: Di
     assert 0.5 * drifted.error < button.drive.drifted_error < 0.1
 
 
-def test_no_patch_gets_more_than_its_limits_and_every_one_is_measured(
-    four: Four, button: DigitalButton
-) -> None:
+def test_no_patch_gets_too_much_and_each_is_measured(four: Four, button: DigitalButton) -> None:
     limits, rig = four.rig.limits, four.rig
     for volts in button.drive.volts:
         limits.check(volts, button.drive.rate_hz)
@@ -223,9 +221,7 @@ def late(press: Representative, by: float = 0.02) -> Representative:
     return replace(press, button="toggle", acceleration=shifted, sources=(("P01-toggle.h5", "1" * 64),))
 
 
-def test_two_buttons_are_played_at_once_and_each_has_its_verdict(
-    four: Four, beside: tuple[Calibration, ...], tmp_path: Path
-) -> None:
+def test_two_buttons_are_played_at_once(four: Four, beside: tuple[Calibration, ...], tmp_path: Path) -> None:
     press, wanted = make_press(), {"57": (late(make_press()), 0.9)}
     alone = drive_for(press, four.calibrations[0], four.rig.limits)
     trade = TradeOff(scale=alone.scale, drift=Drift(0, 0, 0, 0, 0))
@@ -321,9 +317,7 @@ def test_a_button_that_fails_elsewhere_fails_the_check(four: Four, beside: tuple
     assert any("The toggle button at the 57 point" in reason for reason in result.reasons)
 
 
-def test_more_points_than_patches_are_refused_in_a_sentence(
-    four: Four, beside: tuple[Calibration, ...]
-) -> None:
+def test_more_points_than_patches_are_refused(four: Four, beside: tuple[Calibration, ...]) -> None:
     press, limits, ours = make_press(), four.rig.limits, [four.calibrations[0], beside[0]]
     with pytest.raises(ConfigurationError, match=r"2 points cannot be moved .* by 1 patches"):
         drive_for(press, ours, limits, elsewhere={"57": None})
@@ -339,9 +333,7 @@ def test_more_points_than_patches_are_refused_in_a_sentence(
             drive_for(press, [*four.calibrations, *beside], limits, elsewhere={"57": (late(press), size)})
 
 
-def test_one_amplifier_for_all_patches_is_told_before_anything_is_played(
-    calibrated: Calibrated, button: DigitalButton
-) -> None:
+def test_one_amplifier_for_all_is_told_before_a_play(calibrated: Calibrated, button: DigitalButton) -> None:
     rig = calibrated.rig
     drive = replace(button.drive, rig=rig.name, rate_hz=rig.table.rate_hz)
     with rig.captures() as captures, pytest.raises(ConfigurationError, match="no channel of its own"):

@@ -35,9 +35,7 @@ def at(rate_hz: float) -> object:
         (1000, 48_000, 48_000 / 9),
     ],
 )
-def test_a_press_is_driven_as_it_was_recorded_whatever_the_rates(
-    pressed_hz: float, driven_hz: float, grid_hz: float
-) -> None:
+def test_any_rates_drive_a_press_as_recorded(pressed_hz: float, driven_hz: float, grid_hz: float) -> None:
     """It moves as it did, at the same time; nothing is added that was not recorded."""
     table = SimpleNamespace(rate_hz=float(driven_hz), ringing=0.1, carriers=(0.0,))
     grid = target_grid([at(pressed_hz)], table, "broadband")

@@ -145,9 +145,7 @@ def test_what_only_the_calibration_may_show_above_the_laser_is_no_pass(
 
 @pytest.mark.long
 @pytest.mark.many_plays
-def test_the_bound_above_the_band_holds_for_drives_unlike_the_multisine_of_its_calibration(
-    open: OpenRig, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_bound_above_the_band_holds_for_drives(open: OpenRig, monkeypatch: pytest.MonkeyPatch) -> None:
     """Hysteresis counts more in a quiet drive: one of 9 of 48 V moved 0.24 above, of a bound of 0.19."""
     rig = open(seed=77, hysteresis=0.3)
     calibration, click = calibrate(rig), make_press(((400, 40, 0.0007),))
@@ -164,9 +162,7 @@ def test_the_bound_above_the_band_holds_for_drives_unlike_the_multisine_of_its_c
 
 
 @pytest.mark.timeout(7200)
-def test_a_button_that_passes_moves_nothing_else(
-    open: OpenRig, full: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_pass_moves_nothing_else(open: OpenRig, full: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """20 tables that nobody chose, three buttons, every way to compute a drive."""
     if not full:
         pytest.skip("calibrates 20 tables: runs with --full")

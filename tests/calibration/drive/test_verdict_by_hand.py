@@ -116,9 +116,7 @@ def test_noise_within_the_band_drowns_nothing_above_it() -> None:
 
 
 @pytest.mark.parametrize(("share", "told"), [(0.04, False), (0.06, True)])
-def test_tones_that_were_taken_out_are_told_from_five_percent_of_the_target_on(
-    share: float, told: bool
-) -> None:
+def test_tones_taken_out_are_told_from_five_percent_of_the_target(share: float, told: bool) -> None:
     rms = share * np.sqrt(2.0)  # of a sine of 2 m/s^2
     played = Played(np.array([TARGET] * 3), RATE, 1000.0, (40.0,), None, 0.0, np.array([50.0]), rms)
     found = compare(DRIVE, played, RIG)
@@ -448,9 +446,7 @@ def test_a_negative_power_has_the_root_zero() -> None:
 @pytest.mark.parametrize(
     ("deviation", "value"), [(0.02, 0.06), (0.004, 0.045), (0.01, 0.03), (1e-5, 0.03), (0.5, 0.041)]
 )
-def test_the_plays_needed_are_the_first_whose_interval_leaves_out_the_limit(
-    deviation: float, value: float
-) -> None:
+def test_the_plays_needed_leave_out_the_limit_first(deviation: float, value: float) -> None:
     reaches = {n: stats.t.ppf(0.975, n - 1) * deviation * np.sqrt(5 / n) for n in range(6, 65)}
     expected = next((n for n, reach in reaches.items() if abs(value - 0.04) > reach), None)
     assert plays_needed(SharedPower(value, deviation, 0.0, 5), 0.2) == expected

@@ -163,9 +163,7 @@ def test_another_plan_is_refused(open: OpenRig, tmp_path: Path) -> None:
         MapFolder.open(tmp_path / "map")
 
 
-def test_a_point_without_light_is_left_out_with_the_reason(
-    open: OpenRig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_no_light_leaves_a_point_out(open: OpenRig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rig = open()
     (plan,) = short(rig)
     aimed: list[str] = []

@@ -40,9 +40,7 @@ def said(calibration: Calibration, label: str) -> str:
     ],
     ids=["steady", "wandering", "starts", "starts in the last play"],
 )
-def test_a_machine_is_no_resonance_and_is_named(
-    open: OpenRig, machine: dict[str, Any], background: str
-) -> None:
+def test_a_machine_is_no_resonance(open: OpenRig, machine: dict[str, Any], background: str) -> None:
     fault = {"kind": "rotating-machine", "channel": "laser", "frequency": 50.0, **machine}
     rig = open(seed=1, faults=[fault])
     calibration = calibrate(rig)

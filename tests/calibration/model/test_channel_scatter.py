@@ -70,9 +70,7 @@ def before() -> Calibration:
 
 
 @pytest.mark.parametrize("drift", [{}, {"common": 0.005}, {"own": 0.002}, {"damping_scale": 1.05}], ids=str)
-def test_gain_and_delay_of_a_channel_are_told_from_a_drift_of_the_table(
-    before: Calibration, drift: dict[str, float]
-) -> None:
+def test_gain_and_delay_are_told_from_a_drift(before: Calibration, drift: dict[str, float]) -> None:
     for gain, delay in ((0.0, 0.0), (0.006, 1.5e-6)):
         found = channel_change(before, measured(gain=gain, delay=1e-5 + delay, **drift))
         assert found.gain == pytest.approx(gain, abs=0.001)

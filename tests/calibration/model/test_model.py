@@ -81,9 +81,7 @@ def test_poles_that_coincide_become_one() -> None:
 
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize(("damping_scale", "snr_db", "most"), [(1, 37, 1.4), (3, 37, 1.7), (1, 27, 1.5)])
-def test_the_fit_is_as_good_as_its_number_of_parameters_allows(
-    full: bool, damping_scale: float, snr_db: float, most: float
-) -> None:
+def test_the_fit_is_efficient(full: bool, damping_scale: float, snr_db: float, most: float) -> None:
     """Within 1.4 of the bound of 12 pole pairs, a constant and a slope: 50 parameters; always stable.
 
     The bound is of the mean square; a fit that is told the order strays to 1.13 of it. Where modes overlap

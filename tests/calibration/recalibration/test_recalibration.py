@@ -144,9 +144,7 @@ def test_three_percent_are_brought_back(open: OpenRig, history: History) -> None
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_what_is_broken_is_named_and_changes_nothing(
-    open: OpenRig, history: History, fault: dict[str, Any], says: str
-) -> None:
+def test_what_is_broken_is_named(open: OpenRig, history: History, fault: dict[str, Any], says: str) -> None:
     """Drifted by 3 % as well: broken comes first."""
     before = content(history)
     rig = left_alone(open(mode_drift=0.03, faults=[fault]))
@@ -160,9 +158,7 @@ def test_what_is_broken_is_named_and_changes_nothing(
 @pytest.mark.requires("simulation")
 @pytest.mark.long
 @pytest.mark.parametrize("width", [0.2, 0.0])
-def test_another_hysteresis_is_a_drift_that_is_found_and_brought_back(
-    open: OpenRig, history: History, full: bool, width: float
-) -> None:
+def test_another_hysteresis_is_a_drift(open: OpenRig, history: History, full: bool, width: float) -> None:
     """The response at the level of the measurement is as it was, and the old drive is 17 to 26 % off."""
     if width == 0.0 and not full:
         pytest.skip("the same with no hysteresis left: with --full only")
@@ -181,9 +177,7 @@ def kept(rig: Rig, calibration: Calibration) -> tuple[Calibration, Waveforms]:
     return calibration, Waveforms.of(rig, (), calibration.digest, "A", "button")
 
 
-def test_a_new_calibration_keeps_what_is_known_of_its_channel(
-    calibrated: Calibrated, history: History, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_channel_is_kept(calibrated: Calibrated, history: History, monkeypatch: pytest.MonkeyPatch) -> None:
     (button,) = buttons_of(history.active()).values()
     scatter = ChannelScatter(gain=0.002, delay=1e-7, changes=8, seconds=86_400.0)
     pressed: Any = SimpleNamespace(participant="P07")
@@ -202,9 +196,7 @@ def test_a_new_calibration_keeps_what_is_known_of_its_channel(
 @pytest.mark.long
 @pytest.mark.usefixtures("looked_once")
 @pytest.mark.requires("simulation")
-def test_what_the_response_does_not_show_is_seen_when_the_button_is_played(
-    calibrated: Calibrated, history: History, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_play_shows_more(calibrated: Calibrated, history: History, monkeypatch: pytest.MonkeyPatch) -> None:
     """A button that fails on a table that seems unchanged is made anew; nothing else would tell."""
     (button,) = buttons_of(history.active()).values()
     failed = replace(button.check, verdict="fail", reasons=("It is off.",))
@@ -221,7 +213,7 @@ def test_what_the_response_does_not_show_is_seen_when_the_button_is_played(
 
 @pytest.mark.long
 @pytest.mark.usefixtures("looked_once")
-def test_every_button_has_its_turn_and_the_least_margin_is_first(
+def test_the_least_is_first(
     calibrated: Calibrated, history: History, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (push,) = buttons_of(history.active()).values()
@@ -289,9 +281,7 @@ def test_a_point_that_nobody_aims_at_is_not_measured(calibrated: Calibrated, his
 
 
 @pytest.mark.long
-def test_a_button_that_needs_another_point_is_not_played_when_nobody_aims_there(
-    open: OpenRig, history: History, tmp_path: Path
-) -> None:
+def test_a_button_that_nobody_aims_at_is_not_played(open: OpenRig, history: History, tmp_path: Path) -> None:
     """A night with two-button files alone ended in an internal error."""
     (push,) = buttons_of(history.active()).values()
     (here,) = push.calibrations
@@ -496,9 +486,7 @@ def test_what_becomes_active_is_logged_and_what_is_refused_is_not(
     assert logged == [("adopted", second.name, "once more"), ("activated", first.name, "was better")]
 
 
-def test_what_cannot_be_logged_does_not_become_active(
-    history: History, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_unlogged_is_not_active(history: History, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "file").write_text("in the way", encoding="utf-8")
     monkeypatch.setenv("HAPLOOP_STATE", str(tmp_path / "file"))
     first, activations = history.active(), history.activations
@@ -522,9 +510,7 @@ def test_what_cannot_be_logged_does_not_become_active(
     ],
     ids=["hum", "a motor that starts meanwhile"],
 )
-def test_nothing_is_activated_from_a_disturbed_measurement(
-    open: OpenRig, history: History, fault: dict[str, Any]
-) -> None:
+def test_a_disturbed_measurement_is_no_use(open: OpenRig, history: History, fault: dict[str, Any]) -> None:
     """Seven of ten buttons were "restored" under hum and 23 to 37 % wrong."""
     before = content(history)
     rig = left_alone(open(mode_drift=0.02, faults=[{"channel": "laser", **fault}]))
@@ -538,9 +524,7 @@ def test_nothing_is_activated_from_a_disturbed_measurement(
 @pytest.mark.requires("simulation")
 @pytest.mark.parametrize("scale", [0.7, 0.85, 0.93, 1.07, 1.3])
 @pytest.mark.parametrize("drifted", [False, True])
-def test_a_laser_askew_is_named_and_nothing_is_adopted(
-    open: OpenRig, history: History, full: bool, scale: float, drifted: bool
-) -> None:
+def test_a_laser_askew(open: OpenRig, history: History, full: bool, scale: float, drifted: bool) -> None:
     """A factor within the accepted gain is told on a table as it was, and stops what a drift would begin."""
     if not full and (scale, drifted) not in {(0.85, False), (1.3, True), (0.93, True)}:
         pytest.skip("the same with other scales: with --full only")
@@ -560,9 +544,7 @@ def test_a_laser_askew_is_named_and_nothing_is_adopted(
 
 
 @pytest.mark.requires("simulation")
-def test_what_cannot_be_told_is_no_drift(
-    open: OpenRig, history: History, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_untold_is_no_drift(open: OpenRig, history: History, monkeypatch: pytest.MonkeyPatch) -> None:
     """The plays do not tell whether the button is right, and nothing has changed: that was "drifted"."""
     monkeypatch.setattr(sizes, "MORE_PLAYS", 1)
     # Else it would be judged up to a lower frequency, and pass.

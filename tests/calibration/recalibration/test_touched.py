@@ -35,9 +35,7 @@ def found(outcome: Outcome) -> str:
 @pytest.mark.parametrize(
     ("mass", "force", "palm"), [(0.96, 5.0, True), (0.32, 5.0, False), (0.096, 0.25, False)]
 )
-def test_a_hand_is_named_and_nothing_is_adopted_while_nobody_is_asked(
-    open: OpenRig, history: History, mass: float, force: float, palm: bool
-) -> None:
+def test_a_hand_is_named(open: OpenRig, history: History, mass: float, force: float, palm: bool) -> None:
     before = content(history)
     rig = left_alone(open(pane_mass=mass, faults=[hand(force=force, palm=palm, point="31")]))
     rig.clock.sleep(1.0)
@@ -93,9 +91,7 @@ def test_a_hand_that_comes_while_buttons_are_made_is_not_adopted(
 
 
 @pytest.mark.night
-def test_a_hand_that_leaves_while_buttons_are_made_is_not_adopted(
-    open: OpenRig, history: History, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_hand_that_leaves(open: OpenRig, history: History, monkeypatch: pytest.MonkeyPatch) -> None:
     """Somebody confirmed that nothing rests on the table, and was wrong about it."""
     before = content(history)
     rig = open(pane_mass=0.3, mode_drift=0.01, faults=[hand(point="31")])
@@ -119,9 +115,7 @@ def modes(calibrated: Calibrated) -> Any:
 
 
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.night) for seed in range(1, 4))])
-def test_real_drift_is_no_hand_and_a_hand_on_a_drifted_table_is_one(
-    calibrated: Calibrated, seed: int
-) -> None:
+def test_drift_is_no_hand_but_a_hand_on_a_drifted_table_is(calibrated: Calibrated, seed: int) -> None:
     """Against the plant's own response, with noise as in a look: frequencies, dampings alike, both."""
     rng, active = np.random.default_rng(seed), calibrated.calibration
     whole, f = modes(calibrated), active.response.frequencies

@@ -48,9 +48,7 @@ def shape_error(rig: Rig, found: Any) -> float:
 @pytest.mark.long
 @pytest.mark.requires("simulation")
 @pytest.mark.many_plays
-def test_a_calibration_by_the_generator_is_as_near_the_truth_as_one_by_the_daq(
-    open: OpenRig, file: str
-) -> None:
+def test_a_calibration_by_generator_is_as_near_the_truth_as_by_daq(open: OpenRig, file: str) -> None:
     rig = open(file, seed=23)
     found = calibrate(rig)
     error = shape_error(rig, found.response)
@@ -78,7 +76,7 @@ def test_one_sweep_is_found_in_what_the_monitor_shows(open: OpenRig, file: str) 
 
 
 @pytest.mark.requires("simulation")
-def test_another_sweep_than_the_one_asked_for_is_refused(
+def test_another_sweep_than_asked_is_refused(
     open: OpenRig, file: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rig = open(file)

@@ -85,9 +85,7 @@ def test_noise_coherence_and_path_are_what_the_rig_has(calibrated: Calibrated) -
     ],
     ids=["from rest", "settled", "all lines", "interleaved", "sweep"],
 )
-def test_the_truth_lies_within_the_confidence_band(
-    open: OpenRig, excitation: Multisine | LinearSweep
-) -> None:
+def test_the_truth_is_within_the_confidence_band(open: OpenRig, excitation: Multisine | LinearSweep) -> None:
     rig = open(hysteresis=0, vibrometer_noise_scale=20, seed=12)
     response = measure_response(rig, excitation=excitation)
     inside = response.frequencies > 30
@@ -185,9 +183,7 @@ def test_a_laser_out_of_range_is_said(open: OpenRig, monkeypatch: pytest.MonkeyP
         measure_response(rig, excitation=SHORT)
 
 
-def test_nothing_is_measured_that_the_operator_did_not_confirm(
-    open: OpenRig, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_nothing_unconfirmed_is_measured(open: OpenRig, monkeypatch: pytest.MonkeyPatch) -> None:
     rig = open()
     monkeypatch.setattr(rig.operator, "confirm", lambda request: not isinstance(request, Aim))
     with pytest.raises(InstrumentError, match="Aim the laser"):

@@ -35,7 +35,7 @@ def response() -> Response:
     )
 
 
-def test_a_full_disk_is_one_sentence_and_leaves_nothing(
+def test_a_full_disk_leaves_nothing(
     tmp_path: Path, response: Response, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(*_arguments: Any, **_settings: Any) -> None:
@@ -113,9 +113,7 @@ def exported(path: Path, **change: Any) -> Path:
 
 
 @pytest.mark.parametrize(("kind", "unit", "power"), [(8, "m", 1), (11, "m/s", 0), (12, "m/s^2", -1)])
-def test_a_vibrometers_export_is_velocity_whatever_it_holds(
-    tmp_path: Path, kind: int, unit: str, power: int
-) -> None:
+def test_a_vibrometers_export_is_velocity(tmp_path: Path, kind: int, unit: str, power: int) -> None:
     told = {"ordinate_spec_data_type": kind, "ordinate_axis_units_lab": unit}
     (one,) = read_uff(exported(tmp_path / "scan.uff", **told), patch="A")
     f = one.frequencies
@@ -164,9 +162,7 @@ def test_files_that_are_none_say_so(response: Response, tmp_path: Path) -> None:
             read_uff(cut)
 
 
-def test_an_imported_response_is_fitted_and_needs_a_rig_to_be_played(
-    response: Response, tmp_path: Path
-) -> None:
+def test_an_imported_response_is_fitted_and_needs_a_rig(response: Response, tmp_path: Path) -> None:
     path = tmp_path / "scan.uff"
     write_uff(path, [response])
     (alone,) = read_uff(path)

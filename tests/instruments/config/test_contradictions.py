@@ -199,9 +199,7 @@ def test_people_that_no_lab_can_have_measured_are_refused(tmp_path: Path, before
 
 
 @pytest.mark.parametrize("uncertainty", [2.74, 2.6])
-def test_a_mean_is_known_as_well_as_so_many_people_tell_it_and_no_better(
-    tmp_path: Path, uncertainty: float
-) -> None:
+def test_a_mean_is_known_no_better_than_so_many_people_tell_it(tmp_path: Path, uncertainty: float) -> None:
     """12 who differ by 5 dB tell it to 2.8 dB at best; 0.1 dB are lost by rounding."""
     path = tmp_path / "people.toml"
     path.write_text(PEOPLE.replace("uncertainty = 3.5", f"uncertainty = {uncertainty}"), encoding="utf-8")

@@ -226,9 +226,7 @@ def test_a_key_of_very_many_parts_takes_no_memory(tmp_path: Path, text: str) -> 
         ("amplifier", "current_average = 0.06", "current_average = 0.06 is not"),
     ],
 )
-def test_a_figure_that_is_not_the_products_own_states_its_source(
-    table: str, line: str, own: str, tmp_path: Path
-) -> None:
+def test_a_figure_not_the_products_own_states_source(table: str, line: str, own: str, tmp_path: Path) -> None:
     """With rating = 400 for a box of 48 V, 150 V were played whole."""
     text = f'base = "haptable"\n[{table}]\n{line}\n'
     with pytest.raises(ConfigurationError, match=f"{own}.*say where it is from in rating_source"):

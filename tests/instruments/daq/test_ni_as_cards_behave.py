@@ -29,9 +29,7 @@ def _rig(tmp_path: Path, devices: str, channels: str, outputs: str = "", more: s
 @pytest.mark.parametrize(
     ("product", "delay"), [("NI 9234", -(40 + 5 / 512) / 5120 - 2.6e-6), ("NI 9215", 0.0)]
 )
-def test_a_delta_sigma_input_has_rates_of_its_own_and_is_late_by_its_filter(
-    tmp_path: Path, simulate: haploop.Mode, product: str, delay: float
-) -> None:
+def test_a_delta_sigma_input(tmp_path: Path, simulate: haploop.Mode, product: str, delay: float) -> None:
     rig = _rig(tmp_path, f'cDAQ1Mod1 = "{product}"', 'force = { terminal = "cDAQ1Mod1/ai0", range = 5 }')
     with (
         haploop.open_rig(rig, simulate=simulate) as opened,
@@ -44,7 +42,7 @@ def test_a_delta_sigma_input_has_rates_of_its_own_and_is_late_by_its_filter(
 
 @BOTH
 @pytest.mark.parametrize("product", ["PCI-6052E", "PCIe-6321"])
-def test_a_play_on_the_inputs_clock_is_whole_on_old_cards_too(
+def test_an_old_card_plays_whole_on_inputs_clock(
     tmp_path: Path, simulate: haploop.Mode, product: str
 ) -> None:
     """An E Series output is done one pulse after its last sample, which the inputs' clock never gives."""
@@ -98,9 +96,7 @@ def test_such_an_output_is_never_done_on_another_clock_of_as_many_pulses() -> No
 @pytest.mark.parametrize(
     "kind", ['coupling = "ac"', "excitation = 0.002", 'bridge = "full"', 'config = "pseudodiff"']
 )
-def test_a_supply_that_the_product_has_not_is_refused_in_one_sentence(
-    tmp_path: Path, simulate: haploop.Mode, kind: str
-) -> None:
+def test_a_supply_the_product_has_not_is_refused(tmp_path: Path, simulate: haploop.Mode, kind: str) -> None:
     channel = f'force = {{ terminal = "Dev1/ai0", range = 5, {kind} }}'
     rig = _rig(tmp_path, 'Dev1 = "PCIe-6321"', channel)
     with (
@@ -170,9 +166,7 @@ def test_an_output_without_a_clock_is_refused(tmp_path: Path, simulate: haploop.
 
 
 @BOTH
-def test_a_product_that_is_described_in_the_rig_file_is_simulated(
-    tmp_path: Path, simulate: haploop.Mode
-) -> None:
+def test_a_product_described_in_the_rig_file_is_simulated(tmp_path: Path, simulate: haploop.Mode) -> None:
     described = '[daq.products."USB-9999"]\nlike = "USB-6211"\nai_ranges = [3.0]\nsource = "its label"'
     rig = _rig(tmp_path, 'Dev1 = "USB-9999"', 'force = { terminal = "Dev1/ai0", range = 2 }', more=described)
     with (
@@ -198,9 +192,7 @@ range = 0.01
 
 
 @BOTH
-def test_a_cap_at_rest_stands_where_it_stood_and_doctor_takes_an_encoder(
-    tmp_path: Path, simulate: haploop.Mode
-) -> None:
+def test_a_cap_at_rest_stays_and_doctor_takes_an_encoder(tmp_path: Path, simulate: haploop.Mode) -> None:
     (tmp_path / "rig.toml").write_text(ENCODER)
     with haploop.open_rig(tmp_path / "rig.toml", simulate=simulate) as opened:
         with opened.daq.stream(["travel", "force"], 5000, 100, 2000) as stream:

@@ -36,9 +36,7 @@ def cut(data: bytes, sizes: list[int]) -> list[bytes]:
     rows=st.lists(st.tuples(st.integers(-9000, 9000), st.integers(0, 9000), st.integers(0, 200)), min_size=2),
     sizes=st.lists(st.integers(0, 9), max_size=40),
 )
-def test_what_is_sent_is_received_however_it_is_cut(
-    name: str, rows: list[tuple[int, int, int]], sizes: list[int]
-) -> None:
+def test_what_is_sent_is_received(name: str, rows: list[tuple[int, int, int]], sizes: list[int]) -> None:
     framing = Framing.model_validate(FRAMINGS[name])
     decoder = Decoder(framing)
     # The first line may have lost its beginning: it belongs to no frame.
@@ -57,7 +55,7 @@ def test_what_is_sent_is_received_however_it_is_cut(
     at=st.integers(0, 30),
     sizes=st.lists(st.integers(1, 9), max_size=60),
 )
-def test_a_damaged_frame_takes_its_place_and_no_other(
+def test_a_damaged_frame_costs_only_itself(
     name: str, which: int, flip: int, at: int, sizes: list[int]
 ) -> None:
     """Any byte of any frame: at most two frames are damaged, and none is another number than was sent."""

@@ -128,9 +128,7 @@ def test_a_waveform_is_heard_at_sample_0_at_its_volts() -> None:
         assert np.abs(direct.play(wave, "spare")[0] - wave).max() < 2e-3
 
 
-def test_whoever_reads_the_plant_while_it_plays_changes_nothing_of_what_is_heard(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_reading_the_plant_changes_nothing_of_what_is_heard(monkeypatch: pytest.MonkeyPatch) -> None:
     """A board on the wire reads in a thread of its own, and may come first after each wait."""
     alone, read = Bench(), Bench()
     sleep = read.plant.clock.sleep

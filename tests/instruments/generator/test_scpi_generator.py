@@ -274,7 +274,7 @@ def served() -> Iterator[tuple[LineServer, Keysight33500]]:
         ("disconnect", r"'OUTP1\?'"),
     ],
 )
-def test_a_fault_of_the_line_is_one_sentence_and_passes(
+def test_a_fault_of_the_line_passes(
     served: tuple[LineServer, Keysight33500], kind: str, sentence: str
 ) -> None:
     server, generator = served
@@ -335,7 +335,7 @@ def test_no_such_resource_is_one_sentence(resource: str) -> None:
         (Arbitrary, ([0, 1, 0], 1e-6), "too long to be judged"),
     ],
 )
-def test_a_waveform_that_no_generator_can_play(
+def test_what_no_generator_can_play(
     kind: Callable[..., Waveform], figures: tuple[Any, ...], told: str
 ) -> None:
     with pytest.raises(ConfigurationError, match=told):

@@ -214,9 +214,7 @@ def test_another_program_gets_the_blocks(feed: Feed, publisher: Publisher) -> No
         assert tap.dropped == 0
 
 
-def test_a_client_that_does_not_read_costs_nothing_and_is_told_what_it_missed(
-    feed: Feed, publisher: Publisher
-) -> None:
+def test_a_client_that_does_not_read_is_told_what_it_missed(feed: Feed, publisher: Publisher) -> None:
     link = _link(publisher, _token(publisher))
     with link, watch_live(FILE, address=publisher.path, capacity=1000) as other:
         _until(lambda: len(feed._taps) == 2)
@@ -259,9 +257,7 @@ def _exactly(link: socket.socket, count: int) -> bytes:
 
 
 @pytest.mark.parametrize("kind", ["nothing", "noise", "half", "another token", "token and noise"])
-def test_a_client_that_talks_nonsense_gets_nothing_and_others_go_on(
-    feed: Feed, publisher: Publisher, kind: str
-) -> None:
+def test_a_client_that_talks_nonsense_gets_nothing(feed: Feed, publisher: Publisher, kind: str) -> None:
     token = _token(publisher)
     greeting = {
         "nothing": b"",
@@ -364,9 +360,7 @@ with watch_live("simulated", address=sys.argv[1]) as tap:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no signal that stops a process")
-def test_a_recording_does_not_wait_for_a_viewer_that_is_stopped_or_killed(
-    open_rig: OpenRig, tmp_path: Path
-) -> None:
+def test_a_recording_does_not_wait_for_a_stopped_viewer(open_rig: OpenRig, tmp_path: Path) -> None:
     rig = open_rig()
     with rig.publish_live() as publisher:
         command = [sys.executable, "-c", STOPPED, str(publisher.path)]

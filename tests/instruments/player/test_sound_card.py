@@ -130,9 +130,7 @@ def test_a_busy_device_is_one_sentence() -> None:
         (OSError("PortAudio library not found"), "install the distribution's PortAudio"),
     ],
 )
-def test_without_sounddevice_the_sentence_says_what_to_install(
-    error: Exception, says: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_sounddevice(error: Exception, says: str, monkeypatch: pytest.MonkeyPatch) -> None:
     def load(name: str) -> object:
         assert name == "sounddevice"
         raise error
@@ -209,9 +207,7 @@ def test_the_begin_does_not_depend_on_what_the_coupling_is_believed_to_be(
     assert capture.timing.begin - truth == pytest.approx(42.2e-6, abs=2e-6 if corner == 5 else 15e-6)
 
 
-def test_the_operator_confirms_what_no_software_can_read(
-    open: OpenRig, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_operator_confirms_what_cannot_be_read(open: OpenRig, monkeypatch: pytest.MonkeyPatch) -> None:
     rig = open("sound-card")
     asked: list[str] = []
 
@@ -256,9 +252,7 @@ def test_an_underflow_on_the_rig_is_an_error_and_leaves_it_safe(open: OpenRig) -
     assert capture.delays.shape == capture.overload.shape == (1,)
 
 
-def test_the_safe_state_stops_a_play_before_the_relay_opens(
-    open: OpenRig, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_play_stops_before_the_relay_opens(open: OpenRig, monkeypatch: pytest.MonkeyPatch) -> None:
     rig = open("sound-card")
     bypass_interlock(rig.player)
     truth, connect, seen = rig.simulation.truth, rig.relay.connect, []

@@ -103,9 +103,7 @@ def test_close_frees_the_port(wired: Setup) -> None:
     ],
     ids=lambda value: value.kind if isinstance(value, ReplyFault) else "",
 )
-def test_every_bad_answer_is_one_sentence_and_the_driver_recovers(
-    wired: Setup, fault: ReplyFault, sentence: str
-) -> None:
+def test_every_bad_answer_is_one_sentence_and_passes(wired: Setup, fault: ReplyFault, sentence: str) -> None:
     wired.wire.faults.append(fault)
     with pytest.raises(InstrumentError, match=sentence):
         wired.relay.connected()

@@ -162,9 +162,7 @@ def test_a_welded_contact_is_hidden_from_the_read_back(setup: Setup) -> None:
     ],
     ids=lambda value: value.kind if isinstance(value, ReplyFault) else "",
 )
-def test_every_bad_reply_is_one_sentence_within_the_deadline(
-    wired: Wired, fault: ReplyFault, sentence: str
-) -> None:
+def test_every_bad_reply_is_one_sentence_in_time(wired: Wired, fault: ReplyFault, sentence: str) -> None:
     wired.hub.faults.append(fault)
     clock = RealClock()
     for action in (wired.relay.connected, lambda: wired.relay.connect(["A"])):

@@ -41,9 +41,7 @@ SOURCES = pytest.mark.parametrize(
 
 
 @SOURCES
-def test_a_gain_that_is_higher_than_the_file_says_is_found_at_a_volt(
-    file: RigFile, play: Callable[[Rig], Any]
-) -> None:
+def test_a_gain_above_the_files_is_found_at_a_volt(file: RigFile, play: Callable[[Rig], Any]) -> None:
     """A tenth of the true gain of 50 in the file once put 168 V on the patch for 0.2 s."""
     stated = 25.0
     amplifier = file.amplifier.model_copy()  # type: ignore[union-attr]
@@ -177,9 +175,7 @@ def test_a_gain_that_cannot_be_proved_is_logged_once() -> None:
         ("wire", "simulated", 0.0),
     ],
 )
-def test_a_monitor_that_dies_after_the_proof_is_noticed_by_the_next_play(
-    mode: Mode, file: str, stands: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_monitor_dies_later(mode: Mode, file: str, stands: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """And the one after that is not played: a gain that is wrong by then reaches no patch.
 
     A dead monitor may show volts that stand (`stands`, at its terminal), as many as the play had.

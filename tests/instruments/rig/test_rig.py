@@ -31,9 +31,7 @@ def assert_safe(rig: Rig) -> None:
     assert max(map(abs, truth.patch_voltages.values())) < 0.02
 
 
-def test_the_relay_opens_when_the_drive_has_been_zero_for_a_while(
-    open: OpenRig, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_relay_opens_a_while_after_zero(open: OpenRig, monkeypatch: pytest.MonkeyPatch) -> None:
     """Several time constants of the amplifier: no contact switches under voltage."""
     rig = open()
     rig.relay.connect(["A"])
@@ -215,9 +213,7 @@ def test_a_sweep_beyond_a_limit_is_refused_before_anything_is_set(swept: Rig) ->
 
 
 @pytest.mark.requires("simulation")
-def test_the_generator_is_off_before_the_relay_opens_whatever_else_fails(
-    swept: Rig, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_generator_is_off_before_the_relay_opens(swept: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
     order: list[str] = []
     off, connect = swept.generator.off, swept.relay.connect
     swept.relay.connect(["A"])

@@ -202,9 +202,7 @@ def test_a_labs_folder_is_one_place_wherever_a_program_starts() -> None:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows' folders hand their rights on")
 @pytest.mark.parametrize("rights", [0o700, 0o755, 0o1777, 0o2770])
-def test_who_may_write_the_labs_folder_may_write_its_logs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rights: int
-) -> None:
+def test_logs_have_the_folders_rights(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rights: int) -> None:
     monkeypatch.delenv("HAPLOOP_STATE")
     place = tmp_path / "lab"
     place.mkdir()
@@ -219,9 +217,7 @@ def test_who_may_write_the_labs_folder_may_write_its_logs(
     assert log.stat().st_mode & 0o777 == rights & 0o666
 
 
-def test_a_folder_that_cannot_be_written_is_one_sentence(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_folder_that_cannot_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "file").touch()
     monkeypatch.setenv("HAPLOOP_STATE", str(tmp_path / "file"))
     for simulated in (True, False):

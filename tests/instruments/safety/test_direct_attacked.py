@@ -88,9 +88,7 @@ def test_a_coil_that_was_overheated_before_the_rig_was_opened_cools_first(here: 
         rig.excite(tone(0.1), ["A"], ["drive"])
 
 
-def test_an_output_that_was_taken_is_a_lockout_whoever_finds_it_first(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_taken_output_locks_out_whoever_finds_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Between two looks, a play or a safe state comes first."""
     monkeypatch.setattr("haploop.instruments.safety.machine._place", lambda: tmp_path / "place")
     for number in range(2):
@@ -111,9 +109,7 @@ def test_an_output_that_was_taken_is_a_lockout_whoever_finds_it_first(
 
 
 @pytest.mark.long
-def test_whoever_takes_the_output_again_and_again_gets_zero_as_soon_each_time(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_who_takes_the_output_gets_zero_each_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("haploop.instruments.safety.machine._place", lambda: tmp_path / "place")
     path, world = served(tmp_path)
     with open_rig(path) as rig, clients(rig) as (other,):

@@ -171,9 +171,7 @@ def test_a_coil_stays_warm_from_one_program_to_the_next(here: Lab) -> None:
         rig.excite(drive, ["A"], ["drive"])
 
 
-def test_a_record_of_the_heat_that_cannot_be_read_counts_as_all_that_a_coil_takes(
-    here: Lab, tmp_path: Path
-) -> None:
+def test_an_unreadable_record_of_heat_counts_as_all_that_a_coil_takes(here: Lab, tmp_path: Path) -> None:
     drive = 0.9 * np.sin(2 * np.pi * 250 * np.arange(RATE) / RATE)
     drive[-1] = 0.0
     with open_rig(warm(0.012)) as rig:

@@ -92,9 +92,7 @@ def test_a_count_that_cannot_be_read_is_a_full_minute(here: Lab, tmp_path: Path)
         rig.excite(TONE, ["A"], ["drive"])
 
 
-def test_a_computer_that_was_started_again_forgets_nothing_and_remembers_it_once(
-    here: Lab, tmp_path: Path
-) -> None:
+def test_a_computer_started_again_remembers_each_play_once(here: Lab, tmp_path: Path) -> None:
     """The clock began anew: what was played counts as just ended, and is a minute old a minute later."""
     with open_rig(allowed(0.05)) as rig:
         rig.excite(TONE, ["A"], ["drive"])
@@ -115,9 +113,7 @@ def test_a_calendar_that_is_set_forward_forgets_nothing(here: Lab, monkeypatch: 
     assert busiest_minute(bursts(record)) < 3.01
 
 
-def test_nothing_is_played_that_cannot_be_counted(
-    here: Lab, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_cannot_be_counted(here: Lab, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*_: Any) -> None:
         raise OSError(28, "No space left on device")
 

@@ -123,9 +123,7 @@ def test_the_outputs_that_are_set_to_zero_are_not_forgotten() -> None:
         assert reached(rig) < 0.1
 
 
-def test_a_stream_that_ends_in_another_thread_keeps_its_card_until_its_tasks_are_closed(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_stream_keeps_its_card_until_its_tasks_are_closed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Outputs were read of a card whose inputs were still reserved, and the rig said "in use" (-50103)."""
     with open_rig("haptable", simulate="wire") as rig:
         stream = rig.daq.stream(["laser"], 50_000, 500, samples=5_000)

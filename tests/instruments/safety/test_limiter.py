@@ -284,9 +284,7 @@ def rewrite(target: object, **values: object) -> None:
         (lambda r: rewrite(r, file=load_rig_file("four-channel")), "limit"),
     ],
 )
-def test_what_the_limits_rest_on_is_compared_with_a_copy(
-    rig: Rig, change: Callable[[Rig], object], what: str
-) -> None:
+def test_limits_are_compared_with_a_copy(rig: Rig, change: Callable[[Rig], object], what: str) -> None:
     """Once, 157 V were played for 0.1 s by a notebook that had rewritten its limits."""
     rig.excite(TONE, ["A"], ["drive"])
     change(rig)

@@ -42,9 +42,7 @@ def test_clearing_reaches_every_piece_and_makes_no_file(tmp_path: Path, piece: s
     assert list(tmp_path.iterdir()) == [path_of(tmp_path, piece)]
 
 
-def test_a_lockout_that_cannot_be_read_locks_out_and_one_that_cannot_be_cleared_is_said(
-    tmp_path: Path,
-) -> None:
+def test_an_unreadable_lockout_locks_out_and_an_unclearable_one_is_said(tmp_path: Path) -> None:
     path_of(tmp_path, PIECES[1]).write_bytes(b"{}")
     found = lockout_of(tmp_path, PIECES)
     assert found is not None and "is damaged or was changed by hand" in found.why

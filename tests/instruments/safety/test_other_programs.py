@@ -63,9 +63,7 @@ def lab(tmp_path: Path) -> Iterator[tuple[Path, Simulation]]:
 
 
 @POSIX
-def test_another_program_is_refused_and_one_that_is_killed_leaves_an_open_relay(
-    lab: tuple[Path, Simulation], tmp_path: Path
-) -> None:
+def test_a_killed_program_leaves_an_open_relay(lab: tuple[Path, Simulation], tmp_path: Path) -> None:
     path, world = lab
     with subprocess.Popen(
         [sys.executable, "-c", CHILD, str(path)], stdout=subprocess.PIPE, text=True
@@ -145,9 +143,7 @@ def test_hardware_that_answered_too_late_is_not_used_under_another_name(
     open_rig(path).close()
 
 
-def test_a_lock_and_a_mark_hold_on_a_disk_that_takes_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_lock_and_a_mark_hold_on_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The holder's name is missing then, and no more; a network disk may refuse as late as on closing."""
     monkeypatch.setattr("haploop.instruments.safety.machine._place", lambda: tmp_path)
     close = os.close

@@ -237,9 +237,7 @@ STAIRS = Arbitrary(np.array([0.0, 0.0, 2.0, 6.0, 10.0, 5.0, -3.0, -8.0, 0.0, 0.0
     ],
     ids=str,
 )  # fmt: skip
-def test_any_waveform_is_held_to_its_limits(
-    world: World, waveform: Waveform, limits: Limits, told: str
-) -> None:
+def test_a_waveform_is_held_to_limits(world: World, waveform: Waveform, limits: Limits, told: str) -> None:
     if not told:
         with world.permit_waveform(waveform, limits=limits) as at_output:
             assert at_output.amplitude == pytest.approx(0.2)
@@ -286,7 +284,7 @@ def test_a_waveform_that_states_less_than_it_plays_is_refused(world: World, lyin
 
 
 @pytest.mark.parametrize("samples", [(np.zeros(0), 1000.0), (np.ones(5), 0.0), (["volts"], 1.0), None])
-def test_a_waveform_that_cannot_be_judged_is_one_sentence(
+def test_a_waveform_that_cannot_be_judged(
     world: World, samples: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(Foreign, "sampled", lambda *_: samples)
@@ -354,9 +352,7 @@ def test_what_a_player_makes_of_it_is_held_to_its_volts_and_not_to_its_ends(worl
         pass
 
 
-def test_a_play_that_began_more_than_a_minute_ago_is_counted_until_a_minute_after_its_end(
-    world: World,
-) -> None:
+def test_a_long_play_is_counted_until_a_minute_after_its_end(world: World) -> None:
     long = np.sin(np.arange(65_000) / 3)
     with world.permit({"one": long}):
         world.clock.sleep(65.0)

@@ -35,9 +35,7 @@ def test_doctor_shows_a_box_that_may_close_at_power_on_in_red(monkeypatch: pytes
     assert (shown.status, shown.sentence) == ("red", complaint)
 
 
-def test_a_card_that_reports_no_number_is_known_by_its_name_and_server(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_card_without_a_number_is_known_by_name_and_server(monkeypatch: pytest.MonkeyPatch) -> None:
     # Of the modules that have been imported: another test may have imported them anew.
     cards = importlib.import_module("haploop.instruments.daq.ni_cards")
     monkeypatch.setattr(cards, "numbers_of", lambda *_: {"Dev1": ("PCI-6034E 1A",)})

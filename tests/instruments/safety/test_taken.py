@@ -54,9 +54,7 @@ def assert_locked_out(rig: Rig) -> None:
 @pytest.mark.parametrize("patches", [["A"], []], ids=["patch", "no patch"])
 @pytest.mark.parametrize("block", [1, 3, 6, 7], ids=["begin", "middle", "end", "tail"])
 @pytest.mark.parametrize("writes", [True, False], ids=["writes", "only resets"])
-def test_a_play_in_which_another_client_resets_the_card_locks_out(
-    patches: list[str], block: int, writes: bool
-) -> None:
+def test_a_reset_of_the_card_in_a_play_locks_out(patches: list[str], block: int, writes: bool) -> None:
     with open_rig("simulated", simulate="wire") as rig, clients(rig) as (other,):
 
         def take(_rig: Rig) -> None:

@@ -53,9 +53,7 @@ def for_ever(*_: object) -> None:
 
 
 @pytest.mark.usefixtures("patient")
-def test_an_instrument_that_hangs_on_its_way_out_keeps_no_other_from_it(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_an_instrument_that_hangs_keeps_no_other_from_its_way_out(monkeypatch: pytest.MonkeyPatch) -> None:
     begun = time.monotonic()
     with pytest.raises(InstrumentError, match=r"not confirmed: The daq .* hangs: .* 0\.2 s\. .*by hand"):  # noqa: SIM117
         with open_rig("simulated") as rig:
@@ -68,9 +66,7 @@ def test_an_instrument_that_hangs_on_its_way_out_keeps_no_other_from_it(
 
 
 @pytest.mark.usefixtures("patient")
-def test_a_stream_that_hangs_when_it_is_closed_does_not_keep_the_relay_closed(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_stream_that_hangs_does_not_keep_the_relay_closed(monkeypatch: pytest.MonkeyPatch) -> None:
     with open_rig("simulated") as rig:
         monkeypatch.setattr("haploop.mocks.daq.card_twin._CardStream.close", for_ever)
         with pytest.raises(InstrumentError, match=r"PCIe-6321.* hangs"):
@@ -302,9 +298,7 @@ with machine.hold({"a card"}, "The rig 'one'"), open_rig("simulated") as rig:
 
 
 @POSIX
-def test_a_forked_child_has_neither_its_parents_rig_nor_its_lock(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_forked_child_has_no_rig_and_no_lock(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     place = (
         "from haploop.instruments.safety import machine\n"
         f"machine._place = lambda: machine.Path({str(tmp_path)!r})\n"

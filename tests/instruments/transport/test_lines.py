@@ -131,7 +131,5 @@ def test_a_resource_without_its_library_says_what_to_install(resource: str, modu
         ("http://192.0.2.7", 0.4, 0.4),
     ],
 )
-def test_a_hub_in_the_network_has_more_time_to_show_a_command(
-    hub: str, given: float | None, waits: float
-) -> None:
+def test_a_hub_in_the_network_has_more_time(hub: str, given: float | None, waits: float) -> None:
     assert Yocto.Settings(patches={"A": 1}, hub=hub, patience=given).waits == waits
