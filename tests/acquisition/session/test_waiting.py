@@ -112,7 +112,7 @@ def test_a_mark_can_be_looked_at_and_is_had_by_one(tmp_path: Path) -> None:
         assert is_marked(path)
     assert not is_marked(path)
     (tmp_path / ".file.h5.lock").write_text("of a program that was killed")
-    assert not is_marked(path)
+    assert not is_marked(path) and list(tmp_path.iterdir()) == [], "it is removed when somebody looks"
     with marked(path):
         assert is_marked(path)
     assert list(tmp_path.iterdir()) == []

@@ -14,16 +14,42 @@ from typing import Any
 import numpy as np
 import pytest
 
+from haploop.base.clock import RealClock
 from haploop.instruments import Rig, RigFile, load_rig_file
+from haploop.instruments.daq.ni_daqmx import NiDaq
 from haploop.instruments.generator.scpi_generator import ScpiGenerator
+from haploop.instruments.relay.yocto import Yocto
 from haploop.instruments.rig import opening
 from haploop.instruments.safety import machine
 from haploop.mocks.daq.twin import DaqTwin
-from haploop.mocks.relay.box import BoxAdapter, RelayTwin, SimulatedBox
+from haploop.mocks.relay.box import BoxAdapter, RelayTwin
 from haploop.mocks.simulation import Simulation
 from haploop.nidaqmx_twin.nodes import Run
 
-__all__ = ["Lab", "lab"]
+FOUR_CHANNELS = """
+[daq.channels]
+drive_b = { terminal = "Dev2/ai6", range = 1, config = "rse" }
+drive_c = { terminal = "Dev2/ai7", range = 1, config = "rse" }
+drive_d = { terminal = "Dev2/ai16", range = 1, config = "rse" }
+[daq.outputs]
+amplifier_b = { terminal = "Dev2/ao1", range = 10 }
+amplifier_c = { terminal = "Dev2/ao2", range = 10 }
+amplifier_d = { terminal = "Dev2/ao3", range = 10 }
+[amplifier]
+input = { A = "amplifier", B = "amplifier_b", C = "amplifier_c", D = "amplifier_d" }
+[sensors.drive]
+channels = ["drive", "drive_b", "drive_c", "drive_d"]
+ratio = 100
+"""
+
+
+def serve(file: RigFile, dead_man: float) -> tuple[Simulation, dict[str, Any]]:
+    """A plant in real time, with its card and relay served, and where."""
+    assert file.relay is not None
+    world = Simulation(file, RealClock())
+    at = world.serve("ni-daqmx", NiDaq.Settings.model_validate(file.daq.settings))
+    relay = Yocto.Settings.model_validate(file.relay.settings | {"dead_man": dead_man})
+    return world, at | world.serve("yocto-maxicoupler", relay)
 
 
 class Lab:
@@ -37,24 +63,21 @@ class Lab:
 
     def instrument(self, role: str, device: Any, driver: Any) -> Any:
         """Open an instrument; cards, boxes and generators outlast the rig."""
-        made = self.world.instrument
+        if role not in self._kept:
+            made = self.world.instrument(role, device, driver, "twin")
+            if role in ("daq", "relay", "generator"):
+                self._kept[role] = made
+            return made
         if role == "daq":
-            return self._kept.setdefault(role, None) or self._keep(role, made(role, device, driver, "twin"))
-        if role == "relay":
-            settings = driver.Settings.model_validate(device.settings)
-            if role not in self._kept:
-                return self._keep(role, made(role, device, driver, "twin"))
-            box: SimulatedBox = self._kept[role].box
-            relay = RelayTwin.__new__(RelayTwin)
-            relay.box = box
-            board = BoxAdapter("Yocto-MaxiCoupler (twin)", box, settings.dead_man)
-            super(RelayTwin, relay).__init__(settings, self.clock, board)
-            return relay
-        if role == "generator" and role in self._kept:
-            return type(self.generator)(self.generator._settings, self.clock, self.generator._line)
+            return self.daq
         if role == "generator":
-            return self._keep(role, made(role, device, driver, "twin"))
-        return made(role, device, driver, "twin")
+            return type(self.generator)(self.generator._settings, self.clock, self.generator._line)
+        settings = driver.Settings.model_validate(device.settings)
+        relay = RelayTwin.__new__(RelayTwin)
+        relay.box = self._kept[role].box
+        board = BoxAdapter("Yocto-MaxiCoupler (twin)", relay.box, settings.dead_man)
+        super(RelayTwin, relay).__init__(settings, self.clock, board)
+        return relay
 
     def leave(self, output: str, volts: float) -> None:
         """Another program writes volts to an output, and ends."""
@@ -83,10 +106,6 @@ class Lab:
         """The generator, as any program finds it."""
         generator: ScpiGenerator = self._kept["generator"]
         return generator
-
-    def _keep(self, role: str, instrument: Any) -> Any:
-        self._kept[role] = instrument
-        return instrument
 
 
 @contextmanager

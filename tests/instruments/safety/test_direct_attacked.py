@@ -21,6 +21,7 @@ from tests.instruments.safety.lab import lab as a_lab
 from tests.instruments.safety.test_coil_heat import warmest
 from tests.instruments.safety.test_direct_wiring import TONE, served
 from tests.instruments.safety.test_other_clients import Client, clients
+from tests.rig_files import changed
 
 RATE = 50_000
 WATTS, TAU = 0.035, 2.0
@@ -28,9 +29,7 @@ WATTS, TAU = 0.035, 2.0
 
 def hardware() -> RigFile:
     file = load_rig_file("voice-coil")
-    assert file.actuator is not None
-    actuator = file.actuator.model_copy(update={"watts": WATTS, "thermal_time": TAU})
-    return file.model_copy(update={"simulate": None, "actuator": actuator})
+    return changed(file, simulate=None, actuator={"watts": WATTS, "thermal_time": TAU})
 
 
 @pytest.fixture
@@ -88,9 +87,9 @@ def test_a_coil_that_was_overheated_before_the_rig_was_opened_cools_first(here: 
         rig.excite(tone(0.1), ["A"], ["drive"])
 
 
-def test_a_taken_output_locks_out_whoever_finds_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.usefixtures("place")
+def test_a_taken_output_locks_out_whoever_finds_it(tmp_path: Path) -> None:
     """Between two looks, a play or a safe state comes first."""
-    monkeypatch.setattr("haploop.instruments.safety.machine._place", lambda: tmp_path / "place")
     for number in range(2):
         folder = tmp_path / str(number)
         folder.mkdir()
@@ -109,8 +108,8 @@ def test_a_taken_output_locks_out_whoever_finds_it(tmp_path: Path, monkeypatch: 
 
 
 @pytest.mark.long
+@pytest.mark.usefixtures("place")
 def test_who_takes_the_output_gets_zero_each_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("haploop.instruments.safety.machine._place", lambda: tmp_path / "place")
     path, world = served(tmp_path)
     with open_rig(path) as rig, clients(rig) as (other,):
         server = rig.daq.settings.server  # type: ignore[attr-defined]

@@ -18,14 +18,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from haploop.base.clock import RealClock
 from haploop.base.errors import DataError
 from haploop.calibration import Drive
 from haploop.instruments import load_rig_file
-from haploop.instruments.daq.ni_daqmx import NiDaq
-from haploop.instruments.relay.yocto import Yocto
 from haploop.mocks.simulation import Simulation
 from tests.exchange.conftest import make_drive
+from tests.instruments.safety.lab import FOUR_CHANNELS, serve
 from tests.instruments.safety.test_other_clients import Client
 from tests.instruments.safety.test_other_programs import POSIX
 
@@ -34,30 +32,7 @@ pytestmark = [POSIX, pytest.mark.timeout(300)]
 DEAD_MAN, LATE = 2.0, 3.0
 """Seconds of the box's timer, and by how much a busy machine may be late."""
 PEAK = 20.0
-LAB = """base = "haptable"
-name = "lab"
-[daq]
-server = "{server}"
-devices = {{ Dev2 = "PCIe-6363" }}
-[daq.channels]
-drive_b = {{ terminal = "Dev2/ai6", range = 1, config = "rse" }}
-drive_c = {{ terminal = "Dev2/ai7", range = 1, config = "rse" }}
-drive_d = {{ terminal = "Dev2/ai16", range = 1, config = "rse" }}
-[daq.outputs]
-amplifier_b = {{ terminal = "Dev2/ao1", range = 10 }}
-amplifier_c = {{ terminal = "Dev2/ao2", range = 10 }}
-amplifier_d = {{ terminal = "Dev2/ao3", range = 10 }}
-[amplifier]
-input = {{ A = "amplifier", B = "amplifier_b", C = "amplifier_c", D = "amplifier_d" }}
-[sensors.drive]
-channels = ["drive", "drive_b", "drive_c", "drive_d"]
-ratio = 100
-[relay]
-hub = "{hub}"
-dead_man = {dead_man}
-[limits]
-duty = {duty}
-"""
+
 PROGRAM = f"""
 import sys
 import numpy as np
@@ -117,14 +92,13 @@ class Lab:
 @contextmanager
 def a_lab(folder: Path, duty: float = 1.0) -> Iterator[Lab]:
     path = folder / "lab.toml"
-    file = load_rig_file("four-channel")
-    assert file.relay is not None
-    world = Simulation(file, RealClock())
-    card = world.serve("ni-daqmx", NiDaq.Settings.model_validate(file.daq.settings))
-    relay = Yocto.Settings.model_validate(file.relay.settings | {"dead_man": DEAD_MAN})
-    box = world.serve("yocto-maxicoupler", relay)
-    path.write_text(LAB.format(server=card["server"], hub=box["hub"], dead_man=DEAD_MAN, duty=duty))
-    yield Lab(path, world, str(card["server"]))
+    world, at = serve(load_rig_file("four-channel"), DEAD_MAN)
+    path.write_text(
+        f'base = "haptable"\nname = "lab"\n[daq]\nserver = "{at["server"]}"\n'
+        f'devices = {{ Dev2 = "PCIe-6363" }}{FOUR_CHANNELS}'
+        f'[relay]\nhub = "{at["hub"]}"\ndead_man = {DEAD_MAN}\n[limits]\nduty = {duty}\n'
+    )
+    yield Lab(path, world, str(at["server"]))
     world.close()
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from haploop.base.errors import InstrumentError
-from haploop.base.marks import InUse, is_marked, marked
+from haploop.base.marks import InUse
 from haploop.instruments.safety import machine
 from haploop.instruments.safety.lockout import Lockout, lockout_of, set_lockout
 from haploop.instruments.safety.machine import hold
@@ -76,13 +76,6 @@ def test_programs_of_different_environments_exclude_each_other(tmp_path: Path) -
     assert lockout_of(machine.folder(), {PIECE}) is not None
     (machine.folder() / machine.file_for(PIECE, "lockout")).unlink()
     assert not (machine.folder() / machine.file_for(PIECE, "lock")).exists(), "nothing is littered"
-
-
-@pytest.fixture
-def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    path = tmp_path / "haploop"
-    monkeypatch.setattr(machine, "_place", lambda: path)
-    return path
 
 
 @POSIX
@@ -225,13 +218,3 @@ with hold({{{PIECE!r}}}, "The rig 'theirs'"):
         program.kill()
     with hold({PIECE}, "The rig 'mine'"):
         pass
-
-
-def test_what_a_killed_program_has_marked_is_removed_when_somebody_looks(tmp_path: Path) -> None:
-    """A lock file stayed beside the recording."""
-    path = tmp_path / "one.h5"
-    (tmp_path / ".one.h5.lock").touch()
-    assert not is_marked(path) and not list(tmp_path.iterdir())
-    with marked(path):
-        assert is_marked(path) and is_marked(path)
-    assert not list(tmp_path.iterdir())

@@ -27,9 +27,6 @@ from haploop.instruments.safety import lockout_of
 from haploop.instruments.safety.audit import entries
 from haploop.mocks.simulation import Simulation
 from tests.instruments.safety.test_limiter import TONE
-from tests.instruments.safety.test_other_programs import lab
-
-__all__ = ["lab"]
 
 REFUSED = -50103
 
@@ -158,11 +155,8 @@ def test_at_no_moment_of_a_play_is_an_output_free(monkeypatch: pytest.MonkeyPatc
     assert not free, said
 
 
-def test_who_takes_an_output_from_under_a_closed_contact_trips_the_rig(
-    lab: tuple[Path, Simulation], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_who_takes_an_output_under_a_closed_contact_trips(lab: tuple[Path, Simulation], place: Path) -> None:
     """By a reset of the card, which no reservation withstands. In real time, without any renewal."""
-    monkeypatch.setattr("haploop.instruments.safety.machine._place", lambda: tmp_path / "place")
     path, world = lab
     path.write_text(path.read_text().replace("dead_man = 1.0", "dead_man = 30.0"))
     with open_rig(path) as rig, clients(rig) as (other,):
@@ -181,7 +175,7 @@ def test_who_takes_an_output_from_under_a_closed_contact_trips_the_rig(
         assert not world.truth.closed and "may have got volts" in str(tripped[0]["why"])
         with pytest.raises(LimitError, match="locked out"):
             rig.excite(TONE, ["A"], ["drive"])
-    assert lockout_of(tmp_path / "place", rig.hardware) is not None
+    assert lockout_of(place, rig.hardware) is not None
 
 
 def test_a_renewal_looks_at_what_stands_on_the_output() -> None:
@@ -243,18 +237,16 @@ def test_after_a_rig_the_outputs_are_free() -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    "when", ["before its stop", "before it starts", "before it is stopped", "before zero"]
+    ("name", "place"),
+    [("stop", 1), ("start", 2), ("stop", 2), ("write", 3)],
+    ids=["before its stop", "before it starts", "before it is stopped", "before zero"],
 )
-def test_a_reset_between_two_calls_locks_the_rig_out(when: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_reset_between_two_calls_locks_the_rig_out(
+    name: str, place: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The task that has lost its outputs reserves them again by itself, as if nothing had been."""
     with open_rig("simulated", simulate="wire") as rig, clients(rig) as (other,):
         rig.prove_gain("A")
-        name, place = {
-            "before its stop": ("stop", 1),
-            "before it starts": ("start", 2),
-            "before it is stopped": ("stop", 2),
-            "before zero": ("write", 3),
-        }[when]
         own, calls = getattr(nidaqmx.Task, name), []
 
         def called(task: nidaqmx.Task, *args: Any, **named: Any) -> Any:

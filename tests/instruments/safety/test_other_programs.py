@@ -6,7 +6,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -19,7 +19,6 @@ from haploop.base.clock import RealClock
 from haploop.base.errors import HaploopError, InstrumentError
 from haploop.base.marks import is_marked, marked
 from haploop.instruments import load_rig_file, open_rig
-from haploop.instruments.daq.ni_daqmx import NiDaq
 from haploop.instruments.relay.yocto import Yocto
 from haploop.instruments.rig.opening import hardware
 from haploop.instruments.safety.duty import plays_of
@@ -42,24 +41,6 @@ with open_rig(sys.argv[1]) as rig:
         rig.relay.renew()
         time.sleep(0.1)
 """
-
-
-@pytest.fixture
-def lab(tmp_path: Path) -> Iterator[tuple[Path, Simulation]]:
-    """A rig file of hardware, whose hardware is served from a plant in real time."""
-    file = load_rig_file("haptable")
-    assert file.relay is not None
-    world = Simulation(file, RealClock())
-    card = world.serve("ni-daqmx", NiDaq.Settings.model_validate(file.daq.settings))
-    relay = Yocto.Settings.model_validate(file.relay.settings | {"dead_man": 1.0})
-    box = world.serve("yocto-maxicoupler", relay)
-    path = tmp_path / "lab.toml"
-    path.write_text(
-        f'base = "haptable"\nname = "lab"\n[daq]\nserver = "{card["server"]}"\n'
-        f'[relay]\nhub = "{box["hub"]}"\ndead_man = 1.0\n'
-    )
-    yield path, world
-    world.close()
 
 
 @POSIX
@@ -103,10 +84,9 @@ def test_a_killed_program_leaves_an_open_relay(lab: tuple[Path, Simulation], tmp
 
 @pytest.mark.usefixtures("unproved")
 def test_a_card_is_one_card_under_every_name(
-    lab: tuple[Path, Simulation], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    lab: tuple[Path, Simulation], tmp_path: Path, place: Path
 ) -> None:
     """What one rig holds, trips and plays is held, locked out and counted for a rig with another name."""
-    monkeypatch.setattr("haploop.instruments.safety.machine._place", lambda: tmp_path / "place")
     path, _ = lab
     path.write_text(path.read_text() + "[abort]\ndrive = 15.0\n")
     address = load_rig_file(path).daq.settings["server"]
@@ -121,10 +101,10 @@ def test_a_card_is_one_card_under_every_name(
     with open_rig(other) as rig:
         assert rig.lockout is not None and "allows 15 V" in rig.lockout.why
         now = RealClock().now()
-        ((start, stop),) = plays_of(tmp_path / "place", rig.hardware, now)
+        ((start, stop),) = plays_of(place, rig.hardware, now)
         assert stop - start == pytest.approx(0.1, abs=0.01)
     haploop.reset_lockout(other, "a test")
-    assert lockout_of(tmp_path / "place", rig.hardware) is None
+    assert lockout_of(place, rig.hardware) is None
 
 
 @pytest.mark.parametrize("role", ["daq", "relay"])
@@ -143,9 +123,10 @@ def test_hardware_that_answered_too_late_is_not_used_under_another_name(
     open_rig(path).close()
 
 
-def test_a_lock_and_a_mark_hold_on_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_lock_and_a_mark_hold_on_a_full_disk(
+    tmp_path: Path, place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The holder's name is missing then, and no more; a network disk may refuse as late as on closing."""
-    monkeypatch.setattr("haploop.instruments.safety.machine._place", lambda: tmp_path)
     close = os.close
 
     def closed(descriptor: int) -> None:
@@ -158,7 +139,7 @@ def test_a_lock_and_a_mark_hold_on_a_full_disk(tmp_path: Path, monkeypatch: pyte
     with monkeypatch.context() as patch:
         patch.setattr("os.write", full)
         with hold({"card"}, "The rig 'one'"):
-            (lock,) = tmp_path.glob("*.lock")
+            (lock,) = place.glob("*.lock")
             assert not lock.read_bytes()
     with marked(tmp_path / "one"):
         monkeypatch.setattr("os.close", closed)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -65,8 +65,17 @@ def rated(limits: Limits) -> Callable[[int], Ratings]:
 
 
 @pytest.fixture
-def world(tmp_path: Path) -> Iterator[World]:
-    yield World(tmp_path)
+def world(tmp_path: Path) -> World:
+    return World(tmp_path)
+
+
+def refused(says: str) -> Any:
+    return pytest.raises(LimitError, match=says)
+
+
+def not_permitted(permit: Any, says: str) -> None:
+    with refused(says), permit:
+        pass
 
 
 def test_a_permitted_drive_starts_once_and_no_other(world: World) -> None:
@@ -75,17 +84,17 @@ def test_a_permitted_drive_starts_once_and_no_other(world: World) -> None:
         np.testing.assert_array_equal(at_output, DRIVE / 50)
         padded = np.pad(at_output, (0, 7))
         for wrong in (at_output * 1.001, at_output[:-1], at_output[1:], np.append(padded, 1e-9)):
-            with pytest.raises(LimitError, match="has authorised"):
+            with refused("has authorised"):
                 world.limiter.authorise("one", wrong, RATE)
         for output, rate_hz in (("two", RATE), ("one", RATE * 2)):
-            with pytest.raises(LimitError, match="has authorised"):
+            with refused("has authorised"):
                 world.limiter.authorise(output, at_output, rate_hz)
-        with pytest.raises(LimitError, match="has authorised"):
+        with refused("has authorised"):
             world.limiter.authorise_waveform("one", SWEEP, False)
         world.limiter.authorise("one", padded, RATE)
-        with pytest.raises(LimitError, match="has authorised"):  # a restart would cut it off
+        with refused("has authorised"):  # a restart would cut it off
             world.limiter.authorise("one", padded, RATE)
-    with pytest.raises(LimitError, match="has authorised"):
+    with refused("has authorised"):
         world.limiter.authorise("one", padded, RATE)
     with world.permit():  # and again for the next
         world.limiter.authorise("one", padded, RATE)
@@ -97,7 +106,7 @@ def test_what_was_judged_is_a_copy_whatever_the_amplifier_returns(world: World) 
     with world.limiter.permit({"one": drive}, RATE, ("A",), amplifier, rated(LIMITS)) as volts:
         drive[:] = 400.0
         np.testing.assert_array_equal(volts["one"], DRIVE)
-        with pytest.raises(LimitError, match="has authorised"):
+        with refused("has authorised"):
             world.limiter.authorise("one", drive, RATE)
 
 
@@ -110,8 +119,7 @@ def test_one_drive_is_held_to_the_limits_of_all_its_patches_and_several_to_those
         drives = dict.fromkeys(["one"] if outputs == "one" else ["one", "two"], DRIVE)
         return world.limiter.permit(drives, RATE, ("A", "B"), amplifier, ratings)
 
-    with pytest.raises(LimitError, match=r"rises to 20 V at sample 2, 7\.5 V beyond"), permit("one"):
-        pass
+    not_permitted(permit("one"), r"rises to 20 V at sample 2, 7\.5 V beyond")
     with permit({"A": "one", "B": "two"}) as volts:
         assert set(volts) == {"one", "two"}
 
@@ -123,13 +131,9 @@ def test_several_outputs_start_once_each(world: World) -> None:
         world.generator.is_on = True  # asked before the first of them only: the others must keep up
         world.limiter.authorise("two", volts["two"], RATE)
         for output in drives:
-            with pytest.raises(LimitError, match="has authorised"):
+            with refused("has authorised"):
                 world.limiter.authorise(output, volts[output], RATE)
-    with (
-        pytest.raises(LimitError, match="must be of one length"),
-        world.permit({"one": DRIVE, "two": DRIVE[:3]}),
-    ):
-        pass
+    not_permitted(world.permit({"one": DRIVE, "two": DRIVE[:3]}), "must be of one length")
 
 
 def test_a_generator_that_is_switched_on_after_the_permit_keeps_the_drive_from_starting(world: World) -> None:
@@ -163,7 +167,7 @@ def test_the_relay_closes_for_a_permit_s_patches_until_it_plays(world: World) ->
 def test_a_sweep_starts_once_and_is_set_as_often_as_needed(world: World) -> None:
     with world.permit_waveform() as at_output:
         assert at_output == replace(SWEEP, amplitude=0.2)
-        with pytest.raises(LimitError, match="has authorised"):
+        with refused("has authorised"):
             world.limiter.authorise_waveform("one", SWEEP, False)
         world.generator.is_on = True
         with pytest.raises(InstrumentError, match="is on"):
@@ -172,19 +176,18 @@ def test_a_sweep_starts_once_and_is_set_as_often_as_needed(world: World) -> None
         for starts in (False, False, True):
             world.limiter.authorise_waveform("one", at_output, starts)
         for starts in (False, True):
-            with pytest.raises(LimitError, match="has authorised"):
+            with refused("has authorised"):
                 world.limiter.authorise_waveform("one", at_output, starts)
         with pytest.raises(LimitError, match="the relay only opens"):
             world.limiter.authorise_patches(frozenset({"A"}))
-        with pytest.raises(LimitError, match="has authorised"):
+        with refused("has authorised"):
             world.limiter.authorise("one", DRIVE / 50, 0.0)
 
 
 def test_one_permit_at_a_time(world: World) -> None:
     with world.permit():
         for second in (world.permit(), world.permit_waveform()):
-            with pytest.raises(LimitError, match="A drive is being played: wait"), second:
-                pass
+            not_permitted(second, "A drive is being played: wait")
     with world.permit():
         pass
 
@@ -238,15 +241,14 @@ STAIRS = Arbitrary(np.array([0.0, 0.0, 2.0, 6.0, 10.0, 5.0, -3.0, -8.0, 0.0, 0.0
     ids=str,
 )  # fmt: skip
 def test_a_waveform_is_held_to_limits(world: World, waveform: Waveform, limits: Limits, told: str) -> None:
-    if not told:
-        with world.permit_waveform(waveform, limits=limits) as at_output:
+    permit = world.permit_waveform(waveform, limits=limits)
+    if told:
+        not_permitted(permit, told)
+    else:
+        with permit as at_output:
             assert at_output.amplitude == pytest.approx(0.2)
             assert world.limiter.authorise_waveform("one", at_output, True) is None
-        assert world.kinds == ["played"]
-    else:
-        with pytest.raises(LimitError, match=told), world.permit_waveform(waveform, limits=limits):
-            pass
-        assert world.kinds == ["refused"]
+    assert world.kinds == ["refused" if told else "played"]
 
 
 @dataclass(frozen=True)
@@ -269,17 +271,14 @@ class Foreign:
 def test_a_waveform_of_another_package_is_judged_too(world: World) -> None:
     with world.permit_waveform(Foreign()) as at_output:
         world.limiter.authorise_waveform("one", at_output, True)
-    with pytest.raises(LimitError, match="rises to 10 V"), world.permit_waveform(Foreign(), Limits(max=9.9)):
-        pass
+    not_permitted(world.permit_waveform(Foreign(), Limits(max=9.9)), "rises to 10 V")
 
 
 @pytest.mark.parametrize(
     "lying", [Foreign(truly=1.1), Foreign(duration=0.05), Foreign(duty=0.5), Foreign(truly=np.nan)]
 )
 def test_a_waveform_that_states_less_than_it_plays_is_refused(world: World, lying: Foreign) -> None:
-    refused = pytest.raises(LimitError, match=r"it states .* Ask the author of Foreign")
-    with refused, world.permit_waveform(lying):
-        pass
+    not_permitted(world.permit_waveform(lying), r"it states .* Ask the author of Foreign")
     assert world.kinds == ["refused"]
 
 
@@ -288,9 +287,7 @@ def test_a_waveform_that_cannot_be_judged(
     world: World, samples: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(Foreign, "sampled", lambda *_: samples)
-    refused = pytest.raises(LimitError, match=r"A Foreign was refused, because it cannot be judged \(")
-    with refused, world.permit_waveform(Foreign()):
-        pass
+    not_permitted(world.permit_waveform(Foreign()), r"A Foreign was refused, because it cannot be judged \(")
     assert world.kinds == ["refused"]
 
 
@@ -301,11 +298,7 @@ def test_what_is_played_is_counted_before_it_begins_and_as_it_was(world: World) 
 
     limits = replace(LIMITS, duty=1.0 / 60)
     long = np.sin(np.arange(600) / 3)
-    with (
-        pytest.raises(LimitError, match="play a shorter one"),
-        world.permit({"one": long}, limits=Limits(duty=0.5 / 60)),
-    ):
-        pass
+    not_permitted(world.permit({"one": long}, limits=Limits(duty=0.5 / 60)), "play a shorter one")
     with world.permit({"one": long}, limits=limits):
         assert counted() == [0.599]  # its first sample is zero
         world.clock.sleep(0.2)
@@ -314,14 +307,12 @@ def test_what_is_played_is_counted_before_it_begins_and_as_it_was(world: World) 
         world.clock.sleep(0.7)
     assert counted() == [0.2, 0.599]
     again = world.permit({"one": long}, limits=limits)
-    with pytest.raises(LimitError, match=r"would make 1\.4 s of a minute .* 0\.398 s beyond the 1 s"), again:
-        pass
+    not_permitted(again, r"would make 1\.4 s of a minute .* 0\.398 s beyond the 1 s")
     world.clock.sleep(58.0)
     for slept in (0.0, 0.99):
         world.clock.sleep(slept)
         again = world.permit({"one": long}, limits=limits)
-        with pytest.raises(LimitError, match=r"'duty' in \[limits\] allows: wait (1|0\.01) s"), again:
-            pass
+        not_permitted(again, r"'duty' in \[limits\] allows: wait (1|0\.01) s")
     world.clock.sleep(0.011)
     with world.permit({"one": long}, limits=limits):
         pass
@@ -348,8 +339,7 @@ def test_what_a_player_makes_of_it_is_held_to_its_volts_and_not_to_its_ends(worl
 
     with permit(1.2, 0.006):
         pass
-    with pytest.raises(LimitError, match=r"rises to 25.5 V"), permit(1.25, 0.006):
-        pass
+    not_permitted(permit(1.25, 0.006), r"rises to 25.5 V")
 
 
 def test_a_long_play_is_counted_until_a_minute_after_its_end(world: World) -> None:
@@ -365,14 +355,12 @@ def test_a_long_play_is_counted_until_a_minute_after_its_end(world: World) -> No
 
 
 def test_without_a_rig_nothing_is_authorised_but_to_open() -> None:
-    nobody = Interlocked._interlock
-    for ask in (
-        lambda: nobody.authorise("one", DRIVE, RATE),
-        lambda: nobody.authorise_waveform("one", SWEEP, False),
-        lambda: nobody.authorise_waveform("one", SWEEP, True),
-    ):
-        with pytest.raises(LimitError, match="Nothing is played on 'one' without a rig's limits"):
-            ask()
-    with pytest.raises(LimitError, match="Patch A, B is not connected without a rig"):
+    nobody, nothing = Interlocked._interlock, "Nothing is played on 'one' without a rig's limits"
+    with refused(nothing):
+        nobody.authorise("one", DRIVE, RATE)
+    for starts in (False, True):
+        with refused(nothing):
+            nobody.authorise_waveform("one", SWEEP, starts)
+    with refused("Patch A, B is not connected without a rig"):
         nobody.authorise_patches(frozenset({"B", "A"}))
     nobody.authorise_patches(frozenset())

@@ -18,29 +18,22 @@ from haploop.instruments.safety import clear_lockout
 from haploop.mocks.relay.box import SimulatedBox
 from haploop.mocks.simulation import Simulation
 from tests.instruments.rig.test_played_whole import TONE, at_block
-from tests.instruments.safety.test_other_clients import clients, peak
-from tests.instruments.safety.test_other_programs import lab
+from tests.instruments.safety.lab import FOUR_CHANNELS
+from tests.instruments.safety.test_other_clients import Client, clients, peak
 
-__all__ = ["lab"]
+FOUR = f'base = "simulated"\nname = "four"\n[daq]\ndevices = {{ Dev2 = "PCIe-6363" }}{FOUR_CHANNELS}'
 
-FOUR = """base = "simulated"
-name = "four"
-[daq]
-devices = { Dev2 = "PCIe-6363" }
-[daq.channels]
-drive_b = { terminal = "Dev2/ai6", range = 1, config = "rse" }
-drive_c = { terminal = "Dev2/ai7", range = 1, config = "rse" }
-drive_d = { terminal = "Dev2/ai16", range = 1, config = "rse" }
-[daq.outputs]
-amplifier_b = { terminal = "Dev2/ao1", range = 10 }
-amplifier_c = { terminal = "Dev2/ao2", range = 10 }
-amplifier_d = { terminal = "Dev2/ao3", range = 10 }
-[amplifier]
-input = { A = "amplifier", B = "amplifier_b", C = "amplifier_c", D = "amplifier_d" }
-[sensors.drive]
-channels = ["drive", "drive_b", "drive_c", "drive_d"]
-ratio = 100
-"""
+
+PATCHES = pytest.mark.parametrize("patches", [["A"], []], ids=["patch", "no patch"])
+
+
+def takes(other: Client, writes: bool = True, output: int = 0) -> Callable[[Rig], None]:
+    def take(_rig: Rig) -> None:
+        other.reset()
+        if writes:
+            other.write(output=f"Dev2/ao{output}")
+
+    return take
 
 
 def assert_locked_out(rig: Rig) -> None:
@@ -51,21 +44,17 @@ def assert_locked_out(rig: Rig) -> None:
         rig.excite(TONE, ["A"], ["drive"])
 
 
-@pytest.mark.parametrize("patches", [["A"], []], ids=["patch", "no patch"])
+@PATCHES
 @pytest.mark.parametrize("block", [1, 3, 6, 7], ids=["begin", "middle", "end", "tail"])
 @pytest.mark.parametrize("writes", [True, False], ids=["writes", "only resets"])
 def test_a_reset_of_the_card_in_a_play_locks_out(patches: list[str], block: int, writes: bool) -> None:
     with open_rig("simulated", simulate="wire") as rig, clients(rig) as (other,):
-
-        def take(_rig: Rig) -> None:
-            other.reset()
-            if writes:
-                other.write()
-
         if patches:
             rig.prove_gain("A")
         with pytest.raises(InstrumentError) as raised:
-            rig.excite(TONE, patches, ["drive"], tail=0.5, progress=at_block(block, take, rig))
+            rig.excite(
+                TONE, patches, ["drive"], tail=0.5, progress=at_block(block, takes(other, writes), rig)
+            )
         assert f"'amplifier' read {8 if writes else 0} V then" in str(raised.value)
         assert rig.lockout is not None and f"read {8 if writes else 0} V" in rig.lockout.why
         assert_locked_out(rig)
@@ -75,17 +64,13 @@ def test_so_does_one_with_a_welded_contact(monkeypatch: pytest.MonkeyPatch) -> N
     """The box reads open: volts reach the patch that is welded, whichever is played into."""
     with open_rig("simulated", simulate="wire") as rig, clients(rig) as (other,):
 
-        def take(_rig: Rig) -> None:
-            other.reset()
-            other.write()
-
         def weld(_rig: Rig) -> None:
             monkeypatch.setattr(SimulatedBox, "_fires", lambda _box, kind, _channel: kind == "welded")
 
         rig.excite(TONE, ["B"], ["drive"], progress=at_block(3, weld, rig))
         assert rig.simulation.truth.closed == {"B"}
         with pytest.raises(TakenError):
-            rig.excite(TONE, [], ["drive"], progress=at_block(2, take, rig))
+            rig.excite(TONE, [], ["drive"], progress=at_block(2, takes(other), rig))
         assert_locked_out(rig)
 
 
@@ -96,18 +81,14 @@ def test_so_does_one_at_any_channel_of_four(tmp_path: Path, output: int) -> None
     path.write_text(FOUR)
     with open_rig(path, simulate="wire") as rig, clients(rig) as (other,):
         monitors = [rig.monitor(patch) for patch in "ABCD"]
-
-        def take(_rig: Rig) -> None:
-            other.reset()
-            other.write(output=f"Dev2/ao{output}")
-
-        rig.excite_each(dict.fromkeys("ABCD", TONE), monitors)
+        drives, taken = dict.fromkeys("ABCD", TONE), at_block(2, takes(other, output=output), rig)
+        rig.excite_each(drives, monitors)
         with pytest.raises(TakenError, match=" read 8 V then"):
-            rig.excite_each(dict.fromkeys("ABCD", TONE), monitors, progress=at_block(2, take, rig))
+            rig.excite_each(drives, monitors, progress=taken)
         assert_locked_out(rig)
 
 
-@pytest.mark.parametrize("patches", [["A"], []], ids=["patch", "no patch"])
+@PATCHES
 def test_a_program_cannot_free_the_outputs_in_its_own_play(patches: list[str]) -> None:
     with open_rig("simulated", simulate="wire") as rig, clients(rig) as (other,):
         taken: list[bool] = []
@@ -168,11 +149,11 @@ def test_so_is_what_takes_one_round_a_play(monkeypatch: pytest.MonkeyPatch, at: 
         assert_locked_out(rig)
 
 
+@pytest.mark.usefixtures("place")
 def test_a_contact_that_does_not_open_is_watched_after_the_play(
-    lab: tuple[Path, Simulation], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    lab: tuple[Path, Simulation], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """In real time: who resets the card and writes then trips the rig, again and again."""
-    monkeypatch.setattr("haploop.instruments.safety.machine._place", lambda: tmp_path / "place")
     path, world = lab
     path.write_text(path.read_text().replace("dead_man = 1.0", "dead_man = 30.0"))
     with open_rig(path) as rig, clients(rig) as (other,), monkeypatch.context() as patch:
@@ -198,25 +179,17 @@ def within(seconds: float, condition: Callable[[], bool]) -> None:
 
 
 @pytest.mark.long
-def test_at_random_moments_of_plays_in_real_time(
-    lab: tuple[Path, Simulation], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, full: bool
-) -> None:
-    monkeypatch.setattr("haploop.instruments.safety.machine._place", lambda: tmp_path / "place")
+def test_at_random_moments_of_real_plays(lab: tuple[Path, Simulation], place: Path, full: bool) -> None:
     path, world = lab
     r = random.Random(46)
     with open_rig(path) as rig, clients(rig) as (other,):
-
-        def attack() -> None:
-            other.reset()
-            other.write()
-
         rig.prove_gain("A")
         for _ in range(20 if full else 3):
-            attacker = threading.Timer(r.uniform(0, 0.5), attack)
+            attacker = threading.Timer(r.uniform(0, 0.5), takes(other), (rig,))
             starts = at_block(1, lambda _, own=attacker: own.start(), rig)  # type: ignore[misc]
             with pytest.raises(InstrumentError):
                 rig.excite(TONE, ["A"], ["drive"], tail=0.5, progress=starts)
             attacker.join()
             assert not world.truth.closed and rig.lockout is not None
-            clear_lockout(tmp_path / "place", rig.hardware)
+            clear_lockout(place, rig.hardware)
             other.write(0.0)

@@ -10,8 +10,9 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from types import FrameType
+from types import FrameType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -43,9 +44,8 @@ def safe(rig: Rig) -> bool:
 
 
 @pytest.fixture
-def patient(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("haploop.instruments.safety.deadline.DEADLINE", 0.2)
-    yield
 
 
 def for_ever(*_: object) -> None:
@@ -102,13 +102,10 @@ def test_a_step_that_fails_without_a_word_is_told_by_its_kind(monkeypatch: pytes
     def full() -> None:
         raise MemoryError
 
-    with (
-        open_rig("simulated") as rig,
-        monkeypatch.context() as patch,
-        pytest.raises(InstrumentError, match=r"not confirmed: MemoryError\."),
-    ):
+    with open_rig("simulated") as rig, monkeypatch.context() as patch:
         patch.setattr(rig.daq, "zero", full)
-        rig.make_safe()
+        with pytest.raises(InstrumentError, match=r"not confirmed: MemoryError\."):
+            rig.make_safe()
 
 
 # Ways out
@@ -127,6 +124,12 @@ def test_the_safe_state_can_be_asked_for_again_and_again() -> None:
 starts_threads = pytest.mark.skipif(
     (3, 12) <= sys.version_info < (3, 12, 2), reason="starts no thread at its end (Python's issue 113964)"
 )
+
+
+def ran(program: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", program]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+
 
 LEFT = """
 import sys, threading
@@ -148,9 +151,7 @@ raise ValueError("nobody closes them")
 @starts_threads
 def test_rigs_that_nobody_closes_are_closed_when_the_program_ends() -> None:
     """While threads still run, and the simulated device server with them; each one, whatever another does."""
-    left = subprocess.run(
-        [sys.executable, "-c", LEFT], capture_output=True, text=True, timeout=60, check=False
-    )
+    left = ran(LEFT)
     assert left.returncode == 1 and left.stdout == "[]\n[]\n", left
     assert "ValueError: nobody closes them" in left.stderr and "SystemExit: this one" in left.stderr
 
@@ -182,9 +183,7 @@ concurrent.futures.ThreadPoolExecutor().submit(own)
 @pytest.mark.long
 @starts_threads
 def test_a_rig_is_open_until_the_last_thread_of_a_program_has_ended() -> None:
-    used = subprocess.run(
-        [sys.executable, "-c", USED], capture_output=True, text=True, timeout=60, check=False
-    )
+    used = ran(USED)
     assert (used.returncode, used.stdout, used.stderr) == (0, 3 * "whole\n", "")
 
 
@@ -298,14 +297,14 @@ with machine.hold({"a card"}, "The rig 'one'"), open_rig("simulated") as rig:
 
 
 @POSIX
-def test_a_forked_child_has_no_rig_and_no_lock(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    place = (
+def test_a_forked_child_has_no_rig_and_no_lock(place: Path) -> None:
+    place.mkdir()
+    program = (
         "from haploop.instruments.safety import machine\n"
-        f"machine._place = lambda: machine.Path({str(tmp_path)!r})\n"
+        f"machine._place = lambda: machine.Path({str(place)!r})\n{FORKED}"
     )
-    with subprocess.Popen(
-        [sys.executable, "-c", place + FORKED], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as forked:
+    pipe = subprocess.PIPE
+    with subprocess.Popen([sys.executable, "-c", program], stdin=pipe, stdout=pipe, text=True) as forked:
         assert forked.stdout is not None
         used, connected, parent = forked.stdout.read().splitlines()
         assert (
@@ -314,7 +313,6 @@ def test_a_forked_child_has_no_rig_and_no_lock(tmp_path: Path, monkeypatch: pyte
         assert connected == "The rig was closed: open it again."
         assert parent == "0 0 A True"
         forked.wait()
-        monkeypatch.setattr("haploop.instruments.safety.machine._place", lambda: tmp_path)
         with hold({"a card"}, "The rig 'two'"):
             pass
 
@@ -325,45 +323,43 @@ def no_other_rig(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("haploop.base.signals._orderly", 0)
 
 
+@contextmanager
+def handled(kind: int, how: Any) -> Iterator[None]:
+    before = signal.signal(kind, how)
+    try:
+        yield
+    finally:
+        signal.signal(kind, before)
+
+
 @pytest.mark.parametrize(
     "kind", [getattr(signal, n) for n in ("SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, n)]
 )
 @pytest.mark.usefixtures("no_other_rig")
 def test_what_ends_a_program_leaves_a_users_script_in_order(kind: signal.Signals) -> None:
-    before = signal.getsignal(kind)
-    signal.signal(kind, signal.SIG_DFL)
-    try:
+    with handled(kind, signal.SIG_DFL):
         with pytest.raises(SystemExit) as left, open_rig("simulated") as rig:
             rig.excite(DRIVE, ["A"], ["drive"], progress=lambda *_: signal.raise_signal(kind))
         assert left.value.code == 128 + kind
         assert safe(rig) and signal.getsignal(kind) is signal.SIG_DFL
-    finally:
-        signal.signal(kind, before)
 
 
 def test_what_a_program_has_arranged_for_a_signal_stays() -> None:
     seen: list[int] = []
-    before = signal.signal(signal.SIGTERM, lambda number, _: seen.append(number))
-    try:
-        with ending_in_order(), ending_in_order():
-            signal.raise_signal(signal.SIGTERM)
-    finally:
-        signal.signal(signal.SIGTERM, before)
+    with handled(signal.SIGTERM, lambda number, _: seen.append(number)), ending_in_order(), ending_in_order():
+        signal.raise_signal(signal.SIGTERM)
     assert seen == [signal.SIGTERM]
 
 
 @pytest.mark.usefixtures("no_other_rig")
 def test_two_rigs_may_be_closed_in_any_order() -> None:
-    before = signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    try:
+    with handled(signal.SIGTERM, signal.SIG_DFL):
         first, second = open_rig("simulated"), open_rig("simulated")
         first.close()
         with pytest.raises(SystemExit):
             signal.raise_signal(signal.SIGTERM)
         second.close()
         assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 def test_closing_the_console_on_windows_waits_for_the_safe_state(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -373,15 +369,9 @@ def test_closing_the_console_on_windows_waits_for_the_safe_state(monkeypatch: py
     class Kernel:
         @staticmethod
         def SetConsoleCtrlHandler(handler: Any, add: int) -> None:  # noqa: N802
-            if add:
-                handlers.append(handler)
-            else:
-                handlers.remove(handler)
+            (handlers.append if add else handlers.remove)(handler)
 
-    class Windll:
-        kernel32 = Kernel
-
-    monkeypatch.setattr(ctypes, "windll", Windll, raising=False)
+    monkeypatch.setattr(ctypes, "windll", SimpleNamespace(kernel32=Kernel), raising=False)
     with open_rig("simulated") as rig:
         rig.relay.connect(["A"])
         (handler,) = handlers
@@ -416,9 +406,8 @@ def test_ctrl_c_at_any_line_of_the_way_out_of_a_play(full: bool) -> None:
         nonlocal passed, second
         passed, second = 0, at
         try:
-            rig.excite(DRIVE[:15_000] / 4, ["A"], ["drive"], progress=first)
-        except KeyboardInterrupt:
-            pass
+            with suppress(KeyboardInterrupt):
+                rig.excite(DRIVE[:15_000] / 4, ["A"], ["drive"], progress=first)
         finally:
             sys.settrace(None)
 
