@@ -64,18 +64,15 @@ def test_a_sensor_at_the_end_of_its_range_is_named(tmp_path: Path) -> None:
         haploop.record(rig, "latch", "P01", 1, out=tmp_path)
 
 
-@pytest.mark.parametrize(
-    ("frame", "column", "digit"),
-    [
-        ({"separator": ",", "columns": 2}, {"scale": 1.0, "range": 5.0}, 1e-4),
-        ({"separator": ",", "columns": 2, "decimals": 2}, {"scale": 1.0, "range": 5.0}, 0.01),
-        ({"separator": ",", "columns": 2, "decimals": 1}, {"scale": 1e-3, "range": 5.0}, 0.1),
-        ({"separator": ",", "columns": 2}, {"scale": 20e-3 / 2**23, "range": 0.02}, 1.0),
-        ({"separator": ",", "columns": 2}, {"scale": 5 / 1023, "range": 5.0}, 1.0),
-        ({"struct": "<hh", "sync": "AA55"}, {"scale": 1.0, "range": 5.0}, 1.0),
-        ({"struct": "<ff", "sync": "AA55"}, {"scale": 1.0, "range": 5.0}, 1e-4),
-    ],
-)
+@pytest.mark.parametrize(("frame", "column", "digit"), [
+    ({"separator": ",", "columns": 2}, {"scale": 1.0, "range": 5.0}, 1e-4),
+    ({"separator": ",", "columns": 2, "decimals": 2}, {"scale": 1.0, "range": 5.0}, 0.01),
+    ({"separator": ",", "columns": 2, "decimals": 1}, {"scale": 1e-3, "range": 5.0}, 0.1),
+    ({"separator": ",", "columns": 2}, {"scale": 20e-3 / 2**23, "range": 0.02}, 1.0),
+    ({"separator": ",", "columns": 2}, {"scale": 5 / 1023, "range": 5.0}, 1.0),
+    ({"struct": "<hh", "sync": "AA55"}, {"scale": 1.0, "range": 5.0}, 1.0),
+    ({"struct": "<ff", "sync": "AA55"}, {"scale": 1.0, "range": 5.0}, 1e-4),
+])  # fmt: skip
 def test_a_board_prints_its_digits(frame: dict[str, object], column: dict[str, float], digit: float) -> None:
     """The twin's values, as volts, are off by a digit and its noise; no more."""
 

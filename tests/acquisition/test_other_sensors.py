@@ -71,14 +71,11 @@ def written(folder: Path, kind: str, button: str = "") -> Path:
     return path
 
 
-@pytest.mark.parametrize(
-    ("kind", "button"),
-    [
-        pytest.param(kind, button, marks=[pytest.mark.long] * (row % 3 != column))
-        for row, kind in enumerate(KINDS)
-        for column, button in enumerate(("latch", "toggle", "push"))
-    ],
-)
+@pytest.mark.parametrize(("kind", "button"), [
+    pytest.param(kind, button, marks=[pytest.mark.long] * (row % 3 != column))
+    for row, kind in enumerate(KINDS)
+    for column, button in enumerate(("latch", "toggle", "push"))
+])  # fmt: skip
 def test_presses_are_found_timed_and_represented(tmp_path: Path, kind: str, button: str) -> None:
     motion, told_by, near = TOLD_BY[kind]
     with haploop.open_rig(written(tmp_path, kind, button), simulate="twin") as rig:

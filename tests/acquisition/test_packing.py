@@ -12,15 +12,12 @@ import pytest
 from haploop.base.hdf5 import write_packed
 
 
-@pytest.mark.parametrize(
-    ("values", "chunks"),
-    [
-        (np.arange(30_000).reshape(3, 10_000).astype(np.int16), (3, 4096)),
-        (np.zeros((2, 9000), np.int16), (2, 8192)),
-        (np.linspace(-1, 1, 60_001, dtype=np.float32)[np.newaxis], True),
-        (np.array([True, False, True]), True),
-    ],
-)
+@pytest.mark.parametrize(("values", "chunks"), [
+    (np.arange(30_000).reshape(3, 10_000).astype(np.int16), (3, 4096)),
+    (np.zeros((2, 9000), np.int16), (2, 8192)),
+    (np.linspace(-1, 1, 60_001, dtype=np.float32)[np.newaxis], True),
+    (np.array([True, False, True]), True),
+])  # fmt: skip
 def test_the_library_refuses_a_flipped_bit(tmp_path: Path, values: np.ndarray[Any, Any], chunks: Any) -> None:
     path = tmp_path / "packed.h5"
     with h5py.File(path, "w") as file:

@@ -7,20 +7,17 @@ from haploop.base.wording import capital, error_said
 NAN = float("nan")
 
 
-@pytest.mark.parametrize(
-    ("error", "interval", "said", "brief"),
-    [
-        (0.109, (0.02, 0.177), "10.9 % (2.0 to 17.7 %)", "10.9 %"),
-        (0.109, (0.0, 0.177), "10.9 % (0.0 to 17.7 %)", "10.9 %"),
-        (0.0, (0.0, 0.132), "at most 13.2 %", "at most 13.2 %"),
-        (0.0004, (0.0, 0.132), "at most 13.2 %", "at most 13.2 %"),
-        (0.0, (0.0, 0.0), "at most 0.1 %", "at most 0.1 %"),
-        (0.0, (NAN, NAN), "not known", "not known"),
-        (NAN, (NAN, NAN), "not known", "not known"),
-        (None, (None, None), "not known", "not known"),
-        (0.05, (None, None), "5.0 %", "5.0 %"),
-    ],
-)
+@pytest.mark.parametrize(("error", "interval", "said", "brief"), [
+    (0.109, (0.02, 0.177), "10.9 % (2.0 to 17.7 %)", "10.9 %"),
+    (0.109, (0.0, 0.177), "10.9 % (0.0 to 17.7 %)", "10.9 %"),
+    (0.0, (0.0, 0.132), "at most 13.2 %", "at most 13.2 %"),
+    (0.0004, (0.0, 0.132), "at most 13.2 %", "at most 13.2 %"),
+    (0.0, (0.0, 0.0), "at most 0.1 %", "at most 0.1 %"),
+    (0.0, (NAN, NAN), "not known", "not known"),
+    (NAN, (NAN, NAN), "not known", "not known"),
+    (None, (None, None), "not known", "not known"),
+    (0.05, (None, None), "5.0 %", "5.0 %"),
+])  # fmt: skip
 def test_an_error_of_zero_is_a_bound(
     error: float | None, interval: tuple[float | None, float | None], said: str, brief: str
 ) -> None:

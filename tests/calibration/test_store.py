@@ -137,17 +137,14 @@ def test_another_programs_file_is_no_crash(seed: int, values: dict[str, Any], tm
             refused(lambda kind=kind, path=path: load(kind, path))
 
 
-@pytest.mark.parametrize(
-    ("change", "told"),
-    [
-        ({"volts": np.array([[0.0, np.nan]])}, "not a signal for each patch"),
-        ({"volts": np.array([[0.0, 1e9]])}, "reaches 1e.09 V, and no amplifier of a patch 1000 V"),
-        ({"target": np.zeros(3)}, "not a signal for each patch"),
-        ({"volts": np.zeros((2, 2))}, "not a signal for each patch"),
-        ({"volts": np.zeros(2)}, "not a signal for each patch"),
-        ({"rate_hz": np.inf}, "has inf samples/s"),
-    ],
-)
+@pytest.mark.parametrize(("change", "told"), [
+    ({"volts": np.array([[0.0, np.nan]])}, "not a signal for each patch"),
+    ({"volts": np.array([[0.0, 1e9]])}, "reaches 1e.09 V, and no amplifier of a patch 1000 V"),
+    ({"target": np.zeros(3)}, "not a signal for each patch"),
+    ({"volts": np.zeros((2, 2))}, "not a signal for each patch"),
+    ({"volts": np.zeros(2)}, "not a signal for each patch"),
+    ({"rate_hz": np.inf}, "has inf samples/s"),
+])  # fmt: skip
 def test_a_drive_without_sense_is_refused_before_anybody_plots_or_plays_it(
     change: dict[str, Any], told: str, values: dict[str, Any], tmp_path: Path
 ) -> None:

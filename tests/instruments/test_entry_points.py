@@ -248,18 +248,12 @@ def test_the_schema_has_its_table(lamp: Any) -> None:
     assert "$comment" not in schema
 
 
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        (
-            '[lmp]\ndriver = "acme-lamp"\n',
-            r"line 2: unknown key 'lmp'; did you mean 'lamp'\? If another package",
-        ),
-        ("zzz = 3\n", "line 2: unknown key 'zzz'; known keys are .*lamp"),
-        ('lamp = "acme-lamp"\n', "line 2: lamp must be a table"),
-        ('[lamp]\nport = "COM9"\n', r"line 2: the key 'lamp\.driver' is missing"),
-    ],
-)
+@pytest.mark.parametrize(("text", "says"), [
+    ('[lmp]\ndriver = "acme-lamp"\n', r"line 2: unknown key 'lmp'; did you mean 'lamp'\? If another package"),
+    ("zzz = 3\n", "line 2: unknown key 'zzz'; known keys are .*lamp"),
+    ('lamp = "acme-lamp"\n', "line 2: lamp must be a table"),
+    ('[lamp]\nport = "COM9"\n', r"line 2: the key 'lamp\.driver' is missing"),
+])  # fmt: skip
 def test_what_is_wrong_with_a_table_is_one_sentence(lamp: Any, tmp_path: Path, text: str, says: str) -> None:
     with pytest.raises(ConfigurationError, match=says) as caught:
         load_rig_file(rig_file(tmp_path, text))

@@ -33,17 +33,14 @@ def test_a_drive_within_every_limit_passes() -> None:
     LIMITS.check(tone(44), RATE_HZ)
 
 
-@pytest.mark.parametrize(
-    ("drive", "says"),
-    [
-        (np.array([0.0, np.nan, 0.0]), "nan at sample 1"),
-        (np.array([0.0, np.inf, 0.0]), "inf at sample 1"),
-        (np.zeros(0), "shape"),
-        (np.zeros((2, 5)), "shape"),
-        (np.zeros(5, dtype=complex), "real numbers"),
-        (np.zeros(5, dtype=bool), "real numbers"),
-    ],
-)
+@pytest.mark.parametrize(("drive", "says"), [
+    (np.array([0.0, np.nan, 0.0]), "nan at sample 1"),
+    (np.array([0.0, np.inf, 0.0]), "inf at sample 1"),
+    (np.zeros(0), "shape"),
+    (np.zeros((2, 5)), "shape"),
+    (np.zeros(5, dtype=complex), "real numbers"),
+    (np.zeros(5, dtype=bool), "real numbers"),
+])  # fmt: skip
 def test_each_limit_refuses_and_says_which(drive: np.ndarray, says: str) -> None:
     with pytest.raises(LimitError, match=says):
         LIMITS.check(drive, RATE_HZ)
@@ -90,19 +87,16 @@ def test_a_nan_limit_refuses_every_drive(limit: str) -> None:
 SMALL = np.array([0.0, 0.0, 0.0, 1.0, 3.0, -2.0, 1.0, 0.0, 0.0])
 
 
-@pytest.mark.parametrize(
-    ("limit", "at", "below", "says"),
-    [
-        ("min", -2.0, -1.5, "falls to -2 V at sample 5, 0.5 V beyond the -1.5 V"),
-        ("max", 3.0, 2.5, "rises to 3 V at sample 4, 0.5 V beyond the 2.5 V"),
-        ("peak_to_peak", 5.0, 4.0, "has a peak-to-peak voltage of 5 V at sample 4, 1 V beyond the 4 V"),
-        ("slew", 50.0, 49.0, "slews at 50 V/s at sample 5, 1 V/s beyond the 49 V/s"),
-        ("current_peak", 50.0, 49.0, "draws a peak of 50 A at sample 5, 1 A beyond the 49 A"),
-        ("current_average", 12.0, 11.0, "draws on average 12 A at sample 3, 1 A beyond the 11 A"),
-        ("max_duration", 0.4, 0.3, "lasts 0.4 s at sample 6, 0.1 s beyond the 0.3 s"),
-        ("max_offset", 0.75, 0.5, "has an offset of 0.75 V at sample 3, 0.25 V beyond the 0.5 V"),
-    ],
-)
+@pytest.mark.parametrize(("limit", "at", "below", "says"), [
+    ("min", -2.0, -1.5, "falls to -2 V at sample 5, 0.5 V beyond the -1.5 V"),
+    ("max", 3.0, 2.5, "rises to 3 V at sample 4, 0.5 V beyond the 2.5 V"),
+    ("peak_to_peak", 5.0, 4.0, "has a peak-to-peak voltage of 5 V at sample 4, 1 V beyond the 4 V"),
+    ("slew", 50.0, 49.0, "slews at 50 V/s at sample 5, 1 V/s beyond the 49 V/s"),
+    ("current_peak", 50.0, 49.0, "draws a peak of 50 A at sample 5, 1 A beyond the 49 A"),
+    ("current_average", 12.0, 11.0, "draws on average 12 A at sample 3, 1 A beyond the 11 A"),
+    ("max_duration", 0.4, 0.3, "lasts 0.4 s at sample 6, 0.1 s beyond the 0.3 s"),
+    ("max_offset", 0.75, 0.5, "has an offset of 0.75 V at sample 3, 0.25 V beyond the 0.5 V"),
+])  # fmt: skip
 def test_each_limit_is_exact_and_says_how_much_where(limit: str, at: float, below: float, says: str) -> None:
     exact = Limits(**{"capacitance": 1.0, limit: at})
     exact.check(SMALL, 10.0)
@@ -144,16 +138,13 @@ def test_the_current_is_that_of_the_worst_second(drive: np.ndarray, rate_hz: flo
             Limits(current_average=worst - 1e-3, capacitance=2.0).check(drive, rate_hz)
 
 
-@pytest.mark.parametrize(
-    ("limits", "factor", "binding"),
-    [
-        (Limits(max=30.0), 10.0, "30.0 V at the patch"),
-        (Limits(slew=100.0), 2.0, "100 V/s at the patch"),
-        (Limits(current_peak=25.0, capacitance=1.0), 0.5, "25 A into the patch"),
-        (Limits(current_average=3.0, capacitance=1.0), 0.25, "3 A on average into the patch"),
-        (Limits(max=30.0, slew=100.0), 2.0, "100 V/s at the patch"),
-    ],
-)
+@pytest.mark.parametrize(("limits", "factor", "binding"), [
+    (Limits(max=30.0), 10.0, "30.0 V at the patch"),
+    (Limits(slew=100.0), 2.0, "100 V/s at the patch"),
+    (Limits(current_peak=25.0, capacitance=1.0), 0.5, "25 A into the patch"),
+    (Limits(current_average=3.0, capacitance=1.0), 0.25, "3 A on average into the patch"),
+    (Limits(max=30.0, slew=100.0), 2.0, "100 V/s at the patch"),
+])  # fmt: skip
 def test_headroom_is_the_factor_up_to_the_first_limit(limits: Limits, factor: float, binding: str) -> None:
     found, what = limits.headroom(SMALL[3:7], 10.0)
     assert found == pytest.approx(factor, rel=1e-12) and what == binding

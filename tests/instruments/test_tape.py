@@ -485,18 +485,15 @@ def test_a_full_disk_ends_the_tape_only(tmp_path: Path, monkeypatch: pytest.Monk
         assert line.call("do", lambda: 2) == 2
 
 
-@pytest.mark.parametrize(
-    "answer",
-    [
-        {"got": {"a": ["<f8", [2], "AAAA"]}},
-        {"got": {"a": ["|O", [1], "AAAAAAAAAAA="]}},
-        {"got": {"x": 1}},
-        {"filled": [{"a": ["<f8", [3], "AAAAAAAAAAA="]}], "got": None},
-        {"error": ["ConnectionError", 5]},
-        {"error": 3},
-        {},
-    ],
-)
+@pytest.mark.parametrize("answer", [
+    {"got": {"a": ["<f8", [2], "AAAA"]}},
+    {"got": {"a": ["|O", [1], "AAAAAAAAAAA="]}},
+    {"got": {"x": 1}},
+    {"filled": [{"a": ["<f8", [3], "AAAAAAAAAAA="]}], "got": None},
+    {"error": ["ConnectionError", 5]},
+    {"error": 3},
+    {},
+])  # fmt: skip
 def test_an_answer_that_cannot_be_read_is_one_sentence(answer: dict[str, Any], tmp_path: Path) -> None:
     """Of a tape whose hashes are right: somebody else's."""
     tape = tmp_path / "odd.tape"

@@ -182,19 +182,16 @@ def test_a_saturated_sample_counts_within_the_press_only() -> None:
         assert find_presses(one)[0].saturated is said
 
 
-@pytest.mark.parametrize(
-    ("clicks", "expected"),
-    [
-        ({700: 10.0}, None),  # the main click alone
-        ({700: 10.0, 640: 4.0}, 639.5),
-        ({700: 10.0, 640: 4.0, 660: 3.0}, 639.5),
-        ({700: 10.0, 640: 1.0}, None),  # too small beside the main one
-        ({700: 10.0, 694: 4.0}, None),  # a part of it
-        ({700: 10.0, 520: 4.0}, None),  # at too little force
-        ({700: 10.0, 640: 4.0, 400: 30.0}, None),  # as it moves at rest
-        ({640: 4.0}, 639.5),
-    ],
-)
+@pytest.mark.parametrize(("clicks", "expected"), [
+    ({700: 10.0}, None),  # the main click alone
+    ({700: 10.0, 640: 4.0}, 639.5),
+    ({700: 10.0, 640: 4.0, 660: 3.0}, 639.5),
+    ({700: 10.0, 640: 1.0}, None),  # too small beside the main one
+    ({700: 10.0, 694: 4.0}, None),  # a part of it
+    ({700: 10.0, 520: 4.0}, None),  # at too little force
+    ({700: 10.0, 640: 4.0, 400: 30.0}, None),  # as it moves at rest
+    ({640: 4.0}, 639.5),
+])  # fmt: skip
 def test_a_first_click_is_found_where_it_begins(clicks: dict[int, float], expected: float | None) -> None:
     force = trapezoid(2000, 500, 200, 300, 4.0)
     found = find_presses(recording(force, (700,), clicks))[0]
@@ -236,18 +233,15 @@ def test_the_force_at_an_instant_is_of_every_sample_within_reach(change: int, sa
     )
 
 
-@pytest.mark.parametrize(
-    ("state", "first"),
-    [
-        ("11100000", 0),
-        ("11000000", None),
-        ("00111000", 2),
-        ("10000111", 0),
-        ("100000111", 6),
-        ("00000001", 7),
-        ("0101011", 1),
-    ],
-)
+@pytest.mark.parametrize(("state", "first"), [
+    ("11100000", 0),
+    ("11000000", None),
+    ("00111000", 2),
+    ("10000111", 0),
+    ("100000111", 6),
+    ("00000001", 7),
+    ("0101011", 1),
+])  # fmt: skip
 def test_a_state_lasts_when_it_holds_for_most_of_five_samples(state: str, first: int | None) -> None:
     assert _first_lasting(np.array([c == "1" for c in state]), 0, 5) == first
 
@@ -277,19 +271,16 @@ def spans_of(force: np.ndarray) -> list[Span]:
 # How often a button was pressed
 
 
-@pytest.mark.parametrize(
-    ("force", "times"),
-    [
-        ([0, 10, 0], 1),
-        ([0, 2.9, 0.5, 10, 0], 1),  # before the press a touch, of less than 0.3 of it
-        ([0, 3.1, 0.5, 10, 0], 2),
-        ([0, 10, 1, 2.9, 0], 1),  # after it
-        ([0, 10, 1, 3.0, 0], 1),
-        ([0, 10, 1, 3.1, 0], 2),
-        ([0, 10, 3.4, 10, 0], 2),
-        ([0, 10, 3.6, 10, 0], 1),  # the finger has not left it, at more than 0.35
-        ([0, 10, 0, 10, 0, 10], 3),
-    ],
-)
+@pytest.mark.parametrize(("force", "times"), [
+    ([0, 10, 0], 1),
+    ([0, 2.9, 0.5, 10, 0], 1),  # before the press a touch, of less than 0.3 of it
+    ([0, 3.1, 0.5, 10, 0], 2),
+    ([0, 10, 1, 2.9, 0], 1),  # after it
+    ([0, 10, 1, 3.0, 0], 1),
+    ([0, 10, 1, 3.1, 0], 2),
+    ([0, 10, 3.4, 10, 0], 2),
+    ([0, 10, 3.6, 10, 0], 1),  # the finger has not left it, at more than 0.35
+    ([0, 10, 0, 10, 0, 10], 3),
+])  # fmt: skip
 def test_a_second_press_has_a_third_of_the_force_and_a_fall_before_it(force: list[float], times: int) -> None:
     assert _times(np.array(force, dtype=float)) == times

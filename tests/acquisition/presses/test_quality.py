@@ -100,15 +100,12 @@ def crowded(rig, **flaws):
     return rig
 
 
-@pytest.mark.parametrize(
-    ("button", "flaw", "flag", "reason"),
-    [
-        ("toggle", "double", "double", "It was pressed twice."),
-        ("push", "unsprung", "double", "It was pressed twice."),
-        ("toggle", "touch", "not-quiet-before", "It was touched just before."),
-        ("push", "no contact", "no-activation", "The button did not switch."),
-    ],
-)
+@pytest.mark.parametrize(("button", "flaw", "flag", "reason"), [
+    ("toggle", "double", "double", "It was pressed twice."),
+    ("push", "unsprung", "double", "It was pressed twice."),
+    ("toggle", "touch", "not-quiet-before", "It was touched just before."),
+    ("push", "no contact", "no-activation", "The button did not switch."),
+])  # fmt: skip
 def test_a_bad_press_is_kept_marked_and_asked_for_again(tmp_path, button, flaw, flag, reason):
     rig = crowded(world_rig(seed=9), press2=flaw)
     told = []

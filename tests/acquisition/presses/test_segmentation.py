@@ -68,15 +68,12 @@ def test_a_running_mean_is_scipys(samples, size):
     np.testing.assert_allclose(running_mean(signal, size), uniform_filter1d(signal, size), rtol=0, atol=1e-8)
 
 
-@pytest.mark.parametrize(
-    "trouble",
-    [
-        {"drift": 0.02, "offset": -20.0},
-        {"drift": -0.02, "offset": 30.0},
-        {"noise": 0.1},
-        {"bounce": 0.0045},
-    ],
-)
+@pytest.mark.parametrize("trouble", [
+    {"drift": 0.02, "offset": -20.0},
+    {"drift": -0.02, "offset": 30.0},
+    {"noise": 0.1},
+    {"bounce": 0.0045},
+])  # fmt: skip
 def test_drift_offset_noise_and_bounce_neither_hide_nor_invent_a_press(tmp_path, trouble):
     recording, truth = recorded(tmp_path, "toggle", seed=7, **trouble)
     presses = find_presses(recording)

@@ -109,15 +109,11 @@ def test_a_wrong_sensor_is_told_at_the_first_press(
         assert [verdict.reason for verdict in Recording.open(path).verdicts] == [v.reason for v in verdicts]
 
 
-@pytest.mark.parametrize(
-    ("fault", "said"),
-    [
-        (hum(0.003), "The accelerometer has mains hum"),
-        (machine(0.01), "The accelerometer shows 0.25 m/s² rms at rest, 2"),
-        ({"kind": "sensor-creep", "channel": GAUGES, "share": 0.3}, "The force sensor creeps: "),
-    ],
-    ids=["3 mV", "fan", "creep"],
-)
+@pytest.mark.parametrize(("fault", "said"), [
+    (hum(0.003), "The accelerometer has mains hum"),
+    (machine(0.01), "The accelerometer shows 0.25 m/s² rms at rest, 2"),
+    ({"kind": "sensor-creep", "channel": GAUGES, "share": 0.3}, "The force sensor creeps: "),
+], ids=["3 mV", "fan", "creep"])  # fmt: skip
 def test_what_is_doubtful_is_told_once_and_counts(tmp_path: Path, fault: dict[str, Any], said: str) -> None:
     verdicts: list[PressVerdict] = []
     recorded(tmp_path, 2001, fault, verdicts=verdicts)

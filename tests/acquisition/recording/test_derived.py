@@ -101,15 +101,12 @@ def test_a_recording_that_ends_meanwhile_is_finished(tmp_path: Path, monkeypatch
     assert Recording.open(path).state == "finished"
 
 
-@pytest.mark.parametrize(
-    ("events", "rest", "taken"),
-    [
-        ((), 0.02, slice(0, 100)),  # it was stopped before
-        (((50, "rest"),), 0.02, slice(0, 100)),  # less than that has passed
-        (((400, "note"), (300, "rest"), (500, "rest")), 0.01, slice(250, 300)),
-        (((300, "rest"),), 0.0, slice(299, 300)),
-    ],
-)
+@pytest.mark.parametrize(("events", "rest", "taken"), [
+    ((), 0.02, slice(0, 100)),  # it was stopped before
+    (((50, "rest"),), 0.02, slice(0, 100)),  # less than that has passed
+    (((400, "note"), (300, "rest"), (500, "rest")), 0.01, slice(250, 300)),
+    (((300, "rest"),), 0.0, slice(299, 300)),
+])  # fmt: skip
 def test_the_force_is_relative_to_the_rest(
     events: tuple[tuple[int, str], ...], rest: float, taken: slice, tmp_path: Path, codes: np.ndarray
 ) -> None:
@@ -127,15 +124,12 @@ def test_delays_are_of_the_channels_that_make_a_quantity(tmp_path: Path, codes: 
     assert found.delay("activation") == pytest.approx(9e-5)
 
 
-@pytest.mark.parametrize(
-    ("row", "code", "said"),
-    [
-        (0, 32767, True), (0, -32768, True), (0, -32767, True), (0, 32766, False),
-        (6, 32767, True), (9, 32767, False), (9, -32767, False),  # a contact: only its threshold counts
-        (12, 32767, False),  # of no sensor
-        (8, round((1.65 + 0.33 * 3.1) / 5 * 32768), True), (8, round((1.65 + 0.33 * 2.9) / 5 * 32768), False),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("row", "code", "said"), [
+    (0, 32767, True), (0, -32768, True), (0, -32767, True), (0, 32766, False),
+    (6, 32767, True), (9, 32767, False), (9, -32767, False),  # a contact: only its threshold counts
+    (12, 32767, False),  # of no sensor
+    (8, round((1.65 + 0.33 * 3.1) / 5 * 32768), True), (8, round((1.65 + 0.33 * 2.9) / 5 * 32768), False),
+])  # fmt: skip
 def test_a_clipped_sample_is_marked(
     row: int, code: int, said: bool, tmp_path: Path, codes: np.ndarray
 ) -> None:

@@ -171,20 +171,17 @@ def turn_the_sensor(file):
 CONTENT, HEADER = r"its content hash (is|does)", "header does not match its hash"
 
 
-@pytest.mark.parametrize(
-    ("change", "says"),
-    [
-        (add_to_a_code, CONTENT),
-        (set_row("events", "text", b"1"), CONTENT),
-        (set_row("blocks", "overload", 1), CONTENT),
-        (set_row("presses", "accepted", 0), CONTENT),
-        (turn_the_sensor, HEADER),
-        (set_to("full_scale", lambda scale: 2 * scale), HEADER),
-        *((set_to(name, "another"), HEADER) for name in ("notes", "session", "protocol")),
-        (set_to("rig", "{"), "was not written by haploop"),
-        (set_to("format_version", 99), "update"),
-    ],
-)
+@pytest.mark.parametrize(("change", "says"), [
+    (add_to_a_code, CONTENT),
+    (set_row("events", "text", b"1"), CONTENT),
+    (set_row("blocks", "overload", 1), CONTENT),
+    (set_row("presses", "accepted", 0), CONTENT),
+    (turn_the_sensor, HEADER),
+    (set_to("full_scale", lambda scale: 2 * scale), HEADER),
+    *((set_to(name, "another"), HEADER) for name in ("notes", "session", "protocol")),
+    (set_to("rig", "{"), "was not written by haploop"),
+    (set_to("format_version", 99), "update"),
+])  # fmt: skip
 def test_a_changed_recording_gives_nothing_and_is_not_verified(finished, tmp_path, change, says):
     """Neither as another program leaves it, nor under a checksum of the changed bytes."""
     copy = Path(shutil.copy(finished[0].path, tmp_path))
@@ -201,17 +198,14 @@ def test_a_changed_recording_gives_nothing_and_is_not_verified(finished, tmp_pat
         verify(copy)
 
 
-@pytest.mark.parametrize(
-    ("keep", "told"),
-    [
-        (0, "is truncated: it is empty"),
-        (5, "is damaged, or not a file of haploop"),
-        (600, "is an HDF5 file, but was not written by this version of haploop, or is damaged"),
-        (3000, "is truncated: it has 3000 of {size} bytes"),
-        (20_000, "is truncated: it has 20000 of {size} bytes"),
-        (-1, "is truncated: it has {less} of {size} bytes"),
-    ],
-)
+@pytest.mark.parametrize(("keep", "told"), [
+    (0, "is truncated: it is empty"),
+    (5, "is damaged, or not a file of haploop"),
+    (600, "is an HDF5 file, but was not written by this version of haploop, or is damaged"),
+    (3000, "is truncated: it has 3000 of {size} bytes"),
+    (20_000, "is truncated: it has 20000 of {size} bytes"),
+    (-1, "is truncated: it has {less} of {size} bytes"),
+])  # fmt: skip
 def test_a_file_that_was_cut_short_is_refused_in_one_plain_sentence(finished, tmp_path, keep, told):
     broken = tmp_path / "P09-push.h5"
     raw = finished[0].path.read_bytes()
@@ -234,16 +228,13 @@ def test_other_files_are_refused(tmp_path):
         Recording.open(tmp_path)
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"full_scale": np.ones(2)},
-        {"delays": np.zeros(2)},
-        {"rate_hz": 0.0},
-        {"rate_hz": np.nan},
-        {"rig": "[]"},
-    ],
-)
+@pytest.mark.parametrize("change", [
+    {"full_scale": np.ones(2)},
+    {"delays": np.zeros(2)},
+    {"rate_hz": 0.0},
+    {"rate_hz": np.nan},
+    {"rig": "[]"},
+])  # fmt: skip
 def test_a_header_without_sense_is_refused_under_a_hash_that_fits(change, tmp_path):
     with h5py.File(tmp_path / "good.h5", "w") as file:
         write_header(file, replace(header(), rate_hz=0.5), "recording")

@@ -147,18 +147,15 @@ def test_codes_are_the_same_bits_as_the_formula_one_channel_after_the_other(volt
     assert np.all(codes[:, count:] == 99)
 
 
-@pytest.mark.parametrize(
-    ("participant", "button", "allowed"),
-    [
-        ("P01", "latch", True), ("abcd1234", "a" * 40, True), ("P1", "0-_", True), ("abcde1", "latch", False),
-        ("P12345", "latch", False), ("01", "latch", False), ("P", "latch", False), ("P01 ", "latch", False),
-        ("P01", "a" * 41, False), ("P01", "-a", False), ("P01", "_a", False), ("P01", "", False),
-        ("P01", "a/b", False), ("P01", "a.b", False), ("P01\n", "latch", False), ("../P01", "latch", False),
-        ("P 01", "latch", False), ("Anna", "latch", False), ("P01\\x", "latch", False), ("", "latch", False),
-        ("P01", "..", False), ("P01", "a\\b", False), ("P01", "a b", False), ("P01", "push\n", False),
-        ("P01", "C:", False), ("01P", "latch", False),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("participant", "button", "allowed"), [
+    ("P01", "latch", True), ("abcd1234", "a" * 40, True), ("P1", "0-_", True), ("abcde1", "latch", False),
+    ("P12345", "latch", False), ("01", "latch", False), ("P", "latch", False), ("P01 ", "latch", False),
+    ("P01", "a" * 41, False), ("P01", "-a", False), ("P01", "_a", False), ("P01", "", False),
+    ("P01", "a/b", False), ("P01", "a.b", False), ("P01\n", "latch", False), ("../P01", "latch", False),
+    ("P 01", "latch", False), ("Anna", "latch", False), ("P01\\x", "latch", False), ("", "latch", False),
+    ("P01", "..", False), ("P01", "a\\b", False), ("P01", "a b", False), ("P01", "push\n", False),
+    ("P01", "C:", False), ("01P", "latch", False),
+])  # fmt: skip
 def test_names_of_files(participant: str, button: str, allowed: bool) -> None:
     if allowed:
         assert file_name(participant, button) == f"{participant}-{button}.h5"

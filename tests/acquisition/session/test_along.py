@@ -87,19 +87,16 @@ def test_the_same_world_gives_the_same_recording_and_a_reading_is_in_its_hash(tm
     assert one == two != other.content_hash
 
 
-@pytest.mark.parametrize(
-    ("read", "says"),
-    [
-        (raises(InstrumentError("The meter lost its cable.")), "The meter lost its cable."),
-        (raises(ZeroDivisionError("nothing\nat all")), "ZeroDivisionError: nothing at all."),
-        (lambda: [Reading("level", float("nan"), "m")], "was nan"),
-        (lambda: [Reading("level", "high", "m")], "could not convert"),
-        (lambda: [Reading("n" * 300, 1.0, "m")], "too long for an event"),
-        (lambda: None, "not iterable"),
-        (lambda: sys.exit(3), "SystemExit: 3."),
-        (lambda: [Reading("level", 1.0, "\x1b[2J")], "cannot be printed"),
-    ],
-)
+@pytest.mark.parametrize(("read", "says"), [
+    (raises(InstrumentError("The meter lost its cable.")), "The meter lost its cable."),
+    (raises(ZeroDivisionError("nothing\nat all")), "ZeroDivisionError: nothing at all."),
+    (lambda: [Reading("level", float("nan"), "m")], "was nan"),
+    (lambda: [Reading("level", "high", "m")], "could not convert"),
+    (lambda: [Reading("n" * 300, 1.0, "m")], "too long for an event"),
+    (lambda: None, "not iterable"),
+    (lambda: sys.exit(3), "SystemExit: 3."),
+    (lambda: [Reading("level", 1.0, "\x1b[2J")], "cannot be printed"),
+])  # fmt: skip
 def test_what_fails_is_one_event_and_the_presses_are_kept(tmp_path, read, says):
     recording = record(rig_with(Meter(read=read)), "push", "P01", 2, tmp_path)
     assert recording.complete and len(recording.accepted) == 2
@@ -297,23 +294,17 @@ def test_extra_channels_and_readings_are_exported(tmp_path, monkeypatch):
     assert list(data.meter_level_time * recording.rate_hz) == [r.sample for r in recording.readings]
 
 
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ('room = { chanel = "laser" }', "unknown key 'sensors.extra.room.chanel'; did you mean 'channel'"),
-        ('room = { channel = "laser", scale = 0 }', "a scale of 0 would lose"),
-        ('room = { channel = "laser", scale = nan }', "sensors.extra.room.scale"),
-        ('force = { channel = "laser" }', "'force' is the name of something"),
-        ('Fz = { channel = "laser" }', "'Fz' is the name of something"),
-        (
-            r'room = { channel = "laser", name = "\u001b[2J" }',
-            "room.name: use characters that can be printed",
-        ),
-        (r'room = { channel = "laser", unit = "a\nb" }', "room.unit: use characters that can be printed"),
-        ('"a b" = { channel = "laser" }', "'a b' is not a valid name"),
-        ("room = {}", "'sensors.extra.room.channel' is missing"),
-    ],
-)
+@pytest.mark.parametrize(("text", "says"), [
+    ('room = { chanel = "laser" }', "unknown key 'sensors.extra.room.chanel'; did you mean 'channel'"),
+    ('room = { channel = "laser", scale = 0 }', "a scale of 0 would lose"),
+    ('room = { channel = "laser", scale = nan }', "sensors.extra.room.scale"),
+    ('force = { channel = "laser" }', "'force' is the name of something"),
+    ('Fz = { channel = "laser" }', "'Fz' is the name of something"),
+    (r'room = { channel = "laser", name = "\u001b[2J" }', "room.name: use characters that can be printed"),
+    (r'room = { channel = "laser", unit = "a\nb" }', "room.unit: use characters that can be printed"),
+    ('"a b" = { channel = "laser" }', "'a b' is not a valid name"),
+    ("room = {}", "'sensors.extra.room.channel' is missing"),
+])  # fmt: skip
 def test_what_is_wrong_with_an_extra_channel_is_one_sentence(tmp_path, text, says):
     path = tmp_path / "rig.toml"
     path.write_text(f'base = "simulated"\n[sensors.extra]\n{text}\n', encoding="utf-8")

@@ -113,14 +113,11 @@ def test_where_an_interrupted_file_cannot_be_finished_it_stays_recoverable(tmp_p
     assert np.array_equal(Recording.open(recover(path)).volts, recording.volts)
 
 
-@pytest.mark.parametrize(
-    ("presses", "says"),
-    [
-        *((presses, "is not a number of presses: use a whole number") for presses in (-1, 3.0, "3", None)),
-        (0, "at least 1"),
-        (MOST_PRESSES + 1, "presses are too many for one recording"),
-    ],
-)
+@pytest.mark.parametrize(("presses", "says"), [
+    *((presses, "is not a number of presses: use a whole number") for presses in (-1, 3.0, "3", None)),
+    (0, "at least 1"),
+    (MOST_PRESSES + 1, "presses are too many for one recording"),
+])  # fmt: skip
 def test_presses_are_counted_in_whole_numbers(tmp_path, presses, says):
     with pytest.raises(ConfigurationError, match=says):
         record(world_rig(), "push", "P01", presses, tmp_path)

@@ -133,15 +133,12 @@ def test_two_streams_that_fit_are_told_apart_by_a_person(tmp_path: Path) -> None
         haploop.record(rig, "latch", "P01", 1, tmp_path)
 
 
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        (RIG.replace('type = "EEG"\n', ""), "give at least one of name, type and source_id"),
-        (RIG.replace("inlets.eeg", 'inlets."../eeg"'), "eeg"),
-        (RIG.replace('type = "EEG"', 'typ = "EEG"'), "did you mean 'type'"),
-        ('base = "minimal"\nname = "streams"\n[streams]\ndriver = "lsl"\n', "inlets' is missing"),
-    ],
-)
+@pytest.mark.parametrize(("text", "says"), [
+    (RIG.replace('type = "EEG"\n', ""), "give at least one of name, type and source_id"),
+    (RIG.replace("inlets.eeg", 'inlets."../eeg"'), "eeg"),
+    (RIG.replace('type = "EEG"', 'typ = "EEG"'), "did you mean 'type'"),
+    ('base = "minimal"\nname = "streams"\n[streams]\ndriver = "lsl"\n', "inlets' is missing"),
+])  # fmt: skip
 def test_what_is_wrong_in_a_rig_file_is_one_sentence(tmp_path: Path, text: str, says: str) -> None:
     with pytest.raises(ConfigurationError, match=says) as error:
         load_rig_file(rig_file(tmp_path, text=text))

@@ -37,35 +37,26 @@ def loaded(folder, text: str):
     return load_study_file(folder / "study.toml")
 
 
-@pytest.mark.parametrize(
-    ("line", "expected"),
-    [
-        ('participants = ["Mustafa Emre"]', "Do not use a person's name"),
-        ('participants = ["../P01"]', "is not a valid participant pseudonym"),
-        ('participants = ["P01", "P01"]', "P01 is listed twice"),
-        ('participants = ["P01", "p01"]', "differ only in upper and lower case"),
-        ("participants = []", "1 or more entries"),
-        ('buttons = ["../../etc/passwd"]', "is not a valid button name"),
-        ('buttons = ["C:\\\\latch"]', "is not a valid button name"),
-        ("presses = 0", "1 or more"),
-        ('order = "randomly"', "'counterbalanced', 'random' or 'as-listed'"),
-        ('order = "random"', 'a seed is required with order = "random"'),
-        ("seed = 3", "not allowed with any other order"),
-        ('particpants = ["P01"]', "did you mean 'participants'?"),
-        (
-            'prompts = { ready = "{name}, please" }',
-            "only these placeholders: {participant}, {button}, {presses}",
-        ),
-        ('prompts = { press = "{number:{of}" }', "may contain only these placeholders"),
-        ('button = { latch = { prompt = "{}" } }', "may contain only these placeholders"),
-        (
-            "button = { doorbell = { presses = 3 } }",
-            "there is no 'doorbell' in buttons (latch, toggle, push)",
-        ),
-        ("button = { latch = { force = [5, 2] } }", "the lowest force must be below the highest"),
-        ("button = { latch = { segmentation = { pressure = 1 } } }", "there is no parameter 'pressure'"),
-    ],
-)
+@pytest.mark.parametrize(("line", "expected"), [
+    ('participants = ["Mustafa Emre"]', "Do not use a person's name"),
+    ('participants = ["../P01"]', "is not a valid participant pseudonym"),
+    ('participants = ["P01", "P01"]', "P01 is listed twice"),
+    ('participants = ["P01", "p01"]', "differ only in upper and lower case"),
+    ("participants = []", "1 or more entries"),
+    ('buttons = ["../../etc/passwd"]', "is not a valid button name"),
+    ('buttons = ["C:\\\\latch"]', "is not a valid button name"),
+    ("presses = 0", "1 or more"),
+    ('order = "randomly"', "'counterbalanced', 'random' or 'as-listed'"),
+    ('order = "random"', 'a seed is required with order = "random"'),
+    ("seed = 3", "not allowed with any other order"),
+    ('particpants = ["P01"]', "did you mean 'participants'?"),
+    ('prompts = { ready = "{name}, please" }', "only these placeholders: {participant}, {button}, {presses}"),
+    ('prompts = { press = "{number:{of}" }', "may contain only these placeholders"),
+    ('button = { latch = { prompt = "{}" } }', "may contain only these placeholders"),
+    ("button = { doorbell = { presses = 3 } }", "there is no 'doorbell' in buttons (latch, toggle, push)"),
+    ("button = { latch = { force = [5, 2] } }", "the lowest force must be below the highest"),
+    ("button = { latch = { segmentation = { pressure = 1 } } }", "there is no parameter 'pressure'"),
+])  # fmt: skip
 def test_what_is_wrong_is_said_in_one_sentence_with_its_line(tmp_path, line, expected):
     key = line.split(" ")[0]
     others = [kept for kept in GOOD.strip().splitlines() if not kept.startswith(f"{key} ")]

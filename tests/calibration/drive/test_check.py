@@ -89,19 +89,16 @@ def test_third_octaves_are_levels(calibrated: Calibrated, drive: Drive) -> None:
     assert result.octaves.measured_db[beyond] == pytest.approx(octaves.floor_db[beyond], abs=4)
 
 
-@pytest.mark.parametrize(
-    ("how", "says"),
-    [
-        (lambda v: 0 * v, "does not see the surface"),
-        (lambda v: 1e-3 * np.random.default_rng(0).standard_normal(len(v)), "does not see the surface"),
-        (lambda v: 0.7 * v, "differs from the target"),
-        (lambda v: np.roll(v, 50), "differs from the target"),
-        (lambda v: -v, "differs from the target by"),
-        (lambda v: np.clip(v, -0.3 * np.abs(v).max(), 0.3 * np.abs(v).max()), "differs from the target"),
-        (lambda v: 1000 * v, "range of 20 mm/s"),
-        (lambda v: np.full(len(v), np.nan), "differs from the target"),
-    ],
-)
+@pytest.mark.parametrize(("how", "says"), [
+    (lambda v: 0 * v, "does not see the surface"),
+    (lambda v: 1e-3 * np.random.default_rng(0).standard_normal(len(v)), "does not see the surface"),
+    (lambda v: 0.7 * v, "differs from the target"),
+    (lambda v: np.roll(v, 50), "differs from the target"),
+    (lambda v: -v, "differs from the target by"),
+    (lambda v: np.clip(v, -0.3 * np.abs(v).max(), 0.3 * np.abs(v).max()), "differs from the target"),
+    (lambda v: 1000 * v, "range of 20 mm/s"),
+    (lambda v: np.full(len(v), np.nan), "differs from the target"),
+])  # fmt: skip
 def test_what_did_not_follow_never_passes(
     calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch, how: object, says: str
 ) -> None:
@@ -151,14 +148,10 @@ def test_few_plays_are_not_told_that_more_are_of_no_use(calibrated: Calibrated, 
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(
-    ("hidden", "says"),
-    [
-        ((0.0, 0.3, 5040.0), ""),
-        ((0.25, 0.0, 6350.0), "More plays would not: measure with a vibrometer"),
-    ],
-    ids=["hidden by noise", "shown"],
-)
+@pytest.mark.parametrize(("hidden", "says"), [
+    ((0.0, 0.3, 5040.0), ""),
+    ((0.25, 0.0, 6350.0), "More plays would not: measure with a vibrometer"),
+], ids=["hidden by noise", "shown"])  # fmt: skip
 def test_what_the_calibration_left_open_above_the_laser_more_plays_tell(
     calibrated: Calibrated, drive: Drive, hidden: tuple[float, float, float], says: str
 ) -> None:
@@ -303,17 +296,13 @@ def test_a_check_comes_back_from_disk(calibrated: Calibrated, drive: Drive, tmp_
     assert str(back) == str(result) and back.passed == result.passed
 
 
-@pytest.mark.parametrize(
-    "play",
-    [
-        lambda rig, drive, *_: check(rig, drive),
-        lambda rig, drive, calibration, _: learn(rig, drive, calibration),
-        lambda rig, *_: calibrate(rig),
-        lambda rig, *_: quick_response(rig, "A", "button"),
-        lambda rig, _, __, folder: measure_map(rig, folder / "map"),
-    ],
-    ids=["check", "learn", "calibrate", "quick response", "map"],
-)
+@pytest.mark.parametrize("play", [
+    lambda rig, drive, *_: check(rig, drive),
+    lambda rig, drive, calibration, _: learn(rig, drive, calibration),
+    lambda rig, *_: calibrate(rig),
+    lambda rig, *_: quick_response(rig, "A", "button"),
+    lambda rig, _, __, folder: measure_map(rig, folder / "map"),
+], ids=["check", "learn", "calibrate", "quick response", "map"])  # fmt: skip
 def test_without_a_drive_monitor(calibrated: Calibrated, drive: Drive, tmp_path: Path, play: Any) -> None:
     """Nothing would show there that the amplifier's gain is five times what the rig file says."""
     file = load_rig_file("simulated")

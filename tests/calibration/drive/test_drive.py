@@ -102,14 +102,11 @@ def test_the_vibrometers_range_is_a_limit_too(calibrated: Calibrated, press: Rep
     assert np.abs(drive.target).max() / (2 * np.pi * drive.band[1]) < 0.1e-3
 
 
-@pytest.mark.parametrize(
-    ("change", "says"),
-    [
-        ({"acceleration": np.zeros(3000)}, "no acceleration"),
-        ({"acceleration": np.full(3000, np.nan)}, "no acceleration"),
-        ({"acceleration": np.ones(3)}, "no acceleration"),
-    ],
-)
+@pytest.mark.parametrize(("change", "says"), [
+    ({"acceleration": np.zeros(3000)}, "no acceleration"),
+    ({"acceleration": np.full(3000, np.nan)}, "no acceleration"),
+    ({"acceleration": np.ones(3)}, "no acceleration"),
+])  # fmt: skip
 def test_what_cannot_be_driven(calibrated: Calibrated, change: dict[str, object], says: str) -> None:
     with pytest.raises(DataError, match=says):
         drive_for(replace(make_press(), **change), calibrated.calibration, calibrated.rig.limits)  # type: ignore[arg-type]

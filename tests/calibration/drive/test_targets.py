@@ -22,19 +22,16 @@ def at(rate_hz: float) -> object:
     return replace(PRESS, rate_hz=rate_hz, acceleration=resample_poly(PRESS.acceleration, up, down))
 
 
-@pytest.mark.parametrize(
-    ("pressed_hz", "driven_hz", "grid_hz"),
-    [
-        (5000, 50_000, 5000),
-        (5000, 51_200, 5120),
-        (5000, 48_000, 48_000 / 9),
-        (5000, 44_100, 44_100 / 8),
-        (5120, 50_000, 50_000 / 9),
-        (48_000, 50_000, 50_000),
-        (2000, 50_000, 5000),
-        (1000, 48_000, 48_000 / 9),
-    ],
-)
+@pytest.mark.parametrize(("pressed_hz", "driven_hz", "grid_hz"), [
+    (5000, 50_000, 5000),
+    (5000, 51_200, 5120),
+    (5000, 48_000, 48_000 / 9),
+    (5000, 44_100, 44_100 / 8),
+    (5120, 50_000, 50_000 / 9),
+    (48_000, 50_000, 50_000),
+    (2000, 50_000, 5000),
+    (1000, 48_000, 48_000 / 9),
+])  # fmt: skip
 def test_any_rates_drive_a_press_as_recorded(pressed_hz: float, driven_hz: float, grid_hz: float) -> None:
     """It moves as it did, at the same time; nothing is added that was not recorded."""
     table = SimpleNamespace(rate_hz=float(driven_hz), ringing=0.1, carriers=(0.0,))

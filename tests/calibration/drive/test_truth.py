@@ -83,19 +83,16 @@ def test_the_stated_interval_holds_the_surfaces_own_error(
 
 @pytest.mark.long
 @pytest.mark.many_plays
-@pytest.mark.parametrize(
-    ("hz", "push", "foreseen", "says"),
-    [
-        (3400.0, 0.3, True, "The motion of the surface up to 5 kHz differs from the target by"),
-        pytest.param(
-            7000.0,
-            0.6,
-            False,
-            "Not shown: the motion up to 5 kHz differs from the target by",
-            marks=pytest.mark.long,
-        ),
-    ],
-)
+@pytest.mark.parametrize(("hz", "push", "foreseen", "says"), [
+    (3400.0, 0.3, True, "The motion of the surface up to 5 kHz differs from the target by"),
+    pytest.param(
+        7000.0,
+        0.6,
+        False,
+        "Not shown: the motion up to 5 kHz differs from the target by",
+        marks=pytest.mark.long,
+    ),
+])  # fmt: skip
 def test_a_pane_that_rings_far_above_the_drive_does_not_pass(
     open: OpenRig, monkeypatch: pytest.MonkeyPatch, hz: float, push: float, foreseen: bool, says: str
 ) -> None:

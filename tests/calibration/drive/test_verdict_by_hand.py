@@ -141,19 +141,16 @@ def test_a_check_in_words_and_as_plain_values() -> None:
     assert nothing["error"] is None and nothing["interval"] == [None, None]
 
 
-@pytest.mark.parametrize(
-    ("wrong", "says"),
-    [
-        ({"octaves": {"target_db": np.zeros(3)}}, "one level for each"),
-        ({"octaves": {"floor_db": np.zeros((1, 1))}}, "one level for each"),
-        ({"octaves": {"measured_db": np.full(17, np.nan)}}, "level that is NaN"),
-        ({"within": {"plays": 1}}, "another number of plays"),
-        ({"rate_hz": 0.0}, "has 0 samples/s"),
-        ({"rate_hz": np.nan}, "has nan samples/s"),
-        ({"accelerations": np.zeros((5, 3))}, "as long as its target"),
-        ({"verdict": "perhaps"}, "there is no such"),
-    ],
-)
+@pytest.mark.parametrize(("wrong", "says"), [
+    ({"octaves": {"target_db": np.zeros(3)}}, "one level for each"),
+    ({"octaves": {"floor_db": np.zeros((1, 1))}}, "one level for each"),
+    ({"octaves": {"measured_db": np.full(17, np.nan)}}, "level that is NaN"),
+    ({"within": {"plays": 1}}, "another number of plays"),
+    ({"rate_hz": 0.0}, "has 0 samples/s"),
+    ({"rate_hz": np.nan}, "has nan samples/s"),
+    ({"accelerations": np.zeros((5, 3))}, "as long as its target"),
+    ({"verdict": "perhaps"}, "there is no such"),
+])  # fmt: skip
 def test_a_check_that_nobody_can_have_measured_is_refused(wrong: dict[str, Any], says: str) -> None:
     found = judged(0.9)
     found.refuse_nonsense()
@@ -168,55 +165,44 @@ def test_a_check_that_nobody_can_have_measured_is_refused(wrong: dict[str, Any],
 # Verdicts
 
 
-@pytest.mark.parametrize(
-    ("given", "verdict", "says"),
-    [
-        ({"share": 0.81, "outside": 0.06}, "pass", ""),
-        (
-            {"share": 0.8, "outside": 0.05},
-            "fail",
-            "The motion of the surface up to 1 kHz differs from the target by an rms of 20.6 % (95 % "
-            "confidence: 20.6 to 20.6 %), and 20% is accepted: 20.0 % within 200 to 300 Hz, and 5.0 % "
-            "outside.",
-        ),
-        ({"overload": "The laser left its range."}, "fail", "The laser left its range."),
-        ({"peak": 50.9}, "pass", ""),
-        ({"peak": 51.1}, "fail", "The patch got 51.1 V, and the rig's limit is 50.0 V."),
-        # The noise of a monitor of 12 bits explains five of its deviations, and no more than 5 %.
-        ({"peak": 52.4, "monitor_noise": 0.3}, "pass", ""),
-        (
-            {"peak": 52.6, "monitor_noise": 0.3},
-            "fail",
-            "The patch got 52.6 V, and the rig's limit is 50.0 V.",
-        ),
-        (
-            {"peak": 53.6, "monitor_noise": 5.0},
-            "fail",
-            "The patch got 53.6 V, and the rig's limit is 50.0 V.",
-        ),
-        ({"peak": 32.01}, "pass", ""),
-        (
-            {"peak": 31.9},
-            "fail",
-            "The patch got 32 V where the drive has 40.0 V: check the amplifier, the relay and the drive "
-            "monitor.",
-        ),
-        ({"in_band": 0.25}, "pass", ""),
-        (
-            {"in_band": 0.249},
-            "fail",
-            "Only 24.9% of the press's energy lies in the 200 to 300 Hz that were played, and 25% is needed.",
-        ),
-        ({"in_band": float("nan")}, "fail", "Only nan%"),
-        ({"share": 0.85, "predicted_error": 0.299}, "pass", ""),
-        (
-            {"share": 0.85, "predicted_error": 0.62},
-            "not shown",
-            "Not shown: 62.0% of error were expected when the drive was computed or learnt, and the plays "
-            "show 15.0 % (15.0 to 15.0 %): the table",
-        ),
-    ],
-)
+@pytest.mark.parametrize(("given", "verdict", "says"), [
+    ({"share": 0.81, "outside": 0.06}, "pass", ""),
+    (
+        {"share": 0.8, "outside": 0.05},
+        "fail",
+        "The motion of the surface up to 1 kHz differs from the target by an rms of 20.6 % (95 % "
+        "confidence: 20.6 to 20.6 %), and 20% is accepted: 20.0 % within 200 to 300 Hz, and 5.0 % "
+        "outside.",
+    ),
+    ({"overload": "The laser left its range."}, "fail", "The laser left its range."),
+    ({"peak": 50.9}, "pass", ""),
+    ({"peak": 51.1}, "fail", "The patch got 51.1 V, and the rig's limit is 50.0 V."),
+    # The noise of a monitor of 12 bits explains five of its deviations, and no more than 5 %.
+    ({"peak": 52.4, "monitor_noise": 0.3}, "pass", ""),
+    ({"peak": 52.6, "monitor_noise": 0.3}, "fail", "The patch got 52.6 V, and the rig's limit is 50.0 V."),
+    ({"peak": 53.6, "monitor_noise": 5.0}, "fail", "The patch got 53.6 V, and the rig's limit is 50.0 V."),
+    ({"peak": 32.01}, "pass", ""),
+    (
+        {"peak": 31.9},
+        "fail",
+        "The patch got 32 V where the drive has 40.0 V: check the amplifier, the relay and the drive "
+        "monitor.",
+    ),
+    ({"in_band": 0.25}, "pass", ""),
+    (
+        {"in_band": 0.249},
+        "fail",
+        "Only 24.9% of the press's energy lies in the 200 to 300 Hz that were played, and 25% is needed.",
+    ),
+    ({"in_band": float("nan")}, "fail", "Only nan%"),
+    ({"share": 0.85, "predicted_error": 0.299}, "pass", ""),
+    (
+        {"share": 0.85, "predicted_error": 0.62},
+        "not shown",
+        "Not shown: 62.0% of error were expected when the drive was computed or learnt, and the plays "
+        "show 15.0 % (15.0 to 15.0 %): the table",
+    ),
+])  # fmt: skip
 def test_a_verdict_and_its_reason(given: dict[str, Any], verdict: str, says: str) -> None:
     found = judged(**given)
     assert found.verdict == verdict and found.passed == (verdict == "pass")
@@ -237,13 +223,10 @@ def disturbed(spread: float) -> np.ndarray:
     return np.array(plays)
 
 
-@pytest.mark.parametrize(
-    ("spread", "says"),
-    [
-        (0.2, "the squared error of the part outside came out negative, -12% of the noise of a play, which"),
-        (0.0, "the error of the whole came out with an interval of no width, in noise of 5.7%, which"),
-    ],
-)
+@pytest.mark.parametrize(("spread", "says"), [
+    (0.2, "the squared error of the part outside came out negative, -12% of the noise of a play, which"),
+    (0.0, "the error of the whole came out with an interval of no width, in noise of 5.7%, which"),
+])  # fmt: skip
 def test_evidence_of_dependence_takes_every_error_away(spread: float, says: str) -> None:
     """In the first, the noise in the band hides it in the whole."""
     plays = disturbed(spread)
@@ -260,20 +243,17 @@ def test_plays_without_numbers_fail() -> None:
     assert "differs from the target by an rms that is not known, and 20% is accepted" in found.reasons[0]
 
 
-@pytest.mark.parametrize(
-    ("given", "says"),
-    [
-        ({"share": 0.8}, "The laser shows 0.80 times the target, and 0.0% of error beside that factor: its"),
-        ({"share": 1.3, "outside": 0.2}, "The laser shows 1.30 times the target, and 20.0% of error beside"),
-        ({"share": 0.94}, "The laser shows 0.94 times"),
-        ({"share": 0.96}, ""),
-        ({"share": 0.8, "outside": 0.21}, ""),  # more of the error is of another kind
-        ({"share": 0.93, "spread": 0.3}, "The laser shows 0.93 times"),  # the plays' noise is no factor
-        ({"share": [0.8, 0.95, 0.8, 1.0, 0.75]}, ""),  # within three standard errors
-        ({"share": 0.29}, ""),  # it does not follow
-        ({"share": -1.0}, ""),
-    ],
-)
+@pytest.mark.parametrize(("given", "says"), [
+    ({"share": 0.8}, "The laser shows 0.80 times the target, and 0.0% of error beside that factor: its"),
+    ({"share": 1.3, "outside": 0.2}, "The laser shows 1.30 times the target, and 20.0% of error beside"),
+    ({"share": 0.94}, "The laser shows 0.94 times"),
+    ({"share": 0.96}, ""),
+    ({"share": 0.8, "outside": 0.21}, ""),  # more of the error is of another kind
+    ({"share": 0.93, "spread": 0.3}, "The laser shows 0.93 times"),  # the plays' noise is no factor
+    ({"share": [0.8, 0.95, 0.8, 1.0, 0.75]}, ""),  # within three standard errors
+    ({"share": 0.29}, ""),  # it does not follow
+    ({"share": -1.0}, ""),
+])  # fmt: skip
 def test_one_factor_over_the_whole_motion_is_named(given: dict[str, Any], says: str) -> None:
     """A laser aimed askew, or a patch that came unglued: a check cannot tell which, nor is it silent."""
     notes = [note for note in judged(**given).notes if note.startswith("The laser shows")]
@@ -307,19 +287,12 @@ def test_plays_that_do_not_tell_are_no_verdict_and_how_many_would() -> None:
     assert remedy in reason
 
 
-@pytest.mark.parametrize(
-    ("outside", "shown", "says"),
-    [
-        (0.1, 0.0, ""),
-        (0.1, 0.1, ""),
-        (0.1, 0.19, "Not shown: the laser shows motion near 1.41 kHz, above the 1 kHz that it passes (or"),
-        (
-            0.15,
-            0.0,
-            "Not shown: 15.0% of error lie between 500 Hz and 1 kHz, and if as much lies in the octave",
-        ),
-    ],
-)
+@pytest.mark.parametrize(("outside", "shown", "says"), [
+    (0.1, 0.0, ""),
+    (0.1, 0.1, ""),
+    (0.1, 0.19, "Not shown: the laser shows motion near 1.41 kHz, above the 1 kHz that it passes (or"),
+    (0.15, 0.0, "Not shown: 15.0% of error lie between 500 Hz and 1 kHz, and if as much lies in the octave"),
+])  # fmt: skip
 def test_motion_above_what_is_judged_is_no_pass(outside: float, shown: float, says: str) -> None:
     """As much in the next octave as in the last, or a third octave that the laser's filter weakens."""
     rng = np.random.default_rng(0)

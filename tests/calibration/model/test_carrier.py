@@ -23,23 +23,17 @@ def said(calibration: Calibration, label: str) -> str:
     return " ".join(map(str, lines))
 
 
-@pytest.mark.parametrize(
-    ("machine", "background"),
-    [
-        ({"volts": 0.05}, "steady tones at 50.0, 100.0, 150.0, 200.0 Hz, which were taken out"),
-        pytest.param(
-            {"volts": 0.2, "wander": 1e-3}, "that are not steady and stay in", marks=pytest.mark.long
-        ),
-        pytest.param(
-            {"volts": 0.5, "after": 15.0},
-            "look for mains hum (ground the laser's cable), a fan or a motor",
-            marks=pytest.mark.long,
-        ),
-        # In one play alone, and not of the full level: only what the levels say of each other shows it.
-        pytest.param({"volts": 0.4, "after": 46.0, "frequency": 182.2}, "", marks=pytest.mark.long),
-    ],
-    ids=["steady", "wandering", "starts", "starts in the last play"],
-)
+@pytest.mark.parametrize(("machine", "background"), [
+    ({"volts": 0.05}, "steady tones at 50.0, 100.0, 150.0, 200.0 Hz, which were taken out"),
+    pytest.param({"volts": 0.2, "wander": 1e-3}, "that are not steady and stay in", marks=pytest.mark.long),
+    pytest.param(
+        {"volts": 0.5, "after": 15.0},
+        "look for mains hum (ground the laser's cable), a fan or a motor",
+        marks=pytest.mark.long,
+    ),
+    # In one play alone, and not of the full level: only what the levels say of each other shows it.
+    pytest.param({"volts": 0.4, "after": 46.0, "frequency": 182.2}, "", marks=pytest.mark.long),
+], ids=["steady", "wandering", "starts", "starts in the last play"])  # fmt: skip
 def test_a_machine_is_no_resonance(open: OpenRig, machine: dict[str, Any], background: str) -> None:
     fault = {"kind": "rotating-machine", "channel": "laser", "frequency": 50.0, **machine}
     rig = open(seed=1, faults=[fault])

@@ -235,14 +235,11 @@ def test_the_carrier_is_the_plants_on_tables_that_nobody_chose(full: bool) -> No
             assert calibrate(rig).model.resonance_hz == pytest.approx(truth.resonance_hz, abs=0.3), seed
 
 
-@pytest.mark.parametrize(
-    ("f", "of"),
-    [
-        (np.linspace(20, 600, 7), "7 lines"),
-        (np.linspace(600, 20, 50), "ascending"),
-        (np.linspace(0, 600, 50), "above 0 Hz"),
-    ],
-)
+@pytest.mark.parametrize(("f", "of"), [
+    (np.linspace(20, 600, 7), "7 lines"),
+    (np.linspace(600, 20, 50), "ascending"),
+    (np.linspace(0, 600, 50), "above 0 Hz"),
+])  # fmt: skip
 def test_lines_that_no_fit_can_use_are_refused(f: np.ndarray, of: str) -> None:
     with pytest.raises(DataError, match=of):
         fit(response_of(f, np.ones(len(f), complex)))
@@ -314,18 +311,15 @@ def test_a_matlab_file_holds_all_of_it(fitted: tuple[Response, np.ndarray], tmp_
     assert back["input"] == "V at the patch"
 
 
-@pytest.mark.parametrize(
-    ("one", "other", "by"),
-    [
-        # Patch A at the button, and patch C near a node of three modes (a simulated table: 0.44 % was said).
-        (
-            (68.0, 137.4, 203.1, 242.3, 263.6, 389.3, 432.8, 490.3, 521.5, 611.2),
-            (68.0, 137.4, 242.3, 263.6, 392.8, 521.5, 582.9),
-            0.0,
-        ),
-        ((68.0, 137.4, 203.1, 263.6), (68.68, 138.77, 266.24), 0.01),
-    ],
-)
+@pytest.mark.parametrize(("one", "other", "by"), [
+    # Patch A at the button, and patch C near a node of three modes (a simulated table: 0.44 % was said).
+    (
+        (68.0, 137.4, 203.1, 242.3, 263.6, 389.3, 432.8, 490.3, 521.5, 611.2),
+        (68.0, 137.4, 242.3, 263.6, 392.8, 521.5, 582.9),
+        0.0,
+    ),
+    ((68.0, 137.4, 203.1, 263.6), (68.68, 138.77, 266.24), 0.01),
+])  # fmt: skip
 def test_a_patch_near_a_node_is_of_the_same_table(one: Any, other: Any, by: float) -> None:
     models: Any = [
         SimpleNamespace(resonances=[SimpleNamespace(frequency_hz=hz) for hz in each]) for each in (one, other)

@@ -24,20 +24,14 @@ def seen(patch: str, factor: float, path: float = 1.0, point: str = "button") ->
     return Verdict(patch, point, "drifted", METRICS, METRICS, (), factor, path)
 
 
-@pytest.mark.parametrize(
-    ("verdicts", "says"),
-    [
-        ([seen("A", 0.85)], ["0.85 times", "32°", "Only one patch was measured", "Nothing is made anew"]),
-        ([seen("A", 1.2)], ["1.20 times", "Only one patch"]),
-        (
-            [seen("A", 0.85), seen("B", 0.86)],
-            ["patch A", "patch B", "which speaks for the laser"],
-        ),
-        ([seen("A", 0.85), seen("B", 1.01)], ["patch B is as it was, which speaks for the patch"]),
-        ([seen("A", 0.85), seen("B", 1.0, point="37")], ["The other patches do not tell which"]),
-        ([seen("A", 1 / 0.85, 0.85)], ["drive monitor shows 0.85 times", "the monitor's divider"]),
-    ],
-)
+@pytest.mark.parametrize(("verdicts", "says"), [
+    ([seen("A", 0.85)], ["0.85 times", "32°", "Only one patch was measured", "Nothing is made anew"]),
+    ([seen("A", 1.2)], ["1.20 times", "Only one patch"]),
+    ([seen("A", 0.85), seen("B", 0.86)], ["patch A", "patch B", "which speaks for the laser"]),
+    ([seen("A", 0.85), seen("B", 1.01)], ["patch B is as it was, which speaks for the patch"]),
+    ([seen("A", 0.85), seen("B", 1.0, point="37")], ["The other patches do not tell which"]),
+    ([seen("A", 1 / 0.85, 0.85)], ["drive monitor shows 0.85 times", "the monitor's divider"]),
+])  # fmt: skip
 def test_what_can_have_made_a_factor_is_named(verdicts: list[Verdict], says: list[str]) -> None:
     told = " ".join(common_factors(verdicts, {}, 0.05))
     assert all(part in told for part in says), told

@@ -32,22 +32,19 @@ def moved(
     return replace(response, velocity=velocity, path=path * response.path)
 
 
-@pytest.mark.parametrize(
-    ("change", "kind", "says"),
-    [
-        ({}, "unchanged", r"\(.0.00%\)"),
-        ({"shift": 0.001}, "unchanged", r"\(\+0.10%\)"),
-        ({"shift": -0.001}, "unchanged", r"\(-0.10%\)"),
-        ({"damping": 1.15, "gain": 0.95}, "unchanged", ""),
-        ({"shift": 0.03}, "drifted", r"resonance of patch A at the button point changed by \+3.00%"),
-        ({"shift": -0.0035}, "drifted", r"changed by -0.35%, and 0.30% is accepted"),
-        ({"damping": 1.3}, "drifted", r"damping .* changed by \+30%, and 20%"),
-        ({"gain": 0.85}, "drifted", r"gain .* changed by -15.0%, and 10.0%"),
-        ({"path": 0.8}, "drifted", r"gain .* changed by -20.0%"),
-        ({"gain": 0.5}, "broken", "0.50 times what it was"),
-        ({"shift": 0.118}, "broken", "more than 10% is no drift"),
-    ],
-)
+@pytest.mark.parametrize(("change", "kind", "says"), [
+    ({}, "unchanged", r"\(.0.00%\)"),
+    ({"shift": 0.001}, "unchanged", r"\(\+0.10%\)"),
+    ({"shift": -0.001}, "unchanged", r"\(-0.10%\)"),
+    ({"damping": 1.15, "gain": 0.95}, "unchanged", ""),
+    ({"shift": 0.03}, "drifted", r"resonance of patch A at the button point changed by \+3.00%"),
+    ({"shift": -0.0035}, "drifted", r"changed by -0.35%, and 0.30% is accepted"),
+    ({"damping": 1.3}, "drifted", r"damping .* changed by \+30%, and 20%"),
+    ({"gain": 0.85}, "drifted", r"gain .* changed by -15.0%, and 10.0%"),
+    ({"path": 0.8}, "drifted", r"gain .* changed by -20.0%"),
+    ({"gain": 0.5}, "broken", "0.50 times what it was"),
+    ({"shift": 0.118}, "broken", "more than 10% is no drift"),
+])  # fmt: skip
 def test_a_response_is_laid_over(
     calibrated: Calibrated, change: dict[str, float], kind: str, says: str
 ) -> None:

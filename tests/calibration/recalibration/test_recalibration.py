@@ -130,20 +130,16 @@ def test_three_percent_are_brought_back(open: OpenRig, history: History) -> None
 
 
 @pytest.mark.requires("simulation")
-@pytest.mark.parametrize(
-    ("fault", "says"),
-    [
-        ({"kind": "patch-dead"}, "patch is dead or its wires are off"),
-        ({"kind": "laser-blocked"}, "laser does not see the surface"),
-        ({"kind": "sensor-disconnected", "channel": "laser"}, "laser is not connected"),
-        ({"kind": "sensor-disconnected", "channel": "acceleration_z"}, "accelerometer is loose"),
-        ({"kind": "accelerometer-inverted"}, "accelerometer is loose or turned"),
-        ({"kind": "amplifier-trip"}, "check the amplifier"),
-        ({"kind": "relay-swapped"}, "check that the laser still looks at the point"),
-        ({"kind": "daq-overrun", "times": 9}, "lost"),
-    ],
-    ids=lambda value: value if isinstance(value, str) else "",
-)
+@pytest.mark.parametrize(("fault", "says"), [
+    ({"kind": "patch-dead"}, "patch is dead or its wires are off"),
+    ({"kind": "laser-blocked"}, "laser does not see the surface"),
+    ({"kind": "sensor-disconnected", "channel": "laser"}, "laser is not connected"),
+    ({"kind": "sensor-disconnected", "channel": "acceleration_z"}, "accelerometer is loose"),
+    ({"kind": "accelerometer-inverted"}, "accelerometer is loose or turned"),
+    ({"kind": "amplifier-trip"}, "check the amplifier"),
+    ({"kind": "relay-swapped"}, "check that the laser still looks at the point"),
+    ({"kind": "daq-overrun", "times": 9}, "lost"),
+], ids=lambda value: value if isinstance(value, str) else "")  # fmt: skip
 def test_what_is_broken_is_named(open: OpenRig, history: History, fault: dict[str, Any], says: str) -> None:
     """Drifted by 3 % as well: broken comes first."""
     before = content(history)
@@ -499,17 +495,13 @@ def test_unlogged_is_not_active(history: History, tmp_path: Path, monkeypatch: p
 
 @pytest.mark.long
 @pytest.mark.requires("simulation")
-@pytest.mark.parametrize(
-    "fault",
-    [
-        {"kind": "mains-hum", "volts": 0.02},
-        pytest.param(
-            {"kind": "rotating-machine", "volts": 0.01, "frequency": 117.3, "after": 50.0, "run_up": 2.0},
-            marks=pytest.mark.night,
-        ),
-    ],
-    ids=["hum", "a motor that starts meanwhile"],
-)
+@pytest.mark.parametrize("fault", [
+    {"kind": "mains-hum", "volts": 0.02},
+    pytest.param(
+        {"kind": "rotating-machine", "volts": 0.01, "frequency": 117.3, "after": 50.0, "run_up": 2.0},
+        marks=pytest.mark.night,
+    ),
+], ids=["hum", "a motor that starts meanwhile"])  # fmt: skip
 def test_a_disturbed_measurement_is_no_use(open: OpenRig, history: History, fault: dict[str, Any]) -> None:
     """Seven of ten buttons were "restored" under hum and 23 to 37 % wrong."""
     before = content(history)

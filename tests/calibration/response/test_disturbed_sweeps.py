@@ -14,14 +14,10 @@ pytestmark = [pytest.mark.requires("simulation"), pytest.mark.many_plays]
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(
-    "fault",
-    [
-        {"kind": "mains-hum", "volts": 0.02, "frequency": 49.9},
-        {"kind": "rotating-machine", "volts": 0.02, "frequency": 117.3},
-    ],
-    ids=["hum", "fan"],
-)
+@pytest.mark.parametrize("fault", [
+    {"kind": "mains-hum", "volts": 0.02, "frequency": 49.9},
+    {"kind": "rotating-machine", "volts": 0.02, "frequency": 117.3},
+], ids=["hum", "fan"])  # fmt: skip
 def test_a_steady_tone_is_no_mode_and_no_error(open: OpenRig, fault: dict[str, Any]) -> None:
     """Sweeps 410 periods of 50 Hz apart showed no scatter by hum: a mode at 49.99 Hz was named."""
     rig = open(seed=7, faults=[{"channel": "laser", **fault}])

@@ -28,16 +28,13 @@ def test_a_sweep_that_cannot_be_sampled_is_refused(duration: float, stop: float)
         linear_sweep(50e3, duration, stop, 1.0)
 
 
-@pytest.mark.parametrize(
-    "multisine",
-    [
-        Multisine(),
-        Multisine(lines="all", seed=3),
-        Multisine(periods=2, settle=0.7),
-        Multisine(lines=(1, 4), settle=0.8),
-        Multisine(low=100, high=300, period=1.0),
-    ],
-)
+@pytest.mark.parametrize("multisine", [
+    Multisine(),
+    Multisine(lines="all", seed=3),
+    Multisine(periods=2, settle=0.7),
+    Multisine(lines=(1, 4), settle=0.8),
+    Multisine(low=100, high=300, period=1.0),
+])  # fmt: skip
 def test_a_multisine_may_be_played_and_holds_its_lines_alone(multisine: Multisine) -> None:
     drive = multisine.volts(RATE, 48.0)
     Limits(min=-48, max=48, max_offset=0.5, max_end=0.5, slew=0.5e6).check(drive, RATE)
@@ -85,16 +82,13 @@ def test_patches_that_play_at_once_share_no_line_and_leave_out_the_same() -> Non
         assert not np.isin(one.silent()[1], lines).any()
 
 
-@pytest.mark.parametrize(
-    ("wrong", "said"),
-    [
-        ({"low": 50, "high": 52}, "fewer than 20 lines"),
-        ({"low": 300, "high": 200}, "fewer than 20 lines"),
-        ({"periods": 3}, "settle"),
-        ({"periods": 0}, "at least one period"),
-        ({"lines": (4, 4)}, "every n"),
-    ],
-)
+@pytest.mark.parametrize(("wrong", "said"), [
+    ({"low": 50, "high": 52}, "fewer than 20 lines"),
+    ({"low": 300, "high": 200}, "fewer than 20 lines"),
+    ({"periods": 3}, "settle"),
+    ({"periods": 0}, "at least one period"),
+    ({"lines": (4, 4)}, "every n"),
+])  # fmt: skip
 def test_a_multisine_that_makes_no_sense_is_refused(wrong: dict[str, object], said: str) -> None:
     with pytest.raises(ConfigurationError, match=said):
         Multisine(**wrong)  # type: ignore[arg-type]

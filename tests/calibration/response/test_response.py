@@ -74,17 +74,13 @@ def test_noise_coherence_and_path_are_what_the_rig_has(calibrated: Calibrated) -
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(
-    "excitation",
-    [
-        Multisine(),
-        Multisine(periods=2, settle=1.0),
-        Multisine(lines="all"),
-        Multisine(lines=(1, 4), settle=1.0),
-        LinearSweep(seconds=3.0, shares=()),
-    ],
-    ids=["from rest", "settled", "all lines", "interleaved", "sweep"],
-)
+@pytest.mark.parametrize("excitation", [
+    Multisine(),
+    Multisine(periods=2, settle=1.0),
+    Multisine(lines="all"),
+    Multisine(lines=(1, 4), settle=1.0),
+    LinearSweep(seconds=3.0, shares=()),
+], ids=["from rest", "settled", "all lines", "interleaved", "sweep"])  # fmt: skip
 def test_the_truth_is_within_the_confidence_band(open: OpenRig, excitation: Multisine | LinearSweep) -> None:
     rig = open(hysteresis=0, vibrometer_noise_scale=20, seed=12)
     response = measure_response(rig, excitation=excitation)

@@ -89,23 +89,20 @@ def test_force_units_and_a_unipolar_output(path: Path) -> None:
     assert sensor.output == 20
 
 
-@pytest.mark.parametrize(
-    ("text", "sentence"),
-    [
-        (cal(axis="Axis", version="1.0"), r"version 1.0 and has no UserAxis rows; ask ATI"),
-        (cal(torque="furlong"), r"TorqueUnits are 'furlong'"),
-        (cal(force="dyn"), r"ForceUnits are 'dyn'"),
-        (cal().replace(f"{MATRIX[1, 1]:.6f}", "nan"), r"values of UserAxis Fy"),
-        (cal().replace(f"{MATRIX[1, 1]:.6f}", ""), r"values of UserAxis Fy .* 6 numbers are expected"),
-        (cal().replace('<UserAxis Name="Tz"', '<UserAxis Name="Tq"'), r"no UserAxis row Tz"),
-        (cal().replace('max="120"', 'max="0"'), r"max of UserAxis Fz is 0"),
-        (cal().replace('NumGages="6"', 'NumGages="7"'), r"7 gauges"),
-        (cal()[:400], r"is no XML"),
-        ("", r"is no XML"),
-        ("<html/>", r"holds 0 calibrations"),
-        (cal(head='<!DOCTYPE FTSensor [<!ENTITY x SYSTEM "file:///etc/hostname">]>'), r"document type"),
-    ],
-)
+@pytest.mark.parametrize(("text", "sentence"), [
+    (cal(axis="Axis", version="1.0"), r"version 1.0 and has no UserAxis rows; ask ATI"),
+    (cal(torque="furlong"), r"TorqueUnits are 'furlong'"),
+    (cal(force="dyn"), r"ForceUnits are 'dyn'"),
+    (cal().replace(f"{MATRIX[1, 1]:.6f}", "nan"), r"values of UserAxis Fy"),
+    (cal().replace(f"{MATRIX[1, 1]:.6f}", ""), r"values of UserAxis Fy .* 6 numbers are expected"),
+    (cal().replace('<UserAxis Name="Tz"', '<UserAxis Name="Tq"'), r"no UserAxis row Tz"),
+    (cal().replace('max="120"', 'max="0"'), r"max of UserAxis Fz is 0"),
+    (cal().replace('NumGages="6"', 'NumGages="7"'), r"7 gauges"),
+    (cal()[:400], r"is no XML"),
+    ("", r"is no XML"),
+    ("<html/>", r"holds 0 calibrations"),
+    (cal(head='<!DOCTYPE FTSensor [<!ENTITY x SYSTEM "file:///etc/hostname">]>'), r"document type"),
+])  # fmt: skip
 def test_what_is_wrong_is_one_sentence(path: Path, text: str, sentence: str) -> None:
     path.write_text(text, encoding="utf-8")
     with pytest.raises(ConfigurationError, match=rf"FT99999.cal cannot be used: .*{sentence}") as caught:

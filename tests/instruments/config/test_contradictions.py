@@ -97,49 +97,46 @@ SLOW_ABORT = ("[table]", "[abort]\nvelocity = 0.01\n\n[table]")
 SPEED = 'scale = 0.005\nquantity = "speed"\n'
 
 
-@pytest.mark.parametrize(
-    ("changes", "says"),
-    [
-        # amplifier
-        ([("gain = 2\n", "gain = -2\n")], r"amplifier\.gain must be above 0"),
-        ([('source = "its data sheet"\ninput', "input")], r"the key 'amplifier\.source' is missing"),
-        ([("min = -12", "min = 0")], r"amplifier\.min: .* goes below 0 V \(min = -50\)"),
-        ([("current_peak = 1", "current_peak = 0.1")], r"current_average: 0\.5 A .* swap the two"),
-        ([('channel = "drive", scale', 'channel = "monitr", scale')], r"no channel 'monitr' .*: name"),
-        ([('input = "amplifier"', 'input = "ao0"')], r"no output 'ao0' .*\(amplifier\): name one of"),
-        ([('wiring = "direct"\nrelay = false\n', "")], r"monitor: .* put a divider behind the relay into"),
-        ([INVERTED, SWEPT], r"inverting: .* its non-inverting input"),
-        # actuator
-        ([('kind = "coil"', 'kind = "motor"')], r"actuator\.kind must be 'piezo' or 'coil'"),
-        ([("watts = 1\n", "")], r"actuator: a coil needs watts: add it to \[actuator\]"),
-        ([("watts = 1\n", "watts = 3\n")], r"at volts = 4 into 8 ohm it can dissipate 2 W at most"),
-        ([("watts = 1\n", "watts = 1\ncapacitance = 1e-9\n")], r"a coil has no capacitance, .*: remove it"),
-        ([("thermal_time = 2", "thermal_time = 3600")], r"actuator\.thermal_time must be 600 or less"),
-        ([("a fuse of 0.5 A", "nothing")], r"'nothing' protects nothing: name the fuse"),
-        ([("a fuse of 0.5 A", "None yet")], r"'None yet' protects nothing"),
-        ([BARE], r"can put out -12 to 12 V, the actuator takes -4 to 4 V"),
-        ([BARE, ("min = -12\nmax = 12", "min = -4\nmax = 5")], r"can put out -4 to 5 V.* what keeps it"),
-        ([("[table]", "[limits]\nmax = 12\n\n[table]")], r"limits\.max: 12 V .*: write max = 4"),
-        ([("[table]", "[limits]\nmin = -5\n\n[table]")], r"limits\.min: -5 V .*write min = -4"),
-        ([(COILS, PIEZO)], r"actuator\.min: .* cannot follow a drive.* write the negative volts"),
-        # wiring
-        ([('wiring = "direct"', 'wiring = "none"')], r"wiring must be 'relay' or 'direct'"),
-        ([('patches = ["A"]', 'patches = ["A", "B"]')], r'2 patches are named: write patches = \["A"\]'),
-        ([("relay = false\n", "")], r'wiring: .* remove \[relay\], or write wiring = "relay"'),
-        # pick-up
-        ([("scale = 0.005\n", "scale = 5\n")], r"scale: its output would have 0\.004 V .*write range and"),
-        ([("bandwidth_hz = 20000", "bandwidth_hz = 100000")], r"half of the table's rate \(25000 Hz\)"),
-        ([FAR, ("bandwidth_hz = 20000", "bandwidth_hz = 30000")], r"30000 Hz .* set a lower low-pass filter"),
-        ([("range = 0.02", "range = 0.02\nhigh_pass_hz = 100")], r"hides motion .*: switch it off"),
-        ([('channel = "laser"', 'channel = "lasr"')], r"no channel 'lasr' .*: name the one"),
-        ([("range = 0.02", "range = 0.04")], r"8 V at 40 mm/s, and the channel 'laser' ends at 5 V"),
-        ([GLUED, ("mass = 0.002", "mass = 0")], r"mass: an accelerometer .*: write its mass in kg"),
-        ([("range = 0.02", "range = 0.02\nmass = 0.002")], r"shows velocity touches nothing: remove mass"),
-        ([GLUED, SLOW_ABORT], r"write \[abort\] acceleration instead"),
-        ([("scale = 0.005\n", SPEED)], r"quantity must be 'velocity', 'displ"),
-        ([("scale = 0.005\n", "scale = 0.005\ndelay = 1.1\n")], r"vibrometer\.delay must be below 1"),
-    ],
-)
+@pytest.mark.parametrize(("changes", "says"), [
+    # amplifier
+    ([("gain = 2\n", "gain = -2\n")], r"amplifier\.gain must be above 0"),
+    ([('source = "its data sheet"\ninput', "input")], r"the key 'amplifier\.source' is missing"),
+    ([("min = -12", "min = 0")], r"amplifier\.min: .* goes below 0 V \(min = -50\)"),
+    ([("current_peak = 1", "current_peak = 0.1")], r"current_average: 0\.5 A .* swap the two"),
+    ([('channel = "drive", scale', 'channel = "monitr", scale')], r"no channel 'monitr' .*: name"),
+    ([('input = "amplifier"', 'input = "ao0"')], r"no output 'ao0' .*\(amplifier\): name one of"),
+    ([('wiring = "direct"\nrelay = false\n', "")], r"monitor: .* put a divider behind the relay into"),
+    ([INVERTED, SWEPT], r"inverting: .* its non-inverting input"),
+    # actuator
+    ([('kind = "coil"', 'kind = "motor"')], r"actuator\.kind must be 'piezo' or 'coil'"),
+    ([("watts = 1\n", "")], r"actuator: a coil needs watts: add it to \[actuator\]"),
+    ([("watts = 1\n", "watts = 3\n")], r"at volts = 4 into 8 ohm it can dissipate 2 W at most"),
+    ([("watts = 1\n", "watts = 1\ncapacitance = 1e-9\n")], r"a coil has no capacitance, .*: remove it"),
+    ([("thermal_time = 2", "thermal_time = 3600")], r"actuator\.thermal_time must be 600 or less"),
+    ([("a fuse of 0.5 A", "nothing")], r"'nothing' protects nothing: name the fuse"),
+    ([("a fuse of 0.5 A", "None yet")], r"'None yet' protects nothing"),
+    ([BARE], r"can put out -12 to 12 V, the actuator takes -4 to 4 V"),
+    ([BARE, ("min = -12\nmax = 12", "min = -4\nmax = 5")], r"can put out -4 to 5 V.* what keeps it"),
+    ([("[table]", "[limits]\nmax = 12\n\n[table]")], r"limits\.max: 12 V .*: write max = 4"),
+    ([("[table]", "[limits]\nmin = -5\n\n[table]")], r"limits\.min: -5 V .*write min = -4"),
+    ([(COILS, PIEZO)], r"actuator\.min: .* cannot follow a drive.* write the negative volts"),
+    # wiring
+    ([('wiring = "direct"', 'wiring = "none"')], r"wiring must be 'relay' or 'direct'"),
+    ([('patches = ["A"]', 'patches = ["A", "B"]')], r'2 patches are named: write patches = \["A"\]'),
+    ([("relay = false\n", "")], r'wiring: .* remove \[relay\], or write wiring = "relay"'),
+    # pick-up
+    ([("scale = 0.005\n", "scale = 5\n")], r"scale: its output would have 0\.004 V .*write range and"),
+    ([("bandwidth_hz = 20000", "bandwidth_hz = 100000")], r"half of the table's rate \(25000 Hz\)"),
+    ([FAR, ("bandwidth_hz = 20000", "bandwidth_hz = 30000")], r"30000 Hz .* set a lower low-pass filter"),
+    ([("range = 0.02", "range = 0.02\nhigh_pass_hz = 100")], r"hides motion .*: switch it off"),
+    ([('channel = "laser"', 'channel = "lasr"')], r"no channel 'lasr' .*: name the one"),
+    ([("range = 0.02", "range = 0.04")], r"8 V at 40 mm/s, and the channel 'laser' ends at 5 V"),
+    ([GLUED, ("mass = 0.002", "mass = 0")], r"mass: an accelerometer .*: write its mass in kg"),
+    ([("range = 0.02", "range = 0.02\nmass = 0.002")], r"shows velocity touches nothing: remove mass"),
+    ([GLUED, SLOW_ABORT], r"write \[abort\] acceleration instead"),
+    ([("scale = 0.005\n", SPEED)], r"quantity must be 'velocity', 'displ"),
+    ([("scale = 0.005\n", "scale = 0.005\ndelay = 1.1\n")], r"vibrometer\.delay must be below 1"),
+])  # fmt: skip
 def test_a_wrong_one_is_one_sentence(tmp_path: Path, changes: list[tuple[str, str]], says: str) -> None:
     with pytest.raises(ConfigurationError, match=says) as caught:
         load_rig_file(written(tmp_path, *changes))
@@ -170,25 +167,22 @@ def test_a_table_needs_an_actuator(tmp_path: Path) -> None:
         load_rig_file(file)
 
 
-@pytest.mark.parametrize(
-    ("before", "after"),
-    [
-        ("number = 12\nthreshold = -3.5\nuncertainty = 3.5", "number = 2\nthreshold = -3.5\nuncertainty = 9"),
-        ("number = 12", "number = 100001"),
-        ("threshold = -3.5", "threshold = -61"),
-        ("threshold = -3.5", "threshold = 61"),
-        ("threshold = -3.5", "threshold = nan"),
-        ("uncertainty = 3.5", "uncertainty = 0"),
-        ("uncertainty = 3.5", "uncertainty = 61"),
-        ("spread = 5.0", "spread = 0"),
-        ("uncertainty = 3.5\nspread = 5.0", "uncertainty = 40\nspread = 61"),
-        ("force = 2.0", "force = 0"),
-        ("force = 2.0", "force = 101"),
-        ('"push"', '""'),
-        ('"push"', '"a\\u0007bell"'),
-        ('"push"', f'"{"x" * 81}"'),
-    ],
-)
+@pytest.mark.parametrize(("before", "after"), [
+    ("number = 12\nthreshold = -3.5\nuncertainty = 3.5", "number = 2\nthreshold = -3.5\nuncertainty = 9"),
+    ("number = 12", "number = 100001"),
+    ("threshold = -3.5", "threshold = -61"),
+    ("threshold = -3.5", "threshold = 61"),
+    ("threshold = -3.5", "threshold = nan"),
+    ("uncertainty = 3.5", "uncertainty = 0"),
+    ("uncertainty = 3.5", "uncertainty = 61"),
+    ("spread = 5.0", "spread = 0"),
+    ("uncertainty = 3.5\nspread = 5.0", "uncertainty = 40\nspread = 61"),
+    ("force = 2.0", "force = 0"),
+    ("force = 2.0", "force = 101"),
+    ('"push"', '""'),
+    ('"push"', '"a\\u0007bell"'),
+    ('"push"', f'"{"x" * 81}"'),
+])  # fmt: skip
 def test_people_that_no_lab_can_have_measured_are_refused(tmp_path: Path, before: str, after: str) -> None:
     path = tmp_path / "people.toml"
     path.write_text(PEOPLE, encoding="utf-8")

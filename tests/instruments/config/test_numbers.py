@@ -80,22 +80,16 @@ def test_the_list_is_whole() -> None:
     } <= {key for key, _ in EVERY}
 
 
-@pytest.mark.parametrize(
-    ("drive", "says"),
-    [
-        (
-            "1e9",
-            r"abort.*drive = 1e\+09 V stops no play .* the limits are 50 V: .* 62.5 or less, .*drive_source",
-        ),
-        ("62.6", "stops no play"),
-        ("1e308", "must be 1e.12 or less"),
-        ("true", "must be a number"),
-        ('"1e9"', "must be a number"),
-        ("nan", "number"),
-        ("0", "must be above 0"),
-        ("1e-30", "smaller than anything"),
-    ],
-)
+@pytest.mark.parametrize(("drive", "says"), [
+    ("1e9", r"abort.*drive = 1e\+09 V stops no play .* the limits are 50 V: .* 62.5 or less, .*drive_source"),
+    ("62.6", "stops no play"),
+    ("1e308", "must be 1e.12 or less"),
+    ("true", "must be a number"),
+    ('"1e9"', "must be a number"),
+    ("nan", "number"),
+    ("0", "must be above 0"),
+    ("1e-30", "smaller than anything"),
+])  # fmt: skip
 def test_a_trip_level_that_switches_the_monitor_off_is_refused(
     tmp_path: Path, drive: str, says: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

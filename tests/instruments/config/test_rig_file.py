@@ -41,54 +41,48 @@ HAPTABLE = 'base = "haptable"\n'
 DEAD = '[[simulation.faults]]\nkind = "patch-dead"\n'
 
 
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ("name = ", "not valid TOML"),
-        ('name = "x"\n', "'daq' is missing"),
-        ("[simulation]\nseed = -1\n", "simulation.seed"),
-        ("[simulation]\ndamping_scale = nan\n", "simulation.damping_scale"),
-        # The line is named.
-        ("[simulation]\n\nsead = 1\n", "toml, line 3: unknown key 'simulation.sead'; did you mean 'seed'"),
-        (
-            'base = "minimal"\n[daq.channels]\n# a new one\nextra = { terminl = "Dev1/ai1", range = 1 }\n',
-            "rig.toml, line 4: unknown key 'daq.channels.extra.terminl'; did you mean 'terminal'",
-        ),
-        ('base = "minimal"\n\n[daq.channels.extra]\nrange = 1\n', "line 3: the key 'daq.channels.extra.term"),
-        (HAPTABLE + "[relay]\nsettle = 0.1\ndead_man = 0\n", "line 4: relay.dead_man must be 0.1 or more"),
-        (HAPTABLE + "limits.peak_to_peak = -1\n", "rig.toml, line 2: limits.peak_to_peak"),
-        (
-            HAPTABLE + "[sensors.force]\nmatrix = [\n  [1, 2],\n]\n[limits]\npeak_to_peak = 1\n",
-            "rig.toml, line 2: sensors.force: row 1 of matrix has 2 numbers for 6 channels",
-        ),
-        (
-            DEAD + DEAD + 'pach = "A"\n',
-            "line 5: unknown key 'simulation.faults.1.pach'; did you mean",
-        ),
-        ('[[simulation.faults]]\nkind = "relay-stick"\n', "line 2: unknown fault kind .*'relay-stuck'"),
-        (HAPTABLE + "[table]\npatch_places = { E = [0, 0] }\n", "line 3: table.patch_places.*'E'"),
-        # What a value must be is said in plain words.
-        (HAPTABLE + 'rate_hz = "a"\n', r"rate_hz must be a number \(found 'a'\)"),
-        (HAPTABLE + "rate_hz = -1\n", r"rate_hz must be above 0 \(found -1\)"),
-        (HAPTABLE + "rate_hz = inf\n", r"rate_hz must be a finite number \(found inf\)"),
-        (HAPTABLE + "[limits]\nduty = 2\n", r"limits.duty must be 1 or less \(found 2\)"),
-        (HAPTABLE + "[table]\nrows = 1.5\n", r"table.rows must be a whole number \(found 1.5\)"),
-        (HAPTABLE + "[sensors.force]\nchannels = 3\n", r"sensors.force.channels must be a list \(found 3\)"),
-        (HAPTABLE + "sensors = 3\n", r"sensors must be a table \(found 3\)"),
-        # Limits are numbers about zero.
-        (HAPTABLE + "[limits]\nmax = nan\n", "limits.max"),
-        (HAPTABLE + "[limits]\nmin = nan\n", "limits.min"),
-        (HAPTABLE + "[limits]\nmax = -60\n", "limits.max"),
-        (HAPTABLE + "[limits]\nmin = 60\n", "limits.min"),
-        (HAPTABLE + "[limits]\npeak_to_peak = inf\n", "limits.peak_to_peak"),
-        # Two would be one output of one task, which the card refuses when it is to be set to zero.
-        (
-            HAPTABLE + '[daq.outputs]\nother = { terminal = "dev2/AO0" }\n',
-            "dev2/AO0 has two names, 'amplifier' and 'other'",
-        ),
-        ('base = "rig.toml"\n', "is itself based on this file"),
-    ],
-)
+@pytest.mark.parametrize(("text", "says"), [
+    ("name = ", "not valid TOML"),
+    ('name = "x"\n', "'daq' is missing"),
+    ("[simulation]\nseed = -1\n", "simulation.seed"),
+    ("[simulation]\ndamping_scale = nan\n", "simulation.damping_scale"),
+    # The line is named.
+    ("[simulation]\n\nsead = 1\n", "toml, line 3: unknown key 'simulation.sead'; did you mean 'seed'"),
+    (
+        'base = "minimal"\n[daq.channels]\n# a new one\nextra = { terminl = "Dev1/ai1", range = 1 }\n',
+        "rig.toml, line 4: unknown key 'daq.channels.extra.terminl'; did you mean 'terminal'",
+    ),
+    ('base = "minimal"\n\n[daq.channels.extra]\nrange = 1\n', "line 3: the key 'daq.channels.extra.term"),
+    (HAPTABLE + "[relay]\nsettle = 0.1\ndead_man = 0\n", "line 4: relay.dead_man must be 0.1 or more"),
+    (HAPTABLE + "limits.peak_to_peak = -1\n", "rig.toml, line 2: limits.peak_to_peak"),
+    (
+        HAPTABLE + "[sensors.force]\nmatrix = [\n  [1, 2],\n]\n[limits]\npeak_to_peak = 1\n",
+        "rig.toml, line 2: sensors.force: row 1 of matrix has 2 numbers for 6 channels",
+    ),
+    (DEAD + DEAD + 'pach = "A"\n', "line 5: unknown key 'simulation.faults.1.pach'; did you mean"),
+    ('[[simulation.faults]]\nkind = "relay-stick"\n', "line 2: unknown fault kind .*'relay-stuck'"),
+    (HAPTABLE + "[table]\npatch_places = { E = [0, 0] }\n", "line 3: table.patch_places.*'E'"),
+    # What a value must be is said in plain words.
+    (HAPTABLE + 'rate_hz = "a"\n', r"rate_hz must be a number \(found 'a'\)"),
+    (HAPTABLE + "rate_hz = -1\n", r"rate_hz must be above 0 \(found -1\)"),
+    (HAPTABLE + "rate_hz = inf\n", r"rate_hz must be a finite number \(found inf\)"),
+    (HAPTABLE + "[limits]\nduty = 2\n", r"limits.duty must be 1 or less \(found 2\)"),
+    (HAPTABLE + "[table]\nrows = 1.5\n", r"table.rows must be a whole number \(found 1.5\)"),
+    (HAPTABLE + "[sensors.force]\nchannels = 3\n", r"sensors.force.channels must be a list \(found 3\)"),
+    (HAPTABLE + "sensors = 3\n", r"sensors must be a table \(found 3\)"),
+    # Limits are numbers about zero.
+    (HAPTABLE + "[limits]\nmax = nan\n", "limits.max"),
+    (HAPTABLE + "[limits]\nmin = nan\n", "limits.min"),
+    (HAPTABLE + "[limits]\nmax = -60\n", "limits.max"),
+    (HAPTABLE + "[limits]\nmin = 60\n", "limits.min"),
+    (HAPTABLE + "[limits]\npeak_to_peak = inf\n", "limits.peak_to_peak"),
+    # Two would be one output of one task, which the card refuses when it is to be set to zero.
+    (
+        HAPTABLE + '[daq.outputs]\nother = { terminal = "dev2/AO0" }\n',
+        "dev2/AO0 has two names, 'amplifier' and 'other'",
+    ),
+    ('base = "rig.toml"\n', "is itself based on this file"),
+])  # fmt: skip
 def test_what_is_wrong_is_named_in_one_sentence(tmp_path: Path, text: str, says: str) -> None:
     with pytest.raises(ConfigurationError, match=says) as caught:
         load_rig_file(written(tmp_path, text))
@@ -193,15 +187,12 @@ def test_a_file_of_notepad_begins_with_a_mark(tmp_path: Path) -> None:
         load_rig_file(tmp_path)
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "a." * 20_000 + "b = 1\n",
-        "[" + "a . " * 200 + "b]\n",
-        "x = {" + "'a'." * 200 + "b = 1}\n",
-        "x = " + "[" * 9999,
-    ],
-)
+@pytest.mark.parametrize("text", [
+    "a." * 20_000 + "b = 1\n",
+    "[" + "a . " * 200 + "b]\n",
+    "x = {" + "'a'." * 200 + "b = 1}\n",
+    "x = " + "[" * 9999,
+])  # fmt: skip
 def test_a_key_of_very_many_parts_takes_no_memory(tmp_path: Path, text: str) -> None:
     """Python's parser takes 1.6 GB for 40 kB of them."""
     path = tmp_path / "deep.toml"
@@ -213,19 +204,16 @@ def test_a_key_of_very_many_parts_takes_no_memory(tmp_path: Path, text: str) -> 
         load_rig_file(path)
 
 
-@pytest.mark.parametrize(
-    ("table", "line", "own"),
-    [
-        ("relay", "rating = 400", r"rating = 400 is not what the Yocto-MaxiCoupler has \(48\)"),
-        ("relay", "rating = 48.01", "rating = 48.01 is not"),
-        ("amplifier", "gain = 5", r"gain = 5 is not what the E-413.D2 has \(50\)"),
-        ("amplifier", "gain = 50.5", "gain = 50.5 is not"),
-        ("amplifier", "max = 500", "max = 500 is not"),
-        ("amplifier", "min = -101", "min = -101 is not"),
-        ("amplifier", "current_peak = 0.2", "current_peak = 0.2 is not"),
-        ("amplifier", "current_average = 0.06", "current_average = 0.06 is not"),
-    ],
-)
+@pytest.mark.parametrize(("table", "line", "own"), [
+    ("relay", "rating = 400", r"rating = 400 is not what the Yocto-MaxiCoupler has \(48\)"),
+    ("relay", "rating = 48.01", "rating = 48.01 is not"),
+    ("amplifier", "gain = 5", r"gain = 5 is not what the E-413.D2 has \(50\)"),
+    ("amplifier", "gain = 50.5", "gain = 50.5 is not"),
+    ("amplifier", "max = 500", "max = 500 is not"),
+    ("amplifier", "min = -101", "min = -101 is not"),
+    ("amplifier", "current_peak = 0.2", "current_peak = 0.2 is not"),
+    ("amplifier", "current_average = 0.06", "current_average = 0.06 is not"),
+])  # fmt: skip
 def test_a_figure_not_the_products_own_states_source(table: str, line: str, own: str, tmp_path: Path) -> None:
     """With rating = 400 for a box of 48 V, 150 V were played whole."""
     text = f'base = "haptable"\n[{table}]\n{line}\n'

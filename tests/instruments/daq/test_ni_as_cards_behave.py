@@ -208,14 +208,11 @@ def test_a_cap_at_rest_stays_and_doctor_takes_an_encoder(tmp_path: Path, simulat
     assert simulate == "wire" or "counts rms" in floor[0]
 
 
-@pytest.mark.parametrize(
-    ("channel", "sentence"),
-    [
-        ('x = { terminal = "Dev1/ctr0", range = 10 }', "say what it counts"),
-        ('x = { terminal = "Dev1/ai0", range = 10, counter = "edges" }', "is no counter"),
-        ('x = { terminal = "Dev1/ai0", range = 1, bridge = "full", excitation = 0.002 }', "keep one"),
-    ],
-)
+@pytest.mark.parametrize(("channel", "sentence"), [
+    ('x = { terminal = "Dev1/ctr0", range = 10 }', "say what it counts"),
+    ('x = { terminal = "Dev1/ai0", range = 10, counter = "edges" }', "is no counter"),
+    ('x = { terminal = "Dev1/ai0", range = 1, bridge = "full", excitation = 0.002 }', "keep one"),
+])  # fmt: skip
 def test_a_channel_is_of_one_kind(tmp_path: Path, channel: str, sentence: str) -> None:
     with pytest.raises(ConfigurationError, match=sentence):
         haploop.open_rig(_rig(tmp_path, 'Dev1 = "PCIe-6321"', channel), simulate="twin")

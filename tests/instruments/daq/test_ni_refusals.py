@@ -137,18 +137,15 @@ def test_another_card_than_the_rig_file_says(server: NiServer, bench: Bench) -> 
             pass
 
 
-@pytest.mark.parametrize(
-    ("changes", "request_", "sentence"),
-    [
-        (channel("Dev2/ai77"), lambda d: d.stream(["a"], 5000, 100), "Dev2 does not have a terminal"),
-        (channel("Dev2/ai0", range=11), lambda d: d.stream(["a"], 5000, 100), "no range of .-11 V"),
-        (channel("Dev2/ai9", config="diff"), lambda d: d.stream(["a"], 5000, 100), "configuration DIFF"),
-        ({}, lambda d: d.stream(["laser", "laser"], 5000, 100), "each channel once"),
-        ({}, lambda d: d.stream(["laser"], 1e6, 100), "cannot sample that fast"),
-        ({}, lambda d: d.stream(["laser"], 5e3, 9, 9, {"x": np.ones(9)}), "no channel 'x'"),
-        ({}, lambda d: d.stream(["laser"], 5e3, 9, 9, {"amplifier": np.full(9, 9.0)}), "reaches 9 V"),
-    ],
-)
+@pytest.mark.parametrize(("changes", "request_", "sentence"), [
+    (channel("Dev2/ai77"), lambda d: d.stream(["a"], 5000, 100), "Dev2 does not have a terminal"),
+    (channel("Dev2/ai0", range=11), lambda d: d.stream(["a"], 5000, 100), "no range of .-11 V"),
+    (channel("Dev2/ai9", config="diff"), lambda d: d.stream(["a"], 5000, 100), "configuration DIFF"),
+    ({}, lambda d: d.stream(["laser", "laser"], 5000, 100), "each channel once"),
+    ({}, lambda d: d.stream(["laser"], 1e6, 100), "cannot sample that fast"),
+    ({}, lambda d: d.stream(["laser"], 5e3, 9, 9, {"x": np.ones(9)}), "no channel 'x'"),
+    ({}, lambda d: d.stream(["laser"], 5e3, 9, 9, {"amplifier": np.full(9, 9.0)}), "reaches 9 V"),
+])  # fmt: skip
 def test_what_no_card_can_do_is_one_sentence(
     server: NiServer,
     bench: Bench,
@@ -176,20 +173,12 @@ acceleration = {{ terminal = "cDAQ1Mod1/ai1", range = 5 }}
 
 
 @pytest.mark.parametrize("simulate", ["twin", "wire"])
-@pytest.mark.parametrize(
-    ("card", "rate", "order", "says"),
-    [
-        (
-            "PCIe-6321",
-            5120,
-            ("force", "acceleration"),
-            "choose a rate that both cards have: 6400, 3200, 1600.",
-        ),
-        ("PCI-6221", 5120, ("force", "acceleration"), ""),  # 80 MHz over 15625
-        ("PCIe-6321", 6400, ("force", "acceleration"), ""),
-        ("PCIe-6321", 5120, ("acceleration", "force"), ""),  # the converter's clock is the other card's too
-    ],
-)
+@pytest.mark.parametrize(("card", "rate", "order", "says"), [
+    ("PCIe-6321", 5120, ("force", "acceleration"), "choose a rate that both cards have: 6400, 3200, 1600."),
+    ("PCI-6221", 5120, ("force", "acceleration"), ""),  # 80 MHz over 15625
+    ("PCIe-6321", 6400, ("force", "acceleration"), ""),
+    ("PCIe-6321", 5120, ("acceleration", "force"), ""),  # the converter's clock is the other card's too
+])  # fmt: skip
 def test_two_cards_have_one_rate_or_a_sentence_with_those_they_have(
     card: str, rate: int, order: tuple[str, ...], says: str, simulate: str, tmp_path: Path
 ) -> None:

@@ -337,26 +337,23 @@ def test_a_silent_board_is_waited_for_once_as_long_as_its_program_may_take_to_st
     assert waited == pytest.approx([10.0, 2.0], abs=0.1)
 
 
-@pytest.mark.parametrize(
-    ("changes", "says"),
-    [
-        ({"channels": {}}, "channels must have 1 or more entries"),
-        ({"channels": {"a": {"column": 9, "range": 1}}}, "channels.a is column 9, and a frame has 4"),
-        ({"channels": {"a": {"column": 2}}}, "the key 'channels.a.range' is missing"),
-        ({"channels": {"a": {"column": 2, "range": 1, "scale": 0}}}, "a scale of 0 would lose"),
-        ({"channels": {n: {"column": 2, "range": 1} for n in "ab"}}, "column 2 has two names, 'a' and 'b'"),
-        ({"counter": 2}, "column 2 is the counter and 'gauge0': keep one"),
-        ({"counter": 7}, "counter is column 7, and a frame has 4"),
-        ({"edge": {"channel": "switch", "column": 8}}, "edge is column 8, and a frame has 4"),
-        ({"edge": {"column": 4}}, "the key 'edge.channel' is missing"),
-        ({"rate_hz": 0}, "rate_hz must be above 0"),
-        ({"baud": 9600}, "1000 frames a second are 110000 baud, and baud is 9600: raise baud"),
-        ({"baud": 10}, "baud must be 300 or more"),
-        ({"frame": {"struct": "<hh"}}, "binary frames need sync"),
-        ({"terminal": "Dev1/ai0"}, "unknown key 'terminal'"),
-        ({"latency": -1}, "latency must be 0 or more"),
-    ],
-)
+@pytest.mark.parametrize(("changes", "says"), [
+    ({"channels": {}}, "channels must have 1 or more entries"),
+    ({"channels": {"a": {"column": 9, "range": 1}}}, "channels.a is column 9, and a frame has 4"),
+    ({"channels": {"a": {"column": 2}}}, "the key 'channels.a.range' is missing"),
+    ({"channels": {"a": {"column": 2, "range": 1, "scale": 0}}}, "a scale of 0 would lose"),
+    ({"channels": {n: {"column": 2, "range": 1} for n in "ab"}}, "column 2 has two names, 'a' and 'b'"),
+    ({"counter": 2}, "column 2 is the counter and 'gauge0': keep one"),
+    ({"counter": 7}, "counter is column 7, and a frame has 4"),
+    ({"edge": {"channel": "switch", "column": 8}}, "edge is column 8, and a frame has 4"),
+    ({"edge": {"column": 4}}, "the key 'edge.channel' is missing"),
+    ({"rate_hz": 0}, "rate_hz must be above 0"),
+    ({"baud": 9600}, "1000 frames a second are 110000 baud, and baud is 9600: raise baud"),
+    ({"baud": 10}, "baud must be 300 or more"),
+    ({"frame": {"struct": "<hh"}}, "binary frames need sync"),
+    ({"terminal": "Dev1/ai0"}, "unknown key 'terminal'"),
+    ({"latency": -1}, "latency must be 0 or more"),
+])  # fmt: skip
 def test_a_wrong_table_is_one_sentence(changes: dict[str, Any], says: str) -> None:
     given = settings().model_dump() | {"frame": BINARY} | changes
     with pytest.raises(ConfigurationError, match=says) as refused:

@@ -91,25 +91,22 @@ def test_noise_is_no_sample_and_comments_are_none() -> None:
     assert not [frame for frame in frames if frame is not None]
 
 
-@pytest.mark.parametrize(
-    ("table", "says"),
-    [
-        ({}, "write either separator and columns, for lines of text, or struct and sync"),
-        ({"separator": ",", "struct": "<h"}, "write either separator and columns"),
-        ({"separator": ","}, "separator needs columns"),
-        ({"separator": ",", "columns": 0}, "columns must be 1 or more"),
-        ({"separator": ", ", "columns": 2}, "separator must be one character"),
-        ({"separator": ",", "columns": 2, "sync": "AA"}, "sync and checksum are of binary frames"),
-        ({"struct": "<h"}, "binary frames need sync"),
-        ({"struct": "<h", "sync": "XY"}, "sync 'XY' must be bytes in hexadecimal"),
-        ({"struct": "hh", "sync": "AA"}, "must begin with < or >"),
-        ({"struct": "<zz", "sync": "AA"}, "is none of Python's struct module"),
-        ({"struct": "<4s", "sync": "AA"}, "have numbers only"),
-        ({"struct": "<hh", "sync": "AA", "columns": 3}, "has 2 columns: leave columns out"),
-        ({"struct": "<hh", "sync": "AA", "checksum": "md5"}, "checksum must be 'none', 'sum8'"),
-        ({"seperator": ","}, "unknown key 'seperator'; did you mean 'separator'"),
-    ],
-)
+@pytest.mark.parametrize(("table", "says"), [
+    ({}, "write either separator and columns, for lines of text, or struct and sync"),
+    ({"separator": ",", "struct": "<h"}, "write either separator and columns"),
+    ({"separator": ","}, "separator needs columns"),
+    ({"separator": ",", "columns": 0}, "columns must be 1 or more"),
+    ({"separator": ", ", "columns": 2}, "separator must be one character"),
+    ({"separator": ",", "columns": 2, "sync": "AA"}, "sync and checksum are of binary frames"),
+    ({"struct": "<h"}, "binary frames need sync"),
+    ({"struct": "<h", "sync": "XY"}, "sync 'XY' must be bytes in hexadecimal"),
+    ({"struct": "hh", "sync": "AA"}, "must begin with < or >"),
+    ({"struct": "<zz", "sync": "AA"}, "is none of Python's struct module"),
+    ({"struct": "<4s", "sync": "AA"}, "have numbers only"),
+    ({"struct": "<hh", "sync": "AA", "columns": 3}, "has 2 columns: leave columns out"),
+    ({"struct": "<hh", "sync": "AA", "checksum": "md5"}, "checksum must be 'none', 'sum8'"),
+    ({"seperator": ","}, "unknown key 'seperator'; did you mean 'separator'"),
+])  # fmt: skip
 def test_a_wrong_framing_is_one_sentence(table: dict[str, Any], says: str) -> None:
     with pytest.raises(ConfigurationError, match=says) as refused:
         validate(Framing, table, "[adc] of lab.toml")

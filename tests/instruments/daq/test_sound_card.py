@@ -196,14 +196,11 @@ def test_the_couplings_are_stated_as_responses() -> None:
     assert abs(bench.daq.response("spare", np.array([5.0]))[0]) == pytest.approx(np.sqrt(0.5))
 
 
-@pytest.mark.parametrize(
-    ("wave", "says"),
-    [
-        (burst(1.01), r"leaves the output's range of \+-1 V"),
-        (burst(0.5) + 0.02, "AC-coupled, so take the mean off"),
-        (np.append(burst(0.5), np.nan), "is not finite"),
-    ],
-)
+@pytest.mark.parametrize(("wave", "says"), [
+    (burst(1.01), r"leaves the output's range of \+-1 V"),
+    (burst(0.5) + 0.02, "AC-coupled, so take the mean off"),
+    (np.append(burst(0.5), np.nan), "is not finite"),
+])  # fmt: skip
 def test_what_cannot_be_played_as_it_is_is_refused(wave: FloatArray, says: str) -> None:
     bench = Bench()
     with pytest.raises(LimitError, match=says):
@@ -211,29 +208,26 @@ def test_what_cannot_be_played_as_it_is_is_refused(wave: FloatArray, says: str) 
     assert bench.card.open is None
 
 
-@pytest.mark.parametrize(
-    ("changes", "says"),
-    [
-        ({"latency": None}, "outputs need latency: write latency = 0.*doctor --loop"),
-        ({"monitor": "dirve"}, "monitor names 'dirve', and the channels are laser, drive, spare"),
-        ({"channels": {}}, "channels must have 1 or more entries"),
-        ({"channels": {"a": {"input": 1}}}, "the key 'channels.a.volts_per_full_scale' is missing"),
-        ({"channels": {"a": {"input": 0, "volts_per_full_scale": 1}}}, "channels.a.input must be 1 or more"),
-        (
-            {"channels": {n: {"input": 1, "volts_per_full_scale": 1} for n in "ab"}},
-            "input 1 has two names, 'a' and 'b': keep one",
-        ),
-        (
-            {"outputs": {n: {"output": 2, "volts_per_full_scale": 1} for n in "ab"}},
-            "output 2 has two names, 'a' and 'b': keep one",
-        ),
-        ({"channels": {"a": {"input": 1, "volts_per_full_scale": -1}}}, "must be above 0"),
-        ({"channels": {"a": {"terminal": "Dev1/ai0", "range": 1}}}, "unknown key 'channels.a.terminal'"),
-        ({"outputs": {"a": {"output": 1, "volts_per_full_scale": 1, "high_pass_hz": 500}}}, "must be 50"),
-        ({"buffer": "tiny"}, "buffer must be 'high' or 'low'"),
-        ({"rate_hz": float("nan")}, "rate_hz must be"),
-    ],
-)
+@pytest.mark.parametrize(("changes", "says"), [
+    ({"latency": None}, "outputs need latency: write latency = 0.*doctor --loop"),
+    ({"monitor": "dirve"}, "monitor names 'dirve', and the channels are laser, drive, spare"),
+    ({"channels": {}}, "channels must have 1 or more entries"),
+    ({"channels": {"a": {"input": 1}}}, "the key 'channels.a.volts_per_full_scale' is missing"),
+    ({"channels": {"a": {"input": 0, "volts_per_full_scale": 1}}}, "channels.a.input must be 1 or more"),
+    (
+        {"channels": {n: {"input": 1, "volts_per_full_scale": 1} for n in "ab"}},
+        "input 1 has two names, 'a' and 'b': keep one",
+    ),
+    (
+        {"outputs": {n: {"output": 2, "volts_per_full_scale": 1} for n in "ab"}},
+        "output 2 has two names, 'a' and 'b': keep one",
+    ),
+    ({"channels": {"a": {"input": 1, "volts_per_full_scale": -1}}}, "must be above 0"),
+    ({"channels": {"a": {"terminal": "Dev1/ai0", "range": 1}}}, "unknown key 'channels.a.terminal'"),
+    ({"outputs": {"a": {"output": 1, "volts_per_full_scale": 1, "high_pass_hz": 500}}}, "must be 50"),
+    ({"buffer": "tiny"}, "buffer must be 'high' or 'low'"),
+    ({"rate_hz": float("nan")}, "rate_hz must be"),
+])  # fmt: skip
 def test_a_wrong_table_is_one_sentence(changes: dict[str, Any], says: str) -> None:
     given = settings().model_dump() | changes
     with pytest.raises(ConfigurationError, match=says) as refused:
@@ -241,24 +235,21 @@ def test_a_wrong_table_is_one_sentence(changes: dict[str, Any], says: str) -> No
     assert "\n" not in str(refused.value) and str(refused.value).endswith(".")
 
 
-@pytest.mark.parametrize(
-    ("change", "says"),
-    [
-        (("rate_hz = 48000", "rate_hz = 44100"), "rate_hz at the top is 44100: write rate_hz = 48000"),
-        (("[table]\nrate_hz = 48000", "[table]\nrate_hz = 50000"), r"rate_hz in \[table\] is 50000: write"),
+@pytest.mark.parametrize(("change", "says"), [
+    (("rate_hz = 48000", "rate_hz = 44100"), "rate_hz at the top is 44100: write rate_hz = 48000"),
+    (("[table]\nrate_hz = 48000", "[table]\nrate_hz = 50000"), r"rate_hz in \[table\] is 50000: write"),
+    (
+        ("input = 9, volts_per_full_scale = 5, high_pass_hz = 0", "input = 9, volts_per_full_scale = 5"),
+        r"'acceleration_z' is AC-coupled, and \[sensors.acceleration\] needs its voltage at rest",
+    ),
+    (
         (
-            ("input = 9, volts_per_full_scale = 5, high_pass_hz = 0", "input = 9, volts_per_full_scale = 5"),
-            r"'acceleration_z' is AC-coupled, and \[sensors.acceleration\] needs its voltage at rest",
+            "input = 1, volts_per_full_scale = 10, high_pass_hz = 0",
+            "input = 1, volts_per_full_scale = 10",
         ),
-        (
-            (
-                "input = 1, volts_per_full_scale = 10, high_pass_hz = 0",
-                "input = 1, volts_per_full_scale = 10",
-            ),
-            r"'gauge0' is AC-coupled, and \[sensors.force\] needs its voltage at rest: write high_pass",
-        ),
-    ],
-)
+        r"'gauge0' is AC-coupled, and \[sensors.force\] needs its voltage at rest: write high_pass",
+    ),
+])  # fmt: skip
 def test_what_a_file_says_twice_is_one_sentence(change: tuple[str, str], says: str, tmp_path: Path) -> None:
     text = (Path(__file__).parents[2] / "calibration/self_test/card.toml").read_text()
     assert change[0] in text

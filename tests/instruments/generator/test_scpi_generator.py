@@ -218,15 +218,12 @@ class Deaf(Box):
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-@pytest.mark.parametrize(
-    ("deaf", "sentence"),
-    [
-        ("LOAD", r"given inf for load but reads 50"),
-        ("VOLT ", r"given 1.6 for peak_to_peak but reads"),
-        ("FREQ:STOP", r"given 625 for stop_hz but reads 1000"),
-        ("SWE:TIME", r"given 0.5 for duration but reads 1"),
-    ],
-)
+@pytest.mark.parametrize(("deaf", "sentence"), [
+    ("LOAD", r"given inf for load but reads 50"),
+    ("VOLT ", r"given 1.6 for peak_to_peak but reads"),
+    ("FREQ:STOP", r"given 625 for stop_hz but reads 1000"),
+    ("SWE:TIME", r"given 0.5 for duration but reads 1"),
+])  # fmt: skip
 def test_a_setting_that_was_not_taken_is_read_back(family: str, deaf: str, sentence: str) -> None:
     driver, product = FAMILIES[family]
     bench = Bench()
@@ -265,15 +262,12 @@ def served() -> Iterator[tuple[LineServer, Keysight33500]]:
         generator.close()
 
 
-@pytest.mark.parametrize(
-    ("kind", "sentence"),
-    [
-        ("silence", r"(did not answer|was lost after) 'OUTP1\?'"),
-        ("garbled", r"answered 'OUTP1\?' with .* which is no text"),
-        ("truncated", r"'OUTP1\?'"),
-        ("disconnect", r"'OUTP1\?'"),
-    ],
-)
+@pytest.mark.parametrize(("kind", "sentence"), [
+    ("silence", r"(did not answer|was lost after) 'OUTP1\?'"),
+    ("garbled", r"answered 'OUTP1\?' with .* which is no text"),
+    ("truncated", r"'OUTP1\?'"),
+    ("disconnect", r"'OUTP1\?'"),
+])  # fmt: skip
 def test_a_fault_of_the_line_passes(
     served: tuple[LineServer, Keysight33500], kind: str, sentence: str
 ) -> None:
@@ -309,32 +303,29 @@ def test_no_such_resource_is_one_sentence(resource: str) -> None:
         gc.collect()
 
 
-@pytest.mark.parametrize(
-    ("kind", "figures", "told"),
-    [
-        (Sweep, (0, 625, 20, 1), "cannot be played"),
-        (Sweep, (10, 10, 1, 1), "cannot be played"),
-        (Sweep, (1, 625, 0, 1), "cannot be played"),
-        (Sweep, (1, math.inf, 1, 1), "cannot be played"),
-        (Sweep, (1, 1e9, 1, 1), "too long to be judged"),
-        (Burst, (0, 5, 1), "cannot be played"),
-        (Burst, (math.inf, 5, 1), "cannot be played"),
-        (Burst, (100, 0, 1), "cannot be played"),
-        (Burst, (100, 2.5, 1), "cannot be played"),
-        (Burst, (100, 5, 0), "cannot be played"),
-        (Burst, (100, 5, math.nan), "cannot be played"),
-        (Burst, (1e7, 10**8, 1), "too long to be judged"),
-        (Arbitrary, ([0, 1], 1000), "three samples"),
-        (Arbitrary, ([[0, 1, 0]], 1000), "one row"),
-        (Arbitrary, ([0, math.nan, 0], 1000), "finite"),
-        (Arbitrary, ([0, 0, 0], 1000), "not all 0 V"),
-        (Arbitrary, ([0, 1, 0], 0), "0 samples/s"),
-        (Arbitrary, ([0, 1, 0], math.nan), "nan samples/s"),
-        (Arbitrary, ([1, 0, 0], 1000), "this one at 1 and 0 V"),
-        (Arbitrary, ([0, 1, -1], 1000), "this one at 0 and -1 V"),
-        (Arbitrary, ([0, 1, 0], 1e-6), "too long to be judged"),
-    ],
-)
+@pytest.mark.parametrize(("kind", "figures", "told"), [
+    (Sweep, (0, 625, 20, 1), "cannot be played"),
+    (Sweep, (10, 10, 1, 1), "cannot be played"),
+    (Sweep, (1, 625, 0, 1), "cannot be played"),
+    (Sweep, (1, math.inf, 1, 1), "cannot be played"),
+    (Sweep, (1, 1e9, 1, 1), "too long to be judged"),
+    (Burst, (0, 5, 1), "cannot be played"),
+    (Burst, (math.inf, 5, 1), "cannot be played"),
+    (Burst, (100, 0, 1), "cannot be played"),
+    (Burst, (100, 2.5, 1), "cannot be played"),
+    (Burst, (100, 5, 0), "cannot be played"),
+    (Burst, (100, 5, math.nan), "cannot be played"),
+    (Burst, (1e7, 10**8, 1), "too long to be judged"),
+    (Arbitrary, ([0, 1], 1000), "three samples"),
+    (Arbitrary, ([[0, 1, 0]], 1000), "one row"),
+    (Arbitrary, ([0, math.nan, 0], 1000), "finite"),
+    (Arbitrary, ([0, 0, 0], 1000), "not all 0 V"),
+    (Arbitrary, ([0, 1, 0], 0), "0 samples/s"),
+    (Arbitrary, ([0, 1, 0], math.nan), "nan samples/s"),
+    (Arbitrary, ([1, 0, 0], 1000), "this one at 1 and 0 V"),
+    (Arbitrary, ([0, 1, -1], 1000), "this one at 0 and -1 V"),
+    (Arbitrary, ([0, 1, 0], 1e-6), "too long to be judged"),
+])  # fmt: skip
 def test_what_no_generator_can_play(
     kind: Callable[..., Waveform], figures: tuple[Any, ...], told: str
 ) -> None:

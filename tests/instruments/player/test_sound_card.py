@@ -92,14 +92,11 @@ def test_resampling_is_exact_for_what_is_band_limited() -> None:
     assert np.abs(at_rate(there, 48_000, RATE)[: len(wave)] - wave).max() < 1e-4
 
 
-@pytest.mark.parametrize(
-    ("wave", "changes", "says"),
-    [
-        (burst(1.01), {}, r"1.01 V peak was refused.*1 V"),
-        (burst(1.5), {"highest": 2.0}, r"1.5 V peak was refused.*1.4 V"),
-        (burst(0.5) + 0.02, {}, "AC-coupled, so take the mean off"),
-    ],
-)
+@pytest.mark.parametrize(("wave", "changes", "says"), [
+    (burst(1.01), {}, r"1.01 V peak was refused.*1 V"),
+    (burst(1.5), {"highest": 2.0}, r"1.5 V peak was refused.*1.4 V"),
+    (burst(0.5) + 0.02, {}, "AC-coupled, so take the mean off"),
+])  # fmt: skip
 def test_what_cannot_be_played_as_it_is_is_refused(
     wave: FloatArray, changes: dict[str, object], says: str
 ) -> None:
@@ -123,13 +120,10 @@ def test_a_busy_device_is_one_sentence() -> None:
         bench.wait(1.0)
 
 
-@pytest.mark.parametrize(
-    ("error", "says"),
-    [
-        (ImportError("No module"), r"pip install \"haploop\[sound\]\""),
-        (OSError("PortAudio library not found"), "install the distribution's PortAudio"),
-    ],
-)
+@pytest.mark.parametrize(("error", "says"), [
+    (ImportError("No module"), r"pip install \"haploop\[sound\]\""),
+    (OSError("PortAudio library not found"), "install the distribution's PortAudio"),
+])  # fmt: skip
 def test_without_sounddevice(error: Exception, says: str, monkeypatch: pytest.MonkeyPatch) -> None:
     def load(name: str) -> object:
         assert name == "sounddevice"
@@ -222,14 +216,11 @@ def test_the_operator_confirms_what_cannot_be_read(open: OpenRig, monkeypatch: p
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(
-    ("full_scale", "says"),
-    [
-        (2.8, r"Patch A got .* to prove the gain: .* a player's volume"),
-        (0.0, "monitor shows 0.* V for each volt"),
-        (-1.4, "upside down"),  # a tone, whose neighbouring half waves are nearly as good
-    ],
-)
+@pytest.mark.parametrize(("full_scale", "says"), [
+    (2.8, r"Patch A got .* to prove the gain: .* a player's volume"),
+    (0.0, "monitor shows 0.* V for each volt"),
+    (-1.4, "upside down"),  # a tone, whose neighbouring half waves are nearly as good
+])  # fmt: skip
 def test_a_wrong_volume_is_found_in_what_is_measured(open: OpenRig, full_scale: float, says: str) -> None:
     rig = open("sound-card")
     played(rig).full_scale = full_scale

@@ -21,30 +21,24 @@ from tests.instruments.relay.contacts import Contacts
 PATCHES = {"A": 0, "B": 1, "D": 7}
 
 
-@pytest.mark.parametrize(
-    ("received", "command", "answer"),
-    [
-        (b"relay on 3\n\r>", "relay on 3", ""),
-        (b"relay read 3\n\ron\n\r>", "relay read 3", "on"),
-        (b"relay read 3\r\noff\r\n>", "relay read 3", "off"),
-        (b"\n\rver\n\r00000008\n\r>", "ver", "00000008"),
-    ],
-)
+@pytest.mark.parametrize(("received", "command", "answer"), [
+    (b"relay on 3\n\r>", "relay on 3", ""),
+    (b"relay read 3\n\ron\n\r>", "relay read 3", "on"),
+    (b"relay read 3\r\noff\r\n>", "relay read 3", "off"),
+    (b"\n\rver\n\r00000008\n\r>", "ver", "00000008"),
+])  # fmt: skip
 def test_answers_of_real_boards(received: bytes, command: str, answer: str) -> None:
     assert answer_in(received, command) == answer
 
 
-@pytest.mark.parametrize(
-    "received",
-    [
-        b">",
-        b"on\n\r>",
-        b"relay read 4\n\ron\n\r>",
-        b"relay read 3\n\ron\n\roff\n\r>",
-        b"relay read 3\n\r\xff\n\r>",
-        b"relay read 3\n\ron\n\r",
-    ],
-)
+@pytest.mark.parametrize("received", [
+    b">",
+    b"on\n\r>",
+    b"relay read 4\n\ron\n\r>",
+    b"relay read 3\n\ron\n\roff\n\r>",
+    b"relay read 3\n\r\xff\n\r>",
+    b"relay read 3\n\ron\n\r",
+])  # fmt: skip
 def test_what_is_no_answer_to_this_command_is_refused(received: bytes) -> None:
     with pytest.raises(ValueError, match="'"):
         answer_in(received, "relay read 3")
@@ -91,18 +85,14 @@ def test_close_frees_the_port(wired: Setup) -> None:
     again.close()
 
 
-@pytest.mark.parametrize(
-    ("fault", "sentence"),
-    [
-        (ReplyFault("silence"), "did not answer .* within 0.2 s"),
-        (ReplyFault("disconnect"), "cannot be talked to"),
-        (ReplyFault("garbled"), "no such board does"),
-        (ReplyFault("truncated"), "cannot be talked to|no such board does"),
-        (ReplyFault("terminator"), "and no prompt, which no such board does"),
-        (ReplyFault("drip", delay=0.15), "no such board does"),
-    ],
-    ids=lambda value: value.kind if isinstance(value, ReplyFault) else "",
-)
+@pytest.mark.parametrize(("fault", "sentence"), [
+    (ReplyFault("silence"), "did not answer .* within 0.2 s"),
+    (ReplyFault("disconnect"), "cannot be talked to"),
+    (ReplyFault("garbled"), "no such board does"),
+    (ReplyFault("truncated"), "cannot be talked to|no such board does"),
+    (ReplyFault("terminator"), "and no prompt, which no such board does"),
+    (ReplyFault("drip", delay=0.15), "no such board does"),
+], ids=lambda value: value.kind if isinstance(value, ReplyFault) else "")  # fmt: skip
 def test_every_bad_answer_is_one_sentence_and_passes(wired: Setup, fault: ReplyFault, sentence: str) -> None:
     wired.wire.faults.append(fault)
     with pytest.raises(InstrumentError, match=sentence):

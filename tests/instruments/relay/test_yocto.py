@@ -149,19 +149,15 @@ def test_a_welded_contact_is_hidden_from_the_read_back(setup: Setup) -> None:
     assert setup.bench.closed() == {"A"}
 
 
-@pytest.mark.parametrize(
-    ("fault", "sentence"),
-    [
-        (ReplyFault("silence"), "did not answer within 0.5 s"),
-        (ReplyFault("drip"), "did not answer within 0.5 s"),
-        (ReplyFault("disconnect"), "cannot be talked to"),
-        (ReplyFault("not found"), "answered .* with status 404"),
-        (ReplyFault("password"), "asks for a password"),
-        (ReplyFault("garbled", asked="api.json"), "something else than whole JSON"),
-        (ReplyFault("truncated", asked="api.json"), "something else than whole JSON"),
-    ],
-    ids=lambda value: value.kind if isinstance(value, ReplyFault) else "",
-)
+@pytest.mark.parametrize(("fault", "sentence"), [
+    (ReplyFault("silence"), "did not answer within 0.5 s"),
+    (ReplyFault("drip"), "did not answer within 0.5 s"),
+    (ReplyFault("disconnect"), "cannot be talked to"),
+    (ReplyFault("not found"), "answered .* with status 404"),
+    (ReplyFault("password"), "asks for a password"),
+    (ReplyFault("garbled", asked="api.json"), "something else than whole JSON"),
+    (ReplyFault("truncated", asked="api.json"), "something else than whole JSON"),
+], ids=lambda value: value.kind if isinstance(value, ReplyFault) else "")  # fmt: skip
 def test_every_bad_reply_is_one_sentence_in_time(wired: Wired, fault: ReplyFault, sentence: str) -> None:
     wired.hub.faults.append(fault)
     clock = RealClock()
@@ -235,20 +231,16 @@ def test_finds_the_only_box_or_says_what_there_is(wired: Wired, monkeypatch: pyt
         Yocto.open(settings(hub=hub.url), wired.bench.clock)
 
 
-@pytest.mark.parametrize(
-    ("channel", "found"),
-    [
-        ({"state": 2}, "state"),
-        ({"state": "B"}, "state"),
-        ({"state": True}, "state"),
-        ({"pulseTimer": -1}, "pulseTimer"),
-        ({"pulseTimer": 10**400}, "pulseTimer"),
-        ({"pulseTimer": None}, "pulseTimer"),
-        ({"pulseTimer": 0, "state": 1}, "dead-man"),
-        ({"pulseTimer": 3_600_000, "state": 1}, "dead-man"),
-    ],
-    ids=str,
-)
+@pytest.mark.parametrize(("channel", "found"), [
+    ({"state": 2}, "state"),
+    ({"state": "B"}, "state"),
+    ({"state": True}, "state"),
+    ({"pulseTimer": -1}, "pulseTimer"),
+    ({"pulseTimer": 10**400}, "pulseTimer"),
+    ({"pulseTimer": None}, "pulseTimer"),
+    ({"pulseTimer": 0, "state": 1}, "dead-man"),
+    ({"pulseTimer": 3_600_000, "state": 1}, "dead-man"),
+], ids=str)  # fmt: skip
 def test_no_value_is_believed_beyond_what_it_can_be(
     wired: Wired, monkeypatch: pytest.MonkeyPatch, channel: dict[str, object], found: str
 ) -> None:
@@ -258,23 +250,19 @@ def test_no_value_is_believed_beyond_what_it_can_be(
         wired.relay.connect(["A"])
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"patches": {"A": 1, "B": 1}}, "channel 1 is given to more than one patch"),
-        ({"patches": {"A": 9}}, "less than or equal to 8"),
-        ({"patches": {}}, "at least 1"),
-        ({"hub": "https://127.0.0.1:4444"}, "http://HOST:PORT"),
-        ({"hub": "http://user:secret@127.0.0.1"}, "password is not supported"),
-        ({"hub": "http://127.0.0.1:99999"}, "hub"),
-        ({"serial": "a/../b"}, "serial"),
-        ({"dead_man": 0}, "dead_man"),
-        ({"dead_man": 50, "longest": 20}, "longest must not be less than dead_man"),
-        ({"rating": float("nan")}, "rating"),
-        ({"pathces": {}}, "pathces"),
-    ],
-    ids=str,
-)
+@pytest.mark.parametrize(("change", "message"), [
+    ({"patches": {"A": 1, "B": 1}}, "channel 1 is given to more than one patch"),
+    ({"patches": {"A": 9}}, "less than or equal to 8"),
+    ({"patches": {}}, "at least 1"),
+    ({"hub": "https://127.0.0.1:4444"}, "http://HOST:PORT"),
+    ({"hub": "http://user:secret@127.0.0.1"}, "password is not supported"),
+    ({"hub": "http://127.0.0.1:99999"}, "hub"),
+    ({"serial": "a/../b"}, "serial"),
+    ({"dead_man": 0}, "dead_man"),
+    ({"dead_man": 50, "longest": 20}, "longest must not be less than dead_man"),
+    ({"rating": float("nan")}, "rating"),
+    ({"pathces": {}}, "pathces"),
+], ids=str)  # fmt: skip
 def test_settings_that_cannot_be_right_are_refused(change: dict[str, object], message: str) -> None:
     with pytest.raises(ValidationError, match=message):
         settings(**change)

@@ -166,15 +166,12 @@ def test_a_gain_that_cannot_be_proved_is_logged_once() -> None:
     assert said[1]["input"] == "amplifier" and "cannot be proved on this rig" in said[1]["why"]
 
 
-@pytest.mark.parametrize(
-    ("mode", "file", "stands"),
-    [
-        ("twin", "simulated", 0.0),
-        ("twin", "simulated", 0.2),
-        ("twin", "four-channel", 0.0),
-        ("wire", "simulated", 0.0),
-    ],
-)
+@pytest.mark.parametrize(("mode", "file", "stands"), [
+    ("twin", "simulated", 0.0),
+    ("twin", "simulated", 0.2),
+    ("twin", "four-channel", 0.0),
+    ("wire", "simulated", 0.0),
+])  # fmt: skip
 def test_a_monitor_dies_later(mode: Mode, file: str, stands: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """And the one after that is not played: a gain that is wrong by then reaches no patch.
 

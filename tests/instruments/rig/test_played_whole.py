@@ -46,13 +46,10 @@ def test_a_play_that_is_cut_short_is_an_error(mode: Any, way: str) -> None:
         assert np.ptp(rig.drive_monitor().to_si(played.volts)) > 19
 
 
-@pytest.mark.parametrize(
-    ("act", "says"),
-    [
-        (lambda rig: rig.generator.off(), "was switched off while its waveform was played"),
-        (lambda rig: rig.relay.connect([]), "disconnected patch A"),
-    ],
-)
+@pytest.mark.parametrize(("act", "says"), [
+    (lambda rig: rig.generator.off(), "was switched off while its waveform was played"),
+    (lambda rig: rig.relay.connect([]), "disconnected patch A"),
+])  # fmt: skip
 def test_so_is_a_sweep(act: Callable[[Rig], object], says: str) -> None:
     with open_rig(generator_rig()) as rig, pytest.raises(InstrumentError, match=says):
         rig.generate(Sweep(10, 300, 0.5, 20), ["A"], ["drive"], progress=at_block(3, act, rig))

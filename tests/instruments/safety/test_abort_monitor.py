@@ -84,13 +84,10 @@ def test_more_volts_than_are_allowed_stop_the_play_within_two_blocks() -> None:
     assert burst.stop - beyond < TWO_BLOCKS < SECONDS - beyond
 
 
-@pytest.mark.parametrize(
-    ("abort", "says"),
-    [
-        ({"drive": 30.0}, r"The patch got .* V, and \[abort\] allows 30 V"),
-        ({"velocity": 2e-3}, r"The surface moved at .* m/s, and \[abort\] allows 0\.002 m/s"),
-    ],
-)
+@pytest.mark.parametrize(("abort", "says"), [
+    ({"drive": 30.0}, r"The patch got .* V, and \[abort\] allows 30 V"),
+    ({"velocity": 2e-3}, r"The surface moved at .* m/s, and \[abort\] allows 0\.002 m/s"),
+])  # fmt: skip
 def test_every_abort_limit_is_tested_whatever_is_recorded(abort: dict[str, float], says: str) -> None:
     with open_rig(file(**abort)) as rig:
         record = rig.simulation.truth.record()

@@ -83,13 +83,10 @@ def on(rig: Rig) -> None:
     assert rig.generator.is_on
 
 
-@pytest.mark.parametrize(
-    "way",
-    [
-        lambda rig: rig.relay.connect(["A"]),
-        lambda rig: rig.generate(Sweep(10, 300, 0.1, 20), ["A"], ["drive"]),
-    ],
-)
+@pytest.mark.parametrize("way", [
+    lambda rig: rig.relay.connect(["A"]),
+    lambda rig: rig.generate(Sweep(10, 300, 0.1, 20), ["A"], ["drive"]),
+])  # fmt: skip
 def test_a_generator_that_was_left_on_keeps_the_contacts_open(way: Callable[[Rig], object]) -> None:
     with open_rig(generator_rig()) as rig:
         on(rig)

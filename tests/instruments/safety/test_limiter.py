@@ -50,15 +50,12 @@ def generator_rig() -> RigFile:
 # Ways past it
 
 
-@pytest.mark.parametrize(
-    ("file", "way"),
-    [
-        ("simulated", lambda r: r.daq.stream(["drive"], RATE, 500, 1000, {"amplifier": np.full(1000, 0.5)})),
-        ("simulated", lambda r: r.daq.stream(["drive"], RATE, 500, 1000, {"amplifier": np.zeros(1000)})),
-        ("sound-card", lambda r: r.player.play(np.zeros(1000), RATE)),
-        (generator_rig(), lambda r: r.generator.configure(Sweep(10, 300, 1, 0.1))),
-    ],
-)
+@pytest.mark.parametrize(("file", "way"), [
+    ("simulated", lambda r: r.daq.stream(["drive"], RATE, 500, 1000, {"amplifier": np.full(1000, 0.5)})),
+    ("simulated", lambda r: r.daq.stream(["drive"], RATE, 500, 1000, {"amplifier": np.zeros(1000)})),
+    ("sound-card", lambda r: r.player.play(np.zeros(1000), RATE)),
+    (generator_rig(), lambda r: r.generator.configure(Sweep(10, 300, 1, 0.1))),
+])  # fmt: skip
 def test_an_instrument_of_a_rig_plays_nothing_by_itself(file: Any, way: Callable[[Rig], object]) -> None:
     with open_rig(file, simulate="twin") as rig:
         rig.relay.connect(["A"])
@@ -86,17 +83,14 @@ def test_a_driver_alone_plays_nothing(rig: Rig) -> None:
         assert stream.capture().volts.shape == (1, 1000)
 
 
-@pytest.mark.parametrize(
-    ("role", "name"),
-    [
-        (Daq, "stream"),
-        (DaqTwin, "stream"),
-        (Player, "play"),
-        (Generator, "configure"),
-        (Generator, "trigger"),
-        (Relay, "connect"),
-    ],
-)
+@pytest.mark.parametrize(("role", "name"), [
+    (Daq, "stream"),
+    (DaqTwin, "stream"),
+    (Player, "play"),
+    (Generator, "configure"),
+    (Generator, "trigger"),
+    (Relay, "connect"),
+])  # fmt: skip
 def test_no_driver_replaces_what_asks_the_limiter(role: type, name: str) -> None:
     with pytest.raises(TypeError, match=rf"Sly replaces \w+\.{name}, .* write _{name} instead"):
         type("Sly", (role,), {name: lambda *_: None})
@@ -159,21 +153,18 @@ def tone(peak: float, hertz: float = 250.0, seconds: float = 0.2) -> np.ndarray:
     return np.asarray(peak * np.sin(2 * np.pi * hertz * t) * np.sin(np.pi * t / seconds) ** 2)
 
 
-@pytest.mark.parametrize(
-    ("limits", "drive", "says", "seen"),
-    [
-        ({"max": 20.0}, lambda s: s * tone(19.99), "rises to", lambda b: b.high / 20),
-        ({"min": -20.0}, lambda s: s * tone(19.99), "falls to", lambda b: -b.low / 20),
-        (
-            {"peak_to_peak": 40.0},
-            lambda s: s * tone(19.99),
-            "has a peak-to-peak voltage of",
-            lambda b: (b.high - b.low) / 40,
-        ),
-        ({"slew": 6e4}, lambda s: s * tone(38.2), "slews at", lambda b: b.slew / 6e4),
-        ({"max_duration": 0.2}, lambda s: tone(20, seconds=0.2 * s), "lasts", lambda b: b.seconds / 0.2),
-    ],
-)
+@pytest.mark.parametrize(("limits", "drive", "says", "seen"), [
+    ({"max": 20.0}, lambda s: s * tone(19.99), "rises to", lambda b: b.high / 20),
+    ({"min": -20.0}, lambda s: s * tone(19.99), "falls to", lambda b: -b.low / 20),
+    (
+        {"peak_to_peak": 40.0},
+        lambda s: s * tone(19.99),
+        "has a peak-to-peak voltage of",
+        lambda b: (b.high - b.low) / 40,
+    ),
+    ({"slew": 6e4}, lambda s: s * tone(38.2), "slews at", lambda b: b.slew / 6e4),
+    ({"max_duration": 0.2}, lambda s: tone(20, seconds=0.2 * s), "lasts", lambda b: b.seconds / 0.2),
+])  # fmt: skip
 def test_a_limit_is_met_and_not_passed(
     limits: dict[str, float], drive: Callable[[float], np.ndarray], says: str, seen: Callable[[Burst], float]
 ) -> None:
@@ -268,22 +259,19 @@ def rewrite(target: object, **values: object) -> None:
     vars(target).update(values)
 
 
-@pytest.mark.parametrize(
-    ("change", "what"),
-    [
-        (lambda r: rewrite(r.file.limits, max=400.0, min=-400.0, peak_to_peak=800.0), "limit"),
-        (lambda r: rewrite(r.file.limits, duty=1.0, slew=1e9), "limit"),
-        (lambda r: rewrite(r.amplifier, limits=lambda _n: Limits()), "limit"),
-        (lambda r: object.__setattr__(r.amplifier, "limits", lambda _n: Limits()), "limit"),
-        (lambda r: rewrite(r.relay, rating=400.0), "limit"),
-        (lambda r: rewrite(r.file.actuator, capacitance=1e-12), "limit"),
-        (lambda r: rewrite(r.amplifier._settings, gain=5.0), "amplifier's gain"),
-        (lambda r: rewrite(r.amplifier, to_input=lambda drive: drive / 5), "amplifier's gain"),
-        (lambda r: rewrite(r.file.abort, drive=1e6), "rig file"),
-        (lambda r: rewrite(r.file.sensors.drive, ratio=1.0), "rig file"),
-        (lambda r: rewrite(r, file=load_rig_file("four-channel")), "limit"),
-    ],
-)
+@pytest.mark.parametrize(("change", "what"), [
+    (lambda r: rewrite(r.file.limits, max=400.0, min=-400.0, peak_to_peak=800.0), "limit"),
+    (lambda r: rewrite(r.file.limits, duty=1.0, slew=1e9), "limit"),
+    (lambda r: rewrite(r.amplifier, limits=lambda _n: Limits()), "limit"),
+    (lambda r: object.__setattr__(r.amplifier, "limits", lambda _n: Limits()), "limit"),
+    (lambda r: rewrite(r.relay, rating=400.0), "limit"),
+    (lambda r: rewrite(r.file.actuator, capacitance=1e-12), "limit"),
+    (lambda r: rewrite(r.amplifier._settings, gain=5.0), "amplifier's gain"),
+    (lambda r: rewrite(r.amplifier, to_input=lambda drive: drive / 5), "amplifier's gain"),
+    (lambda r: rewrite(r.file.abort, drive=1e6), "rig file"),
+    (lambda r: rewrite(r.file.sensors.drive, ratio=1.0), "rig file"),
+    (lambda r: rewrite(r, file=load_rig_file("four-channel")), "limit"),
+])  # fmt: skip
 def test_limits_are_compared_with_a_copy(rig: Rig, change: Callable[[Rig], object], what: str) -> None:
     """Once, 157 V were played for 0.1 s by a notebook that had rewritten its limits."""
     rig.excite(TONE, ["A"], ["drive"])

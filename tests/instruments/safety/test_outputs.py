@@ -97,13 +97,10 @@ def test_plays_are_of_the_last_minute_and_of_any_piece_in_order(tmp_path: Path) 
     assert plays_of(tmp_path, {"a"}, now) == [(990.0, 1000.0)]
 
 
-@pytest.mark.parametrize(
-    "content",
-    [
-        [[5.0, 4.0]], [[1.0]], [[1.0, 2.0, 3.0]], [["1", 2.0]], [[True, 2.0]], [None], {}, "x", 1.0, None,
-        [[1.0, 2.0], 3], b"", b"[[1", b"{}", b"[[NaN, NaN]]", b"[" * 9999, b"\xff",
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("content", [
+    [[5.0, 4.0]], [[1.0]], [[1.0, 2.0, 3.0]], [["1", 2.0]], [[True, 2.0]], [None], {}, "x", 1.0, None,
+    [[1.0, 2.0], 3], b"", b"[[1", b"{}", b"[[NaN, NaN]]", b"[" * 9999, b"\xff",
+])  # fmt: skip
 def test_a_count_without_sense_is_a_full_minute_and_replaced_by_that(content: Any, tmp_path: Path) -> None:
     path = tmp_path / machine.file_for("a", "duty")
     path.write_bytes(content if isinstance(content, bytes) else as_file("duty", content)[0].encode())

@@ -200,46 +200,34 @@ BURST = Burst(100.0, 20, 10.0)
 STAIRS = Arbitrary(np.array([0.0, 0.0, 2.0, 6.0, 10.0, 5.0, -3.0, -8.0, 0.0, 0.0]), 100.0)  # 0.1 s
 
 
-@pytest.mark.parametrize(
-    ("waveform", "limits", "told"),
-    [
-        *((SWEEP, limits, "") for limits in (
-            Limits(slew=1.01 * FASTEST), Limits(max=10.001), Limits(max_duration=0.751),
-            Limits(duty=0.751 / 60), Limits(max_end=0.001, max_offset=1e-6),
-        )),
-        (SWEEP, Limits(slew=0.98 * FASTEST), "slews"),
-        (SWEEP, Limits(max=9.97), "rises to"),
-        (SWEEP, Limits(min=-9.97), "falls to"),
-        (SWEEP, Limits(max_duration=0.74), "lasts"),
-        (SWEEP, Limits(max_duration=0.5), "lasts"),
-        (SWEEP, Limits(duty=0.749 / 60), "of a minute"),
-        (
-            BURST,
-            Limits(slew=1.01 * FASTEST, max_duration=0.2, duty=0.2001 / 60, max_end=0, max_offset=1e-9),
-            "",
-        ),
-        (BURST, Limits(slew=0.98 * FASTEST), "slews"),
-        (BURST, Limits(max=9.97), "rises to"),
-        (BURST, Limits(min=-9.97), "falls to"),
-        (BURST, Limits(peak_to_peak=19.9), "peak-to-peak"),
-        (BURST, Limits(max_duration=0.199), "lasts"),
-        (BURST, Limits(duty=0.199 / 60), "of a minute"),
-        (
-            STAIRS,
-            Limits(max=10, min=-8, max_end=0, max_duration=0.06, duty=0.0601 / 60, slew=8.001 * 5e4),
-            "",
-        ),
-        (STAIRS, Limits(max=9.99), "rises to"),
-        (STAIRS, Limits(min=-7.99), "falls to"),
-        (STAIRS, Limits(slew=7.99 * 5e4), "slews"),
-        (STAIRS, Limits(max_offset=1.9), "offset"),
-        (STAIRS, Limits(max_duration=0.059), "lasts"),
-        (STAIRS, Limits(duty=0.059 / 60), "of a minute"),
-        # It goes on at its start frequency after its end, until it is switched off.
-        (Sweep(1.0, 2.0, 0.1, 80.0), Limits(max=79.8), "rises to"),
-    ],
-    ids=str,
-)  # fmt: skip
+@pytest.mark.parametrize(("waveform", "limits", "told"), [
+    *((SWEEP, limits, "") for limits in (
+        Limits(slew=1.01 * FASTEST), Limits(max=10.001), Limits(max_duration=0.751),
+        Limits(duty=0.751 / 60), Limits(max_end=0.001, max_offset=1e-6),
+    )),
+    (SWEEP, Limits(slew=0.98 * FASTEST), "slews"),
+    (SWEEP, Limits(max=9.97), "rises to"),
+    (SWEEP, Limits(min=-9.97), "falls to"),
+    (SWEEP, Limits(max_duration=0.74), "lasts"),
+    (SWEEP, Limits(max_duration=0.5), "lasts"),
+    (SWEEP, Limits(duty=0.749 / 60), "of a minute"),
+    (BURST, Limits(slew=1.01 * FASTEST, max_duration=0.2, duty=0.2001 / 60, max_end=0, max_offset=1e-9), ""),
+    (BURST, Limits(slew=0.98 * FASTEST), "slews"),
+    (BURST, Limits(max=9.97), "rises to"),
+    (BURST, Limits(min=-9.97), "falls to"),
+    (BURST, Limits(peak_to_peak=19.9), "peak-to-peak"),
+    (BURST, Limits(max_duration=0.199), "lasts"),
+    (BURST, Limits(duty=0.199 / 60), "of a minute"),
+    (STAIRS, Limits(max=10, min=-8, max_end=0, max_duration=0.06, duty=0.0601 / 60, slew=8.001 * 5e4), ""),
+    (STAIRS, Limits(max=9.99), "rises to"),
+    (STAIRS, Limits(min=-7.99), "falls to"),
+    (STAIRS, Limits(slew=7.99 * 5e4), "slews"),
+    (STAIRS, Limits(max_offset=1.9), "offset"),
+    (STAIRS, Limits(max_duration=0.059), "lasts"),
+    (STAIRS, Limits(duty=0.059 / 60), "of a minute"),
+    # It goes on at its start frequency after its end, until it is switched off.
+    (Sweep(1.0, 2.0, 0.1, 80.0), Limits(max=79.8), "rises to"),
+], ids=str)  # fmt: skip
 def test_a_waveform_is_held_to_limits(world: World, waveform: Waveform, limits: Limits, told: str) -> None:
     permit = world.permit_waveform(waveform, limits=limits)
     if told:

@@ -204,13 +204,10 @@ def test_two_threads_that_close_a_rig_wait_for_each_other(monkeypatch: pytest.Mo
     assert not failed and not first.is_alive()
 
 
-@pytest.mark.parametrize(
-    ("asked", "step"),
-    [
-        (Rig.make_safe, "haploop.mocks.daq.twin.DaqTwin.zero"),
-        (lambda rig: rig.daq.zero(), "haploop.instruments.daq.ni_outputs.NiOutputs._write_zero"),
-    ],
-)
+@pytest.mark.parametrize(("asked", "step"), [
+    (Rig.make_safe, "haploop.mocks.daq.twin.DaqTwin.zero"),
+    (lambda rig: rig.daq.zero(), "haploop.instruments.daq.ni_outputs.NiOutputs._write_zero"),
+])  # fmt: skip
 def test_two_threads_that_ask_for_the_safe_state_take_turns(
     asked: Callable[[Rig], None], step: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

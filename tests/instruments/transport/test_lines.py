@@ -85,14 +85,11 @@ def test_a_line_ends_as_it_is_told_to(end: bytes) -> None:
     assert line.receive("Get") == "5mm/s/V" and far.sent == b"Get" + end
 
 
-@pytest.mark.parametrize(
-    ("end", "reply", "sentence"),
-    [
-        (b"\n", b"5\r", "ends in a carriage return, not in a line feed: set its terminator to LF"),
-        (b"\r", b"5\n", "ends in a line feed, not in a carriage return: set its terminator to CR"),
-        (b"\r\n", b"5\n", "ends in a line feed, not in a carriage return and a line feed"),
-    ],
-)
+@pytest.mark.parametrize(("end", "reply", "sentence"), [
+    (b"\n", b"5\r", "ends in a carriage return, not in a line feed: set its terminator to LF"),
+    (b"\r", b"5\n", "ends in a line feed, not in a carriage return: set its terminator to CR"),
+    (b"\r\n", b"5\n", "ends in a line feed, not in a carriage return and a line feed"),
+])  # fmt: skip
 def test_another_end_is_named(end: bytes, reply: bytes, sentence: str) -> None:
     line = TextLine("It", lambda: Far(reply), "its 'port'", 0.05, end)
     with pytest.raises(InstrumentError, match=sentence):
@@ -105,13 +102,10 @@ def test_a_port_that_is_not_there_is_one_sentence() -> None:
         line.send("Get")
 
 
-@pytest.mark.parametrize(
-    ("resource", "module", "extra"),
-    [
-        ("USB0::0x0957::0x2C07::MY52::INSTR", "usb", "haploop[usb]"),
-        ("GPIB0::10::INSTR", "gpib_ctypes", "haploop[gpib]"),
-    ],
-)
+@pytest.mark.parametrize(("resource", "module", "extra"), [
+    ("USB0::0x0957::0x2C07::MY52::INSTR", "usb", "haploop[usb]"),
+    ("GPIB0::10::INSTR", "gpib_ctypes", "haploop[gpib]"),
+])  # fmt: skip
 def test_a_resource_without_its_library_says_what_to_install(resource: str, module: str, extra: str) -> None:
     if importlib.util.find_spec(module) is not None:
         pytest.skip(f"{module} is installed")
@@ -122,14 +116,11 @@ def test_a_resource_without_its_library_says_what_to_install(resource: str, modu
     assert len(str(error.value).splitlines()) == 1
 
 
-@pytest.mark.parametrize(
-    ("hub", "given", "waits"),
-    [
-        ("http://127.0.0.1:4444", None, 0.1),
-        ("http://localhost", None, 0.1),
-        ("http://192.0.2.7", None, 1.0),
-        ("http://192.0.2.7", 0.4, 0.4),
-    ],
-)
+@pytest.mark.parametrize(("hub", "given", "waits"), [
+    ("http://127.0.0.1:4444", None, 0.1),
+    ("http://localhost", None, 0.1),
+    ("http://192.0.2.7", None, 1.0),
+    ("http://192.0.2.7", 0.4, 0.4),
+])  # fmt: skip
 def test_a_hub_in_the_network_has_more_time(hub: str, given: float | None, waits: float) -> None:
     assert Yocto.Settings(patches={"A": 1}, hub=hub, patience=given).waits == waits

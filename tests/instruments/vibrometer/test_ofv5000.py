@@ -133,17 +133,14 @@ def test_opening_refuses_another_range_and_changes_none(wired: Wired) -> None:
     laser.close()
 
 
-@pytest.mark.parametrize(
-    ("kind", "sentence"),
-    [
-        ("silence", r"did not answer 'Get,VeloDec,0,Range' within 0.2 s.*'port' and 'baud'"),
-        ("terminator", r"'5mm/s/V\\r'.* ends in a carriage return.*set its terminator to LF"),
-        ("garbled", r"which is no text: check its 'port' and 'baud'"),
-        ("drip", r"no line end within 0.2 s"),
-        ("disconnect", r"was lost after 'Get,VeloDec,0,Range'.*cable"),
-        ("truncated", r"was lost after 'Get,VeloDec,0,Range'"),
-    ],
-)
+@pytest.mark.parametrize(("kind", "sentence"), [
+    ("silence", r"did not answer 'Get,VeloDec,0,Range' within 0.2 s.*'port' and 'baud'"),
+    ("terminator", r"'5mm/s/V\\r'.* ends in a carriage return.*set its terminator to LF"),
+    ("garbled", r"which is no text: check its 'port' and 'baud'"),
+    ("drip", r"no line end within 0.2 s"),
+    ("disconnect", r"was lost after 'Get,VeloDec,0,Range'.*cable"),
+    ("truncated", r"was lost after 'Get,VeloDec,0,Range'"),
+])  # fmt: skip
 def test_a_fault_of_the_line_is_one_sentence_and_passes(wired: Wired, kind: str, sentence: str) -> None:
     fault = wired.faulty(kind, asked=RANGE, times=1)
     with pytest.raises(InstrumentError, match=rf"^OFV-5000 at socket://\S+ .*{sentence}"):
@@ -162,16 +159,13 @@ def test_a_late_answer_is_not_taken_for_the_next_one(wired: Wired) -> None:
     wired.laser.check_range()
 
 
-@pytest.mark.parametrize(
-    ("asked", "answer"),
-    [
-        (RANGE, "5um"),
-        (RANGE, "-5mm/s/V"),
-        ("Get,SignalLevel,0,Value", "513"),
-        ("Get,SignalLevel,0,Value", "4.5"),
-        ("Get,VeloDec,0,SignalDelay", "soon"),
-    ],
-)
+@pytest.mark.parametrize(("asked", "answer"), [
+    (RANGE, "5um"),
+    (RANGE, "-5mm/s/V"),
+    ("Get,SignalLevel,0,Value", "513"),
+    ("Get,SignalLevel,0,Value", "4.5"),
+    ("Get,VeloDec,0,SignalDelay", "soon"),
+])  # fmt: skip
 def test_an_answer_that_cannot_be_right_is_refused(asked: str, answer: str) -> None:
     clock = VirtualClock()
     box = controller(clock)
@@ -217,30 +211,27 @@ def test_codec() -> None:
     assert scale_of(scale_text(0.125)) == 0.125
 
 
-@pytest.mark.parametrize(
-    ("parse", "text", "value"),
-    [
-        (scale_of, "5mm/s/V", 0.005),
-        (scale_of, "0.5 m/s/V", 0.5),
-        (scale_of, "100um/s/V", 1e-4),
-        (level_of, "512", 1.0),
-        (duration_of, "12.3 us", 12.3e-6),
-        (duration_of, "12.3", 12.3e-6),
-        (duration_of, "1.1ms", 1.1e-3),
-        (duration_of, "1.23E-05", 12.3e-6),
-        (duration_of, "0", 0.0),
-        (duration_of, "1.23e+1 us", 12.3e-6),
-        (scale_of, "5 mm/s / V", 0.005),
-        (scale_of, "5.0E+00mm/s/V", 0.005),
-        (frequency_of, "20 kHz", 20e3),
-        (frequency_of, "1.5 MHz", 1.5e6),
-        (frequency_of, "20000", 20e3),
-        (frequency_of, "2.0E+04 Hz", 20e3),
-        (frequency_of, "Not Installed", None),
-        (ranges_of, "5mm/s/V,10 mm/s / V; 1m/s/V", (0.005, 0.01, 1.0)),
-        (ranges_of, "Not Available", ()),
-    ],
-)
+@pytest.mark.parametrize(("parse", "text", "value"), [
+    (scale_of, "5mm/s/V", 0.005),
+    (scale_of, "0.5 m/s/V", 0.5),
+    (scale_of, "100um/s/V", 1e-4),
+    (level_of, "512", 1.0),
+    (duration_of, "12.3 us", 12.3e-6),
+    (duration_of, "12.3", 12.3e-6),
+    (duration_of, "1.1ms", 1.1e-3),
+    (duration_of, "1.23E-05", 12.3e-6),
+    (duration_of, "0", 0.0),
+    (duration_of, "1.23e+1 us", 12.3e-6),
+    (scale_of, "5 mm/s / V", 0.005),
+    (scale_of, "5.0E+00mm/s/V", 0.005),
+    (frequency_of, "20 kHz", 20e3),
+    (frequency_of, "1.5 MHz", 1.5e6),
+    (frequency_of, "20000", 20e3),
+    (frequency_of, "2.0E+04 Hz", 20e3),
+    (frequency_of, "Not Installed", None),
+    (ranges_of, "5mm/s/V,10 mm/s / V; 1m/s/V", (0.005, 0.01, 1.0)),
+    (ranges_of, "Not Available", ()),
+])  # fmt: skip
 def test_forms_in_which_firmware_may_write(parse, text: str, value) -> None:
     assert parse(text) == (value if value is None else pytest.approx(value))
 
