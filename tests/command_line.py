@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,34 @@ from filelock import FileLock
 
 from haploop.commands.cli import cli
 
-Run = Callable[..., Result]
+Says = str | tuple[str, ...]
+"""Parts of what stands in the errors, wherever its lines are broken."""
+
+
+class Run:
+    """The command line in this process; nothing may escape as an exception."""
+
+    def __call__(
+        self, command: object = "", *args: object, ends: int | None = None, says: Says = ()
+    ) -> Result:
+        """Run `command`, which is split at its spaces, with more arguments, which are taken as they are.
+
+        It ends with the exit code `ends`, which is 2 where its errors are to say something.
+        """
+        result = CliRunner().invoke(cli, [*str(command).split(), *(str(arg) for arg in args)])
+        assert result.exception is None or isinstance(result.exception, SystemExit)
+        assert "Traceback" not in result.output
+        if says and ends is None:
+            ends = 2
+        assert ends in (None, result.exit_code), result.output
+        told = result.stderr + " ".join(result.stderr.split())
+        for part in (says,) if isinstance(says, str) else says:
+            assert part in told, result.stderr
+        return result
+
+    def json(self, command: object, *args: object, ends: int | None = 0) -> Any:
+        """Return what the command prints with --json."""
+        return json.loads(self(command, *args, "--json", ends=ends).stdout)
 
 
 @dataclass(frozen=True)
@@ -41,15 +67,7 @@ def no_columns(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def run() -> Run:
-    """Runs the command line in this process; nothing may escape as an exception."""
-
-    def runner(*args: object) -> Result:
-        result = CliRunner().invoke(cli, [str(arg) for arg in args])
-        assert result.exception is None or isinstance(result.exception, SystemExit)
-        assert "Traceback" not in result.output
-        return result
-
-    return runner
+    return Run()
 
 
 @pytest.fixture(scope="session")

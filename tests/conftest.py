@@ -32,9 +32,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """`--long`: minutes, in CI. `--night`: an hour, each night. `--full`: hours, at whole size."""
     parser.addoption("--full", action="store_true", help="run long experiments at their full size")
     parser.addoption(
-        "--long",
-        action="store_true",
-        help="run what is dear, too: whole loops, other programs, worlds",
+        "--long", action="store_true", help="run what is dear, too: whole loops, other programs, worlds"
     )
     parser.addoption(
         "--night", action="store_true", help="--long, further worlds and studies, every page of the documents"

@@ -53,8 +53,7 @@ def test_a_wrong_request_is_one_sentence_and_exit_code_2(
     run: Run, args: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    result = run(*args)
-    assert result.exit_code == 2, result.output
+    result = run(*args, ends=2)
     assert result.stdout == ""
     errors = [line for line in result.stderr.splitlines() if not line.startswith("Everything here")]
     assert len(errors) == 1 and errors[0].startswith("Error: ") and errors[0].endswith((".", "?")), errors
@@ -63,31 +62,22 @@ def test_a_wrong_request_is_one_sentence_and_exit_code_2(
 def test_an_unknown_key_of_the_plant_is_named(run: Run, tmp_path: Path) -> None:
     rig = tmp_path / "plant.toml"
     rig.write_text("[simulation]\nmode_drft = 0.1\n", encoding="utf-8")
-    result = run("demo", "--rig", rig)
-    assert result.exit_code == 2
-    assert "mode_drift" in result.stderr
+    run("demo --rig", rig, says="mode_drift")
 
 
 @pytest.mark.parametrize("command", [["demo"], ["record", "latch", "--participant", "P01"]], ids=" ".join)
 def test_a_folder_that_cannot_be_made_is_one_sentence(run: Run, tmp_path: Path, command: list[str]) -> None:
     (tmp_path / "file").write_text("in the way", encoding="utf-8")
-    result = run(*command, "--out", tmp_path / "file" / "folder")
-    assert result.exit_code == 2
-    assert "Error: " in result.stderr
-    assert str(tmp_path / "file") in result.stderr
+    run(*command, "--out", tmp_path / "file" / "folder", says=("Error: ", str(tmp_path / "file")))
 
 
 def test_record_then_show(run: Run, tmp_path: Path) -> None:
-    recorded = run("record", "toggle", "-p", "P03", "--presses", 2, "--out", tmp_path, "--json")
-    assert recorded.exit_code == 0, recorded.output
+    recorded = run("record toggle -p P03 --presses 2 --out", tmp_path, "--json", ends=0)
     values = json.loads(recorded.stdout)
     assert (values["button"], values["participant"], values["presses_detected"]) == ("toggle", "P03", 2)
     assert "Everything here is simulated (twin, seed 0)." in recorded.stderr
-    shown = run("show", tmp_path / "P03-toggle.h5", "--json")
-    assert json.loads(shown.stdout) == values
-    again = run("record", "toggle", "-p", "P03", "--presses", 2, "--out", tmp_path)
-    assert again.exit_code == 2
-    assert "P03-toggle.h5" in again.stderr
+    assert run.json("show", tmp_path / "P03-toggle.h5") == values
+    run("record toggle -p P03 --presses 2 --out", tmp_path, says="P03-toggle.h5")
 
 
 def test_a_bug_is_one_sentence_and_a_code_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -165,7 +155,7 @@ def test_twin_ni_wants_one_source_of_devices(run: Run, tmp_path: Path) -> None:
         ["--devices", "x.ini", "--rig", "simulated"],
         ["--devices", "x.ini", "--device", "Dev1=PCIe-6363", "--", "true"],
     ):
-        result = run("twin", "ni", *args)
+        result = run("twin ni", *args)
         assert "--device" in result.stderr or "missing.ini" in result.stderr
         assert result.exit_code == 2
         assert result.stderr.count("\n") == 1
@@ -190,10 +180,11 @@ def test_an_unknown_name_is_an_attribute_error() -> None:
 def test_twin_ni_refuses_a_file_without_devices(run: Run, tmp_path: Path, text: str, expected: str) -> None:
     export = tmp_path / "export.ini"
     export.write_text(text)
-    result = run("twin", "ni", "--devices", export, "--", "true")
-    assert result.exit_code == 2 and expected in result.stderr
+    run("twin ni --devices", export, "--", "true", says=expected)
 
 
 def test_twin_ni_refuses_a_device_named_twice(run: Run) -> None:
-    result = run("twin", "ni", "--device", "Dev1=PCIe-6363", "--device", "Dev1=PCIe-6321", "--", "true")
-    assert result.exit_code == 2 and "Dev1 is in --device or in the bench twice" in result.stderr
+    run(
+        "twin ni --device Dev1=PCIe-6363 --device Dev1=PCIe-6321 -- true",
+        says="Dev1 is in --device or in the bench twice",
+    )

@@ -86,8 +86,7 @@ def test_recordings_are_kept_with_the_hash_that_the_summary_names(demo: Demo) ->
 def test_the_report_names_the_command_that_writes_its_figures(demo: Demo, run: Run, tmp_path: Path) -> None:
     report = (demo.folder / "report.html").read_text(encoding="utf-8")
     (command,) = re.findall(r"<code>haploop (figures .*) --out figures</code>", report)
-    result = run(*shlex.split(html.unescape(command)), "--out", tmp_path / "figures")
-    assert result.exit_code == 0, result.output
+    run(*shlex.split(html.unescape(command)), "--out", tmp_path / "figures", ends=0)
     written = {path.name for path in (tmp_path / "figures").iterdir()}
     names = ("presses", "forces", "drives", "response", "check", "motion", "feeling")
     assert written >= {f"{name}.{kind}" for name in names for kind in ("svg", "csv")}
@@ -119,9 +118,7 @@ def test_each_button_says_in_one_sentence_who_feels_it_and_what_would_settle_it(
 
 def test_a_second_demo_overwrites_nothing(demo: Demo, run: Run) -> None:
     before = (demo.folder / "summary.json").read_bytes()
-    result = run("demo", "--out", demo.folder)
-    assert result.exit_code == 2
-    assert "not overwritten" in result.stderr
+    run("demo --out", demo.folder, says="not overwritten")
     assert (demo.folder / "summary.json").read_bytes() == before
 
 
@@ -159,9 +156,7 @@ def test_the_scripts_of_the_documents_compute_a_demo_again(
 )
 def test_show_knows_every_file_of_a_demo(demo: Demo, run: Run, tmp_path: Any, name: str, kind: str) -> None:
     plot = tmp_path / "plot.png"
-    result = run("show", demo.folder / name, "--json", "--plot", plot)
-    assert result.exit_code == 0, result.output
-    values = json.loads(result.stdout)
+    values = run.json("show", demo.folder / name, "--plot", plot)
     assert values["kind"] == kind
     assert values["simulated"] is True
     assert plot.read_bytes().startswith(b"\x89PNG")
@@ -169,17 +164,14 @@ def test_show_knows_every_file_of_a_demo(demo: Demo, run: Run, tmp_path: Any, na
 
 
 def test_check_finds_what_the_demo_found(demo: Demo, run: Run, tmp_path: Any) -> None:
-    result = run(
+    values = run.json(
         "check",
         demo.folder / "recordings" / "P01-toggle.h5",
         "--calibration",
         demo.folder / "calibration.h5",
         "--out",
         tmp_path,
-        "--json",
     )
-    assert result.exit_code == 0, result.output
-    values = json.loads(result.stdout)
     assert values["button"] == "toggle"
     assert values["passed"] is True
     assert values["drive_peak_v"] == pytest.approx(
@@ -191,19 +183,17 @@ def test_a_stranger_s_file_is_refused(run: Run, tmp_path: Any) -> None:
     path = tmp_path / "other.h5"
     with h5py.File(path, "w") as file:
         file["x"] = 1
-    result = run("show", path)
-    assert result.exit_code == 2
-    assert "was not written by this version of haploop" in result.stderr
+    run("show", path, says="was not written by this version of haploop")
 
 
 def test_a_picture_takes_no_file_s_place(demo: Demo, run: Run, tmp_path: Any) -> None:
     recording = demo.folder / "recordings" / "P01-latch.h5"
     before = recording.read_bytes()
-    assert run("show", recording, "--plot", recording).exit_code == 2
+    run("show", recording, "--plot", recording, ends=2)
     there = tmp_path / "there.png"
     there.write_text("mine")
-    assert run("show", recording, "--plot", there).exit_code == 2
-    assert run("show", recording, "--plot", tmp_path / "picture.xyz").exit_code == 2
+    run("show", recording, "--plot", there, ends=2)
+    run("show", recording, "--plot", tmp_path / "picture.xyz", ends=2)
     assert recording.read_bytes() == before and there.read_text() == "mine"
 
 
@@ -247,7 +237,7 @@ def test_four_patches_are_felt_at_8_percent_of_error_and_say_so(
 ) -> None:
     if not request.config.getoption("--full"):
         pytest.skip("calibrates four patches: runs with --full")
-    result = run("demo", "--rig", "four-channel", "--out", tmp_path / "four", "--json")
+    result = run("demo --rig four-channel --out", tmp_path / "four", "--json")
     summary = json.loads(result.stdout)
     assert result.exit_code == 0 and summary["patch"] == "A, B, C, D"
     for button in summary["buttons"].values():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -231,9 +230,7 @@ def test_each_instrument_is_opened_on_the_plant_that_was_given(mode: Mode) -> No
 
 class TestCommand:
     def test_green_is_exit_code_0(self, run: Run) -> None:
-        result = run("doctor", "--rig", "haptable", "--simulate", "twin", "--json")
-        assert result.exit_code == 0, result.output
-        report = json.loads(result.stdout)
+        report = run.json("doctor --rig haptable --simulate twin")
         assert report["status"] == "green"
         assert set(report["findings"][0]) == {"name", "instrument", "status", "sentence"}
 
@@ -244,7 +241,7 @@ class TestCommand:
             raise InstrumentError("The safe state was not confirmed: Dev2 is in use. Switch it off by hand.")
 
         monkeypatch.setattr(Rig, "make_safe", busy)
-        result = run("doctor", "--rig", "haptable", "--simulate", "twin")
+        result = run("doctor --rig haptable --simulate twin")
         assert result.exit_code in (1, 3), result.output
         said = " ".join(result.stdout.split())
         assert "Identity (relay)" in said and "Dev2 is in use. Switch it off by hand." in said
@@ -255,8 +252,7 @@ class TestCommand:
         file.write_text(
             'base = "minimal"\n[[simulation.faults]]\nkind = "accelerometer-inverted"\n', encoding="utf-8"
         )
-        result = run("doctor", "--rig", file, "--simulate", "twin")
-        assert result.exit_code == 1
+        result = run("doctor --rig", file, "--simulate", "twin", ends=1)
         assert "upside down" in " ".join(result.stdout.split())
 
     def test_an_instrument_that_does_not_open_is_exit_code_3(self, run: Run, tmp_path: Any) -> None:
@@ -266,9 +262,11 @@ class TestCommand:
             'kind = "reply"\ninstrument = "relay"\nhow = "garbled"\n',
             encoding="utf-8",
         )
-        result = run("doctor", "--rig", file, "--simulate", "wire", "--json")
-        assert result.exit_code == 3, result.output
-        red = [f for f in json.loads(result.stdout)["findings"] if f["status"] == "red"]
+        red = [
+            f
+            for f in run.json("doctor --rig", file, "--simulate", "wire", ends=3)["findings"]
+            if f["status"] == "red"
+        ]
         assert [f["instrument"] for f in red] == ["relay"]
         assert "whole JSON" in red[0]["sentence"]
 

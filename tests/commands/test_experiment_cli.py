@@ -67,20 +67,19 @@ def test_without_consent(short: Path) -> None:
 
 
 def test_a_withdrawal_is_asked_and_told(run: Run, short: Path) -> None:
-    assert run("experiment", "run", short, "-p", "P01", "--simulated").exit_code == 0
-    assert run("experiment", "run", short, "-p", "P02", "--simulated").exit_code == 0
+    run("experiment run", short, "-p", "P01", "--simulated", ends=0)
+    run("experiment run", short, "-p", "P02", "--simulated", ends=0)
     kept = CliRunner().invoke(cli, ["experiment", "withdraw", str(short), "P01"], input="n\n")
     assert kept.exit_code == 130 and (short.parent / "answers" / "P01").exists()
-    gone = run("experiment", "withdraw", short, "P01", "--yes", "--json")
-    assert json.loads(gone.stdout)["deleted"] == ["P01/session-1.jsonl"]
+    assert run.json("experiment withdraw", short, "P01", "--yes")["deleted"] == ["P01/session-1.jsonl"]
     assert not (short.parent / "answers" / "P01").exists()
-    assert "P01 withdrew" in run("experiment", "status", short).stdout
+    assert "P01 withdrew" in run("experiment status", short).stdout
 
 
 def test_a_new_experiment_is_a_copy_of_an_example(run: Run, tmp_path: Path) -> None:
-    assert run("experiment", "new", tmp_path / "mine", "--from", "rating").exit_code == 0
-    assert run("experiment", "new", tmp_path / "mine").exit_code == 2
-    assert run("experiment", "run", tmp_path / "mine", "-p", "P01", "--simulated").exit_code == 0
+    run("experiment new", tmp_path / "mine", "--from", "rating", ends=0)
+    run("experiment new", tmp_path / "mine", ends=2)
+    run("experiment run", tmp_path / "mine", "-p", "P01", "--simulated", ends=0)
 
 
 @pytest.mark.parametrize(
@@ -123,12 +122,11 @@ def test_enter_is_no_rating(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_design_that_is_not_filled_is_said(run: Run, tmp_path: Path) -> None:
     for people, said in ((3, True), (6, False)):
         result = run(
-            "experiment", "simulate", "matching", "-n", people, "--session", 1, "--data", tmp_path / "a"
+            "experiment simulate matching -n", people, "--session", 1, "--data", tmp_path / "a", ends=0
         )
-        assert result.exit_code == 0, result.output
         words = " ".join(result.stdout.split())
         assert ("not balanced with 3 participants" in words and "at a multiple of 6." in words) is said
-    values = json.loads(run("experiment", "status", "matching", "--data", tmp_path / "a", "--json").stdout)
+    values = run.json("experiment status matching --data", tmp_path / "a")
     assert values["design"] == {"groups": {"I": 3, "II": 3}, "balanced": True, "multiple_of": 6}
 
 
@@ -137,8 +135,8 @@ def test_a_log_that_was_cut_short_is_said_by_every_command_and_stops_no_other_pe
 ) -> None:
     data = tmp_path / "answers"
     common = ("--data", data)
-    assert run("experiment", "simulate", "rating", "-n", 2, *common).exit_code == 0
-    assert run("verify", data).exit_code == 0
+    run("experiment simulate rating -n 2", *common, ends=0)
+    run("verify", data, ends=0)
     log = data / "P01" / "session-1.jsonl"
     raw = log.read_bytes()
     log.write_bytes(b"".join(raw.splitlines(keepends=True)[:8]))
@@ -151,12 +149,11 @@ def test_a_log_that_was_cut_short_is_said_by_every_command_and_stops_no_other_pe
         (("verify", data), 2),
         (("experiment", "run", "rating", "-p", "P03", "--simulated", *common), 0),
     ):
-        result = run(*command)
-        assert result.exit_code == code, command
+        result = run(*command, ends=code)
         assert said in " ".join((result.stdout + result.stderr).split()), command
     assert not (tmp_path / "out.csv").exists()
-    values = json.loads(run("experiment", "status", "rating", *common, "--json").stdout)
+    values = run.json("experiment status rating", *common, ends=2)
     assert [one["participant"] for one in values["sessions"]] == ["P02", "P03"]
     log.write_bytes(raw)
-    assert run("experiment", "export", "rating", tmp_path / "out.csv", *common).exit_code == 0
-    assert run("verify", data).exit_code == 0
+    run("experiment export rating", tmp_path / "out.csv", *common, ends=0)
+    run("verify", data, ends=0)

@@ -442,7 +442,7 @@ def test_what_is_wrong_with_an_instrument_is_a_table_or_a_sentence(
     lab: Callable[[str, str, str], RigFile], name: str, role: str, state: str, run: Run, tmp_path: Path
 ) -> None:
     rig = lab(name, role, state)
-    doctor = run("doctor", "--rig", name, "--json")
+    doctor = run("doctor --rig", name, "--json")
     print(doctor.output)
     assert doctor.exit_code in (1, 3), doctor.output
     if doctor.stdout:

@@ -70,8 +70,7 @@ def command(request: pytest.FixtureRequest) -> str:
 
 
 def history_in(folder: Path, run: Run, button: Path) -> None:
-    adopted = run("calibrations", "adopt", button, "--reason", "x", "--calibrations", folder / "history")
-    assert adopted.exit_code == 0, adopted.output
+    run("calibrations adopt", button, "--reason", "x", "--calibrations", folder / "history", ends=0)
 
 
 def filled(folder: Path, left: int) -> Path:
@@ -84,13 +83,7 @@ def filled(folder: Path, left: int) -> Path:
 
 @pytest.mark.parametrize("left", [0, 200_000])
 def test_a_full_disk_is_found_before_a_voltage_is_put_out(
-    tmp_path: Path,
-    run: Run,
-    plays: Plays,
-    commands: Commands,
-    command: str,
-    left: int,
-    button: Path,
+    tmp_path: Path, run: Run, plays: Plays, commands: Commands, command: str, left: int, button: Path
 ) -> None:
     plays.append(lambda: pytest.fail("something was played"))
     with disk(tmp_path / "small", "size=40m") as small:
@@ -99,15 +92,14 @@ def test_a_full_disk_is_found_before_a_voltage_is_put_out(
             history_in(small, run, button)
         filled(small, left)
         there = sorted(small.rglob("*"))
-        result = run(*arguments)
-        assert result.exit_code == 2, result.output
+        result = run(*arguments, ends=2)
         assert "No space left on device" in " ".join(result.output.split())
         if command != "map":  # its folder and its plan may be there: the same command goes on with them
             assert [p for p in sorted(small.rglob("*")) if p.is_file()] == [p for p in there if p.is_file()]
         plays.clear()
         (small / "filler").unlink()
         if command != "recalibrate" and left == 0:
-            assert run("button", "check", button, "-o", small / "again.h5").exit_code == 0
+            run("button check", button, "-o", small / "again.h5", ends=0)
 
 
 def test_a_name_that_is_too_long_is_found_before_a_voltage_is_put_out(
@@ -115,8 +107,7 @@ def test_a_name_that_is_too_long_is_found_before_a_voltage_is_put_out(
 ) -> None:
     """The calibration's own name would fit; that of its waveforms does not. The patch was driven 15 times."""
     plays.append(lambda: pytest.fail("something was played"))
-    result = run("calibrate", "--out", tmp_path / ("c" * 220 + ".h5"))
-    assert result.exit_code == 2, result.output
+    result = run("calibrate --out", tmp_path / ("c" * 220 + ".h5"), ends=2)
     assert "characters, which is too long a name for a file" in " ".join(result.output.split())
     assert list(tmp_path.iterdir()) == []
 
@@ -130,8 +121,7 @@ def test_a_folder_that_may_only_be_read_is_found_before_a_voltage_is_put_out(
         if command == "recalibrate":
             history_in(kept, run, button)
         subprocess.run(["mount", "-o", "remount,ro", str(kept)], check=True)
-        result = run(*arguments)
-        assert result.exit_code == 2, result.output
+        result = run(*arguments, ends=2)
         assert "read-only file system" in " ".join(result.output.lower().split())
 
 
@@ -160,9 +150,9 @@ def test_a_disk_that_takes_the_calibration_only_keeps_neither(
 
     with monkeypatch.context() as patch:
         patch.setattr("haploop.calibration.response.response.hdf5.flatten", full)
-        run("calibrate", "-o", tmp_path / "table.h5")
+        run("calibrate -o", tmp_path / "table.h5")
     assert list(tmp_path.iterdir()) == []
-    assert run("calibrate", "-o", tmp_path / "table.h5").exit_code == 0
+    run("calibrate -o", tmp_path / "table.h5", ends=0)
 
 
 def test_results_need_half_the_room_that_is_held_or_less(demo: Demo, button: Path, tmp_path: Path) -> None:

@@ -24,8 +24,7 @@ Made = tuple[Path, list[Command]]
 def signals(form: str, suffix: str) -> Callable[[Demo, Run, Path], Made]:
     def make(demo: Demo, run: Run, folder: Path) -> Made:
         path = folder / f"press{suffix}"
-        made = run("export", demo.folder / "presses" / "push.h5", "--to", form, "--out", path)
-        assert made.exit_code == 0, made.output
+        run("export", demo.folder / "presses" / "push.h5", "--to", form, "--out", path, ends=0)
         return path, [("import", path, "--channel", "acceleration", "--out", folder / "out.h5", "--json")]
 
     return make
@@ -45,7 +44,7 @@ def beside(demo: Demo, run: Run, folder: Path) -> Made:
 
 def responses(demo: Demo, run: Run, folder: Path) -> Made:
     path = folder / "response.uff"
-    assert run("export", demo.folder / "calibration.h5", "--to", "uff", "--out", path).exit_code == 0
+    run("export", demo.folder / "calibration.h5", "--to", "uff", "--out", path, ends=0)
     return path, [("import", path, "--out", folder / "out.h5", "--json")]
 
 
@@ -57,7 +56,7 @@ def waveforms(demo: Demo, _run: Run, folder: Path) -> Made:
 def mapped(what: str) -> Callable[[Demo, Run, Path], Made]:
     def make(_demo: Demo, run: Run, folder: Path) -> Made:
         out = folder / "map"
-        assert run("map", "--out", out, "--points", "3", "--patches", "A").exit_code == 0
+        run("map --out", out, "--points", "3", "--patches", "A", ends=0)
         path = next(iter(sorted(out.glob(what))))
         again = ("map", "--out", out, "--points", "3", "--patches", "A", "--json")
         return path, [("show", out, "--json"), ("verify", path), ("list", "--in", out), again]
@@ -70,8 +69,8 @@ def history(what: str) -> Callable[[Demo, Run, Path], Made]:
         of, button = ("--calibrations", folder / "calibrations"), folder / "push.h5"
         press, calibration = demo.folder / "presses" / "push.h5", demo.folder / "calibration.h5"
         ready = [
-            run("button", "make", press, "-c", calibration, "-o", button, "--iterations", "5"),
-            run("calibrations", "adopt", button, *of, "--reason", "a test"),
+            run("button make", press, "-c", calibration, "-o", button, "--iterations", "5"),
+            run("calibrations adopt", button, *of, "--reason", "a test"),
         ]
         assert all(result.exit_code == 0 for result in ready), [result.output for result in ready]
         path = next(iter(sorted((folder / "calibrations").rglob(what))))
@@ -91,23 +90,23 @@ def rig(_demo: Demo, _run: Run, folder: Path) -> Made:
 
 
 def experiment(_demo: Demo, run: Run, folder: Path) -> Made:
-    assert run("experiment", "new", folder / "rating", "--from", "rating").exit_code == 0
+    run("experiment new", folder / "rating", "--from", "rating", ends=0)
     path = folder / "rating" / "experiment.toml"
     return path, [("experiment", "status", path, "-d", folder / "answers", "--json")]
 
 
 def withdrawals(_demo: Demo, run: Run, folder: Path) -> Made:
     data = folder / "answers"
-    assert run("experiment", "simulate", "rating", "-n", "2", "-d", data).exit_code == 0
-    assert run("experiment", "withdraw", "rating", "P01", "-d", data, "--yes").exit_code == 0
+    run("experiment simulate rating -n 2 -d", data, ends=0)
+    run("experiment withdraw rating P01 -d", data, "--yes", ends=0)
     path = data / "withdrawals.jsonl"
     return path, [("experiment", "status", "rating", "-d", data, "--json"), ("verify", path)]
 
 
 def answers(_demo: Demo, run: Run, folder: Path) -> Made:
     data, path = folder / "answers", folder / "answers.csv"
-    assert run("experiment", "simulate", "matching", "-n", "1", "-d", data).exit_code == 0
-    assert run("experiment", "export", "matching", path, "-d", data).exit_code == 0
+    run("experiment simulate matching -n 1 -d", data, ends=0)
+    run("experiment export matching", path, "-d", data, ends=0)
     return path, [("analyse", "confusion", path, "--json")]
 
 
@@ -116,17 +115,16 @@ def part_of_a_study(_demo: Demo, run: Run, folder: Path) -> Made:
     study.mkdir()
     text = 'name = "demo"\nrig = "simulated"\nbuttons = ["push"]\nparticipants = ["P01"]\npresses = 2\n'
     (study / "study.toml").write_text(text, encoding="utf-8")
-    assert run("study", "run", "--study", study, "-p", "P01").exit_code == 0
+    run("study run --study", study, "-p", "P01", ends=0)
     out = folder / "processed"
     process = ("study", "process", "--study", study, "--out", out, "--workers", "1", "--json")
-    made = run(*process)
-    assert made.exit_code == 0, made.output
+    run(*process, ends=0)
     return next((out / "parts").glob("*.json")), [process]
 
 
 def index(demo: Demo, run: Run, folder: Path) -> Made:
     listed = ("list", "--in", demo.folder, "--json")
-    assert run(*listed).exit_code == 0
+    run(*listed, ends=0)
     return next((folder / "cache").rglob("catalogue-*.sqlite3")), [listed]
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
 from typing import Any
@@ -46,14 +45,11 @@ def test_a_drift_is_brought_back_and_nothing_else_changes_anything(
             press = Representative.load(demo.folder / "presses" / f"{name}.h5")
             paths.append(tmp_path / f"{name}.h5")
             build_button(rig, press, calibration, iterations=3).save(paths[-1])
-    adopted = run("calibrations", "adopt", *paths, "--reason", "it begins", "--calibrations", folder)
-    assert adopted.exit_code == 0, adopted.output
+    run("calibrations adopt", *paths, "--reason", "it begins", "--calibrations", folder, ends=0)
 
     def night(expected: int, drift: float = 0.0, fault: str = "") -> dict[str, Any]:
         rig = rig_file(tmp_path, seed, drift, fault)
-        result = run("recalibrate", "--rig", rig, "--calibrations", folder, "--json")
-        assert result.exit_code == expected, result.output
-        said: dict[str, Any] = json.loads(result.stdout)
+        said: dict[str, Any] = run.json("recalibrate --rig", rig, "--calibrations", folder, ends=expected)
         return said
 
     first = History(folder).active()

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import json
 import os
 import re
 import shutil
@@ -62,9 +61,7 @@ def _drifted(place: Path, extra: str = "") -> Path:
 
 
 def asked(run: Run, *args: Any) -> dict[str, Any]:
-    result = run(*args, "--json")
-    assert result.exit_code == 0, result.output
-    values: dict[str, Any] = json.loads(result.stdout)
+    values: dict[str, Any] = run.json(*args)
     return values
 
 
@@ -97,7 +94,7 @@ def test_the_active_one_is_told(history: Path, run: Run) -> None:
     assert change["to"]["resonance_hz"] / change["from"]["resonance_hz"] == pytest.approx(1.03, abs=1e-3)
     for command in (["list"], ["show", "2"], ["diff", "1", "2"]):
         assert first["name"][:8] in run("calibrations", *command, *at).stdout
-    assert "Simulated: no real instrument measured this." in run("calibrations", "show", "1", *at).stdout
+    assert "Simulated: no real instrument measured this." in run("calibrations show 1", *at).stdout
 
 
 def test_an_earlier_one_can_be_activated_and_nothing_is_lost(history: Path, run: Run) -> None:
@@ -109,27 +106,21 @@ def test_an_earlier_one_can_be_activated_and_nothing_is_lost(history: Path, run:
     assert len(History(history).generations) == 2
     damaged = next((history / History(history).find("2").name / "buttons").glob("*.h5"))
     damaged.write_bytes(damaged.read_bytes()[:-1])
-    result = run("calibrations", "activate", "2", *REASON, *at)
-    assert result.exit_code == 2 and "damaged" in result.stderr
-    result = run("calibrations", "activate", "7", *REASON, *at)
-    assert result.exit_code == 2 and "no calibration '7'" in result.stderr
-    result = run("calibrations", "activate", "1", *REASON, *at, "--rig", "bench")
-    assert result.exit_code == 2 and "not on 'bench'" in result.stderr
+    run("calibrations activate 2", *REASON, *at, says="damaged")
+    run("calibrations activate 7", *REASON, *at, says="no calibration '7'")
+    run("calibrations activate 1", *REASON, *at, "--rig", "bench", says="not on 'bench'")
     assert len(History(history).activations) == 3
 
 
 def test_what_is_broken_ends_with_three(history: Path, run: Run, tmp_path: Path) -> None:
     rig = _drifted(tmp_path, '[[simulation.faults]]\nkind = "laser-blocked"\n')
     active = History(history).active()
-    result = run("recalibrate", "--rig", rig, "--calibrations", history, "--json")
-    assert result.exit_code == 3
-    said = json.loads(result.stdout)
+    said = run.json("recalibrate --rig", rig, "--calibrations", history, ends=3)
     assert said["outcome"] == "broken" and "laser does not see" in Path(said["report"]).read_text("utf-8")
     assert "laser does not see the surface" in said["sentences"][0]
     assert "Aim the laser at the button point." in said["assumed"]
     assert History(history).active() == active
-    result = run("recalibrate", "--rig", rig, "--calibrations", history)
-    assert result.exit_code == 3
+    result = run("recalibrate --rig", rig, "--calibrations", history, ends=3)
     assert "Something is broken; nothing was changed" in result.stdout
     *_, night, _ = asked(run, "calibrations", "list", "--calibrations", history)["nights"]
     assert night["outcome"] == "broken" and "laser does not see" in night["why"]
@@ -143,31 +134,27 @@ def test_a_rig_that_does_not_open_is_a_broken_night(
         raise InstrumentError("The card Dev1 does not answer.")
 
     monkeypatch.setattr(ChosenRig, "opened", opened)
-    result = run("recalibrate", "--calibrations", history)
+    result = run("recalibrate --calibrations", history)
     assert result.exit_code == 3 and "The card Dev1 does not answer." in result.stdout
     assert History(history).looks[-1]["sentences"] == ["The card Dev1 does not answer."]
-    listed = run("calibrations", "list", "--calibrations", history).stdout
+    listed = run("calibrations list --calibrations", history).stdout
     assert "broken" in listed and "The card Dev1 does not answer." in listed
     before = len(History(history).looks)
-    result = run("recalibrate", "--calibrations", history, "--rig", "bench")
-    assert result.exit_code == 2 and "the folder of its own history" in result.stderr
+    run("recalibrate --calibrations", history, "--rig", "bench", says="the folder of its own history")
     assert len(History(history).looks) == before
 
 
 def test_what_cannot_begin_plays_nothing(history: Path, run: Run, tmp_path: Path) -> None:
-    result = run("recalibrate", "--calibrations", tmp_path / "none")
-    assert result.exit_code == 2 and "no active calibration" in result.stderr
+    result = run("recalibrate --calibrations", tmp_path / "none", says="no active calibration")
     assert "simulated (" not in result.stderr
     with hold({os.path.normcase(history.resolve())}, "This test"):
-        result = run("recalibrate", "--calibrations", history)
+        result = run("recalibrate --calibrations", history)
     assert result.exit_code == 3 and "open in this program" in result.stderr
-    result = run("recalibrate", "--calibrations", history, "--laser-at", "84")
-    assert result.exit_code == 2 and "The table has no point" in result.stderr
+    run("recalibrate --calibrations", history, "--laser-at", "84", says="The table has no point")
 
 
 def test_a_laser_left_elsewhere_is_broken(history: Path, run: Run) -> None:
-    result = run("recalibrate", "--calibrations", history, "--laser-at", "37")
-    assert result.exit_code == 3
+    result = run("recalibrate --calibrations", history, "--laser-at", "37", ends=3)
     assert "was not measured: the laser would need to be aimed." in result.stdout
 
 
@@ -181,7 +168,7 @@ def test_the_trend_shows_every_look_and_what_was_active(folder: Path, run: Run, 
     out = tmp_path / "trend.png"
     assert asked(run, "calibrations", "plot", out, "--calibrations", folder)["looks"] == 2
     assert out.read_bytes().startswith(b"\x89PNG")
-    assert run("calibrations", "plot", out, "--calibrations", folder).exit_code == 2
+    run("calibrations plot", out, "--calibrations", folder, ends=2)
     figure = trend(History(folder))
     assert overlaps(figure) == overlaps(trend(History(folder), 1)) == []
     labels = [axes.get_ylabel() for axes in figure.axes]

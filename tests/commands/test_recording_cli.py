@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[2]
 def test_what_no_recording_can_hold_is_refused_at_once(
     run: Run, tmp_path: Path, option: tuple[str, object]
 ) -> None:
-    result = run("record", "push", "-p", "P01", "-o", tmp_path / "out", *option)
+    result = run("record push -p P01 -o", tmp_path / "out", *option)
     assert (result.exit_code, result.stdout) == (2, "")
     said = {"-n": "--presses", "--wait": "--wait"}[str(option[0])]
     assert result.stderr.count("\n") == 1 and result.stderr.startswith(f"Error: {said} must be a")
@@ -40,24 +40,19 @@ def test_the_same_command_can_be_given_again_where_nobody_came(
     with monkeypatch.context() as nobody:
         tell = OperatorTwin.tell
         nobody.setattr(OperatorTwin, "tell", lambda self, r: None if isinstance(r, Press) else tell(self, r))
-        result = run(*command, "--wait", 5)
-        assert result.exit_code == 2
-        assert "No press 1 of 1 arrived within 20 s of the prompt" in result.stderr
-    result = run(*command, "--json")
-    assert result.exit_code == 0, result.stderr
-    assert f"was renamed to {tmp_path / 'P01-push.empty-1.h5'}." in result.stderr
+        run(*command, "--wait", 5, says="No press 1 of 1 arrived within 20 s of the prompt")
+    result = run(*command, "--json", ends=0, says=f"was renamed to {tmp_path / 'P01-push.empty-1.h5'}.")
     assert json.loads(result.stdout)["presses_accepted"] == 1
-    again = run(*command)
-    assert again.exit_code == 2 and "already exists" in again.stderr
+    run(*command, says="already exists")
 
 
 def test_a_button_is_recorded_again_under_another_name(run: Run, tmp_path: Path) -> None:
     command = ("record", "push", "-p", "P01", "-n", 1, "-o", tmp_path)
-    assert run(*command).exit_code == 0
+    run(*command, ends=0)
     refused = run(*command)
     assert (refused.exit_code, refused.stderr.count("Error:")) == (2, 1)
     assert "already exists" in refused.stderr and "--name, such as P01-push-2" in refused.stderr
-    assert run(*command, "--name", "P01-push-2").exit_code == 0
+    run(*command, "--name", "P01-push-2", ends=0)
     for wrong in ("../P01", "P01 push", "x" * 61):
         result = run(*command, "--name", wrong)
         assert (result.exit_code, "up to 60 letters" in result.stderr) == (2, True)
@@ -73,9 +68,7 @@ def test_a_study_waits_as_long_as_its_file_or_its_option_says(
     study.write_text(text, encoding="utf-8")
     monkeypatch.setattr(OperatorTwin, "tell", lambda _self, _request: None)
     for option, seconds in (((), 25), (("--wait", 0), 15)):
-        result = run("study", "run", "-s", study, *option)
-        assert result.exit_code == 2
-        assert f"arrived within {seconds} s of the prompt" in result.stderr
+        run("study run -s", study, *option, says=f"arrived within {seconds} s of the prompt")
 
 
 def test_the_reference_lists_every_command() -> None:

@@ -50,17 +50,13 @@ def test_two_commands_never_share_a_relay(run: Run, lab: Path, tmp_path: Path, c
 
 def test_a_simulation_needs_no_lock(run: Run, lab: Path, tmp_path: Path) -> None:
     with in_use_elsewhere(lab):
-        result = run(
-            "record", "latch", "-p", "P01", "-n", 1, "-o", tmp_path, "--rig", lab, "--simulate", "twin"
-        )
+        result = run("record latch -p P01 -n 1 -o", tmp_path, "--rig", lab, "--simulate", "twin")
     assert SIMULATED in result.stderr and "in use" not in result.stderr
 
 
 @pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="needs a folder that not even root can write to")
 def test_a_calibration_that_could_not_be_kept_is_not_measured(run: Run) -> None:
-    result = run("calibrate", "--out", "/proc/calibration.h5")
-    assert result.exit_code == 2
-    assert "/proc cannot be written" in result.stderr
+    result = run("calibrate --out /proc/calibration.h5", says="/proc cannot be written")
     assert SIMULATED not in result.stderr
 
 
@@ -70,10 +66,14 @@ def test_a_check_that_could_not_be_kept_is_not_played(
 ) -> None:
     (tmp_path / name).write_text("mine")
     result = run(
-        "check", demo.folder / "recordings" / "P01-latch.h5",
-        "--calibration", demo.folder / "calibration.h5", "--out", tmp_path,
-    )  # fmt: skip
-    assert result.exit_code == 2
+        "check",
+        demo.folder / "recordings" / "P01-latch.h5",
+        "--calibration",
+        demo.folder / "calibration.h5",
+        "--out",
+        tmp_path,
+        ends=2,
+    )
     assert name in result.stderr and "participant" not in result.stderr
     assert SIMULATED not in result.stderr
     assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [(name, "mine")]
@@ -95,8 +95,8 @@ def test_a_check_of_what_is_simulated_says_so(
     )  # fmt: skip
     assert result.exit_code in (0, 1, 4), result.output
     assert "Simulated: no real instrument measured this." in result.stdout
-    assert run("show", recording, "--plot", tmp_path / "p.png").exit_code == 0
-    assert run("show", tmp_path / "new" / "latch-drive.h5", "--plot", tmp_path / "d.png").exit_code == 0
+    run("show", recording, "--plot", tmp_path / "p.png", ends=0)
+    run("show", tmp_path / "new" / "latch-drive.h5", "--plot", tmp_path / "d.png", ends=0)
     assert len(drawn) == 3
     assert all([text.get_text() for text in figure.texts] == ["simulated"] for figure in drawn)
 
@@ -166,7 +166,7 @@ def test_a_command_that_was_started_with_nohup_outlives_its_terminal(
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN if ignored else signal.SIG_DFL)
     monkeypatch.setattr(haploop, "rig_schema", lambda: signal.raise_signal(signal.SIGHUP) or {})
     try:
-        assert run("schema").exit_code == (0 if ignored else 129)
+        run("schema", ends=0 if ignored else 129)
     finally:
         signal.signal(signal.SIGHUP, before)
 
@@ -235,14 +235,12 @@ def test_what_is_wrong_is_named_with_what_was_expected(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "taken").write_text("")
-    result = run(*(part.replace("FILE", str(tmp_path / "taken")) for part in command))
-    assert result.exit_code == 2
+    result = run(*(part.replace("FILE", str(tmp_path / "taken")) for part in command), ends=2)
     assert re.search(said, " ".join(result.stderr.split())), result.stderr
 
 
 def test_a_folder_without_calibrations_says_how_to_make_one(run: Run, tmp_path: Path) -> None:
-    result = run("calibrations", "list", "--calibrations", tmp_path / "none")
-    assert result.exit_code == 0
+    result = run("calibrations list --calibrations", tmp_path / "none", ends=0)
     assert "holds no calibration yet: make one with `haploop calibrations adopt`" in result.stdout
     assert not list(tmp_path.iterdir())
 
@@ -266,6 +264,4 @@ def test_a_matrix_of_one_row_is_a_sensor_of_one_axis_and_a_singular_one_is_refus
     rig.write_text(
         f'base = "simulated"\n[sensors.force]\nchannels = {GAUGES}\nmatrix = {matrix}\n', encoding="utf-8"
     )
-    result = run("record", "latch", "-p", "P01", "-n", 1, "-o", tmp_path, "--rig", rig)
-    assert result.exit_code == code, result.stderr
-    assert told in result.stderr
+    run("record latch -p P01 -n 1 -o", tmp_path, "--rig", rig, ends=code, says=told)

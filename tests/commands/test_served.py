@@ -101,8 +101,7 @@ def test_the_guide_to_taps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
 def test_a_rig_with_an_unknown_driver_is_refused(run: Run, tmp_path: Path) -> None:
     odd = tmp_path / "odd.toml"
     odd.write_text('base = "haptable"\n[relay]\ndriver = "no-such"\n', encoding="utf-8")
-    result = run("twin", "all", "--rig", odd)
-    assert result.exit_code == 2
+    result = run("twin all --rig", odd, ends=2)
     assert "'no-such'" in result.output
 
 
@@ -131,8 +130,7 @@ def test_every_kind_is_served(tmp_path: Path, rig: str) -> None:
 
 
 def test_nothing_to_watch_is_one_sentence(run: Run) -> None:
-    result = run("live", "--rig", "simulated", "--wait", 0.1)
-    assert result.exit_code == 2
+    result = run("live --rig simulated --wait", 0.1, ends=2)
     waited, told = result.output.strip().splitlines()
     assert waited == "Waiting for a command that uses the rig simulated."
     assert told.startswith("Error: No running program publishes the rig 'simulated'")
@@ -167,8 +165,7 @@ def test_commands_publish_unless_they_are_told_not_to(
 
     monkeypatch.setattr(publisher.Publisher, "_write_address", noted)
     monkeypatch.setenv("HAPLOOP_LIVE", live)
-    result = run("record", "latch", "-p", "P01", "-n", 1, "--out", tmp_path)
-    assert result.exit_code == 0
+    run("record latch -p P01 -n 1 --out", tmp_path, ends=0)
     assert len(made) == (live == "on")
     assert not any(path.exists() for path in made)
 
@@ -182,8 +179,7 @@ def test_a_command_that_cannot_publish_works_without(
         raise OSError(24, "Too many open files")
 
     monkeypatch.setattr(publisher.socket, "create_server", refuse)
-    result = run("record", "latch", "-p", "P01", "-n", 1, "--out", tmp_path)
-    assert result.exit_code == 0
+    result = run("record latch -p P01 -n 1 --out", tmp_path, ends=0)
     assert "No live view" in result.output
 
 
@@ -309,8 +305,7 @@ def test_what_cannot_be_served_is_one_sentence(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("other.toml").write_text('name = "mine"\n')
-    ran = run("twin", *words.split(maxsplit=1)[:1], "--rig", "bench", *words.split()[1:])
-    assert ran.exit_code == 2 and sentence in ran.stderr, ran.stderr
+    run("twin", *words.split(maxsplit=1)[:1], "--rig", "bench", *words.split()[1:], says=sentence)
     assert Path("other.toml").read_text() == 'name = "mine"\n'
 
 
@@ -318,5 +313,5 @@ def test_a_port_that_is_taken_is_one_sentence(run: Run) -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
-        ran = run("twin", "all", "--rig", "haptable", "--port", f"yocto={taken.getsockname()[1]}")
+        ran = run("twin all --rig haptable --port", f"yocto={taken.getsockname()[1]}")
     assert ran.exit_code == 3 and "name another" in ran.stderr, ran.stderr

@@ -63,8 +63,7 @@ def test_from_doctor_to_recalibration(
     )
 
     def done(*args: object) -> str:
-        result = run(*args)
-        assert result.exit_code == 0, f"{args}: {result.output[-3000:]}"
+        result = run(*args, ends=0)
         return result.output
 
     done("doctor", *on)
@@ -144,5 +143,5 @@ source = "its manual"
     tomllib.loads(new)
     path = tmp_path / "lab.toml"
     path.write_text(f'base = "usb-6211"\nname = "lab"\n[daq]\ndevices = {{ Dev1 = "USB-6299" }}\n{new}')
-    result = run("doctor", "--rig", path, "--simulate", "twin")
+    result = run("doctor --rig", path, "--simulate", "twin")
     assert result.exit_code == 0 and "USB-6299 (Dev1" in result.output, result.output

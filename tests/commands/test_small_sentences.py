@@ -27,37 +27,32 @@ def test_a_folder_that_is_named_like_a_shipped_rig_hides_it_not(
     monkeypatch.chdir(tmp_path)
     (tmp_path / "usb-6211").mkdir()
     assert haploop.load_rig_file("usb-6211").name == "usb-6211"
-    checked = run("rig", "check", "usb-6211")
-    assert checked.exit_code == 0, checked.output
+    run("rig check usb-6211", ends=0)
 
 
 def test_one_recording_and_a_folder_are_represented(recorded: Path, run: Run, tmp_path: Path) -> None:
     (path,) = recorded.glob("*.h5")
     one = haploop.representative(haploop.Recording.open(path), method="mean")
     assert one.button == "push"
-    result = run("represent", recorded, "--average", "mean", "--out", tmp_path / "press.h5")
-    assert result.exit_code == 0, result.output
+    run("represent", recorded, "--average", "mean", "--out", tmp_path / "press.h5", ends=0)
     assert np.array_equal(haploop.load(tmp_path / "press.h5").acceleration, one.acceleration)
 
 
 def test_a_figure_is_not_exported_and_the_command_that_writes_it_is_named(recorded: Path, run: Run) -> None:
     (path,) = recorded.glob("*.h5")
-    result = run("export", path, "--to", "svg", "--out", "a.svg")
-    assert result.exit_code == 2 and "haploop figures FILE --out DIR" in result.stderr
+    run("export", path, "--to", "svg", "--out", "a.svg", says="haploop figures FILE --out DIR")
 
 
 def test_text_is_not_called_damaged(run: Run, tmp_path: Path) -> None:
     path = tmp_path / "notes.txt"
     path.write_text("my notes of today\n", encoding="utf-8")
-    result = run("show", path)
-    assert result.exit_code == 2 and "is text, and no file of haploop" in result.stderr, result.stderr
+    run("show", path, says="is text, and no file of haploop")
 
 
 def test_recalibrate_tells_an_error_of_its_rig_file_first(run: Run, tmp_path: Path) -> None:
     path = tmp_path / "rig.toml"
     path.write_text('base = "simulated"\nnmae = "x"\n', encoding="utf-8")
-    result = run("recalibrate", "--rig", path)
-    assert result.exit_code == 2 and "did you mean 'name'?" in result.stderr
+    run("recalibrate --rig", path, says="did you mean 'name'?")
 
 
 def test_a_second_operator_and_a_second_day_get_their_own_words(run: Run, tmp_path: Path) -> None:
@@ -65,11 +60,10 @@ def test_a_second_operator_and_a_second_day_get_their_own_words(run: Run, tmp_pa
     new_experiment(folder, "matching")
     store = Store(haploop.load_experiment(folder), folder / "answers")
     with store.hold("The experiment"):
-        result = run("experiment", "run", folder, "-p", "P01", "--simulated")
+        result = run("experiment run", folder, "-p", "P01", "--simulated")
     assert result.exit_code == 2 and "is open in this program already" in result.stderr, result.stderr
     days = store.experiment.file.sessions
     assert days > 1
     for day in range(1, days + 1):
-        result = run("experiment", "run", folder, "-p", "P01", "--simulated")
-        assert result.exit_code == 0, result.output
+        result = run("experiment run", folder, "-p", "P01", "--simulated", ends=0)
         assert ("is this really day 2?" in " ".join(result.stderr.split())) == (day == 2)

@@ -50,12 +50,7 @@ BUTTON = entry("button", "latch.h5", "latch", "pass")
         ),
         (
             Found([*recordings(1), TABLE], study=frozenset({"latch"})),
-            [
-                (
-                    "1 recording of latch, none averaged",
-                    "haploop study represent latch --out latch-press.h5",
-                )
-            ],
+            [("1 recording of latch, none averaged", "haploop study represent latch --out latch-press.h5")],
         ),
         (
             Found([*recordings(1), TABLE, PRESS]),
@@ -100,10 +95,10 @@ def test_what_is_not_finished_comes_with_its_command(found: Found, steps: list[t
 
 def test_sessions_of_an_experiment_are_due(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    run("experiment", "new", "matching", "--from", "matching")
+    run("experiment new matching --from matching")
     said = run().stdout
     assert "Nobody has answered matching:\n    haploop experiment run matching --participant P01" in said
-    run("experiment", "simulate", "matching", "--participants", 1)
+    run("experiment simulate matching --participants 1")
     said = run().stdout
     assert "Nobody" not in said and "Nothing is due" in said and "    haploop serve" in said
 
@@ -130,7 +125,7 @@ def test_a_folder_of_a_curve_names_it(run: Run, tmp_path: Path, monkeypatch: pyt
     rows = [f"{x / 50:.2f},{0.4 + x / 100:.3f}" for x in [*range(200), *range(200, 0, -1)]]
     (tmp_path / "switch.csv").write_text("\n".join(["Travel (mm),Force (N)", *rows]))
     monkeypatch.chdir(tmp_path)
-    assert run("import", "switch.csv", "--as", "curve", "--out", "switch.h5").exit_code == 0
+    run("import switch.csv --as curve --out switch.h5", ends=0)
     assert run().stdout.startswith("In this folder: 1 curve.")
 
 

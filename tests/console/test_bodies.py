@@ -26,12 +26,7 @@ def page(tmp_path):
     access, link = Access("127.0.0.1", 8735), Link()
     follower = Follower(link, lambda: link, Scope())
     follower.snapshot, follower.count = SNAPSHOT, 1
-    app = application(
-        access,
-        follower,
-        Scope(),
-        DataFolder(tmp_path / "data", tmp_path / "history"),
-    )
+    app = application(access, follower, Scope(), DataFolder(tmp_path / "data", tmp_path / "history"))
     found = TestClient(app, base_url="http://127.0.0.1:8735", headers={"X-Haploop-Token": access.token})
     found.link = link
     return found

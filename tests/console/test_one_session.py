@@ -97,8 +97,7 @@ def test_a_session_outlives_its_worker(data):
     first, second = made(data), made(data)
     workers = [first]
     conductor = Conductor(
-        DataFolder(data, data / "history"),
-        lambda name, values: (200, workers[-1].command(name, values)),
+        DataFolder(data, data / "history"), lambda name, values: (200, workers[-1].command(name, values))
     )
     conductor.begin(BEGIN, {})
     workers.append(second)
@@ -113,10 +112,7 @@ def test_a_session_outlives_its_worker(data):
 @pytest.mark.long
 def test_two_servers_of_a_rig_have_one_session(data):
     options = {"state": data / "state"}
-    with (
-        served(data, "--port", "0", **options) as one,
-        served(data, "--port", "0", **options) as two,
-    ):
+    with served(data, "--port", "0", **options) as one, served(data, "--port", "0", **options) as two:
         asked = {**BEGIN, "consent": True}
         assert _said(one, "/api/experiment/begin", asked) == ""
         other = {**asked, "participant": "P02"}

@@ -89,12 +89,7 @@ def app(link, access, tmp_path):
 
     follower = Follower(link, lambda: link, Scope())
     follower.snapshot, follower.count = SNAPSHOT, 1
-    return application(
-        access,
-        follower,
-        Scope(),
-        DataFolder(tmp_path / "data", tmp_path / "history"),
-    )
+    return application(access, follower, Scope(), DataFolder(tmp_path / "data", tmp_path / "history"))
 
 
 @pytest.fixture
@@ -285,10 +280,7 @@ def test_on_every_address_the_console_is_asked_by_number_and_by_this_computers_n
 
     access = Access("0.0.0.0", 8735)
     app = application(
-        access,
-        Follower(link, lambda: link, Scope()),
-        Scope(),
-        DataFolder(tmp_path, tmp_path / "history"),
+        access, Follower(link, lambda: link, Scope()), Scope(), DataFolder(tmp_path, tmp_path / "history")
     )
     page = TestClient(app, headers={"X-Haploop-Token": access.token})
     name = socket.gethostname().lower()

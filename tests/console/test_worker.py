@@ -42,10 +42,7 @@ def until(what: Callable[[], object], seconds: float = DEADLINE) -> None:
 
 def made(tmp_path, real_time: bool = False) -> Worker:
     return Worker(
-        load_rig_file("simulated"),
-        None,
-        DataFolder(tmp_path, tmp_path / "history"),
-        real_time=real_time,
+        load_rig_file("simulated"), None, DataFolder(tmp_path, tmp_path / "history"), real_time=real_time
     )
 
 

@@ -76,9 +76,7 @@ def test_a_curve_is_shown_as_what_it_is(
     path = tmp_path / "switch.csv"
     path.write_text(write(rows(tactile, up)), encoding="utf-8")
     args = ["import", path, "--as", "curve"]
-    result = run(*args, "--json")
-    assert result.exit_code == 0, result.stderr
-    said = json.loads(result.stdout)
+    said = run.json(*args)
     shown = run(*args, "--plot", tmp_path / "curve.png")
     assert shown.exit_code == 0 and (tmp_path / "curve.png").is_file(), shown.stderr
     assert ("Tactile peak" in shown.stdout) is tactile
@@ -107,21 +105,18 @@ def test_a_curve_is_shown_as_what_it_is(
 def test_noise_makes_no_tactile_peak(seed: int, run: Run, tmp_path: Path) -> None:
     path = tmp_path / "switch.csv"
     path.write_text(millis(rows(tactile=False, noise=0.6, seed=seed)), encoding="utf-8")
-    said = json.loads(run("import", path, "--as", "curve", "--json").stdout)
+    said = run.json("import", path, "--as", "curve")
     assert "peak_travel_m" not in said and said["snap_ratio"] is None
 
 
 def test_what_is_no_curve_is_one_sentence(run: Run, tmp_path: Path) -> None:
     path = tmp_path / "switch.csv"
     path.write_text(millis(rows()), encoding="utf-8")
-    slow = run("import", path)
-    assert slow.exit_code == 2 and "--as curve" in slow.stderr
+    run("import", path, says="--as curve")
     path.write_text(without_time(np.concatenate([rows()] * 3)), encoding="utf-8")
-    several = run("import", path, "--as", "curve")
-    assert several.exit_code == 2 and "goes down 3 times, and a curve is one press" in several.stderr
+    run("import", path, "--as", "curve", says="goes down 3 times, and a curve is one press")
     path.write_text("Force (N)\n" + "1\n2\n3\n1\n" * 20, encoding="utf-8")
-    lacks = run("import", path, "--as", "curve")
-    assert lacks.exit_code == 2 and "--displacement COLUMN" in lacks.stderr
+    run("import", path, "--as", "curve", says="--displacement COLUMN")
 
 
 @pytest.mark.parametrize("write", [of_tester, with_contact])
@@ -131,16 +126,15 @@ def test_a_kept_curve_is_read_like_any_other_file(
     folder = tmp_path / "kept"
     for seed, name in enumerate(("blue", "brown")):
         (tmp_path / f"{name}.csv").write_text(write(rows(seed=seed)), encoding="utf-8")
-    made = run("import", tmp_path / "blue.csv", tmp_path / "brown.csv", "--as", "curve", "-o", folder)
-    assert made.exit_code == 0, made.output
+    run("import", tmp_path / "blue.csv", tmp_path / "brown.csv", "--as", "curve", "-o", folder, ends=0)
     blue = folder / "blue.h5"
-    shown, said = run("show", blue), json.loads(run("show", blue, "--json").stdout)
-    before = json.loads(run("import", tmp_path / "blue.csv", "--as", "curve", "--json").stdout)
+    shown, said = run("show", blue), run.json("show", blue)
+    before = run.json("import", tmp_path / "blue.csv", "--as", "curve")
     assert said == before and "Tactile peak" in shown.stdout
     assert said["source_sha256"] == hashlib.sha256((tmp_path / "blue.csv").read_bytes()).hexdigest()
     assert said["units"] == {"force": "gf", "displacement": "mm"}
-    assert run("verify", folder).exit_code == 0
-    listed = json.loads(run("list", "kind=curve", "--in", folder, "--json").stdout)["files"]
+    run("verify", folder, ends=0)
+    listed = run.json("list kind=curve --in", folder)["files"]
     assert [one["button"] for one in listed] == ["blue", "brown"]
     # Several curves of a report are laid over each other.
     report = run("report", folder, "-o", tmp_path / "report.html", "--no-open", "--json")
@@ -149,7 +143,7 @@ def test_a_kept_curve_is_read_like_any_other_file(
     for key, value in (("turn", 10**6), ("travel", np.zeros(3)), ("force", np.full(799, np.nan))):
         path = tmp_path / f"{key}.h5"
         hdf5.write(path, "curve", {**hdf5.flatten(curve), key: value})
-        assert run("show", path).exit_code == 2
+        run("show", path, ends=2)
     for number, changed in enumerate(mutations(blue.read_bytes(), 8, seed=3)):
         path = tmp_path / f"changed-{number}.h5"
         path.write_bytes(changed)
@@ -158,10 +152,9 @@ def test_a_kept_curve_is_read_like_any_other_file(
 
 def test_an_exported_curve_is_read_back(run: Run, tmp_path: Path) -> None:
     (tmp_path / "blue.csv").write_text(of_tester(rows(seed=0)), encoding="utf-8")
-    made = run("import", tmp_path / "blue.csv", "--as", "curve", "-o", tmp_path / "blue.h5", "--json")
-    said = json.loads(made.stdout)
+    said = run.json("import", tmp_path / "blue.csv", "--as", "curve", "-o", tmp_path / "blue.h5")
     again = tmp_path / "again.csv"
-    assert run("export", tmp_path / "blue.h5", "--to", "csv", "-o", again).exit_code == 0
-    back = json.loads(run("import", again, "--as", "curve", "--button", "blue", "--json").stdout)
+    run("export", tmp_path / "blue.h5", "--to", "csv", "-o", again, ends=0)
+    back = run.json("import", again, "--as", "curve", "--button", "blue")
     numbers = {key: value for key, value in said.items() if isinstance(value, float)}
     assert len(numbers) >= 10 and {key: back[key] for key in numbers} == pytest.approx(numbers)

@@ -173,13 +173,13 @@ def test_a_file_that_another_library_wrote_alone(
 
 def test_by_the_command(files: Files, run: Run, tmp_path: Path) -> None:
     out, back = tmp_path / "press.uff", tmp_path / "back.h5"
-    assert run("export", files.representative, "--to", "uff", "-o", out).exit_code == 0
+    run("export", files.representative, "--to", "uff", "-o", out, ends=0)
     args = ["import", out, "--button", "push", "--acceleration", "acceleration", "--at", "0.3"]
-    assert run(*args, "-o", back, "--json").exit_code == 0
+    run(*args, "-o", back, "--json", ends=0)
     found = haploop.load_press([back])
     like(found, files.press)
     assert found.simulated and "press.uff" in found.reason
-    assert run(*args, "-o", back).exit_code == 2  # it exists
+    run(*args, "-o", back, ends=2)
 
 
 def recorded(seconds: float = 3.0, rate: int = 44_100, at: float = 1.7) -> np.ndarray:
@@ -276,8 +276,7 @@ def test_a_wav_header_that_contradicts_itself_is_one_sentence(
     sized = struct.pack("<I", 0xFFFFFFFF)
     path = tmp_path / "a.wav"
     path.write_bytes(b"RIFF" + sized + b"WAVEfmt " + kind + chunk + sized + bytes(100))
-    result = run("import", path, "--out", tmp_path / "out.h5")
-    assert result.exit_code == 2 and "is no WAV file that can be read" in result.stderr
+    result = run("import", path, "--out", tmp_path / "out.h5", says="is no WAV file that can be read")
     assert result.stderr.count("\n") == 1
 
 
@@ -362,8 +361,15 @@ def test_a_reader_that_dies_is_one_sentence(
     dies = "import os; import scipy; scipy.io.loadmat = lambda *a, **b: os.abort()\n"
     (tmp_path / "sitecustomize.py").write_text(dies, encoding="utf-8")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    result = run("import", tmp_path / "a.mat", "--acceleration", "acceleration", "-o", tmp_path / "back.h5")
-    assert result.exit_code == 2 and "is damaged, or larger than the memory" in result.stderr, result.output
+    result = run(
+        "import",
+        tmp_path / "a.mat",
+        "--acceleration",
+        "acceleration",
+        "-o",
+        tmp_path / "back.h5",
+        says="is damaged, or larger than the memory",
+    )
     assert result.stderr.count("\n") == 1
 
 
@@ -396,13 +402,12 @@ def test_what_was_not_measured_is_absent(
     )
     source, out, page = tmp_path / "a.csv", tmp_path / "a.h5", tmp_path / "a.html"
     source.write_text(text)
-    made = run("import", source, "--as", "press", "-o", out, *(f"--{k}={v}" for k, v in told.items()))
-    assert made.exit_code == 0, made.stderr
+    run("import", source, "--as", "press", "-o", out, *(f"--{k}={v}" for k, v in told.items()), ends=0)
     found = Representative.load(out)
-    shown, said = run("show", out), json.loads(run("show", out, "--json").stdout)
-    assert run("report", out, "-o", page).exit_code == 0
+    shown, said = run("show", out), run.json("show", out)
+    run("report", out, "-o", page, ends=0)
     table = tmp_path / "back.csv"
-    assert run("export", out, "--to", "csv", "-o", table).exit_code == 0
+    run("export", out, "--to", "csv", "-o", table, ends=0)
     for measured, value, name, key in (
         ("f" in names, found.force, "Force at activation", "activation_force_n"),
         ("x" in names, found.travel, "Travel at activation", "activation_travel_m"),

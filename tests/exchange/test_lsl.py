@@ -121,8 +121,7 @@ def test_stamps_begin_anew_with_another_program() -> None:
 
 def test_a_missing_pylsl_is_named(run: RunCommand, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pylsl", None)
-    result = run("live", "--lsl")
-    assert result.exit_code == 2 and 'pip install "haploop[lsl]"' in result.stderr
+    run("live --lsl", says='pip install "haploop[lsl]"')
 
 
 def test_a_viewer_that_waits_misses_nothing(tmp_path: Path) -> None:

@@ -104,8 +104,7 @@ def test_a_press_that_octave_saved_is_imported(tmp_path: Path, run: Run) -> None
     )
     octave(script, tmp_path)
     told = ("--acceleration", "click", "--button", "click")
-    result = run("import", tmp_path / "click.mat", *told, "--out", tmp_path / "a.h5")
-    assert result.exit_code == 0, result.output
+    run("import", tmp_path / "click.mat", *told, "--out", tmp_path / "a.h5", ends=0)
     press = haploop.Representative.load(tmp_path / "a.h5")
     assert press.rate_hz == 5000.0 and not press.simulated
     t = np.arange(5000) / 10_000

@@ -18,10 +18,8 @@ from tests.exchange.conftest import FREQUENCIES, Files, velocity
 
 def test_a_response_goes_out_and_comes_back(files: Files, run: Run, tmp_path: Path) -> None:
     universal, back = tmp_path / "a.uff", tmp_path / "b.h5"
-    assert run("export", files.calibration, "--to", "uff", "--out", universal).exit_code == 0
-    result = run("import", universal, "--out", back, "--json")
-    assert result.exit_code == 0
-    assert json.loads(result.stdout)["source"].startswith("imported from a.uff, sha256 ")
+    run("export", files.calibration, "--to", "uff", "--out", universal, ends=0)
+    assert run.json("import", universal, "--out", back)["source"].startswith("imported from a.uff, sha256 ")
     imported = Calibration.load(back)
     np.testing.assert_allclose(imported.response.velocity, velocity(), rtol=1e-4)
     assert imported.model.resonance_hz == pytest.approx(263.5, abs=0.1)
@@ -34,9 +32,8 @@ def test_what_is_exported_of_responses_is_read_back(
     to: str, files: Files, measured_map: Path, run: Run, tmp_path: Path
 ) -> None:
     path, back = tmp_path / f"a.{to}", tmp_path / "b.h5"
-    assert run("export", files.calibration, "--to", to, "--out", path).exit_code == 0
-    result = run("import", path, "--out", back)
-    assert result.exit_code == 0, result.stderr
+    run("export", files.calibration, "--to", to, "--out", path, ends=0)
+    run("import", path, "--out", back, ends=0)
     found, whole = Calibration.load(back).response, Calibration.load(files.calibration).response
     rtol = 1e-5 if to == "uff" else 1e-8
     np.testing.assert_allclose(found.frequencies, whole.frequencies, rtol=rtol)
@@ -46,28 +43,28 @@ def test_what_is_exported_of_responses_is_read_back(
     if to == "uff":  # of a map see below
         return
     path = path.with_stem("map")
-    assert run("export", measured_map, "--to", to, "--out", path).exit_code == 0
-    several = run("import", path, "--out", tmp_path / "c.h5")
-    assert several.exit_code == 2 and "A at 3, A at 17, B at 3, B at 17" in several.stderr
+    run("export", measured_map, "--to", to, "--out", path, ends=0)
+    run("import", path, "--out", tmp_path / "c.h5", says="A at 3, A at 17, B at 3, B at 17")
     found = haploop.import_response(path, haploop.load_rig_file("simulated"), "B", "17")
     np.testing.assert_allclose(found.velocity, own(measured_map, found.frequencies)[3], rtol=1e-8)
 
 
 def test_a_sidecar_that_fits_no_more_is_one_sentence(files: Files, run: Run, tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
-    assert run("export", files.calibration, "--to", "csv", "--out", path).exit_code == 0
+    run("export", files.calibration, "--to", "csv", "--out", path, ends=0)
     text = path.read_text()
     for changed in (text.replace("patch", "p", 1), text[: len(text) // 2] + "x", "", text.replace("1", "a")):
         path.write_text(changed)
-        refused = run("import", path, "--out", tmp_path / "b.h5")
-        assert refused.exit_code == 2 and "export it again" in refused.stderr, refused.output
+        run("import", path, "--out", tmp_path / "b.h5", says="export it again")
 
 
 def test_a_model_goes_to_matlab(files: Files, run: Run, tmp_path: Path) -> None:
-    result = run("export", files.calibration, "--to", "mat", "--out", tmp_path / "a.mat", "--json")
-    assert json.loads(result.stdout) == {
-        "kind": "calibration", "to": "mat", "files": [str(tmp_path / "a.mat")], "simulated": True,
-    }  # fmt: skip
+    assert run.json("export", files.calibration, "--to", "mat", "--out", tmp_path / "a.mat") == {
+        "kind": "calibration",
+        "to": "mat",
+        "files": [str(tmp_path / "a.mat")],
+        "simulated": True,
+    }
     found = loadmat(tmp_path / "a.mat", simplify_cells=True)
     assert found["A"].ndim == 2 and found["units"]["velocity"] == "(m/s)/V"
     assert found["about"]["content_hash"] == haploop.content_hash(files.calibration)
@@ -178,8 +175,8 @@ def test_two_parts_over_frequency_in_netcdf_are_a_response(tmp_path: Path, engin
 @pytest.mark.usefixtures("read_here")
 def test_a_calibration_in_matlab_s_format_comes_back(files: Files, run: Run, tmp_path: Path) -> None:
     path, back = tmp_path / "a.mat", tmp_path / "b.h5"
-    assert run("export", files.calibration, "--to", "mat", "--out", path).exit_code == 0
-    assert run("import", path, "--out", back).exit_code == 0
+    run("export", files.calibration, "--to", "mat", "--out", path, ends=0)
+    run("import", path, "--out", back, ends=0)
     found, own = Calibration.load(back).response, Calibration.load(files.calibration).response
     np.testing.assert_array_equal(found.velocity, own.velocity)
     assert (found.patch, found.point, found.simulated) == (own.patch, own.point, own.simulated)

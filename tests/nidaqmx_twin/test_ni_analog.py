@@ -26,11 +26,7 @@ from nidaqmx.constants import (
 )
 from nidaqmx.error_codes import DAQmxErrors
 from nidaqmx.errors import DaqReadError
-from nidaqmx.stream_readers import (
-    AnalogMultiChannelReader,
-    AnalogSingleChannelReader,
-    AnalogUnscaledReader,
-)
+from nidaqmx.stream_readers import AnalogMultiChannelReader, AnalogSingleChannelReader, AnalogUnscaledReader
 from nidaqmx.stream_writers import AnalogMultiChannelWriter, AnalogUnscaledWriter
 from nitypes.waveform import AnalogWaveform
 

@@ -188,12 +188,7 @@ def test_times_of_pulses(low: float, high: float, right: int | None) -> None:
 @pytest.mark.usefixtures("twin")
 @pytest.mark.parametrize(
     ("source", "right"),
-    [
-        ("/Dev1/PFI0", None),
-        ("OnboardClock", None),
-        ("/Dev1/20MHzTimebase", None),
-        ("/Dev1/nosuch", -89120),
-    ],
+    [("/Dev1/PFI0", None), ("OnboardClock", None), ("/Dev1/20MHzTimebase", None), ("/Dev1/nosuch", -89120)],
 )
 def test_a_timebase_is_a_terminal(source: str, right: int | None) -> None:
     """NI-DAQmx Base, text of -89120."""

@@ -9,13 +9,7 @@ import nidaqmx
 import numpy as np
 import pytest
 from nidaqmx._stubs import nidaqmx_pb2 as pb
-from nidaqmx.constants import (
-    READ_ALL_AVAILABLE,
-    PowerUpChannelType,
-    TEDSUnits,
-    UsageTypeAI,
-    VoltageUnits,
-)
+from nidaqmx.constants import READ_ALL_AVAILABLE, PowerUpChannelType, TEDSUnits, UsageTypeAI, VoltageUnits
 from nidaqmx.error_codes import DAQmxErrors
 from nidaqmx.stream_readers import PowerBinaryReader, PowerSingleChannelReader
 from nidaqmx.system import System

@@ -300,10 +300,7 @@ def test_what_is_not_served_fails_loudly_and_is_counted() -> None:
         assert caught.value.code() == grpc.StatusCode.UNIMPLEMENTED
         task.ai_channels.add_ai_voltage_chan("A/ai0")
         assert code(lambda: task.timing.samp_clk_overrun_behavior) == DAQmxErrors.ATTR_NOT_SUPPORTED
-        assert server.unserved == {
-            "WaitForNextSampleClock": 1,
-            "Timing SAMP_CLK_OVERRUN_BEHAVIOR": 1,
-        }
+        assert server.unserved == {"WaitForNextSampleClock": 1, "Timing SAMP_CLK_OVERRUN_BEHAVIOR": 1}
 
 
 def test_counter_outputs_have_no_reference_trigger_and_inputs_that_nothing_drives_count_nothing() -> None:

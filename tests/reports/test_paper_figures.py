@@ -18,8 +18,8 @@ def matching(run: Run, tmp_path: Path) -> Path:
     """An experiment that simulated people have answered."""
     folder = tmp_path / "study" / "matching"
     folder.parent.mkdir()
-    assert run("experiment", "new", folder, "--from", "matching").exit_code == 0
-    assert run("experiment", "simulate", folder, "--participants", 2).exit_code == 0
+    run("experiment new", folder, "--from", "matching", ends=0)
+    run("experiment simulate", folder, "--participants", 2, ends=0)
     return folder
 
 
@@ -57,8 +57,7 @@ def test_a_study_s_folder_stands_for_its_experiments(matching: Path, run: Run, t
     (matching.parent / "study.toml").write_text(
         'name = "pilot"\nbuttons = ["latch"]\nparticipants = ["P01"]\n', encoding="utf-8"
     )
-    result = run("figures", matching.parent, "--paper", "-o", tmp_path / "figures")
-    assert result.exit_code == 0, result.output
+    result = run("figures", matching.parent, "--paper", "-o", tmp_path / "figures", ends=0)
     assert (tmp_path / "figures" / "figure-13-confusion.pdf").is_file()
     assert "No figure 14: it takes adjective ratings." in result.stdout
 
@@ -72,7 +71,7 @@ def test_an_experiment_says_its_scores_without_an_export(matching: Path) -> None
 
 @pytest.mark.parametrize("name", ["matching", "rating", "staircase", "two-interval"])
 def test_an_experiment_without_answers_says_what_it_asks(run: Run, tmp_path: Path, name: str) -> None:
-    run("experiment", "new", tmp_path / name, "--from", name)
+    run("experiment new", tmp_path / name, "--from", name)
     told = contents_at(tmp_path / name / "experiment.toml")
     assert told.notes[0] == "Nobody has answered yet." and told.tables[0].rows and not told.figures
     labels = {label for label, _ in told.rows}
@@ -80,20 +79,19 @@ def test_an_experiment_without_answers_says_what_it_asks(run: Run, tmp_path: Pat
 
 
 def test_few_answers_say_why_there_are_no_scores(run: Run, tmp_path: Path) -> None:
-    run("experiment", "new", tmp_path / "staircase", "--from", "staircase")
+    run("experiment new", tmp_path / "staircase", "--from", "staircase")
     plan = tmp_path / "staircase" / "experiment.toml"
     plan.write_text(re.sub(r"max_trials.*|reversals.*", "", plan.read_text("utf-8")), encoding="utf-8")
     text = plan.read_text("utf-8").replace("[comparison]", "[comparison]\nmax_trials = 6")
     plan.write_text(text, encoding="utf-8")
-    done = run("experiment", "simulate", tmp_path / "staircase", "--participants", "1")
-    assert done.exit_code == 0, done.output
+    run("experiment simulate", tmp_path / "staircase", "--participants", "1", ends=0)
     told = contents_at(tmp_path / "staircase")
     assert told.notes[0].startswith("There are no scores yet. ") and str(tmp_path) not in told.notes[0]
     assert told.tables[1].title == "Sessions" and told.simulated
 
 
 def test_data_without_a_figure_are_refused(run: Run, tmp_path: Path) -> None:
-    run("experiment", "new", tmp_path / "rating", "--from", "rating")
+    run("experiment new", tmp_path / "rating", "--from", "rating")
     with pytest.raises(DataError, match="no such figure"):
         write_figures(tmp_path / "rating", tmp_path / "figures", paper=True)
     assert not (tmp_path / "figures").exists()

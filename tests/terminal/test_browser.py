@@ -46,5 +46,5 @@ def test_report_opens_its_page_unless_told_not_to(
     monkeypatch.setattr(files, "open_page", pages.append)
     press = demo.folder / "presses" / "latch.h5"
     for name, options in (("a", []), ("b", ["--no-open"]), ("c", ["--json"])):
-        assert run("report", press, "--out", tmp_path / f"{name}.html", *options).exit_code == 0
+        run("report", press, "--out", tmp_path / f"{name}.html", *options, ends=0)
     assert pages == [tmp_path / "a.html"]

@@ -98,10 +98,7 @@ def test_a_studys_meter_counts_in_all_and_is_away_while_a_question_is_asked(tmp_
     study, shown = load_study(tmp_path), screen(force_terminal=True, color_system=None)
     asked: list[tuple[str, int]] = []
     lines: list[str] = []
-    with (
-        open_rig("simulated", simulate="twin") as rig,
-        StudyMeter(rig, study.progress(), shown) as meter,
-    ):
+    with open_rig("simulated", simulate="twin") as rig, StudyMeter(rig, study.progress(), shown) as meter:
         confirm = rig.operator.confirm
 
         def answer(request: Request) -> bool:

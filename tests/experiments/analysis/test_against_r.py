@@ -12,11 +12,7 @@ import pytest
 from haploop.experiments import eta_squared_interval, eta_squared_of_f
 from haploop.experiments.analysis.anova import Effect, anova, compare_levels
 from haploop.experiments.analysis.intervals import cohen_interval, wilson_interval
-from haploop.experiments.analysis.ratings import (
-    MultivariateEffect,
-    manova_independent,
-    manova_repeated,
-)
+from haploop.experiments.analysis.ratings import MultivariateEffect, manova_independent, manova_repeated
 from haploop.experiments.analysis.table import Cells, cells_of, read_rows
 
 DATA = Path(__file__).parents[2] / "data" / "statistics"

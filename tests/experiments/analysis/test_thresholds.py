@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 
@@ -79,9 +78,8 @@ def test_a_guesser_is_left_out_of_a_labs_threshold_by_name() -> None:
 
 def test_the_command_names_who_has_none_and_says_so_by_its_exit_code(run: Run, tmp_path: Path) -> None:
     path = table(tmp_path, {"P1": GUESSES, "P2": FALLING})
-    said = run("analyse", "thresholds", path)
-    assert said.exit_code == 1
+    said = run("analyse thresholds", path, ends=1)
     assert "No threshold of P1: the answers are no better than chance" in said.stdout
     assert "No threshold of P2: the answers become wrong towards 0.8" in said.stdout
-    found = json.loads(run("analyse", "thresholds", path, "--json").stdout)
+    found = run.json("analyse thresholds", path)
     assert [one["threshold"] for one in found["thresholds"]] == [None, None]

@@ -56,10 +56,7 @@ CASES: dict[str, tuple[FloatArray, str]] = {
     "a glow in the corner": (glow(310, 10, 45, 90), "a glow without an edge"),
     "a gradient of light": (np.asarray(60 * np.maximum(X / SHAPE[1] - 0.4, 0)), "a glow without an edge"),
     "two fingers that touch": (
-        np.maximum(
-            finger(100e-6, 160 - BESIDE, aspect=1.0),
-            finger(100e-6, 160 + BESIDE, aspect=1.0),
-        ),
+        np.maximum(finger(100e-6, 160 - BESIDE, aspect=1.0), finger(100e-6, 160 + BESIDE, aspect=1.0)),
         "not the shape of one fingertip",
     ),
     "two unlike fingers that touch": (

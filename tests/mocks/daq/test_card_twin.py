@@ -130,10 +130,7 @@ def test_faults_of_cards_strike_it_by_the_name_of_its_device() -> None:
     first = card(device="Dev1", channels={"gauge0": 10.0, "drive": 10.0})
     daq = twin(first, other, faults=({"kind": "daq-overrun", "device": "Dev2"},))
     assert daq.identity == "ACME 16 (Dev1, twin) + ACME 2 (Dev2, twin)"
-    assert dict(daq.cards(["drive", "laser", "gauge0"])) == {
-        "Dev1": ["drive", "gauge0"],
-        "Dev2": ["laser"],
-    }
+    assert dict(daq.cards(["drive", "laser", "gauge0"])) == {"Dev1": ["drive", "gauge0"], "Dev2": ["laser"]}
     with daq.stream(["gauge0"], 1000, 50, 50) as stream:
         stream.capture()
     with (

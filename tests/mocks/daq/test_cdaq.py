@@ -26,8 +26,7 @@ force = { terminal = "cDAQ1Mod1/ai0", range = 10 }
 def test_the_doctor_finds_the_modules_of_a_chassis_green(run: Run, tmp_path: Path, simulate: str) -> None:
     rig = tmp_path / "cdaq.toml"
     rig.write_text(RIG)
-    done = run("doctor", "--rig", rig, "--simulate", simulate)
-    assert done.exit_code == 0
+    done = run("doctor --rig", rig, "--simulate", simulate, ends=0)
     assert "green" in done.stdout
     with (
         haploop.open_rig(rig, simulate=simulate) as opened,

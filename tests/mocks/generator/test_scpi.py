@@ -267,10 +267,7 @@ def block(values: bytes) -> bytes:
 def test_a_million_points_come_as_a_block_of_binary_data(box: Box) -> None:
     """With line feeds, semicolons and number signs in it, over the wire and in pieces."""
     samples = (np.arange(1_000_000) % 65_535 - 32_767).astype(">i2")
-    with (
-        LineServer(box.answer) as server,
-        socket.create_connection(("127.0.0.1", server.port), 30) as link,
-    ):
+    with LineServer(box.answer) as server, socket.create_connection(("127.0.0.1", server.port), 30) as link:
         link.sendall(
             b"DATA:ARB:DAC big," + block(samples.tobytes()) + b"\nFUNC:ARB big;:FUNC ARB;:SYST:ERR?\n"
         )

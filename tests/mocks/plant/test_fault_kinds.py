@@ -88,11 +88,7 @@ def test_it_is_known_by_name_and_in_the_editor() -> None:
 NO_FAULT = "The fault 'acme-bad' of the package acme-faults is not a fault"
 NO_CLASS = "The fault 'acme-bad' of the package acme-faults must be a class"
 BROKEN = [
-    (
-        "import nothing_of_this_name",
-        "Bad",
-        r"acme-faults cannot be loaded \(ModuleNotFoundError: No",
-    ),
+    ("import nothing_of_this_name", "Bad", r"acme-faults cannot be loaded \(ModuleNotFoundError: No"),
     ("def (", "Bad", r"acme-faults cannot be loaded \(SyntaxError"),
     ("1 / 0", "Bad", r"acme-faults cannot be loaded \(ZeroDivisionError"),
     ("class Other: ...", "Bad", r"acme-faults cannot be loaded \(AttributeError"),
