@@ -211,7 +211,7 @@ def known(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.long
 @pytest.mark.timeout(7200)
-def test_cut_off_at_any_moment(known: Path, tmp_path: Path, full: bool, mode: str) -> None:
+def test_cut_off_at_any_moment(known, tmp_path, full, mode):
     if mode != "twin":
         pytest.skip("it serves wires of its own")
     r = random.Random(7)

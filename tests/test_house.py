@@ -138,7 +138,7 @@ def each_import() -> list[tuple[str, str, str, str]]:
     ]
 
 
-def test_every_package_is_installed() -> None:
+def test_every_package_is_installed():
     """`setup.py` finds packages; what it would install is read from the distribution's own list."""
     code = (
         "import setuptools, runpy; said = {};"
@@ -149,7 +149,7 @@ def test_every_package_is_installed() -> None:
     assert sorted(ran.stdout.split()) == sorted(PACKAGES)
 
 
-def test_imports_within_the_package_are_relative() -> None:
+def test_imports_within_the_package_are_relative():
     """A tool that derives a module's name from its path resolves them, whatever the checkout is called."""
     wrong = [
         f"{path.relative_to(ROOT)}:{node.lineno}"
@@ -163,7 +163,7 @@ def test_imports_within_the_package_are_relative() -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("where", ["beside", "in", "above"])
-def test_a_script_finds_the_package_wherever_it_starts(where: str, tmp_path: Path) -> None:
+def test_a_script_finds_the_package_wherever_it_starts(where, tmp_path):
     """Above a clone that is called haploop, its folder is the package, and not an empty namespace."""
     if where == "above":
         try:
@@ -179,7 +179,7 @@ def test_a_script_finds_the_package_wherever_it_starts(where: str, tmp_path: Pat
         assert ran.stdout == "haploop.instruments.rig.opening\n", ran.stderr
 
 
-def test_a_sub_package_is_entered_by_its_door() -> None:
+def test_a_sub_package_is_entered_by_its_door():
     wrong = [
         f"{place}: {module}"
         for place, importer, module, _ in each_import()
@@ -193,7 +193,7 @@ def test_a_sub_package_is_entered_by_its_door() -> None:
     assert not wrong, "\n".join(["Import these names from the door of their package:", *wrong])
 
 
-def test_private_names_stay_in_their_package() -> None:
+def test_private_names_stay_in_their_package():
     wrong = [
         f"{place}: {module} {name}"
         for place, importer, module, name in each_import()
@@ -203,7 +203,7 @@ def test_private_names_stay_in_their_package() -> None:
     assert not wrong, "\n".join(wrong)
 
 
-def test_a_room_does_not_use_its_own_door() -> None:
+def test_a_room_does_not_use_its_own_door():
     wrong = [
         f"{place}: {module}"
         for place, importer, module, name in each_import()
@@ -224,7 +224,7 @@ def tracked() -> list[Path]:
 
 
 @pytest.mark.skipif(not (ROOT / ".git").exists(), reason="what is tracked is known in a checkout only")
-def test_a_file_that_is_named_is_there() -> None:
+def test_a_file_that_is_named_is_there():
     """Of Python files only those with their folder: a script beside a reader's rig file is not ours."""
     files = set(tracked())
     ours = {path.relative_to(ROOT).parts[0] for path in files}
@@ -243,7 +243,7 @@ def test_a_file_that_is_named_is_there() -> None:
 
 
 @pytest.mark.skipif(not (ROOT / ".git").exists(), reason="what is tracked is known in a checkout only")
-def test_no_data_file_is_committed_by_accident() -> None:
+def test_no_data_file_is_committed_by_accident():
     stray = [
         str(path.relative_to(ROOT))
         for path in tracked()

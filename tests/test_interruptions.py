@@ -178,9 +178,7 @@ def codes() -> list[int]:
     return []
 
 
-def test_no_way_out_leaves_voltage(
-    number: int, ready: Ready, plants: list[Plant], codes: list[int], tmp_path: Path, mode: str
-) -> None:
+def test_no_way_out_leaves_voltage(number, ready, plants, codes, tmp_path, mode):
     if mode != "twin":
         pytest.skip("its commands run on twins")
     r, names = random.Random(number), list(ready.seconds)
@@ -201,12 +199,12 @@ def test_no_way_out_leaves_voltage(
     assert_whole(tmp_path)
 
 
-def test_many_were_interrupted(codes: list[int]) -> None:
+def test_many_were_interrupted(codes):
     assert sum(code != 0 for code in codes) >= len(codes) / 3
     print(len(codes), {code: codes.count(code) for code in sorted(set(codes))}, file=sys.stderr)
 
 
-def test_the_next_run_starts_without_repair(ready: Ready, tmp_path: Path, mode: str) -> None:
+def test_the_next_run_starts_without_repair(ready, tmp_path, mode):
     if mode != "twin":
         pytest.skip("its commands run on twins")
     assert interrupted("ctrl-c", 0.3 * ready.seconds["record"], commands(ready, tmp_path)["record"]) in (

@@ -71,9 +71,7 @@ OURS = {
 
 @pytest.mark.parametrize("kind", OURS)
 @pytest.mark.timeout(3600)
-def test_a_changed_file_of_haploops_own_is_refused_or_says_the_same(
-    kind: str, tmp_path: Path, full: bool
-) -> None:
+def test_a_changed_file_of_haploops_own_is_refused_or_says_the_same(kind, tmp_path, full):
     path, read = OURS[kind](tmp_path)
     raw, whole = path.read_bytes(), read()
     assert verify(path) == ()
@@ -139,9 +137,7 @@ def power(folder: Path) -> tuple[Path, Callable[[], Any]]:
 
 @pytest.mark.parametrize("make", [study, rig, ati, uff, experiment, power], ids=lambda make: make.__name__)
 @pytest.mark.timeout(3600)
-def test_a_changed_file_of_others_is_refused_in_one_sentence_or_read(
-    make: Callable[[Path], tuple[Path, Callable[[], Any]]], tmp_path: Path, full: bool
-) -> None:
+def test_a_changed_file_of_others_is_refused_in_one_sentence_or_read(make, tmp_path, full):
     path, read = make(tmp_path)
     raw = path.read_bytes()
     read()
@@ -159,15 +155,13 @@ def test_a_changed_file_of_others_is_refused_in_one_sentence_or_read(
      b"<a>" * 100_000, b"\xef\xbb\xbf", b"\0" * 1000, b"\xff\xfe" * 10, b"    -1\n   151\n" * 100],
     ids=["[", "TOML [", "long number", "JSON number", "objects", "elements", "BOM", "0", "UTF-16", "sets"],
 )  # fmt: skip
-def test_what_exhausts_a_parser_is_one_sentence(
-    make: Callable[[Path], tuple[Path, Callable[[], Any]]], content: bytes, tmp_path: Path
-) -> None:
+def test_what_exhausts_a_parser_is_one_sentence(make, content, tmp_path):
     path, read = make(tmp_path)
     path.write_bytes(content)
     assert refused(read)
 
 
-def test_a_list_and_a_value_come_back_and_another_kind_is_said(tmp_path: Path) -> None:
+def test_a_list_and_a_value_come_back_and_another_kind_is_said(tmp_path):
     path = tmp_path / "a.json"
     for number in range(3):
         append_json(path, "numbers", [{"n": number}])
@@ -180,9 +174,7 @@ def test_a_list_and_a_value_come_back_and_another_kind_is_said(tmp_path: Path) -
         write_json(path, "numbers", [])
 
 
-def test_a_changed_lockout_locks_and_a_changed_count_of_plays_is_a_full_minute(
-    tmp_path: Path, full: bool
-) -> None:
+def test_a_changed_lockout_locks_and_a_changed_count_of_plays_is_a_full_minute(tmp_path, full):
     spans, now = [(1000.0, 1001.5), (1010.0, 1012.0)], 1020.0
     lockout = Lockout("now", "why", "me", "samples.npz")
     set_lockout(tmp_path, {"card"}, lockout)
@@ -199,9 +191,7 @@ def test_a_changed_lockout_locks_and_a_changed_count_of_plays_is_a_full_minute(
 @pytest.mark.parametrize(
     "content", [b"", b"[" * 100_000, b'{"rig": "a", "port": 1e999, "token": "b"}', b"[1]", b'"a"', b"\xff"]
 )
-def test_an_address_of_a_running_program_that_cannot_be_one_is_none(
-    read: Callable[[Path], object], content: bytes, tmp_path: Path
-) -> None:
+def test_an_address_of_a_running_program_that_cannot_be_one_is_none(read, content, tmp_path):
     path = tmp_path / "live-1.json"
     path.write_bytes(content)
     assert read(path) is None

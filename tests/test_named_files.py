@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -47,13 +46,13 @@ def folder(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("place", [*OUT, "file", "a\0b"])
-def test_a_place_that_leads_out_is_refused(folder: Path, place: str) -> None:
+def test_a_place_that_leads_out_is_refused(folder, place):
     with pytest.raises(ConfigurationError, match=r"It names .* leads out of its folder: copy that file into"):
         beside(folder, place, "It")
 
 
 @pytest.mark.parametrize("place", ["sub/in", "within", "not-yet", "sub/not-yet"])
-def test_a_place_within_is_taken(folder: Path, place: str) -> None:
+def test_a_place_within_is_taken(folder, place):
     assert beside(folder, place, "It") == folder / place
 
 
@@ -104,14 +103,12 @@ def of_a_recording(folder: Path, _key: str, place: str) -> None:
         (of_a_recording, ""),
     ],
 )
-def test_every_path_in_a_file_is_looked_at(
-    folder: Path, reads: Callable[[Path, str, str], None], key: str, place: str
-) -> None:
+def test_every_path_in_a_file_is_looked_at(folder, reads, key, place):
     with pytest.raises(HaploopError, match="leads out of its folder"):
         reads(folder, key, place)
 
 
-def test_a_base_is_a_rig_file_and_no_device(folder: Path) -> None:
+def test_a_base_is_a_rig_file_and_no_device(folder):
     (folder / "rig.toml").write_text('base = "/dev/zero"\n')
     with pytest.raises(ConfigurationError, match=r"line 1: there is no rig '/dev/zero'"):
         load_rig_file(folder / "rig.toml")

@@ -35,7 +35,7 @@ def text(found: list[Any]) -> str:
     return "\n".join(str(one.get("text", one.get("data", {}).get("text/plain"))) for one in found)
 
 
-def test_every_notebook_is_run() -> None:
+def test_every_notebook_is_run():
     assert {path.stem for path in EXAMPLES.glob("*.ipynb")} == set(FIGURES)
 
 
@@ -44,7 +44,7 @@ def test_every_notebook_is_run() -> None:
 @pytest.mark.parametrize(
     "name", [pytest.param(n, marks=[pytest.mark.night] * (n in ("paper", "last-night"))) for n in FIGURES]
 )
-def test_a_notebook_runs(name: str, tmp_path: Path) -> None:
+def test_a_notebook_runs(name, tmp_path):
     pytest.importorskip("pandas", reason="pandas is not installed: a recording becomes a table of it")
     found = outputs(name, tmp_path)
     assert not [output for output in found if output.get("name") == "stderr"]

@@ -87,7 +87,7 @@ def run(pytester: pytest.Pytester, *args: str) -> pytest.RunResult:
         return pytester.runpytest_inprocess(*ARGUMENTS, *args)
 
 
-def test_a_simulated_rig_is_opened_and_what_it_lacks_is_skipped(pytester: pytest.Pytester) -> None:
+def test_a_simulated_rig_is_opened_and_what_it_lacks_is_skipped(pytester):
     pytester.makepyfile(TESTS)
     pytester.makefile(".toml", lab='base = "minimal"\nname = "lab"')
     pytester.makeini("[pytest]\nrig_file = lab.toml")
@@ -97,7 +97,7 @@ def test_a_simulated_rig_is_opened_and_what_it_lacks_is_skipped(pytester: pytest
     run(pytester, "-m", "rig", "--collect-only", "-q").stdout.fnmatch_lines(["*6/7 tests collected*"])
 
 
-def test_hardware_that_is_not_there_is_skipped_with_the_reason(pytester: pytest.Pytester) -> None:
+def test_hardware_that_is_not_there_is_skipped_with_the_reason(pytester):
     pytester.makepyfile(TESTS)
     pytester.makefile(".toml", lab='base = "haptable"\nname = "lab"')
     result = run(pytester, "--rig", "lab.toml")
@@ -108,7 +108,7 @@ def test_hardware_that_is_not_there_is_skipped_with_the_reason(pytester: pytest.
     assert "the rig lab.toml could not be opened: " in reasons
 
 
-def test_a_mistake_in_a_rig_file_ends_the_run(pytester: pytest.Pytester) -> None:
+def test_a_mistake_in_a_rig_file_ends_the_run(pytester):
     pytester.makepyfile(TESTS)
     pytester.makefile(".toml", lab='base = "haptable"\nnmae = "lab"')
     result = run(pytester, "--rig", "lab.toml")
@@ -116,7 +116,7 @@ def test_a_mistake_in_a_rig_file_ends_the_run(pytester: pytest.Pytester) -> None
     result.stderr.fnmatch_lines(["ERROR: *lab.toml*unknown key 'nmae'; did you mean 'name'?*"])
 
 
-def test_requiring_what_no_rig_has_is_a_mistake(pytester: pytest.Pytester) -> None:
+def test_requiring_what_no_rig_has_is_a_mistake(pytester):
     pytester.makepyfile(TYPO)
     result = run(pytester)
     result.assert_outcomes(errors=1)
@@ -124,13 +124,13 @@ def test_requiring_what_no_rig_has_is_a_mistake(pytester: pytest.Pytester) -> No
 
 
 @pytest.mark.long
-def test_a_project_of_other_rigs_is_left_alone(pytester: pytest.Pytester) -> None:
+def test_a_project_of_other_rigs_is_left_alone(pytester):
     pytester.makepyfile(STRANGER)
     pytester.runpytest_subprocess(*ARGUMENTS).assert_outcomes(passed=1)
     run(pytester, "-m", "rig").assert_outcomes(deselected=1)
 
 
-def test_two_runs_never_share_hardware(pytester: pytest.Pytester) -> None:
+def test_two_runs_never_share_hardware(pytester):
     pytester.makepyfile(TESTS)
     lab = pytester.makefile(".toml", lab='base = "haptable"\nname = "lab"')
     with in_use_elsewhere(lab):
@@ -139,7 +139,7 @@ def test_two_runs_never_share_hardware(pytester: pytest.Pytester) -> None:
     result.stderr.fnmatch_lines([f"ERROR: The rig 'lab' is in use (*) by process {os.getpid()} (*: wait*"])
 
 
-def test_a_rig_that_is_not_there_is_one_sentence_also_with_workers(pytester: pytest.Pytester) -> None:
+def test_a_rig_that_is_not_there_is_one_sentence_also_with_workers(pytester):
     pytester.makepyfile(TESTS)
     result = pytester.runpytest_subprocess(*ARGUMENTS, "-n", "2", "--rig", "nonsuch.toml")
     assert result.ret == pytest.ExitCode.USAGE_ERROR
@@ -148,7 +148,7 @@ def test_a_rig_that_is_not_there_is_one_sentence_also_with_workers(pytester: pyt
 
 
 @pytest.mark.long
-def test_hardware_runs_on_one_worker(pytester: pytest.Pytester) -> None:
+def test_hardware_runs_on_one_worker(pytester):
     pytester.makepyfile(TESTS)
     lab = pytester.makefile(".toml", lab='base = "haptable"\nname = "lab"')
     result = pytester.runpytest_subprocess(*ARGUMENTS, "-n", "2", "--rig", "lab.toml")
@@ -162,9 +162,7 @@ def test_hardware_runs_on_one_worker(pytester: pytest.Pytester) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("first", ["a_twin", "z_twin"])
-def test_the_package_of_the_cards_by_itself_brings_their_fixture(
-    first: str, pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_package_of_the_cards_by_itself_brings_their_fixture(first, pytester, monkeypatch):
     # What `pip install ./nidaqmx_twin` adds: a plugin of this name. In both orders of the two packages.
     source = "class NiTwin: pass\n\n@pytest.fixture\ndef nidaqmx_twin():\n    return NiTwin()\n"
     pytester.makepyfile(**{first: f"import pytest\n\n{source}"})
@@ -177,7 +175,7 @@ def test_the_package_of_the_cards_by_itself_brings_their_fixture(
 
 
 @pytest.mark.long
-def test_haploop_brings_the_fixture_of_the_cards(pytester: pytest.Pytester) -> None:
+def test_haploop_brings_the_fixture_of_the_cards(pytester):
     pytester.makepyfile(CARDS.format("haploop.nidaqmx_twin.twin"))
     pytester.runpytest_subprocess(*ARGUMENTS).assert_outcomes(passed=1)
     marks = pytester.runpytest_subprocess("--markers").outlines

@@ -257,7 +257,7 @@ def resident() -> float:
 
 @pytest.mark.night
 @pytest.mark.timeout(3600)
-def test_a_week_with_every_fault_noticed_and_nothing_growing(tmp_path: Path, mode: str, full: bool) -> None:
+def test_a_week_with_every_fault_noticed_and_nothing_growing(tmp_path, mode, full):
     if mode != "twin":
         pytest.skip("a week passes in minutes on a virtual clock only, and on twins")
     hours, daily = (7 * 24, 0.01) if full else (6, 0.005)
@@ -294,9 +294,7 @@ def test_a_week_with_every_fault_noticed_and_nothing_growing(tmp_path: Path, mod
 
 @pytest.mark.long
 @pytest.mark.timeout(3600)
-def test_two_hours_of_recording_grow_nothing(
-    tmp_path: Path, mode: str, full: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_two_hours_of_recording_grow_nothing(tmp_path, mode, full, monkeypatch):
     """Presses for the most part, and then nothing, at 1000 samples/s; looked at while it records."""
     if mode != "twin":
         pytest.skip("two hours pass in minutes on a virtual clock only, and on twins")

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import csv
 import json
-from pathlib import Path
 
 import pytest
 
-from tests.command_line import Demo, Run
 from tests.experiments.analysis.test_confusion import OVERALL, paper_csv, written
 from tests.experiments.analysis.test_power import plan
 from tests.experiments.analysis.test_ratings import ratings
 
 
-def test_confusion_as_json(run: Run, tmp_path: Path) -> None:
+def test_confusion_as_json(run, tmp_path):
     result = run("analyse confusion", paper_csv(tmp_path), "--json")
     values = json.loads(result.stdout)
     assert result.exit_code == 0
@@ -24,14 +22,14 @@ def test_confusion_as_json(run: Run, tmp_path: Path) -> None:
     assert found == OVERALL
 
 
-def test_what_is_not_defined(run: Run, tmp_path: Path) -> None:
+def test_what_is_not_defined(run, tmp_path):
     path = written(tmp_path, "presented,answered,count\nlatch,latch,3\npush,latch,1\n")
     values = run.json("analyse confusion", path)
     assert values["classes"]["push"] == {"accuracy": 0.75, "precision": None, "sensitivity": 0.0}
     assert "not defined" in run("analyse confusion", path).stdout
 
 
-def test_figures_are_new_files(run: Run, tmp_path: Path) -> None:
+def test_figures_are_new_files(run, tmp_path):
     path = paper_csv(tmp_path)
     for _ in range(2):
         result = run("analyse confusion", path, "--plot", tmp_path / "13.png")
@@ -48,14 +46,14 @@ def test_figures_are_new_files(run: Run, tmp_path: Path) -> None:
     ]
 
 
-def test_power(run: Run, tmp_path: Path) -> None:
+def test_power(run, tmp_path):
     values = run.json("analyse power", plan(tmp_path), "--runs", 20)
     assert values["simulated"] and len(values["power"]) == 7
     assert "Power" in run("analyse power", plan(tmp_path), "--runs", 20).stdout
 
 
 @pytest.mark.parametrize("command", ["confusion", "ratings", "power"])
-def test_a_file_that_is_not_one_is_refused(run: Run, tmp_path: Path, command: str) -> None:
+def test_a_file_that_is_not_one_is_refused(run, tmp_path, command):
     (tmp_path / "bytes").write_bytes(b"\xff\x00\xfe")
     for path in (tmp_path / "none", tmp_path / "bytes", tmp_path):
         result = run("analyse", command, path, "--json")
@@ -63,7 +61,7 @@ def test_a_file_that_is_not_one_is_refused(run: Run, tmp_path: Path, command: st
         assert len(result.stderr.splitlines()) == 1
 
 
-def test_thresholds_of_simulated_participants(run: Run, tmp_path: Path) -> None:
+def test_thresholds_of_simulated_participants(run, tmp_path):
     """The model's: Weibull with 0.2 and slope 2, so that half of the way is at 0.2 ln(2)^(1/2) = 0.167."""
     pytest.importorskip("psignifit")
     data, table = tmp_path / "answers", tmp_path / "out.csv"
@@ -96,9 +94,7 @@ def test_thresholds_of_simulated_participants(run: Run, tmp_path: Path) -> None:
 
 
 @pytest.mark.night
-def test_thresholds_of_a_button_become_what_people_of_the_lab_feel(
-    demo: Demo, run: Run, tmp_path: Path
-) -> None:
+def test_thresholds_of_a_button_become_what_people_of_the_lab_feel(demo, run, tmp_path):
     pytest.importorskip("psignifit")
     button, data, table = tmp_path / "push.h5", tmp_path / "answers", tmp_path / "out.csv"
     press, calibration = demo.folder / "presses" / "push.h5", demo.folder / "calibration.h5"
@@ -116,9 +112,7 @@ def test_thresholds_of_a_button_become_what_people_of_the_lab_feel(
     run("analyse thresholds", table, "--of", button, "--only", "participant", "P01", says="at least 3 people")
 
 
-def test_without_psignifit_the_extra_is_named(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_psignifit_the_extra_is_named(run, tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "psignifit", None)
     path = written(tmp_path, "comparison,correct\n0.1,true\n")
     run("analyse thresholds", path, says='pip install "haploop[psychometrics]"')

@@ -10,7 +10,7 @@ import haploop
 from haploop.acquisition import AverageMethod
 from haploop.reports.contents import file_contents
 from haploop.reports.show import print_made
-from tests.command_line import Demo, Run
+from tests.command_line import Demo
 
 
 @pytest.fixture(scope="module")
@@ -19,9 +19,7 @@ def made(demo: Demo, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.long
-def test_a_button_is_made_shown_and_verified(
-    demo: Demo, made: Path, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_button_is_made_shown_and_verified(demo, made, run, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     recording = next((demo.folder / "recordings").glob("*latch*.h5"))
     table = demo.folder / "calibration.h5"
@@ -47,9 +45,7 @@ def test_a_button_is_made_shown_and_verified(
     assert taken.exit_code == 2 and "exists" in taken.output
 
 
-def test_points_that_cannot_be_are_refused_before_anything_is_played(
-    demo: Demo, run: Run, tmp_path: Path
-) -> None:
+def test_points_that_cannot_be_are_refused_before_anything_is_played(demo, run, tmp_path):
     recording = next((demo.folder / "recordings").glob("*latch*.h5"))
     asked = ("button", "make", recording, "-c", demo.folder / "calibration.h5", "-o", tmp_path / "no.h5")
     for more, told in (
@@ -67,7 +63,7 @@ def test_points_that_cannot_be_are_refused_before_anything_is_played(
 
 
 @pytest.mark.long
-def test_a_press_is_represented_by_the_method_that_is_asked_for(demo: Demo, run: Run, tmp_path: Path) -> None:
+def test_a_press_is_represented_by_the_method_that_is_asked_for(demo, run, tmp_path):
     recordings = sorted((demo.folder / "recordings").glob("*latch*.h5"))
     result = run("represent", *recordings, "-o", tmp_path / "both.h5", ends=0)
     assert "its error on held-out presses is smaller" in " ".join(result.output.split())
@@ -80,7 +76,7 @@ def test_a_press_is_represented_by_the_method_that_is_asked_for(demo: Demo, run:
 
 
 @pytest.mark.long
-def test_button_and_check_ask_for_the_paper_s_press_too(demo: Demo, run: Run, tmp_path: Path) -> None:
+def test_button_and_check_ask_for_the_paper_s_press_too(demo, run, tmp_path):
     recording = next((demo.folder / "recordings").glob("*latch*.h5"))
     table = demo.folder / "calibration.h5"
     result = run("check", recording, "-c", table, "-o", tmp_path, "--average", "barycentre")
@@ -96,21 +92,19 @@ def test_button_and_check_ask_for_the_paper_s_press_too(demo: Demo, run: Run, tm
     "command",
     [("represent",), ("check", "-c", "x.h5"), ("study", "represent"), ("button", "make", "-c", "x.h5")],
 )
-def test_an_unknown_average_is_one_sentence(run: Run, command: tuple[str, ...]) -> None:
+def test_an_unknown_average_is_one_sentence(run, command):
     result = run(*command, "latch", "--average", "median")
     assert (result.exit_code, result.stdout) == (2, "")
     assert len([line for line in result.stderr.splitlines() if line.startswith("Error: ")]) == 1
     assert all(name in result.stderr for name in get_args(AverageMethod))
 
 
-def test_what_is_no_button_is_refused(demo: Demo, run: Run) -> None:
+def test_what_is_no_button_is_refused(demo, run):
     result = run("button check", demo.folder / "calibration.h5")
     assert result.exit_code == 2 and "is not a haploop button" in result.output
 
 
-def test_what_was_made_is_a_screen_and_show_has_the_rest(
-    demo: Demo, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_was_made_is_a_screen_and_show_has_the_rest(demo, capsys):
     file = demo.folder / "checks" / "latch.h5"
     whole = file_contents(file)
     brief = whole.brief()
@@ -123,7 +117,7 @@ def test_what_was_made_is_a_screen_and_show_has_the_rest(
 
 
 @pytest.mark.long
-def test_a_plan_is_shown_and_its_choice_is_made(demo: Demo, run: Run, tmp_path: Path) -> None:
+def test_a_plan_is_shown_and_its_choice_is_made(demo, run, tmp_path):
     press, table = demo.folder / "presses" / "push.h5", demo.folder / "calibration.h5"
     planned = run("button plan", press, "-c", table, "-o", tmp_path / "plan.h5", "--json")
     offers = json.loads(planned.stdout)["offers"]
@@ -148,9 +142,7 @@ def test_a_plan_is_shown_and_its_choice_is_made(demo: Demo, run: Run, tmp_path: 
         (("--level", "90dB"), "dB is the most"),
     ],
 )
-def test_a_choice_that_is_none_is_refused_in_one_sentence(
-    demo: Demo, run: Run, tmp_path: Path, option: tuple[str, str], said: str
-) -> None:
+def test_a_choice_that_is_none_is_refused_in_one_sentence(demo, run, tmp_path, option, said):
     press, table = demo.folder / "presses" / "push.h5", demo.folder / "calibration.h5"
     run("button make", press, "-c", table, "-o", tmp_path / "no.h5", *option, says=said)
     assert not (tmp_path / "no.h5").exists()

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
 from haploop.calibration import Calibration, Waveforms
 from haploop.commands import public
-from tests.command_line import Demo, Run
 
 pytestmark = pytest.mark.long
 
 
 @pytest.mark.night
-def test_earlier_calibrations_tell_how_a_channel_scatters(
-    demo: Demo, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_earlier_calibrations_tell_how_a_channel_scatters(demo, run, tmp_path, monkeypatch):
     table = demo.folder / "calibration.h5"
     first, earlier = Calibration.load(table), []
     measured = first, Waveforms.load(Waveforms.beside(table))

@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-from pathlib import Path
 
 import grpc
 import nidaqmx
@@ -15,10 +14,9 @@ from click.testing import CliRunner
 
 from haploop.acquisition import Recording
 from haploop.commands.cli import cli
-from tests.command_line import Run
 
 
-def test_help_and_version(run: Run) -> None:
+def test_help_and_version(run):
     assert "demo" in run("--help").stdout
     assert run("--version").stdout.startswith("haploop 0.")
 
@@ -49,9 +47,7 @@ def test_help_and_version(run: Run) -> None:
     ],
     ids=" ".join,
 )
-def test_a_wrong_request_is_one_sentence_and_exit_code_2(
-    run: Run, args: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_wrong_request_is_one_sentence_and_exit_code_2(run, args, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     result = run(*args, ends=2)
     assert result.stdout == ""
@@ -59,19 +55,19 @@ def test_a_wrong_request_is_one_sentence_and_exit_code_2(
     assert len(errors) == 1 and errors[0].startswith("Error: ") and errors[0].endswith((".", "?")), errors
 
 
-def test_an_unknown_key_of_the_plant_is_named(run: Run, tmp_path: Path) -> None:
+def test_an_unknown_key_of_the_plant_is_named(run, tmp_path):
     rig = tmp_path / "plant.toml"
     rig.write_text("[simulation]\nmode_drft = 0.1\n", encoding="utf-8")
     run("demo --rig", rig, says="mode_drift")
 
 
 @pytest.mark.parametrize("command", [["demo"], ["record", "latch", "--participant", "P01"]], ids=" ".join)
-def test_a_folder_that_cannot_be_made_is_one_sentence(run: Run, tmp_path: Path, command: list[str]) -> None:
+def test_a_folder_that_cannot_be_made_is_one_sentence(run, tmp_path, command):
     (tmp_path / "file").write_text("in the way", encoding="utf-8")
     run(*command, "--out", tmp_path / "file" / "folder", says=("Error: ", str(tmp_path / "file")))
 
 
-def test_record_then_show(run: Run, tmp_path: Path) -> None:
+def test_record_then_show(run, tmp_path):
     recorded = run("record toggle -p P03 --presses 2 --out", tmp_path, "--json", ends=0)
     values = json.loads(recorded.stdout)
     assert (values["button"], values["participant"], values["presses_detected"]) == ("toggle", "P03", 2)
@@ -80,7 +76,7 @@ def test_record_then_show(run: Run, tmp_path: Path) -> None:
     run("record toggle -p P03 --presses 2 --out", tmp_path, says="P03-toggle.h5")
 
 
-def test_a_bug_is_one_sentence_and_a_code_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_bug_is_one_sentence_and_a_code_of_its_own(monkeypatch):
     from haploop.reports import contents
 
     def broken(*_args: object) -> None:
@@ -96,7 +92,7 @@ def test_a_bug_is_one_sentence_and_a_code_of_its_own(monkeypatch: pytest.MonkeyP
 @pytest.mark.parametrize(
     ("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)], ids=["Ctrl-C", "SIGTERM"]
 )
-def test_a_stopped_recording_is_safe_and_readable(tmp_path: Path, number: signal.Signals, code: int) -> None:
+def test_a_stopped_recording_is_safe_and_readable(tmp_path, number, code):
     command = [
         sys.executable,
         "-m",
@@ -129,7 +125,7 @@ def test_a_stopped_recording_is_safe_and_readable(tmp_path: Path, number: signal
 
 @pytest.mark.long
 @pytest.mark.skipif(os.name == "nt", reason="Windows delivers Ctrl-C to a console, not to a process")
-def test_twin_ni_serves_the_devices_of_an_export(tmp_path: Path) -> None:
+def test_twin_ni_serves_the_devices_of_an_export(tmp_path):
     export = tmp_path / "max.ini"
     export.write_text("[DAQmxDevice Dev1]\nProductType = PCIe-6363\nDevIsSimulated = 1\n", encoding="utf-8")
     command = [sys.executable, "-m", "haploop", "twin", "ni", "--devices", str(export)]
@@ -149,7 +145,7 @@ def test_twin_ni_serves_the_devices_of_an_export(tmp_path: Path) -> None:
     assert process.returncode == 0, err
 
 
-def test_twin_ni_wants_one_source_of_devices(run: Run, tmp_path: Path) -> None:
+def test_twin_ni_wants_one_source_of_devices(run, tmp_path):
     for args in (
         ["--devices", tmp_path / "missing.ini"],
         ["--devices", "x.ini", "--rig", "simulated"],
@@ -161,7 +157,7 @@ def test_twin_ni_wants_one_source_of_devices(run: Run, tmp_path: Path) -> None:
         assert result.stderr.count("\n") == 1
 
 
-def test_an_unknown_name_is_an_attribute_error() -> None:
+def test_an_unknown_name_is_an_attribute_error():
     import haploop
 
     with pytest.raises(AttributeError, match="recrod"):
@@ -177,13 +173,13 @@ def test_an_unknown_name_is_an_attribute_error() -> None:
         ("[DAQmxDevice Dev1]\nProductType=PCIe-1\n", "Dev1 (PCIe-1) is not known"),
     ],
 )
-def test_twin_ni_refuses_a_file_without_devices(run: Run, tmp_path: Path, text: str, expected: str) -> None:
+def test_twin_ni_refuses_a_file_without_devices(run, tmp_path, text, expected):
     export = tmp_path / "export.ini"
     export.write_text(text)
     run("twin ni --devices", export, "--", "true", says=expected)
 
 
-def test_twin_ni_refuses_a_device_named_twice(run: Run) -> None:
+def test_twin_ni_refuses_a_device_named_twice(run):
     run(
         "twin ni --device Dev1=PCIe-6363 --device Dev1=PCIe-6321 -- true",
         says="Dev1 is in --device or in the bench twice",

@@ -6,7 +6,6 @@ import math
 import re
 import shlex
 import shutil
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -20,7 +19,6 @@ from haploop.commands.demo import run as run_module
 from haploop.commands.demo.report import demo_contents
 from haploop.commands.demo.run import _patches
 from haploop.instruments import open_rig
-from tests.command_line import Demo, Run
 from tests.documents.pages import ROOT, blocks
 
 
@@ -32,7 +30,7 @@ def numbers(value: Any) -> list[float]:
     return [value] if isinstance(value, float | int) else []
 
 
-def test_every_button_passes_and_the_exit_code_says_so(demo: Demo) -> None:
+def test_every_button_passes_and_the_exit_code_says_so(demo):
     assert {name: (b["passed"], b["reasons"]) for name, b in demo.summary["buttons"].items()} == {
         "latch": (True, []),
         "toggle": (True, []),
@@ -42,7 +40,7 @@ def test_every_button_passes_and_the_exit_code_says_so(demo: Demo) -> None:
     assert demo.result.exit_code == 0
 
 
-def test_what_is_measured_agrees_with_the_plant(demo: Demo) -> None:
+def test_what_is_measured_agrees_with_the_plant(demo):
     buttons = demo.summary["buttons"]
     for button in buttons.values():
         assert button["presses"] == button["presses_detected"] == 10
@@ -56,7 +54,7 @@ def test_what_is_measured_agrees_with_the_plant(demo: Demo) -> None:
     assert demo.summary["resonance_hz"] == pytest.approx(demo.summary["resonance_true_hz"], abs=0.3)
 
 
-def test_the_summary_says_what_the_run_was(demo: Demo, mode: str) -> None:
+def test_the_summary_says_what_the_run_was(demo, mode):
     summary = demo.summary
     assert summary["simulated"] is True
     assert summary["mode"] == (mode if mode in ("twin", "wire") else "twin")
@@ -68,13 +66,13 @@ def test_the_summary_says_what_the_run_was(demo: Demo, mode: str) -> None:
     assert json.loads((demo.folder / "summary.json").read_text(encoding="utf-8")) == summary
 
 
-def test_standard_output_is_one_json_object_and_progress_goes_elsewhere(demo: Demo) -> None:
+def test_standard_output_is_one_json_object_and_progress_goes_elsewhere(demo):
     assert demo.result.stdout.startswith("{") and demo.result.stdout.rstrip().endswith("}")
     assert "Record the latch button" in demo.result.stderr
     assert "simulated" in demo.result.stderr
 
 
-def test_recordings_are_kept_with_the_hash_that_the_summary_names(demo: Demo) -> None:
+def test_recordings_are_kept_with_the_hash_that_the_summary_names(demo):
     for button in demo.summary["buttons"].values():
         (source,) = button["sources"]
         recording = Recording.open(demo.folder / "recordings" / source["file"])
@@ -83,7 +81,7 @@ def test_recordings_are_kept_with_the_hash_that_the_summary_names(demo: Demo) ->
 
 
 @pytest.mark.long
-def test_the_report_names_the_command_that_writes_its_figures(demo: Demo, run: Run, tmp_path: Path) -> None:
+def test_the_report_names_the_command_that_writes_its_figures(demo, run, tmp_path):
     report = (demo.folder / "report.html").read_text(encoding="utf-8")
     (command,) = re.findall(r"<code>haploop (figures .*) --out figures</code>", report)
     run(*shlex.split(html.unescape(command)), "--out", tmp_path / "figures", ends=0)
@@ -92,7 +90,7 @@ def test_the_report_names_the_command_that_writes_its_figures(demo: Demo, run: R
     assert written >= {f"{name}.{kind}" for name in names for kind in ("svg", "csv")}
 
 
-def test_the_report_stands_alone(demo: Demo) -> None:
+def test_the_report_stands_alone(demo):
     report = (demo.folder / "report.html").read_text(encoding="utf-8")
     assert demo.summary["report"] == str(demo.folder / "report.html")
     assert not re.search(r'(?:src|href)="(?!data:)', report)
@@ -103,7 +101,7 @@ def test_the_report_stands_alone(demo: Demo) -> None:
         assert button["sources"][0]["sha256"] in report
 
 
-def test_each_button_says_in_one_sentence_who_feels_it_and_what_would_settle_it(demo: Demo) -> None:
+def test_each_button_says_in_one_sentence_who_feels_it_and_what_would_settle_it(demo):
     said = "\n".join(demo_contents(demo.summary).notes)
     for name, button in demo.summary["buttons"].items():
         assert f"{name.capitalize()}: {button['feeling']['sentence']}" in said
@@ -116,15 +114,13 @@ def test_each_button_says_in_one_sentence_who_feels_it_and_what_would_settle_it(
     assert times and float(times[1]) == pytest.approx(10 ** (needed / 20), rel=0.05)
 
 
-def test_a_second_demo_overwrites_nothing(demo: Demo, run: Run) -> None:
+def test_a_second_demo_overwrites_nothing(demo, run):
     before = (demo.folder / "summary.json").read_bytes()
     run("demo --out", demo.folder, says="not overwritten")
     assert (demo.folder / "summary.json").read_bytes() == before
 
 
-def test_the_scripts_of_the_documents_compute_a_demo_again(
-    demo: Demo, tmp_path: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_scripts_of_the_documents_compute_a_demo_again(demo, tmp_path, monkeypatch, capsys):
     """Error, floor, interval, verdict and response, from the files of its folder."""
     monkeypatch.chdir(tmp_path)
     for name in ("calibration.h5", "calibration-waveforms.h5"):
@@ -154,7 +150,7 @@ def test_the_scripts_of_the_documents_compute_a_demo_again(
         ("drives/latch.h5", "drive"),
     ],
 )
-def test_show_knows_every_file_of_a_demo(demo: Demo, run: Run, tmp_path: Any, name: str, kind: str) -> None:
+def test_show_knows_every_file_of_a_demo(demo, run, tmp_path, name, kind):
     plot = tmp_path / "plot.png"
     values = run.json("show", demo.folder / name, "--plot", plot)
     assert values["kind"] == kind
@@ -163,7 +159,7 @@ def test_show_knows_every_file_of_a_demo(demo: Demo, run: Run, tmp_path: Any, na
     assert "Simulated" in run("show", demo.folder / name).stdout
 
 
-def test_check_finds_what_the_demo_found(demo: Demo, run: Run, tmp_path: Any) -> None:
+def test_check_finds_what_the_demo_found(demo, run, tmp_path):
     values = run.json(
         "check",
         demo.folder / "recordings" / "P01-toggle.h5",
@@ -179,14 +175,14 @@ def test_check_finds_what_the_demo_found(demo: Demo, run: Run, tmp_path: Any) ->
     )
 
 
-def test_a_stranger_s_file_is_refused(run: Run, tmp_path: Any) -> None:
+def test_a_stranger_s_file_is_refused(run, tmp_path):
     path = tmp_path / "other.h5"
     with h5py.File(path, "w") as file:
         file["x"] = 1
     run("show", path, says="was not written by this version of haploop")
 
 
-def test_a_picture_takes_no_file_s_place(demo: Demo, run: Run, tmp_path: Any) -> None:
+def test_a_picture_takes_no_file_s_place(demo, run, tmp_path):
     recording = demo.folder / "recordings" / "P01-latch.h5"
     before = recording.read_bytes()
     run("show", recording, "--plot", recording, ends=2)
@@ -197,7 +193,7 @@ def test_a_picture_takes_no_file_s_place(demo: Demo, run: Run, tmp_path: Any) ->
     assert recording.read_bytes() == before and there.read_text() == "mine"
 
 
-def test_the_patches_that_play_are_those_with_a_channel_of_their_own() -> None:
+def test_the_patches_that_play_are_those_with_a_channel_of_their_own():
     for name, asked, played in (
         ("simulated", None, ("A",)),
         ("four-channel", None, ("A", "B", "C", "D")),
@@ -218,8 +214,8 @@ def test_the_patches_that_play_are_those_with_a_channel_of_their_own() -> None:
     ],
 )
 def test_several_patches_play_on_the_carrier_unless_only_the_press_itself_is_felt(
-    monkeypatch: pytest.MonkeyPatch, levels: dict[str, float], method: str
-) -> None:
+    monkeypatch, levels, method
+):
     def offer(drives: list[Any], lab: object) -> Offers:
         [made] = drives
         return Offers(made.method, "A, B", 0.6, (Offer(0.07, 0.07, levels[made.method], 0.4, 48.0),))
@@ -232,9 +228,7 @@ def test_several_patches_play_on_the_carrier_unless_only_the_press_itself_is_fel
     assert run_module._loud(press, [], rig).method == method
 
 
-def test_four_patches_are_felt_at_8_percent_of_error_and_say_so(
-    request: pytest.FixtureRequest, run: Run, tmp_path: Any
-) -> None:
+def test_four_patches_are_felt_at_8_percent_of_error_and_say_so(request, run, tmp_path):
     if not request.config.getoption("--full"):
         pytest.skip("calibrates four patches: runs with --full")
     result = run("demo --rig four-channel --out", tmp_path / "four", "--json")

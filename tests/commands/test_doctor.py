@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -15,11 +12,8 @@ from haploop.calibration.self_test.verdict_test import check_bands
 from haploop.instruments import Rig, load_rig_file, open_rig
 from haploop.instruments.config import RigFile
 from haploop.instruments.config.rig_file import Device
-from haploop.instruments.driver import Mode
 from haploop.instruments.operator import UnansweredError
 from haploop.mocks.plant import PlantSource, Surface, random_modal
-from tests.command_line import Run
-from tests.conftest import OpenRig
 
 
 def of_status(findings: list[Finding], status: str) -> list[Finding]:
@@ -34,7 +28,7 @@ def assert_safe(rig: Rig) -> None:
 
 
 @pytest.mark.parametrize(("name", "seed"), [("haptable", 0), ("haptable", 7), ("four-channel", 0)])
-def test_a_rig_as_its_file_says_is_all_green(open: OpenRig, name: str, seed: int) -> None:
+def test_a_rig_as_its_file_says_is_all_green(open, name, seed):
     rig = open(name, seed=seed)
     findings = examine(rig)
     assert {f.status for f in findings} == {"green"}, of_status(findings, "red") + of_status(
@@ -62,9 +56,7 @@ def test_a_rig_as_its_file_says_is_all_green(open: OpenRig, name: str, seed: int
         ("minimal", "[sensors.acceleration]\ncapacitor = 10e-9", None),
     ],
 )
-def test_what_a_sensor_passes_beyond_half_the_rate_or_short_of_the_skin(
-    base: str, differs: str, says: str | None, tmp_path: Path
-) -> None:
+def test_what_a_sensor_passes_beyond_half_the_rate_or_short_of_the_skin(base, differs, says, tmp_path):
     path = tmp_path / "rig.toml"
     path.write_text(f'base = "{base}"\nname = "mine"\n{differs}\n')
     with open_rig(path, simulate="twin") as rig:
@@ -74,7 +66,7 @@ def test_what_a_sensor_passes_beyond_half_the_rate_or_short_of_the_skin(
     assert {finding.status for finding in told} <= {"green" if says == "is dull" else "yellow"}
 
 
-def test_figures_that_are_not_the_products_own_are_shown_with_their_source(tmp_path: Path) -> None:
+def test_figures_that_are_not_the_products_own_are_shown_with_their_source(tmp_path):
     path = tmp_path / "rig.toml"
     path.write_text('base = "simulated"\n[relay]\nrating = 60\nrating_source = "label on box 3"\n')
     with open_rig(path) as rig:
@@ -98,7 +90,7 @@ def gains(gain: float, ratio: float | None) -> list[Finding]:
     return [finding for finding in found if finding.status == "yellow"]
 
 
-def test_a_gain_and_a_divider_that_only_agree_with_each_other_are_said() -> None:
+def test_a_gain_and_a_divider_that_only_agree_with_each_other_are_said():
     (said,) = gains(25.0, 50.0)
     assert said.instrument == "amplifier"
     assert "gain = 25 in [amplifier] and ratio = 50 in [sensors.drive] are both 0.5 times" in said.sentence
@@ -107,7 +99,7 @@ def test_a_gain_and_a_divider_that_only_agree_with_each_other_are_said() -> None
         assert not gains(gain, ratio)
 
 
-def test_a_gain_that_cannot_be_proved_is_said() -> None:
+def test_a_gain_that_cannot_be_proved_is_said():
     (said,) = gains(50.0, None)
     assert "cannot be proved on this rig" in said.sentence
 
@@ -142,9 +134,7 @@ def test_a_gain_that_cannot_be_proved_is_said() -> None:
     ],
     ids=lambda value: value["kind"] if isinstance(value, dict) else "",
 )
-def test_one_thing_that_is_wrong_is_one_red_sentence(
-    open: OpenRig, mode: str, fault: dict[str, Any], instrument: str, says: str
-) -> None:
+def test_one_thing_that_is_wrong_is_one_red_sentence(open, mode, fault, instrument, says):
     of_one_card = fault["kind"].startswith(("sensor", "daq"))
     rig = open("minimal" if of_one_card else "haptable", faults=[fault])
     red = of_status(examine(rig), "red")
@@ -170,9 +160,7 @@ def test_one_thing_that_is_wrong_is_one_red_sentence(
     ],
     ids=lambda value: "-".join(map(str, value.values())) if isinstance(value, dict) else "",
 )
-def test_one_thing_that_is_wrong_on_one_of_four_channels_is_one_red_sentence(
-    open: OpenRig, fault: dict[str, Any], instrument: str, says: str
-) -> None:
+def test_one_thing_that_is_wrong_on_one_of_four_channels_is_one_red_sentence(open, fault, instrument, says):
     rig = open("four-channel", faults=[fault])
     red = of_status(examine(rig), "red")
     assert [finding.instrument for finding in red] == [instrument], red
@@ -181,7 +169,7 @@ def test_one_thing_that_is_wrong_on_one_of_four_channels_is_one_red_sentence(
         assert_safe(rig)
 
 
-def test_swapped_monitors_of_two_patches_are_named(open: OpenRig, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_swapped_monitors_of_two_patches_are_named(open, monkeypatch):
     rig = open("four-channel")
     right = rig.monitor
     monkeypatch.setattr(rig, "monitor", lambda p: right({"B": "C", "C": "B"}.get(p, p)))
@@ -190,13 +178,13 @@ def test_swapped_monitors_of_two_patches_are_named(open: OpenRig, monkeypatch: p
     assert "shows on drive_b, and not on its own monitor" in red[0].sentence
 
 
-def test_a_saturated_gauge_is_named(open: OpenRig) -> None:
+def test_a_saturated_gauge_is_named(open):
     rig = open("minimal", faults=[{"kind": "sensor-saturated", "channel": "gauge2"}])
     red = of_status(examine(rig), "red")
     assert [finding.name for finding in red] == ["Noise floor of gauge2", "Known mass"]
 
 
-def test_a_rig_without_a_table_is_tested_for_what_it_has(open: OpenRig, mode: str) -> None:
+def test_a_rig_without_a_table_is_tested_for_what_it_has(open, mode):
     if mode not in ("twin", "wire"):
         pytest.skip("of a rig that haploop ships")
     findings = examine(open("minimal"))
@@ -205,12 +193,12 @@ def test_a_rig_without_a_table_is_tested_for_what_it_has(open: OpenRig, mode: st
 
 
 @pytest.mark.parametrize("mass", [float("nan"), float("inf"), 0.0, -0.5])
-def test_a_mass_that_is_none_is_refused(open: OpenRig, mass: float) -> None:
+def test_a_mass_that_is_none_is_refused(open, mass):
     with pytest.raises(ConfigurationError, match="is no mass"):
         examine(open("minimal"), mass)
 
 
-def test_each_instrument_is_opened_on_the_plant_that_was_given(mode: Mode) -> None:
+def test_each_instrument_is_opened_on_the_plant_that_was_given(mode):
     seen: list[str] = []
 
     class Watched(PlantSource):
@@ -229,14 +217,12 @@ def test_each_instrument_is_opened_on_the_plant_that_was_given(mode: Mode) -> No
 
 
 class TestCommand:
-    def test_green_is_exit_code_0(self, run: Run) -> None:
+    def test_green_is_exit_code_0(self, run):
         report = run.json("doctor --rig haptable --simulate twin")
         assert report["status"] == "green"
         assert set(report["findings"][0]) == {"name", "instrument", "status", "sentence"}
 
-    def test_a_safe_state_that_is_not_confirmed_leaves_the_table(
-        self, run: Run, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_a_safe_state_that_is_not_confirmed_leaves_the_table(self, run, monkeypatch):
         def busy(_rig: Rig) -> None:
             raise InstrumentError("The safe state was not confirmed: Dev2 is in use. Switch it off by hand.")
 
@@ -247,7 +233,7 @@ class TestCommand:
         assert "Identity (relay)" in said and "Dev2 is in use. Switch it off by hand." in said
         assert "Not tested, because the safe state was not confirmed." in said and "Gravity" not in said
 
-    def test_red_is_exit_code_1(self, run: Run, tmp_path: Any) -> None:
+    def test_red_is_exit_code_1(self, run, tmp_path):
         file = tmp_path / "rig.toml"
         file.write_text(
             'base = "minimal"\n[[simulation.faults]]\nkind = "accelerometer-inverted"\n', encoding="utf-8"
@@ -255,7 +241,7 @@ class TestCommand:
         result = run("doctor --rig", file, "--simulate", "twin", ends=1)
         assert "upside down" in " ".join(result.stdout.split())
 
-    def test_an_instrument_that_does_not_open_is_exit_code_3(self, run: Run, tmp_path: Any) -> None:
+    def test_an_instrument_that_does_not_open_is_exit_code_3(self, run, tmp_path):
         file = tmp_path / "rig.toml"
         file.write_text(
             'base = "haptable"\n[[simulation.faults]]\n'
@@ -278,7 +264,7 @@ class TestCommand:
         ({"kind": "ambient-light", "light": 200.0}, "lower the exposure"),
     ],
 )
-def test_a_camera_that_loses_frames_or_sees_a_lamp(fault: dict[str, Any], says: str) -> None:
+def test_a_camera_that_loses_frames_or_sees_a_lamp(fault, says):
     """The first frames are lost, which no gap between two shows."""
     file = load_rig_file("experiment")
     simulation = file.simulation.model_copy(update={"faults": (fault,)})
@@ -287,7 +273,7 @@ def test_a_camera_that_loses_frames_or_sees_a_lamp(fault: dict[str, Any], says: 
     assert says in " ".join(one.sentence for one in found if one.status != "green")
 
 
-def test_what_nobody_could_be_asked_is_not_tested_and_not_red(open: OpenRig) -> None:
+def test_what_nobody_could_be_asked_is_not_tested_and_not_red(open):
     """Without a terminal the console's questions have no answer, which is no difference of the settings."""
     rig = open("haptable")
 

@@ -13,7 +13,6 @@ from click.testing import CliRunner
 from haploop.commands.cli import cli
 from haploop.commands.experiment import _AtTerminal
 from haploop.experiments.protocol.steps import Step
-from tests.command_line import Run
 
 SHORT = """
 name = "short"
@@ -43,7 +42,7 @@ def short(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_person_at_the_terminal(short: Path) -> None:
+def test_a_person_at_the_terminal(short):
     """Interrupted after three answers, by the end of standard input; then continued."""
     first = CliRunner().invoke(
         cli, ["experiment", "run", str(short), "-p", "P01"], input="y\nlatch\nlatch\npush\n"
@@ -60,13 +59,13 @@ def test_a_person_at_the_terminal(short: Path) -> None:
     assert "complete" in second.stdout
 
 
-def test_without_consent(short: Path) -> None:
+def test_without_consent(short):
     result = CliRunner().invoke(cli, ["experiment", "run", str(short), "-p", "P01"], input="n\n")
     assert result.exit_code == 2 and "has not consented" in result.stderr
     assert not (short.parent / "answers").exists()
 
 
-def test_a_withdrawal_is_asked_and_told(run: Run, short: Path) -> None:
+def test_a_withdrawal_is_asked_and_told(run, short):
     run("experiment run", short, "-p", "P01", "--simulated", ends=0)
     run("experiment run", short, "-p", "P02", "--simulated", ends=0)
     kept = CliRunner().invoke(cli, ["experiment", "withdraw", str(short), "P01"], input="n\n")
@@ -76,7 +75,7 @@ def test_a_withdrawal_is_asked_and_told(run: Run, short: Path) -> None:
     assert "P01 withdrew" in run("experiment status", short).stdout
 
 
-def test_a_new_experiment_is_a_copy_of_an_example(run: Run, tmp_path: Path) -> None:
+def test_a_new_experiment_is_a_copy_of_an_example(run, tmp_path):
     run("experiment new", tmp_path / "mine", "--from", "rating", ends=0)
     run("experiment new", tmp_path / "mine", ends=2)
     run("experiment run", tmp_path / "mine", "-p", "P01", "--simulated", ends=0)
@@ -96,30 +95,28 @@ def test_a_new_experiment_is_a_copy_of_an_example(run: Run, tmp_path: Path) -> N
         ["new", "somewhere", "--from", "none"],
     ],
 )
-def test_a_wrong_request_is_one_sentence(
-    run: Run, args: list[object], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_wrong_request_is_one_sentence(run, args, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     result = run("experiment", *args)
     assert result.exit_code == 2 and len(result.stderr.splitlines()) == 1, result.stderr
     assert not [path for path in tmp_path.rglob("*") if path.is_file()]
 
 
-def test_a_rating_that_is_no_number_is_asked_for_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_rating_that_is_no_number_is_asked_for_again(monkeypatch):
     step = Step("rating", "trials", 1, 1, False, False, "How was it?", choices=("soft",), values=(-50, 50))
     monkeypatch.setattr("sys.stdin", io.StringIO("nan\n51\n7.5\n"))
     said = _AtTerminal(None).answer(step)["soft"]
     assert said["value"] == 7.5 and len(said["touched"]) == 1
 
 
-def test_enter_is_no_rating(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_enter_is_no_rating(monkeypatch):
     step = Step("rating", "trials", 1, 1, False, False, "How was it?", choices=("soft",), values=(-50, 50))
     monkeypatch.setattr("sys.stdin", io.StringIO("\n\n"))
     with pytest.raises(click.Abort):
         _AtTerminal(None).answer(step)
 
 
-def test_a_design_that_is_not_filled_is_said(run: Run, tmp_path: Path) -> None:
+def test_a_design_that_is_not_filled_is_said(run, tmp_path):
     for people, said in ((3, True), (6, False)):
         result = run(
             "experiment simulate matching -n", people, "--session", 1, "--data", tmp_path / "a", ends=0
@@ -130,9 +127,7 @@ def test_a_design_that_is_not_filled_is_said(run: Run, tmp_path: Path) -> None:
     assert values["design"] == {"groups": {"I": 3, "II": 3}, "balanced": True, "multiple_of": 6}
 
 
-def test_a_log_that_was_cut_short_is_said_by_every_command_and_stops_no_other_person(
-    run: Run, tmp_path: Path
-) -> None:
+def test_a_log_that_was_cut_short_is_said_by_every_command_and_stops_no_other_person(run, tmp_path):
     data = tmp_path / "answers"
     common = ("--data", data)
     run("experiment simulate rating -n 2", *common, ends=0)

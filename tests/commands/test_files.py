@@ -15,7 +15,6 @@ from haploop.acquisition.recording import Rejection, add_rejections
 from haploop.acquisition.recording.salvage import finish
 from haploop.acquisition.recording.writer import Writer
 from tests.acquisition.recording.pattern import block_of, header
-from tests.command_line import Demo, Run
 
 
 @pytest.fixture
@@ -114,9 +113,7 @@ def test_a_recovery_whose_process_dies_is_one_sentence(run, files, tmp_path, mon
 
 @pytest.mark.long
 @pytest.mark.skipif(os.name == "nt", reason="Windows gives a file the rights of its folder")
-def test_what_is_made_of_peoples_recordings_is_for_its_owner_only(
-    demo: Demo, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_is_made_of_peoples_recordings_is_for_its_owner_only(demo, run, tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     out = tmp_path / "out"
     recordings = demo.folder / "recordings"

@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import pytest
-
-from tests.command_line import Demo, Run
 
 pytestmark = pytest.mark.long
 
 
-def test_a_table_is_calibrated_and_a_press_checked_under_a_finger(
-    demo: Demo, run: Run, tmp_path: Path
-) -> None:
+def test_a_table_is_calibrated_and_a_press_checked_under_a_finger(demo, run, tmp_path):
     table, press, out = (
         demo.folder / "calibration.h5",
         demo.folder / "presses" / "push.h5",
@@ -35,7 +30,7 @@ def test_a_table_is_calibrated_and_a_press_checked_under_a_finger(
     run("calibrate --finger P01 --bare", out, "-o", tmp_path / "twice.h5", says="a finger's already")
 
 
-def test_options_of_a_finger_need_one(demo: Demo, run: Run, tmp_path: Path) -> None:
+def test_options_of_a_finger_need_one(demo, run, tmp_path):
     table, out = demo.folder / "calibration.h5", tmp_path / "x.h5"
     for asked in (
         ("calibrate", "--bare", table, "-o", out),
@@ -50,7 +45,7 @@ def test_options_of_a_finger_need_one(demo: Demo, run: Run, tmp_path: Path) -> N
         assert "--finger" in result.stderr or "--force" in result.stderr
 
 
-def test_what_is_odd_about_a_finger_is_one_sentence(demo: Demo, made: Path, run: Run, tmp_path: Path) -> None:
+def test_what_is_odd_about_a_finger_is_one_sentence(demo, made, run, tmp_path):
     table, button, out = demo.folder / "calibration.h5", made / "latch.h5", tmp_path / "x.h5"
     asked = ("calibrate", "--finger", "P01", "--bare", table, "-o", out)
     for more, told in (

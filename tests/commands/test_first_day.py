@@ -39,7 +39,6 @@ from haploop.instruments.rig import opening
 from haploop.instruments.safety import machine
 from haploop.mocks.simulation import Simulation
 from haploop.nidaqmx_twin import NiTwin
-from tests.command_line import Run
 
 try:
     import sounddevice
@@ -417,7 +416,7 @@ def lab(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Callable[[s
         yield bring
 
 
-def test_the_product_is_whole() -> None:
+def test_the_product_is_whole():
     """Each driver is in a rig, and each that opens something is met in each state of its connection."""
     drivers, opening_something = set(), set()
     for _, file in rigs():
@@ -438,9 +437,7 @@ def is_a_sentence(said: str) -> bool:
 
 
 @pytest.mark.parametrize(("name", "role", "state"), list(cases()))
-def test_what_is_wrong_with_an_instrument_is_a_table_or_a_sentence(
-    lab: Callable[[str, str, str], RigFile], name: str, role: str, state: str, run: Run, tmp_path: Path
-) -> None:
+def test_what_is_wrong_with_an_instrument_is_a_table_or_a_sentence(lab, name, role, state, run, tmp_path):
     rig = lab(name, role, state)
     doctor = run("doctor --rig", name, "--json")
     print(doctor.output)

@@ -104,7 +104,7 @@ NO_WORK_FOR_A_SCRIPT = {
 }
 
 
-def test_each_command_has_its_functions_in_the_front_door() -> None:
+def test_each_command_has_its_functions_in_the_front_door():
     groups = {" ".join(path[:-1]) for path in commands(cli)}
     each = {" ".join(path) for path in commands(cli)} - groups
     assert each == WORK.keys() | NO_WORK_FOR_A_SCRIPT.keys()
@@ -114,12 +114,12 @@ def test_each_command_has_its_functions_in_the_front_door() -> None:
 
 
 @pytest.mark.parametrize("name", haploop.__all__)
-def test_each_name_of_the_front_door_is_there(name: str) -> None:
+def test_each_name_of_the_front_door_is_there(name):
     assert getattr(haploop, name) is not None
 
 
 @pytest.mark.parametrize("name", dir(haploop))
-def test_what_the_tab_key_finds_has_an_example(name: str) -> None:
+def test_what_the_tab_key_finds_has_an_example(name):
     assert name in haploop.__all__ and len(dir(haploop)) < 60
     pages = [*ROOT.glob("docs/**/*.md"), *ROOT.glob("examples/*.ipynb"), ROOT / "README.md"]
     assert any(
@@ -127,7 +127,7 @@ def test_what_the_tab_key_finds_has_an_example(name: str) -> None:
     ), name
 
 
-def test_a_person_and_a_clock_are_in_the_front_door() -> None:
+def test_a_person_and_a_clock_are_in_the_front_door():
     assert {"Operator", "Clock", "RealClock"} <= set(haploop.__all__)
 
 
@@ -154,7 +154,7 @@ print(haploop.file_contents(str(recording.path)).values["presses_accepted"])
 
 
 @pytest.mark.long
-def test_a_script_does_a_day_of_work_with_one_import(tmp_path: Path) -> None:
+def test_a_script_does_a_day_of_work_with_one_import(tmp_path):
     done = subprocess.run(
         [sys.executable, "-c", SCRIPT], cwd=tmp_path, capture_output=True, text=True, check=False
     )
@@ -165,5 +165,5 @@ def test_a_script_does_a_day_of_work_with_one_import(tmp_path: Path) -> None:
     assert kept[-4:] == ["opened", "adopted", "activated", "closed"] and "played" in kinds
 
 
-def test_the_schema_is_the_one_that_the_command_prints() -> None:
+def test_the_schema_is_the_one_that_the_command_prints():
     assert json.loads(json.dumps(haploop.rig_schema()))["title"] == "A rig of haploop"

@@ -83,8 +83,8 @@ def filled(folder: Path, left: int) -> Path:
 
 @pytest.mark.parametrize("left", [0, 200_000])
 def test_a_full_disk_is_found_before_a_voltage_is_put_out(
-    tmp_path: Path, run: Run, plays: Plays, commands: Commands, command: str, left: int, button: Path
-) -> None:
+    tmp_path, run, plays, commands, command, left, button
+):
     plays.append(lambda: pytest.fail("something was played"))
     with disk(tmp_path / "small", "size=40m") as small:
         arguments = commands(small)[command]
@@ -102,9 +102,7 @@ def test_a_full_disk_is_found_before_a_voltage_is_put_out(
             run("button check", button, "-o", small / "again.h5", ends=0)
 
 
-def test_a_name_that_is_too_long_is_found_before_a_voltage_is_put_out(
-    tmp_path: Path, run: Run, plays: Plays
-) -> None:
+def test_a_name_that_is_too_long_is_found_before_a_voltage_is_put_out(tmp_path, run, plays):
     """The calibration's own name would fit; that of its waveforms does not. The patch was driven 15 times."""
     plays.append(lambda: pytest.fail("something was played"))
     result = run("calibrate --out", tmp_path / ("c" * 220 + ".h5"), ends=2)
@@ -113,8 +111,8 @@ def test_a_name_that_is_too_long_is_found_before_a_voltage_is_put_out(
 
 
 def test_a_folder_that_may_only_be_read_is_found_before_a_voltage_is_put_out(
-    tmp_path: Path, run: Run, plays: Plays, commands: Commands, command: str, button: Path
-) -> None:
+    tmp_path, run, plays, commands, command, button
+):
     plays.append(lambda: pytest.fail("something was played"))
     with disk(tmp_path / "kept", "size=40m") as kept:
         arguments = commands(kept)[command]
@@ -126,9 +124,7 @@ def test_a_folder_that_may_only_be_read_is_found_before_a_voltage_is_put_out(
 
 
 @pytest.mark.long
-def test_a_disk_that_others_fill_meanwhile_takes_the_result(
-    tmp_path: Path, run: Run, plays: Plays, commands: Commands, command: str, button: Path
-) -> None:
+def test_a_disk_that_others_fill_meanwhile_takes_the_result(tmp_path, run, plays, commands, command, button):
     with disk(tmp_path / "small", "size=120m") as small:
         arguments = commands(small)[command]
         if command == "recalibrate":
@@ -142,9 +138,7 @@ def test_a_disk_that_others_fill_meanwhile_takes_the_result(
 
 
 @pytest.mark.long
-def test_a_disk_that_takes_the_calibration_only_keeps_neither(
-    tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_disk_that_takes_the_calibration_only_keeps_neither(tmp_path, run, monkeypatch):
     def full(_self: Waveforms, _path: Path) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
@@ -155,7 +149,7 @@ def test_a_disk_that_takes_the_calibration_only_keeps_neither(
     run("calibrate -o", tmp_path / "table.h5", ends=0)
 
 
-def test_results_need_half_the_room_that_is_held_or_less(demo: Demo, button: Path, tmp_path: Path) -> None:
+def test_results_need_half_the_room_that_is_held_or_less(demo, button, tmp_path):
     made = DigitalButton.load(button)
     made.check.save(tmp_path / "check.h5")
     assert (demo.folder / "calibration.h5").stat().st_size < sizes.CALIBRATION / 2

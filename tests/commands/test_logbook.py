@@ -11,7 +11,6 @@ import pytest
 from haploop.base.errors import InstrumentError
 from haploop.base.json_files import as_line
 from haploop.instruments import open_rig
-from tests.command_line import Run
 
 pytestmark = pytest.mark.usefixtures("unproved")
 
@@ -34,7 +33,7 @@ def tripped(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_rig_that_was_stopped_plays_again_when_a_person_says_so(run: Run, tripped: Path) -> None:
+def test_a_rig_that_was_stopped_plays_again_when_a_person_says_so(run, tripped):
     run(
         "calibrate --rig",
         tripped,
@@ -55,14 +54,14 @@ def test_a_rig_that_was_stopped_plays_again_when_a_person_says_so(run: Run, trip
     assert "not locked out" in run("reset --rig", tripped, "--reason", "again").stderr
 
 
-def test_the_log_is_a_table_for_people(run: Run, tripped: Path) -> None:
+def test_the_log_is_a_table_for_people(run, tripped):
     result = run("log --rig", tripped, ends=0)
     for word in ("opened", "connected", "played", "tripped", "closed", "bench"):
         assert word in result.stdout
     assert "simulated" not in run("log --rig haptable").stdout
 
 
-def test_the_doctor_says_what_the_limits_are_and_that_a_rig_is_locked_out(run: Run, tripped: Path) -> None:
+def test_the_doctor_says_what_the_limits_are_and_that_a_rig_is_locked_out(run, tripped):
     found = run.json("doctor --rig", tripped, ends=1)["findings"]
     named = {finding["name"]: finding for finding in found}
     assert named["Lockout"]["status"] == "red" and "haploop reset" in named["Lockout"]["sentence"]
@@ -70,7 +69,7 @@ def test_the_doctor_says_what_the_limits_are_and_that_a_rig_is_locked_out(run: R
     assert "48 V" in named["Limits"]["sentence"] and "52.8 V" in named["Limits"]["sentence"]
 
 
-def test_a_trip_under_a_seed_is_reset_without_it(run: Run, tmp_path: Path) -> None:
+def test_a_trip_under_a_seed_is_reset_without_it(run, tmp_path):
     path = tmp_path / "seeded.toml"
     path.write_text('base = "simulated"\nname = "seeded"\n', encoding="utf-8")
     t = np.arange(10_000) / 50_000
@@ -88,7 +87,7 @@ def test_a_trip_under_a_seed_is_reset_without_it(run: Run, tmp_path: Path) -> No
         assert rig.lockout is None
 
 
-def test_whatever_a_script_notes_is_shown(run: Run, tripped: Path) -> None:
+def test_whatever_a_script_notes_is_shown(run, tripped):
     with open_rig(tripped) as rig:
         rig.audit.note("played", patches=3, peak="x", seconds=None)
         rig.audit.note("replaced", patch="A", why={"a": [1, None, True]})

@@ -1,17 +1,13 @@
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from haploop.calibration import VibrationMap, read_uff
-from haploop.pytest_plugin import Rigs
-from tests.command_line import Run
 
 
 @pytest.mark.long
-def test_a_small_map_is_measured_shown_and_drawn(run: Run, tmp_path: Path, rigs: Rigs) -> None:
+def test_a_small_map_is_measured_shown_and_drawn(run, tmp_path, rigs):
     if rigs.mode != "twin":
         pytest.skip("the command opens a rig of its own")
     out = tmp_path / "map"
@@ -34,7 +30,7 @@ def test_a_small_map_is_measured_shown_and_drawn(run: Run, tmp_path: Path, rigs:
     run("map --out", out, "--points", "3,18", "--patches", "A", says="points")
 
 
-def test_requests_that_make_no_map(run: Run, tmp_path: Path) -> None:
+def test_requests_that_make_no_map(run, tmp_path):
     for wrong in (
         *(("--points", "x"), ("--points", "84"), ("--patches", "Q")),
         *(("--level", "500"), ("--patches", "A,A"), ("--points", "0-9999999999")),

@@ -158,9 +158,7 @@ SLOW = {"mat", "plan", "point", "modes", "activations", "generation", "generatio
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.timeout(7200)
-def test_a_command_survives_what_it_reads(
-    kind: str, demo: Demo, run: Run, full: bool, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_a_command_survives_what_it_reads(kind, demo, run, full, monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     if kind in SLOW and not full:
         pytest.skip("only with --full")

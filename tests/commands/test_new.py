@@ -22,7 +22,7 @@ def lab(run: Run, tmp_path: Path) -> Path:
     return made
 
 
-def test_all_files_are_valid_and_name_what_was_asked_for(lab: Path) -> None:
+def test_all_files_are_valid_and_name_what_was_asked_for(lab):
     study = haploop.load(lab)
     assert study.file.buttons == ("click", "snap") and len(study.file.participants) == 12
     assert haploop.load_rig_file(lab / "rig.toml").name == "my lab"
@@ -31,25 +31,25 @@ def test_all_files_are_valid_and_name_what_was_asked_for(lab: Path) -> None:
     assert 'levels = ["click", "snap"]' in experiment.path.read_text(encoding="utf-8")
 
 
-def test_one_button_and_few_presses_need_no_experiment(run: Run, tmp_path: Path) -> None:
+def test_one_button_and_few_presses_need_no_experiment(run, tmp_path):
     where = ("--buttons", "click", "--participants", 1, "--presses", 2, "--rig", "simulated")
     run("new", tmp_path / "lab", *where, ends=0)
     assert haploop.load_study(tmp_path / "lab").file.presses == 2
     assert "experiment run" not in (tmp_path / "lab" / "README.md").read_text(encoding="utf-8")
 
 
-def test_a_rig_file_is_not_overwritten(run: Run, tmp_path: Path) -> None:
+def test_a_rig_file_is_not_overwritten(run, tmp_path):
     path = tmp_path / "mine.toml"
     run("rig new", path, "--like", "usb-6211", ends=0)
     run("rig new", path, "--like", "usb-6211", says="is not overwritten")
 
 
-def test_questions_that_nobody_answers_are_one_sentence(run: Run, tmp_path: Path) -> None:
+def test_questions_that_nobody_answers_are_one_sentence(run, tmp_path):
     run("new", tmp_path / "a", "--buttons", "x", says="Nobody is there")
     assert not list(tmp_path.glob("*.toml"))
 
 
-def test_each_command_of_its_readme_is_one_with_its_options(lab: Path) -> None:
+def test_each_command_of_its_readme_is_one_with_its_options(lab):
     readme = (lab / "README.md").read_text(encoding="utf-8")
     told = [shlex.split(one)[1:] for one in re.findall(r"`(haploop [^`]*)`", readme)]
     assert len(told) > 10
@@ -66,7 +66,7 @@ def test_each_command_of_its_readme_is_one_with_its_options(lab: Path) -> None:
         assert {word for word in words if word.startswith("-")} <= options, (group.name, words)
 
 
-def test_its_page_has_the_commands_of_its_readme(lab: Path) -> None:
+def test_its_page_has_the_commands_of_its_readme(lab):
     page = html.unescape((lab / "start.html").read_text(encoding="utf-8")).replace("\N{NO-BREAK SPACE}", " ")
     listed = re.findall(
         r"^\d+\. `(.*)`: (.*)$", (lab / "README.md").read_text(encoding="utf-8"), re.MULTILINE
@@ -76,9 +76,7 @@ def test_its_page_has_the_commands_of_its_readme(lab: Path) -> None:
     assert all(f"<td>{command}</td><td>{told}</td>" in cells for command, told in listed)
 
 
-def test_the_study_is_recorded_and_represented_there(
-    lab: Path, run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_study_is_recorded_and_represented_there(lab, run, monkeypatch):
     monkeypatch.chdir(lab)
     text = (lab / "study.toml").read_text(encoding="utf-8").replace("presses = 10 ", "presses = 1 ", 1)
     (lab / "study.toml").write_text(text, encoding="utf-8")
@@ -86,7 +84,7 @@ def test_the_study_is_recorded_and_represented_there(
     run("study represent click --out click-press.h5", ends=0)
 
 
-def test_nothing_is_replaced_and_wrong_answers_are_one_sentence(run: Run, lab: Path, tmp_path: Path) -> None:
+def test_nothing_is_replaced_and_wrong_answers_are_one_sentence(run, lab, tmp_path):
     given = ("--buttons", "a", "--participants", 1, "--rig", "simulated")
     run("new", lab, *given, says="already exists")
     for wrong, said in (
@@ -106,9 +104,7 @@ def test_nothing_is_replaced_and_wrong_answers_are_one_sentence(run: Run, lab: P
         run("new", folder, *given, says=said)
 
 
-def test_a_name_with_a_space_is_quoted_in_the_command_to_go_on_with(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_name_with_a_space_is_quoted_in_the_command_to_go_on_with(run, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     made = run("rig new", "my lab.toml", "--like", "no-ni")
     assert made.exit_code == 0 and "haploop rig check 'my lab.toml'" in made.output

@@ -13,7 +13,7 @@ from haploop.calibration import calibrate
 from haploop.calibration.drive.button import build_button
 from haploop.calibration.recalibration.history import History
 from haploop.instruments import load_rig_file, open_rig
-from tests.command_line import Demo, Run
+from tests.command_line import Demo
 
 BROKEN = {
     'kind = "patch-dead"': "patch is dead or its wires are off",
@@ -31,9 +31,7 @@ def rig_file(place: Path, seed: int, drift: float = 0.0, fault: str = "") -> Pat
 
 @pytest.mark.timeout(1800)
 @pytest.mark.parametrize("seed", range(160, 165))
-def test_a_drift_is_brought_back_and_nothing_else_changes_anything(
-    seed: int, full: bool, run: Run, tmp_path: Path, request: pytest.FixtureRequest
-) -> None:
+def test_a_drift_is_brought_back_and_nothing_else_changes_anything(seed, full, run, tmp_path, request):
     if not full:
         pytest.skip("a table takes minutes: with --full only")
     demo: Demo = request.getfixturevalue("demo")

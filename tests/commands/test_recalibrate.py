@@ -65,7 +65,7 @@ def asked(run: Run, *args: Any) -> dict[str, Any]:
     return values
 
 
-def test_a_drift_is_reported_with_before_and_after(folder: Path) -> None:
+def test_a_drift_is_reported_with_before_and_after(folder):
     history = History(folder)
     assert [look["outcome"] for look in history.looks] == ["unchanged", "restored"]
     (report,) = (folder / "reports").glob("*-restored.html")
@@ -81,7 +81,7 @@ def test_a_drift_is_reported_with_before_and_after(folder: Path) -> None:
     assert len(linked) == 9 and all((report.parent / one).is_file() for one in linked)
 
 
-def test_the_active_one_is_told(history: Path, run: Run) -> None:
+def test_the_active_one_is_told(history, run):
     at = ("--calibrations", history)
     found = asked(run, "calibrations", "list", *at)
     first, second = found["generations"]
@@ -97,7 +97,7 @@ def test_the_active_one_is_told(history: Path, run: Run) -> None:
     assert "Simulated: no real instrument measured this." in run("calibrations show 1", *at).stdout
 
 
-def test_an_earlier_one_can_be_activated_and_nothing_is_lost(history: Path, run: Run) -> None:
+def test_an_earlier_one_can_be_activated_and_nothing_is_lost(history, run):
     at = ("--calibrations", history)
     assert asked(run, "calibrations", "activate", "1", *REASON, *at)["name"].startswith("0001-")
     last = History(history).activations[-1]
@@ -112,7 +112,7 @@ def test_an_earlier_one_can_be_activated_and_nothing_is_lost(history: Path, run:
     assert len(History(history).activations) == 3
 
 
-def test_what_is_broken_ends_with_three(history: Path, run: Run, tmp_path: Path) -> None:
+def test_what_is_broken_ends_with_three(history, run, tmp_path):
     rig = _drifted(tmp_path, '[[simulation.faults]]\nkind = "laser-blocked"\n')
     active = History(history).active()
     said = run.json("recalibrate --rig", rig, "--calibrations", history, ends=3)
@@ -127,9 +127,7 @@ def test_what_is_broken_ends_with_three(history: Path, run: Run, tmp_path: Path)
     assert night["done"] == "nothing played; nothing changed" and night["report"].endswith("-broken.html")
 
 
-def test_a_rig_that_does_not_open_is_a_broken_night(
-    history: Path, run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_rig_that_does_not_open_is_a_broken_night(history, run, monkeypatch):
     def opened(*_: object) -> None:
         raise InstrumentError("The card Dev1 does not answer.")
 
@@ -144,7 +142,7 @@ def test_a_rig_that_does_not_open_is_a_broken_night(
     assert len(History(history).looks) == before
 
 
-def test_what_cannot_begin_plays_nothing(history: Path, run: Run, tmp_path: Path) -> None:
+def test_what_cannot_begin_plays_nothing(history, run, tmp_path):
     result = run("recalibrate --calibrations", tmp_path / "none", says="no active calibration")
     assert "simulated (" not in result.stderr
     with hold({os.path.normcase(history.resolve())}, "This test"):
@@ -153,18 +151,18 @@ def test_what_cannot_begin_plays_nothing(history: Path, run: Run, tmp_path: Path
     run("recalibrate --calibrations", history, "--laser-at", "84", says="The table has no point")
 
 
-def test_a_laser_left_elsewhere_is_broken(history: Path, run: Run) -> None:
+def test_a_laser_left_elsewhere_is_broken(history, run):
     result = run("recalibrate --calibrations", history, "--laser-at", "37", ends=3)
     assert "was not measured: the laser would need to be aimed." in result.stdout
 
 
-def test_the_history_stands_beside_the_rig_file(button: Path, run: Run, tmp_path: Path) -> None:
+def test_the_history_stands_beside_the_rig_file(button, run, tmp_path):
     (tmp_path / "own.toml").write_text('base = "simulated"\n', encoding="utf-8")
     asked(run, "calibrations", "adopt", button, *REASON, "--rig", tmp_path / "own.toml")
     assert History(tmp_path / "own-calibrations").active().reason == "for a test"
 
 
-def test_the_trend_shows_every_look_and_what_was_active(folder: Path, run: Run, tmp_path: Path) -> None:
+def test_the_trend_shows_every_look_and_what_was_active(folder, run, tmp_path):
     out = tmp_path / "trend.png"
     assert asked(run, "calibrations", "plot", out, "--calibrations", folder)["looks"] == 2
     assert out.read_bytes().startswith(b"\x89PNG")
@@ -177,7 +175,7 @@ def test_the_trend_shows_every_look_and_what_was_active(folder: Path, run: Run, 
     assert min(drawn) == pytest.approx(263.2, abs=1) and max(drawn) == pytest.approx(271.1, abs=1)
 
 
-def test_nobody_is_there() -> None:
+def test_nobody_is_there():
     nobody = Unattended("37")
     assert (
         nobody.confirm(Aim("37")) and nobody.confirm(ConfirmSettings("20 mm/s?")) and nobody.confirm(Rest(1))

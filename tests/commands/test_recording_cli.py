@@ -11,15 +11,12 @@ import pytest
 from haploop.commands.cli import cli
 from haploop.instruments import Press
 from haploop.mocks.operator import OperatorTwin
-from tests.command_line import Run
 
 ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.parametrize("option", [("-n", 10**9), ("-n", 1001), ("--wait", "nan"), ("--wait", -1)], ids=str)
-def test_what_no_recording_can_hold_is_refused_at_once(
-    run: Run, tmp_path: Path, option: tuple[str, object]
-) -> None:
+def test_what_no_recording_can_hold_is_refused_at_once(run, tmp_path, option):
     result = run("record push -p P01 -o", tmp_path / "out", *option)
     assert (result.exit_code, result.stdout) == (2, "")
     said = {"-n": "--presses", "--wait": "--wait"}[str(option[0])]
@@ -28,14 +25,12 @@ def test_what_no_recording_can_hold_is_refused_at_once(
 
 
 @pytest.mark.parametrize("args", [["doctor", "--mass", "nan"], ["map", "--level", "nan", "--out", "m"]])
-def test_no_option_takes_what_is_no_number(run: Run, args: list[str]) -> None:
+def test_no_option_takes_what_is_no_number(run, args):
     result = run(*args)
     assert (result.exit_code, "must be a number" in result.stderr) == (2, True)
 
 
-def test_the_same_command_can_be_given_again_where_nobody_came(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_same_command_can_be_given_again_where_nobody_came(run, tmp_path, monkeypatch):
     command = ("record", "push", "-p", "P01", "-n", 1, "-o", tmp_path)
     with monkeypatch.context() as nobody:
         tell = OperatorTwin.tell
@@ -46,7 +41,7 @@ def test_the_same_command_can_be_given_again_where_nobody_came(
     run(*command, says="already exists")
 
 
-def test_a_button_is_recorded_again_under_another_name(run: Run, tmp_path: Path) -> None:
+def test_a_button_is_recorded_again_under_another_name(run, tmp_path):
     command = ("record", "push", "-p", "P01", "-n", 1, "-o", tmp_path)
     run(*command, ends=0)
     refused = run(*command)
@@ -60,9 +55,7 @@ def test_a_button_is_recorded_again_under_another_name(run: Run, tmp_path: Path)
 
 
 @pytest.mark.long
-def test_a_study_waits_as_long_as_its_file_or_its_option_says(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_study_waits_as_long_as_its_file_or_its_option_says(run, tmp_path, monkeypatch):
     study = tmp_path / "study.toml"
     text = 'name = "s"\nrig = "simulated"\nbuttons = ["push"]\nparticipants = ["P01"]\nwait = 10\n'
     study.write_text(text, encoding="utf-8")
@@ -71,7 +64,7 @@ def test_a_study_waits_as_long_as_its_file_or_its_option_says(
         run("study run -s", study, *option, says=f"arrived within {seconds} s of the prompt")
 
 
-def test_the_reference_lists_every_command() -> None:
+def test_the_reference_lists_every_command():
     page = (ROOT / "docs" / "reference" / "command-line.md").read_text(encoding="utf-8")
     assert isinstance(cli, click.Group)
     missing = [name for name in cli.commands if f"`{name}" not in page]

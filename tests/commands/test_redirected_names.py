@@ -90,7 +90,7 @@ def said_by_a_program(folder: Path, rig: str, *options: str) -> dict[str, Any]:
 
 
 @pytest.mark.long
-def test_every_way_to_write_a_name_is_redirected_and_no_other_name_is_opened(tmp_path: Path) -> None:
+def test_every_way_to_write_a_name_is_redirected_and_no_other_name_is_opened(tmp_path):
     said = said_by_a_program(tmp_path, "bench")
     for name in GENERATOR:
         assert "33500" in said[name] or "3351" in said[name] or "Agilent" in said[name], (name, said[name])
@@ -113,7 +113,7 @@ def test_every_way_to_write_a_name_is_redirected_and_no_other_name_is_opened(tmp
 
 
 @pytest.mark.long
-def test_what_is_allowed_is_opened_as_it_is(tmp_path: Path) -> None:
+def test_what_is_allowed_is_opened_as_it_is(tmp_path):
     """What is not there then fails in its own words."""
     allowed = ("/dev/ttyS99", "TCPIP0::192.0.2.11::5025::SOCKET", "192.0.2.7")
     said = said_by_a_program(tmp_path, "bench", *(x for name in allowed for x in ("--allow", name)))

@@ -18,7 +18,6 @@ from haploop.base.errors import ConfigurationError, DataError
 from haploop.base.files import os_error_text
 from haploop.base.hdf5 import write
 from haploop.reports import figures, outputs
-from tests.command_line import Demo, Run
 from tests.elsewhere import in_use_elsewhere
 
 SIMULATED = "Everything here is simulated"
@@ -37,7 +36,7 @@ def lab(tmp_path: Path) -> Path:
     [["record", "latch", "-p", "P01"], ["calibrate"], ["doctor"], ["reset", "--reason", "why"]],
     ids=" ".join,
 )
-def test_two_commands_never_share_a_relay(run: Run, lab: Path, tmp_path: Path, command: list[str]) -> None:
+def test_two_commands_never_share_a_relay(run, lab, tmp_path, command):
     out = [] if command[0] in ("doctor", "reset") else ["--out", tmp_path / "out"]
     with in_use_elsewhere(lab):
         result = run(*command, *out, "--rig", lab)
@@ -48,22 +47,20 @@ def test_two_commands_never_share_a_relay(run: Run, lab: Path, tmp_path: Path, c
     assert result.stderr.count("\n") == 1
 
 
-def test_a_simulation_needs_no_lock(run: Run, lab: Path, tmp_path: Path) -> None:
+def test_a_simulation_needs_no_lock(run, lab, tmp_path):
     with in_use_elsewhere(lab):
         result = run("record latch -p P01 -n 1 -o", tmp_path, "--rig", lab, "--simulate", "twin")
     assert SIMULATED in result.stderr and "in use" not in result.stderr
 
 
 @pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="needs a folder that not even root can write to")
-def test_a_calibration_that_could_not_be_kept_is_not_measured(run: Run) -> None:
+def test_a_calibration_that_could_not_be_kept_is_not_measured(run):
     result = run("calibrate --out /proc/calibration.h5", says="/proc cannot be written")
     assert SIMULATED not in result.stderr
 
 
 @pytest.mark.parametrize("name", ["latch-press.h5", "latch-drive.h5", "latch-check.png"])
-def test_a_check_that_could_not_be_kept_is_not_played(
-    demo: Demo, run: Run, tmp_path: Path, name: str
-) -> None:
+def test_a_check_that_could_not_be_kept_is_not_played(demo, run, tmp_path, name):
     (tmp_path / name).write_text("mine")
     result = run(
         "check",
@@ -79,9 +76,7 @@ def test_a_check_that_could_not_be_kept_is_not_played(
     assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [(name, "mine")]
 
 
-def test_a_check_of_what_is_simulated_says_so(
-    demo: Demo, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_check_of_what_is_simulated_says_so(demo, run, tmp_path, monkeypatch):
     drawn: list[Figure] = []
 
     def encode(figure: Figure, kind: str) -> bytes:
@@ -101,7 +96,7 @@ def test_a_check_of_what_is_simulated_says_so(
     assert all([text.get_text() for text in figure.texts] == ["simulated"] for figure in drawn)
 
 
-def test_what_was_measured_is_not_marked(tmp_path: Path) -> None:
+def test_what_was_measured_is_not_marked(tmp_path):
     figure = Figure()
     outputs.save_picture(figure, tmp_path / "real.png", simulated=False)
     assert not figure.texts
@@ -110,7 +105,7 @@ def test_what_was_measured_is_not_marked(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows sets no limit to the size of a file")
-def test_a_full_disk_is_one_plain_sentence(tmp_path: Path) -> None:
+def test_a_full_disk_is_one_plain_sentence(tmp_path):
     import resource
 
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -123,7 +118,7 @@ def test_a_full_disk_is_one_plain_sentence(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_reason_is_the_system_s_own() -> None:
+def test_the_reason_is_the_system_s_own():
     text = (
         "Can't write data (file write failed: errno = 28, error message = 'No space', buf = 0x7f, size = 8)"
     )
@@ -145,7 +140,7 @@ runpy.run_module('haploop', run_name='__main__')
 @pytest.mark.skipif(os.name == "nt", reason="Windows delivers Ctrl-C to a console, not to a process")
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
 @pytest.mark.parametrize("ignored", [False, True])
-def test_a_signal_while_loading_is_no_traceback_and_one_to_be_ignored_is(name: str, ignored: bool) -> None:
+def test_a_signal_while_loading_is_no_traceback_and_one_to_be_ignored_is(name, ignored):
     """Ignored as under `nohup`, or in a job in the background of a script."""
     number = getattr(signal, name)
     disposition = "SIG_IGN" if ignored else "default_int_handler" if name == "SIGINT" else "SIG_DFL"
@@ -160,9 +155,7 @@ def test_a_signal_while_loading_is_no_traceback_and_one_to_be_ignored_is(name: s
 
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 @pytest.mark.parametrize("ignored", [False, True])
-def test_a_command_that_was_started_with_nohup_outlives_its_terminal(
-    monkeypatch: pytest.MonkeyPatch, run: Run, ignored: bool
-) -> None:
+def test_a_command_that_was_started_with_nohup_outlives_its_terminal(monkeypatch, run, ignored):
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN if ignored else signal.SIG_DFL)
     monkeypatch.setattr(haploop, "rig_schema", lambda: signal.raise_signal(signal.SIGHUP) or {})
     try:
@@ -173,7 +166,7 @@ def test_a_command_that_was_started_with_nohup_outlives_its_terminal(
 
 @pytest.mark.skipif(os.name == "nt", reason="streams of POSIX")
 @pytest.mark.parametrize("closed", [(1,), (2,), (0, 1, 2)])
-def test_closed_streams_are_no_error(closed: tuple[int, ...]) -> None:
+def test_closed_streams_are_no_error(closed):
     program = (
         "import os, runpy, sys\n"
         f"for number in {closed}: os.close(number)\n"
@@ -187,7 +180,7 @@ def test_closed_streams_are_no_error(closed: tuple[int, ...]) -> None:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="pipes of POSIX")
-def test_a_reader_that_leaves_changes_no_exit_code() -> None:
+def test_a_reader_that_leaves_changes_no_exit_code():
     with subprocess.Popen([sys.executable, "-m", "haploop", "schema"], stdout=subprocess.PIPE) as process:
         assert process.stdout is not None and process.stdout.read(5)
         process.stdout.close()
@@ -230,16 +223,14 @@ def test_a_reader_that_leaves_changes_no_exit_code() -> None:
     ],
     ids=lambda part: " ".join(part) if isinstance(part, list) else "",
 )
-def test_what_is_wrong_is_named_with_what_was_expected(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: list[str], said: str
-) -> None:
+def test_what_is_wrong_is_named_with_what_was_expected(run, tmp_path, monkeypatch, command, said):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "taken").write_text("")
     result = run(*(part.replace("FILE", str(tmp_path / "taken")) for part in command), ends=2)
     assert re.search(said, " ".join(result.stderr.split())), result.stderr
 
 
-def test_a_folder_without_calibrations_says_how_to_make_one(run: Run, tmp_path: Path) -> None:
+def test_a_folder_without_calibrations_says_how_to_make_one(run, tmp_path):
     result = run("calibrations list --calibrations", tmp_path / "none", ends=0)
     assert "holds no calibration yet: make one with `haploop calibrations adopt`" in result.stdout
     assert not list(tmp_path.iterdir())
@@ -257,8 +248,8 @@ GAUGES = [f"gauge{number}" for number in range(6)]
     ],
 )
 def test_a_matrix_of_one_row_is_a_sensor_of_one_axis_and_a_singular_one_is_refused(
-    run: Run, tmp_path: Path, matrix: list[list[float]], told: str
-) -> None:
+    run, tmp_path, matrix, told
+):
     code = 2 if told else 0
     rig = tmp_path / "rig.toml"
     rig.write_text(

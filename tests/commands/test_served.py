@@ -21,7 +21,6 @@ import serial
 
 import haploop
 from haploop.acquisition import Recording
-from tests.command_line import Run
 
 GUIDES = Path(__file__).parents[2] / "docs" / "how-to"
 
@@ -50,7 +49,7 @@ def _running(
 
 @pytest.mark.long
 @pytest.mark.skipif(os.name == "nt", reason="Windows delivers Ctrl-C to a console, not to a process")
-def test_the_guide_to_served_twins(tmp_path: Path) -> None:
+def test_the_guide_to_served_twins(tmp_path):
     serve, record, *_ = _blocks("serving-twins.md", "sh")
     (printed,) = _blocks("serving-twins.md", "text")
     (rig,) = _blocks("serving-twins.md", "toml")
@@ -92,13 +91,13 @@ def test_the_guide_to_served_twins(tmp_path: Path) -> None:
     assert max(forces) - min(forces) > 1  # newton: it has seen a press
 
 
-def test_the_guide_to_taps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_guide_to_taps(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (script,) = _blocks("live-views.md", "python")
     exec(compile(script, "live-views.md", "exec"), {})
 
 
-def test_a_rig_with_an_unknown_driver_is_refused(run: Run, tmp_path: Path) -> None:
+def test_a_rig_with_an_unknown_driver_is_refused(run, tmp_path):
     odd = tmp_path / "odd.toml"
     odd.write_text('base = "haptable"\n[relay]\ndriver = "no-such"\n', encoding="utf-8")
     result = run("twin all --rig", odd, ends=2)
@@ -116,7 +115,7 @@ def _serial(folder: Path) -> Path:
 @pytest.mark.long
 @pytest.mark.skipif(os.name == "nt", reason="Windows delivers Ctrl-C to a console, not to a process")
 @pytest.mark.parametrize("rig", ["bench", "serial"])
-def test_every_kind_is_served(tmp_path: Path, rig: str) -> None:
+def test_every_kind_is_served(tmp_path, rig):
     name = "bench" if rig == "bench" else str(_serial(tmp_path))
     command = [sys.executable, "-m", "haploop", "twin", "all", "--rig", name, "--json"]
     with _running(command, tmp_path) as server:
@@ -129,7 +128,7 @@ def test_every_kind_is_served(tmp_path: Path, rig: str) -> None:
     assert server.returncode == 0
 
 
-def test_nothing_to_watch_is_one_sentence(run: Run) -> None:
+def test_nothing_to_watch_is_one_sentence(run):
     result = run("live --rig simulated --wait", 0.1, ends=2)
     waited, told = result.output.strip().splitlines()
     assert waited == "Waiting for a command that uses the rig simulated."
@@ -138,7 +137,7 @@ def test_nothing_to_watch_is_one_sentence(run: Run) -> None:
 
 @pytest.mark.long
 @pytest.mark.skipif(os.name == "nt", reason="Ctrl-C is sent as a POSIX signal")
-def test_alone_it_looks_at_the_sensors_itself(tmp_path: Path) -> None:
+def test_alone_it_looks_at_the_sensors_itself(tmp_path):
     command = [sys.executable, "-m", "haploop", "live", "--rig", "simulated", "--json"]
     with _running(command, tmp_path) as program:
         assert program.stdout is not None
@@ -151,9 +150,7 @@ def test_alone_it_looks_at_the_sensors_itself(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("live", ["on", "off"])
-def test_commands_publish_unless_they_are_told_not_to(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, live: str, _state: Path
-) -> None:
+def test_commands_publish_unless_they_are_told_not_to(run, tmp_path, monkeypatch, live, _state):
     from haploop.instruments.live import publisher
 
     made: list[Path] = []
@@ -170,9 +167,7 @@ def test_commands_publish_unless_they_are_told_not_to(
     assert not any(path.exists() for path in made)
 
 
-def test_a_command_that_cannot_publish_works_without(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_command_that_cannot_publish_works_without(run, tmp_path, monkeypatch):
     from haploop.instruments.live import publisher
 
     def refuse(*_args: object, **_more: object) -> None:
@@ -183,7 +178,7 @@ def test_a_command_that_cannot_publish_works_without(
     assert "No live view" in result.output
 
 
-def test_the_meter_shows_names_as_they_are() -> None:
+def test_the_meter_shows_names_as_they_are():
     """A rig's name and a path may hold what rich takes for markup."""
     import io
 
@@ -239,7 +234,7 @@ def free_port() -> int:
 
 
 @pytest.mark.long
-def test_a_program_that_knows_nothing_of_haploop_finds_every_instrument_of_a_rig(tmp_path: Path) -> None:
+def test_a_program_that_knows_nothing_of_haploop_finds_every_instrument_of_a_rig(tmp_path):
     """By the names of the rig file: cards, serial port, VISA resource, and the hub's own address."""
     (tmp_path / "script.py").write_text(SCRIPT)
     hub = f"http://127.0.0.1:{free_port()}"
@@ -262,7 +257,7 @@ def test_a_program_that_knows_nothing_of_haploop_finds_every_instrument_of_a_rig
 
 
 @pytest.mark.long
-def test_ports_are_those_that_were_asked_for_and_a_rig_file_points_at_them(tmp_path: Path) -> None:
+def test_ports_are_those_that_were_asked_for_and_a_rig_file_points_at_them(tmp_path):
     ni, yocto = free_port(), free_port()
     command = f"haploop twin all --rig bench --port ni={ni},yocto={yocto} --write lab.toml --json"
     with _running(_command(command), tmp_path) as server:
@@ -277,7 +272,7 @@ def test_ports_are_those_that_were_asked_for_and_a_rig_file_points_at_them(tmp_p
 
 @pytest.mark.long
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no pseudo-terminals")
-def test_a_serial_line_is_a_device_file(tmp_path: Path) -> None:
+def test_a_serial_line_is_a_device_file(tmp_path):
     with _running(_command("haploop twin all --rig bench --pty --json"), tmp_path) as server:
         assert server.stdout is not None
         path = json.loads(server.stdout.readline())["ofv"]
@@ -300,16 +295,14 @@ def test_a_serial_line_is_a_device_file(tmp_path: Path) -> None:
         ("all --write other.toml", "other.toml exists and is another file"),
     ],
 )
-def test_what_cannot_be_served_is_one_sentence(
-    words: str, sentence: str, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_cannot_be_served_is_one_sentence(words, sentence, run, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("other.toml").write_text('name = "mine"\n')
     run("twin", *words.split(maxsplit=1)[:1], "--rig", "bench", *words.split()[1:], says=sentence)
     assert Path("other.toml").read_text() == 'name = "mine"\n'
 
 
-def test_a_port_that_is_taken_is_one_sentence(run: Run) -> None:
+def test_a_port_that_is_taken_is_one_sentence(run):
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()

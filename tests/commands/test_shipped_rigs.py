@@ -23,7 +23,6 @@ from haploop.calibration.drive.check import compare
 from haploop.calibration.drive.playing import play
 from haploop.instruments import Capture, Rig, load_rig_file
 from tests.calibration.test_other_rigs import PICKUPS
-from tests.command_line import Run
 
 LABS = ("usb-6211", "compactdaq-iepe", "no-ni", "voice-coil")
 """Shipped rigs that are not the paper's."""
@@ -47,9 +46,7 @@ channel = "laser"{PICKUPS["acceleration"]}"""
         for n in (*LABS, "glued", "four-channel")
     ],
 )
-def test_from_doctor_to_recalibration(
-    name: str, mode: str, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_from_doctor_to_recalibration(name, mode, run, tmp_path, monkeypatch):
     if mode not in ("twin", "wire"):
         pytest.skip("the rig of the session is another")
     rig_file: str | Path = name
@@ -122,13 +119,13 @@ def played_and_true(
 
 
 @pytest.mark.parametrize("name", LABS)
-def test_a_shipped_rig_is_short_and_says_what_it_is(name: str) -> None:
+def test_a_shipped_rig_is_short_and_says_what_it_is(name):
     text = (resources.files("haploop.rigs") / f"{name}.toml").read_text(encoding="utf-8")
     assert text.startswith("# ") and load_rig_file(name).name == name
     assert len(text.splitlines()) <= 100
 
 
-def test_a_card_of_a_known_family_is_data(tmp_path: Path, run: Run) -> None:
+def test_a_card_of_a_known_family_is_data(tmp_path, run):
     """What somebody writes for a card that haploop does not know: no code, twelve lines of data at most."""
     new = """
 [daq.products."USB-6299"]

@@ -9,7 +9,6 @@ import pytest
 
 import haploop
 from haploop.experiments import Store, new_experiment
-from tests.command_line import Run
 
 
 @pytest.fixture(scope="module")
@@ -21,16 +20,14 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_a_folder_that_is_named_like_a_shipped_rig_hides_it_not(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: Run
-) -> None:
+def test_a_folder_that_is_named_like_a_shipped_rig_hides_it_not(tmp_path, monkeypatch, run):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "usb-6211").mkdir()
     assert haploop.load_rig_file("usb-6211").name == "usb-6211"
     run("rig check usb-6211", ends=0)
 
 
-def test_one_recording_and_a_folder_are_represented(recorded: Path, run: Run, tmp_path: Path) -> None:
+def test_one_recording_and_a_folder_are_represented(recorded, run, tmp_path):
     (path,) = recorded.glob("*.h5")
     one = haploop.representative(haploop.Recording.open(path), method="mean")
     assert one.button == "push"
@@ -38,24 +35,24 @@ def test_one_recording_and_a_folder_are_represented(recorded: Path, run: Run, tm
     assert np.array_equal(haploop.load(tmp_path / "press.h5").acceleration, one.acceleration)
 
 
-def test_a_figure_is_not_exported_and_the_command_that_writes_it_is_named(recorded: Path, run: Run) -> None:
+def test_a_figure_is_not_exported_and_the_command_that_writes_it_is_named(recorded, run):
     (path,) = recorded.glob("*.h5")
     run("export", path, "--to", "svg", "--out", "a.svg", says="haploop figures FILE --out DIR")
 
 
-def test_text_is_not_called_damaged(run: Run, tmp_path: Path) -> None:
+def test_text_is_not_called_damaged(run, tmp_path):
     path = tmp_path / "notes.txt"
     path.write_text("my notes of today\n", encoding="utf-8")
     run("show", path, says="is text, and no file of haploop")
 
 
-def test_recalibrate_tells_an_error_of_its_rig_file_first(run: Run, tmp_path: Path) -> None:
+def test_recalibrate_tells_an_error_of_its_rig_file_first(run, tmp_path):
     path = tmp_path / "rig.toml"
     path.write_text('base = "simulated"\nnmae = "x"\n', encoding="utf-8")
     run("recalibrate --rig", path, says="did you mean 'name'?")
 
 
-def test_a_second_operator_and_a_second_day_get_their_own_words(run: Run, tmp_path: Path) -> None:
+def test_a_second_operator_and_a_second_day_get_their_own_words(run, tmp_path):
     folder = tmp_path / "matching"
     new_experiment(folder, "matching")
     store = Store(haploop.load_experiment(folder), folder / "answers")

@@ -8,7 +8,6 @@ import shlex
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 from typing import Any
 
 import click
@@ -17,7 +16,7 @@ from click.testing import CliRunner
 
 from haploop.commands.cli import cli
 from haploop.commands.examples import COURSES, EXAMPLES
-from tests.exchange.conftest import Files, files
+from tests.exchange.conftest import files
 
 __all__ = ["files"]
 
@@ -57,20 +56,18 @@ def loaded_by(script: str) -> set[Any]:
     return set(json.loads(done.stderr.splitlines()[-1]))
 
 
-def test_importing_haploop_loads_nothing_heavy() -> None:
+def test_importing_haploop_loads_nothing_heavy():
     script = "import json, sys, haploop; print(json.dumps([*sys.modules]), file=sys.stderr)"
     assert not loaded_by(script) & (HEAVY | {"click", "rich"})
 
 
 @pytest.mark.parametrize("args", [["--help"], ["--version"]], ids=" ".join)
-def test_help_and_version_load_nothing_heavy(args: list[str]) -> None:
+def test_help_and_version_load_nothing_heavy(args):
     assert not loaded_by(LOADED.format(args=args)) & HEAVY
 
 
 @pytest.mark.parametrize("asked", [None, 2])
-def test_a_command_computes_in_one_thread_unless_asked_otherwise(
-    asked: int | None, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_command_computes_in_one_thread_unless_asked_otherwise(asked, monkeypatch):
     for library in ("OMP", "OPENBLAS"):
         monkeypatch.delenv(f"{library}_NUM_THREADS", raising=False)
         if asked:
@@ -89,7 +86,7 @@ finally:
     assert loaded_by(script) == {min(asked or 1, os.cpu_count() or 1)}
 
 
-def test_the_help_of_each_command_loads_nothing_heavy() -> None:
+def test_the_help_of_each_command_loads_nothing_heavy():
     script = """
 import json, sys
 from haploop.commands.cli import cli
@@ -127,9 +124,7 @@ print(json.dumps([*sys.modules]), file=sys.stderr)
     ],
     ids=lambda value: value[0] if isinstance(value, list) else "",
 )
-def test_a_command_loads_what_it_works_with(
-    files: Files, tmp_path: Path, args: list[str], light: set[str]
-) -> None:
+def test_a_command_loads_what_it_works_with(files, tmp_path, args, light):
     recording = shutil.copy(files.recording, tmp_path)
     places = {"recording": recording, "calibration": files.calibration, "folder": tmp_path}
     loaded = loaded_by(LOADED.format(args=[arg.format(**places) for arg in args]))
@@ -141,17 +136,17 @@ def leaves() -> list[tuple[str, ...]]:
     return [path for path in every if not any(other[: len(path)] == path for other in every if other != path)]
 
 
-def test_the_help_of_each_command_shows_an_example() -> None:
+def test_the_help_of_each_command_shows_an_example():
     assert sorted(EXAMPLES) == sorted(" ".join(path) for path in leaves())
 
 
-def test_the_help_of_each_group_shows_a_course() -> None:
+def test_the_help_of_each_group_shows_a_course():
     every = {" ".join(path) for path in commands()} - {" ".join(path) for path in leaves()} | {""}
     assert sorted(COURSES) == sorted(every)
 
 
 @pytest.mark.parametrize("path", [(), *commands()], ids=" ".join)
-def test_the_help_of_each_command_reads_well_at_80_columns(path: tuple[str, ...]) -> None:
+def test_the_help_of_each_command_reads_well_at_80_columns(path):
     result = CliRunner().invoke(cli, [*path, "--help"], terminal_width=80)
     lines = result.output.splitlines()[1:]
     assert result.exit_code == 0 and max(map(len, lines)) <= 80
@@ -170,7 +165,7 @@ def test_the_help_of_each_command_reads_well_at_80_columns(path: tuple[str, ...]
     + [(tuple(group.split()), line) for group, course in COURSES.items() for line in course],
     ids=lambda value: value if isinstance(value, str) else " ".join(value),
 )
-def test_an_example_is_a_command_that_can_be_given(path: tuple[str, ...], example: str) -> None:
+def test_an_example_is_a_command_that_can_be_given(path, example):
     """Click takes its arguments and options; what they name is in the examples' own world."""
     words = shlex.split(example.partition(" > ")[0])
     command: click.Command = cli

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from haploop.commands.status import Found, next_steps
 from haploop.exchange.catalogue import Entry
-from tests.command_line import Run
 
 
 def entry(kind: str, file: str, button: str = "", verdict: str = "") -> Entry:
@@ -89,11 +86,11 @@ BUTTON = entry("button", "latch.h5", "latch", "pass")
         ),
     ],
 )
-def test_what_is_not_finished_comes_with_its_command(found: Found, steps: list[tuple[str, str]]) -> None:
+def test_what_is_not_finished_comes_with_its_command(found, steps):
     assert next_steps(found) == steps
 
 
-def test_sessions_of_an_experiment_are_due(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_sessions_of_an_experiment_are_due(run, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     run("experiment new matching --from matching")
     said = run().stdout
@@ -103,16 +100,14 @@ def test_sessions_of_an_experiment_are_due(run: Run, tmp_path: Path, monkeypatch
     assert "Nobody" not in said and "Nothing is due" in said and "    haploop serve" in said
 
 
-def test_an_empty_folder_has_help_and_two_beginnings(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_empty_folder_has_help_and_two_beginnings(run, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     result = run()
     assert result.exit_code == 0 and "Make a button, in this order" in result.stdout
     assert "Begin with: haploop demo, or haploop new FOLDER." in result.stdout
 
 
-def test_a_new_folder_says_what_is_due(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_new_folder_says_what_is_due(run, tmp_path, monkeypatch):
     made = tmp_path / "lab"
     run("new", made, "--buttons", "latch", "--participants", 1, "--rig", "simulated")
     monkeypatch.chdir(made)
@@ -121,7 +116,7 @@ def test_a_new_folder_says_what_is_due(run: Run, tmp_path: Path, monkeypatch: py
     assert "The study is not complete: P01 latch due:\n    haploop study run" in said
 
 
-def test_a_folder_of_a_curve_names_it(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_of_a_curve_names_it(run, tmp_path, monkeypatch):
     rows = [f"{x / 50:.2f},{0.4 + x / 100:.3f}" for x in [*range(200), *range(200, 0, -1)]]
     (tmp_path / "switch.csv").write_text("\n".join(["Travel (mm),Force (N)", *rows]))
     monkeypatch.chdir(tmp_path)
@@ -129,9 +124,7 @@ def test_a_folder_of_a_curve_names_it(run: Run, tmp_path: Path, monkeypatch: pyt
     assert run().stdout.startswith("In this folder: 1 curve.")
 
 
-def test_a_rigs_file_may_be_called_experiment(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_rigs_file_may_be_called_experiment(run, tmp_path, monkeypatch):
     (tmp_path / "experiment.toml").write_text('base = "simulated"\n[camera]\ndriver = "opencv"\nsource = 0\n')
     (tmp_path / "torn").mkdir()
     (tmp_path / "torn" / "experiment.toml").write_text('name = "torn"\nkind = ')

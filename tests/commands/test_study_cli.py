@@ -34,7 +34,7 @@ def study(run: Run, tmp_path: Path) -> Path:
 
 
 @pytest.mark.long
-def test_a_study_from_its_first_line_to_its_figure(run: Run, study: Path, tmp_path: Path) -> None:
+def test_a_study_from_its_first_line_to_its_figure(run, study, tmp_path):
     first = run("study run --study", study, "-p", "P01", "--json", ends=0)
     values = json.loads(first.stdout)
     assert (values["accepted"], values["of"], values["complete"]) == (4, 8, False)
@@ -69,7 +69,7 @@ def test_a_study_from_its_first_line_to_its_figure(run: Run, study: Path, tmp_pa
     assert "0/2 (2 rejected)" in run("study status -s", study).stdout
 
 
-def test_a_study_is_represented_by_the_method_in_its_file(run: Run, study: Path, tmp_path: Path) -> None:
+def test_a_study_is_represented_by_the_method_in_its_file(run, study, tmp_path):
     run("study run -s", study, "-p", "P01", "-b", "toggle", ends=0)
     file = study / "study.toml"
     text = file.read_text(encoding="utf-8")
@@ -90,14 +90,14 @@ def test_a_study_is_represented_by_the_method_in_its_file(run: Run, study: Path,
     assert not (tmp_path / "none.h5").exists()
 
 
-def test_who_does_not_consent_is_not_recorded(run: Run, study: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_who_does_not_consent_is_not_recorded(run, study, monkeypatch):
     monkeypatch.setattr(OperatorTwin, "confirm", lambda _self, request: not isinstance(request, Consent))
     run("study run --study", study, says="P01 has not consented")
     assert not list((study / "recordings").glob("*.h5"))
 
 
 @pytest.mark.parametrize("name", ["Anna", "Anna Maria", "../P01", "P01/../P02", "P01\n", "P0123456", ""])
-def test_a_participant_s_name_can_be_typed_nowhere(run: Run, study: Path, tmp_path: Path, name: str) -> None:
+def test_a_participant_s_name_can_be_typed_nowhere(run, study, tmp_path, name):
     for args in (
         ["record", "latch", "--participant", name, "--presses", "1", "--out", tmp_path / "out"],
         ["study", "run", "--study", study, "--participant", name],
@@ -109,7 +109,7 @@ def test_a_participant_s_name_can_be_typed_nowhere(run: Run, study: Path, tmp_pa
     assert not (study / "recordings").exists()
 
 
-def test_nothing_is_taken_for_a_study_that_is_none(run: Run, study: Path, tmp_path: Path) -> None:
+def test_nothing_is_taken_for_a_study_that_is_none(run, study, tmp_path):
     for args in (
         ["study", "status", "--study", tmp_path / "nowhere"],
         ["study", "new", study],
@@ -126,7 +126,7 @@ def test_nothing_is_taken_for_a_study_that_is_none(run: Run, study: Path, tmp_pa
 
 @pytest.mark.long
 @pytest.mark.parametrize("rig", ["simulated", "haptable", "stock-accelerometer"])
-def test_a_new_button_in_one_go_on_any_rig(run: Run, tmp_path: Path, rig: str) -> None:
+def test_a_new_button_in_one_go_on_any_rig(run, tmp_path, rig):
     with open_rig(rig, simulate="twin") as opened:
         assert opened.sensors.activation is not None
     run("record doorbell -p P01 -n 1 --rig", rig, "--simulate", "twin", "--out", tmp_path, ends=0)
@@ -135,7 +135,7 @@ def test_a_new_button_in_one_go_on_any_rig(run: Run, tmp_path: Path, rig: str) -
     assert (tmp_path / "doorbell.png").read_bytes().startswith(PNG)
 
 
-def test_a_bad_press_is_told_of_while_recording_and_in_the_file(run: Run, tmp_path: Path) -> None:
+def test_a_bad_press_is_told_of_while_recording_and_in_the_file(run, tmp_path):
     rig = tmp_path / "bad-presses.toml"
     rig.write_text("[simulation]\nbad_press_rate = 0.9\nseed = 2\n", encoding="utf-8")
     recorded = run(

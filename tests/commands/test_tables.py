@@ -15,7 +15,6 @@ from haploop.commands.cli import cli
 from haploop.instruments import load_rig_file
 from haploop.instruments.safety import Audit, state_folder
 from haploop.terminal.progress import Steps, note, print_line, print_table
-from tests.command_line import Demo, Run
 
 HOSTILE = "lab [/x] [red] :smile:"
 
@@ -38,7 +37,7 @@ def calibration(rig: Path) -> Path:
 
 
 @pytest.mark.long
-def test_no_name_is_taken_for_markup(run: Run, rig: Path, calibration: Path, tmp_path: Path) -> None:
+def test_no_name_is_taken_for_markup(run, rig, calibration, tmp_path):
     out, study = tmp_path / "out [/x]", tmp_path / "study [/x]"
     recording = out / "P01-push.h5"
     run("study new", study, ends=0)
@@ -73,9 +72,7 @@ def test_no_name_is_taken_for_markup(run: Run, rig: Path, calibration: Path, tmp
 
 
 @pytest.mark.long
-def test_no_name_of_a_button_or_calibration_is_taken_for_markup(
-    run: Run, demo: Demo, rig: Path, calibration: Path, tmp_path: Path
-) -> None:
+def test_no_name_of_a_button_or_calibration_is_taken_for_markup(run, demo, rig, calibration, tmp_path):
     button = tmp_path / "b [red].h5"
     presses = demo.folder / "recordings" / "P01-latch.h5"
     history = ["--calibrations", tmp_path / "history [red]", "--rig", rig]
@@ -94,7 +91,7 @@ def test_no_name_of_a_button_or_calibration_is_taken_for_markup(
     assert HOSTILE in run("calibrations show", *history).stdout
 
 
-def test_progress_and_sentences_are_no_markup(capsys: pytest.CaptureFixture[str]) -> None:
+def test_progress_and_sentences_are_no_markup(capsys):
     with Steps() as steps:
         steps(HOSTILE, 1, 1, "presses")
     note(HOSTILE)
@@ -113,9 +110,7 @@ def words(text: str) -> set[str]:
 
 
 @pytest.mark.parametrize("width", [50, 80, 160])
-def test_no_table_cuts_a_word(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, width: int
-) -> None:
+def test_no_table_cuts_a_word(capsys, monkeypatch, width):
     monkeypatch.setenv("COLUMNS", str(width))
     headings = ["participant", "consented", "doorbell_of_the_house", "order"]
     cells = ["P01", "yes", "10/10 (interrupted)", "latch, doorbell_of_the_house, toggle"]
@@ -131,9 +126,7 @@ def test_no_table_cuts_a_word(
 
 
 @pytest.mark.long
-def test_the_commands_tables_fit_80_columns(
-    run: Run, demo: Demo, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_commands_tables_fit_80_columns(run, demo, tmp_path, monkeypatch):
     study = tmp_path / "study.toml"
     study.write_text(
         'name = "wide"\nbuttons = ["latch", "toggle", "push", "doorbell_of_the_house", "knob"]\n'
@@ -155,7 +148,7 @@ def test_the_commands_tables_fit_80_columns(
         assert max(map(len, printed)) <= 80, args
 
 
-def test_the_log_holds_no_python(run: Run, rig: Path) -> None:
+def test_the_log_holds_no_python(run, rig):
     file = load_rig_file(rig)
     folder = state_folder(file, simulated=True)
     Audit(file, folder, simulated=True).note(

@@ -86,9 +86,7 @@ def work(data: DataFolder, **wanted: object) -> dict[str, Any]:
         ({"name": ""}, "The name must have"),
     ],
 )
-def test_what_cannot_be_is_refused_at_once_in_one_sentence(
-    data: DataFolder, wanted: dict[str, object], sentence: str
-) -> None:
+def test_what_cannot_be_is_refused_at_once_in_one_sentence(data, wanted, sentence):
     with pytest.raises(ConfigurationError, match=r"^[^\n]+$") as refused:
         work(data, **wanted)
     assert sentence in str(refused.value)
@@ -107,17 +105,13 @@ def test_what_cannot_be_is_refused_at_once_in_one_sentence(
         ({"also": [TOGGLE], "also_at": "57", "size": "0", "map": "maps/map"}, "cannot be 0 times the size"),
     ],
 )
-def test_what_the_files_do_not_allow_is_said_and_nothing_is_played(
-    data: DataFolder, wanted: dict[str, object], sentence: str
-) -> None:
+def test_what_the_files_do_not_allow_is_said_and_nothing_is_played(data, wanted, sentence):
     job = work(data, **wanted)
     assert job["state"] == "failed" and sentence in job["sentence"]
     assert not data.found("buttons/*")
 
 
-def test_how_loud_is_what_the_command_would_be_told(
-    data: DataFolder, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_how_loud_is_what_the_command_would_be_told(data, monkeypatch):
     told: list[Loudness] = []
 
     def traded(
@@ -132,7 +126,7 @@ def test_how_loud_is_what_the_command_would_be_told(
     assert told == [Loudness(), Loudness(error=0.05), Loudness(level=10.0, drift=Drift.usual(0.001))]
 
 
-def test_two_buttons_at_once_from_a_map_and_what_came_of_both(data: DataFolder) -> None:
+def test_two_buttons_at_once_from_a_map_and_what_came_of_both(data):
     job = work(data, also=[TOGGLE], also_at="57", size="0.5", map="maps/map", name="both")
     assert job["state"] == "done", job["sentence"]
     button = DigitalButton.load(data.path("buttons/both.h5"))
@@ -163,7 +157,7 @@ def test_two_buttons_at_once_from_a_map_and_what_came_of_both(data: DataFolder) 
 
 
 @pytest.mark.night
-def test_a_silent_point_is_shown_with_its_contrast(data: DataFolder) -> None:
+def test_a_silent_point_is_shown_with_its_contrast(data):
     job = work(data, quiet_at="57", map="maps/map", name="quiet")
     assert job["state"] == "done", job["sentence"]
     check = DigitalButton.load(data.path("buttons/quiet.h5")).check

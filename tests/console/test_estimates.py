@@ -39,14 +39,14 @@ def sit(store: Store, who: str, seconds: float, steps: int = 999, simulated: boo
                 session.event("continue")
 
 
-def test_without_a_session_it_is_assumed_and_said_to_be(store: Store) -> None:
+def test_without_a_session_it_is_assumed_and_said_to_be(store):
     found = of_experiment(store)
     assert "assumed" in found["said"] and 0 < found["low_s"] < found["high_s"]
     sit(store, "P01", 1.0, simulated=True)
     assert of_experiment(store) == found  # no person's pace
 
 
-def test_it_is_the_pace_of_earlier_sessions_without_their_pauses(store: Store) -> None:
+def test_it_is_the_pace_of_earlier_sessions_without_their_pauses(store):
     sit(store, "P01", 6.0)
     sit(store, "P02", 10.0)
     found = of_experiment(store)
@@ -55,17 +55,17 @@ def test_it_is_the_pace_of_earlier_sessions_without_their_pauses(store: Store) -
     assert 6.0 * steps - 1 <= found["low_s"] < found["high_s"] <= 10.0 * steps + 1
 
 
-def test_blocks_that_nobody_reached_are_named(store: Store) -> None:
+def test_blocks_that_nobody_reached_are_named(store):
     sit(store, "P01", 6.0, steps=4)
     assert "assumed for" in of_experiment(store)["said"]
 
 
-def test_a_staircase_may_end_early(tmp_path: Path) -> None:
+def test_a_staircase_may_end_early(tmp_path):
     found = of_experiment(Store(load_experiment("staircase"), tmp_path))
     assert found["said"].startswith("up to ")
 
 
-def test_a_press_takes_what_the_newest_recordings_took(made: Path, tmp_path: Path) -> None:
+def test_a_press_takes_what_the_newest_recordings_took(made, tmp_path):
     data = DataFolder(tmp_path / "data", tmp_path / "history")
     assert "assumed" in pace(data, {})["said"]
     for name in ("P01-latch.h5", "P01-push.h5"):

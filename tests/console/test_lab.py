@@ -11,7 +11,6 @@ import pytest
 from haploop.console.data_folder import DataFolder
 from haploop.console.server.lab import lab, names
 from haploop.exchange.catalogue import index
-from tests.command_line import Demo
 
 
 @pytest.fixture
@@ -20,12 +19,12 @@ def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> DataFolder:
     return DataFolder(tmp_path / "data", tmp_path / "history")
 
 
-def test_an_empty_folder_has_nothing_and_no_fault(data: DataFolder) -> None:
+def test_an_empty_folder_has_nothing_and_no_fault(data):
     found = lab(data, {})
     assert found == {"calibration": {"name": "", "problem": ""}, "newest": [], "studies": []}
 
 
-def test_newest_results_come_first_with_their_verdicts(data: DataFolder, demo: Demo) -> None:
+def test_newest_results_come_first_with_their_verdicts(data, demo):
     shutil.copytree(demo.folder / "recordings", data.root / "recordings")
     shutil.copytree(demo.folder / "checks", data.root / "checks")
     for number, path in enumerate(sorted((data.root / "checks").iterdir())):
@@ -37,7 +36,7 @@ def test_newest_results_come_first_with_their_verdicts(data: DataFolder, demo: D
     assert newest[3]["result"].startswith("complete ") and newest[3]["about"].startswith("P01 ")
 
 
-def test_names_are_those_of_studies_and_of_recordings(data: DataFolder, demo: Demo) -> None:
+def test_names_are_those_of_studies_and_of_recordings(data, demo):
     assert names(data, {})["participants"] == {"study": [], "recorded": []}
     shutil.copytree(demo.folder / "recordings", data.root / "recordings")
     for name, text in (
@@ -52,7 +51,7 @@ def test_names_are_those_of_studies_and_of_recordings(data: DataFolder, demo: De
     assert found["recordings"] == ["P01-latch", "P01-push", "P01-toggle"]
 
 
-def test_studies_say_what_is_due_and_a_broken_one_what_is_wrong(data: DataFolder) -> None:
+def test_studies_say_what_is_due_and_a_broken_one_what_is_wrong(data):
     for name, text in (
         (
             "pilot",

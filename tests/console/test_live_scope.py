@@ -11,7 +11,7 @@ RATE = 5000.0
 TIMES = np.arange(2 * int(RATE)) / RATE
 
 
-def test_a_sweep_is_judged_where_it_has_been() -> None:
+def test_a_sweep_is_judged_where_it_has_been():
     """Two of ten seconds of a sweep: most of the band was not driven yet, and says nothing."""
     drive = chirp(TIMES, 20.0, 2.0, 140.0)
     noise = np.random.default_rng(0).normal(0, 1e-3, len(TIMES))
@@ -19,7 +19,7 @@ def test_a_sweep_is_judged_where_it_has_been() -> None:
     assert found is not None and found > 0.95
 
 
-def test_a_laser_that_sees_nothing_has_no_coherence() -> None:
+def test_a_laser_that_sees_nothing_has_no_coherence():
     random = np.random.default_rng(1)
     found = driven_coherence(random.normal(size=len(TIMES)), random.normal(size=len(TIMES)), RATE)
     assert found is not None and found < 0.2

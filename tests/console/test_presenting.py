@@ -74,7 +74,7 @@ class Console:
 
 
 @pytest.mark.long
-def test_a_session_on_the_pages_is_played_by_the_worker(made: Path, tmp_path: Path) -> None:
+def test_a_session_on_the_pages_is_played_by_the_worker(made, tmp_path):
     console = Console(made, tmp_path)
     conductor = console.conductor
 
@@ -118,7 +118,7 @@ def test_a_session_on_the_pages_is_played_by_the_worker(made: Path, tmp_path: Pa
     assert order[-5:] == ["activation", "answer", "presented", "activation", "answer"]
 
 
-def test_a_rig_that_was_left_in_a_stimulus_is_said_so(made: Path, tmp_path: Path) -> None:
+def test_a_rig_that_was_left_in_a_stimulus_is_said_so(made, tmp_path):
     """STOP, or a worker that died: the session goes on with the same trial."""
     console = Console(made, tmp_path)
     conductor = console.conductor

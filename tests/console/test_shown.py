@@ -7,7 +7,6 @@ import re
 import shutil
 import threading
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import pytest
 
@@ -19,9 +18,7 @@ PATIENCE = 60.0
 
 
 @pytest.mark.long
-def test_figures_are_drawn_while_a_report_is_being_made(
-    made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_figures_are_drawn_while_a_report_is_being_made(made, tmp_path, monkeypatch):
     """The report held the lock of all drawing while it read its data, and wrote files that nobody saw."""
     data = DataFolder(tmp_path / "data", tmp_path / "history")
     data.root.mkdir()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from pathlib import Path
 
 import click
 import pytest
@@ -51,12 +50,12 @@ FORMATS = ("haploop recording", "haploop representative", "haploop calibration")
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=name_of)
-def test_each_command_exists(document: Path) -> None:
+def test_each_command_exists(document):
     lines = set(commands_in(document.read_text(encoding="utf-8"))) - set(FORMATS)
     assert {line: wrong for line in sorted(lines) if (wrong := wrong_in(line))} == {}
 
 
-def test_what_does_not_exist_is_noticed() -> None:
+def test_what_does_not_exist_is_noticed():
     assert wrong_in("haploop recrod latch") == "no command recrod"
     assert wrong_in("haploop record --button push") == "no option --button"
     assert wrong_in("haploop study run --participant P01") == ""

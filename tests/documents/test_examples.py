@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import doctest
 from importlib.util import find_spec
-from pathlib import Path
 
 import pytest
 
@@ -15,7 +14,7 @@ NEEDS = {"analyse_thresholds": "psignifit"}
 
 
 @pytest.mark.long
-def test_each_example_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_example_runs(tmp_path, monkeypatch):
     """In one folder, empty at first: an example may use the files that those before it have written.
 
     `rig` is open; its table has the fewest modes, so that all of it takes seconds.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-from pathlib import Path
 
 import pytest
 
@@ -12,5 +11,5 @@ from tests.documents.pages import SHARES, name_of, pages_of, run_blocks
 
 @pytest.mark.skipif(shutil.which("bash") is None, reason="the blocks are for bash")
 @pytest.mark.parametrize("path", pages_of(*SHARES["others"]), ids=name_of)
-def test_the_blocks_of_a_page_run(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_blocks_of_a_page_run(path, tmp_path, monkeypatch):
     run_blocks(path, tmp_path, monkeypatch)

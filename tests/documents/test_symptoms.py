@@ -19,7 +19,7 @@ ROOMS = (
 NOT_OURS = {"haploop: command not found"}
 
 
-def test_each_sentence_that_is_quoted_is_said_by_the_code() -> None:
+def test_each_sentence_that_is_quoted_is_said_by_the_code():
     page = (ROOT / "docs" / "how-to" / "when-it-does-not-work.md").read_text(encoding="utf-8")
     quoted = {
         said

@@ -457,9 +457,7 @@ ROWS: list[tuple[str, Callable[[Path], None], Right]] = [
 
 
 @pytest.mark.parametrize(("name", "write", "right"), ROWS, ids=[row[0] for row in ROWS])
-def test_it_means_what_the_file_says(
-    tmp_path: Path, name: str, write: Callable[[Path], None], right: Right
-) -> None:
+def test_it_means_what_the_file_says(tmp_path, name, write, right):
     (tmp_path / "outside.bin").write_bytes(F.tobytes())
     with h5py.File(tmp_path / "outside.h5", "w") as outside:
         outside["force"] = F

@@ -14,7 +14,7 @@ from haploop.exchange.importing.understood import FileMapping, Question
 
 
 @pytest.mark.parametrize("off", [-0.5, -0.05, -0.012, -0.008, 0.0, 0.008, 0.012, 0.05, 0.5])
-def test_a_stated_rate_is_held_against_the_stamps(off: float) -> None:
+def test_a_stated_rate_is_held_against_the_stamps(off):
     stamps = np.arange(5000) / 1000
     stated = 1000 * (1 + off)
     table = Table(
@@ -28,7 +28,7 @@ def test_a_stated_rate_is_held_against_the_stamps(off: float) -> None:
 
 
 @pytest.mark.parametrize(("other", "asked"), [(1000.05, False), (1010.0, True), (990.0, True)])
-def test_two_stated_rates_without_stamps(other: float, asked: bool) -> None:
+def test_two_stated_rates_without_stamps(other, asked):
     rates = (Stated(1000.0, "Rate: 1000"), Stated(other, f"Other: {other}"))
     table = Table(Path("a.csv"), "text", (Column("force", "N", np.arange(9.0)),), rates=rates)
     assert isinstance(base_of(table, None, None, [0], FileMapping()), Question) == asked

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import haploop
 from haploop.base import hdf5
-from tests.command_line import Run
 from tests.mutating import mutations
 
 G = 9.80665e-3
@@ -69,9 +66,7 @@ def of_logger(table: np.ndarray) -> str:
 @pytest.mark.parametrize("write", [millis, without_time, with_contact, of_tester, of_logger])
 @pytest.mark.parametrize("tactile", [True, False], ids=["tactile", "linear"])
 @pytest.mark.parametrize("up", [True, False], ids=["both ways", "down"])
-def test_a_curve_is_shown_as_what_it_is(
-    write: Callable[[np.ndarray], str], tactile: bool, up: bool, run: Run, tmp_path: Path
-) -> None:
+def test_a_curve_is_shown_as_what_it_is(write, tactile, up, run, tmp_path):
     """What a file does not show is absent: no bump, no contact, no way up."""
     path = tmp_path / "switch.csv"
     path.write_text(write(rows(tactile, up)), encoding="utf-8")
@@ -102,14 +97,14 @@ def test_a_curve_is_shown_as_what_it_is(
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_noise_makes_no_tactile_peak(seed: int, run: Run, tmp_path: Path) -> None:
+def test_noise_makes_no_tactile_peak(seed, run, tmp_path):
     path = tmp_path / "switch.csv"
     path.write_text(millis(rows(tactile=False, noise=0.6, seed=seed)), encoding="utf-8")
     said = run.json("import", path, "--as", "curve")
     assert "peak_travel_m" not in said and said["snap_ratio"] is None
 
 
-def test_what_is_no_curve_is_one_sentence(run: Run, tmp_path: Path) -> None:
+def test_what_is_no_curve_is_one_sentence(run, tmp_path):
     path = tmp_path / "switch.csv"
     path.write_text(millis(rows()), encoding="utf-8")
     run("import", path, says="--as curve")
@@ -120,9 +115,7 @@ def test_what_is_no_curve_is_one_sentence(run: Run, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("write", [of_tester, with_contact])
-def test_a_kept_curve_is_read_like_any_other_file(
-    write: Callable[[np.ndarray], str], run: Run, tmp_path: Path
-) -> None:
+def test_a_kept_curve_is_read_like_any_other_file(write, run, tmp_path):
     folder = tmp_path / "kept"
     for seed, name in enumerate(("blue", "brown")):
         (tmp_path / f"{name}.csv").write_text(write(rows(seed=seed)), encoding="utf-8")
@@ -150,7 +143,7 @@ def test_a_kept_curve_is_read_like_any_other_file(
         assert run("verify", path).exit_code in (1, 2)
 
 
-def test_an_exported_curve_is_read_back(run: Run, tmp_path: Path) -> None:
+def test_an_exported_curve_is_read_back(run, tmp_path):
     (tmp_path / "blue.csv").write_text(of_tester(rows(seed=0)), encoding="utf-8")
     said = run.json("import", tmp_path / "blue.csv", "--as", "curve", "-o", tmp_path / "blue.h5")
     again = tmp_path / "again.csv"

@@ -243,7 +243,7 @@ MADE = st.builds(
         HealthCheck.data_too_large,
     ],
 )
-def test_it_comes_in_as_it_went_out_or_is_asked_about(name: str, made: Made) -> None:
+def test_it_comes_in_as_it_went_out_or_is_asked_about(name, made):
     with TemporaryDirectory() as folder:
         path = Path(folder) / name
         WRITERS[name](path, made)
@@ -271,7 +271,7 @@ def test_it_comes_in_as_it_went_out_or_is_asked_about(name: str, made: Made) -> 
 
 @pytest.mark.usefixtures("read_here")
 @pytest.mark.parametrize("name", sorted(set(WRITERS) - {"a.wav"}))
-def test_what_states_everything_is_not_asked_about(name: str, tmp_path: Path) -> None:
+def test_what_states_everything_is_not_asked_about(name, tmp_path):
     made = Made(5000.0, 2500, "mN", "g", 1e-4, 100, 0, 1, False, name != "a.uff")
     WRITERS[name](tmp_path / name, made)
     if name == "a.uff":  # in which mN and g contradict a data set 164 of SI units

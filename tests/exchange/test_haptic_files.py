@@ -44,7 +44,7 @@ def resemble(times: list[float], amplitude: list[float], files: Files, least: fl
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("format", RULES)
-def test_every_field_is_as_published(files: Files, tmp_path: Path, format: str, kind: str) -> None:
+def test_every_field_is_as_published(files, tmp_path, format, kind):
     found = json.dumps(read(files, tmp_path, format, kind))
     RULES[format].model_validate_json(found)
 
@@ -64,9 +64,7 @@ BAND = ("perceptions", 0, "channels", 0, "bands", 0)
         ("hjif", (*BAND, "effects", 0, "keyframes", 0, "frequency_modulation"), 200.5),
     ],
 )
-def test_another_field_is_refused(
-    files: Files, tmp_path: Path, format: str, place: tuple[str | int, ...], value: object
-) -> None:
+def test_another_field_is_refused(files, tmp_path, format, place, value):
     """So that the rules say something."""
     found = inner = read(files, tmp_path, format)
     for step in place[:-1]:
@@ -76,7 +74,7 @@ def test_another_field_is_refused(
         RULES[format].model_validate_json(json.dumps(found))
 
 
-def test_the_frequency_is_the_press_s(files: Files, tmp_path: Path) -> None:
+def test_the_frequency_is_the_press_s(files, tmp_path):
     """A drive of 235 Hz: 0.723 of the way from 65 to 300 Hz, wherever it is felt."""
     envelopes = read(files, tmp_path, "haptic", "drive")["signals"]["continuous"]["envelopes"]
     strong = [
@@ -90,7 +88,7 @@ def test_the_frequency_is_the_press_s(files: Files, tmp_path: Path) -> None:
     assert strong and all(abs(f - 235) < 5 for f in strong)
 
 
-def test_the_envelope_is_the_press_in_each_format_and_its_scale_is_said(files: Files, tmp_path: Path) -> None:
+def test_the_envelope_is_the_press_in_each_format_and_its_scale_is_said(files, tmp_path):
     """AHAP has 16 points a curve at most, and Android's steps of 5 ms have whole numbers."""
     found = read(files, tmp_path, "ahap")
     event, *curves = (next(iter(one.values())) for one in found["Pattern"])
@@ -120,7 +118,7 @@ def test_the_envelope_is_the_press_in_each_format_and_its_scale_is_said(files: F
         haploop.export_file(tmp_path / "still.h5", "ahap", tmp_path / "still.ahap")
 
 
-def test_a_step_of_android_has_the_mean_of_the_envelope_within_it(tmp_path: Path) -> None:
+def test_a_step_of_android_has_the_mean_of_the_envelope_within_it(tmp_path):
     line = np.array([0.0, 1.0])
     about: Any = {"simulated": True, "software": "", "source": ""}
     envelope = Envelope("a ramp of 50 ms", 0.05 * line, line, 100 * line, 3.0, about)
@@ -131,9 +129,7 @@ def test_a_step_of_android_has_the_mean_of_the_envelope_within_it(tmp_path: Path
 
 
 @pytest.mark.parametrize("format", ["ahap", "haptic", "hjif", "android"])
-def test_a_button_has_the_level_of_the_table_or_that_of_its_press(
-    files: Files, tmp_path: Path, format: str
-) -> None:
+def test_a_button_has_the_level_of_the_table_or_that_of_its_press(files, tmp_path, format):
     button = DigitalButton.load(files.button)
     said = []
     for of, acceleration in (("table", button.drive.target), ("press", button.press.acceleration)):

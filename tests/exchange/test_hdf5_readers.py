@@ -10,8 +10,6 @@ import h5py
 import numpy as np
 import pytest
 
-from tests.exchange.conftest import Files
-
 KINDS = ("recording", "representative", "drive", "check", "calibration", "button")
 
 
@@ -30,7 +28,7 @@ def arrays(path: Path) -> dict[str, np.ndarray]:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_pyfive_reads_what_the_library_reads(files: Files, kind: str) -> None:
+def test_pyfive_reads_what_the_library_reads(files, kind):
     pyfive = pytest.importorskip("pyfive")
     path = getattr(files, kind)
     wanted = arrays(path)
@@ -43,7 +41,7 @@ def test_pyfive_reads_what_the_library_reads(files: Files, kind: str) -> None:
 @pytest.mark.long
 @pytest.mark.skipif(shutil.which("octave-cli") is None, reason="GNU Octave is not installed")
 @pytest.mark.parametrize("kind", KINDS)
-def test_octave_reads_what_the_library_reads(files: Files, kind: str, tmp_path: Path) -> None:
+def test_octave_reads_what_the_library_reads(files, kind, tmp_path):
     path = getattr(files, kind)
     wanted = {name: values for name, values in arrays(path).items() if values.dtype.names is None}
     # By name: a recording's tables, which are compounds with text, end Octave's reading of a whole file.

@@ -16,8 +16,6 @@ from scipy.io import savemat, wavfile
 
 import haploop
 from haploop.acquisition import Recording, Representative
-from tests.command_line import Run
-from tests.exchange.conftest import Files
 
 
 def press(path: Path, button: str | None = None, at: float | None = None, **told: Any) -> Representative:
@@ -40,7 +38,7 @@ def like(found: Representative, press: Representative, most: float = 0.02) -> No
         ("uff", ".uff"),
     ],
 )  # fmt: skip
-def test_a_press_goes_out_and_comes_back(files: Files, tmp_path: Path, format: str, suffix: str) -> None:
+def test_a_press_goes_out_and_comes_back(files, tmp_path, format, suffix):
     """With no word on channel, unit, rate, button or activation: the file has them."""
     out = tmp_path / f"press{suffix}"
     haploop.export_file(files.representative, format, out)
@@ -70,9 +68,7 @@ def _by_pandas(recording: Recording, path: Path) -> None:
     ("write", "name"),
     [(_by_pandas, "a.parquet"), (_by_xarray("scipy"), "a.nc"), (_by_xarray("h5netcdf"), "a.nc")],
 )
-def test_a_recording_by_pandas_or_xarray_says_what_it_is(
-    files: Files, tmp_path: Path, write: Callable[[Recording, Path], None], name: str
-) -> None:
+def test_a_recording_by_pandas_or_xarray_says_what_it_is(files, tmp_path, write, name):
     """Units, button and participant, and that it is simulated."""
     write(files.presses, tmp_path / name)
     three = name == "a.nc"  # axes, of which the file does not say that z is vertical
@@ -88,7 +84,7 @@ def test_a_recording_by_pandas_or_xarray_says_what_it_is(
 
 @pytest.mark.usefixtures("read_here")
 @pytest.mark.parametrize("format", ["mat", "uff"])
-def test_one_press_of_an_exported_recording_is_imported(files: Files, tmp_path: Path, format: str) -> None:
+def test_one_press_of_an_exported_recording_is_imported(files, tmp_path, format):
     """The one that is named: of several none is taken without a word."""
     out = tmp_path / f"presses.{format}"
     haploop.export_file(files.recording, format, out)
@@ -159,9 +155,7 @@ def by_sdypy(path: Path, values: np.ndarray) -> None:
         (by_sdypy, "a.json", None),
     ],
 )
-def test_a_file_that_another_library_wrote_alone(
-    tmp_path: Path, write: Callable[[Path, np.ndarray], None], name: str, scale: float | None
-) -> None:
+def test_a_file_that_another_library_wrote_alone(tmp_path, write, name, scale):
     values = click_of()
     write(tmp_path / name, values)
     found = press(tmp_path / name, "latch", units={} if scale is None else {"acceleration": f"{scale} m/s^2"})
@@ -171,7 +165,7 @@ def test_a_file_that_another_library_wrote_alone(
     assert np.linalg.norm(found.acceleration - own) < 0.05 * np.linalg.norm(own)
 
 
-def test_by_the_command(files: Files, run: Run, tmp_path: Path) -> None:
+def test_by_the_command(files, run, tmp_path):
     out, back = tmp_path / "press.uff", tmp_path / "back.h5"
     run("export", files.representative, "--to", "uff", "-o", out, ends=0)
     args = ["import", out, "--button", "push", "--acceleration", "acceleration", "--at", "0.3"]
@@ -188,7 +182,7 @@ def recorded(seconds: float = 3.0, rate: int = 44_100, at: float = 1.7) -> np.nd
     return np.asarray(1.0 + 0.4 * np.exp(-since / 0.01) * np.sin(2 * np.pi * 235 * since))
 
 
-def test_a_stranger_s_wav_needs_its_scale(tmp_path: Path) -> None:
+def test_a_stranger_s_wav_needs_its_scale(tmp_path):
     """44.1 kHz, 24 dB of gravity beneath it: what is longer than a second is cut about the click."""
     path = tmp_path / "click.wav"
     wavfile.write(path, 44_100, (recorded() / 2 * 32767).astype(np.int16))
@@ -220,7 +214,7 @@ def uff(kind: int, step: float) -> str:
 @pytest.mark.parametrize(
     ("separator", "encoding"), [(";", "utf-8-sig"), (";", "cp1252"), ("\t", "utf-16"), ("\t", "utf-16-be")]
 )
-def test_a_spreadsheet_with_decimal_commas(tmp_path: Path, separator: str, encoding: str) -> None:
+def test_a_spreadsheet_with_decimal_commas(tmp_path, separator, encoding):
     """As a spreadsheet saves CSV in most of Europe, or as Unicode text."""
     values = np.sin(np.arange(5000) / 10)
     rows = [f"{k / 10_000:.4f}{separator}{value:.9e}" for k, value in enumerate(values)]
@@ -254,9 +248,7 @@ def test_a_spreadsheet_with_decimal_commas(tmp_path: Path, separator: str, encod
         ("a.uff", uff(5, 2e-4), "no real values"),
     ],
 )
-def test_what_cannot_be_read_is_one_sentence(
-    run: Run, tmp_path: Path, name: str, content: str | None, sentence: str
-) -> None:
+def test_what_cannot_be_read_is_one_sentence(run, tmp_path, name, content, sentence):
     if content is not None:
         (tmp_path / name).write_text(content)
     result = run("import", tmp_path / name, "--out", tmp_path / "out.h5")
@@ -269,8 +261,8 @@ def test_what_cannot_be_read_is_one_sentence(
     [(65535, 16, 2, b"data"), (1, 16, 2, b"JUNK"), (0, 16, 0, b"data"), (1, 65535, 1, b"data")],
 )
 def test_a_wav_header_that_contradicts_itself_is_one_sentence(
-    run: Run, tmp_path: Path, channels: int, bits: int, bytes_each: int, chunk: bytes
-) -> None:
+    run, tmp_path, channels, bits, bytes_each, chunk
+):
     """scipy's reader divides by zero, and uses what it has not read."""
     kind = struct.pack("<IHHIIHH", 16, 1, channels, 48_000, 96_000, bytes_each, bits)
     sized = struct.pack("<I", 0xFFFFFFFF)
@@ -280,7 +272,7 @@ def test_a_wav_header_that_contradicts_itself_is_one_sentence(
     assert result.stderr.count("\n") == 1
 
 
-def test_a_time_in_milliseconds_is_not_taken_for_seconds(tmp_path: Path) -> None:
+def test_a_time_in_milliseconds_is_not_taken_for_seconds(tmp_path):
     time = np.arange(5000) / 5000
     wave = np.exp(-(((time - 0.5) / 0.01) ** 2)) * np.sin(2 * np.pi * 200 * time)
     made = []
@@ -296,7 +288,7 @@ def test_a_time_in_milliseconds_is_not_taken_for_seconds(tmp_path: Path) -> None
 
 
 @pytest.mark.usefixtures("read_here")
-def test_an_uneven_time_is_refused_in_every_kind_of_file(tmp_path: Path) -> None:
+def test_an_uneven_time_is_refused_in_every_kind_of_file(tmp_path):
     time = np.sort(np.random.default_rng(0).random(5000))
     wave = np.sin(2 * np.pi * 200 * time)
     savemat(tmp_path / "a.mat", {"a": wave, "time_s": time})
@@ -319,7 +311,7 @@ def test_an_uneven_time_is_refused_in_every_kind_of_file(tmp_path: Path) -> None
         {"about": {"bandwidth_hz": []}},
     ],
 )
-def test_a_sidecar_of_another_shape_is_one_sentence(tmp_path: Path, beside: dict[str, object]) -> None:
+def test_a_sidecar_of_another_shape_is_one_sentence(tmp_path, beside):
     path = tmp_path / "a.wav"
     wavfile.write(path, 5000, np.sin(np.arange(5000.0)).astype(np.float32))
     path.with_name("a.wav.json").write_text(json.dumps(beside))
@@ -328,7 +320,7 @@ def test_a_sidecar_of_another_shape_is_one_sentence(tmp_path: Path, beside: dict
 
 
 @pytest.mark.parametrize("scale", [0.0, np.nan, 1e300])
-def test_a_scale_that_no_sensor_has_is_one_sentence(tmp_path: Path, run: Run, scale: float) -> None:
+def test_a_scale_that_no_sensor_has_is_one_sentence(tmp_path, run, scale):
     path = tmp_path / "a.csv"
     np.savetxt(path, np.sin(np.arange(5000.0)), header="a", comments="")
     result = run("import", path, "--rate", 5000, "--scale", scale, "--out", tmp_path / "out.h5")
@@ -337,7 +329,7 @@ def test_a_scale_that_no_sensor_has_is_one_sentence(tmp_path: Path, run: Run, sc
 
 
 @pytest.mark.parametrize("rate_hz", [-5.0, 1e12, np.nan])
-def test_a_rate_that_no_press_has_is_one_sentence(tmp_path: Path, rate_hz: float) -> None:
+def test_a_rate_that_no_press_has_is_one_sentence(tmp_path, rate_hz):
     path = tmp_path / "a.csv"
     np.savetxt(path, np.sin(np.arange(5000.0)), header="a [g]", comments="")
     with pytest.raises(haploop.ConfigurationError, match="samples/s"):
@@ -346,16 +338,14 @@ def test_a_rate_that_no_press_has_is_one_sentence(tmp_path: Path, rate_hz: float
         press(tmp_path)
 
 
-def test_a_heading_of_many_spaces_takes_no_time(tmp_path: Path) -> None:
+def test_a_heading_of_many_spaces_takes_no_time(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("a" + " " * 50_000 + "[q\n1\n2\n")
     with pytest.raises(haploop.ConfigurationError, match="the unit of"):
         press(path, "b", rate_hz=5000.0)
 
 
-def test_a_reader_that_dies_is_one_sentence(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_reader_that_dies_is_one_sentence(run, tmp_path, monkeypatch):
     """scipy 1.17 dies of a segmentation fault on some damaged files of level 5; here it just dies."""
     savemat(tmp_path / "a.mat", {"acceleration": np.sin(np.arange(5000.0))})
     dies = "import os; import scipy; scipy.io.loadmat = lambda *a, **b: os.abort()\n"
@@ -383,9 +373,7 @@ def test_a_reader_that_dies_is_one_sentence(
         pytest.param("t,a", {"at": 0.3}, "stated", id="a person says when"),
     ],
 )
-def test_what_was_not_measured_is_absent(
-    run: Run, tmp_path: Path, columns: str, told: dict[str, float], by: str
-) -> None:
+def test_what_was_not_measured_is_absent(run, tmp_path, columns, told, by):
     """In what is shown, in JSON, in the report and in the files."""
     t = np.arange(3000) / 5000
     of = {
@@ -426,9 +414,7 @@ def test_what_was_not_measured_is_absent(
 
 @pytest.mark.usefixtures("read_here")
 @pytest.mark.parametrize("bound", ["columns", "cells"])
-def test_a_workbook_of_too_many_cells_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bound: str
-) -> None:
+def test_a_workbook_of_too_many_cells_is_refused(tmp_path, monkeypatch, bound):
     """While it is read: at the row in which it becomes too large."""
     from haploop.exchange.columns import workbook
 

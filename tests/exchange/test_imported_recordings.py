@@ -12,7 +12,6 @@ import pytest
 
 import haploop
 from haploop.acquisition import Recording
-from tests.command_line import Demo, Run
 from tests.exchange.lab_files import Kind, Written, german, jitter, old_tektronix
 
 pytestmark = pytest.mark.usefixtures("read_here")
@@ -36,7 +35,7 @@ KINDS = (Kind("a.csv", german), Kind("b.csv", jitter, error=0.02))
 
 @pytest.mark.long
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
-def test_presses_are_the_same_presses(kind: Kind, own: Recording, presses: Written, tmp_path: Path) -> None:
+def test_presses_are_the_same_presses(kind, own, presses, tmp_path):
     path, out = tmp_path / kind.name, tmp_path / "out.h5"
     kind.write(path, presses)
     os.utime(path, (1.6e9, 1.6e9))
@@ -60,9 +59,7 @@ def test_presses_are_the_same_presses(kind: Kind, own: Recording, presses: Writt
 
 
 @pytest.mark.long
-def test_an_imported_press_is_pressed_into_the_table(
-    presses: Written, tmp_path: Path, run: Run, demo: Demo
-) -> None:
+def test_an_imported_press_is_pressed_into_the_table(presses, tmp_path, run, demo):
     """As the README goes on: represent, button make, in its own words."""
     german(tmp_path / "a.csv", presses)
     out, press = tmp_path / "out.h5", tmp_path / "press.h5"
@@ -74,7 +71,7 @@ def test_an_imported_press_is_pressed_into_the_table(
     run("button make", out, "-c", table, "-o", button, "--iterations", 0, ends=0)
 
 
-def test_a_file_without_a_switch_or_an_accelerometer(presses: Written, tmp_path: Path) -> None:
+def test_a_file_without_a_switch_or_an_accelerometer(presses, tmp_path):
     """Its force alone: the presses and their snaps are found, and there is no press to feel."""
     old_tektronix(tmp_path / "a.csv", presses)
     units = {"time": "s", "force": "0.1 V/N"}
@@ -85,7 +82,7 @@ def test_a_file_without_a_switch_or_an_accelerometer(presses: Written, tmp_path:
         haploop.representative([found])
 
 
-def test_a_press_that_was_filled_is_not_accepted(presses: Written, tmp_path: Path) -> None:
+def test_a_press_that_was_filled_is_not_accepted(presses, tmp_path):
     """20 ms around the third activation are lost."""
     rises = np.flatnonzero(np.diff(presses.switch) > 0.5)
     third = int(rises[np.concatenate([[True], np.diff(rises) > 2500])][2])
@@ -100,7 +97,7 @@ def test_a_press_that_was_filled_is_not_accepted(presses: Written, tmp_path: Pat
     assert any(event.kind == "filled" for event in found.events)
 
 
-def test_a_clipped_signal_is_saturated(presses: Written, tmp_path: Path) -> None:
+def test_a_clipped_signal_is_saturated(presses, tmp_path):
     acceleration = np.clip(presses.acceleration, None, 12.0)
     np.savez(tmp_path / "a.npz", fs=5000, force_N=presses.force, acceleration=acceleration, sw=presses.switch)
     told = haploop.FileMapping(participant="P02", button="push", units={"acceleration": "m/s^2"})
@@ -109,7 +106,7 @@ def test_a_clipped_signal_is_saturated(presses: Written, tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("rate_hz", [1000, 44_100])
-def test_other_rates_become_ours(presses: Written, tmp_path: Path, rate_hz: int) -> None:
+def test_other_rates_become_ours(presses, tmp_path, rate_hz):
     from scipy.signal import resample_poly
 
     force, acceleration = (
@@ -122,7 +119,7 @@ def test_other_rates_become_ours(presses: Written, tmp_path: Path, rate_hz: int)
     assert any(f"Resampled from {rate_hz:g}" in one for one in found.imported["notes"])
 
 
-def test_many_files_by_one_mapping(presses: Written, tmp_path: Path, run: Run) -> None:
+def test_many_files_by_one_mapping(presses, tmp_path, run):
     """Names say who pressed what; a file that is not like the others is said, and the others go on."""
     folder = tmp_path / "lab"
     folder.mkdir()
@@ -144,7 +141,7 @@ def test_many_files_by_one_mapping(presses: Written, tmp_path: Path, run: Run) -
     assert again.exit_code == 2 and "exists" in told["P01_push_monday.csv"]
 
 
-def test_a_file_without_a_press_is_no_recording(tmp_path: Path) -> None:
+def test_a_file_without_a_press_is_no_recording(tmp_path):
     rest = np.random.default_rng(2).normal(0, 0.01, 5000)
     np.savez(tmp_path / "a.npz", fs=5000, force_N=rest)
     told = TOLD.model_copy(update={"make": "recording"})
@@ -153,9 +150,7 @@ def test_a_file_without_a_press_is_no_recording(tmp_path: Path) -> None:
     assert not (tmp_path / "out.h5").exists()
 
 
-def test_a_saved_mapping_does_not_say_who_pressed_who_is_asked_for(
-    presses: Written, tmp_path: Path, run: Run
-) -> None:
+def test_a_saved_mapping_does_not_say_who_pressed_who_is_asked_for(presses, tmp_path, run):
     """A hundred files would silently be one participant's."""
     german(tmp_path / "a.csv", presses)
     saved, out = tmp_path / "lab.toml", tmp_path / "out.h5"
@@ -167,7 +162,7 @@ def test_a_saved_mapping_does_not_say_who_pressed_who_is_asked_for(
     assert mapping.force == "Kraft [N]" and mapping.participant is None and mapping.button is None
 
 
-def test_a_file_of_haploop_needs_no_import(tmp_path: Path) -> None:
+def test_a_file_of_haploop_needs_no_import(tmp_path):
     with haploop.open_rig("simulated") as rig:
         haploop.record(rig, "push", "P01", 1, tmp_path)
     with pytest.raises(haploop.ConfigurationError, match="is a recording of haploop already"):

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 
 import haploop
 from haploop.exchange.importing import presses_in
-from tests.command_line import Run
-from tests.exchange.lab_files import KINDS, Kind, Written, german, no_header
+from tests.exchange.lab_files import KINDS, Written, german, no_header
 
 SAVED = ("none.csv", "pico.csv", "struct.mat", "plain.tdms", "millivolts.csv", "three.wav")
 
@@ -26,7 +22,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Written:
 
 @pytest.mark.usefixtures("read_here")
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
-def test_what_was_written_is_understood(kind: Kind, written: Written, tmp_path: Path) -> None:
+def test_what_was_written_is_understood(kind, written, tmp_path):
     """Values, rate and presses; and what only a person can know is asked, never guessed."""
     if kind.name.endswith(".xlsx"):
         pytest.importorskip("openpyxl")
@@ -64,7 +60,7 @@ def test_what_was_written_is_understood(kind: Kind, written: Written, tmp_path: 
 
 @pytest.mark.usefixtures("read_here")
 @pytest.mark.parametrize("kind", [k for k in KINDS if k.name in SAVED], ids=lambda kind: kind.name)
-def test_a_mapping_is_saved_and_says_it_all(kind: Kind, written: Written, tmp_path: Path) -> None:
+def test_a_mapping_is_saved_and_says_it_all(kind, written, tmp_path):
     path, saved = tmp_path / kind.name, tmp_path / "lab.toml"
     if kind.name.endswith(".tdms"):
         pytest.importorskip("nptdms")
@@ -78,7 +74,7 @@ def test_a_mapping_is_saved_and_says_it_all(kind: Kind, written: Written, tmp_pa
         np.testing.assert_array_equal(again.signals[role].values, signal.values)
 
 
-def test_the_command_shows_what_was_understood(run: Run, written: Written, tmp_path: Path) -> None:
+def test_the_command_shows_what_was_understood(run, written, tmp_path):
     path = tmp_path / "a.csv"
     german(path, written)
     shown = run("import", path, "--plot", tmp_path / "a.png")
@@ -88,7 +84,7 @@ def test_the_command_shows_what_was_understood(run: Run, written: Written, tmp_p
     assert {p.name for p in tmp_path.iterdir()} == {"a.csv", "a.png"}
 
 
-def test_the_command_says_what_it_lacks(run: Run, written: Written, tmp_path: Path) -> None:
+def test_the_command_says_what_it_lacks(run, written, tmp_path):
     path = tmp_path / "a.csv"
     no_header(path, written)
     shown = run("import", path)
@@ -98,9 +94,7 @@ def test_the_command_says_what_it_lacks(run: Run, written: Written, tmp_path: Pa
     assert not (tmp_path / "a.h5").exists()
 
 
-def test_a_person_at_a_terminal_is_asked(
-    run: Run, written: Written, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_person_at_a_terminal_is_asked(run, written, tmp_path, monkeypatch):
     """One question after the other, until nothing is open; the answers are saved."""
     path = tmp_path / "a.csv"
     no_header(path, written)
@@ -145,9 +139,7 @@ TEXT = "t [s],F [N],a [m/s^2]\n" + "".join(f"{k / 1000:.4f},{1 + k % 7},{9.8 + k
         (BARE, {"time": 0, "force": 1}, "--unit force=N"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_understood_is_one_sentence(
-    tmp_path: Path, content: str, told: dict[str, Any], sentence: str
-) -> None:
+def test_what_cannot_be_understood_is_one_sentence(tmp_path, content, told, sentence):
     path = tmp_path / "a.csv"
     path.write_text(content)
     with pytest.raises((haploop.ConfigurationError, haploop.DataError)) as error:
@@ -157,7 +149,7 @@ def test_what_cannot_be_understood_is_one_sentence(
 
 @pytest.mark.usefixtures("read_here")
 @pytest.mark.parametrize("suffix", [".npy", ".mat", ".h5", ".tdms", ".npz", ".wav"])
-def test_a_file_of_noise_is_one_sentence(run: Run, tmp_path: Path, suffix: str) -> None:
+def test_a_file_of_noise_is_one_sentence(run, tmp_path, suffix):
     path = tmp_path / f"a{suffix}"
     path.write_bytes(bytes(np.random.default_rng(1).integers(0, 256, 5000, dtype=np.uint8)))
     result = run("import", path)
@@ -165,7 +157,7 @@ def test_a_file_of_noise_is_one_sentence(run: Run, tmp_path: Path, suffix: str) 
 
 
 @pytest.mark.usefixtures("read_here")
-def test_a_sign_that_must_be_wrong_is_asked_for(written: Written, tmp_path: Path) -> None:
+def test_a_sign_that_must_be_wrong_is_asked_for(written, tmp_path):
     path = tmp_path / "a.npz"
     np.savez(path, fs=5000, force_N=-written.force, acc=-written.acceleration)
     units = {"acceleration": "m/s^2"}
@@ -203,9 +195,7 @@ _TO_END, _FROM_START = _held(0, 0.05, 9, 0), _held(0, -1, 0.9, 0)
         pytest.param(_FROM_START, {"rest": {"force": "end"}}, "", "last", 1, id="held from the start"),
     ],
 )  # fmt: skip
-def test_rest_is_before_and_after_the_press(
-    tmp_path: Path, force: np.ndarray, told: dict[str, Any], asked: str, rest: str, presses: int
-) -> None:
+def test_rest_is_before_and_after_the_press(tmp_path, force, told, asked, rest, presses):
     """However long a button is held; only ends that disagree on the direction are a question."""
     path = tmp_path / "a.csv"
     path.write_text("t [s],F [N]\n" + "".join(f"{k / 1000:.4f},{f:.5f}\n" for k, f in enumerate(force)))
@@ -217,7 +207,7 @@ def test_rest_is_before_and_after_the_press(
         assert len(presses_in(found)) == presses
 
 
-def test_a_recording_that_is_mostly_held_rests_before_its_press(run: Run, tmp_path: Path) -> None:
+def test_a_recording_that_is_mostly_held_rests_before_its_press(run, tmp_path):
     """Told by the command's option, kept in the saved mapping, and tared where nobody presses."""
     path, saved = tmp_path / "a.csv", tmp_path / "lab.toml"
     force = 7 + _held(0, 0.2, 9, 0)

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any
-
 import h5py
 import numpy as np
 import pytest
@@ -24,7 +21,7 @@ from haploop.exchange.importing.understood import Rest
         (0.0, 0.5, "start", 0.0),
     ],
 )
-def test_rest_is_of_both_ends_where_they_agree(start: float, end: float, told: Any, rest: float) -> None:
+def test_rest_is_of_both_ends_where_they_agree(start, end, told, rest):
     assert Rest(start, end, 0.1, 0.0, 10.0).at(told) == rest
 
 
@@ -39,11 +36,11 @@ def test_rest_is_of_both_ends_where_they_agree(start: float, end: float, told: A
         (np.array([0.0, np.nan, np.nan]), False),
     ],
 )
-def test_a_switch_is_at_one_of_two_levels_and_changes_seldom(values: np.ndarray, switches: bool) -> None:
+def test_a_switch_is_at_one_of_two_levels_and_changes_seldom(values, switches):
     assert is_switching(values) == switches
 
 
-def test_columns_without_names_are_called_by_number_and_unit(tmp_path: Path) -> None:
+def test_columns_without_names_are_called_by_number_and_unit(tmp_path):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file["time"] = np.arange(2000) / 1000
         file["time"].attrs["units"] = "s"
@@ -54,7 +51,7 @@ def test_columns_without_names_are_called_by_number_and_unit(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize(("every", "taken"), [(12, True), (8, False)])
-def test_of_a_signal_at_most_a_tenth_is_missing(every: int, taken: bool, tmp_path: Path) -> None:
+def test_of_a_signal_at_most_a_tenth_is_missing(every, taken, tmp_path):
     force = 5 * np.sin(np.arange(1200) / 40) ** 2
     rows = [
         f"{n / 1000:.3f},{'' if n % every == 5 else f'{one:.4f}'},{n % 7:.1f}" for n, one in enumerate(force)

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 import haploop
 from haploop.exchange.catalogue import index as catalogue_index
-from tests.command_line import Demo
 
 
-def test_every_file_of_a_demo_is_loaded_as_what_it_holds(demo: Demo) -> None:
+def test_every_file_of_a_demo_is_loaded_as_what_it_holds(demo):
     files = sorted(demo.folder.glob("**/*.h5"))
     found = {type(one).__name__ for one in haploop.load(files)}
     assert found == {
@@ -19,7 +16,7 @@ def test_every_file_of_a_demo_is_loaded_as_what_it_holds(demo: Demo) -> None:
     }  # fmt: skip
 
 
-def test_folders_are_loaded_by_what_stands_in_them(tmp_path: Path) -> None:
+def test_folders_are_loaded_by_what_stands_in_them(tmp_path):
     study, experiment = tmp_path / "study", tmp_path / "experiment"
     study.mkdir()
     (study / "study.toml").write_text(
@@ -36,9 +33,7 @@ def test_folders_are_loaded_by_what_stands_in_them(tmp_path: Path) -> None:
         haploop.load(tmp_path / "nothing.h5")
 
 
-def test_a_string_is_a_path_and_not_its_letters(
-    demo: Demo, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_string_is_a_path_and_not_its_letters(demo, tmp_path, monkeypatch):
     monkeypatch.setattr(catalogue_index, "user_cache_path", lambda _: tmp_path / "cache")
     recording = str(demo.folder / "recordings" / "P01-latch.h5")
     assert haploop.load_press(recording).button == "latch"

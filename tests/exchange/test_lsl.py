@@ -19,7 +19,6 @@ from haploop.exchange.live import Stamps, find, published
 from haploop.instruments.live import Run
 from haploop.instruments.safety import state_folder
 from haploop.instruments.sensors import Sensors
-from tests.command_line import Run as RunCommand
 
 LOOPBACK = """
 [ports]
@@ -75,7 +74,7 @@ def run_number(number: int) -> Run:
     return Run("r", True, "record", "", ("a",), 1000.0, Sensors(), None, number)
 
 
-def test_stamps_are_even_although_blocks_are_held_up() -> None:
+def test_stamps_are_even_although_blocks_are_held_up():
     stamps, run = Stamps(), run_number(1)
     late = np.array([0.004, 0.002, 0.3, 0.05, 0.002, 0.002])
     found = [stamps.of(block(run, 50 * k), 100 + 0.05 * (k + 1) + late[k]) for k in range(6)]
@@ -85,7 +84,7 @@ def test_stamps_are_even_although_blocks_are_held_up() -> None:
     np.testing.assert_allclose(np.diff(np.concatenate(found[2:])), 0.001, atol=1e-5)
 
 
-def test_stamps_rise_when_the_first_block_was_late_or_a_simulation_runs_ahead() -> None:
+def test_stamps_rise_when_the_first_block_was_late_or_a_simulation_runs_ahead():
     stamps, run = Stamps(), run_number(1)
     arrivals = [100.5, *(100.05 + 0.05 * np.arange(2, 30)), *np.full(10, 101.5)]
     found = np.concatenate([stamps.of(block(run, 50 * k), at) for k, at in enumerate(arrivals)])
@@ -93,14 +92,14 @@ def test_stamps_rise_when_the_first_block_was_late_or_a_simulation_runs_ahead() 
     assert found[30 * 50 - 1] == pytest.approx(101.5, abs=0.06)
 
 
-def test_a_gap_is_a_gap_in_the_stamps() -> None:
+def test_a_gap_is_a_gap_in_the_stamps():
     stamps, run = Stamps(), run_number(1)
     before = stamps.of(block(run, 0), 100.05)
     after = stamps.of(block(run, 500), 100.55)
     assert after[0] - before[-1] == pytest.approx(0.451, abs=1e-4)
 
 
-def test_stamps_follow_a_clock_that_drifts_and_begin_anew_with_a_run() -> None:
+def test_stamps_follow_a_clock_that_drifts_and_begin_anew_with_a_run():
     stamps, run = Stamps(), run_number(1)
     for k in range(20_000):  # 1000 s, in which the card's clock loses 50 ms
         arrival = 1.00005 * 0.05 * (k + 1) + 0.002
@@ -110,7 +109,7 @@ def test_stamps_follow_a_clock_that_drifts_and_begin_anew_with_a_run() -> None:
     assert again[-1] == pytest.approx(5000.0)
 
 
-def test_stamps_begin_anew_with_another_program() -> None:
+def test_stamps_begin_anew_with_another_program():
     stamps = Stamps()
     for program in range(3):  # each numbers its runs from 1, and may be joined late
         stamps.begin()
@@ -119,12 +118,12 @@ def test_stamps_begin_anew_with_another_program() -> None:
             assert stamps.of(block(run_number(1), 50 * k), arrival)[-1] == pytest.approx(arrival)
 
 
-def test_a_missing_pylsl_is_named(run: RunCommand, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_pylsl_is_named(run, monkeypatch):
     monkeypatch.setitem(sys.modules, "pylsl", None)
     run("live --lsl", says='pip install "haploop[lsl]"')
 
 
-def test_a_viewer_that_waits_misses_nothing(tmp_path: Path) -> None:
+def test_a_viewer_that_waits_misses_nothing(tmp_path):
     """Even of a simulated rig, which measures faster than a viewer connects."""
     file, blocks = haploop.load_rig_file("simulated"), []
 
@@ -147,7 +146,7 @@ def test_a_viewer_that_waits_misses_nothing(tmp_path: Path) -> None:
     assert not list(folder.glob("waiting-*.txt"))
 
 
-def test_a_viewer_that_was_killed_is_not_waited_for_twice(tmp_path: Path) -> None:
+def test_a_viewer_that_was_killed_is_not_waited_for_twice(tmp_path):
     file = haploop.load_rig_file("simulated")
     left, other = (state_folder(file, True) / f"waiting-{name}.txt" for name in ("left", "other"))
     left.write_text(file.name)
@@ -157,7 +156,7 @@ def test_a_viewer_that_was_killed_is_not_waited_for_twice(tmp_path: Path) -> Non
     other.unlink()
 
 
-def test_an_inlet_receives_what_is_recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_inlet_receives_what_is_recorded(tmp_path, monkeypatch):
     pytest.importorskip("pylsl", reason='pylsl is not installed: python -m pip install -e ".[lsl]"')
     environment = loopback(tmp_path)
     live = [sys.executable, "-m", "haploop", "live", "--lsl", "--wait", "60"]

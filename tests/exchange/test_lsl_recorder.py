@@ -67,7 +67,7 @@ while True:
 """
 
 
-def test_a_recorder_keeps_it_beside_an_eeg_and_over_a_restart(tmp_path: Path) -> None:
+def test_a_recorder_keeps_it_beside_an_eeg_and_over_a_restart(tmp_path):
     pytest.importorskip("pylsl", reason='pylsl is not installed: python -m pip install -e ".[lsl]"')
     pyxdf = pytest.importorskip("pyxdf", reason="pyxdf is not installed: python -m pip install pyxdf")
     environment = loopback(tmp_path)
@@ -133,7 +133,7 @@ def test_a_recorder_keeps_it_beside_an_eeg_and_over_a_restart(tmp_path: Path) ->
         assert np.isin(force, received).mean() > 0.3
 
 
-def test_labrecorder_itself_records_it(tmp_path: Path) -> None:
+def test_labrecorder_itself_records_it(tmp_path):
     """The program of Lab Streaming Layer, without its window."""
     pytest.importorskip("pylsl", reason='pylsl is not installed: python -m pip install -e ".[lsl]"')
     pyxdf = pytest.importorskip("pyxdf", reason="pyxdf is not installed: python -m pip install pyxdf")

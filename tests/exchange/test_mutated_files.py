@@ -59,9 +59,7 @@ def ended(run: Run, *arguments: object) -> Result:
 
 @pytest.mark.long
 @pytest.mark.timeout(3600)
-def test_a_command_survives_any_bytes_and_any_structure(
-    kind: str, files: dict[str, Path], run: Run, tmp_path: Path, full: bool
-) -> None:
+def test_a_command_survives_any_bytes_and_any_structure(kind, files, run, tmp_path, full):
     """What becomes of each change is looked at in the tests of each kind; here the commands'."""
     path, codes = tmp_path / "P01-push.h5", []
     raw = files[kind].read_bytes()
@@ -101,9 +99,7 @@ NONSENSE = {
 
 
 @pytest.mark.parametrize("kind", NONSENSE)
-def test_content_that_nobody_measured_is_refused_under_a_hash_that_fits(
-    kind: str, files: dict[str, Path], run: Run, tmp_path: Path
-) -> None:
+def test_content_that_nobody_measured_is_refused_under_a_hash_that_fits(kind, files, run, tmp_path):
     flat = hdf5.read(files[kind], kind)
     for number, (key, value) in enumerate(NONSENSE[kind].items()):
         assert key in flat
@@ -113,9 +109,7 @@ def test_content_that_nobody_measured_is_refused_under_a_hash_that_fits(
 
 
 @pytest.mark.long
-def test_a_response_without_coherence_is_shown_and_reported(
-    files: dict[str, Path], run: Run, tmp_path: Path
-) -> None:
+def test_a_response_without_coherence_is_shown_and_reported(files, run, tmp_path):
     """As another program may have measured it."""
     found = Calibration.load(files["calibration"])
     path = tmp_path / "other.h5"
@@ -134,9 +128,7 @@ OTHERS = ([], {}, [1], [[]], {"a": None}, "a", None, 1e308, [None] * 1000)
 @pytest.mark.parametrize(
     ("kind", "own"), [("map", {"rig": "rig"}), ("rejections", [{"file": "P01-push.h5"}])]
 )
-def test_a_list_or_plan_of_another_content_is_refused(
-    kind: str, own: object, files: dict[str, Path], run: Run, tmp_path: Path
-) -> None:
+def test_a_list_or_plan_of_another_content_is_refused(kind, own, files, run, tmp_path):
     path = tmp_path / f"{kind}.json"
     shutil.copyfile(files["recording"], tmp_path / files["recording"].name)
     for changed in (own, *OTHERS):

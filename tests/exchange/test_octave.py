@@ -11,8 +11,7 @@ import pytest
 
 import haploop
 from haploop.calibration import Calibration, VibrationMap
-from tests.command_line import Run
-from tests.exchange.conftest import FREQUENCIES, Files, velocity
+from tests.exchange.conftest import FREQUENCIES, velocity
 from tests.exchange.test_signals import KINDS, expected
 
 pytestmark = pytest.mark.skipif(shutil.which("octave-cli") is None, reason="GNU Octave is not installed")
@@ -54,7 +53,7 @@ def octave(script: str, folder: Path) -> None:
 
 
 @pytest.mark.long
-def test_octave_opens_every_kind(files: Files, measured_map: Path, tmp_path: Path) -> None:
+def test_octave_opens_every_kind(files, measured_map, tmp_path):
     kinds = {kind: getattr(files, kind) for kind in (*KINDS, "calibration")} | {"map": measured_map}
     for kind, path in kinds.items():
         haploop.export_file(path, "mat", tmp_path / f"{kind}.mat")
@@ -95,7 +94,7 @@ def test_octave_opens_every_kind(files: Files, measured_map: Path, tmp_path: Pat
 
 
 @pytest.mark.long
-def test_a_press_that_octave_saved_is_imported(tmp_path: Path, run: Run) -> None:
+def test_a_press_that_octave_saved_is_imported(tmp_path, run):
     """In g at 10 kHz, as somebody else would save it."""
     script = (
         "t = (0:4999)' / 10000; click = 2 * exp(-((t - 0.2) / 0.004) .^ 2) "

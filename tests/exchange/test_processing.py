@@ -17,7 +17,6 @@ import pytest
 import haploop
 from haploop.exchange import processing
 from tests import forked
-from tests.command_line import Run
 
 STUDY = """
 name = "pilot"
@@ -65,7 +64,7 @@ def once(act: Callable[[], None]) -> haploop.Progress:
 
 
 @pytest.mark.long
-def test_what_is_written(folder: Path, alone: dict[str, bytes]) -> None:
+def test_what_is_written(folder, alone):
     pairs = [f"{who}-{button}" for who in ("P01", "P02", "P03") for button in ("latch", "push")]
     parts = [f"parts/{pair}{end}" for pair in pairs for end in (".json", "-press.h5")]
     assert set(alone) == {
@@ -96,7 +95,7 @@ def _hash(press: haploop.Representative, folder: Path) -> str:
 
 
 @pytest.mark.long
-def test_a_killed_process_costs_time_only(folder: Path, alone: dict[str, bytes], tmp_path: Path) -> None:
+def test_a_killed_process_costs_time_only(folder, alone, tmp_path):
     killed = []
 
     def kill() -> None:
@@ -110,9 +109,7 @@ def test_a_killed_process_costs_time_only(folder: Path, alone: dict[str, bytes],
 
 
 @pytest.mark.long
-def test_two_runs_do_not_write_into_one_folder(
-    folder: Path, alone: dict[str, bytes], tmp_path: Path, run: Run
-) -> None:
+def test_two_runs_do_not_write_into_one_folder(folder, alone, tmp_path, run):
     second = []
 
     def start_another() -> None:
@@ -125,9 +122,7 @@ def test_two_runs_do_not_write_into_one_folder(
 
 
 @pytest.mark.long
-def test_what_is_done_is_not_done_again_and_what_was_changed_or_is_gone_is(
-    folder: Path, alone: dict[str, bytes], tmp_path: Path
-) -> None:
+def test_what_is_done_is_not_done_again_and_what_was_changed_or_is_gone_is(folder, alone, tmp_path):
     study, parts = haploop.load_study(folder), tmp_path / "parts"
 
     def stop() -> None:
@@ -148,7 +143,7 @@ def test_what_is_done_is_not_done_again_and_what_was_changed_or_is_gone_is(
 
 
 @pytest.mark.long
-def test_a_rejection_is_a_change(folder: Path, tmp_path: Path) -> None:
+def test_a_rejection_is_a_change(folder, tmp_path):
     copy = tmp_path / "study"
     (copy / "recordings").mkdir(parents=True)
     (copy / "study.toml").write_bytes((folder / "study.toml").read_bytes())
@@ -164,9 +159,7 @@ def test_a_rejection_is_a_change(folder: Path, tmp_path: Path) -> None:
     assert not (tmp_path / "out" / "parts" / "P01-latch-press.h5").exists()
 
 
-def test_workers_that_are_always_killed_end_it(
-    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_workers_that_are_always_killed_end_it(folder, tmp_path, monkeypatch):
     monkeypatch.setattr(processing, "_work", suicide)
     with pytest.raises(haploop.InstrumentError, match="enough memory"):
         haploop.process_study(haploop.load_study(folder), tmp_path, workers=2)
@@ -188,7 +181,7 @@ haploop.process_study(haploop.load_study(sys.argv[1]), sys.argv[2], workers=2, p
 
 
 @pytest.mark.skipif(os.name == "nt", reason="no SIGKILL")
-def test_workers_end_with_the_program_that_was_killed(folder: Path, tmp_path: Path) -> None:
+def test_workers_end_with_the_program_that_was_killed(folder, tmp_path):
     # The pipe of its output is closed when the last process that inherited it has ended.
     ended = subprocess.run(
         [sys.executable, "-c", KILLED, folder, tmp_path / "out"], capture_output=True, timeout=60, check=False
@@ -210,9 +203,7 @@ def cluster(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[object]
 
 
 @pytest.mark.filterwarnings("default")
-def test_a_dask_cluster_writes_the_same_bytes_when_a_worker_is_killed(
-    folder: Path, alone: dict[str, bytes], tmp_path: Path, cluster: object, run: Run
-) -> None:
+def test_a_dask_cluster_writes_the_same_bytes_when_a_worker_is_killed(folder, alone, tmp_path, cluster, run):
     killed = []
 
     def kill() -> None:
@@ -230,9 +221,7 @@ def test_a_dask_cluster_writes_the_same_bytes_when_a_worker_is_killed(
 
 
 @pytest.mark.filterwarnings("default")
-def test_a_cluster_that_loses_every_worker_ends_it(
-    folder: Path, tmp_path: Path, cluster: object, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_cluster_that_loses_every_worker_ends_it(folder, tmp_path, cluster, monkeypatch):
     cluster.scheduler.allowed_failures = 0  # type: ignore[attr-defined]
     # By value: the workers have no module of tests.
     monkeypatch.setattr(processing, "_work", lambda *_: os.kill(os.getpid(), signal.SIGKILL))
@@ -245,9 +234,7 @@ def test_a_cluster_that_loses_every_worker_ends_it(
 
 
 @pytest.mark.filterwarnings("default")
-def test_no_scheduler_is_an_error_of_one_sentence(
-    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_no_scheduler_is_an_error_of_one_sentence(folder, tmp_path, monkeypatch):
     pytest.importorskip("distributed", reason="python -m pip install -e '.[dask]'")
     monkeypatch.setattr(processing, "_CONNECT", 0.5)
     for address in ("tcp://127.0.0.1:9", "nonsense://x"):
@@ -255,13 +242,13 @@ def test_no_scheduler_is_an_error_of_one_sentence(
             haploop.process_study(haploop.load_study(folder), tmp_path / "out", dask=address)
 
 
-def test_a_study_without_recordings_is_refused(tmp_path: Path, run: Run) -> None:
+def test_a_study_without_recordings_is_refused(tmp_path, run):
     (tmp_path / "study.toml").write_text(STUDY, encoding="utf-8")
     run("study process --study", tmp_path, "--out", tmp_path / "out", says="has no recording yet")
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_a_recording_of_another_study_is_refused(folder: Path, tmp_path: Path, workers: int) -> None:
+def test_a_recording_of_another_study_is_refused(folder, tmp_path, workers):
     (tmp_path / "recordings").mkdir()
     (tmp_path / "study.toml").write_text(STUDY, encoding="utf-8")
     for name, source in (("P01-latch.h5", "P01-latch.h5"), ("P02-push.h5", "P01-push.h5")):
@@ -270,7 +257,7 @@ def test_a_recording_of_another_study_is_refused(folder: Path, tmp_path: Path, w
         haploop.process_study(haploop.load_study(tmp_path), tmp_path / "out", workers=workers)
 
 
-def test_files_of_others_are_not_replaced(folder: Path, tmp_path: Path) -> None:
+def test_files_of_others_are_not_replaced(folder, tmp_path):
     (tmp_path / "latch.h5").write_text("a digital button")
     with pytest.raises(haploop.ConfigurationError, match=r"latch.h5 already exists"):
         haploop.process_study(haploop.load_study(folder), tmp_path, workers=1)

@@ -12,11 +12,10 @@ from scipy.io import loadmat, savemat
 
 import haploop
 from haploop.calibration import Calibration, VibrationMap
-from tests.command_line import Run
-from tests.exchange.conftest import FREQUENCIES, Files, velocity
+from tests.exchange.conftest import FREQUENCIES, velocity
 
 
-def test_a_response_goes_out_and_comes_back(files: Files, run: Run, tmp_path: Path) -> None:
+def test_a_response_goes_out_and_comes_back(files, run, tmp_path):
     universal, back = tmp_path / "a.uff", tmp_path / "b.h5"
     run("export", files.calibration, "--to", "uff", "--out", universal, ends=0)
     assert run.json("import", universal, "--out", back)["source"].startswith("imported from a.uff, sha256 ")
@@ -28,9 +27,7 @@ def test_a_response_goes_out_and_comes_back(files: Files, run: Run, tmp_path: Pa
 
 @pytest.mark.long
 @pytest.mark.parametrize("to", ["csv", "mat", "uff"])
-def test_what_is_exported_of_responses_is_read_back(
-    to: str, files: Files, measured_map: Path, run: Run, tmp_path: Path
-) -> None:
+def test_what_is_exported_of_responses_is_read_back(to, files, measured_map, run, tmp_path):
     path, back = tmp_path / f"a.{to}", tmp_path / "b.h5"
     run("export", files.calibration, "--to", to, "--out", path, ends=0)
     run("import", path, "--out", back, ends=0)
@@ -49,7 +46,7 @@ def test_what_is_exported_of_responses_is_read_back(
     np.testing.assert_allclose(found.velocity, own(measured_map, found.frequencies)[3], rtol=1e-8)
 
 
-def test_a_sidecar_that_fits_no_more_is_one_sentence(files: Files, run: Run, tmp_path: Path) -> None:
+def test_a_sidecar_that_fits_no_more_is_one_sentence(files, run, tmp_path):
     path = tmp_path / "a.csv"
     run("export", files.calibration, "--to", "csv", "--out", path, ends=0)
     text = path.read_text()
@@ -58,7 +55,7 @@ def test_a_sidecar_that_fits_no_more_is_one_sentence(files: Files, run: Run, tmp
         run("import", path, "--out", tmp_path / "b.h5", says="export it again")
 
 
-def test_a_model_goes_to_matlab(files: Files, run: Run, tmp_path: Path) -> None:
+def test_a_model_goes_to_matlab(files, run, tmp_path):
     assert run.json("export", files.calibration, "--to", "mat", "--out", tmp_path / "a.mat") == {
         "kind": "calibration",
         "to": "mat",
@@ -79,7 +76,7 @@ def own(path: Path, f: np.ndarray) -> np.ndarray:
 PLACES = [("A", "3", 0, 3), ("A", "17", 1, 5), ("B", "3", 0, 3), ("B", "17", 1, 5)]
 
 
-def test_a_map_opens_in_pandas(measured_map: Path, tmp_path: Path) -> None:
+def test_a_map_opens_in_pandas(measured_map, tmp_path):
     pandas = pytest.importorskip("pandas")
     done = haploop.export_file(measured_map, "csv", tmp_path / "a.csv")
     assert done.files == (tmp_path / "a.csv", tmp_path / "a.csv.json") and done.simulated
@@ -94,7 +91,7 @@ def test_a_map_opens_in_pandas(measured_map: Path, tmp_path: Path) -> None:
         np.testing.assert_allclose(table[f"{name} imaginary [(m/s)/V]"], values.imag, rtol=1e-8)
 
 
-def test_a_map_in_pyuff(measured_map: Path, tmp_path: Path) -> None:
+def test_a_map_in_pyuff(measured_map, tmp_path):
     pyuff = pytest.importorskip("pyuff")
     haploop.export_file(measured_map, "uff", tmp_path / "a.uff")
     sets = [s for s in pyuff.UFF(str(tmp_path / "a.uff")).read_sets() if s["type"] == 58]
@@ -109,7 +106,7 @@ def test_a_map_in_pyuff(measured_map: Path, tmp_path: Path) -> None:
         np.testing.assert_allclose(one["data"], values, rtol=1e-4)
 
 
-def test_a_response_as_a_table(files: Files, tmp_path: Path) -> None:
+def test_a_response_as_a_table(files, tmp_path):
     pandas = pytest.importorskip("pandas")
     haploop.export_file(files.calibration, "csv", tmp_path / "a.csv")
     table = pandas.read_csv(tmp_path / "a.csv")
@@ -119,7 +116,7 @@ def test_a_response_as_a_table(files: Files, tmp_path: Path) -> None:
     np.testing.assert_allclose(found, velocity(), rtol=1e-7)
 
 
-def test_frequencies_in_uff_have_the_digits_that_fit(tmp_path: Path, files: Files) -> None:
+def test_frequencies_in_uff_have_the_digits_that_fit(tmp_path, files):
     """Lines of a period of 0.6 s: 620.0000 Hz is written, and so is 1.6666667."""
     response = replace(Calibration.load(files.calibration).response, frequencies=FREQUENCIES / 1.2)
     haploop.write_uff(tmp_path / "a.uff", [response])
@@ -134,9 +131,7 @@ def test_frequencies_in_uff_have_the_digits_that_fit(tmp_path: Path, files: File
     ("unit", "factor", "power"),
     [("(m/s)/V", 1.0, 0), ("mm/s/V", 1e-3, 0), ("g/V", 9.80665, -1), ("um/V", 1e-6, 1)],
 )
-def test_a_complex_array_over_frequencies_is_a_response(
-    tmp_path: Path, unit: str, factor: float, power: int
-) -> None:
+def test_a_complex_array_over_frequencies_is_a_response(tmp_path, unit, factor, power):
     own = velocity()
     path, rig = tmp_path / "a.mat", haploop.load_rig_file("simulated")
     savemat(path, {"H": own / factor / (2j * np.pi * FREQUENCIES) ** power, "freq": FREQUENCIES})
@@ -157,7 +152,7 @@ def test_a_complex_array_over_frequencies_is_a_response(
 
 @pytest.mark.usefixtures("read_here")
 @pytest.mark.parametrize("engine", ["scipy", "h5netcdf"])
-def test_two_parts_over_frequency_in_netcdf_are_a_response(tmp_path: Path, engine: str) -> None:
+def test_two_parts_over_frequency_in_netcdf_are_a_response(tmp_path, engine):
     xarray = pytest.importorskip("xarray")
     pytest.importorskip(engine)
     own, path = velocity(), tmp_path / "a.nc"
@@ -173,7 +168,7 @@ def test_two_parts_over_frequency_in_netcdf_are_a_response(tmp_path: Path, engin
 
 
 @pytest.mark.usefixtures("read_here")
-def test_a_calibration_in_matlab_s_format_comes_back(files: Files, run: Run, tmp_path: Path) -> None:
+def test_a_calibration_in_matlab_s_format_comes_back(files, run, tmp_path):
     path, back = tmp_path / "a.mat", tmp_path / "b.h5"
     run("export", files.calibration, "--to", "mat", "--out", path, ends=0)
     run("import", path, "--out", back, ends=0)

@@ -44,7 +44,7 @@ def exported(files: Files, kind: str, format: str, tmp_path: Path, suffix: str) 
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_table_opens_in_pandas(files: Files, tmp_path: Path, kind: str) -> None:
+def test_a_table_opens_in_pandas(files, tmp_path, kind):
     pandas = pytest.importorskip("pandas")
     out = exported(files, kind, "csv", tmp_path, ".csv")
     table = pandas.read_csv(out)
@@ -58,7 +58,7 @@ def test_a_table_opens_in_pandas(files: Files, tmp_path: Path, kind: str) -> Non
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_float_wav_opens_in_libsndfile(files: Files, tmp_path: Path, kind: str) -> None:
+def test_a_float_wav_opens_in_libsndfile(files, tmp_path, kind):
     soundfile = pytest.importorskip("soundfile")
     out = exported(files, kind, "wav", tmp_path, ".wav")
     found, rate = soundfile.read(out, dtype="float32")
@@ -72,7 +72,7 @@ def test_a_float_wav_opens_in_libsndfile(files: Files, tmp_path: Path, kind: str
 
 
 @pytest.mark.parametrize(("kind", "main"), [("representative", "acceleration"), ("drive", "volts")])
-def test_a_sound_card_s_wav_opens_in_libsndfile(files: Files, tmp_path: Path, kind: str, main: str) -> None:
+def test_a_sound_card_s_wav_opens_in_libsndfile(files, tmp_path, kind, main):
     soundfile = pytest.importorskip("soundfile")
     out = exported(files, kind, "wav48", tmp_path, ".wav")
     found, rate = soundfile.read(out, dtype="int16")
@@ -93,7 +93,7 @@ def expected_rate(kind: str) -> float:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_matlab_files(files: Files, tmp_path: Path, kind: str) -> None:
+def test_matlab_files(files, tmp_path, kind):
     out = exported(files, kind, "mat", tmp_path, ".mat")
     found = loadmat(out, squeeze_me=True, simplify_cells=True)
     for name, (values, unit) in expected(files, kind).items():
@@ -103,7 +103,7 @@ def test_matlab_files(files: Files, tmp_path: Path, kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_uff_opens_in_pyuff(files: Files, tmp_path: Path, kind: str) -> None:
+def test_uff_opens_in_pyuff(files, tmp_path, kind):
     """pyuff writes it too; the numbers and types of the text are looked at here."""
     pyuff = pytest.importorskip("pyuff")
     out = exported(files, kind, "uff", tmp_path, ".uff")
@@ -119,7 +119,7 @@ def test_uff_opens_in_pyuff(files: Files, tmp_path: Path, kind: str) -> None:
         assert one["id5"].startswith("Simulated")
 
 
-def test_a_table_of_presses(files: Files, tmp_path: Path) -> None:
+def test_a_table_of_presses(files, tmp_path):
     """Several recordings: one row a press; the same one twice has twice the rows."""
     done = haploop.export_file([files.recording, files.recording], "csv", tmp_path / "presses.csv")
     assert done.kind == "study"
@@ -136,7 +136,7 @@ def test_a_table_of_presses(files: Files, tmp_path: Path) -> None:
         assert 50 < float(row["centroid_hz"]) < 600
 
 
-def test_what_does_not_fit_is_one_sentence(files: Files, tmp_path: Path) -> None:
+def test_what_does_not_fit_is_one_sentence(files, tmp_path):
     with pytest.raises(haploop.ConfigurationError, match=r"recording cannot .*'ahap'.*representative press"):
         haploop.export_file(files.recording, "ahap", tmp_path / "a.ahap")
     with pytest.raises(haploop.ConfigurationError, match="choose csv, mat, uff"):
@@ -151,7 +151,7 @@ def test_what_does_not_fit_is_one_sentence(files: Files, tmp_path: Path) -> None
     assert [p.name for p in tmp_path.iterdir()] == ["a.wav.json"]
 
 
-def test_channels_with_names_alike_are_all_in_the_matlab_file(tmp_path: Path) -> None:
+def test_channels_with_names_alike_are_all_in_the_matlab_file(tmp_path):
     names = ["time", "foo-bar", "foo_bar", "a" * 31 + "1", "a" * 31 + "2"]
     channels = tuple(Channel(name, "N", np.arange(3.0) + 10 * n) for n, name in enumerate(names))
     mat_file.write_signals(Signals("x", 5000.0, channels, "time", {"simulated": False}), tmp_path / "a.mat")
@@ -161,7 +161,7 @@ def test_channels_with_names_alike_are_all_in_the_matlab_file(tmp_path: Path) ->
     assert firsts == {0.0, 10.0, 20.0, 30.0, 40.0}
 
 
-def test_no_text_of_a_table_is_a_formula(tmp_path: Path) -> None:
+def test_no_text_of_a_table_is_a_formula(tmp_path):
     table = PressTable("x", {"rig": "", "force": "N"}, ({"rig": "=1+1", "force": -1.0},), {})
     csv_file.write_presses(table, tmp_path / "a.csv")
     assert (tmp_path / "a.csv").read_text().split() == ["rig,force", "'=1+1,-1.0"]

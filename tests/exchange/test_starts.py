@@ -18,7 +18,6 @@ import pytest
 import scipy
 
 import haploop
-from tests.command_line import Run
 
 T = np.arange(2500) / 5000
 F = np.round(2 * np.exp(-(((T - 0.25) / 0.05) ** 2)), 6)
@@ -550,7 +549,7 @@ def written(case: Case, folder: Path) -> Path:
 
 @pytest.mark.usefixtures("read_here")
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
-def test_the_start_that_a_file_states(case: Case, tmp_path: Path) -> None:
+def test_the_start_that_a_file_states(case, tmp_path):
     found = haploop.understand(written(case, tmp_path), haploop.FileMapping(**case.told))
     assert not found.questions
     assert found.rate_hz == pytest.approx(case.rate_hz, rel=1e-6)
@@ -575,20 +574,20 @@ def test_the_start_that_a_file_states(case: Case, tmp_path: Path) -> None:
         ),
     ],
 )
-def test_what_is_refused(text: str, suffix: str, told: dict[str, Any], asked: str, tmp_path: Path) -> None:
+def test_what_is_refused(text, suffix, told, asked, tmp_path):
     path = written(Case("", text, suffix=suffix), tmp_path)
     with pytest.raises((haploop.ConfigurationError, haploop.DataError), match=asked):
         haploop.understand(path, haploop.FileMapping(**told))
 
 
-def test_two_samples_that_look_like_a_start_are_kept_in_a_table_with_headings(tmp_path: Path) -> None:
+def test_two_samples_that_look_like_a_start_are_kept_in_a_table_with_headings(tmp_path):
     text = "Sample rate: 5000 Hz\nForce (mN)\n" + rows([UNIX, 5000, *np.round(F, 5)])
     path = written(Case("", text), tmp_path)
     with pytest.raises(haploop.ConfigurationError, match="would reach"):
         haploop.understand(path)
 
 
-def test_a_recording_is_dated_by_the_start_that_its_file_states(run: Run, tmp_path: Path) -> None:
+def test_a_recording_is_dated_by_the_start_that_its_file_states(run, tmp_path):
     """Without a time zone by the file's last change, and the clock time stands beside it."""
     path, saved = tmp_path / "a.csv", tmp_path / "lab.toml"
     path.write_text(table("Start: 2026-05-01T10:00:00"), encoding="utf-8")
@@ -615,7 +614,7 @@ def test_a_recording_is_dated_by_the_start_that_its_file_states(run: Run, tmp_pa
 
 @pytest.mark.usefixtures("read_here")
 @pytest.mark.parametrize("format", ["csv", "wav", "mat", "uff"])
-def test_an_own_export_brings_its_start_back(format: str, run: Run, tmp_path: Path) -> None:
+def test_an_own_export_brings_its_start_back(format, run, tmp_path):
     path, first = tmp_path / "a.csv", tmp_path / "first.h5"
     path.write_text(table(f"Start: {UTC}"), encoding="utf-8")
     told = ("--button", "push", "-p", "P01", "--as", "recording")

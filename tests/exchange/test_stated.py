@@ -7,14 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 import haploop
-from tests.command_line import Run
 
 T = np.arange(2500) / 5000
 F = 2 * np.exp(-(((T - 0.25) / 0.05) ** 2))
@@ -957,7 +955,7 @@ CASES = (
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
-def test_what_is_stated(case: Case, tmp_path: Path) -> None:
+def test_what_is_stated(case, tmp_path):
     path = tmp_path / "a.csv"
     path.write_text(case.text, encoding="utf-8")
     try:
@@ -981,7 +979,7 @@ def test_what_is_stated(case: Case, tmp_path: Path) -> None:
     assert all(part in notes for part in case.notes), notes
 
 
-def test_a_damaged_row_is_a_gap_in_the_recording(tmp_path: Path) -> None:
+def test_a_damaged_row_is_a_gap_in_the_recording(tmp_path):
     """Also where no column of time shows it."""
     path = tmp_path / "a.csv"
     lines = (f"{f:.5f}" for f in F)
@@ -995,14 +993,14 @@ def test_a_damaged_row_is_a_gap_in_the_recording(tmp_path: Path) -> None:
     assert found.holes[0].end - found.holes[0].first == 1
 
 
-def test_a_table_that_is_far_too_wide_is_refused_at_once(tmp_path: Path) -> None:
+def test_a_table_that_is_far_too_wide_is_refused_at_once(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text(",".join(["1"] * 300_000) + "\n")
     with pytest.raises(haploop.DataError, match="more than 4096 cells"):
         haploop.understand(path)
 
 
-def test_each_measurement_of_a_table_becomes_a_file_of_its_own(run: Run, tmp_path: Path) -> None:
+def test_each_measurement_of_a_table_becomes_a_file_of_its_own(run, tmp_path):
     segments = tmp_path / "run.lvm"
     segments.write_text(
         LVM.format(x="One") + (SEGMENT + "X_Value\tForce\tAcc\tComment\n" + LVM_ROWS + "\n") * 3
@@ -1037,9 +1035,7 @@ def test_each_measurement_of_a_table_becomes_a_file_of_its_own(run: Run, tmp_pat
         ("session", ["20261127", "20261128"], ["a-20261127.h5", "a-20261128.h5"], ""),
     ],
 )
-def test_values_that_name_files_name_as_many(
-    run: Run, tmp_path: Path, column: str, values: list[str], files: list[str] | None, said: str
-) -> None:
+def test_values_that_name_files_name_as_many(run, tmp_path, column, values, files, said):
     path, out = tmp_path / "a.csv", tmp_path / "out"
     several = rows(np.repeat(values, 2500), np.tile(T, 2), np.concatenate([F, 3 * F]))
     path.write_text(f"{column},time (s),Force (N)\n{several}")
@@ -1051,7 +1047,7 @@ def test_values_that_name_files_name_as_many(
     assert sorted(one.name for one in out.glob("*")) == (files or [])
 
 
-def test_a_role_that_no_column_is(tmp_path: Path) -> None:
+def test_a_role_that_no_column_is(tmp_path):
     path, saved = tmp_path / "a.csv", tmp_path / "lab.toml"
     path.write_text(timed("time (s),Force (N),switch", (T < 0.4).astype(int)))
     found = haploop.understand(path, haploop.FileMapping(activation="none"))

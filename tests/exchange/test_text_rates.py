@@ -24,7 +24,7 @@ from haploop.exchange.columns.text_rates import stated_by, stated_rates
         ("Sample rate: 5 furlongs", ".", None),
     ],
 )
-def test_a_rate_is_read_with_its_unit(row: str, decimal: str, hz: float | None) -> None:
+def test_a_rate_is_read_with_its_unit(row, decimal, hz):
     (found,) = stated_rates([row.split("|")], decimal, None)
     assert found.hz == hz
 
@@ -42,9 +42,7 @@ def test_a_rate_is_read_with_its_unit(row: str, decimal: str, hz: float | None) 
         ("fs", 0.2, None),
     ],
 )  # fmt: skip
-def test_an_entry_beside_arrays_states_a_rate_as_a_text_does(
-    name: str, value: float, hz: float | None
-) -> None:
+def test_an_entry_beside_arrays_states_a_rate_as_a_text_does(name, value, hz):
     found = stated_by(name, value)
     assert found is not None and found.hz == hz
 
@@ -52,7 +50,7 @@ def test_an_entry_beside_arrays_states_a_rate_as_a_text_does(
 @pytest.mark.parametrize(
     "name", ["learning_rate", "baud_rate", "max_sample_rate", "heartRate", "fs_offset", "dtype", "force", "T"]
 )
-def test_an_entry_that_states_no_rate(name: str) -> None:
+def test_an_entry_that_states_no_rate(name):
     assert stated_by(name, 5000.0) is None
 
 
@@ -61,5 +59,5 @@ def test_an_entry_that_states_no_rate(name: str) -> None:
     ["Sample rate divider: 4", "Oversampling rate: 64", "Frame rate: 30 fps", "Rate|5000",
      "Loading rate 5 N/s", "Data rate 9600 bps", "Cut-off: 500 Hz", "Sampling time: 10 s"],
 )  # fmt: skip
-def test_what_is_no_rate_of_samples(row: str) -> None:
+def test_what_is_no_rate_of_samples(row):
     assert not stated_rates([row.split("|")], ".", None)

@@ -25,7 +25,7 @@ if __name__ == "__main__":
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
-def test_workers_end_when_their_program_is_killed(tmp_path) -> None:
+def test_workers_end_when_their_program_is_killed(tmp_path):
     script = tmp_path / "pool.py"
     script.write_text(POOL, encoding="utf-8")
     with subprocess.Popen(

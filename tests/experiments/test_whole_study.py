@@ -41,7 +41,7 @@ def shell(*args: object) -> Any:
 
 
 @pytest.mark.long
-def test_a_study_from_start_to_report(tmp_path: Path) -> None:
+def test_a_study_from_start_to_report(tmp_path):
     """The built-in model has effects of confirmation and the latch, and of digital on two pairs."""
     for name in ("matching", "rating"):
         data = tmp_path / name
@@ -129,7 +129,7 @@ def false_positives(name: str, header: str, runs: int, folder: Path) -> Counter[
         ("rating", "participant,category,button,pair,rating", 3 + 7 * 3),
     ],
 )
-def test_no_effect_is_invented(name: str, header: str, effects: int, full: bool, tmp_path: Path) -> None:
+def test_no_effect_is_invented(name, header, effects, full, tmp_path):
     """Each effect at 5 %: within what 200 runs allow, and all of them together near it."""
     runs = 200 if full else 2
     found = false_positives(name, header, runs, tmp_path)

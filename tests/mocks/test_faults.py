@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +13,6 @@ from haploop.calibration import LinearSweep, linear_sweep, measure_response
 from haploop.instruments import Rig, open_rig
 from haploop.instruments.operator.role import Place, Remove
 from haploop.mocks.faults import OWN
-from tests.conftest import OpenRig
 
 SWEEP = linear_sweep(50_000.0, 0.5, 625.0, 10.0)
 
@@ -34,7 +32,7 @@ def fired(rig: Rig) -> list[int]:
     return [fault.fired for fault in rig.simulation.faults]
 
 
-def test_every_kind_is_in_the_guide() -> None:
+def test_every_kind_is_in_the_guide():
     guide = (Path(__file__).parents[2] / "docs" / "reference" / "faults.md").read_text(encoding="utf-8")
     assert len(OWN) >= 25
     assert [kind for kind in OWN if f"`{kind}`" not in guide] == []
@@ -56,12 +54,12 @@ def test_every_kind_is_in_the_guide() -> None:
     ],
     ids=lambda value: str(value.get("kind")) if isinstance(value, dict) else "",
 )
-def test_a_fault_that_cannot_be_is_refused_in_one_sentence(fault: dict[str, Any], says: str) -> None:
+def test_a_fault_that_cannot_be_is_refused_in_one_sentence(fault, says):
     with pytest.raises(ConfigurationError, match=says):
         open_rig("haptable", simulate="twin", simulation={"faults": [fault]})
 
 
-def test_a_fault_waits_for_its_moment_and_says_when_it_fired(open: OpenRig) -> None:
+def test_a_fault_waits_for_its_moment_and_says_when_it_fired(open):
     rig = open(faults=[{"kind": "sensor-saturated", "channel": "gauge0", "after": 1.0, "duration": 0.5}])
     assert np.abs(listened(rig, "gauge0")).max() < 5
     assert fired(rig) == [0]
@@ -73,7 +71,7 @@ def test_a_fault_waits_for_its_moment_and_says_when_it_fired(open: OpenRig) -> N
     assert fired(rig) == [1]
 
 
-def test_the_seed_chooses_the_moment_and_chooses_it_again() -> None:
+def test_the_seed_chooses_the_moment_and_chooses_it_again():
     moments = []
     for seed in (1, 1, 2):
         fault = {"kind": "amplifier-trip", "after": 5, "within": 10, "times": 3}
@@ -83,7 +81,7 @@ def test_the_seed_chooses_the_moment_and_chooses_it_again() -> None:
     assert all(5 <= moment <= 15 for moment in moments)
 
 
-def test_swapped_channels_move_another_patch(open: OpenRig) -> None:
+def test_swapped_channels_move_another_patch(open):
     rig = open("haptable", faults=[{"kind": "relay-swapped", "patches": ["A", "C"]}])
     rig.relay.connect(("A",))
     assert rig.relay.connected() == {"A"}, "the box knows nothing of it"
@@ -93,7 +91,7 @@ def test_swapped_channels_move_another_patch(open: OpenRig) -> None:
     assert fired(rig) == [1]
 
 
-def test_a_tripped_amplifier_is_measured_and_not_believed(open: OpenRig) -> None:
+def test_a_tripped_amplifier_is_measured_and_not_believed(open):
     rig = open(faults=[{"kind": "amplifier-trip", "after": 0.3}])
     assert np.abs(played(rig)[0, -10_000:]).max() < 0.1
     with pytest.raises(InstrumentError, match="check the amplifier"):
@@ -101,21 +99,21 @@ def test_a_tripped_amplifier_is_measured_and_not_believed(open: OpenRig) -> None
     assert fired(rig) == [1]
 
 
-def test_a_laser_that_jumps_is_no_measurement(open: OpenRig) -> None:
+def test_a_laser_that_jumps_is_no_measurement(open):
     rig = open(faults=[{"kind": "laser-dropout", "after": 1.0, "within": 1.0}])
     with pytest.raises(InstrumentError, match="left its range"):
         measure_response(rig, excitation=LinearSweep(seconds=2.0))
     assert fired(rig) == [1]
 
 
-def test_a_blocked_laser_is_no_measurement(open: OpenRig) -> None:
+def test_a_blocked_laser_is_no_measurement(open):
     rig = open(faults=[{"kind": "laser-blocked"}])
     with pytest.raises(DataError, match="does not follow"):
         measure_response(rig, excitation=LinearSweep(seconds=2.0))
     assert fired(rig) == [1]
 
 
-def test_a_range_that_was_set_by_hand_is_not_confirmed(open: OpenRig) -> None:
+def test_a_range_that_was_set_by_hand_is_not_confirmed(open):
     rig = open("haptable", faults=[{"kind": "vibrometer-range", "range": 0.1}])
     right = open("haptable")
     ratio = played(right)[1].std() / played(rig)[1].std()
@@ -125,7 +123,7 @@ def test_a_range_that_was_set_by_hand_is_not_confirmed(open: OpenRig) -> None:
 
 
 @pytest.mark.parametrize(("kind", "code"), [("daq-overrun", "-200279"), ("daq-overflow", "-200010")])
-def test_lost_samples_end_a_recording(open: OpenRig, tmp_path: Path, kind: str, code: str) -> None:
+def test_lost_samples_end_a_recording(open, tmp_path, kind, code):
     rig = open(faults=[{"kind": kind, "device": "Dev1", "after": 3.0}])
     with pytest.raises(InstrumentError, match=rf"Dev1 lost samples.*{code}"):
         record(rig, "push", "P01", 5, tmp_path)
@@ -135,7 +133,7 @@ def test_lost_samples_end_a_recording(open: OpenRig, tmp_path: Path, kind: str, 
 @pytest.mark.parametrize(
     ("how", "says"), [("underflow", "-200290"), ("fifo", "-200621"), ("stopped", "by somebody else")]
 )
-def test_a_play_that_was_not_played_whole_is_an_error(open: OpenRig, how: str, says: str) -> None:
+def test_a_play_that_was_not_played_whole_is_an_error(open, how, says):
     rig = open(faults=[{"kind": "play-cut-off", "how": how, "after": 0.2}])
     with pytest.raises(InstrumentError, match=rf"Dev2 .*{says}.* was not played whole"):
         played(rig)
@@ -147,7 +145,7 @@ def test_a_play_that_was_not_played_whole_is_an_error(open: OpenRig, how: str, s
         assert np.abs(played(rig)[0]).max() > 9
 
 
-def test_cards_without_a_cable_are_not_sampled_together(open: OpenRig) -> None:
+def test_cards_without_a_cable_are_not_sampled_together(open):
     rig = open("haptable", faults=[{"kind": "rtsi-missing"}])
     with pytest.raises(InstrumentError, match="-89125"):
         rig.daq.stream(("gauge0", "laser"), 5000, 500)
@@ -155,7 +153,7 @@ def test_cards_without_a_cable_are_not_sampled_together(open: OpenRig) -> None:
     assert fired(rig) == [1]
 
 
-def test_a_clock_of_its_own_makes_a_card_late(open: OpenRig) -> None:
+def test_a_clock_of_its_own_makes_a_card_late(open):
     rig = open("haptable", faults=[{"kind": "clock-drift", "drift": 0.01, "device": "Dev1"}])
     rig.clock.sleep(10)
     rig.operator.confirm(Place(0.5))
@@ -165,7 +163,7 @@ def test_a_clock_of_its_own_makes_a_card_late(open: OpenRig) -> None:
     assert fired(rig) == [1]
 
 
-def test_a_stream_of_two_clocks_is_refused(open: OpenRig, mode: str) -> None:
+def test_a_stream_of_two_clocks_is_refused(open, mode):
     if mode == "wire":
         pytest.skip("NI's wire counts samples by one clock")
     rig = open("haptable", faults=[{"kind": "clock-drift", "drift": 0.1}])
@@ -178,7 +176,7 @@ def test_a_stream_of_two_clocks_is_refused(open: OpenRig, mode: str) -> None:
 
 
 @pytest.mark.parametrize("kind", ["relay-lost", "relay-stuck"])
-def test_a_relay_that_does_not_obey_stops_the_drive(open: OpenRig, kind: str) -> None:
+def test_a_relay_that_does_not_obey_stops_the_drive(open, kind):
     rig = open("haptable", faults=[{"kind": kind, "patch": "A", "after": 0.5, "times": 1}])
     rig.clock.sleep(1)
     with pytest.raises(InstrumentError, match=r"patch A\) was told to close but reads open"):
@@ -187,14 +185,14 @@ def test_a_relay_that_does_not_obey_stops_the_drive(open: OpenRig, kind: str) ->
     assert np.abs(played(rig)[0]).max() > 9, "the next command is obeyed"
 
 
-def test_a_welded_contact_shows_in_the_drive_alone(open: OpenRig) -> None:
+def test_a_welded_contact_shows_in_the_drive_alone(open):
     rig = open("haptable", faults=[{"kind": "relay-welded", "patch": "A"}])
     for measure in (played, lambda rig: measure_response(rig, excitation=LinearSweep(seconds=2.0))):
         with pytest.raises(InstrumentError, match=r"that patch A was to get .* check .* the contact"):
             measure(rig)
 
 
-def test_the_known_mass_is_what_stands_on_the_sensor(open: OpenRig) -> None:
+def test_the_known_mass_is_what_stands_on_the_sensor(open):
     rig = open("haptable")
     force = rig.sensors.force
     rest = listened(rig, "gauge0").mean()
@@ -207,9 +205,7 @@ def test_the_known_mass_is_what_stands_on_the_sensor(open: OpenRig) -> None:
 
 @pytest.mark.parametrize("how", ["silence", "garbled", "truncated", "disconnect"])
 @pytest.mark.parametrize("instrument", ["relay", "daq"])
-def test_an_answer_that_does_not_come_whole_is_an_error(
-    mode: str, instrument: str, how: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_answer_that_does_not_come_whole_is_an_error(mode, instrument, how, monkeypatch):
     if mode not in ("twin", "wire"):
         pytest.skip("of a simulated line")
     monkeypatch.setattr("haploop.instruments.daq.ni_sessions._SILENCE", 0.5)
@@ -226,7 +222,7 @@ def test_an_answer_that_does_not_come_whole_is_an_error(
     assert rig.simulation.truth.closed == frozenset(), "whatever was closed has opened by itself"
 
 
-def test_a_late_answer_is_an_answer() -> None:
+def test_a_late_answer_is_an_answer():
     fault = {"kind": "reply", "instrument": "relay", "how": "delay", "delay": 0.02, "times": 4}
     with open_rig("haptable", "wire", {"faults": [fault]}) as rig:
         assert np.abs(played(rig)[0]).max() > 9

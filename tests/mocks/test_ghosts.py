@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 import haploop
 from haploop.calibration.self_test.loop_test import check_ghosts
-from tests.conftest import OpenRig
 
 
 @pytest.mark.parametrize(("farad", "shown"), [(0.0, 1.3e-2), (1e-7, 1.6e-2)])
-def test_the_doctor_finds_a_source_that_does_not_settle(open: OpenRig, farad: float, shown: float) -> None:
+def test_the_doctor_finds_a_source_that_does_not_settle(open, farad, shown):
     fault = {"kind": "source-impedance", "channel": "acceleration_x", "ohm": 32e3, "farad": farad}
     rig = open("haptable", faults=[fault])
     order = ("switch", "acceleration_x", "acceleration_y")
@@ -26,13 +23,13 @@ def test_the_doctor_finds_a_source_that_does_not_settle(open: OpenRig, farad: fl
     assert [fault.fired for fault in rig.simulation.faults] == [1]
 
 
-def test_sources_that_settle_show_no_ghost(open: OpenRig) -> None:
+def test_sources_that_settle_show_no_ghost(open):
     assert not list(check_ghosts(open("haptable"), [("switch", "acceleration_x", "drive")]))
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("simulate", ["twin", "wire"])
-def test_slower_conversions_cure_it(tmp_path: Path, simulate: haploop.Mode) -> None:
+def test_slower_conversions_cure_it(tmp_path, simulate):
     fault = {"kind": "source-impedance", "channel": "acceleration_x"}
     slow = tmp_path / "slow.toml"
     slow.write_text('base = "haptable"\nname = "slow"\n[daq]\nai_conv_rate = 20000\n')

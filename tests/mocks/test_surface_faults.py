@@ -38,7 +38,7 @@ def changed(open: OpenRig, **settings: Any) -> tuple[np.ndarray, np.ndarray]:
     return after[0] / before[0] - 1, after[1] / before[1] - 1
 
 
-def test_modes_drift_alike_or_each_by_its_own_or_one_alone(open: OpenRig) -> None:
+def test_modes_drift_alike_or_each_by_its_own_or_one_alone(open):
     frequency, damping = changed(open, frequency=0.03)
     np.testing.assert_allclose(frequency, 0.03)
     np.testing.assert_allclose(damping, 0, atol=1e-12)
@@ -50,7 +50,7 @@ def test_modes_drift_alike_or_each_by_its_own_or_one_alone(open: OpenRig) -> Non
     assert frequency.max() == pytest.approx(0.02) and damping.min() == pytest.approx(-0.5)
 
 
-def test_the_surface_moves_with_its_new_modes_and_says_that_it_did(open: OpenRig) -> None:
+def test_the_surface_moves_with_its_new_modes_and_says_that_it_did(open):
     rig = open(faults=[{"kind": "mode-drift", "frequency": 0.02, "near": 263.5}], vibrometer_noise_scale=0)
     assert rig.simulation.faults[0].fired == 0
     ringing = seen(rig, sine(rig.simulation.truth.resonance_hz, 20, 0.4))
@@ -60,7 +60,7 @@ def test_the_surface_moves_with_its_new_modes_and_says_that_it_did(open: OpenRig
     assert np.abs(seen(plain, sine(rig.simulation.truth.resonance_hz, 20, 0.4))).max() < 0.7 * ringing.max()
 
 
-def test_frequencies_drift_while_a_measurement_runs(open: OpenRig) -> None:
+def test_frequencies_drift_while_a_measurement_runs(open):
     drift = {"kind": "frequency-drift", "rate": 0.004, "after": 1.0, "limit": 0.01}
     rig, plain = open(faults=[drift]), open()
     tone = sine(plain.simulation.truth.resonance_hz, 20, 4.0)
@@ -76,7 +76,7 @@ def test_frequencies_drift_while_a_measurement_runs(open: OpenRig) -> None:
     assert shift == pytest.approx(0.01, rel=1e-6), "it ends at its limit"
 
 
-def test_a_patch_follows_another_law(open: OpenRig) -> None:
+def test_a_patch_follows_another_law(open):
     """At 20 Hz, whose harmonics the loop makes: the laws differ in them, and one patch alone may have one."""
     slow = sine(20.0, 45, 0.5)
     seen_by = {
@@ -95,7 +95,7 @@ def test_a_patch_follows_another_law(open: OpenRig) -> None:
     assert off["wider"] > 0.05 and off["bouc-wen"] > 0.05
 
 
-def test_a_patch_that_is_weaker_and_a_laser_that_is_askew_look_alike(open: OpenRig) -> None:
+def test_a_patch_that_is_weaker_and_a_laser_that_is_askew_look_alike(open):
     """The surface's own velocity tells them apart, which no instrument shows."""
     tone = sine(260.0, 30, 0.3)
     shown, own = {}, {}
@@ -120,7 +120,7 @@ def test_a_patch_that_is_weaker_and_a_laser_that_is_askew_look_alike(open: OpenR
 
 
 @pytest.mark.parametrize("shape", ["square", "kink", "lagging"])
-def test_a_patch_that_expands_more_than_it_shrinks(open: OpenRig, shape: str) -> None:
+def test_a_patch_that_expands_more_than_it_shrinks(open, shape):
     """A drive and its negative: their mean is the even order, and -0.02 takes the default law's away."""
     drive = sine(40.0, 45, 0.5)
     share = {}
@@ -137,7 +137,7 @@ def listened(rig: Rig, channel: str, count: int, block: int) -> np.ndarray:
         return np.asarray(stream.capture().volts[0])
 
 
-def test_the_mains_hum_in_laser_and_gauges(open: OpenRig) -> None:
+def test_the_mains_hum_in_laser_and_gauges(open):
     fault = {"kind": "mains-hum", "channel": ["laser", *GAUGES], "volts": 0.1, "frequency": 60.0}
     still, humming = open(), open(faults=[fault])
     for channel in ("laser", "gauge3"):
@@ -148,7 +148,7 @@ def test_the_mains_hum_in_laser_and_gauges(open: OpenRig) -> None:
     assert humming.simulation.faults[0].fired == 1
 
 
-def test_spikes_are_counted_and_do_not_depend_on_the_blocks(open: OpenRig) -> None:
+def test_spikes_are_counted_and_do_not_depend_on_the_blocks(open):
     fault = {"kind": "laser-spikes", "rate": 20.0, "height": 5e-3, "width": 1e-3, "after": 0.5}
     rigs = [open(faults=[fault], vibrometer_noise_scale=0) for _ in range(2)]
     one, two = (listened(rig, "laser", 15_000, block) for rig, block in zip(rigs, (500, 1500), strict=True))
@@ -159,7 +159,7 @@ def test_spikes_are_counted_and_do_not_depend_on_the_blocks(open: OpenRig) -> No
     assert len(spiked) > 60 and spiked[0] / 5000 >= 0.5 - rigs[0].vibrometer.delay - 1e-3
 
 
-def test_a_sensor_creeps_under_its_load_and_comes_back(open: OpenRig) -> None:
+def test_a_sensor_creeps_under_its_load_and_comes_back(open):
     rig = open(faults=[{"kind": "sensor-creep", "channel": GAUGES, "share": 0.1, "longest": 10.0}])
     listened(rig, "gauge0", 500, 500)
     rest = listened(rig, "gauge0", 500, 500).mean()
@@ -173,7 +173,7 @@ def test_a_sensor_creeps_under_its_load_and_comes_back(open: OpenRig) -> None:
     assert rig.simulation.faults[0].fired == 1
 
 
-def test_the_same_seed_drifts_in_the_same_way() -> None:
+def test_the_same_seed_drifts_in_the_same_way():
     drawn = []
     for seed, name in ((1, "simulated"), (1, "simulated"), (2, "simulated")):
         fault = {"kind": "mode-drift", "frequency_each": 0.02}
@@ -182,7 +182,7 @@ def test_the_same_seed_drifts_in_the_same_way() -> None:
     assert np.array_equal(drawn[0], drawn[1]) and not np.array_equal(drawn[0], drawn[2])
 
 
-def test_a_machine_turns_at_its_frequency_after_its_run_up_and_flicker_falls_with_frequency() -> None:
+def test_a_machine_turns_at_its_frequency_after_its_run_up_and_flicker_falls_with_frequency():
     rate = 10_000.0
 
     def heard(**fault: Any) -> FloatArray:

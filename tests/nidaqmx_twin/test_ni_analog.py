@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import struct
 import time
-from pathlib import Path
 
 import nidaqmx
 import numpy as np
@@ -41,7 +40,7 @@ def three_narrow(task: nidaqmx.Task) -> None:
         channel.ai_rng_high, channel.ai_rng_low = 10, -10
 
 
-def test_undriven_input_is_a_sine_within_its_range(task: nidaqmx.Task) -> None:
+def test_undriven_input_is_a_sine_within_its_range(task):
     task.ai_channels.add_ai_voltage_chan("Sim/ai0", min_val=-2.5, max_val=2.5)
     task.timing.cfg_samp_clk_timing(10_000, samps_per_chan=1000)
     volts = np.array(task.read(1000))
@@ -51,7 +50,7 @@ def test_undriven_input_is_a_sine_within_its_range(task: nidaqmx.Task) -> None:
     assert spectrum.argmax() == 10 and spectrum[10] > 20 * np.median(spectrum)
 
 
-def test_each_way_to_read_gives_the_volts_or_the_codes_of_the_range(task: nidaqmx.Task) -> None:
+def test_each_way_to_read_gives_the_volts_or_the_codes_of_the_range(task):
     three_narrow(task)
     volts = np.array([[1], [2], [3]])
     assert task.read() == pytest.approx([1, 2, 3], abs=1e-3)
@@ -76,7 +75,7 @@ def test_each_way_to_read_gives_the_volts_or_the_codes_of_the_range(task: nidaqm
     assert task.read() == pytest.approx(3, abs=1e-3)
 
 
-def test_negative_codes_are_twos_complement_when_read_unsigned(task: nidaqmx.Task) -> None:
+def test_negative_codes_are_twos_complement_when_read_unsigned(task):
     channel = task.ai_channels.add_ai_voltage_chan("Sim/ai0", min_val=-1.001, max_val=-1)
     channel.ai_rng_high, channel.ai_rng_low = 10, -10
     codes = np.zeros((1, 4), dtype=np.uint16)
@@ -84,7 +83,7 @@ def test_negative_codes_are_twos_complement_when_read_unsigned(task: nidaqmx.Tas
     assert codes.view(np.int16) == pytest.approx(np.full((1, 4), -3277), abs=4)
 
 
-def test_finite_over_read_is_cut_short_and_then_nothing_is_left(task: nidaqmx.Task) -> None:
+def test_finite_over_read_is_cut_short_and_then_nothing_is_left(task):
     three_narrow(task)
     task.timing.cfg_samp_clk_timing(10_000, samps_per_chan=50)
     task.start()
@@ -93,7 +92,7 @@ def test_finite_over_read_is_cut_short_and_then_nothing_is_left(task: nidaqmx.Ta
         task.read(1)
 
 
-def test_auto_started_finite_task_frees_its_device(options: nidaqmx.GrpcSessionOptions) -> None:
+def test_auto_started_finite_task_frees_its_device(options):
     with nidaqmx.Task(grpc_options=options) as one, nidaqmx.Task(grpc_options=options) as two:
         for task in (one, two):
             task.ai_channels.add_ai_voltage_chan("Sim/ai0")
@@ -106,7 +105,7 @@ def test_auto_started_finite_task_frees_its_device(options: nidaqmx.GrpcSessionO
         one.read(20)
 
 
-def test_samples_do_not_depend_on_how_they_are_read(task: nidaqmx.Task) -> None:
+def test_samples_do_not_depend_on_how_they_are_read(task):
     task.ai_channels.add_ai_voltage_chan("Sim/ai0:1")
     task.timing.cfg_samp_clk_timing(10_000, samps_per_chan=100)
     task.start()
@@ -116,7 +115,7 @@ def test_samples_do_not_depend_on_how_they_are_read(task: nidaqmx.Task) -> None:
     assert np.array_equal(np.array(task.read(20)), whole[:, 30:50])
 
 
-def test_reading_what_there_is_of_a_running_acquisition(task: nidaqmx.Task) -> None:
+def test_reading_what_there_is_of_a_running_acquisition(task):
     task.ai_channels.add_ai_voltage_chan("Sim/ai0:1")
     task.timing.cfg_samp_clk_timing(20_000, sample_mode=AcquisitionType.CONTINUOUS)
     task.in_stream.input_buf_size = 1_000_000  # a busy computer has 50 s for the next read
@@ -129,7 +128,7 @@ def test_reading_what_there_is_of_a_running_acquisition(task: nidaqmx.Task) -> N
     assert total == task.in_stream.curr_read_pos > 0
 
 
-def test_time_out_delivers_what_there_is(task: nidaqmx.Task) -> None:
+def test_time_out_delivers_what_there_is(task):
     task.ai_channels.add_ai_voltage_chan("Sim/ai0")
     task.timing.cfg_samp_clk_timing(1000, sample_mode=AcquisitionType.CONTINUOUS)
     task.start()
@@ -141,7 +140,7 @@ def test_time_out_delivers_what_there_is(task: nidaqmx.Task) -> None:
 
 
 @pytest.mark.parametrize("newest", [False, True])
-def test_a_program_that_reads_too_late_is_told_or_gets_the_newest(task: nidaqmx.Task, newest: bool) -> None:
+def test_a_program_that_reads_too_late_is_told_or_gets_the_newest(task, newest):
     task.ai_channels.add_ai_voltage_chan("Sim/ai0")
     task.timing.cfg_samp_clk_timing(100_000, sample_mode=AcquisitionType.CONTINUOUS)
     task.in_stream.input_buf_size = 1000
@@ -159,9 +158,7 @@ def test_a_program_that_reads_too_late_is_told_or_gets_the_newest(task: nidaqmx.
 
 
 @pytest.mark.parametrize("mode", [LoggingMode.LOG, LoggingMode.LOG_AND_READ])
-def test_what_is_acquired_is_logged_to_a_tdms_file(
-    task: nidaqmx.Task, tmp_path: Path, mode: LoggingMode
-) -> None:
+def test_what_is_acquired_is_logged_to_a_tdms_file(task, tmp_path, mode):
     path = tmp_path / "data.tdms"
     task.ai_channels.add_ai_voltage_chan("Sim/ai0:1")
     task.timing.cfg_samp_clk_timing(1000, samps_per_chan=20)
@@ -180,7 +177,7 @@ def test_what_is_acquired_is_logged_to_a_tdms_file(
     assert read is None or np.array_equal(rows, read)
 
 
-def test_a_log_replaces_no_other_file(task: nidaqmx.Task, tmp_path: Path) -> None:
+def test_a_log_replaces_no_other_file(task, tmp_path):
     other = tmp_path / "thesis.tdms"
     other.write_text("years of work")
     for path in (other, tmp_path / "data.txt", tmp_path / "none" / "data.tdms"):
@@ -194,7 +191,7 @@ def test_a_log_replaces_no_other_file(task: nidaqmx.Task, tmp_path: Path) -> Non
     assert other.read_text() == "years of work"
 
 
-def test_waveform_carries_time_name_and_unit(task: nidaqmx.Task) -> None:
+def test_waveform_carries_time_name_and_unit(task):
     task.ai_channels.add_ai_voltage_chan("Sim/ai0", "probe", min_val=1, max_val=1.001)
     task.timing.cfg_samp_clk_timing(1000, samps_per_chan=10)
     waveform = task.read_waveform()
@@ -209,7 +206,7 @@ def test_waveform_carries_time_name_and_unit(task: nidaqmx.Task) -> None:
 
 
 @pytest.mark.parametrize("limit, taken", [(10, 10), (2.5, 5), (0.15, 0.2)])
-def test_range_is_the_next_that_holds_the_limits(task: nidaqmx.Task, limit: float, taken: float) -> None:
+def test_range_is_the_next_that_holds_the_limits(task, limit, taken):
     channel = task.ai_channels.add_ai_voltage_chan("Sim/ai0", min_val=-limit, max_val=limit)
     assert (channel.ai_min, channel.ai_max, channel.ai_rng_high) == (-taken, taken, taken)
     assert channel.ai_raw_samp_size == 16 and channel.ai_resolution == 16
@@ -232,12 +229,12 @@ def test_range_is_the_next_that_holds_the_limits(task: nidaqmx.Task, limit: floa
         ("Sim/ai0, Old/ai0", DAQmxErrors.MULTI_DEVS_IN_TASK),
     ],
 )
-def test_wrong_channels_are_refused(task: nidaqmx.Task, channel: str, error: DAQmxErrors) -> None:
+def test_wrong_channels_are_refused(task, channel, error):
     with fails(error):
         task.ai_channels.add_ai_voltage_chan(channel)
 
 
-def test_what_a_card_cannot_do_is_refused(task: nidaqmx.Task, other: nidaqmx.Task) -> None:
+def test_what_a_card_cannot_do_is_refused(task, other):
     task.ai_channels.add_ai_voltage_chan("Old/ai0:3", min_val=-20, max_val=20)
     task.timing.cfg_samp_clk_timing(60_000)
     with fails(DAQmxErrors.SAMP_RATE_TOO_HIGH):
@@ -250,9 +247,7 @@ def test_what_a_card_cannot_do_is_refused(task: nidaqmx.Task, other: nidaqmx.Tas
         other.write(0.0, auto_start=True)
 
 
-def test_output_by_software_holds_after_the_task(
-    server: NiServer, options: nidaqmx.GrpcSessionOptions
-) -> None:
+def test_output_by_software_holds_after_the_task(server, options):
     with nidaqmx.Task(grpc_options=options) as task:
         task.ao_channels.add_ao_voltage_chan("Card/ao0:1", min_val=-5, max_val=5)
         task.write([1.5, -2.5])
@@ -265,7 +260,7 @@ def test_output_by_software_holds_after_the_task(
     assert server.output("Card/ao0") == 0.0
 
 
-def test_output_sample_by_sample_into_input(options: nidaqmx.GrpcSessionOptions) -> None:
+def test_output_sample_by_sample_into_input(options):
     with (
         nidaqmx.Task(grpc_options=options) as clock,
         nidaqmx.Task(grpc_options=options) as out,
@@ -288,7 +283,7 @@ def test_output_sample_by_sample_into_input(options: nidaqmx.GrpcSessionOptions)
         out.wait_until_done(timeout=1)
 
 
-def test_regenerated_output_goes_round(options: nidaqmx.GrpcSessionOptions) -> None:
+def test_regenerated_output_goes_round(options):
     with nidaqmx.Task(grpc_options=options) as out, nidaqmx.Task(grpc_options=options) as into:
         out.ao_channels.add_ao_voltage_chan("Card/ao0")
         out.timing.cfg_samp_clk_timing(5000, sample_mode=AcquisitionType.CONTINUOUS)
@@ -302,7 +297,7 @@ def test_regenerated_output_goes_round(options: nidaqmx.GrpcSessionOptions) -> N
         assert into.read(35, timeout=5) == pytest.approx(np.arange(35) % 10 - 5, abs=3e-3)
 
 
-def test_output_without_regeneration_paces_its_writer_and_reports_a_late_one(task: nidaqmx.Task) -> None:
+def test_output_without_regeneration_paces_its_writer_and_reports_a_late_one(task):
     task.ao_channels.add_ao_voltage_chan("Card/ao0")
     task.timing.cfg_samp_clk_timing(2000, sample_mode=AcquisitionType.CONTINUOUS)
     task.out_stream.regen_mode = RegenerationMode.DONT_ALLOW_REGENERATION
@@ -328,7 +323,7 @@ def test_output_without_regeneration_paces_its_writer_and_reports_a_late_one(tas
         task.stop()
 
 
-def test_more_than_a_buffer_that_does_not_play_can_hold_is_refused(task: nidaqmx.Task) -> None:
+def test_more_than_a_buffer_that_does_not_play_can_hold_is_refused(task):
     task.ao_channels.add_ao_voltage_chan("Card/ao0")
     task.timing.cfg_samp_clk_timing(1000, sample_mode=AcquisitionType.CONTINUOUS)
     task.out_stream.regen_mode = RegenerationMode.DONT_ALLOW_REGENERATION
@@ -339,7 +334,7 @@ def test_more_than_a_buffer_that_does_not_play_can_hold_is_refused(task: nidaqmx
 
 
 @pytest.mark.parametrize("kind", ["int16", "uint16", "int32", "uint32"])
-def test_unscaled_writer(server: NiServer, task: nidaqmx.Task, other: nidaqmx.Task, kind: str) -> None:
+def test_unscaled_writer(server, task, other, kind):
     task.ao_channels.add_ao_voltage_chan("Card/ao0:1")
     task.start()
     codes = np.array([[0, 3277], [0, 6554]], dtype=kind)
@@ -358,7 +353,7 @@ def test_unscaled_writer(server: NiServer, task: nidaqmx.Task, other: nidaqmx.Ta
         other.start()
 
 
-def test_custom_scales(server: NiServer, options: nidaqmx.GrpcSessionOptions) -> None:
+def test_custom_scales(server, options):
     scaled = VoltageUnits.FROM_CUSTOM_SCALE
     nidaqmx.Scale.create_lin_scale("tenfold", 10.0, grpc_options=options)
     with nidaqmx.Task(grpc_options=options) as out:
@@ -378,7 +373,7 @@ def test_custom_scales(server: NiServer, options: nidaqmx.GrpcSessionOptions) ->
     assert caught.value.error_code == DAQmxErrors.CUSTOM_SCALE_DOES_NOT_EXIST
 
 
-def test_buffers_belong_to_their_direction(task: nidaqmx.Task) -> None:
+def test_buffers_belong_to_their_direction(task):
     task.ai_channels.add_ai_voltage_chan("Sim/ai0")
     task.timing.samp_timing_type = SampleTimingType.SAMPLE_CLOCK
     default = task.in_stream.input_buf_size
@@ -390,7 +385,7 @@ def test_buffers_belong_to_their_direction(task: nidaqmx.Task) -> None:
         task.out_stream.output_buf_size = 2000
 
 
-def test_output_without_regeneration_is_gapless() -> None:
+def test_output_without_regeneration_is_gapless():
     bench = Bench()
     with (
         NiServer(inventory_of({"A": "PCIe-6363"}), bench, {"A/ao0": "out", "A/ai0": "loop"}) as server,

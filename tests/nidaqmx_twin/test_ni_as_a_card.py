@@ -85,7 +85,7 @@ def code(of: Callable[[], Any]) -> int | None:
         ("Dev1/port0/line0:7", "a0:6, b, c", ["a0", "a1", "a2", "a3", "a4", "a5", "a6", "b"]),
     ],
 )
-def test_names_of_several_channels(twin: NiTwin, terminals: str, assigned: str, names: list[str]) -> None:
+def test_names_of_several_channels(twin, terminals, assigned, names):
     with nidaqmx.Task() as task:
         add = {
             "ai": lambda: task.ai_channels.add_ai_voltage_chan(terminals, assigned),
@@ -117,9 +117,7 @@ def test_names_of_several_channels(twin: NiTwin, terminals: str, assigned: str, 
         ("Ieee/ai0", 12_000, 12_800.0),
     ],
 )
-def test_a_rate_is_rounded_as_the_driver_rounds(
-    twin: NiTwin, terminal: str, asked: float, rate_hz: float
-) -> None:
+def test_a_rate_is_rounded_as_the_driver_rounds(twin, terminal, asked, rate_hz):
     with nidaqmx.Task() as task:
         if "/ai" in terminal:
             task.ai_channels.add_ai_voltage_chan(terminal, min_val=-5, max_val=5)
@@ -133,7 +131,7 @@ def test_a_rate_is_rounded_as_the_driver_rounds(
 
 
 @pytest.mark.parametrize("asked", [0, -5, float("nan"), float("inf")])
-def test_a_rate_that_is_none_is_refused_at_once(twin: NiTwin, asked: float) -> None:
+def test_a_rate_that_is_none_is_refused_at_once(twin, asked):
     with nidaqmx.Task() as task:
         task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
         assert code(lambda: task.timing.cfg_samp_clk_timing(asked)) == -200077
@@ -145,9 +143,7 @@ def test_a_rate_that_is_none_is_refused_at_once(twin: NiTwin, asked: float) -> N
 @pytest.mark.parametrize(
     ("channels", "warned", "refused"), [(2, None, None), (3, 200011, None), (5, None, -200332)]
 )
-def test_too_fast_to_settle_is_a_warning(
-    twin: NiTwin, channels: int, warned: int | None, refused: int | None
-) -> None:
+def test_too_fast_to_settle_is_a_warning(twin, channels, warned, refused):
     """500 kS/s a channel of a card of 1 MS/s together and 2 MS/s alone (RATE_VIOLATES_SETTLING_TIME)."""
     with nidaqmx.Task() as task, warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
@@ -161,7 +157,7 @@ def test_too_fast_to_settle_is_a_warning(
 # Tasks
 
 
-def test_two_tasks_of_one_name(twin: NiTwin) -> None:
+def test_two_tasks_of_one_name(twin):
     """T test_task.py and test_persisted_task.py: DUPLICATE_TASK; the first one goes on."""
     with nidaqmx.Task("press") as first:
         first.ai_channels.add_ai_voltage_chan("Dev1/ai0")
@@ -183,7 +179,7 @@ def test_two_tasks_of_one_name(twin: NiTwin) -> None:
         (lambda task: task.ai_channels.add_ai_voltage_chan("Dev1/ai1:2", "one, ai"), -200489),
     ],
 )
-def test_errors_by_name(twin: NiTwin, refused: Callable[[nidaqmx.Task], Any], right: int) -> None:
+def test_errors_by_name(twin, refused, right):
     with nidaqmx.Task() as task:
         task.ai_channels.add_ai_voltage_chan("Dev1/ai0", "ai")
         assert code(lambda: refused(task)) == right
@@ -199,9 +195,7 @@ def test_errors_by_name(twin: NiTwin, refused: Callable[[nidaqmx.Task], Any], ri
         lambda task: task.triggers.start_trigger.cfg_dig_edge_start_trig("/Dev1/PFI0"),
     ],
 )
-def test_a_task_without_channels_has_no_timing(
-    twin: NiTwin, configured: Callable[[nidaqmx.Task], Any]
-) -> None:
+def test_a_task_without_channels_has_no_timing(twin, configured):
     """WaveSurfer's Task.m: "Attempt to get property before channels are added" is -200478."""
     with nidaqmx.Task() as task:
         assert code(lambda: configured(task)) == -200478
@@ -230,7 +224,7 @@ def test_a_task_without_channels_has_no_timing(
         ("/Dev1/Ctr4InternalOutput", -89120),
     ],
 )
-def test_a_terminal_is_one_of_the_products_own(twin: NiTwin, terminal: str, right: int | None) -> None:
+def test_a_terminal_is_one_of_the_products_own(twin, terminal, right):
     """How many PFI lines: the products' rows, each with its source."""
     device = terminal.split("/")[1]
     with nidaqmx.Task() as task:
@@ -256,7 +250,7 @@ def test_a_terminal_is_one_of_the_products_own(twin: NiTwin, terminal: str, righ
         ("co_channels.add_co_pulse_chan_freq", "co_pulse_term", "/Bus/PFI0", -89136),
     ],
 )
-def test_a_counters_terminal_too(twin: NiTwin, add: str, name: str, terminal: str, right: int | None) -> None:
+def test_a_counters_terminal_too(twin, add, name, terminal, right):
     """PFI 0 to 3 of a USB-6211 are inputs, 4 to 7 outputs: H "Bus-Powered M Series Physical Channels"."""
     device = terminal.split("/")[1] if "/" in terminal else "Dev1"
     with nidaqmx.Task() as task:
@@ -290,9 +284,7 @@ TWO_COUNTERS = {"meas_method": CounterFrequencyMethod.HIGH_FREQUENCY_2_COUNTERS,
         ("count_edges", "Usb/ctr0", {}, None),
     ],
 )
-def test_where_a_counter_measures_by_default(
-    add: str, counter: str, words: dict[str, Any], terminal: str | None
-) -> None:
+def test_where_a_counter_measures_by_default(add, counter, words, terminal):
     cards = {**CARDS, "cDAQ1": "cDAQ-9178", "cDAQ1Mod1": "NI 9401", "cDAQ1Mod2": "NI 9402"}
     with NiTwin(cards) as twin, nidaqmx.Task() as task:
         channel = getattr(task.ci_channels, f"add_ci_{add}_chan")(counter, **words)
@@ -316,7 +308,7 @@ def test_where_a_counter_measures_by_default(
 
 
 @pytest.mark.parametrize(("edge", "right"), [(Edge.RISING, -200077), (Edge.FALLING, None)])
-def test_a_usb_6008_counts_falling_edges(twin: NiTwin, edge: Edge, right: int | None) -> None:
+def test_a_usb_6008_counts_falling_edges(twin, edge, right):
     """I 448; USB-6008/6009 user guide, "Event Counter"."""
     with nidaqmx.Task() as task:
         task.ci_channels.add_ci_count_edges_chan("Low/ctr0", edge=edge)
@@ -324,7 +316,7 @@ def test_a_usb_6008_counts_falling_edges(twin: NiTwin, edge: Edge, right: int | 
 
 
 @pytest.mark.parametrize(("size", "right"), [(0, -200608), (100, None)])
-def test_an_acquisition_needs_a_buffer(twin: NiTwin, size: int, right: int | None) -> None:
+def test_an_acquisition_needs_a_buffer(twin, size, right):
     """NI's sentence of the code: "the selected buffer size is too small"."""
     with nidaqmx.Task() as task:
         task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
@@ -334,7 +326,7 @@ def test_an_acquisition_needs_a_buffer(twin: NiTwin, size: int, right: int | Non
 
 
 @pytest.mark.parametrize("source", ["PFI99", "/Dev1/PFI99"])
-def test_a_clocks_terminal_too(twin: NiTwin, source: str) -> None:
+def test_a_clocks_terminal_too(twin, source):
     with nidaqmx.Task() as task:
         task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
         task.timing.cfg_samp_clk_timing(1000, source, samps_per_chan=10)
@@ -345,9 +337,7 @@ def test_a_clocks_terminal_too(twin: NiTwin, source: str) -> None:
     ("size", "samples", "right"),
     [(0, 10, -200859), (1, 10, -200609), (None, 1, -200609), (2, 2, None), (None, 2, None)],
 )
-def test_an_output_buffer_holds_two_samples(
-    twin: NiTwin, size: int | None, samples: int, right: int | None
-) -> None:
+def test_an_output_buffer_holds_two_samples(twin, size, samples, right):
     """NI's names of the codes; storm-control issue 113: "Minimum Supported Value 2"."""
     with nidaqmx.Task() as task:
         task.ao_channels.add_ao_voltage_chan("Dev1/ao0")
@@ -371,7 +361,7 @@ input()
 
 @pytest.mark.parametrize("late", [0.0, 2.0])
 @pytest.mark.parametrize("end", ["kill", "exit"])
-def test_a_task_lives_in_its_process(end: str, late: float, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_task_lives_in_its_process(end, late, monkeypatch):
     """Its name is unique there, and what it has reserved is free when the process has ended, however.
 
     So it is where the server's thread for the first call, which lasts as long as the process, starts `late`
@@ -473,7 +463,7 @@ _NO_TASK = "Task specified is invalid or does not exist"
         ("beside", "use", ""),
     ],
 )
-def test_a_forked_child_closes_no_task_of_its_parent(where: str, end: str, told: str) -> None:
+def test_a_forked_child_closes_no_task_of_its_parent(where, end, told):
     """Not at its end, and not by a task of its own, for which it has a connection of its own; where the cards
     are in its parent, it has none.
     """
@@ -490,7 +480,7 @@ def test_a_forked_child_closes_no_task_of_its_parent(where: str, end: str, told:
 
 
 @pytest.mark.parametrize("register", [ACQUIRED, "register_done_event", "register_signal_event"])
-def test_events_are_registered_before_the_start(twin: NiTwin, register: str) -> None:
+def test_events_are_registered_before_the_start(twin, register):
     first: tuple[Any, ...] = {ACQUIRED: (100,), "register_signal_event": (Signal.SAMPLE_CLOCK,)}.get(
         register, ()
     )
@@ -506,7 +496,7 @@ def test_events_are_registered_before_the_start(twin: NiTwin, register: str) -> 
         task.stop()
 
 
-def test_a_task_is_stopped_and_closed_in_its_callback(twin: NiTwin) -> None:
+def test_a_task_is_stopped_and_closed_in_its_callback(twin):
     """T test_task_events.py, call_stop_close_in_callback."""
     for which in ("done", "samples"):
         done, told = threading.Event(), []
@@ -534,7 +524,7 @@ def test_a_task_is_stopped_and_closed_in_its_callback(twin: NiTwin) -> None:
         assert done.wait(10) and not told
 
 
-def test_the_end_waits_for_a_callback_in_flight(twin: NiTwin) -> None:
+def test_the_end_waits_for_a_callback_in_flight(twin):
     began, read = threading.Event(), []
 
     def slow(*_: Any) -> int:
@@ -562,9 +552,7 @@ def test_the_end_waits_for_a_callback_in_flight(twin: NiTwin) -> None:
         ("Dev1", 1000, 102, None),
     ],
 )
-def test_intervals_of_events_fit_the_buffer(
-    twin: NiTwin, device: str, size: int, every: int, right: int
-) -> None:
+def test_intervals_of_events_fit_the_buffer(twin, device, size, every, right):
     """H "Software Events": 1,000 samples and 102 is an error on M Series with DMA, 100 is none."""
     with nidaqmx.Task() as task:
         task.ai_channels.add_ai_voltage_chan(f"{device}/ai0")
@@ -575,7 +563,7 @@ def test_intervals_of_events_fit_the_buffer(
 
 
 @pytest.mark.parametrize("kind", ["ai", "ao", "di", "do"])
-def test_events_of_samples_need_a_buffer(twin: NiTwin, kind: str) -> None:
+def test_events_of_samples_need_a_buffer(twin, kind):
     with nidaqmx.Task() as task:
         if kind[0] == "a":
             getattr(getattr(task, f"{kind}_channels"), f"add_{kind}_voltage_chan")(f"Dev1/{kind}0")
@@ -589,7 +577,7 @@ def test_events_of_samples_need_a_buffer(twin: NiTwin, kind: str) -> None:
 
 
 @pytest.mark.parametrize("wrong", ["Dev1/ai0:", "Dev1/ai:3", "Dev1/ai0:ao3"])
-def test_a_range_that_is_none(twin: NiTwin, wrong: str) -> None:
+def test_a_range_that_is_none(twin, wrong):
     with nidaqmx.Task() as task:
         assert code(lambda: task.ai_channels.add_ai_voltage_chan(wrong)) == -200498
         assert code(lambda: task.ai_channels.add_ai_voltage_chan("Dev1/ai0", wrong)) == -200498
@@ -607,9 +595,7 @@ def test_a_range_that_is_none(twin: NiTwin, wrong: str) -> None:
         (lambda times: np.floor(10 * times) % 2, True, False, 5),
     ],
 )
-def test_changes_are_detected_where_there_are_some(
-    twin: NiTwin, signal: Any, rising: bool, falling: bool, events: int
-) -> None:
+def test_changes_are_detected_where_there_are_some(twin, signal, rising, falling, events):
     line, fired = "Dev1/port0/line0", []
     twin.set(line, signal)
     with nidaqmx.Task() as task:
@@ -627,7 +613,7 @@ def test_changes_are_detected_where_there_are_some(
     assert len(fired) == events
 
 
-def test_a_sample_is_taken_at_each_change(twin: NiTwin) -> None:
+def test_a_sample_is_taken_at_each_change(twin):
     twin.set("Dev1/port0/line0", lambda times: (np.sin(2 * np.pi * 5 * times) > 0) * 1.0)
     with nidaqmx.Task() as task:
         task.di_channels.add_di_chan("Dev1/port0/line0")
@@ -640,7 +626,7 @@ def test_a_sample_is_taken_at_each_change(twin: NiTwin) -> None:
 # Signals from outside
 
 
-def test_a_start_trigger_that_is_driven_is_waited_for(twin: NiTwin) -> None:
+def test_a_start_trigger_that_is_driven_is_waited_for(twin):
     twin.set("Dev1/PFI3", lambda times: (times > 0.5) * 1.0)
     twin.set("Dev1/ai0", lambda times: times)
     with nidaqmx.Task() as task:
@@ -654,7 +640,7 @@ def test_a_start_trigger_that_is_driven_is_waited_for(twin: NiTwin) -> None:
         assert twin.now < 0.7
 
 
-def test_a_clock_that_is_driven_times_the_samples(twin: NiTwin) -> None:
+def test_a_clock_that_is_driven_times_the_samples(twin):
     twin.set("Dev1/PFI5", lambda times: np.floor(40 * times) % 2)  # 20 rising edges a second
     twin.set("Dev1/ai0", lambda times: times)
     with nidaqmx.Task() as task:
@@ -663,7 +649,7 @@ def test_a_clock_that_is_driven_times_the_samples(twin: NiTwin) -> None:
         assert np.diff(task.read(10)) == pytest.approx(0.05, abs=1e-3)
 
 
-def test_outputs_are_not_clocked_from_outside_in_silence(twin: NiTwin) -> None:
+def test_outputs_are_not_clocked_from_outside_in_silence(twin):
     twin.set("Dev1/PFI5", lambda times: np.floor(40 * times) % 2)
     with nidaqmx.Task() as task:
         task.ao_channels.add_ao_voltage_chan("Dev1/ao0")
@@ -671,7 +657,7 @@ def test_outputs_are_not_clocked_from_outside_in_silence(twin: NiTwin) -> None:
         assert code(lambda: task.write([0.0] * 10, auto_start=True)) == -200197
 
 
-def test_a_counter_puts_out_where_it_is_told_and_can_be_looked_at(twin: NiTwin) -> None:
+def test_a_counter_puts_out_where_it_is_told_and_can_be_looked_at(twin):
     with nidaqmx.Task() as pulses, nidaqmx.Task() as count:
         channel = pulses.co_channels.add_co_pulse_chan_freq("Dev1/ctr0", freq=1000.0)
         assert channel.co_pulse_term == "/Dev1/PFI12"
@@ -690,7 +676,7 @@ def test_a_counter_puts_out_where_it_is_told_and_can_be_looked_at(twin: NiTwin) 
 
 
 @pytest.mark.parametrize("terminal", ["/Dev1/Ctr0InternalOutput", "Ctr0InternalOutput", "PFI12"])
-def test_a_counter_measures_another_by_any_name(twin: NiTwin, terminal: str) -> None:
+def test_a_counter_measures_another_by_any_name(twin, terminal):
     with nidaqmx.Task() as pulses, nidaqmx.Task() as measure:
         pulses.co_channels.add_co_pulse_chan_freq("Dev1/ctr0", freq=10_000.0)
         pulses.timing.cfg_implicit_timing(CONTINUOUS)
@@ -718,7 +704,7 @@ def chassis(tmp_path: Path) -> Iterator[NiTwin]:
         yield twin
 
 
-def test_triggers_of_a_chassis(chassis: NiTwin) -> None:
+def test_triggers_of_a_chassis(chassis):
     with nidaqmx.Task() as read, nidaqmx.Task() as play:
         read.ai_channels.add_ai_voltage_chan("cDAQ1Mod1/ai0")
         read.timing.cfg_samp_clk_timing(1000, samps_per_chan=100)
@@ -741,7 +727,7 @@ def test_triggers_of_a_chassis(chassis: NiTwin) -> None:
 # Buffers and others
 
 
-def test_no_more_than_the_buffer_holds(twin: NiTwin) -> None:
+def test_no_more_than_the_buffer_holds(twin):
     twin.set("Dev1/ai0", lambda times: times)
     with nidaqmx.Task() as task:
         task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
@@ -754,7 +740,7 @@ def test_no_more_than_the_buffer_holds(twin: NiTwin) -> None:
         assert len(newest) == 100 and newest[-1] == pytest.approx(3, abs=0.02)
 
 
-def test_a_new_task_takes_new_samples(twin: NiTwin) -> None:
+def test_a_new_task_takes_new_samples(twin):
     twin.set("Dev1/ai0", 1.0)
 
     def poll(terminal: str) -> float:
@@ -766,7 +752,7 @@ def test_a_new_task_takes_new_samples(twin: NiTwin) -> None:
         assert len({poll(terminal) for _ in range(8)}) > 2
 
 
-def test_limits_the_wrong_way_round_are_refused_at_the_start(twin: NiTwin) -> None:
+def test_limits_the_wrong_way_round_are_refused_at_the_start(twin):
     """nidaqwrapper's tests on NI's simulated devices make such a channel."""
     with nidaqmx.Task() as task:
         task.ai_channels.add_ai_voltage_chan("Dev1/ai0", min_val=10.0, max_val=-10.0)
@@ -774,13 +760,13 @@ def test_limits_the_wrong_way_round_are_refused_at_the_start(twin: NiTwin) -> No
 
 
 @pytest.mark.parametrize(("device", "right"), [("Dev1", -200576), ("Eight", None)])
-def test_a_cold_junction_needs_a_sensor(twin: NiTwin, device: str, right: int | None) -> None:
+def test_a_cold_junction_needs_a_sensor(twin, device, right):
     with nidaqmx.Task() as task:
         task.ai_channels.add_ai_thrmcpl_chan(f"{device}/ai0", cjc_source=CJCSource.BUILT_IN)
         assert code(task.start) == right
 
 
-def test_a_supply_that_is_off_reads_no_number(twin: NiTwin) -> None:
+def test_a_supply_that_is_off_reads_no_number(twin):
     """T TestPowerRead."""
     for on in (False, True):
         with nidaqmx.Task() as task:
@@ -793,7 +779,7 @@ def test_a_supply_that_is_off_reads_no_number(twin: NiTwin) -> None:
 
 
 @pytest.mark.parametrize(("device", "told"), [("Dev1", "/Dev1/PFI5"), ("Hs", "PFI5")])
-def test_a_clock_source_reads_back(twin: NiTwin, device: str, told: str) -> None:
+def test_a_clock_source_reads_back(twin, device, told):
     """T test_timing_properties.py of a 6363, T test_timing.py of a 6535."""
     with nidaqmx.Task() as task:
         task.di_channels.add_di_chan(f"{device}/port0/line0")
@@ -801,7 +787,7 @@ def test_a_clock_source_reads_back(twin: NiTwin, device: str, told: str) -> None
         assert task.timing.samp_clk_src == told
 
 
-def test_a_microphone_has_a_range(twin: NiTwin) -> None:
+def test_a_microphone_has_a_range(twin):
     """94 dB are 1 Pa rms: 1.41 Pa at 50 mV/Pa are 71 mV."""
     with nidaqmx.Task() as task:
         channel = task.ai_channels.add_ai_microphone_chan(
@@ -828,9 +814,7 @@ def bits(*fields: tuple[int, int]) -> bytes:
         ),
     ],
 )
-def test_a_sensor_tells_what_it_is(
-    twin: NiTwin, tmp_path: Path, fields: list[tuple[int, int]], add: str, right: tuple[str, Any]
-) -> None:
+def test_a_sensor_tells_what_it_is(twin, tmp_path, fields, add, right):
     """T test_ai_channel.py, add_teds_ai_..._chan; the numbers are those in NI's own files."""
     (tmp_path / "sensor.ted").write_bytes(bits((0, 64), (0, 2), *fields, (0, 64)))
     device = "Eight" if add == "thrmcpl" else "Dsa"
@@ -842,9 +826,7 @@ def test_a_sensor_tells_what_it_is(
         assert getattr(channel, right[0]) == pytest.approx(right[1], abs=0.01)
 
 
-def test_a_log_lies_in_the_folder_of_the_program(
-    twin: NiTwin, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_log_lies_in_the_folder_of_the_program(twin, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with nidaqmx.Task() as task:
         task.ai_channels.add_ai_voltage_chan("Dev1/ai0")

@@ -76,9 +76,7 @@ def _where(name: str) -> str:
 
 
 @pytest.mark.parametrize("name", _calls(AIChannelCollection, "add_ai_"))
-def test_each_kind_of_analog_input_has_what_its_call_gives(
-    options: nidaqmx.GrpcSessionOptions, name: str
-) -> None:
+def test_each_kind_of_analog_input_has_what_its_call_gives(options, name):
     with nidaqmx.Task(grpc_options=options) as task:
         add = getattr(task.ai_channels, name)
         given = {"min_val": 0.0, "max_val": 1.0} if "rms" in name else {}
@@ -106,7 +104,7 @@ def test_each_kind_of_analog_input_has_what_its_call_gives(
 @pytest.mark.parametrize(
     "name", _calls(CIChannelCollection, "add_ci_") + _calls(COChannelCollection, "add_co_")
 )
-def test_each_kind_of_counter_channel_can_be_made(options: nidaqmx.GrpcSessionOptions, name: str) -> None:
+def test_each_kind_of_counter_channel_can_be_made(options, name):
     with nidaqmx.Task(grpc_options=options) as task:
         add = getattr(task.ci_channels if "_ci_" in name else task.co_channels, name)
         source = {"source_terminal": "PFI0"} if "ticks" in name else {}
@@ -117,7 +115,7 @@ def test_each_kind_of_counter_channel_can_be_made(options: nidaqmx.GrpcSessionOp
             assert "PFI0" in (channel.ci_ctr_timebase_src if "_ci_" in name else channel.co_ctr_timebase_src)
 
 
-def test_every_property_that_a_call_gives_is_one_of_nis() -> None:
+def test_every_property_that_a_call_gives_is_one_of_nis():
     known = {
         value.name.partition("ATTRIBUTE_")[2]
         for name, enum in pb.DESCRIPTOR.enum_types_by_name.items()
@@ -130,7 +128,7 @@ def test_every_property_that_a_call_gives_is_one_of_nis() -> None:
     assert told <= known
 
 
-def test_a_sensor_on_a_wired_input_is_scaled_to_its_own_units() -> None:
+def test_a_sensor_on_a_wired_input_is_scaled_to_its_own_units():
     with NiTwin({"Dsa": "PXIe-4466", "Bridge": "PXIe-4331"}) as twin:
         twin.set("Dsa/ai0", 0.2)
         twin.set("Bridge/ai0", 2.5e-3)
@@ -149,7 +147,7 @@ def test_a_sensor_on_a_wired_input_is_scaled_to_its_own_units() -> None:
             assert task.read() == pytest.approx(50.0, abs=5)
 
 
-def test_a_product_refuses_a_terminal_configuration_and_a_supply_that_it_has_not() -> None:
+def test_a_product_refuses_a_terminal_configuration_and_a_supply_that_it_has_not():
     with NiTwin({"Low": "USB-6009", "Dsa": "USB-4431", "X": "PCIe-6321"}):
         with nidaqmx.Task() as task:
             assert (
@@ -168,7 +166,7 @@ def test_a_product_refuses_a_terminal_configuration_and_a_supply_that_it_has_not
             task.ai_channels.add_ai_accel_chan("X/ai0", current_excit_source=ExcitationSource.INTERNAL)
 
 
-def test_encoder_counts_by_its_decoding() -> None:
+def test_encoder_counts_by_its_decoding():
     """A quarter of a period between A and B: one pulse is 1, 2 or 4 counts, and the place is the same."""
     with NiTwin({"Dev1": "PCIe-6363"}) as twin:
         twin.set("Dev1/PFI8", lambda times: ((times * 1000) % 1 < 0.5).astype(float))
@@ -188,7 +186,7 @@ def test_encoder_counts_by_its_decoding() -> None:
     ("units", "shown"),
     [(TemperatureUnits.DEG_C, 100.0), (TemperatureUnits.K, 373.15), (TemperatureUnits.DEG_F, 212.0)],
 )
-def test_a_resistance_thermometer_shows_its_temperature(units: TemperatureUnits, shown: float) -> None:
+def test_a_resistance_thermometer_shows_its_temperature(units, shown):
     """100 Ohm of platinum (alpha 3851) have 138.51 Ohm at 100 degrees: the table of IEC 60751."""
     with NiTwin({"X": "PCIe-6363"}) as twin, nidaqmx.Task() as task:
         twin.set("X/ai0", 138.51 * 1e-3)
@@ -198,7 +196,7 @@ def test_a_resistance_thermometer_shows_its_temperature(units: TemperatureUnits,
         assert task.read() == pytest.approx(shown, abs=0.5)
 
 
-def test_ohms_follow_from_the_current_and_a_range_is_told_in_degrees() -> None:
+def test_ohms_follow_from_the_current_and_a_range_is_told_in_degrees():
     with NiTwin({"X": "PCIe-6363"}) as twin:
         twin.set("X/ai0", 0.35)
         with nidaqmx.Task() as task:
@@ -213,7 +211,7 @@ def test_ohms_follow_from_the_current_and_a_range_is_told_in_degrees() -> None:
             assert (kelvin.ai_min, kelvin.ai_max) == (28.0, pytest.approx(221.0, abs=1.0))
 
 
-def test_calculated_power_is_that_of_volts_and_of_a_shunt() -> None:
+def test_calculated_power_is_that_of_volts_and_of_a_shunt():
     with NiTwin({"Watts": "PXIe-4311"}) as twin:
         twin.set("Watts/ai0", 5.0)
         twin.set("Watts/ai1", 2.49)
@@ -243,9 +241,7 @@ def test_calculated_power_is_that_of_volts_and_of_a_shunt() -> None:
         ("co_channels", "add_co_pulse_chan_freq", "X/ctr0"),
     ],
 )
-def test_a_property_that_nobody_set_has_one_of_its_values_or_is_refused(
-    options: nidaqmx.GrpcSessionOptions, collection: str, call: str, physical: str
-) -> None:
+def test_a_property_that_nobody_set_has_one_of_its_values_or_is_refused(options, collection, call, physical):
     """Never a value that the property cannot have, from which the client makes a ValueError."""
     with nidaqmx.Task(grpc_options=options) as task:
         made = getattr(getattr(task, collection), call)(physical, **_GIVEN.get(call, {}))
@@ -265,7 +261,7 @@ def test_a_property_that_nobody_set_has_one_of_its_values_or_is_refused(
                         pytest.fail(f"{name}: {error}")
 
 
-def test_properties_of_a_task_at_its_start(options: nidaqmx.GrpcSessionOptions) -> None:
+def test_properties_of_a_task_at_its_start(options):
     with nidaqmx.Task(grpc_options=options) as task:
         power = task.ai_channels.add_ai_power_chan("Supply/power", 1.0, 1.0, True)
         assert power.pwr_idle_output_behavior == PowerIdleOutputBehavior.MAINTAIN_EXISTING_VALUE
@@ -276,7 +272,7 @@ def test_properties_of_a_task_at_its_start(options: nidaqmx.GrpcSessionOptions) 
         assert width.ci_ctr_timebase_dig_fltr_timebase_src == "100MHzTimebase"
 
 
-def test_hardware_timed_single_point_has_its_properties() -> None:
+def test_hardware_timed_single_point_has_its_properties():
     """By the calls themselves: nidaqmx 1.7 has no class for them yet."""
     with NiServer(inventory_of({"Watts": "PXIe-4311"})) as server, connected(server) as options:
         stub = NiDAQmxStub(options.grpc_channel)

@@ -48,9 +48,7 @@ def meter(twin: NiTwin) -> Iterator[nidaqmx.Task]:
 
 
 @pytest.mark.parametrize(("way", "counted"), [(CountDirection.COUNT_UP, 25), (CountDirection.COUNT_DOWN, 15)])
-def test_edges_of_a_finite_train_are_counted_each_once(
-    meter: nidaqmx.Task, way: CountDirection, counted: int
-) -> None:
+def test_edges_of_a_finite_train_are_counted_each_once(meter, way, counted):
     with nidaqmx.Task() as train:
         train.co_channels.add_co_pulse_chan_time("Dev1/ctr0", low_time=0.002, high_time=0.001)
         train.timing.cfg_implicit_timing(samps_per_chan=5)
@@ -65,9 +63,7 @@ def test_edges_of_a_finite_train_are_counted_each_once(
 
 
 @pytest.mark.parametrize("method", list(CounterFrequencyMethod)[:3])
-def test_a_frequency_is_measured_by_each_method(
-    pulses: nidaqmx.Task, meter: nidaqmx.Task, method: CounterFrequencyMethod
-) -> None:
+def test_a_frequency_is_measured_by_each_method(pulses, meter, method):
     channel = meter.ci_channels.add_ci_freq_chan(
         "Dev1/ctr1", min_val=100, max_val=10000, meas_method=method, meas_time=0.01
     )
@@ -77,7 +73,7 @@ def test_a_frequency_is_measured_by_each_method(
     assert meter.read() == pytest.approx(1000, rel=0.1)
 
 
-def test_periods_widths_and_halves_come_one_after_the_other(twin: NiTwin, pulses: nidaqmx.Task) -> None:
+def test_periods_widths_and_halves_come_one_after_the_other(twin, pulses):
     asked = {
         "period": ("add_ci_period_chan", "ci_period_term", [1e-3] * 4),
         "width": ("add_ci_pulse_width_chan", "ci_pulse_width_term", [0.25e-3] * 4),
@@ -112,7 +108,7 @@ def test_periods_widths_and_halves_come_one_after_the_other(twin: NiTwin, pulses
         assert meter.read() == 1, "without timing, it puts out one pulse"
 
 
-def test_two_edges_are_timed_from_the_first_to_the_second(twin: NiTwin, meter: nidaqmx.Task) -> None:
+def test_two_edges_are_timed_from_the_first_to_the_second(twin, meter):
     twin.set("Dev1/PFI0", lambda times: (times % 0.01 < 0.005).astype(float))
     twin.set("Dev1/PFI1", lambda times: ((times - 0.002) % 0.01 < 0.005).astype(float))
     channel = meter.ci_channels.add_ci_two_edge_sep_chan(
@@ -123,7 +119,7 @@ def test_two_edges_are_timed_from_the_first_to_the_second(twin: NiTwin, meter: n
     assert meter.read(3) == pytest.approx([0.002] * 3, abs=3e-5)
 
 
-def test_pulses_are_read_as_frequency_time_and_ticks(twin: NiTwin, pulses: nidaqmx.Task) -> None:
+def test_pulses_are_read_as_frequency_time_and_ticks(twin, pulses):
     kinds = {
         "freq": CtrFreq(1000.0, 0.25), "time": CtrTime(0.25e-3, 0.75e-3), "ticks": CtrTick(25_000, 75_000)
     }  # fmt: skip
@@ -140,7 +136,7 @@ def test_pulses_are_read_as_frequency_time_and_ticks(twin: NiTwin, pulses: nidaq
         pulses.stop()
 
 
-def test_written_pulses_follow_one_another_and_are_measured_so(twin: NiTwin, meter: nidaqmx.Task) -> None:
+def test_written_pulses_follow_one_another_and_are_measured_so(twin, meter):
     frequencies, duties = np.array([500.0, 1000.0, 2000.0]), np.array([0.5, 0.25, 0.75])
     with nidaqmx.Task() as train:
         train.co_channels.add_co_pulse_chan_freq("Dev1/ctr0")
@@ -158,7 +154,7 @@ def test_written_pulses_follow_one_another_and_are_measured_so(twin: NiTwin, met
     assert [pulse.duty_cycle for pulse in read] == pytest.approx([0.5, 0.25], rel=1e-3)
 
 
-def test_a_clocked_count_is_taken_at_each_edge_of_the_clock(twin: NiTwin, pulses: nidaqmx.Task) -> None:
+def test_a_clocked_count_is_taken_at_each_edge_of_the_clock(twin, pulses):
     """A count on the sample clock of analog inputs: ten pulses of 1 kHz in each sample of 100 Hz."""
     with nidaqmx.Task() as analog, nidaqmx.Task() as meter:
         analog.ai_channels.add_ai_voltage_chan("Dev1/ai0")
@@ -172,7 +168,7 @@ def test_a_clocked_count_is_taken_at_each_edge_of_the_clock(twin: NiTwin, pulses
     assert np.diff(counts).tolist() == pytest.approx([10] * 5, abs=1)
 
 
-def test_a_measurement_that_gets_no_edges_ends_at_its_time_out(twin: NiTwin, meter: nidaqmx.Task) -> None:
+def test_a_measurement_that_gets_no_edges_ends_at_its_time_out(twin, meter):
     twin.set("Dev1/PFI0", 0.0)
     channel = meter.ci_channels.add_ci_freq_chan("Dev1/ctr1", units=FrequencyUnits.HZ)
     channel.ci_freq_term = "/Dev1/PFI0"
@@ -183,7 +179,7 @@ def test_a_measurement_that_gets_no_edges_ends_at_its_time_out(twin: NiTwin, met
     assert 2.0 <= twin.now - began < 2.1
 
 
-def test_a_reference_trigger_is_waited_for(twin: NiTwin) -> None:
+def test_a_reference_trigger_is_waited_for(twin):
     """The trigger comes 50 ms after the start: what is read lies around it; without it nothing is read."""
     start = 0.0
     twin.set("Dev1/ai0", lambda times: times - start)
@@ -203,7 +199,7 @@ def test_a_reference_trigger_is_waited_for(twin: NiTwin) -> None:
 
 
 @pytest.mark.parametrize("idle", [False, True])
-def test_a_train_asked_in_pieces_is_the_train_asked_at_once(idle: bool) -> None:
+def test_a_train_asked_in_pieces_is_the_train_asked_at_once(idle):
     train = PulseTrain(1.0, np.array([0.3, 0.1]), np.array([0.2, 0.4]), 7, idle)
     whole = train.transitions(0.0, 10.0)
     ends = np.sort(np.random.default_rng(3).uniform(0, 10, 40))

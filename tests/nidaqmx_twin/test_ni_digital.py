@@ -27,15 +27,13 @@ TOGETHER, EACH = LineGrouping.CHAN_FOR_ALL_LINES, LineGrouping.CHAN_PER_LINE
         ("Sim/port1", EACH, "", [f"Sim/port1/line{i}" for i in range(8)]),
     ],
 )
-def test_names(
-    task: nidaqmx.Task, lines: str, grouping: LineGrouping, assigned: str, names: list[str]
-) -> None:
+def test_names(task, lines, grouping, assigned, names):
     task.di_channels.add_di_chan(lines, assigned, grouping)
     assert task.channel_names == names
     assert task.number_of_channels == len(names)
 
 
-def test_simulated_lines_count(task: nidaqmx.Task, other: nidaqmx.Task) -> None:
+def test_simulated_lines_count(task, other):
     task.di_channels.add_di_chan("Sim/port0/line7:0", line_grouping=TOGETHER)
     reader = DigitalSingleChannelReader(task.in_stream)
     lines = np.zeros(8, dtype=bool)
@@ -56,9 +54,7 @@ def test_simulated_lines_count(task: nidaqmx.Task, other: nidaqmx.Task) -> None:
     "port, method, dtype, all_of",
     [(1, "byte", "uint8", 1), (2, "uint16", "uint16", 1), (0, "uint32", "uint32", 0x01010101)],
 )
-def test_ports_count_in_groups_of_eight(
-    task: nidaqmx.Task, port: int, method: str, dtype: str, all_of: int
-) -> None:
+def test_ports_count_in_groups_of_eight(task, port, method, dtype, all_of):
     task.di_channels.add_di_chan(f"Sim/port{port}", line_grouping=TOGETHER)
     reader = DigitalSingleChannelReader(task.in_stream)
     data = np.zeros(256, dtype=dtype)
@@ -66,7 +62,7 @@ def test_ports_count_in_groups_of_eight(
     assert data.tolist() == [all_of * k for k in range(256)]
 
 
-def test_clocked_waveforms(task: nidaqmx.Task) -> None:
+def test_clocked_waveforms(task):
     """Columns go down a whole port, and follow named lines."""
     task.di_channels.add_di_chan("Sim/port0/line2:1", "pair", TOGETHER)
     task.timing.cfg_samp_clk_timing(1000, samps_per_chan=50)
@@ -88,7 +84,7 @@ def test_clocked_waveforms(task: nidaqmx.Task) -> None:
 
 
 @pytest.mark.parametrize("device", ["Card", "Sim"])
-def test_a_line_reads_what_drives_it(task: nidaqmx.Task, other: nidaqmx.Task, device: str) -> None:
+def test_a_line_reads_what_drives_it(task, other, device):
     task.do_channels.add_do_chan(f"{device}/port0/line7:0", line_grouping=TOGETHER)
     other.di_channels.add_di_chan(f"{device}/port0/line0:7", line_grouping=TOGETHER)
     other.di_channels.all.di_tristate = False
@@ -106,7 +102,7 @@ def test_a_line_reads_what_drives_it(task: nidaqmx.Task, other: nidaqmx.Task, de
 
 
 @pytest.mark.parametrize("method, dtype", [("byte", "uint8"), ("uint16", "uint16"), ("uint32", "uint32")])
-def test_ports_write(task: nidaqmx.Task, other: nidaqmx.Task, method: str, dtype: str) -> None:
+def test_ports_write(task, other, method, dtype):
     for port in (1, 2):
         task.do_channels.add_do_chan(f"Card/port{port}", line_grouping=TOGETHER)
         other.di_channels.add_di_chan(f"Card/port{port}", line_grouping=TOGETHER)
@@ -116,9 +112,7 @@ def test_ports_write(task: nidaqmx.Task, other: nidaqmx.Task, method: str, dtype
     assert other.read() == [3, 0xA5]
 
 
-def test_a_waveform_of_a_port_is_written_from_its_highest_line_down_and_read_back(
-    task: nidaqmx.Task, other: nidaqmx.Task
-) -> None:
+def test_a_waveform_of_a_port_is_written_from_its_highest_line_down_and_read_back(task, other):
     task.do_channels.add_do_chan("Card/port1", line_grouping=TOGETHER)
     other.di_channels.add_di_chan("Card/port1", line_grouping=TOGETHER)
     task.start()

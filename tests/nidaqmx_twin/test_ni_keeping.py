@@ -30,7 +30,7 @@ def options(clock: VirtualClock) -> Iterator[nidaqmx.GrpcSessionOptions]:
         yield options
 
 
-def test_scale_of_an_export(options: nidaqmx.GrpcSessionOptions) -> None:
+def test_scale_of_an_export(options):
     kept = System.remote(options).scales["double"]
     scale = kept.load()
     assert (scale.lin_slope, scale.lin_y_intercept) == (2.0, 1.0)
@@ -41,9 +41,7 @@ def test_scale_of_an_export(options: nidaqmx.GrpcSessionOptions) -> None:
 
 
 @pytest.mark.parametrize("kind", ["linear", "map", "polynomial", "table"])
-def test_a_scale_reads_what_it_writes(
-    options: nidaqmx.GrpcSessionOptions, task: nidaqmx.Task, kind: str
-) -> None:
+def test_a_scale_reads_what_it_writes(options, task, kind):
     {
         "linear": lambda: Scale.create_lin_scale("s", 4, grpc_options=options),
         "map": lambda: Scale.create_map_scale("s", 0, 5, 0, 20, grpc_options=options),
@@ -61,7 +59,7 @@ def test_a_scale_reads_what_it_writes(
     assert found == pytest.approx([-0.5, 0.5])
 
 
-def test_a_scale_changes_while_it_is_used(options: nidaqmx.GrpcSessionOptions, task: nidaqmx.Task) -> None:
+def test_a_scale_changes_while_it_is_used(options, task):
     scale = Scale.create_lin_scale("s", 1, grpc_options=options)
     channel = task.ai_channels.add_ai_voltage_chan(
         "Sim/ai0", units=VoltageUnits.FROM_CUSTOM_SCALE, custom_scale_name="s", min_val=-10, max_val=10
@@ -74,7 +72,7 @@ def test_a_scale_changes_while_it_is_used(options: nidaqmx.GrpcSessionOptions, t
     assert channel.ai_max == 20
 
 
-def test_saved_task(options: nidaqmx.GrpcSessionOptions) -> None:
+def test_saved_task(options):
     system = System.remote(options)
     with nidaqmx.Task("kept", grpc_options=options) as task:
         task.ai_channels.add_ai_voltage_chan("Sim/ai0:1")
@@ -92,7 +90,7 @@ def test_saved_task(options: nidaqmx.GrpcSessionOptions) -> None:
         nidaqmx.system.storage.PersistedTask("kept", grpc_options=options).load()
 
 
-def test_watchdog_expires_unless_it_is_told(options: nidaqmx.GrpcSessionOptions, clock: VirtualClock) -> None:
+def test_watchdog_expires_unless_it_is_told(options, clock):
     with WatchdogTask("Sim", timeout=0.5, grpc_options=options) as dog:
         dog.cfg_watchdog_do_expir_states([DOExpirationState("Sim/port0/line3", Level.TRISTATE)])
         state = dog.expiration_states["Sim/port0/line3"]
@@ -120,7 +118,7 @@ def test_watchdog_expires_unless_it_is_told(options: nidaqmx.GrpcSessionOptions,
         dog.stop()
 
 
-def test_a_watchdog_leaves_other_tasks_alone(options: nidaqmx.GrpcSessionOptions, task: nidaqmx.Task) -> None:
+def test_a_watchdog_leaves_other_tasks_alone(options, task):
     with (
         WatchdogTask("Sim", timeout=5, grpc_options=options) as dog,
         nidaqmx.Task(grpc_options=options) as follower,
@@ -135,7 +133,7 @@ def test_a_watchdog_leaves_other_tasks_alone(options: nidaqmx.GrpcSessionOptions
         assert len(task.read(10)) == 10
 
 
-def test_power_up_states(options: nidaqmx.GrpcSessionOptions) -> None:
+def test_power_up_states(options):
     system = System.remote(options)
     system.set_digital_power_up_states("Sim", [DOPowerUpState("Sim/port1", PowerUpStates.LOW)])
     states = {s.physical_channel: s.power_up_state for s in system.get_digital_power_up_states("Sim")}

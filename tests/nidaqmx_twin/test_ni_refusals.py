@@ -5,7 +5,6 @@ from __future__ import annotations
 import operator
 import struct
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import nidaqmx
@@ -60,14 +59,14 @@ def twin() -> Iterator[NiTwin]:
         ({"cjc_source": CJCSource.SCANNABLE_CHANNEL, "cjc_channel": "junction"}, None),
     ],
 )
-def test_a_thermocouple(words: dict[str, Any], right: int | None) -> None:
+def test_a_thermocouple(words, right):
     with nidaqmx.Task() as task:
         task.ai_channels.add_ai_thrmcpl_chan("cDAQ1Mod1/ai0", **words)
         assert code(task.start) == right
 
 
 @pytest.mark.usefixtures("twin")
-def test_what_a_module_does_not_measure() -> None:
+def test_what_a_module_does_not_measure():
     """NI's name of the code, PHYS_CHAN_MEAS_TYPE; what a 9213 measures: products.toml."""
     with nidaqmx.Task() as task:
         add = task.ai_channels
@@ -87,7 +86,7 @@ def test_what_a_module_does_not_measure() -> None:
         ("current", "Dev1/ai0", {"max_val": 0.1, "min_val": 0.0, "ext_shunt_resistor_val": 249.0}, -200077),
     ],
 )
-def test_limits_of_a_sensor(add: str, channel: str, words: dict[str, float], right: int | None) -> None:
+def test_limits_of_a_sensor(add, channel, words, right):
     with nidaqmx.Task() as task:
         getattr(task.ai_channels, f"add_ai_{add}_chan")(channel, **words)
         task.timing.cfg_samp_clk_timing(5120, samps_per_chan=10)
@@ -96,7 +95,7 @@ def test_limits_of_a_sensor(add: str, channel: str, words: dict[str, float], rig
 
 @pytest.mark.usefixtures("twin")
 @pytest.mark.parametrize(("timed", "right"), [(False, -200300), (True, None)])
-def test_a_dynamic_signal_card_has_a_sample_clock(timed: bool, right: int | None) -> None:
+def test_a_dynamic_signal_card_has_a_sample_clock(timed, right):
     """daqmx, issue 3: "Sample Timing Type is set to On Demand which is not supported"; inferred code."""
     with nidaqmx.Task() as task:
         task.ai_channels.add_ai_voltage_chan("Dsa/ai0")
@@ -125,7 +124,7 @@ def test_a_dynamic_signal_card_has_a_sample_clock(timed: bool, right: int | None
         ("di", "Ao/port0/line0", "", -200077),
     ],
 )
-def test_clocked_lines(kind: str, lines: str, source: str, right: int | None) -> None:
+def test_clocked_lines(kind, lines, source, right):
     with nidaqmx.Task() as task:
         getattr(getattr(task, f"{kind}_channels"), f"add_{kind}_chan")(lines)
         task.timing.cfg_samp_clk_timing(1000, source, samps_per_chan=10)
@@ -146,7 +145,7 @@ def test_clocked_lines(kind: str, lines: str, source: str, right: int | None) ->
         ("cDAQ1Mod2/ctr0:1", "", None),
     ],
 )
-def test_buffered_counts(counters: str, source: str, right: int | None) -> None:
+def test_buffered_counts(counters, source, right):
     with nidaqmx.Task() as task:
         task.ci_channels.add_ci_count_edges_chan(counters)
         task.timing.cfg_samp_clk_timing(1000, source, samps_per_chan=10)
@@ -168,7 +167,7 @@ def test_buffered_counts(counters: str, source: str, right: int | None) -> None:
         ("Dev1", {"freq": 100.0, "duty_cycle": 1.0}, -200077),
     ],
 )
-def test_pulses(device: str, words: dict[str, float], right: int | None) -> None:
+def test_pulses(device, words, right):
     with nidaqmx.Task() as task:
         task.co_channels.add_co_pulse_chan_freq(f"{device}/ctr0", **words)
         assert code(task.start) == right
@@ -178,7 +177,7 @@ def test_pulses(device: str, words: dict[str, float], right: int | None) -> None
 @pytest.mark.parametrize(
     ("low", "high", "right"), [(20e-9, 20e-9, None), (1e-9, 1e-9, -200746), (0.0, 1e-3, -200077)]
 )
-def test_times_of_pulses(low: float, high: float, right: int | None) -> None:
+def test_times_of_pulses(low, high, right):
     """As of the frequency; NI's name of the code, SUITABLE_TIMEBASE_NOT_FOUND_TIME_COMBO_2."""
     with nidaqmx.Task() as task:
         task.co_channels.add_co_pulse_chan_time("Dev1/ctr0", low_time=low, high_time=high)
@@ -190,7 +189,7 @@ def test_times_of_pulses(low: float, high: float, right: int | None) -> None:
     ("source", "right"),
     [("/Dev1/PFI0", None), ("OnboardClock", None), ("/Dev1/20MHzTimebase", None), ("/Dev1/nosuch", -89120)],
 )
-def test_a_timebase_is_a_terminal(source: str, right: int | None) -> None:
+def test_a_timebase_is_a_terminal(source, right):
     """NI-DAQmx Base, text of -89120."""
     with nidaqmx.Task() as task:
         task.co_channels.add_co_pulse_chan_ticks("Dev1/ctr0", source, low_ticks=10, high_ticks=10)
@@ -198,7 +197,7 @@ def test_a_timebase_is_a_terminal(source: str, right: int | None) -> None:
 
 
 @pytest.mark.usefixtures("twin")
-def test_a_pulse_of_an_encoder_is_worth_something() -> None:
+def test_a_pulse_of_an_encoder_is_worth_something():
     """The code is NI's for a value out of range; it was a traceback of the server's."""
     with nidaqmx.Task() as task:
         task.ci_channels.add_ci_ang_encoder_chan("Dev1/ctr0", pulses_per_rev=0)
@@ -206,7 +205,7 @@ def test_a_pulse_of_an_encoder_is_worth_something() -> None:
 
 
 @pytest.mark.usefixtures("twin")
-def test_a_counter_that_counts_edges_does_nothing_else() -> None:
+def test_a_counter_that_counts_edges_does_nothing_else():
     """USB-6008/6009 user guide, "Event Counter"."""
     with nidaqmx.Task() as task:
         assert code(lambda: task.ci_channels.add_ci_freq_chan("Low/ctr0")) == -200431
@@ -217,7 +216,7 @@ def test_a_counter_that_counts_edges_does_nothing_else() -> None:
 
 @pytest.mark.usefixtures("twin")
 @pytest.mark.parametrize(("rate", "right"), [(10e6, -200462), (11e6, -200332)])
-def test_how_fast_lines_are(rate: float, right: int) -> None:
+def test_how_fast_lines_are(rate, right):
     """labscript-devices, capabilities.json, measured: 10 MHz of a PCIe-6363, here with nothing to put out."""
     with nidaqmx.Task() as task:
         task.do_channels.add_do_chan("Dev1/port0/line0")
@@ -228,7 +227,7 @@ def test_how_fast_lines_are(rate: float, right: int) -> None:
 
 
 @pytest.mark.usefixtures("twin")
-def test_limits_of_a_frequency() -> None:
+def test_limits_of_a_frequency():
     """NI's sentence of -200082: "Minimum is greater than or equal to the maximum"."""
     with nidaqmx.Task() as task:
         task.ci_channels.add_ci_freq_chan("Dev1/ctr0", min_val=200.0, max_val=100.0)
@@ -247,9 +246,7 @@ def test_limits_of_a_frequency() -> None:
         (LoggingMode.LOG, "di_channels.add_di_chan Dev1/port0", True, -200197, -201301),
     ],
 )
-def test_logging(
-    mode: LoggingMode, add: str, timed: bool, start: int | None, read: int | None, tmp_path: Path
-) -> None:
+def test_logging(mode, add, timed, start, read, tmp_path):
     call, channel = add.split()
     with nidaqmx.Task() as task:
         operator.attrgetter(call)(task)(channel)
@@ -261,7 +258,7 @@ def test_logging(
 
 @pytest.mark.usefixtures("twin")
 @pytest.mark.parametrize(("mode", "samples"), [(LoggingMode.LOG, 100), (LoggingMode.LOG_AND_READ, 30)])
-def test_what_is_not_read_is_not_logged(mode: LoggingMode, samples: int, tmp_path: Path) -> None:
+def test_what_is_not_read_is_not_logged(mode, samples, tmp_path):
     """nidaqmx, `LoggingMode.LOG_AND_READ`: "You must use an NI-DAQmx Read function"."""
     path = tmp_path / "run.tdms"
     with nidaqmx.Task() as task:
@@ -280,7 +277,7 @@ def test_what_is_not_read_is_not_logged(mode: LoggingMode, samples: int, tmp_pat
     assert found == samples
 
 
-def test_what_is_not_followed_is_refused_where_something_is_connected(twin: NiTwin) -> None:
+def test_what_is_not_followed_is_refused_where_something_is_connected(twin):
     """Not simulated: a count that should stand still went on, and an analog trigger came at once."""
     with nidaqmx.Task() as task, pytest.warns(UserWarning, match="without effect"):
         task.ci_channels.add_ci_count_edges_chan("Dev1/ctr0")
@@ -307,7 +304,7 @@ def test_what_is_not_followed_is_refused_where_something_is_connected(twin: NiTw
 
 @pytest.mark.usefixtures("twin")
 @pytest.mark.parametrize("kind", ["ai", "ao"])
-def test_a_task_does_not_trigger_itself(kind: str) -> None:
+def test_a_task_does_not_trigger_itself(kind):
     """NI-DAQmx Base, text of -89131: "the source and the destination are the same terminal"."""
     with nidaqmx.Task() as task:
         getattr(getattr(task, f"{kind}_channels"), f"add_{kind}_voltage_chan")(f"Dev1/{kind}0")
@@ -448,6 +445,6 @@ AI, DI, CI, CO = (
         (_timed(DI, "Dev1/port0/line0", CHANGES), -200751),
     ],
 )
-def test_what_does_not_go_together(make: Callable[[nidaqmx.Task], Any], right: int | None) -> None:
+def test_what_does_not_go_together(make, right):
     with nidaqmx.Task() as task:
         assert code(lambda: make(task)) == right

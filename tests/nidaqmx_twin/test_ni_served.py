@@ -10,17 +10,17 @@ from nidaqmx._stubs import nidaqmx_pb2 as pb
 from nidaqmx.constants import AcquisitionType, CJCSource, Signal
 from nidaqmx.errors import DaqError, DaqFunctionNotSupportedError
 
-from haploop.nidaqmx_twin import NiTwin, served
+from haploop.nidaqmx_twin import served
 from tests.nidaqmx_twin.served_list import PAGE, page
 
 
 @pytest.mark.skipif(not PAGE.is_file(), reason="the page is one of haploop's")
-def test_the_page_names_every_property_and_call_of_the_installed_nidaqmx() -> None:
+def test_the_page_names_every_property_and_call_of_the_installed_nidaqmx():
     """After a new nidaqmx: `python -m tests.nidaqmx_twin.served_list`, and look at what is new."""
     assert PAGE.read_text(encoding="utf-8") == page()
 
 
-def test_every_call_that_is_refused_fails_aloud(nidaqmx_twin: NiTwin) -> None:
+def test_every_call_that_is_refused_fails_aloud(nidaqmx_twin):
     refused = [name for name in served.calls() if served.call_status(name) == served.REFUSED]
     with nidaqmx.Task() as task:
         interpreter = task._interpreter
@@ -30,7 +30,7 @@ def test_every_call_that_is_refused_fails_aloud(nidaqmx_twin: NiTwin) -> None:
                 interpreter._invoke(getattr(interpreter._client, name), request)
 
 
-def test_a_kept_property_is_told_of_at_the_start(nidaqmx_twin: NiTwin) -> None:
+def test_a_kept_property_is_told_of_at_the_start(nidaqmx_twin):
     with nidaqmx.Task() as task, warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         channel = task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
@@ -45,7 +45,7 @@ def test_a_kept_property_is_told_of_at_the_start(nidaqmx_twin: NiTwin) -> None:
     assert "AI_LOWPASS_ENABLE" in str(one.message) and "DIG_LVL_PAUSE_TRIG_SRC" in str(one.message)
 
 
-def test_volts_are_not_shown_as_degrees(nidaqmx_twin: NiTwin) -> None:
+def test_volts_are_not_shown_as_degrees(nidaqmx_twin):
     def read() -> float:
         with nidaqmx.Task() as task:
             task.ai_channels.add_ai_thrmcpl_chan("Dev1/ai0", cjc_source=CJCSource.CONSTANT_USER_VALUE)
@@ -58,7 +58,7 @@ def test_volts_are_not_shown_as_degrees(nidaqmx_twin: NiTwin) -> None:
     assert refused.value.error_code == -200197 and "TEMPERATURE_THERMOCOUPLE" in str(refused.value)
 
 
-def test_an_exported_clock_stands_at_its_terminal(nidaqmx_twin: NiTwin) -> None:
+def test_an_exported_clock_stands_at_its_terminal(nidaqmx_twin):
     with nidaqmx.Task() as source, nidaqmx.Task() as count:
         source.ai_channels.add_ai_voltage_chan("Dev1/ai0")
         source.timing.cfg_samp_clk_timing(1000, sample_mode=AcquisitionType.FINITE, samps_per_chan=100)

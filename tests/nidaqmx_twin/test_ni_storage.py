@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import nidaqmx
 import numpy as np
@@ -83,7 +82,7 @@ def _fails(code: DAQmxErrors, *calls: object) -> None:
         assert str(code.value) in str(caught.value)
 
 
-def test_a_sensor_describes_itself(system: System, tmp_path: Path) -> None:
+def test_a_sensor_describes_itself(system, tmp_path):
     file = tmp_path / "sensor.ted"
     file.write_bytes(bytes(40) + bytes(octet >> place & 1 for octet in SENSOR for place in range(8)))
     channel = system.devices["Dev1"].ai_physical_chans["ai2"]
@@ -110,7 +109,7 @@ def test_a_sensor_describes_itself(system: System, tmp_path: Path) -> None:
     _fails(DAQmxErrors.VIRTUAL_TEDS_DATA_FILE_ERROR, lambda: channel.configure_teds(str(file)))
 
 
-def test_what_max_has_saved_is_there_and_more_is_saved_and_deleted(system: System) -> None:
+def test_what_max_has_saved_is_there_and_more_is_saved_and_deleted(system):
     assert system.driver_version >= (25, 8, 0), "new enough for NI's own tests"
     assert system.global_channels.global_channel_names == ["Pressure"]
     assert system.tasks.task_names == ["Slow"]
@@ -134,7 +133,7 @@ def test_what_max_has_saved_is_there_and_more_is_saved_and_deleted(system: Syste
     _fails(DAQmxErrors.INVALID_GLOBAL_CHAN, lambda: kept.author)
 
 
-def test_states_after_power_on_are_kept_within_the_range(system: System) -> None:
+def test_states_after_power_on_are_kept_within_the_range(system):
     names = ["Out/ao0", "Out/ao1"]
     high = PowerUpChannelType.CHANNEL_HIGH_IMPEDANCE
     read = system.get_analog_power_up_states_with_output_type(names)
@@ -150,7 +149,7 @@ def test_states_after_power_on_are_kept_within_the_range(system: System) -> None
     )
 
 
-def test_a_supply_gives_what_it_is_set_to(system: System) -> None:
+def test_a_supply_gives_what_it_is_set_to(system):
     for enabled, volts, codes in ((True, 2.0, 8192), (False, np.nan, 0)):
         with nidaqmx.Task() as task:
             channel = task.ai_channels.add_ai_power_chan("TS1Mod1/power", 2.0, 1.0, enabled)
@@ -162,7 +161,7 @@ def test_a_supply_gives_what_it_is_set_to(system: System) -> None:
             assert raw[0].tolist() == raw[1].tolist() == [[codes] * 4]
 
 
-def test_calibration_is_told_and_a_users_words_are_kept(system: System) -> None:
+def test_calibration_is_told_and_a_users_words_are_kept(system):
     asked, told = system._interpreter, pb.CalibrationInfoStringAttribute
     assert asked.device_supports_cal("Dev1")
     words = told.CALIBRATIONINFO_ATTRIBUTE_CAL_USER_DEFINED_INFO

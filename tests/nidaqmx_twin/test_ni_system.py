@@ -5,7 +5,6 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
-from pathlib import Path
 
 import grpc
 import nidaqmx
@@ -25,7 +24,7 @@ from haploop.nidaqmx_twin import devices_from_ini
 from tests.nidaqmx_twin.ni_client import EXPORT, fails
 
 
-def test_the_devices_of_an_export_report_themselves(options: nidaqmx.GrpcSessionOptions) -> None:
+def test_the_devices_of_an_export_report_themselves(options):
     inventory, system = devices_from_ini(EXPORT), System.remote(options)
     assert list(inventory.devices) == ["Sim", "Card", "Old", "Frame", "FrameMod1", "FrameMod2"]
     assert [sentence.split()[0] for sentence in inventory.left_out] == ["Bridge", "StrayMod1"]
@@ -62,7 +61,7 @@ def test_the_devices_of_an_export_report_themselves(options: nidaqmx.GrpcSession
         _ = Device("Nobody", grpc_options=options).product_type
 
 
-def test_tasks_are_shared_by_name_and_cleared(options: nidaqmx.GrpcSessionOptions) -> None:
+def test_tasks_are_shared_by_name_and_cleared(options):
     with nidaqmx.Task("shared", grpc_options=options) as task:
         task.ai_channels.add_ai_voltage_chan("Sim/ai0")
         again = nidaqmx.Task("shared", grpc_options=options)
@@ -71,7 +70,7 @@ def test_tasks_are_shared_by_name_and_cleared(options: nidaqmx.GrpcSessionOption
         again.start()
 
 
-def test_program_of_its_own(tmp_path: Path) -> None:
+def test_program_of_its_own(tmp_path):
     export = tmp_path / "max.ini"
     export.write_text(EXPORT)
     program = (
@@ -95,9 +94,7 @@ def test_program_of_its_own(tmp_path: Path) -> None:
     assert "Bridge (PXIe-9999) is not known" in said
 
 
-def test_a_committed_task_keeps_its_outputs_when_it_stops_and_changes(
-    options: nidaqmx.GrpcSessionOptions,
-) -> None:
+def test_a_committed_task_keeps_its_outputs_when_it_stops_and_changes(options):
     """NI-DAQmx Key Concepts, "Transitioning the State Backwards": it is verified again when it starts."""
     with (
         nidaqmx.Task("first", grpc_options=options) as task,

@@ -46,7 +46,7 @@ def load(request: pytest.FixtureRequest) -> Iterator[None]:
         thread.join()
 
 
-def test_a_sleep_gives_its_samples(nidaqmx_twin: NiTwin) -> None:
+def test_a_sleep_gives_its_samples(nidaqmx_twin):
     with running() as task:
         task.start()
         for _ in range(5):
@@ -55,7 +55,7 @@ def test_a_sleep_gives_its_samples(nidaqmx_twin: NiTwin) -> None:
         assert len(task.read(READ_ALL_AVAILABLE)) == 501, "one at the start, and 500 in 0.5 s"
 
 
-def test_each_turn_of_a_loop_gives_the_same(nidaqmx_twin: NiTwin) -> None:
+def test_each_turn_of_a_loop_gives_the_same(nidaqmx_twin):
     with running() as task:
         task.start()
         turns = []
@@ -65,7 +65,7 @@ def test_each_turn_of_a_loop_gives_the_same(nidaqmx_twin: NiTwin) -> None:
     assert set(turns[1:]) <= {90, 91} and sum(turns) == pytest.approx(541, abs=2)
 
 
-def test_a_deadline_of_the_program_comes_in_virtual_time(nidaqmx_twin: NiTwin) -> None:
+def test_a_deadline_of_the_program_comes_in_virtual_time(nidaqmx_twin):
     for clock in (time.monotonic, time.time, time.perf_counter, lambda: time.monotonic_ns() / 1e9):
         began, reads = nidaqmx_twin.now, 0
         with running() as task:
@@ -82,7 +82,7 @@ def test_a_deadline_of_the_program_comes_in_virtual_time(nidaqmx_twin: NiTwin) -
 
 
 @pytest.mark.parametrize("way", ["sleep", "wait_until_done", "read"])
-def test_every_event_is_handled_when_it_happens(nidaqmx_twin: NiTwin, load: None, way: str) -> None:
+def test_every_event_is_handled_when_it_happens(nidaqmx_twin, load, way):
     """A buffer of one interval overruns at once where a callback comes late."""
     when: list[float] = []
     with running(1000, 1000) as task:
@@ -104,7 +104,7 @@ def test_every_event_is_handled_when_it_happens(nidaqmx_twin: NiTwin, load: None
     assert [at - began for at in when] == pytest.approx([0.1 * k for k in range(1, 11)], abs=2e-3)
 
 
-def test_a_small_buffer_is_read_in_time(nidaqmx_twin: NiTwin, load: None) -> None:
+def test_a_small_buffer_is_read_in_time(nidaqmx_twin, load):
     got: list[int] = []
     with running(size=200) as task:
         getattr(task, ACQUIRED)(100, lambda *_: got.append(len(task.read(100))) or 0)
@@ -114,7 +114,7 @@ def test_a_small_buffer_is_read_in_time(nidaqmx_twin: NiTwin, load: None) -> Non
     assert got == [100] * 10
 
 
-def test_clocks_are_real_again_afterwards_and_in_the_standard_library() -> None:
+def test_clocks_are_real_again_afterwards_and_in_the_standard_library():
     before = time.monotonic, time.sleep, time.time
     with NiTwin({"Dev1": "PCIe-6363"}):
         assert time.monotonic is not before[0]

@@ -43,7 +43,7 @@ def code(call: Any) -> int:
     return int(caught.value.error_code)
 
 
-def test_sample_clock(ai: nidaqmx.Task) -> None:
+def test_sample_clock(ai):
     timing = ai.timing
     default = timing.samp_clk_rate
     timing.cfg_samp_clk_timing(1000, samps_per_chan=100)
@@ -65,7 +65,7 @@ def test_sample_clock(ai: nidaqmx.Task) -> None:
     assert timing.samp_quant_samp_mode == AcquisitionType.CONTINUOUS
 
 
-def test_wrong_timing_is_refused(ai: nidaqmx.Task) -> None:
+def test_wrong_timing_is_refused(ai):
     ai.timing.cfg_samp_clk_timing(1000, source="nowhere")
     assert code(lambda: ai.timing.samp_clk_src) == DAQmxErrors.INVALID_ROUTING_SOURCE_TERMINAL_NAME_ROUTING
     ai.timing.cfg_samp_clk_timing(1000, samps_per_chan=1)
@@ -81,9 +81,7 @@ def test_wrong_timing_is_refused(ai: nidaqmx.Task) -> None:
     )
 
 
-def test_conversion_clock_has_padding_and_a_module_device_context(
-    options: nidaqmx.GrpcSessionOptions, ai: nidaqmx.Task, other: nidaqmx.Task
-) -> None:
+def test_conversion_clock_has_padding_and_a_module_device_context(options, ai, other):
     with nidaqmx.Task(grpc_options=options) as old:
         old.ai_channels.add_ai_voltage_chan("Old/ai0:5")
         old.timing.cfg_samp_clk_timing(5000)
@@ -106,7 +104,7 @@ def test_conversion_clock_has_padding_and_a_module_device_context(
     assert timing.ai_conv_active_edge == Edge.RISING
 
 
-def test_other_timing_types(task: nidaqmx.Task) -> None:
+def test_other_timing_types(task):
     task.di_channels.add_di_chan("Sim/port0/line0")
     timing = task.timing
     timing.cfg_handshaking_timing(AcquisitionType.FINITE, 2000)
@@ -125,7 +123,7 @@ def test_other_timing_types(task: nidaqmx.Task) -> None:
     assert task.export_signals.rdy_for_xfer_event_lvl_active_lvl == Polarity.ACTIVE_LOW
 
 
-def test_triggers_are_remembered(ai: nidaqmx.Task) -> None:
+def test_triggers_are_remembered(ai):
     start, reference = ai.triggers.start_trigger, ai.triggers.reference_trigger
     assert start.trig_type == TriggerType.NONE and reference.pretrig_samples == 2
     ai.timing.cfg_samp_clk_timing(1000)
@@ -148,7 +146,7 @@ def test_triggers_are_remembered(ai: nidaqmx.Task) -> None:
     assert code(lambda: ai.control(TaskMode.TASK_VERIFY)) == DAQmxErrors.TRIG_WHEN_ON_DEMAND_SAMP_TIMING
 
 
-def test_time_stamps(task: nidaqmx.Task) -> None:
+def test_time_stamps(task):
     task.ai_channels.add_ai_voltage_chan("FrameMod1/ai0")
     task.timing.cfg_samp_clk_timing(1000)
     assert task.triggers.start_trigger.time_when.year == 1904
@@ -181,7 +179,7 @@ class Heard:
         return not self._semaphore.acquire(timeout=0.1)
 
 
-def test_events_of_several_acquisitions(ai: nidaqmx.Task, other: nidaqmx.Task) -> None:
+def test_events_of_several_acquisitions(ai, other):
     done, samples, unheard, sent = Heard(), Heard(), Heard(), Heard()
     for _ in range(3):  # registered, and not any more
         ai.register_done_event(unheard)
@@ -209,7 +207,7 @@ def test_events_of_several_acquisitions(ai: nidaqmx.Task, other: nidaqmx.Task) -
     assert samples.events == [(EveryNSamplesEventType.ACQUIRED_INTO_BUFFER.value, 100)] * 30
 
 
-def test_events_are_registered_once_and_of_the_right_kind(ai: nidaqmx.Task, other: nidaqmx.Task) -> None:
+def test_events_are_registered_once_and_of_the_right_kind(ai, other):
     heard, signals = Heard(), Heard()
     ai.register_done_event(heard)
     assert code(lambda: ai.register_done_event(heard)) == DAQmxErrors.DONE_EVENT_ALREADY_REGISTERED
@@ -230,7 +228,7 @@ def test_events_are_registered_once_and_of_the_right_kind(ai: nidaqmx.Task, othe
     assert signals.events == [(Signal.SAMPLE_COMPLETE.value,)] * 10
 
 
-def test_slave_waits_for_its_masters_clock() -> None:
+def test_slave_waits_for_its_masters_clock():
     cards = inventory_of({"A": "PCIe-6321", "B": "PCI-6034E"})
     for rtsi, source, error in (
         (False, "/A/ai/SampleClock", DAQmxErrors.TRIG_LINE_NOT_FOUND_ROUTING),  # no cable
@@ -266,7 +264,7 @@ def test_slave_waits_for_its_masters_clock() -> None:
         assert slave.in_stream.total_samp_per_chan_acquired == 100
 
 
-def test_slave_that_comes_late_joins_at_the_next_edge() -> None:
+def test_slave_that_comes_late_joins_at_the_next_edge():
     bench = Bench()
     wiring = {"A/ai0": "tone", "B/ai0": "tone"}
     with (
@@ -288,7 +286,7 @@ def test_slave_that_comes_late_joins_at_the_next_edge() -> None:
     assert np.abs(both[0] - both[1]).max() < 3e-3
 
 
-def test_what_is_not_served_fails_loudly_and_is_counted() -> None:
+def test_what_is_not_served_fails_loudly_and_is_counted():
     with (
         NiServer(inventory_of({"A": "PCIe-6321"})) as server,
         connected(server) as options,
@@ -303,7 +301,7 @@ def test_what_is_not_served_fails_loudly_and_is_counted() -> None:
         assert server.unserved == {"WaitForNextSampleClock": 1, "Timing SAMP_CLK_OVERRUN_BEHAVIOR": 1}
 
 
-def test_counter_outputs_have_no_reference_trigger_and_inputs_that_nothing_drives_count_nothing() -> None:
+def test_counter_outputs_have_no_reference_trigger_and_inputs_that_nothing_drives_count_nothing():
     with (
         NiServer(inventory_of({"A": "PCIe-6321"})) as server,
         connected(server) as options,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Any
 
 import nidaqmx
 import numpy as np
@@ -64,7 +63,7 @@ def bouncing(times: FloatArray) -> FloatArray:
         ("Dev1", 0.0, -200771),  # NI's name of the code, DIG_FILTER_ENABLED_MIN_PULSE_WIDTH_NOT_CFG
     ],
 )
-def test_a_filter_lets_long_pulses_pass(twin: NiTwin, device: str, width: float | None, right: Any) -> None:
+def test_a_filter_lets_long_pulses_pass(twin, device, width, right):
     twin.set(f"{device}/PFI9", bouncing)
     with nidaqmx.Task() as task:
         channel = task.ci_channels.add_ci_pulse_width_chan(f"{device}/ctr0", min_val=1e-6, max_val=1.0)
@@ -81,7 +80,7 @@ def test_a_filter_lets_long_pulses_pass(twin: NiTwin, device: str, width: float 
 
 
 @pytest.mark.usefixtures("twin")
-def test_filters_that_a_card_has_not() -> None:
+def test_filters_that_a_card_has_not():
     """NI's names of the codes; that an E Series card has none is inferred."""
     with nidaqmx.Task() as task:
         channel = task.ci_channels.add_ci_count_edges_chan("E/ctr0")
@@ -95,7 +94,7 @@ def test_filters_that_a_card_has_not() -> None:
         assert code(task.start) == -200770
 
 
-def test_a_filter_delays_a_start_trigger(twin: NiTwin) -> None:
+def test_a_filter_delays_a_start_trigger(twin):
     """X Series manual, "Filter Example": the level passes once it was seen N times."""
     twin.set("Dev1/PFI0", bouncing)
     with nidaqmx.Task() as task:
@@ -108,7 +107,7 @@ def test_a_filter_delays_a_start_trigger(twin: NiTwin) -> None:
         assert task.read(10)[0] % 0.05 == pytest.approx(0.012, abs=5e-4)
 
 
-def test_a_filter_of_lines_whose_changes_are_detected(twin: NiTwin) -> None:
+def test_a_filter_of_lines_whose_changes_are_detected(twin):
     twin.set("Dev1/port0/line0", bouncing)
     with nidaqmx.Task() as task:
         line = task.di_channels.add_di_chan("Dev1/port0/line0")
@@ -122,7 +121,7 @@ def test_a_filter_of_lines_whose_changes_are_detected(twin: NiTwin) -> None:
 # A task that each trigger starts again: X Series manual 370784, "Retriggerable Analog Input"
 
 
-def test_samples_of_each_trigger(twin: NiTwin) -> None:
+def test_samples_of_each_trigger(twin):
     """A trigger in a burst is ignored; NI's example cont_voltage_acq_int_clk_dig_start_retrig.py."""
     twin.set("Dev1/PFI0", pulses(0.015, 0.001))
     with nidaqmx.Task() as task:
@@ -138,7 +137,7 @@ def test_samples_of_each_trigger(twin: NiTwin) -> None:
     assert read == pytest.approx(bursts.ravel(), abs=5e-4)
 
 
-def test_a_task_is_started_again_by_a_counter_that_runs_later(twin: NiTwin) -> None:
+def test_a_task_is_started_again_by_a_counter_that_runs_later(twin):
     with nidaqmx.Task() as co, nidaqmx.Task() as ai:
         pulse = co.co_channels.add_co_pulse_chan_time("Dev1/ctr0", low_time=0.095, high_time=0.005)
         co.timing.cfg_implicit_timing(sample_mode=CONTINUOUS)
@@ -164,7 +163,7 @@ def test_a_task_is_started_again_by_a_counter_that_runs_later(twin: NiTwin) -> N
         ("M", 3, None),
     ],
 )
-def test_pulses_of_each_trigger(twin: NiTwin, device: str, many: int, right: list[float] | None) -> None:
+def test_pulses_of_each_trigger(twin, device, many, right):
     """Trains of an M Series counter: NI's name of the code, RETRIGGERING_FINITE_CO_NOT_ALLOWED."""
     twin.set(f"{device}/PFI1", pulses(0.1, 0.01))
     with nidaqmx.Task() as task:
@@ -213,9 +212,7 @@ def _pretriggered(task: nidaqmx.Task) -> None:
         (_pretriggered, -201320),
     ],
 )
-def test_what_no_trigger_starts_again(
-    twin: NiTwin, make: Callable[[nidaqmx.Task], None], right: int | None
-) -> None:
+def test_what_no_trigger_starts_again(twin, make, right):
     for device in ("Dev1", "M"):
         twin.set(f"{device}/PFI1", pulses(0.1, 0.01))
     with nidaqmx.Task() as task:
@@ -226,7 +223,7 @@ def test_what_no_trigger_starts_again(
 
 
 @pytest.mark.usefixtures("twin")
-def test_a_reference_trigger_comes_once() -> None:
+def test_a_reference_trigger_comes_once():
     """X Series manual 370784: "Reference triggers are not retriggerable"; inferred code."""
     with nidaqmx.Task() as task:
         _pretriggered(task)
@@ -249,9 +246,7 @@ def test_a_reference_trigger_comes_once() -> None:
         ("Dsa", "", 5.0, DigitalWidthUnits.SECONDS, -201429),
     ],
 )
-def test_a_delay_from_the_start_trigger(
-    twin: NiTwin, device: str, source: str, delay: float, units: DigitalWidthUnits, right: float
-) -> None:
+def test_a_delay_from_the_start_trigger(twin, device, source, delay, units, right):
     twin.set("Dev1/PFI1", lambda times: (times >= 0.1) * 1.0)
     with nidaqmx.Task() as task:
         task.ai_channels.add_ai_voltage_chan(f"{device}/ai0")
@@ -267,14 +262,14 @@ def test_a_delay_from_the_start_trigger(
 
 
 @pytest.mark.usefixtures("twin")
-def test_a_counter_has_no_delay_from_its_start_trigger() -> None:
+def test_a_counter_has_no_delay_from_its_start_trigger():
     with nidaqmx.Task() as task:
         task.co_channels.add_co_pulse_chan_freq("Dev1/ctr0")
         task.triggers.start_trigger.delay = 1.0
         assert code(task.start) == -200452
 
 
-def test_a_delay_from_the_reference_trigger(twin: NiTwin) -> None:
+def test_a_delay_from_the_reference_trigger(twin):
     """nidaqmx, `ReferenceTrigger.delay`: "before switching from pretrigger to posttrigger samples"."""
     twin.set("Dev1/PFI2", lambda times: (times >= 0.1) * 1.0)
     with nidaqmx.Task() as task:
@@ -287,7 +282,7 @@ def test_a_delay_from_the_reference_trigger(twin: NiTwin) -> None:
 
 
 @pytest.mark.parametrize("what", ["clock", "trigger", "names"])
-def test_two_cards_in_step(twin: NiTwin, what: str) -> None:
+def test_two_cards_in_step(twin, what):
     """A line of the RTSI cable is one line, whatever card names it; the one that waits is started first."""
     with nidaqmx.Task() as first, nidaqmx.Task() as second:
         for task, device in ((first, "Dev1"), (second, "Dev2")):
@@ -308,7 +303,7 @@ def test_two_cards_in_step(twin: NiTwin, what: str) -> None:
         assert first.read(20) == pytest.approx(second.read(20), abs=1e-3)
 
 
-def test_a_clock_that_is_no_even_one_is_shared(twin: NiTwin) -> None:
+def test_a_clock_that_is_no_even_one_is_shared(twin):
     """It ticked at the rate that was asked for."""
     twin.set("Dev1/PFI3", pulses(0.007, 0.001))
     twin.set("Dev1/port0/line0", pulses(0.014, 0.007))
@@ -323,7 +318,7 @@ def test_a_clock_that_is_no_even_one_is_shared(twin: NiTwin) -> None:
         assert di.read(10) in ([True, False] * 5, [False, True] * 5)
 
 
-def test_lines_that_are_inverted(twin: NiTwin) -> None:
+def test_lines_that_are_inverted(twin):
     """nidaqmx, `do_invert_lines`: "the lines are at high logic when off"."""
     twin.wire("Dev1/port0/line0", "Dev1/port0/line4")
     with nidaqmx.Task() as do, nidaqmx.Task() as di:
@@ -335,7 +330,7 @@ def test_lines_that_are_inverted(twin: NiTwin) -> None:
         assert di.read()
 
 
-def test_a_read_of_more_than_the_buffer_holds(twin: NiTwin) -> None:
+def test_a_read_of_more_than_the_buffer_holds(twin):
     """A PCI-6133 gave 100,000 counts of a buffer of 10,000 (juliancabaleiro/nidaqmx-python-examples,
     ci_tick_external.py); it was -200279.
     """
@@ -348,7 +343,7 @@ def test_a_read_of_more_than_the_buffer_holds(twin: NiTwin) -> None:
         assert code(lambda: task.read(10)) == -200279
 
 
-def test_a_differential_input_reads_the_difference(twin: NiTwin) -> None:
+def test_a_differential_input_reads_the_difference(twin):
     """The negative end of AI 0 is AI 8: products.toml, `ai_bank`."""
     twin.set("Dev1/ai0", 3.0)
     twin.set("Dev1/ai8", 1.0)
@@ -358,7 +353,7 @@ def test_a_differential_input_reads_the_difference(twin: NiTwin) -> None:
             assert task.read() == pytest.approx(right, abs=2e-3)
 
 
-def test_a_timebase_that_is_exported(twin: NiTwin) -> None:
+def test_a_timebase_that_is_exported(twin):
     with nidaqmx.Task() as ai, nidaqmx.Task() as ci:
         ai.ai_channels.add_ai_voltage_chan("Dev1/ai0")
         ai.timing.cfg_samp_clk_timing(1000, sample_mode=CONTINUOUS)
@@ -371,7 +366,7 @@ def test_a_timebase_that_is_exported(twin: NiTwin) -> None:
 
 
 @pytest.mark.parametrize(("level", "right"), [(1, 110), (0, 90)])
-def test_a_direction_that_does_not_change(twin: NiTwin, level: int, right: int) -> None:
+def test_a_direction_that_does_not_change(twin, level, right):
     """High counts up (inferred), also where it is steady: then it counted down."""
     twin.set("Dev1/PFI8", pulses(0.01, 0.005))
     twin.set("Dev1/PFI10", level)
@@ -385,7 +380,7 @@ def test_a_direction_that_does_not_change(twin: NiTwin, level: int, right: int) 
 
 
 @pytest.mark.parametrize(("device", "asked", "right"), [("Dev1", 7e6, 100e6 / 14), ("M", 7e6, 80e6 / 11)])
-def test_pulses_have_whole_ticks(twin: NiTwin, device: str, asked: float, right: float) -> None:
+def test_pulses_have_whole_ticks(twin, device, asked, right):
     """NI-DAQmx Key Concepts, "Counter Frequency Coercion": the nearest that the timebase divides into."""
     with nidaqmx.Task() as task:
         task.co_channels.add_co_pulse_chan_freq(f"{device}/ctr0", freq=asked)
@@ -397,7 +392,7 @@ def test_pulses_have_whole_ticks(twin: NiTwin, device: str, asked: float, right:
     assert (len(rising) - 1) / (rising[-1] - rising[0]) == pytest.approx(right, rel=1e-6)
 
 
-def test_a_timebase_from_outside_is_refused_where_something_comes(twin: NiTwin) -> None:
+def test_a_timebase_from_outside_is_refused_where_something_comes(twin):
     """Not simulated: its ticks were those of the card's own."""
     twin.set("Dev1/PFI0", pulses(1e-3, 5e-4))
     with nidaqmx.Task() as task:
@@ -410,7 +405,7 @@ def test_a_timebase_from_outside_is_refused_where_something_comes(twin: NiTwin) 
 
 
 @pytest.mark.usefixtures("twin")
-def test_conversions_that_are_too_fast() -> None:
+def test_conversions_that_are_too_fast():
     """NI's name of the code, AI_CONV_RATE_TOO_HIGH."""
     with nidaqmx.Task() as task:
         task.ai_channels.add_ai_voltage_chan("Dev1/ai0:1")
@@ -419,7 +414,7 @@ def test_conversions_that_are_too_fast() -> None:
         assert code(task.start) == -200335
 
 
-def test_an_index_of_an_encoder_is_refused_where_something_comes(twin: NiTwin) -> None:
+def test_an_index_of_an_encoder_is_refused_where_something_comes(twin):
     """Not simulated: the position went on."""
     with nidaqmx.Task() as task:
         task.ci_channels.add_ci_ang_encoder_chan("Dev1/ctr0", zidx_enable=True)
@@ -432,7 +427,7 @@ def test_an_index_of_an_encoder_is_refused_where_something_comes(twin: NiTwin) -
 # Watchdogs: X Series manual 370784, "Watchdog Timer"
 
 
-def test_outputs_of_an_expired_watchdog(twin: NiTwin) -> None:
+def test_outputs_of_an_expired_watchdog(twin):
     """They "remain in that state until the watchdog timer is disarmed" and "new values are written"; the name
     of the code is WRITE_FAILED_BECAUSE_WATCHDOG_EXPIRED.
     """
@@ -470,7 +465,7 @@ def test_outputs_of_an_expired_watchdog(twin: NiTwin) -> None:
         ),  # NI's name of the code, WATCHDOG_TIMER_NOT_SUPPORTED; that it has none is inferred
     ],
 )
-def test_time_outs_of_watchdogs(twin: NiTwin, device: str, timeout: float, right: int | None) -> None:
+def test_time_outs_of_watchdogs(twin, device, timeout, right):
     def expires() -> None:
         with WatchdogTask(device, timeout=timeout) as watchdog:
             watchdog.start()
@@ -494,7 +489,7 @@ def test_time_outs_of_watchdogs(twin: NiTwin, device: str, timeout: float, right
         lambda task: setattr(task.ai_channels[0], "ai_dig_fltr_enable", True),
     ],
 )
-def test_what_would_be_passed_over(twin: NiTwin, configure: Callable[[nidaqmx.Task], None]) -> None:
+def test_what_would_be_passed_over(twin, configure):
     twin.set("Dev1/port0/line0", 0)
     with nidaqmx.Task() as task:
         task.ai_channels.add_ai_voltage_chan("Dev1/ai0", "force")

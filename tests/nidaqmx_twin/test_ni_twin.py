@@ -45,14 +45,14 @@ def write(channel: str, values: float | list[float], rate: float = RATE) -> None
 
 
 @pytest.mark.nidaqmx(Dev1="PCIe-6363", Dev2="PCIe-6321")
-def test_unchanged_code_finds_the_cards(nidaqmx_twin: NiTwin) -> None:
+def test_unchanged_code_finds_the_cards(nidaqmx_twin):
     found = {device.name: device.product_type for device in System.local().devices}
     assert found == {"Dev1": "PCIe-6363", "Dev2": "PCIe-6321"}
     nidaqmx_twin.set("Dev2/ai3", 1.25)
     assert acquire("Dev2/ai3").mean() == pytest.approx(1.25, abs=1e-3)
 
 
-def test_nidaqmx_is_as_before_afterwards() -> None:
+def test_nidaqmx_is_as_before_afterwards():
     with NiTwin({"Dev1": "PCIe-6363"}):
         assert len(System.local().devices) == 1
         assert lib_importer.encoding == "utf-8", "without the driver's library"
@@ -64,7 +64,7 @@ def test_nidaqmx_is_as_before_afterwards() -> None:
         System.local().devices  # noqa: B018  asking is the point
 
 
-def test_an_input_reads_what_is_set(nidaqmx_twin: NiTwin, tmp_path: Path) -> None:
+def test_an_input_reads_what_is_set(nidaqmx_twin, tmp_path):
     twin = nidaqmx_twin
     twin.set("Dev1/ai0", lambda times: 3 * np.sin(2 * np.pi * 10 * times))
     began = twin.now
@@ -81,7 +81,7 @@ def test_an_input_reads_what_is_set(nidaqmx_twin: NiTwin, tmp_path: Path) -> Non
     assert acquire("Dev1/ai1", 4000).mean() == pytest.approx(0.5, abs=0.03)
 
 
-def test_what_was_written_can_be_asked_for_with_its_timing(nidaqmx_twin: NiTwin) -> None:
+def test_what_was_written_can_be_asked_for_with_its_timing(nidaqmx_twin):
     ramp = np.linspace(0, 5, 200)
     write("Dev1/ao1", ramp.tolist(), rate=2000)
     put = nidaqmx_twin.put("Dev1/ao1")
@@ -100,7 +100,7 @@ def test_what_was_written_can_be_asked_for_with_its_timing(nidaqmx_twin: NiTwin)
     assert not len(nidaqmx_twin.put("Dev1/ao0").values)
 
 
-def test_a_wire_carries_an_output_to_an_input(nidaqmx_twin: NiTwin) -> None:
+def test_a_wire_carries_an_output_to_an_input(nidaqmx_twin):
     twin = nidaqmx_twin
     twin.wire("Dev1/ao0", "Dev1/ai0", gain=0.5, offset=0.1)
     twin.wire("Dev1/ao0", "Dev1/ai1", low_pass_hz=5.0)
@@ -115,7 +115,7 @@ def test_a_wire_carries_an_output_to_an_input(nidaqmx_twin: NiTwin) -> None:
     )
 
 
-def test_an_hour_with_callbacks_is_seconds(nidaqmx_twin: NiTwin, full: bool) -> None:
+def test_an_hour_with_callbacks_is_seconds(nidaqmx_twin, full):
     nidaqmx_twin.set("Dev1/ai0", lambda times: times % 4)
     minutes = 60 if full else 2
     blocks: list[list[float]] = []
@@ -132,7 +132,7 @@ def test_an_hour_with_callbacks_is_seconds(nidaqmx_twin: NiTwin, full: bool) -> 
     assert np.unwrap(np.ravel(blocks), period=4)[-1] == pytest.approx(60 * minutes, abs=0.1)
 
 
-def test_a_card_fails_as_asked(nidaqmx_twin: NiTwin) -> None:
+def test_a_card_fails_as_asked(nidaqmx_twin):
     for how, code in (("overflow", -200010), ("overrun", -200279)):
         nidaqmx_twin.fail("Dev1", how)
         with pytest.raises(DaqReadError) as lost:
@@ -177,7 +177,7 @@ def test_a_card_fails_as_asked(nidaqmx_twin: NiTwin) -> None:
         (lambda _twin: NiTwin({"Dev1": "PCIe-6363"}, time="fast"), '"virtual" or "real"'),
     ],
 )
-def test_what_is_wrong_is_said_in_one_sentence(nidaqmx_twin: NiTwin, wrong, sentence: str) -> None:
+def test_what_is_wrong_is_said_in_one_sentence(nidaqmx_twin, wrong, sentence):
     with pytest.raises(ConfigurationError, match=sentence):
         wrong(nidaqmx_twin)
 
@@ -195,7 +195,7 @@ raise SystemExit(5)
 
 
 @pytest.mark.long
-def test_a_script_of_another_program(tmp_path: Path) -> None:
+def test_a_script_of_another_program(tmp_path):
     (tmp_path / "script.py").write_text(SCRIPT, encoding="utf-8")
     (tmp_path / "sitecustomize.py").write_text("print('of the lab')", encoding="utf-8")
     (tmp_path / "cards.ini").write_text(
@@ -208,7 +208,7 @@ def test_a_script_of_another_program(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-def test_a_run_of_tests_ends_in_silence(tmp_path: Path) -> None:
+def test_a_run_of_tests_ends_in_silence(tmp_path):
     """pytest keeps the client of the cards until Python itself has ended."""
     (tmp_path / "test_it.py").write_text(
         "from nidaqmx.system import System\n\n\ndef test_it():\n    assert len(System.local().devices) == 1\n"
@@ -233,14 +233,7 @@ def test_a_run_of_tests_ends_in_silence(tmp_path: Path) -> None:
         (("--device", "Dev1=PCIe-6321", "--", "no-such-program"), 2, "no-such-program cannot be run"),
     ],
 )
-def test_what_cannot_be_run_is_one_sentence(
-    options: tuple[str, ...],
-    code: int,
-    sentence: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_what_cannot_be_run_is_one_sentence(options, code, sentence, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     Path("bench.toml").write_text('[devices]\nDev1 = "PCIe-6321"\n[instruments]\nCOM3 = "x.toml"\n')
     try:
@@ -265,7 +258,7 @@ raise SystemExit(5)
 
 
 @pytest.mark.long
-def test_a_script_ends_though_a_task_with_events_is_open(tmp_path: Path) -> None:
+def test_a_script_ends_though_a_task_with_events_is_open(tmp_path):
     (tmp_path / "script.py").write_text(OPEN, encoding="utf-8")
     command = [sys.executable, "-m", "haploop.nidaqmx_twin", "--device", "Dev1=PCIe-6321"]
     with subprocess.Popen([*command, "--", sys.executable, "script.py"], cwd=tmp_path) as program:
@@ -284,9 +277,7 @@ def test_a_script_ends_though_a_task_with_events_is_open(tmp_path: Path) -> None
         (signal.SIGTERM, "import signal\nsignal.signal(signal.SIGTERM, lambda *_: exit(4))\n", 4),
     ],
 )
-def test_a_stopped_script_ends_as_the_script_says(
-    tmp_path: Path, sent: signal.Signals, heed: str, code: int
-) -> None:
+def test_a_stopped_script_ends_as_the_script_says(tmp_path, sent, heed, code):
     """A loop until Ctrl-C, as NI's own examples have it: what ends well is no failure of haploop's."""
     (tmp_path / "script.py").write_text(
         f"{heed}import time\ntry:\n    print('running', flush=True)\n    time.sleep(60)\n"
@@ -308,7 +299,7 @@ def test_a_stopped_script_ends_as_the_script_says(
     assert told == ""
 
 
-def test_a_third_party_package_runs_unchanged(nidaqmx_twin: NiTwin) -> None:
+def test_a_third_party_package_runs_unchanged(nidaqmx_twin):
     """nidaqwrapper, whose own tests need NI's driver or mock nidaqmx."""
     wrapper = pytest.importorskip("nidaqwrapper", reason="python -m pip install nidaqwrapper")
     nidaqmx_twin.set("Dev1/ai2", lambda times: np.sin(2 * np.pi * 50 * times))
@@ -321,7 +312,7 @@ def test_a_third_party_package_runs_unchanged(nidaqmx_twin: NiTwin) -> None:
     assert len(row) == 5000 and row.std() == pytest.approx(np.sqrt(0.5), rel=1e-2)
 
 
-def test_calls_that_pass_grpc_by_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_calls_that_pass_grpc_by_are_the_same(monkeypatch):
     past = _seen()
     monkeypatch.setattr(NiServer, "direct", lambda server: grpc.insecure_channel(server.address))
     assert past == _seen()
@@ -369,7 +360,7 @@ def _seen() -> list[object]:
         ("di", "Mod1/port0/line1", -200430),
     ],
 )  # fmt: skip
-def test_a_line_that_goes_one_way_only(nidaqmx_twin: NiTwin, way: str, lines: str, code: int) -> None:
+def test_a_line_that_goes_one_way_only(nidaqmx_twin, way, lines, code):
     with nidaqmx.Task() as task:
         made = task.di_channels.add_di_chan if way == "di" else task.do_channels.add_do_chan
         try:

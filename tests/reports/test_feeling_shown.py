@@ -24,7 +24,7 @@ def felt(size: float, with_press: bool = True) -> Feeling:
 
 @pytest.mark.parametrize("size", [0.0, 1e-4, 0.3])
 @pytest.mark.parametrize("with_press", [True, False])
-def test_the_values_are_json_and_say_what_the_feeling_is(size: float, with_press: bool) -> None:
+def test_the_values_are_json_and_say_what_the_feeling_is(size, with_press):
     feeling = felt(size, with_press)
     values = json.loads(json.dumps(feeling_values(feeling), allow_nan=False))
     assert values["felt"] == feeling.felt and values["notes"] == list(feeling.notes)
@@ -38,7 +38,7 @@ def test_the_values_are_json_and_say_what_the_feeling_is(size: float, with_press
         assert values["acts"][one.act.name]["people"] == list(one.people)
 
 
-def test_the_facts_hold_the_levels_and_every_sentence() -> None:
+def test_the_facts_hold_the_levels_and_every_sentence():
     feeling = felt(0.3)
     lines = [str(line) for one in feeling_facts(feeling) for line in one.lines]
     assert f"measured {feeling.measured.pressing:+.1f} dB" in " ".join(lines)
@@ -46,7 +46,7 @@ def test_the_facts_hold_the_levels_and_every_sentence() -> None:
 
 
 @pytest.mark.long
-def test_the_figure_has_levels_and_both_thresholds_for_each_button() -> None:
+def test_the_figure_has_levels_and_both_thresholds_for_each_button():
     loud, quiet = felt(3.0), felt(1e-4, with_press=False)
     figure = feeling_figure([("latch", loud), ("push", quiet)])
     assert len(figure.axes) == 4
@@ -63,5 +63,5 @@ def test_the_figure_has_levels_and_both_thresholds_for_each_button() -> None:
     assert png(figure) == png(feeling_figure([("latch", loud), ("push", quiet)]))
 
 
-def test_a_motion_of_nothing_is_drawn() -> None:
+def test_a_motion_of_nothing_is_drawn():
     assert png(feeling_figure([("push", felt(0.0, with_press=False))]))

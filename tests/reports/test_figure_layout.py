@@ -28,7 +28,7 @@ from haploop.instruments import open_rig
 from haploop.reports import figures, plot
 from haploop.reports.contents import forces_in, plan_contents
 from haploop.reports.figures.plotting import colour, legend_under, letter, new_figure, style
-from tests.command_line import Demo, Run
+from tests.command_line import Demo
 from tests.reports.colour_vision import LEAST, VISIONS, lab, nearest
 from tests.reports.figure_checks import alike, drawn_texts, overlaps
 
@@ -176,7 +176,7 @@ def gallery(demo: Demo) -> Mapping[str, Draw]:
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", NAMES)
-def test_no_text_overlaps_another_or_leaves_the_canvas(gallery: Mapping[str, Draw], name: str) -> None:
+def test_no_text_overlaps_another_or_leaves_the_canvas(gallery, name):
     for columns in (1, 2):
         figure = gallery[name](columns)
         figures.mark_simulated(figure)
@@ -186,11 +186,11 @@ def test_no_text_overlaps_another_or_leaves_the_canvas(gallery: Mapping[str, Dra
         assert "simulated" in [text for text, *_ in texts]
 
 
-def test_every_figure_is_among_them(gallery: Mapping[str, Draw]) -> None:
+def test_every_figure_is_among_them(gallery):
     assert tuple(gallery) == NAMES
 
 
-def test_a_text_over_another_and_off_the_canvas_is_found() -> None:
+def test_a_text_over_another_and_off_the_canvas_is_found():
     with style():
         figure = new_figure(1.5)
         axes = figure.add_subplot()
@@ -205,7 +205,7 @@ def test_a_text_over_another_and_off_the_canvas_is_found() -> None:
     assert len(found) == 1 and found[0].startswith("'one' looks like 'other' (grey")
 
 
-def test_red_and_green_of_one_brightness_are_found_and_dashes_mend_it() -> None:
+def test_red_and_green_of_one_brightness_are_found_and_dashes_mend_it():
     with style():
         figure = new_figure(1.5)
         axes = figure.add_subplot()
@@ -224,7 +224,7 @@ def test_red_and_green_of_one_brightness_are_found_and_dashes_mend_it() -> None:
 
 
 @pytest.mark.long
-def test_every_colour_scale_goes_from_dark_to_light_for_everybody(gallery: Mapping[str, Draw]) -> None:
+def test_every_colour_scale_goes_from_dark_to_light_for_everybody(gallery):
     """So that a value is read off it in any colour vision, and in grey."""
     seen = set()
     for name in NAMES:
@@ -238,7 +238,7 @@ def test_every_colour_scale_goes_from_dark_to_light_for_everybody(gallery: Mappi
     assert seen == {"magma", "cividis", "Blues"}
 
 
-def test_the_consoles_curves_are_told_apart_by_colour_for_everybody_but_a_grey_printer() -> None:
+def test_the_consoles_curves_are_told_apart_by_colour_for_everybody_but_a_grey_printer():
     """Curves that move have no dashes that one could see."""
     text = (Path(server.__file__).parent / "static" / "plots.js").read_text(encoding="utf-8")
     found = re.findall(r'"(#[0-9a-f]{6})"', text.partition("]")[0])
@@ -249,7 +249,7 @@ def test_the_consoles_curves_are_told_apart_by_colour_for_everybody_but_a_grey_p
 
 
 @pytest.mark.long
-def test_a_plot_is_a_new_file_in_three_formats_at_two_widths(demo: Demo, run: Run, tmp_path: Path) -> None:
+def test_a_plot_is_a_new_file_in_three_formats_at_two_widths(demo, run, tmp_path):
     drive = demo.folder / "drives" / "latch.h5"
     sizes = {}
     for kind, begins in (("png", b"\x89PNG"), ("pdf", b"%PDF"), ("svg", b"<?xml")):
@@ -264,7 +264,7 @@ def test_a_plot_is_a_new_file_in_three_formats_at_two_widths(demo: Demo, run: Ru
     run("show", drive, "--plot", tmp_path / "a.jpg", says=".png or .pdf or .svg")
 
 
-def test_plots_of_a_script_are_marked_and_saved_once(demo: Demo, tmp_path: Path) -> None:
+def test_plots_of_a_script_are_marked_and_saved_once(demo, tmp_path):
     press = Representative.load(demo.folder / "presses" / "latch.h5")
     figure = plot.press(press, columns=1)
     assert [text.get_text() for text in figure.texts] == ["simulated"]
@@ -280,7 +280,7 @@ def test_plots_of_a_script_are_marked_and_saved_once(demo: Demo, tmp_path: Path)
         assert "simulated" in [text.get_text() for text in made.texts]
 
 
-def test_a_plan_says_how_its_broadband_rows_are_chosen() -> None:
+def test_a_plan_says_how_its_broadband_rows_are_chosen():
     plan = planned("push")
     modulated = replace(plan, curves=tuple(one for one in plan.curves if one.method == "modulated"))
     whole, part = (plan_contents(one).tables[0].below for one in (plan, modulated))

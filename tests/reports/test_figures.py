@@ -30,13 +30,13 @@ def profile(button: str = "latch", **changes: object) -> Profile:
     return Profile(**{**values, **changes})  # type: ignore[arg-type]
 
 
-def test_spectral_density_integrates_to_the_mean_square() -> None:
+def test_spectral_density_integrates_to_the_mean_square():
     signal = np.random.default_rng(1).standard_normal(5000)
     frequencies, density = spectrum(signal, RATE)
     assert np.sum(density) * frequencies[1] == pytest.approx(np.mean(signal**2), rel=1e-9)
 
 
-def test_means_of_a_density_keep_its_power_and_thin_its_noise() -> None:
+def test_means_of_a_density_keep_its_power_and_thin_its_noise():
     noise = np.random.default_rng(1).normal(size=50_000)
     f, density = spectrum(noise, 5000)
     middle, means = smoothed(f, density, 2500)
@@ -46,13 +46,13 @@ def test_means_of_a_density_keep_its_power_and_thin_its_noise() -> None:
     assert dir(haploop.plot) == sorted(haploop.plot.__all__)
 
 
-def test_spectral_density_is_largest_where_the_signal_is() -> None:
+def test_spectral_density_is_largest_where_the_signal_is():
     time = np.arange(1000) / RATE
     frequencies, density = spectrum(np.sin(2 * np.pi * 263.5 * time), RATE)
     assert frequencies[np.argmax(density)] == pytest.approx(263.5, abs=2)
 
 
-def test_phase_follows_the_model_through_noise() -> None:
+def test_phase_follows_the_model_through_noise():
     f = np.linspace(50, 600, 2000)
     smooth = np.exp(-2j * np.pi * f * 0.01)
     noisy = smooth + 0.9 * np.exp(2j * np.pi * np.random.default_rng(2).random(2000))
@@ -61,11 +61,11 @@ def test_phase_follows_the_model_through_noise() -> None:
     assert abs(continuous_phase(smooth, smooth, 1000)[1000]) <= 180
 
 
-def test_silence_has_no_active_part_to_cut_to() -> None:
+def test_silence_has_no_active_part_to_cut_to():
     assert active(np.zeros(500), RATE) == (0.0, 0.1)
 
 
-def test_a_press_is_drawn_normalised_with_its_spectrum() -> None:
+def test_a_press_is_drawn_normalised_with_its_spectrum():
     figure = profiles([profile("latch"), profile("push")])
     left = figure.axes[0]
     drawn = {line.get_label(): np.asarray(line.get_ydata()) for line in left.lines}
@@ -75,7 +75,7 @@ def test_a_press_is_drawn_normalised_with_its_spectrum() -> None:
 
 
 @pytest.mark.parametrize("participants", [1, 12])
-def test_forces_show_every_press_and_the_mean(participants: int) -> None:
+def test_forces_show_every_press_and_the_mean(participants):
     rng = np.random.default_rng(3)
     names = [f"P{k:02d}" for k in range(1, participants + 1)]
     forces = {
@@ -90,7 +90,7 @@ def test_forces_show_every_press_and_the_mean(participants: int) -> None:
     )
 
 
-def test_one_press_alone_and_a_silent_one_can_be_drawn() -> None:
+def test_one_press_alone_and_a_silent_one_can_be_drawn():
     assert png(activation_forces({"latch": {"P01": np.array([7.0])}}))
     assert png(profiles([profile(acceleration=np.zeros(2500), force=np.zeros(2500))]))
 
@@ -108,7 +108,7 @@ def section(verdict: str = "fail", simulated: bool = True) -> Contents:
 
 
 @pytest.mark.parametrize(("verdict", "tone"), [("fail", "bad"), ("pass", "good"), ("not shown", "doubtful")])
-def test_a_verdict_is_reported_as_what_it_is_with_its_reason(verdict: str, tone: str) -> None:
+def test_a_verdict_is_reported_as_what_it_is_with_its_reason(verdict, tone):
     page = Page("Report", "Rig: lab.", [section(verdict)]).html()
     assert f'<td class="{tone}">{verdict}</td>' in page
     told = "FAIL" if verdict == "fail" else verdict
@@ -118,14 +118,14 @@ def test_a_verdict_is_reported_as_what_it_is_with_its_reason(verdict: str, tone:
     assert "Everything here is simulated" in page
 
 
-def test_a_real_rig_s_report_does_not_call_itself_simulated() -> None:
+def test_a_real_rig_s_report_does_not_call_itself_simulated():
     page = Page("Report", "Rig: lab.", [section(simulated=False)]).html()
     assert "simulated" not in page.replace(".simulated", "").lower()
     both = Page("Report", "Rig: lab.", [section(simulated=False), section()]).html()
     assert "Simulated in part." in both
 
 
-def test_values_are_json_and_lines_are_text() -> None:
+def test_values_are_json_and_lines_are_text():
     found = Contents("A", [fact("Error", ["1", "", "2"], error=np.float64("nan"), of=np.arange(2))], kind="k")
     assert found.values == {"kind": "k", "error": None, "of": [0, 1]}
     assert found.rows == [("Error", "1"), ("", "2")]
@@ -135,7 +135,7 @@ def test_values_are_json_and_lines_are_text() -> None:
         plain(object())
 
 
-def test_presses_that_agree_lie_within_the_panel_of_all_buttons() -> None:
+def test_presses_that_agree_lie_within_the_panel_of_all_buttons():
     values = np.array([7.48, 7.5, 7.55])
     for force in (values, 1e-3 * values):
         together = activation_forces({"latch": {"P01": force}}).axes[1]

@@ -14,7 +14,6 @@ from rich.console import Console
 
 from haploop.calibration import DigitalButton, check_feeling
 from haploop.calibration.drive import SharedPower
-from haploop.calibration.drive.checked import Verdict
 from haploop.console.server.shown_routes import glance_json
 from haploop.reports import notebook
 from haploop.reports.contents import Glance, check_glance, contents_of, text_of, unbroken
@@ -50,7 +49,7 @@ SHOWN: dict[str, Callable[[Glance, DigitalButton], str]] = {
 
 
 @pytest.mark.parametrize("where", SHOWN)
-def test_a_glance_says_the_same_everywhere(where: str, glance: Glance, button: DigitalButton) -> None:
+def test_a_glance_says_the_same_everywhere(where, glance, button):
     shown = unbroken(SHOWN[where](glance, button))
     for said in (glance.title, text_of(glance.verdict), glance.sentence, *(g.said for g in glance.gauges)):
         assert unbroken(said) in shown
@@ -58,7 +57,7 @@ def test_a_glance_says_the_same_everywhere(where: str, glance: Glance, button: D
         assert all(unbroken(end) in shown for end in glance.motion.ends)
 
 
-def test_no_error_of_zero_is_shown_as_measured(button: DigitalButton) -> None:
+def test_no_error_of_zero_is_shown_as_measured(button):
     whole = replace(button.check.whole, value=-1e-6)
     check = replace(button.check, whole=whole)
     like = check_glance(check, check_feeling(check, button.press), button.press).gauges[1]
@@ -84,9 +83,7 @@ def test_no_error_of_zero_is_shown_as_measured(button: DigitalButton) -> None:
         ),
     ],
 )
-def test_a_glance_gives_no_reason_that_is_not_so(
-    button: DigitalButton, verdict: Verdict, value: float, says: str
-) -> None:
+def test_a_glance_gives_no_reason_that_is_not_so(button, verdict, value, says):
     whole = SharedPower(value, 0.0005, 1e-4, 8)
     check = replace(button.check, whole=whole, verdict=verdict)
     said = check_glance(check, check_feeling(check, button.press), button.press).sentence
@@ -94,20 +91,20 @@ def test_a_glance_gives_no_reason_that_is_not_so(
 
 
 @pytest.mark.parametrize("where", ["page", "console", "notebook"])
-def test_a_glance_is_drawn_by_the_same_strokes(where: str, glance: Glance, button: DigitalButton) -> None:
+def test_a_glance_is_drawn_by_the_same_strokes(where, glance, button):
     shown = SHOWN[where](glance, button)
     assert [name for name, _ in glance.motion.strokes()] == ["band", "recorded", "measured", "activation"]
     assert all(path in shown for _, path in glance.motion.strokes())
 
 
 @pytest.mark.parametrize("width", [40, 80, 200])
-def test_a_terminal_draws_within_its_width(width: int, glance: Glance) -> None:
+def test_a_terminal_draws_within_its_width(width, glance):
     lines = printed(glance, terminal=True, width=width).splitlines()
     figure = [line for line in lines if any(0x2800 < ord(c) < 0x2900 for c in line)]
     assert 4 <= len(figure) <= 6 and max(map(len, lines)) <= width
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "latin-1"])
-def test_a_terminal_without_braille_gets_words(encoding: str, glance: Glance) -> None:
+def test_a_terminal_without_braille_gets_words(encoding, glance):
     told = printed(glance, terminal=True, encoding=encoding)
     assert "how much: " in told and "????" not in told

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -54,7 +53,7 @@ def shown(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Any]:
 
 
 @pytest.mark.parametrize("name", [name for name in CELLS if name != "plot"])
-def test_a_cell_shows_facts_and_a_picture(shown: Mapping[str, Any], name: str) -> None:
+def test_a_cell_shows_facts_and_a_picture(shown, name):
     html, text = shown[name]["text/html"], shown[name]["text/plain"]
     assert len(text) < 160 and "simulated" in text
     assert "<table>" in html and "simulated" in html.lower() and "<script" not in html
@@ -65,11 +64,11 @@ def test_a_cell_shows_facts_and_a_picture(shown: Mapping[str, Any], name: str) -
     assert base64.b64decode(picture).startswith(b"\x89PNG")
 
 
-def test_a_plot_is_shown_as_a_picture(shown: Mapping[str, Any]) -> None:
+def test_a_plot_is_shown_as_a_picture(shown):
     assert base64.b64decode(shown["plot"]["image/png"]).startswith(b"\x89PNG")
 
 
-def test_a_question_is_asked_below_the_cell(tmp_path: Path) -> None:
+def test_a_question_is_asked_below_the_cell(tmp_path):
     from jupyter_client.manager import start_new_kernel
 
     asked: list[str] = []

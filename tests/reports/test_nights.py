@@ -48,7 +48,7 @@ def drawn(looks: list[dict[str, Any]]) -> dict[str, list[float]]:
     return found
 
 
-def test_each_mode_is_followed_through_a_renewal() -> None:
+def test_each_mode_is_followed_through_a_renewal():
     found = drawn(NIGHTS)
     assert found == {
         "200 Hz": pytest.approx([0, 2, 2], abs=1e-6),
@@ -56,7 +56,7 @@ def test_each_mode_is_followed_through_a_renewal() -> None:
     }
 
 
-def test_nights_that_measured_nothing_have_no_figure() -> None:
+def test_nights_that_measured_nothing_have_no_figure():
     with pytest.raises(DataError, match="No night has measured a mode"):
         nights_figure([NIGHTS[1]])
 
@@ -69,7 +69,7 @@ def test_nights_that_measured_nothing_have_no_figure() -> None:
         (2, 0.02, "0 buttons made anew; 0001 is active"),
     ],
 )
-def test_a_line_of_a_night(number: int, drift: float | None, done: str, tmp_path: Path) -> None:
+def test_a_line_of_a_night(number, drift, done, tmp_path):
     line = night(History(tmp_path), NIGHTS[number])
     assert (line["drift"], line["done"], line["report"]) == (drift, done, None)
 
@@ -77,9 +77,7 @@ def test_a_line_of_a_night(number: int, drift: float | None, done: str, tmp_path
 @pytest.mark.parametrize(
     ("rig", "folder"), [("lab.toml", "lab-calibrations"), ("simulated", "data/simulated-calibrations")]
 )
-def test_a_rig_has_one_history(
-    rig: str, folder: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_rig_has_one_history(rig, folder, tmp_path, monkeypatch):
     (tmp_path / "lab.toml").write_text('base = "simulated"\n', encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     assert History.of_rig(rig, "data").folder == Path(folder)

@@ -25,9 +25,7 @@ def matching(run: Run, tmp_path: Path) -> Path:
 
 @pytest.mark.long
 @pytest.mark.parametrize(("columns", "millimetres"), [(1, 88), pytest.param(2, 180, marks=pytest.mark.long)])
-def test_a_button_has_its_figures_in_a_journal_s_width(
-    columns: int, millimetres: float, made: Path, tmp_path: Path
-) -> None:
+def test_a_button_has_its_figures_in_a_journal_s_width(columns, millimetres, made, tmp_path):
     out = tmp_path / "figures"
     done = write_figures(made / "latch.h5", out, paper=True, columns=1 if columns == 1 else 2)
     names = {path.stem for path in done.files}
@@ -42,7 +40,7 @@ def test_a_button_has_its_figures_in_a_journal_s_width(
 
 
 @pytest.mark.long
-def test_figure_6_tells_two_people_s_presses_apart(made: Path, tmp_path: Path) -> None:
+def test_figure_6_tells_two_people_s_presses_apart(made, tmp_path):
     with open_rig("simulated") as rig:
         recordings = [record(rig, "latch", who, 2, tmp_path / "recordings").path for who in ("P01", "P02")]
     write_figures(recordings, tmp_path / "alone", paper=True)
@@ -53,7 +51,7 @@ def test_figure_6_tells_two_people_s_presses_apart(made: Path, tmp_path: Path) -
     assert sixth == {"figure-6-presses"} and 6 not in done.missing
 
 
-def test_a_study_s_folder_stands_for_its_experiments(matching: Path, run: Run, tmp_path: Path) -> None:
+def test_a_study_s_folder_stands_for_its_experiments(matching, run, tmp_path):
     (matching.parent / "study.toml").write_text(
         'name = "pilot"\nbuttons = ["latch"]\nparticipants = ["P01"]\n', encoding="utf-8"
     )
@@ -62,7 +60,7 @@ def test_a_study_s_folder_stands_for_its_experiments(matching: Path, run: Run, t
     assert "No figure 14: it takes adjective ratings." in result.stdout
 
 
-def test_an_experiment_says_its_scores_without_an_export(matching: Path) -> None:
+def test_an_experiment_says_its_scores_without_an_export(matching):
     told = contents_at(matching)
     assert told.simulated and [one.name for one in told.figures] == ["confusion"]
     headings = {heading.lower() for grid in told.tables for heading in grid.headings}
@@ -70,7 +68,7 @@ def test_an_experiment_says_its_scores_without_an_export(matching: Path) -> None
 
 
 @pytest.mark.parametrize("name", ["matching", "rating", "staircase", "two-interval"])
-def test_an_experiment_without_answers_says_what_it_asks(run: Run, tmp_path: Path, name: str) -> None:
+def test_an_experiment_without_answers_says_what_it_asks(run, tmp_path, name):
     run("experiment new", tmp_path / name, "--from", name)
     told = contents_at(tmp_path / name / "experiment.toml")
     assert told.notes[0] == "Nobody has answered yet." and told.tables[0].rows and not told.figures
@@ -78,7 +76,7 @@ def test_an_experiment_without_answers_says_what_it_asks(run: Run, tmp_path: Pat
     assert {"Kind", "Question" if name != "rating" else "Pairs"} <= labels
 
 
-def test_few_answers_say_why_there_are_no_scores(run: Run, tmp_path: Path) -> None:
+def test_few_answers_say_why_there_are_no_scores(run, tmp_path):
     run("experiment new", tmp_path / "staircase", "--from", "staircase")
     plan = tmp_path / "staircase" / "experiment.toml"
     plan.write_text(re.sub(r"max_trials.*|reversals.*", "", plan.read_text("utf-8")), encoding="utf-8")
@@ -90,7 +88,7 @@ def test_few_answers_say_why_there_are_no_scores(run: Run, tmp_path: Path) -> No
     assert told.tables[1].title == "Sessions" and told.simulated
 
 
-def test_data_without_a_figure_are_refused(run: Run, tmp_path: Path) -> None:
+def test_data_without_a_figure_are_refused(run, tmp_path):
     run("experiment new", tmp_path / "rating", "--from", "rating")
     with pytest.raises(DataError, match="no such figure"):
         write_figures(tmp_path / "rating", tmp_path / "figures", paper=True)

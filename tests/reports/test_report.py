@@ -10,7 +10,7 @@ import pytest
 
 from haploop.reports.contents import unbroken
 from haploop.reports.html import write_report
-from tests.command_line import Demo, Run
+from tests.command_line import Demo
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +23,7 @@ def made(demo: Demo, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.long
-def test_a_report_needs_no_other_file_and_says_what_is_simulated(made: Path, demo: Demo) -> None:
+def test_a_report_needs_no_other_file_and_says_what_is_simulated(made, demo):
     page = (made / "once" / "all.html").read_text(encoding="utf-8")
     assert not re.search(r'(?:src="(?!data:)|href="(?!all-figures/))', page)
     assert not re.search(r"<script|@import|url\(", page)
@@ -38,7 +38,7 @@ def test_a_report_needs_no_other_file_and_says_what_is_simulated(made: Path, dem
 
 
 @pytest.mark.long
-def test_a_report_made_again_is_the_same_bytes(made: Path) -> None:
+def test_a_report_made_again_is_the_same_bytes(made):
     once = sorted(path.relative_to(made / "once") for path in (made / "once").rglob("*") if path.is_file())
     again = sorted(path.relative_to(made / "again") for path in (made / "again").rglob("*") if path.is_file())
     assert once == again and len(once) == 1 + 3 * 3
@@ -46,7 +46,7 @@ def test_a_report_made_again_is_the_same_bytes(made: Path) -> None:
         assert (made / "once" / path).read_bytes() == (made / "again" / path).read_bytes(), path
 
 
-def test_its_figures_are_there_as_pictures_and_numbers(made: Path) -> None:
+def test_its_figures_are_there_as_pictures_and_numbers(made):
     folder = made / "once" / "all-figures"
     names = ["01-forces", "02-pressed", "03-response"]
     assert sorted(p.name for p in folder.iterdir()) == [
@@ -65,9 +65,7 @@ def test_its_figures_are_there_as_pictures_and_numbers(made: Path) -> None:
 
 
 @pytest.mark.long
-def test_a_study_s_report_describes_its_participants_and_takes_names_for_text(
-    run: Run, tmp_path: Path
-) -> None:
+def test_a_study_s_report_describes_its_participants_and_takes_names_for_text(run, tmp_path):
     study = tmp_path / "study.toml"
     study.write_text(
         'name = "<script>alert(1)</script>"\nrig = "simulated"\nbuttons = ["push"]\npresses = 2\n'
@@ -94,7 +92,7 @@ def test_a_study_s_report_describes_its_participants_and_takes_names_for_text(
 
 
 @pytest.mark.long
-def test_what_several_files_show_alike_is_one_figure_and_drawn_once(demo: Demo, tmp_path: Path) -> None:
+def test_what_several_files_show_alike_is_one_figure_and_drawn_once(demo, tmp_path):
     again = Path(shutil.copy(demo.folder / "calibration.h5", tmp_path / "again.h5"))
     presses = [demo.folder / "presses" / f"{name}.h5" for name in ("latch", "push")]
     made = write_report([demo.folder / "calibration.h5", again, *presses, presses[0]], tmp_path / "a.html")
@@ -108,16 +106,14 @@ def test_what_several_files_show_alike_is_one_figure_and_drawn_once(demo: Demo, 
 
 
 @pytest.mark.long
-def test_a_copy_of_a_file_counts_once(demo: Demo, tmp_path: Path) -> None:
+def test_a_copy_of_a_file_counts_once(demo, tmp_path):
     one = demo.folder / "recordings" / "P01-latch.h5"
     write_report([one, Path(shutil.copy(one, tmp_path / "copy.h5"))], tmp_path / "a.html")
     page = (tmp_path / "a.html").read_text(encoding="utf-8")
     assert "n = 10 presses by 1 participant" in page and "n = 20" not in page
 
 
-def test_a_folder_of_files_is_reported_and_shown_and_any_other_refused(
-    demo: Demo, run: Run, tmp_path: Path
-) -> None:
+def test_a_folder_of_files_is_reported_and_shown_and_any_other_refused(demo, run, tmp_path):
     run("report", demo.folder / "presses", "-o", tmp_path / "presses.html", "--json", ends=0)
     page = (tmp_path / "presses.html").read_text(encoding="utf-8")
     assert all(f"{name}.h5" in page for name in ("latch", "push", "toggle"))
@@ -136,7 +132,7 @@ def test_a_folder_of_files_is_reported_and_shown_and_any_other_refused(
     run("show", *sorted((demo.folder / "presses").glob("*.h5")), says="holds a representative")
 
 
-def test_what_cannot_be_reported_is_one_sentence(run: Run, demo: Demo, tmp_path: Path) -> None:
+def test_what_cannot_be_reported_is_one_sentence(run, demo, tmp_path):
     calibration = demo.folder / "calibration.h5"
     run("report", calibration, "-o", tmp_path / "a.pdf", says=".html")
     wrong = run("report", tmp_path / "nothing.h5", "-o", tmp_path / "a.html")
@@ -145,7 +141,7 @@ def test_what_cannot_be_reported_is_one_sentence(run: Run, demo: Demo, tmp_path:
 
 
 @pytest.mark.long
-def test_the_first_screen_answers_like_felt_and_loud_in_three_lines(demo: Demo, tmp_path: Path) -> None:
+def test_the_first_screen_answers_like_felt_and_loud_in_three_lines(demo, tmp_path):
     made = write_report(demo.folder / "checks" / "latch.h5", tmp_path / "report.html")
     of_latch = next(one for one in made.verdicts if "latch" in one.subject and "error" in one.measured)
     felt, part = of_latch.answers
@@ -158,7 +154,7 @@ def test_the_first_screen_answers_like_felt_and_loud_in_three_lines(demo: Demo, 
 
 
 @pytest.mark.long
-def test_a_report_opens_with_a_glance_of_each_button_and_folds_the_rest(demo: Demo, tmp_path: Path) -> None:
+def test_a_report_opens_with_a_glance_of_each_button_and_folds_the_rest(demo, tmp_path):
     names = ("latch", "toggle", "push")
     checks = [demo.folder / "checks" / f"{name}.h5" for name in names]
     page = write_report(checks, tmp_path / "report.html").html.read_text(encoding="utf-8")
@@ -177,7 +173,7 @@ def test_a_report_opens_with_a_glance_of_each_button_and_folds_the_rest(demo: De
     assert table.count("<th>") == 3
 
 
-def test_numbers_stay_with_their_units_and_nothing_else_is_joined() -> None:
+def test_numbers_stay_with_their_units_and_nothing_else_is_joined():
     nb = "\N{NO-BREAK SPACE}"
     assert unbroken("20% at 263.5 Hz, 3 of 4 V") == f"20{nb}% at 263.5{nb}Hz, 3 of 4{nb}V"
     assert unbroken("press 3 is good; 5 Ships, 2 stays") == "press 3 is good; 5 Ships, 2 stays"

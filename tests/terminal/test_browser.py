@@ -10,7 +10,6 @@ import pytest
 
 from haploop.commands import files
 from haploop.terminal.browser import open_page
-from tests.command_line import Demo, Run
 
 
 @pytest.mark.parametrize(
@@ -23,9 +22,7 @@ from tests.command_line import Demo, Run
         (False, {"DISPLAY": ":0"}, False),
     ],
 )
-def test_a_page_opens_where_somebody_watches(
-    monkeypatch: pytest.MonkeyPatch, terminal: bool, environment: dict[str, str], opened: bool
-) -> None:
+def test_a_page_opens_where_somebody_watches(monkeypatch, terminal, environment, opened):
     pages: list[str] = []
     monkeypatch.setattr(webbrowser, "open", lambda page: pages.append(page) or True)
     monkeypatch.setattr(sys, "platform", "linux")
@@ -39,9 +36,7 @@ def test_a_page_opens_where_somebody_watches(
 
 
 @pytest.mark.long
-def test_report_opens_its_page_unless_told_not_to(
-    demo: Demo, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_report_opens_its_page_unless_told_not_to(demo, run, tmp_path, monkeypatch):
     pages: list[Path] = []
     monkeypatch.setattr(files, "open_page", pages.append)
     press = demo.folder / "presses" / "latch.h5"

@@ -125,13 +125,7 @@ DOING: list[tuple[Callable[[int], object], int, bool]] = []
 @pytest.mark.parametrize("with_rig", [False, True], ids=["before a rig", "with a rig"])
 @pytest.mark.parametrize("number", [n for n in STOPPING if n != getattr(signal, "SIGBREAK", None)])
 @pytest.mark.parametrize("place", PLACES, ids=lambda place: place.__name__)
-def test_no_stop_is_lost(
-    place: Callable[[int], object],
-    number: int,
-    with_rig: bool,
-    full: bool,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_no_stop_is_lost(place, number, with_rig, full, capsys):
     handlers = [signal.getsignal(kind) for kind in STOPPING]
     for _ in range(17 if full else 1):
         DOING.append((place, number, with_rig))
@@ -144,9 +138,7 @@ def test_no_stop_is_lost(
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_stop_that_comes_while_another_is_dropped_is_not_lost(
-    number: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_stop_that_comes_while_another_is_dropped_is_not_lost(number, monkeypatch):
     """On a busy computer a signal was sent again just when the one before it was heard, and dropped."""
     number_of = signals._number_of
 
@@ -162,7 +154,7 @@ def test_a_stop_that_comes_while_another_is_dropped_is_not_lost(
         raise AssertionError("The stop was lost.")
 
 
-def test_a_program_of_a_user_keeps_its_own_interrupts() -> None:
+def test_a_program_of_a_user_keeps_its_own_interrupts():
     hook, handler = sys.unraisablehook, signal.getsignal(signal.SIGINT)
     with pytest.raises(KeyboardInterrupt), ending_in_order():
         Stops(signal.SIGINT)
@@ -170,7 +162,7 @@ def test_a_program_of_a_user_keeps_its_own_interrupts() -> None:
     assert sys.unraisablehook is hook and signal.getsignal(signal.SIGINT) is handler
 
 
-def test_what_else_is_dropped_is_shown_as_before(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_else_is_dropped_is_shown_as_before(monkeypatch):
     class Fails:
         def __del__(self) -> None:
             raise ValueError("of somebody else")
@@ -190,7 +182,7 @@ def test_what_else_is_dropped_is_shown_as_before(monkeypatch: pytest.MonkeyPatch
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_stop_during_the_first_imports_ends_the_command_at_once(tmp_path: Path, number: int) -> None:
+def test_a_stop_during_the_first_imports_ends_the_command_at_once(tmp_path, number):
     (tmp_path / "lazy_loader.py").write_text(f"import signal; signal.raise_signal({number:d})")
     path = os.pathsep.join([str(tmp_path), str(Path(__file__).parents[3])])
     for command in (["-m", "haploop"], [str(tmp_path / "haploop")]):
@@ -217,9 +209,7 @@ def test_a_stop_during_the_first_imports_ends_the_command_at_once(tmp_path: Path
         ([], [], False),
     ],
 )
-def test_only_the_command_ends_at_once(
-    monkeypatch: pytest.MonkeyPatch, argv: list[str], orig: list[str], so: bool
-) -> None:
+def test_only_the_command_ends_at_once(monkeypatch, argv, orig, so):
     monkeypatch.setattr(sys, "argv", argv)
     monkeypatch.setattr(sys, "orig_argv", orig)
     assert at_once.is_the_command() is so

@@ -28,7 +28,6 @@ from haploop.instruments import Consent, Request, Rest, open_rig
 from haploop.instruments.operator import console
 from haploop.reports.show import Meter, StudyMeter
 from haploop.terminal import progress
-from tests.command_line import Demo
 
 SENTENCE = "The button did not switch, and the force was beyond what the sensor can take; it is repeated now."
 
@@ -37,7 +36,7 @@ def screen(**more: object) -> Screen:
     return Screen(file=io.StringIO(), width=80, height=24, **more)  # type: ignore[arg-type]
 
 
-def test_a_sentence_stands_above_what_is_shown_and_is_broken_between_words() -> None:
+def test_a_sentence_stands_above_what_is_shown_and_is_broken_between_words():
     shown = screen(force_terminal=True, color_system=None)
     with progress.shown(shown):
         progress.note(SENTENCE)
@@ -47,7 +46,7 @@ def test_a_sentence_stands_above_what_is_shown_and_is_broken_between_words() -> 
     assert len(shown.file.getvalue().splitlines()) == 2  # type: ignore[attr-defined]
 
 
-def test_a_meter_counts_measures_and_counts_down(tmp_path: Path) -> None:
+def test_a_meter_counts_measures_and_counts_down(tmp_path):
     shown = screen(force_terminal=True, color_system=None)
     seen: list[str] = []
     with open_rig("simulated", simulate="twin") as rig:
@@ -74,7 +73,7 @@ def test_a_meter_counts_measures_and_counts_down(tmp_path: Path) -> None:
     assert max(map(len, text.splitlines())) <= 80
 
 
-def test_a_meter_says_nothing_is_done_before_the_first_block() -> None:
+def test_a_meter_says_nothing_is_done_before_the_first_block():
     shown = screen(force_terminal=True, color_system=None)
     with open_rig("simulated", simulate="twin") as rig:
         meter = Meter(rig, shown)
@@ -84,7 +83,7 @@ def test_a_meter_says_nothing_is_done_before_the_first_block() -> None:
     assert captured.get().startswith("Starting.")
 
 
-def test_a_meter_is_plain_lines_where_there_is_no_terminal(tmp_path: Path) -> None:
+def test_a_meter_is_plain_lines_where_there_is_no_terminal(tmp_path):
     shown = screen()
     with open_rig("simulated", simulate="twin") as rig, Meter(rig, shown) as meter:
         record(rig, "push", "P01", 2, tmp_path, progress=meter.progress, on_verdict=meter.on_verdict)
@@ -92,7 +91,7 @@ def test_a_meter_is_plain_lines_where_there_is_no_terminal(tmp_path: Path) -> No
     assert said == "Record the push button: 0 of 2 presses.\n1 of 2 presses.\n2 of 2 presses.\n"
 
 
-def test_a_studys_meter_counts_in_all_and_is_away_while_a_question_is_asked(tmp_path: Path) -> None:
+def test_a_studys_meter_counts_in_all_and_is_away_while_a_question_is_asked(tmp_path):
     text = 'name = "pilot"\nbuttons = ["toggle", "push"]\nparticipants = ["P01"]\npresses = 2\n'
     (tmp_path / "study.toml").write_text(text, encoding="utf-8")
     study, shown = load_study(tmp_path), screen(force_terminal=True, color_system=None)
@@ -122,7 +121,7 @@ def test_a_studys_meter_counts_in_all_and_is_away_while_a_question_is_asked(tmp_
     assert "P01, toggle: 2 of 2 presses." in said and not progress._shown
 
 
-def test_a_question_is_asked_in_a_cell(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_question_is_asked_in_a_cell(monkeypatch):
     asked: list[str] = []
     operator = console.Console()
     monkeypatch.setattr(sys, "stdin", io.StringIO(""))
@@ -136,7 +135,7 @@ def test_a_question_is_asked_in_a_cell(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.long
-def test_values_are_short_and_a_notebook_shows_a_picture(demo: Demo) -> None:
+def test_values_are_short_and_a_notebook_shows_a_picture(demo):
     folder = demo.folder
     values = (
         Recording.open(folder / "recordings" / "P01-latch.h5"),
@@ -220,7 +219,7 @@ def drawn(written: str) -> tuple[list[str], list[str]]:
 
 
 @pytest.mark.long
-def test_at_a_terminal_sentences_and_meter_never_share_a_line(tmp_path: Path) -> None:
+def test_at_a_terminal_sentences_and_meter_never_share_a_line(tmp_path):
     """`haploop study run` at a terminal of its own, with a press that is refused meanwhile."""
     (tmp_path / "rig.toml").write_text(FAULT, encoding="utf-8")
     (tmp_path / "study.toml").write_text(STUDY, encoding="utf-8")

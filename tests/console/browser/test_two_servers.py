@@ -7,7 +7,6 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -39,7 +38,7 @@ def names(console: Served) -> list[str]:
     return [one.name for one in History.of_rig("simulated", console.data).generations]
 
 
-def test_what_one_server_activates_the_pages_of_the_other_show(browser: Any, both: tuple[Served, Served]):
+def test_what_one_server_activates_the_pages_of_the_other_show(browser, both):
     first, second = names(both[0])
     working, looking = (Tab(browser, console) for console in both)
     start, shown, history = looking.another(), looking.another(), looking.another()
@@ -68,7 +67,7 @@ def test_what_one_server_activates_the_pages_of_the_other_show(browser: Any, bot
         tab.context.close()
 
 
-def test_both_activate_at_once_and_each_entry_is_whole(both: tuple[Served, Served]):
+def test_both_activate_at_once_and_each_entry_is_whole(both):
     history = History.of_rig("simulated", both[0].data)
     before, (first, second) = len(history.activations), names(both[0])
 

@@ -18,7 +18,6 @@ from haploop.acquisition.recording import Rejection, add_rejections
 from haploop.exchange.catalogue import index as catalogue_index
 from haploop.experiments import load_experiment
 from tests.calibration.conftest import make_press
-from tests.command_line import Demo, Run
 from tests.exchange.conftest import make_check, make_drive
 
 
@@ -48,7 +47,7 @@ def names(entries: tuple[haploop.Entry, ...]) -> list[str]:
     return [Path(entry.file).name for entry in entries]
 
 
-def test_every_kind_that_a_page_offers_or_a_file_has_can_be_asked_for(tmp_path: Path, index: Path) -> None:
+def test_every_kind_that_a_page_offers_or_a_file_has_can_be_asked_for(tmp_path, index):
     """ "experiment" was refused: the Files page then showed what it had listed before, with an error."""
     root = Path(haploop.__file__).parent
     page = (root / "console/server/static/catalogue.html").read_text(encoding="utf-8")
@@ -67,7 +66,7 @@ def test_every_kind_that_a_page_offers_or_a_file_has_can_be_asked_for(tmp_path: 
         assert names(found) == ["experiment.toml"] * (kind == "experiment")
 
 
-def test_each_file_is_listed_with_what_it_holds(folder: Path, index: Path) -> None:
+def test_each_file_is_listed_with_what_it_holds(folder, index):
     (folder / "notes.h5").write_bytes(b"no HDF5")
     (folder / "other.txt").write_text("no file of ours")
     found = {Path(entry.file).name: entry for entry in haploop.list_files([folder], index=index)}
@@ -93,13 +92,11 @@ def test_each_file_is_listed_with_what_it_holds(folder: Path, index: Path) -> No
         (["participant=P01' OR '1'='1"], []),
     ],
 )
-def test_conditions(folder: Path, index: Path, where: list[str], expected: list[str]) -> None:
+def test_conditions(folder, index, where, expected):
     assert names(haploop.list_files([folder], where, index=index)) == expected
 
 
-def test_the_index_is_never_a_second_truth(
-    folder: Path, index: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_index_is_never_a_second_truth(folder, index, monkeypatch):
     before = haploop.list_files([folder], index=index)
     read: list[str] = []
     entry_of = catalogue_index.entry_of
@@ -124,7 +121,7 @@ def test_the_index_is_never_a_second_truth(
 
 
 @pytest.mark.skipif(os.name == "nt", reason="symbolic links need a privilege there")
-def test_a_file_that_cannot_be_read_is_listed_until_it_can(tmp_path: Path, folder: Path, index: Path) -> None:
+def test_a_file_that_cannot_be_read_is_listed_until_it_can(tmp_path, folder, index):
     link = tmp_path / "there" / "press.h5"
     link.parent.mkdir()
     link.symlink_to(tmp_path / "press.h5")
@@ -136,7 +133,7 @@ def test_a_file_that_cannot_be_read_is_listed_until_it_can(tmp_path: Path, folde
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="names that are not UTF-8, pipes")
-def test_a_folder_may_hold_anything(tmp_path: Path, folder: Path, index: Path, run: Run) -> None:
+def test_a_folder_may_hold_anything(tmp_path, folder, index, run):
     own = (folder / "press.h5").read_bytes()
     odd = tmp_path / "ünï [1]"
     (odd / "folder.h5").mkdir(parents=True)
@@ -155,9 +152,7 @@ def test_a_folder_may_hold_anything(tmp_path: Path, folder: Path, index: Path, r
     assert shown.exit_code == 0 and "zero.h5" in shown.stdout
 
 
-def test_an_index_that_cannot_be_used_is_made_again_or_done_without(
-    folder: Path, index: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_index_that_cannot_be_used_is_made_again_or_done_without(folder, index, monkeypatch):
     before = haploop.list_files([folder], index=index)
     index.unlink()
     assert haploop.list_files([folder], index=index) == before
@@ -178,9 +173,7 @@ def test_an_index_that_cannot_be_used_is_made_again_or_done_without(
     assert len(found) == len(before) and "again.h5" in names(found)
 
 
-def test_what_was_read_before_an_interruption_is_kept(
-    folder: Path, index: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_was_read_before_an_interruption_is_kept(folder, index, monkeypatch):
     monkeypatch.setattr(catalogue_index, "_KEPT", 1)
 
     def interrupt(_step: str, done: int, *_: object) -> None:
@@ -195,9 +188,7 @@ def test_what_was_read_before_an_interruption_is_kept(
     assert len(haploop.list_files([folder], index=index)) == 4 and len(read) == 2
 
 
-def test_a_recording_in_progress_is_looked_at_again(
-    folder: Path, index: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_recording_in_progress_is_looked_at_again(folder, index, monkeypatch):
     from haploop.acquisition.recording import recording as module
 
     with monkeypatch.context() as patch:
@@ -206,9 +197,7 @@ def test_a_recording_in_progress_is_looked_at_again(
     assert haploop.list_files([folder], ["kind=recording"], index=index)[0].verdict == "complete"
 
 
-def test_many_files_are_read_by_several_processes(
-    folder: Path, index: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_many_files_are_read_by_several_processes(folder, index, monkeypatch):
     for n in range(20):
         os.link(folder / "drive.h5", folder / f"{n:02d}.h5")
     monkeypatch.setattr(catalogue_index, "_ALONE", 10)
@@ -216,7 +205,7 @@ def test_many_files_are_read_by_several_processes(
     assert len(found) == 21 and {entry.button for entry in found} == {"push"}
 
 
-def test_the_command(folder: Path, index: Path, run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_command(folder, index, run, monkeypatch):
     monkeypatch.setattr(catalogue_index, "user_cache_path", lambda _: index.parent)
     listed = run("list --in", folder)
     assert listed.exit_code == 0 and "4 files, all of the rig simulated." in listed.stdout
@@ -230,7 +219,7 @@ def test_the_command(folder: Path, index: Path, run: Run, monkeypatch: pytest.Mo
     run("list --in", folder / "nowhere", ends=2)
 
 
-def test_the_list_is_a_table_at_80_columns(demo: Demo, run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_list_is_a_table_at_80_columns(demo, run, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     monkeypatch.chdir(demo.folder)
     lines = run("list --in", demo.folder).stdout.splitlines()

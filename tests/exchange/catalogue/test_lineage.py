@@ -38,7 +38,7 @@ def pairs(found: Lineage) -> set[tuple[str, str]]:
     return {(names[first], names[second]) for first, second in found.edges}
 
 
-def test_a_recording_leads_to_the_button_and_its_check_and_back(folder: Path) -> None:
+def test_a_recording_leads_to_the_button_and_its_check_and_back(folder):
     chain = {("P01-latch.h5", "latch.h5"), ("latch.h5", "again.h5")}
     assert pairs(seen(folder, "P01-latch.h5")) == chain
     found = seen(folder, "again.h5")
@@ -77,7 +77,7 @@ def copy(folder: Path) -> None:
         (copy, "P01-latch.h5", "the same contents are in"),
     ],
 )
-def test_what_became_of_a_source_is_said(folder: Path, change: Change, name: str, said: str) -> None:
+def test_what_became_of_a_source_is_said(folder, change, name, said):
     change(folder)
     found = seen(folder, "latch.h5")
     assert said in told(found)[name] and bool(said) == bool(told(found)[name])
@@ -86,7 +86,7 @@ def test_what_became_of_a_source_is_said(folder: Path, change: Change, name: str
     assert there.file == ("" if gone else str(folder / name))
 
 
-def test_many_files_with_the_same_neighbours_are_one_box() -> None:
+def test_many_files_with_the_same_neighbours_are_one_box():
     recordings = [Entry(f"/d/P{k:02}.h5", "recording", content_hash=f"r{k}") for k in range(12)]
     sources = packed(Source("recording", f"P{k:02}.h5", f"r{k}") for k in range(12))
     press = Entry("/d/press.h5", "representative", content_hash="p", made_from=sources)
@@ -114,15 +114,13 @@ def test_many_files_with_the_same_neighbours_are_one_box() -> None:
         (Source("drive", "", "f", (Source("recording", "P01.h5", "r"),)), [], "P01.h5"),
     ],
 )
-def test_each_kind_of_source_is_found_as_files_state_it(
-    source: Source, others: list[Entry], before: str | None
-) -> None:
+def test_each_kind_of_source_is_found_as_files_state_it(source, others, before):
     own = Entry("/d/own.h5", "calibration", content_hash="c", made_from=packed([source]))
     found = told(lineage([*others, own], own.file))
     assert [*found] == [*([before] if before else []), "own.h5"]
 
 
-def test_a_check_of_a_drive_of_its_own_names_its_recordings(folder: Path) -> None:
+def test_a_check_of_a_drive_of_its_own_names_its_recordings(folder):
     assert Check.load(folder / "again.h5").drive.sources
     (folder / "latch.h5").unlink()
     found = pairs(seen(folder, "again.h5"))

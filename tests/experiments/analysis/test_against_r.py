@@ -73,9 +73,7 @@ def agree(effects: Sequence[Effect], rows: dict[str, list[list[float]]]) -> None
         ("balanced.csv", ["confirmation", "button"], "v2", "", "no between, balanced v2", 3),
     ],
 )
-def test_two_within_and_one_between(
-    file: str, within: list[str], variable: str, between: str, section: str, count: int
-) -> None:
+def test_two_within_and_one_between(file, within, variable, between, section, count):
     data = cells(file, within, [variable], between)
     told = (data.groups, between) if between else ()
     effects = anova(data.values[..., 0], data.factors, *told)
@@ -83,7 +81,7 @@ def test_two_within_and_one_between(
     agree(effects, printed(section))
 
 
-def test_pairs_of_levels() -> None:
+def test_pairs_of_levels():
     data = cells("unbalanced.csv", ["phase", "hour"], ["value"])
     found = compare_levels(data.values[..., 0], 0, data.levels[0], data.groups)
     r = np.array(numbers("pairs, unbalanced, phase")).reshape(3, 7)
@@ -93,7 +91,7 @@ def test_pairs_of_levels() -> None:
         assert one.p_bonferroni == pytest.approx(min(1, 3 * p), rel=EXACT)
 
 
-def test_pairs_without_groups() -> None:
+def test_pairs_without_groups():
     data = cells("balanced.csv", ["confirmation", "button"], ["v2"], "")
     found = compare_levels(data.values[..., 0], 1, data.levels[1])
     r = np.array(numbers("pairs, no between, button of v2")).reshape(3, 6)
@@ -108,7 +106,7 @@ def multivariate(effect: MultivariateEffect | None, row: Sequence[float], rel: f
     assert found == pytest.approx(row[1:6], rel=rel)
 
 
-def test_manova_with_rows_as_independent() -> None:
+def test_manova_with_rows_as_independent():
     data = cells("balanced.csv", ["confirmation", "button"], [f"v{n}" for n in range(1, 8)], "")
     rows = printed("manova, rows independent")
     for effect in manova_independent(data.values, data.factors):
@@ -117,7 +115,7 @@ def test_manova_with_rows_as_independent() -> None:
         multivariate(effect, [*first, *second])
 
 
-def test_manova_that_respects_repeated_measures() -> None:
+def test_manova_that_respects_repeated_measures():
     data = cells("balanced.csv", ["confirmation", "button"], [f"v{n}" for n in range(1, 8)], "")
     category, button, _ = manova_repeated(data.values, data.factors)
     r = printed("manova, repeated (doubly multivariate), no between")["(Intercept)"]
@@ -125,7 +123,7 @@ def test_manova_that_respects_repeated_measures() -> None:
     multivariate(button, r[1])
 
 
-def test_manova_with_a_group() -> None:
+def test_manova_with_a_group():
     data = cells("balanced.csv", ["confirmation", "button"], [f"v{n}" for n in range(1, 8)])
     effects = {
         effect.name: effect
@@ -137,7 +135,7 @@ def test_manova_with_a_group() -> None:
     multivariate(effects["group x confirmation"], r["group"][0], rel=1e-4)
 
 
-def test_intervals() -> None:
+def test_intervals():
     assert [*(wilson_interval(27, 30) or ()), *(wilson_interval(0, 10) or ())] == pytest.approx(
         numbers("intervals"), rel=EXACT, abs=1e-15
     )
@@ -149,7 +147,7 @@ def test_intervals() -> None:
     assert cohen_interval(3.1, 19, 20) == pytest.approx((t_low / 20**0.5, t_high / 20**0.5), rel=1e-8)
 
 
-def test_the_paper_s_degrees_of_freedom_and_effect_sizes() -> None:
+def test_the_paper_s_degrees_of_freedom_and_effect_sizes():
     """F(7, 108) = 7.46, F(14, 218) = 26.41 and 5.36; eta squared 0.326, 0.63 and 0.26."""
     values = np.random.default_rng(1).normal(size=(20, 2, 3, 7))
     effects = manova_independent(values, ("category", "button"))
@@ -161,7 +159,7 @@ def test_the_paper_s_degrees_of_freedom_and_effect_sizes() -> None:
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_answers_that_hardly_differ_have_an_interval_too(sign: int) -> None:
+def test_answers_that_hardly_differ_have_an_interval_too(sign):
     """Of a t of 1e12 as of 1e3, where noncentral t can be computed: only the deviation is uncertain."""
     near = np.array(cohen_interval(sign * 1e3, 11, 12))
     np.testing.assert_allclose(cohen_interval(sign * 1e12, 11, 12), near * 1e9, rtol=1e-5)

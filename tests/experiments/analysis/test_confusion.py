@@ -49,7 +49,7 @@ def written(folder: Path, text: str) -> Path:
     return path
 
 
-def test_every_published_cell(tmp_path: Path) -> None:
+def test_every_published_cell(tmp_path):
     rows = read_rows(paper_csv(tmp_path))
     by_session = confusions_by(rows, "group", "day")
     assert by_session.keys() == TABLES.keys()
@@ -64,7 +64,7 @@ def test_every_published_cell(tmp_path: Path) -> None:
     assert round(100 * confusion_of(rows).overall) == 83
 
 
-def test_never_answered_is_not_defined(tmp_path: Path) -> None:
+def test_never_answered_is_not_defined(tmp_path):
     text = "presented,answered\nlatch,latch\nlatch,toggle\npush,toggle\npush,latch\n"
     confusion = confusion_of(read_rows(written(tmp_path, text)))
     assert confusion.classes == ("latch", "push", "toggle")
@@ -90,9 +90,7 @@ def test_never_answered_is_not_defined(tmp_path: Path) -> None:
         ("[[[", ("push", "latch", "toggle", "none"), ("II", "I")),
     ],
 )
-def test_classes_are_in_the_order_that_the_sidecar_states(
-    tmp_path: Path, sidecar: str, classes: tuple[str, ...], groups: tuple[str, ...]
-) -> None:
+def test_classes_are_in_the_order_that_the_sidecar_states(tmp_path, sidecar, classes, groups):
     """Without one that can be read, in the order of the table."""
     (tmp_path / "table.json").write_text(sidecar, encoding="utf-8")
     text = "group,presented,answered\nII,push,latch\nII,latch,push\nI,toggle,toggle\nI,latch,none\n"
@@ -105,7 +103,7 @@ def test_classes_are_in_the_order_that_the_sidecar_states(
     assert by_group["I",].value("sensitivity", "toggle") == 1
 
 
-def test_a_table_that_a_spreadsheet_with_decimal_commas_saved_is_read(tmp_path: Path) -> None:
+def test_a_table_that_a_spreadsheet_with_decimal_commas_saved_is_read(tmp_path):
     text = "\ufeffsep=;\r\nvalue;correct;simulated\r\n1,5;WAHR;FALSCH\r\n2;FALSCH;FALSCH\r\n"
     rows = read_rows(written(tmp_path, text))
     assert rows.numbers("value") == [1.5, 2.0]
@@ -120,12 +118,12 @@ def test_a_table_that_a_spreadsheet_with_decimal_commas_saved_is_read(tmp_path: 
 @pytest.mark.parametrize(
     "text", ["value;x\n1.500;a\n2,5;a\n", 'value,x\n"1,5",a\n', "value;x\n1.500,5;a\n", "value;x\n1,2,3;a\n"]
 )
-def test_a_number_that_may_be_two_is_refused(tmp_path: Path, text: str) -> None:
+def test_a_number_that_may_be_two_is_refused(tmp_path, text):
     with pytest.raises(DataError, match="write all numbers with a decimal point"):
         read_rows(written(tmp_path, text)).numbers("value")
 
 
-def test_what_is_not_defined_and_groups_that_differ_are_said(tmp_path: Path) -> None:
+def test_what_is_not_defined_and_groups_that_differ_are_said(tmp_path):
     people = [f"P{k},{'I' if k < 4 else 'II'},1" for k in range(1, 6)]
     lines = [f"{who},{p},{a}" for who in people for p, a in (("a", "a"), ("b", "a"), ("a", "a"), ("b", "a"))]
     text = "\n".join(["participant,group,day,presented,answered", *lines])
@@ -151,7 +149,7 @@ def test_what_is_not_defined_and_groups_that_differ_are_said(tmp_path: Path) -> 
         ("presented,presented,count\na,b,1\n", "each column once"),
     ],
 )
-def test_a_wrong_file_is_refused(tmp_path: Path, text: str, said: str) -> None:
+def test_a_wrong_file_is_refused(tmp_path, text, said):
     with pytest.raises(DataError, match=said):
         confusion_of(read_rows(written(tmp_path, text)))
 
@@ -169,14 +167,14 @@ def covered(people: int, trials: int, spread: float, rng: np.random.Generator) -
     return inside / 200
 
 
-def test_intervals_over_people_cover_what_they_say() -> None:
+def test_intervals_over_people_cover_what_they_say():
     """The nominal 95 %, where independent trials would cover 60 %; never far below it."""
     rng = np.random.default_rng(5)
     for people, spread in ((10, 1.0), (20, 1.0), (10, 0.0)):
         assert 0.91 <= covered(people, 30, spread, rng) <= 0.995, (people, spread)
 
 
-def test_an_interval_of_people_is_not_shorter_than_that_of_trials() -> None:
+def test_an_interval_of_people_is_not_shorter_than_that_of_trials():
     alike = clustered_interval([9] * 10, [10] * 10)
     trials = wilson_interval(90, 100)
     assert alike and trials and alike[0] <= trials[0] and alike[1] >= trials[1]

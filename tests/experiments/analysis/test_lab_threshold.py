@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import tomllib
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -32,7 +31,7 @@ def of(amplitudes: list[float], standard: float | None = 0.0) -> list[Threshold]
     ]
 
 
-def test_a_persons_threshold_is_the_level_of_the_motion_that_is_just_felt() -> None:
+def test_a_persons_threshold_is_the_level_of_the_motion_that_is_just_felt():
     whole = levels_of(played().check.measured, RATE).pressing
     lab = lab_threshold_of(of([0.2, 0.2 * 10**0.1, 0.2 * 10**-0.1]), played())
     assert lab.shift == pytest.approx(whole + 20 * np.log10(0.2))
@@ -42,7 +41,7 @@ def test_a_persons_threshold_is_the_level_of_the_motion_that_is_just_felt() -> N
     assert louder.shift == pytest.approx(lab.shift)
 
 
-def test_the_stated_interval_of_the_mean_person_is_right_about_it() -> None:
+def test_the_stated_interval_of_the_mean_person_is_right_about_it():
     rng, truth, spread = np.random.default_rng(90210), -7.0, 5.0
     whole = levels_of(played().check.measured, RATE).pressing
     inside, spreads = [], []
@@ -64,12 +63,12 @@ def test_the_stated_interval_of_the_mean_person_is_right_about_it() -> None:
         (of([0.2, 0.3, -0.1]), "above 0"),
     ],
 )
-def test_what_is_no_detection_threshold_of_people_is_refused(found: list[Threshold], said: str) -> None:
+def test_what_is_no_detection_threshold_of_people_is_refused(found, said):
     with pytest.raises(DataError, match=said):
         lab_threshold_of(found, played())
 
 
-def test_the_table_of_the_rig_file_says_the_same(tmp_path: Path) -> None:
+def test_the_table_of_the_rig_file_says_the_same(tmp_path):
     lab = lab_threshold_of(of([0.2, 0.3, 0.25]), played(simulated=True))
     table = tomllib.loads(people_table(lab))["people"]
     people = RigFile.model_validate({"name": "x", "daq": {"driver": "twin"}, "people": table}).people
@@ -78,7 +77,7 @@ def test_the_table_of_the_rig_file_says_the_same(tmp_path: Path) -> None:
     assert people.spread == pytest.approx(lab.spread, abs=0.05)
 
 
-def test_the_labs_threshold_replaces_the_estimate() -> None:
+def test_the_labs_threshold_replaces_the_estimate():
     lab = LabThreshold(12, -6.0, 2.0, 4.0, "push", 3.8, False)
     act, table = pressing_act(lab), thresholds().act("pressing")
     hz = np.array([250.0])

@@ -37,7 +37,7 @@ def plan(folder: Path, people: str = "12", given: float = 0.75, toggle: float = 
     return path
 
 
-def test_without_an_effect_power_is_alpha(tmp_path: Path, full: bool) -> None:
+def test_without_an_effect_power_is_alpha(tmp_path, full):
     runs = 2000 if full else 60
     found = power_of(load_power_plan(plan(tmp_path)), runs=runs, seed=3)
     assert len(found) == 7
@@ -45,7 +45,7 @@ def test_without_an_effect_power_is_alpha(tmp_path: Path, full: bool) -> None:
         assert one.interval[0] <= 0.06 and one.power <= (0.08 if full else 0.2), one
 
 
-def test_power_rises_with_people(tmp_path: Path) -> None:
+def test_power_rises_with_people(tmp_path):
     found = power_of(load_power_plan(plan(tmp_path, "6, 24", given=0.85)), runs=30, seed=1)
     few, many = (one.power for one in found if one.effect == "confirmation")
     assert few < many and many > 0.8
@@ -63,7 +63,7 @@ def test_power_rises_with_people(tmp_path: Path) -> None:
         (("trials = 10", "trials = "), "not valid TOML"),
     ],
 )
-def test_a_wrong_plan_is_refused(tmp_path: Path, change: tuple[str, str], said: str) -> None:
+def test_a_wrong_plan_is_refused(tmp_path, change, said):
     path = plan(tmp_path)
     path.write_text(path.read_text(encoding="utf-8").replace(*change), encoding="utf-8")
     with pytest.raises(ConfigurationError, match=said):
@@ -72,6 +72,6 @@ def test_a_wrong_plan_is_refused(tmp_path: Path, change: tuple[str, str], said: 
         load_power_plan(tmp_path / "none.toml")
 
 
-def test_too_few_people_are_refused(tmp_path: Path) -> None:
+def test_too_few_people_are_refused(tmp_path):
     with pytest.raises(DataError, match="too few"):
         power_of(load_power_plan(plan(tmp_path, "3")), runs=10)

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -39,7 +38,7 @@ def three(level: float, lab: LabThreshold | None = NO_DOUBT) -> list[Any]:
 
 
 @pytest.mark.long
-def test_what_is_far_above_threshold_and_unlike_is_told_apart() -> None:
+def test_what_is_far_above_threshold_and_unlike_is_told_apart():
     found = predict_answers(three(40))
     assert found.classes == tuple(SNAPS) and found.chance == pytest.approx(1 / 3)
     assert found.overall[0] > 0.93 and np.all(np.diag(found.cells) > 0.9)
@@ -51,7 +50,7 @@ def test_what_is_far_above_threshold_and_unlike_is_told_apart() -> None:
     np.testing.assert_allclose(found.cells, 1 / 3, atol=0.02)
 
 
-def test_two_of_one_motion_are_confused_and_a_third_is_not() -> None:
+def test_two_of_one_motion_are_confused_and_a_third_is_not():
     latch, push = button("latch", 40, SNAPS["toggle"]), button("push", 40, SNAPS["push"])
     found = predict_answers([latch, button("toggle", 40, SNAPS["toggle"]), push])
     np.testing.assert_allclose(found.cells[:2, :2], 0.5, atol=0.06)
@@ -59,7 +58,7 @@ def test_two_of_one_motion_are_confused_and_a_third_is_not() -> None:
 
 
 @pytest.mark.long
-def test_rows_add_up_and_the_range_holds_what_one_draw_says() -> None:
+def test_rows_add_up_and_the_range_holds_what_one_draw_says():
     found = predict_answers(three(15, None))
     np.testing.assert_allclose(found.cells.sum(axis=1), 1)
     assert np.all(found.least <= found.cells) and np.all(found.cells <= found.most)
@@ -71,7 +70,7 @@ def test_rows_add_up_and_the_range_holds_what_one_draw_says() -> None:
     np.testing.assert_allclose(again.cells, found.cells, atol=0.06)
 
 
-def test_an_event_counts_by_its_energy() -> None:
+def test_an_event_counts_by_its_energy():
     signal = button("toggle", 20, SNAPS["toggle"]).check.measured
     levels = event_levels(signal, RATE, 0.0, 0.03, 40)
     assert 10 * np.log10(np.sum(10 ** (levels / 10))) == pytest.approx(20, abs=0.2)
@@ -79,12 +78,12 @@ def test_an_event_counts_by_its_energy() -> None:
 
 
 @pytest.mark.parametrize("names", [("latch",), ("latch", "latch")])
-def test_nothing_to_confuse_is_refused(names: tuple[str, ...]) -> None:
+def test_nothing_to_confuse_is_refused(names):
     with pytest.raises(ConfigurationError, match="at least two digital buttons, each of another name"):
         predict_answers([button(name, 20, (0.3,)) for name in names])
 
 
-def test_the_papers_tables_stand_beside_it() -> None:
+def test_the_papers_tables_stand_beside_it():
     shown = prediction_contents(predict_answers(three(20)))
     assert [table.title.split(",")[0] for table in shown.tables] == [
         "Predicted answers",
@@ -101,7 +100,7 @@ def test_the_papers_tables_stand_beside_it() -> None:
     assert len(prediction_contents(predict_answers(other)).tables) == 1
 
 
-def test_predicted_metrics_are_those_of_the_cells() -> None:
+def test_predicted_metrics_are_those_of_the_cells():
     """Where nothing is left open, each metric of the mean is that of a confusion matrix."""
     found = predict_answers(three(40))
     right, answered = np.diagonal(found.cells), found.cells.sum(axis=0)
@@ -112,13 +111,13 @@ def test_predicted_metrics_are_those_of_the_cells() -> None:
     assert np.all(found.metrics[..., 0] <= found.metrics[..., 2])
 
 
-def test_the_papers_metrics_are_those_of_its_matrices() -> None:
+def test_the_papers_metrics_are_those_of_its_matrices():
     for key, metrics in PAPER_METRICS.items():
         published = TABLES[key[0], str(key[1])]
         assert [list(row) for row in metrics] == [list(row) for row in published]
 
 
-def test_the_papers_ranges_are_those_of_its_matrices() -> None:
+def test_the_papers_ranges_are_those_of_its_matrices():
     """Every integer matrix that gives tables III and IV to two decimals (rows presented, of 100 each)."""
     matrices = [
         *([[75, a, 25 - a], [33 - a, 67, a], [a - 6, 38 - a, 68]] for a in range(6, 26)),
@@ -131,7 +130,7 @@ def test_the_papers_ranges_are_those_of_its_matrices() -> None:
         assert list(PAPER[presented].values()) == list(zip(low[row], high[row], strict=True))
 
 
-def test_simulated_participants_answer_as_predicted(tmp_path: Path) -> None:
+def test_simulated_participants_answer_as_predicted(tmp_path):
     """Errors go where they were predicted to go."""
     found = predict_answers(three(18))
     path = tmp_path / "model.toml"
@@ -158,7 +157,7 @@ def answered(model: Any, found: Prediction) -> np.ndarray:
     return counts / counts.sum(axis=1, keepdims=True)
 
 
-def test_buttons_of_two_labs_are_not_compared() -> None:
+def test_buttons_of_two_labs_are_not_compared():
     """The threshold would be that of whichever comes first."""
     one, other, third = three(20)
     unknown = replace(NO_DOUBT, force=float("nan"))
@@ -173,7 +172,7 @@ def test_buttons_of_two_labs_are_not_compared() -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", ['a "quoted" one', "back\\slash", "über 1.0"])
-def test_any_name_of_a_button_makes_a_model_that_can_be_read(name: str, tmp_path: Path) -> None:
+def test_any_name_of_a_button_makes_a_model_that_can_be_read(name, tmp_path):
     found = predict_answers([button(name, -300, SNAPS["push"]), button("push", 40, SNAPS["push"])])
     path = tmp_path / "model.toml"
     path.write_text(participant_model(found), encoding="utf-8")

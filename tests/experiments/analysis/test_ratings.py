@@ -34,7 +34,7 @@ def ratings(folder: Path, people: int = 12, pleasant: float = 0.0, seed: int = 1
 
 
 @pytest.mark.parametrize("low", [0.0, -3.0])
-def test_a_scale_that_is_not_positive_is_refused(tmp_path: Path, low: float) -> None:
+def test_a_scale_that_is_not_positive_is_refused(tmp_path, low):
     rows = ratings(tmp_path)
     path = tmp_path / "low.csv"
     text = (tmp_path / "ratings.csv").read_text(encoding="utf-8").splitlines()
@@ -46,7 +46,7 @@ def test_a_scale_that_is_not_positive_is_refused(tmp_path: Path, low: float) -> 
     assert analyse_ratings(rows).normalised
 
 
-def test_an_effect_is_found_where_it_is(tmp_path: Path) -> None:
+def test_an_effect_is_found_where_it_is(tmp_path):
     rows = ratings(tmp_path, pleasant=0.4)
     result = analyse_ratings(rows)
     by_pair = {pair.pair: {effect.name: effect.p for effect in pair.effects} for pair in result.pairs}
@@ -63,14 +63,14 @@ def test_an_effect_is_found_where_it_is(tmp_path: Path) -> None:
     assert normalise(values) == pytest.approx(values * (grand / own)[:, None, None])
 
 
-def test_what_too_few_people_allow(tmp_path: Path) -> None:
+def test_what_too_few_people_allow(tmp_path):
     """Three pairs and two degrees of freedom need seven people."""
     result = analyse_ratings(ratings(tmp_path, people=6))
     assert [effect is None for effect in result.repeated] == [False, True, True]
     assert None not in result.independent and len(result.notes) == 2
 
 
-def test_a_person_without_a_rating_is_named(tmp_path: Path) -> None:
+def test_a_person_without_a_rating_is_named(tmp_path):
     ratings(tmp_path)
     text = (tmp_path / "ratings.csv").read_text(encoding="utf-8").splitlines()
     path = tmp_path / "hole.csv"
@@ -79,7 +79,7 @@ def test_a_person_without_a_rating_is_named(tmp_path: Path) -> None:
     assert result.left_out == ("P01",) and len(result.people) == 11
 
 
-def test_a_changed_table_is_refused_in_one_sentence_or_read(tmp_path: Path, full: bool) -> None:
+def test_a_changed_table_is_refused_in_one_sentence_or_read(tmp_path, full):
     ratings(tmp_path, people=4)
     path = tmp_path / "ratings.csv"
     raw, number = path.read_bytes(), 0

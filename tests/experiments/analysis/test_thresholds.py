@@ -9,7 +9,6 @@ import pytest
 
 from haploop.base.errors import DataError
 from haploop.experiments import Threshold, analyse_thresholds, lab_threshold_of, read_rows
-from tests.command_line import Run
 from tests.experiments.analysis.test_lab_threshold import played
 
 pytest.importorskip("psignifit")
@@ -47,9 +46,7 @@ def table(
         (GOOD, ""),
     ],
 )
-def test_only_answers_that_show_a_threshold_have_one(
-    tmp_path: Path, answers: tuple[int, ...], why: str
-) -> None:
+def test_only_answers_that_show_a_threshold_have_one(tmp_path, answers, why):
     (found,) = analyse_thresholds(read_rows(table(tmp_path, {"P1": answers})))
     assert why in found.why_none and bool(why) == bool(found.why_none)
     if why:
@@ -58,12 +55,12 @@ def test_only_answers_that_show_a_threshold_have_one(
         assert found.threshold == pytest.approx(0.41, abs=0.03)
 
 
-def test_below_a_standard_answers_become_right_as_the_value_falls(tmp_path: Path) -> None:
+def test_below_a_standard_answers_become_right_as_the_value_falls(tmp_path):
     (found,) = analyse_thresholds(read_rows(table(tmp_path, {"P1": FALLING}, sign=-1, standard=0.0)))
     assert "become wrong towards 0.8" in found.why_none
 
 
-def test_a_guesser_is_left_out_of_a_labs_threshold_by_name() -> None:
+def test_a_guesser_is_left_out_of_a_labs_threshold_by_name():
     felt = [
         Threshold((f"P{n}",), value, (value / 2, value * 2), 0.1, 0.0, 100, 0.0)
         for n, value in enumerate((0.2, 0.25, 0.3))
@@ -76,7 +73,7 @@ def test_a_guesser_is_left_out_of_a_labs_threshold_by_name() -> None:
         lab_threshold_of([*felt[:2], guesser], played())
 
 
-def test_the_command_names_who_has_none_and_says_so_by_its_exit_code(run: Run, tmp_path: Path) -> None:
+def test_the_command_names_who_has_none_and_says_so_by_its_exit_code(run, tmp_path):
     path = table(tmp_path, {"P1": GUESSES, "P2": FALLING})
     said = run("analyse thresholds", path, ends=1)
     assert "No threshold of P1: the answers are no better than chance" in said.stdout

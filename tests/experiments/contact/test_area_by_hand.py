@@ -45,7 +45,7 @@ def seen(*squares: tuple[int, int, int, float], noise: float = 0.3, light: float
     return meter.measure(frame(*squares, light=light))
 
 
-def test_the_area_is_what_lies_above_half_of_the_brightness() -> None:
+def test_the_area_is_what_lies_above_half_of_the_brightness():
     found = seen((40, 50, 20, 100.0))
     assert found == Contact(7, 0.5, 396 * 2e-9, 396, 0, 0.0, "")
     # It depends neither on the brightness nor on the light around it.
@@ -65,9 +65,7 @@ def test_the_area_is_what_lies_above_half_of_the_brightness() -> None:
         ),
     ],
 )
-def test_a_finger_is_twelve_grey_levels_bright_or_six_times_the_smoothed_noise(
-    noise: float, level: float, there: bool, measured: bool
-) -> None:
+def test_a_finger_is_twelve_grey_levels_bright_or_six_times_the_smoothed_noise(noise, level, there, measured):
     """What is darker is seen, and said to be too dim."""
     found = seen((40, 50, 20, level), noise=noise)
     assert bool(found.pixels) is there
@@ -75,13 +73,13 @@ def test_a_finger_is_twelve_grey_levels_bright_or_six_times_the_smoothed_noise(
     assert measured or f"{level:.0f} grey levels bright, and 12 are needed" in found.problem
 
 
-def test_a_finger_is_sixty_pixels_or_more() -> None:
+def test_a_finger_is_sixty_pixels_or_more():
     # Above 12 of 100 grey levels lie the 8 x 8 pixels around a square of 6 x 6, without their corners.
     assert seen((40, 50, 6, 100.0)).pixels == 6 * 6 - 4
     assert seen((40, 50, 5, 100.0)).pixels == 0
 
 
-def test_the_largest_is_the_finger_and_the_others_are_told() -> None:
+def test_the_largest_is_the_finger_and_the_others_are_told():
     found = seen((40, 50, 20, 50.0), (80, 100, 12, 100.0), (20, 100, 4, 100.0))
     assert (found.pixels, found.others) == (396, 1) and "more than one finger" in found.problem
     assert seen((40, 50, 20, 240.0)).problem == ""
@@ -93,14 +91,14 @@ def test_the_largest_is_the_finger_and_the_others_are_told() -> None:
     [(9.9, 0.3, False), (-9.9, 0.3, False), (10.1, 0.3, True), (-10.1, 0.3, True), (17.9, 3.0, False),
      (18.1, 3.0, True)],
 )  # fmt: skip
-def test_a_change_of_the_light_is_told(light: float, noise: float, changed: bool) -> None:
+def test_a_change_of_the_light_is_told(light, noise, changed):
     for squares in ((), ((40, 50, 20, 100.0),)):
         found = seen(*squares, noise=noise, light=light)
         assert ("light changed" in found.problem) is changed
         assert found.light == pytest.approx(light)
 
 
-def test_a_target_tells_the_area_of_a_pixel_and_is_sharp() -> None:
+def test_a_target_tells_the_area_of_a_pixel_and_is_sharp():
     background = Background(np.full(SHAPE, 10.0), 0.3)
     target = frame((40, 50, 20, 100.0))
     assert calibrate_meter([target] * 3, background, 396e-9).square_metres == pytest.approx(1e-9)
@@ -129,7 +127,7 @@ def learnt(*images: np.ndarray) -> Background:
     return learn_background(camera, len(images))
 
 
-def test_the_noise_is_that_from_frame_to_frame() -> None:
+def test_the_noise_is_that_from_frame_to_frame():
     chess = 10.0 + 2.0 * (-1.0) ** np.add.outer(np.arange(SHAPE[0]), np.arange(SHAPE[1]))
     found = learnt(chess, 20.0 - chess, chess)
     # A pixel differs by 4 from one frame to the next: half of a Gaussian's differences are below 0.954.
@@ -144,9 +142,7 @@ def test_the_noise_is_that_from_frame_to_frame() -> None:
 @pytest.mark.parametrize(
     ("share", "level", "refused"), [(0.015, 255.0, True), (0.015, 200.0, False), (0.005, 255.0, False)]
 )
-def test_a_background_is_too_bright_where_a_hundredth_of_it_is(
-    share: float, level: float, refused: bool
-) -> None:
+def test_a_background_is_too_bright_where_a_hundredth_of_it_is(share, level, refused):
     image = np.full(SHAPE, 10.0)
     image.flat[: round(share * image.size)] = level
     if refused:
@@ -156,7 +152,7 @@ def test_a_background_is_too_bright_where_a_hundredth_of_it_is(
         assert learnt(image, image).noise == 0.3
 
 
-def test_a_black_image_is_a_closed_lens_and_a_dark_one_is_not() -> None:
+def test_a_black_image_is_a_closed_lens_and_a_dark_one_is_not():
     black, flicker = np.zeros(SHAPE), np.zeros(SHAPE)
     with pytest.raises(DataError, match="is black"):
         learnt(black, black)
@@ -165,7 +161,7 @@ def test_a_black_image_is_a_closed_lens_and_a_dark_one_is_not() -> None:
 
 
 @pytest.mark.parametrize(("change", "refused"), [(4.0, False), (-4.0, False), (4.5, True), (-4.5, True)])
-def test_what_moves_is_no_background(change: float, refused: bool) -> None:
+def test_what_moves_is_no_background(change, refused):
     still, moved = np.full(SHAPE, 20.0), np.full(SHAPE, 20.0)
     moved[40:60, 50:70] += change
     if refused:
@@ -179,9 +175,7 @@ def test_what_moves_is_no_background(change: float, refused: bool) -> None:
     ("kept", "slow", "took", "read"),
     [(0, (), 0.6, 2), (3, (), 0.6, 5), (3, (1,), 0.6, 5), (100, (), 0.6, 30), (0, (), 0.5, 30)],
 )
-def test_frames_are_dropped_until_two_in_a_row_take_their_time(
-    kept: int, slow: tuple[int, ...], took: float, read: int
-) -> None:
+def test_frames_are_dropped_until_two_in_a_row_take_their_time(kept, slow, took, read):
     """`took` is in times between two frames, an eighth of a second, also of those kept that are `slow`."""
     times, now = [], 0.0
 
@@ -196,7 +190,7 @@ def test_frames_are_dropped_until_two_in_a_row_take_their_time(
     assert len(times) == read
 
 
-def test_light_that_has_changed_is_told_before_the_blobs_that_it_makes() -> None:
+def test_light_that_has_changed_is_told_before_the_blobs_that_it_makes():
     two = ((40, 30, 20, 60.0), (40, 90, 20, 60.0))
     assert "more than one finger" in seen(*two).problem
     found = seen(*two, light=40.0)
@@ -204,7 +198,7 @@ def test_light_that_has_changed_is_told_before_the_blobs_that_it_makes() -> None
 
 
 @pytest.mark.parametrize(("deviation", "sharp"), [(4.8, True), (5.2, False)])
-def test_an_edge_of_a_known_deviation_is_sharp_up_to_five_pixels(deviation: float, sharp: bool) -> None:
+def test_an_edge_of_a_known_deviation_is_sharp_up_to_five_pixels(deviation, sharp):
     """A disc behind a Gaussian blur, of which the average over 3 x 3 pixels is a part: 2/3 of variance."""
     rows, columns = np.mgrid[: SHAPE[0], : SHAPE[1]]
     inside = 36 - np.hypot(rows - 60, columns - 80)

@@ -84,7 +84,7 @@ CASES: dict[str, tuple[FloatArray, str]] = {
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_what_is_no_fingertip_is_refused_by_its_name(case: str) -> None:
+def test_what_is_no_fingertip_is_refused_by_its_name(case):
     light, named = CASES[case]
     found = of(light)
     if case == "a palm":
@@ -94,7 +94,7 @@ def test_what_is_no_fingertip_is_refused_by_its_name(case: str) -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_areas_of_clean_pictures_are_within_seven_thousandths(seed: int) -> None:
+def test_areas_of_clean_pictures_are_within_seven_thousandths(seed):
     rng = np.random.default_rng([20261127, seed])
     for number in range(12):
         area = rng.uniform(40e-6, 300e-6)
@@ -121,12 +121,12 @@ def touch(area: float, frames: int = 20) -> list[FloatArray]:
     return [finger(area * share) for share in rise]
 
 
-def test_a_press_is_one_press() -> None:
+def test_a_press_is_one_press():
     assert played([0.0, 0.0, *touch(150e-6), 0.0, *touch(60e-6), 0.0, *touch(150e-6), 0.0]) == ["press"] * 2
 
 
 @pytest.mark.parametrize("case", [case for case in CASES if case != "a palm"])
-def test_what_is_refused_activates_nothing_nor_does_its_going(case: str) -> None:
+def test_what_is_refused_activates_nothing_nor_does_its_going(case):
     """One of two fingers is lifted: the other one has not crossed the threshold."""
     light, stays = CASES[case][0], finger(150e-6)
     assert played([0.0, 0.0, light, light, stays, stays, 0.0]) == []
@@ -135,7 +135,7 @@ def test_what_is_refused_activates_nothing_nor_does_its_going(case: str) -> None
 
 @pytest.mark.long
 @pytest.mark.parametrize("drift", [0.5, -0.5], ids=["brighter", "darker"])
-def test_the_background_is_followed(drift: float) -> None:
+def test_the_background_is_followed(drift):
     """Half a grey level a second, for 40 s: six presses of six, and areas as before."""
     measured, activator, number = meter(), Activator(90e-6, 20e-6), 0
     counted, largest = 0, []
@@ -159,7 +159,7 @@ def test_the_background_is_followed(drift: float) -> None:
 
 
 @pytest.mark.long
-def test_a_smudge_that_stays_becomes_background_and_a_finger_does_not() -> None:
+def test_a_smudge_that_stays_becomes_background_and_a_finger_does_not():
     measured = meter()
     smudge = finger(30e-6, 260, 60, level=9.0)
     problems = [bool(measured.measure(taken(smudge, n, time=n / 2)).problem) for n in range(80)]

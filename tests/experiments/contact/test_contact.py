@@ -81,7 +81,7 @@ def truth_at(rig: Rig, contacts: list[Contact]) -> Any:
 
 
 @pytest.mark.parametrize(("seed", "way"), [(1, "twin"), (2, "twin"), (2, "wire")])
-def test_area_is_within_three_percent_of_the_truth(tmp_path: Path, seed: int, way: Mode) -> None:
+def test_area_is_within_three_percent_of_the_truth(tmp_path, seed, way):
     """At realistic noise, for fingers of several people, wherever they press with 20 mm^2 and more."""
     with rig_with_camera(tmp_path, seed=seed, way=way) as (rig, camera):
         seen = calibrated(rig, camera)
@@ -97,7 +97,7 @@ def test_area_is_within_three_percent_of_the_truth(tmp_path: Path, seed: int, wa
 
 
 @pytest.mark.long
-def test_a_finger_calibration_shows_its_repeatability(tmp_path: Path) -> None:
+def test_a_finger_calibration_shows_its_repeatability(tmp_path):
     with rig_with_camera(tmp_path) as (rig, camera):
         told: list[tuple[str, int, float]] = []
         found = calibrate_finger(calibrated(rig, camera), "P01", on_press=lambda *press: told.append(press))
@@ -120,12 +120,12 @@ def test_a_finger_calibration_shows_its_repeatability(tmp_path: Path) -> None:
         ((40,), (150,), "Two light and two firm presses"),
     ],
 )
-def test_a_calibration_that_is_not_usable(light: Any, firm: Any, said: str) -> None:
+def test_a_calibration_that_is_not_usable(light, firm, said):
     found = FingerCalibration("P01", light, firm)
     assert (said in found.problem) if said else not found.problem
 
 
-def test_activation_areas_follow_the_recorded_forces() -> None:
+def test_activation_areas_follow_the_recorded_forces():
     """Largest for the latch, smallest for the toggle, all between A_min and A_max."""
     found = FingerCalibration("P01", (40e-6,) * 5, (160e-6,) * 5)
     areas = activation_areas(found, {"latch": 8.0, "toggle": 2.2, "push": 4.0})
@@ -153,7 +153,7 @@ WHILE_IT_LEARNS = (
     ("fault", "said", "way"),
     [*((*one, "twin") for one in (*SPOILT, *WHILE_IT_LEARNS)), *((*one, "wire") for one in SPOILT)],
 )
-def test_what_spoils_an_image_is_named(tmp_path: Path, fault: str, said: str, way: Mode) -> None:
+def test_what_spoils_an_image_is_named(tmp_path, fault, said, way):
     with rig_with_camera(tmp_path, fault, way=way) as (rig, camera), pytest.raises(DataError, match=said):
         seen = calibrated(rig, camera)
         rig.clock.sleep(2.1 - rig.clock.now())
@@ -162,7 +162,7 @@ def test_what_spoils_an_image_is_named(tmp_path: Path, fault: str, said: str, wa
 
 
 @pytest.mark.parametrize("way", ["twin", "wire"])
-def test_lost_frames_are_gaps_in_the_numbers(tmp_path: Path, way: Mode) -> None:
+def test_lost_frames_are_gaps_in_the_numbers(tmp_path, way):
     fault = '{ kind = "frames-lost", after = 0.4, times = 3 }'
     with rig_with_camera(tmp_path, fault, way=way) as (rig, camera):
         camera.read()
@@ -182,7 +182,7 @@ def presses(activator: Activator, areas: list[float]) -> list[str]:
 
 @settings(max_examples=200, deadline=None)
 @given(st.lists(st.floats(0.4, 3.0), max_size=200), st.booleans())
-def test_one_press_for_each_touch_however_the_finger_trembles(areas: list[float], release: bool) -> None:
+def test_one_press_for_each_touch_however_the_finger_trembles(areas, release):
     """Whatever the area does above the level at which a finger counts as lifted."""
     found = presses(Activator(1.0, 0.4, 0.7 if release else None), [0.0, *areas])
     assert found.count("press") == (1 if any(area > 1 for area in areas) else 0)
@@ -190,12 +190,12 @@ def test_one_press_for_each_touch_however_the_finger_trembles(areas: list[float]
     assert not release or found in ([], ["press"], ["press", "release"])
 
 
-def test_a_finger_that_rests_from_the_beginning_is_no_press() -> None:
+def test_a_finger_that_rests_from_the_beginning_is_no_press():
     assert presses(Activator(1.0, 0.4), [2.0, 2.0, 0.5, 2.0]) == []
     assert presses(Activator(1.0, 0.4), [2.0, 0.1, 2.0, 0.1, 0.0, 1.5]) == ["press", "press"]
 
 
-def test_a_frame_that_is_not_to_be_trusted_activates_nothing() -> None:
+def test_a_frame_that_is_not_to_be_trusted_activates_nothing():
     activator = Activator(1.0, 0.4)
     activator.see(contact(0.0))
     assert activator.see(contact(2.0, problem="There is more than one finger.")) is None
@@ -206,7 +206,7 @@ def test_a_frame_that_is_not_to_be_trusted_activates_nothing() -> None:
 
 
 @pytest.mark.parametrize("areas", [(1.0, 0.0, None), (1.0, 1.0, None), (1.0, 0.4, 0.3), (1.0, 0.4, 1.0)])
-def test_areas_in_the_wrong_order_are_refused(areas: tuple[float, float, float | None]) -> None:
+def test_areas_in_the_wrong_order_are_refused(areas):
     with pytest.raises(ConfigurationError, match="lifted <= release < activation"):
         Activator(*areas)
 
@@ -231,7 +231,7 @@ def verified(rig: Rig, drive: Any, date: Callable[[], str] | None = None) -> Ver
     return VerifiedButton(button, check, rig, (date or _today)(), 0.0)
 
 
-def test_a_button_plays_once_a_press_within_a_frame_of_the_crossing(tmp_path: Path) -> None:
+def test_a_button_plays_once_a_press_within_a_frame_of_the_crossing(tmp_path):
     with rig_with_camera(tmp_path) as (rig, camera):
         seen = calibrated(rig, camera)
         truth = rig.simulation.truth  # type: ignore[union-attr]
@@ -260,7 +260,7 @@ def test_a_button_plays_once_a_press_within_a_frame_of_the_crossing(tmp_path: Pa
 
 
 @pytest.mark.parametrize("sensor", ["true", "false"])
-def test_the_force_at_the_press_chooses_the_drive(tmp_path: Path, sensor: str) -> None:
+def test_the_force_at_the_press_chooses_the_drive(tmp_path, sensor):
     """Without a force sensor under the table it is the nominal one; the choice costs a hundredth of a
     second."""
     with rig_with_camera(tmp_path, lines=f"[table]\nforce = {sensor}") as (rig, camera):
@@ -283,7 +283,7 @@ def test_the_force_at_the_press_chooses_the_drive(tmp_path: Path, sensor: str) -
         assert played.latency < 0.06
 
 
-def test_no_drive_outside_the_limits(tmp_path: Path) -> None:
+def test_no_drive_outside_the_limits(tmp_path):
     with rig_with_camera(tmp_path) as (rig, camera):
         seen = calibrated(rig, camera)
         rig.operator.tell(Touch("P01", "as a button", 1, 1))
@@ -292,7 +292,7 @@ def test_no_drive_outside_the_limits(tmp_path: Path) -> None:
         assert rig.simulation.truth.peak < 1.1  # the volt that proves the gain  # type: ignore[union-attr]
 
 
-def test_only_a_button_that_was_verified_here_today(tmp_path: Path) -> None:
+def test_only_a_button_that_was_verified_here_today(tmp_path):
     with rig_with_camera(tmp_path) as (rig, camera):
         seen = calibrated(rig, camera)
         stale = verified(rig, burst(20.0), lambda: "2020-01-01")
@@ -306,6 +306,6 @@ def test_only_a_button_that_was_verified_here_today(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("share", [-0.1, 0.02, float("nan")])
-def test_no_more_than_a_lead_in_is_left_out(share: float) -> None:
+def test_no_more_than_a_lead_in_is_left_out(share):
     with pytest.raises(ConfigurationError, match=r"use 0 to 0\.01"):
         without_lead_in(burst(1.0), share)

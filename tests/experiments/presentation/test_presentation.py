@@ -137,7 +137,7 @@ def bursts(outputs: Any, since: float) -> int:
 
 
 @pytest.mark.long
-def test_a_session_is_played_interrupted_and_resumed(folder: Path) -> None:
+def test_a_session_is_played_interrupted_and_resumed(folder):
     """One activation a trial, within budget and limits; the finger is not calibrated twice."""
     with presented(folder, MATCHING) as (rig, presenter, store):
         truth = rig.simulation.truth  # type: ignore[union-attr]
@@ -171,7 +171,7 @@ def test_a_session_is_played_interrupted_and_resumed(folder: Path) -> None:
 
 
 @pytest.mark.long
-def test_physical_stimuli_are_not_played_and_releases_are(folder: Path) -> None:
+def test_physical_stimuli_are_not_played_and_releases_are(folder):
     with presented(folder, RATING) as (rig, presenter, store), session_of(rig, store) as session:
         run_session(session, SimulatedParticipant(ParticipantModel(), "P01", 1), presenter)
     played = [e.values for e in read_log(store.path_of("P01", 1)) if e.kind == "activation"]
@@ -182,7 +182,7 @@ def test_physical_stimuli_are_not_played_and_releases_are(folder: Path) -> None:
 
 
 @pytest.mark.long
-def test_two_amplitudes_are_played_one_after_the_other(folder: Path) -> None:
+def test_two_amplitudes_are_played_one_after_the_other(folder):
     with presented(folder, COMPARED) as (rig, presenter, store):
         outputs = rig.simulation.truth.record()  # type: ignore[union-attr]
         begun = rig.clock.now()
@@ -198,7 +198,7 @@ def test_two_amplitudes_are_played_one_after_the_other(folder: Path) -> None:
     assert heard == 3, "an amplitude of zero is played as nothing"
 
 
-def test_an_amplitude_beyond_the_limits_is_refused_before_anybody_comes(folder: Path) -> None:
+def test_an_amplitude_beyond_the_limits_is_refused_before_anybody_comes(folder):
     text = COMPARED.replace("0.9]", "1.6]")
     with (
         pytest.raises(LimitError, match=r"up to 1\.6 times the drive of the digital push"),
@@ -208,7 +208,7 @@ def test_an_amplitude_beyond_the_limits_is_refused_before_anybody_comes(folder: 
 
 
 @pytest.mark.long
-def test_a_finger_that_cannot_be_calibrated_is_refused(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_finger_that_cannot_be_calibrated_is_refused(folder, monkeypatch):
     """Firm presses no firmer than light ones: three calibrations, then one sentence; the step stays due."""
     monkeypatch.setitem(touches._FORCES, "firm", (0.4, 0.6))
     with presented(folder, MATCHING) as (rig, presenter, store):
@@ -225,9 +225,7 @@ def test_a_finger_that_cannot_be_calibrated_is_refused(folder: Path, monkeypatch
 
 
 @pytest.mark.long
-def test_a_finger_at_the_threshold_that_trembles_is_one_press(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_finger_at_the_threshold_that_trembles_is_one_press(folder, monkeypatch):
     """With a tremor of a third, at 9 Hz, the area crosses the threshold again and again."""
     with presented(folder, MATCHING) as (rig, presenter, store), session_of(rig, store) as session:
         with pytest.raises(KeyboardInterrupt):
@@ -266,13 +264,13 @@ def test_a_finger_at_the_threshold_that_trembles_is_one_press(
         ('[buttons]\nlatch = "latch.h5"\npush = "push.h5"', "[surface]\ntarget = 2e-4", "is for digital"),
     ],
 )
-def test_a_file_that_names_buttons_wrongly(tmp_path: Path, old: str, new: str, said: str) -> None:
+def test_a_file_that_names_buttons_wrongly(tmp_path, old, new, said):
     assert old in MATCHING
     with pytest.raises(ConfigurationError, match=said):
         experiment_of(tmp_path, MATCHING.replace(old, new))
 
 
-def test_only_an_amplitude_can_be_compared(tmp_path: Path) -> None:
+def test_only_an_amplitude_can_be_compared(tmp_path):
     with pytest.raises(ConfigurationError, match="compares their amplitude"):
         experiment_of(tmp_path, COMPARED.replace('name = "amplitude"', 'name = "delay"'))
 
@@ -284,14 +282,14 @@ def test_only_an_amplitude_can_be_compared(tmp_path: Path) -> None:
         ("experiment", MATCHING.replace('"push.h5"', '"none.h5"'), "none.h5"),
     ],
 )
-def test_what_is_missing_is_one_sentence(folder: Path, rig: str, text: str, said: str) -> None:
+def test_what_is_missing_is_one_sentence(folder, rig, text, said):
     experiment = experiment_of(folder, text)
     with open_rig(rig) as opened, pytest.raises(HaploopError, match=said):
         prepare_surface(opened, experiment)
 
 
 @pytest.mark.long
-def test_the_command_plays_for_a_person_and_once_more(folder: Path) -> None:
+def test_the_command_plays_for_a_person_and_once_more(folder):
     experiment_of(folder, MATCHING)
     result = CliRunner().invoke(
         cli,
@@ -314,9 +312,7 @@ def shell(*args: object) -> Any:
 
 
 @pytest.mark.night
-def test_the_paper_s_experiments_on_a_rig_over_two_days_from_the_command_line(
-    made: Path, tmp_path: Path
-) -> None:
+def test_the_paper_s_experiments_on_a_rig_over_two_days_from_the_command_line(made, tmp_path):
     """Of the examples, shortened and without the toggle: two simulated people, exported and reported."""
     buttons = [part for name in ("latch", "push") for part in ("--button", str(made / f"{name}.h5"))]
     for name in ("matching", "rating"):
@@ -343,7 +339,7 @@ def test_the_paper_s_experiments_on_a_rig_over_two_days_from_the_command_line(
     assert report["simulated"] and len(report["figures"]) == 6
 
 
-def test_simulated_fingers_need_a_simulated_rig(folder: Path) -> None:
+def test_simulated_fingers_need_a_simulated_rig(folder):
     experiment_of(folder, MATCHING)
     refused = CliRunner().invoke(cli, ["experiment", "simulate", str(folder), "--rig", "haptable"])
     assert refused.exit_code == 2 and "has no finger" in refused.stderr
@@ -353,16 +349,14 @@ def test_simulated_fingers_need_a_simulated_rig(folder: Path) -> None:
     ("names", "said"),
     [(["push"], "one file of each of latch, toggle, push"), (["push", "push"], "than push")],
 )
-def test_a_new_experiment_of_other_buttons_is_refused(
-    made: Path, tmp_path: Path, names: list[str], said: str
-) -> None:
+def test_a_new_experiment_of_other_buttons_is_refused(made, tmp_path, names, said):
     named = [part for name in names for part in ("--button", str(made / f"{name}.h5"))]
     refused = CliRunner().invoke(cli, ["experiment", "new", str(tmp_path / "new"), *named])
     assert refused.exit_code == 2 and said in refused.stderr and not (tmp_path / "new").exists()
 
 
 @pytest.mark.parametrize("example", ["staircase", "two-interval"])
-def test_any_button_can_be_compared_with_itself(made: Path, tmp_path: Path, example: str) -> None:
+def test_any_button_can_be_compared_with_itself(made, tmp_path, example):
     new_experiment(tmp_path / "new", example, [made / "push.h5"])
     experiment = load_experiment(tmp_path / "new")
     assert list(experiment.file.buttons.values()) == ["button.h5"] and (tmp_path / "new/button.h5").is_file()

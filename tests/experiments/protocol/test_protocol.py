@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from pathlib import Path
 
 import pytest
 
@@ -36,7 +35,7 @@ def steps_of(experiment: Experiment, slot: int = 0, session: int = 1, participan
     return [step for step, _ in answers]
 
 
-def test_the_paper_s_first_experiment() -> None:
+def test_the_paper_s_first_experiment():
     experiment = load_experiment("matching")
     steps = steps_of(experiment)
     assert Counter(step.block for step in steps) == {
@@ -53,7 +52,7 @@ def test_the_paper_s_first_experiment() -> None:
     assert {step.choices for step in steps if step.presented} == {("latch", "toggle", "push")}
 
 
-def test_confirmation_changes_with_group_and_day() -> None:
+def test_confirmation_changes_with_group_and_day():
     """Table I: group I none on day 1, given on day 2; group II the other way round."""
     file = load_experiment("matching").file
     expected = {("I", 1): "none", ("I", 2): "given", ("II", 1): "given", ("II", 2): "none"}
@@ -65,7 +64,7 @@ def test_confirmation_changes_with_group_and_day() -> None:
         assert {step.feedback for step in Course(file, assignment)._fixed[3]} == {False}
 
 
-def test_groups_are_random_and_balanced() -> None:
+def test_groups_are_random_and_balanced():
     file = load_experiment("matching").file
     groups = [group_of_slot(file, slot) for slot in range(20)]
     assert Counter(groups) == {"I": 10, "II": 10}
@@ -73,7 +72,7 @@ def test_groups_are_random_and_balanced() -> None:
     assert all(set(groups[n : n + 2]) == {"I", "II"} for n in range(0, 20, 2))
 
 
-def test_a_design_says_when_it_is_balanced() -> None:
+def test_a_design_says_when_it_is_balanced():
     """Two groups, and six orders of three buttons in familiarisation."""
     file = load_experiment("matching").file
     balanced = [n for n in range(14) if balance_of(file, range(n)).balanced]
@@ -84,7 +83,7 @@ def test_a_design_says_when_it_is_balanced() -> None:
     assert balance_of(load_experiment("rating").file, range(7)).balanced
 
 
-def test_an_order_is_stored_by_its_seed_and_six_participants_have_every_order() -> None:
+def test_an_order_is_stored_by_its_seed_and_six_participants_have_every_order():
     experiment = load_experiment("matching")
     assert steps_of(experiment) == steps_of(load_experiment("matching"))
     assert steps_of(experiment) != steps_of(experiment, participant="P02")
@@ -98,7 +97,7 @@ def test_an_order_is_stored_by_its_seed_and_six_participants_have_every_order() 
     assert all(steps_of(load_experiment(name)) for name in example_names()), "each example can be run"
 
 
-def test_two_blocks_alike_have_orders_of_their_own(tmp_path: Path) -> None:
+def test_two_blocks_alike_have_orders_of_their_own(tmp_path):
     path = tmp_path / "experiment.toml"
     text = load_experiment("rating").path.read_text(encoding="utf-8")
     path.write_text(f'{text}\n[[block]]\nname = "again"\norder = "random"\n', encoding="utf-8")
@@ -106,7 +105,7 @@ def test_two_blocks_alike_have_orders_of_their_own(tmp_path: Path) -> None:
     assert len(stimuli) == 12 and stimuli[:6] != stimuli[6:]
 
 
-def test_the_paper_s_second_experiment() -> None:
+def test_the_paper_s_second_experiment():
     steps = steps_of(load_experiment("rating"))
     assert len(steps) == 6
     assert len({(step.stimulus["category"], step.stimulus["button"]) for step in steps}) == 6
@@ -121,7 +120,7 @@ def test_the_paper_s_second_experiment() -> None:
     )
 
 
-def test_a_staircase_converges() -> None:
+def test_a_staircase_converges():
     """Right above 0.3 of the standard, wrong below: it ends around 0.3."""
     experiment = load_experiment("staircase")
     course = Course(experiment.file, Assignment("P01", 0, "all", 1))
@@ -140,7 +139,7 @@ def test_a_staircase_converges() -> None:
     assert len(restarts) == experiment.file.block[-1].repetitions - 1
 
 
-def test_two_intervals_compare_each_level_in_both_orders() -> None:
+def test_two_intervals_compare_each_level_in_both_orders():
     steps = [step for step in steps_of(load_experiment("two-interval")) if not step.practice]
     assert Counter(max(step.values) for step in steps) == dict.fromkeys((0.55, 0.6, 0.7, 0.8, 0.9, 1.0), 20)
     first = sum(step.values[0] > 0.5 for step in steps)
@@ -171,9 +170,7 @@ def test_two_intervals_compare_each_level_in_both_orders() -> None:
         ),
     ],
 )  # fmt: skip
-def test_a_wrong_file_or_an_uneven_latin_square_is_refused(
-    tmp_path: Path, change: tuple[str, str], said: str
-) -> None:
+def test_a_wrong_file_or_an_uneven_latin_square_is_refused(tmp_path, change, said):
     text = load_experiment("matching").path.read_text(encoding="utf-8")
     assert change[0] in text
     path = tmp_path / "experiment.toml"
@@ -186,7 +183,7 @@ def test_a_wrong_file_or_an_uneven_latin_square_is_refused(
         load_experiment("nothing.toml")
 
 
-def test_a_comment_does_not_change_an_experiment(tmp_path: Path) -> None:
+def test_a_comment_does_not_change_an_experiment(tmp_path):
     original = load_experiment("matching")
     path = tmp_path / "experiment.toml"
     path.write_text("# mine\n" + original.path.read_text(encoding="utf-8"), encoding="utf-8")
@@ -196,7 +193,7 @@ def test_a_comment_does_not_change_an_experiment(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("answer", ["knob", 1, None, True, {"latch": 1.0}])
-def test_an_answer_that_is_none_is_refused(answer: object) -> None:
+def test_an_answer_that_is_none_is_refused(answer):
     step = next(step for step in steps_of(load_experiment("matching")) if step.presented)
     with pytest.raises(DataError, match="one of latch, toggle, push"):
         valid(step, answer)
@@ -212,7 +209,7 @@ def test_an_answer_that_is_none_is_refused(answer: object) -> None:
         51.0,
     ],
 )
-def test_a_rating_beyond_the_scale_or_that_was_not_touched_is_refused(one: object) -> None:
+def test_a_rating_beyond_the_scale_or_that_was_not_touched_is_refused(one):
     step = steps_of(load_experiment("rating"))[0]
     middle: dict[str, object] = {pair: {"value": 51.0, "touched": [1.0, 1.5]} for pair in step.choices}
     assert valid(step, middle) == dict.fromkeys(step.choices, Rated(51.0, (1.0, 1.5)))
@@ -236,6 +233,6 @@ def test_a_rating_beyond_the_scale_or_that_was_not_touched_is_refused(one: objec
         ((0.1, 0.9), 0.15, "too fast"),
     ],
 )
-def test_what_a_person_can_do(touches: tuple[float, ...], duration: float | None, timing: str) -> None:
+def test_what_a_person_can_do(touches, duration, timing):
     answer = {str(n): Rated(1.0, (one, 50.0)) for n, one in enumerate(touches)} or "latch"
     assert timing_of(answer, duration) == timing

@@ -45,7 +45,7 @@ def lost(where: Store, who: str, path: Path) -> None:
     assert refused(lambda: verify(path)) and refused(lambda: verify(where.folder / "marks.json"))
 
 
-def test_a_log_that_has_lost_its_end_is_neither_exported_nor_continued(tmp_path: Path) -> None:
+def test_a_log_that_has_lost_its_end_is_neither_exported_nor_continued(tmp_path):
     """At every line and, of the last lines and the first, at every byte."""
     where = whole(tmp_path)
     assert exported(where) == 12 and verify(where.path_of("P01", 1)) == ()
@@ -72,7 +72,7 @@ def test_a_log_that_has_lost_its_end_is_neither_exported_nor_continued(tmp_path:
     assert exported(where) == 12
 
 
-def test_lines_that_were_exchanged_are_noticed(tmp_path: Path) -> None:
+def test_lines_that_were_exchanged_are_noticed(tmp_path):
     """Within a log, and for the same line of another person's: its number and its hash are right."""
     where = whole(tmp_path)
     path = where.path_of("P01", 1)
@@ -91,7 +91,7 @@ def test_lines_that_were_exchanged_are_noticed(tmp_path: Path) -> None:
     lost(where, "P01", second)
 
 
-def test_a_person_whose_folder_vanished_is_missed(tmp_path: Path) -> None:
+def test_a_person_whose_folder_vanished_is_missed(tmp_path):
     where = whole(tmp_path)
     shutil.rmtree(where.folder / "P01")
     assert where.participants() == ("P01", "P02")
@@ -106,7 +106,7 @@ def test_a_person_whose_folder_vanished_is_missed(tmp_path: Path) -> None:
         run(where, "P01")
 
 
-def test_without_its_marks_a_log_with_answers_is_refused(tmp_path: Path) -> None:
+def test_without_its_marks_a_log_with_answers_is_refused(tmp_path):
     where = whole(tmp_path)
     (where.folder / "marks.json").unlink()
     with pytest.raises(DataError, match=r"marks.json does not know .*session-1.jsonl"):
@@ -114,7 +114,7 @@ def test_without_its_marks_a_log_with_answers_is_refused(tmp_path: Path) -> None
     assert refused(lambda: exported(where)) and refused(lambda: run(where, "P01"))
 
 
-def test_answers_of_people_are_marked_one_by_one(tmp_path: Path) -> None:
+def test_answers_of_people_are_marked_one_by_one(tmp_path):
     """So that a program that was killed has no end that could be taken away."""
     where = store(tmp_path)
     with open_session(where, "P01", VirtualClock()) as session:
@@ -130,7 +130,7 @@ def test_answers_of_people_are_marked_one_by_one(tmp_path: Path) -> None:
     assert "is not sealed" in verify(path)[0]
 
 
-def test_killed_between_the_last_answer_and_the_seal_is_sealed_by_the_next_run(tmp_path: Path) -> None:
+def test_killed_between_the_last_answer_and_the_seal_is_sealed_by_the_next_run(tmp_path):
     where = store(tmp_path, "rating")
     run(where, "P01")
     path = where.path_of("P01", 1)
@@ -148,7 +148,7 @@ def test_killed_between_the_last_answer_and_the_seal_is_sealed_by_the_next_run(t
     )
 
 
-def test_behind_the_seal_there_is_nothing(tmp_path: Path) -> None:
+def test_behind_the_seal_there_is_nothing(tmp_path):
     """Not even a line with the right number, hash and line before it."""
     where = whole(tmp_path)
     path = where.path_of("P01", 1)
@@ -160,9 +160,7 @@ def test_behind_the_seal_there_is_nothing(tmp_path: Path) -> None:
     assert exported(where) == 12
 
 
-def test_each_event_of_a_person_is_on_the_disk_before_the_next(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_each_event_of_a_person_is_on_the_disk_before_the_next(tmp_path, monkeypatch):
     synced: list[int] = []
     fsync = os.fsync
 
@@ -181,9 +179,7 @@ def test_each_event_of_a_person_is_on_the_disk_before_the_next(
 
 
 @pytest.mark.parametrize("what", ["write_marks", "fsync"])
-def test_an_answer_that_may_be_lost_is_not_written_twice(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: str
-) -> None:
+def test_an_answer_that_may_be_lost_is_not_written_twice(tmp_path, monkeypatch, what):
     """The disk refuses for a moment, behind the line itself or behind its mark; the page sends it again."""
     where = store(tmp_path)
     who = SimulatedParticipant(ParticipantModel(), "P01", 1)

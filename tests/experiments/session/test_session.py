@@ -23,7 +23,7 @@ from tests.mutating import mutations, refused
 
 
 @pytest.mark.parametrize("after", [0, 20, 51])
-def test_an_interrupted_session_continues_at_the_exact_trial(tmp_path: Path, after: int) -> None:
+def test_an_interrupted_session_continues_at_the_exact_trial(tmp_path, after):
     whole, broken = store(tmp_path / "a"), store(tmp_path / "b")
     run(whole, "P01")
     with pytest.raises(KeyboardInterrupt):
@@ -38,7 +38,7 @@ def test_an_interrupted_session_continues_at_the_exact_trial(tmp_path: Path, aft
 
 
 @pytest.mark.parametrize("cut", [1, 200])
-def test_a_line_that_was_cut_off_is_left_behind(tmp_path: Path, cut: int) -> None:
+def test_a_line_that_was_cut_off_is_left_behind(tmp_path, cut):
     where = store(tmp_path)
     with pytest.raises(KeyboardInterrupt):
         run(where, "P01", 20)
@@ -53,7 +53,7 @@ def test_a_line_that_was_cut_off_is_left_behind(tmp_path: Path, cut: int) -> Non
     assert path.read_bytes().startswith(content[:-cut])
 
 
-def test_every_changed_byte_is_noticed(tmp_path: Path) -> None:
+def test_every_changed_byte_is_noticed(tmp_path):
     """Also at the end: what could be a line that was cut off was whole before."""
     where = store(tmp_path, "rating")
     run(where, "P01")
@@ -65,7 +65,7 @@ def test_every_changed_byte_is_noticed(tmp_path: Path) -> None:
             assert refused(lambda: answers(where, "P01")), place
 
 
-def test_a_line_that_is_missing_is_noticed(tmp_path: Path) -> None:
+def test_a_line_that_is_missing_is_noticed(tmp_path):
     where = store(tmp_path, "rating")
     run(where, "P01")
     path = where.path_of("P01", 1)
@@ -76,7 +76,7 @@ def test_a_line_that_is_missing_is_noticed(tmp_path: Path) -> None:
             where.session("P01", 1)
 
 
-def test_each_event_has_its_time(tmp_path: Path) -> None:
+def test_each_event_has_its_time(tmp_path):
     where = store(tmp_path)
     run(where, "P01")
     events = read_log(where.path_of("P01", 1))
@@ -89,7 +89,7 @@ def test_each_event_has_its_time(tmp_path: Path) -> None:
     assert os.name == "nt" or modes == (0o600, 0o700)
 
 
-def test_a_changed_experiment_does_not_continue(tmp_path: Path) -> None:
+def test_a_changed_experiment_does_not_continue(tmp_path):
     text = load_experiment("matching").path.read_text(encoding="utf-8")
     path = tmp_path / "experiment.toml"
     path.write_text(text, encoding="utf-8")
@@ -100,7 +100,7 @@ def test_a_changed_experiment_does_not_continue(tmp_path: Path) -> None:
         run(Store(load_experiment(path), tmp_path / "answers"), "P01")
 
 
-def test_what_may_not_begin_is_refused(tmp_path: Path) -> None:
+def test_what_may_not_begin_is_refused(tmp_path):
     where = store(tmp_path)
     with (
         pytest.raises(DataError, match="has not consented"),
@@ -133,7 +133,7 @@ def test_what_may_not_begin_is_refused(tmp_path: Path) -> None:
         run(where, "P01")
 
 
-def test_an_answer_needs_a_presentation_and_a_valid_value(tmp_path: Path) -> None:
+def test_an_answer_needs_a_presentation_and_a_valid_value(tmp_path):
     with open_session(store(tmp_path, "rating"), "P01", VirtualClock(), simulated=True) as session:
         with pytest.raises(DataError, match="was not presented yet"):
             session.answer({})
@@ -145,7 +145,7 @@ def test_an_answer_needs_a_presentation_and_a_valid_value(tmp_path: Path) -> Non
             session.event("answer")
 
 
-def test_a_withdrawal_deletes_what_belongs_to_one(tmp_path: Path) -> None:
+def test_a_withdrawal_deletes_what_belongs_to_one(tmp_path):
     where = store(tmp_path)
     for participant in ("P01", "P02", "P03", "P04"):
         run(where, participant)
@@ -168,7 +168,7 @@ def test_a_withdrawal_deletes_what_belongs_to_one(tmp_path: Path) -> None:
             where.withdraw(nobody)
 
 
-def test_answers_leave_as_a_tidy_table(tmp_path: Path) -> None:
+def test_answers_leave_as_a_tidy_table(tmp_path):
     where = store(tmp_path)
     for participant in ("P01", "P02"):
         run(where, participant)
@@ -189,7 +189,7 @@ def test_answers_leave_as_a_tidy_table(tmp_path: Path) -> None:
         export_answers(store(tmp_path / "empty"), tmp_path / "none.csv")
 
 
-def test_a_program_that_was_killed_in_its_first_line_leaves_no_damage(tmp_path: Path) -> None:
+def test_a_program_that_was_killed_in_its_first_line_leaves_no_damage(tmp_path):
     where = store(tmp_path)
     run(where, "P01")
     first = where.path_of("P01", 1).read_bytes().split(b"\n")[0].replace(b"P01", b"P02")
@@ -200,7 +200,7 @@ def test_a_program_that_was_killed_in_its_first_line_leaves_no_damage(tmp_path: 
     assert [len(answers(where, who)) for who in ("P01", "P02", "P03")] == [52, 52, 52]
 
 
-def test_a_note_of_a_withdrawal_that_was_cut_off_stops_nobody(tmp_path: Path) -> None:
+def test_a_note_of_a_withdrawal_that_was_cut_off_stops_nobody(tmp_path):
     where = store(tmp_path)
     for who in ("P01", "P02"):
         run(where, who)
@@ -217,7 +217,7 @@ def test_a_note_of_a_withdrawal_that_was_cut_off_stops_nobody(tmp_path: Path) ->
             run(where, who)
 
 
-def test_a_note_of_a_withdrawal_that_was_changed_lets_nobody_back(tmp_path: Path) -> None:
+def test_a_note_of_a_withdrawal_that_was_changed_lets_nobody_back(tmp_path):
     where = store(tmp_path)
     run(where, "P01")
     where.withdraw("P01")
@@ -230,7 +230,7 @@ def test_a_note_of_a_withdrawal_that_was_changed_lets_nobody_back(tmp_path: Path
             assert left == {"P01"} or raw.startswith(changed), "one that was cut off"
 
 
-def test_every_changed_byte_of_a_note_is_noticed_and_verify_knows_logs_and_notes(tmp_path: Path) -> None:
+def test_every_changed_byte_of_a_note_is_noticed_and_verify_knows_logs_and_notes(tmp_path):
     where = store(tmp_path)
     for who in ("P01", "P02", "P03"):
         with pytest.raises(KeyboardInterrupt):
@@ -252,7 +252,7 @@ def test_every_changed_byte_of_a_note_is_noticed_and_verify_knows_logs_and_notes
     assert refused(lambda: verify(log))
 
 
-def test_a_log_of_another_program_under_a_hash_that_fits_is_refused(tmp_path: Path) -> None:
+def test_a_log_of_another_program_under_a_hash_that_fits_is_refused(tmp_path):
     where = store(tmp_path)
     with pytest.raises(KeyboardInterrupt):
         run(where, "P01", 3)
@@ -300,7 +300,7 @@ except HaploopError as error:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the disk is full by a limit on the size of files")
-def test_a_full_disk_is_one_sentence_and_keeps_what_was_answered(tmp_path: Path) -> None:
+def test_a_full_disk_is_one_sentence_and_keeps_what_was_answered(tmp_path):
     result = subprocess.run(
         [sys.executable, "-c", FULL, str(tmp_path)], capture_output=True, text=True, check=True
     )
@@ -315,9 +315,7 @@ def test_a_full_disk_is_one_sentence_and_keeps_what_was_answered(tmp_path: Path)
 
 
 @pytest.mark.parametrize("left", [1, 2])
-def test_a_withdrawal_that_stopped_halfway_is_finished_before_anything_else(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, left: int
-) -> None:
+def test_a_withdrawal_that_stopped_halfway_is_finished_before_anything_else(tmp_path, monkeypatch, left):
     where = store(tmp_path)
     run(where, "P01")
     run(where, "P01")
@@ -340,7 +338,7 @@ def test_a_withdrawal_that_stopped_halfway_is_finished_before_anything_else(
 
 
 @pytest.mark.skipif(os.name == "nt", reason="symbolic links need a right there")
-def test_a_folder_that_is_a_link_is_not_noted_as_withdrawn(tmp_path: Path) -> None:
+def test_a_folder_that_is_a_link_is_not_noted_as_withdrawn(tmp_path):
     where = store(tmp_path)
     run(where, "P01")
     (where.folder / "P01").rename(tmp_path / "elsewhere")
@@ -361,7 +359,7 @@ class Times:
         return self.time
 
 
-def test_impossible_times_and_unfinished_sessions_are_kept_marked_and_can_be_left_out(tmp_path: Path) -> None:
+def test_impossible_times_and_unfinished_sessions_are_kept_marked_and_can_be_left_out(tmp_path):
     where, clock = store(tmp_path), Times()
     with open_session(where, "P01", clock) as session:  # type: ignore[arg-type]
         step = session.due
@@ -389,7 +387,7 @@ def test_impossible_times_and_unfinished_sessions_are_kept_marked_and_can_be_lef
         rows.choose("time_mark", "possible")
 
 
-def test_touches_leave_with_the_ratings(tmp_path: Path) -> None:
+def test_touches_leave_with_the_ratings(tmp_path):
     where, clock = store(tmp_path, "rating"), Times()
     touched = [[0.9, 2.5], *([1.0 + n] for n in range(1, 7))]
     with open_session(where, "P01", clock) as session:  # type: ignore[arg-type]
@@ -408,7 +406,7 @@ def test_touches_leave_with_the_ratings(tmp_path: Path) -> None:
     assert rows.text("timing") == [*["possible"] * 7, *["too fast"] * 7]
 
 
-def test_what_is_right_is_told_by_what_was_presented(tmp_path: Path) -> None:
+def test_what_is_right_is_told_by_what_was_presented(tmp_path):
     """By the exported table alone: presented and answered, or the two values and the interval chosen."""
     for name in ("matching", "two-interval"):
         where = store(tmp_path / name, name)
@@ -433,7 +431,7 @@ def test_what_is_right_is_told_by_what_was_presented(tmp_path: Path) -> None:
         assert rows.numbers("comparison") == [max(one) for one in both]
 
 
-def test_a_trial_counts_its_own_presentations(tmp_path: Path) -> None:
+def test_a_trial_counts_its_own_presentations(tmp_path):
     where, clock = store(tmp_path), Times()
     with open_session(where, "P01", clock) as session:  # type: ignore[arg-type]
         while session.due is not None and session.due.practice:

@@ -14,7 +14,6 @@ from haploop.base.errors import ConfigurationError
 from haploop.instruments.tape import TapeLines
 from haploop.mocks.bench import running
 from haploop.nidaqmx_twin.bench import read_bench
-from tests.command_line import Run
 
 BENCH = """
 [devices]
@@ -59,7 +58,7 @@ raise SystemExit(7)
 
 
 @pytest.mark.long
-def test_a_program_finds_its_bench(tmp_path: Path, run: Run) -> None:
+def test_a_program_finds_its_bench(tmp_path, run):
     import json
 
     (tmp_path / "bench.toml").write_text(BENCH)
@@ -90,7 +89,7 @@ def test_a_program_finds_its_bench(tmp_path: Path, run: Run) -> None:
     run("doctor --simulate", f"tape:{tmp_path / 'it.tape'}", ends=2)
 
 
-def test_every_input_has_noise_of_its_own(tmp_path: Path) -> None:
+def test_every_input_has_noise_of_its_own(tmp_path):
     (tmp_path / "bench.toml").write_text(HEAD + '[inputs]\n"Dev1/ai0:2" = { waveform = "noise", rms = 1 }\n')
     signals = read_bench(tmp_path / "bench.toml").inputs["Dev1/ai0:2"]
     drawn = [signals(f"Dev1/ai{number}")(np.arange(1000) / 1000) for number in range(3)]
@@ -132,7 +131,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("text", WRONG)
-def test_a_wrong_bench_is_one_sentence(text: str, tmp_path: Path) -> None:
+def test_a_wrong_bench_is_one_sentence(text, tmp_path):
     path = tmp_path / "bench.toml"
     path.write_text(text)
     with pytest.raises(ConfigurationError, match=f"(?s){WRONG[text]}") as raised:
@@ -156,13 +155,13 @@ WAVEFORMS = {
 
 
 @pytest.mark.parametrize("said", WAVEFORMS)
-def test_a_waveform_is_what_its_name_says(said: str, tmp_path: Path) -> None:
+def test_a_waveform_is_what_its_name_says(said, tmp_path):
     path = tmp_path / "bench.toml"
     path.write_text(INPUT + f"{{ waveform = {said} }}")
     assert read_bench(path).inputs["Dev1/ai0"]("Dev1/ai0")(TIMES) == pytest.approx(np.array(WAVEFORMS[said]))
 
 
-def test_a_card_is_removed_and_comes_back(tmp_path: Path) -> None:
+def test_a_card_is_removed_and_comes_back(tmp_path):
     import grpc
     import nidaqmx
     from nidaqmx import GrpcSessionOptions
@@ -195,16 +194,14 @@ def test_a_card_is_removed_and_comes_back(tmp_path: Path) -> None:
         (("--tape", "new.tape"), "name the devices"),
     ],
 )
-def test_options_that_do_not_fit_are_refused(
-    options: tuple[str, ...], told: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: Run
-) -> None:
+def test_options_that_do_not_fit_are_refused(options, told, tmp_path, monkeypatch, run):
     monkeypatch.chdir(tmp_path)
     Path("bench.toml").write_text(HEAD)
     done = run("twin ni", *options, "--", sys.executable, "-c", "", ends=2)
     assert (told or "name the devices") in done.output
 
 
-def test_a_tape_without_a_call_is_not_passed_over_in_silence(tmp_path: Path) -> None:
+def test_a_tape_without_a_call_is_not_passed_over_in_silence(tmp_path):
     with (
         pytest.warns(UserWarning, match="Nothing was recorded.*--tape"),
         haploop.recorded(tmp_path / "a.tape"),

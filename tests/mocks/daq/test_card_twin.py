@@ -63,7 +63,7 @@ class TestConformance(DaqConformance):
         yield plant.faults[0]
 
 
-def test_its_channels_come_one_after_the_other_unless_each_has_a_converter() -> None:
+def test_its_channels_come_one_after_the_other_unless_each_has_a_converter():
     for figures, apart in (({}, 1e-5), ({"ai_simultaneous": True}, 0.0)):
         with twin(card(**figures)).stream(["gauge0", "laser", "drive"], 1000, 50, 50) as stream:
             assert stream.delays == pytest.approx(apart * np.arange(3), abs=1e-12)
@@ -89,14 +89,12 @@ def test_its_channels_come_one_after_the_other_unless_each_has_a_converter() -> 
         ),
     ],
 )
-def test_a_rate_that_the_card_has_not_is_refused(
-    figures: dict[str, Any], rate_hz: float, channels: int, says: str
-) -> None:
+def test_a_rate_that_the_card_has_not_is_refused(figures, rate_hz, channels, says):
     with pytest.raises(ConfigurationError, match=says):
         twin(card(**figures)).stream(["gauge0", "laser", "drive"][:channels], rate_hz, 50, 50)
 
 
-def test_one_of_its_rates_and_one_channel_alone_are_taken() -> None:
+def test_one_of_its_rates_and_one_channel_alone_are_taken():
     for figures, rate_hz, names in (
         ({"rates_hz": (48_000.0,), "ai_simultaneous": True}, 48_000.0, ["gauge0", "laser"]),
         ({"ai_rate_single_hz": 200_000.0}, 200_000.0, ["laser"]),
@@ -106,7 +104,7 @@ def test_one_of_its_rates_and_one_channel_alone_are_taken() -> None:
             assert stream.capture().volts.shape == (len(names), 50)
 
 
-def test_an_output_of_one_sign_refuses_the_other() -> None:
+def test_an_output_of_one_sign_refuses_the_other():
     daq = twin(card(ao_unipolar=True))
     with pytest.raises(LimitError, match="leaves the output's range of 0 to 8 V"):
         daq.stream(["drive"], 1000, 50, 50, {"amplifier": np.full(50, -0.1)})
@@ -114,7 +112,7 @@ def test_an_output_of_one_sign_refuses_the_other() -> None:
         stream.capture()
 
 
-def test_its_converters_round_and_have_noise_as_they_are_described() -> None:
+def test_its_converters_round_and_have_noise_as_they_are_described():
     fine = twin(card(ai_bits=12, ai_noise=0.0))
     with fine.stream(["gauge0"], 1000, 100, 100) as stream:
         codes = stream.capture().volts / (10 / 2**11)
@@ -125,7 +123,7 @@ def test_its_converters_round_and_have_noise_as_they_are_described() -> None:
         assert stream.capture().volts.std() == pytest.approx(0.05, rel=0.05)
 
 
-def test_faults_of_cards_strike_it_by_the_name_of_its_device() -> None:
+def test_faults_of_cards_strike_it_by_the_name_of_its_device():
     other = card(name="ACME 2", channels={"laser": 5.0}, outputs={}, device="Dev2")
     first = card(device="Dev1", channels={"gauge0": 10.0, "drive": 10.0})
     daq = twin(first, other, faults=({"kind": "daq-overrun", "device": "Dev2"},))
@@ -140,7 +138,7 @@ def test_faults_of_cards_strike_it_by_the_name_of_its_device() -> None:
         stream.capture()
 
 
-def test_a_play_that_is_cut_off_is_an_error_in_the_cards_own_words() -> None:
+def test_a_play_that_is_cut_off_is_an_error_in_the_cards_own_words():
     daq = twin(faults=({"kind": "play-cut-off"},))
     with (
         daq.stream(["drive"], 1000, 50, 100, {"amplifier": np.ones(100)}) as stream,

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 import haploop
 from haploop.nidaqmx_twin import inventory_of
-from tests.command_line import Run
 
 RIG = """
 name = "cdaq"
@@ -23,7 +20,7 @@ force = { terminal = "cDAQ1Mod1/ai0", range = 10 }
 
 
 @pytest.mark.parametrize("simulate", ["twin", "wire"])
-def test_the_doctor_finds_the_modules_of_a_chassis_green(run: Run, tmp_path: Path, simulate: str) -> None:
+def test_the_doctor_finds_the_modules_of_a_chassis_green(run, tmp_path, simulate):
     rig = tmp_path / "cdaq.toml"
     rig.write_text(RIG)
     done = run("doctor --rig", rig, "--simulate", simulate, ends=0)
@@ -35,7 +32,7 @@ def test_the_doctor_finds_the_modules_of_a_chassis_green(run: Run, tmp_path: Pat
         assert stream.capture().volts.shape == (1, 200)
 
 
-def test_a_module_stands_where_its_name_says_and_else_in_the_chassis_that_is_listed() -> None:
+def test_a_module_stands_where_its_name_says_and_else_in_the_chassis_that_is_listed():
     named = inventory_of({"cDAQ2Mod3": "NI 9215", "Dev1": "PCIe-6321"}).devices
     assert (named["cDAQ2Mod3"].chassis, named["cDAQ2Mod3"].slot) == ("cDAQ2", 3)
     assert named["cDAQ2"].product.slots

@@ -27,9 +27,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("simulate", ["twin", "wire"])
-def test_what_a_product_can_do_runs_on_its_rig(
-    name: str, simulate: product_rigs.Mode, tmp_path: Path, presses: product_rigs.Pressed, full: bool
-) -> None:
+def test_what_a_product_can_do_runs_on_its_rig(name, simulate, tmp_path, presses, full):
     rig = product_rigs.of(name)
     steps = rig.steps if full else tuple(s for s in rig.steps if s in ("doctor", "record"))
     found = product_rigs.run(replace(rig, steps=steps), simulate, tmp_path, presses)
@@ -37,7 +35,7 @@ def test_what_a_product_can_do_runs_on_its_rig(
     assert "doctor" in found
 
 
-def test_the_page_on_hardware_names_each_product() -> None:
+def test_the_page_on_hardware_names_each_product():
     page = (Path(__file__).parents[3] / "docs" / "hardware.md").read_text(encoding="utf-8")
     part = " ".join(page.partition("### Other NI products")[2].partition("| delay")[0].split())
     assert [name for name in PRODUCTS if name not in re.split(r"[,.:] ?", part)] == []

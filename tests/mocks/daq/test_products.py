@@ -14,7 +14,7 @@ from haploop.nidaqmx_twin import products
 from haploop.nidaqmx_twin.products import PRODUCTS
 
 
-def test_a_product_has_a_source_and_what_its_terminals_need() -> None:
+def test_a_product_has_a_source_and_what_its_terminals_need():
     known = {item.name for item in dataclasses.fields(next(iter(PRODUCTS.values())))}
     for name, product in PRODUCTS.items():
         assert product.source and set(product.estimates) <= known, name
@@ -22,20 +22,20 @@ def test_a_product_has_a_source_and_what_its_terminals_need() -> None:
         assert list(product.ai_ranges) == sorted(product.ai_ranges, reverse=True), name
 
 
-def test_the_packages_readme_counts_them() -> None:
+def test_the_packages_readme_counts_them():
     readme = Path(products.__file__).with_name("README.md").read_text(encoding="utf-8")
     assert f"{len(PRODUCTS)} products" in readme
 
 
 @pytest.mark.parametrize("rate_hz", [1000.0, 51_200.0])
-def test_card_and_driver_have_a_filters_delay_from_the_same_data_sheet(rate_hz: float) -> None:
+def test_card_and_driver_have_a_filters_delay_from_the_same_data_sheet(rate_hz):
     """Each has a table of its own: a delay that the driver takes off in error shows in what is measured."""
     delays = {name: product.filter_delay(rate_hz) for name, product in PRODUCTS.items()}
     assert delays == pytest.approx({name: filter_delay(name, rate_hz) for name in PRODUCTS}, abs=1e-12)
     assert sum(delay > 0 for delay in delays.values()) == 13
 
 
-def test_a_product_like_another_takes_its_figures_and_not_its_source() -> None:
+def test_a_product_like_another_takes_its_figures_and_not_its_source():
     usb, pcie = PRODUCTS["USB-6343"], PRODUCTS["PCIe-6343"]
     assert dataclasses.replace(usb, name=pcie.name) == pcie
     rows = '[A]\nfamily = "C Series"\nnumber = 7\nsource = "x"\n[B]\nlike = "A"\nsource = "y"\n'
@@ -56,6 +56,6 @@ def test_a_product_like_another_takes_its_figures_and_not_its_source() -> None:
         ('like = "B"\nsource = "x"', "is like 'B', which is not in the table"),
     ],
 )
-def test_one_sentence_says_what_a_row_lacks(row: str, sentence: str) -> None:
+def test_one_sentence_says_what_a_row_lacks(row, sentence):
     with pytest.raises(ConfigurationError, match=f"The product 'A' {sentence}"):
         products._read(tomllib.loads(f"[A]\n{row}\n"), {})

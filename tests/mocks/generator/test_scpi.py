@@ -47,19 +47,19 @@ def ask(box: Box, line: str) -> str | None:
     "header",
     ["FREQ", ":FREQ", "freq", "FREQuency", "SOUR:FREQ", "SOURCE1:FREQUENCY:CW", ":sour1:freq", "FREQ:CW"],
 )
-def test_long_and_short_forms(box: Box, header: str) -> None:
+def test_long_and_short_forms(box, header):
     assert ask(box, f"{header} 263.5") is None
     assert float(ask(box, f"{header}?") or "nan") == 263.5
 
 
 @pytest.mark.parametrize("header", ["FREQU", "FRE", "SOURC:FREQ", "FREQ:BW", "FREQ1X", ""])
-def test_other_forms_are_not_known(box: Box, header: str) -> None:
+def test_other_forms_are_not_known(box, header):
     assert ask(box, f"{header or 'BANANA'}?") is None
     assert ask(box, "SYST:ERR?") == '-113,"Undefined header"'
     assert ask(box, "SYST:ERR?") == '+0,"No error"'
 
 
-def test_several_commands_on_a_line(box: Box) -> None:
+def test_several_commands_on_a_line(box):
     assert ask(box, "FREQ:STAR 1;STOP 625;:SWE:TIME 20;*WAI") is None
     assert ask(box, "FREQ:STAR?;STOP?;:OUTP?") == "+1.000000000000000E+00;+6.250000000000000E+02;0"
     assert ask(box, 'DISP:TEXT "a;b";*OPC?') == "1"
@@ -69,7 +69,7 @@ def test_several_commands_on_a_line(box: Box) -> None:
     ("argument", "value"),
     [("1.5 kHz", 1500), ("2E2", 200), ("20000 MHZ", None), ("MIN", 1e-6), ("MAXimum", 30e6)],
 )
-def test_numbers(box: Box, argument: str, value: float | None) -> None:
+def test_numbers(box, argument, value):
     ask(box, f"FREQ {argument}")
     error = ask(box, "SYST:ERR?")
     if value is None:
@@ -89,13 +89,13 @@ def test_numbers(box: Box, argument: str, value: float | None) -> None:
         ("SOUR3:FREQ 1", -114),
     ],
 )
-def test_errors_are_queued(box: Box, line: str, number: int) -> None:
+def test_errors_are_queued(box, line, number):
     ask(box, line)
     assert (ask(box, "SYSTem:ERRor:NEXT?") or "").startswith(f"{number},")
     assert ask(box, "*ESR?") in ("32", "16")
 
 
-def test_the_queue_overflows_and_is_cleared(box: Box) -> None:
+def test_the_queue_overflows_and_is_cleared(box):
     for _ in range(30):
         ask(box, "BANANA")
     errors = [ask(box, "SYST:ERR?") for _ in range(20)]
@@ -106,7 +106,7 @@ def test_the_queue_overflows_and_is_cleared(box: Box) -> None:
     assert ask(box, "SYST:ERR?;*ESR?;*STB?") == '+0,"No error";0;0'
 
 
-def test_common_commands(box: Box) -> None:
+def test_common_commands(box):
     assert (ask(box, "*idn?") or "").startswith("Agilent Technologies,33522B,")
     ask(box, "FREQ 5;*RST")
     assert float(ask(box, "FREQ?") or "nan") == 1000
@@ -114,7 +114,7 @@ def test_common_commands(box: Box) -> None:
     assert ask(box, "*ESE?;*STB?") == "32;36"
 
 
-def test_the_load_changes_what_is_told_and_not_what_is_put_out(box: Box) -> None:
+def test_the_load_changes_what_is_told_and_not_what_is_put_out(box):
     ask(box, "OUTP:LOAD 50;:VOLT 1;:VOLT:OFFS 0.1")
     ask(box, "OUTP:LOAD INF")
     assert [float(x) for x in (ask(box, "VOLT?;:VOLT:OFFS?;:OUTP:LOAD?") or "").split(";")] == [
@@ -127,7 +127,7 @@ def test_the_load_changes_what_is_told_and_not_what_is_put_out(box: Box) -> None
     assert float(ask(box, "VOLT?") or "nan") == pytest.approx(2.0, rel=1e-3)
 
 
-def test_families_write_differently() -> None:
+def test_families_write_differently():
     rigol = Box(DG1000Z, Bench(), "amplifier")
     assert ask(rigol, ":SOUR1:FREQ 263.5;:OUTP1:LOAD INF") is None
     assert ask(rigol, ":SOUR1:FREQ?;:OUTP1?;:OUTP1:LOAD?;:SYST:ERR?") == (
@@ -138,7 +138,7 @@ def test_families_write_differently() -> None:
         assert ask(rigol, "SYST:ERR?") == '-113,"Undefined header"'
 
 
-def test_shapes() -> None:
+def test_shapes():
     bench = Bench()
     box = Box(KEYSIGHT_33500, bench, "amplifier")
     ask(box, "OUTP:LOAD INF;:VOLT 2;:FREQ 100;:FUNC SQU;:FUNC:SQU:DCYC 25;:OUTP ON")
@@ -169,7 +169,7 @@ def number(box: Box, question: str) -> float:
     return float(ask(box, question) or "nan")
 
 
-def test_apply_sets_everything_and_switches_on(box: Box) -> None:
+def test_apply_sets_everything_and_switches_on(box):
     ask(box, "FREQ:MODE SWE;:VOLT:OFFS 3")
     ask(box, "APPL:SIN 5 KHZ, 3.0 VPP, -2.5 V")
     assert ask(box, "SYST:ERR?") == '+0,"No error"'
@@ -180,14 +180,14 @@ def test_apply_sets_everything_and_switches_on(box: Box) -> None:
     assert number(box, "VOLT?") == pytest.approx(0.1)
 
 
-def test_apply_of_the_other_family_has_a_phase() -> None:
+def test_apply_of_the_other_family_has_a_phase():
     box = Box(DG1000Z, Bench(), "amplifier")
     ask(box, ":SOUR1:APPL:SIN 500,2.5,0.5,90")
     assert ask(box, ":SOUR1:APPL?") == "SIN,5.000000E+02,2.500000E+00,5.000000E-01,9.000000E+01"
     assert ask(box, ":OUTP1?") == "ON"
 
 
-def test_nothing_beyond_a_voltage_limit_is_put_out(each: Box) -> None:
+def test_nothing_beyond_a_voltage_limit_is_put_out(each):
     bench: Bench = each._advance.__self__  # type: ignore[attr-defined]
     ask(each, "OUTP1:LOAD INF;:SOUR1:VOLT:OFFS 0;:SOUR1:VOLT:LIM:HIGH 1.5;LOW -1.5;STAT ON;:SOUR1:VOLT 4")
     assert (ask(each, "SYST:ERR?") or "").startswith("-221")
@@ -199,14 +199,14 @@ def test_nothing_beyond_a_voltage_limit_is_put_out(each: Box) -> None:
     assert number(each, "SOUR1:VOLT:LIM:HIGH?") == 1.5
 
 
-def test_centre_and_span_are_start_and_stop(each: Box) -> None:
+def test_centre_and_span_are_start_and_stop(each):
     ask(each, "SOUR1:FREQ:CENT 3000;SPAN 600")
     assert (number(each, "SOUR1:FREQ:STAR?"), number(each, "SOUR1:FREQ:STOP?")) == (2700, 3300)
     ask(each, "SOUR1:FREQ:STAR 100;STOP 500")
     assert (number(each, "SOUR1:FREQ:CENT?"), number(each, "SOUR1:FREQ:SPAN?")) == (300, 400)
 
 
-def test_states_are_saved_and_recalled_with_the_output_off(each: Box) -> None:
+def test_states_are_saved_and_recalled_with_the_output_off(each):
     ask(each, "SOUR1:FREQ 263.5;:OUTP1 ON;*SAV 2;*RST;*RCL 2")
     assert number(each, "SOUR1:FREQ?") == 263.5
     assert ask(each, "OUTP1?") in ("0", "OFF")
@@ -216,7 +216,7 @@ def test_states_are_saved_and_recalled_with_the_output_off(each: Box) -> None:
     assert (ask(each, "SYST:ERR?") or "").startswith("-222")
 
 
-def test_one_trigger_for_each_arming(box: Box) -> None:
+def test_one_trigger_for_each_arming(box):
     ask(box, "TRIG:SOUR BUS;:BURS:STAT ON;:INIT:CONT OFF;*TRG")
     assert ask(box, "SYST:ERR?") == '-211,"Trigger ignored"'
     ask(box, "INIT;*TRG")
@@ -227,7 +227,7 @@ def test_one_trigger_for_each_arming(box: Box) -> None:
     assert ask(box, "SYST:ERR?") == '-211,"Trigger ignored"'
 
 
-def test_a_burst_begins_at_its_phase_after_its_delay(box: Box) -> None:
+def test_a_burst_begins_at_its_phase_after_its_delay(box):
     bench: Bench = box._advance.__self__  # type: ignore[attr-defined]
     ask(box, "OUTP:LOAD INF;:VOLT 2;:FREQ 100;:BURS:NCYC 1;PHAS 90;STAT ON;:TRIG:SOUR BUS;DEL 0.01;:OUTP ON")
     ask(box, "*TRG")
@@ -237,7 +237,7 @@ def test_a_burst_begins_at_its_phase_after_its_delay(box: Box) -> None:
     assert volts[1010:] == pytest.approx(1.0)
 
 
-def test_an_abort_ends_a_sweep(box: Box) -> None:
+def test_an_abort_ends_a_sweep(box):
     bench: Bench = box._advance.__self__  # type: ignore[attr-defined]
     ask(
         box,
@@ -249,7 +249,7 @@ def test_an_abort_ends_a_sweep(box: Box) -> None:
     assert np.abs(np.diff(bench.volts(0.05))).max() < 0.01  # 10 Hz again, not 900
 
 
-def test_status_registers_and_the_front_panel(each: Box) -> None:
+def test_status_registers_and_the_front_panel(each):
     for question in ("STAT:OPER:COND?", "STAT:QUES?", "STATus:QUEStionable:EVENt?", "STAT:QUES:ENAB?"):
         assert ask(each, question) == "0"
     ask(each, "STAT:QUES:ENAB 16;:SYST:REM;:SYST:LOC")
@@ -264,7 +264,7 @@ def block(values: bytes) -> bytes:
     return f"#{len(length)}{length}".encode() + values
 
 
-def test_a_million_points_come_as_a_block_of_binary_data(box: Box) -> None:
+def test_a_million_points_come_as_a_block_of_binary_data(box):
     """With line feeds, semicolons and number signs in it, over the wire and in pieces."""
     samples = (np.arange(1_000_000) % 65_535 - 32_767).astype(">i2")
     with LineServer(box.answer) as server, socket.create_connection(("127.0.0.1", server.port), 30) as link:
@@ -291,7 +291,7 @@ def test_a_million_points_come_as_a_block_of_binary_data(box: Box) -> None:
         ("0,0,0,0,0,0,0,2", '-222,"Data out of range"'),
     ],
 )
-def test_data_that_are_none_are_refused(box: Box, data: str, said: str) -> None:
+def test_data_that_are_none_are_refused(box, data, said):
     ask(box, f"DATA:ARB x, {data}")
     assert ask(box, "SYST:ERR?") == said
 
@@ -305,7 +305,7 @@ def wired() -> tuple[Box, Bench]:
     return box, bench
 
 
-def test_a_pulse_is_as_long_as_is_said(each: Box) -> None:
+def test_a_pulse_is_as_long_as_is_said(each):
     bench: Bench = each._advance.__self__  # type: ignore[attr-defined]
     ask(each, "OUTP1:LOAD INF;:SOUR1:VOLT 2;:SOUR1:FUNC PULS;:SOUR1:FUNC:PULS:PER 10 ms;:OUTP1 ON")
     assert number(each, "SOUR1:FREQ?") == pytest.approx(100)
@@ -323,7 +323,7 @@ def test_a_pulse_is_as_long_as_is_said(each: Box) -> None:
     assert "No error" in (ask(each, "SYST:ERR?") or "")
 
 
-def test_rigol_names_its_settings_in_its_own_way(wired: tuple[Box, Bench]) -> None:
+def test_rigol_names_its_settings_in_its_own_way(wired):
     box, _ = wired
     ask(box, "SOUR1:FREQ:FIX 2000")
     assert number(box, "SOUR1:PER?") == 5e-4
@@ -349,9 +349,7 @@ def test_rigol_names_its_settings_in_its_own_way(wired: tuple[Box, Bench]) -> No
         ("ARB 2000,1,0.5", "ARB,2.000000E+03,1.000000E+00,5.000000E-01"),
     ],
 )
-def test_rigol_tells_what_is_applied_as_qcodes_reads_it(
-    wired: tuple[Box, Bench], applied: str, told: str
-) -> None:
+def test_rigol_tells_what_is_applied_as_qcodes_reads_it(wired, applied, told):
     box, _ = wired
     ask(box, f":SOUR1:APPL:{applied}")
     assert ask(box, ":SOUR1:APPL?") == told
@@ -366,7 +364,7 @@ def test_rigol_tells_what_is_applied_as_qcodes_reads_it(
         "TRAC:DATA:DAC16 VOLATILE,CON,#18{};:DATA:DAC16 VOLATILE,END,#18{}",
     ],
 )
-def test_rigol_plays_what_is_sent_to_its_volatile_memory(wired: tuple[Box, Bench], line: str) -> None:
+def test_rigol_plays_what_is_sent_to_its_volatile_memory(wired, line):
     box, bench = wired
     halves = [np.array(h, "<u2").tobytes().decode("latin-1") for h in ([8192, 16383, 8192, 0], [0] * 4)]
     ask(box, "FUNC:ARB:MODE FREQ;:FREQ 100")
@@ -378,7 +376,7 @@ def test_rigol_plays_what_is_sent_to_its_volatile_memory(wired: tuple[Box, Bench
     assert cycle[[20, 80, 150, 220, 480]] == pytest.approx([0, 1, 0, -1, -1], abs=1e-3)
 
 
-def test_an_infinite_burst_begins_with_a_trigger_and_does_not_end(each: Box) -> None:
+def test_an_infinite_burst_begins_with_a_trigger_and_does_not_end(each):
     bench: Bench = each._advance.__self__  # type: ignore[attr-defined]
     ask(each, "OUTP1:LOAD INF;:SOUR1:FREQ 100;:SOUR1:VOLT 2;:OUTP1 ON")
     if each.get("*IDN?").startswith("Rigol"):
@@ -395,7 +393,7 @@ def test_an_infinite_burst_begins_with_a_trigger_and_does_not_end(each: Box) -> 
     assert np.abs(bench.volts(0.1)).max() == pytest.approx(1, rel=1e-3)
 
 
-def test_what_other_drivers_ask_of_a_33500(box: Box) -> None:
+def test_what_other_drivers_ask_of_a_33500(box):
     """As pymeasure and QCoDeS do."""
     ask(box, "SOURce1:BURSt:NCYCles INF;:DISP:TEXT 'at work'")
     assert ask(box, "BURS:NCYC?") == "+9.900000000000000E+37"
@@ -414,7 +412,7 @@ def test_what_other_drivers_ask_of_a_33500(box: Box) -> None:
     assert ask(box, "SYST:ERR?") == '+0,"No error"'
 
 
-def test_other_modulations_can_only_be_off(each: Box) -> None:
+def test_other_modulations_can_only_be_off(each):
     for kind in ("PM", "PWM"):
         ask(each, f"SOUR1:{kind}:STAT OFF")
         assert ask(each, f"SOUR1:{kind}:STAT?") in ("0", "OFF")
@@ -448,7 +446,7 @@ def modulated(kind: str, amount: float, pace: float, times: np.ndarray = TIMES) 
         ("FM:DEV 100;SOUR EXT;STAT ON", modulated("FM", 0, 20)),
     ],
 )
-def test_a_modulated_sine_is_what_theory_says(each: Box, commands: str, right: np.ndarray) -> None:
+def test_a_modulated_sine_is_what_theory_says(each, commands, right):
     bench: Bench = each._advance.__self__  # type: ignore[attr-defined]
     ask(each, "OUTP1:LOAD INF;:SOUR1:VOLT 2;:SOUR1:FREQ 500;:OUTP1 ON")
     ask(each, commands)
@@ -461,7 +459,7 @@ def test_a_modulated_sine_is_what_theory_says(each: Box, commands: str, right: n
     [("SQU", [1, 1, 0, 0]), ("RAMP", [0.125, 0.375, 0.625, 0.875]), ("NRAM", [0.875, 0.625, 0.375, 0.125]),
      ("TRI", [0.25, 0.75, 0.75, 0.25])],
 )  # fmt: skip
-def test_what_modulates_has_a_shape(each: Box, wave: str, right: list[float]) -> None:
+def test_what_modulates_has_a_shape(each, wave, right):
     """The largest about the middle of each quarter of a wave of 2 Hz."""
     bench: Bench = each._advance.__self__  # type: ignore[attr-defined]
     ask(each, "OUTP1:LOAD INF;:SOUR1:VOLT 2;:SOUR1:FREQ 10000;:OUTP1 ON")
@@ -474,7 +472,7 @@ def test_what_modulates_has_a_shape(each: Box, wave: str, right: list[float]) ->
     assert middles == pytest.approx(np.array(right) * np.sin(2 * np.pi / 5), abs=5e-3)
 
 
-def test_no_modulation_goes_beyond_a_limit(each: Box) -> None:
+def test_no_modulation_goes_beyond_a_limit(each):
     bench: Bench = each._advance.__self__  # type: ignore[attr-defined]
     ask(each, "OUTP1:LOAD INF;:SOUR1:VOLT 20;:SOUR1:FREQ 500;:AM:DEPT 120;STAT ON;:OUTP1 ON")
     assert np.abs(bench.volts(0.1)).max() == 10  # DG1000Z guide, 2-117: 10 Vpp at 50 Ohm
@@ -482,7 +480,7 @@ def test_no_modulation_goes_beyond_a_limit(each: Box) -> None:
     assert np.abs(bench.volts(0.1)).max() == 1
 
 
-def test_rigol_has_modulations_by_another_name_too(wired: tuple[Box, Bench]) -> None:
+def test_rigol_has_modulations_by_another_name_too(wired):
     box, _ = wired
     ask(box, ":SOUR1:MOD:AM 50;:SOUR1:MOD:FM:DEV 200;:SOUR1:AM 60")
     assert [number(box, f"SOUR1:{q}?") for q in ("AM", "MOD:AM:DEPT", "FM")] == [60, 60, 200]
@@ -493,7 +491,7 @@ def test_rigol_has_modulations_by_another_name_too(wired: tuple[Box, Bench]) -> 
     assert ask(box, "SYST:ERR?") == '-221,"Settings conflict; frequency coupling is on"'
 
 
-def test_every_voltage_is_that_at_the_load_which_is_set(box: Box) -> None:
+def test_every_voltage_is_that_at_the_load_which_is_set(box):
     """50 Ohm in the instrument: half at a load of 50 Ohm, a third at 25, all of it without."""
     ask(box, "OUTP:LOAD INF;:VOLT 3;:VOLT:OFFS 0.6;:VOLT:LIM:HIGH 6;LOW -9")
     asked = ("VOLT?", "VOLT:OFFS?", "VOLT:HIGH?", "VOLT:LOW?", "VOLT:LIM:HIGH?", "VOLT:LIM:LOW?")
@@ -526,9 +524,7 @@ def test_every_voltage_is_that_at_the_load_which_is_set(box: Box) -> None:
         ("VOLT:LIM:LOW -2;LOW MIN", "VOLT:LIM:LOW?", -10),
     ],
 )
-def test_what_is_set_at_a_load_is_three_times_as_much_without(
-    box: Box, line: str, asked: str, without: float
-) -> None:
+def test_what_is_set_at_a_load_is_three_times_as_much_without(box, line, asked, without):
     ask(box, f"OUTP:LOAD 25;:{line}")
     assert ask(box, "SYST:ERR?") == '+0,"No error"'
     ask(box, "OUTP:LOAD INF")
@@ -577,9 +573,7 @@ def test_what_is_set_at_a_load_is_three_times_as_much_without(
         ("FREQ\t200", "FREQ?", 200.0, 0),
     ],
 )
-def test_units_limits_and_modes_of_both_families(
-    each: Box, commands: str, asked: str, value: float | None, number: int
-) -> None:
+def test_units_limits_and_modes_of_both_families(each, commands, asked, value, number):
     """The manuals of both families; frequencies by shape: their data sheets."""
     each.answer("*RST;*CLS")
     each.answer(commands)
@@ -589,7 +583,7 @@ def test_units_limits_and_modes_of_both_families(
     assert int((ask(each, "SYST:ERR?") or "0").partition(",")[0]) == number
 
 
-def test_angles_and_the_highest_frequency_of_a_33522b(box: Box) -> None:
+def test_angles_and_the_highest_frequency_of_a_33522b(box):
     box.answer("PHAS 90;:UNIT:ANGL RAD")
     assert float(ask(box, "PHAS?") or "nan") == pytest.approx(np.pi / 2)
     box.answer("PHAS 1")

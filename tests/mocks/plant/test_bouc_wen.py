@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from haploop.mocks.plant.hysteresis import _AWAY, _TOWARDS, BoucWen, Hysteresis
 
 
-def test_the_loop_has_the_width_that_was_asked_for() -> None:
+def test_the_loop_has_the_width_that_was_asked_for():
     t = np.linspace(0, 3, 6001)
     linear_volts = BoucWen(0.12).follow(50 * np.sin(2 * np.pi * t))[2000:]
     crossing = linear_volts[np.isclose(np.sin(2 * np.pi * t[2000:]), 0, atol=1e-9)]
@@ -21,7 +21,7 @@ def test_the_loop_has_the_width_that_was_asked_for() -> None:
 
 @settings(max_examples=25)
 @given(st.lists(st.floats(-60, 60), min_size=1, max_size=12), st.integers(0, 12))
-def test_it_solves_its_differential_equation(path: list[float], cut: int) -> None:
+def test_it_solves_its_differential_equation(path, cut):
     volts = np.array(path)
     patch = BoucWen(0.12)
     linear_volts = np.concatenate([patch.follow(v) for v in (volts[:cut], volts[cut:]) if len(v)])

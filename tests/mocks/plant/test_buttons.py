@@ -20,14 +20,14 @@ def press(button: str, seed: int = 0, start: float = 5.0, flaw: Flaw = "") -> Si
     return press_button(button_named(button), Finger.of(rng), Press(button, "P01", 1, 1), start, rng, flaw)
 
 
-def test_forces_at_activation_keep_the_papers_order_for_every_finger() -> None:
+def test_forces_at_activation_keep_the_papers_order_for_every_finger():
     for seed in range(50):
         force = {name: press(name, seed).activation_force for name in BUTTONS}
         assert force["latch"] > force["push"] > force["toggle"] > 1
 
 
 @pytest.mark.parametrize("name", BUTTONS)
-def test_force_falls_at_the_snap_and_activation_lies_behind_it(name: str) -> None:
+def test_force_falls_at_the_snap_and_activation_lies_behind_it(name):
     p = press(name)
     down = np.linspace(p.start, p.start + 0.6 * (p.stop - p.start), 5000)
     force = p.force(down)
@@ -36,7 +36,7 @@ def test_force_falls_at_the_snap_and_activation_lies_behind_it(name: str) -> Non
     assert p.activation_force < force[down < p.activation_time].max()
 
 
-def test_a_press_begins_and_ends_at_rest() -> None:
+def test_a_press_begins_and_ends_at_rest():
     for name in BUTTONS:
         p = press(name)
         ends = np.array([p.start - 0.01, p.start, p.stop, p.stop + 0.01])
@@ -44,25 +44,25 @@ def test_a_press_begins_and_ends_at_rest() -> None:
         assert abs(p.acceleration(np.array([p.stop + 0.2]))[0]) < 0.01
 
 
-def test_the_latch_clicks_twice_30_to_100_ms_apart() -> None:
+def test_the_latch_clicks_twice_30_to_100_ms_apart():
     for seed in range(20):
         first, second = (at for at, _, _ in press("latch", seed)._clicks)
         assert 0.03 < second - first < 0.1
 
 
-def test_a_maintained_contact_flips_an_odd_number_of_times_and_a_momentary_one_returns() -> None:
+def test_a_maintained_contact_flips_an_odd_number_of_times_and_a_momentary_one_returns():
     for seed in range(20):
         assert len(press("latch", seed).flips) % 2 == 1
         assert len(press("push", seed).flips) % 2 == 0
         assert press("push", seed).release_time is not None
 
 
-def test_a_button_that_the_paper_has_not_is_a_button_too_and_always_the_same() -> None:
+def test_a_button_that_the_paper_has_not_is_a_button_too_and_always_the_same():
     assert button_named("doorbell") == button_named("doorbell")
     assert press("doorbell").activation_force > 1
 
 
-def test_each_flaw_is_what_its_name_says() -> None:
+def test_each_flaw_is_what_its_name_says():
     for name in BUTTONS:
         good, made = press(name, 3), {flaw: press(name, 3, flaw=flaw) for flaw in FLAWS}
         assert made["soft"].activation_time is None and not len(made["soft"].flips)

@@ -38,7 +38,7 @@ def read(rig: Rig, channels: list[str], seconds: float) -> np.ndarray:
         return stream.capture().volts
 
 
-def test_the_finger_is_read_through_an_amplifier_of_another_package(rig: Rig) -> None:
+def test_the_finger_is_read_through_an_amplifier_of_another_package(rig):
     plant = rig.simulation.plant
     plant.connect("washer", lambda times: plant.force(times) / 20)
     plant.press(Press("push", "P01", 1, 1))
@@ -49,14 +49,14 @@ def test_the_finger_is_read_through_an_amplifier_of_another_package(rig: Rig) ->
     assert abs(20 * volts[0, :100].mean()) < 0.02
 
 
-def test_a_signal_takes_the_place_of_a_sensor_and_leaves_its_neighbours(rig: Rig) -> None:
+def test_a_signal_takes_the_place_of_a_sensor_and_leaves_its_neighbours(rig):
     rig.simulation.plant.connect("acceleration_y", lambda times: np.full(len(times), 0.25))
     volts = read(rig, ["acceleration_x", "acceleration_y", "acceleration_z"], 0.2).mean(axis=1)
     assert volts[1] == pytest.approx(0.25, abs=0.01)
     assert volts[0] == pytest.approx(1.65, abs=0.15) and volts[2] == pytest.approx(1.98, abs=0.15)
 
 
-def test_an_unknown_channel_is_refused(rig: Rig) -> None:
+def test_an_unknown_channel_is_refused(rig):
     with pytest.raises(ConfigurationError, match=r"channel 'wascher'.*washer"):
         rig.simulation.plant.connect("wascher", np.zeros_like)
 
@@ -69,7 +69,7 @@ def test_an_unknown_channel_is_refused(rig: Rig) -> None:
         (lambda times: 1 / 0, "ZeroDivisionError"),
     ],
 )
-def test_a_signal_that_fails_is_one_sentence(tmp_path: Path, signal, told: str) -> None:
+def test_a_signal_that_fails_is_one_sentence(tmp_path, signal, told):
     path = tmp_path / "washer.toml"
     path.write_text(WASHER)
     with open_rig(path) as rig:
@@ -84,7 +84,7 @@ class Amplifier:
 
 
 @pytest.mark.parametrize("scales", [None, [Scale(1, "N")], {"washer": 20.0}])
-def test_scales_of_another_kind_are_one_sentence(scales: object) -> None:
+def test_scales_of_another_kind_are_one_sentence(scales):
     amplifier = Amplifier()
     amplifier.scales = scales  # type: ignore[assignment]
     with pytest.raises(ConfigurationError, match=r"'scales' of the charge .* ask the author"):
@@ -101,7 +101,7 @@ SENSORS = Sensors.model_validate(
 )
 
 
-def test_scales_as_filed_are_accepted() -> None:
+def test_scales_as_filed_are_accepted():
     as_filed = Amplifier(x=Scale(100, "m/s^2"), monitor=Scale(100.05, "V"), force=Scale(20, "N"))
     compare_scales("charge", as_filed, SENSORS, "lab")
     compare_scales("charge", object(), SENSORS, "lab")
@@ -120,6 +120,6 @@ def test_scales_as_filed_are_accepted() -> None:
         ({"nowhere": Scale(1, "V")}, r"correct \[charge\]"),
     ],
 )
-def test_a_scale_unlike_the_rig_files_is_refused(scales: dict[str, Scale], told: str) -> None:
+def test_a_scale_unlike_the_rig_files_is_refused(scales, told):
     with pytest.raises(ConfigurationError, match=told):
         compare_scales("charge", Amplifier(**scales), SENSORS, "lab")

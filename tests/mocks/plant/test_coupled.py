@@ -52,9 +52,7 @@ def whole(modes: Modes, contacts: Sequence[Contact]) -> np.ndarray:
 @pytest.mark.long
 @pytest.mark.parametrize("laid", LAID)
 @pytest.mark.parametrize(("highest_hz", "mass"), [(843.2, 0.96), (10_000.0, 0.96), (10_000.0, 0.02)])
-def test_few_bodies_couple_many_modes_as_the_whole_matrix_does(
-    laid: str, highest_hz: float, mass: float
-) -> None:
+def test_few_bodies_couple_many_modes_as_the_whole_matrix_does(laid, highest_hz, mass):
     modes, contacts = pane(highest_hz, mass), LAID[laid]
     count, n = len(modes.natural_hz), len(modes.natural_hz) + len(contacts)
     matrix = whole(modes, contacts)
@@ -79,7 +77,7 @@ def test_few_bodies_couple_many_modes_as_the_whole_matrix_does(
         assert np.abs(found - solved).max() < 1e-9 * np.abs(solved).max()
 
 
-def test_a_root_that_is_met_exactly_is_one() -> None:
+def test_a_root_that_is_met_exactly_is_one():
     """One finger in 300 on this table met one, where the small matrix cannot be solved."""
     rng = np.random.default_rng(43)
     modes = pane(10_000.0, 0.96, 0)

@@ -16,7 +16,6 @@ from haploop.commands.cli import cli
 from haploop.instruments import load_rig_file, open_rig
 from haploop.instruments.rig.json_schema import rig_schema
 from haploop.mocks.plant import KINDS, fault_class
-from tests.conftest import OpenRig
 
 GUIDE = (Path(__file__).parents[3] / "docs" / "reference" / "faults.md").read_text(encoding="utf-8")
 BLOCKS = dict(re.findall(r"^```\w+\n# (\S+)\n(.*?)^```$", GUIDE, re.MULTILINE | re.DOTALL))
@@ -43,7 +42,7 @@ def hum(install: Install) -> None:
 
 
 @pytest.mark.usefixtures("hum")
-def test_the_guides_kind_acts_on_schedule_and_says_so(open: OpenRig) -> None:
+def test_the_guides_kind_acts_on_schedule_and_says_so(open):
     def listened(faults: list[dict[str, object]], begin: float) -> np.ndarray:
         rig = open("haptable", faults=faults)
         rig.clock.sleep(begin - rig.clock.now())
@@ -71,13 +70,13 @@ def test_the_guides_kind_acts_on_schedule_and_says_so(open: OpenRig) -> None:
         ({"channel": "gauge9"}, "kind 'acme-hum' names the channel 'gauge9'"),
     ],
 )
-def test_its_settings_are_checked_like_any_others(change: dict[str, object], says: str) -> None:
+def test_its_settings_are_checked_like_any_others(change, says):
     with pytest.raises(ConfigurationError, match=says):
         open_rig("haptable", simulate="twin", simulation={"faults": [HUM | change]})
 
 
 @pytest.mark.usefixtures("hum")
-def test_it_is_known_by_name_and_in_the_editor() -> None:
+def test_it_is_known_by_name_and_in_the_editor():
     assert "acme-hum" in KINDS
     with pytest.raises(ConfigurationError, match="did you mean 'acme-hum'"):
         open_rig("haptable", simulate="twin", simulation={"faults": [HUM | {"kind": "acme-hun"}]})
@@ -105,9 +104,7 @@ BROKEN = [
 
 
 @pytest.mark.parametrize(("source", "value", "says"), BROKEN)
-def test_a_broken_kind_is_one_sentence_that_names_its_package(
-    install: Install, source: str, value: str, says: str, tmp_path: Path
-) -> None:
+def test_a_broken_kind_is_one_sentence_that_names_its_package(install, source, value, says, tmp_path):
     install("acme-bad", "acme_bad", source, value)
     path = tmp_path / "rig.toml"
     path.write_text('base = "haptable"\n[[simulation.faults]]\nkind = "acme-bad"\n')
@@ -119,7 +116,7 @@ def test_a_broken_kind_is_one_sentence_that_names_its_package(
 
 
 @pytest.mark.parametrize("source", ["1 / 0", "Bad = 3"])
-def test_a_broken_kind_is_in_the_way_of_nobody_else(install: Install, source: str, tmp_path: Path) -> None:
+def test_a_broken_kind_is_in_the_way_of_nobody_else(install, source, tmp_path):
     install("acme-bad", "acme_bad", source, "Bad")
     path = tmp_path / "rig.toml"
     path.write_text('base = "haptable"\n[[simulation.faults]]\nkind = "patch-dead"\n')
@@ -132,7 +129,7 @@ def test_a_broken_kind_is_in_the_way_of_nobody_else(install: Install, source: st
     assert "patch-dead" in faults["items"]["properties"]["kind"]["enum"]
 
 
-def test_a_name_that_two_packages_give_is_refused(install: Install) -> None:
+def test_a_name_that_two_packages_give_is_refused(install):
     install("acme-hum", "acme_faults", BLOCKS["acme_faults.py"], "MainsHum")
     install("acme-hum", "acme_more", "Bad = 3", "Bad", "acme-more")
     with pytest.raises(
@@ -141,7 +138,7 @@ def test_a_name_that_two_packages_give_is_refused(install: Install) -> None:
         open_rig("haptable", simulate="twin", simulation={"faults": [HUM]})
 
 
-def test_a_name_of_haploops_own_is_refused(install: Install) -> None:
+def test_a_name_of_haploops_own_is_refused(install):
     install("mains-hum", "acme_faults", BLOCKS["acme_faults.py"], "MainsHum")
     with pytest.raises(
         ConfigurationError, match="'mains-hum' of the package acme-faults has the name of one"
@@ -149,7 +146,7 @@ def test_a_name_of_haploops_own_is_refused(install: Install) -> None:
         open_rig("haptable", simulate="twin", simulation={"faults": [HUM | {"kind": "mains-hum"}]})
 
 
-def test_every_kind_of_haploops_own_is_a_fault() -> None:
+def test_every_kind_of_haploops_own_is_a_fault():
     assert len(KINDS) >= 37
     assert [kind for kind in KINDS if not (fault_class(kind).__doc__ or "").strip()] == []
 
@@ -163,7 +160,7 @@ class Idle(Fault):
 """
 
 
-def test_a_fault_without_hooks_changes_nothing(install: Install, open: OpenRig) -> None:
+def test_a_fault_without_hooks_changes_nothing(install, open):
     # Its setting `device` is no name of a card, and is none of haploop's business.
     install("acme-none", "acme_none", IDLE, "Idle")
 

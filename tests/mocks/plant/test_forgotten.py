@@ -28,5 +28,5 @@ def plant_of_a_closed_rig(name: str) -> weakref.ref[Plant]:
 
 
 @pytest.mark.parametrize("name", ["simulated", "sound-card", "four-channel"])
-def test_a_closed_rig_takes_its_plant_with_it(name: str) -> None:
+def test_a_closed_rig_takes_its_plant_with_it(name):
     assert plant_of_a_closed_rig(name)() is None

@@ -32,7 +32,7 @@ def changed(open: OpenRig, mass: float = 0.96, **settings: Any) -> tuple[np.ndar
     return response(bare), response(under)
 
 
-def test_the_mean_finger_changes_the_paper_s_pane_as_the_prototype_did(open: OpenRig) -> None:
+def test_the_mean_finger_changes_the_paper_s_pane_as_the_prototype_did(open):
     """At the antinode of the main mode: 1.7 dB less at the resonance at 1 N, 3.1 dB at 5 N."""
     rig = open()
     surface = rig.simulation.truth.surface
@@ -48,7 +48,7 @@ def test_the_mean_finger_changes_the_paper_s_pane_as_the_prototype_did(open: Ope
 
 
 @pytest.mark.long
-def test_a_finger_is_more_to_a_light_pane_and_a_palm_more_than_a_finger(open: OpenRig) -> None:
+def test_a_finger_is_more_to_a_light_pane_and_a_palm_more_than_a_finger(open):
     def change(**settings: Any) -> float:
         bare, under = changed(open, **settings)
         return float(np.linalg.norm(under - bare) / np.linalg.norm(bare))
@@ -60,7 +60,7 @@ def test_a_finger_is_more_to_a_light_pane_and_a_palm_more_than_a_finger(open: Op
 
 
 @pytest.mark.long
-def test_people_differ_and_the_same_seed_is_the_same_person(open: OpenRig) -> None:
+def test_people_differ_and_the_same_seed_is_the_same_person(open):
     def under(participant: str, **settings: Any) -> np.ndarray:
         return changed(open, participant=participant, **settings)[1]
 
@@ -69,7 +69,7 @@ def test_people_differ_and_the_same_seed_is_the_same_person(open: OpenRig) -> No
 
 
 @pytest.mark.long
-def test_a_hand_comes_and_leaves_in_the_middle_of_a_play(open: OpenRig, unproved: None) -> None:
+def test_a_hand_comes_and_leaves_in_the_middle_of_a_play(open, unproved):
     """What the laser shows is what the surface does: bare, then less, then bare again."""
     seen = []
     t = np.arange(75_000) / 50_000
@@ -91,7 +91,7 @@ def test_a_hand_comes_and_leaves_in_the_middle_of_a_play(open: OpenRig, unproved
         assert other[late].max() == pytest.approx(one[late].max(), rel=0.01)
 
 
-def test_a_simulated_operator_rests_and_lifts_a_finger(open: OpenRig) -> None:
+def test_a_simulated_operator_rests_and_lifts_a_finger(open):
     rig = open(pane_mass=0.3)
     bare = response(rig)
     assert rig.operator.confirm(RestFinger("P01", "button", 1.0))
@@ -103,7 +103,7 @@ def test_a_simulated_operator_rests_and_lifts_a_finger(open: OpenRig) -> None:
     np.testing.assert_allclose(response(rig), bare)
 
 
-def test_what_cannot_carry_a_hand_refuses_it_when_the_rig_is_opened(open: OpenRig) -> None:
+def test_what_cannot_carry_a_hand_refuses_it_when_the_rig_is_opened(open):
     with pytest.raises(ConfigurationError, match="Nothing can rest"):
         open(faults=[hand(after=5.0)], softening=0.02)
     with pytest.raises(ConfigurationError, match="tells no masses"):

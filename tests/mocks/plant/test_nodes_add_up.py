@@ -44,7 +44,7 @@ def at(times: np.ndarray, volts: np.ndarray, when: float) -> float:
     return float(volts[np.searchsorted(times, when, side="right") - 1])
 
 
-def test_what_is_held_at_one_output_is_added_to_what_another_plays() -> None:
+def test_what_is_held_at_one_output_is_added_to_what_another_plays():
     held = Card(Run(0.1, np.inf, np.array([0.5])))
     wave = Box(Run(0.2, 1e-3, np.array([0.1, 0.2, 0.3, 0.0])))
     times, volts = put_out(held, wave)
@@ -54,7 +54,7 @@ def test_what_is_held_at_one_output_is_added_to_what_another_plays() -> None:
         assert at(times, volts, when + 1e-9) == pytest.approx(gain * expected, rel=1e-12)
 
 
-def test_outputs_on_different_clocks_play_at_the_same_time() -> None:
+def test_outputs_on_different_clocks_play_at_the_same_time():
     fast = Card(Run(0.1, 1e-5, np.sin(np.arange(20_000) / 50.0)))
     slow = Box(Run(0.15, 3.7e-4, np.linspace(0, 1, 200)), Run(0.28, np.inf, np.array([-0.25])))
     times, volts = put_out(fast, slow)
@@ -67,13 +67,13 @@ def test_outputs_on_different_clocks_play_at_the_same_time() -> None:
         assert at(times, volts, when) == pytest.approx(gain * (one + two), abs=gain * 0.03)
 
 
-def test_an_output_of_the_same_kind_takes_the_place_of_the_one_before() -> None:
+def test_an_output_of_the_same_kind_takes_the_place_of_the_one_before():
     times, volts = put_out(Card(Run(0.1, np.inf, np.array([0.5]))), Card(Run(0.2, np.inf, np.array([0.25]))))
     assert len(times) == 1 and volts[0] == pytest.approx(0.25 * AMPLIFIER_GAIN, rel=0.02)
 
 
 @pytest.mark.parametrize("first", [True, False])
-def test_of_steps_at_one_instant_the_last_to_come_holds(first: bool) -> None:
+def test_of_steps_at_one_instant_the_last_to_come_holds(first):
     """A card goes to zero and begins to play at one instant of a virtual clock, or the other way round."""
     zero = Run(0.1, np.inf, np.zeros(1))
     wave = Run(0.1, 1e-3, np.array([0.5, 0.5, 0.5]))

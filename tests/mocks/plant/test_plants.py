@@ -17,7 +17,6 @@ from haploop.instruments import load_rig_file, open_rig
 from haploop.instruments.config import RigFile
 from haploop.instruments.rig.json_schema import rig_schema
 from haploop.mocks.plant import Modal, ModalSurface, Modes, PlantSource, Surface, random_modal
-from tests.conftest import OpenRig
 
 GUIDE = (Path(__file__).parents[3] / "docs" / "how-to" / "adding-a-plant.md").read_text(encoding="utf-8")
 BLOCKS = dict(re.findall(r"^```\w+\n# (\S+)\n(.*?)^```$", GUIDE, re.MULTILINE | re.DOTALL))
@@ -43,7 +42,7 @@ def string(install: Install) -> None:
 
 
 @pytest.mark.usefixtures("string")
-def test_the_guides_plant_is_what_the_laser_sees(tmp_path: Path) -> None:
+def test_the_guides_plant_is_what_the_laser_sees(tmp_path):
     path = tmp_path / "string.toml"
     path.write_text(BLOCKS["string.toml"], encoding="utf-8")
     with open_rig(path) as rig:
@@ -68,7 +67,7 @@ def test_the_guides_plant_is_what_the_laser_sees(tmp_path: Path) -> None:
         ('plant = "acme-strong"', "no plant 'acme-strong'; installed are acme-string, .*modal, table"),
     ],
 )
-def test_its_settings_are_checked_like_any_others(table: str, says: str, tmp_path: Path) -> None:
+def test_its_settings_are_checked_like_any_others(table, says, tmp_path):
     path = tmp_path / "rig.toml"
     path.write_text(f'base = "simulated"\n[simulation]\n{table}\n', encoding="utf-8")
     with pytest.raises(ConfigurationError, match=says):
@@ -76,7 +75,7 @@ def test_its_settings_are_checked_like_any_others(table: str, says: str, tmp_pat
 
 
 @pytest.mark.usefixtures("string")
-def test_another_plant_takes_no_settings_of_the_one_below(tmp_path: Path) -> None:
+def test_another_plant_takes_no_settings_of_the_one_below(tmp_path):
     (tmp_path / "drifted.toml").write_text('base = "simulated"\n[simulation]\nmode_drift = 0.1\nseed = 4\n')
     (tmp_path / "rig.toml").write_text('base = "drifted.toml"\n[simulation]\nplant = "acme-string"\n')
     assert load_rig_file(tmp_path / "rig.toml").simulation.settings == {}
@@ -105,7 +104,7 @@ BROKEN = [
 
 
 @pytest.mark.parametrize(("source", "says"), BROKEN)
-def test_a_broken_plant_is_one_sentence(install: Install, source: str, says: str, tmp_path: Path) -> None:
+def test_a_broken_plant_is_one_sentence(install, source, says, tmp_path):
     install("acme-bad", "acme_bad", source, "Bad")
     path = tmp_path / "rig.toml"
     path.write_text('base = "simulated"\n[simulation]\nplant = "acme-bad"\n')
@@ -165,7 +164,7 @@ class AsModes(PlantSource):
         return ModalSurface(Modes(np.array([200.0]), np.array([0.02]), coupling, lambda _place: np.ones(1)))
 
 
-def test_a_surface_without_modes_is_measured_like_one_with(open: OpenRig) -> None:
+def test_a_surface_without_modes_is_measured_like_one_with(open):
     """Up to the amplifier's pole, which the one has and the other has not."""
     t = np.arange(25_000) * STEP
     drive = 2 * np.sin(2 * np.pi * 400 * t**2) * np.hanning(25_000)
@@ -187,7 +186,7 @@ class Failing(Resonator):
         return np.full(len(times), np.nan) if self._state else np.zeros(len(times))
 
 
-def test_a_plant_that_fails_while_it_runs_is_one_sentence(open: OpenRig) -> None:
+def test_a_plant_that_fails_while_it_runs_is_one_sentence(open):
     class Nan(PlantSource):
         def make(self, file: RigFile, rng: np.random.Generator) -> Surface:
             return Failing(("A", "B", "C", "D"), 200.0, 0.02)
@@ -199,7 +198,7 @@ def test_a_plant_that_fails_while_it_runs_is_one_sentence(open: OpenRig) -> None
         rig.excite(np.hanning(2000) * np.sin(np.arange(2000) / 10), ["A"], ["laser"])
 
 
-def test_what_a_surface_cannot_have_is_refused(open: OpenRig) -> None:
+def test_what_a_surface_cannot_have_is_refused(open):
     class OnePatch(PlantSource):
         def make(self, file: RigFile, rng: np.random.Generator) -> Surface:
             return Resonator(("A",), 200.0, 0.02)
@@ -214,7 +213,7 @@ def test_what_a_surface_cannot_have_is_refused(open: OpenRig) -> None:
         open_rig("haptable", plant=Alone())
 
 
-def test_a_plant_of_modes_is_told_and_opened_again(open: OpenRig) -> None:
+def test_a_plant_of_modes_is_told_and_opened_again(open):
     plant = random_modal(np.random.default_rng(5))
     rig = open(plant=plant)
     told = rig.file.simulation
@@ -232,7 +231,7 @@ def test_a_plant_of_modes_is_told_and_opened_again(open: OpenRig) -> None:
         )
 
 
-def test_random_plants_are_of_every_kind() -> None:
+def test_random_plants_are_of_every_kind():
     drawn = [random_modal(np.random.default_rng([20, k])) for k in range(60)]
     counts = [len(plant.natural_hz) for plant in drawn]
     assert min(counts) < 12 and max(counts) > 50

@@ -38,7 +38,7 @@ def levels(kind: str, steps: int, rng: np.random.Generator) -> np.ndarray:
 
 @pytest.mark.parametrize("kind", ["held", "one moves", "all move"])
 @pytest.mark.parametrize("steps", [1, 64, 65, 700])
-def test_any_time_is_what_the_recursion_gives(kind: str, steps: int) -> None:
+def test_any_time_is_what_the_recursion_gives(kind, steps):
     """A stretch that begins where another, of other poles, has left it; sampled evenly, seldom, or anyhow."""
     rng = np.random.default_rng(steps)
     first, second = made(), made(0.01)
@@ -62,14 +62,14 @@ def test_any_time_is_what_the_recursion_gives(kind: str, steps: int) -> None:
         np.testing.assert_allclose(found, wanted, atol=2e-9 * np.abs(wanted).max())
 
 
-def test_what_has_died_away_is_rest() -> None:
+def test_what_has_died_away_is_rest():
     of = made()
     one = Stretch(of, 0.0, PERIOD, np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 0.0]]))
     two = Stretch(of, 100.0, PERIOD, np.zeros((3, 5)), one)
     assert not np.any(two.seen(100.0 + np.arange(500) * PERIOD, WEIGHTS))
 
 
-def test_what_is_kept_of_one_view_is_no_part_of_another() -> None:
+def test_what_is_kept_of_one_view_is_no_part_of_another():
     """Other weights, another lateness, another period, and weights in the memory of some that are gone."""
     rng = np.random.default_rng(1)
     shared, moves = made(), levels("all move", 200, rng)

@@ -6,7 +6,6 @@ import pytest
 from haploop.mocks.plant.modal import Modes
 from haploop.mocks.plant.modal_surface import ModalSurface, SofteningSurface
 from haploop.mocks.plant.surface import AMPLIFIER_POLE_HZ, Surface
-from tests.conftest import OpenRig
 
 T = 1 / 50_000
 SHAPE = np.array([0.7, 1.0, -0.8])
@@ -50,7 +49,7 @@ def stepped(volts: np.ndarray, share: float, amplitude: float, late: float) -> n
 
 
 @pytest.mark.long
-def test_it_moves_as_a_numerical_integration_does() -> None:
+def test_it_moves_as_a_numerical_integration_does():
     t = np.arange(3000) * T
     volts = 50 * np.sin(2 * np.pi * 262 * t) * np.minimum(t / 0.01, 1) * (t < 0.045)
     surface, linear = SofteningSurface(MODES, 0.02, 1e-3), ModalSurface(MODES)
@@ -67,7 +66,7 @@ def test_it_moves_as_a_numerical_integration_does() -> None:
 
 
 @pytest.mark.parametrize("softening", [0.005, 0.05])
-def test_its_frequency_falls_by_what_was_asked_for(softening: float) -> None:
+def test_its_frequency_falls_by_what_was_asked_for(softening):
     """Free decay of one mode, whose period is counted where its amplitude is the nominal one."""
     modes = Modes(np.array([200.0]), np.array([1e-4]), {"A": np.ones(1)}, lambda _place: np.ones(1))
     w = 2 * np.pi * 200.0
@@ -90,7 +89,7 @@ def test_its_frequency_falls_by_what_was_asked_for(softening: float) -> None:
 
 
 @pytest.mark.long
-def test_small_motion_is_the_tables(open: OpenRig) -> None:
+def test_small_motion_is_the_tables(open):
     """And the rig that softens falls in frequency as it is driven harder."""
     t = np.arange(20_000) * T
     shape = np.sin(2 * np.pi * (240 + 60 * t) * t) * np.hanning(20_000)

@@ -46,7 +46,7 @@ def swing(table: Table, volts: np.ndarray, cuts: list[int], start: float = 10.0)
 
 
 @pytest.mark.parametrize(("highest_hz", "count"), [(FEWEST_HZ, 17), (HIGHEST_HZ, 236)])
-def test_the_staircase_response_is_the_plates_own(highest_hz: float, count: int) -> None:
+def test_the_staircase_response_is_the_plates_own(highest_hz, count):
     """A whole record's FFT ratio equals plate x staircase x amplifier x laser to a few 1e-5."""
     plate = make_plate(np.random.default_rng(0), highest_hz=highest_hz)
     assert len(plate.natural_hz) == count
@@ -67,7 +67,7 @@ def test_the_staircase_response_is_the_plates_own(highest_hz: float, count: int)
     assert np.linalg.norm(measured - truth) < 2e-3 * np.linalg.norm(truth)
 
 
-def test_a_seed_s_lowest_modes_are_the_same_with_fewer_above(plate: Modes) -> None:
+def test_a_seed_s_lowest_modes_are_the_same_with_fewer_above(plate):
     few = make_plate(np.random.default_rng(0), highest_hz=FEWEST_HZ)
     np.testing.assert_array_equal(plate.natural_hz[:17], few.natural_hz)
     np.testing.assert_array_equal(plate.damping[:17], few.damping)
@@ -76,7 +76,7 @@ def test_a_seed_s_lowest_modes_are_the_same_with_fewer_above(plate: Modes) -> No
     assert plate.damping.max() < 0.03
 
 
-def test_the_true_velocity_is_what_the_laser_filters(plate: Modes) -> None:
+def test_the_true_velocity_is_what_the_laser_filters(plate):
     """Its FFT ratio is plate x staircase x amplifier, up to 2.5 kHz, without the laser's pole."""
     table, n = Table(plate, 0.0), 100_000
     t = np.arange(n) / RATE_HZ
@@ -92,7 +92,7 @@ def test_the_true_velocity_is_what_the_laser_filters(plate: Modes) -> None:
     assert np.linalg.norm(measured / (1 + 1j * f / LASER_HZ) - truth) > 0.02 * np.linalg.norm(truth)
 
 
-def test_a_motion_that_is_forgotten_is_no_longer_told(plate: Modes) -> None:
+def test_a_motion_that_is_forgotten_is_no_longer_told(plate):
     table = Table(plate, 0.0)
     for start in (10.0, 30.0, 60.0):
         swing(table, np.array([1.0, 0.0]), [], start=start)
@@ -101,7 +101,7 @@ def test_a_motion_that_is_forgotten_is_no_longer_told(plate: Modes) -> None:
         table.surface.velocity(PLACE, np.array([9.0]))
 
 
-def test_how_the_drive_is_cut_into_steps_changes_nothing(plate: Modes) -> None:
+def test_how_the_drive_is_cut_into_steps_changes_nothing(plate):
     rng = np.random.default_rng(1)
     volts = 40 * rng.uniform(-1, 1, 3000)
     times = 10 + np.sort(rng.uniform(0, 0.07, 500))
@@ -114,7 +114,7 @@ def test_how_the_drive_is_cut_into_steps_changes_nothing(plate: Modes) -> None:
     np.testing.assert_allclose(cut.patches.voltage("A", times), whole.patches.voltage("A", times), atol=1e-9)
 
 
-def test_patch_a_drives_the_main_mode_best_whatever_the_seed() -> None:
+def test_patch_a_drives_the_main_mode_best_whatever_the_seed():
     for seed in range(20):
         plate = make_plate(np.random.default_rng(seed))
         main = plate.natural_hz[[MAIN]]
@@ -125,7 +125,7 @@ def test_patch_a_drives_the_main_mode_best_whatever_the_seed() -> None:
         assert abs(np.arange(30.0, 620.0, 0.5)[everywhere.argmax()] - main[0]) < 2
 
 
-def test_patch_and_point_apart_give_zeros_in_the_right_half_plane() -> None:
+def test_patch_and_point_apart_give_zeros_in_the_right_half_plane():
     """So that inverting the response as a stable filter fails, as it does on real tables."""
 
     def zeros(plate: Modes, place: tuple[float, float]) -> np.ndarray:
@@ -147,7 +147,7 @@ def test_patch_and_point_apart_give_zeros_in_the_right_half_plane() -> None:
         assert not (zeros(plate, PATCHES["A"]).real > 1e-6).any()
 
 
-def test_the_loop_has_the_width_that_was_asked_for() -> None:
+def test_the_loop_has_the_width_that_was_asked_for():
     t = np.linspace(0, 3, 6001)
     linear_volts = Hysteresis(0.12).follow(50 * np.sin(2 * np.pi * t))[2000:]
     crossing = linear_volts[np.isclose(np.sin(2 * np.pi * t[2000:]), 0, atol=1e-9)]
@@ -156,7 +156,7 @@ def test_the_loop_has_the_width_that_was_asked_for() -> None:
 
 
 @given(st.lists(st.floats(-60, 60), min_size=1, max_size=60), st.integers(0, 60))
-def test_hysteresis_equals_its_definition_step_by_step(path: list[float], cut: int) -> None:
+def test_hysteresis_equals_its_definition_step_by_step(path, cut):
     volts = np.array(path)
     patch, plain = Hysteresis(0.12), Hysteresis(0.12)
     linear_volts = np.concatenate([patch.follow(v) for v in (volts[:cut], volts[cut:]) if len(v)])
@@ -167,7 +167,7 @@ def test_hysteresis_equals_its_definition_step_by_step(path: list[float], cut: i
     np.testing.assert_allclose(linear_volts, _bent(np.array(expected)), atol=1e-9)
 
 
-def test_a_table_that_warms_at_rest_stays_at_rest_and_rings_as_it_then_is(plate: Modes) -> None:
+def test_a_table_that_warms_at_rest_stays_at_rest_and_rings_as_it_then_is(plate):
     """With the linear_volts that the patch kept of an earlier drive."""
     rng = np.random.default_rng(2)
     before, volts = 40 * rng.uniform(-1, 1, 3000), 40 * rng.uniform(-1, 1, 3000)
@@ -187,7 +187,7 @@ def test_a_table_that_warms_at_rest_stays_at_rest_and_rings_as_it_then_is(plate:
     assert np.abs(warm.surface.seen(PLACE, times)).max() > 1e-4
 
 
-def test_a_day_brings_every_mode_back(plate: Modes) -> None:
+def test_a_day_brings_every_mode_back(plate):
     share = [warmed(plate, hour * 3600.0, 0.01, 3).natural_hz / plate.natural_hz - 1 for hour in range(49)]
     assert all(np.ptp(s) < 1e-12 for s in share)
     course = np.array([s[0] for s in share])
@@ -196,7 +196,7 @@ def test_a_day_brings_every_mode_back(plate: Modes) -> None:
     np.testing.assert_array_equal(warmed(plate, 1e5, 0.0, 3).natural_hz, plate.natural_hz)
 
 
-def test_a_drift_of_the_modes_is_of_their_frequencies_alone(plate: Modes) -> None:
+def test_a_drift_of_the_modes_is_of_their_frequencies_alone(plate):
     drifted = make_plate(np.random.default_rng(0), 0.02)
     np.testing.assert_allclose(drifted.natural_hz, 1.02 * plate.natural_hz)
     np.testing.assert_array_equal(drifted.damping, plate.damping)

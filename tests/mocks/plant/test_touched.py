@@ -113,7 +113,7 @@ class Integrated:
 
 @pytest.mark.long
 @pytest.mark.parametrize(("coil_hz", "high_hz"), [(None, 0.0), (900.0, 0.0), (700.0, 30.0)])
-def test_bodies_that_come_press_harder_and_go_are_exact(coil_hz: float | None, high_hz: float) -> None:
+def test_bodies_that_come_press_harder_and_go_are_exact(coil_hz, high_hz):
     surface, drive = ModalSurface(MODES), volts(0.028)
     surface.laser_pole_hz, surface.coil_pole_hz = 2000.0, coil_hz
     surface.shows("velocity", high_hz)
@@ -130,7 +130,7 @@ def test_bodies_that_come_press_harder_and_go_are_exact(coil_hz: float | None, h
 
 
 @pytest.mark.parametrize("quantity", ["displacement", "acceleration"])
-def test_what_another_pick_up_holds_goes_on_too(quantity: str) -> None:
+def test_what_another_pick_up_holds_goes_on_too(quantity):
     """A displacement has no jump when a finger comes, and an acceleration behind its low-pass none either."""
     surface, drive = ModalSurface(MODES), volts(0.015)
     surface.laser_pole_hz = 2000.0
@@ -154,7 +154,7 @@ def test_what_another_pick_up_holds_goes_on_too(quantity: str) -> None:
     assert np.abs(seen - shown).max() < 0.02 * np.abs(seen).max()
 
 
-def test_what_was_long_ago_is_told_again_though_its_matrices_are_forgotten() -> None:
+def test_what_was_long_ago_is_told_again_though_its_matrices_are_forgotten():
     """Each change of a hand has matrices of its own: with 236 modes, those of half a minute took 1 GB."""
     surface, drive = ModalSurface(MODES), volts(0.028)
     played(surface, COURSE[:2], drive)
@@ -170,7 +170,7 @@ def test_what_was_long_ago_is_told_again_though_its_matrices_are_forgotten() -> 
     assert np.array_equal(surface.seen((0.5, 0.5), times), before[1])
 
 
-def test_a_surface_says_what_it_does_under_a_finger() -> None:
+def test_a_surface_says_what_it_does_under_a_finger():
     """The response is that of the poles: a steady tone has its size."""
     surface = ModalSurface(MODES)
     t = np.arange(60_000) * T
@@ -189,7 +189,7 @@ def test_a_surface_says_what_it_does_under_a_finger() -> None:
     assert abs(bare[0]) > 1.02 * expected
 
 
-def test_a_surface_that_softens_or_tells_no_masses_refuses_a_finger() -> None:
+def test_a_surface_that_softens_or_tells_no_masses_refuses_a_finger():
     for surface in (
         SofteningSurface(MODES, 0.02, 1e-6),
         ModalSurface(Modes(MODES.natural_hz, MODES.damping, MODES.coupling, MODES.shape)),

@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from haploop.pytest_plugin import OpenRig
-
 pytestmark = pytest.mark.rig
 
 
-def test_the_true_velocity_is_the_lasers_before_pole_and_delay(open: OpenRig, unproved: None) -> None:
+def test_the_true_velocity_is_the_lasers_before_pole_and_delay(open, unproved):
     rig = open(vibrometer_noise_scale=0)
     if rig.simulation is None:
         pytest.skip("only a simulation knows the truth")
@@ -32,7 +30,7 @@ def test_the_true_velocity_is_the_lasers_before_pole_and_delay(open: OpenRig, un
     assert np.linalg.norm(own - lasers) > 0.1 * np.linalg.norm(lasers)
 
 
-def test_the_future_is_not_told(open: OpenRig) -> None:
+def test_the_future_is_not_told(open):
     rig = open()
     if rig.simulation is None:
         pytest.skip("only a simulation knows the truth")

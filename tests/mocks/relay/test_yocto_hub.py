@@ -54,7 +54,7 @@ def bench() -> Iterator[Bench]:
         yield bench
 
 
-def test_says_where_and_how_it_is_spoken_to(bench: Bench) -> None:
+def test_says_where_and_how_it_is_spoken_to(bench):
     head, body = bench.ask(NATIVE_INFO).split(b"\r\n\r\n", 1)
     assert head.startswith(b"HTTP/1.1 200 OK")
     info = json.loads(body)
@@ -62,7 +62,7 @@ def test_says_where_and_how_it_is_spoken_to(bench: Bench) -> None:
     assert info["securityMode"] == 1
 
 
-def test_a_request_without_a_version_is_answered_without_a_length(bench: Bench) -> None:
+def test_a_request_without_a_version_is_answered_without_a_length(bench):
     head, body = bench.ask(b"GET /api.json \r\n\r\n").split(b"\r\n\r\n", 1)
     assert b"content-length" not in head.lower()
     services = json.loads(body)["services"]
@@ -72,7 +72,7 @@ def test_a_request_without_a_version_is_answered_without_a_length(bench: Bench) 
     ]
 
 
-def test_the_libraries_short_form_sets_and_is_answered_shortly(bench: Bench) -> None:
+def test_the_libraries_short_form_sets_and_is_answered_shortly(bench):
     assert bench.module("/api/relay3/state?state=1&.") == b"0K\r\n\r\n"
     assert bench.relay(3)["state"] == 1
     assert bench.relay(3)["advertisedValue"] == "B"
@@ -80,13 +80,13 @@ def test_the_libraries_short_form_sets_and_is_answered_shortly(bench: Bench) -> 
     assert [(patch, closed) for patch, closed, _ in bench.box.take(1)] == [("C", True), ("C", False)]
 
 
-def test_the_form_of_public_programs_sets_and_is_answered_in_http(bench: Bench) -> None:
+def test_the_form_of_public_programs_sets_and_is_answered_in_http(bench):
     assert bench.module("/api?scr=&ctx=relay1&state=1").startswith(b"HTTP/1.1 200")
     assert bench.relay(1)["state"] == 1
     assert bench.module("/api/relay1/state").endswith(b"\r\n\r\nB")
 
 
-def test_pulse_toggle_and_limit(bench: Bench) -> None:
+def test_pulse_toggle_and_limit(bench):
     bench.module("/api/relay1/delayedPulseTimer?delayedPulseTimer=100%3A20&.")
     assert (bench.relay(1)["state"], bench.relay(1)["delayedPulseTimer"]["moving"]) == (0, 1)
     bench.module("/api/relay3/state?state=X&.")
@@ -113,16 +113,14 @@ def test_pulse_toggle_and_limit(bench: Bench) -> None:
         "/apis",
     ],
 )
-def test_what_the_module_does_not_know_is_refused_and_changes_nothing(bench: Bench, path: str) -> None:
+def test_what_the_module_does_not_know_is_refused_and_changes_nothing(bench, path):
     assert b" 404 " in bench.module(path).split(b"\r\n")[0]
     assert bench.box.take(1) == []
     assert b" 404 " in bench.ask(b"GET /bySerial/RELAYLO1-B263A/api.json \r\n\r\n")
 
 
 @pytest.mark.parametrize("request_", [NATIVE_NOTIFY, PURE_NOTIFY])
-def test_the_stream_of_notifications_tells_each_change_until_the_hub_is_closed(
-    bench: Bench, request_: bytes
-) -> None:
+def test_the_stream_of_notifications_tells_each_change_until_the_hub_is_closed(bench, request_):
     with bench.link() as link, link.makefile("rb") as stream:
         link.sendall(request_)
         lines = (line for line in stream if line.strip())
@@ -136,7 +134,7 @@ def test_the_stream_of_notifications_tells_each_change_until_the_hub_is_closed(
         assert list(lines) == []
 
 
-def test_a_client_that_says_nothing_does_not_keep_the_hub_open(bench: Bench) -> None:
+def test_a_client_that_says_nothing_does_not_keep_the_hub_open(bench):
     with bench.link() as silent, bench.link() as half, bench.link() as wrong:
         half.sendall(b"GET /api.json ")
         wrong.sendall(b"POST /api.json \r\n\r\n")
@@ -172,9 +170,7 @@ def told(bench: Bench) -> dict[str, Any]:
         ("relay3", "maxTimeOnStateB", 4000),
     ],
 )
-def test_an_attribute_that_the_vendors_library_sets_takes(
-    bench: Bench, function: str, name: str, value: Any
-) -> None:
+def test_an_attribute_that_the_vendors_library_sets_takes(bench, function, name, value):
     assert put(bench, function, **{name: value}) == b"0K"
     bench.clock.sleep(0.1)
     assert told(bench)[function][name] == value
@@ -194,13 +190,13 @@ def test_an_attribute_that_the_vendors_library_sets_takes(
         ("relay3", "colour", 1),
     ],
 )
-def test_what_does_not_take_is_refused(bench: Bench, function: str, name: str, value: Any) -> None:
+def test_what_does_not_take_is_refused(bench, function, name, value):
     before = told(bench)
     assert b"404" in put(bench, function, **{name: value})
     assert told(bench) == before
 
 
-def test_what_is_saved_to_the_flash_comes_back(bench: Bench) -> None:
+def test_what_is_saved_to_the_flash_comes_back(bench):
     put(bench, "relay1", logicalName="kept", maxTimeOnStateB=3000)
     assert told(bench)["module"]["persistentSettings"] == 2
     put(bench, "module", persistentSettings=1)
@@ -213,7 +209,7 @@ def test_what_is_saved_to_the_flash_comes_back(bench: Bench) -> None:
     assert (found["module"]["luminosity"], found["module"]["persistentSettings"]) == (50, 0)
 
 
-def test_a_channel_closes_when_its_longest_time_open_is_over(bench: Bench) -> None:
+def test_a_channel_closes_when_its_longest_time_open_is_over(bench):
     put(bench, "relay1", maxTimeOnStateA=2000)
     bench.clock.sleep(5)
     assert bench.relay(1)["state"] == 0  # from the next opening on

@@ -10,8 +10,6 @@ import textwrap
 import urllib.error
 import urllib.request
 from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import pytest
 import pyvisa
@@ -35,7 +33,7 @@ Serve = Callable[..., Instrument]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="serial lines are device files")
-def test_a_serial_line(instrument_twin: Serve) -> None:
+def test_a_serial_line(instrument_twin):
     pump = instrument_twin(
         "COM3", {"GET": "{rate:g} ml", "SET {rate}": "OK"}, state={"rate": 1.5}, end="\r\n"
     )
@@ -53,7 +51,7 @@ def test_a_serial_line(instrument_twin: Serve) -> None:
 
 
 @pytest.mark.parametrize("name", ["GPIB0::5::INSTR", "TCPIP0::192.0.2.10::5025::SOCKET"])
-def test_a_visa_resource(name: str, instrument_twin: Serve) -> None:
+def test_a_visa_resource(name, instrument_twin):
     supply = instrument_twin(name, ANSWERS, state=STATE)
     own = {"read_termination": "\n", "write_termination": "\n"} if "SOCKET" in name else {}
     manager = pyvisa.ResourceManager()
@@ -69,7 +67,7 @@ def test_a_visa_resource(name: str, instrument_twin: Serve) -> None:
     manager.close()
 
 
-def test_http_and_a_socket(instrument_twin: Serve) -> None:
+def test_http_and_a_socket(instrument_twin):
     hub = instrument_twin(
         "http://192.0.2.20", {"GET /volt": '{"volt": {volt}}', "PUT /volt {volt}": "OK"}, state={"volt": 1.0}
     )
@@ -91,14 +89,14 @@ def test_http_and_a_socket(instrument_twin: Serve) -> None:
     hub.unknown.clear()
 
 
-def test_nothing_is_redirected_afterwards() -> None:
+def test_nothing_is_redirected_afterwards():
     assert serial.Serial is Serial and Serial.open.__module__.startswith("serial")
     assert socket.getaddrinfo.__module__ == "socket" and "connect" not in vars(socket.socket)
     assert pyvisa.ResourceManager.open_resource.__module__ == "pyvisa.highlevel"
 
 
 @pytest.mark.long
-def test_a_command_that_is_not_in_the_table_fails_the_test(tmp_path: Path) -> None:
+def test_a_command_that_is_not_in_the_table_fails_the_test(tmp_path):
     (tmp_path / "pytest.ini").write_text("[pytest]")
     (tmp_path / "test_it.py").write_text(
         textwrap.dedent("""
@@ -136,7 +134,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("text", WRONG)
-def test_a_wrong_table_is_one_sentence(text: str, tmp_path: Path) -> None:
+def test_a_wrong_table_is_one_sentence(text, tmp_path):
     path = tmp_path / "it.toml"
     path.write_text(text)
     with pytest.raises(ConfigurationError, match=WRONG[text]) as raised:
@@ -158,14 +156,14 @@ def test_a_wrong_table_is_one_sentence(text: str, tmp_path: Path) -> None:
         *(("a", "b c", "b c"), ({"value": 1, "min": 0, "max": 3}, "3", 3), ({"value": 1, "min": 0}, "-1", 1)),
     ],
 )
-def test_a_value_is_of_the_kind_that_is_kept(kept: Any, sent: str, after: Any) -> None:
+def test_a_value_is_of_the_kind_that_is_kept(kept, sent, after):
     it = Instrument(Table.model_validate({"answers": {"S {x}": "ok"}, "state": {"x": kept}}))
     changed = after != (kept["value"] if isinstance(kept, dict) else kept)
     assert (it.answer(f"S {sent}") == "ok") == changed
     assert it.state["x"] == after and type(it.state["x"]) is type(after)
 
 
-def test_a_name_that_is_taken_or_none_is_refused(instrument_twin: Serve) -> None:
+def test_a_name_that_is_taken_or_none_is_refused(instrument_twin):
     instrument_twin("192.0.2.21:1", {"A": "b"})
     instrument_twin("COM3", {"A": "b"})
     for name in (
@@ -206,7 +204,7 @@ print(json.dumps([rate, page, identity, refused, elsewhere]))
 
 @pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="serial lines are device files")
-def test_a_bench_has_instruments(tmp_path: Path) -> None:
+def test_a_bench_has_instruments(tmp_path):
     (tmp_path / "pump.toml").write_text('[answers]\n"RATE?" = "{rate}"\n[state]\nrate = 1.5\n')
     (tmp_path / "supply.toml").write_text('[answers]\n"*IDN?" = "ACME"\n')
     (tmp_path / "hub.toml").write_text('[answers]\n"GET /a" = "b"\n')
