@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from typing import Any
 
 import grpc
 import nidaqmx
@@ -84,6 +85,42 @@ def fails(code: int, kind: type[nidaqmx.DaqError] = nidaqmx.DaqError) -> Iterato
     with pytest.raises(kind) as caught:
         yield caught
     assert caught.value.error_code == code
+
+
+def code(of: Callable[[], Any]) -> int | None:
+    """NI's error code of what is refused, None of what is not."""
+    try:
+        of()
+    except nidaqmx.DaqError as error:
+        return int(error.error_code)
+    return None
+
+
+def clocked(task: nidaqmx.Task, channel: str, *clock: Any, **words: Any) -> Any:
+    """Add a channel of volts or of lines to the task, time it by the sample clock, and return it."""
+    kind = "di" if "/port" in channel else "ao_voltage" if "/ao" in channel else "ai_voltage"
+    made = getattr(getattr(task, f"{kind[:2]}_channels"), f"add_{kind}_chan")(channel)
+    task.timing.cfg_samp_clk_timing(*clock, **words)
+    return made
+
+
+Make = Callable[[nidaqmx.Task], Any]
+
+
+def on(add: str, channel: str, *timing: Any, then: str = "start", **words: Any) -> Make:
+    """A task of a channel, which is timed by what of nidaqmx `timing` names, or by a sample clock's rate and
+    source, and is started then.
+    """
+
+    def make(task: nidaqmx.Task) -> None:
+        getattr(getattr(task, f"{add[:2]}_channels"), f"add_{add}")(channel, **words)
+        if timing and isinstance(timing[0], str):
+            getattr(task.timing, timing[0])(*timing[1:])
+        elif timing:
+            task.timing.cfg_samp_clk_timing(*timing, samps_per_chan=10)
+        getattr(task, then)()
+
+    return make
 
 
 class Bench:

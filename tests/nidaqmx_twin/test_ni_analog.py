@@ -30,7 +30,7 @@ from nidaqmx.stream_writers import AnalogMultiChannelWriter, AnalogUnscaledWrite
 from nitypes.waveform import AnalogWaveform
 
 from haploop.nidaqmx_twin import NiServer, inventory_of
-from tests.nidaqmx_twin.ni_client import Bench, connected, fails
+from tests.nidaqmx_twin.ni_client import Bench, clocked, connected, fails
 
 
 def three_narrow(task: nidaqmx.Task) -> None:
@@ -95,8 +95,7 @@ def test_finite_over_read_is_cut_short_and_then_nothing_is_left(task):
 def test_auto_started_finite_task_frees_its_device(options):
     with nidaqmx.Task(grpc_options=options) as one, nidaqmx.Task(grpc_options=options) as two:
         for task in (one, two):
-            task.ai_channels.add_ai_voltage_chan("Sim/ai0")
-            task.timing.cfg_samp_clk_timing(10_000, samps_per_chan=20)
+            clocked(task, "Sim/ai0", 10_000, samps_per_chan=20)
         one.read(20)
         two.start()
         with fails(DAQmxErrors.PAL_RESOURCE_RESERVED):
@@ -106,8 +105,7 @@ def test_auto_started_finite_task_frees_its_device(options):
 
 
 def test_samples_do_not_depend_on_how_they_are_read(task):
-    task.ai_channels.add_ai_voltage_chan("Sim/ai0:1")
-    task.timing.cfg_samp_clk_timing(10_000, samps_per_chan=100)
+    clocked(task, "Sim/ai0:1", 10_000, samps_per_chan=100)
     task.start()
     whole = np.array(task.read(100))
     task.in_stream.relative_to = ReadRelativeTo.FIRST_SAMPLE
@@ -116,8 +114,7 @@ def test_samples_do_not_depend_on_how_they_are_read(task):
 
 
 def test_reading_what_there_is_of_a_running_acquisition(task):
-    task.ai_channels.add_ai_voltage_chan("Sim/ai0:1")
-    task.timing.cfg_samp_clk_timing(20_000, sample_mode=AcquisitionType.CONTINUOUS)
+    clocked(task, "Sim/ai0:1", 20_000, sample_mode=AcquisitionType.CONTINUOUS)
     task.in_stream.input_buf_size = 1_000_000  # a busy computer has 50 s for the next read
     task.start()
     total = 0
@@ -129,8 +126,7 @@ def test_reading_what_there_is_of_a_running_acquisition(task):
 
 
 def test_time_out_delivers_what_there_is(task):
-    task.ai_channels.add_ai_voltage_chan("Sim/ai0")
-    task.timing.cfg_samp_clk_timing(1000, sample_mode=AcquisitionType.CONTINUOUS)
+    clocked(task, "Sim/ai0", 1000, sample_mode=AcquisitionType.CONTINUOUS)
     task.start()
     samples = np.full((1, 5000), np.inf)
     with fails(DAQmxErrors.SAMPLES_NOT_YET_AVAILABLE, DaqReadError) as caught:
@@ -141,8 +137,7 @@ def test_time_out_delivers_what_there_is(task):
 
 @pytest.mark.parametrize("newest", [False, True])
 def test_a_program_that_reads_too_late_is_told_or_gets_the_newest(task, newest):
-    task.ai_channels.add_ai_voltage_chan("Sim/ai0")
-    task.timing.cfg_samp_clk_timing(100_000, sample_mode=AcquisitionType.CONTINUOUS)
+    clocked(task, "Sim/ai0", 100_000, sample_mode=AcquisitionType.CONTINUOUS)
     task.in_stream.input_buf_size = 1000
     if newest:
         task.in_stream.overwrite = OverwriteMode.OVERWRITE_UNREAD_SAMPLES
@@ -160,8 +155,7 @@ def test_a_program_that_reads_too_late_is_told_or_gets_the_newest(task, newest):
 @pytest.mark.parametrize("mode", [LoggingMode.LOG, LoggingMode.LOG_AND_READ])
 def test_what_is_acquired_is_logged_to_a_tdms_file(task, tmp_path, mode):
     path = tmp_path / "data.tdms"
-    task.ai_channels.add_ai_voltage_chan("Sim/ai0:1")
-    task.timing.cfg_samp_clk_timing(1000, samps_per_chan=20)
+    clocked(task, "Sim/ai0:1", 1000, samps_per_chan=20)
     task.in_stream.configure_logging(str(path), mode, operation=LoggingOperation.CREATE_OR_REPLACE)
     task.start()
     read = task.read(20) if mode is LoggingMode.LOG_AND_READ else None
@@ -183,8 +177,7 @@ def test_a_log_replaces_no_other_file(task, tmp_path):
     for path in (other, tmp_path / "data.txt", tmp_path / "none" / "data.tdms"):
         task.in_stream.configure_logging(str(path), operation=LoggingOperation.CREATE_OR_REPLACE)
         if not task.channel_names:
-            task.ai_channels.add_ai_voltage_chan("Sim/ai0")
-            task.timing.cfg_samp_clk_timing(1000, samps_per_chan=20)
+            clocked(task, "Sim/ai0", 1000, samps_per_chan=20)
         with pytest.raises(nidaqmx.DaqError):
             task.read(20)
         task.stop()
@@ -285,12 +278,10 @@ def test_output_sample_by_sample_into_input(options):
 
 def test_regenerated_output_goes_round(options):
     with nidaqmx.Task(grpc_options=options) as out, nidaqmx.Task(grpc_options=options) as into:
-        out.ao_channels.add_ao_voltage_chan("Card/ao0")
-        out.timing.cfg_samp_clk_timing(5000, sample_mode=AcquisitionType.CONTINUOUS)
+        clocked(out, "Card/ao0", 5000, sample_mode=AcquisitionType.CONTINUOUS)
         out.triggers.start_trigger.cfg_dig_edge_start_trig("/Card/ai/StartTrigger")
         out.write(np.arange(10.0) - 5)
-        into.ai_channels.add_ai_voltage_chan("Card/_ao0_vs_aognd")
-        into.timing.cfg_samp_clk_timing(5000, samps_per_chan=35)
+        clocked(into, "Card/_ao0_vs_aognd", 5000, samps_per_chan=35)
         out.start()
         assert out.out_stream.total_samp_per_chan_generated == 0
         into.start()
@@ -298,8 +289,7 @@ def test_regenerated_output_goes_round(options):
 
 
 def test_output_without_regeneration_paces_its_writer_and_reports_a_late_one(task):
-    task.ao_channels.add_ao_voltage_chan("Card/ao0")
-    task.timing.cfg_samp_clk_timing(2000, sample_mode=AcquisitionType.CONTINUOUS)
+    clocked(task, "Card/ao0", 2000, sample_mode=AcquisitionType.CONTINUOUS)
     task.out_stream.regen_mode = RegenerationMode.DONT_ALLOW_REGENERATION
     task.out_stream.output_buf_size = 1000
     task.write(np.zeros(1000))
@@ -324,8 +314,7 @@ def test_output_without_regeneration_paces_its_writer_and_reports_a_late_one(tas
 
 
 def test_more_than_a_buffer_that_does_not_play_can_hold_is_refused(task):
-    task.ao_channels.add_ao_voltage_chan("Card/ao0")
-    task.timing.cfg_samp_clk_timing(1000, sample_mode=AcquisitionType.CONTINUOUS)
+    clocked(task, "Card/ao0", 1000, sample_mode=AcquisitionType.CONTINUOUS)
     task.out_stream.regen_mode = RegenerationMode.DONT_ALLOW_REGENERATION
     task.out_stream.output_buf_size = 100
     with fails(DAQmxErrors.NO_MORE_SPACE, nidaqmx.DaqWriteError) as caught:

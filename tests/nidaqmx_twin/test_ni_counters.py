@@ -22,6 +22,7 @@ from nidaqmx.types import CtrFreq, CtrTick, CtrTime
 
 from haploop.nidaqmx_twin import NiTwin
 from haploop.nidaqmx_twin.pulses import PulseTrain
+from tests.nidaqmx_twin.ni_client import clocked
 
 OUT = "/Dev1/Ctr0InternalOutput"
 
@@ -30,6 +31,12 @@ OUT = "/Dev1/Ctr0InternalOutput"
 def twin() -> Iterator[NiTwin]:
     with NiTwin({"Dev1": "PCIe-6363"}) as twin:
         yield twin
+
+
+@pytest.fixture
+def task(twin: NiTwin) -> Iterator[nidaqmx.Task]:
+    with nidaqmx.Task() as task:
+        yield task
 
 
 @pytest.fixture
@@ -157,8 +164,7 @@ def test_written_pulses_follow_one_another_and_are_measured_so(twin, meter):
 def test_a_clocked_count_is_taken_at_each_edge_of_the_clock(twin, pulses):
     """A count on the sample clock of analog inputs: ten pulses of 1 kHz in each sample of 100 Hz."""
     with nidaqmx.Task() as analog, nidaqmx.Task() as meter:
-        analog.ai_channels.add_ai_voltage_chan("Dev1/ai0")
-        analog.timing.cfg_samp_clk_timing(100, sample_mode=AcquisitionType.CONTINUOUS)
+        clocked(analog, "Dev1/ai0", 100, sample_mode=AcquisitionType.CONTINUOUS)
         meter.ci_channels.add_ci_count_edges_chan("Dev1/ctr1").ci_count_edges_term = OUT
         meter.timing.cfg_samp_clk_timing(100, "/Dev1/ai/SampleClock", samps_per_chan=6)
         pulses.start()
@@ -179,23 +185,21 @@ def test_a_measurement_that_gets_no_edges_ends_at_its_time_out(twin, meter):
     assert 2.0 <= twin.now - began < 2.1
 
 
-def test_a_reference_trigger_is_waited_for(twin):
+def test_a_reference_trigger_is_waited_for(twin, task):
     """The trigger comes 50 ms after the start: what is read lies around it; without it nothing is read."""
     start = 0.0
     twin.set("Dev1/ai0", lambda times: times - start)
     twin.set("Dev1/PFI0", lambda times: (times - start > 0.05).astype(float))
-    with nidaqmx.Task() as task:
-        task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
-        task.timing.cfg_samp_clk_timing(1000, samps_per_chan=30)
-        task.triggers.reference_trigger.cfg_dig_edge_ref_trig("/Dev1/PFI0", 10)
-        start = twin.now
-        read = np.array(task.read(30))
-        assert np.argmax(read > 0.05) == pytest.approx(10, abs=1)
-        assert read == pytest.approx(read[0] + np.arange(30) / 1000, abs=2e-3)
-        twin.set("Dev1/PFI0", 0.0)
-        with pytest.raises(nidaqmx.DaqError) as caught:
-            task.read(30, timeout=1.0)
-        assert caught.value.error_type is DAQmxErrors.SAMPLES_NOT_YET_AVAILABLE
+    clocked(task, "Dev1/ai0", 1000, samps_per_chan=30)
+    task.triggers.reference_trigger.cfg_dig_edge_ref_trig("/Dev1/PFI0", 10)
+    start = twin.now
+    read = np.array(task.read(30))
+    assert np.argmax(read > 0.05) == pytest.approx(10, abs=1)
+    assert read == pytest.approx(read[0] + np.arange(30) / 1000, abs=2e-3)
+    twin.set("Dev1/PFI0", 0.0)
+    with pytest.raises(nidaqmx.DaqError) as caught:
+        task.read(30, timeout=1.0)
+    assert caught.value.error_type is DAQmxErrors.SAMPLES_NOT_YET_AVAILABLE
 
 
 @pytest.mark.parametrize("idle", [False, True])

@@ -16,7 +16,7 @@ from nidaqmx.types import DOPowerUpState
 
 from haploop.base.clock import VirtualClock
 from haploop.nidaqmx_twin import NiServer, devices_from_ini
-from tests.nidaqmx_twin.ni_client import EXPORT, connected, fails
+from tests.nidaqmx_twin.ni_client import EXPORT, clocked, connected, fails
 
 
 @pytest.fixture
@@ -75,8 +75,7 @@ def test_a_scale_changes_while_it_is_used(options, task):
 def test_saved_task(options):
     system = System.remote(options)
     with nidaqmx.Task("kept", grpc_options=options) as task:
-        task.ai_channels.add_ai_voltage_chan("Sim/ai0:1")
-        task.timing.cfg_samp_clk_timing(1000, sample_mode=AcquisitionType.FINITE, samps_per_chan=20)
+        clocked(task, "Sim/ai0:1", 1000, sample_mode=AcquisitionType.FINITE, samps_per_chan=20)
         task.save(author="somebody")
         with fails(DAQmxErrors.CANT_SAVE_TASK_WITHOUT_REPLACE):
             task.save()
@@ -124,10 +123,8 @@ def test_a_watchdog_leaves_other_tasks_alone(options, task):
         nidaqmx.Task(grpc_options=options) as follower,
     ):
         dog.start()
-        task.ai_channels.add_ai_voltage_chan("Sim/ai0")
-        task.timing.cfg_samp_clk_timing(1000, sample_mode=AcquisitionType.FINITE, samps_per_chan=10)
-        follower.ao_channels.add_ao_voltage_chan("Sim/ao0")
-        follower.timing.cfg_samp_clk_timing(1000, source="ai/SampleClock", samps_per_chan=10)
+        clocked(task, "Sim/ai0", 1000, sample_mode=AcquisitionType.FINITE, samps_per_chan=10)
+        clocked(follower, "Sim/ao0", 1000, source="ai/SampleClock", samps_per_chan=10)
         follower.write(np.zeros(10))
         follower.start()
         assert len(task.read(10)) == 10

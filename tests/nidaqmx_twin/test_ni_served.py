@@ -11,6 +11,7 @@ from nidaqmx.constants import AcquisitionType, CJCSource, Signal
 from nidaqmx.errors import DaqError, DaqFunctionNotSupportedError
 
 from haploop.nidaqmx_twin import served
+from tests.nidaqmx_twin.ni_client import clocked
 from tests.nidaqmx_twin.served_list import PAGE, page
 
 
@@ -33,8 +34,7 @@ def test_every_call_that_is_refused_fails_aloud(nidaqmx_twin):
 def test_a_kept_property_is_told_of_at_the_start(nidaqmx_twin):
     with nidaqmx.Task() as task, warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
-        channel = task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
-        task.timing.cfg_samp_clk_timing(1000, samps_per_chan=10)
+        channel = clocked(task, "Dev1/ai0", 1000, samps_per_chan=10)
         task.read(10)
         assert not told
         channel.ai_lowpass_enable = True
@@ -60,8 +60,7 @@ def test_volts_are_not_shown_as_degrees(nidaqmx_twin):
 
 def test_an_exported_clock_stands_at_its_terminal(nidaqmx_twin):
     with nidaqmx.Task() as source, nidaqmx.Task() as count:
-        source.ai_channels.add_ai_voltage_chan("Dev1/ai0")
-        source.timing.cfg_samp_clk_timing(1000, sample_mode=AcquisitionType.FINITE, samps_per_chan=100)
+        clocked(source, "Dev1/ai0", 1000, sample_mode=AcquisitionType.FINITE, samps_per_chan=100)
         source.export_signals.export_signal(Signal.SAMPLE_CLOCK, "/Dev1/PFI5")
         count.ci_channels.add_ci_count_edges_chan("Dev1/ctr1").ci_count_edges_term = "/Dev1/PFI5"
         count.start()

@@ -28,7 +28,7 @@ from nidaqmx.constants import (
 from nidaqmx.error_codes import DAQmxErrors
 
 from haploop.nidaqmx_twin import NiServer, inventory_of
-from tests.nidaqmx_twin.ni_client import Bench, connected
+from tests.nidaqmx_twin.ni_client import Bench, clocked, connected
 
 
 @pytest.fixture
@@ -83,8 +83,7 @@ def test_wrong_timing_is_refused(ai):
 
 def test_conversion_clock_has_padding_and_a_module_device_context(options, ai, other):
     with nidaqmx.Task(grpc_options=options) as old:
-        old.ai_channels.add_ai_voltage_chan("Old/ai0:5")
-        old.timing.cfg_samp_clk_timing(5000)
+        clocked(old, "Old/ai0:5", 5000)
         # docs/hardware.md, "Conversion timing": 15 us on a 6034E.
         assert old.timing.ai_conv_rate == pytest.approx(1 / 15e-6)
         old.timing.ai_conv_rate = 100e3
@@ -147,8 +146,7 @@ def test_triggers_are_remembered(ai):
 
 
 def test_time_stamps(task):
-    task.ai_channels.add_ai_voltage_chan("FrameMod1/ai0")
-    task.timing.cfg_samp_clk_timing(1000)
+    clocked(task, "FrameMod1/ai0", 1000)
     assert task.triggers.start_trigger.time_when.year == 1904
     task.start()
     stamp = task.wait_for_valid_timestamp(TimestampEvent.FIRST_SAMPLE)
@@ -196,8 +194,7 @@ def test_events_of_several_acquisitions(ai, other):
         done.wait(1)
         samples.wait(10)
         ai.stop()
-    other.ao_channels.add_ao_voltage_chan("Sim/ao0")
-    other.timing.cfg_samp_clk_timing(10_000, sample_mode=AcquisitionType.CONTINUOUS)
+    clocked(other, "Sim/ao0", 10_000, sample_mode=AcquisitionType.CONTINUOUS)
     other.register_every_n_samples_transferred_from_buffer_event(500, sent)
     other.write(np.zeros(1000))
     other.start()
@@ -239,8 +236,7 @@ def test_slave_waits_for_its_masters_clock():
             connected(server) as options,
             nidaqmx.Task(grpc_options=options) as slave,
         ):
-            slave.ai_channels.add_ai_voltage_chan("B/ai0")
-            slave.timing.cfg_samp_clk_timing(1000, source=source)
+            clocked(slave, "B/ai0", 1000, source=source)
             assert slave.timing.samp_clk_src == source
             assert code(slave.start) == error
     with (

@@ -22,7 +22,7 @@ from nidaqmx.system.watchdog import DOExpirationState, WatchdogTask
 
 from haploop.base.arrays import FloatArray
 from haploop.nidaqmx_twin import NiTwin
-from tests.nidaqmx_twin.test_ni_as_a_card import code
+from tests.nidaqmx_twin.ni_client import Make, clocked, code
 
 FINITE, CONTINUOUS = AcquisitionType.FINITE, AcquisitionType.CONTINUOUS
 CARDS = {"Dev1": "PCIe-6363", "Dev2": "PCIe-6363", "M": "PCI-6221", "E": "PCI-6034E", "Dsa": "USB-4431"}
@@ -34,6 +34,12 @@ def twin() -> Iterator[NiTwin]:
         for device in CARDS:
             twin.set(f"{device}/ai0", lambda times: times)
         yield twin
+
+
+@pytest.fixture
+def task(twin: NiTwin) -> Iterator[nidaqmx.Task]:
+    with nidaqmx.Task() as task:
+        yield task
 
 
 def pulses(period: float, high: float) -> Callable[[FloatArray], FloatArray]:
@@ -63,20 +69,19 @@ def bouncing(times: FloatArray) -> FloatArray:
         ("Dev1", 0.0, -200771),  # NI's name of the code, DIG_FILTER_ENABLED_MIN_PULSE_WIDTH_NOT_CFG
     ],
 )
-def test_a_filter_lets_long_pulses_pass(twin, device, width, right):
+def test_a_filter_lets_long_pulses_pass(twin, task, device, width, right):
     twin.set(f"{device}/PFI9", bouncing)
-    with nidaqmx.Task() as task:
-        channel = task.ci_channels.add_ci_pulse_width_chan(f"{device}/ctr0", min_val=1e-6, max_val=1.0)
-        if width is not None:
-            channel.ci_pulse_width_dig_fltr_enable = True
-            channel.ci_pulse_width_dig_fltr_min_pulse_width = width
-        task.timing.cfg_implicit_timing(samps_per_chan=3)
-        found = code(task.start)
-        if isinstance(right, int):
-            assert found == right
-        else:
-            assert found is None
-            assert sorted(task.read(3)) == pytest.approx(sorted(right), abs=2e-5)
+    channel = task.ci_channels.add_ci_pulse_width_chan(f"{device}/ctr0", min_val=1e-6, max_val=1.0)
+    if width is not None:
+        channel.ci_pulse_width_dig_fltr_enable = True
+        channel.ci_pulse_width_dig_fltr_min_pulse_width = width
+    task.timing.cfg_implicit_timing(samps_per_chan=3)
+    found = code(task.start)
+    if isinstance(right, int):
+        assert found == right
+    else:
+        assert found is None
+        assert sorted(task.read(3)) == pytest.approx(sorted(right), abs=2e-5)
 
 
 @pytest.mark.usefixtures("twin")
@@ -94,28 +99,25 @@ def test_filters_that_a_card_has_not():
         assert code(task.start) == -200770
 
 
-def test_a_filter_delays_a_start_trigger(twin):
+def test_a_filter_delays_a_start_trigger(twin, task):
     """X Series manual, "Filter Example": the level passes once it was seen N times."""
     twin.set("Dev1/PFI0", bouncing)
-    with nidaqmx.Task() as task:
-        task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
-        task.timing.cfg_samp_clk_timing(1000, samps_per_chan=10)
-        start = task.triggers.start_trigger
-        start.cfg_dig_edge_start_trig("/Dev1/PFI0")
-        assert task.read(10)[0] == pytest.approx(0.005, abs=5e-4)
-        start.dig_edge_dig_fltr_enable, start.dig_edge_dig_fltr_min_pulse_width = True, 2e-3
-        assert task.read(10)[0] % 0.05 == pytest.approx(0.012, abs=5e-4)
+    clocked(task, "Dev1/ai0", 1000, samps_per_chan=10)
+    start = task.triggers.start_trigger
+    start.cfg_dig_edge_start_trig("/Dev1/PFI0")
+    assert task.read(10)[0] == pytest.approx(0.005, abs=5e-4)
+    start.dig_edge_dig_fltr_enable, start.dig_edge_dig_fltr_min_pulse_width = True, 2e-3
+    assert task.read(10)[0] % 0.05 == pytest.approx(0.012, abs=5e-4)
 
 
-def test_a_filter_of_lines_whose_changes_are_detected(twin):
+def test_a_filter_of_lines_whose_changes_are_detected(twin, task):
     twin.set("Dev1/port0/line0", bouncing)
-    with nidaqmx.Task() as task:
-        line = task.di_channels.add_di_chan("Dev1/port0/line0")
-        line.di_dig_fltr_enable, line.di_dig_fltr_min_pulse_width = True, 1e-3
-        task.timing.cfg_change_detection_timing("Dev1/port0/line0", "Dev1/port0/line0", CONTINUOUS, 100)
-        task.start()
-        twin.sleep(0.1)
-        assert task.read(task.in_stream.avail_samp_per_chan) == [True, False, True, False]
+    line = task.di_channels.add_di_chan("Dev1/port0/line0")
+    line.di_dig_fltr_enable, line.di_dig_fltr_min_pulse_width = True, 1e-3
+    task.timing.cfg_change_detection_timing("Dev1/port0/line0", "Dev1/port0/line0", CONTINUOUS, 100)
+    task.start()
+    twin.sleep(0.1)
+    assert task.read(task.in_stream.avail_samp_per_chan) == [True, False, True, False]
 
 
 # A task that each trigger starts again: X Series manual 370784, "Retriggerable Analog Input"
@@ -125,8 +127,7 @@ def test_samples_of_each_trigger(twin):
     """A trigger in a burst is ignored; NI's example cont_voltage_acq_int_clk_dig_start_retrig.py."""
     twin.set("Dev1/PFI0", pulses(0.015, 0.001))
     with nidaqmx.Task() as task:
-        task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
-        task.timing.cfg_samp_clk_timing(1000, sample_mode=FINITE, samps_per_chan=20)
+        clocked(task, "Dev1/ai0", 1000, sample_mode=FINITE, samps_per_chan=20)
         start = task.triggers.start_trigger
         start.cfg_dig_edge_start_trig("/Dev1/PFI0")
         start.retriggerable = True
@@ -141,8 +142,7 @@ def test_a_task_is_started_again_by_a_counter_that_runs_later(twin):
     with nidaqmx.Task() as co, nidaqmx.Task() as ai:
         pulse = co.co_channels.add_co_pulse_chan_time("Dev1/ctr0", low_time=0.095, high_time=0.005)
         co.timing.cfg_implicit_timing(sample_mode=CONTINUOUS)
-        ai.ai_channels.add_ai_voltage_chan("Dev1/ai0")
-        ai.timing.cfg_samp_clk_timing(1000, sample_mode=FINITE, samps_per_chan=100)
+        clocked(ai, "Dev1/ai0", 1000, sample_mode=FINITE, samps_per_chan=100)
         ai.triggers.start_trigger.cfg_dig_edge_start_trig(pulse.co_pulse_term)
         ai.triggers.start_trigger.retriggerable = True
         ai.start()
@@ -183,15 +183,13 @@ def test_pulses_of_each_trigger(twin, device, many, right):
 
 
 def _ao(task: nidaqmx.Task) -> None:
-    task.ao_channels.add_ao_voltage_chan("Dev1/ao0")
-    task.timing.cfg_samp_clk_timing(1000, sample_mode=FINITE, samps_per_chan=10)
+    clocked(task, "Dev1/ao0", 1000, sample_mode=FINITE, samps_per_chan=10)
     task.write(np.arange(10) / 10)
 
 
-def _ai(device: str, mode: AcquisitionType = FINITE) -> Callable[[nidaqmx.Task], None]:
+def _ai(device: str, mode: AcquisitionType = FINITE) -> Make:
     def make(task: nidaqmx.Task) -> None:
-        task.ai_channels.add_ai_voltage_chan(f"{device}/ai0")
-        task.timing.cfg_samp_clk_timing(1000, sample_mode=mode, samps_per_chan=10)
+        clocked(task, f"{device}/ai0", 1000, sample_mode=mode, samps_per_chan=10)
 
     return make
 
@@ -212,23 +210,20 @@ def _pretriggered(task: nidaqmx.Task) -> None:
         (_pretriggered, -201320),
     ],
 )
-def test_what_no_trigger_starts_again(twin, make, right):
+def test_what_no_trigger_starts_again(twin, task, make, right):
     for device in ("Dev1", "M"):
         twin.set(f"{device}/PFI1", pulses(0.1, 0.01))
-    with nidaqmx.Task() as task:
-        make(task)
-        task.triggers.start_trigger.cfg_dig_edge_start_trig(f"/{task.devices[0].name}/PFI1")
-        task.triggers.start_trigger.retriggerable = True
-        assert code(task.start) == right
+    make(task)
+    task.triggers.start_trigger.cfg_dig_edge_start_trig(f"/{task.devices[0].name}/PFI1")
+    task.triggers.start_trigger.retriggerable = True
+    assert code(task.start) == right
 
 
-@pytest.mark.usefixtures("twin")
-def test_a_reference_trigger_comes_once():
+def test_a_reference_trigger_comes_once(task):
     """X Series manual 370784: "Reference triggers are not retriggerable"; inferred code."""
-    with nidaqmx.Task() as task:
-        _pretriggered(task)
-        task.triggers.reference_trigger.retriggerable = True
-        assert code(task.start) == -200452
+    _pretriggered(task)
+    task.triggers.reference_trigger.retriggerable = True
+    assert code(task.start) == -200452
 
 
 # Delays: nidaqmx, `StartTrigger.delay`: "an amount of time to wait after the Start Trigger is received"
@@ -246,36 +241,31 @@ def test_a_reference_trigger_comes_once():
         ("Dsa", "", 5.0, DigitalWidthUnits.SECONDS, -201429),
     ],
 )
-def test_a_delay_from_the_start_trigger(twin, device, source, delay, units, right):
+def test_a_delay_from_the_start_trigger(twin, task, device, source, delay, units, right):
     twin.set("Dev1/PFI1", lambda times: (times >= 0.1) * 1.0)
-    with nidaqmx.Task() as task:
-        task.ai_channels.add_ai_voltage_chan(f"{device}/ai0")
-        task.timing.cfg_samp_clk_timing(1000, source, samps_per_chan=10)
-        start = task.triggers.start_trigger
-        if device == "Dev1":
-            start.cfg_dig_edge_start_trig("/Dev1/PFI1")
-        start.delay, start.delay_units = delay, units
-        if right < 0:
-            assert code(task.start) == right
-        else:
-            assert task.read(10)[0] == pytest.approx(right, abs=5e-4)
+    clocked(task, f"{device}/ai0", 1000, source, samps_per_chan=10)
+    start = task.triggers.start_trigger
+    if device == "Dev1":
+        start.cfg_dig_edge_start_trig("/Dev1/PFI1")
+    start.delay, start.delay_units = delay, units
+    if right < 0:
+        assert code(task.start) == right
+    else:
+        assert task.read(10)[0] == pytest.approx(right, abs=5e-4)
 
 
-@pytest.mark.usefixtures("twin")
-def test_a_counter_has_no_delay_from_its_start_trigger():
-    with nidaqmx.Task() as task:
-        task.co_channels.add_co_pulse_chan_freq("Dev1/ctr0")
-        task.triggers.start_trigger.delay = 1.0
-        assert code(task.start) == -200452
+def test_a_counter_has_no_delay_from_its_start_trigger(task):
+    task.co_channels.add_co_pulse_chan_freq("Dev1/ctr0")
+    task.triggers.start_trigger.delay = 1.0
+    assert code(task.start) == -200452
 
 
-def test_a_delay_from_the_reference_trigger(twin):
+def test_a_delay_from_the_reference_trigger(twin, task):
     """nidaqmx, `ReferenceTrigger.delay`: "before switching from pretrigger to posttrigger samples"."""
     twin.set("Dev1/PFI2", lambda times: (times >= 0.1) * 1.0)
-    with nidaqmx.Task() as task:
-        _pretriggered(task)
-        task.triggers.reference_trigger.delay = 0.03
-        assert task.read(10)[5] == pytest.approx(0.13, abs=1.1e-3)
+    _pretriggered(task)
+    task.triggers.reference_trigger.delay = 0.03
+    assert task.read(10)[5] == pytest.approx(0.13, abs=1.1e-3)
 
 
 # Clocks and triggers between cards
@@ -286,8 +276,7 @@ def test_two_cards_in_step(twin, what):
     """A line of the RTSI cable is one line, whatever card names it; the one that waits is started first."""
     with nidaqmx.Task() as first, nidaqmx.Task() as second:
         for task, device in ((first, "Dev1"), (second, "Dev2")):
-            task.ai_channels.add_ai_voltage_chan(f"{device}/ai0")
-            task.timing.cfg_samp_clk_timing(1000, samps_per_chan=20)
+            clocked(task, f"{device}/ai0", 1000, samps_per_chan=20)
         if what == "clock":
             first.export_signals.export_signal(Signal.SAMPLE_CLOCK, "/Dev1/RTSI0")
             second.timing.samp_clk_src = "/Dev2/RTSI0"
@@ -308,10 +297,8 @@ def test_a_clock_that_is_no_even_one_is_shared(twin):
     twin.set("Dev1/PFI3", pulses(0.007, 0.001))
     twin.set("Dev1/port0/line0", pulses(0.014, 0.007))
     with nidaqmx.Task() as ai, nidaqmx.Task() as di:
-        ai.ai_channels.add_ai_voltage_chan("Dev1/ai0")
-        ai.timing.cfg_samp_clk_timing(1000, "/Dev1/PFI3", samps_per_chan=10)
-        di.di_channels.add_di_chan("Dev1/port0/line0")
-        di.timing.cfg_samp_clk_timing(1000, "/Dev1/ai/SampleClock", samps_per_chan=10)
+        clocked(ai, "Dev1/ai0", 1000, "/Dev1/PFI3", samps_per_chan=10)
+        clocked(di, "Dev1/port0/line0", 1000, "/Dev1/ai/SampleClock", samps_per_chan=10)
         di.start()
         ai.start()
         assert np.diff(ai.read(10)) == pytest.approx(np.full(9, 0.007), abs=1e-3)
@@ -330,17 +317,16 @@ def test_lines_that_are_inverted(twin):
         assert di.read()
 
 
-def test_a_read_of_more_than_the_buffer_holds(twin):
+def test_a_read_of_more_than_the_buffer_holds(twin, task):
     """A PCI-6133 gave 100,000 counts of a buffer of 10,000 (juliancabaleiro/nidaqmx-python-examples,
     ci_tick_external.py); it was -200279.
     """
     twin.set("Dev1/PFI0", pulses(1e-4, 5e-5))
-    with nidaqmx.Task() as task:
-        task.ci_channels.add_ci_count_edges_chan("Dev1/ctr0").ci_count_edges_term = "/Dev1/PFI0"
-        task.timing.cfg_samp_clk_timing(1000, "/Dev1/PFI0", sample_mode=CONTINUOUS, samps_per_chan=1000)
-        assert len(task.read(12_000)) == 12_000
-        twin.sleep(1.5)
-        assert code(lambda: task.read(10)) == -200279
+    task.ci_channels.add_ci_count_edges_chan("Dev1/ctr0").ci_count_edges_term = "/Dev1/PFI0"
+    task.timing.cfg_samp_clk_timing(1000, "/Dev1/PFI0", sample_mode=CONTINUOUS, samps_per_chan=1000)
+    assert len(task.read(12_000)) == 12_000
+    twin.sleep(1.5)
+    assert code(lambda: task.read(10)) == -200279
 
 
 def test_a_differential_input_reads_the_difference(twin):
@@ -355,8 +341,7 @@ def test_a_differential_input_reads_the_difference(twin):
 
 def test_a_timebase_that_is_exported(twin):
     with nidaqmx.Task() as ai, nidaqmx.Task() as ci:
-        ai.ai_channels.add_ai_voltage_chan("Dev1/ai0")
-        ai.timing.cfg_samp_clk_timing(1000, sample_mode=CONTINUOUS)
+        clocked(ai, "Dev1/ai0", 1000, sample_mode=CONTINUOUS)
         ai.export_signals.export_signal(Signal.TWENTY_MHZ_TIMEBASE_CLOCK, "/Dev1/PFI5")
         ci.ci_channels.add_ci_count_edges_chan("Dev1/ctr3").ci_count_edges_term = "/Dev1/PFI5"
         ai.start()
@@ -366,17 +351,16 @@ def test_a_timebase_that_is_exported(twin):
 
 
 @pytest.mark.parametrize(("level", "right"), [(1, 110), (0, 90)])
-def test_a_direction_that_does_not_change(twin, level, right):
+def test_a_direction_that_does_not_change(twin, task, level, right):
     """High counts up (inferred), also where it is steady: then it counted down."""
     twin.set("Dev1/PFI8", pulses(0.01, 0.005))
     twin.set("Dev1/PFI10", level)
-    with nidaqmx.Task() as task:
-        task.ci_channels.add_ci_count_edges_chan(
-            "Dev1/ctr0", initial_count=100, count_direction=CountDirection.EXTERNAL_SOURCE
-        )
-        task.start()
-        twin.sleep(0.1045)
-        assert task.read() == right
+    task.ci_channels.add_ci_count_edges_chan(
+        "Dev1/ctr0", initial_count=100, count_direction=CountDirection.EXTERNAL_SOURCE
+    )
+    task.start()
+    twin.sleep(0.1045)
+    assert task.read() == right
 
 
 @pytest.mark.parametrize(("device", "asked", "right"), [("Dev1", 7e6, 100e6 / 14), ("M", 7e6, 80e6 / 11)])
@@ -404,24 +388,20 @@ def test_a_timebase_from_outside_is_refused_where_something_comes(twin):
         assert code(task.start) == -200197
 
 
-@pytest.mark.usefixtures("twin")
-def test_conversions_that_are_too_fast():
+def test_conversions_that_are_too_fast(task):
     """NI's name of the code, AI_CONV_RATE_TOO_HIGH."""
-    with nidaqmx.Task() as task:
-        task.ai_channels.add_ai_voltage_chan("Dev1/ai0:1")
-        task.timing.cfg_samp_clk_timing(1000, samps_per_chan=10)
-        task.timing.ai_conv_rate = 5e6
-        assert code(task.start) == -200335
+    clocked(task, "Dev1/ai0:1", 1000, samps_per_chan=10)
+    task.timing.ai_conv_rate = 5e6
+    assert code(task.start) == -200335
 
 
-def test_an_index_of_an_encoder_is_refused_where_something_comes(twin):
+def test_an_index_of_an_encoder_is_refused_where_something_comes(twin, task):
     """Not simulated: the position went on."""
-    with nidaqmx.Task() as task:
-        task.ci_channels.add_ci_ang_encoder_chan("Dev1/ctr0", zidx_enable=True)
-        assert code(task.start) is None
-        task.stop()
-        twin.set("Dev1/PFI9", 0)
-        assert code(task.start) == -200197
+    task.ci_channels.add_ci_ang_encoder_chan("Dev1/ctr0", zidx_enable=True)
+    assert code(task.start) is None
+    task.stop()
+    twin.set("Dev1/PFI9", 0)
+    assert code(task.start) == -200197
 
 
 # Watchdogs: X Series manual 370784, "Watchdog Timer"
@@ -489,12 +469,11 @@ def test_time_outs_of_watchdogs(twin, device, timeout, right):
         lambda task: setattr(task.ai_channels[0], "ai_dig_fltr_enable", True),
     ],
 )
-def test_what_would_be_passed_over(twin, configure):
+def test_what_would_be_passed_over(twin, task, configure):
     twin.set("Dev1/port0/line0", 0)
-    with nidaqmx.Task() as task:
-        task.ai_channels.add_ai_voltage_chan("Dev1/ai0", "force")
-        task.timing.cfg_samp_clk_timing(1000, samps_per_chan=10)
-        assert code(task.start) is None
-        task.stop()
-        configure(task)
-        assert code(task.start) == -200197
+    task.ai_channels.add_ai_voltage_chan("Dev1/ai0", "force")
+    task.timing.cfg_samp_clk_timing(1000, samps_per_chan=10)
+    assert code(task.start) is None
+    task.stop()
+    configure(task)
+    assert code(task.start) == -200197
