@@ -196,6 +196,8 @@ def empatica(hz: float = 5000.0, columns: int = 3) -> str:
     return "".join(", ".join(row) + "\n" for row in first) + rows(*[np.round(F, 5)] * columns)
 
 
+FIRST, SECOND = ({"force": column, "units": {"force": "N"}} for column in (0, 1))
+EIGHT = "2026-05-01T08:00:00+00:00"
 CASES = (
     # Of programs, in the shape of their headers
     Case("LabVIEW", lvm(), "Date 2026/05/01, Time 10:00:00.5", local=f"{AT}.500000", suffix="lvm"),
@@ -222,7 +224,7 @@ CASES = (
     ),
     Case("TDMS's zero", tdms(wf_start_time=np.datetime64("1904-01-01", "us")), suffix="tdms"),
     Case("NWB", nwb, f"{AT}+02:00", "2026-05-01T08:00:01.500000+00:00", suffix="nwb"),
-    Case("XDF", xdf, f"{AT}+0200", "2026-05-01T08:00:00+00:00", suffix="xdf"),
+    Case("XDF", xdf, f"{AT}+0200", EIGHT, suffix="xdf"),
     Case("netCDF", netcdf(), "seconds since", "2026-05-01T10:00:02+00:00", suffix="nc"),
     *(
         Case(f"netCDF since {since}", netcdf(since), since, utc, suffix="nc")
@@ -238,7 +240,7 @@ CASES = (
     Case("Excel", workbook, "2026-05-01 10:00:00", local=AT, suffix="xlsx", rate_hz=1000),
     Case("HDF5", hdf5(recording_start="2026-05-01 10:00:00 UTC"), "UTC", UTC, suffix="h5"),
     Case("HDF5's own clock", hdf5(recorded_at=AT), "recorded", local=AT, suffix="h5"),
-    Case("MATLAB", matlab, "Start Time", "2026-05-01T08:00:00+00:00", suffix="mat"),
+    Case("MATLAB", matlab, "Start Time", EIGHT, suffix="mat"),
     Case("Parquet", parquet(None), AT, local=AT, suffix="parquet"),
     Case("Parquet of a zone", parquet("Europe/Berlin"), AT, UTC, suffix="parquet"),
     Case("UFF", uff, "01-May-2026 10:00:00", local=AT, suffix="uff"),
@@ -254,20 +256,9 @@ CASES = (
         table("#Date Time: 2026-05-01 10:00:00", begins=-0.1),
         "2026-05-01 10:00:00",
     ),
+    Case("Empatica's start and rate", empatica(), f"{UNIX} in its first row", UTC, told=FIRST),
     Case(
-        "Empatica's start and rate",
-        empatica(),
-        f"{UNIX} in its first row",
-        UTC,
-        told={"force": 0, "units": {"force": "N"}},
-    ),
-    Case(
-        "Empatica's one column",
-        empatica(1000, 1),
-        f"{UNIX} in its first row",
-        UTC,
-        told={"force": 0, "units": {"force": "N"}},
-        rate_hz=1000,
+        "Empatica's one column", empatica(1000, 1), f"{UNIX} in its first row", UTC, told=FIRST, rate_hz=1000
     ),
     *(
         Case(
@@ -289,13 +280,13 @@ CASES = (
         "AcqKnowledge's row of counts",
         "run.acq\n0.2 msec/sample\n2 channels\nForce\nN\nEMG\nmV\nsec\tCH1\tCH2\n\t2500\t2497\n"
         + rows(np.round(T, 7), F, [1] * 2500, separator="\t"),
-        told={"force": 1, "units": {"force": "N"}},
+        told=SECOND,
     ),
     Case(
         "AcqKnowledge's row of counts without a time",
         "run.acq\n0.2 msec/sample\n2 channels\nForce\nN\nEMG\nmV\nCH1\tCH2\n2500\t2497\n"
         + rows(F, [1] * 2500, separator="\t"),
-        told={"force": 0, "units": {"force": "N"}},
+        told=FIRST,
     ),
     Case(
         "LabChart, whose number of the day says what 01/05/26 is",
@@ -328,7 +319,7 @@ CASES = (
         + rows(F, [0] * 2500, separator="\t"),
         "date 2026-5-1, time 10:00:0.5",
         local=f"{AT}.500000",
-        told={"force": 0, "units": {"force": "N"}},
+        told=FIRST,
     ),
     Case(
         "LeCroy's trigger",
@@ -339,7 +330,7 @@ CASES = (
     Case("catman", table("T0 = 01.05.2026 10:00:00"), "T0 01.05.2026", local=AT),
     Case("Dewesoft", table("Start time: 5/13/2026 1:02:03 PM"), "PM", local="2026-05-13T13:02:03"),
     # Columns of dates
-    Case("dates with an offset", stamped(AT, zone="+02:00"), "+02:00", "2026-05-01T08:00:00+00:00"),
+    Case("dates with an offset", stamped(AT, zone="+02:00"), "+02:00", EIGHT),
     Case("dates in UTC", stamped(AT, zone="Z"), f"{AT[:10]} 10", UTC),
     Case("dates alone", stamped(AT), "2026-05-01 10", local=AT),
     *(
@@ -404,34 +395,24 @@ CASES = (
         told={"where": {"Trial": "2"}},
     ),
     # Zones
-    Case(
-        "an offset in a header",
-        table("Start: 2026-05-01T10:00:00+0200"),
-        "+0200",
-        "2026-05-01T08:00:00+00:00",
-    ),
+    Case("an offset in a header", table("Start: 2026-05-01T10:00:00+0200"), "+0200", EIGHT),
     Case("a zone in a key", table("Start time (UTC): 2026-05-01 10:00:00"), "(UTC)", UTC),
     Case("Unix in a key", table(f"Start time (unix): {UNIX}"), str(UNIX), UTC),
     Case(
         "a zone in another row",
         table("Date: 2026-05-01\nTime: 10:00:00\nTime zone: Europe/Berlin"),
         "Europe/Berlin",
-        "2026-05-01T08:00:00+00:00",
+        EIGHT,
     ),
     *(
         Case(f"a zone: {words}", table(f"Start: 2026-05-01 10:00:00{words}"), words, utc)
         for words, utc in (
-            (" UTC+2", "2026-05-01T08:00:00+00:00"),
+            (" UTC+2", EIGHT),
             (" GMT-5", "2026-05-01T15:00:00+00:00"),
-            (" (UTC+02:00)", "2026-05-01T08:00:00+00:00"),
+            (" (UTC+02:00)", EIGHT),
         )
     ),
-    Case(
-        "an offset in a key",
-        table("Start (UTC+2): 2026-05-01 10:00:00"),
-        "UTC+2",
-        "2026-05-01T08:00:00+00:00",
-    ),
+    Case("an offset in a key", table("Start (UTC+2): 2026-05-01 10:00:00"), "UTC+2", EIGHT),
     *(
         Case(
             f"a zone that a file states yields no told one: {heading}",
@@ -443,8 +424,8 @@ CASES = (
         for head, heading, utc in (
             ("", "Timestamp (UTC)", UTC),
             ("", "time_utc", UTC),
-            ("", '"Date Time, GMT+02:00"', "2026-05-01T08:00:00+00:00"),
-            ("Time zone: +02:00\n", "Time", "2026-05-01T08:00:00+00:00"),
+            ("", '"Date Time, GMT+02:00"', EIGHT),
+            ("Time zone: +02:00\n", "Time", EIGHT),
         )
     ),
     Case("from and to", table("Date: 2026-05-01\nTime: 10:00-10:30"), "Time 10:00", local=AT),
@@ -489,7 +470,7 @@ CASES = (
         "a told zone",
         table("Date: 2026-05-01 10:00:00"),
         "in Europe/Berlin as told",
-        "2026-05-01T08:00:00+00:00",
+        EIGHT,
         told={"zone": "Europe/Berlin"},
     ),
     Case(
@@ -564,7 +545,7 @@ def test_the_start_that_a_file_states(case, tmp_path):
 @pytest.mark.parametrize(
     ("text", "suffix", "told", "asked"),
     [
-        (empatica(64), "csv", {"force": 0, "units": {"force": "N"}}, "would have 64 samples/s"),
+        (empatica(64), "csv", FIRST, "would have 64 samples/s"),
         (sep005(UTC, AT), "sep005", {}, "channels that begin at different times"),
         (
             table("Date: 2026-10-25 02:30:00"),
@@ -595,10 +576,10 @@ def test_a_recording_is_dated_by_the_start_that_its_file_states(run, tmp_path):
     told = ("import", path, "--button", "push", "-p", "P01", "--as", "recording")
     for name, more, started, kept, shown in (
         ("plain", (), "2020-09-13T12:26:40+00:00", {"local": AT}, f"{AT} of a clock whose time zone is not"),
-        ("zoned", ("--zone", "+02:00", "--save-mapping", saved), "2026-05-01T08:00:00+00:00",
-         {"utc": "2026-05-01T08:00:00+00:00"}, "It began at 2026-05-01T08:00:00+00:00"),
-        ("mapped", ("--mapping", saved), "2026-05-01T08:00:00+00:00",
-         {"utc": "2026-05-01T08:00:00+00:00"}, "It began at 2026-05-01T08:00:00+00:00"),
+        ("zoned", ("--zone", "+02:00", "--save-mapping", saved), EIGHT,
+         {"utc": EIGHT}, "It began at 2026-05-01T08:00:00+00:00"),
+        ("mapped", ("--mapping", saved), EIGHT,
+         {"utc": EIGHT}, "It began at 2026-05-01T08:00:00+00:00"),
     ):  # fmt: skip
         out = tmp_path / f"{name}.h5"
         run(*told, *more, "-o", out, ends=0)

@@ -46,6 +46,13 @@ SEGMENT = (
 )
 LVM_ROWS = rows(T, np.round(F, 6), np.round(0.1 * F, 6), separator="\t")
 MULTI_ROWS = rows(T, np.round(F, 6), T, np.round(0.1 * F, 6), separator="\t")
+
+
+def segments(number: int) -> str:
+    return LVM.format(x="One") + (SEGMENT + "X_Value\tForce\tAcc\tComment\n" + LVM_ROWS + "\n") * number
+
+
+NONE = [""] * 2500
 CLOCK = np.array([f"10:00:{1 + t:07.4f}" for t in T])
 
 
@@ -65,45 +72,47 @@ class Case:
     notes: tuple[str, ...] = ()
 
 
-SURE = {"force": 2.0}
 G = 9.80665
+SURE = {"force": 2.0}
+BOTH = {"force": 2, "acceleration": 0.2 * G}
+N = {"units": {"force": "N"}}
+
+
+def read(name: str, text: str, rate_hz: float = 5000, **right: Any) -> Case:
+    """A text of which nothing is asked: F is its force, unless `peaks` are others."""
+    return Case(name, text, rate_hz, **{"peaks": SURE, **right})
+
+
+def asked(name: str, text: str, *parts: str, told: dict[str, Any] | None = None) -> Case:
+    return Case(name, text, told=told or {}, asks=parts)
+
+
 CASES = (
     # Units of time
-    Case("milliseconds by heading", timed("Millis,Force (N)", scale=1e3), 5000, peaks=SURE),
-    Case("microseconds by heading", timed("micros(),Force (N)", scale=1e6), 5000, peaks=SURE),
-    Case("milliseconds in a name", timed("t_ms,Force (N)", scale=1e3), 5000, peaks=SURE),
-    Case("a camel's unit", timed("timestampMillis,Force (N)", scale=1e3), 5000, peaks=SURE),
-    Case("a word before", timed("seconds_elapsed,Force (N)"), 5000, peaks=SURE),
-    Case("Unix seconds", "Unix Timestamp,Force (N)\n" + rows(1.7e9 + T, F), 5000, peaks=SURE),
-    Case(
+    read("milliseconds by heading", timed("Millis,Force (N)", scale=1e3)),
+    read("microseconds by heading", timed("micros(),Force (N)", scale=1e6)),
+    read("milliseconds in a name", timed("t_ms,Force (N)", scale=1e3)),
+    read("a camel's unit", timed("timestampMillis,Force (N)", scale=1e3)),
+    read("a word before", timed("seconds_elapsed,Force (N)")),
+    read("Unix seconds", "Unix Timestamp,Force (N)\n" + rows(1.7e9 + T, F)),
+    asked(
         "Unix milliseconds are no seconds",
         "Unix Timestamp,Force (N)\n" + rows(1.7e12 + 1e3 * T, F),
-        asks=("the unit of its time",),
+        "the unit of its time",
     ),
-    Case("no unit", timed("time,Force (N)"), asks=("the unit of its time (time rises by 0.0002 a sample)",)),
-    Case(
-        "no unit at 50/s",
-        "time,Force (N)\n" + rows(20 * np.arange(200), F[:200]),
-        asks=("the unit of its time",),
-    ),
-    Case(
-        "a stated rate gives the unit",
-        "Sample rate: 5000 Hz\n" + timed("time,Force (N)", scale=1e3),
-        5000,
-        peaks=SURE,
-    ),
-    Case("a time with another", "time,seconds_elapsed,Force (N)\n" + rows(1e9 * T, T, F), 5000, peaks=SURE),
-    Case(
-        "two times that differ", "Time (s),Elapsed (ms),Force (N)\n" + rows(T, 2e3 * T, F), asks=("which of",)
-    ),
-    Case(
+    asked("no unit", timed("time,Force (N)"), "the unit of its time (time rises by 0.0002 a sample)"),
+    asked("no unit at 50/s", "time,Force (N)\n" + rows(20 * np.arange(200), F[:200]), "the unit of its time"),
+    read("a stated rate gives the unit", "Sample rate: 5000 Hz\n" + timed("time,Force (N)", scale=1e3)),
+    read("a time with another", "time,seconds_elapsed,Force (N)\n" + rows(1e9 * T, T, F)),
+    asked("two times that differ", "Time (s),Elapsed (ms),Force (N)\n" + rows(T, 2e3 * T, F), "which of"),
+    asked(
         "heading against units",
         "Time (s),Force (N)\nms,N\n" + rows(1e3 * T, F),
-        asks=("its heading says s, the row of units ms",),
+        "its heading says s, the row of units ms",
     ),
     # Stated rates
     *(
-        Case(
+        read(
             f"header {line}",
             f"{line}\nForce (N),Acc (g)\n{BARE}",
             rate,
@@ -120,7 +129,7 @@ CASES = (
         )
     ),
     *(
-        Case(f"header {line}", f"{line}\nForce (N),Acc (g)\n{BARE}", told={}, asks=("sample rate",))
+        asked(f"header {line}", f"{line}\nForce (N),Acc (g)\n{BARE}", "sample rate")
         for line in (
             "Baud rate,115200",
             "Bit rate: 5000",
@@ -134,21 +143,18 @@ CASES = (
             "Sample rate: 100,000 Hz",
         )
     ),
-    Case(
+    asked(
         "rate against stamps",
         "Sample rate: 1000 Hz\n" + timed("time (s),Force (N)"),
-        asks=("which is right, its stamps of 5000 samples/s or 1000",),
+        "which is right, its stamps of 5000 samples/s or 1000",
     ),
     # Roles
     *(
-        Case(f"a column {name}", timed(f"time (s),Force (N),{name}", (T > 0.4).astype(int)), 5000, peaks=SURE)
+        read(f"a column {name}", timed(f"time (s),Force (N),{name}", (T > 0.4).astype(int)))
         for name in ("judge", "valid", "LED", "trigger")
     ),
-    Case(
-        "a switch",
-        timed("time (s),Force (N),switch", (T > 0.4).astype(int)),
-        5000,
-        peaks={**SURE, "activation": 1},
+    read(
+        "a switch", timed("time (s),Force (N),switch", (T > 0.4).astype(int)), peaks={**SURE, "activation": 1}
     ),
     Case(
         "a switch that rests high",
@@ -157,229 +163,176 @@ CASES = (
         asks=("switch is high at the start",),
         peaks={**SURE, "activation": 1},
     ),
-    Case(
+    asked(
         "kilograms with a stray value",
         "time (s),Acc (g),Value [kg]\n" + rows(T, 0.01 * F, np.where(np.arange(2500) == 3, 711, 0.01 * F)),
-        asks=("force or mass? kg is of both",),
+        "force or mass? kg is of both",
     ),
-    Case("a scale in grams", timed("time (s),Scale (grams)"), asks=("force or mass?",)),
-    Case(
+    asked("a scale in grams", timed("time (s),Scale (grams)"), "force or mass?"),
+    read(
         "grams, answered",
         timed("time (s),Scale (grams)"),
-        5000,
-        {"units": {"force": "gf"}},
+        told={"units": {"force": "gf"}},
         peaks={"force": 2e-3 * G},
     ),
-    Case("grams-force are stated", timed("time (s),Force (gf)"), 5000, peaks={"force": 2e-3 * G}),
-    Case("pounds-force are stated", timed("time (s),Load [lbf]"), 5000, peaks={"force": 2 * 4.4482216152605}),
-    Case("g of nothing", timed("time (s),CH1 (g)"), asks=("may be gravity or grams",)),
-    Case(
-        "heading against unit",
-        timed("time (s),Force (mm)"),
-        asks=("its heading says force, its unit mm does not",),
+    read("grams-force are stated", timed("time (s),Force (gf)"), peaks={"force": 2e-3 * G}),
+    read("pounds-force are stated", timed("time (s),Load [lbf]"), peaks={"force": 2 * 4.4482216152605}),
+    asked("g of nothing", timed("time (s),CH1 (g)"), "may be gravity or grams"),
+    asked(
+        "heading against unit", timed("time (s),Force (mm)"), "its heading says force, its unit mm does not"
     ),
-    Case(
-        "an acceleration sideways",
-        timed("time (s),Acceleration x (m/s^2)"),
-        asks=("is the vertical acceleration",),
+    asked(
+        "an acceleration sideways", timed("time (s),Acceleration x (m/s^2)"), "is the vertical acceleration"
     ),
-    Case(
+    asked(
         "three accelerations",
         "time (s),Acc x (g),Acc y (g),Acc z (g)\n" + rows(T, F, F, F),
-        asks=("which of Acc x [g], Acc y [g], Acc z [g]",),
+        "which of Acc x [g], Acc y [g], Acc z [g]",
     ),
     # Several measurements in one table
-    Case(
+    asked(
         "two sensors under each other",
         "Time (s),Sensor,Force (N)\n"
         + rows(np.repeat(T, 2), np.tile(["left", "right"], 2500), np.repeat(F, 2)),
-        asks=("which rows are one measurement (column 'Sensor' has left, right",),
+        "which rows are one measurement (column 'Sensor' has left, right",
     ),
-    Case(
+    read(
         "one of two sensors",
         "Time (s),Sensor,Force (N)\n"
         + rows(np.repeat(T, 2), np.tile(["left", "right"], 2500), np.stack([F, 3 * F], axis=1).ravel()),
-        5000,
-        {"where": {"Sensor": "right"}},
+        told={"where": {"Sensor": "right"}},
         peaks={"force": 6},
         notes=("2500 of 5000",),
     ),
-    Case(
+    asked(
         "trials by number",
         "Trial,Time (s),Force (N)\n" + rows(np.repeat([1, 2], 2500), np.tile(T, 2), np.tile(F, 2)),
-        asks=("column 'Trial' has 1, 2",),
+        "column 'Trial' has 1, 2",
     ),
-    Case(
+    read(
         "one trial",
         "Trial,Time (s),Force (N)\n" + rows(np.repeat([1, 2], 2500), np.tile(T, 2), np.tile(F, 2)),
-        5000,
-        {"where": {"Trial": "2"}},
-        peaks=SURE,
+        told={"where": {"Trial": "2"}},
     ),
-    Case(
-        "LabVIEW's segments",
-        LVM.format(x="One") + (SEGMENT + "X_Value\tForce\tAcc\tComment\n" + LVM_ROWS + "\n") * 2,
-        asks=("column 'segment' has 1, 2",),
-    ),
-    Case(
-        "all of LabVIEW's segments by --each",
-        LVM.format(x="One") + (SEGMENT + "X_Value\tForce\tAcc\tComment\n" + LVM_ROWS + "\n") * 2,
-        asks=("--each segment",),
-    ),
-    Case(
-        "one of LabVIEW's segments",
-        LVM.format(x="One") + (SEGMENT + "X_Value\tForce\tAcc\tComment\n" + LVM_ROWS + "\n") * 2,
-        5000,
-        {"where": {"segment": "2"}},
-        peaks={"force": 2, "acceleration": 0.2 * G},
-    ),
-    Case(
+    asked("LabVIEW's segments", segments(2), "column 'segment' has 1, 2"),
+    asked("all of LabVIEW's segments by --each", segments(2), "--each segment"),
+    read("one of LabVIEW's segments", segments(2), told={"where": {"segment": "2"}}, peaks=BOTH),
+    read(
         "LabVIEW's X_Columns Multi",
         LVM.format(x="Multi") + SEGMENT + "X_Value\tForce\tX_Value\tAcc\tComment\n" + MULTI_ROWS,
-        5000,
-        peaks={"force": 2, "acceleration": 0.2 * G},
+        peaks=BOTH,
     ),
     # Rows
     *(
-        Case(
+        read(
             f"a note in row {place}",
             timed("time (s),force (N),note", ["pressed by hand" if k == place else "" for k in range(2500)]),
-            5000,
-            peaks=SURE,
             notes=("note is text",),
         )
         for place in (3, 100, 1250, 2499)
     ),
-    Case("a quoted note", timed("time (s),force (N),note", ['"latch, blue"'] * 2500), 5000, peaks=SURE),
-    Case(
+    read("a quoted note", timed("time (s),force (N),note", ['"latch, blue"'] * 2500)),
+    read(
         "quoted decimal commas",
         "time (s),force (N)\n" + rows(*([f'"{x:.5f}"'.replace(".", ",") for x in one] for one in (T, F))),
-        5000,
-        peaks=SURE,
     ),
     *(
-        Case(
+        asked(
             f"torn in row {place}",
             timed("time (s),force (N)").replace(f"\n{np.round(T[place], 7)},", f"\n{line}", 1),
-            asks=("--skip-damaged",),
+            "--skip-damaged",
         )
         for place, line in ((2, "Booting..."), (1200, "0.24"), (1200, "0.24,0.1,0.2,"))
     ),
-    Case(
+    read(
         "torn and left out",
         timed("time (s),force (N)").replace(f"\n{np.round(T[1200], 7)},", "\nBooting... ", 1),
-        5000,
-        {"skip_damaged": True},
-        peaks=SURE,
+        told={"skip_damaged": True},
         notes=("row 1202 ('Booting...", "1 gap of 1 samples"),
     ),
-    Case(
+    read(
         "cut in its last number",
         "time (s),force (N)\n" + rows(T, [f"{f:.5f}" for f in F])[:-4],
-        5000,
-        peaks=SURE,
         notes=("cut in the middle of a number",),
     ),
-    Case(
+    read(
         "a spike",
         timed("time (s),force (N)").replace(f"{np.round(T[7], 7)},", f"{np.round(T[7], 7)},5000", 1),
-        5000,
         peaks={"force": float(f"5000{np.round(F[7], 5)}")},
         notes=("a spike?",),
     ),
     # Shapes of programs
-    Case(
+    read(
         "Arduino's monitor",
         "".join(f"{c} -> {f:.3f},{int(f > 1)}\n" for c, f in zip(CLOCK, F, strict=True)),
-        5000,
-        {"force": 1, "units": {"force": "N"}},
-        peaks=SURE,
+        told={"force": 1, **N},
     ),
-    Case(
+    read(
         "a recorder's header",
         '"Model","X"\n"TraceName","Force","Acc",\nBlockSize,2500,2500,\nVUnit,N,g,\n'
-        "HResolution,2.0e-04,2.0e-04,\nHOffset,-1.0e+00,-1.0e+00,\nHUnit,s,s,\n"
-        + rows(["" for _ in T], F, 0.1 * F),
-        5000,
-        peaks={"force": 2, "acceleration": 0.2 * G},
+        "HResolution,2.0e-04,2.0e-04,\nHOffset,-1.0e+00,-1.0e+00,\nHUnit,s,s,\n" + rows(NONE, F, 0.1 * F),
+        peaks=BOTH,
     ),
-    Case(
+    read(
         "channels that begin apart",
         '"TraceName","Force","Acc",\nVUnit,N,g,\nHResolution,2.0e-04,2.0e-04,\n'
-        "HOffset,0.0,0.1,\nHUnit,s,s,\n" + rows(["" for _ in T], F, 0.1 * F),
-        5000,
-        peaks={"force": 2, "acceleration": 0.2 * G},
+        "HOffset,0.0,0.1,\nHUnit,s,s,\n" + rows(NONE, F, 0.1 * F),
+        peaks=BOTH,
         notes=("begins 0.1 s before",),
     ),
-    Case(
+    read(
         "a tester's units",
         "UNIT = gf,mm\nDATA COUNT = 2500,\nCOMMENT = ,\n2ND PEAK FORCE = ---,---\n" + rows(F, 20 * T),
-        5000,
-        {"rate_hz": 5000, "rest": {"displacement": "start"}},
+        told={"rate_hz": 5000, "rest": {"displacement": "start"}},
         peaks={"force": 2e-3 * G, "displacement": 9.996e-3},
     ),
-    Case(
-        "units over all columns",
-        "Units,s,N\nname,Time,Force\n,,\n" + rows(["" for _ in T], T, F),
-        5000,
-        peaks=SURE,
-    ),
-    Case(
-        "pandas' timedelta", ",force [N]\n" + rows([f"0 days 00:00:0{t:.6f}" for t in T], F), 5000, peaks=SURE
-    ),
-    Case(
+    read("units over all columns", "Units,s,N\nname,Time,Force\n,,\n" + rows(NONE, T, F)),
+    read("pandas' timedelta", ",force [N]\n" + rows([f"0 days 00:00:0{t:.6f}" for t in T], F)),
+    read(
         "pandas' two rows of headings",
         ",force,acc\n,N,m/s^2\ntime [s],,\n" + rows(T, F, F),
-        5000,
         peaks={"force": 2, "acceleration": 2},
     ),
-    Case(
+    asked(
         "sensor over side",
         ",Force,Force\n,left [N],right [N]\ntime [s],,\n" + rows(T, F, F),
-        asks=("which of Force left [N], Force right [N]",),
+        "which of Force left [N], Force right [N]",
     ),
-    Case(
+    read(
         "a switch in words",
         timed("time (s),Force (N),contact", np.where(T > 0.4, "closed", "open")),
-        5000,
         peaks={**SURE, "activation": 1},
     ),
-    Case(
+    read(
         "one sample lost between stamps of one digit",
         "time (s),Force (N)\n" + rows(*(np.delete(one, 900) for one in (np.arange(2500) / 1000, F))),
         1000,
-        peaks=SURE,
         notes=("1 gap of 1 samples",),
     ),
-    Case(
-        "thousands apart",
-        "time (s);Force (mN)\n" + rows(T, [f"{1000 * f:,.2f}" for f in F], separator=";"),
-        5000,
-        peaks=SURE,
+    read(
+        "thousands apart", "time (s);Force (mN)\n" + rows(T, [f"{1000 * f:,.2f}" for f in F], separator=";")
     ),
-    Case(
+    asked(
         "thousands, or decimal commas",
         "time (s);Force (mN)\n" + rows(T, [f"{1000 * f:,.0f}" for f in np.roll(F, 800)], separator=";"),
+        "Look at the decimal sign",
         told={"skip_damaged": True},
-        asks=("Look at the decimal sign",),
     ),
-    Case(
+    asked(
         "a duration is no time",
         "press duration (ms),Force (N)\n" + rows(np.arange(2500), F),
-        asks=("its sample rate, or which column is the time",),
+        "its sample rate, or which column is the time",
     ),
-    Case(
+    asked(
         "trials named once each",
         "trial,time (s),Force (N)\n" + rows(["A", *[""] * 1249, "B", *[""] * 1249], T, F),
-        asks=("column 'trial' has A, B",),
+        "column 'trial' has A, B",
     ),
     *(
-        Case(
-            f"sideways: {name}", timed(f"time (s),{name}"), asks=("does not say that it is the vertical one",)
-        )
+        asked(f"sideways: {name}", timed(f"time (s),{name}"), "does not say that it is the vertical one")
         for name in ("accelerationX (m/s^2)", "acc_y [g]", "aT (m/s^2)", "X-Acceleration (m/s^2)", "Fx (N)")
     ),
-    Case(
+    read(
         "Graphtec's recorder",
         "Model,GL840\nSampling interval,1ms\nData\nNumber,Date&Time,ms,Force,CH2,Alarm\nNO.,Time,ms,N,V,A12\n"
         + rows(
@@ -391,49 +344,39 @@ CASES = (
             ["LLL"] * 2500,
         ),
         1000,
-        peaks=SURE,
         notes=("Alarm is 'LLL' in all rows",),
     ),
-    Case(
+    read(
         "Siglent's preamble",
         "Record Length,Analog:2500\nSample Rate,5000.0\nHorizontal Scale, 0.1\nSecond,Volt\n" + rows(T, F),
-        5000,
-        {"force": "Volt", "units": {"force": "1 V/N"}},
-        peaks=SURE,
+        told={"force": "Volt", "units": {"force": "1 V/N"}},
     ),
-    Case(
+    read(
         "Rigol's increment",
-        "CH1V,CH2V,t0 =-0.25, tInc = 2e-04,\n" + rows(F, F, ["" for _ in T]),
-        5000,
-        {"force": 0, "units": {"force": "1 V/N"}},
-        peaks=SURE,
+        "CH1V,CH2V,t0 =-0.25, tInc = 2e-04,\n" + rows(F, F, NONE),
+        told={"force": 0, "units": {"force": "1 V/N"}},
     ),
-    Case(
+    asked(
         "a word before headings between spaces",
         "% Fs = 5000 Hz\n% columns: travel force\n" + rows(0.1 * F, F, separator=" "),
-        asks=("is force, acceleration or displacement",),
+        "is force, acceleration or displacement",
     ),
-    Case(
-        "force in percent", timed("time (s),Force (%)"), asks=("its heading says force, its unit % does not",)
-    ),
-    Case(
+    asked("force in percent", timed("time (s),Force (%)"), "its heading says force, its unit % does not"),
+    read(
         "a first row that numbers the columns",
         "0,1,2\n" + rows(T, F, F),
-        5000,
-        {"time": 0, "force": 1, "units": {"time": "s", "force": "N"}},
-        peaks=SURE,
+        told={"time": 0, "force": 1, "units": {"time": "s", "force": "N"}},
         notes=("numbers its columns",),
     ),
-    Case(
+    read(
         "seconds and a column of milliseconds",
         "Date&Time,ms,Force (N)\n"
         + rows([f"2026-05-01 10:00:0{k // 1000}" for k in range(2500)], [k % 1000 for k in range(2500)], F),
         1000,
-        peaks=SURE,
     ),
     # Units in rows, times in other forms, headings that contradict themselves
     *(
-        Case(name, head + "\n" + rows(*columns, separator=";"), 5000, peaks=SURE, notes=notes)
+        read(name, head + "\n" + rows(*columns, separator=";"), notes=notes)
         for name, head, columns, notes in (
             ("cells with their unit", "Time;Force", (cells(1e3 * T, " ms"), cells(F, " N")), ()),
             ("close to it", "Time;Force", (cells(1e3 * T, "ms"), cells(F, "N")), ()),
@@ -481,7 +424,7 @@ CASES = (
         )
     ),
     *(
-        Case(name, head + "\n" + rows(*columns), asks=(asks,))
+        asked(name, head + "\n" + rows(*columns), asks)
         for name, head, columns, asks in (
             (
                 "cells against their heading",
@@ -522,31 +465,27 @@ CASES = (
             ),
         )
     ),
-    Case(
+    asked(
         "a time among numbers",
         "Time (s),Force (N)\n" + rows(T, [*cells(F[:300], ""), "10:00:01", *cells(F[301:], "")]),
-        asks=("more than numbers in Force",),
+        "more than numbers in Force",
     ),
     *(
-        Case(f"a unit in the middle: {name}", timed(f"Time (s),{name}"), 5000, peaks=SURE)
+        read(f"a unit in the middle: {name}", timed(f"Time (s),{name}"))
         for name in ("Force [N] (filtered)", "Force (N) left", "Force [N]_1", "Force (N) CH1")
     ),
     *(
-        Case(f"two units: {name}", timed(f"Time (s),{name}"), asks=("its unit is given as N",))
+        asked(f"two units: {name}", timed(f"Time (s),{name}"), "its unit is given as N")
         for name in ("Force (kN) left [N]", "Force (N) in mN", "Force/kN [N]", "Kraft in kN (N)")
     ),
-    Case("m·s⁻²", timed("Time (s),Acc z (m·s⁻²)"), 5000, peaks={"acceleration": 2.0}),
+    read("m·s⁻²", timed("Time (s),Acc z (m·s⁻²)"), peaks={"acceleration": 2.0}),
     *(
-        Case(
-            f"--force {told!r}",
-            "Time (s),Force (N),Force (N).1\n" + rows(T, 3 * F, F),
-            5000,
-            {"force": told},
-            peaks=SURE,
+        read(
+            f"--force {told!r}", "Time (s),Force (N),Force (N).1\n" + rows(T, 3 * F, F), told={"force": told}
         )
         for told in ("Force (N).1", "Force 1 [N]", "Force 1")
     ),
-    Case(
+    read(
         "minus signs and thousands of a language",
         "Zeit (s);Kraft (mN)\n"
         + rows(
@@ -557,20 +496,17 @@ CASES = (
             ],
             separator=";",
         ).replace(".", ","),
-        5000,
         peaks={"force": 1.9995},
     ),
-    Case(
+    read(
         "a tester's verdicts and marks",
         timed(
             "Time (s),Force (N),Judge,Position", np.where(F > 1, "+NG", "OK"), np.where(T == 0.1, "P1", "--")
         ),
-        5000,
-        peaks=SURE,
         notes=("Judge is text", "Position is text"),
     ),
-    Case("a range is no unit", timed("Time (s),Load cell 10 kg (N)"), 5000, peaks=SURE),
-    Case("(L) is no litre", timed("Time (s) [s],Force (L) [N]"), 5000, peaks=SURE),
+    read("a range is no unit", timed("Time (s),Load cell 10 kg (N)")),
+    read("(L) is no litre", timed("Time (s) [s],Force (L) [N]")),
     # Times of minutes, factors, thousands, errors of spreadsheets
     *(
         Case(f"12:04, {name}", f"{head}\n" + rows([f"12:{4 + k // 1000:02d}" for k in range(2500)], F), *more)
@@ -602,13 +538,13 @@ CASES = (
             ),
         )
     ),
-    Case(
+    asked(
         "12:04 names a trial",
         "Trial,Time (s),Force (N)\n" + rows(np.where(T < 0.2, "12:04", "12:07"), T, F),
-        asks=("column 'Trial' has 12:04, 12:07",),
+        "column 'Trial' has 12:04, 12:07",
     ),
     *(
-        Case(f"a factor: {head!r}", timed(head), asks=(asks,))
+        asked(f"a factor: {head!r}", timed(head), asks)
         for head, asks in (
             ("Time (s),Force/100 (N)", "/100 may be in its numbers or not"),
             ("Time (s),Force x10 (N)", "x10 may be in its numbers or not"),
@@ -644,7 +580,7 @@ CASES = (
         )
     ),
     *(
-        Case(f"no factor: {line}", timed(f"{line}\nTime (s),Force (N)"), 5000, peaks=SURE, notes=notes)
+        read(f"no factor: {line}", timed(f"{line}\nTime (s),Force (N)"), notes=notes)
         for line, *notes in (
             ("Scale factor: 1.0",),
             ("Gain: 0 dB",),
@@ -670,31 +606,29 @@ CASES = (
             ((1,), ()),
         )
     ),
-    Case(
+    read(
         "a factor, answered",
         timed("Gain: 100\nTime (s),Force (mN)"),
-        5000,
-        {"units": {"force": "0.01 mN"}},
+        told={"units": {"force": "0.01 mN"}},
         peaks={"force": 2e-5},
     ),
-    Case(
+    asked(
         "a factor, answered in the question's words",
         timed("Gain: 100\nTime (s),Force (mN)"),
-        asks=("--unit force=mN where it is in them, or what one of its units is (--unit 'force=0.01 mN')",),
+        "--unit force=mN where it is in them, or what one of its units is (--unit 'force=0.01 mN')",
     ),
-    Case(
+    asked(
         "factors by column",
         timed("Gain,1,1,100\nTime (s),Force (N),Travel (mm)", F),
-        asks=("(Travel [mm]): 'Gain 100'",),
+        "(Travel [mm]): 'Gain 100'",
     ),
-    Case(
+    read(
         "a factor of another column",
         timed("Travel scale factor: 2\nTime (s),Force (N),Travel (mm)", F),
-        5000,
         told={"units": {"displacement": "2 mm"}},
         peaks={**SURE, "displacement": 4e-3},
     ),
-    Case(
+    read(
         "thousands of a language with decimal commas",
         "Zeit (ms);Kraft (mN)\n"
         + rows(
@@ -702,21 +636,14 @@ CASES = (
             [f"{1000 * f:,.2f}".translate(str.maketrans(",.", ".,")) for f in F],
             separator=";",
         ),
-        5000,
-        peaks=SURE,
     ),
-    Case(
-        "an error in the first row",
-        timed("Zeit (s),Kraft (N),Rate", np.where(T == 0, "#DIV/0!", "1")),
-        5000,
-        peaks=SURE,
-    ),
+    read("an error in the first row", timed("Zeit (s),Kraft (N),Rate", np.where(T == 0, "#DIV/0!", "1"))),
     *(
-        Case(
+        read(
             f"a sketch's words: {line}",
             "".join(line.format(500 * f) for f in F),
             1000,
-            told,
+            told=told,
             peaks={"force": 1.0},
         )
         for line, told in (
@@ -728,14 +655,14 @@ CASES = (
             ("Load_cell output val: {:.4f}\n", {"rate_hz": 1000, "force": 0, "units": {"force": "mN"}}),
         )
     ),
-    Case(
+    asked(
         "a sketch's factor",
         "".join(f"Reading: {f:.4f} mN calibration_factor: -7050.00\n" for f in F),
+        "'calibration_factor = -7050' may be in its numbers",
         told={"rate_hz": 1000, "force": "Reading"},
-        asks=("'calibration_factor = -7050' may be in its numbers",),
     ),
     *(
-        Case(f"a clock {name}", "Time,Force (N)\n" + rows(map(form, range(2500)), F), asks=(asks,))
+        asked(f"a clock {name}", "Time,Force (N)\n" + rows(map(form, range(2500)), F), asks)
         for name, form, asks in (
             (
                 "with milliseconds behind minutes",
@@ -749,42 +676,36 @@ CASES = (
             ),
         )
     ),
-    Case(
+    asked(
         "accountants' negatives",
         "Time (s),Force (N)\n" + rows(T, [f"{f - 0.5:.4f}" if f > 0.5 else f"({0.5 - f:.4f})" for f in F]),
-        asks=("numbers in brackets, like (0.5000)",),
+        "numbers in brackets, like (0.5000)",
     ),
-    Case("an axis that is only a unit", timed("in s,Force in N"), 5000, peaks=SURE),
-    Case("kilograms are asked as kgf", timed("time (s),Load (kg)"), asks=("--unit force=kgf",)),
-    Case("milligrams", timed("time (s),Load (mg)"), asks=("--unit 'force=0.001 gf'",)),
+    read("an axis that is only a unit", timed("in s,Force in N")),
+    asked("kilograms are asked as kgf", timed("time (s),Load (kg)"), "--unit force=kgf"),
+    asked("milligrams", timed("time (s),Load (mg)"), "--unit 'force=0.001 gf'"),
     # Of other people's instruments
-    Case(
+    read(
         "a logger's row of headers, with its key",
         ";SampleRate, 5000,Hz\n;Headers, time,Ax,Fz\n" + rows(T, 3 * F, F),
-        5000,
-        {"units": {"force": "N"}},
-        peaks=SURE,
+        told={"units": {"force": "N"}},
     ),
-    Case(
+    read(
         "units under a third row of headings",
         '"sep=\t"\nUnix_CAL\tForce_CAL\tA1_UNCAL\tA2_UNCAL\nms\tN\tno_units\tno_units\n'
         + rows(1e3 * T + 1.6e12, F, F, F, separator="\t"),
-        5000,
-        {"force": "Force_CAL"},
-        peaks=SURE,
+        told={"force": "Force_CAL"},
     ),
-    Case(
+    read(
         "units under all but the counts",
         "Devices\n5000\n,,Plate - Force,\nFrame,Sub Frame,Fx,Fz\n,,N,N\n" + rows(T, T, 3 * F, F),
-        5000,
-        peaks=SURE,
     ),
     *(
-        Case(
+        read(
             f"a preamble beside the numbers: {keys[0]}",
             head + rows(*columns),
             rate,
-            {"force": 1, "units": {"force": "0.5 V/N"}},
+            told={"force": 1, "units": {"force": "0.5 V/N"}},
             peaks={"force": 4},
         )
         for keys, rate, head, columns in (
@@ -795,7 +716,7 @@ CASES = (
                 (
                     ["Sample Interval", "Vertical Units", "Horizontal Units", *[""] * 2497],
                     ["2.0E-4", "V", "s", *[""] * 2497],
-                    [""] * 2500,
+                    NONE,
                     np.round(T - 0.25, 7),
                     np.round(F, 5),
                 ),
@@ -807,110 +728,97 @@ CASES = (
                 (
                     [f"{t:.2E}" for t in T / 10],
                     np.round(F, 5),
-                    [""] * 2500,
+                    NONE,
                     ["Vertical Units", "Horizontal Units", "Sampling Period", *[""] * 2497],
                     ["V", "S", "2.0E-5", *[""] * 2497],
                 ),
             ),
         )
     ),
-    Case(
+    read(
         "a start and an increment without a sequence",
-        "CH1,CH2,Start,Increment,\nVolt,Volt,-2.5e-01,2.0e-04\n" + rows(F, F, [""] * 2500),
-        5000,
-        {"force": "CH1", "units": {"force": "1 V/N"}},
-        peaks=SURE,
+        "CH1,CH2,Start,Increment,\nVolt,Volt,-2.5e-01,2.0e-04\n" + rows(F, F, NONE),
+        told={"force": "CH1", "units": {"force": "1 V/N"}},
     ),
-    Case(
+    read(
         "keys with := and one unit for all",
         "# Simple Text\n# Sampling Rate (Hz):= 5000.00\n# Units:= N\n# Labels:= Fx\tFz\n"
         + rows(3 * F, F, separator="\t"),
-        5000,
-        peaks=SURE,
     ),
-    Case(
+    read(
         "a rate in JSON",
         '# {"a": {"column": ["I1", "A1"], "sampling rate": 5000, "label": ["A1"]}}\n# EndOfHeader\n'
         + rows([0] * 2500, F, separator="\t"),
-        5000,
-        {"force": 1, "units": {"force": "N"}},
-        peaks=SURE,
+        told={"force": 1, **N},
     ),
-    Case("a line below headings", timed("Time (s),Force (N)\n--------------------"), 5000, peaks=SURE),
-    Case(
+    read("a line below headings", timed("Time (s),Force (N)\n--------------------")),
+    read(
         "words in brackets before a row of units",
         "Time,Force (Trigger),Travel (filtered)\ns,N,mm\n" + rows(T, F, F),
-        5000,
         peaks={**SURE, "displacement": 2e-3},
     ),
-    Case(
-        "an old scale of the screen", timed("Horizontal Old Scale,0.05\nTime (s),Force (N)"), 5000, peaks=SURE
-    ),
-    Case(
+    read("an old scale of the screen", timed("Horizontal Old Scale,0.05\nTime (s),Force (N)")),
+    read(
         "headings in quotes between spaces",
         'Time "Force left" "Travel of it"\ns N mm\n' + rows(T, F, F, separator=" "),
-        5000,
         peaks={"displacement": 2e-3, **SURE},
     ),
-    Case(
+    asked(
         "counts in the place of volts",
         "Source,CH1,\nVertical Units,V,\nVertical Scale,5.0E-01,\nHorizontal Units,s,\n"
-        "Sampling Period,2.0E-4,\nWaveform Data,\n" + rows(np.rint(40 * F).astype(int), [""] * 2500),
+        "Sampling Period,2.0E-4,\nWaveform Data,\n" + rows(np.rint(40 * F).astype(int), NONE),
+        "0.5 V a division are stated, and it spans 80, as counts do",
         told={"force": 0},
-        asks=("0.5 V a division are stated, and it spans 80, as counts do",),
     ),
-    Case(
+    asked(
         "samples beside each other",
         "ACCELERATION IN UNITS OF G\nNPTS=   2500, DT=   .0002 SEC\n"
         + rows(*np.round(F.reshape(-1, 5), 5).T, separator="  "),
-        asks=("'NPTS= 2500' and has 500 rows of 5: its samples stand beside each other",),
+        "'NPTS= 2500' and has 500 rows of 5: its samples stand beside each other",
     ),
-    Case(
+    asked(
         "a table that lies on its side",
         "\n".join(" ".join(f"{value:.5f}" for value in one) for one in (T, F)) + "\n",
-        asks=("has 2 rows of 2500 numbers: samples stand below each other",),
+        "has 2 rows of 2500 numbers: samples stand below each other",
     ),
-    Case(
+    read(
         "fewer rows than are stated",
         timed("#Samples: 8192\nTime (s),Force (N)"),
-        5000,
-        peaks=SURE,
         notes=("'Samples: 8192' is stated, and there are 2500 rows",),
     ),
-    Case(
+    asked(
         "two plates with the same headings",
         "abs time (s),Fx,Fz,Fx,Fz\ns,N,N,N,N\n" + rows(T, F, F, F, F),
-        asks=("which of Fz [N] (column 2), Fz [N] (column 4) is force",),
+        "which of Fz [N] (column 2), Fz [N] (column 4) is force",
     ),
-    Case(
+    read(
         "a clock that drifts",
         "Time (s),Force (N)\n" + rows(np.round(T + 0.02 * T * (T - 0.5) / 0.25, 6), F),
-        5000,
-        peaks=SURE,
         notes=("from which its clock strays by ",),
     ),
-    Case(
+    asked(
         "a clock that is set while it records",
         "Time (s),Force (N)\n" + rows(np.round(T + np.where(T < 0.3, 0, 1.7e9), 4), F),
-        asks=("lacks more samples than it has, in steps of up to 1.7e+09 s",),
+        "lacks more samples than it has, in steps of up to 1.7e+09 s",
     ),
-    Case(
+    asked(
         "a remark in brackets over one column",
         "Sample rate: 5000 Hz\n,,(4=vigorous)\n" + rows(F, F, F),
-        asks=("which of its columns (column 0, column 1, column 2)",),
+        "which of its columns (column 0, column 1, column 2)",
     ),
-    Case(
+    asked(
         "a short table of many columns",
         "\n".join(" ".join(f"{k + n:.1f}" for n in range(80)) for k in range(60)) + "\n",
-        asks=("and 50 more) is force", "its sample rate"),
+        "and 50 more) is force",
+        "its sample rate",
     ),
-    Case(
+    asked(
         "pairs of equal stamps",
         "Time (s),Force (N)\n" + rows(np.round(np.repeat(0.0012 * np.arange(10_000), 2), 4), np.tile(F, 8)),
-        asks=("stamps too coarse",),
+        "stamps too coarse",
     ),
     *(
-        Case(f"over frequency: {name}", text, asks=(asks,))
+        asked(f"over frequency: {name}", text, asks)
         for name, text, asks in (
             (
                 "an axis unit",
@@ -922,34 +830,26 @@ CASES = (
                 LVM.format(x="No").replace("Multi_Headings\tYes", "Multi_Headings\tNo")
                 + SEGMENT.replace("X_Dimension\tTime\tTime", "X_Dimension\tFrequency\tFrequency")
                 + "X_Value\tForce\tAcc\tComment\n"
-                + rows([""] * 2500, F, F, separator="\t"),
+                + rows(NONE, F, F, separator="\t"),
                 "an axis of Frequency",
             ),
             ("a rising column in Hz", timed("f (Hz),Force (N)"), "is over frequency"),
             ("a rising Frequenz", timed("Frequenz,Force (N)"), "is over frequency"),
         )
     ),
-    Case(
-        "a frequency that does not rise is a column",
-        timed("Time (s),Force (N),Frequency (Hz)", [50] * 2500),
-        5000,
-        peaks=SURE,
+    read(
+        "a frequency that does not rise is a column", timed("Time (s),Force (N),Frequency (Hz)", [50] * 2500)
     ),
-    Case(
+    read(
         "names of specimens, one of which looks like a number with its unit",
         '"Units, Load",N\ntime (s),spec,Force (N),n,m\n'
         + rows(
             T, np.resize(["RZFE4", "5SDKT", "L8M6B", "V5SNQ", "898MA"], 2500), F, [564] * 2500, [9] * 2500
         ),
-        5000,
-        {"where": {"spec": "*"}},
-        peaks=SURE,
+        told={"where": {"spec": "*"}},
     ),
-    Case(
-        "a phone at 99.87/s",
-        "Time (s),Force (N)\n" + rows(np.arange(300) / 99.8667, F[::8][:300]),
-        99.8667,
-        peaks=SURE,
+    read(
+        "a phone at 99.87/s", "Time (s),Force (N)\n" + rows(np.arange(300) / 99.8667, F[::8][:300]), 99.8667
     ),
 )
 
@@ -1002,9 +902,7 @@ def test_a_table_that_is_far_too_wide_is_refused_at_once(tmp_path):
 
 def test_each_measurement_of_a_table_becomes_a_file_of_its_own(run, tmp_path):
     segments = tmp_path / "run.lvm"
-    segments.write_text(
-        LVM.format(x="One") + (SEGMENT + "X_Value\tForce\tAcc\tComment\n" + LVM_ROWS + "\n") * 3
-    )
+    segments.write_text(segments(3))
     out = tmp_path / "out"
     run("import", segments, "--each", "segment", "--button", "push", "-o", out, ends=0)
     assert sorted(path.name for path in out.iterdir()) == ["run-1.h5", "run-2.h5", "run-3.h5"]
