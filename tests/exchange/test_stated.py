@@ -48,7 +48,7 @@ LVM_ROWS = rows(T, np.round(F, 6), np.round(0.1 * F, 6), separator="\t")
 MULTI_ROWS = rows(T, np.round(F, 6), T, np.round(0.1 * F, 6), separator="\t")
 
 
-def segments(number: int) -> str:
+def in_segments(number: int) -> str:
     return LVM.format(x="One") + (SEGMENT + "X_Value\tForce\tAcc\tComment\n" + LVM_ROWS + "\n") * number
 
 
@@ -214,9 +214,9 @@ CASES = (
         "Trial,Time (s),Force (N)\n" + rows(np.repeat([1, 2], 2500), np.tile(T, 2), np.tile(F, 2)),
         told={"where": {"Trial": "2"}},
     ),
-    asked("LabVIEW's segments", segments(2), "column 'segment' has 1, 2"),
-    asked("all of LabVIEW's segments by --each", segments(2), "--each segment"),
-    read("one of LabVIEW's segments", segments(2), told={"where": {"segment": "2"}}, peaks=BOTH),
+    asked("LabVIEW's segments", in_segments(2), "column 'segment' has 1, 2"),
+    asked("all of LabVIEW's segments by --each", in_segments(2), "--each segment"),
+    read("one of LabVIEW's segments", in_segments(2), told={"where": {"segment": "2"}}, peaks=BOTH),
     read(
         "LabVIEW's X_Columns Multi",
         LVM.format(x="Multi") + SEGMENT + "X_Value\tForce\tX_Value\tAcc\tComment\n" + MULTI_ROWS,
@@ -902,7 +902,7 @@ def test_a_table_that_is_far_too_wide_is_refused_at_once(tmp_path):
 
 def test_each_measurement_of_a_table_becomes_a_file_of_its_own(run, tmp_path):
     segments = tmp_path / "run.lvm"
-    segments.write_text(segments(3))
+    segments.write_text(in_segments(3))
     out = tmp_path / "out"
     run("import", segments, "--each", "segment", "--button", "push", "-o", out, ends=0)
     assert sorted(path.name for path in out.iterdir()) == ["run-1.h5", "run-2.h5", "run-3.h5"]
