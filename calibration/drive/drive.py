@@ -19,17 +19,18 @@ from ...instruments.vibrometer import DERIVATIVE, shown
 from ..band import BAND
 from ..model import Calibration, Drift
 from ..response import Response
-from ..spectra import resample, third_octaves
+from ..spectra import resample
 from .actuation import Actuation
 from .inversion import Plan
 from .planning import (
-    BUDGET,
     STEADY,
     TRADE_OFF,
     Inversion,
     TradeOff,
     expected,
+    given_up,
     hidden,
+    left_out,
     plan_for,
     planned_by,
     unmeasured_above,
@@ -46,8 +47,6 @@ _REACH = 1000.0
 """V: no amplifier of a patch reaches this. A rig's own limits are lower, and are checked before a play."""
 _OWN = ("point", "button", "target", "scale", "carrier_hz", "in_band", "sources", "unreached")
 """What belongs to a drive's own point."""
-_ALL = 0.99
-"""Fraction of the target above which nothing is reported as unreached."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -357,8 +356,8 @@ def _at_point(aim: _Aim, scaled: _Scaled, row: int, errors: FloatArray) -> Other
     unreached = []
     if press:
         steady = replace(aim.plan, drift=0.0).at(row)
-        given_up = _given_up(steady, scaled.played, aim.grid.rate_hz, aim.band)
-        unreached = [*_left_out(scale, scaled.by, in_band, aim.band), given_up]
+        short = given_up(steady, scaled.played, aim.grid.rate_hz, aim.band)
+        unreached = [*left_out(scale, scaled.by, in_band, aim.band), short]
     return OtherPoint(
         point=aim.table.points[row],
         button=press.button if press else "",
@@ -393,29 +392,3 @@ def _within(
     for own in volts:
         limits.check(own, table.rate_hz)
     return volts, scale
-
-
-def _left_out(scale: float, by: str, in_band: float, band: tuple[float, float]) -> list[str]:
-    sentences = []
-    if scale < _ALL:
-        sentences.append(
-            f"The surface reproduces the shape at {scale:.1%} of the recorded acceleration, limited by {by}."
-        )
-    if in_band < _ALL:
-        sentences.append(
-            f"{1 - in_band:.0%} of the energy lies outside {band[0]:.0f} to {band[1]:.0f} Hz and is left out."
-        )
-    return sentences
-
-
-def _given_up(plan: Plan, played: FloatArray, rate_hz: float, band: tuple[float, float]) -> str:
-    length = played.shape[1]
-    missed = scipy.fft.irfft(plan.missed(scipy.fft.rfft(played))[0] * plan.known, length)
-    error = float(np.linalg.norm(missed) / np.linalg.norm(scipy.fft.irfft(plan.target[0], length)))
-    if error <= BUDGET:
-        return ""
-    centres, levels = third_octaves(missed, rate_hz, *band)
-    return (
-        f"{error:.1%} of the target is given up, most near {centres[int(np.argmax(levels))]:.0f} Hz, for a "
-        "larger output or because the response is not known better."
-    )

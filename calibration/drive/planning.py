@@ -14,7 +14,7 @@ from ...base.errors import ConfigurationError
 from ...instruments import Limits
 from ..intervals import not_negative
 from ..model import Calibration, Drift
-from ..spectra import third_octave
+from ..spectra import third_octave, third_octaves
 from .actuation import Actuation
 from .inversion import Plan, State, max_output, min_peak, within
 
@@ -26,6 +26,8 @@ BUDGET = 0.005
 """Error accepted in exchange for a larger output. Small, because unmodelled error (hysteresis is known to
 some percent) adds to it, and learning needs spare volts to correct that; 3 % would raise the output by a
 tenth."""
+_ALL = 0.99
+"""Fraction of the target above which nothing is reported as left out."""
 _MOST = 10.0
 _DRIFTED = 0.06
 """The same of a table that has drifted by 1 %: of simulated tables with four patches, the least is 4 to 6 %,
@@ -313,3 +315,34 @@ def expected(
         for edge, own in zip(edges, edges >= edges[:, None], strict=True)
     ]
     return np.sqrt(each / plan.wanted), np.array([edges, np.sqrt(np.array(above) / plan.wanted)])
+
+
+# Shortfalls against the target, in sentences.
+
+
+def left_out(scale: float, by: str, in_band: float, band: tuple[float, float]) -> list[str]:
+    """What a `scale` limited `by` something, and the share of the energy `in_band` (Hz), leave out."""
+    sentences = []
+    if scale < _ALL:
+        sentences.append(
+            f"The surface reproduces the shape at {scale:.1%} of the recorded acceleration, limited by {by}."
+        )
+    if in_band < _ALL:
+        sentences.append(
+            f"{1 - in_band:.0%} of the energy lies outside {band[0]:.0f} to {band[1]:.0f} Hz and is left out."
+        )
+    return sentences
+
+
+def given_up(plan: Plan, played: FloatArray, rate_hz: float, band: tuple[float, float]) -> str:
+    """What the plan misses on purpose when (patches, grid) V are played; empty for next to nothing."""
+    length = played.shape[1]
+    missed = scipy.fft.irfft(plan.missed(scipy.fft.rfft(played))[0] * plan.known, length)
+    error = float(np.linalg.norm(missed) / np.linalg.norm(scipy.fft.irfft(plan.target[0], length)))
+    if error <= BUDGET:
+        return ""
+    centres, levels = third_octaves(missed, rate_hz, *band)
+    return (
+        f"{error:.1%} of the target is given up, most near {centres[int(np.argmax(levels))]:.0f} Hz, for a "
+        "larger output or because the response is not known better."
+    )

@@ -7,9 +7,12 @@ was started again all show the same without a history.
 from __future__ import annotations
 
 import json
+import math
 import threading
 from collections.abc import Callable
 from typing import Any
+
+from ...acquisition import PressVerdict
 
 
 class Board:
@@ -45,3 +48,29 @@ class Board:
         with self._lock:
             self._changed.wait_for(lambda: self._version > after, timeout)
             return json.dumps({**self._values, "version": self._version})
+
+    def progress(self, doing: str, done: float, total: float, unit: str) -> None:
+        """Show how far a job is: `done` of `total`, in a unit."""
+        self.set(progress={"doing": doing, "done": float(done), "total": float(total), "unit": unit})
+
+    def verdict(self, participant: str, button: str, press: PressVerdict) -> None:
+        """Show the verdict on a press; step by step, the session pauses behind it."""
+        shown = {
+            "number": press.number,
+            "attempt": press.attempt,
+            "accepted": bool(press.accepted),
+            "force": None if math.isnan(press.force) else float(press.force),
+            "flags": list(press.flags),
+            "reason": press.reason,
+        }
+
+        def add(session: dict[str, Any]) -> dict[str, Any]:
+            known = session["verdicts"]
+            if (session["participant"], session["button"]) != (participant, button):
+                known = []
+            others = [v for v in known if (v["number"], v["attempt"]) != (press.number, press.attempt)]
+            return {**session, "participant": participant, "button": button, "verdicts": [*others, shown]}
+
+        self.change("session", add)
+        if self["step"]:
+            self.set(paused=True)

@@ -54,7 +54,7 @@ def make(tools: Tools, wanted: Mapping[str, Any]) -> Work:
     check_destination(path)
 
     def work(rig: Rig) -> dict[str, Any]:
-        tools.progress("Compute the drive", 0, 1, "")
+        tools.board.progress("Compute the drive", 0, 1, "")
         elsewhere = load_elsewhere(also, quiet_at, times)
         press, calibrations = load_press(presses), load_calibrations(calibrated)
         if map_folder is not None:
@@ -67,7 +67,7 @@ def make(tools: Tools, wanted: Mapping[str, Any]) -> Work:
                 trade=trade_for(press, calibrations, rig, loudness, elsewhere=elsewhere),
                 elsewhere=elsewhere,
                 iterations=iterations,
-                progress=tools.progress,
+                progress=tools.board.progress,
             )
             made.save(path)
         return {"file": tools.data.name(path), "verdict": made.check.verdict}
@@ -108,7 +108,7 @@ def check(tools: Tools, wanted: Mapping[str, Any]) -> Work:
         now = datetime.now(UTC)
         saved = tools.data.path(f"checks/{path.stem}-{now:%Y%m%dT%H%M%S}.h5")
         with reserved(saved, size=sizes.of_check(_PLAYS)):
-            result = play_button(rig, button, plays=_PLAYS, progress=tools.progress)
+            result = play_button(rig, button, plays=_PLAYS, progress=tools.board.progress)
             result.save(saved)
         # The button's file is never changed: the new check stands beside it.
         return {"file": tools.data.name(path), "check": tools.data.name(saved), "verdict": result.verdict}

@@ -8,9 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...acquisition import PressVerdict
 from ...base.errors import ConfigurationError
-from ...base.progress import Progress
 from ...base.threads import Flag
 from ...instruments import Rig, RigFile
 from ..data_folder import DataFolder
@@ -29,8 +27,6 @@ class Tools:
     board: Board
     data: DataFolder
     file: RigFile
-    progress: Progress
-    on_verdict: Callable[[str, str, PressVerdict], None]
     stimuli: Stimuli
     looking: Flag
     """Set while the sensors are looked at, and cleared to end that."""

@@ -84,8 +84,8 @@ def _record(tools: Tools, wanted: Mapping[str, Any]) -> Work:
             participant,
             presses,
             out,
-            progress=tools.progress,
-            on_verdict=lambda press: tools.on_verdict(participant, button, press),
+            progress=tools.board.progress,
+            on_verdict=lambda press: tools.board.verdict(participant, button, press),
             protocol=protocol,
             notes=notes,
             name=name,
@@ -112,8 +112,8 @@ def _study(tools: Tools, wanted: Mapping[str, Any]) -> Work:
             study,
             participants,
             buttons,
-            progress=tools.progress,
-            on_verdict=tools.on_verdict,
+            progress=tools.board.progress,
+            on_verdict=tools.board.verdict,
             notes=notes,
             adapt=lambda protocol: replace(protocol, pause=_PAUSE, block=_BLOCK),
         )
@@ -143,7 +143,7 @@ def _preflight(tools: Tools, wanted: Mapping[str, Any]) -> Work:
     def work(rig: Rig) -> dict[str, Any]:
         findings = [
             _finding(one.name, one.instrument, one.status, one_style(one.sentence))
-            for one in examine(rig, mass, tools.progress)
+            for one in examine(rig, mass, tools.board.progress)
         ]
         findings += [_space(tools), _calibrated(tools)]
         if rig.file.amplifier is not None and rig.mode is None:
@@ -218,7 +218,7 @@ def _calibrate(tools: Tools, wanted: Mapping[str, Any]) -> Work:
 
     def work(rig: Rig) -> dict[str, Any]:
         with reserved(path, beside, size=sizes.CALIBRATION + sizes.WAVEFORMS):
-            calibration, waveforms = calibrate_keeping(rig, patch, point, tools.progress)
+            calibration, waveforms = calibrate_keeping(rig, patch, point, tools.board.progress)
             calibration.save(path)
             waveforms.save(beside)
         return {"file": tools.data.name(path)}
@@ -235,7 +235,7 @@ def _map(tools: Tools, wanted: Mapping[str, Any]) -> Work:
         plan = map_plan(rig, points=points, patches=patches)
         tools.board.set(map=tools.data.name(folder))
         folder.parent.mkdir(parents=True, exist_ok=True)
-        done = measure_map(rig, folder, plan, tools.progress)
+        done = measure_map(rig, folder, plan, tools.board.progress)
         return {"map": tools.data.name(folder), "skipped": done.skipped()}
 
     return work
@@ -259,7 +259,7 @@ def _surface(tools: Tools, wanted: Mapping[str, Any]) -> Work:
         raise ConfigurationError(f"The experiment {name} has no [buttons] for the rig to play.")
 
     def work(rig: Rig) -> dict[str, Any]:
-        present_stimuli(rig, name, store, tools.board, tools.stimuli, tools.progress)
+        present_stimuli(rig, name, store, tools.board, tools.stimuli)
         return {}
 
     return work

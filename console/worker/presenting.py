@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ...base.errors import ConfigurationError, DataError
-from ...base.progress import Progress
 from ...base.threads import Flag, Inbox
 from ...experiments import (
     Assignment,
@@ -73,12 +72,10 @@ class _Noted:
         )
 
 
-def present_stimuli(
-    rig: Rig, name: str, store: Store, board: Board, stimuli: Stimuli, progress: Progress
-) -> None:
+def present_stimuli(rig: Rig, name: str, store: Store, board: Board, stimuli: Stimuli) -> None:
     """Prepare the rig for an experiment, and present what is asked for, until it is to be left."""
     experiment: Experiment = store.experiment
-    presenter = Presenter(prepare_surface(rig, experiment, progress), experiment.file)
+    presenter = Presenter(prepare_surface(rig, experiment, board.progress), experiment.file)
     stimuli.forget()
     board.set(surface=_surface(name, "ready", ""), progress=None, request=None)
     try:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 import threading
 import traceback
@@ -11,7 +10,6 @@ from contextlib import ExitStack, suppress
 from datetime import UTC, datetime, timedelta
 from typing import Any, cast
 
-from ...acquisition import PressVerdict
 from ...base.clock import RealClock
 from ...base.errors import ConfigurationError, HaploopError, InstrumentError
 from ...base.marks import is_marked
@@ -98,9 +96,7 @@ class Worker:
         )
         self._stimuli = Stimuli(self.board, self._abandoned)
         self._looking = Flag()
-        self._tools = Tools(
-            self.board, data, file, self._progress, self._verdict, self._stimuli, self._looking
-        )
+        self._tools = Tools(self.board, data, file, self._stimuli, self._looking)
 
     def run(self) -> None:
         """Run jobs until `end`, or until nobody has asked for the snapshot for long. In the main thread."""
@@ -384,30 +380,6 @@ class Worker:
     def _show_job(self, number: int, **values: Any) -> None:
         # Another job may wait already for the end of a look.
         self.board.change("job", lambda job: {**job, **values} if job["number"] == number else job)
-
-    def _progress(self, doing: str, done: float, total: float, unit: str) -> None:
-        self.board.set(progress={"doing": doing, "done": float(done), "total": float(total), "unit": unit})
-
-    def _verdict(self, participant: str, button: str, press: PressVerdict) -> None:
-        shown = {
-            "number": press.number,
-            "attempt": press.attempt,
-            "accepted": bool(press.accepted),
-            "force": None if math.isnan(press.force) else float(press.force),
-            "flags": list(press.flags),
-            "reason": press.reason,
-        }
-
-        def add(session: dict[str, Any]) -> dict[str, Any]:
-            known = session["verdicts"]
-            if (session["participant"], session["button"]) != (participant, button):
-                known = []
-            others = [v for v in known if (v["number"], v["attempt"]) != (press.number, press.attempt)]
-            return {**session, "participant": participant, "button": button, "verdicts": [*others, shown]}
-
-        self.board.change("session", add)
-        if self.board["step"]:
-            self.board.set(paused=True)
 
 
 class _UnconfirmedError(InstrumentError):

@@ -21,12 +21,9 @@ from .headers import (
     BURST,
     BURST_MODE,
     BURST_PHASE,
-    COUPLED,
-    HOW,
     LIMITED,
     NUMBERS,
     OWN_WORDS,
-    RIGOL_COUPLES,
     SHAPE,
     SPACING,
     START,
@@ -36,13 +33,11 @@ from .headers import (
     TRIGGERS,
     WORDS,
     Product,
-    follow,
 )
 from .levels import INFINITE, QUANTITIES, Quantity, within
+from .modulation import AM, FM, check_carrier, modulation_of
 from .scpi import Entry, ScpiDevice, ScpiError, number_of, word_of
 from .waveform import (
-    AM,
-    FM,
     FREQUENCY,
     HIGHEST,
     HOLD,
@@ -50,11 +45,9 @@ from .waveform import (
     Channel,
     Output,
     Playing,
-    check_carrier,
     duty,
     hold,
     load,
-    modulation_of,
     pulse_value,
     receive,
     select,
@@ -185,7 +178,6 @@ class Box:
                 for h, entry in entries.items()
                 if h.startswith(("[:SOURce#]:AM", "[:SOURce#]:FM"))
             }
-            entries |= {RIGOL_COUPLES[h]: entries[h] for h in RIGOL_COUPLES}
             entries |= {
                 f"[:SOURce#]:{mode}": entries[f"[:SOURce#]:{mode}:STATe"] for mode in ("SWEep", "BURSt")
             }
@@ -213,7 +205,7 @@ class Box:
 
     def _get_number(self, header: str, low: float, high: float, n: int, argument: str) -> str:
         ends = {"MINimum": low, "MAXimum": headers.highest(self._product, self._channel(n), header, high)}
-        value = number_of(argument, ends) if argument else self._shared(header, n).values[header]
+        value = number_of(argument, ends) if argument else self._channel(n).values[header]
         value /= headers.degrees(header, self._angle)
         return self._text(value)
 
@@ -223,10 +215,10 @@ class Box:
         endless = {"INFinity": INFINITE} if header == _CYCLES and self._product.by_mode else {}
         value = number_of(argument, ends | endless, headers.kind_of(header))
         value = headers.in_degrees(header, argument, value, self._angle)
-        self._changed(header, n).values[header] = (
+        self._channel(n).values[header] = (
             value if value in endless.values() else within(value, low, high, self.fail)
         )
-        self._settle(header, n)
+        self._settle(n)
 
     def _get_pulse(self, name: str, n: int, argument: str) -> str:
         low, high = PULSES[name]
@@ -237,28 +229,28 @@ class Box:
         low, high = PULSES[name]
         value = number_of(argument, {"MINimum": low, "MAXimum": high})
         set_pulse(self._channel(n), name, within(value, low, high, self.fail))
-        self._settle(FREQUENCY, n)
+        self._settle(n)
 
     def _get_on(self, header: str, n: int, argument: str) -> str:
-        return self._product.booleans[bool(self._shared(header, n).values[header])]
+        return self._product.booleans[bool(self._channel(n).values[header])]
 
     def _put_on(self, header: str, n: int, argument: str) -> None:
-        channel = self._shared(header, n)
+        channel = self._channel(n)
         on = _boolean(argument)
         if on:
             check_carrier(header, channel.words[SHAPE])
             headers.exclude(channel.values, header, self.fail)
         channel.values[header] = float(on)
-        self._settle(header, n)
+        self._settle(n)
 
     def _get_word(self, header: str, n: int, argument: str) -> str:
-        return self._shared(header, n).words[header]
+        return self._channel(n).words[header]
 
     def _put_word(self, header: str, words: tuple[str, ...], n: int, argument: str) -> None:
         word = word_of(argument, words)
         if word == "DBM" and math.isinf(self._channel(n).load):
             raise ScpiError(-221, "Settings conflict; not able to use dBm units with infinite load")
-        channel = self._changed(header, n)
+        channel = self._channel(n)
         if header == SHAPE:
             for mode in (AM, FM):
                 if channel.values[mode]:
@@ -274,28 +266,10 @@ class Box:
         if abs(channel.offset) > most and not channel.is_direct:
             channel.offset = math.copysign(most, channel.offset)
             self.fail(ScpiError(-221, "Settings conflict; offset changed due to function"))
-        self._settle(header, n)
+        self._settle(n)
 
-    def _shared(self, header: str, n: int) -> Channel:
-        """Return the channel that has a setting: of both channels together, the first one."""
-        channel = self._channel(n)
-        return self._channels[1] if header == COUPLED or header in HOW else channel
-
-    def _changed(self, header: str, n: int) -> Channel:
-        """Return the channel whose setting is to be changed. Raises ScpiError where it is fixed."""
-        channel = self._shared(header, n)
-        if header in HOW and channel.values[COUPLED] and not self._product.by_mode:
-            raise ScpiError(-221, "Settings conflict; frequency coupling is on")  # DG1000Z guide, 2-11
-        return channel
-
-    def _settle(self, header: str, n: int) -> None:
+    def _settle(self, n: int) -> None:
         """Let what depends on a setting that was changed follow it, and put it out."""
-        if header in HOW and self._channels[1].values[COUPLED]:
-            n = 1
-        if header in (FREQUENCY, SHAPE, COUPLED, *HOW):
-            highest = partial(headers.highest, self._product, header=FREQUENCY, high=math.inf)
-            most = {which: highest(channel=channel) for which, channel in self._channels.items()}
-            follow(self._channels, n, NUMBERS[FREQUENCY][1], most, self.fail)
         headers.keep_deviation(self._product, self._channels[n], self.fail)
         self._apply()
 

@@ -7,12 +7,12 @@ type of instrument (estimate).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
-from . import waveform
+from . import modulation
+from .modulation import AM, DEPTH, DEVIATION, FM, PACE, SUPPRESSED
 from .scpi import Fail, ScpiError, unit_of
-from .waveform import AM, DEPTH, DEVIATION, FM, FREQUENCY, HOLD, PACE, SHAPES, SUPPRESSED, Channel
+from .waveform import FREQUENCY, HOLD, SHAPES, Channel
 
 # Families of function generators that can be simulated, described by their differences.
 
@@ -76,48 +76,6 @@ DG1000Z = Product(
 )
 
 
-# Two channels of a simulated function generator whose frequencies are coupled.
-#
-# Channel 2 has channel 1's frequency and an offset more, or a ratio times it; whichever is set, the other
-# follows (DG800 programming guide, FREQuency:COUPle; the same of a 33500 is an estimate).
-
-COUPLED = "[:SOURce#]:FREQuency:COUPle[:STATe]"
-MODE = "[:SOURce#]:FREQuency:COUPle:MODE"
-OFFSET, RATIO = "[:SOURce#]:FREQuency:COUPle:OFFSet", "[:SOURce#]:FREQuency:COUPle:RATio"
-HOW = (MODE, OFFSET, RATIO)
-RIGOL_COUPLES = {
-    COUPLED: ":COUPling:FREQuency[:STATe]",
-    MODE: ":COUPling:FREQuency:MODE",
-    OFFSET: ":COUPling:FREQuency:DEViation",
-    RATIO: ":COUPling:FREQuency:RATio",
-}
-"""Headers that the DG1000Z has besides."""
-
-
-def follow(
-    channels: Mapping[int, Channel], n: int, low: float, highest: Mapping[int, float], fail: Fail
-) -> None:
-    """Let the other channel's frequency follow that of channel `n`, where they are coupled.
-
-    One that would go beyond its `highest` (Hz), or below `low`, stays there, and the first one with it.
-    """
-    values = channels[1].values
-    if not values[COUPLED]:
-        return
-    plus, times = (values[OFFSET], 1.0) if channels[1].words[MODE] == "OFFS" else (0.0, values[RATIO])
-
-    def other_of(which: int, hz: float) -> float:
-        return hz * times + plus if which == 1 else (hz - plus) / times
-
-    other = 3 - n
-    wanted = other_of(n, channels[n].values[FREQUENCY])
-    taken = min(max(wanted, low), highest[other])
-    channels[other].values[FREQUENCY] = taken
-    if taken != wanted:
-        channels[n].values[FREQUENCY] = min(max(other_of(other, taken), low), highest[n])
-        fail(ScpiError(-221, "Settings conflict; frequency coupling limited frequency on other channel"))
-
-
 ARB_MODE = "[:SOURce#]:FUNCtion:ARBitrary:MODE"
 BURST_MODE = "[:SOURce#]:BURSt:MODE"
 START, STOP = "[:SOURce#]:FREQuency:STARt", "[:SOURce#]:FREQuency:STOP"
@@ -145,8 +103,6 @@ NUMBERS: dict[str, tuple[float, float, float]] = {
     "[:SOURce#]:SWEep:STEP": (2, 2, 1024),
     DEPTH: (100, 0, 120),
     PACE["AM"]: (100, 1e-6, 30e6),
-    OFFSET: (0, -60e6, 60e6),
-    RATIO: (1, 1e-3, 1e3),
 }
 BOOLEANS = {
     "[:SOURce#]:BURSt:STATe": False,
@@ -159,7 +115,6 @@ BOOLEANS = {
     AM: False,
     FM: False,
     SUPPRESSED: False,
-    COUPLED: False,
     ":INITiate#:CONTinuous": True,
 }
 WORDS: dict[str, tuple[str, ...]] = {
@@ -181,7 +136,7 @@ WORDS: dict[str, tuple[str, ...]] = {
     ":FORMat:BORDer": ("NORMal", "SWAPped"),
     ":UNIT:ANGLe": ("DEGree", "RADian", "SECond"),
     "[:SOURce#]:ROSCillator:SOURce": ("INTernal", "EXTernal"),
-    **waveform.WORDS,
+    **modulation.WORDS,
 }
 TRIGGERS: dict[bool, dict[str, tuple[str, ...]]] = {
     True: {":TRIGger#:SOURce": ("IMMediate", "EXTernal", "TIMer", "BUS")},
@@ -202,13 +157,11 @@ OWN_WORDS: dict[bool, dict[str, tuple[str, ...]]] = {
     True: {
         BURST_MODE: ("TRIGgered", "GATed"),
         HOLD: ("WIDTh", "DCYCle"),
-        MODE: ("OFFSet", "RATio"),
     },
     False: {
         BURST_MODE: ("TRIGgered", "INFinity", "GATed"),
         HOLD: ("WIDTh", "DUTY"),
         ARB_MODE: ("SRATe", "FREQ"),
-        MODE: ("RATio", "OFFSet"),
     },
 }
 """Words that the families have in different forms: those of a family by mode, and the other's."""

@@ -67,7 +67,7 @@ class Console:
         store = store_of(self.data, "played")
         with open_rig("experiment") as rig:
             other.start()
-            present_stimuli(rig, "played", store, self.board, self.stimuli, lambda *_: None)
+            present_stimuli(rig, "played", store, self.board, self.stimuli)
         other.join()
         if self.failure is not None:
             raise self.failure

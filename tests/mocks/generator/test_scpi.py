@@ -484,11 +484,6 @@ def test_rigol_has_modulations_by_another_name_too(wired):
     box, _ = wired
     ask(box, ":SOUR1:MOD:AM 50;:SOUR1:MOD:FM:DEV 200;:SOUR1:AM 60")
     assert [number(box, f"SOUR1:{q}?") for q in ("AM", "MOD:AM:DEPT", "FM")] == [60, 60, 200]
-    ask(box, ":COUP:FREQ:MODE OFFS;:COUP:FREQ:DEV 5;:COUP:FREQ ON")
-    assert (ask(box, "FREQ:COUP:MODE?"), number(box, "FREQ:COUP:OFFS?")) == ("OFFS", 5)
-    assert ask(box, "SYST:ERR?") == '0,"No error"'
-    ask(box, ":COUP:FREQ:DEV 6")
-    assert ask(box, "SYST:ERR?") == '-221,"Settings conflict; frequency coupling is on"'
 
 
 def test_every_voltage_is_that_at_the_load_which_is_set(box):
@@ -552,17 +547,6 @@ def test_what_is_set_at_a_load_is_three_times_as_much_without(box, line, asked, 
         ("FM:DEV 1000;STAT ON;:FREQ 100", "FM:DEV?", 100.0, -221),
         ("AM:INT:FUNC HEART", "AM:INT:FUNC?", None, -224),
         ("AM:STAT ON;:APPL:SIN 1000,1", "AM:STAT?", 0.0, 0),
-        ("FREQ:COUP:MODE RAT;RAT 2;:SOUR1:FREQ:COUP ON;:SOUR1:FREQ 300", "SOUR2:FREQ?", 600.0, 0),
-        ("FREQ:COUP:MODE RAT;RAT 2;:SOUR1:FREQ:COUP ON;:SOUR2:FREQ 300", "SOUR1:FREQ?", 150.0, 0),
-        ("FREQ:COUP:MODE OFFS;OFFS 100;:SOUR2:FREQ:COUP ON;:SOUR2:FREQ 300", "SOUR1:FREQ?", 200.0, 0),
-        ("FREQ:COUP:MODE OFFS;OFFS 100;:FREQ:COUP ON;:SOUR2:FREQ 50", "SOUR2:FREQ?", 100.0, -221),
-        ("SOUR2:FUNC RAMP;:FREQ:COUP:MODE RAT;:FREQ:COUP ON;:SOUR1:FREQ 5E6", "SOUR1:FREQ?", None, -221),
-        (
-            "SOUR2:FREQ:COUP:MODE RAT;RAT 3;:SOUR1:FREQ:COUP ON;:FUNC PULS;:FUNC:PULS:PER 1E-3",
-            "SOUR2:FREQ?",
-            3000.0,
-            0,
-        ),
         ("VOLT 1 VRMS;VOLT:UNIT VPP", "VOLT?", 8**0.5, 0),
         ("VOLT 500 MVPP", "VOLT?", 0.5, 0),
         ("VOLT 300 MVRMS", "VOLT?", 0.3 * 8**0.5, 0),
