@@ -101,7 +101,7 @@ def look(here: Path) -> Found:
     except haploop.HaploopError:
         pass  # none yet
     return Found(
-        entries=[_relative(one, here) for one in entries],
+        entries=[replace(one, file=Path(one.file).relative_to(here).as_posix()) for one in entries],
         rig=rig,
         due=due,
         study=study,
@@ -132,10 +132,6 @@ def _rigs(here: Path) -> Iterator[str]:
         except haploop.HaploopError:
             continue
         yield path.name
-
-
-def _relative(entry: Entry, here: Path) -> Entry:
-    return replace(entry, file=Path(entry.file).relative_to(here).as_posix())
 
 
 def next_steps(found: Found) -> list[tuple[str, str]]:

@@ -76,10 +76,6 @@ def _counted(device: NiDevice) -> list[int]:
     return [c.UsageTypeCI[name].value for name in kinds] if device.counters else []
 
 
-def _bridge_ranges(device: NiDevice) -> list[float]:
-    return [-0.025, 0.025, -0.1, 0.1] if device.product.ai_bridge_excitation else []
-
-
 def _ranges(values: tuple[float, ...]) -> list[float]:
     return [end for value in sorted(values) for end in (-value, value)]
 
@@ -155,7 +151,7 @@ DEVICE_FACTS: dict[str, Callable[[Inventory, NiDevice], Any]] = {
     "AI_CURRENT_RNGS": lambda i, d: [],
     "AI_FREQ_RNGS": lambda i, d: [],
     "AI_GAINS": lambda i, d: [],
-    "AI_BRIDGE_RNGS": lambda i, d: _bridge_ranges(d),
+    "AI_BRIDGE_RNGS": lambda i, d: [-0.025, 0.025, -0.1, 0.1] if d.product.ai_bridge_excitation else [],
     "AI_CHARGE_RNGS": lambda i, d: [],
     "AI_RESISTANCE_RNGS": lambda i, d: [],
     "AO_VOLTAGE_RNGS": lambda i, d: (

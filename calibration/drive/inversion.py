@@ -177,7 +177,7 @@ def max_output(plan: Plan, budget: float) -> tuple[FloatArray, float]:
     Returns (patches, samples) V, and the expected error.
     """
     best, least = min_peak(plan, budget)
-    high = max(_peak(plan, best), _max_step(plan, best) / plan.slew)
+    high = max(_peak(plan, best), _peak(plan, np.diff(best, prepend=best[:, -1:])) / plan.slew)
     low = high / 4
     state: State | None = None
     for _ in range(_STEPS):
@@ -242,7 +242,3 @@ def _form(matrix: ComplexArray, V: ComplexArray) -> FloatArray:
 def _peak(plan: Plan, drive: FloatArray) -> float:
     """Largest voltage, over the patch's reach."""
     return float((np.abs(drive) / plan.reach[:, None]).max())
-
-
-def _max_step(plan: Plan, drive: FloatArray) -> float:
-    return _peak(plan, np.diff(drive, prepend=drive[:, -1:]))

@@ -109,7 +109,7 @@ class _Problem:
         """The common shift with the least residual, on a grid."""
         shifts = _grid(_FURTHEST)
         every = self._rest() + self._part(np.arange(len(self.groups)), shifts, 0.0)
-        left = [self._left_by_gain(shape) for shape in every]
+        left = [float(np.linalg.norm(self.measured - self._gain(shape) * shape)) for shape in every]
         return float(shifts[int(np.argmin(left))])
 
     def searched(self, start: float) -> FloatArray:
@@ -220,9 +220,6 @@ class _Problem:
 
     def _gain(self, shape: ComplexArray) -> float:
         return max(float(np.vdot(shape, self.measured).real / np.vdot(shape, shape).real), 1e-3)
-
-    def _left_by_gain(self, shape: ComplexArray) -> float:
-        return float(np.linalg.norm(self.measured - self._gain(shape) * shape))
 
     def _rows(self, x: FloatArray) -> FloatArray:
         a, b = self._of_poles(x)

@@ -83,7 +83,7 @@ def _findings(
 ) -> Iterator[Finding]:
     limits, rate_hz = rig.limits_for(0), rig.table.rate_hz
     level = _SHARE * min(limits.peak, limits.max, -limits.min)
-    played = _at_output(rig, level)
+    played = float(rig.amplifier.to_input(np.array([level]))[0] - rig.amplifier.to_input(np.zeros(1))[0])
     tone = _tone(_TONE_HZ, _READ, rate_hz)
     heard = _played(rig, level * tone, channel, progress)
     ratio = _amplitude(heard, _TONE_HZ, rate_hz) / played
@@ -178,11 +178,6 @@ def _table(rig: Rig, kind: str, name: str) -> Mapping[str, Any]:
     named = rig.file.daq.settings.get(kind, {})
     table = named.get(name, {}) if isinstance(named, Mapping) else {}
     return table if isinstance(table, Mapping) else {}
-
-
-def _at_output(rig: Rig, level: float) -> float:
-    """Volts at the output for volts at a patch."""
-    return float(rig.amplifier.to_input(np.array([level]))[0] - rig.amplifier.to_input(np.zeros(1))[0])
 
 
 def _played(rig: Rig, drive: FloatArray, channel: str, progress: Progress) -> FloatArray:

@@ -312,7 +312,7 @@ class Worker:
             # STOP may come once more, at any line: the board must show the end of the job all the same.
             with uninterrupted():
                 if needs_rig and kind != "safe":
-                    self._forget_settings(kind)
+                    self.board.set(auto=True, **({"step": False} if JOBS[kind].gated else {}))
                 self._finish(number, *outcome)
 
     def _outcome(self, kind: str, work: Work, needs_rig: bool) -> tuple[str, str, dict[str, Any]]:
@@ -338,10 +338,6 @@ class Worker:
             self._show_job(number, state=state, sentence=sentence, result=result, ended=now)
         if unread:
             self._add("safe", {})
-
-    def _forget_settings(self, kind: str) -> None:
-        """Settings hold for what they were made in, or before, and not for the next one."""
-        self.board.set(auto=True, **({"step": False} if JOBS[kind].gated else {}))
 
     def _on_rig(self, kind: str, work: Work) -> dict[str, Any]:
         """Open the rig, work, and leave it in the safe state. Raises _UnconfirmedError when that failed."""

@@ -183,7 +183,7 @@ def answers_of_people(
     )
     counts = np.zeros((classes, classes))
     for own in spread * rng.normal(size=_PEOPLE):
-        moved, memory = (_just_noticeable(levels - own) for levels in (felt, remembered))
+        moved, memory = (np.interp(levels - own, _LEVELS, _STEPS) for levels in (felt, remembered))
         apart = ((moved[:, None] - memory) ** 2).sum(axis=2)
         # Noise of one just noticeable difference a window matters along the remembered buttons only.
         noise = rng.normal(size=(_TRIALS, memory.shape[1])) / np.sqrt(kept) @ memory.T
@@ -203,11 +203,6 @@ def _world(felt: FloatArray, recorded: FloatArray, act: Act, rng: np.random.Gene
     threshold = rng.uniform(-act.lower, act.higher)
     kept = float(np.exp(rng.uniform(*np.log(_MEMORY))))
     return answers_of_people(felt - threshold, recorded - threshold, act.spread, kept, rng)
-
-
-def _just_noticeable(levels: FloatArray) -> FloatArray:
-    """Levels above the own threshold (dB) as a number of just noticeable differences from nothing."""
-    return np.interp(levels, _LEVELS, _STEPS)
 
 
 def _steps() -> tuple[FloatArray, FloatArray]:

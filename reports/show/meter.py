@@ -111,7 +111,7 @@ class Meter:
         force, meter = self._levels(blocks)
         bad = f", {self._bad} repeated" if self._bad else ""
         count = f"{self._doing}: {self._done:g} of {self._of:g}{bad}{self._aside}. " if self._doing else ""
-        return Group(_one_line(count + self._state(force)), meter)
+        return Group(Text(count + self._state(force), no_wrap=True, overflow="ellipsis"), meter)
 
     def _state(self, force: float) -> str:
         block, asked = self._block, self._asked
@@ -157,10 +157,6 @@ class Meter:
 def rejection_line(press: PressVerdict) -> str:
     """One line for the operator about a press that was not accepted."""
     return f"Press {press.number}, attempt {press.attempt}: {press.reason} It is kept and will be repeated."
-
-
-def _one_line(text: str) -> Text:
-    return Text(text, no_wrap=True, overflow="ellipsis")
 
 
 @contextmanager
