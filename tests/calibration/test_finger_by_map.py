@@ -46,9 +46,7 @@ def true_modes(rig: Rig) -> PlateModes:
 
 
 @pytest.mark.parametrize("mass", [0.96, pytest.param(0.2, marks=pytest.mark.night)])
-def test_neighbours_and_modes_tell_a_hidden_finger(
-    calibrated: Calibrated, open: OpenRig, mass: float
-) -> None:
+def test_neighbours_and_modes_tell_unseen_fingers(calibrated: Calibrated, open: OpenRig, mass: float) -> None:
     rig = open(pane_mass=mass)
     made = calibrate_finger(rig, calibrated.calibration, "P07", plate=true_modes(rig))
     assert made.finger is not None and made.finger.beside == ("19", "21", "8", "32") and made.finger.mapped

@@ -79,9 +79,7 @@ def test_the_response_is_the_surfaces_own_velocity(name: str, within: float, tmp
 @pytest.mark.long
 @pytest.mark.many_plays
 @pytest.mark.parametrize("name", ["coil", *(pytest.param(n, marks=pytest.mark.long) for n in PICKUPS)])
-def test_the_verdict_is_right_of_any_drive(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_verdict_is_right_of_a_drive(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     # Twice differentiated, a displacement's noise up to the corner would leave nothing to be told: see below.
     still = {"highest_hz": FEWEST_HZ} if name == "displacement" else {}
     with rig_of(name, tmp_path, **still) as rig:

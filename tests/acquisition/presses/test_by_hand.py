@@ -227,10 +227,8 @@ def test_the_force_at_an_instant_is_of_every_sample_within_reach(change: int, sa
     force[samples] += (0.01, 0.0, 0.0, 0.02)
     t = np.array([-1.5, -0.5, 0.5, 1.5])
     lines = np.stack([np.ones(4), np.minimum(t, 0), np.maximum(t, 0)], axis=1)
-    expected = np.linalg.lstsq(lines, force[samples], rcond=None)[0][0]
-    assert find_presses(recording(force, (change,)))[0].force_at_activation == pytest.approx(
-        expected, abs=1e-9
-    )
+    true = np.linalg.lstsq(lines, force[samples], rcond=None)[0][0]
+    assert find_presses(recording(force, (change,)))[0].force_at_activation == pytest.approx(true, abs=1e-9)
 
 
 @pytest.mark.parametrize(("state", "first"), [

@@ -130,9 +130,7 @@ def test_delays_are_of_the_channels_that_make_a_quantity(tmp_path: Path, codes: 
     (12, 32767, False),  # of no sensor
     (8, round((1.65 + 0.33 * 3.1) / 5 * 32768), True), (8, round((1.65 + 0.33 * 2.9) / 5 * 32768), False),
 ])  # fmt: skip
-def test_a_clipped_sample_is_marked(
-    row: int, code: int, said: bool, tmp_path: Path, codes: np.ndarray
-) -> None:
+def test_a_sample_is_clipped(row: int, code: int, said: bool, tmp_path: Path, codes: np.ndarray) -> None:
     changed = codes.copy()
     changed[row, 777] = code
     found = written(tmp_path, changed).saturated

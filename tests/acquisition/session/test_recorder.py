@@ -32,17 +32,15 @@ def assert_kept(rig, path, at_least: int) -> Recording:
 def test_every_press_is_asked_for_once_the_one_before_has_ended(tmp_path, button):
     rig = world_rig(seed=1)
     told = []
-    recording = record(
-        rig, button, "P01", 4, tmp_path, progress=lambda _, done, of, __: told.append((done, of))
-    )
-    assert recording.path == tmp_path / f"P01-{button}.h5"
+    found = record(rig, button, "P01", 4, tmp_path, progress=lambda _, done, of, __: told.append((done, of)))
+    assert found.path == tmp_path / f"P01-{button}.h5"
     assert rig.operator.requests == [Rest(0.5), *(Press(button, "P01", n, 4) for n in (1, 2, 3, 4))]
     assert told == [(0, 4), (1, 4), (2, 4), (3, 4), (4, 4)]
-    prompts = [e.sample / 5000 for e in recording.events if e.kind == "prompt"]
+    prompts = [e.sample / 5000 for e in found.events if e.kind == "prompt"]
     for press, prompt in zip(rig.daq.world.presses[:-1], prompts[1:], strict=True):
         assert 0.25 < prompt - press.end < 0.45
-    assert recording.duration - rig.daq.world.presses[-1].end > 0.5
-    assert np.abs(recording.force[:2000].mean()) < 0.01
+    assert found.duration - rig.daq.world.presses[-1].end > 0.5
+    assert np.abs(found.force[:2000].mean()) < 0.01
 
 
 def test_rest_is_measured_once_the_hands_are_off(tmp_path):

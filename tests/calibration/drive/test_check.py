@@ -120,9 +120,7 @@ def test_noise_is_no_verdict(calibrated: Calibrated, drive: Drive, monkeypatch: 
     assert any("single tones there would not be seen" in note for note in result.notes)
 
 
-def test_few_plays_ask_for_more(
-    calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_few_plays_want_more(calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
     noise = np.random.default_rng(0)
     tamper(
         calibrated.rig,
@@ -316,9 +314,7 @@ def test_without_a_drive_monitor(calibrated: Calibrated, drive: Drive, tmp_path:
         assert rig.simulation.truth.peak == 0 and rig.lockout is None
 
 
-def test_last_bits_do_not_matter(
-    calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_last_bits_are_nothing(calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
     """What is drawn at random comes from names, not from computed volts, which no two machines share."""
     drawn: list[list[int]] = []
 

@@ -60,9 +60,7 @@ def test_plays_that_contradict_their_assumption_show_nothing(open: OpenRig, driv
 
 
 @pytest.mark.usefixtures("in_step")
-def test_plays_against_the_assumption_teach_nothing(
-    calibrated: Calibrated, open: OpenRig, drive: Drive
-) -> None:
+def test_plays_that_contradict_it_teach_nothing(calibrated: Calibrated, open: OpenRig, drive: Drive) -> None:
     learning = learn(open(**hum(0.02, 50.0)), drive, calibrated.calibration, iterations=2)
     assert learning.best == 0 and learning.drive is drive and len(learning.iterations) == 1
     assert "Nothing can be learnt" in learning.stopped

@@ -45,9 +45,7 @@ def moved(
     ({"gain": 0.5}, "broken", "0.50 times what it was"),
     ({"shift": 0.118}, "broken", "more than 10% is no drift"),
 ])  # fmt: skip
-def test_a_response_is_laid_over(
-    calibrated: Calibrated, change: dict[str, float], kind: str, says: str
-) -> None:
+def test_a_response_laid_over(calibrated: Calibrated, change: dict[str, float], kind: str, says: str) -> None:
     active = calibrated.calibration
     verdict = compare(active, moved(active, **change), {})
     assert verdict.kind == kind

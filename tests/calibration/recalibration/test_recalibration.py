@@ -209,9 +209,7 @@ def test_a_play_shows_more(calibrated: Calibrated, history: History, monkeypatch
 
 @pytest.mark.long
 @pytest.mark.usefixtures("looked_once")
-def test_the_least_is_first(
-    calibrated: Calibrated, history: History, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_least_first(calibrated: Calibrated, history: History, monkeypatch: pytest.MonkeyPatch) -> None:
     (push,) = buttons_of(history.active()).values()
     more = [
         replace(

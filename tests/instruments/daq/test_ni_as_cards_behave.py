@@ -42,9 +42,7 @@ def test_a_delta_sigma_input(tmp_path: Path, simulate: haploop.Mode, product: st
 
 @BOTH
 @pytest.mark.parametrize("product", ["PCI-6052E", "PCIe-6321"])
-def test_an_old_card_plays_whole_on_inputs_clock(
-    tmp_path: Path, simulate: haploop.Mode, product: str
-) -> None:
+def test_an_old_card_plays_whole_on_its_inputs(tmp_path: Path, simulate: haploop.Mode, product: str) -> None:
     """An E Series output is done one pulse after its last sample, which the inputs' clock never gives."""
     rig = _rig(
         tmp_path,

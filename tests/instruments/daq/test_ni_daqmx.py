@@ -237,9 +237,7 @@ def test_overload_is_told_per_channel(daq: NiDaq) -> None:
         assert stream.capture().overload.tolist() == [False, True]
 
 
-def test_the_version_is_asked_for_once(
-    server: NiServer, bench: Bench, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_version_is_asked_once(server: NiServer, bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     """nidaqmx asks for each task, which makes a drive late that begins with a press."""
     asked: Counter[str] = Counter()
     connect = grpc.insecure_channel

@@ -151,12 +151,9 @@ def test_what_no_card_can_do_is_one_sentence(
     bench: Bench,
     changes: dict[str, Any],
     request_: Callable[[NiDaq], object],
-    sentence: str,
+    says: str,
 ) -> None:
-    with (
-        opened(server, bench, **changes) as daq,
-        pytest.raises((ConfigurationError, LimitError), match=sentence),
-    ):
+    with opened(server, bench, **changes) as daq, pytest.raises((ConfigurationError, LimitError), match=says):
         request_(daq)
 
 

@@ -55,9 +55,7 @@ def test_what_is_sent_is_received(name: str, rows: list[tuple[int, int, int]], s
     at=st.integers(0, 30),
     sizes=st.lists(st.integers(1, 9), max_size=60),
 )
-def test_a_damaged_frame_costs_only_itself(
-    name: str, which: int, flip: int, at: int, sizes: list[int]
-) -> None:
+def test_a_damaged_frame_costs_itself(name: str, which: int, flip: int, at: int, sizes: list[int]) -> None:
     """Any byte of any frame: at most two frames are damaged, and none is another number than was sent."""
     framing = Framing.model_validate(FRAMINGS[name])
     rows = [(11 * k, 7 * k, k) for k in range(1, 21)]

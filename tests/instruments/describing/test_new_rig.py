@@ -112,9 +112,7 @@ def test_what_a_rig_takes_from_its_base_is_to_look_up(name: str, tmp_path: Path)
     ),
     ('name = "lab"', 'base = "usb-6212"', 4, "there is no rig 'usb-6212': did you mean 'usb-6211'?"),
 ])  # fmt: skip
-def test_an_error_has_its_line(
-    before: str, after: str, line: int, says: str, run: Run, tmp_path: Path
-) -> None:
+def test_an_error_has_a_line(before: str, after: str, line: int, says: str, run: Run, tmp_path: Path) -> None:
     path = tmp_path / "lab.toml"
     run("rig", "new", path, "--like", "usb-6211")
     text = path.read_text(encoding="utf-8").partition("# A USB-6211")[2]

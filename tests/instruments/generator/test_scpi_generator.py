@@ -268,13 +268,11 @@ def served() -> Iterator[tuple[LineServer, Keysight33500]]:
     ("truncated", r"'OUTP1\?'"),
     ("disconnect", r"'OUTP1\?'"),
 ])  # fmt: skip
-def test_a_fault_of_the_line_passes(
-    served: tuple[LineServer, Keysight33500], kind: str, sentence: str
-) -> None:
+def test_a_fault_of_the_line_passes(served: tuple[LineServer, Keysight33500], kind: str, says: str) -> None:
     server, generator = served
     fault = ReplyFault(kind, asked="OUTP1?", times=1)  # type: ignore[arg-type]
     server.faults.append(fault)
-    with pytest.raises(InstrumentError, match=rf"^The generator at TCPIP::\S+ .*{sentence}"):
+    with pytest.raises(InstrumentError, match=rf"^The generator at TCPIP::\S+ .*{says}"):
         assert generator.is_on
     assert fault.fired == 1
     assert not generator.is_on, "the next question opens a new connection"
@@ -326,9 +324,7 @@ def test_no_such_resource_is_one_sentence(resource: str) -> None:
     (Arbitrary, ([0, 1, -1], 1000), "this one at 0 and -1 V"),
     (Arbitrary, ([0, 1, 0], 1e-6), "too long to be judged"),
 ])  # fmt: skip
-def test_what_no_generator_can_play(
-    kind: Callable[..., Waveform], figures: tuple[Any, ...], told: str
-) -> None:
+def test_what_no_generator_plays(kind: Callable[..., Waveform], figures: tuple[Any, ...], told: str) -> None:
     with pytest.raises(ConfigurationError, match=told):
         kind(*figures)
 

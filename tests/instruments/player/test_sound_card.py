@@ -97,9 +97,7 @@ def test_resampling_is_exact_for_what_is_band_limited() -> None:
     (burst(1.5), {"highest": 2.0}, r"1.5 V peak was refused.*1.4 V"),
     (burst(0.5) + 0.02, {}, "AC-coupled, so take the mean off"),
 ])  # fmt: skip
-def test_what_cannot_be_played_as_it_is_is_refused(
-    wave: FloatArray, changes: dict[str, object], says: str
-) -> None:
+def test_what_cannot_be_played_is_refused(wave: FloatArray, changes: dict[str, object], says: str) -> None:
     bench = Bench(**changes)
     with pytest.raises(LimitError, match=says), bench.driver.play(wave, RATE):
         pass

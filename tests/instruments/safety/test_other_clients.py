@@ -241,9 +241,7 @@ def test_after_a_rig_the_outputs_are_free() -> None:
     [("stop", 1), ("start", 2), ("stop", 2), ("write", 3)],
     ids=["before its stop", "before it starts", "before it is stopped", "before zero"],
 )
-def test_a_reset_between_two_calls_locks_the_rig_out(
-    name: str, place: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_reset_between_two_calls_locks_out(name: str, place: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """The task that has lost its outputs reserves them again by itself, as if nothing had been."""
     with open_rig("simulated", simulate="wire") as rig, clients(rig) as (other,):
         rig.prove_gain("A")

@@ -83,9 +83,7 @@ def test_a_killed_program_leaves_an_open_relay(lab: tuple[Path, Simulation], tmp
 
 
 @pytest.mark.usefixtures("unproved")
-def test_a_card_is_one_card_under_every_name(
-    lab: tuple[Path, Simulation], tmp_path: Path, place: Path
-) -> None:
+def test_a_card_is_one_under_every_name(lab: tuple[Path, Simulation], tmp_path: Path, place: Path) -> None:
     """What one rig holds, trips and plays is held, locked out and counted for a rig with another name."""
     path, _ = lab
     path.write_text(path.read_text() + "[abort]\ndrive = 15.0\n")

@@ -271,9 +271,7 @@ def test_a_waveform_that_states_less_than_it_plays_is_refused(world: World, lyin
 
 
 @pytest.mark.parametrize("samples", [(np.zeros(0), 1000.0), (np.ones(5), 0.0), (["volts"], 1.0), None])
-def test_a_waveform_that_cannot_be_judged(
-    world: World, samples: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_waveform_that_is_not_judged(world: World, samples: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Foreign, "sampled", lambda *_: samples)
     not_permitted(world.permit_waveform(Foreign()), r"A Foreign was refused, because it cannot be judged \(")
     assert world.kinds == ["refused"]
