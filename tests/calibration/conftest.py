@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from haploop.acquisition import Representative
-from haploop.calibration import Calibration, Drive, calibrate, drive_for
+from haploop.calibration import Calibration, Check, Drive, calibrate, drive_for
+from haploop.calibration.drive import check
 from haploop.instruments import Capture, Rig
 from haploop.pytest_plugin import Rigs
 
@@ -61,6 +62,20 @@ def make_press(
         method="made for a test",
         simulated=True,
     )
+
+
+Checked = Callable[..., Check]
+
+
+@pytest.fixture
+def checked(calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch) -> Checked:
+    """Three plays of `drive`, or of another, whose captures are changed on their way: see `tamper`."""
+
+    def checking(other: Drive = drive, *, plays: int = 3, most: int | None = None, **change: Any) -> Check:
+        tamper(calibrated.rig, monkeypatch, **change)
+        return check(calibrated.rig, other, plays=plays, **({} if most is None else {"most": most}))
+
+    return checking
 
 
 def tamper(rig: Rig, monkeypatch: pytest.MonkeyPatch, **change: Callable[[np.ndarray], Any]) -> None:

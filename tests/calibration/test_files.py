@@ -52,20 +52,21 @@ def test_a_newer_file_stays(calibrated: Calibrated, tmp_path: Path, monkeypatch:
 
 
 def test_files_that_are_none_say_so(saved: Path, calibrated: Calibrated) -> None:
-    with pytest.raises(DataError, match="There is no file"):
-        Calibration.load(saved.with_name("missing.h5"))
-    with pytest.raises(DataError, match="not a haploop drive"):
-        Drive.load(saved)
-    text = saved.with_name("text.h5")
+    text, cut = saved.with_name("text.h5"), saved.with_name("cut.h5")
     text.write_text("hello")
-    with pytest.raises(DataError, match="is text, and no file of haploop"):
-        Calibration.load(text)
-    cut = saved.with_name("cut.h5")
     cut.write_bytes(saved.read_bytes()[:-3000])
-    with pytest.raises(DataError, match="is truncated: it has"):
-        Calibration.load(cut)
-    with pytest.raises(DataError, match="cannot be written"):
-        calibrated.calibration.save(saved.parent / "no" / "such" / "folder.h5")
+    for says, read in (
+        ("There is no file", lambda: Calibration.load(saved.with_name("missing.h5"))),
+        ("not a haploop drive", lambda: Drive.load(saved)),
+        ("is text, and no file of haploop", lambda: Calibration.load(text)),
+        ("is truncated: it has", lambda: Calibration.load(cut)),
+        (
+            "cannot be written",
+            lambda: calibrated.calibration.save(saved.parent / "no" / "such" / "folder.h5"),
+        ),
+    ):
+        with pytest.raises(DataError, match=says):
+            read()
 
 
 def test_one_changed_number_is_noticed(saved: Path) -> None:

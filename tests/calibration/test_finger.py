@@ -133,22 +133,18 @@ def test_nobody_and_wrong_requests_are_told_and_the_finger_leaves(
     calibrated: Calibrated, drive: Drive, open: OpenRig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rig, bare = open(), calibrated.calibration
-    for force in (0.0, 30.0):
-        with pytest.raises(ConfigurationError, match="fingertip rests with"):
-            calibrate_finger(rig, bare, "P07", force=force)
-        with pytest.raises(ConfigurationError, match="fingertip rests with"):
-            check_under_finger(rig, drive, "P07", force=force)
-    for who in ("", "Jane Doe", "../../etc"):
-        with pytest.raises(ConfigurationError, match="not a valid participant pseudonym"):
-            calibrate_finger(rig, bare, who)
-        with pytest.raises(ConfigurationError, match="not a valid participant pseudonym"):
-            check_under_finger(rig, drive, who)
+    wrong = [("P07", force, "fingertip rests with") for force in (0.0, 30.0)]
+    wrong += [(who, 1.0, "not a valid participant pseudonym") for who in ("", "Jane Doe", "../../etc")]
+    for who, force, says in wrong:
+        with pytest.raises(ConfigurationError, match=says):
+            calibrate_finger(rig, bare, who, force=force)
+        with pytest.raises(ConfigurationError, match=says):
+            check_under_finger(rig, drive, who, force=force)
     with monkeypatch.context() as nobody:
         nobody.setattr(rig.operator, "confirm", lambda _request: pytest.fail("somebody was asked"))
-        with pytest.raises(ConfigurationError, match="3 plays"):
-            check_under_finger(rig, drive, "P07", plays=2)
-        with pytest.raises(ConfigurationError, match="of the rig 'another'"):
-            check_under_finger(rig, replace(drive, rig="another"), "P07")
+        for given, plays, says in ((drive, 2, "3 plays"), (replace(drive, rig="x"), 8, "of the rig 'x'")):
+            with pytest.raises(ConfigurationError, match=says):
+                check_under_finger(rig, given, "P07", plays=plays)
 
     def broken(*_args: object, **_more: object) -> Check:
         raise InstrumentError("it broke")

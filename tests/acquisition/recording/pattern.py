@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from haploop.acquisition import record
+from haploop.acquisition import Recording, record
 from haploop.acquisition.recording.file_format import Header, from_codes
 from haploop.acquisition.recording.rows import PressVerdict
 from haploop.acquisition.recording.salvage import finish
@@ -63,6 +63,14 @@ def block_of(first: int, count: int = BLOCK) -> Block:
 PRESS = PressVerdict(1, 1, 100, 200, 112.5, 2.25, True, (), "")
 
 
+def written(path: Path, blocks: int = 1) -> Path:
+    """A recording that was interrupted after some blocks."""
+    with Writer(path, header(), BLOCK, blocks + 12) as writer:
+        for i in range(blocks):
+            writer.write(block_of(BLOCK * i), 0.0)
+    return path
+
+
 def unfinished(path: Path, blocks: int = 8) -> Path:
     with Writer(path, header(), 250, 20) as writer:
         for i in range(blocks):
@@ -70,6 +78,13 @@ def unfinished(path: Path, blocks: int = 8) -> Path:
         writer.note(500, "pressed", "Press 1 of 1 was seen.")
         writer.write_verdict(PRESS)
     return path
+
+
+def kept(path: Path) -> int:
+    """How many samples a file has, each of which is what was recorded."""
+    volts = Recording.open(path).volts
+    assert np.array_equal(volts, from_codes(codes_of(0, volts.shape[1]), FULL_SCALE))
+    return volts.shape[1]
 
 
 class Paced(Stream):
@@ -115,9 +130,7 @@ def finish_again(path: Path, tell: Connection) -> None:
     """Record 100 blocks and finish the file, one file after the other."""
     for number in range(1000):
         destination = path.with_name(f"P{number}-push.h5")
-        with Writer(destination, header(), BLOCK, 200) as writer:
-            for i in range(100):
-                writer.write(block_of(BLOCK * i), 0.0)
+        written(destination, 100)
         tell.send(("finishing", number))
         finish(destination)
 

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from haploop.acquisition import Recording, record, recover, verify
-from haploop.acquisition.recording.file_format import from_codes, to_codes
+from haploop.acquisition.recording.file_format import to_codes
 from haploop.acquisition.recording.salvage import finish
 from haploop.acquisition.recording.writer import Writer
 from haploop.acquisition.session.recorder import OverrunError, StreamReader
@@ -24,7 +24,7 @@ from haploop.base.clock import RealClock
 from haploop.base.errors import ConfigurationError, InstrumentError
 from haploop.instruments import Stream
 from tests.acquisition.presses.pressworld import world_rig
-from tests.acquisition.recording.pattern import CHANNELS, FULL_SCALE, RATE, block_of, codes_of, header
+from tests.acquisition.recording.pattern import CHANNELS, RATE, block_of, header, kept, written
 
 
 @contextmanager
@@ -40,22 +40,11 @@ def disk(folder: Path, *options: str):
         subprocess.run(["umount", "--lazy", str(folder)], check=True)
 
 
-def whole_rows(path: Path) -> int:
-    """How many samples a file has, each of which is what was recorded."""
-    volts = Recording.open(path).volts
-    assert np.array_equal(volts, from_codes(codes_of(0, volts.shape[1]), FULL_SCALE))
-    return volts.shape[1]
-
-
 def test_room_is_taken_without_posix_too(tmp_path, monkeypatch):
     monkeypatch.delattr(os, "posix_fallocate", raising=False)
     monkeypatch.delattr(os, "pwrite", raising=False)
     monkeypatch.delattr(os, "fdatasync", raising=False)
-    path = tmp_path / "P01-push.h5"
-    with Writer(path, header(), 250, 20) as writer:
-        for i in range(8):
-            writer.write(block_of(250 * i), 0.0)
-    assert whole_rows(path) == 8 * 250
+    assert kept(written(tmp_path / "P01-push.h5", 8)) == 8 * 250
 
 
 @pytest.mark.skipif(not hasattr(os, "pwrite"), reason="a disk's refusal is simulated at this call")
@@ -121,15 +110,14 @@ def test_a_disk_that_promised_room_and_has_none_stops_the_recording_there(tmp_pa
         with pytest.raises(InstrumentError, match="could not be written"):
             writer.close()
         assert 60 * 250 < reported < 1000 * 250
-        assert whole_rows(path) == reported
-        with pytest.raises(InstrumentError, match="the recorded samples are safe"):
-            finish(path)
-        with pytest.raises(InstrumentError, match="the recorded samples are safe"):
-            recover(path)
-        assert whole_rows(path) == reported
+        assert kept(path) == reported
+        for act in (finish, recover):
+            with pytest.raises(InstrumentError, match="the recorded samples are safe"):
+                act(path)
+        assert kept(path) == reported
         assert [file.name for file in small.iterdir()] == [path.name]
         elsewhere = Path(shutil.copy(path, tmp_path))
-    assert whole_rows(recover(elsewhere)) == reported
+    assert kept(recover(elsewhere)) == reported
 
 
 @pytest.mark.skipif(not hasattr(os, "pwrite"), reason="a disk's refusal is simulated at this call")
@@ -150,12 +138,11 @@ def test_a_block_that_a_full_disk_took_in_part_is_no_row(tmp_path, monkeypatch, 
     with pytest.raises(InstrumentError, match="No space left on device"):
         writer.write(block_of(2500), 0.0)
     monkeypatch.undo()
-    with pytest.raises(InstrumentError):  # what follows a block that is missing would be a gap
-        writer.write(block_of(2500), 0.0)
-    with pytest.raises(InstrumentError):
-        writer.close()
+    for act in (lambda: writer.write(block_of(2500), 0.0), writer.close):  # a block that is missing is a gap
+        with pytest.raises(InstrumentError):
+            act()
     assert writer.written == 2500
-    assert whole_rows(path) == 2500
+    assert kept(path) == 2500
     assert verify(recover(path)) == ()
 
 
@@ -194,4 +181,4 @@ def test_a_disk_that_is_too_slow_stops_the_recording_and_what_was_read_is_kept(t
         ):
             for block in reader:
                 writer.write(block, 0.0)
-    assert whole_rows(path) == 20 * 250
+    assert kept(path) == 20 * 250

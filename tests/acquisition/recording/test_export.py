@@ -32,14 +32,7 @@ def test_xarray_has_every_quantity_with_its_unit_and_its_source(recording: Recor
 def test_pandas_has_a_column_for_each_quantity(recording: Recording):
     pytest.importorskip("pandas")
     table = recording.to_pandas()
-    assert list(table) == [
-        "force",
-        "acceleration_x",
-        "acceleration_y",
-        "acceleration_z",
-        "activation",
-        "saturated",
-    ]
+    assert list(table) == ["force", *(f"acceleration_{axis}" for axis in "xyz"), "activation", "saturated"]
     assert np.array_equal(table["acceleration_y"], recording.acceleration[1])
     assert table.index[5000] == 1.0
     units = ["s", "N", *3 * ["m/s^2"], "1", "1"]

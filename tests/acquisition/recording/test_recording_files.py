@@ -15,10 +15,7 @@ import numpy as np
 import pytest
 
 from haploop.acquisition import Recording, record, verify
-from haploop.acquisition.recording.file_format import (
-    read_header,
-    write_header,
-)
+from haploop.acquisition.recording.file_format import read_header, write_header
 from haploop.base.checksum import add_checksum
 from haploop.base.errors import DataError
 from haploop.instruments import load_rig_file
@@ -31,12 +28,6 @@ def finished(tmp_path_factory) -> tuple[Recording, np.ndarray]:
     rig = world_rig(seed=4)
     recording = record(rig, "push", "P01", 2, tmp_path_factory.mktemp("finished"))
     return recording, np.concatenate(rig.daq.given, axis=1)
-
-
-# Codes and names
-
-
-# Finished files
 
 
 def test_what_the_card_gave_is_what_the_file_holds(finished):

@@ -14,14 +14,13 @@ import numpy as np
 import pytest
 
 from haploop.acquisition import Recording, record, recover, verify
-from haploop.acquisition.recording.file_format import from_codes
 from haploop.acquisition.recording.salvage import finish
 from haploop.acquisition.recording.writer import Writer
 from haploop.base import hdf5
 from haploop.base.errors import ConfigurationError, DataError, HaploopError, InstrumentError
 from haploop.base.json_files import append_json, write_json
 from tests.acquisition.presses.pressworld import world_rig
-from tests.acquisition.recording.pattern import FULL_SCALE, block_of, codes_of, header, unfinished
+from tests.acquisition.recording.pattern import block_of, header, kept, unfinished
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "pwrite"), reason="refusals are simulated at POSIX calls")
 
@@ -50,12 +49,6 @@ def refused(monkeypatch: pytest.MonkeyPatch, call: str, number: int, after: int 
 
             patch.setattr(owner, name, fail)
         yield fired
-
-
-def kept(path: Path) -> int:
-    volts = Recording.open(path).volts
-    assert np.array_equal(volts, from_codes(codes_of(0, volts.shape[1]), FULL_SCALE))
-    return volts.shape[1]
 
 
 def one_sentence(error: BaseException, number: int) -> None:

@@ -165,12 +165,3 @@ def test_logs_recordings_in_progress_and_hashes(path: Path, tmp_path: Path) -> N
     assert content_hash(path) == Recording.open(path).content_hash
     with marked(path):  # by a program that exports it, say
         assert verify(path) == ()
-
-
-def test_what_does_not_fit_together_is_told(path: Path, tmp_path: Path) -> None:
-    finish(path)
-    assert verify(path) == ()
-    odd = tmp_path / "P02-push.h5"
-    with Writer(odd, header(), 250, 4) as writer:
-        writer.write(block_of(0), 0.0)
-    assert verify(odd) == (f"{odd} was interrupted: `haploop recover` salvages it into a finished file.",)

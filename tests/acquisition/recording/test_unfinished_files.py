@@ -28,6 +28,7 @@ from tests.acquisition.recording.pattern import (
     codes_of,
     header,
     unfinished,
+    written,
 )
 
 
@@ -143,10 +144,7 @@ def test_of_a_file_that_was_cut_short_everything_before_the_cut_is_saved(tmp_pat
 
 
 def test_what_is_behind_a_damaged_place_is_left_out(tmp_path):
-    path = tmp_path / "P01-push.h5"
-    with Writer(path, header(), 250, 400) as writer:
-        for i in range(400):
-            writer.write(block_of(250 * i), 0.0)
+    path = written(tmp_path / "P01-push.h5", 400)
     finish(path)
     with h5py.File(path) as file:
         chunk = file["codes"].id.get_chunk_info(4)

@@ -14,14 +14,8 @@ from tests.calibration.conftest import Calibrated, make_press, tamper
 @pytest.fixture(scope="module")
 def button(calibrated: Calibrated) -> DigitalButton:
     seen: list[tuple[object, ...]] = []
-    made = build_button(
-        calibrated.rig,
-        make_press(),
-        calibrated.calibration,
-        iterations=0,
-        plays=8,
-        progress=lambda *step: seen.append(step),
-    )
+    given = calibrated.rig, make_press(), calibrated.calibration
+    made = build_button(*given, iterations=0, plays=8, progress=lambda *step: seen.append(step))
     assert seen[-1] == ("Check the push button", 8, 8, "plays")
     return made
 

@@ -25,8 +25,9 @@ from haploop.calibration.background import rests
 from haploop.calibration.drive import check, playing
 from haploop.calibration.spectra import third_octaves
 from haploop.instruments import Capture, load_rig_file, open_rig
-from tests.calibration.conftest import Calibrated, make_press, tamper
+from tests.calibration.conftest import Calibrated, Checked, make_press, tamper
 from tests.conftest import OpenRig
+from tests.rig_files import changed
 
 
 def test_a_fresh_drive_passes_by_what_was_expected(calibrated: Calibrated, drive: Drive) -> None:
@@ -99,37 +100,28 @@ def test_third_octaves_are_levels(calibrated: Calibrated, drive: Drive) -> None:
     (lambda v: 1000 * v, "range of 20 mm/s"),
     (lambda v: np.full(len(v), np.nan), "differs from the target"),
 ])  # fmt: skip
-def test_what_did_not_follow_never_passes(
-    calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch, how: object, says: str
-) -> None:
+def test_what_did_not_follow_never_passes(checked: Checked, how: object, says: str) -> None:
     """A blocked laser, noise, 3 dB too little, 1 ms late, upside down, clipped, overloaded, NaN."""
-    tamper(calibrated.rig, monkeypatch, laser=how)  # type: ignore[arg-type]
-    result = check(calibrated.rig, drive, plays=3)
+    result = checked(laser=how)
     assert not result.passed
     assert says in " ".join(result.reasons)
 
 
-def test_noise_is_no_verdict(calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_noise_that_hides_the_motion_is_no_verdict(checked: Checked) -> None:
     """The tolerance does not grow with the noise: neither pass nor fail, and it says what would show it."""
     noise = np.random.default_rng(0)
-    tamper(calibrated.rig, monkeypatch, laser=lambda v: v + 0.3 * noise.standard_normal(len(v)))
-    result = check(calibrated.rig, drive, plays=3)
+    result = checked(laser=lambda v: v + 0.3 * noise.standard_normal(len(v)))
     assert result.tolerance == 0.20 and result.whole.floor > 0.3
     assert result.verdict == "not shown" and not result.passed
     assert "More plays would not" in result.reasons[0]
     assert any("single tones there would not be seen" in note for note in result.notes)
 
 
-def test_few_plays_want_more(calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_few_plays_are_told_how_many_would_show_it(checked: Checked, drive: Drive) -> None:
     noise = np.random.default_rng(0)
-    tamper(
-        calibrated.rig,
-        monkeypatch,
-        laser=lambda v: (1 + 0.10 * noise.standard_normal()) * v * 0.82,
-    )
     # As much as noise hides is bounded by so much that no number of plays would do.
     unbounded = replace(drive, above=np.zeros((2, 0)), hidden=(0.0, 0.0, 0.0))
-    result = check(calibrated.rig, unbounded, plays=3, most=3)
+    result = checked(unbounded, most=3, laser=lambda v: (1 + 0.10 * noise.standard_normal()) * v * 0.82)
     assert result.verdict == "not shown"
     assert "plays would probably show it" in result.reasons[0]
 
@@ -187,27 +179,21 @@ def test_motion_out_of_band(calibrated: Calibrated, drive: Drive, monkeypatch: p
     assert "outside" in result.reasons[0]
 
 
-def test_drift_is_named(calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_plays_that_drift_are_named(checked: Checked) -> None:
     played = iter(range(100))
-    tamper(
-        calibrated.rig,
-        monkeypatch,
-        laser=lambda v: (1 + 0.01 * next(played)) * v if len(v) > 45_000 else v,
-    )
-    result = check(calibrated.rig, drive, plays=6)
+    result = checked(plays=6, laser=lambda v: (1 + 0.01 * next(played)) * v if len(v) > 45_000 else v)
     assert result.drift == pytest.approx(0.01 * (result.plays - 1), rel=0.3)
     assert any("from the first play to the last" in note for note in result.notes)
 
 
-def test_an_unlike_play(calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_play_unlike_the_others_is_no_pass(checked: Checked) -> None:
     """The error without noise would not show it: one odd play is noise to products of different plays."""
     played = iter(range(100))
 
     def shaken(volts: np.ndarray) -> np.ndarray:
         return 1.5 * volts if len(volts) > 45_000 and next(played) == 4 else volts
 
-    tamper(calibrated.rig, monkeypatch, laser=shaken)
-    result = check(calibrated.rig, drive, plays=6)
+    result = checked(plays=6, laser=shaken)
     assert result.verdict == "not shown" and "check again" in result.reasons[0]
     said = r"Play 5 of \d+ differs from all others by (49|5[0-2])\."
     assert any(re.match(said, note) for note in result.notes)
@@ -234,17 +220,15 @@ def test_a_patch_without_volts(calibrated: Calibrated, drive: Drive, monkeypatch
     assert "relay" in " ".join(result.reasons)
 
 
-def test_too_many_volts_fail(calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
-    tamper(calibrated.rig, monkeypatch, drive=lambda v: 1.1 * v)
-    result = check(calibrated.rig, drive, plays=3)
-    assert "the rig's limit" in result.reasons[0]
+def test_too_much_voltage_at_the_patch_fails(checked: Checked) -> None:
+    assert "the rig's limit" in checked(drive=lambda v: 1.1 * v).reasons[0]
 
 
 @pytest.mark.long
-def test_the_noise_floor(calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_floor_is_the_standard_error_of_the_mean(checked: Checked) -> None:
     noise = np.random.default_rng(3)
-    tamper(calibrated.rig, monkeypatch, laser=lambda v: v + 0.02 * noise.standard_normal(len(v)))
-    few, many = (check(calibrated.rig, drive, plays=plays, most=plays) for plays in (3, 12))
+    few = checked(plays=3, most=3, laser=lambda v: v + 0.02 * noise.standard_normal(len(v)))
+    many = checked(plays=12, most=12)
     assert few.within.floor / many.within.floor == pytest.approx(2, rel=0.2)
 
 
@@ -269,14 +253,15 @@ def test_other_tables(open: OpenRig, press: Representative, plant: dict[str, flo
 
 
 def test_a_check_needs_plays_and_its_own_sample_rate(calibrated: Calibrated, drive: Drive) -> None:
-    with pytest.raises(ConfigurationError, match="3 plays"):
-        check(calibrated.rig, drive, plays=2)
-    with pytest.raises(ConfigurationError, match="samples/s"):
-        check(calibrated.rig, replace(drive, rate_hz=1.0))
-    with pytest.raises(ConfigurationError, match="of the rig 'haptable', and this is 'simulated'"):
-        check(calibrated.rig, replace(drive, rig="haptable"))
-    with pytest.raises(ConfigurationError, match="another press"):
-        check(calibrated.rig, drive, replace(make_press(), sources=(("P02-push.h5", "1" * 64),)))
+    another = replace(make_press(), sources=(("P02-push.h5", "1" * 64),))
+    for says, drive_, press, plays in (
+        ("3 plays", drive, None, 2),
+        ("samples/s", replace(drive, rate_hz=1.0), None, 8),
+        ("of the rig 'haptable', and this is 'simulated'", replace(drive, rig="haptable"), None, 8),
+        ("another press", drive, another, 8),
+    ):
+        with pytest.raises(ConfigurationError, match=says):
+            check(calibrated.rig, drive_, press, plays=plays)
 
 
 def test_a_drive_that_holds_little_of_its_press_does_not_pass(calibrated: Calibrated) -> None:
@@ -286,8 +271,8 @@ def test_a_drive_that_holds_little_of_its_press_does_not_pass(calibrated: Calibr
     assert "of the press's energy lies in" in str(result)
 
 
-def test_a_check_comes_back_from_disk(calibrated: Calibrated, drive: Drive, tmp_path: Path) -> None:
-    result = check(calibrated.rig, drive, plays=3)
+def test_a_check_comes_back_from_disk(checked: Checked, drive: Drive, tmp_path: Path) -> None:
+    result = checked()
     result.save(tmp_path / "check.h5")
     back = Check.load(tmp_path / "check.h5")
     assert np.array_equal(back.measured, result.measured) and np.array_equal(back.drive.volts, drive.volts)
@@ -303,12 +288,9 @@ def test_a_check_comes_back_from_disk(calibrated: Calibrated, drive: Drive, tmp_
 ], ids=["check", "learn", "calibrate", "quick response", "map"])  # fmt: skip
 def test_without_a_drive_monitor(calibrated: Calibrated, drive: Drive, tmp_path: Path, play: Any) -> None:
     """Nothing would show there that the amplifier's gain is five times what the rig file says."""
-    file = load_rig_file("simulated")
-    sensors = file.sensors.model_copy(update={"drive": None})
-    fault = {"kind": "amplifier-gain", "gain": 250.0}
-    simulation = file.simulation.model_copy(update={"faults": (fault,)})
-    update = {"name": drive.rig, "sensors": sensors, "simulation": simulation}
-    with open_rig(file.model_copy(update=update), simulate="twin") as rig:
+    faults = {"faults": ({"kind": "amplifier-gain", "gain": 250.0},)}
+    file = changed(load_rig_file("simulated"), name=drive.rig, sensors={"drive": None}, simulation=faults)
+    with open_rig(file, simulate="twin") as rig:
         with pytest.raises(ConfigurationError, match=r"no \[sensors.drive\]; a drive is always measured"):
             play(rig, drive, calibrated.calibration, tmp_path)
         assert rig.simulation.truth.peak == 0 and rig.lockout is None

@@ -93,23 +93,19 @@ def test_half_the_limit_halves_the_scale(calibrated: Calibrated, drive: Drive, p
 
 
 def test_the_vibrometers_range_is_a_limit_too(calibrated: Calibrated, press: Representative) -> None:
-    narrow = replace(
-        calibrated.calibration,
-        response=replace(calibrated.calibration.response, pickup_range=0.1e-3),
-    )
+    own = calibrated.calibration
+    narrow = replace(own, response=replace(own.response, pickup_range=0.1e-3))
     drive = drive_for(press, narrow, calibrated.rig.limits)
     assert drive.peak < 0.8 * calibrated.rig.limits.peak
     assert np.abs(drive.target).max() / (2 * np.pi * drive.band[1]) < 0.1e-3
 
 
-@pytest.mark.parametrize(("change", "says"), [
-    ({"acceleration": np.zeros(3000)}, "no acceleration"),
-    ({"acceleration": np.full(3000, np.nan)}, "no acceleration"),
-    ({"acceleration": np.ones(3)}, "no acceleration"),
-])  # fmt: skip
-def test_what_cannot_be_driven(calibrated: Calibrated, change: dict[str, object], says: str) -> None:
-    with pytest.raises(DataError, match=says):
-        drive_for(replace(make_press(), **change), calibrated.calibration, calibrated.rig.limits)  # type: ignore[arg-type]
+@pytest.mark.parametrize("acceleration", [np.zeros(3000), np.full(3000, np.nan), np.ones(3)])
+def test_a_press_that_cannot_be_driven_is_refused(calibrated: Calibrated, acceleration: np.ndarray) -> None:
+    with pytest.raises(DataError, match="no acceleration"):
+        drive_for(
+            replace(make_press(), acceleration=acceleration), calibrated.calibration, calibrated.rig.limits
+        )
 
 
 def test_a_response_that_is_noise_is_refused(calibrated: Calibrated, press: Representative) -> None:
@@ -128,13 +124,8 @@ def test_a_drive_comes_back_from_disk(drive: Drive, tmp_path: Path) -> None:
 
 
 def test_a_response_is_fitted(calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
-    fitted = []
-
-    def of(response: Response) -> Calibration:
-        fitted.append(response)
-        return calibrated.calibration
-
-    monkeypatch.setattr(Calibration, "of", of)
+    fitted: list[Response] = []
+    monkeypatch.setattr(Calibration, "of", lambda one: (fitted.append(one), calibrated.calibration)[1])
     response = calibrated.calibration.response
     alone = drive_for(make_press(), response, calibrated.rig.limits)
     assert fitted == [response] and np.array_equal(alone.volts, drive.volts)

@@ -179,13 +179,13 @@ def test_a_blocked_laser_teaches_nothing(
 
 
 def test_what_does_not_belong_together_is_refused(calibrated: Calibrated, drive: Drive) -> None:
-    rig, calibration = calibrated.rig, calibrated.calibration
-    with pytest.raises(ConfigurationError, match="another calibration"):
-        learn(rig, replace(drive, calibration="0" * 64), calibration)
-    with pytest.raises(ConfigurationError, match="3 plays"):
-        learn(rig, drive, calibration, plays=2)
-    with pytest.raises(ConfigurationError, match="rig 'haptable'"):
-        learn(rig, replace(drive, rig="haptable"), calibration)
+    for says, given, plays in (
+        ("another calibration", replace(drive, calibration="0" * 64), 8),
+        ("3 plays", drive, 2),
+        ("rig 'haptable'", replace(drive, rig="haptable"), 8),
+    ):
+        with pytest.raises(ConfigurationError, match=says):
+            learn(calibrated.rig, given, calibrated.calibration, plays=plays)
 
 
 def test_the_error_without_noise_is_neither_above_nor_below_the_truth() -> None:

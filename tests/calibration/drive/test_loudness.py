@@ -32,16 +32,10 @@ def level(calibrated: Calibrated, loudness: Loudness) -> tuple[float, float]:
 
 def make_drive(error: float, level: float) -> SimpleNamespace:
     """As much of a drive as a plan needs."""
-    own = {"method": "broadband", "patch": "A", "in_band": 0.5, "rig": "simulated", "simulated": True}
-    more = {
-        "scale": 0.1,
-        "peak": 48.0,
-        "sources": (),
-        "elsewhere": (),
-        "expected_error": error,
-        "level": level,
-    }
-    return SimpleNamespace(worst_error=lambda _drifted: error, **own, **more)
+    return SimpleNamespace(
+        method="broadband", patch="A", in_band=0.5, rig="simulated", simulated=True, scale=0.1, peak=48.0,
+        sources=(), elsewhere=(), expected_error=error, level=level, worst_error=lambda _drifted: error,
+    )  # fmt: skip
 
 
 @pytest.mark.long
@@ -164,9 +158,6 @@ def test_a_plan_is_kept_shown_and_drawn(plan: ButtonPlan, tmp_path: Path) -> Non
     axes = plot.plan(plan, plan).axes
     assert len(axes) == 2
     drawn = {line.get_label(): line.get_xydata() for line in axes[0].get_lines()}
-    np.testing.assert_allclose(
-        drawn["modulated, A"], [(one.level, 100 * one.error) for one in plan.curves[0].offers]
-    )
-    np.testing.assert_allclose(
-        drawn["_modulated, A, drifted"], [(one.level, 100 * one.drifted) for one in plan.curves[0].offers]
-    )
+    for name, figure in (("modulated, A", "error"), ("_modulated, A, drifted", "drifted")):
+        offers = [(one.level, 100 * getattr(one, figure)) for one in plan.curves[0].offers]
+        np.testing.assert_allclose(drawn[name], offers)

@@ -132,27 +132,28 @@ def test_the_order_of_the_patches_is_that_of_the_calibrations(four: Four) -> Non
 
 def test_what_cannot_be_is_said_before_anything_is_played(four: Four, button: DigitalButton) -> None:
     a, b, *_ = four.calibrations
-    press, limits = make_press(), four.rig.limits
-    with pytest.raises(ConfigurationError, match="2 calibrations of patch A at the button point were"):
-        drive_for(press, [a, a], limits)
-    elsewhere = replace(b, response=replace(b.response, point="31"))
-    with pytest.raises(ConfigurationError, match="no calibration of patch A at the 31 point"):
-        drive_for(press, [a, elsewhere], limits)
-    with pytest.raises(ConfigurationError, match="are of 2 rigs"):
-        drive_for(press, [a, replace(b, response=replace(b.response, rig="another"))], limits)
-    touched = replace(b, finger=Finger("P07", 1.0, *UNTOLD, bare=b.model, **NOTHING))
-    with pytest.raises(ConfigurationError, match="of the bare table and under P07's finger: give"):
-        drive_for(press, [a, touched], limits)
     number = str(four.rig.table.button_point)
+    elsewhere, foreign = (
+        replace(b, response=replace(b.response, **new)) for new in ({"point": "31"}, {"rig": "x"})
+    )
+    touched = replace(b, finger=Finger("P07", 1.0, *UNTOLD, bare=b.model, **NOTHING))
     same = [replace(one, response=replace(one.response, point=number)) for one in four.calibrations]
-    with pytest.raises(ConfigurationError, match=f"Point {number} is the button point: one place"):
-        drive_for(press, [*four.calibrations, *same], limits, elsewhere={number: None})
-    with pytest.raises(ConfigurationError, match="for an error or for a scale"):
-        TradeOff(error=0.1, scale=0.1)
-    with pytest.raises(ConfigurationError, match=r"A drift cannot be common = -0\.01"):
-        Drift().times(-1)
-    with pytest.raises(ConfigurationError, match="scale = -1"):
-        TradeOff(scale=-1)
+    for says, given, points in (
+        ("2 calibrations of patch A at the button point were", [a, a], {}),
+        ("no calibration of patch A at the 31 point", [a, elsewhere], {}),
+        ("are of 2 rigs", [a, foreign], {}),
+        ("of the bare table and under P07's finger: give", [a, touched], {}),
+        (f"Point {number} is the button point: one place", [*four.calibrations, *same], {number: None}),
+    ):
+        with pytest.raises(ConfigurationError, match=says):
+            drive_for(make_press(), given, four.rig.limits, elsewhere=points)
+    for says, make in (
+        ("for an error or for a scale", lambda: TradeOff(error=0.1, scale=0.1)),
+        (r"A drift cannot be common = -0\.01", lambda: Drift().times(-1)),
+        ("scale = -1", lambda: TradeOff(scale=-1)),
+    ):
+        with pytest.raises(ConfigurationError, match=says):
+            make()
     with pytest.raises(DataError, match="a signal for each patch"):
         replace(button.drive, patches=("A", "B"))
 
@@ -197,18 +198,14 @@ def test_a_laser_that_sees_nothing_shows_no_silence(
     aimed, confirm = [], rig.operator.confirm
 
     def confirmed(request: Any) -> bool:
-        aimed.append(request)
+        aimed.append(getattr(request, "point", ""))
         return confirm(request)
 
+    def blocked(volts: np.ndarray) -> np.ndarray:
+        return np.random.default_rng(5).normal(0, 3e-4, len(volts)) if "57" in aimed else volts
+
     monkeypatch.setattr(rig.operator, "confirm", confirmed)
-    blocked = {
-        "laser": lambda volts: np.random.default_rng(5).normal(0, 3e-4, len(volts)) if blind() else volts
-    }
-
-    def blind() -> bool:
-        return any(getattr(one, "point", "") == "57" for one in aimed)
-
-    tamper(rig, monkeypatch, **blocked)
+    tamper(rig, monkeypatch, laser=blocked)
     result = check(rig, quiet, plays=3)
     assert result.verdict == "fail" and result.error < 0.1
     (reason,) = result.reasons
@@ -318,19 +315,18 @@ def test_a_button_that_fails_elsewhere_fails_the_check(four: Four, beside: tuple
 
 
 def test_more_points_than_patches_are_refused(four: Four, beside: tuple[Calibration, ...]) -> None:
-    press, limits, ours = make_press(), four.rig.limits, [four.calibrations[0], beside[0]]
-    with pytest.raises(ConfigurationError, match=r"2 points cannot be moved .* by 1 patches"):
-        drive_for(press, ours, limits, elsewhere={"57": None})
-    with pytest.raises(ConfigurationError, match="One point is to have the press, and 2 of the cal"):
-        drive_for(press, ours, limits)
-    with pytest.raises(ConfigurationError, match="No patch was calibrated at the 58 point"):
-        drive_for(press, four.calibrations, limits, elsewhere={"58": None})
-    two, wanted = [*four.calibrations[:2], *beside[:2]], {"57": late(press), "58": None}
-    with pytest.raises(ConfigurationError, match="3 points cannot be moved or kept silent at once by 2 pat"):
-        drive_for(press, two, limits, elsewhere=wanted)
-    for size in (0.0, float("nan"), 1000.0):
-        with pytest.raises(ConfigurationError, match=r"point 57 cannot be .* times the size"):
-            drive_for(press, [*four.calibrations, *beside], limits, elsewhere={"57": (late(press), size)})
+    press, ours, every = make_press(), [four.calibrations[0], beside[0]], [*four.calibrations, *beside]
+    two, both = [*four.calibrations[:2], *beside[:2]], {"57": late(press), "58": None}
+    too_large = r"point 57 cannot be .* times the size"
+    for says, given, points in (
+        (r"2 points cannot be moved .* by 1 patches", ours, {"57": None}),
+        ("One point is to have the press, and 2 of the cal", ours, {}),
+        ("No patch was calibrated at the 58 point", four.calibrations, {"58": None}),
+        ("3 points cannot be moved or kept silent at once by 2 pat", two, both),
+        *((too_large, every, {"57": (late(press), size)}) for size in (0.0, float("nan"), 1000.0)),
+    ):
+        with pytest.raises(ConfigurationError, match=says):
+            drive_for(press, given, four.rig.limits, elsewhere=points)
 
 
 def test_one_amplifier_for_all_is_told_before_a_play(calibrated: Calibrated, button: DigitalButton) -> None:

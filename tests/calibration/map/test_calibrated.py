@@ -122,17 +122,19 @@ def test_what_nobody_measured_above_a_map_is_said_to_be_unknown(mapped: Mapped) 
 
 def test_a_map_that_does_not_fit_is_refused_in_a_sentence(mapped: Mapped, tmp_path: Path) -> None:
     assert with_map(mapped.own, mapped.map, []) == mapped.own
-    with pytest.raises(ConfigurationError, match=r"The map has no point 5:"):
-        with_map(mapped.own, mapped.map, ["5"])
-    with pytest.raises(ConfigurationError, match=r"The map is of the rig 'another'"):
-        with_map(mapped.own, replace(mapped.map, plan=replace(mapped.map.plan, rig="another")), ["57"])
-    fewer = replace(mapped.map, plan=replace(mapped.map.plan, patches=("A", "B", "C")))
-    with pytest.raises(ConfigurationError, match=r"The map has no patch D:"):
-        with_map(mapped.own, fewer, ["57"])
+    foreign, fewer = (
+        replace(mapped.map, plan=replace(mapped.map.plan, **new))
+        for new in ({"rig": "x"}, {"patches": tuple("ABC")})
+    )
     moved = replace(mapped.map, modes=replace(mapped.map.modes, poles=1.03 * mapped.map.modes.poles))
-    with pytest.raises(ConfigurationError, match=r"does not fit the calibrations: .* at -2\.9% in freq"):
-        with_map(mapped.own, moved, ["57"])
     with opened(seed=11) as rig:
         other = (calibrate(rig, "A", excitation=Multisine()),)
-    with pytest.raises(ConfigurationError, match="does not fit the calibrations"):
-        with_map(other, mapped.map, ["57"])
+    for says, own, found, point in (
+        (r"The map has no point 5:", mapped.own, mapped.map, "5"),
+        (r"The map is of the rig 'x'", mapped.own, foreign, "57"),
+        (r"The map has no patch D:", mapped.own, fewer, "57"),
+        (r"does not fit the calibrations: .* at -2\.9% in freq", mapped.own, moved, "57"),
+        ("does not fit the calibrations", other, mapped.map, "57"),
+    ):
+        with pytest.raises(ConfigurationError, match=says):
+            with_map(own, found, [point])

@@ -28,8 +28,7 @@ class Part:
         Path(path).write_bytes(self.content)
 
 
-@dataclass(frozen=True)
-class Unwritable:
+class Unwritable(Part):
     def save(self, path: str | Path) -> None:
         raise DataError("there is no room.")
 
@@ -70,11 +69,8 @@ def test_a_generation_is_published_whole_and_then_activated(history: History) ->
     history.activate(first, when=WHEN + timedelta(hours=2), actor="somebody", reason="was better")
     assert history.active() == first
     assert [a.reason for a in history.activations] == ["it begins", "drifted", "was better"]
-    assert (
-        history.activations[0]
-        == line
-        == Activation(first.name, first.digest, "2026-07-31T02:15:00+00:00", "somebody", "it begins")
-    )
+    begun = Activation(first.name, first.digest, "2026-07-31T02:15:00+00:00", "somebody", "it begins")
+    assert history.activations[0] == line == begun
     assert history.generations == (first, second)
 
 
@@ -115,9 +111,8 @@ def test_a_list_that_was_cut_or_changed_is_said_and_not_added_to(history: Histor
     with pytest.raises(DataError, match=r"activations\.json is damaged"):
         history.activate(generation, when=WHEN, actor="a", reason="b")
     path.write_bytes(whole)
-    assert (
-        history.active() == generation and verify(path) == verify(generation.folder / "generation.json") == ()
-    )
+    assert history.active() == generation
+    assert verify(path) == verify(generation.folder / "generation.json") == ()
 
 
 @pytest.mark.parametrize("content", [{"a": 1}, [1], [{"generation": "0001"}], "no list"])
@@ -130,8 +125,7 @@ def test_another_content_is_said(history: History, content: object) -> None:
 
 def test_a_manifest_of_a_later_version_is_said(history: History, monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as later:
-        for module in (json_files, json_files):
-            later.setattr(module, "VERSION", 2)
+        later.setattr(json_files, "VERSION", 2)
         folder = publish(history).folder
     with pytest.raises(DataError, match="format 2 and this version reads 1"):
         Generation.open(folder)

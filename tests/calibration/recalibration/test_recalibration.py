@@ -79,6 +79,10 @@ def changed_nothing(history: History, outcome: Outcome, before: Mapping[str, str
     )
 
 
+def failed(button: DigitalButton, why: str) -> DigitalButton:
+    return replace(button, check=replace(button.check, verdict="fail", reasons=(why,)))
+
+
 def test_the_table_as_it_was_is_unchanged(calibrated: Calibrated, history: History) -> None:
     before = content(history)
     outcome = recalibrate(calibrated.rig, history)
@@ -115,9 +119,10 @@ def test_three_percent_are_brought_back(open: OpenRig, history: History) -> None
     assert active.name == outcome.active.name == "0002-20260801T021500Z"
     assert (active.parent, len(history.activations)) == (parent.name, 2)
     assert "changed by +3.0" in active.reason and active.details["buttons"]["push-A-button"]["before"]
-    assert {n: b.check.within.root for n, b in buttons_of(active).items()} == {
-        n: b.check.within.root for n, b in outcome.after.items()
-    }
+    kept, made = (
+        {n: b.check.within.root for n, b in of.items()} for of in (buttons_of(active), outcome.after)
+    )
+    assert kept == made
     (kept_check,) = active.paths("before")
     assert Check.load(kept_check).within.root == outcome.before["push-A-button"].within.root
     assert rig.simulation.truth.resonance_hz == pytest.approx(
@@ -195,14 +200,14 @@ def test_a_channel_is_kept(calibrated: Calibrated, history: History, monkeypatch
 def test_a_play_shows_more(calibrated: Calibrated, history: History, monkeypatch: pytest.MonkeyPatch) -> None:
     """A button that fails on a table that seems unchanged is made anew; nothing else would tell."""
     (button,) = buttons_of(history.active()).values()
-    failed = replace(button.check, verdict="fail", reasons=("It is off.",))
-    monkeypatch.setattr(recalibration, "check", lambda *_args, **_more: failed)
+    off = failed(button, "It is off.")
+    monkeypatch.setattr(recalibration, "check", lambda *_args, **_more: off.check)
     monkeypatch.setattr(recalibration, "calibrate_keeping", lambda rig, *_: kept(rig, button.calibrations[0]))
     monkeypatch.setattr(recalibration, "build_button", lambda *_args, **_more: button)
     outcome = recalibrate(calibrated.rig, history, when=WHEN)
     assert outcome.verdicts[0].kind == "unchanged" and outcome.kind == "restored"
     assert "does not pass although the response is as it was: It is off." in " ".join(outcome.sentences)
-    monkeypatch.setattr(recalibration, "build_button", lambda *_args, **_more: replace(button, check=failed))
+    monkeypatch.setattr(recalibration, "build_button", lambda *_args, **_more: off)
     outcome = recalibrate(calibrated.rig, history, when=WHEN)
     assert outcome.kind == "drifted"
 
@@ -211,18 +216,13 @@ def test_a_play_shows_more(calibrated: Calibrated, history: History, monkeypatch
 @pytest.mark.usefixtures("looked_once")
 def test_the_least_first(calibrated: Calibrated, history: History, monkeypatch: pytest.MonkeyPatch) -> None:
     (push,) = buttons_of(history.active()).values()
-    more = [
-        replace(
-            push,
-            press=replace(push.press, button=name),
-            check=replace(
-                push.check,
-                drive=replace(push.drive, button=name),
-                whole=replace(push.check.whole, value=error**2),
-            ),
-        )
-        for name, error in (("close", 0.19), ("push", 0.05), ("far", 0.0))
-    ]
+
+    def like(name: str, error: float) -> DigitalButton:
+        drive, whole = replace(push.drive, button=name), replace(push.check.whole, value=error**2)
+        check = replace(push.check, drive=drive, whole=whole)
+        return replace(push, press=replace(push.press, button=name), check=check)
+
+    more = [like("close", 0.19), like("push", 0.05), like("far", 0.0)]
     adopt(history, more, actor="a test", reason="two more")
     monkeypatch.setattr(recalibration, "check", lambda _rig, drive, **_more: replace(push.check, drive=drive))
     played = []
@@ -311,9 +311,7 @@ def test_all_or_nothing(open: OpenRig, history: History, monkeypatch: pytest.Mon
         button = old[press.button]
         if press.button == "latch":
             return button
-        return replace(
-            button, check=replace(button.check, verdict="fail", reasons=("It is not what it was.",))
-        )
+        return failed(button, "It is not what it was.")
 
     (calibration,) = calibrations_of(history.active())
     monkeypatch.setattr(recalibration, "build_button", build)
@@ -356,7 +354,7 @@ def test_another_rig_s_history_is_refused(calibrated: Calibrated, history: Histo
 def test_what_did_not_pass_or_was_disturbed_is_not_adopted(history: History) -> None:
     before = content(history)
     good = buttons_of(history.active())["push-A-button"]
-    bad = replace(good, check=replace(good.check, verdict="fail", reasons=("No.",)))
+    bad = failed(good, "No.")
     with pytest.raises(DataError, match="push-A-button did not pass"):
         adopt(history, [bad], actor="", reason="")
     for share in (0.15, float("nan")):
@@ -464,15 +462,13 @@ def test_what_becomes_active_is_logged_and_what_is_refused_is_not(
     rig = calibrated.rig
     first = history.active()
     good = buttons_of(first)["push-A-button"]
-    bad = replace(good, check=replace(good.check, verdict="fail", reasons=("No.",)))
-    for button, file, error in (
-        (bad, rig.file, DataError),
-        (good, load_rig_file("bench"), ConfigurationError),
-    ):
+    bad = failed(good, "No.")
+    bench = load_rig_file("bench")
+    for button, file, error in ((bad, rig.file, DataError), (good, bench, ConfigurationError)):
         with pytest.raises(error, match=r"did not pass|not on 'bench'"):
             adopt(history, [button], actor="a test", reason="no", rig=file)
     with pytest.raises(ConfigurationError, match="not on 'bench'"):
-        activate(history, first.name, actor="a test", reason="no", rig=load_rig_file("bench"))
+        activate(history, first.name, actor="a test", reason="no", rig=bench)
     assert history.active() == first
     second = adopt(history, [good], actor="a test", reason="once more", rig=rig.file)
     assert activate(history, "1", actor="a test", reason="was better") == first == history.active()
@@ -484,10 +480,9 @@ def test_unlogged_is_not_active(history: History, tmp_path: Path, monkeypatch: p
     (tmp_path / "file").write_text("in the way", encoding="utf-8")
     monkeypatch.setenv("HAPLOOP_STATE", str(tmp_path / "file"))
     first, activations = history.active(), history.activations
-    with pytest.raises(ConfigurationError, match="HAPLOOP_STATE"):
-        adopt(history, list(buttons_of(first).values()), actor="a test", reason="no log")
-    with pytest.raises(ConfigurationError, match="HAPLOOP_STATE"):
-        activate(history, first.name, actor="a test", reason="no log")
+    for act, what in ((adopt, list(buttons_of(first).values())), (activate, first.name)):
+        with pytest.raises(ConfigurationError, match="HAPLOOP_STATE"):
+            act(history, what, actor="a test", reason="no log")
     assert history.activations == activations
 
 

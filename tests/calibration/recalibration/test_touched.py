@@ -71,17 +71,11 @@ def test_a_hand_that_comes_while_buttons_are_made_is_not_adopted(
     """The look found a drift alone, and the hand comes then."""
     before = content(history)
     rig = left_alone(open(pane_mass=0.3, mode_drift=0.01))
-
-    def lean() -> None:
-        plant = rig.simulation.plant
-        plant.hands.append(
-            Hand("a test's", Fingertip(), (0.3, 0.3), 1.0, rig.clock.now(), np.random.default_rng(1))
-        )
-
     real = recalibration.calibrate_keeping if when.startswith("before") else recalibration.build_button
 
     def leaning(*args: Any, **more: Any) -> Any:
-        lean()
+        now, rng = rig.clock.now(), np.random.default_rng(1)
+        rig.simulation.plant.hands.append(Hand("a test's", Fingertip(), (0.3, 0.3), 1.0, now, rng))
         return real(*args, **more)
 
     monkeypatch.setattr(recalibration, real.__name__, leaning)

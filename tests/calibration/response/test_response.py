@@ -3,6 +3,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from haploop.calibration.response.spot import Channels
 from haploop.instruments import Aim, Rig
 from tests.calibration.conftest import Calibrated, tamper
 from tests.conftest import OpenRig
+from tests.rig_files import changed
 
 SHORT = LinearSweep(repeats=2, seconds=1.5, tail=0.3, shares=())
 
@@ -157,57 +159,44 @@ def test_the_monitors_images_are_taken_out_where_the_path_is_known() -> None:
         )
 
 
-def test_a_laser_that_sees_nothing_is_no_response(open: OpenRig, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("spoil", "error", "says"), [
+    (lambda rig, patch: tamper(rig, patch, laser=noise), DataError, "does not follow patch A"),
+    (lambda rig, patch: tamper(rig, patch, drive=lambda v: 0.01 * v), InstrumentError, "drive monitor"),
+    (lambda rig, patch: tamper(rig, patch, laser=lambda v: 100 * v), InstrumentError, "range of 20 mm/s"),
+    (lambda rig, patch: patch.setattr(rig.operator, "confirm", unaimed), InstrumentError, "Aim the laser"),
+    (lambda rig, patch: patch.setattr(rig.vibrometer, "signal_level", lambda: 0.02), InstrumentError,
+     "2% of its light"),
+], ids=["blind", "no drive", "out of range", "not confirmed", "dark"])  # fmt: skip
+def test_what_cannot_be_measured_is_no_response(
+    open: OpenRig, monkeypatch: pytest.MonkeyPatch, spoil: Any, error: type[Exception], says: str
+) -> None:
     rig = open()
-    noise = np.random.default_rng(1)
-    tamper(rig, monkeypatch, laser=lambda v: 1e-3 * noise.standard_normal(len(v)))
-    with pytest.raises(DataError, match="does not follow patch A"):
+    spoil(rig, monkeypatch)
+    with pytest.raises(error, match=says):
         measure_response(rig, excitation=SHORT)
 
 
-def test_a_drive_that_does_not_arrive_is_said(open: OpenRig, monkeypatch: pytest.MonkeyPatch) -> None:
-    rig = open()
-    tamper(rig, monkeypatch, drive=lambda v: 0.01 * v)
-    with pytest.raises(InstrumentError, match="drive monitor"):
-        measure_response(rig, excitation=SHORT)
+def noise(volts: np.ndarray, rng: np.random.Generator = np.random.default_rng(1)) -> np.ndarray:  # noqa: B008
+    return np.asarray(1e-3 * rng.standard_normal(len(volts)))
 
 
-def test_a_laser_out_of_range_is_said(open: OpenRig, monkeypatch: pytest.MonkeyPatch) -> None:
-    rig = open()
-    tamper(rig, monkeypatch, laser=lambda v: 100 * v)
-    with pytest.raises(InstrumentError, match="range of 20 mm/s"):
-        measure_response(rig, excitation=SHORT)
-
-
-def test_nothing_unconfirmed_is_measured(open: OpenRig, monkeypatch: pytest.MonkeyPatch) -> None:
-    rig = open()
-    monkeypatch.setattr(rig.operator, "confirm", lambda request: not isinstance(request, Aim))
-    with pytest.raises(InstrumentError, match="Aim the laser"):
-        measure_response(rig, excitation=SHORT)
+def unaimed(request: object) -> bool:
+    return not isinstance(request, Aim)
 
 
 def test_what_a_response_needs_is_asked_for(open: OpenRig) -> None:
     rig = open()
     with pytest.raises(ConfigurationError, match="2 repeats"):
         measure_response(rig, excitation=LinearSweep(repeats=1))
-    sensors = rig.sensors.model_copy(update={"drive": None})
-    vars(rig)["file"] = rig.file.model_copy(update={"sensors": sensors})
+    vars(rig)["file"] = changed(rig.file, sensors={"drive": None})
     with pytest.raises(ConfigurationError, match=r"sensors\.drive"):
-        measure_response(rig, excitation=SHORT)
-
-
-def test_a_vibrometer_without_light_is_said(open: OpenRig, monkeypatch: pytest.MonkeyPatch) -> None:
-    rig = open()
-    monkeypatch.setattr(rig.vibrometer, "signal_level", lambda: 0.02)
-    with pytest.raises(InstrumentError, match="2% of its light"):
         measure_response(rig, excitation=SHORT)
 
 
 def test_estimators_see_only_what_a_lab_would_see() -> None:
     for source in Path(calibration.__file__).parent.glob("*.py"):
-        assert not re.search(r"\.simulation\b|\btruth\b|\bmocks\b", source.read_text(encoding="utf-8")), (
-            source
-        )
+        text = source.read_text(encoding="utf-8")
+        assert not re.search(r"\.simulation\b|\btruth\b|\bmocks\b", text), source
 
 
 def test_a_response_is_a_value(calibrated: Calibrated) -> None:

@@ -39,10 +39,9 @@ def test_a_full_disk_leaves_nothing(
     tmp_path: Path, response: Response, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(*_arguments: Any, **_settings: Any) -> None:
-        try:
-            raise OSError(errno.ENOSPC, "No space left on device")
-        except OSError:
-            raise Exception("Error writing data-set #58") from None
+        error = Exception("Error writing data-set #58")
+        error.__context__ = OSError(errno.ENOSPC, "No space left on device")
+        raise error from None
 
     monkeypatch.setattr("pyuff.UFF.write_sets", full)
     with pytest.raises(DataError, match=r"full\.uff cannot be written: No space left on device"):
@@ -89,24 +88,11 @@ def exported(path: Path, **change: Any) -> Path:
     """As a scanning vibrometer's software writes it: evenly spaced, nodes for points, its own units."""
     f = np.arange(10.0, 1000.0, 2.5)
     values = {
-        "binary": 0,
-        "func_type": 4,
-        "rsp_node": 17,
-        "rsp_dir": 3,
-        "ref_node": 999,
-        "ref_dir": 0,
-        "abscissa_spacing": 1,
-        "abscissa_min": 10.0,
-        "abscissa_inc": 2.5,
-        "abscissa_spec_data_type": 18,
-        "ordinate_spec_data_type": 8,
-        "ordinate_axis_units_lab": "m",
-        "orddenom_spec_data_type": 0,
-        "orddenom_axis_units_lab": "V",
-        "id1": "Scan",
-        "data": 1e-9 / (1 + 1j * f / 300),
-        "x": f,
-    }
+        "binary": 0, "func_type": 4, "rsp_node": 17, "rsp_dir": 3, "ref_node": 999, "ref_dir": 0,
+        "abscissa_spacing": 1, "abscissa_min": 10.0, "abscissa_inc": 2.5, "abscissa_spec_data_type": 18,
+        "ordinate_spec_data_type": 8, "ordinate_axis_units_lab": "m", "orddenom_spec_data_type": 0,
+        "orddenom_axis_units_lab": "V", "id1": "Scan", "data": 1e-9 / (1 + 1j * f / 300), "x": f,
+    }  # fmt: skip
     sets = [pyuff.prepare_58(**{**values, **change})]
     pyuff.UFF(str(path)).write_sets(sets, mode="overwrite")
     return path

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import haploop
 from haploop.base.errors import ConfigurationError, InstrumentError
+from haploop.instruments.conformance import bypass_interlock
 from haploop.instruments.daq.ni_sessions import _Deadline
 
 BOTH = pytest.mark.parametrize("simulate", ["twin", "wire"])
@@ -25,16 +29,20 @@ def _rig(tmp_path: Path, devices: str, channels: str, outputs: str = "", more: s
     return path
 
 
+@contextmanager
+def _streamed(rig: Path, simulate: haploop.Mode, name: str, rate_hz: float) -> Iterator[tuple[Any, Any]]:
+    """The opened DAQ, and a finite stream of one of its channels."""
+    with haploop.open_rig(rig, simulate=simulate) as it, it.daq.stream([name], rate_hz, 100, 200) as stream:
+        yield it.daq, stream
+
+
 @BOTH
 @pytest.mark.parametrize(
     ("product", "delay"), [("NI 9234", -(40 + 5 / 512) / 5120 - 2.6e-6), ("NI 9215", 0.0)]
 )
 def test_a_delta_sigma_input(tmp_path: Path, simulate: haploop.Mode, product: str, delay: float) -> None:
     rig = _rig(tmp_path, f'cDAQ1Mod1 = "{product}"', 'force = { terminal = "cDAQ1Mod1/ai0", range = 5 }')
-    with (
-        haploop.open_rig(rig, simulate=simulate) as opened,
-        opened.daq.stream(["force"], 5000, 100, 200) as stream,
-    ):
+    with _streamed(rig, simulate, "force", 5000) as (_, stream):
         assert stream.rate_hz == (5120 if delay else 5000)
         assert stream.delays == pytest.approx([delay], abs=1e-9)
         assert stream.capture().volts.shape == (1, 200)
@@ -44,27 +52,13 @@ def test_a_delta_sigma_input(tmp_path: Path, simulate: haploop.Mode, product: st
 @pytest.mark.parametrize("product", ["PCI-6052E", "PCIe-6321"])
 def test_an_old_card_plays_whole_on_its_inputs(tmp_path: Path, simulate: haploop.Mode, product: str) -> None:
     """An E Series output is done one pulse after its last sample, which the inputs' clock never gives."""
-    rig = _rig(
-        tmp_path,
-        f'Dev1 = "{product}"',
-        'monitor = { terminal = "Dev1/ai0", range = 10 }',
-        'out = { terminal = "Dev1/ao0" }',
-    )
+    monitor = 'monitor = { terminal = "Dev1/ai0", range = 10 }'
+    rig = _rig(tmp_path, f'Dev1 = "{product}"', monitor, 'out = { terminal = "Dev1/ao0" }')
     with haploop.open_rig(rig, simulate=simulate) as opened:
         volts = np.sin(np.arange(500) / 20)
-        opened.daq._interlock = _Permissive()
+        bypass_interlock(opened.daq)
         with opened.daq.stream(["monitor"], 1000, 100, 500, {"out": volts}) as stream:
             assert stream.capture().volts.shape == (1, 500)
-
-
-class _Permissive:
-    """Authorises any play: there is no limiter in these rigs."""
-
-    def authorise(self, *_: object) -> None:
-        """Do nothing."""
-
-    def authorise_release(self) -> None:
-        """Do nothing."""
 
 
 def test_such_an_output_is_never_done_on_another_clock_of_as_many_pulses() -> None:
@@ -97,11 +91,8 @@ def test_such_an_output_is_never_done_on_another_clock_of_as_many_pulses() -> No
 def test_a_supply_the_product_has_not_is_refused(tmp_path: Path, simulate: haploop.Mode, kind: str) -> None:
     channel = f'force = {{ terminal = "Dev1/ai0", range = 5, {kind} }}'
     rig = _rig(tmp_path, 'Dev1 = "PCIe-6321"', channel)
-    with (
-        pytest.raises(ConfigurationError, match="-200077"),
-        haploop.open_rig(rig, simulate=simulate) as opened,
-    ):
-        opened.daq.stream(["force"], 1000, 100, 200)
+    with pytest.raises(ConfigurationError, match="-200077"), _streamed(rig, simulate, "force", 1000):
+        pass
 
 
 @BOTH
@@ -126,10 +117,7 @@ def test_a_current_is_what_the_sensor_requires(tmp_path: Path, simulate: haploop
     """The card supplies what it has: 2.1 mA."""
     channel = 'cap = { terminal = "Dev1/ai0", range = 5, coupling = "ac", excitation = 0.002 }'
     rig = _rig(tmp_path, 'Dev1 = "USB-4431"', channel)
-    with (
-        haploop.open_rig(rig, simulate=simulate) as opened,
-        opened.daq.stream(["cap"], 2000, 100, 200) as stream,
-    ):
+    with _streamed(rig, simulate, "cap", 2000) as (_, stream):
         assert stream.capture().volts.shape == (1, 200)
 
 
@@ -142,7 +130,7 @@ def test_a_play_is_refused_at_a_rate_that_the_inputs_have_not(tmp_path: Path, si
         'out = { terminal = "cDAQ1Mod2/ao0" }',
     )
     with haploop.open_rig(rig, simulate=simulate) as opened:
-        opened.daq._interlock = _Permissive()
+        bypass_interlock(opened.daq)
         with pytest.raises(ConfigurationError, match="such as 51200"):
             opened.daq.stream(["monitor"], 50000, 100, 200, {"out": np.zeros(200)})
         with opened.daq.stream(["monitor"], 51200, 100, 200, {"out": np.zeros(200)}) as stream:
@@ -151,14 +139,10 @@ def test_a_play_is_refused_at_a_rate_that_the_inputs_have_not(tmp_path: Path, si
 
 @BOTH
 def test_an_output_without_a_clock_is_refused(tmp_path: Path, simulate: haploop.Mode) -> None:
-    rig = _rig(
-        tmp_path,
-        'Dev1 = "USB-6009"',
-        'monitor = { terminal = "Dev1/ai0", range = 5 }',
-        'out = { terminal = "Dev1/ao0", range = 5 }',
-    )
+    monitor = 'monitor = { terminal = "Dev1/ai0", range = 5 }'
+    rig = _rig(tmp_path, 'Dev1 = "USB-6009"', monitor, 'out = { terminal = "Dev1/ao0", range = 5 }')
     with haploop.open_rig(rig, simulate=simulate) as opened:
-        opened.daq._interlock = _Permissive()
+        bypass_interlock(opened.daq)
         with pytest.raises((ConfigurationError, InstrumentError), match="no sample clock"):
             opened.daq.stream(["monitor"], 1000, 100, 200, {"out": np.zeros(200)})
 
@@ -167,12 +151,9 @@ def test_an_output_without_a_clock_is_refused(tmp_path: Path, simulate: haploop.
 def test_a_product_described_in_the_rig_file_is_simulated(tmp_path: Path, simulate: haploop.Mode) -> None:
     described = '[daq.products."USB-9999"]\nlike = "USB-6211"\nai_ranges = [3.0]\nsource = "its label"'
     rig = _rig(tmp_path, 'Dev1 = "USB-9999"', 'force = { terminal = "Dev1/ai0", range = 2 }', more=described)
-    with (
-        haploop.open_rig(rig, simulate=simulate) as opened,
-        opened.daq.stream(["force"], 1000, 100, 200) as stream,
-    ):
+    with _streamed(rig, simulate, "force", 1000) as (daq, stream):
         assert stream.full_scale == pytest.approx([3.0])
-        assert "USB-9999" in opened.daq.identity
+        assert "USB-9999" in daq.identity
 
 
 ENCODER = """

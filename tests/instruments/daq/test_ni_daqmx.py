@@ -61,19 +61,9 @@ def test_a_module_is_locked_with_its_chassis() -> None:
         for slot in (1, 2)
     ]
     with NiServer([chassis, *modules]) as server:
-        pieces = [
-            set(
-                NiDaq.hardware(
-                    settings(
-                        server=server.address,
-                        channels={"force": {"terminal": f"{module.name}/ai0", "range": 5}},
-                        outputs={},
-                        devices={},
-                    )
-                )
-            )
-            for module in modules
-        ]
+        own = {"server": server.address, "outputs": {}, "devices": {}}
+        forces = [{"force": {"terminal": f"{module.name}/ai0", "range": 5}} for module in modules]
+        pieces = [set(NiDaq.hardware(settings(channels=force, **own))) for force in forces]
     assert pieces == [{"cDAQ-9178 1A2B", "NI 9215 3C01"}, {"cDAQ-9178 1A2B", "NI 9215 3C02"}]
 
 
@@ -85,10 +75,8 @@ def test_a_card_without_a_number_is_known_by_its_name_and_server(server: NiServe
         assert set(NiDaq.hardware(asked)) == named
     assert set(NiDaq.hardware(asked)) == named
     server.corrupt(lambda _call, _reply: b"\xff" * 9)
-    assert set(NiDaq.hardware(settings(server=server.address))) == {
-        f"{server.address} dev1",
-        f"{server.address} dev2",
-    }
+    at = server.address
+    assert set(NiDaq.hardware(settings(server=at))) == {f"{at} dev1", f"{at} dev2"}
 
 
 def test_rows_come_in_the_order_asked_for_with_their_delays(daq: NiDaq, bench: Bench) -> None:

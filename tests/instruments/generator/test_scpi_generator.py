@@ -188,22 +188,18 @@ def test_errors_of_somebody_else_are_not_blamed_on_the_sweep(setup: Setup) -> No
     assert generator.errors() == ()
 
 
-def test_a_sweep_that_was_switched_off_is_armed_again_before_it_plays(setup: Setup) -> None:
+@pytest.mark.parametrize(("act", "error", "says"), [
+    (lambda _, generator: generator.off(), ConfigurationError, r"not armed|no waveform to play"),
+    (lambda setup, _: setup.tell("SWE:STAT OFF"), InstrumentError, "its waveform: -211 Trigger ignored"),
+], ids=["switched off", "trigger ignored"])  # fmt: skip
+def test_a_sweep_that_does_not_start_leaves_the_output_off(
+    setup: Setup, act: Callable[..., object], error: type[Exception], says: str
+) -> None:
     generator = setup.open()
     generator.configure(SWEEP)
     generator.arm()
-    generator.off()
-    with pytest.raises(ConfigurationError, match=r"not armed|no waveform to play"):
-        generator.trigger()
-    assert not generator.is_on
-
-
-def test_a_trigger_that_is_ignored_leaves_the_output_off(setup: Setup) -> None:
-    generator = setup.open()
-    generator.configure(SWEEP)
-    generator.arm()
-    setup.tell("SWE:STAT OFF")
-    with pytest.raises(InstrumentError, match="did not start its waveform: -211 Trigger ignored"):
+    act(setup, generator)
+    with pytest.raises(error, match=says):
         generator.trigger()
     assert not generator.is_on
 
@@ -217,6 +213,17 @@ class Deaf(Box):
         self.answer = lambda line: [] if deaf in line and "?" not in line else answer(line)
 
 
+def deaf_to(words: str, family: str, *said: str) -> ScpiGenerator:
+    driver, product = FAMILIES[family]
+    bench = Bench()
+    box = Deaf(product, bench, words)
+    for line in said:
+        box.answer(line)
+    generator = driver(settings(), bench.clock, DirectLine(box.answer))
+    bypass_interlock(generator)
+    return generator
+
+
 @pytest.mark.parametrize("family", FAMILIES)
 @pytest.mark.parametrize(("deaf", "sentence"), [
     ("LOAD", r"given inf for load but reads 50"),
@@ -225,23 +232,14 @@ class Deaf(Box):
     ("SWE:TIME", r"given 0.5 for duration but reads 1"),
 ])  # fmt: skip
 def test_a_setting_that_was_not_taken_is_read_back(family: str, deaf: str, sentence: str) -> None:
-    driver, product = FAMILIES[family]
-    bench = Bench()
-    box = Deaf(product, bench, deaf)
-    generator = driver(settings(), bench.clock, DirectLine(box.answer))
-    bypass_interlock(generator)
     with pytest.raises(InstrumentError, match=sentence):
-        generator.configure(SWEEP)
+        deaf_to(deaf, family).configure(SWEEP)
 
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_an_output_that_stays_on_is_said(family: str) -> None:
-    driver, product = FAMILIES[family]
-    bench = Bench()
-    box = Deaf(product, bench, "OFF")
-    box.answer("OUTP1 ON")
     with pytest.raises(InstrumentError, match="switch its output off but reads on: switch it off by hand"):
-        driver(settings(), bench.clock, DirectLine(box.answer)).off()
+        deaf_to("OFF", family, "OUTP1 ON").off()
 
 
 def test_another_instrument_is_refused() -> None:

@@ -145,15 +145,14 @@ def test_a_channel_that_the_board_has_not_and_a_board_that_is_unplugged_are_told
 def test_nobody_at_the_port() -> None:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
-        port = f"socket://127.0.0.1:{free.getsockname()[1]}"
-        with pytest.raises(
-            InstrumentError, match=rf"{port} cannot be talked to \(connection refused\): plug"
+        taken = f"socket://127.0.0.1:{free.getsockname()[1]}"
+        for port, error, says in (
+            (taken, InstrumentError, rf"{taken} cannot be talked to \(connection refused\): plug"),
+            ("no such port", InstrumentError, r"cannot be talked to \(no such file or directory\): "),
+            ("nonsense://x", ConfigurationError, r"'port' in .* 'nonsense://x': it is no name"),
         ):
-            SerialRelay.open(settings(port=port), VirtualClock())
-    with pytest.raises(InstrumentError, match=r"cannot be talked to \(no such file or directory\): "):
-        SerialRelay.open(settings(port="no such port"), VirtualClock())
-    with pytest.raises(ConfigurationError, match=r"'port' in .* 'nonsense://x': it is no name"):
-        SerialRelay.open(settings(port="nonsense://x"), VirtualClock())
+            with pytest.raises(error, match=says):
+                SerialRelay.open(settings(port=port), VirtualClock())
 
 
 def test_the_other_commands_of_a_board() -> None:

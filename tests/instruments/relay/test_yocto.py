@@ -109,25 +109,22 @@ def test_no_renewal_outlasts_the_longest_time(setup: Setup) -> None:
 
 
 @pytest.mark.parametrize("kind", ["lost", "stuck"])
-def test_a_channel_that_does_not_close_is_an_error(setup: Setup, kind: str) -> None:
-    fault = BoxFault(kind, channel=2)  # type: ignore[arg-type]
+@pytest.mark.parametrize(("first", "then", "channel", "says", "left"), [
+    # What had closed is left to the dead-man.
+    ([], ["A", "B"], 2, r"channel 2 \(patch B\) was told to close but reads open", set()),
+    (["A"], ["B"], 1, r"channel 1 \(patch A\) was told to open but reads closed", {"A"}),
+], ids=["close", "open"])  # fmt: skip
+def test_a_channel_that_does_not_follow_is_an_error_before_any_other_closes(
+    setup: Setup, kind: Any, first: list[str], then: list[str], channel: int, says: str, left: set[str]
+) -> None:
+    setup.relay.connect(first)
+    fault = BoxFault(kind, channel=channel)
     setup.box.faults.append(fault)
-    with pytest.raises(InstrumentError, match=r"channel 2 \(patch B\) was told to close but reads open"):
-        setup.relay.connect(["A", "B"])
+    with pytest.raises(InstrumentError, match=says):
+        setup.relay.connect(then)
     assert fault.fired
-    setup.bench.clock.sleep(3)
-    assert setup.bench.closed() == set(), "what had closed is left to the dead-man"
-
-
-@pytest.mark.parametrize("kind", ["lost", "stuck"])
-def test_a_channel_that_does_not_open_is_an_error_before_any_other_closes(setup: Setup, kind: str) -> None:
-    setup.relay.connect(["A"])
-    fault = BoxFault(kind, channel=1)  # type: ignore[arg-type]
-    setup.box.faults.append(fault)
-    with pytest.raises(InstrumentError, match=r"channel 1 \(patch A\) was told to open but reads closed"):
-        setup.relay.connect(["B"])
-    assert fault.fired
-    assert setup.bench.closed() == {"A"}
+    setup.bench.clock.sleep(0 if left else 3)
+    assert setup.bench.closed() == left
 
 
 def test_one_lost_renewal_does_no_harm(setup: Setup) -> None:
@@ -184,10 +181,9 @@ def test_one_refused_command_does_not_keep_the_others_closed(wired: Wired) -> No
 def test_a_killed_hub_is_noticed_and_the_box_opens_by_itself(wired: Wired) -> None:
     wired.relay.connect(["A"])
     wired.hub.close()
-    with pytest.raises(InstrumentError, match="cannot be talked to"):
-        wired.relay.renew()
-    with pytest.raises(InstrumentError, match="cannot be talked to"):
-        wired.relay.connect([])
+    for action in (wired.relay.renew, lambda: wired.relay.connect([])):
+        with pytest.raises(InstrumentError, match="cannot be talked to"):
+            action()
     wired.bench.clock.sleep(2.5)
     assert wired.bench.closed() == set()
 

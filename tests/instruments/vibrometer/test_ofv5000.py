@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,13 +74,9 @@ def wired() -> Iterator[Wired]:
 
 def test_reads_what_the_controller_is_set_to(setup: Setup) -> None:
     laser = setup.laser
-    assert laser.identity == "OFV-5000 Vibrometer Controller"
-    assert laser.channel == "laser"
-    assert laser.declared is None
-    assert laser.scale == 0.005
-    assert laser.range == pytest.approx(0.05)
-    assert laser.delay == pytest.approx(12.3e-6)
-    assert laser.bandwidth_hz == 20e3
+    assert (laser.identity, laser.channel) == ("OFV-5000 Vibrometer Controller", "laser")
+    assert laser.declared is None and laser.scale == 0.005 and laser.bandwidth_hz == 20e3
+    assert (laser.range, laser.delay) == pytest.approx((0.05, 12.3e-6))
     assert laser.to_si(np.array([2.0]))[0] == pytest.approx(0.01)
 
 
@@ -174,14 +170,13 @@ def test_an_answer_that_cannot_be_right_is_refused(asked: str, answer: str) -> N
         Ofv5000(settings(), clock, line).signal_level()
 
 
-def test_something_else_at_the_port_is_named() -> None:
-    with pytest.raises(InstrumentError, match=r"COM3 calls itself 'Arduino'.*correct 'port'"):
-        Ofv5000(settings(), VirtualClock(), DirectLine(lambda _: ["Arduino"]))
-
-
-def test_a_loop_back_is_told_from_an_echo() -> None:
-    with pytest.raises(InstrumentError, match="loop-back"):
-        Ofv5000(settings(), VirtualClock(), DirectLine(lambda line: [line] * 20))
+@pytest.mark.parametrize(("answer", "says"), [
+    (lambda _: ["Arduino"], r"COM3 calls itself 'Arduino'.*correct 'port'"),
+    (lambda line: [line] * 20, "loop-back"),
+], ids=["something else", "a loop-back is no echo"])  # fmt: skip
+def test_what_is_at_the_port_is_named(answer: Callable[[str], list[str]], says: str) -> None:
+    with pytest.raises(InstrumentError, match=says):
+        Ofv5000(settings(), VirtualClock(), DirectLine(answer))
 
 
 def test_no_such_port_is_one_sentence() -> None:
@@ -241,13 +236,15 @@ def test_what_cannot_be_read_is_declared() -> None:
     box = controller(clock)
     lines = {f"Get,VeloDec,0,{name}": ["Not Available"] for name in ("SignalDelay", "MaxFreq", "Range")}
     line = DirectLine(lambda asked: lines.get(asked) or box.answer(asked))
-    with pytest.raises(ConfigurationError, match="give 'bandwidth_hz'"):
-        Ofv5000(settings(delay=1e-5, range_declared=True), clock, line)
-    with pytest.raises(ConfigurationError, match="tells no delay: give 'delay'"):
-        Ofv5000(settings(bandwidth_hz=5000), clock, line)
-    with pytest.raises(InstrumentError, match="give range_declared = true"):
-        Ofv5000(settings(bandwidth_hz=5000, delay=1e-5), clock, line)
-    laser = Ofv5000(settings(bandwidth_hz=5000, delay=1e-5, range_declared=True), clock, line)
+    whole = {"bandwidth_hz": 5000, "delay": 1e-5, "range_declared": True}
+    for missing, error, says in (
+        ("bandwidth_hz", ConfigurationError, "give 'bandwidth_hz'"),
+        ("delay", ConfigurationError, "tells no delay: give 'delay'"),
+        ("range_declared", InstrumentError, "give range_declared = true"),
+    ):
+        with pytest.raises(error, match=says):
+            Ofv5000(settings(**{key: value for key, value in whole.items() if key != missing}), clock, line)
+    laser = Ofv5000(settings(**whole), clock, line)
     assert (laser.delay, laser.bandwidth_hz, laser.scale) == (1e-5, 5000, 0.005)
     # A person confirms it, as for a laser without an interface.
     assert laser.declared is not None and "VeloDec,0 set to 5mm/s/V?" in laser.declared
