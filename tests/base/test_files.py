@@ -34,13 +34,17 @@ def written(path: Path, text: str = "mine") -> None:
         part.write_text(text)
 
 
+def texts(folder: Path) -> dict[str, str]:
+    return {path.name: path.read_text() for path in folder.iterdir()}
+
+
 @pytest.mark.usefixtures("any_disk")
 def test_a_new_file_is_there_whole_and_alone(tmp_path: Path) -> None:
     with new_file(tmp_path / "a.txt") as part:
         part.write_text("mine")
         assert part.parent == tmp_path and part.name.startswith(".a.txt.")
         assert not (tmp_path / "a.txt").exists()
-    assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("a.txt", "mine")]
+    assert texts(tmp_path) == {"a.txt": "mine"}
 
 
 @pytest.mark.usefixtures("any_disk")
@@ -53,7 +57,7 @@ def test_a_file_that_came_to_be_meanwhile_stays(tmp_path: Path, theirs: str) -> 
     ):
         part.write_text("mine")
         path.write_text(theirs)
-    assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("a.txt", theirs)]
+    assert texts(tmp_path) == {"a.txt": theirs}
 
 
 def test_a_file_is_replaced_that_somebody_reads(tmp_path: Path) -> None:
@@ -64,7 +68,7 @@ def test_a_file_is_replaced_that_somebody_reads(tmp_path: Path) -> None:
         assert reading.stdout is not None and reading.stdout.readline()
         with whole_file(path, replace=True) as part:
             part.write_text("mine")
-    assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("a.txt", "mine")]
+    assert texts(tmp_path) == {"a.txt": "mine"}
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows needs no claim")
@@ -129,7 +133,7 @@ def test_a_link_made_but_not_confirmed_counts(tmp_path: Path, monkeypatch: pytes
 
     monkeypatch.setattr(os, "link", twice)
     written(tmp_path / "a.txt")
-    assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("a.txt", "mine")]
+    assert texts(tmp_path) == {"a.txt": "mine"}
 
 
 @pytest.mark.usefixtures("any_disk")
@@ -258,15 +262,9 @@ for number in range(60):
 @pytest.mark.long
 @pytest.mark.parametrize("disks", [("links", "links"), ("no links", "no links"), ("links", "no links")])
 def test_of_two_programs_exactly_one_wins_each_name(tmp_path: Path, disks: tuple[str, str]) -> None:
-    racers = [
-        subprocess.Popen(
-            [sys.executable, "-c", RACER, str(tmp_path), name, disk],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        for name, disk in zip("ab", disks, strict=True)
-    ]
+    commands = [[sys.executable, "-c", RACER, str(tmp_path), *own] for own in zip("ab", disks, strict=True)]
+    pipe = subprocess.PIPE
+    racers = [subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) for command in commands]
     for racer in racers:
         assert racer.stdout is not None and racer.stdout.readline() == "ready\n"
     for racer in racers:
@@ -277,6 +275,4 @@ def test_of_two_programs_exactly_one_wins_each_name(tmp_path: Path, disks: tuple
     assert [racer.returncode for racer in racers] == [0, 0]
     winner = {int(line.split()[1]): name for name, lines in zip("ab", told, strict=True) for line in lines}
     assert sum(map(len, told)) == len(winner) == 60
-    assert {p.name: p.read_text() for p in tmp_path.iterdir()} == {
-        f"{number}.txt": name * 1000 for number, name in winner.items()
-    }
+    assert texts(tmp_path) == {f"{number}.txt": name * 1000 for number, name in winner.items()}

@@ -87,10 +87,15 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Package:
     return install
 
 
+def acme(package: Package, code: str = LAMP, **groups: Any) -> Any:
+    """The lamp's module, once it is installed; other entry points or code, if they are given."""
+    points = {"roles": {"lamp": "Lamp"}, "drivers": {"acme-lamp": "AcmeLamp"}} | groups
+    return __import__(package("acme-lamp", code, **points))
+
+
 @pytest.fixture
 def lamp(package: Package) -> Any:
-    name = package("acme-lamp", LAMP, roles={"lamp": "Lamp"}, drivers={"acme-lamp": "AcmeLamp"})
-    return __import__(name)
+    return acme(package)
 
 
 LAMPS = '[lamp]\ndriver = "acme-lamp"\nport = "COM9"\n'
@@ -128,8 +133,7 @@ def test_a_role_from_outside_is_validated_opened_made_safe_and_closed(lamp: Any,
 @pytest.mark.parametrize("says", ["", "    arithmetic = False", "    arithmetic = 'no'"])
 def test_a_simulation_opens_only_twins(package: Package, tmp_path: Path, mode: Any, says: str) -> None:
     """It used to be opened as it is, and its outputs written, while everything was said to be simulated."""
-    code = LAMP.replace("    arithmetic = True", says)
-    lamp = __import__(package("acme-lamp", code, roles={"lamp": "Lamp"}, drivers={"acme-lamp": "AcmeLamp"}))
+    lamp = acme(package, LAMP.replace("    arithmetic = True", says))
     path = rig_file(tmp_path)
     with pytest.raises(ConfigurationError, match=rf"The lamp .* 'acme-lamp' has no {mode}, and would open"):
         open_rig(path, simulate=mode)
@@ -140,22 +144,14 @@ def test_a_simulation_opens_no_driver_whose_wire_says_no_address(package: Packag
     code = LAMP.replace("    arithmetic = True", "") + (
         "\nfrom contextlib import nullcontext\ndef wire(settings, plant):\n    return nullcontext({})\n"
     )
-    points: dict[str, dict[str, str]] = {"drivers": {"acme-lamp": "AcmeLamp"}, "wires": {"acme-lamp": "wire"}}
-    lamp = __import__(package("acme-lamp", code, roles={"lamp": "Lamp"}, **points))
-    path = rig_file(tmp_path)
-    with pytest.raises(ConfigurationError, match=r"has no twin, and would open .* or simulate as wire"):
-        open_rig(path, simulate="twin")
-    with pytest.raises(ConfigurationError, match="The wire of 'acme-lamp' replaces no setting"):
-        open_rig(path, simulate="wire")
-    assert lamp.LOG == []
-
-
-def test_its_settings_are_its_drivers(lamp: Any, tmp_path: Path) -> None:
-    path = rig_file(tmp_path, '[lamp]\ndriver = "acme-lamp"\nprt = "COM9"\n')
-    with pytest.raises(
-        ConfigurationError, match=r"rig\.toml, line 4: unknown key 'lamp\.prt'; did you mean 'po"
+    lamp, path = acme(package, code, wires={"acme-lamp": "wire"}), rig_file(tmp_path)
+    for mode, says in (
+        ("twin", r"has no twin, and would open .* or simulate as wire"),
+        ("wire", "The wire of 'acme-lamp' replaces no setting"),
     ):
-        load_rig_file(path)
+        with pytest.raises(ConfigurationError, match=says):
+            open_rig(path, simulate=mode)
+    assert lamp.LOG == []
 
 
 def stuck(_self: object) -> None:
@@ -170,10 +166,9 @@ def leaving(_self: object) -> None:
     sys.exit("The vendor's library ends the program.")
 
 
-@pytest.mark.parametrize(
-    ("broken", "says"),
-    [(stuck, "confirmed: The lamp is stuck"), (property(dead), "confirmed"), (leaving, "confirmed")],
-)
+@pytest.mark.parametrize(("broken", "says"), [
+    (stuck, "confirmed: The lamp is stuck"), (property(dead), "confirmed"), (leaving, "confirmed"),
+])  # fmt: skip
 def test_whatever_a_safe_state_from_outside_does_the_relay_opens(
     connected: Rig, lamp: Any, monkeypatch: pytest.MonkeyPatch, broken: object, says: str
 ) -> None:
@@ -228,15 +223,14 @@ def test_a_rig_without_the_role_says_so(lamp: Any) -> None:
 
 
 def test_a_role_need_not_be_called_like_its_class(package: Package, tmp_path: Path) -> None:
-    name = package("acme-lamp", LAMP, roles={"beam": "Lamp"}, drivers={"acme-lamp": "AcmeLamp"})
-    lamp = __import__(name)
+    lamp = acme(package, roles={"beam": "Lamp"})
     with open_rig(rig_file(tmp_path, '[beam]\ndriver = "acme-lamp"\nport = "COM9"\n')) as rig:
         assert rig.role(lamp.Lamp) is rig.instruments["beam"]
 
 
 def test_roles_with_unfortunate_names_stop_no_other_rig(package: Package) -> None:
     roles = dict.fromkeys(("table", "name", "devices", "digest", "model_dump"), "Lamp")
-    package("acme-lamp", LAMP, roles=roles, drivers={"acme-lamp": "AcmeLamp"})
+    acme(package, roles=roles)
     with open_rig("simulated") as rig:
         assert not set(roles) & set(rig.instruments)
 
@@ -246,18 +240,6 @@ def test_the_schema_has_its_table(lamp: Any) -> None:
     assert schema["properties"]["lamp"]["properties"]["driver"]["enum"] == ["acme-lamp"]
     assert schema["additionalProperties"] is False
     assert "$comment" not in schema
-
-
-@pytest.mark.parametrize(("text", "says"), [
-    ('[lmp]\ndriver = "acme-lamp"\n', r"line 2: unknown key 'lmp'; did you mean 'lamp'\? If another package"),
-    ("zzz = 3\n", "line 2: unknown key 'zzz'; known keys are .*lamp"),
-    ('lamp = "acme-lamp"\n', "line 2: lamp must be a table"),
-    ('[lamp]\nport = "COM9"\n', r"line 2: the key 'lamp\.driver' is missing"),
-])  # fmt: skip
-def test_what_is_wrong_with_a_table_is_one_sentence(lamp: Any, tmp_path: Path, text: str, says: str) -> None:
-    with pytest.raises(ConfigurationError, match=says) as caught:
-        load_rig_file(rig_file(tmp_path, text))
-    assert "\n" not in str(caught.value)
 
 
 BROKEN = {
@@ -285,7 +267,7 @@ def test_a_broken_driver_is_one_sentence_for_its_rig(package: Package, tmp_path:
 
 @pytest.mark.parametrize("named", ["Nobody", "an_instance", "wrong_twin"])
 def test_a_broken_role_is_one_sentence_for_its_rig(package: Package, tmp_path: Path, named: str) -> None:
-    package("acme-lamp", LAMP, roles={"lamp": named}, drivers={"acme-lamp": "AcmeLamp"})
+    acme(package, roles={"lamp": named})
     says = "cannot be loaded" if named == "Nobody" else "must be a class"
     with pytest.raises(ConfigurationError, match=f"The role 'lamp' of the package acme-lamp .*{says}"):
         load_rig_file(rig_file(tmp_path))
@@ -317,12 +299,19 @@ def test_ctrl_c_leaves_no_half_of_a_package(package: Package, tmp_path: Path) ->
     assert hasattr(sys.modules[module], "raise_when")
 
 
-def test_a_driver_for_another_role_is_named(tmp_path: Path) -> None:
-    path = rig_file(tmp_path, '[relay]\ndriver = "pdv-100"\n')
-    with pytest.raises(
-        ConfigurationError, match="'pdv-100' of the package haploop is not for the role 'relay'"
-    ):
-        load_rig_file(path)
+@pytest.mark.parametrize(("text", "says"), [
+    ('[lamp]\ndriver = "acme-lamp"\nprt = "COM9"\n',
+     r"rig\.toml, line 4: unknown key 'lamp\.prt'; did you mean 'po"),
+    ('[relay]\ndriver = "pdv-100"\n', "'pdv-100' of the package haploop is not for the role 'relay'"),
+    ('[lmp]\ndriver = "acme-lamp"\n', r"line 2: unknown key 'lmp'; did you mean 'lamp'\? If another package"),
+    ("zzz = 3\n", "line 2: unknown key 'zzz'; known keys are .*lamp"),
+    ('lamp = "acme-lamp"\n', "line 2: lamp must be a table"),
+    ('[lamp]\nport = "COM9"\n', r"line 2: the key 'lamp\.driver' is missing"),
+])  # fmt: skip
+def test_what_is_wrong_with_a_table_is_one_sentence(lamp: Any, tmp_path: Path, text: str, says: str) -> None:
+    with pytest.raises(ConfigurationError, match=says) as caught:
+        load_rig_file(rig_file(tmp_path, text))
+    assert "\n" not in str(caught.value)
 
 
 def test_two_packages_with_one_name_are_both_named(package: Package, tmp_path: Path) -> None:
@@ -333,13 +322,7 @@ def test_two_packages_with_one_name_are_both_named(package: Package, tmp_path: P
 
 
 def test_a_twin_that_is_none_is_named(package: Package, tmp_path: Path) -> None:
-    package(
-        "acme-lamp",
-        LAMP,
-        roles={"lamp": "Lamp"},
-        drivers={"acme-lamp": "AcmeLamp"},
-        twins={"acme-lamp": "wrong_twin"},
-    )
+    acme(package, twins={"acme-lamp": "wrong_twin"})
     with pytest.raises(ConfigurationError, match="'acme-lamp' opened is no lamp, but an object of str"):
         open_rig(rig_file(tmp_path))
 

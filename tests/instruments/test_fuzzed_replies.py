@@ -118,14 +118,7 @@ OFV = (
 
 
 @pytest.mark.parametrize(("parse", "form", "good", "low", "high"), OFV)
-def test_a_vibrometers_reply(
-    parse: Callable[[str], float | None],
-    form: str,
-    good: tuple[bytes, ...],
-    low: float,
-    high: float,
-    full: bool,
-) -> None:
+def test_a_vibrometers_reply(parse: Any, form: str, good: Any, low: float, high: float, full: bool) -> None:
     taken = 0
     for reply in islice(replies(good, SEED), 100_000 if full else 4000):
         found = outcome(reply, parse)
@@ -148,22 +141,15 @@ def test_a_generators_numbers(full: bool) -> None:
         if re.fullmatch(r"INF(INITY|INITE)?", text, re.IGNORECASE):
             assert value == math.inf
             continue
-        assert re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", text, re.IGNORECASE | re.ASCII), (
-            text,
-            value,
-        )
+        number = r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?"
+        assert re.fullmatch(number, text, re.IGNORECASE | re.ASCII), (text, value)
         assert not math.isnan(value)
         assert value == float(text) or (value == math.inf and float(text) > 9e37)
 
 
 def test_a_generators_other_words(full: bool) -> None:
-    good = (
-        b"1\n",
-        b"OFF\n",
-        b'-113,"Undefined header"\n',
-        b'+0,"No error"\n',
-        b"Rigol,DG1062Z,DG1,03.01.12\n",
-    )
+    errors = b'-113,"Undefined header"\n', b'+0,"No error"\n'
+    good = (b"1\n", b"OFF\n", *errors, b"Rigol,DG1062Z,DG1,03.01.12\n")
     for reply in islice(replies(good, SEED), 100_000 if full else 6000):
         if found := outcome(reply, switch_of):
             assert found[0].upper() in ("0", "1", "ON", "OFF")
@@ -243,13 +229,11 @@ def test_a_hubs_reply(monkeypatch: pytest.MonkeyPatch, full: bool) -> None:
     """Each channel that comes out stands so in an answer that is whole JSON under a status of success."""
     relay = {"state": 1, "pulseTimer": 1500, "maxTimeOnStateB": 120000}
     module = {"serialNumber": "MXCOUPL1-1", "productName": "Yocto-MaxiCoupler-V2"}
-    body = json.dumps(
-        {"module": module, "relay1": relay, "relay2": relay | {"state": 0, "pulseTimer": 0}}
-    ).encode()
+    tree = {"module": module, "relay1": relay, "relay2": relay | {"state": 0, "pulseTimer": 0}}
+    body = json.dumps(tree).encode()
     head = b"HTTP/1.1 200 OK\r\nContent-Type: application/json\r\nContent-Length: %d\r\n\r\n" % len(body)
-    chunked = b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n%x\r\n%s\r\n0\r\n\r\n" % (
-        len(body),
-        body,
+    chunked = (
+        b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n%x\r\n" % len(body) + body + b"\r\n0\r\n\r\n"
     )
     good = (head + body, b"HTTP/1.0 200 OK\r\n\r\n" + body, chunked, b"HTTP/1.1 404 Not Found\r\n\r\n")
     reply = b""

@@ -12,6 +12,7 @@ from scipy.signal import lfilter
 from haploop.base.errors import InstrumentError
 from haploop.instruments import Block, Daq, Operator, Press, Rig, Stream, Transfer, load_rig_file
 from haploop.mocks.clock import VirtualClock
+from tests.rig_files import changed
 
 FULL_SCALE = {"gauge": 10.0, "accel": 5.0, "switc": 10.0}
 
@@ -97,11 +98,9 @@ class World:
         self.pole_hz = pole_hz
         """Of the accelerometer, which otherwise follows at once."""
         if pole_hz:
-            sensor = self.file.sensors.acceleration.model_copy(
-                update={"transfer": Transfer(poles=(pole_hz,))}
-            )
-            sensors = self.file.sensors.model_copy(update={"acceleration": sensor})
-            self.file = self.file.model_copy(update={"sensors": sensors})
+            slow = {"transfer": Transfer(poles=(pole_hz,))}
+            sensor = self.file.sensors.acceleration.model_copy(update=slow)
+            self.file = changed(self.file, sensors={"acceleration": sensor})
         self.pairs = 1
         self.gain = 1.0
 
@@ -160,12 +159,8 @@ class WorldStream(Stream):
             first = number * self.block + (self.block if number >= self.daq.gap_at else 0)
             k = np.arange(first, first + self.block)
             self.daq.clock.sleep_until(self.start + (first + self.block) / self.rate_hz)
-            volts = np.stack(
-                [
-                    self.daq.world.volts(c, self.start + k / self.rate_hz + d)
-                    for c, d in zip(self.channels, self.delays, strict=True)
-                ]
-            )
+            rows, t = zip(self.channels, self.delays, strict=True), self.start + k / self.rate_hz
+            volts = np.stack([self.daq.world.volts(channel, t + delay) for channel, delay in rows])
             width = self.full_scale[:, None] / 32768
             codes = np.clip(np.rint(volts / width), -32768, 32767)
             overload = (np.abs(codes) >= 32767).any(axis=1)

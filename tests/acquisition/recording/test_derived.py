@@ -18,6 +18,7 @@ from haploop.acquisition.recording.writer import Writer
 from haploop.base.errors import DataError
 from haploop.instruments import AnalogChannel, Block
 from tests.acquisition.recording.pattern import CHANNELS, PRESS, RIG, header, unfinished
+from tests.rig_files import changed
 
 COUNT, REST_END = 1000, 400
 FULL = np.array([10.0] * 6 + [5.0] * 3 + [10.0] * (CHANNELS - 9))
@@ -72,8 +73,7 @@ def test_every_quantity_is_the_sensors_own_of_the_volts(tmp_path: Path, codes: n
 
 def test_an_extra_channel_is_in_its_own_unit(tmp_path: Path, codes: np.ndarray) -> None:
     one = AnalogChannel(channel=header().channels[12], unit="mm", scale=0.5)
-    more = SENSORS.model_copy(update={"extra": {"depth": one}})
-    found = written(tmp_path, codes, rig=RIG.model_copy(update={"sensors": more}).model_dump_json())
+    found = written(tmp_path, codes, rig=changed(RIG, sensors={"extra": {"depth": one}}).model_dump_json())
     np.testing.assert_allclose(found.extra["depth"], codes[12] * (10.0 / 32768) / 2.0)
     assert list(found.extra) == ["depth"] and found.delay("depth") == pytest.approx(12e-5)
 
@@ -138,8 +138,7 @@ def test_a_sample_is_clipped(row: int, code: int, said: bool, tmp_path: Path, co
 
 
 def test_what_a_rig_did_not_have_is_said(tmp_path: Path, codes: np.ndarray) -> None:
-    without = RIG.model_copy(update={"sensors": SENSORS.model_copy(update={"activation": None})})
-    found = written(tmp_path, codes, rig=without.model_dump_json())
+    found = written(tmp_path, codes, rig=changed(RIG, sensors={"activation": None}).model_dump_json())
     with pytest.raises(DataError, match="was recorded without a sensor for activation"):
         _ = found.activation
     (tmp_path / "P01-push.h5").unlink()

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -22,6 +23,12 @@ from tests.acquisition.presses.pressworld import world_rig
 from tests.acquisition.recording.pattern import header, unfinished
 
 posix = pytest.mark.skipif(os.name == "nt", reason="Windows has access lists, which folders hand down")
+
+
+def begun(program: str, path: Path, word: str, **more: Any) -> subprocess.Popen[str]:
+    command, pipe = [sys.executable, "-c", program, str(path), word], subprocess.PIPE
+    return subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, **more)
+
 
 WRITER = """
 import os, sys, tempfile
@@ -41,15 +48,8 @@ def test_two_programs_lose_none_of_each_others_rejections(tmp_path: Path) -> Non
     writers = []
     for name in "ab":
         (tmp_path / name).mkdir()
-        writers.append(
-            subprocess.Popen(
-                [sys.executable, "-c", WRITER, str(tmp_path), name],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                text=True,
-                env={**os.environ, "TMPDIR": str(tmp_path / name)},
-            )
-        )
+        own = {**os.environ, "TMPDIR": str(tmp_path / name)}
+        writers.append(begun(WRITER, tmp_path, name, env=own))
     for writer in writers:
         assert writer.stdout is not None and writer.stdout.readline() == "ready\n"
     for writer in writers:
@@ -114,15 +114,7 @@ with whole_file(Path(sys.argv[1])) as part:
 @posix
 def test_what_a_killed_program_left_is_removed_by_the_next_and_nothing_else(tmp_path: Path) -> None:
     path = tmp_path / "P01-push.h5"
-    killed, alive = (
-        subprocess.Popen(
-            [sys.executable, "-c", KILLED, str(path), how],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        for how in ("killed", "alive")
-    )
+    killed, alive = (begun(KILLED, path, how) for how in ("killed", "alive"))
     assert alive.stdout is not None and killed.stdout is not None
     kept, left = Path(alive.stdout.readline().strip()), Path(killed.stdout.readline().strip())
     assert killed.wait(60) == -signal.SIGKILL

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import threading
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from haploop.base.clock import RealClock
 from haploop.base.errors import ConfigurationError, InstrumentError
 from haploop.instruments import AnalogChannel, Block, NewFile, Reading, load_rig_file
 from tests.acquisition.presses.pressworld import FULL_SCALE, world_rig
+from tests.rig_files import changed
 
 BLOCK = round(Protocol().block * 5000)
 """Samples."""
@@ -169,10 +171,8 @@ def test_a_rate_beyond_the_blocks_takes_no_more_space_than_they_have(tmp_path):
     recording = record(rig_with(Meter(reads_hz=1e9)), "push", "P01", 1, tmp_path)
     samples = [reading.sample for reading in recording.readings]
     assert samples == list(range(BLOCK, BLOCK * len(samples) + 1, BLOCK))
-    assert (
-        side_recording.SideRecording(rig_with(Meter(reads_hz=1e9)), tmp_path / "a.h5").reserve(100.0, BLOCK)
-        < 2.5 * 100 * 5000 / BLOCK
-    )
+    beside = side_recording.SideRecording(rig_with(Meter(reads_hz=1e9)), tmp_path / "a.h5")
+    assert beside.reserve(100.0, BLOCK) < 2.5 * 100 * 5000 / BLOCK
 
 
 def test_it_is_stopped_when_the_recording_is_interrupted(tmp_path):
@@ -209,27 +209,16 @@ def test_a_file_elsewhere_is_refused(tmp_path):
     assert "must be in the recording's folder" in errors(recording)[0]
 
 
-class Slow(Meter):
-    def read(self):
-        time.sleep(1.0)
-        return super().read()
-
-
 def test_in_real_time_no_block_waits_for_a_slow_instrument(tmp_path):
     """Blocks are written as they come while a read takes a second."""
-
-    class Sink:
-        written = 0
-        path = tmp_path / "P01-push.h5"
-
-        def note(self, *_event):
-            pass
-
-    meter = Slow(reads_hz=100.0)
+    meter = Meter(reads_hz=100.0)
+    read = meter.read
+    meter.read = lambda: time.sleep(1.0) or read()
     rig = rig_with(meter)
     vars(rig)["clock"] = RealClock()
-    sink, longest = Sink(), 0.0
-    with side_recording.SideRecording(rig, sink.path) as recorded:
+    path, longest = tmp_path / "P01-push.h5", 0.0
+    sink = SimpleNamespace(written=0, path=path, note=lambda *_event: None)
+    with side_recording.SideRecording(rig, path) as recorded:
         recorded.reserve(10.0, 250)
         for number in range(1, 100):
             block = Block(250 * (number - 1), np.zeros((1, 250)), np.zeros(1, dtype=bool))
@@ -250,8 +239,7 @@ ROOM = AnalogChannel(channel="extra", scale=100.0, offset=-50.0, unit="°C", nam
 def world_with_extra(monkeypatch, **settings):
     monkeypatch.setitem(FULL_SCALE, "extra", 10.0)
     rig = world_rig(**settings)
-    sensors = rig.file.sensors.model_copy(update={"extra": {"temperature": ROOM}})
-    vars(rig)["file"] = rig.file.model_copy(update={"sensors": sensors})
+    vars(rig)["file"] = changed(rig.file, sensors={"extra": {"temperature": ROOM}})
     felt = rig.daq.world.volts
     rig.daq.world.volts = lambda c, t: 0.7 + 0.001 * t if c == "extra" else felt(c, t)
     return rig

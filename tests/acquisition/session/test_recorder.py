@@ -11,6 +11,7 @@ from haploop.acquisition.session.recorder import MOST_PRESSES
 from haploop.base.errors import ConfigurationError, DataError, InstrumentError
 from haploop.instruments import Press, Rest
 from tests.acquisition.presses.pressworld import world_rig
+from tests.rig_files import changed
 
 BLOCK = round(Protocol().block * 5000)
 """Samples."""
@@ -154,8 +155,7 @@ def test_a_gap_is_an_event_in_the_file_and_an_error(tmp_path):
 
 def test_a_rig_without_a_sensor_is_refused(tmp_path):
     rig = world_rig()
-    sensors = rig.file.sensors.model_copy(update={"force": None, "acceleration": None})
-    vars(rig)["file"] = rig.file.model_copy(update={"sensors": sensors})
+    vars(rig)["file"] = changed(rig.file, sensors={"force": None, "acceleration": None})
     with pytest.raises(ConfigurationError, match=r"describe one of \[sensors\.force\]"):
         record(rig, "push", "P01", 1, tmp_path)
     assert list(tmp_path.iterdir()) == []
@@ -173,9 +173,7 @@ def test_a_recording_that_ended_before_its_first_block_is_empty_and_readable(tmp
     with pytest.raises(InstrumentError):
         record(rig, "push", "P01", 1, tmp_path)
     recording = Recording.open(tmp_path / "P01-push.h5")
-    assert recording.duration == 0
-    assert recording.force.shape == (0,)
-    assert recording.saturated.shape == (0,)
-    assert find_presses(recording) == ()
+    assert recording.duration == 0 and find_presses(recording) == ()
+    assert recording.force.shape == recording.saturated.shape == (0,)
     with pytest.raises(DataError, match="none was found"):
         representative([recording])

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -53,6 +54,14 @@ def errors(recording: Recording) -> list[str]:
     return [event.text for event in recording.events if event.kind == "along-error"]
 
 
+def later(recording: Recording, stream: Any, inside: np.ndarray, delays: np.ndarray) -> float:
+    """By which of the delays (s) the recorded force is later than a stream's."""
+    time = np.arange(len(recording)) / recording.rate_hz
+    at, felt = stream.times[inside], stream.values[inside, 0]
+    off = [np.square(np.interp(at + d, time, recording.force) - felt).sum() for d in delays]
+    return float(delays[int(np.argmin(off))])
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_samples_lie_where_the_sender_saw_the_finger(tmp_path: Path, seed: int) -> None:
     """The sender's clock is a day away and runs faster, and its force is the one that the rig recorded."""
@@ -68,12 +77,7 @@ def test_samples_lie_where_the_sender_saw_the_finger(tmp_path: Path, seed: int) 
     # By what both measured: the delay at which they agree best.
     time = np.arange(len(recording)) / recording.rate_hz
     inside = (eeg.times > 0.1) & (eeg.times < time[-1] - 0.1)
-    delays = np.arange(-5e-3, 5e-3, 1e-4)
-    off = [
-        np.square(np.interp(eeg.times[inside] + d, time, recording.force) - eeg.values[inside, 0]).sum()
-        for d in delays
-    ]
-    assert abs(delays[int(np.argmin(off))]) < 4e-4
+    assert abs(later(recording, eeg, inside, np.arange(-5e-3, 5e-3, 1e-4))) < 4e-4
     # Markers: a text at 1 N, on the way down and up.
     assert marks.rate_hz == 0 and list(marks.values[:2, 0]) == ["press begins", "press ends"]
     felt = np.interp(marks.times, time, recording.force)
@@ -156,8 +160,7 @@ def test_a_missing_pylsl_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 
 def test_a_file_that_was_changed_is_refused(tmp_path: Path) -> None:
     pytest.importorskip("pyxdf")
-    recording = recorded(tmp_path)
-    path = tmp_path / "P01-latch-eeg.xdf"
+    recording, path = recorded(tmp_path), tmp_path / "P01-latch-eeg.xdf"
     data = bytearray(path.read_bytes())
     data[-20] ^= 1
     path.chmod(0o600)
@@ -280,9 +283,8 @@ def test_real_streams_are_received_with_their_clock_and_lost_ones_told(tmp_path:
     environment = loopback(tmp_path)
     processes = []
 
-    def start(*command: str) -> subprocess.Popen[str]:
-        pipe = subprocess.PIPE
-        command = (sys.executable, *command)
+    def start(*words: str) -> subprocess.Popen[str]:
+        pipe, command = subprocess.PIPE, (sys.executable, *words)
         processes.append(subprocess.Popen(command, env=environment, stdin=pipe, stdout=pipe, text=True))
         return processes[-1]
 
@@ -320,17 +322,12 @@ def test_real_streams_are_received_with_their_clock_and_lost_ones_told(tmp_path:
     blocks = np.zeros(count, BLOCK)
     blocks["first"], blocks["count"] = 50 * np.arange(count), 50
     blocks["time"] = said["began"] + 0.05 * (np.arange(count) + 1)
-    files = tuple(
-        AlongFile(
-            0,
-            "streams",
-            name.split("-")[-1].removesuffix(".xdf"),
-            name,
-            hashlib.sha256((tmp_path / name).read_bytes()).hexdigest(),
-        )
-        for name in said["files"]
-    )
-    found = read_streams(tmp_path, files, blocks, 1000.0)
+
+    def along(name: str) -> AlongFile:
+        sha256 = hashlib.sha256((tmp_path / name).read_bytes()).hexdigest()
+        return AlongFile(0, "streams", name.rpartition("-")[2].removesuffix(".xdf"), name, sha256)
+
+    found = read_streams(tmp_path, tuple(map(along, said["files"])), blocks, 1000.0)
     eeg, counts, marks = found["eeg"], found["counts"], found["marks"]
     # Both programs have this computer's one clock: its stamps must come back as they were.
     assert np.abs(eeg.times - (eeg.stamps - said["began"])).max() < 3e-3
@@ -413,10 +410,5 @@ def test_a_board_and_an_amplifier_agree_on_the_time_of_a_press(tmp_path: Path) -
     assert set(np.diff(eeg.values[:, 1])) == {1.0}
     time_of = np.arange(len(recording)) / recording.rate_hz
     inside = (eeg.times > 0.5) & (eeg.times < time_of[-1] - 0.5)
-    delays = np.arange(-0.03, 0.03, 2e-4)
-    off = [
-        np.square(np.interp(eeg.times[inside] + d, time_of, recording.force) - eeg.values[inside, 0]).sum()
-        for d in delays
-    ]
     # The board sends what it has every 4 ms: by that, and by what a busy computer adds, its samples are late.
-    assert -1e-3 < delays[int(np.argmin(off))] < 12e-3
+    assert -1e-3 < later(recording, eeg, inside, np.arange(-0.03, 0.03, 2e-4)) < 12e-3

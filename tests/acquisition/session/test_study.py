@@ -114,12 +114,8 @@ def copied(study, folder: Path):
 def test_a_participant_is_asked_for_consent_once_and_then_for_each_button(small):
     study, requests = small
     kinds = [request for request in requests if isinstance(request, Consent | Ready | Press)]
-    assert kinds[0] == Consent("P01")
-    assert kinds[1] == Ready("P01", "latch", 2)
-    assert [str(request) for request in kinds[2:4]] == [
-        "Press the latch button (1 of 2).",
-        "Press the latch button (2 of 2).",
-    ]
+    assert kinds[:2] == [Consent("P01"), Ready("P01", "latch", 2)]
+    assert [str(request) for request in kinds[2:4]] == [f"Press the latch button ({n} of 2)." for n in (1, 2)]
     assert [type(request) for request in kinds] == [Consent, Ready, Press, Press, Ready, Press, Press]
     assert [len(one.accepted) for one in study.progress()] == [2, 2, 0, 0]
     assert [one.consented for one in study.progress()] == [True, True, False, False]
@@ -147,10 +143,8 @@ def test_a_rejected_press_is_asked_for_again_and_its_recording_stays(small, tmp_
     asked = [(r.participant, r.number, r.attempt) for r in requests if isinstance(r, Press)]
     assert asked == [("P01", 2, 2), ("P03", 1, 1), ("P03", 2, 1)]
     assert Consent("P01") not in requests
-    assert [r.path.name for r in study.progress_of("P01", "latch").recordings] == [
-        "P01-latch.h5",
-        "P01-latch.2.h5",
-    ]
+    names = [r.path.name for r in study.progress_of("P01", "latch").recordings]
+    assert names == ["P01-latch.h5", "P01-latch.2.h5"]
     assert (study.folder / "P01-latch.h5").read_bytes() == before
     press = representative(study.recordings("latch"))
     assert press.members == 4
@@ -179,25 +173,19 @@ def test_no_consent_no_recording(small, tmp_path):
 def test_what_does_not_belong_is_refused(small, tmp_path):
     study = copied(small[0], tmp_path)
     latch, toggle = study.folder / "P01-latch.h5", study.folder / "P02-toggle.h5"
-    with twin() as rig:
-        with pytest.raises(ConfigurationError, match="no participant 'P09', only P01, P02"):
-            run_study(rig, study, ["P09"])
-        with pytest.raises(ConfigurationError, match="no button 'doorbell'"):
-            run_study(rig, study, buttons=["doorbell"])
-    with (
-        open_rig("stock-accelerometer", simulate="twin") as other,
-        pytest.raises(ConfigurationError, match="record a study on one rig only"),
-    ):
-        run_study(other, study)
-    toggle.write_bytes(latch.read_bytes())
-    with pytest.raises(
-        DataError,
-        match=r"P02-toggle.h5 belongs to the study 'trial' \(button latch, participant P01\), not to",
-    ):
-        study.progress()
-    toggle.write_bytes(latch.read_bytes()[:5000])
-    with pytest.raises(DataError, match="truncated"):
-        study.progress()
+    with twin() as rig, open_rig("stock-accelerometer", simulate="twin") as other:
+        for says, of, who, which in (
+            ("no participant 'P09', only P01, P02", rig, ["P09"], None),
+            ("no button 'doorbell'", rig, None, ["doorbell"]),
+            ("record a study on one rig only", other, None, None),
+        ):
+            with pytest.raises(ConfigurationError, match=says):
+                run_study(of, study, who, which)
+    belongs = r"P02-toggle.h5 belongs to the study 'trial' \(button latch, participant P01\), not to"
+    for length, says in ((None, belongs), (5000, "truncated")):
+        toggle.write_bytes(latch.read_bytes()[:length])
+        with pytest.raises(DataError, match=says):
+            study.progress()
     toggle.unlink()
     study.reject("P01", "latch", [1])
     latch.write_bytes((study.folder / "P01-latch.h5").read_bytes())

@@ -27,6 +27,7 @@ from haploop.instruments.live import Feed, LiveBlock, Publisher, Run, Tap, level
 from haploop.instruments.live.publisher import PREFIX, frame_of, header_of, lengths_of, volts_of
 from haploop.instruments.sensors import Sensors
 from tests.conftest import OpenRig
+from tests.rig_files import changed
 
 FILE = load_rig_file("simulated")
 RUN = Run("simulated", True, "record", "P01-latch.h5", ("a", "b"), 1000.0, Sensors(), None)
@@ -93,14 +94,10 @@ def test_the_newest_win_and_the_others_are_counted(feed: Feed) -> None:
         publish(_block(10 * number))
     assert tap.dropped == 7
     taken = tap.take(0)
-    assert taken is not None
-    assert (taken.first, taken.end, taken.run.number) == (70, 80, 1)
+    assert taken is not None and (taken.first, taken.end, taken.run.number) == (70, 80, 1)
     newest = tap.latest()
-    assert newest is not None
-    assert newest.first == 90
-    assert tap.dropped == 8
-    assert tap.latest() is None
-    assert tap.take(0) is None
+    assert newest is not None and newest.first == 90
+    assert tap.dropped == 8 and tap.latest() is None and tap.take(0) is None
 
 
 def test_viewers_cannot_change_what_the_writer_has(feed: Feed) -> None:
@@ -108,10 +105,9 @@ def test_viewers_cannot_change_what_the_writer_has(feed: Feed) -> None:
     feed.begin(RUN)(block)
     taken = tap.take(0)
     assert taken is not None
-    with pytest.raises(ValueError, match="read-only"):
-        taken.volts[0, 0] = 1.0
-    with pytest.raises(ValueError, match="read-only"):
-        taken.overload[0] = True
+    for array in (taken.volts, taken.overload):
+        with pytest.raises(ValueError, match="read-only"):
+            array[..., 0] = 1
     block.volts[0, 0] = 0.0  # its owner still can
 
 
@@ -146,9 +142,7 @@ def test_a_recording_and_a_play_are_tapped_and_not_changed(open_rig: OpenRig, tm
     rig = open_rig()
     tap, ignored = rig.tap(100_000), rig.tap(2)
     recording = record(rig, "latch", "P01", 1, tmp_path / "tapped")
-    blocks = []
-    while (block := tap.take(0)) is not None:
-        blocks.append(block)
+    blocks = list(iter(lambda: tap.take(0), None))
     assert all(block.run == blocks[0].run for block in blocks)
     run = blocks[0].run
     assert (run.rig, run.simulated, run.doing) == (rig.name, rig.simulated, "record")
@@ -200,13 +194,9 @@ def test_another_program_gets_the_blocks(feed: Feed, publisher: Publisher) -> No
         for number in range(5):
             publish(_block(10 * number))
             block = tap.take(10)
-            assert block is not None
-            assert block.first == 10 * number
-            assert (block.run.channels, block.run.simulated, block.run.about) == (
-                ("a", "b"),
-                True,
-                "P01-latch.h5",
-            )
+            assert block is not None and block.first == 10 * number
+            run = block.run
+            assert (run.channels, run.simulated, run.about) == (("a", "b"), True, "P01-latch.h5")
             np.testing.assert_array_equal(block.volts, _block(10 * number).volts)
             assert block.overload.tolist() == [False, True]
         feed.close()
@@ -321,15 +311,12 @@ def test_where_nobody_listens_is_said(tmp_path: Path, feed: Feed, publisher: Pub
     # Left by a program that was killed: it is removed.
     left = tmp_path / "live-1-dead.json"
     with socket.create_server(("127.0.0.1", 0)) as free:
-        port = free.getsockname()[1]
-    left.write_text(json.dumps({"rig": "simulated", "port": port, "token": "0" * 64}), encoding="utf-8")
-    with pytest.raises(ConfigurationError, match="No running program"):
-        watch_live(FILE, address=left)
-    assert not left.exists()
-    for text in ("", "[]", "{}", '{"rig": "simulated", "port": 99999, "token": "x"}', "\x00"):
+        killed = json.dumps({"rig": "simulated", "port": free.getsockname()[1], "token": "0" * 64})
+    for text in (killed, "", "[]", "{}", '{"rig": "simulated", "port": 99999, "token": "x"}', "\x00"):
         left.write_text(text, encoding="utf-8")
         with pytest.raises(ConfigurationError, match="No running program"):
             watch_live(FILE, address=left)
+        assert text != killed or not left.exists()
 
 
 def test_the_running_program_is_found_by_the_rig_name(open_rig: OpenRig) -> None:
@@ -338,11 +325,9 @@ def test_the_running_program_is_found_by_the_rig_name(open_rig: OpenRig) -> None
         _until(lambda: _watched(rig._feed))
         rig.live_run("record", "here", ["a", "b"], 10.0)(_block(0))
         block = tap.take(10)
-        assert block is not None
-        assert block.run.about == "here"
-        other = rig.file.model_copy(update={"name": "another"})
+        assert block is not None and block.run.about == "here"
         with pytest.raises(ConfigurationError, match="'another'"):
-            watch_live(other, rig.mode)
+            watch_live(changed(rig.file, name="another"), rig.mode)
 
 
 def test_what_cannot_be_published_is_one_error(feed: Feed, tmp_path: Path) -> None:

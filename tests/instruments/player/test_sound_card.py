@@ -38,12 +38,24 @@ def burst(peak: float, duration: float = 0.4, hz: float = 263.5) -> FloatArray:
     return np.asarray(peak * volts / np.abs(volts).max())
 
 
+def settings(**changes: object) -> SoundCard.Settings:
+    return SoundCard.Settings.model_validate(SETTINGS | changes)
+
+
+def assert_off(rig: Rig) -> None:
+    """No contact is closed, and what the coupling held has gone."""
+    truth = rig.simulation.truth
+    assert truth.closed == frozenset()
+    rig.clock.sleep(0.2)
+    assert max(map(abs, truth.patch_voltages.values())) < 0.02
+
+
 class Bench:
     """A card on a plant's clock, and the volts that it puts out."""
 
     def __init__(self, **changes: object) -> None:
         self.plant = Plant(load_rig_file("sound-card"), VirtualClock())
-        self.driver = twin(SoundCard.Settings.model_validate(SETTINGS | changes), self.plant)
+        self.driver = twin(settings(**changes), self.plant)
         bypass_interlock(self.driver)
         assert isinstance(self.driver.audio, Card)
         self.card = self.driver.audio
@@ -107,13 +119,11 @@ def test_what_cannot_be_played_is_refused(wave: FloatArray, changes: dict[str, o
 
 def test_a_busy_device_is_one_sentence() -> None:
     bench = Bench()
-    other = SoundCard(SoundCard.Settings.model_validate(SETTINGS), bench.plant.clock, bench.card)
+    other = SoundCard(settings(), bench.plant.clock, bench.card)
     bypass_interlock(other)
+    refused = pytest.raises(InstrumentError, match="cannot play at 48000 samples/s")
     with bench.driver.play(burst(0.9), RATE):
-        with (
-            pytest.raises(InstrumentError, match="cannot play at 48000 samples/s"),
-            other.play(burst(0.5), RATE),
-        ):
+        with refused, other.play(burst(0.5), RATE):
             pass
         bench.wait(1.0)
 
@@ -129,7 +139,7 @@ def test_without_sounddevice(error: Exception, says: str, monkeypatch: pytest.Mo
 
     monkeypatch.setattr(importlib, "import_module", load)
     with pytest.raises(ConfigurationError, match=says):
-        SoundCard.open(SoundCard.Settings.model_validate(SETTINGS), RealClock())
+        SoundCard.open(settings(), RealClock())
 
 
 def test_no_such_device_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -140,7 +150,7 @@ def test_no_such_device_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None
 
     monkeypatch.setattr(bench.card, "query_devices", query)
     with pytest.raises(InstrumentError, match="no sound output 'USB'"):
-        SoundCard(SoundCard.Settings.model_validate(SETTINGS | {"device": "USB"}), RealClock(), bench.card)
+        SoundCard(settings(device="USB"), RealClock(), bench.card)
 
 
 # On a rig
@@ -188,10 +198,8 @@ def test_the_begin_does_not_depend_on_what_the_coupling_is_believed_to_be(
     rig = open("sound-card")
     jack, begun = played(rig), []
     jack.high_pass_hz = corner
-    stream = rig.daq.stream
-    monkeypatch.setattr(
-        rig.daq, "stream", lambda *a, **k: (begun.append(rig.clock.now()), stream(*a, **k))[1]
-    )
+    stream, now = rig.daq.stream, rig.clock.now
+    monkeypatch.setattr(rig.daq, "stream", lambda *a, **k: (begun.append(now()), stream(*a, **k))[1])
     capture = rig.excite(made(40.0), ["A"], ["drive"], tail=0.1)
     assert isinstance(capture, Aligned)
     truth = jack.begun[-1] + 0.05 / (1 + DRIFT) - begun[-1]
@@ -224,10 +232,7 @@ def test_a_wrong_volume_is_found_in_what_is_measured(open: OpenRig, full_scale: 
     played(rig).full_scale = full_scale
     with pytest.raises(InstrumentError, match=says):
         rig.excite(burst(40, 2.0), ["A"], ["drive", "laser"])
-    truth = rig.simulation.truth
-    assert truth.closed == frozenset()
-    rig.clock.sleep(0.2)
-    assert max(map(abs, truth.patch_voltages.values())) < 0.02
+    assert_off(rig)
 
 
 def test_an_underflow_on_the_rig_is_an_error_and_leaves_it_safe(open: OpenRig) -> None:
@@ -276,10 +281,7 @@ def test_an_interrupted_play_leaves_the_rig_safe(open: OpenRig) -> None:
 
     with pytest.raises(KeyboardInterrupt):
         rig.excite(burst(40, 2.0), ["A"], ["drive", "laser"], progress=interrupt)
-    truth = rig.simulation.truth
-    assert truth.closed == frozenset()
-    rig.clock.sleep(0.2)
-    assert max(map(abs, truth.patch_voltages.values())) < 0.02
+    assert_off(rig)
 
 
 @pytest.mark.usefixtures("unproved")
@@ -308,12 +310,13 @@ def test_a_clock_that_is_no_crystals_is_refused() -> None:
     timing = find(measured(sweep, 0.1234, 200e-6), sweep, RATE, 0.0, flat)
     assert isinstance(timing, Timing)
     assert timing.drift == pytest.approx(200e-6, abs=1e-6) and timing.begin == pytest.approx(0.1234, abs=1e-6)
-    with pytest.raises(InstrumentError, match=r"differs from the DAQ's by 7\d\d ppm"):
-        find(measured(sweep, 0.1234, 700e-6), sweep, RATE, 0.0, flat)
-    with pytest.raises(InstrumentError, match="upside down"):
-        find(measured(sweep, 0.1234, 0.0, -1.0), sweep, RATE, 0.0, flat)
-    with pytest.raises(InstrumentError, match="does not show the drive"):
-        find(np.random.default_rng(0).standard_normal(170_000), sweep, RATE, 0.0, flat)
+    for says, seen in (
+        (r"differs from the DAQ's by 7\d\d ppm", measured(sweep, 0.1234, 700e-6)),
+        ("upside down", measured(sweep, 0.1234, 0.0, -1.0)),
+        ("does not show the drive", np.random.default_rng(0).standard_normal(170_000)),
+    ):
+        with pytest.raises(InstrumentError, match=says):
+            find(seen, sweep, RATE, 0.0, flat)
 
 
 @pytest.mark.night

@@ -19,6 +19,7 @@ from haploop.mocks.faults.relay import AmplifierGain
 from haploop.mocks.faults.sensors import SensorDisconnected
 from tests.instruments.safety.at_the_patch import bursts
 from tests.instruments.safety.test_limiter import TONE, generator_rig
+from tests.rig_files import changed
 
 
 def excite(rig: Rig) -> Any:
@@ -94,18 +95,21 @@ def test_a_gain_that_is_wrong_on_one_channel_is_found_at_a_volt(mode: Mode) -> N
         assert not rig.simulation.truth.closed
 
 
+def blind(file: str) -> tuple[str, str, str, list[dict[str, Any]]]:
+    """The dead monitor, its patch, all patches, and the faults: nothing shows a gain five times too large."""
+    dead, patch, patches = ("drive_c", "C", "ABCD") if file == "four-channel" else ("drive", "A", "A")
+    gain = {"kind": "amplifier-gain", "gain": 250.0, "patch": patch}
+    return dead, patch, patches, [{"kind": "sensor-disconnected", "channel": dead}, gain]
+
+
 @pytest.mark.parametrize(("mode", "file"), [("twin", "four-channel"), ("wire", "simulated")])
 def test_nothing_is_played_while_a_patchs_monitor_is_dead(mode: Mode, file: str) -> None:
     """With a monitor that shows nothing, neither the proof nor the abort monitor looks after the patch."""
-    dead, patch = ("drive_c", "C") if file == "four-channel" else ("drive", "A")
-    faults = [
-        {"kind": "sensor-disconnected", "channel": dead},
-        {"kind": "amplifier-gain", "gain": 250.0, "patch": patch},
-    ]
+    _, patch, patches, faults = blind(file)
     with open_rig(file, simulate=mode, simulation={"faults": faults}) as rig:
         for _ in range(2):
             with pytest.raises(InstrumentError, match=f"that patch {patch} was to get .* nothing else"):
-                rig.excite_each(dict.fromkeys("ABCD" if file == "four-channel" else "A", TONE), ["drive"])
+                rig.excite_each(dict.fromkeys(patches, TONE), ["drive"])
         assert rig.simulation.truth.peak < 5.5 and not rig.simulation.truth.closed
 
 
@@ -154,8 +158,7 @@ def test_the_amplitude_is_the_tones(mains_hz: float, hum: float) -> None:
 
 
 def test_a_gain_that_cannot_be_proved_is_logged_once() -> None:
-    file = load_rig_file("simulated")
-    file = file.model_copy(update={"sensors": file.sensors.model_copy(update={"drive": None})})
+    file = changed(load_rig_file("simulated"), sensors={"drive": None})
     with open_rig(file, simulate="twin") as rig:
         rig.excite(TONE, [], ["laser"])
         assert not [e for e in entries(rig.audit.folder) if e["kind"] == "unproved"]
@@ -177,21 +180,17 @@ def test_a_monitor_dies_later(mode: Mode, file: str, stands: float, monkeypatch:
 
     A dead monitor may show volts that stand (`stands`, at its terminal), as many as the play had.
     """
-    dead, patch = ("drive_c", "C") if file == "four-channel" else ("drive", "A")
-    faults = [
-        {"kind": "sensor-disconnected", "channel": dead},
-        {"kind": "amplifier-gain", "gain": 250.0, "patch": patch},
-    ]
-    patches, broken = "ABCD" if file == "four-channel" else "A", set[str]()
-    cut, gained = SensorDisconnected.channel, AmplifierGain.gain
-    monkeypatch.setattr(
-        SensorDisconnected,
-        "channel",
-        lambda own, n, v, t: cut(own, n, v, t) + stands * (n == dead) if "monitor" in broken else v,
-    )
-    monkeypatch.setattr(
-        AmplifierGain, "gain", lambda own, g, run: gained(own, g, run) if "gain" in broken else g
-    )
+    dead, patch, patches, faults = blind(file)
+    cut, gained, broken = SensorDisconnected.channel, AmplifierGain.gain, set[str]()
+
+    def channel(own: Any, name: str, volts: Any, times: Any) -> Any:
+        return cut(own, name, volts, times) + stands * (name == dead) if "monitor" in broken else volts
+
+    def gain(own: Any, right: Any, run: Any) -> Any:
+        return gained(own, right, run) if "gain" in broken else right
+
+    monkeypatch.setattr(SensorDisconnected, "channel", channel)
+    monkeypatch.setattr(AmplifierGain, "gain", gain)
     with open_rig(file, simulate=mode, simulation={"faults": faults}) as rig:
         rig.excite_each(dict.fromkeys(patches, TONE), ["drive"])
         broken.add("monitor")

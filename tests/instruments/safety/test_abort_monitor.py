@@ -17,6 +17,7 @@ from haploop.instruments.safety.abort_monitor import AbortMonitor
 from haploop.instruments.safety.audit import entries
 from haploop.instruments.safety.lockout import Lockout, clear_lockout, lockout_of, set_lockout
 from tests.instruments.safety.at_the_patch import bursts
+from tests.rig_files import changed
 
 pytestmark = pytest.mark.usefixtures("unproved")
 
@@ -29,15 +30,10 @@ def tone(rig: Rig, peak: float = 40) -> np.ndarray:
     return np.asarray(peak * np.sin(2 * np.pi * 263.5 * t) * np.sin(np.pi * t / SECONDS) ** 2)
 
 
-def file(rate_hz: float = 50_000.0, faults: Any = (), **abort: float) -> RigFile:
-    whole = load_rig_file("simulated")
-    assert whole.table is not None
-    return whole.model_copy(
-        update={
-            "abort": AbortLimits(**abort),
-            "table": whole.table.model_copy(update={"rate_hz": rate_hz}),
-            "simulation": whole.simulation.model_copy(update={"faults": tuple(faults)}),
-        }
+def file(base: str = "simulated", rate_hz: float = 50_000.0, faults: Any = (), **abort: Any) -> RigFile:
+    simulation = {"faults": tuple(faults)}
+    return changed(
+        load_rig_file(base), abort=AbortLimits(**abort), table={"rate_hz": rate_hz}, simulation=simulation
     )
 
 
@@ -51,14 +47,7 @@ def kinds(rig: Rig) -> list[str]:
 @pytest.mark.parametrize("allowed", [None, 45.0])
 def test_more_volts_on_one_channel_stop_the_plays_of_all(allowed: float | None) -> None:
     fault = {"kind": "amplifier-gain", "patch": "C", "gain": 100.0}
-    whole = load_rig_file("four-channel")
-    whole = whole.model_copy(
-        update={
-            "abort": AbortLimits(drive=allowed),
-            "simulation": whole.simulation.model_copy(update={"faults": (fault,)}),
-        }
-    )
-    with open_rig(whole) as rig:
+    with open_rig(file("four-channel", faults=[fault], drive=allowed)) as rig:
         record = rig.simulation.truth.record()
         with pytest.raises(InstrumentError, match=r"The patch on drive_c got .* The play was stopped"):
             rig.excite_each(dict.fromkeys("ABCD", tone(rig)), ["laser"])
@@ -219,10 +208,12 @@ def test_each_of_several_drive_monitors_is_tested(row: int, drive: float | None)
         watched.check(Block(0, volts, np.array([True, True, True])), ("one", "two", "other"))
     for value in (0.501, -0.501, np.nan):
         volts[row, 40] = value
+        watched, block = (
+            monitor(Limits(min=-50 / 1.1, max=50 / 1.1), drive),
+            Block(0, volts, np.zeros(3, bool)),
+        )
         with pytest.raises(InstrumentError, match=f"The patch on {('one', 'two')[row]} got"):
-            monitor(Limits(min=-50 / 1.1, max=50 / 1.1), drive).check(
-                Block(0, volts, np.zeros(3, bool)), ("one", "two", "other")
-            )
+            watched.check(block, ("one", "two", "other"))
 
 
 def test_ten_blocks_are_kept() -> None:

@@ -10,6 +10,7 @@ import subprocess
 import sys
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,6 +27,10 @@ pytestmark = pytest.mark.usefixtures("unproved")
 
 FILE = load_rig_file("simulated")
 DRIVE = 10 * np.sin(2 * np.pi * 250 * np.arange(5000) / 50_000) * np.hanning(5000)
+
+
+def kinds(folder: Path) -> list[Any]:
+    return [entry["kind"] for entry in entries(folder)]
 
 
 def test_what_a_rig_did_is_in_the_log() -> None:
@@ -64,13 +69,12 @@ def test_of_several_drives_the_largest_is_in_the_log() -> None:
 
 def test_a_play_is_in_the_log_before_it_sounds() -> None:
     seen: list[str] = []
+
+    def look(*_: object) -> None:
+        seen.extend(kinds(rig.audit.folder))
+
     with open_rig("simulated") as rig:
-        rig.excite(
-            DRIVE,
-            ["A"],
-            ["drive"],
-            progress=lambda *_: seen.extend(e["kind"] for e in entries(rig.audit.folder)),
-        )
+        rig.excite(DRIVE, ["A"], ["drive"], progress=look)
     assert seen[:3] == ["opened", "played", "connected"]
 
 
@@ -108,7 +112,7 @@ def test_a_line_of_which_the_disk_took_a_part_is_not_logged_and_spoils_no_other(
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     log.note("two")
-    assert [entry["kind"] for entry in entries(tmp_path)] == ["one", "damaged", "two"]
+    assert kinds(tmp_path) == ["one", "damaged", "two"]
 
 
 def test_a_month_has_a_file_and_nothing_is_ever_rewritten(tmp_path: Path) -> None:
@@ -119,7 +123,7 @@ def test_a_month_has_a_file_and_nothing_is_ever_rewritten(tmp_path: Path) -> Non
     now = datetime(2026, 2, 1, tzinfo=UTC)
     log.note("two")
     assert (tmp_path / "log-2026-01.jsonl").read_bytes() == before
-    assert [entry["kind"] for entry in entries(tmp_path)] == ["one", "two"]
+    assert kinds(tmp_path) == ["one", "two"]
     assert len(before) < 600
 
 
@@ -130,7 +134,7 @@ def test_a_torn_or_changed_line_hides_no_other_and_is_told(tmp_path: Path) -> No
     with path.open("ab") as torn:
         torn.write(b'{"kind": "to\n\xff\xfe\n[1]\n')
     log.note("two")
-    assert [entry["kind"] for entry in entries(tmp_path)] == ["one", *3 * ["damaged"], "two"]
+    assert kinds(tmp_path) == ["one", *3 * ["damaged"], "two"]
     assert verify(path)[0].startswith(f"{path} has 3 damaged lines. Line 2 of {path.name} was torn")
     path.write_bytes(path.read_bytes().replace(b'"kind": "two"', b'"kind": "too"'))
     damaged = [entry for entry in entries(tmp_path) if entry["kind"] == "damaged"]

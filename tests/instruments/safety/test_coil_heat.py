@@ -21,6 +21,7 @@ from haploop.instruments.limits import Coil
 from haploop.instruments.safety.abort_monitor import AbortMonitor
 from haploop.mocks.plant import AMPLIFIER_GAIN_ERROR, AmplifierOutput
 from tests.instruments.safety.lab import lab
+from tests.rig_files import changed
 
 RATE = 50_000
 FILE = load_rig_file("voice-coil")
@@ -57,9 +58,7 @@ def test_no_coil_is_warmed_beyond_its_watts(
 ) -> None:
     """The same play again and again, each by a command of its own; one alone warms it by 1 / `share`."""
     watts = share * float(Coil(8.0, 0.5e-3, thermal_time).heat(drive, RATE).max())
-    assert FILE.actuator is not None
-    actuator = FILE.actuator.model_copy(update={"watts": watts, "thermal_time": thermal_time})
-    file = FILE.model_copy(update={"actuator": actuator, "simulate": None})
+    file = changed(FILE, actuator={"watts": watts, "thermal_time": thermal_time}, simulate=None)
     with TemporaryDirectory() as folder, lab(Path(folder), file) as here:
         record = here.truth.record()
         for _ in range(often):
@@ -87,11 +86,10 @@ def test_volts_that_are_not_what_was_asked_for_stop_a_play_by_the_coils_heat() -
 
     tested(0.9, 50)  # 0.101 W for ever
     tested(1.8, 3)
-    with pytest.raises(
-        InstrumentError, match=r"heated to 0\.1\d+ W, and it takes 0\.1 W.*The play was stopped"
+    for volts, blocks, warm, says in (
+        (1.8, 10, 0.0, r"heated to 0\.1\d+ W, and it takes 0\.1 W.*The play was stopped"),
+        (1.8, 3, 0.1, "heated to"),
+        (3.0, 1, 0.0, r"The coil drew 0\.375 A, and the limit is 0\.3 A"),
     ):
-        tested(1.8, 10)
-    with pytest.raises(InstrumentError, match="heated to"):
-        tested(1.8, 3, warm=0.1)
-    with pytest.raises(InstrumentError, match=r"The coil drew 0\.375 A, and the limit is 0\.3 A"):
-        tested(3.0, 1)
+        with pytest.raises(InstrumentError, match=says):
+            tested(volts, blocks, warm)

@@ -27,6 +27,7 @@ from tests.instruments.safety.foreign import held, leave
 from tests.instruments.safety.lab import Lab
 from tests.instruments.safety.lab import lab as a_lab
 from tests.instruments.safety.test_other_clients import clients
+from tests.rig_files import changed
 
 RATE = 50_000
 TONE = 0.8 * np.sin(2 * np.pi * 250 * np.arange(RATE // 2) / RATE) * np.hanning(RATE // 2)
@@ -42,7 +43,7 @@ def stands(rig: Rig) -> float:
 
 
 def hardware(**changes: object) -> RigFile:
-    return FILE.model_copy(update={"simulate": None, **changes})
+    return changed(FILE, simulate=None, **changes)
 
 
 @pytest.fixture
@@ -93,10 +94,8 @@ def test_a_rig_whose_output_another_program_holds_is_not_opened(mode: Any) -> No
 
 
 def test_one_actuator_on_one_amplifier() -> None:
-    assert FILE.table is not None
-    table = FILE.table.model_copy(update={"patches": ("A", "B")})
     with pytest.raises(ConfigurationError, match=r"\[table\] names 2 patches: name one, or use a relay"):
-        open_rig(FILE.model_copy(update={"table": table}))
+        open_rig(changed(FILE, table={"patches": ("A", "B")}))
 
 
 # Plays
@@ -118,16 +117,14 @@ def test_volts_for_no_patch_are_refused_because_the_actuator_would_get_them() ->
 
 @pytest.mark.usefixtures("unproved")
 def test_a_trip_puts_zero_out_within_two_blocks_and_locks_out() -> None:
-    file = FILE.model_copy(update={"abort": AbortLimits(drive=0.3)})
-    with open_rig(file) as rig:
+    with open_rig(changed(FILE, abort=AbortLimits(drive=0.3))) as rig:
         record = rig.simulation.truth.record()
         with pytest.raises(InstrumentError, match=r"allows 0\.3 V"):
             rig.excite(np.tile(TONE, 4), ["A"], ["drive"])
         assert stands(rig) < 1e-3
-        times = np.concatenate(
-            [r.start + r.period * np.arange(len(r.volts)) for r in record if len(r.volts) > 1]
-        )
-        volts = np.concatenate([r.volts for r in record if len(r.volts) > 1])
+        sound = [r for r in record if len(r.volts) > 1]
+        times = np.concatenate([r.start + r.period * np.arange(len(r.volts)) for r in sound])
+        volts = np.concatenate([r.volts for r in sound])
         first = times[np.flatnonzero(np.abs(volts) > 0.3)[0]]
         assert times[np.flatnonzero(np.abs(volts) > 1e-3)[-1]] < first + 0.2
         with pytest.raises(LimitError, match="locked out"):
@@ -146,16 +143,19 @@ def test_a_gain_that_is_not_what_the_file_says_is_found_at_a_quarter_of_the_limi
 
 
 def warm(watts: float) -> RigFile:
-    assert FILE.actuator is not None
-    actuator = FILE.actuator.model_copy(update={"watts": watts, "thermal_time": 20.0})
-    return hardware(actuator=actuator)
+    return hardware(actuator={"watts": watts, "thermal_time": 20.0})
+
+
+def warming(seconds: float) -> np.ndarray:
+    """0.9 V: in 2 s they warm the coil by 0.005 W."""
+    drive = 0.9 * np.sin(2 * np.pi * 250 * np.arange(round(seconds * RATE)) / RATE)
+    drive[-1] = 0.0
+    return drive
 
 
 def test_a_coil_stays_warm_from_one_program_to_the_next(here: Lab) -> None:
     """A play that a cold coil takes is refused to a warm one, and taken again once it has cooled."""
-    drive = 0.9 * np.sin(2 * np.pi * 250 * np.arange(2 * RATE) / RATE)
-    drive[-1] = 0.0
-    file = warm(0.012)  # 0.05 W for 2 s warm it by 0.005 W
+    drive, file = warming(2.0), warm(0.012)
     plays = 0
     for _ in range(4):
         with open_rig(file) as rig:
@@ -172,8 +172,7 @@ def test_a_coil_stays_warm_from_one_program_to_the_next(here: Lab) -> None:
 
 
 def test_an_unreadable_record_of_heat_counts_as_all_that_a_coil_takes(here: Lab, tmp_path: Path) -> None:
-    drive = 0.9 * np.sin(2 * np.pi * 250 * np.arange(RATE) / RATE)
-    drive[-1] = 0.0
+    drive = warming(1.0)
     with open_rig(warm(0.012)) as rig:
         rig.excite(drive, ["A"], ["drive"])
     for path in tmp_path.glob("*.heat"):
@@ -184,13 +183,12 @@ def test_an_unreadable_record_of_heat_counts_as_all_that_a_coil_takes(here: Lab,
 
 def test_a_play_heats_before_it_begins_as_a_killed_program_leaves_it(here: Lab, tmp_path: Path) -> None:
     seen: list[bytes] = []
+
+    def look(*_: object) -> None:
+        seen.append(next(tmp_path.glob("*.heat")).read_bytes())
+
     with open_rig(warm(0.5)) as rig:
-        rig.excite(
-            TONE,
-            ["A"],
-            ["drive"],
-            progress=lambda *_: seen.append(next(tmp_path.glob("*.heat")).read_bytes()),
-        )
+        rig.excite(TONE, ["A"], ["drive"], progress=look)
     assert seen[0] == seen[-1] and b"0.0\n" not in seen[0].split(b'"content"')[1]
 
 
@@ -198,9 +196,7 @@ def test_a_play_heats_before_it_begins_as_a_killed_program_leaves_it(here: Lab, 
 
 
 def test_doctor_and_the_log_say_once_what_is_lost() -> None:
-    assert FILE.actuator is not None
-    actuator = FILE.actuator.model_copy(update={"watts": 0.1})
-    with open_rig(FILE.model_copy(update={"actuator": actuator})) as rig:
+    with open_rig(changed(FILE, actuator={"watts": 0.1})) as rig:
         findings = examine(rig)
         logged = [e for e in entries(rig.audit.folder) if e.get("why") == LOST]
     (shown,) = [f for f in findings if f.name == "No relay"]
@@ -220,7 +216,6 @@ def test_doctor_and_the_log_say_once_what_is_lost() -> None:
 
 def test_a_killed_program_leaves_at_most_its_drive_until_the_rig_is_opened_again(here: Lab) -> None:
     """Its card holds its last value: a volt that stays, here from the middle of a play."""
-    killed: list[Rig] = []
 
     def kill(_doing: str, seconds: float, *_: object) -> None:
         if seconds > 0.25:
@@ -232,7 +227,6 @@ def test_a_killed_program_leaves_at_most_its_drive_until_the_rig_is_opened_again
     rig._safe.reach = lambda: None  # type: ignore[method-assign]  it never gets there
     with pytest.raises(KeyboardInterrupt):
         rig.excite(TONE, ["A"], ["drive"], progress=kill)
-    killed.append(rig)
     here.forget(rig)
     rig._safe.reach = safe  # type: ignore[method-assign]
     here.leave("amplifier", 0.4)
@@ -269,7 +263,8 @@ def served(folder: Path) -> tuple[Path, Simulation]:
     """The rig's file as of hardware, whose card is served from a plant in real time."""
     world = Simulation(hardware(), RealClock())
     card = world.serve("ni-daqmx", NiDaq.Settings.model_validate(FILE.daq.settings))
-    world.instrument("vibrometer", FILE.vibrometer, driver_of("pdv-100"), "twin")  # type: ignore[arg-type]
+    pdv: Any = driver_class("pdv-100", "vibrometer")
+    world.instrument("vibrometer", FILE.vibrometer, pdv, "twin")  # type: ignore[arg-type]
     path = folder / "lab.toml"
     text = (Path(haploop.__file__).parent / "rigs" / "voice-coil.toml").read_text(encoding="utf-8")
     text = text.replace('base = "simulated"', 'base = "haptable"').replace(
@@ -277,10 +272,6 @@ def served(folder: Path) -> tuple[Path, Simulation]:
     )
     path.write_text(text, encoding="utf-8")
     return path, world
-
-
-def driver_of(name: str) -> Any:
-    return driver_class(name, "vibrometer")
 
 
 @pytest.mark.long

@@ -18,6 +18,7 @@ from haploop.instruments.config.rig_file import DriveLimits
 from haploop.instruments.safety.duty import clear_old, count_plays, plays_of
 from tests.instruments.safety.at_the_patch import bursts, busiest_minute
 from tests.instruments.safety.lab import Lab, lab
+from tests.rig_files import changed
 
 pytestmark = pytest.mark.usefixtures("unproved")
 
@@ -27,7 +28,7 @@ TONE = 10 * np.sin(2 * np.pi * 250 * np.arange(round(1.5 * RATE)) / RATE) * np.h
 
 
 def allowed(duty: float, name: str = "haptable") -> RigFile:
-    return load_rig_file("haptable").model_copy(update={"limits": DriveLimits(duty=duty), "name": name})
+    return changed(load_rig_file("haptable"), limits=DriveLimits(duty=duty), name=name)
 
 
 @pytest.fixture

@@ -44,17 +44,17 @@ def test_repeated_without_a_pause_a_drive_heats_to_its_mean() -> None:
 
 def test_a_coils_power_and_current_refuse_a_drive() -> None:
     limits = Limits(coil=COIL, power=0.1, current_peak=0.2, current_average=0.1)
-    limits.check(tone(1.2, 250.0, 1.0), RATE_HZ)
-    with pytest.raises(LimitError, match=r"draws a peak of 0\.2"):
-        limits.check(tone(2.0, 250.0, 0.1), RATE_HZ)
-    with pytest.raises(LimitError, match=r"draws on average 0\.1"):
-        limits.check(tone(1.4, 250.0, 2.0), RATE_HZ)
     hot = Limits(coil=COIL, power=0.05)
-    hot.check(tone(1.2, 250.0, 1.0), RATE_HZ)
-    with pytest.raises(LimitError, match=r"heats the coil to 0\.0\d+ W .* beyond the 0\.05 W"):
-        hot.check(tone(1.2, 250.0, 3.0), RATE_HZ)
-    with pytest.raises(LimitError, match="heats the coil"):
-        hot.check(tone(1.2, 250.0, 1.0), RATE_HZ, warm=0.045)
+    for within in (limits, hot):
+        within.check(tone(1.2, 250.0, 1.0), RATE_HZ)
+    for beyond, volts, seconds, warm, says in (
+        (limits, 2.0, 0.1, 0.0, r"draws a peak of 0\.2"),
+        (limits, 1.4, 2.0, 0.0, r"draws on average 0\.1"),
+        (hot, 1.2, 3.0, 0.0, r"heats the coil to 0\.0\d+ W .* beyond the 0\.05 W"),
+        (hot, 1.2, 1.0, 0.045, "heats the coil"),
+    ):
+        with pytest.raises(LimitError, match=says):
+            beyond.check(tone(volts, 250.0, seconds), RATE_HZ, warm=warm)
 
 
 def test_headroom_plans_for_a_drive_that_is_repeated_for_ever() -> None:

@@ -21,6 +21,7 @@ from haploop.instruments.relay.role import Relay
 from haploop.instruments.safety.audit import entries
 from haploop.mocks.daq.twin import DaqTwin
 from tests.instruments.safety.at_the_patch import Burst, bursts
+from tests.rig_files import changed
 
 pytestmark = pytest.mark.usefixtures("unproved")
 
@@ -35,16 +36,18 @@ def rig() -> Iterator[Rig]:
 
 
 def held(**limits: float) -> RigFile:
-    file = load_rig_file("simulated")
-    return file.model_copy(update={"limits": DriveLimits(**limits)})
+    return changed(load_rig_file("simulated"), limits=DriveLimits(**limits))
+
+
+def amplifier(file: RigFile, **settings: object) -> Device:
+    assert file.amplifier is not None
+    return Device(driver="e413-d2", **(file.amplifier.settings | settings))
 
 
 def generator_rig() -> RigFile:
     file = load_rig_file("simulated")
-    assert file.amplifier is not None
     box = Device(driver="keysight-33500", resource="TCPIP::127.0.0.1::5025::SOCKET", output="source")
-    amplifier = Device(driver="e413-d2", **(file.amplifier.settings | {"input": "source"}))
-    return file.model_copy(update={"generator": box, "amplifier": amplifier})
+    return changed(file, generator=box, amplifier=amplifier(file, input="source"))
 
 
 # Ways past it
@@ -193,10 +196,8 @@ def test_a_refusal_says_whose_limit_by_how_much_and_where(rig: Rig) -> None:
 
 def test_silence_elsewhere_does_not_make_a_current_harmless() -> None:
     file = load_rig_file("simulated")
-    assert file.amplifier is not None
-    weak = Device(driver="e413-d2", **(file.amplifier.settings | {"current_average": 0.8e-3}))
     loud = tone(40, 250, 1.0)
-    with open_rig(file.model_copy(update={"amplifier": weak})) as rig:
+    with open_rig(changed(file, amplifier=amplifier(file, current_average=0.8e-3))) as rig:
         rig.excite(loud * 0.5, ["A"], ["drive"])
         for drive in (loud, np.pad(loud, (0, 100_000)), np.concatenate([tone(1), np.zeros(100_000), loud])):
             with pytest.raises(LimitError, match="draws on average"):
@@ -205,11 +206,10 @@ def test_silence_elsewhere_does_not_make_a_current_harmless() -> None:
 
 def test_what_a_player_makes_of_a_drive_is_held_to_the_limits() -> None:
     """Resampling overshoots at an edge that is steeper than the card can play."""
-    file = load_rig_file("sound-card")
     rng = np.random.default_rng(1)
     edges = np.repeat(np.sign(rng.uniform(-1, 1, 200)), 4) * 4.9
     edges = np.concatenate([[0.0], edges - edges.mean(), [0.0]])
-    strict = file.model_copy(update={"limits": DriveLimits(min=-5, max=5, peak_to_peak=11)})
+    strict = changed(load_rig_file("sound-card"), limits=DriveLimits(min=-5, max=5, peak_to_peak=11))
     with open_rig(strict, simulate="twin") as rig:
         assert np.abs(edges).max() < 5
         with pytest.raises(LimitError, match=r"rises to|falls to|peak-to-peak"):
@@ -218,7 +218,7 @@ def test_what_a_player_makes_of_a_drive_is_held_to_the_limits() -> None:
 
 
 def test_what_no_limit_is_known_for_is_not_played() -> None:
-    file = load_rig_file("simulated").model_copy(update={"amplifier": None})
+    file = changed(load_rig_file("simulated"), amplifier=None)
     with open_rig(file) as rig, pytest.raises(ConfigurationError, match=r"no \[amplifier\]"):
         rig.excite(TONE, ["A"], ["drive"])
 

@@ -21,6 +21,7 @@ from haploop.instruments.config import Actuator
 from haploop.instruments.config.rig_file import Device, DriveLimits
 from haploop.mocks.plant import AMPLIFIER_GAIN_ERROR
 from tests.instruments.safety.at_the_patch import Burst, bursts, busiest_minute, of_patch
+from tests.rig_files import changed
 
 CODE = 0.5 * 50 * 20 / 2**16
 """V at the patch of half a code of the card's output."""
@@ -47,7 +48,7 @@ class Held:
         low = max(own.min, patch.min, -relay)
         high = min(own.max, patch.max, relay)
         share = 1 + AMPLIFIER_GAIN_ERROR + 1e-6
-        broken = []
+        broken, by_daq = [], self.source in ("daq", "each")
         for burst in found:
             farads = patch.capacitance * burst.patches
             rows = (
@@ -57,20 +58,15 @@ class Held:
                 ("slew", burst.slew, own.slew, 2 * CODE / 20e-6),
                 ("current", farads * burst.slew, amplifier["current_peak"], farads * 2 * CODE / 20e-6),
                 ("average", farads * burst.charge / 2, amplifier["current_average"], farads * CODE * 5e4),
-                (
-                    "max_duration",
-                    burst.seconds,
-                    own.max_duration,
-                    1e-4 if self.source in ("daq", "each") else 0.03,
-                ),
+                ("max_duration", burst.seconds, own.max_duration, 1e-4 if by_daq else 0.03),
             )
             # No generator fades out what it switches off, nor does it know of a mean.
             if self.source != "generator":
                 rows += (("cut", burst.cut, own.slew, 2 * CODE / 20e-6),)
-            if self.source in ("daq", "each"):
+            if by_daq:
                 rows += (("max_offset", abs(burst.mean), own.max_offset, CODE),)
             broken += [
-                f"{name} {value} > {most}" for name, value, most, code in rows if value > most * share + code
+                f"{name} {value} > {most}" for name, value, most, c in rows if value > most * share + c
             ]
         if busiest_minute(found) > own.duty * 60 + 1e-3 * len(found):
             broken.append(f"duty {busiest_minute(found)} > {own.duty * 60}")
@@ -104,28 +100,21 @@ def files(draw: Callable[..., Any], source: str) -> RigFile:
         "current_average": near(0.05, 0.003, 0.1),
         "rating_source": "a test",
     }
-    table = file.table.model_copy(update={"rate_hz": draw(st.sampled_from((20_000.0, 50_000.0)))})
-    patch = Actuator(
-        kind="piezo",
-        min=-near(60, 0.2, 0.5),
-        max=near(60, 0.2, 0.5),
-        capacitance=draw(st.floats(10e-9, 200e-9)),
-    )
+    table = {"rate_hz": draw(st.sampled_from((20_000.0, 50_000.0)))}
+    low, high = -near(60, 0.2, 0.5), near(60, 0.2, 0.5)
+    patch = Actuator(kind="piezo", min=low, max=high, capacitance=draw(st.floats(10e-9, 200e-9)))
     relay = file.relay.settings | {"rating": near(55, 0.2, 0.8), "rating_source": "a test"}
-    changed: dict[str, Any] = {
-        "limits": limits,
-        "table": table,
-        "actuator": patch,
+    more: dict[str, Device] = {
         "amplifier": Device(driver="e413-d2", **amplifier),
         "relay": Device(driver=file.relay.driver, **relay),
     }
     if source == "generator":
         box = {"resource": "TCPIP::127.0.0.1::5025::SOCKET", "output": "source", "highest": 5.0}
-        changed["generator"] = Device(driver="keysight-33500", **box)
+        more["generator"] = Device(driver="keysight-33500", **box)
     if source == "player":
         card = {"output": "source", "volts_per_full_scale": 1.4, "highest": 1.4, "high_pass_hz": 0}
-        changed["player"] = Device(driver="sound-card-output", **card)
-    return file.model_copy(update=changed)
+        more["player"] = Device(driver="sound-card-output", **card)
+    return changed(file, limits=limits, table=table, actuator=patch, **more)
 
 
 def faded(shape: FloatArray) -> FloatArray:

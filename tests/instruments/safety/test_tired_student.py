@@ -27,6 +27,7 @@ from haploop.instruments.safety import Limiter, Outputs, clear_lockout
 from haploop.mocks.plant import AMPLIFIER_GAIN_ERROR
 from tests.instruments.safety.at_the_patch import bursts, busiest_minute
 from tests.instruments.safety.lab import Lab, lab
+from tests.rig_files import changed
 
 RATE = 20_000.0
 MOST = {"one": 30.0, "two": 18.0}
@@ -48,20 +49,15 @@ SHOUT = "FUNC SIN;:FREQ 100;:VOLT 6;:OUTP ON"
 def rig_file(name: str) -> RigFile:
     """A rig whose DAQ output and generator meet at the amplifier's one input."""
     file = _read("haptable")
-    assert file.table is not None and file.relay is not None
-    return file.model_copy(
-        update={
-            "name": name,
-            "limits": DriveLimits(min=-MOST[name], max=MOST[name], duty=DUTY[name]),
-            "table": file.table.model_copy(update={"rate_hz": RATE}),
-            "relay": Device(driver=file.relay.driver, **(file.relay.settings | {"rating": 48})),
-            "generator": Device(
-                driver="keysight-33500",
-                resource="TCPIP::127.0.0.1::5025::SOCKET",
-                output="amplifier",
-                highest=5.0,
-            ),
-        }
+    assert file.relay is not None
+    box = {"resource": "TCPIP::127.0.0.1::5025::SOCKET", "output": "amplifier", "highest": 5.0}
+    return changed(
+        file,
+        name=name,
+        limits=DriveLimits(min=-MOST[name], max=MOST[name], duty=DUTY[name]),
+        table={"rate_hz": RATE},
+        relay=Device(driver=file.relay.driver, **(file.relay.settings | {"rating": 48})),
+        generator=Device(driver="keysight-33500", **box),
     )
 
 
@@ -212,9 +208,8 @@ class Student(RuleBasedStateMachine):
         self.seen = len(self.record)
         if len(self.record) > 400:  # older than any minute
             now = self.lab.clock.now()
-            keep = [output for output in self.record if output.start > now - 90]
-            self.record[:] = keep
-            self.seen = len(keep)
+            self.record[:] = [output for output in self.record if output.start > now - 90]
+            self.seen = len(self.record)
 
 
 def run(folder: Path, examples: int, take_out: Any = None, number: int = 0) -> Counter[str]:
@@ -254,22 +249,22 @@ def test_no_limit_is_exceeded_whatever_is_done(tmp_path: Path, full: bool) -> No
     assert not full or (counts["steps"] >= 100_000 and counts["sweep"])
 
 
-def _no_rest(patch: pytest.MonkeyPatch) -> None:
+def no_rest(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(Outputs, "rest", lambda self: None)
 
 
-def _no_duty(patch: pytest.MonkeyPatch) -> None:
+def no_duty(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(Limiter, "recall", lambda self: None)
 
 
-def _not_frozen(patch: pytest.MonkeyPatch) -> None:
+def not_frozen(patch: pytest.MonkeyPatch) -> None:
     patch.setattr("haploop.instruments.frozen.Frozen.__setattr__", object.__setattr__)
     # A play is held to a copy of the limits besides.
     patch.setattr("haploop.instruments.safety.judge.OpeningFigures.ratings", lambda _, n, now: now.ratings[n])
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("take_out", [_no_rest, _no_duty, _not_frozen], ids=lambda f: f.__name__)
+@pytest.mark.parametrize("take_out", [no_rest, no_duty, not_frozen], ids=lambda f: f.__name__)
 def test_it_is_noticed_when_an_interlock_is_missing(tmp_path: Path, take_out: Any) -> None:
     with pytest.raises(BaseException, match=r"\d V|s of a minute"):
         run(tmp_path, 60, take_out)
