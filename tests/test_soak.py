@@ -80,10 +80,8 @@ TROUBLES = (
     Trouble("left its range", {"kind": "laser-dropout", "duration": 5e-3, "times": 100, "every": 0.2}),
     Trouble("drive monitor shows", {"kind": "amplifier-trip", "duration": LASTS}),
     Trouble("left its range", {"kind": "sensor-saturated", "channel": "laser", "duration": LASTS}),
-    Trouble(
-        "accelerometer is loose or turned",
-        {"kind": "sensor-saturated", "channel": "acceleration_z", "duration": LASTS},
-    ),
+    Trouble("accelerometer is loose or turned",
+        {"kind": "sensor-saturated", "channel": "acceleration_z", "duration": LASTS}),
     Trouble("lost samples", {"kind": "daq-overrun", "times": 1}),
     Trouble("lost samples", {"kind": "daq-overflow", "times": 1}),
     Trouble("told to close but reads open", {"kind": "relay-lost", "times": 1}),
@@ -98,14 +96,11 @@ TROUBLES = (
     Trouble("drive monitor shows 0.5 V for each volt", {"kind": "amplifier-gain"}),
     Trouble("lost samples", {"kind": "daq-overrun", "times": 1}, recording=True),
     Trouble("lost samples", {"kind": "daq-overflow", "times": 1}, recording=True),
-    Trouble(
-        "left its range",
-        {"kind": "sensor-saturated", "channel": "acceleration_z", "duration": LASTS},
-        recording=True,
-    ),
+    Trouble("left its range", {"kind": "sensor-saturated", "channel": "acceleration_z", "duration": LASTS},
+        recording=True),
     Trouble("did not switch", {"kind": "sensor-disconnected", "channel": "switch"}, recording=True),
     Trouble("RTSI", {"kind": "rtsi-missing"}, recording=True),
-)
+)  # fmt: skip
 
 
 def schedule(hours: int, wanted: Iterable[Trouble], r: random.Random) -> dict[int, Trouble]:

@@ -47,15 +47,12 @@ def test_a_rig_as_its_file_says_is_all_green(open, name, seed):
         ("usb-6211", "[table]\nrate_hz = 9000", "Write rate_hz in [table] = 10000 or more"),
         ("usb-6211", "[sensors.acceleration]\nlow_pass_hz = 2500", None),
         ("usb-6211", "[sensors.acceleration]\nlow_pass_hz = 60", "is dull"),
-        (
-            "compactdaq-iepe",
-            "[sensors.acceleration]\nlow_pass_hz = 10000",
-            None,
-        ),  # a delta-sigma card filters
+        ("compactdaq-iepe", "[sensors.acceleration]\nlow_pass_hz = 10000",
+         None),  # a delta-sigma card filters
         ("no-ni", "[sensors.acceleration]\nlow_pass_hz = 30000", None),  # and so does audio
         ("minimal", "[sensors.acceleration]\ncapacitor = 10e-9", None),
     ],
-)
+)  # fmt: skip
 def test_what_a_sensor_passes_beyond_half_the_rate_or_short_of_the_skin(base, differs, says, tmp_path):
     path = tmp_path / "rig.toml"
     path.write_text(f'base = "{base}"\nname = "mine"\n{differs}\n')
@@ -123,17 +120,14 @@ def test_a_gain_that_cannot_be_proved_is_said():
         ({"kind": "sensor-disconnected", "channel": "acceleration_z"}, "acceleration", "z must show 9.8"),
         ({"kind": "daq-overrun"}, "daq", "-200279"),
         ({"kind": "daq-overflow", "device": "Dev1"}, "daq", "Dev1 lost samples"),
-        (
-            {"kind": "relay-stuck", "patch": "B", "after": 40},
-            "relay",
-            "channel 2 (patch B) was told to close",
-        ),
+        ({"kind": "relay-stuck", "patch": "B", "after": 40}, "relay",
+         "channel 2 (patch B) was told to close"),
         ({"kind": "relay-lost", "patch": "B", "after": 40}, "relay", "channel 2 (patch B) was told to close"),
         ({"kind": "relay-welded", "patch": "D"}, "relay", "the contact does not close"),
         ({"kind": "relay-welded", "after": 50.1}, "relay", "welded closed"),
     ],
     ids=lambda value: value["kind"] if isinstance(value, dict) else "",
-)
+)  # fmt: skip
 def test_one_thing_that_is_wrong_is_one_red_sentence(open, mode, fault, instrument, says):
     of_one_card = fault["kind"].startswith(("sensor", "daq"))
     rig = open("minimal" if of_one_card else "haptable", faults=[fault])

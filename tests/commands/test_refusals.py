@@ -193,36 +193,28 @@ def test_a_reader_that_leaves_changes_no_exit_code():
         (["serve", "--data", "FILE"], r"--data .*taken is a file: name a folder"),
         (["list", "kind=recordng"], r"no kind 'recordng': the kinds are recording, representative"),
         (["list", "kind!=recordng"], r"no kind 'recordng'"),
-        (
-            ["recrod"],
-            r"haploop has no command 'recrod': did you mean record or recover\? Try 'haploop --help'",
-        ),
+        (["recrod"],
+         r"haploop has no command 'recrod': did you mean record or recover\? Try 'haploop --help'"),
         (["button", "mak"], r"haploop button has no command 'mak': did you mean make\?"),
-        (
-            ["record", "latch", "--pressess", "3"],
-            r"record has no option --pressess: did you mean --presses\?",
-        ),
+        (["record", "latch", "--pressess", "3"],
+         r"record has no option --pressess: did you mean --presses\?"),
         (["verify", "a.h5", "--fast"], r"haploop verify has no option --fast\. Try 'haploop verify --help'"),
         (["record", "latch"], r"haploop record needs --participant\. Example: haploop record latch"),
         (["check", "-c", "c.h5"], r"haploop check needs PRESS\. Example: haploop check recordings/P01"),
         (["record", "latch", "-p"], r"-p needs a value after it\. Try 'haploop record --help'"),
         (["button", "make", "--out"], r"--out needs a value after it\. Try 'haploop button make --help'"),
         (["record", "latch", "now", "-p", "P01"], r"haploop record takes fewer arguments: now is too many\."),
-        (
-            ["record", "latch", "-p", "P01", "-n", "0"],
-            r"--presses must be a whole number from 1 to 1000 \(found 0\)\. Try '.* record --help'",
-        ),
+        (["record", "latch", "-p", "P01", "-n", "0"],
+         r"--presses must be a whole number from 1 to 1000 \(found 0\)\. Try '.* record --help'"),
         (["record", "latch", "-p", "P01", "-n", "3x"], r"must be a whole number .* \(found '3x'\)\."),
         (["record", "latch", "-p", "P01", "--wait", "x"], r"must be a number from 0 to .*\(found 'x'\)\."),
         (["map", "-o", "m", "--level", "0"], r"--level must be a number above 0 \(found 0\.0\)\."),
-        (
-            ["check", "a.h5", "-c", "c.h5", "--average", "median"],
-            r"--average must be automatic, barycentre, registration or mean \(found 'median'\)\.",
-        ),
+        (["check", "a.h5", "-c", "c.h5", "--average", "median"],
+         r"--average must be automatic, barycentre, registration or mean \(found 'median'\)\."),
         (["calibrations", "activate", "nothing", "--reason", "why"], r"none yet: make one with .*adopt"),
     ],
     ids=lambda part: " ".join(part) if isinstance(part, list) else "",
-)
+)  # fmt: skip
 def test_what_is_wrong_is_named_with_what_was_expected(run, tmp_path, monkeypatch, command, said):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "taken").write_text("")

@@ -26,66 +26,28 @@ BUTTON = entry("button", "latch.h5", "latch", "pass")
     ("found", "steps"),
     [
         (Found(rig="lab.toml"), [("No button is recorded", "haploop record latch -p P01 --rig lab.toml")]),
-        (
-            Found(study=frozenset({"latch"}), due=["P01 latch", "P01 push", "P02 latch", "P02 push"]),
-            [
-                (
-                    "The study is not complete: P01 latch, P01 push, P02 latch and 1 more due",
-                    "haploop study run",
-                )
-            ],
-        ),
-        (
-            Found(recordings(2), rig="my lab.toml"),
-            [
-                (
-                    "2 recordings of latch, none averaged",
-                    "haploop represent recordings/P01-latch.h5 recordings/P02-latch.h5 -o latch-press.h5",
-                ),
-                ("The table is not calibrated", "haploop calibrate --rig 'my lab.toml'"),
-            ],
-        ),
-        (
-            Found([*recordings(1), TABLE], study=frozenset({"latch"})),
-            [("1 recording of latch, none averaged", "haploop study represent latch --out latch-press.h5")],
-        ),
-        (
-            Found([*recordings(1), TABLE, PRESS]),
-            [
-                (
-                    "The press of latch is not made digital yet",
-                    "haploop button make latch-press.h5 -c calibration.h5 -o latch.h5",
-                )
-            ],
-        ),
-        (
-            Found([TABLE, PRESS, entry("button", "latch.h5", "latch", "fail")]),
-            [("The digital latch did not pass (fail): look at why", "haploop report latch.h5")],
-        ),
-        (
-            Found([TABLE, BUTTON]),
-            [
-                (
-                    "The digital latch passes, and is not the active one",
-                    'haploop calibrations adopt latch.h5 --reason "first"',
-                )
-            ],
-        ),
-        (
-            Found([TABLE, BUTTON], rig="lab.toml", active=frozenset({"latch"}), history="lab-calibrations"),
-            [
-                (
-                    "The table's calibration is in lab-calibrations; each night",
-                    "haploop recalibrate --rig lab.toml",
-                )
-            ],
-        ),
-        (
-            Found([entry("damaged", "a b.h5"), TABLE, BUTTON], active=frozenset({"latch"})),
-            [("a b.h5 is damaged", "haploop verify 'a b.h5'")],
-        ),
+        (Found(study=frozenset({"latch"}), due=["P01 latch", "P01 push", "P02 latch", "P02 push"]),
+         [("The study is not complete: P01 latch, P01 push, P02 latch and 1 more due", "haploop study run")]),
+        (Found(recordings(2), rig="my lab.toml"),
+         [("2 recordings of latch, none averaged",
+         "haploop represent recordings/P01-latch.h5 recordings/P02-latch.h5 -o latch-press.h5"),
+         ("The table is not calibrated", "haploop calibrate --rig 'my lab.toml'")]),
+        (Found([*recordings(1), TABLE], study=frozenset({"latch"})),
+         [("1 recording of latch, none averaged", "haploop study represent latch --out latch-press.h5")]),
+        (Found([*recordings(1), TABLE, PRESS]),
+         [("The press of latch is not made digital yet",
+         "haploop button make latch-press.h5 -c calibration.h5 -o latch.h5")]),
+        (Found([TABLE, PRESS, entry("button", "latch.h5", "latch", "fail")]),
+         [("The digital latch did not pass (fail): look at why", "haploop report latch.h5")]),
+        (Found([TABLE, BUTTON]), [("The digital latch passes, and is not the active one",
+         'haploop calibrations adopt latch.h5 --reason "first"')]),
+        (Found([TABLE, BUTTON], rig="lab.toml", active=frozenset({"latch"}), history="lab-calibrations"),
+         [("The table's calibration is in lab-calibrations; each night",
+         "haploop recalibrate --rig lab.toml")]),
+        (Found([entry("damaged", "a b.h5"), TABLE, BUTTON], active=frozenset({"latch"})),
+         [("a b.h5 is damaged", "haploop verify 'a b.h5'")]),
     ],
-)
+)  # fmt: skip
 def test_what_is_not_finished_comes_with_its_command(found, steps):
     assert next_steps(found) == steps
 

@@ -95,29 +95,19 @@ CASES = (
     read("a camel's unit", timed("timestampMillis,Force (N)", scale=1e3)),
     read("a word before", timed("seconds_elapsed,Force (N)")),
     read("Unix seconds", "Unix Timestamp,Force (N)\n" + rows(1.7e9 + T, F)),
-    asked(
-        "Unix milliseconds are no seconds",
-        "Unix Timestamp,Force (N)\n" + rows(1.7e12 + 1e3 * T, F),
-        "the unit of its time",
-    ),
+    asked("Unix milliseconds are no seconds", "Unix Timestamp,Force (N)\n" + rows(1.7e12 + 1e3 * T, F),
+        "the unit of its time"),
     asked("no unit", timed("time,Force (N)"), "the unit of its time (time rises by 0.0002 a sample)"),
     asked("no unit at 50/s", "time,Force (N)\n" + rows(20 * np.arange(200), F[:200]), "the unit of its time"),
     read("a stated rate gives the unit", "Sample rate: 5000 Hz\n" + timed("time,Force (N)", scale=1e3)),
     read("a time with another", "time,seconds_elapsed,Force (N)\n" + rows(1e9 * T, T, F)),
     asked("two times that differ", "Time (s),Elapsed (ms),Force (N)\n" + rows(T, 2e3 * T, F), "which of"),
-    asked(
-        "heading against units",
-        "Time (s),Force (N)\nms,N\n" + rows(1e3 * T, F),
-        "its heading says s, the row of units ms",
-    ),
+    asked("heading against units", "Time (s),Force (N)\nms,N\n" + rows(1e3 * T, F),
+        "its heading says s, the row of units ms"),
     # Stated rates
     *(
-        read(
-            f"header {line}",
-            f"{line}\nForce (N),Acc (g)\n{BARE}",
-            rate,
-            peaks={"force": 2, "acceleration": 0.02 * G},
-        )
+        read(f"header {line}", f"{line}\nForce (N),Acc (g)\n{BARE}", rate,
+            peaks={"force": 2, "acceleration": 0.02 * G})
         for line, rate in (
             ("Sample rate (kHz),5", 5000),
             ("Sampling interval (us),200", 5000),
@@ -143,333 +133,171 @@ CASES = (
             "Sample rate: 100,000 Hz",
         )
     ),
-    asked(
-        "rate against stamps",
-        "Sample rate: 1000 Hz\n" + timed("time (s),Force (N)"),
-        "which is right, its stamps of 5000 samples/s or 1000",
-    ),
+    asked("rate against stamps", "Sample rate: 1000 Hz\n" + timed("time (s),Force (N)"),
+        "which is right, its stamps of 5000 samples/s or 1000"),
     # Roles
     *(
         read(f"a column {name}", timed(f"time (s),Force (N),{name}", (T > 0.4).astype(int)))
         for name in ("judge", "valid", "LED", "trigger")
     ),
-    read(
-        "a switch", timed("time (s),Force (N),switch", (T > 0.4).astype(int)), peaks={**SURE, "activation": 1}
-    ),
-    Case(
-        "a switch that rests high",
-        timed("time (s),Force (N),switch", (T < 0.4).astype(int)),
-        5000,
-        asks=("switch is high at the start",),
-        peaks={**SURE, "activation": 1},
-    ),
-    asked(
-        "kilograms with a stray value",
-        "time (s),Acc (g),Value [kg]\n" + rows(T, 0.01 * F, np.where(np.arange(2500) == 3, 711, 0.01 * F)),
-        "force or mass? kg is of both",
-    ),
+    read("a switch", timed("time (s),Force (N),switch", (T > 0.4).astype(int)),
+        peaks={**SURE, "activation": 1}),
+    Case("a switch that rests high", timed("time (s),Force (N),switch", (T < 0.4).astype(int)), 5000,
+        asks=("switch is high at the start",), peaks={**SURE, "activation": 1}),
+    asked("kilograms with a stray value", "time (s),Acc (g),Value [kg]\n"
+        + rows(T, 0.01 * F, np.where(np.arange(2500) == 3, 711, 0.01 * F)), "force or mass? kg is of both"),
     asked("a scale in grams", timed("time (s),Scale (grams)"), "force or mass?"),
-    read(
-        "grams, answered",
-        timed("time (s),Scale (grams)"),
-        told={"units": {"force": "gf"}},
-        peaks={"force": 2e-3 * G},
-    ),
+    read("grams, answered", timed("time (s),Scale (grams)"), told={"units": {"force": "gf"}},
+        peaks={"force": 2e-3 * G}),
     read("grams-force are stated", timed("time (s),Force (gf)"), peaks={"force": 2e-3 * G}),
     read("pounds-force are stated", timed("time (s),Load [lbf]"), peaks={"force": 2 * 4.4482216152605}),
     asked("g of nothing", timed("time (s),CH1 (g)"), "may be gravity or grams"),
-    asked(
-        "heading against unit", timed("time (s),Force (mm)"), "its heading says force, its unit mm does not"
-    ),
-    asked(
-        "an acceleration sideways", timed("time (s),Acceleration x (m/s^2)"), "is the vertical acceleration"
-    ),
-    asked(
-        "three accelerations",
-        "time (s),Acc x (g),Acc y (g),Acc z (g)\n" + rows(T, F, F, F),
-        "which of Acc x [g], Acc y [g], Acc z [g]",
-    ),
+    asked("heading against unit", timed("time (s),Force (mm)"),
+        "its heading says force, its unit mm does not"),
+    asked("an acceleration sideways", timed("time (s),Acceleration x (m/s^2)"),
+        "is the vertical acceleration"),
+    asked("three accelerations", "time (s),Acc x (g),Acc y (g),Acc z (g)\n" + rows(T, F, F, F),
+        "which of Acc x [g], Acc y [g], Acc z [g]"),
     # Several measurements in one table
-    asked(
-        "two sensors under each other",
-        "Time (s),Sensor,Force (N)\n"
+    asked("two sensors under each other", "Time (s),Sensor,Force (N)\n"
         + rows(np.repeat(T, 2), np.tile(["left", "right"], 2500), np.repeat(F, 2)),
-        "which rows are one measurement (column 'Sensor' has left, right",
-    ),
-    read(
-        "one of two sensors",
-        "Time (s),Sensor,Force (N)\n"
+        "which rows are one measurement (column 'Sensor' has left, right"),
+    read("one of two sensors", "Time (s),Sensor,Force (N)\n"
         + rows(np.repeat(T, 2), np.tile(["left", "right"], 2500), np.stack([F, 3 * F], axis=1).ravel()),
-        told={"where": {"Sensor": "right"}},
-        peaks={"force": 6},
-        notes=("2500 of 5000",),
-    ),
-    asked(
-        "trials by number",
-        "Trial,Time (s),Force (N)\n" + rows(np.repeat([1, 2], 2500), np.tile(T, 2), np.tile(F, 2)),
-        "column 'Trial' has 1, 2",
-    ),
-    read(
-        "one trial",
-        "Trial,Time (s),Force (N)\n" + rows(np.repeat([1, 2], 2500), np.tile(T, 2), np.tile(F, 2)),
-        told={"where": {"Trial": "2"}},
-    ),
+        told={"where": {"Sensor": "right"}}, peaks={"force": 6}, notes=("2500 of 5000",)),
+    asked("trials by number", "Trial,Time (s),Force (N)\n"
+        + rows(np.repeat([1, 2], 2500), np.tile(T, 2), np.tile(F, 2)), "column 'Trial' has 1, 2"),
+    read("one trial", "Trial,Time (s),Force (N)\n"
+        + rows(np.repeat([1, 2], 2500), np.tile(T, 2), np.tile(F, 2)), told={"where": {"Trial": "2"}}),
     asked("LabVIEW's segments", in_segments(2), "column 'segment' has 1, 2"),
     asked("all of LabVIEW's segments by --each", in_segments(2), "--each segment"),
     read("one of LabVIEW's segments", in_segments(2), told={"where": {"segment": "2"}}, peaks=BOTH),
-    read(
-        "LabVIEW's X_Columns Multi",
-        LVM.format(x="Multi") + SEGMENT + "X_Value\tForce\tX_Value\tAcc\tComment\n" + MULTI_ROWS,
-        peaks=BOTH,
-    ),
+    read("LabVIEW's X_Columns Multi", LVM.format(x="Multi") + SEGMENT
+        + "X_Value\tForce\tX_Value\tAcc\tComment\n" + MULTI_ROWS, peaks=BOTH),
     # Rows
     *(
-        read(
-            f"a note in row {place}",
+        read(f"a note in row {place}",
             timed("time (s),force (N),note", ["pressed by hand" if k == place else "" for k in range(2500)]),
-            notes=("note is text",),
-        )
+            notes=("note is text",))
         for place in (3, 100, 1250, 2499)
     ),
     read("a quoted note", timed("time (s),force (N),note", ['"latch, blue"'] * 2500)),
-    read(
-        "quoted decimal commas",
-        "time (s),force (N)\n" + rows(*([f'"{x:.5f}"'.replace(".", ",") for x in one] for one in (T, F))),
-    ),
+    read("quoted decimal commas", "time (s),force (N)\n"
+        + rows(*([f'"{x:.5f}"'.replace(".", ",") for x in one] for one in (T, F)))),
     *(
-        asked(
-            f"torn in row {place}",
+        asked(f"torn in row {place}",
             timed("time (s),force (N)").replace(f"\n{np.round(T[place], 7)},", f"\n{line}", 1),
-            "--skip-damaged",
-        )
+            "--skip-damaged")
         for place, line in ((2, "Booting..."), (1200, "0.24"), (1200, "0.24,0.1,0.2,"))
     ),
-    read(
-        "torn and left out",
+    read("torn and left out",
         timed("time (s),force (N)").replace(f"\n{np.round(T[1200], 7)},", "\nBooting... ", 1),
-        told={"skip_damaged": True},
-        notes=("row 1202 ('Booting...", "1 gap of 1 samples"),
-    ),
-    read(
-        "cut in its last number",
-        "time (s),force (N)\n" + rows(T, [f"{f:.5f}" for f in F])[:-4],
-        notes=("cut in the middle of a number",),
-    ),
-    read(
-        "a spike",
+        told={"skip_damaged": True}, notes=("row 1202 ('Booting...", "1 gap of 1 samples")),
+    read("cut in its last number", "time (s),force (N)\n" + rows(T, [f"{f:.5f}" for f in F])[:-4],
+        notes=("cut in the middle of a number",)),
+    read("a spike",
         timed("time (s),force (N)").replace(f"{np.round(T[7], 7)},", f"{np.round(T[7], 7)},5000", 1),
-        peaks={"force": float(f"5000{np.round(F[7], 5)}")},
-        notes=("a spike?",),
-    ),
+        peaks={"force": float(f"5000{np.round(F[7], 5)}")}, notes=("a spike?",)),
     # Shapes of programs
-    read(
-        "Arduino's monitor",
+    read("Arduino's monitor",
         "".join(f"{c} -> {f:.3f},{int(f > 1)}\n" for c, f in zip(CLOCK, F, strict=True)),
-        told={"force": 1, **N},
-    ),
-    read(
-        "a recorder's header",
-        '"Model","X"\n"TraceName","Force","Acc",\nBlockSize,2500,2500,\nVUnit,N,g,\n'
+        told={"force": 1, **N}),
+    read("a recorder's header", '"Model","X"\n"TraceName","Force","Acc",\nBlockSize,2500,2500,\nVUnit,N,g,\n'
         "HResolution,2.0e-04,2.0e-04,\nHOffset,-1.0e+00,-1.0e+00,\nHUnit,s,s,\n" + rows(NONE, F, 0.1 * F),
-        peaks=BOTH,
-    ),
-    read(
-        "channels that begin apart",
-        '"TraceName","Force","Acc",\nVUnit,N,g,\nHResolution,2.0e-04,2.0e-04,\n'
-        "HOffset,0.0,0.1,\nHUnit,s,s,\n" + rows(NONE, F, 0.1 * F),
-        peaks=BOTH,
-        notes=("begins 0.1 s before",),
-    ),
-    read(
-        "a tester's units",
-        "UNIT = gf,mm\nDATA COUNT = 2500,\nCOMMENT = ,\n2ND PEAK FORCE = ---,---\n" + rows(F, 20 * T),
-        told={"rate_hz": 5000, "rest": {"displacement": "start"}},
-        peaks={"force": 2e-3 * G, "displacement": 9.996e-3},
-    ),
+        peaks=BOTH),
+    read("channels that begin apart", '"TraceName","Force","Acc",\nVUnit,N,g,\nHResolution,2.0e-04,2.0e-04,\n'
+        "HOffset,0.0,0.1,\nHUnit,s,s,\n" + rows(NONE, F, 0.1 * F), peaks=BOTH,
+        notes=("begins 0.1 s before",)),
+    read("a tester's units", "UNIT = gf,mm\nDATA COUNT = 2500,\nCOMMENT = ,\n2ND PEAK FORCE = ---,---\n"
+        + rows(F, 20 * T), told={"rate_hz": 5000, "rest": {"displacement": "start"}},
+        peaks={"force": 2e-3 * G, "displacement": 9.996e-3}),
     read("units over all columns", "Units,s,N\nname,Time,Force\n,,\n" + rows(NONE, T, F)),
     read("pandas' timedelta", ",force [N]\n" + rows([f"0 days 00:00:0{t:.6f}" for t in T], F)),
-    read(
-        "pandas' two rows of headings",
-        ",force,acc\n,N,m/s^2\ntime [s],,\n" + rows(T, F, F),
-        peaks={"force": 2, "acceleration": 2},
-    ),
-    asked(
-        "sensor over side",
-        ",Force,Force\n,left [N],right [N]\ntime [s],,\n" + rows(T, F, F),
-        "which of Force left [N], Force right [N]",
-    ),
-    read(
-        "a switch in words",
-        timed("time (s),Force (N),contact", np.where(T > 0.4, "closed", "open")),
-        peaks={**SURE, "activation": 1},
-    ),
-    read(
-        "one sample lost between stamps of one digit",
-        "time (s),Force (N)\n" + rows(*(np.delete(one, 900) for one in (np.arange(2500) / 1000, F))),
-        1000,
-        notes=("1 gap of 1 samples",),
-    ),
-    read(
-        "thousands apart", "time (s);Force (mN)\n" + rows(T, [f"{1000 * f:,.2f}" for f in F], separator=";")
-    ),
-    asked(
-        "thousands, or decimal commas",
-        "time (s);Force (mN)\n" + rows(T, [f"{1000 * f:,.0f}" for f in np.roll(F, 800)], separator=";"),
-        "Look at the decimal sign",
-        told={"skip_damaged": True},
-    ),
-    asked(
-        "a duration is no time",
-        "press duration (ms),Force (N)\n" + rows(np.arange(2500), F),
-        "its sample rate, or which column is the time",
-    ),
-    asked(
-        "trials named once each",
-        "trial,time (s),Force (N)\n" + rows(["A", *[""] * 1249, "B", *[""] * 1249], T, F),
-        "column 'trial' has A, B",
-    ),
+    read("pandas' two rows of headings", ",force,acc\n,N,m/s^2\ntime [s],,\n" + rows(T, F, F),
+        peaks={"force": 2, "acceleration": 2}),
+    asked("sensor over side", ",Force,Force\n,left [N],right [N]\ntime [s],,\n" + rows(T, F, F),
+        "which of Force left [N], Force right [N]"),
+    read("a switch in words", timed("time (s),Force (N),contact", np.where(T > 0.4, "closed", "open")),
+        peaks={**SURE, "activation": 1}),
+    read("one sample lost between stamps of one digit", "time (s),Force (N)\n"
+        + rows(*(np.delete(one, 900) for one in (np.arange(2500) / 1000, F))), 1000,
+        notes=("1 gap of 1 samples",)),
+    read("thousands apart", "time (s);Force (mN)\n"
+        + rows(T, [f"{1000 * f:,.2f}" for f in F], separator=";")),
+    asked("thousands, or decimal commas", "time (s);Force (mN)\n"
+        + rows(T, [f"{1000 * f:,.0f}" for f in np.roll(F, 800)], separator=";"), "Look at the decimal sign",
+        told={"skip_damaged": True}),
+    asked("a duration is no time", "press duration (ms),Force (N)\n" + rows(np.arange(2500), F),
+        "its sample rate, or which column is the time"),
+    asked("trials named once each", "trial,time (s),Force (N)\n"
+        + rows(["A", *[""] * 1249, "B", *[""] * 1249], T, F), "column 'trial' has A, B"),
     *(
         asked(f"sideways: {name}", timed(f"time (s),{name}"), "does not say that it is the vertical one")
         for name in ("accelerationX (m/s^2)", "acc_y [g]", "aT (m/s^2)", "X-Acceleration (m/s^2)", "Fx (N)")
     ),
-    read(
-        "Graphtec's recorder",
+    read("Graphtec's recorder",
         "Model,GL840\nSampling interval,1ms\nData\nNumber,Date&Time,ms,Force,CH2,Alarm\nNO.,Time,ms,N,V,A12\n"
-        + rows(
-            np.arange(2500),
-            [f"2026/05/01 10:00:0{k // 1000}" for k in range(2500)],
-            [k % 1000 for k in range(2500)],
-            [f"+ {f:.4f}" for f in F],
-            F,
-            ["LLL"] * 2500,
-        ),
-        1000,
-        notes=("Alarm is 'LLL' in all rows",),
-    ),
-    read(
-        "Siglent's preamble",
+        + rows(np.arange(2500), [f"2026/05/01 10:00:0{k // 1000}" for k in range(2500)],
+        [k % 1000 for k in range(2500)], [f"+ {f:.4f}" for f in F], F, ["LLL"] * 2500), 1000,
+        notes=("Alarm is 'LLL' in all rows",)),
+    read("Siglent's preamble",
         "Record Length,Analog:2500\nSample Rate,5000.0\nHorizontal Scale, 0.1\nSecond,Volt\n" + rows(T, F),
-        told={"force": "Volt", "units": {"force": "1 V/N"}},
-    ),
-    read(
-        "Rigol's increment",
-        "CH1V,CH2V,t0 =-0.25, tInc = 2e-04,\n" + rows(F, F, NONE),
-        told={"force": 0, "units": {"force": "1 V/N"}},
-    ),
-    asked(
-        "a word before headings between spaces",
-        "% Fs = 5000 Hz\n% columns: travel force\n" + rows(0.1 * F, F, separator=" "),
-        "is force, acceleration or displacement",
-    ),
+        told={"force": "Volt", "units": {"force": "1 V/N"}}),
+    read("Rigol's increment", "CH1V,CH2V,t0 =-0.25, tInc = 2e-04,\n" + rows(F, F, NONE),
+        told={"force": 0, "units": {"force": "1 V/N"}}),
+    asked("a word before headings between spaces", "% Fs = 5000 Hz\n% columns: travel force\n"
+        + rows(0.1 * F, F, separator=" "), "is force, acceleration or displacement"),
     asked("force in percent", timed("time (s),Force (%)"), "its heading says force, its unit % does not"),
-    read(
-        "a first row that numbers the columns",
-        "0,1,2\n" + rows(T, F, F),
-        told={"time": 0, "force": 1, "units": {"time": "s", "force": "N"}},
-        notes=("numbers its columns",),
-    ),
-    read(
-        "seconds and a column of milliseconds",
-        "Date&Time,ms,Force (N)\n"
+    read("a first row that numbers the columns", "0,1,2\n" + rows(T, F, F),
+        told={"time": 0, "force": 1, "units": {"time": "s", "force": "N"}}, notes=("numbers its columns",)),
+    read("seconds and a column of milliseconds", "Date&Time,ms,Force (N)\n"
         + rows([f"2026-05-01 10:00:0{k // 1000}" for k in range(2500)], [k % 1000 for k in range(2500)], F),
-        1000,
-    ),
+        1000),
     # Units in rows, times in other forms, headings that contradict themselves
     *(
         read(name, head + "\n" + rows(*columns, separator=";"), notes=notes)
         for name, head, columns, notes in (
             ("cells with their unit", "Time;Force", (cells(1e3 * T, " ms"), cells(F, " N")), ()),
             ("close to it", "Time;Force", (cells(1e3 * T, "ms"), cells(F, "N")), ()),
-            (
-                "with decimal commas",
-                "Zeit;Kraft",
-                ([c.replace(".", ",") for c in one] for one in (cells(T, " s"), cells(F, " N"))),
-                (),
-            ),
-            (
-                "in two units",
-                "Time (s);Force",
-                (cells(T, ""), [f"{f:.4f} N" if f > 1 else f"{1e3 * f:.4f} mN" for f in F]),
-                ("Rows in mN, N were all brought to mN.",),
-            ),
-            (
-                "columns of units",
-                "Time;Unit;Force;Unit",
-                (cells(1e3 * T, ""), ["ms"] * 2500, cells(1e3 * F, ""), ["mN"] * 2500),
-                (),
-            ),
-            (
-                "a column of two units",
-                "Time (s);Force;Force unit",
-                (cells(T, ""), [f"{f if f > 1 else 1e3 * f:.4f}" for f in F], np.where(F > 1, "N", "mN")),
-                ("brought to mN",),
-            ),
+            ("with decimal commas", "Zeit;Kraft",
+             ([c.replace(".", ",") for c in one] for one in (cells(T, " s"), cells(F, " N"))), ()),
+            ("in two units", "Time (s);Force",
+             (cells(T, ""), [f"{f:.4f} N" if f > 1 else f"{1e3 * f:.4f} mN" for f in F]),
+             ("Rows in mN, N were all brought to mN.",)),
+            ("columns of units", "Time;Unit;Force;Unit",
+             (cells(1e3 * T, ""), ["ms"] * 2500, cells(1e3 * F, ""), ["mN"] * 2500), ()),
+            ("a column of two units", "Time (s);Force;Force unit",
+             (cells(T, ""), [f"{f if f > 1 else 1e3 * f:.4f}" for f in F], np.where(F > 1, "N", "mN")),
+             ("brought to mN",)),
             ("mm:ss.mmm", "Time;Force (N)", ([f"02:{1 + t:07.4f}" for t in T], cells(F, "")), ()),
-            (
-                "mm:ss,mmm",
-                "Zeit;Kraft (N)",
-                (
-                    [f"02:{1 + t:07.4f}".replace(".", ",") for t in T],
-                    [c.replace(".", ",") for c in cells(F, "")],
-                ),
-                (),
-            ),
-            (
-                "mm:ss.mmm over an hour",
-                "Time;Force (N)",
-                ([f"{'59' if t < 0.1 else '00'}:{(59.9 + t) % 60:07.4f}" for t in T], cells(F, "")),
-                (),
-            ),
+            ("mm:ss,mmm", "Zeit;Kraft (N)",
+             ([f"02:{1 + t:07.4f}".replace(".", ",") for t in T],
+             [c.replace(".", ",") for c in cells(F, "")]), ()),
+            ("mm:ss.mmm over an hour", "Time;Force (N)",
+             ([f"{'59' if t < 0.1 else '00'}:{(59.9 + t) % 60:07.4f}" for t in T], cells(F, "")), ()),
             ("hh:mm:ss.mmm", "Time;Force (N)", ([f"01:00:{1 + t:07.4f}" for t in T], cells(F, "")), ()),
         )
     ),
     *(
         asked(name, head + "\n" + rows(*columns), asks)
         for name, head, columns, asks in (
-            (
-                "cells against their heading",
-                "Time (s),Force (N)",
-                (T, cells(1e3 * F, " mN")),
-                "its heading says N, each of its rows mN",
-            ),
-            (
-                "a unit in some rows",
-                "Time (s),Force",
-                (T, [f"{f:.3f} N" if f > 0.01 else "0" for f in F]),
-                "some of its rows say N, others nothing",
-            ),
-            (
-                "two quantities",
-                "Time (s),Force",
-                (T, [f"{f:.3f} {'N' if f > 1 else 'mm'}" for f in F]),
-                "in mm in some rows and in N in others",
-            ),
-            (
-                "two units in a heading",
-                "Time (s),Force (kN) [N]",
-                (T, F),
-                "it is called 'Force (kN)', and its unit is given as N",
-            ),
+            ("cells against their heading", "Time (s),Force (N)", (T, cells(1e3 * F, " mN")),
+             "its heading says N, each of its rows mN"),
+            ("a unit in some rows", "Time (s),Force", (T, [f"{f:.3f} N" if f > 0.01 else "0" for f in F]),
+             "some of its rows say N, others nothing"),
+            ("two quantities", "Time (s),Force", (T, [f"{f:.3f} {'N' if f > 1 else 'mm'}" for f in F]),
+             "in mm in some rows and in N in others"),
+            ("two units in a heading", "Time (s),Force (kN) [N]", (T, F),
+             "it is called 'Force (kN)', and its unit is given as N"),
             ("two units of time", "Time (s) [ms],Force (N)", (T, F), "it is called 'Time (s)'"),
-            (
-                "names of trials that look like units",
-                "Time (s),Force (N),Trial",
-                (T, F, np.where(T < 0.2, "1A", "2A")),
-                "column 'Trial' has 1A, 2A",
-            ),
-            (
-                "hh:mm:ss is too coarse",
-                "Time,Force (N)",
-                ([f"01:00:{int(t + 1):02d}" for t in T], F),
-                "--rate",
-            ),
+            ("names of trials that look like units", "Time (s),Force (N),Trial",
+             (T, F, np.where(T < 0.2, "1A", "2A")), "column 'Trial' has 1A, 2A"),
+            ("hh:mm:ss is too coarse", "Time,Force (N)", ([f"01:00:{int(t + 1):02d}" for t in T], F),
+             "--rate"),
         )
     ),
-    asked(
-        "a time among numbers",
-        "Time (s),Force (N)\n" + rows(T, [*cells(F[:300], ""), "10:00:01", *cells(F[301:], "")]),
-        "more than numbers in Force",
-    ),
+    asked("a time among numbers", "Time (s),Force (N)\n"
+        + rows(T, [*cells(F[:300], ""), "10:00:01", *cells(F[301:], "")]), "more than numbers in Force"),
     *(
         read(f"a unit in the middle: {name}", timed(f"Time (s),{name}"))
         for name in ("Force [N] (filtered)", "Force (N) left", "Force [N]_1", "Force (N) CH1")
@@ -480,31 +308,16 @@ CASES = (
     ),
     read("m·s⁻²", timed("Time (s),Acc z (m·s⁻²)"), peaks={"acceleration": 2.0}),
     *(
-        read(
-            f"--force {told!r}", "Time (s),Force (N),Force (N).1\n" + rows(T, 3 * F, F), told={"force": told}
-        )
+        read(f"--force {told!r}", "Time (s),Force (N),Force (N).1\n" + rows(T, 3 * F, F),
+            told={"force": told})
         for told in ("Force (N).1", "Force 1 [N]", "Force 1")
     ),
-    read(
-        "minus signs and thousands of a language",
-        "Zeit (s);Kraft (mN)\n"
-        + rows(
-            T,
-            [
-                f"{1000 * f - 0.5:,.2f}".replace(",", "\u202f").replace(".", ",").replace("-", "\u2212")
-                for f in F
-            ],
-            separator=";",
-        ).replace(".", ","),
-        peaks={"force": 1.9995},
-    ),
-    read(
-        "a tester's verdicts and marks",
-        timed(
-            "Time (s),Force (N),Judge,Position", np.where(F > 1, "+NG", "OK"), np.where(T == 0.1, "P1", "--")
-        ),
-        notes=("Judge is text", "Position is text"),
-    ),
+    read("minus signs and thousands of a language", "Zeit (s);Kraft (mN)\n"
+        + rows(T, [f"{1000 * f - 0.5:,.2f}".replace(",", "\u202f").replace(".", ",").replace("-", "\u2212")
+        for f in F], separator=";").replace(".", ","), peaks={"force": 1.9995}),
+    read("a tester's verdicts and marks",
+        timed("Time (s),Force (N),Judge,Position", np.where(F > 1, "+NG", "OK"),
+        np.where(T == 0.1, "P1", "--")), notes=("Judge is text", "Position is text")),
     read("a range is no unit", timed("Time (s),Load cell 10 kg (N)")),
     read("(L) is no litre", timed("Time (s) [s],Force (L) [N]")),
     # Times of minutes, factors, thousands, errors of spreadsheets
@@ -512,50 +325,26 @@ CASES = (
         Case(f"12:04, {name}", f"{head}\n" + rows([f"12:{4 + k // 1000:02d}" for k in range(2500)], F), *more)
         for name, head, *more in (
             ("in minutes or hours", "Time,Force (N)", None, {}, ("12:04 may be mm:ss or hh:mm",)),
-            (
-                "asked for, with a rate",
-                "Sample rate: 1000 Hz\nTime,Force (N)",
-                None,
-                {},
-                ("--unit time=mm:ss or --unit time=hh:mm",),
-            ),
-            (
-                "told",
-                "Sample rate: 1000 Hz\nTime,Force (N)",
-                1000,
-                {"units": {"time": "mm:ss"}},
-                (),
-                SURE,
-                ("rounded to 1 s",),
-            ),
+            ("asked for, with a rate", "Sample rate: 1000 Hz\nTime,Force (N)", None, {},
+             ("--unit time=mm:ss or --unit time=hh:mm",)),
+            ("told", "Sample rate: 1000 Hz\nTime,Force (N)", 1000, {"units": {"time": "mm:ss"}}, (), SURE,
+             ("rounded to 1 s",)),
             ("stated", "Sample rate: 1000 Hz\nTime (mm:ss),Force (N)", 1000, {}, (), SURE),
-            (
-                "of hours, which tell no rate",
-                "Sample rate: 1000 Hz\nTime (hh:mm),Force (N)",
-                None,
-                {},
-                ("stamps rounded to 60 s",),
-            ),
+            ("of hours, which tell no rate", "Sample rate: 1000 Hz\nTime (hh:mm),Force (N)", None, {},
+             ("stamps rounded to 60 s",)),
         )
     ),
-    asked(
-        "12:04 names a trial",
-        "Trial,Time (s),Force (N)\n" + rows(np.where(T < 0.2, "12:04", "12:07"), T, F),
-        "column 'Trial' has 12:04, 12:07",
-    ),
+    asked("12:04 names a trial", "Trial,Time (s),Force (N)\n"
+        + rows(np.where(T < 0.2, "12:04", "12:07"), T, F), "column 'Trial' has 12:04, 12:07"),
     *(
         asked(f"a factor: {head!r}", timed(head), asks)
         for head, asks in (
             ("Time (s),Force/100 (N)", "/100 may be in its numbers or not"),
             ("Time (s),Force x10 (N)", "x10 may be in its numbers or not"),
-            (
-                "Force scale factor: 0.001\nTime (s),Force (N)",
-                "'Force scale factor: 0.001' may be in its numbers",
-            ),
-            (
-                "Skalierungsfaktor: 2\nTime (s),Force (N)",
-                "(Force [N]): 'Skalierungsfaktor: 2' may be in its numbers",
-            ),
+            ("Force scale factor: 0.001\nTime (s),Force (N)",
+             "'Force scale factor: 0.001' may be in its numbers"),
+            ("Skalierungsfaktor: 2\nTime (s),Force (N)",
+             "(Force [N]): 'Skalierungsfaktor: 2' may be in its numbers"),
             *(
                 (f"{line}\nTime (s),Force (N)", f"(Force [N]): '{said}' may be in its numbers already")
                 for line, said in (
@@ -593,265 +382,136 @@ CASES = (
         )
     ),
     *(
-        Case(
-            f"a column of factors {factors}",
-            timed("Time (s),Force (N),Gain", np.resize(factors, 2500)),
-            None if asks else 5000,
-            asks=asks,
-            peaks=SURE,
-        )
+        Case(f"a column of factors {factors}", timed("Time (s),Force (N),Gain", np.resize(factors, 2500)),
+            None if asks else 5000, asks=asks, peaks=SURE)
         for factors, asks in (
             ((100,), ("'Gain = 100' may be in its numbers already",)),
             ((10, 1000), ("'Gain = 1000' may be in",)),
             ((1,), ()),
         )
     ),
-    read(
-        "a factor, answered",
-        timed("Gain: 100\nTime (s),Force (mN)"),
-        told={"units": {"force": "0.01 mN"}},
-        peaks={"force": 2e-5},
-    ),
-    asked(
-        "a factor, answered in the question's words",
-        timed("Gain: 100\nTime (s),Force (mN)"),
-        "--unit force=mN where it is in them, or what one of its units is (--unit 'force=0.01 mN')",
-    ),
-    asked(
-        "factors by column",
-        timed("Gain,1,1,100\nTime (s),Force (N),Travel (mm)", F),
-        "(Travel [mm]): 'Gain 100'",
-    ),
-    read(
-        "a factor of another column",
-        timed("Travel scale factor: 2\nTime (s),Force (N),Travel (mm)", F),
-        told={"units": {"displacement": "2 mm"}},
-        peaks={**SURE, "displacement": 4e-3},
-    ),
-    read(
-        "thousands of a language with decimal commas",
-        "Zeit (ms);Kraft (mN)\n"
-        + rows(
-            [f"{1000 * t + 1000:,.1f}".translate(str.maketrans(",.", ".,")) for t in T],
-            [f"{1000 * f:,.2f}".translate(str.maketrans(",.", ".,")) for f in F],
-            separator=";",
-        ),
-    ),
+    read("a factor, answered", timed("Gain: 100\nTime (s),Force (mN)"), told={"units": {"force": "0.01 mN"}},
+        peaks={"force": 2e-5}),
+    asked("a factor, answered in the question's words", timed("Gain: 100\nTime (s),Force (mN)"),
+        "--unit force=mN where it is in them, or what one of its units is (--unit 'force=0.01 mN')"),
+    asked("factors by column", timed("Gain,1,1,100\nTime (s),Force (N),Travel (mm)", F),
+        "(Travel [mm]): 'Gain 100'"),
+    read("a factor of another column", timed("Travel scale factor: 2\nTime (s),Force (N),Travel (mm)", F),
+        told={"units": {"displacement": "2 mm"}}, peaks={**SURE, "displacement": 4e-3}),
+    read("thousands of a language with decimal commas", "Zeit (ms);Kraft (mN)\n"
+        + rows([f"{1000 * t + 1000:,.1f}".translate(str.maketrans(",.", ".,")) for t in T],
+        [f"{1000 * f:,.2f}".translate(str.maketrans(",.", ".,")) for f in F], separator=";")),
     read("an error in the first row", timed("Zeit (s),Kraft (N),Rate", np.where(T == 0, "#DIV/0!", "1"))),
     *(
-        read(
-            f"a sketch's words: {line}",
-            "".join(line.format(500 * f) for f in F),
-            1000,
-            told=told,
-            peaks={"force": 1.0},
-        )
+        read(f"a sketch's words: {line}", "".join(line.format(500 * f) for f in F), 1000, told=told,
+            peaks={"force": 1.0})
         for line, told in (
-            (
-                "one reading:\t{0:.1f}\t| average:\t{0:.5f}\n",
-                {"rate_hz": 1000, "force": "one reading", "units": {"force": "mN"}},
-            ),
+            ("one reading:\t{0:.1f}\t| average:\t{0:.5f}\n",
+             {"rate_hz": 1000, "force": "one reading", "units": {"force": "mN"}}),
             ("Reading: {:.4f} mN\n", {"rate_hz": 1000, "force": 0}),
             ("Load_cell output val: {:.4f}\n", {"rate_hz": 1000, "force": 0, "units": {"force": "mN"}}),
         )
     ),
-    asked(
-        "a sketch's factor",
-        "".join(f"Reading: {f:.4f} mN calibration_factor: -7050.00\n" for f in F),
-        "'calibration_factor = -7050' may be in its numbers",
-        told={"rate_hz": 1000, "force": "Reading"},
-    ),
+    asked("a sketch's factor", "".join(f"Reading: {f:.4f} mN calibration_factor: -7050.00\n" for f in F),
+        "'calibration_factor = -7050' may be in its numbers", told={"rate_hz": 1000, "force": "Reading"}),
     *(
         asked(f"a clock {name}", "Time,Force (N)\n" + rows(map(form, range(2500)), F), asks)
         for name, form, asks in (
-            (
-                "with milliseconds behind minutes",
-                lambda k: f"12:{k // 1000:02d}:{k % 1000:03d}",
-                "Write 12:01:",
-            ),
-            (
-                "with frames",
-                lambda k: f"01:{k // 1500:02d}:{k // 30 % 50:02d}:{k % 30:02d}",
-                "as hh:mm:ss.mmm, or in seconds",
-            ),
+            ("with milliseconds behind minutes", lambda k: f"12:{k // 1000:02d}:{k % 1000:03d}",
+             "Write 12:01:"),
+            ("with frames", lambda k: f"01:{k // 1500:02d}:{k // 30 % 50:02d}:{k % 30:02d}",
+             "as hh:mm:ss.mmm, or in seconds"),
         )
     ),
-    asked(
-        "accountants' negatives",
-        "Time (s),Force (N)\n" + rows(T, [f"{f - 0.5:.4f}" if f > 0.5 else f"({0.5 - f:.4f})" for f in F]),
-        "numbers in brackets, like (0.5000)",
-    ),
+    asked("accountants' negatives", "Time (s),Force (N)\n"
+        + rows(T, [f"{f - 0.5:.4f}" if f > 0.5 else f"({0.5 - f:.4f})" for f in F]),
+        "numbers in brackets, like (0.5000)"),
     read("an axis that is only a unit", timed("in s,Force in N")),
     asked("kilograms are asked as kgf", timed("time (s),Load (kg)"), "--unit force=kgf"),
     asked("milligrams", timed("time (s),Load (mg)"), "--unit 'force=0.001 gf'"),
     # Of other people's instruments
-    read(
-        "a logger's row of headers, with its key",
-        ";SampleRate, 5000,Hz\n;Headers, time,Ax,Fz\n" + rows(T, 3 * F, F),
-        told={"units": {"force": "N"}},
-    ),
-    read(
-        "units under a third row of headings",
+    read("a logger's row of headers, with its key", ";SampleRate, 5000,Hz\n;Headers, time,Ax,Fz\n"
+        + rows(T, 3 * F, F), told={"units": {"force": "N"}}),
+    read("units under a third row of headings",
         '"sep=\t"\nUnix_CAL\tForce_CAL\tA1_UNCAL\tA2_UNCAL\nms\tN\tno_units\tno_units\n'
-        + rows(1e3 * T + 1.6e12, F, F, F, separator="\t"),
-        told={"force": "Force_CAL"},
-    ),
-    read(
-        "units under all but the counts",
-        "Devices\n5000\n,,Plate - Force,\nFrame,Sub Frame,Fx,Fz\n,,N,N\n" + rows(T, T, 3 * F, F),
-    ),
+        + rows(1e3 * T + 1.6e12, F, F, F, separator="\t"), told={"force": "Force_CAL"}),
+    read("units under all but the counts", "Devices\n5000\n,,Plate - Force,\nFrame,Sub Frame,Fx,Fz\n,,N,N\n"
+        + rows(T, T, 3 * F, F)),
     *(
-        read(
-            f"a preamble beside the numbers: {keys[0]}",
-            head + rows(*columns),
-            rate,
-            told={"force": 1, "units": {"force": "0.5 V/N"}},
-            peaks={"force": 4},
-        )
+        read(f"a preamble beside the numbers: {keys[0]}", head + rows(*columns), rate,
+            told={"force": 1, "units": {"force": "0.5 V/N"}}, peaks={"force": 4})
         for keys, rate, head, columns in (
-            (
-                ("Sample Interval,2.0E-4", "Vertical Units,V", "Horizontal Units,s"),
-                5000,
-                "",
-                (
-                    ["Sample Interval", "Vertical Units", "Horizontal Units", *[""] * 2497],
-                    ["2.0E-4", "V", "s", *[""] * 2497],
-                    NONE,
-                    np.round(T - 0.25, 7),
-                    np.round(F, 5),
-                ),
-            ),
-            (
-                ("Sampling Period", "stamps of three digits"),
-                50_000,
-                "col 1,col 2,,,\n",
-                (
-                    [f"{t:.2E}" for t in T / 10],
-                    np.round(F, 5),
-                    NONE,
-                    ["Vertical Units", "Horizontal Units", "Sampling Period", *[""] * 2497],
-                    ["V", "S", "2.0E-5", *[""] * 2497],
-                ),
-            ),
+            (("Sample Interval,2.0E-4", "Vertical Units,V", "Horizontal Units,s"), 5000, "",
+             (["Sample Interval", "Vertical Units", "Horizontal Units", *[""] * 2497],
+             ["2.0E-4", "V", "s", *[""] * 2497], NONE, np.round(T - 0.25, 7), np.round(F, 5))),
+            (("Sampling Period", "stamps of three digits"), 50_000, "col 1,col 2,,,\n",
+             ([f"{t:.2E}" for t in T / 10], np.round(F, 5), NONE,
+             ["Vertical Units", "Horizontal Units", "Sampling Period", *[""] * 2497],
+             ["V", "S", "2.0E-5", *[""] * 2497])),
         )
     ),
-    read(
-        "a start and an increment without a sequence",
+    read("a start and an increment without a sequence",
         "CH1,CH2,Start,Increment,\nVolt,Volt,-2.5e-01,2.0e-04\n" + rows(F, F, NONE),
-        told={"force": "CH1", "units": {"force": "1 V/N"}},
-    ),
-    read(
-        "keys with := and one unit for all",
+        told={"force": "CH1", "units": {"force": "1 V/N"}}),
+    read("keys with := and one unit for all",
         "# Simple Text\n# Sampling Rate (Hz):= 5000.00\n# Units:= N\n# Labels:= Fx\tFz\n"
-        + rows(3 * F, F, separator="\t"),
-    ),
-    read(
-        "a rate in JSON",
+        + rows(3 * F, F, separator="\t")),
+    read("a rate in JSON",
         '# {"a": {"column": ["I1", "A1"], "sampling rate": 5000, "label": ["A1"]}}\n# EndOfHeader\n'
-        + rows([0] * 2500, F, separator="\t"),
-        told={"force": 1, **N},
-    ),
+        + rows([0] * 2500, F, separator="\t"), told={"force": 1, **N}),
     read("a line below headings", timed("Time (s),Force (N)\n--------------------")),
-    read(
-        "words in brackets before a row of units",
-        "Time,Force (Trigger),Travel (filtered)\ns,N,mm\n" + rows(T, F, F),
-        peaks={**SURE, "displacement": 2e-3},
-    ),
+    read("words in brackets before a row of units", "Time,Force (Trigger),Travel (filtered)\ns,N,mm\n"
+        + rows(T, F, F), peaks={**SURE, "displacement": 2e-3}),
     read("an old scale of the screen", timed("Horizontal Old Scale,0.05\nTime (s),Force (N)")),
-    read(
-        "headings in quotes between spaces",
-        'Time "Force left" "Travel of it"\ns N mm\n' + rows(T, F, F, separator=" "),
-        peaks={"displacement": 2e-3, **SURE},
-    ),
-    asked(
-        "counts in the place of volts",
+    read("headings in quotes between spaces", 'Time "Force left" "Travel of it"\ns N mm\n'
+        + rows(T, F, F, separator=" "), peaks={"displacement": 2e-3, **SURE}),
+    asked("counts in the place of volts",
         "Source,CH1,\nVertical Units,V,\nVertical Scale,5.0E-01,\nHorizontal Units,s,\n"
         "Sampling Period,2.0E-4,\nWaveform Data,\n" + rows(np.rint(40 * F).astype(int), NONE),
-        "0.5 V a division are stated, and it spans 80, as counts do",
-        told={"force": 0},
-    ),
-    asked(
-        "samples beside each other",
-        "ACCELERATION IN UNITS OF G\nNPTS=   2500, DT=   .0002 SEC\n"
+        "0.5 V a division are stated, and it spans 80, as counts do", told={"force": 0}),
+    asked("samples beside each other", "ACCELERATION IN UNITS OF G\nNPTS=   2500, DT=   .0002 SEC\n"
         + rows(*np.round(F.reshape(-1, 5), 5).T, separator="  "),
-        "'NPTS= 2500' and has 500 rows of 5: its samples stand beside each other",
-    ),
-    asked(
-        "a table that lies on its side",
+        "'NPTS= 2500' and has 500 rows of 5: its samples stand beside each other"),
+    asked("a table that lies on its side",
         "\n".join(" ".join(f"{value:.5f}" for value in one) for one in (T, F)) + "\n",
-        "has 2 rows of 2500 numbers: samples stand below each other",
-    ),
-    read(
-        "fewer rows than are stated",
-        timed("#Samples: 8192\nTime (s),Force (N)"),
-        notes=("'Samples: 8192' is stated, and there are 2500 rows",),
-    ),
-    asked(
-        "two plates with the same headings",
-        "abs time (s),Fx,Fz,Fx,Fz\ns,N,N,N,N\n" + rows(T, F, F, F, F),
-        "which of Fz [N] (column 2), Fz [N] (column 4) is force",
-    ),
-    read(
-        "a clock that drifts",
-        "Time (s),Force (N)\n" + rows(np.round(T + 0.02 * T * (T - 0.5) / 0.25, 6), F),
-        notes=("from which its clock strays by ",),
-    ),
-    asked(
-        "a clock that is set while it records",
-        "Time (s),Force (N)\n" + rows(np.round(T + np.where(T < 0.3, 0, 1.7e9), 4), F),
-        "lacks more samples than it has, in steps of up to 1.7e+09 s",
-    ),
-    asked(
-        "a remark in brackets over one column",
-        "Sample rate: 5000 Hz\n,,(4=vigorous)\n" + rows(F, F, F),
-        "which of its columns (column 0, column 1, column 2)",
-    ),
-    asked(
-        "a short table of many columns",
+        "has 2 rows of 2500 numbers: samples stand below each other"),
+    read("fewer rows than are stated", timed("#Samples: 8192\nTime (s),Force (N)"),
+        notes=("'Samples: 8192' is stated, and there are 2500 rows",)),
+    asked("two plates with the same headings", "abs time (s),Fx,Fz,Fx,Fz\ns,N,N,N,N\n" + rows(T, F, F, F, F),
+        "which of Fz [N] (column 2), Fz [N] (column 4) is force"),
+    read("a clock that drifts", "Time (s),Force (N)\n"
+        + rows(np.round(T + 0.02 * T * (T - 0.5) / 0.25, 6), F), notes=("from which its clock strays by ",)),
+    asked("a clock that is set while it records", "Time (s),Force (N)\n"
+        + rows(np.round(T + np.where(T < 0.3, 0, 1.7e9), 4), F),
+        "lacks more samples than it has, in steps of up to 1.7e+09 s"),
+    asked("a remark in brackets over one column", "Sample rate: 5000 Hz\n,,(4=vigorous)\n" + rows(F, F, F),
+        "which of its columns (column 0, column 1, column 2)"),
+    asked("a short table of many columns",
         "\n".join(" ".join(f"{k + n:.1f}" for n in range(80)) for k in range(60)) + "\n",
-        "and 50 more) is force",
-        "its sample rate",
-    ),
-    asked(
-        "pairs of equal stamps",
-        "Time (s),Force (N)\n" + rows(np.round(np.repeat(0.0012 * np.arange(10_000), 2), 4), np.tile(F, 8)),
-        "stamps too coarse",
-    ),
+        "and 50 more) is force", "its sample rate"),
+    asked("pairs of equal stamps", "Time (s),Force (N)\n"
+        + rows(np.round(np.repeat(0.0012 * np.arange(10_000), 2), 4), np.tile(F, 8)), "stamps too coarse"),
     *(
         asked(f"over frequency: {name}", text, asks)
         for name, text, asks in (
-            (
-                "an axis unit",
-                "AxisUnit;Hz\nName;a;b\n'; a (Real);b (Real)\n" + rows(T, F, F, separator=";"),
-                "an axis of Hz",
-            ),
-            (
-                "LabVIEW's dimension",
-                LVM.format(x="No").replace("Multi_Headings\tYes", "Multi_Headings\tNo")
-                + SEGMENT.replace("X_Dimension\tTime\tTime", "X_Dimension\tFrequency\tFrequency")
-                + "X_Value\tForce\tAcc\tComment\n"
-                + rows(NONE, F, F, separator="\t"),
-                "an axis of Frequency",
-            ),
+            ("an axis unit", "AxisUnit;Hz\nName;a;b\n'; a (Real);b (Real)\n" + rows(T, F, F, separator=";"),
+             "an axis of Hz"),
+            ("LabVIEW's dimension", LVM.format(x="No").replace("Multi_Headings\tYes", "Multi_Headings\tNo")
+             + SEGMENT.replace("X_Dimension\tTime\tTime", "X_Dimension\tFrequency\tFrequency")
+             + "X_Value\tForce\tAcc\tComment\n" + rows(NONE, F, F, separator="\t"), "an axis of Frequency"),
             ("a rising column in Hz", timed("f (Hz),Force (N)"), "is over frequency"),
             ("a rising Frequenz", timed("Frequenz,Force (N)"), "is over frequency"),
         )
     ),
-    read(
-        "a frequency that does not rise is a column", timed("Time (s),Force (N),Frequency (Hz)", [50] * 2500)
-    ),
-    read(
-        "names of specimens, one of which looks like a number with its unit",
+    read("a frequency that does not rise is a column",
+        timed("Time (s),Force (N),Frequency (Hz)", [50] * 2500)),
+    read("names of specimens, one of which looks like a number with its unit",
         '"Units, Load",N\ntime (s),spec,Force (N),n,m\n'
-        + rows(
-            T, np.resize(["RZFE4", "5SDKT", "L8M6B", "V5SNQ", "898MA"], 2500), F, [564] * 2500, [9] * 2500
-        ),
-        told={"where": {"spec": "*"}},
-    ),
-    read(
-        "a phone at 99.87/s", "Time (s),Force (N)\n" + rows(np.arange(300) / 99.8667, F[::8][:300]), 99.8667
-    ),
-)
+        + rows(T, np.resize(["RZFE4", "5SDKT", "L8M6B", "V5SNQ", "898MA"], 2500), F, [564] * 2500, [9]
+        * 2500), told={"where": {"spec": "*"}}),
+    read("a phone at 99.87/s", "Time (s),Force (N)\n" + rows(np.arange(300) / 99.8667, F[::8][:300]),
+        99.8667),
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)

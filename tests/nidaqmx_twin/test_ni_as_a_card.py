@@ -758,13 +758,10 @@ def bits(*fields: tuple[int, int]) -> bytes:
         ([(25, 8), (0, 1), (0, 1), (53735, 16)], "accel", ("ai_accel_sensitivity", 49.03)),
         ([(25, 8), (1, 1), (0, 1), (29270, 16)], "force_iepe", ("ai_force_iepe_sensor_sensitivity", 3.25)),
         ([(27, 8), (0, 1), (61036, 16)], "microphone", ("ai_microphone_sensitivity", 1999.81)),
-        (
-            [(36, 8), (223, 11), (473, 11), (0, 14), (3, 4)],
-            "thrmcpl",
-            ("ai_thrmcpl_type", ThermocoupleType.K),
-        ),
+        ([(36, 8), (223, 11), (473, 11), (0, 14), (3, 4)], "thrmcpl",
+         ("ai_thrmcpl_type", ThermocoupleType.K)),
     ],
-)
+)  # fmt: skip
 def test_a_sensor_tells_what_it_is(task, tmp_path, fields, add, right):
     """T test_ai_channel.py, add_teds_ai_..._chan; the numbers are those in NI's own files."""
     (tmp_path / "sensor.ted").write_bytes(bits((0, 64), (0, 2), *fields, (0, 64)))

@@ -247,10 +247,8 @@ SHUNT = {"ext_shunt_resistor_val": 249.0}
         (lambda task: task.ai_channels.add_ai_rtd_chan("Dev1/ai0", rtd_type=RTDType.PT_3750), None),
         # A limit over the sensitivity, or times the shunt, is volts, which must fit a range: products.toml
         (_accelerometer(100.0, limit=50.0), None),
-        (
-            on("ai_accel_chan", "cDAQ1Mod3/ai0", 5120, sensitivity=100.0, max_val=500.0, min_val=-500.0),
-            -200077,
-        ),
+        (on("ai_accel_chan", "cDAQ1Mod3/ai0", 5120, sensitivity=100.0, max_val=500.0, min_val=-500.0),
+         -200077),
         (_accelerometer(102.3, limit=50.0), None),
         (on("ai_current_chan", "Dev1/ai0", 5120, max_val=0.02, min_val=0.004, **SHUNT), None),
         (on("ai_current_chan", "Dev1/ai0", 5120, max_val=0.1, min_val=0.0, **SHUNT), -200077),
@@ -342,13 +340,11 @@ SHUNT = {"ext_shunt_resistor_val": 249.0}
         (on(PULSES, "Dev1/ctr0", 1000.0), -200303),
         (on("di_chan", "Dev1/port0/line0", CHANGES, "Dev1/port0/line5"), -200926),
         (on("di_chan", "Dev1/port0", CHANGES, "Dev1/port0/line5"), None),
-        (
-            on("di_chan", "Dev1/port0", CHANGES, "port0/line0:1", "port0/line5"),
-            None,
-        ),  # NI's own test_timing.py
+        (on("di_chan", "Dev1/port0", CHANGES, "port0/line0:1", "port0/line5"),
+         None),  # NI's own test_timing.py
         (on("di_chan", "Dev1/port0/line0", CHANGES), -200751),
     ],
-)
+)  # fmt: skip
 def test_what_a_task_is_told(task, make, right):
     assert code(lambda: make(task)) == right
 

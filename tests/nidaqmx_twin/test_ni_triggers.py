@@ -438,13 +438,10 @@ def test_outputs_of_an_expired_watchdog(twin):
         ("Dev1", 35.0, -200668),  # (2^32 - 1) x 8 ns
         ("Dev1", 0.0, -200668),
         ("Dev1", -1.0, None),  # grpc-device, "Watchdog Attributes": "never expires"
-        (
-            "M",
-            1.0,
-            -200662,
-        ),  # NI's name of the code, WATCHDOG_TIMER_NOT_SUPPORTED; that it has none is inferred
+        ("M", 1.0,
+         -200662),  # NI's name of the code, WATCHDOG_TIMER_NOT_SUPPORTED; that it has none is inferred
     ],
-)
+)  # fmt: skip
 def test_time_outs_of_watchdogs(twin, device, timeout, right):
     def expires() -> None:
         with WatchdogTask(device, timeout=timeout) as watchdog:

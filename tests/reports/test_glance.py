@@ -76,13 +76,10 @@ def test_no_error_of_zero_is_shown_as_measured(button):
         ("fail", float("nan"), "Does not pass: the reason, which is not the error, stands with the verdict."),
         ("not shown", 0.04, "These plays cannot tell whether the motion is within 20 % of the press."),
         ("not shown", 0.01, "These plays do not show that it passes: the reason, which is not the error,"),
-        (
-            "not shown",
-            float("nan"),
-            "These plays cannot tell whether the motion is within 20 % of the press.",
-        ),
+        ("not shown", float("nan"),
+         "These plays cannot tell whether the motion is within 20 % of the press."),
     ],
-)
+)  # fmt: skip
 def test_a_glance_gives_no_reason_that_is_not_so(button, verdict, value, says):
     whole = SharedPower(value, 0.0005, 1e-4, 8)
     check = replace(button.check, whole=whole, verdict=verdict)

@@ -67,16 +67,13 @@ def copy(folder: Path) -> None:
     [
         (lambda folder: None, "P01-latch.h5", ""),
         (lambda folder: (folder / "P01-latch.h5").unlink(), "P01-latch.h5", "not in this folder"),
-        (
-            lambda folder: (folder / "P01-latch.h5").rename(folder / "first.h5"),
-            "first.h5",
-            "called P01-latch.h5 when it was used",
-        ),
+        (lambda folder: (folder / "P01-latch.h5").rename(folder / "first.h5"), "first.h5",
+         "called P01-latch.h5 when it was used"),
         (swap, "P01-latch.h5", "has other contents"),
         (cut, "P01-latch.h5", "is damaged"),
         (copy, "P01-latch.h5", "the same contents are in"),
     ],
-)
+)  # fmt: skip
 def test_what_became_of_a_source_is_said(folder, change, name, said):
     change(folder)
     found = seen(folder, "latch.h5")

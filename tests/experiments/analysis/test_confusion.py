@@ -79,17 +79,14 @@ def test_never_answered_is_not_defined(tmp_path):
     ("sidecar", "classes", "groups"),
     [
         ("", ("push", "latch", "toggle", "none"), ("II", "I")),
-        (
-            '{"presented": {"Levels": ["latch", "toggle", "push", "rest"]}, '
-            '"answered": {"Levels": ["none"]}, "Seed": 1, '
-            '"group": {"Levels": {"I": "first", "II": "second"}}}',
-            ("latch", "toggle", "push", "none"),
-            ("I", "II"),
-        ),
+        ('{"presented": {"Levels": ["latch", "toggle", "push", "rest"]}, '
+         '"answered": {"Levels": ["none"]}, "Seed": 1, '
+         '"group": {"Levels": {"I": "first", "II": "second"}}}', ("latch", "toggle", "push", "none"),
+         ("I", "II")),
         ('{"presented": {"Levels": 3}, "group": []}', ("push", "latch", "toggle", "none"), ("II", "I")),
         ("[[[", ("push", "latch", "toggle", "none"), ("II", "I")),
     ],
-)
+)  # fmt: skip
 def test_classes_are_in_the_order_that_the_sidecar_states(tmp_path, sidecar, classes, groups):
     """Without one that can be read, in the order of the table."""
     (tmp_path / "table.json").write_text(sidecar, encoding="utf-8")

@@ -57,14 +57,10 @@ def test_the_area_is_what_lies_above_half_of_the_brightness():
     ("noise", "level", "there", "measured"),
     [
         *((0.3, 3.9, False, True), (0.3, 4.1, True, False), (0.3, 11.9, True, False)),
-        *(
-            (0.3, 12.1, True, True),
-            (6.0, 12.1, True, True),
-            (9.0, 17.9, False, True),
-            (9.0, 18.1, True, True),
-        ),
+        *((0.3, 12.1, True, True), (6.0, 12.1, True, True), (9.0, 17.9, False, True),
+            (9.0, 18.1, True, True)),
     ],
-)
+)  # fmt: skip
 def test_a_finger_is_twelve_grey_levels_bright_or_six_times_the_smoothed_noise(noise, level, there, measured):
     """What is darker is seen, and said to be too dim."""
     found = seen((40, 50, 20, level), noise=noise)

@@ -73,22 +73,14 @@ def test_its_channels_come_one_after_the_other_unless_each_has_a_converter():
 @pytest.mark.parametrize(
     ("figures", "rate_hz", "channels", "says"),
     [
-        (
-            {},
-            40_000.0,
-            3,
-            "ACME 16 converts 100000 samples per second, and 3 channels at 40000 Hz need 120000",
-        ),
+        ({}, 40_000.0, 3,
+         "ACME 16 converts 100000 samples per second, and 3 channels at 40000 Hz need 120000"),
         ({}, 100_001.0, 1, "1 channels at 100001 Hz need 100001"),
         ({"ai_simultaneous": True}, 100_001.0, 3, "need 100001: lower the rate"),
-        (
-            {"rates_hz": (44_100.0, 48_000.0)},
-            50_000.0,
-            1,
-            "samples at 44100, 48000 Hz, and 50000 Hz were asked",
-        ),
+        ({"rates_hz": (44_100.0, 48_000.0)}, 50_000.0, 1,
+         "samples at 44100, 48000 Hz, and 50000 Hz were asked"),
     ],
-)
+)  # fmt: skip
 def test_a_rate_that_the_card_has_not_is_refused(figures, rate_hz, channels, says):
     with pytest.raises(ConfigurationError, match=says):
         twin(card(**figures)).stream(["gauge0", "laser", "drive"][:channels], rate_hz, 50, 50)

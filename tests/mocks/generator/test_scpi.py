@@ -474,7 +474,7 @@ def test_what_is_set_at_a_load_is_three_times_as_much_without(box, line, asked, 
         ("VOLT:LIM:HIGH 1;LOW -1;:VOLT:LIM:STAT ON;:OUTP:LOAD INF", "OUTP:LOAD?", 50.0, -221),
         ("FREQ\t200", "FREQ?", 200.0, 0),
     ],
-)
+)  # fmt: skip
 def test_units_limits_and_modes_of_both_families(each, commands, asked, value, number):
     """The manuals of both families; frequencies by shape: their data sheets."""
     each.answer("*RST;*CLS")

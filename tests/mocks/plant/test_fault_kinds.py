@@ -95,12 +95,9 @@ BROKEN = [
     ("class Bad: ...", "Bad", NO_FAULT),
     ("from haploop.mocks.plant import Fault\nBad = Fault.__new__(Fault)", "Bad", NO_CLASS),
     ("from haploop.mocks.plant import Fault\nclass Bad(Fault):\n  Settings = dict", "Bad", NO_FAULT),
-    (
-        "from haploop.mocks.plant import OnLaser\nclass Bad(OnLaser):\n  def channel(self, *a): ...",
-        "Bad",
-        r"acme-faults has the hook 'channel', and nobody calls it: derive Bad from .*\.OnCards too",
-    ),
-]
+    ("from haploop.mocks.plant import OnLaser\nclass Bad(OnLaser):\n  def channel(self, *a): ...", "Bad",
+     r"acme-faults has the hook 'channel', and nobody calls it: derive Bad from .*\.OnCards too"),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("source", "value", "says"), BROKEN)

@@ -145,17 +145,11 @@ def test_a_wrong_table_is_one_sentence(text, tmp_path):
 @pytest.mark.parametrize(
     ("kept", "sent", "after"),
     [
-        *(
-            (1, "2", 2),
-            (1, "2.5", 1),
-            (1.0, "2", 2.0),
-            (1.0, "x", 1.0),
-            (True, "off", False),
-            (True, "2", True),
-        ),
+        *((1, "2", 2), (1, "2.5", 1), (1.0, "2", 2.0), (1.0, "x", 1.0), (True, "off", False),
+            (True, "2", True)),
         *(("a", "b c", "b c"), ({"value": 1, "min": 0, "max": 3}, "3", 3), ({"value": 1, "min": 0}, "-1", 1)),
     ],
-)
+)  # fmt: skip
 def test_a_value_is_of_the_kind_that_is_kept(kept, sent, after):
     it = Instrument(Table.model_validate({"answers": {"S {x}": "ok"}, "state": {"x": kept}}))
     changed = after != (kept["value"] if isinstance(kept, dict) else kept)
