@@ -16,19 +16,8 @@ from haploop.calibration.recalibration.history import Generation
 from haploop.experiments import load_experiment
 from haploop.instruments import load_rig_file
 
-OUT = [
-    "../out",
-    "sub/../../out",
-    "/out",
-    "C:/out",
-    "C:out",
-    "//host/out",
-    r"..\out",
-    "link/out",
-    "loop",
-    "",
-    "..",
-]
+OUT = ["../out", "sub/../../out", "/out", "C:/out", "C:out", "//host/out", r"..\out", "link/out", "loop", "",
+    ".."]  # fmt: skip
 
 
 @pytest.fixture

@@ -32,16 +32,8 @@ def test_earlier_calibrations_tell_how_a_channel_scatters(demo, run, tmp_path, m
     # What was measured is kept when nothing can be said of its channel.
     other = replace(first.response, velocity=first.response.velocity[::-1])
     replace(first, response=other).save(tmp_path / "other.h5")
-    run(
-        "calibrate",
-        *earlier,
-        "--since",
-        tmp_path / "other.h5",
-        "--out",
-        tmp_path / "kept.h5",
-        ends=1,
-        says="no gain, delay or drift",
-    )
+    run("calibrate", *earlier, "--since", tmp_path / "other.h5", "--out", tmp_path / "kept.h5", ends=1,
+        says="no gain, delay or drift")  # fmt: skip
     assert Calibration.load(tmp_path / "kept.h5").digest == first.digest
 
     run("calibrate --since", table, "--out", tmp_path / "few.h5", says="--since needs 3 earlier calibrations")

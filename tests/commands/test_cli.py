@@ -146,11 +146,8 @@ def test_twin_ni_serves_the_devices_of_an_export(tmp_path):
 
 
 def test_twin_ni_wants_one_source_of_devices(run, tmp_path):
-    for args in (
-        ["--devices", tmp_path / "missing.ini"],
-        ["--devices", "x.ini", "--rig", "simulated"],
-        ["--devices", "x.ini", "--device", "Dev1=PCIe-6363", "--", "true"],
-    ):
+    for args in (["--devices", tmp_path / "missing.ini"], ["--devices", "x.ini", "--rig", "simulated"],
+        ["--devices", "x.ini", "--device", "Dev1=PCIe-6363", "--", "true"]):  # fmt: skip
         result = run("twin ni", *args)
         assert "--device" in result.stderr or "missing.ini" in result.stderr
         assert result.exit_code == 2

@@ -194,11 +194,8 @@ def test_a_picture_takes_no_file_s_place(demo, run, tmp_path):
 
 
 def test_the_patches_that_play_are_those_with_a_channel_of_their_own():
-    for name, asked, played in (
-        ("simulated", None, ("A",)),
-        ("four-channel", None, ("A", "B", "C", "D")),
-        ("four-channel", ("C",), ("C",)),
-    ):
+    for name, asked, played in (("simulated", None, ("A",)), ("four-channel", None, ("A", "B", "C", "D")),
+        ("four-channel", ("C",), ("C",))):  # fmt: skip
         with open_rig(name, simulate="twin") as rig:
             assert _patches(rig, asked) == played
             with pytest.raises(ConfigurationError, match="has no patch 'X'"):

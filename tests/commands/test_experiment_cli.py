@@ -136,14 +136,11 @@ def test_a_log_that_was_cut_short_is_said_by_every_command_and_stops_no_other_pe
     raw = log.read_bytes()
     log.write_bytes(b"".join(raw.splitlines(keepends=True)[:8]))
     said = "session-1.jsonl has 8 of the 14 lines that it had: restore the file from a copy."
-    for command, code in (
-        (("experiment", "status", "rating", *common), 2),
+    for command, code in ((("experiment", "status", "rating", *common), 2),
         (("experiment", "status", "rating", *common, "--json"), 2),
         (("experiment", "export", "rating", tmp_path / "out.csv", *common), 2),
-        (("experiment", "run", "rating", "-p", "P01", "--simulated", *common), 2),
-        (("verify", data), 2),
-        (("experiment", "run", "rating", "-p", "P03", "--simulated", *common), 0),
-    ):
+        (("experiment", "run", "rating", "-p", "P01", "--simulated", *common), 2), (("verify", data), 2),
+        (("experiment", "run", "rating", "-p", "P03", "--simulated", *common), 0)):  # fmt: skip
         result = run(*command, ends=code)
         assert said in " ".join((result.stdout + result.stderr).split()), command
     assert not (tmp_path / "out.csv").exists()

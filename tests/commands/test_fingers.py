@@ -32,14 +32,10 @@ def test_a_table_is_calibrated_and_a_press_checked_under_a_finger(demo, run, tmp
 
 def test_options_of_a_finger_need_one(demo, run, tmp_path):
     table, out = demo.folder / "calibration.h5", tmp_path / "x.h5"
-    for asked in (
-        ("calibrate", "--bare", table, "-o", out),
-        ("calibrate", "--beside", "21", "-o", out),
-        ("calibrate", "--map", tmp_path, "-o", out),
-        ("calibrate", "--finger", "P01", "-o", out),
+    for asked in (("calibrate", "--bare", table, "-o", out), ("calibrate", "--beside", "21", "-o", out),
+        ("calibrate", "--map", tmp_path, "-o", out), ("calibrate", "--finger", "P01", "-o", out),
         ("calibrate", "--finger", "P01", "--bare", table, "--force", 0, "-o", out),
-        ("check", demo.folder / "presses" / "push.h5", "-c", table, "--force", 1),
-    ):
+        ("check", demo.folder / "presses" / "push.h5", "-c", table, "--force", 1)):  # fmt: skip
         result = run(*asked)
         assert result.exit_code == 2 and not out.exists(), result.stderr
         assert "--finger" in result.stderr or "--force" in result.stderr
@@ -48,15 +44,12 @@ def test_options_of_a_finger_need_one(demo, run, tmp_path):
 def test_what_is_odd_about_a_finger_is_one_sentence(demo, made, run, tmp_path):
     table, button, out = demo.folder / "calibration.h5", made / "latch.h5", tmp_path / "x.h5"
     asked = ("calibrate", "--finger", "P01", "--bare", table, "-o", out)
-    for more, told in (
-        (("--map", tmp_path), "holds no map"),
-        (("--beside", "999"), "999"),
+    for more, told in ((("--map", tmp_path), "holds no map"), (("--beside", "999"), "999"),
         (("--beside", "20"), "is the one under the finger"),
         (("--force", "nan"), "a number from 0.1 to 20 (found 'nan')"),
         (("--patches", "A,B"), "--patch does not belong to --finger"),
         (("--point", "57"), "--point does not belong to --finger"),
-        (("--since", table), "--since does not belong to --finger"),
-    ):
+        (("--since", table), "--since does not belong to --finger")):  # fmt: skip
         result = run(*asked, *more)
         assert result.exit_code == 2 and told in result.stderr and not out.exists(), result.stderr
     for command, told in (

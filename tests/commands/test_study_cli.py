@@ -110,13 +110,9 @@ def test_a_participant_s_name_can_be_typed_nowhere(run, study, tmp_path, name):
 
 
 def test_nothing_is_taken_for_a_study_that_is_none(run, study, tmp_path):
-    for args in (
-        ["study", "status", "--study", tmp_path / "nowhere"],
-        ["study", "new", study],
-        ["study", "run", "--study", study, "--button", "../latch"],
-        ["show", study],
-        ["show", study / "study.toml", study / "study.toml"],
-    ):
+    for args in (["study", "status", "--study", tmp_path / "nowhere"], ["study", "new", study],
+        ["study", "run", "--study", study, "--button", "../latch"], ["show", study],
+        ["show", study / "study.toml", study / "study.toml"]):  # fmt: skip
         result = run(*args)
         assert (result.exit_code, result.stdout) == (2, ""), args
         assert len([line for line in result.stderr.splitlines() if line.startswith("Error: ")]) == 1

@@ -45,24 +45,16 @@ def test_no_name_is_taken_for_markup(run, rig, calibration, tmp_path):
     (study / "study.toml").write_text(text, encoding="utf-8")
     recorded = ["record", "push", "-p", "P01", "-n", 1, "-o", out, "--notes", HOSTILE, "--rig", rig]
     said = {}
-    for args in (
-        recorded,
-        ["show", recording],
-        ["show", recording, recording],
+    for args in (recorded, ["show", recording], ["show", recording, recording],
         ["study", "run", "-s", study, "-p", "P01", "-b", "push", "--rig", rig, "--notes", HOSTILE],
         ["study", "status", "-s", study],
         ["study", "reject", "P01", "push", 1, "--reason", HOSTILE, "-s", study],
-        ["study", "status", "-s", study],
-        ["show", study / "recordings" / "P01-push.h5"],
-        ["verify", recording],
-        ["doctor", "--rig", rig],
-        ["show", calibration],
+        ["study", "status", "-s", study], ["show", study / "recordings" / "P01-push.h5"],
+        ["verify", recording], ["doctor", "--rig", rig], ["show", calibration],
         ["export", calibration, "--to", "uff", "--out", tmp_path / "c [red].uff"],
         ["import", tmp_path / "c [red].uff", "--out", tmp_path / "i [red].h5", "--rig", rig],
         ["map", "--out", tmp_path / "map [red]", "--points", "0-1", "--patches", "A", "--rig", rig],
-        ["show", tmp_path / "map [red]"],
-        ["log", "--rig", rig],
-    ):
+        ["show", tmp_path / "map [red]"], ["log", "--rig", rig]):  # fmt: skip
         result = run(*args, ends=0)
         said[tuple(args)] = result.stdout
     assert f"Notes                 {HOSTILE}" in said["show", recording]
@@ -137,13 +129,9 @@ def test_the_commands_tables_fit_80_columns(run, demo, tmp_path, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     narrow = run("study status -s", study).stdout
     assert words(wide) - {"-"} <= words(narrow)
-    for args in (
-        ["show", demo.folder / "recordings" / "P01-latch.h5"],
-        ["show", demo.folder / "calibration.h5"],
-        ["doctor"],
-        ["log"],
-        ["study", "status", "-s", study],
-    ):
+    for args in (["show", demo.folder / "recordings" / "P01-latch.h5"],
+        ["show", demo.folder / "calibration.h5"], ["doctor"], ["log"],
+        ["study", "status", "-s", study]):  # fmt: skip
         printed = [line for line in run(*args).stdout.splitlines() if not line.startswith(("The rig ", "`"))]
         assert max(map(len, printed)) <= 80, args
 

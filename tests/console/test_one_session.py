@@ -68,11 +68,8 @@ def test_nothing_but_the_experiments_own_part_begins_in_a_session(data):
     conductor.begin(BEGIN, {})
     assert worker.board["held"] == BEGIN
     worker.watch()
-    for kind, values in (
-        ("record", {"button": "toggle", "participant": "P02", "presses": 2}),
-        ("preflight", {}),
-        ("surface", {"experiment": "another"}),
-    ):
+    for kind, values in (("record", {"button": "toggle", "participant": "P02", "presses": 2}),
+        ("preflight", {}), ("surface", {"experiment": "another"})):  # fmt: skip
         with pytest.raises(ConfigurationError, match="P01's session of the experiment rated holds the rig"):
             begin(worker, kind, **values)
     with pytest.raises(ConfigurationError, match=r"has no \[buttons\]"):  # so far it goes

@@ -109,20 +109,8 @@ def api(app):
 def test_every_route_but_pages_is_under_api(app):
     pages = {route.path for route in app.routes if isinstance(route, Route)} - {path for _, path in api(app)}
     pages = {path for path in pages if not path.startswith("/api/")}
-    assert pages == {
-        "/",
-        "/record",
-        "/study",
-        "/preflight",
-        "/table",
-        "/buttons",
-        "/experiment",
-        "/catalogue",
-        "/file",
-        "/design",
-        "/static/glance.css",
-        "/participant",
-    }
+    assert pages == {"/", "/record", "/study", "/preflight", "/table", "/buttons", "/experiment",
+        "/catalogue", "/file", "/design", "/static/glance.css", "/participant"}  # fmt: skip
     assert len(api(app)) > 12
 
 
@@ -183,14 +171,8 @@ def test_the_socket_says_nothing_before_the_token(page, access):
         assert socket.receive_json()["state"]["rig"] == SNAPSHOT["rig"]
     with page.websocket_connect("ws://127.0.0.1:8735/socket") as socket:
         socket.send_text(access.participant)
-        assert set(socket.receive_json()["state"]) == {
-            "request",
-            "paused",
-            "simulated",
-            "last",
-            "running",
-            "experiment",
-        }
+        assert set(socket.receive_json()["state"]) == {"request", "paused", "simulated", "last", "running",
+            "experiment"}  # fmt: skip
 
 
 @pytest.mark.parametrize("wrong", [{"Origin": "http://evil.example"}, {"Host": "evil.example:8735"}])

@@ -416,17 +416,10 @@ def test_what_a_page_asks_wrongly_is_one_sentence(tmp_path):
     ):
         with pytest.raises(ConfigurationError, match=what):
             begin(worker, "record", **wanted)
-    for kind, wanted in (
-        ("study", {"study": "../elsewhere"}),
-        ("map", {"points": "0,one"}),
-        ("map", {"points": "12-5"}),
-        ("map", {"points": "0-99999999"}),
-        ("map", {"name": "../map"}),
-        ("check", {"button": "/etc/passwd"}),
-        ("make", {"recordings": []}),
-        ("safe", {}),
-        ("anything", {}),
-    ):
+    for kind, wanted in (("study", {"study": "../elsewhere"}), ("map", {"points": "0,one"}),
+        ("map", {"points": "12-5"}), ("map", {"points": "0-99999999"}), ("map", {"name": "../map"}),
+        ("check", {"button": "/etc/passwd"}), ("make", {"recordings": []}), ("safe", {}),
+        ("anything", {})):  # fmt: skip
         with pytest.raises(ConfigurationError):
             begin(worker, kind, **wanted)
     for name in ("reject", "pause", "press", "answer", "explode"):

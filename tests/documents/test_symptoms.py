@@ -6,16 +6,8 @@ import re
 
 from tests.documents.pages import ROOT
 
-ROOMS = (
-    "instruments",
-    "acquisition",
-    "calibration",
-    "exchange",
-    "reports",
-    "terminal",
-    "console",
-    "commands",
-)
+ROOMS = ("instruments", "acquisition", "calibration", "exchange", "reports", "terminal", "console",
+    "commands")  # fmt: skip
 NOT_OURS = {"haploop: command not found"}
 
 

@@ -62,26 +62,12 @@ def make_response(rig_file: str) -> Response:
 
 def make_drive() -> Drive:
     t = np.arange(5000) / 50_000
-    return Drive(
-        button="push",
-        patches=("A",),
-        point="button",
-        rate_hz=50_000.0,
+    return Drive(button="push", patches=("A",), point="button", rate_hz=50_000.0,
         volts=np.asarray(20 * np.sin(2 * np.pi * 235 * t) * np.hanning(len(t)))[None],
-        target=np.asarray(3 * np.cos(2 * np.pi * 235 * t) * np.hanning(len(t))),
-        scale=0.5,
-        method="modulated",
-        carrier_hz=235.0,
-        band=(75.0, 600.0),
-        in_band=0.9,
-        known=(40.0, 600.0),
-        predicted_error=0.05,
-        unreached="",
-        rig="simulated",
-        simulated=True,
-        sources=(("P01-push.h5", "0" * 64),),
-        calibration="0" * 64,
-    )
+        target=np.asarray(3 * np.cos(2 * np.pi * 235 * t) * np.hanning(len(t))), scale=0.5,
+        method="modulated", carrier_hz=235.0, band=(75.0, 600.0), in_band=0.9, known=(40.0, 600.0),
+        predicted_error=0.05, unreached="", rig="simulated", simulated=True,
+        sources=(("P01-push.h5", "0" * 64),), calibration="0" * 64)  # fmt: skip
 
 
 def make_check(drive: Drive) -> Check:

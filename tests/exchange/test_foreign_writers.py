@@ -214,21 +214,12 @@ WRITERS: dict[str, Callable[[Path, Made], None]] = {
     "b.nc": _by_xarray("h5netcdf"), "a.tdms": by_nptdms, "a.uff": by_pyuff, "a.nwb": by_pynwb,
     "a.mat": by_scipy, "a.wav": by_soundfile,
 }  # fmt: skip
-MADE = st.builds(
-    Made,
-    rate=st.sampled_from([1000.0, 2000.0, 2048.0, 5000.0, 5120.0, 8000.0]),
-    samples=st.integers(800, 1400),
-    force_unit=st.sampled_from(sorted(FORCES)),
-    acceleration_unit=st.sampled_from(sorted(ACCELERATIONS)),
-    step=st.sampled_from([1e-4, 1e-3, 2.5e-5]),
-    late=st.sampled_from([0, 0, 7, 100]),
-    gap=st.sampled_from([0, 0, 5, 40]),
-    sign=st.sampled_from([1, 1, -1]),
-    force_first=st.booleans(),
-    states_rate=st.booleans(),
-    begins=st.sampled_from([0.0, 0.0, -0.25, 3600.0]),
-    shown=st.booleans(),
-)
+MADE = st.builds(Made, rate=st.sampled_from([1000.0, 2000.0, 2048.0, 5000.0, 5120.0, 8000.0]),
+    samples=st.integers(800, 1400), force_unit=st.sampled_from(sorted(FORCES)),
+    acceleration_unit=st.sampled_from(sorted(ACCELERATIONS)), step=st.sampled_from([1e-4, 1e-3, 2.5e-5]),
+    late=st.sampled_from([0, 0, 7, 100]), gap=st.sampled_from([0, 0, 5, 40]),
+    sign=st.sampled_from([1, 1, -1]), force_first=st.booleans(), states_rate=st.booleans(),
+    begins=st.sampled_from([0.0, 0.0, -0.25, 3600.0]), shown=st.booleans())  # fmt: skip
 
 
 @pytest.mark.usefixtures("read_here")

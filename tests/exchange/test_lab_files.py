@@ -212,23 +212,8 @@ def test_a_recording_that_is_mostly_held_rests_before_its_press(run, tmp_path):
     path, saved = tmp_path / "a.csv", tmp_path / "lab.toml"
     force = 7 + _held(0, 0.2, 9, 0)
     path.write_text("t [s],F [N]\n" + "".join(f"{k / 1000:.4f},{f:.5f}\n" for k, f in enumerate(force)))
-    run(
-        "import",
-        path,
-        "-o",
-        tmp_path / "a.h5",
-        "--as",
-        "recording",
-        "-p",
-        "P01",
-        "--button",
-        "push",
-        "--rest",
-        "force=start",
-        "--save-mapping",
-        saved,
-        ends=0,
-    )
+    run("import", path, "-o", tmp_path / "a.h5", "--as", "recording", "-p", "P01", "--button", "push",
+        "--rest", "force=start", "--save-mapping", saved, ends=0)  # fmt: skip
     assert haploop.FileMapping.load(saved).rest == {"force": "start"}
     found = haploop.Recording.open(tmp_path / "a.h5").force
     assert np.median(found) == pytest.approx(2, abs=0.05)

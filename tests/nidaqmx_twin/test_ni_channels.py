@@ -154,11 +154,8 @@ def test_a_product_refuses_a_terminal_configuration_and_a_supply_that_it_has_not
                 task.ai_channels.add_ai_voltage_chan("Dsa/ai0").ai_term_cfg
                 is TerminalConfiguration.PSEUDO_DIFF
             )
-        for terminal, config in (
-            ("Dsa/ai0", TerminalConfiguration.RSE),
-            ("Low/ai0", TerminalConfiguration.NRSE),
-            ("Low/ai4", TerminalConfiguration.DIFF),
-        ):
+        for terminal, config in (("Dsa/ai0", TerminalConfiguration.RSE),
+            ("Low/ai0", TerminalConfiguration.NRSE), ("Low/ai4", TerminalConfiguration.DIFF)):  # fmt: skip
             with nidaqmx.Task() as task, pytest.raises(nidaqmx.DaqError) as caught:
                 task.ai_channels.add_ai_voltage_chan(terminal, terminal_config=config)
             assert caught.value.error_type is DAQmxErrors.INVALID_ATTRIBUTE_VALUE

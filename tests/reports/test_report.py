@@ -122,12 +122,9 @@ def test_a_folder_of_files_is_reported_and_shown_and_any_other_refused(demo, run
     (tmp_path / "mine" / "experiment.toml").touch()
     (tmp_path / "empty").mkdir()
     report, show = ("report", "-o", tmp_path / "x.html"), ("show",)
-    for command, path, said in (
-        (report, "mine", "the key 'name' is missing"),
-        (show, "mine", "`haploop experiment export"),
-        (report, "empty", "neither a study"),
-        (show, "empty", "neither a study"),
-    ):
+    for command, path, said in ((report, "mine", "the key 'name' is missing"),
+        (show, "mine", "`haploop experiment export"), (report, "empty", "neither a study"),
+        (show, "empty", "neither a study")):  # fmt: skip
         run(*command, tmp_path / path, says=said)
     run("show", *sorted((demo.folder / "presses").glob("*.h5")), says="holds a representative")
 

@@ -42,11 +42,8 @@ def test_what_one_server_activates_the_pages_of_the_other_show(browser, both):
     first, second = names(both[0])
     working, looking = (Tab(browser, console) for console in both)
     start, shown, history = looking.another(), looking.another(), looking.another()
-    for page, name, place in (
-        (start, "", "#calibration"),
-        (shown, "table", "#active"),
-        (history, "file?history=1", "#shown"),
-    ):
+    for page, name, place in ((start, "", "#calibration"), (shown, "table", "#active"),
+        (history, "file?history=1", "#shown")):  # fmt: skip
         page.goto(f"{both[1].base}/{name}")
         expect(page.locator(place)).to_contain_text(second, timeout=WAIT)
     page = visit(working, both[0], "table")

@@ -98,13 +98,10 @@ def test_a_target_tells_the_area_of_a_pixel_and_is_sharp():
     background = Background(np.full(SHAPE, 10.0), 0.3)
     target = frame((40, 50, 20, 100.0))
     assert calibrate_meter([target] * 3, background, 396e-9).square_metres == pytest.approx(1e-9)
-    for frames, said in (
-        ([], "no frame of the target"),
-        ([frame()], "0 bright spots"),
+    for frames, said in (([], "no frame of the target"), ([frame()], "0 bright spots"),
         ([frame((40, 50, 20, 100.0), (80, 100, 20, 100.0))], "2 bright spots"),
         ([target, frame((40, 50, 21, 100.0))], "more than 1 %"),
-        ([taken(np.full((3, 4), 10.0))], "pixels and the background"),
-    ):
+        ([taken(np.full((3, 4), 10.0))], "pixels and the background")):  # fmt: skip
         with pytest.raises(DataError, match=said):
             calibrate_meter(frames, background, 1e-6)
     # A straight edge of 28 pixels: 0.25 to 0.75 of it are 14 pixels, of a Gaussian 10.4 of deviation.

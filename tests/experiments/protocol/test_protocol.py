@@ -109,15 +109,8 @@ def test_the_paper_s_second_experiment():
     steps = steps_of(load_experiment("rating"))
     assert len(steps) == 6
     assert len({(step.stimulus["category"], step.stimulus["button"]) for step in steps}) == 6
-    assert steps[0].choices == (
-        "Unpleasant-Pleasant",
-        "Uncomfortable-Comfortable",
-        "Unclear-Clear",
-        "Unstable-Stable",
-        "Delayed-Quick",
-        "Unreliable-Reliable",
-        "Rough-Smooth",
-    )
+    assert steps[0].choices == ("Unpleasant-Pleasant", "Uncomfortable-Comfortable", "Unclear-Clear",
+        "Unstable-Stable", "Delayed-Quick", "Unreliable-Reliable", "Rough-Smooth")  # fmt: skip
 
 
 def test_a_staircase_converges():

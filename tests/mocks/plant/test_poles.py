@@ -50,13 +50,9 @@ def test_any_time_is_what_the_recursion_gives(kind, steps):
     rest = first.inputs @ before[:, -1]
     begin = left + rest / first.poles - rest / second.poles
     end = steps * PERIOD
-    for times in (
-        np.arange(steps) * PERIOD + 14e-6,
-        np.arange(0, end, 10 * PERIOD) + 3e-6,
-        np.sort(rng.uniform(0, end + 0.01, 200)),
-        end + np.arange(300) * PERIOD,
-        np.array([0.4 * end]),
-    ):
+    for times in (np.arange(steps) * PERIOD + 14e-6, np.arange(0, end, 10 * PERIOD) + 3e-6,
+        np.sort(rng.uniform(0, end + 0.01, 200)), end + np.arange(300) * PERIOD,
+        np.array([0.4 * end])):  # fmt: skip
         wanted = (WEIGHTS @ stepped(second, own, begin, times)).real
         found = two.seen(10.0 + 310 * PERIOD + times, WEIGHTS)
         np.testing.assert_allclose(found, wanted, atol=2e-9 * np.abs(wanted).max())

@@ -160,16 +160,8 @@ def test_a_value_is_of_the_kind_that_is_kept(kept, sent, after):
 def test_a_name_that_is_taken_or_none_is_refused(instrument_twin):
     instrument_twin("192.0.2.21:1", {"A": "b"})
     instrument_twin("COM3", {"A": "b"})
-    for name in (
-        "192.0.2.21:1",
-        "https://192.0.2.20",
-        "ftp://x",
-        "",
-        "a b",
-        "com3",
-        "http://x:99999",
-        "x:70000",
-    ):
+    for name in ("192.0.2.21:1", "https://192.0.2.20", "ftp://x", "", "a b", "com3", "http://x:99999",
+        "x:70000"):  # fmt: skip
         with pytest.raises(ConfigurationError):
             instrument_twin(name, {"A": "b"})
 
