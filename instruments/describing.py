@@ -207,7 +207,8 @@ def _renamed(text: str, found: Found) -> str:
     """Give each card the name that this computer has for the same product."""
     left = list(found.cards)
     names: dict[str, str] = {}
-    for name, product in re.findall(r"(\w+) = \"([^\"]+)\"", _line_of(text, "devices")):
+    line = next((line for line in text.splitlines() if line.startswith("devices = ")), "")
+    for name, product in re.findall(r"(\w+) = \"([^\"]+)\"", line):
         card = next((one for one in left if one.product == product), None)
         if card is not None:
             left.remove(card)
@@ -216,10 +217,6 @@ def _renamed(text: str, found: Found) -> str:
         return text
     wanted = "|".join(map(re.escape, names))
     return re.sub(rf"\b({wanted})(?=/| = \")", lambda at: names[at[1]], text)
-
-
-def _line_of(text: str, key: str) -> str:
-    return next((line for line in text.splitlines() if line.startswith(f"{key} = ")), "")
 
 
 def _filled(table: str, key: str, line: str, found: Found) -> str:

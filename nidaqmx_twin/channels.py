@@ -25,7 +25,7 @@ from .devices import CONFIGURATIONS, NiDevice
 from .errors import DaqmxError, DAQmxErrors
 from .measurements import FIELDS, MEASUREMENTS, Measurement, measures
 from .names import channel_names, field
-from .scales import Scale
+from .scales import Scale, scale_named
 from .system import NiSystem
 from .tasks import Task
 from .teds import teds_values
@@ -89,14 +89,7 @@ def _limits(request: Any, kind: str, values: dict[str, Any]) -> None:
 
 
 def _scale(system: NiSystem, name: str) -> Scale | None:
-    if not name:
-        return None
-    if name not in system.scales:
-        raise DaqmxError(
-            DAQmxErrors.CUSTOM_SCALE_DOES_NOT_EXIST,
-            f"Custom scale specified does not exist: {name!r}.",
-        )
-    return system.scales[name]
+    return scale_named(system.scales, name) if name else None
 
 
 def _terminal_config(device: NiDevice, tail: str, asked: int) -> int:

@@ -12,7 +12,7 @@ from nidaqmx.constants import LogicFamily, PowerUpChannelType, PowerUpStates, WD
 from .errors import DaqmxError, DAQmxErrors
 from .names import field, names_in
 from .reading import Alive, Call
-from .scales import Scale, linear, mapped, polynomial, reverse_coefficients, tabulated
+from .scales import Scale, linear, mapped, polynomial, reverse_coefficients, scale_named, tabulated
 from .storage import read_stored
 from .system import NiSystem
 from .tasks import Task
@@ -249,7 +249,11 @@ UPKEEP: dict[str, Call] = {
 def read_kept(system: NiSystem, kind: str, name: str, request: Any) -> Any:
     """Return property `name` of the request's scale, saved task or watchdog, or None."""
     if kind in ("Scale", "PersistedScale"):
-        return request.scale_name if name == "ACTIVE_SCALE" else _scale(system, request.scale_name).get(name)
+        return (
+            request.scale_name
+            if name == "ACTIVE_SCALE"
+            else scale_named(system.scales, request.scale_name).get(name)
+        )
     if kind in ("PersistedTask", "PersistedChan"):
         return read_stored(system, kind, name, request)
     if kind == "CalInfo":
@@ -263,7 +267,7 @@ def read_kept(system: NiSystem, kind: str, name: str, request: Any) -> Any:
 def write_kept(system: NiSystem, kind: str, name: str, request: Any, value: Any) -> None:
     """Set property `name` of a scale or watchdog; None resets a watchdog's property."""
     if kind == "Scale":
-        _scale(system, request.scale_name).set(name, value)
+        scale_named(system.scales, request.scale_name).set(name, value)
         return
     if kind == "CalInfo":
         write_calibration(system, name, request, value)
@@ -275,14 +279,6 @@ def write_kept(system: NiSystem, kind: str, name: str, request: Any, value: Any)
 
 
 # Scales
-
-
-def _scale(system: NiSystem, name: str) -> Scale:
-    if name not in system.scales:
-        raise DaqmxError(
-            DAQmxErrors.CUSTOM_SCALE_DOES_NOT_EXIST, f"Custom scale specified does not exist: {name!r}."
-        )
-    return system.scales[name]
 
 
 def _creating(make: Callable[[Any, dict[str, Any]], Scale]) -> Call:

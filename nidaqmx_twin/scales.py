@@ -166,3 +166,12 @@ def scale_from_export(entry: Mapping[str, str]) -> Scale | None:
         forward, reverse = ([float(c) for c in way.split(",")] for way in ways)
         return polynomial(forward, reverse, **common)
     return None
+
+
+def scale_named(scales: Mapping[str, Scale], name: str) -> Scale:
+    """Return a custom scale by its name. Raises DaqmxError for one that does not exist."""
+    if name not in scales:
+        raise DaqmxError(
+            DAQmxErrors.CUSTOM_SCALE_DOES_NOT_EXIST, f"Custom scale specified does not exist: {name!r}."
+        )
+    return scales[name]

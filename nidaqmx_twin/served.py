@@ -8,20 +8,10 @@ default says so. Any other is *refused* before a program sets it.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from typing import Any
 
-from nidaqmx._stubs import nidaqmx_pb2 as pb
-
-from .attributes import ATTRIBUTE_CALL
-from .calls import CALLS
-from .counter_calls import COUNTER_FACTS
 from .defaults import default_value
-from .facts import CHANNEL_FACTS, DEVICE_FACTS, SYSTEM_FACTS
-from .state_facts import CHANNEL_STATE, TASK_STATE
 from .tasks import Task
-
-SERVED, KEPT, REFUSED = "served", "kept", "refused"
 
 _ACTS = {
     "Chan": r"(CI_(?!\w*(RESET|GATE|TIMEBASE))\w*|DI)_DIG_FLTR_(ENABLE|MIN_PULSE_WIDTH)|D[IO]_INVERT_LINES"
@@ -46,57 +36,11 @@ _ACTS = {
     "ExportedSignal": r"(SAMP_CLK|START_TRIG|20_MHZ_TIMEBASE|CTR_OUT_EVENT|CHANGE_DETECT_EVENT)_OUTPUT_TERM",
 }
 """Properties on which the twin acts, by kind, as patterns of their names."""
-_FACTS: dict[str, Any] = {
-    "Chan": {**CHANNEL_STATE, **COUNTER_FACTS},
-    "Device": DEVICE_FACTS,
-    "SystemInfo": SYSTEM_FACTS,
-    "PhysicalChan": CHANNEL_FACTS,
-    **TASK_STATE,
-}
-_WHOLE = ("Scale", "PersistedScale", "PersistedTask", "PersistedChan", "CalInfo", "Watchdog")
-"""Kinds that are served in whole."""
-_NOTHING = ("TristateOutputTerm",)
-"""Calls that succeed and do nothing."""
 
 
 def acts(kind: str, name: str) -> bool:
     """Return True when something follows from a property that a program sets."""
     return re.fullmatch(_ACTS.get(kind, ""), name) is not None
-
-
-def property_status(kind: str, type_: str, name: str) -> str:
-    """Return SERVED, KEPT or REFUSED for a property of a `kind`, in the type of calls `type_`."""
-    if kind in _WHOLE or name in _FACTS.get(kind, {}) or acts(kind, name) or "_TEDS_" in name:
-        return SERVED
-    return REFUSED if default_value(kind, type_, name) is None else KEPT
-
-
-def call_status(name: str) -> str:
-    """Return SERVED, KEPT (succeeds, and does nothing) or REFUSED for a call."""
-    if name in _NOTHING:
-        return KEPT
-    served = name in CALLS or ATTRIBUTE_CALL.fullmatch(name) or name.startswith(("Register", "Unregister"))
-    return SERVED if served else REFUSED
-
-
-def properties() -> Iterator[tuple[str, str, str]]:
-    """Yield each property of the installed nidaqmx, as (kind, type, name), once."""
-    seen: set[tuple[str, str]] = set()
-    for method in pb.DESCRIPTOR.services_by_name["NiDAQmx"].methods:
-        match = ATTRIBUTE_CALL.fullmatch(method.name)
-        if match is None or match["verb"] == "Reset":
-            continue
-        for value in method.input_type.fields_by_name["attribute"].enum_type.values:
-            name = value.name.partition("ATTRIBUTE_")[2]
-            if name not in ("", "UNSPECIFIED") and (match["kind"], name) not in seen:
-                seen.add((match["kind"], name))
-                yield match["kind"], match["type"], name
-
-
-def calls() -> list[str]:
-    """Return the names of the calls of the installed nidaqmx that are not about a property."""
-    methods = pb.DESCRIPTOR.services_by_name["NiDAQmx"].methods_by_name
-    return sorted(name for name in methods if ATTRIBUTE_CALL.fullmatch(name) is None)
 
 
 def ignored(task: Task) -> list[str]:

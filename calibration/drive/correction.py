@@ -22,7 +22,7 @@ from ...instruments import Limits
 from ..spectra import fade, resample
 from .actuation import Actuation
 from .drive import Drive
-from .inversion import within
+from .inversion import spread, within
 from .planning import plan_for
 from .playing import Played
 from .targets import FADE
@@ -151,13 +151,13 @@ class ResponseEstimate:
         seen = surprise / np.maximum(pooled(drive_power), 1e-30)
         # A line that was hardly driven would suggest an error larger than the gain: it is bounded.
         seen = np.minimum(seen, self.grid.highest(np.abs(self.gain).max(axis=1)) ** 2)
-        stated = _along(self.covariance, linear_volts) / np.maximum(drive_power, 1e-30)
+        stated = spread(self.covariance, linear_volts) / np.maximum(drive_power, 1e-30)
         more = np.maximum(np.where(surprise > error, seen, 0.0) - stated, 0.0)
         covariance = self.covariance + more[:, None, None] * np.eye(len(linear_volts))[:, :, None]
         # A Kalman step: one motion of each point is measured, and corrects each patch by its share in what
         # was uncertain.
         shares = np.einsum("qprl,rl->qpl", covariance, linear_volts)
-        known = shares / np.maximum(_along(covariance, linear_volts) + error, 1e-30)[:, None]
+        known = shares / np.maximum(spread(covariance, linear_volts) + error, 1e-30)[:, None]
         gain = self.gain + known.conj() * unexpected[:, None]
         return replace(self, gain=gain, covariance=covariance - known[:, :, None] * shares[:, None].conj())
 
@@ -188,11 +188,6 @@ class ResponseEstimate:
         # The offset that hysteresis leaves at the end is removed slowly, far below the band, without a step.
         linear_volts -= linear_volts[:, -1:] * fade(samples, samples, 0)
         return np.asarray(scipy.fft.rfft(self.grid.down(linear_volts)))
-
-
-def _along(covariance: ComplexArray, linear_volts: ComplexArray) -> FloatArray:
-    """(points, lines): variance of the motion that linear volts (patches, lines) make."""
-    return np.asarray(np.einsum("pl,qprl,rl->ql", linear_volts.conj(), covariance, linear_volts).real)
 
 
 @dataclass(frozen=True, eq=False)

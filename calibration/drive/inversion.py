@@ -109,9 +109,9 @@ class Plan:
 
         Uncertainty and drift are included.
         """
-        missed = np.abs(self.missed(V)) ** 2 + _form(self.covariance, V - self.operating_point)
+        missed = np.abs(self.missed(V)) ** 2 + spread(self.covariance, V - self.operating_point)
         if not isinstance(self.drift, float):
-            missed = missed + _form(self.drift, V)
+            missed = missed + spread(self.drift, V)
         return np.asarray(self.weights * missed[:, self.known].sum(axis=1))
 
     def left(self, V: ComplexArray) -> float:
@@ -234,8 +234,11 @@ def within(plan: Plan, limit: float, state: State | None = None) -> tuple[FloatA
     return z[0], (z, u)
 
 
-def _form(matrix: ComplexArray, V: ComplexArray) -> FloatArray:
-    """(points, lines): V* M V on each line; M is (points, patches, patches, lines), V (patches, lines)."""
+def spread(matrix: ComplexArray, V: ComplexArray) -> FloatArray:
+    """(points, lines): V* M V, the variance of the motion that V (patches, lines) makes.
+
+    M is (points, patches, patches, lines), a covariance of the response.
+    """
     return np.asarray(np.einsum("pl,qprl,rl->ql", V.conj(), matrix, V).real)
 
 

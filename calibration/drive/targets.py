@@ -60,8 +60,6 @@ class TargetGrid:
     """One within the drive, with faded ends, and zero after it."""
     drive_length: int
     """Length of the drive in samples at the presses' rate."""
-    start: int
-    """Sample at which the presses begin."""
     oversampling: int
     rate_hz: float
     carriers: tuple[float, ...]
@@ -114,7 +112,7 @@ def target_grid(presses: Sequence[Representative | None], table: Actuation, meth
         row[before : before + len(own)] = modulate(own, rate_hz, carrier_hz) if carrier_hz else own
     fading = round(FADE * rate_hz)
     window[:drive_length] = fade(drive_length, fading, fading)
-    return TargetGrid(acceleration, window, drive_length, before, oversampling, rate_hz, carriers)
+    return TargetGrid(acceleration, window, drive_length, oversampling, rate_hz, carriers)
 
 
 def _rate(presses: Sequence[Representative], drive_hz: float) -> tuple[float, int]:

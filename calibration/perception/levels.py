@@ -111,15 +111,13 @@ def mean_levels(signal: FloatArray, rate_hz: float) -> tuple[FloatArray, float]:
     return np.array([decibels(band) for band in bands]), decibels(spectrum.energy(_weight(f, pressing)))
 
 
-def running_level(
-    signal: FloatArray, rate_hz: float, window: float, threshold: Sensitivity = pressing
-) -> FloatArray:
-    """(samples,) dB above `threshold` of the energy in the `window` (s) around each sample.
+def running_level(signal: FloatArray, rate_hz: float, window: float) -> FloatArray:
+    """(samples,) dB above the pressing threshold of the energy in the `window` (s) around each sample.
 
     Of (plays, samples) it is what the plays have in common.
     """
     spectrum = _Spectrum.of(signal, rate_hz)
-    energy = _running(_shared(spectrum.filtered(_weight(spectrum.frequencies, threshold))), rate_hz, window)
+    energy = _running(_shared(spectrum.filtered(_weight(spectrum.frequencies, pressing))), rate_hz, window)
     half = _length(rate_hz, window) // 2
     with np.errstate(divide="ignore"):
         return np.asarray(10 * np.log10(np.maximum(energy[half : half + spectrum.samples], 0.0)))

@@ -154,11 +154,6 @@ class Multisine:
             drive[:count] *= fade(count, min(count, round(_RISE * rate_hz)), 0)
         return np.asarray(drive)
 
-    def crest(self) -> float:
-        """Crest factor, peak over rms; that of a sweep is 1.4."""
-        one = _period(self, scipy.fft.next_fast_len(round(8 * self.high * self.period), real=True))
-        return float(1 / np.sqrt(np.mean(one**2)))
-
     def __str__(self) -> str:
         which = (
             self.lines

@@ -144,15 +144,6 @@ class Response:
         signal = peak / _CREST * np.sqrt(np.mean(np.abs(self.velocity) ** 2))
         return float(20 * np.log10(signal / np.sqrt(np.mean(self.noise**2) * band)))
 
-    def coherence_min(self, low: float, high: float) -> float:
-        """Lowest coherence between two frequencies (Hz). Raises DataError if none was measured."""
-        if len(self.coherence) != len(self.frequencies):
-            raise DataError(f"The response of patch {self.patch} at the {self.point} point has no coherence.")
-        inside = (self.frequencies >= low) & (self.frequencies <= high)
-        if not inside.any():
-            raise DataError(f"The response has no line between {low:g} and {high:g} Hz.")
-        return float(self.coherence[inside].min())
-
 
 @dataclass(frozen=True, eq=False)
 class FrfEstimate:

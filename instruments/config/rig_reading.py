@@ -37,7 +37,7 @@ def load_rig_file(path: str | Path) -> RigFile:
         >>> file.name, file.rate_hz
         ('usb-6211', 5000.0)
     """
-    raw, places = _raw(Path(path), ())
+    raw, places = _raw(Path(path))
     return _validated(raw, partial(place, places))
 
 
@@ -47,7 +47,7 @@ def problems_of(path: str | Path) -> list[str]:
     An error that hides others comes alone.
     """
     try:
-        raw, places = _raw(Path(path), ())
+        raw, places = _raw(Path(path))
     except ConfigurationError as error:
         return [str(error)]
     where = partial(place, places)
@@ -94,9 +94,9 @@ def _validated(raw: dict[str, Any], where: Callable[[Location], str]) -> RigFile
     return file
 
 
-def _raw(path: Path, above: tuple[Path, ...]) -> tuple[dict[str, Any], list[Places]]:
+def _raw(path: Path) -> tuple[dict[str, Any], list[Places]]:
     """Merge a file over its bases, as `_merged_raw`, with the amplifier's monitor as the drive monitor."""
-    raw, places = _merged_raw(path, above)
+    raw, places = _merged_raw(path, ())
     _take_monitor(raw)
     return raw, places
 

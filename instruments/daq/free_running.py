@@ -85,7 +85,7 @@ class CombinedDaq(Daq):
     def __init__(self, daq: Daq, along: FreeRunning, clock: Clock, base: str | None = None) -> None:
         """`base` is a channel of the DAQ to be read where none is asked for, for its clock."""
         self.daq, self.along = daq, along
-        self._clock, self._base = clock, base
+        self.clock, self._base = clock, base
         self._interlock = daq._interlock
         self.identity = f"{daq.identity}, and along with it {along.identity}"
         self.simulated = daq.simulated or along.simulated
@@ -155,11 +155,6 @@ class CombinedDaq(Daq):
     def close(self) -> None:
         """See `Daq.close`: each is closed by the rig itself."""
         self.daq.close()
-
-    @property
-    def clock(self) -> Clock:
-        """The rig's clock."""
-        return self._clock
 
 
 class _AlongsideStream(Stream):

@@ -57,7 +57,7 @@ class SoundCardDaq(Daq):
     def __init__(self, settings: Settings, clock: Clock, audio: Audio) -> None:
         """Look the device up; nothing is opened. Raises ConfigurationError and InstrumentError."""
         self.audio = audio
-        self._settings, self._clock = settings, clock
+        self.settings, self.clock = settings, clock
         self._stream_open: SoundCardStream | None = None
         sides = {
             "input": max(c.input for c in settings.channels.values()),
@@ -91,7 +91,7 @@ class SoundCardDaq(Daq):
 
     def response(self, channel: str, frequencies: FloatArray) -> ComplexArray:
         """See `Daq.response`: the input's AC coupling."""
-        return high_pass(frequencies, self._settings.channels[channel].high_pass_hz)
+        return high_pass(frequencies, self.settings.channels[channel].high_pass_hz)
 
     def filtered(self, channel: str) -> bool:
         """See `Daq.filtered`: converters of audio have a filter each."""
@@ -99,7 +99,7 @@ class SoundCardDaq(Daq):
 
     def output_response(self, output: str, frequencies: FloatArray) -> ComplexArray:
         """See `Daq.output_response`: the output's AC coupling."""
-        return high_pass(frequencies, self._settings.outputs[output].high_pass_hz)
+        return high_pass(frequencies, self.settings.outputs[output].high_pass_hz)
 
     def _stream(self, request: StreamRequest) -> Stream:
         self._refuse(request)
@@ -118,20 +118,10 @@ class SoundCardDaq(Daq):
 
     # For streams
 
-    @property
-    def settings(self) -> Settings:
-        """Settings of the rig file."""
-        return self._settings
-
-    @property
-    def clock(self) -> Clock:
-        """The rig's clock."""
-        return self._clock
-
     def _refuse(self, request: StreamRequest) -> None:
-        outputs = self._settings.outputs
-        request.refuse_unknown(self._settings.channels, outputs)
-        own, rate_hz = self._settings.rate_hz, request.rate_hz
+        outputs = self.settings.outputs
+        request.refuse_unknown(self.settings.channels, outputs)
+        own, rate_hz = self.settings.rate_hz, request.rate_hz
         if not abs(rate_hz - own) <= _SAME * own:
             raise ConfigurationError(
                 f"{self.identity} runs at {own:g} samples/s ('rate_hz' in [daq]), and {rate_hz:g} were asked "

@@ -3,10 +3,20 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Iterator
 from itertools import groupby
 from pathlib import Path
+from typing import Any
 
-from haploop.nidaqmx_twin import served
+from nidaqmx._stubs import nidaqmx_pb2 as pb
+
+from haploop.nidaqmx_twin.attributes import ATTRIBUTE_CALL
+from haploop.nidaqmx_twin.calls import CALLS
+from haploop.nidaqmx_twin.counter_calls import COUNTER_FACTS
+from haploop.nidaqmx_twin.defaults import default_value
+from haploop.nidaqmx_twin.facts import CHANNEL_FACTS, DEVICE_FACTS, SYSTEM_FACTS
+from haploop.nidaqmx_twin.served import acts
+from haploop.nidaqmx_twin.state_facts import CHANNEL_STATE, TASK_STATE
 
 PAGE = Path(__file__).parents[2] / "docs" / "reference" / "nidaqmx-served.md"
 _HEAD = """# What the NI twin serves of nidaqmx
@@ -18,15 +28,60 @@ follows from it; a task that starts with one at another value than its default w
 *Refused*: a property is -200197 until a program sets it (and is then kept), a call is
 `DaqFunctionNotSupportedError`. Names are those of NI's C interface.
 """
-_TITLES = {served.SERVED: "Served", served.KEPT: "Kept", served.REFUSED: "Refused"}
+SERVED, KEPT, REFUSED = "served", "kept", "refused"
+_TITLES = {SERVED: "Served", KEPT: "Kept", REFUSED: "Refused"}
+_FACTS: dict[str, Any] = {
+    "Chan": {**CHANNEL_STATE, **COUNTER_FACTS},
+    "Device": DEVICE_FACTS,
+    "SystemInfo": SYSTEM_FACTS,
+    "PhysicalChan": CHANNEL_FACTS,
+    **TASK_STATE,
+}
+_WHOLE = ("Scale", "PersistedScale", "PersistedTask", "PersistedChan", "CalInfo", "Watchdog")
+"""Kinds that are served in whole."""
+_NOTHING = ("TristateOutputTerm",)
+"""Calls that succeed and do nothing."""
+
+
+def property_status(kind: str, type_: str, name: str) -> str:
+    """Return SERVED, KEPT or REFUSED for a property of a `kind`, in the type of calls `type_`."""
+    if kind in _WHOLE or name in _FACTS.get(kind, {}) or acts(kind, name) or "_TEDS_" in name:
+        return SERVED
+    return REFUSED if default_value(kind, type_, name) is None else KEPT
+
+
+def call_status(name: str) -> str:
+    """Return SERVED, KEPT (succeeds, and does nothing) or REFUSED for a call."""
+    if name in _NOTHING:
+        return KEPT
+    served = name in CALLS or ATTRIBUTE_CALL.fullmatch(name) or name.startswith(("Register", "Unregister"))
+    return SERVED if served else REFUSED
+
+
+def properties() -> Iterator[tuple[str, str, str]]:
+    """Yield each property of the installed nidaqmx, as (kind, type, name), once."""
+    seen: set[tuple[str, str]] = set()
+    for method in pb.DESCRIPTOR.services_by_name["NiDAQmx"].methods:
+        match = ATTRIBUTE_CALL.fullmatch(method.name)
+        if match is None or match["verb"] == "Reset":
+            continue
+        for value in method.input_type.fields_by_name["attribute"].enum_type.values:
+            name = value.name.partition("ATTRIBUTE_")[2]
+            if name not in ("", "UNSPECIFIED") and (match["kind"], name) not in seen:
+                seen.add((match["kind"], name))
+                yield match["kind"], match["type"], name
+
+
+def calls() -> list[str]:
+    """Return the names of the calls of the installed nidaqmx that are not about a property."""
+    methods = pb.DESCRIPTOR.services_by_name["NiDAQmx"].methods_by_name
+    return sorted(name for name in methods if ATTRIBUTE_CALL.fullmatch(name) is None)
 
 
 def page() -> str:
     """Return the page for the installed nidaqmx."""
-    rows = sorted(
-        (kind, served.property_status(kind, type_, name), name) for kind, type_, name in served.properties()
-    )
-    rows += sorted(("Calls", served.call_status(name), name) for name in served.calls())
+    rows = sorted((kind, property_status(kind, type_, name), name) for kind, type_, name in properties())
+    rows += sorted(("Calls", call_status(name), name) for name in calls())
     parts = [_HEAD]
     for kind, of_kind in groupby(rows, key=lambda row: row[0]):
         listed = list(of_kind)

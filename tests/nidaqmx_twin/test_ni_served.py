@@ -10,9 +10,8 @@ from nidaqmx._stubs import nidaqmx_pb2 as pb
 from nidaqmx.constants import AcquisitionType, CJCSource, Signal
 from nidaqmx.errors import DaqError, DaqFunctionNotSupportedError
 
-from haploop.nidaqmx_twin import served
 from tests.nidaqmx_twin.ni_client import clocked
-from tests.nidaqmx_twin.served_list import PAGE, page
+from tests.nidaqmx_twin.served_list import PAGE, REFUSED, call_status, calls, page
 
 
 @pytest.mark.skipif(not PAGE.is_file(), reason="the page is one of haploop's")
@@ -22,7 +21,7 @@ def test_the_page_names_every_property_and_call_of_the_installed_nidaqmx():
 
 
 def test_every_call_that_is_refused_fails_aloud(nidaqmx_twin):
-    refused = [name for name in served.calls() if served.call_status(name) == served.REFUSED]
+    refused = [name for name in calls() if call_status(name) == REFUSED]
     with nidaqmx.Task() as task:
         interpreter = task._interpreter
         for name in refused:
