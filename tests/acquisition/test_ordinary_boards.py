@@ -57,10 +57,8 @@ def test_an_ordinary_board_is_accepted(board: Callable[[File], File], button: st
 def test_a_sensor_at_the_end_of_its_range_is_named(tmp_path: Path) -> None:
     """Of the latch's 8 N, a gauge shows more than its channel takes."""
     file = _channel(load_rig_file("simulated"), "gauge2", 0.05)
-    with (
-        haploop.open_rig(file) as rig,
-        pytest.raises(haploop.HaploopError, match="force sensor left its range"),
-    ):
+    beyond = pytest.raises(haploop.HaploopError, match="force sensor left its range")
+    with haploop.open_rig(file) as rig, beyond:
         haploop.record(rig, "latch", "P01", 1, out=tmp_path)
 
 

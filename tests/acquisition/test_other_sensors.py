@@ -71,21 +71,27 @@ def written(folder: Path, kind: str, button: str = "") -> Path:
     return path
 
 
+def assert_timed(recording: haploop.Recording, truth, presses: int, kind: str) -> None:
+    _, told_by, near = TOLD_BY[kind]
+    found = haploop.find_presses(recording)
+    assert len(found) == len(truth) == presses
+    for press, true in zip(found, truth, strict=True):
+        assert press.activation is not None and press.activated_by == told_by
+        assert abs(press.activation / recording.rate_hz - true.activation_time) < near
+
+
 @pytest.mark.parametrize(("kind", "button"), [
     pytest.param(kind, button, marks=[pytest.mark.long] * (row % 3 != column))
     for row, kind in enumerate(KINDS)
     for column, button in enumerate(("latch", "toggle", "push"))
 ])  # fmt: skip
 def test_presses_are_found_timed_and_represented(tmp_path: Path, kind: str, button: str) -> None:
-    motion, told_by, near = TOLD_BY[kind]
+    motion, told_by, _ = TOLD_BY[kind]
     with haploop.open_rig(written(tmp_path, kind, button), simulate="twin") as rig:
         recording = haploop.record(rig, button, "P01", 4, tmp_path / "recordings")
         truth = rig.simulation.truth.presses
-    found = haploop.find_presses(recording)
-    assert len(found) == len(truth) == len(recording.accepted) == 4
-    for press, true in zip(found, truth, strict=True):
-        assert press.activation is not None and press.activated_by == told_by
-        assert abs(press.activation / recording.rate_hz - true.activation_time) < near
+    assert_timed(recording, truth, 4, kind)
+    assert len(recording.accepted) == 4
     press = haploop.representative([recording])
     assert (press.motion, press.activated_by) == (motion, told_by)
     assert (press.force is None) == (not recording.has("force"))
@@ -99,12 +105,7 @@ def test_the_drivers_record_them_too(tmp_path: Path, kind: str) -> None:
     with haploop.open_rig(written(tmp_path, kind), simulate="wire") as rig:
         recording = haploop.record(rig, "push", "P01", 2, tmp_path / "recordings")
         truth = rig.simulation.truth.presses
-    _, told_by, near = TOLD_BY[kind]
-    found = haploop.find_presses(recording)
-    assert len(found) == len(truth) == 2
-    for press, true in zip(found, truth, strict=True):
-        assert press.activation is not None and press.activated_by == told_by
-        assert abs(press.activation / recording.rate_hz - true.activation_time) < near
+    assert_timed(recording, truth, 2, kind)
 
 
 def agreement(press: haploop.Representative, truth) -> float:
@@ -128,10 +129,8 @@ def agreement(press: haploop.Representative, truth) -> float:
 def test_what_is_missing_takes_its_figures_away_and_nothing_else(tmp_path: Path, kind: str, run: Run) -> None:
     rig = written(tmp_path, kind)
     out = tmp_path / "recordings"
-    assert (
-        run("record", "push", "-p", "P01", "-n", 2, "--rig", rig, "--simulate", "twin", "-o", out).exit_code
-        == 0
-    )
+    words = f"record push -p P01 -n 2 --rig {rig} --simulate twin -o {out}"
+    assert run(*words.split()).exit_code == 0
     recording, press = out / "P01-push.h5", tmp_path / "press.h5"
     assert run("represent", recording, "-o", press).exit_code == 0
     motion, told_by, _ = TOLD_BY[kind]

@@ -217,13 +217,10 @@ class Cards(DaqTwin):
     def __init__(self) -> None:
         plant = Plant(load_rig_file("simulated"), VirtualClock())
         plant.switch("A", True, 0.0)
+        at = {"force": ("Dev1/ai0", 10), "laser": ("Dev2/ai0", 5), "drive": ("Dev2/ai1", 10)}
         settings = {
             "devices": {"Dev1": "PCI-6034E", "Dev2": "PCIe-6321"},
-            "channels": {
-                "force": {"terminal": "Dev1/ai0", "range": 10},
-                "laser": {"terminal": "Dev2/ai0", "range": 5},
-                "drive": {"terminal": "Dev2/ai1", "range": 10},
-            },
+            "channels": {name: {"terminal": terminal, "range": v} for name, (terminal, v) in at.items()},
             "outputs": {"amplifier": {"terminal": "Dev2/ao0", "range": 8}},
         }
         super().__init__(NiDaq.Settings.model_validate(settings), plant)
@@ -417,9 +414,8 @@ class TestIsOnWhenArmed(GeneratorConformance):
 
     @pytest.fixture
     def generator(self) -> Generator:
-        plant: Any = SimpleNamespace(
-            clock=VirtualClock(), drive=lambda node, source: None, advance=lambda until: None
-        )
+        nothing = {"drive": lambda node, source: None, "advance": lambda until: None}
+        plant: Any = SimpleNamespace(clock=VirtualClock(), **nothing)
         settings = self.kind.Settings(resource="TCPIP::127.0.0.1::5025::SOCKET", output="amplifier")
         return self.kind(settings, plant.clock, DirectLine(Box(KEYSIGHT_33500, plant, "amplifier").answer))
 

@@ -6,7 +6,7 @@ import io
 import re
 import subprocess
 import sys
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from types import SimpleNamespace
 from typing import Any, ClassVar
@@ -51,6 +51,7 @@ from tests.instruments import broken_drivers
 from tests.instruments.player.on_a_sound_card import OnASoundCard
 from tests.instruments.relay.contacts import Contacts
 from tests.nidaqmx_twin import ni_client
+from tests.rig_files import changed
 
 BOX_FAULTS = ("lost", "stuck")
 LINE_FAULTS = ("silence", "drip", "garbled", "truncated", "disconnect")
@@ -128,16 +129,21 @@ class TestYocto(OverALine):
         return Yocto.open(yocto(self.patches, hub=self.far.url), self.bench.clock)
 
 
-class TestYoctoTwin(BoxConformance):
+class Twin(BoxConformance):
     capabilities = ("contacts",)
-    patches: ClassVar = {"A": 1, "B": 2, "D": 8}
+    made: ClassVar[Callable[..., Any]]
 
     @pytest.fixture
     def relay(self) -> Relay:
         self.bench = Contacts(self.patches)
-        twin = RelayTwin(yocto(self.patches), self.bench)
+        twin: Any = type(self).made(self.patches, self.bench)
         self.box = twin.box
         return twin
+
+
+class TestYoctoTwin(Twin):
+    patches: ClassVar = {"A": 1, "B": 2, "D": 8}
+    made = staticmethod(lambda patches, bench: RelayTwin(yocto(patches), bench))
 
 
 class TestSerialRelay(OverALine):
@@ -151,16 +157,9 @@ class TestSerialRelay(OverALine):
         return SerialRelay.open(board(self.patches, port=self.far.url), self.bench.clock)
 
 
-class TestSerialRelayTwin(BoxConformance):
-    capabilities = ("contacts",)
+class TestSerialRelayTwin(Twin):
     patches: ClassVar = {"A": 0, "B": 1, "D": 7}
-
-    @pytest.fixture
-    def relay(self) -> Relay:
-        self.bench = Contacts(self.patches)
-        twin = SerialRelayTwin(board(self.patches), self.bench)
-        self.box = twin.box
-        return twin
+    made = staticmethod(lambda patches, bench: SerialRelayTwin(board(patches), bench))
 
 
 def yocto(patches: dict[str, int], **more: object) -> Yocto.Settings:
@@ -193,9 +192,8 @@ class CardsConformance(DaqConformance):
 class TestNiDaq(CardsConformance):
     capabilities = ("outputs", "loop", "reopen")
     faults = (
-        "SAMPLES_NO_LONGER_AVAILABLE",
+        *(f"SAMPLES_{which}_AVAILABLE" for which in ("NO_LONGER", "NOT_YET")),
         "INPUT_FIFO_OVERFLOW",
-        "SAMPLES_NOT_YET_AVAILABLE",
         "server gone",
     )
 
@@ -241,8 +239,7 @@ class TestDaqTwin(CardsConformance):
 
     @contextmanager
     def fault(self, kind: str) -> Iterator[Fired]:
-        world = SIMULATED.simulation.model_copy(update={"faults": ({"kind": kind},)})
-        self.plant.faults = Faults.of_file(SIMULATED.model_copy(update={"simulation": world}))
+        self.plant.faults = Faults.of_file(changed(SIMULATED, simulation={"faults": ({"kind": kind},)}))
         yield self.plant.faults[0]
 
 
@@ -341,26 +338,17 @@ class FamilyConformance(GeneratorConformance):
 
     @pytest.fixture
     def generator(self) -> Iterator[Generator]:
-        bench: Any = SimpleNamespace(
-            clock=VirtualClock(), drive=lambda node, source: None, advance=lambda until: None
-        )
-        self.bench = bench
-        with (
-            LineServer(Box(self.product, bench, "amplifier").answer) as self.server,
-            ExitStack() as self.opened,
-        ):
+        nothing = {"drive": lambda node, source: None, "advance": lambda until: None}
+        self.bench: Any = SimpleNamespace(clock=VirtualClock(), **nothing)
+        box = Box(self.product, self.bench, "amplifier")
+        with LineServer(box.answer) as self.server, ExitStack() as self.opened:
             yield self.reopen()
             self.opened.close()
 
     def reopen(self) -> Generator:
-        settings = self.driver.Settings.model_validate(
-            {
-                "resource": f"TCPIP::127.0.0.1::{self.server.port}::SOCKET",
-                "output": "amplifier",
-                "timeout": TIMEOUT,
-                "visa": "@py",
-            }
-        )
+        resource = f"TCPIP::127.0.0.1::{self.server.port}::SOCKET"
+        basic = {"output": "amplifier", "timeout": TIMEOUT, "visa": "@py"}
+        settings = self.driver.Settings.model_validate({"resource": resource, **basic})
         generator = self.driver.open(settings, self.bench.clock)
         self.opened.callback(generator.close)
         return generator

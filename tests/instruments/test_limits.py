@@ -11,17 +11,9 @@ from haploop.instruments.limits import sounding
 
 RATE_HZ = 50_000.0
 LIMITS = Limits(
-    min=-50,
-    max=50,
-    peak_to_peak=90,
-    slew=0.5e6,
-    current_peak=0.1,
-    current_average=0.05,
-    capacitance=90e-9,
-    max_duration=2,
-    max_offset=0.5,
-    max_end=0.5,
-)
+    min=-50, max=50, peak_to_peak=90, slew=0.5e6, current_peak=0.1, current_average=0.05, capacitance=90e-9,
+    max_duration=2, max_offset=0.5, max_end=0.5,
+)  # fmt: skip
 
 
 def tone(peak: float, frequency: float = 263.5, duration: float = 0.2) -> np.ndarray:
@@ -48,12 +40,13 @@ def test_each_limit_refuses_and_says_which(drive: np.ndarray, says: str) -> None
 
 def test_current_limits_follow_the_capacitance() -> None:
     ramp = np.concatenate([np.linspace(0, 40, 20), np.linspace(40, 0, 20)])
-    four = Limits(current_peak=0.03, capacitance=360e-9)
     Limits(current_peak=0.03, capacitance=90e-9).check(ramp, RATE_HZ)
-    with pytest.raises(LimitError, match="draws a peak of"):
-        four.check(ramp, RATE_HZ)
-    with pytest.raises(LimitError, match="draws on average"):
-        Limits(current_average=1e-3, capacitance=360e-9).check(ramp, RATE_HZ)
+    for says, limit in (
+        ("draws a peak of", {"current_peak": 0.03}),
+        ("on average", {"current_average": 1e-3}),
+    ):
+        with pytest.raises(LimitError, match=says):
+            Limits(capacitance=360e-9, **limit).check(ramp, RATE_HZ)
 
 
 def test_peak_is_half_of_peak_to_peak_or_the_nearer_limit() -> None:
@@ -169,9 +162,5 @@ def test_measured_volts_at_a_limit_are_within_it() -> None:
 
 def test_the_stricter_of_each_limit_is_taken() -> None:
     loose, strict = Limits(min=-5.0, max=5.0, capacitance=1.0), Limits(min=-4.0, max=6.0, capacitance=2.0)
-    both = loose.within(strict)
-    assert (
-        (both.min, both.max, both.capacitance)
-        == (-4.0, 5.0, 2.0)
-        == (strict.within(loose).min, strict.within(loose).max, strict.within(loose).capacitance)
-    )
+    for both in (loose.within(strict), strict.within(loose)):
+        assert (both.min, both.max, both.capacitance) == (-4.0, 5.0, 2.0)

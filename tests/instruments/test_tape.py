@@ -31,6 +31,7 @@ from haploop.mocks.simulation import Simulation
 from tests.acquisition.session.test_other_daqs import ALONG
 from tests.acquisition.session.test_other_daqs import SERIAL as SERIAL_ADC
 from tests.command_line import Run
+from tests.instruments.camera.test_camera import Feed
 from tests.mutating import within_memory
 
 
@@ -55,6 +56,12 @@ def nothing_is_opened(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
         monkeypatch.setattr("nidaqmx._library_interpreter.LibraryInterpreter", refuse)
 
     return close
+
+
+def begun(tape: Path) -> Player:
+    player = Player(tape)
+    player.begin()
+    return player
 
 
 def content(path: Path) -> dict[str, bytes]:
@@ -130,13 +137,10 @@ def test_the_first_call_that_differs_is_told(day: tuple[Path, Path, int], tmp_pa
     tape, _, _ = day
     other = tmp_path / "rig.toml"
     other.write_text('base = "simulated"\n[daq.channels]\ngauge0 = { terminal = "Dev1/ai9", range = 10 }\n')
-    with (
-        pytest.raises(
-            InstrumentError, match=r"Asked: daq create_ai_voltage_chan\(object \d+, 'Dev1/ai9'"
-        ) as told,
-        haploop.open_rig(other, simulate=f"tape:{tape}") as rig,
-    ):
-        press(rig, tmp_path / "tape")
+    asked = r"Asked: daq create_ai_voltage_chan\(object \d+, 'Dev1/ai9'"
+    with pytest.raises(InstrumentError, match=asked) as told:  # noqa: SIM117
+        with haploop.open_rig(other, simulate=f"tape:{tape}") as rig:
+            press(rig, tmp_path / "tape")
     assert re.search(r"On the tape \(call \d+, at \d+\.\d+ s\): daq create_ai_voltage", str(told.value))
 
 
@@ -266,8 +270,7 @@ def test_threads_keep_their_own_order_and_no_other(tmp_path: Path) -> None:
     with Recorder(tape) as recorder:
         recorder.begin("{}", "wire", RealClock())
         first = both(recorder, "one")
-    player = Player(tape)
-    player.begin()
+    player = begun(tape)
     assert both(player, "two") == first and player.answered == 10
 
 
@@ -290,9 +293,7 @@ def test_arrays_and_numbers_come_back_as_they_were(tmp_path: Path) -> None:
             line.call("do", lambda v=value: answer(v, filled), value, filled=(filled,))
         with pytest.raises(ConnectionError):
             line.call("fail", open_port, failures=(Failure(ConnectionError),))
-    player = Player(tape)
-    player.begin()
-    line = TapedLine(player, "x")
+    line = TapedLine(begun(tape), "x")
     for value in values:
         filled[...] = 0
         got = line.call("do", lambda: None, value, filled=(filled,))
@@ -392,21 +393,13 @@ def test_a_board_that_sends_by_itself_is_played_again_bit_by_bit(text: str, tmp_
     assert content(first)["codes"] == content(second)["codes"]
 
 
-class Video:
-    """The part of OpenCV that the driver uses, with a camera of five frames."""
+class Video(Feed):
+    """A camera of five frames."""
 
-    __version__ = "of a test"
     CAP_PROP_FRAME_HEIGHT, CAP_PROP_FRAME_WIDTH, CAP_PROP_FPS, CAP_PROP_POS_MSEC = range(4)
 
-    def VideoCapture(self, source: object) -> Video:  # noqa: N802  as OpenCV calls it
+    def __init__(self) -> None:
         self._left = 5
-        return self
-
-    def isOpened(self) -> bool:  # noqa: N802
-        return True
-
-    def set(self, what: int, value: float) -> bool:
-        return True
 
     def get(self, what: int) -> float:
         return 60.0 if what == self.CAP_PROP_FPS else 1000 * (5 - self._left) / 60
@@ -414,9 +407,6 @@ class Video:
     def read(self) -> tuple[bool, Any]:
         self._left -= 1
         return (True, np.full((240, 320), self._left, np.uint8)) if self._left >= 0 else (False, None)
-
-    def release(self) -> None:
-        pass
 
 
 def test_a_camera_is_on_the_tape_with_its_frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -438,8 +428,7 @@ def test_a_camera_is_on_the_tape_with_its_frames(tmp_path: Path, monkeypatch: py
         recorder.begin("{}", None, VirtualClock())
         first = frames(recorder)
     monkeypatch.setattr(opencv, "optional", lambda *_: pytest.fail("a tape needs no OpenCV"))
-    player = Player(tape)
-    player.begin()
+    player = begun(tape)
     assert frames(player) == first and player.answered == player.calls
     assert [pixels for _, _, pixels in first[1]] == [76_800 * n for n in (4, 3, 2, 1, 0)]
 
@@ -453,23 +442,23 @@ def test_commands_of_a_tape(run: Run, whole: Path, tmp_path: Path, monkeypatch: 
     assert (found["rig"], found["on"], found["whole"], found["errors"]) == ("simulated", "wire", True, [])
     assert found["calls"] == sum(found["by_role"].values()) == Player(whole).calls
     assert run("tape", "mask", str(whole), "mail.tape").exit_code == 0
-    for words, code, sentence in (
-        (["tape", "mask", str(whole), "mail.tape"], 2, "exists"),
-        (["tape", "show", "none.tape"], 2, "cannot be read"),
-        (["doctor", "--simulate", "tape:none.tape"], 2, "cannot be read"),
-        (["doctor", "--simulate", "tape"], 2, "is not twin, wire or tape:FILE"),
-        (["doctor", "--simulate", "tape:"], 2, "is not twin, wire or tape:FILE"),
-        (["doctor", "--simulate", f"tape:{whole}", "--tape", "new.tape"], 2, "leave out --tape"),
-        (["doctor", "--simulate", "twin", "--tape", "new.tape"], 2, "A twin makes no calls"),
-        (["demo", "--tape", "new.tape"], 2, "A twin makes no calls"),
-        (["serve", "--simulate", "twin", "--tape", "new.tape"], 2, "A twin makes no calls"),
-        (["doctor", "--tape", "mail.tape"], 2, "exists"),
-        (["doctor", "--tape", "no/such/folder.tape"], 2, "folder"),
-        (["log", "--tape", "new2.tape"], 2, "no option --tape"),
+    for words, sentence in (
+        (f"tape mask {whole} mail.tape", "exists"),
+        ("tape show none.tape", "cannot be read"),
+        ("doctor --simulate tape:none.tape", "cannot be read"),
+        ("doctor --simulate tape", "is not twin, wire or tape:FILE"),
+        ("doctor --simulate tape:", "is not twin, wire or tape:FILE"),
+        (f"doctor --simulate tape:{whole} --tape new.tape", "leave out --tape"),
+        ("doctor --simulate twin --tape new.tape", "A twin makes no calls"),
+        ("demo --tape new.tape", "A twin makes no calls"),
+        ("serve --simulate twin --tape new.tape", "A twin makes no calls"),
+        ("doctor --tape mail.tape", "exists"),
+        ("doctor --tape no/such/folder.tape", "folder"),
+        ("log --tape new2.tape", "no option --tape"),
     ):
-        ran = run(*words)
+        ran = run(*words.split())
         assert not Path("new.tape").exists()
-        assert ran.exit_code == code and sentence.lower() in ran.stderr.lower(), (words, ran.stderr)
+        assert ran.exit_code == 2 and sentence.lower() in ran.stderr.lower(), (words, ran.stderr)
 
 
 def test_a_full_disk_ends_the_tape_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -501,17 +490,13 @@ def test_an_answer_that_cannot_be_read_is_one_sentence(answer: dict[str, Any], t
     writer.write({"format": "haploop tape", "version": 1, "software": "x", "started": "x"})
     writer.write({"is": "rig", "mode": None, "real": False, "at": 0.0, "rig": "{}"})
     writer.write({"is": "thread", "thread": 0, "name": "MainThread"})
-    writer.write(
-        {"is": "call", "n": 1, "thread": 0, "at": 0.0, "role": "x", "do": "do", "with": [], **answer}
-    )
+    call = {"is": "call", "n": 1, "thread": 0, "at": 0.0, "role": "x", "do": "do", "with": []}
+    writer.write({**call, **answer})
     writer.write({"is": "end", "lines": 4})
     writer.close()
-    player = Player(tape)
-    player.begin()
+    given = {"filled": (np.zeros(2),), "failures": (Failure(ConnectionError),)}
     with pytest.raises(TapeError, match=r"answer to call 1 on the tape .* cannot be read"):
-        TapedLine(player, "x").call(
-            "do", lambda: None, filled=(np.zeros(2),), failures=(Failure(ConnectionError),)
-        )
+        TapedLine(begun(tape), "x").call("do", lambda: None, **given)
 
 
 @pytest.mark.night

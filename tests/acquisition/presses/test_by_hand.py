@@ -39,19 +39,11 @@ def recording(
     for at, height in (clicks or {}).items():
         vertical[at] += height
     found = SimpleNamespace(
-        button="push",
-        rate_hz=RATE,
-        measured_hz=RATE,
-        force=force,
-        activation=contact,
-        vertical=vertical,
-        motion="acceleration",
-        sensors=load_rig_file("simulated").sensors,
+        button="push", rate_hz=RATE, measured_hz=RATE, force=force, activation=contact, vertical=vertical,
+        motion="acceleration", sensors=load_rig_file("simulated").sensors, quiet=slice(0, 1),
         has=lambda name: name in ("force", "acceleration", "activation"),
-        quiet=slice(0, 1),
-        saturated=np.zeros(len(force), bool),
-        delay=lambda name: (delays or {}).get(name, 0.0),
-    )
+        saturated=np.zeros(len(force), bool), delay=lambda name: (delays or {}).get(name, 0.0),
+    )  # fmt: skip
     found.in_parts = lambda name: Parted.of(getattr(found, name))
     return found
 
@@ -171,12 +163,8 @@ def test_a_contact_that_is_closed_at_rest_and_bounces_switches_once() -> None:
 def test_a_saturated_sample_counts_within_the_press_only() -> None:
     force = trapezoid(2000, 500, 100, 300, 2.0)
     press = find_presses(recording(force))[0]
-    for at, said in (
-        (press.onset - 1, False),
-        (press.onset, True),
-        (press.release, True),
-        (press.release + 1, False),
-    ):
+    first, last = press.onset, press.release
+    for at, said in ((first - 1, False), (first, True), (last, True), (last + 1, False)):
         one = recording(force)
         one.saturated[at] = True
         assert find_presses(one)[0].saturated is said
@@ -212,12 +200,10 @@ def test_a_first_click_is_looked_for_from_the_first_sample_with_enough_force_abo
 def test_what_the_hand_does_is_removed_by_a_butterworth_filter_of_60_hz() -> None:
     rng = np.random.default_rng(0)
     moved = recording(np.zeros(500), clicks={n: float(rng.normal()) for n in range(1, 500)})
-    filtered = scipy.signal.sosfilt(
-        scipy.signal.butter(2, 60.0, "high", fs=RATE, output="sos"), moved.vertical - 9.81
-    )
-    assert shaken(moved.in_parts("vertical"), RATE, 60.0)[:] == pytest.approx(
-        np.abs(filtered), rel=1e-9, abs=1e-12
-    )
+    sections = scipy.signal.butter(2, 60.0, "high", fs=RATE, output="sos")
+    filtered = np.abs(scipy.signal.sosfilt(sections, moved.vertical - 9.81))
+    found = shaken(moved.in_parts("vertical"), RATE, 60.0)[:]
+    assert found == pytest.approx(filtered, rel=1e-9, abs=1e-12)
 
 
 @pytest.mark.parametrize(("change", "samples"), [(560, range(558, 562)), (2, range(4))])

@@ -109,9 +109,8 @@ def crowded(rig, **flaws):
 def test_a_bad_press_is_kept_marked_and_asked_for_again(tmp_path, button, flaw, flag, reason):
     rig = crowded(world_rig(seed=9), press2=flaw)
     told = []
-    recording = record(
-        rig, button, "P01", 3, tmp_path, progress=lambda _, done, of, __: told.append((done, of))
-    )
+    count = lambda _, done, of, __: told.append((done, of))  # noqa: E731
+    recording = record(rig, button, "P01", 3, tmp_path, progress=count)
     presses = [(p.number, p.attempt, p.flags, p.reason) for p in recording.verdicts]
     assert presses == [(1, 1, (), ""), (2, 1, (flag,), reason), (2, 2, (), ""), (3, 1, (), "")]
     assert told == [(0, 3), (1, 3), (2, 3), (3, 3)]
@@ -172,11 +171,10 @@ def test_a_session_that_is_paused_waits_with_the_file_open(tmp_path):
     recording = record(rig, "push", "P01", 3, tmp_path, protocol=Protocol(patience=5.0, pause=60.0))
     told = {event.kind: event for event in recording.events}
     assert len(recording.accepted) == 3
-    assert not any(
-        v.first < told["resumed"].sample and v.end > told["paused"].sample for v in recording.accepted
-    )
-    assert told["resumed"].sample - told["paused"].sample == pytest.approx(20 * recording.rate_hz, rel=0.1)
-    assert told["note"].text == "Coffee." and told["paused"].sample < told["note"].sample
+    begin, end = told["paused"].sample, told["resumed"].sample
+    assert not any(v.first < end and v.end > begin for v in recording.accepted)
+    assert end - begin == pytest.approx(20 * recording.rate_hz, rel=0.1)
+    assert told["note"].text == "Coffee." and begin < told["note"].sample
     assert sum(block["count"] for block in recording.blocks) == recording.volts.shape[1]
 
 

@@ -43,10 +43,8 @@ def test_force_at_activation_is_within_its_bound(rate_hz: float, button: str, tm
 
 @pytest.mark.parametrize("rate_hz", [200, 333, 490])
 def test_a_rate_that_is_too_low_is_refused_before_anyone_presses(rate_hz: float, tmp_path: Path) -> None:
-    with (
-        haploop.open_rig(rig_at(rate_hz)) as rig,
-        pytest.raises(haploop.ConfigurationError, match=f"{rate_hz} samples/s, and a recording needs 500"),
-    ):
+    few = pytest.raises(haploop.ConfigurationError, match=f"{rate_hz} samples/s, and a recording needs 500")
+    with haploop.open_rig(rig_at(rate_hz)) as rig, few:
         haploop.record(rig, "push", "P01", 1, out=tmp_path)
     assert not list(tmp_path.iterdir())
 
@@ -91,11 +89,8 @@ def test_an_imports_rate(every: int, force: bool, bandwidth: float, run: Run, tm
         live = haploop.record(rig, "push", "P01", 2, out=tmp_path / "live")
         truth = [press.activation_force for press in rig.simulation.truth.presses]
     part = slice(None, None, every)
-    path = tmp_path / "a.csv"
-    written = Written(
-        live.rate_hz / every, live.force[part], live.acceleration[2][part], live.activation[part], 2
-    )
-    german(path, written)
+    path, signals = tmp_path / "a.csv", (live.force, live.acceleration[2], live.activation)
+    german(path, Written(live.rate_hz / every, *(signal[part] for signal in signals), 2))
     made = run("import", path, "-o", tmp_path / "a.h5", "-p", "P01", "--button", "push", "--as", "recording")
     assert made.exit_code == 0, made.stderr
     recording = haploop.Recording.open(tmp_path / "a.h5")
@@ -112,9 +107,8 @@ def test_an_imports_rate(every: int, force: bool, bandwidth: float, run: Run, tm
     for press, true in zip(found, truth, strict=True):
         assert abs(press.force_at_activation - true) <= press.force_uncertainty
     assert "N, each within" in shown.stdout
-    assert haploop.Representative.load(tmp_path / "press.h5").bandwidth_hz == pytest.approx(
-        bandwidth, rel=1e-3
-    )
+    press = haploop.Representative.load(tmp_path / "press.h5")
+    assert press.bandwidth_hz == pytest.approx(bandwidth, rel=1e-3)
     assert f"{bandwidth} Hz, " in run("show", tmp_path / "press.h5").stdout
 
 

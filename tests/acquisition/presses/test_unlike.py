@@ -92,10 +92,8 @@ def test_two_files_of_one_name_keep_their_own_segmentations(tmp_path: Path) -> N
     for order in (files, files[::-1]):
         found = representative(order)
         assert found.members == 6 and found.left_out == ()
-        stated = [
-            one["least_peak"] for name, one in found.parameters.items() if name.startswith("P01-push.h5 (")
-        ]
-        assert sorted(stated) == [0.5, 1.5]
+        own = [one for name, one in found.parameters.items() if name.startswith("P01-push.h5 (")]
+        assert sorted(one["least_peak"] for one in own) == [0.5, 1.5]
 
 
 def test_a_press_that_is_not_found_again_is_said_to_be_left_out(tmp_path: Path) -> None:

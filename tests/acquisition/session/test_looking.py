@@ -32,8 +32,6 @@ def test_a_rig_without_sensors_is_told_to_describe_them(tmp_path: Path) -> None:
         '[daq.channels]\na = { terminal = "Dev1/ai0", range = 5, config = "rse" }\n',
         encoding="utf-8",
     )
-    with (
-        haploop.open_rig(bare) as rig,
-        pytest.raises(ConfigurationError, match=r"has no sensors: describe them in \[sensors\]"),
-    ):
+    told = pytest.raises(ConfigurationError, match=r"has no sensors: describe them in \[sensors\]")
+    with haploop.open_rig(bare) as rig, told:
         haploop.look(rig)

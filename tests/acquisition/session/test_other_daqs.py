@@ -126,10 +126,8 @@ def test_what_a_file_says_twice_is_one_sentence(tmp_path: Path) -> None:
 def test_what_is_lost_while_recording_ends_it_and_stands_in_the_file(tmp_path: Path, file: str) -> None:
     path = CARD if file == "card" else rig_file(tmp_path, SERIAL)
     faults = [{"kind": "daq-overrun", "after": 6.0}]
-    with (
-        haploop.open_rig(path, simulate="twin", simulation={"faults": faults}) as rig,
-        pytest.raises(InstrumentError, match=r"an overrun|lost or damaged"),
-    ):
+    lost = pytest.raises(InstrumentError, match=r"an overrun|lost or damaged")
+    with haploop.open_rig(path, simulate="twin", simulation={"faults": faults}) as rig, lost:
         haploop.record(rig, "latch", "P01", 5, tmp_path)
     recording = haploop.Recording.open(tmp_path / "P01-latch.h5")
     assert not recording.complete

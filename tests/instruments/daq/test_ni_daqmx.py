@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from contextlib import nullcontext
 from dataclasses import replace
 from typing import Any
 
@@ -44,10 +45,8 @@ def test_a_card_is_one_piece_under_every_address(server: NiServer, monkeypatch: 
         remote = System.remote(options)
         monkeypatch.setattr(System, "local", lambda: remote)
         assert set(NiDaq.hardware(settings())) == cards
-    renamed = [
-        NiDevice("Old", PRODUCTS["PCI-6034E"], first),
-        NiDevice("Dev2", PRODUCTS["PCIe-6321"], first + 1),
-    ]
+    names = {"Old": "PCI-6034E", "Dev2": "PCIe-6321"}
+    renamed = [NiDevice(name, PRODUCTS[of], first + k) for k, (name, of) in enumerate(names.items())]
     with NiServer(renamed) as other:
         terminal = {"force": {"terminal": "OLD/ai0", "range": 10}}
         asked = settings(server=other.address, channels=terminal, devices={})
@@ -160,12 +159,10 @@ def test_a_play_that_somebody_stops_is_an_error(daq: NiDaq, server: NiServer) ->
     """Another client of the server stops the task of the outputs, between two blocks and before the last."""
     wave = np.full(50_000, 3.0)
     for at in (20_000, 49_000):
-        with (
-            daq.stream(["drive"], 50_000, 1000, 50_010, {"amplifier": wave}) as stream,
-            pytest.raises(
-                InstrumentError, match=rf"Dev2 was stopped .* played {at} samples: .* not .* whole"
-            ),
-        ):
+        told = pytest.raises(
+            InstrumentError, match=rf"Dev2 was stopped .* played {at} samples: .* not .* whole"
+        )
+        with daq.stream(["drive"], 50_000, 1000, 50_010, {"amplifier": wave}) as stream, told:
             for block in stream:
                 if block.end == at:
                     system = server._system
@@ -246,15 +243,12 @@ def test_the_version_is_asked_once(server: NiServer, bench: Bench, monkeypatch: 
     assert asked["GetSystemInfoAttributeUInt32"] <= 3, "three numbers, once each"
 
 
-@pytest.mark.parametrize(
-    "fault, sentence",
-    [
-        (DAQmxErrors.SAMPLES_NO_LONGER_AVAILABLE, "Dev2 lost samples, .* not read in time"),
-        (DAQmxErrors.INPUT_FIFO_OVERFLOW, "Dev2 lost samples, .* memory overflowed"),
-        (DAQmxErrors.SAMPLES_NOT_YET_AVAILABLE, "Dev2 did not deliver"),
-        (DAQmxErrors.INVALID_TASK, "ended by somebody else"),
-    ],
-)
+@pytest.mark.parametrize(("fault", "sentence"), [
+    (DAQmxErrors.SAMPLES_NO_LONGER_AVAILABLE, "Dev2 lost samples, .* not read in time"),
+    (DAQmxErrors.INPUT_FIFO_OVERFLOW, "Dev2 lost samples, .* memory overflowed"),
+    (DAQmxErrors.SAMPLES_NOT_YET_AVAILABLE, "Dev2 did not deliver"),
+    (DAQmxErrors.INVALID_TASK, "ended by somebody else"),
+])  # fmt: skip
 def test_lost_samples_are_an_error(daq: NiDaq, server: NiServer, fault: DAQmxErrors, sentence: str) -> None:
     with daq.stream(["laser"], 5000, 100, 1000) as stream:
         blocks = iter(stream)
@@ -265,17 +259,14 @@ def test_lost_samples_are_an_error(daq: NiDaq, server: NiServer, fault: DAQmxErr
 
 
 def test_reader_that_comes_too_late(server: NiServer, bench: Bench) -> None:
-    with opened(server, bench, buffer_s=0.1) as daq, daq.stream(["laser"], 5000, 100) as stream:
-        blocks = iter(stream)
-        next(blocks)
-        bench.clock.sleep(0.2)
-        with pytest.raises(InstrumentError, match=r"make buffer_s in \[daq\] larger"):
+    too_late = pytest.raises(InstrumentError, match=r"make buffer_s in \[daq\] larger")
+    for buffer_s, end in ((0.1, too_late), (1, nullcontext())):
+        with opened(server, bench, buffer_s=buffer_s) as daq, daq.stream(["laser"], 5000, 100) as stream:
+            blocks = iter(stream)
             next(blocks)
-    with opened(server, bench, buffer_s=1) as daq, daq.stream(["laser"], 5000, 100) as stream:
-        blocks = iter(stream)
-        next(blocks)
-        bench.clock.sleep(0.2)
-        assert next(blocks).first == 100
+            bench.clock.sleep(0.2)
+            with end:
+                assert next(blocks).first == 100
 
 
 @pytest.mark.long

@@ -137,7 +137,7 @@ def test_another_card_than_the_rig_file_says(server: NiServer, bench: Bench) -> 
             pass
 
 
-@pytest.mark.parametrize(("changes", "request_", "sentence"), [
+@pytest.mark.parametrize(("changes", "request_", "says"), [
     (channel("Dev2/ai77"), lambda d: d.stream(["a"], 5000, 100), "Dev2 does not have a terminal"),
     (channel("Dev2/ai0", range=11), lambda d: d.stream(["a"], 5000, 100), "no range of .-11 V"),
     (channel("Dev2/ai9", config="diff"), lambda d: d.stream(["a"], 5000, 100), "configuration DIFF"),

@@ -13,7 +13,7 @@ import pytest
 
 from haploop.base.errors import ConfigurationError, InstrumentError
 from haploop.base.validation import validate
-from haploop.instruments import Daq, load_rig_file
+from haploop.instruments import Daq, RigFile, load_rig_file
 from haploop.instruments.conformance import DaqConformance, Fired, bypass_interlock
 from haploop.instruments.daq import CombinedDaq
 from haploop.instruments.daq.serial_adc import SerialAdc
@@ -21,6 +21,7 @@ from haploop.mocks.clock import VirtualClock
 from haploop.mocks.daq import Card, CardTwin
 from haploop.mocks.daq.serial_adc import Board, BoardServer, twin
 from haploop.mocks.plant import Faults, Plant
+from tests.rig_files import changed
 
 SIMULATED = load_rig_file("simulated")
 TEXT = {"separator": ",", "columns": 2}
@@ -47,18 +48,16 @@ def settings(**changes: Any) -> SerialAdc.Settings:
 
 def hx711(**changes: Any) -> SerialAdc.Settings:
     """A load cell's board: 80 lines a second, with the time of its own that nobody needs."""
-    given = {
-        "rate_hz": 80,
-        "frame": TEXT,
-        "counter": None,
-        "channels": {"load": {"column": 2, "scale": 20e-3 / 2**23, "range": 0.02}},
-    }
-    return settings(**(given | changes))
+    load = {"load": {"column": 2, "scale": 20e-3 / 2**23, "range": 0.02}}
+    return settings(**({"rate_hz": 80, "frame": TEXT, "counter": None, "channels": load} | changes))
+
+
+def with_faults(*faults: dict[str, Any]) -> RigFile:
+    return changed(SIMULATED, simulation={"faults": faults})
 
 
 def plant(*faults: dict[str, Any]) -> Plant:
-    world = SIMULATED.simulation.model_copy(update={"faults": faults})
-    return Plant(SIMULATED.model_copy(update={"simulation": world}), VirtualClock())
+    return Plant(with_faults(*faults), VirtualClock())
 
 
 def board_of(daq: SerialAdc) -> Board:
@@ -85,8 +84,7 @@ class _OnlyDaq(DaqConformance):
             board.silent_from = ahead
         else:
             fault = {"kind": kind, "after": board.plant.clock.now() + 0.1}
-            world = SIMULATED.simulation.model_copy(update={"faults": (fault,)})
-            board.plant.faults = Faults.of_file(SIMULATED.model_copy(update={"simulation": world}))
+            board.plant.faults = Faults.of_file(with_faults(fault))
         yield SimpleNamespace(fired=1)
 
 
@@ -146,12 +144,9 @@ def test_a_rate_that_is_not_the_boards_is_told() -> None:
     daq = twin(hx711(), plant())
     with pytest.raises(ConfigurationError, match=r"sends 80 frames a second, and 100 were.*rate_hz = 80"):
         daq.stream(["load"], 100, 10)
-    with (
-        daq.stream(["load"], 80, 40) as stream,
-        pytest.raises(ConfigurationError, match=r"sends 78\.9\d frames a second.*write rate_hz = 78\.9"),
-    ):
-        for _ in stream:
-            pass
+    told = pytest.raises(ConfigurationError, match=r"sends 78\.9\d frames a second.*write rate_hz = 78\.9")
+    with daq.stream(["load"], 80, 40) as stream, told:
+        list(stream)
 
 
 def test_lines_that_are_lost_without_a_counter_are_noticed_later() -> None:
@@ -159,12 +154,9 @@ def test_lines_that_are_lost_without_a_counter_are_noticed_later() -> None:
     board = board_of(daq)
     board.drift = 1e-6
     board.loses = frozenset(range(1000, 1008))
-    with (
-        daq.stream(["load"], 80, 40) as stream,
-        pytest.raises(InstrumentError, match="lost or damaged 8 frames"),
-    ):
-        for _ in stream:
-            pass
+    told = pytest.raises(InstrumentError, match="lost or damaged 8 frames")
+    with daq.stream(["load"], 80, 40) as stream, told:
+        list(stream)
 
 
 def test_a_board_that_says_other_things_is_one_sentence() -> None:
@@ -206,14 +198,9 @@ class Both:
 
 def slow(**changes: Any) -> SerialAdc.Settings:
     """Signal and counter at 80 Hz."""
-    return settings(
-        **{
-            "rate_hz": 80,
-            "frame": {"struct": "<Hh", "sync": "AA55", "checksum": "crc16"},
-            "channels": {"gauge0": {"column": 2, "scale": 10 / 2**15, "range": 10}},
-            **changes,
-        }
-    )
+    frame = {"struct": "<Hh", "sync": "AA55", "checksum": "crc16"}
+    gauge = {"gauge0": {"column": 2, "scale": 10 / 2**15, "range": 10}}
+    return settings(**({"rate_hz": 80, "frame": frame, "channels": gauge} | changes))
 
 
 class TestAlongside(DaqConformance):
@@ -240,8 +227,7 @@ class TestAlongside(DaqConformance):
         elif kind == "silent":
             board.silent_from = board._sent + 3
         else:
-            world = SIMULATED.simulation.model_copy(update={"faults": ({"kind": kind, "device": "Dev2"},)})
-            board.plant.faults = Faults.of_file(SIMULATED.model_copy(update={"simulation": world}))
+            board.plant.faults = Faults.of_file(with_faults({"kind": kind, "device": "Dev2"}))
         yield SimpleNamespace(fired=1)
 
 
@@ -273,12 +259,8 @@ def lateness(volts: np.ndarray, begin: float) -> float:
 @pytest.mark.parametrize("latency", [0.002, 0.030])
 def test_an_edge_that_both_see_measures_the_latency(latency: float) -> None:
     """The board is later, or earlier, than the rig file says."""
-    own = slow(
-        frame={"struct": "<HhB", "sync": "AA55", "checksum": "crc16"},
-        latency=0.015,
-        edge={"channel": "switch", "column": 3},
-    )
-    both = Both(own)
+    frame = {"struct": "<HhB", "sync": "AA55", "checksum": "crc16"}
+    both = Both(slow(frame=frame, latency=0.015, edge={"channel": "switch", "column": 3}))
     both.board.latency = latency
     errors = []
     for _ in range(2):
@@ -309,10 +291,8 @@ def test_a_gap_is_an_error_and_no_straight_line() -> None:
     both = Both(slow())
     both.adc.settle()
     both.board.loses = frozenset(range(both.board._sent + 200, both.board._sent + 206))
-    with (
-        both.daq.stream(["laser", "gauge0"], 5000, 500, 50_000) as stream,
-        pytest.raises(InstrumentError, match=r"lost 6 frames in a row \(0.08\d+ s\).*'bridge' in \[adc\]"),
-    ):
+    told = pytest.raises(InstrumentError, match=r"lost 6 frames in a row \(0.08\d+ s\).*'bridge' in \[adc\]")
+    with both.daq.stream(["laser", "gauge0"], 5000, 500, 50_000) as stream, told:
         stream.capture()
 
 

@@ -21,6 +21,7 @@ from haploop.mocks.clock import VirtualClock
 from haploop.mocks.daq.sound_card import DRIFT, LATENCY, DuplexCard, Line
 from haploop.mocks.plant import Faults, Plant
 from haploop.nidaqmx_twin.nodes import Run
+from tests.rig_files import changed
 
 SIMULATED = load_rig_file("simulated")
 RATE = 48_000.0
@@ -45,8 +46,7 @@ class Bench:
     """A card on a plant, with a cable from its output to the spare input."""
 
     def __init__(self, *faults: dict[str, Any], **changes: Any) -> None:
-        world = SIMULATED.simulation.model_copy(update={"faults": faults})
-        self.plant = Plant(SIMULATED.model_copy(update={"simulation": world}), VirtualClock())
+        self.plant = Plant(changed(SIMULATED, simulation={"faults": faults}), VirtualClock())
         self.plant.cables["spare"] = "amplifier"
         self.settings = settings(**changes)
         self.card = DuplexCard(self.settings, self.plant)
@@ -99,8 +99,8 @@ class _OnACard(DaqConformance):
         elif kind == "underrun":
             card.starves_at = 2400
         else:
-            world = SIMULATED.simulation.model_copy(update={"faults": ({"kind": kind, "after": 0.051},)})
-            self.bench.plant.faults = Faults.of_file(SIMULATED.model_copy(update={"simulation": world}))
+            faults = ({"kind": kind, "after": 0.051},)
+            self.bench.plant.faults = Faults.of_file(changed(SIMULATED, simulation={"faults": faults}))
         yield counted
         if kind == "overrun":
             counted.fired = int(card.overflows_at is None)
@@ -167,10 +167,8 @@ def test_an_overrun_in_the_silence_before_a_recording_is_none() -> None:
         stream.capture()
     assert bench.card.overflows_at is None
     bench.card.overflows_at = 4800
-    with (
-        bench.daq.stream(["laser"], RATE, 480, 9600) as stream,
-        pytest.raises(InstrumentError, match=r"lost samples of its inputs \(an overrun\) near frame 4800"),
-    ):
+    told = pytest.raises(InstrumentError, match=r"lost samples of its inputs \(an overrun\) near frame 4800")
+    with bench.daq.stream(["laser"], RATE, 480, 9600) as stream, told:
         stream.capture()
 
 
@@ -265,10 +263,8 @@ def test_what_the_device_has_not_is_one_sentence() -> None:
         SoundCardDaq(more, bench.plant.clock, bench.card)
     with pytest.raises(ConfigurationError, match=r"runs at 48000.*50000 were asked.*write rate_hz = 48000"):
         bench.daq.stream(["laser"], 50_000, 100, 100)
-    with (
-        bench.daq.stream(["laser"], RATE, 480),
-        pytest.raises(InstrumentError, match="does not start at 48000 samples/s"),
-    ):
+    busy = pytest.raises(InstrumentError, match="does not start at 48000 samples/s")
+    with bench.daq.stream(["laser"], RATE, 480), busy:
         bench.daq.stream(["laser"], RATE, 480)
 
 

@@ -128,12 +128,8 @@ def test_all_errors_are_told_at_once(run: Run, tmp_path: Path) -> None:
     path = tmp_path / "lab.toml"
     run("rig", "new", path, "--like", "usb-6211")
     text = path.read_text(encoding="utf-8")
-    for before, after in (
-        ("gain = 20 ", 'gain = "x" '),
-        ("threshold", "treshold"),
-        ("Dev1/ai0", "Dev1"),
-        ("rows = 7", "rows = 0"),
-    ):
+    wrong = {"gain = 20 ": 'gain = "x" ', "threshold": "treshold", "Dev1/ai0": "Dev1", "rows = 7": "rows = 0"}
+    for before, after in wrong.items():
         text = text.replace(before, after)
     path.write_text(text, encoding="utf-8")
     said = run("rig", "check", path).stderr
@@ -176,6 +172,5 @@ def test_a_library_that_is_missing_or_fails_is_one_sentence(monkeypatch: pytest.
     monkeypatch.setattr("haploop.instruments.describing._cards", broken)
     found = haploop.look_for_hardware()
     assert found.cards == ()
-    assert (
-        found.missing[0] == "NI cards could not be looked for (Could not find an installation of NI-DAQmx)."
-    )
+    why = "Could not find an installation of NI-DAQmx"
+    assert found.missing[0] == f"NI cards could not be looked for ({why})."

@@ -260,7 +260,7 @@ def served() -> Iterator[tuple[LineServer, Keysight33500]]:
         generator.close()
 
 
-@pytest.mark.parametrize(("kind", "sentence"), [
+@pytest.mark.parametrize(("kind", "says"), [
     ("silence", r"(did not answer|was lost after) 'OUTP1\?'"),
     ("garbled", r"answered 'OUTP1\?' with .* which is no text"),
     ("truncated", r"'OUTP1\?'"),

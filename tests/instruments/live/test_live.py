@@ -39,6 +39,10 @@ def _block(first: int, samples: int = 10) -> Block:
     return Block(first, np.full((2, samples), float(first)), np.array([False, True]))
 
 
+def _big(number: int) -> Block:
+    return Block(number * BIG, np.zeros((2, BIG)), np.zeros(2, dtype=bool))
+
+
 class _Steps(Clock):
     """A clock on which each look costs a second."""
 
@@ -208,11 +212,10 @@ def test_a_client_that_does_not_read_is_told_what_it_missed(feed: Feed, publishe
     link = _link(publisher, _token(publisher))
     with link, watch_live(FILE, address=publisher.path, capacity=1000) as other:
         _until(lambda: len(feed._taps) == 2)
-        publish, block = feed.begin(RUN), np.zeros((2, BIG))
-        slowest = 0.0
+        publish, slowest = feed.begin(RUN), 0.0
         for number in range(200):
-            began = time.perf_counter()
-            publish(Block(number * BIG, block, np.zeros(2, dtype=bool)))
+            block, began = _big(number), time.perf_counter()
+            publish(block)
             slowest = max(slowest, time.perf_counter() - began)
         # Whoever waited for the client would still be waiting.
         assert slowest < 5.0
@@ -227,8 +230,7 @@ def test_a_client_that_does_not_read_is_told_what_it_missed(feed: Feed, publishe
         # The one that did not read catches up with the newest; the count is complete.
         total, last = 0, -1
         while last != 199 * BIG:
-            prefix = _exactly(link, PREFIX)
-            sizes = lengths_of(prefix)
+            sizes = lengths_of(_exactly(link, PREFIX))
             header, _run = header_of(_exactly(link, sizes[0]))
             _exactly(link, sizes[1])
             total += 1 + int(header["dropped"])
@@ -298,7 +300,7 @@ def test_closing_ends_clients_that_do_not_read(feed: Feed, publisher: Publisher)
         _until(lambda: _watched(feed))
         publish = feed.begin(RUN)
         for number in range(40):
-            publish(Block(number * BIG, np.zeros((2, BIG)), np.zeros(2, dtype=bool)))
+            publish(_big(number))
         began = time.monotonic()
         publisher.close()
         assert time.monotonic() - began < 5.0
