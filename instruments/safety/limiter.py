@@ -30,8 +30,6 @@ from .judge import Heating, Judge, OpeningFigures, Ratings, combined
 from .lockout import Lockout, Lockouts
 from .safe_state import Outputs, Standing
 
-_SELDOM = 60.0
-"""Longest interval (s) at which volts that stand again and again are logged."""
 Rendered = Callable[[FloatArray, float], tuple[FloatArray, float]]
 """See `Player.rendered`."""
 
@@ -81,7 +79,6 @@ class Limiter:
         self._judge = Judge(clock, lockouts, counted)
         self.warm = 0.0
         """What earlier plays had left in a coil (W) when the present one began."""
-        self._quiet, self._quiet_until = 0.1, -np.inf
         self._watch = Watch(clock, self.authorise_renewal)
         self.kept = OpeningFigures()
         """What the limits rest on, as it was when the rig was opened."""
@@ -236,10 +233,11 @@ class Limiter:
 
     def authorise(self, output: str, volts: FloatArray, rate_hz: float) -> None:
         """See `Interlock.authorise`: the permitted waveform, with zeros after it, once, and no other."""
-        permit = self._current(output)
-        allowed = permit.volts.get(output)
+        permit = self._permit
+        allowed = None if permit is None else permit.volts.get(output)
         if (
-            allowed is None
+            permit is None
+            or allowed is None
             or output in self._playing
             or rate_hz != permit.rate_hz
             or not np.array_equal(volts[: len(allowed)], allowed)
@@ -252,7 +250,8 @@ class Limiter:
 
     def authorise_waveform(self, output: str, waveform: Waveform, starts: bool) -> None:
         """See `Interlock.authorise_waveform`: the permitted waveform, once, and no other."""
-        if self._current(output).waveforms.get(output) != waveform or output in self._playing:
+        permit = self._permit
+        if permit is None or permit.waveforms.get(output) != waveform or output in self._playing:
             raise self._not_authorised(output)
         if starts:
             self._playing.add(output)
@@ -318,14 +317,11 @@ class Limiter:
             raise
 
     def _report(self, error: Standing) -> None:
-        """Lock the rig out; what is found again while it is locked out is logged at intervals that double."""
-        now = self._clock.now()
-        if now < self._quiet_until and self.lockout is not None:
+        """Lock the rig out, unless that was logged just now."""
+        if self._lockouts.logged(self._clock.now()):
             self._lose_heat()
-            return
-        self._quiet = min(2 * self._quiet, _SELDOM)
-        self._quiet_until = now + self._quiet
-        self.lock_out(str(error))
+        else:
+            self.lock_out(str(error))
 
     def _lose_heat(self) -> None:
         """An actuator that is always connected may have got volts that nobody counted."""
@@ -346,12 +342,6 @@ class Limiter:
             if isinstance(error, Standing):
                 self._report(error)
             raise
-
-    def _current(self, output: str) -> _Permit:
-        permit = self._permit
-        if permit is None:
-            raise self._not_authorised(output)
-        return permit
 
     def _not_authorised(self, output: str) -> LimitError:
         error = LimitError(

@@ -9,6 +9,7 @@ kept with its audit log.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 from contextlib import suppress
 from dataclasses import asdict, dataclass
@@ -20,6 +21,8 @@ from . import machine
 from .audit import Audit, now_utc, who
 
 _KIND = "lockout"
+_SELDOM = 60.0
+"""Longest interval (s) at which volts that stand again and again are logged."""
 
 
 @dataclass(frozen=True)
@@ -78,11 +81,20 @@ class Lockouts:
         self.folder, self.hardware, self.audit = folder, hardware, audit
         self._unsaved: Lockout | None = None
         """One that could not be written to disk: it lasts while the rig is open."""
+        self._quiet, self._quiet_until = 0.1, -math.inf
 
     @property
     def present(self) -> Lockout | None:
         """The lockout that refuses every play; None without one."""
         return self._unsaved or lockout_of(self.folder, self.hardware)
+
+    def logged(self, now: float) -> bool:
+        """Whether a trip at `now` (s) is already logged: again while locked out, at intervals that double."""
+        if now < self._quiet_until and self.present is not None:
+            return True
+        self._quiet = min(2 * self._quiet, _SELDOM)
+        self._quiet_until = now + self._quiet
+        return False
 
     def lock_out(self, why: str, samples: Path | None = None) -> None:
         """Lock out the hardware now, and log it: each even when the other fails."""
