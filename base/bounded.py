@@ -1,4 +1,5 @@
-"""Numbers of settings that are checked against bounds: NaN, infinity, `true` and text are refused in each.
+"""Settings that are checked: tables without unknown keys, and numbers within bounds, where NaN, infinity,
+`true` and text are refused.
 
 A quantity of a rig, in SI units, is between a millionth of a picofarad and a terahertz in size. What lies
 beyond is a slip, and would overflow when it is squared.
@@ -8,7 +9,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 _LARGEST, _SMALLEST = 1e12, 1e-18
 
@@ -38,3 +39,9 @@ Number = Annotated[int, Field(strict=True, ge=0, le=10_000)]
 Seed = Annotated[int, Field(strict=True, ge=0, lt=1 << 53)]  # a browser rounds a larger one
 Timeout = Annotated[float, Field(strict=True, gt=0, le=60)]
 """Time for an instrument to answer (s)."""
+
+
+class Strict(BaseModel):
+    """A table of a file: it cannot be changed, and a key that it does not know is refused."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Annotated, Any, Protocol
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
-from ..base.bounded import Fraction, Positive, Proportion, Seed
+from ..base.bounded import Fraction, Positive, Proportion, Seed, Strict
 from ..instruments.config import load_model
 
 # A simulated participant: what it feels, and how it answers each step, reproducibly.
@@ -19,23 +19,19 @@ from ..instruments.config import load_model
 Spread = Annotated[float, Field(strict=True, ge=0, le=10)]
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class IdentificationModel(_Section):
+class IdentificationModel(Strict):
     """Naming what was presented."""
 
-    answers: dict[str, dict[str, Fraction]] = {}
+    answers: Mapping[str, dict[str, Fraction]] = {}
     """Probability of each answer, by what was presented; for the rest, see `correct`. `haploop experiment
     predict` writes it."""
-    correct: dict[str, Proportion] = {"latch": 0.78, "toggle": 0.66, "push": 0.66}
+    correct: Mapping[str, Proportion] = {"latch": 0.78, "toggle": 0.66, "push": 0.66}
     """Probability of a right answer, of the mean participant, by what was presented."""
     otherwise: Proportion = 0.7
     """The same for anything else that is presented."""
-    shift: dict[str, dict[str, float]] = {"confirmation": {"given": 0.8}}
+    shift: Mapping[str, dict[str, float]] = {"confirmation": {"given": 0.8}}
     """Shift of its logit by a level of a factor."""
-    confused_with: dict[str, str] = {"toggle": "push", "push": "toggle"}
+    confused_with: Mapping[str, str] = {"toggle": "push", "push": "toggle"}
     """Answer that most errors give."""
     confusion: Proportion = 0.7
     """Fraction of errors that give it."""
@@ -43,10 +39,10 @@ class IdentificationModel(_Section):
     """Standard deviation of the logit between participants."""
 
 
-class RatingModel(_Section):
+class RatingModel(Strict):
     """Moving sliders. Ratings are log-normal around the middle of the scale, and end where it ends."""
 
-    shift: dict[str, dict[str, dict[str, float]]] = {
+    shift: Mapping[str, dict[str, dict[str, float]]] = {
         "category": {"digital": {"Unpleasant-Pleasant": 0.25, "Rough-Smooth": 0.25}}
     }
     """Shift of the logarithm by factor, level and adjective pair."""
@@ -56,7 +52,7 @@ class RatingModel(_Section):
     """Standard deviation of the logarithm from rating to rating."""
 
 
-class ComparisonModel(_Section):
+class ComparisonModel(Strict):
     """Telling which of two intervals has more: a Weibull function of the difference."""
 
     threshold: Positive = 0.2
@@ -68,7 +64,7 @@ class ComparisonModel(_Section):
     """Standard deviation of the logarithm of the threshold between participants."""
 
 
-class ParticipantModel(_Section):
+class ParticipantModel(Strict):
     """Parameters of simulated participants. The defaults are near the results of the paper."""
 
     seed: Seed = 0

@@ -17,8 +17,9 @@ from types import TracebackType
 from typing import Any, Self
 from urllib.parse import urlsplit
 
-from pydantic import BaseModel, ConfigDict, StrictBool, StrictFloat, StrictInt, StrictStr
+from pydantic import StrictBool, StrictFloat, StrictInt, StrictStr
 
+from ..base.bounded import Strict
 from ..base.errors import ConfigurationError
 from ..base.toml_lines import key_lines, parse_toml, place, read_text
 from ..base.validation import validate
@@ -44,11 +45,7 @@ _PLACE = re.compile(r"\{([A-Za-z_]\w*)(?::([^{}]*))?\}")
 _SWITCH = {"1": True, "ON": True, "TRUE": True, "0": False, "OFF": False, "FALSE": False}
 
 
-class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class State(_Model):
+class State(Strict):
     """A value that the instrument keeps, and its limits."""
 
     value: StrictBool | StrictInt | StrictFloat | StrictStr
@@ -56,11 +53,11 @@ class State(_Model):
     max: StrictInt | StrictFloat | None = None
 
 
-class Table(_Model):
+class Table(Strict):
     """What an instrument answers. See the module."""
 
     answers: dict[str, str | list[str]]
-    state: dict[str, StrictBool | StrictInt | StrictFloat | StrictStr | State] = {}
+    state: Mapping[str, StrictBool | StrictInt | StrictFloat | StrictStr | State] = {}
     error: str | None = None
     """Answer to a command that the table does not have, and to a value that does not fit; without it, none,
     and the command is one of `Instrument.unknown`."""

@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import Field, field_validator
 
 from ...base.arrays import FloatArray
+from ...base.bounded import Strict
 from ...base.errors import ConfigurationError
 from ...base.files import new_file
 from ...base.toml_lines import parse_toml, read_text
@@ -124,10 +125,8 @@ Place = Annotated[int, Field(ge=0, le=9999)] | Annotated[str, Field(min_length=1
 _QUANTITIES = {role: SI[role] for role in ROLES if role in SI}
 
 
-class FileMapping(BaseModel):
+class FileMapping(Strict):
     """What is not told is taken from the file where it states it, and asked for where it does not."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     time: Place = None
     """Column of the time: a heading, or a number from 0."""

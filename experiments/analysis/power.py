@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import Field, field_validator
 
 from ...base.arrays import FloatArray
-from ...base.bounded import Proportion
+from ...base.bounded import Proportion, Strict
 from ...base.errors import DataError
 from ...base.progress import Progress, silent
 from ...instruments.config import load_model
@@ -19,14 +19,12 @@ from .anova import anova
 from .intervals import Interval, wilson_interval
 
 
-class PowerPlan(BaseModel):
+class PowerPlan(Strict):
     """A planned experiment: expected fractions of right answers, and how much people differ.
 
     People answer independently from trial to trial, with fractions whose logits differ between people by
     `spread` (standard deviation) in general, and by `interaction` in each cell.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     people: Annotated[tuple[Annotated[int, Field(ge=2, le=10_000)], ...], Field(min_length=1)]
     """Numbers of participants to try, in all; the groups are as equal as possible."""

@@ -11,20 +11,18 @@ from collections.abc import Iterator
 from types import MappingProxyType
 from typing import Annotated, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from ...base.arrays import FloatArray
-from ...base.bounded import NotPositive, Positive
+from ...base.bounded import NotPositive, Positive, Strict
 from ...base.clock import Clock
 from ..config import RigFile
 from ..limits import Limits
 from .role import Amplifier
 
 
-class Monitor(BaseModel):
+class Monitor(Strict):
     """An output of the amplifier that shows what it puts out, on a channel of the DAQ."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     channel: Annotated[str, Field(min_length=1)]
     """Name of the DAQ channel that it is wired to."""
@@ -32,10 +30,8 @@ class Monitor(BaseModel):
     """V at the actuator per V of the monitor (100 for a monitor of 1:100)."""
 
 
-class AnalogSettings(BaseModel):
+class AnalogSettings(Strict):
     """Keys that every analog amplifier has."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     input: str | dict[str, str]
     """Name of the output that feeds it; names by patch when it has a channel for each patch."""

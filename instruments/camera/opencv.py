@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Annotated, Any, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
-from ...base.bounded import Fraction, Number
+from ...base.bounded import Fraction, Number, Strict
 from ...base.clock import Clock
 from ...base.entry_points import optional
 from ...base.errors import InstrumentError
@@ -34,10 +34,8 @@ class OpenCvCamera(Camera):
 
     taped = True
 
-    class Settings(BaseModel):
+    class Settings(Strict):
         """The `[camera]` table of a rig file."""
-
-        model_config = ConfigDict(frozen=True, extra="forbid")
 
         source: Number | str
         """Number of a camera, a video file, or the address of a stream."""

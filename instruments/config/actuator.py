@@ -10,9 +10,9 @@ import math
 import re
 from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
-from ...base.bounded import Finite, NotNegative, NotPositive, Positive
+from ...base.bounded import Finite, NotNegative, NotPositive, Positive, Strict
 from ..limits import Coil, Limits
 
 _KEYS = {"piezo": ("capacitance", "min", "max"), "coil": ("resistance", "volts", "watts", "thermal_time")}
@@ -30,10 +30,8 @@ def _protects(text: str) -> str:
     return text
 
 
-class Actuator(BaseModel):
+class Actuator(Strict):
     """The actuator of each patch. `piezo`: patch, bender or stack. `coil`: voice coil, exciter or LRA."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     kind: Literal["piezo", "coil"]
     capacitance: Annotated[float, Field(strict=True, ge=1e-12, le=1e-3)] | None = None

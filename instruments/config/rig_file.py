@@ -18,7 +18,7 @@ from pydantic import (
 from pydantic_core import InitErrorDetails
 
 from ...base import entry_points
-from ...base.bounded import Fraction, Negative, NotNegative, Positive, Seed
+from ...base.bounded import Fraction, Negative, NotNegative, Positive, Seed, Strict
 from ..frozen import FrozenDict, frozen
 from ..limits import Limits
 from ..sensors import Sensors
@@ -35,10 +35,6 @@ def require_source(product: str, key: str, value: float, own: float, source: str
             f"{key} = {value:g} is not what the {product} has ({own:g}): correct it, or say where it is from "
             "in rating_source"
         )
-
-
-class _Section(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class Device(BaseModel):
@@ -58,7 +54,7 @@ class Device(BaseModel):
         return dict(self.model_extra or {})
 
 
-class TableSettings(_Section):
+class TableSettings(Strict):
     """The touch table: its grid of measuring points, row by row, the button point, and its patches."""
 
     rows: Annotated[int, Field(strict=True, ge=1, le=1000)] = 7
@@ -101,7 +97,7 @@ class TableSettings(_Section):
         return row * self.columns + column
 
 
-class DriveLimits(_Section):
+class DriveLimits(Strict):
     """The `[limits]` table: the rig's own limits, besides those of its parts (see `Limits`).
 
     Where the defaults are from: docs/hardware.md, "Limits and loss of the host".
@@ -127,7 +123,7 @@ _ROUNDED = 0.15
 """What rounding to 0.1 dB can take from an uncertainty, and add to that of a spread (dB)."""
 
 
-class People(_Section):
+class People(Strict):
     """The `[people]` table: the detection threshold that a lab measured with its own people.
 
     `haploop analyse thresholds --of BUTTON.h5` writes it. It replaces the estimate by which a check says
@@ -173,7 +169,7 @@ _BEYOND = 1.25
 """Largest [abort] drive over the limits: what the errors of a drive monitor and its divider can ask for."""
 
 
-class AbortLimits(_Section):
+class AbortLimits(Strict):
     """The `[abort]` table: measured values that stop a play, in any of its blocks, and lock the rig out."""
 
     drive: Positive | None = None
@@ -201,7 +197,7 @@ class AbortLimits(_Section):
         )
 
 
-class SimulationSettings(_Section):
+class SimulationSettings(Strict):
     """The `[simulation]` table: the plant of a simulated rig, and settings that this plant validates."""
 
     model_config = ConfigDict(frozen=True, extra="allow")
@@ -223,7 +219,7 @@ class SimulationSettings(_Section):
         return dict(self.model_extra or {})
 
 
-class Recalibration(_Section):
+class Recalibration(Strict):
     """The `[recalibration]` table: thresholds of drifted and broken for `haploop recalibrate`.
 
     The first five let a button's error grow by about a tenth of its target, half of what a check
@@ -261,7 +257,7 @@ def roles() -> tuple[str, ...]:
     return tuple(sorted(found, key=lambda role: (own.index(role) if role in own else len(own), role)))
 
 
-class RigFile(_Section):
+class RigFile(Strict):
     """A validated rig file. A role that another package adds is an attribute like haploop's own."""
 
     model_config = ConfigDict(extra="allow")

@@ -11,22 +11,18 @@ from.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
-from ...base.bounded import NotNegative, Positive
+from ...base.bounded import NotNegative, Positive, Strict
 
 Terminal = Annotated[str, Field(pattern=r"^[^/\s]+/\w+$")]
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class Channel(_Section):
+class Channel(Strict):
     """An analog input, or a counter."""
 
     terminal: Terminal
@@ -65,7 +61,7 @@ class Channel(_Section):
         return self
 
 
-class Output(_Section):
+class Output(Strict):
     """An analog output."""
 
     terminal: Terminal
@@ -73,14 +69,14 @@ class Output(_Section):
     """Largest voltage to put out, +- V."""
 
 
-class NiSettings(_Section):
+class NiSettings(Strict):
     """The `[daq]` table of a rig file."""
 
     channels: dict[str, Channel]
-    outputs: dict[str, Output] = {}
-    devices: dict[str, str] = {}
+    outputs: Mapping[str, Output] = {}
+    devices: Mapping[str, str] = {}
     """Product of each device, to be checked against the one that the card reports."""
-    products: dict[str, dict[str, Any]] = {}
+    products: Mapping[str, dict[str, Any]] = {}
     """Products that haploop cannot simulate by itself, by name, each with the figures that a row of its table
     has (docs/hardware.md, "Other NI products"); twin and wire need them, and the cards do not."""
     ai_conv_rate: Positive | None = None

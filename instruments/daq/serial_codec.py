@@ -17,9 +17,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
-from ...base.bounded import Baud, Finite, NotNegative, Positive
+from ...base.bounded import Baud, Finite, NotNegative, Positive, Strict
 from ..config import RigFile, lacks
 
 Frame = tuple[float, ...] | None
@@ -29,10 +29,8 @@ _LONGEST_LINE = 4096
 _CHECKSUMS = {"none": 0, "sum8": 1, "xor8": 1, "crc16": 2}
 
 
-class Framing(BaseModel):
+class Framing(Strict):
     """How a board writes its samples: either `separator` or `struct`."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     separator: str | None = None
     """Of text: what stands between two columns, such as `,`; a space stands for any number of blanks."""
@@ -224,11 +222,7 @@ _COUNTS = 100.0
 """Whole numbers in a range from which a line of text has whole numbers."""
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class Column(_Section):
+class Column(Strict):
     """A channel: a column of the board's frames."""
 
     column: Annotated[int, Field(strict=True, ge=1, le=64)]
@@ -247,7 +241,7 @@ class Column(_Section):
         return self
 
 
-class SharedEdge(_Section):
+class SharedEdge(Strict):
     """A signal that is wired to the DAQ and to the board: the button's contact, or a line that the board
     pulls.
     """
@@ -262,7 +256,7 @@ class SharedEdge(_Section):
     """Level in that column, as the board sends it."""
 
 
-class SerialSettings(_Section):
+class SerialSettings(Strict):
     """The `[daq]` or `[adc]` table of a rig file."""
 
     port: str

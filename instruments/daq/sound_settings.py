@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
-from ...base.bounded import Number, Positive
+from ...base.bounded import Number, Positive, Strict
 from ..config import RigFile
 
 Corner = Annotated[float, Field(strict=True, ge=0, le=50)]
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class Input(_Section):
+class Input(Strict):
     """One of the card's inputs."""
 
     input: Annotated[int, Field(strict=True, ge=1, le=64)]
@@ -28,7 +24,7 @@ class Input(_Section):
     """Corner of its AC coupling, 0 if it is DC-coupled; an estimate (docs/hardware.md, "Sound card")."""
 
 
-class Output(_Section):
+class Output(Strict):
     """One of the card's outputs."""
 
     output: Annotated[int, Field(strict=True, ge=1, le=64)]
@@ -41,11 +37,11 @@ class Output(_Section):
     """As an input's."""
 
 
-class SoundSettings(_Section):
+class SoundSettings(Strict):
     """The `[daq]` table of a rig file."""
 
     channels: Annotated[dict[str, Input], Field(min_length=1)]
-    outputs: dict[str, Output] = {}
+    outputs: Mapping[str, Output] = {}
     device: Number | str = ""
     """Number or part of the name, as sounddevice lists it; empty for the system's default."""
     rate_hz: Positive = 48_000.0

@@ -13,9 +13,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal, Self, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
-from ...base.bounded import Positive, Timeout
+from ...base.bounded import Positive, Strict, Timeout
 from ...base.clock import Clock
 from ...base.errors import ConfigurationError, InstrumentError, LimitError
 from ..driver import one_name
@@ -164,10 +164,8 @@ class ScpiGenerator(Generator):
 
     dialect: Dialect
 
-    class Settings(BaseModel):
+    class Settings(Strict):
         """The `[generator]` table of a rig file."""
-
-        model_config = ConfigDict(frozen=True, extra="forbid")
 
         resource: Annotated[str, Field(min_length=1)]
         """VISA name: USB0::..., or TCPIP::HOST::PORT::SOCKET (5025 for Keysight, 5555 for Rigol)."""

@@ -7,8 +7,7 @@ import sys
 import textwrap
 from typing import Self
 
-from pydantic import BaseModel, ConfigDict
-
+from ...base.bounded import Strict
 from ...base.clock import Clock
 from .role import Consent, Operator, Request, UnansweredError
 
@@ -16,10 +15,8 @@ from .role import Consent, Operator, Request, UnansweredError
 class Console(Operator):
     """See `Operator`."""
 
-    class Settings(BaseModel):
+    class Settings(Strict):
         """The `[operator]` table of a rig file; a console has no settings."""
-
-        model_config = ConfigDict(frozen=True, extra="forbid")
 
     @staticmethod
     def hardware(settings: Settings) -> tuple[str, ...]:

@@ -14,10 +14,10 @@ from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 import scipy
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from ...base.arrays import ComplexArray, FloatArray
-from ...base.bounded import Number, Positive
+from ...base.bounded import Number, Positive, Strict
 from ...base.clock import Clock
 from ...base.errors import InstrumentError, LimitError
 from ..portaudio import LEAD, Audio, AudioStream, found, high_pass, load, on_tape, refuse_mean
@@ -33,10 +33,8 @@ class SoundCard(Player):
 
     taped = True
 
-    class Settings(BaseModel):
+    class Settings(Strict):
         """The `[player]` table of a rig file."""
-
-        model_config = ConfigDict(frozen=True, extra="forbid")
 
         output: str
         """Name of the amplifier input that its output is wired to."""

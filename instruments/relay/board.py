@@ -12,9 +12,9 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Protocol
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import Field, field_validator
 
-from ...base.bounded import Positive
+from ...base.bounded import Positive, Strict
 from ...base.clock import Clock
 from ...base.errors import ConfigurationError, InstrumentError
 from .role import Relay
@@ -25,10 +25,8 @@ _PATIENCE = 0.1
 _MILLISECOND = 1e-3
 
 
-class BoardSettings(BaseModel):
+class BoardSettings(Strict):
     """Keys of the `[relay]` table common to all boards."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     patches: Annotated[dict[str, int], Field(min_length=1)]
     """Channel of each patch."""

@@ -9,9 +9,9 @@ from __future__ import annotations
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BeforeValidator, Field
 
-from ...base.bounded import Finite, NotNegative, Positive
+from ...base.bounded import Finite, NotNegative, Positive, Strict
 from .sensor import LinearSensor, Motion
 from .transfer import Measured, Root, Transfer
 from .units import Dimensions, dimensions, value_of, with_unit
@@ -37,10 +37,8 @@ Each = BeforeValidator(_each)
 """One value for all, or a list."""
 
 
-class LinearTable(BaseModel):
+class LinearTable(Strict):
     """A sensor whose channels are proportional to what it measures."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     measures: ClassVar[Motion]
     per: ClassVar[str]

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from ...base.arrays import BoolArray, ComplexArray, FloatArray
-from ...base.bounded import Finite, Positive
+from ...base.bounded import Finite, Positive, Strict
 from ..frozen import FrozenDict, frozen
 from .transfer import Transfer
 
@@ -43,10 +43,8 @@ class Scale:
         return f"{self.per_volt:.4g} {self.unit} per V"
 
 
-class Sensor(BaseModel, ABC):
+class Sensor(Strict, ABC):
     """Base of all sensors. `channels` names the DAQ channels that it is wired to, in its own order."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     channels: Annotated[tuple[str, ...], Field(min_length=1)]
 
@@ -231,10 +229,8 @@ def _printable(text: str) -> str:
     return text
 
 
-class AnalogChannel(BaseModel):
+class AnalogChannel(Strict):
     """A further channel of the DAQ recorded with presses: `value = scale * volts + offset`, in `unit`."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     channel: str
     scale: Annotated[Finite, AfterValidator(_not_zero)] = 1.0

@@ -8,9 +8,7 @@ from typing import Annotated, Any, Self
 
 import numpy as np
 from pydantic import (
-    BaseModel,
     BeforeValidator,
-    ConfigDict,
     Field,
     GetJsonSchemaHandler,
     field_validator,
@@ -18,7 +16,7 @@ from pydantic import (
 )
 from pydantic_core import core_schema
 
-from ...base.bounded import Finite, Positive
+from ...base.bounded import Finite, Positive, Strict
 from ..frozen import FrozenDict
 from .linear_table import LinearTable, in_units
 from .sensor import AnalogChannel, Divider, LinearSensor, Scale, Sensor, Switch
@@ -226,14 +224,12 @@ NotThere = BeforeValidator(_none)
 """False takes away what the base of a rig file has."""
 
 
-class Sensors(BaseModel):
+class Sensors(Strict):
     """The `[sensors]` table of a rig file. Each is optional, and `false` takes away that of a base.
 
     What a step needs is asked by that step: recording needs force, displacement, acceleration or velocity, a
     representative press one of the last three, and a rig without a touch table needs no `drive`.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     force: Annotated[LinearSensor | None, Described(ForceTable)] = None
     acceleration: Annotated[LinearSensor | None, Described(AccelerationTable)] = None

@@ -12,10 +12,10 @@ from __future__ import annotations
 from typing import Annotated, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from ...base.arrays import ComplexArray, FloatArray
-from ...base.bounded import Finite, NotNegative, Positive
+from ...base.bounded import Finite, NotNegative, Positive, Strict
 
 Root = Positive | tuple[Positive, Annotated[float, Field(strict=True, gt=0, le=1)]]
 """A real pole or zero by its frequency (Hz), or a pair by its frequency and damping ratio."""
@@ -31,10 +31,8 @@ def high_pass(frequencies: FloatArray, corner_hz: float) -> ComplexArray:
     return np.asarray(1.0 - low_pass(frequencies, corner_hz))
 
 
-class Measured(BaseModel):
+class Measured(Strict):
     """A measured frequency response: gain and phase at rising frequencies, constant beyond both ends."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     hz: Annotated[tuple[Positive, ...], Field(min_length=2, max_length=10_000)]
     gain: tuple[Positive, ...]
@@ -58,10 +56,8 @@ class Measured(BaseModel):
         return np.asarray(gain * np.exp(1j * np.interp(frequencies, self.hz, phase)), dtype=np.complex128)
 
 
-class Transfer(BaseModel):
+class Transfer(Strict):
     """Frequency response of a sensor, relative to its linear map."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     high_pass_hz: tuple[Positive, ...] = ()
     poles: tuple[Root, ...] = ()

@@ -21,8 +21,9 @@ from pathlib import Path
 from typing import Annotated, Any, BinaryIO, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
+from ...base.bounded import Strict
 from ...base.clock import Clock
 from ...base.entry_points import optional
 from ...base.errors import InstrumentError
@@ -49,10 +50,8 @@ _SHAPE = ("channel_format", "channel_count", "nominal_srate")
 """What a stream that comes back must have as before."""
 
 
-class Wanted(BaseModel):
+class Wanted(Strict):
     """Which stream: what is given must be equal, and one stream alone may be so."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     name: str | None = None
     type: str | None = None
@@ -81,10 +80,8 @@ class LslStreams:
 
     reads_hz = 2.0
 
-    class Settings(BaseModel):
+    class Settings(Strict):
         """The `[streams]` table of a rig file."""
-
-        model_config = ConfigDict(frozen=True, extra="forbid")
 
         inlets: Annotated[
             dict[Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,19}$")], Wanted],

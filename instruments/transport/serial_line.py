@@ -11,8 +11,9 @@ from contextlib import suppress
 from typing import Annotated, Any, Literal, Protocol
 
 import serial
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, Field
 
+from ...base.bounded import Strict
 from ...base.clock import Clock, RealClock
 from ...base.errors import InstrumentError
 from ...base.threads import Flag, Inbox
@@ -29,10 +30,8 @@ def _stop_bits(bits: float) -> float:
     return bits
 
 
-class SerialSettings(BaseModel):
+class SerialSettings(Strict):
     """How a serial port is opened, beside its name and rate: keys of an instrument's table."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     parity: Literal["none", "even", "odd", "mark", "space"] = "none"
     data_bits: Literal[7, 8] = 8

@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
-from ...base.bounded import Finite, NotNegative, Positive
+from ...base.bounded import Finite, NotNegative, Positive, Strict
 from ...base.clock import Clock
 from ..config import RigFile, lacks, range_of
 from .role import Quantity, Vibrometer, shown
@@ -25,10 +25,8 @@ _LOST_HZ = 60.0
 class AnalogVibrometer(Vibrometer):
     """See `Vibrometer`."""
 
-    class Settings(BaseModel):
+    class Settings(Strict):
         """The `[vibrometer]` table of a rig file."""
-
-        model_config = ConfigDict(frozen=True, extra="forbid")
 
         channel: str
         """Name of the DAQ channel that its output is wired to."""

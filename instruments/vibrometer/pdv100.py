@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict
+from pydantic import AfterValidator
 
+from ...base.bounded import Strict
 from .analog import AnalogVibrometer
 
 _RANGES = (0.02, 0.1, 0.5)
@@ -34,10 +35,8 @@ class Pdv100(AnalogVibrometer):
 
     taped = True
 
-    class Settings(BaseModel):
+    class Settings(Strict):
         """The `[vibrometer]` table of a rig file."""
-
-        model_config = ConfigDict(frozen=True, extra="forbid")
 
         channel: str
         """Name of the DAQ channel that its output is wired to."""

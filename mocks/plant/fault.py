@@ -17,17 +17,14 @@ import math
 from typing import ClassVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
 
 from ...base.arrays import BoolArray, FloatArray
-from ...base.bounded import Count, NotNegative, Positive
+from ...base.bounded import Count, NotNegative, Positive, Strict
 from ...instruments.config import RigFile
 
 
-class FaultSettings(BaseModel):
+class FaultSettings(Strict):
     """One table of `[[simulation.faults]]`; `kind` is its name in the table or of its entry point."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     kind: str
 

@@ -12,9 +12,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import scipy
-from pydantic import BaseModel, ConfigDict
 
 from ...base.arrays import ComplexArray, FloatArray
+from ...base.bounded import Strict
 from ...base.errors import ConfigurationError
 from ...instruments.config import RigFile, TableSettings
 from ...instruments.vibrometer import Quantity
@@ -139,13 +139,11 @@ class PlantSource(ABC):
         return Hysteresis(0.0 if coil else file.simulation.hysteresis)
 
 
-class PlantSettings(BaseModel, PlantSource):
+class PlantSettings(Strict, PlantSource):
     """A plant's own keys of `[simulation]`, as a pydantic model that makes its surface.
 
     An entry point of the group `haploop.plants` names a subclass.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 def table_of(file: RigFile) -> TableSettings:

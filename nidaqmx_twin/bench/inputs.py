@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 from scipy import signal
 
 from ...base.arrays import FloatArray
+from ...base.bounded import Strict
 from ...base.errors import ConfigurationError
 from ...base.validation import validate
 from ...base.wording import did_you_mean
@@ -29,11 +30,7 @@ Number = Annotated[float, BeforeValidator(_number), Field(allow_inf_nan=False)]
 Positive = Annotated[float, BeforeValidator(_number), Field(allow_inf_nan=False, gt=0)]
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class _Waveform(_Table):
+class _Waveform(Strict):
     waveform: str
     offset: Number = 0.0
     """Added (V)."""
@@ -137,13 +134,13 @@ WAVEFORMS: Mapping[str, type[_Waveform]] = {
 }
 
 
-class _Samples(_Table):
+class _Samples(Strict):
     samples: Annotated[list[Number], Field(min_length=1)]
     rate_hz: Positive
     repeat: bool = False
 
 
-class _File(_Table):
+class _File(Strict):
     file: Annotated[str, Field(min_length=1)]
     rate_hz: Positive | None = None
     """Of a .npy and a .csv; a .wav has its own."""
@@ -156,7 +153,7 @@ class _File(_Table):
         return self
 
 
-_KINDS: Mapping[Literal["samples", "file"], type[_Table]] = {"samples": _Samples, "file": _File}
+_KINDS: Mapping[Literal["samples", "file"], type[Strict]] = {"samples": _Samples, "file": _File}
 
 
 def input_of(told: Any, folder: Path, place: str) -> Callable[[str], Signal]:
