@@ -52,15 +52,6 @@ def test_power(run, tmp_path):
     assert "Power" in run("analyse power", plan(tmp_path), "--runs", 20).stdout
 
 
-@pytest.mark.parametrize("command", ["confusion", "ratings", "power"])
-def test_a_file_that_is_not_one_is_refused(run, tmp_path, command):
-    (tmp_path / "bytes").write_bytes(b"\xff\x00\xfe")
-    for path in (tmp_path / "none", tmp_path / "bytes", tmp_path):
-        result = run("analyse", command, path, "--json")
-        assert result.exit_code == 2 and result.stdout == "", path
-        assert len(result.stderr.splitlines()) == 1
-
-
 def test_thresholds_of_simulated_participants(run, tmp_path):
     """The model's: Weibull with 0.2 and slope 2, so that half of the way is at 0.2 ln(2)^(1/2) = 0.167."""
     pytest.importorskip("psignifit")

@@ -2,12 +2,10 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import get_args
 
 import pytest
 
 import haploop
-from haploop.acquisition import AverageMethod
 from haploop.reports.contents import file_contents
 from haploop.reports.show import print_made
 from tests.command_line import Demo
@@ -88,22 +86,6 @@ def test_button_and_check_ask_for_the_paper_s_press_too(demo, run, tmp_path):
     assert haploop.DigitalButton.load(made).press.method == "two-level mean"
 
 
-@pytest.mark.parametrize(
-    "command",
-    [("represent",), ("check", "-c", "x.h5"), ("study", "represent"), ("button", "make", "-c", "x.h5")],
-)
-def test_an_unknown_average_is_one_sentence(run, command):
-    result = run(*command, "latch", "--average", "median")
-    assert (result.exit_code, result.stdout) == (2, "")
-    assert len([line for line in result.stderr.splitlines() if line.startswith("Error: ")]) == 1
-    assert all(name in result.stderr for name in get_args(AverageMethod))
-
-
-def test_what_is_no_button_is_refused(demo, run):
-    result = run("button check", demo.folder / "calibration.h5")
-    assert result.exit_code == 2 and "is not a haploop button" in result.output
-
-
 def test_what_was_made_is_a_screen_and_show_has_the_rest(demo, capsys):
     file = demo.folder / "checks" / "latch.h5"
     whole = file_contents(file)
@@ -131,18 +113,3 @@ def test_a_plan_is_shown_and_its_choice_is_made(demo, run, tmp_path):
     assert made.exit_code == 0 and 0.09 < loud["predicted_error"] <= 0.12
     levels = [one["feeling"]["acts"]["pressing"]["above_threshold_db"] for one in (loud, quiet)]
     assert levels[0] > levels[1] + 3
-
-
-@pytest.mark.parametrize(
-    ("option", "said"),
-    [
-        (("--error", "loud"), "'loud' is no number of %"),
-        (("--error", "nan"), "'nan' is no number of %"),
-        (("--error", "40%"), "at most the 20"),
-        (("--level", "90dB"), "dB is the most"),
-    ],
-)
-def test_a_choice_that_is_none_is_refused_in_one_sentence(demo, run, tmp_path, option, said):
-    press, table = demo.folder / "presses" / "push.h5", demo.folder / "calibration.h5"
-    run("button make", press, "-c", table, "-o", tmp_path / "no.h5", *option, says=said)
-    assert not (tmp_path / "no.h5").exists()

@@ -21,52 +21,6 @@ def test_help_and_version(run):
     assert run("--version").stdout.startswith("haploop 0.")
 
 
-@pytest.mark.parametrize(
-    "args",
-    [
-        ["dance"],
-        ["demo", "--seed", "minus one"],
-        ["demo", "--seed", "-1"],
-        ["demo", "--participants", "0"],
-        ["demo", "--simulate", "dream"],
-        ["demo", "--rig", "no-such-rig"],
-        ["demo", "--rig", "no/such/rig.toml"],
-        ["record"],
-        ["record", "latch"],
-        ["record", "latch", "--participant", "P01", "--presses", "0"],
-        ["record", "no such/button", "--participant", "P01"],
-        ["show", "missing.h5"],
-        ["show", "."],
-        ["recover", "missing.h5"],
-        ["calibrate", "--patch", "Z"],
-        ["calibrate", "--point", "nowhere"],
-        ["calibrate", "--point", "84"],
-        ["calibrate", "--out", "no/such/folder/c.h5"],
-        ["check", "missing.h5", "--calibration", "missing.h5"],
-        ["check", "--calibration", "missing.h5"],
-    ],
-    ids=" ".join,
-)
-def test_a_wrong_request_is_one_sentence_and_exit_code_2(run, args, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    result = run(*args, ends=2)
-    assert result.stdout == ""
-    errors = [line for line in result.stderr.splitlines() if not line.startswith("Everything here")]
-    assert len(errors) == 1 and errors[0].startswith("Error: ") and errors[0].endswith((".", "?")), errors
-
-
-def test_an_unknown_key_of_the_plant_is_named(run, tmp_path):
-    rig = tmp_path / "plant.toml"
-    rig.write_text("[simulation]\nmode_drft = 0.1\n", encoding="utf-8")
-    run("demo --rig", rig, says="mode_drift")
-
-
-@pytest.mark.parametrize("command", [["demo"], ["record", "latch", "--participant", "P01"]], ids=" ".join)
-def test_a_folder_that_cannot_be_made_is_one_sentence(run, tmp_path, command):
-    (tmp_path / "file").write_text("in the way", encoding="utf-8")
-    run(*command, "--out", tmp_path / "file" / "folder", says=("Error: ", str(tmp_path / "file")))
-
-
 def test_record_then_show(run, tmp_path):
     recorded = run("record toggle -p P03 --presses 2 --out", tmp_path, "--json", ends=0)
     values = json.loads(recorded.stdout)
@@ -145,39 +99,8 @@ def test_twin_ni_serves_the_devices_of_an_export(tmp_path):
     assert process.returncode == 0, err
 
 
-def test_twin_ni_wants_one_source_of_devices(run, tmp_path):
-    for args in (["--devices", tmp_path / "missing.ini"], ["--devices", "x.ini", "--rig", "simulated"],
-        ["--devices", "x.ini", "--device", "Dev1=PCIe-6363", "--", "true"]):  # fmt: skip
-        result = run("twin ni", *args)
-        assert "--device" in result.stderr or "missing.ini" in result.stderr
-        assert result.exit_code == 2
-        assert result.stderr.count("\n") == 1
-
-
 def test_an_unknown_name_is_an_attribute_error():
     import haploop
 
     with pytest.raises(AttributeError, match="recrod"):
         haploop.recrod  # noqa: B018
-
-
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("hello\n", "is not a text export of NI MAX"),
-        ("[DAQmxDevice Dev1]\nProductType PCIe-6363\n", "is not a text export of NI MAX"),
-        ("", "lists no device that can be simulated"),
-        ("[DAQmxDevice Dev1]\nProductType=PCIe-1\n", "Dev1 (PCIe-1) is not known"),
-    ],
-)
-def test_twin_ni_refuses_a_file_without_devices(run, tmp_path, text, expected):
-    export = tmp_path / "export.ini"
-    export.write_text(text)
-    run("twin ni --devices", export, "--", "true", says=expected)
-
-
-def test_twin_ni_refuses_a_device_named_twice(run):
-    run(
-        "twin ni --device Dev1=PCIe-6363 --device Dev1=PCIe-6321 -- true",
-        says="Dev1 is in --device or in the bench twice",
-    )

@@ -28,12 +28,3 @@ def test_a_small_map_is_measured_shown_and_drawn(run, tmp_path, rigs):
     run("export", out, "--to", "uff", "--out", universal, ends=0)
     assert [(r.point, r.patch) for r in read_uff(universal)] == [("3", "A"), ("17", "A")]
     run("map --out", out, "--points", "3,18", "--patches", "A", says="points")
-
-
-def test_requests_that_make_no_map(run, tmp_path):
-    for wrong in (
-        *(("--points", "x"), ("--points", "84"), ("--patches", "Q")),
-        *(("--level", "500"), ("--patches", "A,A"), ("--points", "0-9999999999")),
-    ):
-        run("map --out", tmp_path / "map", *wrong, ends=2)
-    assert not (tmp_path / "map").exists()

@@ -38,17 +38,6 @@ def test_one_button_and_few_presses_need_no_experiment(run, tmp_path):
     assert "experiment run" not in (tmp_path / "lab" / "README.md").read_text(encoding="utf-8")
 
 
-def test_a_rig_file_is_not_overwritten(run, tmp_path):
-    path = tmp_path / "mine.toml"
-    run("rig new", path, "--like", "usb-6211", ends=0)
-    run("rig new", path, "--like", "usb-6211", says="is not overwritten")
-
-
-def test_questions_that_nobody_answers_are_one_sentence(run, tmp_path):
-    run("new", tmp_path / "a", "--buttons", "x", says="Nobody is there")
-    assert not list(tmp_path.glob("*.toml"))
-
-
 def test_each_command_of_its_readme_is_one_with_its_options(lab):
     readme = (lab / "README.md").read_text(encoding="utf-8")
     told = [shlex.split(one)[1:] for one in re.findall(r"`(haploop [^`]*)`", readme)]
@@ -84,24 +73,11 @@ def test_the_study_is_recorded_and_represented_there(lab, run, monkeypatch):
     run("study represent click --out click-press.h5", ends=0)
 
 
-def test_nothing_is_replaced_and_wrong_answers_are_one_sentence(run, lab, tmp_path):
-    given = ("--buttons", "a", "--participants", 1, "--rig", "simulated")
-    run("new", lab, *given, says="already exists")
-    for wrong, said in (
-        (("--buttons", "a b", *given[2:]), "such as latch,push"),
-        (("--buttons", "a,a", *given[2:]), "different names"),
-        ((*given[:4], "--rig", "nosuch"), "There is no rig 'nosuch'"),
-        (given[:4], "Nobody is there to ask: say it with --rig"),
-    ):
-        result = run("new", tmp_path / "other", *wrong)
-        assert result.exit_code == 2 and said in result.stderr and result.stderr.count("\n") == 1
-        assert not (tmp_path / "other").exists()
-    for folder, said in (
-        ("", "an empty name is no file or folder"),
-        (tmp_path.anchor, f"{tmp_path.anchor} has no name"),
-        (tmp_path / ("a" * 300), "aaaa... has 300 characters"),
-    ):
-        run("new", folder, *given, says=said)
+def test_nothing_is_replaced(run, lab, tmp_path):
+    run("new", lab, "--buttons", "a", "--participants", 1, "--rig", "simulated", says="already exists")
+    path = tmp_path / "mine.toml"
+    run("rig new", path, "--like", "usb-6211", ends=0)
+    run("rig new", path, "--like", "usb-6211", says="is not overwritten")
 
 
 def test_a_name_with_a_space_is_quoted_in_the_command_to_go_on_with(run, tmp_path, monkeypatch):

@@ -15,21 +15,6 @@ from haploop.mocks.operator import OperatorTwin
 ROOT = Path(__file__).parents[2]
 
 
-@pytest.mark.parametrize("option", [("-n", 10**9), ("-n", 1001), ("--wait", "nan"), ("--wait", -1)], ids=str)
-def test_what_no_recording_can_hold_is_refused_at_once(run, tmp_path, option):
-    result = run("record push -p P01 -o", tmp_path / "out", *option)
-    assert (result.exit_code, result.stdout) == (2, "")
-    said = {"-n": "--presses", "--wait": "--wait"}[str(option[0])]
-    assert result.stderr.count("\n") == 1 and result.stderr.startswith(f"Error: {said} must be a")
-    assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize("args", [["doctor", "--mass", "nan"], ["map", "--level", "nan", "--out", "m"]])
-def test_no_option_takes_what_is_no_number(run, args):
-    result = run(*args)
-    assert (result.exit_code, "must be a number" in result.stderr) == (2, True)
-
-
 def test_the_same_command_can_be_given_again_where_nobody_came(run, tmp_path, monkeypatch):
     command = ("record", "push", "-p", "P01", "-n", 1, "-o", tmp_path)
     with monkeypatch.context() as nobody:

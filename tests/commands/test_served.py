@@ -97,13 +97,6 @@ def test_the_guide_to_taps(tmp_path, monkeypatch):
     exec(compile(script, "live-views.md", "exec"), {})
 
 
-def test_a_rig_with_an_unknown_driver_is_refused(run, tmp_path):
-    odd = tmp_path / "odd.toml"
-    odd.write_text('base = "haptable"\n[relay]\ndriver = "no-such"\n', encoding="utf-8")
-    result = run("twin all --rig", odd, ends=2)
-    assert "'no-such'" in result.output
-
-
 def _serial(folder: Path) -> Path:
     path = folder / "serial.toml"
     text = 'base = "haptable"\n[relay]\ndriver = "serial-relay"\nport = "COM4"\nrating = 48\n'
@@ -281,25 +274,6 @@ def test_a_serial_line_is_a_device_file(tmp_path):
             with serial.Serial(path, 115200, timeout=5) as port:
                 port.write(b"Get,VeloDec,0,Range\n")
                 assert port.readline() == b"5mm/s/V\n"
-
-
-@pytest.mark.parametrize(
-    ("words", "sentence"),
-    [
-        ("all --port yocto=x", "--port wants KIND=N,KIND=N"),
-        ("all --port ni=1,ni=2", "--port wants KIND=N,KIND=N"),
-        ("all --port 4444", "--port wants KIND=N,KIND=N"),
-        ("all --port ofv=65536", "--port wants KIND=N,KIND=N"),
-        ("all --port nix=5", "'nix', and what is served is ni, yocto, ofv, scpi"),
-        ("all -- no-such-program", "no-such-program cannot be run"),
-        ("all --write other.toml", "other.toml exists and is another file"),
-    ],
-)
-def test_what_cannot_be_served_is_one_sentence(words, sentence, run, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    Path("other.toml").write_text('name = "mine"\n')
-    run("twin", *words.split(maxsplit=1)[:1], "--rig", "bench", *words.split()[1:], says=sentence)
-    assert Path("other.toml").read_text() == 'name = "mine"\n'
 
 
 def test_a_port_that_is_taken_is_one_sentence(run):

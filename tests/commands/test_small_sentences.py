@@ -35,23 +35,6 @@ def test_one_recording_and_a_folder_are_represented(recorded, run, tmp_path):
     assert np.array_equal(haploop.load(tmp_path / "press.h5").acceleration, one.acceleration)
 
 
-def test_a_figure_is_not_exported_and_the_command_that_writes_it_is_named(recorded, run):
-    (path,) = recorded.glob("*.h5")
-    run("export", path, "--to", "svg", "--out", "a.svg", says="haploop figures FILE --out DIR")
-
-
-def test_text_is_not_called_damaged(run, tmp_path):
-    path = tmp_path / "notes.txt"
-    path.write_text("my notes of today\n", encoding="utf-8")
-    run("show", path, says="is text, and no file of haploop")
-
-
-def test_recalibrate_tells_an_error_of_its_rig_file_first(run, tmp_path):
-    path = tmp_path / "rig.toml"
-    path.write_text('base = "simulated"\nnmae = "x"\n', encoding="utf-8")
-    run("recalibrate --rig", path, says="did you mean 'name'?")
-
-
 def test_a_second_operator_and_a_second_day_get_their_own_words(run, tmp_path):
     folder = tmp_path / "matching"
     new_experiment(folder, "matching")
