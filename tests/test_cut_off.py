@@ -100,7 +100,7 @@ def world(folder: Path) -> Iterator[World]:
         for role, (driver, key) in ROLES.items():
             device = getattr(file, role)
             settings = validate(driver.Settings, device.settings, role)
-            before, port, after = PLACE.fullmatch(  # type: ignore[union-attr]
+            before, port, after = PLACE.fullmatch(
                 str(simulation.serve(device.driver, settings)[key])
             ).groups()
             cables[role] = stack.enter_context(Cable(int(port)))
@@ -139,7 +139,6 @@ class Program:
                     pipe.close()
 
     def _obey(self) -> None:
-        assert self.process.stderr is not None and self.process.stdin is not None
         heard = 0
         while piece := self.process.stderr.read(1):
             self.said += piece.decode("latin-1")

@@ -63,7 +63,7 @@ def plants() -> Iterator[list[Plant]]:
     original = Simulation.__init__
 
     def noted(self: Simulation, *args: object, **more: object) -> None:
-        original(self, *args, **more)  # type: ignore[arg-type]
+        original(self, *args, **more)
         seen.append(self.plant)
 
     with pytest.MonkeyPatch.context() as patch:

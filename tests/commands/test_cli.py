@@ -61,7 +61,6 @@ def test_a_stopped_recording_is_safe_and_readable(tmp_path, number, code):
         str(tmp_path),
     ]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        assert process.stderr is not None
         assert "simulated" in process.stderr.readline()
         assert "Record the latch button" in process.stderr.readline()
         process.send_signal(number)
@@ -85,7 +84,6 @@ def test_twin_ni_serves_the_devices_of_an_export(tmp_path):
     command = [sys.executable, "-m", "haploop", "twin", "ni", "--devices", str(export)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         try:
-            assert process.stdout is not None
             line = process.stdout.readline()
             assert line.startswith("Server listening on port ")
             with grpc.insecure_channel(

@@ -274,12 +274,12 @@ def test_what_nobody_could_be_asked_is_not_tested_and_not_red(open):
     def nobody(request: object) -> bool:
         raise UnansweredError(f"Nobody is at the console to answer: {request}")
 
-    rig.operator.confirm = nobody  # type: ignore[method-assign, assignment]
+    rig.operator.confirm = nobody
     findings = examine(rig)
     assert not of_status(findings, "red")
     settings = next(one for one in findings if one.name == "Settings" and one.instrument == "vibrometer")
     assert settings.status == "yellow" and settings.sentence.startswith("Not tested: nobody was there")
-    rig.operator.confirm = lambda request: False  # type: ignore[method-assign, assignment]
+    rig.operator.confirm = lambda request: False
     said = [one.sentence for one in of_status(examine(rig), "red")]
     assert any("The settings differ from the rig file" in sentence for sentence in said)
     assert_safe(rig)

@@ -47,7 +47,7 @@ def test_each_command_of_its_readme_is_one_with_its_options(lab):
         if name == "COMMAND":
             continue
         while name in getattr(group, "commands", {}):
-            group = group.commands[name]  # type: ignore[assignment]
+            group = group.commands[name]
             if not hasattr(group, "commands"):
                 break
             name = words.pop(0)

@@ -71,7 +71,6 @@ def test_a_drift_is_brought_back_and_nothing_else_changes_anything(seed, full, r
         assert not before["passed"] and wrong["error"] > 0.5
         assert after["passed"] and after["whole"]["error"] <= after["tolerance"]
         shown = re.search(rf"{name}</th><td>([\d.]+) %</td><td>([\d.]+) %", html)
-        assert shown is not None
         assert [float(error) for error in shown.groups()] == pytest.approx(
             [100 * before["whole"]["error"], 100 * after["whole"]["error"]], abs=0.051
         )

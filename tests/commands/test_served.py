@@ -55,7 +55,6 @@ def test_the_guide_to_served_twins(tmp_path):
     (rig,) = _blocks("serving-twins.md", "toml")
     *lines, unserved = printed.splitlines()
     with _running(_command(serve), tmp_path) as server:
-        assert server.stdout is not None
         for line in lines:
             kind, address = line.split(": ", 1)
             real_kind, real_address = server.stdout.readline().strip().split(": ", 1)
@@ -66,7 +65,6 @@ def test_the_guide_to_served_twins(tmp_path):
         watch = [sys.executable, "-m", "haploop", "live", "--rig", "served.toml", "--wait", "60", "--json"]
         # Into a file: a pipe that nobody reads would stop the viewer, which then drops blocks.
         with (tmp_path / "seen").open("w") as out, _running(watch, tmp_path, out) as viewer:
-            assert viewer.stderr is not None
             assert viewer.stderr.readline() == "Waiting for a command that uses the rig served.\n"
             done = subprocess.run(
                 _command(record), cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False
@@ -112,7 +110,6 @@ def test_every_kind_is_served(tmp_path, rig):
     name = "bench" if rig == "bench" else str(_serial(tmp_path))
     command = [sys.executable, "-m", "haploop", "twin", "all", "--rig", name, "--json"]
     with _running(command, tmp_path) as server:
-        assert server.stdout is not None
         addresses = json.loads(server.stdout.readline())
         server.send_signal(signal.SIGTERM)
         server.communicate(timeout=30)
@@ -133,7 +130,6 @@ def test_nothing_to_watch_is_one_sentence(run):
 def test_alone_it_looks_at_the_sensors_itself(tmp_path):
     command = [sys.executable, "-m", "haploop", "live", "--rig", "simulated", "--json"]
     with _running(command, tmp_path) as program:
-        assert program.stdout is not None
         blocks = [json.loads(program.stdout.readline()) for _ in range(3)]
         program.send_signal(signal.SIGINT)
         _, said = program.communicate(timeout=60)
@@ -254,7 +250,6 @@ def test_ports_are_those_that_were_asked_for_and_a_rig_file_points_at_them(tmp_p
     ni, yocto = free_port(), free_port()
     command = f"haploop twin all --rig bench --port ni={ni},yocto={yocto} --write lab.toml --json"
     with _running(_command(command), tmp_path) as server:
-        assert server.stdout is not None
         addresses = json.loads(server.stdout.readline())
         assert addresses["ni"] == f"127.0.0.1:{ni}" and addresses["yocto"] == f"http://127.0.0.1:{yocto}"
         with haploop.open_rig(tmp_path / "lab.toml") as rig:
@@ -267,7 +262,6 @@ def test_ports_are_those_that_were_asked_for_and_a_rig_file_points_at_them(tmp_p
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no pseudo-terminals")
 def test_a_serial_line_is_a_device_file(tmp_path):
     with _running(_command("haploop twin all --rig bench --pty --json"), tmp_path) as server:
-        assert server.stdout is not None
         path = json.loads(server.stdout.readline())["ofv"]
         assert Path(path).is_char_device()
         for _ in range(2):

@@ -79,7 +79,7 @@ def test_from_doctor_to_recalibration(name, mode, run, tmp_path, monkeypatch):
     assert "The calibration holds" in done("recalibrate", *on, *history)
 
     drive = haploop.DigitalButton.load(button).drive
-    with haploop.open_rig(rig_file, simulate=mode) as rig:  # type: ignore[arg-type]
+    with haploop.open_rig(rig_file, simulate=mode) as rig:
         result, error = played_and_true(rig, drive, 16, monkeypatch)
     assert result.passed and error < 0.2
     low, high = result.interval
@@ -93,7 +93,7 @@ def played_and_true(
     excite, seen, size = rig.excite_each, [], len(drive.target)
 
     def watched(drives: dict[str, FloatArray], *args: Any, **more: Any) -> Capture:
-        truth = rig.simulation.truth  # type: ignore[union-attr]
+        truth = rig.simulation.truth
         record = truth.record()
         volts = drives[drive.patches[0]]
         capture = excite(drives, *args, **more)

@@ -44,7 +44,6 @@ def start(data: Path, *options: str, state: Path) -> Served:
     command = [sys.executable, "-m", "haploop", "serve", "--json", "--data", str(data), *options]
     environment = {**os.environ, "HAPLOOP_STATE": str(state)}
     process = subprocess.Popen(command, stdout=subprocess.PIPE, env=environment, text=True)
-    assert process.stdout is not None
     line = process.stdout.readline()
     assert line, process.wait()
     base, _, token = json.loads(line)["url"].partition("/#")
@@ -56,7 +55,6 @@ def end(one: Served) -> None:
     """Ctrl-C, which ends the worker too."""
     one.process.terminate()
     one.process.wait(60)
-    assert one.process.stdout is not None
     one.process.stdout.close()
 
 

@@ -18,6 +18,7 @@ from haploop.console.worker.presenting import Stimuli, present_stimuli
 from haploop.experiments import read_log
 from haploop.instruments import open_rig
 from tests.experiments.played import played
+from tests.raising import raises
 
 
 class Console:
@@ -80,14 +81,12 @@ def test_a_session_on_the_pages_is_played_by_the_worker(made, tmp_path):
 
     def script() -> None:
         conductor.begin({"experiment": "played", "participant": "P01"}, {})
-        with pytest.raises(ConfigurationError, match="prepare it first"):
-            conductor.present({"turn": ""})
+        raises(ConfigurationError, "prepare it first", conductor.present, {"turn": ""})
         console.hear(lambda _, snapshot: snapshot["surface"] is not None)
         conductor.present({"turn": ""})
         shown = conductor.operator
         assert shown is not None and shown["playing"] and not shown["by_hand"]
-        with pytest.raises(ConfigurationError, match=r"wait\."):
-            conductor.present({"turn": shown["turn"]})
+        raises(ConfigurationError, r"wait\.", conductor.present, {"turn": shown["turn"]})
         # One press of the calibration follows the other without the operator.
         shown = console.hear(lambda shown, _: shown["step"]["block"] == "experiment")
         for number in (1, 2):
@@ -95,12 +94,11 @@ def test_a_session_on_the_pages_is_played_by_the_worker(made, tmp_path):
             conductor.present({"turn": ""})
             asked = conductor.participant
             assert asked is not None and asked["ask"] is None
-            turn = conductor.operator["turn"]  # type: ignore[index]
-            with pytest.raises(DataError, match="asked no more"):
-                conductor.answer({"turn": turn, "answer": "push"})
+            turn = conductor.operator["turn"]
+            raises(DataError, "asked no more", conductor.answer, {"turn": turn, "answer": "push"})
             shown = console.hear(lambda shown, _: not shown["playing"])
             assert not shown["problem"]
-            assert conductor.participant["ask"]["choices"]  # type: ignore[index]
+            assert conductor.participant["ask"]["choices"]
             if number == 1:
                 conductor.present({"turn": turn})
                 console.hear(lambda shown, _: not shown["playing"])
@@ -133,8 +131,6 @@ def test_a_rig_that_was_left_in_a_stimulus_is_said_so(made, tmp_path):
     assert "prepare it, and present again" in conductor.operator["problem"]
     assert conductor.operator["step"]["number"] == 1 and not conductor.operator["playing"]
     assert conductor.participant is not None and conductor.participant["ask"] is None
-    with pytest.raises(ConfigurationError, match="prepare it first"):
-        conductor.present({"turn": ""})
-    with pytest.raises(DataError, match="asked no more"):
-        conductor.answer({"turn": turn, "answer": "done"})
+    raises(ConfigurationError, "prepare it first", conductor.present, {"turn": ""})
+    raises(DataError, "asked no more", conductor.answer, {"turn": turn, "answer": "done"})
     conductor.end()

@@ -13,6 +13,7 @@ from haploop.console.data_folder import DataFolder
 from haploop.console.server import run_queue
 from haploop.console.server.run_queue import RunQueue
 from tests.console.test_experiment_pages import EXPERIMENT
+from tests.raising import raises
 
 HERE = {"place": "/state/console-1.json", "begun": "2026-11-28T12:00:00.000000+00:00"}
 """What the board says of the worker of these tests."""
@@ -123,18 +124,15 @@ def test_a_server_that_comes_back_knows_what_runs(queue, data, worker):
     ],
 )
 def test_what_cannot_be_recorded_is_not_lined_up(queue, values, sentence):
-    with pytest.raises(HaploopError, match=re.escape(sentence)):
-        queue.add(values)
+    raises(HaploopError, re.escape(sentence), queue.add, values)
     assert order(queue) == ["latch", "toggle", "push"]
 
 
 def test_a_refusal_of_the_worker_leaves_the_list(queue, worker):
     worker.refusal = "The preflight is not green."
-    with pytest.raises(ConfigurationError, match="preflight"):
-        queue.start({"id": queue.items[0]["id"]})
+    raises(ConfigurationError, "preflight", queue.start, {"id": queue.items[0]["id"]})
     assert all(one["job"] is None for one in queue.items)
-    with pytest.raises(ConfigurationError, match="not lined up any more"):
-        queue.start({"id": "gone"})
+    raises(ConfigurationError, "not lined up any more", queue.start, {"id": "gone"})
 
 
 def test_a_damaged_list_is_said_and_not_replaced(queue, data, worker):
@@ -143,8 +141,7 @@ def test_a_damaged_list_is_said_and_not_replaced(queue, data, worker):
     damaged = RunQueue(data, worker)
     assert damaged.items == [] and "Remove it" in damaged.shown["problem"]
     before = path.read_bytes()
-    with pytest.raises(DataError):
-        damaged.add({"participant": "P02", "button": "latch"})
+    raises(DataError, "", damaged.add, {"participant": "P02", "button": "latch"})
     assert path.read_bytes() == before
 
 
@@ -219,8 +216,7 @@ def test_a_session_is_lined_up_among_recordings_and_leaves_when_it_is_complete(q
     queue.move({"id": queue.items[3]["id"], "to": 1})
     told = [(one["participant"], one["experiment"] or one["button"]) for one in other.items]
     assert told == [("P01", "latch"), ("P01", "pilot"), ("P01", "toggle"), ("P01", "push"), ("P02", "pilot")]
-    with pytest.raises(ConfigurationError, match="begins on the page"):
-        queue.start({"id": queue.items[1]["id"]})
+    raises(ConfigurationError, "begins on the page", queue.start, {"id": queue.items[1]["id"]})
     queue.completed(experiment, "P03")
     queue.completed(experiment, "P01")
     assert [one["participant"] for one in other.items if one["experiment"]] == ["P02"]
@@ -237,6 +233,5 @@ def test_a_session_is_lined_up_among_recordings_and_leaves_when_it_is_complete(q
 )
 def test_what_is_no_session_is_not_lined_up(queue, experiment, values, sentence):
     queue.add({"participant": "P01", "experiment": experiment})
-    with pytest.raises(HaploopError, match=re.escape(sentence)):
-        queue.add(values)
+    raises(HaploopError, re.escape(sentence), queue.add, values)
     assert len(queue.items) == 4

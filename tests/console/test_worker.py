@@ -29,6 +29,7 @@ from haploop.instruments import load_rig_file
 from haploop.instruments.operator import ConfirmSettings
 from haploop.mocks.operator import OperatorTwin
 from haploop.reports.contents.recording import recording_contents
+from tests.raising import raises
 
 DEADLINE = 60.0
 
@@ -414,19 +415,15 @@ def test_what_a_page_asks_wrongly_is_one_sentence(tmp_path):
         ({"button": "latch", "participant": "P01", "presses": "many"}, "whole number"),
         ({"button": "latch", "participant": "P01", "presses": 3, "notes": "x" * 300}, "notes"),
     ):
-        with pytest.raises(ConfigurationError, match=what):
-            begin(worker, "record", **wanted)
+        raises(ConfigurationError, what, begin, worker, "record", **wanted)
     for kind, wanted in (("study", {"study": "../elsewhere"}), ("map", {"points": "0,one"}),
         ("map", {"points": "12-5"}), ("map", {"points": "0-99999999"}), ("map", {"name": "../map"}),
         ("check", {"button": "/etc/passwd"}), ("make", {"recordings": []}), ("safe", {}),
         ("anything", {})):  # fmt: skip
-        with pytest.raises(ConfigurationError):
-            begin(worker, kind, **wanted)
+        raises(ConfigurationError, "", begin, worker, kind, **wanted)
     for name in ("reject", "pause", "press", "answer", "explode"):
-        with pytest.raises(ConfigurationError):
-            worker.command(name, {"on": True})
-    with pytest.raises(ConfigurationError, match="The reason"):
-        worker.command("override", {"reason": " "})
+        raises(ConfigurationError, "", worker.command, name, {"on": True})
+    raises(ConfigurationError, "The reason", worker.command, "override", {"reason": " "})
     assert worker.board["job"] is None
 
 
@@ -436,7 +433,7 @@ def test_what_a_page_asks_wrongly_is_one_sentence(tmp_path):
 @pytest.fixture
 def listener(tmp_path):
     found = Listener(made(tmp_path), "token", "stop-token")
-    found.worker.stop = lambda: {"state": "safe", "sentence": "Safe.", "number": 1}  # type: ignore[method-assign]
+    found.worker.stop = lambda: {"state": "safe", "sentence": "Safe.", "number": 1}
     threading.Thread(target=found.serve_forever, args=(0.01,), daemon=True).start()
     yield found
     found.shutdown()
@@ -474,7 +471,7 @@ def test_the_listener_answers_the_consoles_pages_and_no_others(listener):
     assert ask(listener, "POST", "/stop", b"stop-token", Origin=page)[0] == 403
     link = WorkerLink(Address(1, listener.port, "token", "stop-token", "data", "calibrations"))
     for name in ("origins", "stop", "../origins", "/origins", "origins?", "state", "é\r\n"):
-        status, answer = link.command(name, ["http://evil.example"])  # type: ignore[arg-type]
+        status, answer = link.command(name, ["http://evil.example"])
         assert status == 409 and "no command" in answer["error"], name
     assert not listener.origins
     link.allow([page])
@@ -484,8 +481,7 @@ def test_the_listener_answers_the_consoles_pages_and_no_others(listener):
     assert ask(listener, "POST", "/stop", b"stop-token", Host="evil.example")[0] == 403
     assert ask(listener, "GET", "/state", Authorization="Bearer token", Host="evil.example")[0] == 403
     gone = WorkerLink(Address(1, 9, "token", "stop-token", "data", "calibrations"))
-    with pytest.raises(InstrumentError, match="does not answer"):
-        gone.state()
+    raises(InstrumentError, "does not answer", gone.state)
     gone.end()
 
 
@@ -516,8 +512,7 @@ def test_who_looks_gives_way_and_keeps_nothing(tmp_path):
         worker.command("press", {})  # the simulated finger presses without a prompt
         begin(worker, "record", button="toggle", participant="P01", presses=1)
         until(lambda: board["run"] and board["run"]["doing"] == "record")
-        with pytest.raises(ConfigurationError, match="busy"):
-            begin(worker, "look")
+        raises(ConfigurationError, "busy", begin, worker, "look")
         until(lambda: ended(worker))
         assert board["job"]["kind"] == "record" and board["job"]["state"] == "done"
         begin(worker, "look")

@@ -16,6 +16,7 @@ from scipy.io import savemat, wavfile
 
 import haploop
 from haploop.acquisition import Recording, Representative
+from tests.raising import raises
 
 
 def press(path: Path, button: str | None = None, at: float | None = None, **told: Any) -> Representative:
@@ -88,8 +89,7 @@ def test_one_press_of_an_exported_recording_is_imported(files, tmp_path, format)
     """The one that is named: of several none is taken without a word."""
     out = tmp_path / f"presses.{format}"
     haploop.export_file(files.recording, format, out)
-    with pytest.raises(haploop.ConfigurationError, match="holds 2 presses"):
-        press(out)
+    raises(haploop.ConfigurationError, "holds 2 presses", press, out)
     first = round(files.presses.accepted[1].activation)
     found = press(out, at=first / 5000)
     assert "where the operator said" in found.reason
@@ -186,8 +186,7 @@ def test_a_stranger_s_wav_needs_its_scale(tmp_path):
     """44.1 kHz, 24 dB of gravity beneath it: what is longer than a second is cut about the click."""
     path = tmp_path / "click.wav"
     wavfile.write(path, 44_100, (recorded() / 2 * 32767).astype(np.int16))
-    with pytest.raises(haploop.ConfigurationError, match="--acceleration"):
-        press(path, "latch")
+    raises(haploop.ConfigurationError, "--acceleration", press, path, "latch")
     found = press(path, "latch", units={"acceleration": "2 g"})
     assert found.duration == pytest.approx(0.5, abs=0.001) and not found.simulated
     assert found.activation_index == pytest.approx(750, abs=6)
@@ -283,8 +282,7 @@ def test_a_time_in_milliseconds_is_not_taken_for_seconds(tmp_path):
         made.append(press(path, "b").acceleration)
     assert np.allclose(made[1], made[0]) and np.allclose(made[2], made[0])
     path.write_text("time [fortnights],a [g]\n0,1\n1,2\n")
-    with pytest.raises(haploop.ConfigurationError, match="fortnights"):
-        press(path, "b")
+    raises(haploop.ConfigurationError, "fortnights", press, path, "b")
 
 
 @pytest.mark.usefixtures("read_here")
@@ -315,8 +313,7 @@ def test_a_sidecar_of_another_shape_is_one_sentence(tmp_path, beside):
     path = tmp_path / "a.wav"
     wavfile.write(path, 5000, np.sin(np.arange(5000.0)).astype(np.float32))
     path.with_name("a.wav.json").write_text(json.dumps(beside))
-    with pytest.raises(haploop.DataError):
-        press(path, "b", units={"acceleration": "m/s^2"})
+    raises(haploop.DataError, "", press, path, "b", units={"acceleration": "m/s^2"})
 
 
 @pytest.mark.parametrize("scale", [0.0, np.nan, 1e300])
@@ -332,17 +329,14 @@ def test_a_scale_that_no_sensor_has_is_one_sentence(tmp_path, run, scale):
 def test_a_rate_that_no_press_has_is_one_sentence(tmp_path, rate_hz):
     path = tmp_path / "a.csv"
     np.savetxt(path, np.sin(np.arange(5000.0)), header="a [g]", comments="")
-    with pytest.raises(haploop.ConfigurationError, match="samples/s"):
-        press(path, "b", rate_hz=rate_hz)
-    with pytest.raises(haploop.ConfigurationError, match="is a folder"):
-        press(tmp_path)
+    raises(haploop.ConfigurationError, "samples/s", press, path, "b", rate_hz=rate_hz)
+    raises(haploop.ConfigurationError, "is a folder", press, tmp_path)
 
 
 def test_a_heading_of_many_spaces_takes_no_time(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("a" + " " * 50_000 + "[q\n1\n2\n")
-    with pytest.raises(haploop.ConfigurationError, match="the unit of"):
-        press(path, "b", rate_hz=5000.0)
+    raises(haploop.ConfigurationError, "the unit of", press, path, "b", rate_hz=5000.0)
 
 
 def test_a_reader_that_dies_is_one_sentence(run, tmp_path, monkeypatch):

@@ -149,7 +149,6 @@ def test_labrecorder_itself_records_it(tmp_path):
             command = [program, session, f"name='{OURS}'"]
             recorder = subprocess.Popen(command, env=environment, stdin=pipe, stdout=pipe, text=True)
             processes.append(recorder)
-            assert recorder.stdout is not None
             if any("Started data collection" in line for line in recorder.stdout):
                 break
         with haploop.open_rig("simulated", real_time=True) as rig, rig.publish_live():

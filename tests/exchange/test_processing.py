@@ -207,11 +207,11 @@ def test_a_dask_cluster_writes_the_same_bytes_when_a_worker_is_killed(folder, al
     killed = []
 
     def kill() -> None:
-        worker = cluster.workers[0]  # type: ignore[attr-defined]
+        worker = cluster.workers[0]
         killed.append(worker.pid)
         os.kill(worker.pid, signal.SIGKILL)
 
-    address = cluster.scheduler_address  # type: ignore[attr-defined]
+    address = cluster.scheduler_address
     study = haploop.load_study(folder)
     found = haploop.process_study(study, tmp_path / "out", dask=address, progress=once(kill))
     assert killed and found.computed == 8
@@ -222,14 +222,14 @@ def test_a_dask_cluster_writes_the_same_bytes_when_a_worker_is_killed(folder, al
 
 @pytest.mark.filterwarnings("default")
 def test_a_cluster_that_loses_every_worker_ends_it(folder, tmp_path, cluster, monkeypatch):
-    cluster.scheduler.allowed_failures = 0  # type: ignore[attr-defined]
+    cluster.scheduler.allowed_failures = 0
     # By value: the workers have no module of tests.
     monkeypatch.setattr(processing, "_work", lambda *_: os.kill(os.getpid(), signal.SIGKILL))
     with pytest.raises(haploop.InstrumentError, match=r"lost its work \(KilledWorker\).*same command again"):
         haploop.process_study(
             haploop.load_study(folder),
             tmp_path / "out",
-            dask=cluster.scheduler_address,  # type: ignore[attr-defined]
+            dask=cluster.scheduler_address,
         )
 
 

@@ -31,7 +31,6 @@ def test_workers_end_when_their_program_is_killed(tmp_path):
     with subprocess.Popen(
         [sys.executable, script], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
     ) as program:
-        assert program.stdout is not None
         workers = [int(program.stdout.readline()) for _ in range(2)]
         program.kill()
     until = time.monotonic() + 60

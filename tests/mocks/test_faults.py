@@ -13,6 +13,7 @@ from haploop.calibration import LinearSweep, linear_sweep, measure_response
 from haploop.instruments import Rig, open_rig
 from haploop.instruments.operator.role import Place, Remove
 from haploop.mocks.faults import OWN
+from tests.raising import raises
 
 SWEEP = linear_sweep(50_000.0, 0.5, 625.0, 10.0)
 
@@ -55,8 +56,7 @@ def test_every_kind_is_in_the_guide():
     ids=lambda value: str(value.get("kind")) if isinstance(value, dict) else "",
 )
 def test_a_fault_that_cannot_be_is_refused_in_one_sentence(fault, says):
-    with pytest.raises(ConfigurationError, match=says):
-        open_rig("haptable", simulate="twin", simulation={"faults": [fault]})
+    raises(ConfigurationError, says, open_rig, "haptable", simulate="twin", simulation={"faults": [fault]})
 
 
 def test_a_fault_waits_for_its_moment_and_says_when_it_fired(open):
@@ -118,15 +118,13 @@ def test_a_range_that_was_set_by_hand_is_not_confirmed(open):
     right = open("haptable")
     ratio = played(right)[1].std() / played(rig)[1].std()
     assert ratio == pytest.approx(5, rel=0.05), "the scale is wrong by what the ranges differ"
-    with pytest.raises(InstrumentError, match="did not confirm"):
-        rig.confirm_settings()
+    raises(InstrumentError, "did not confirm", rig.confirm_settings)
 
 
 @pytest.mark.parametrize(("kind", "code"), [("daq-overrun", "-200279"), ("daq-overflow", "-200010")])
 def test_lost_samples_end_a_recording(open, tmp_path, kind, code):
     rig = open(faults=[{"kind": kind, "device": "Dev1", "after": 3.0}])
-    with pytest.raises(InstrumentError, match=rf"Dev1 lost samples.*{code}"):
-        record(rig, "push", "P01", 5, tmp_path)
+    raises(InstrumentError, rf"Dev1 lost samples.*{code}", record, rig, "push", "P01", 5, tmp_path)
     assert fired(rig) == [1]
 
 
@@ -135,20 +133,17 @@ def test_lost_samples_end_a_recording(open, tmp_path, kind, code):
 )
 def test_a_play_that_was_not_played_whole_is_an_error(open, how, says):
     rig = open(faults=[{"kind": "play-cut-off", "how": how, "after": 0.2}])
-    with pytest.raises(InstrumentError, match=rf"Dev2 .*{says}.* was not played whole"):
-        played(rig)
+    raises(InstrumentError, rf"Dev2 .*{says}.* was not played whole", played, rig)
     assert fired(rig) == [1] and not rig.simulation.truth.closed
     if how == "stopped":  # whoever did may have written volts
-        with pytest.raises(LimitError, match="locked out"):
-            played(rig)
+        raises(LimitError, "locked out", played, rig)
     else:
         assert np.abs(played(rig)[0]).max() > 9
 
 
 def test_cards_without_a_cable_are_not_sampled_together(open):
     rig = open("haptable", faults=[{"kind": "rtsi-missing"}])
-    with pytest.raises(InstrumentError, match="-89125"):
-        rig.daq.stream(("gauge0", "laser"), 5000, 500)
+    raises(InstrumentError, "-89125", rig.daq.stream, ("gauge0", "laser"), 5000, 500)
     assert listened(rig, "gauge0").std() > 0
     assert fired(rig) == [1]
 
@@ -179,8 +174,7 @@ def test_a_stream_of_two_clocks_is_refused(open, mode):
 def test_a_relay_that_does_not_obey_stops_the_drive(open, kind):
     rig = open("haptable", faults=[{"kind": kind, "patch": "A", "after": 0.5, "times": 1}])
     rig.clock.sleep(1)
-    with pytest.raises(InstrumentError, match=r"patch A\) was told to close but reads open"):
-        played(rig)
+    raises(InstrumentError, r"patch A\) was told to close but reads open", played, rig)
     assert fired(rig) == [1]
     assert np.abs(played(rig)[0]).max() > 9, "the next command is obeyed"
 
@@ -188,8 +182,7 @@ def test_a_relay_that_does_not_obey_stops_the_drive(open, kind):
 def test_a_welded_contact_shows_in_the_drive_alone(open):
     rig = open("haptable", faults=[{"kind": "relay-welded", "patch": "A"}])
     for measure in (played, lambda rig: measure_response(rig, excitation=LinearSweep(seconds=2.0))):
-        with pytest.raises(InstrumentError, match=r"that patch A was to get .* check .* the contact"):
-            measure(rig)
+        raises(InstrumentError, r"that patch A was to get .* check .* the contact", measure, rig)
 
 
 def test_the_known_mass_is_what_stands_on_the_sensor(open):

@@ -80,7 +80,6 @@ def test_program_of_its_own(tmp_path):
     command = [sys.executable, "-c", program, str(export)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         try:
-            assert process.stdout is not None
             line = process.stdout.readline()
             prefix, _, port = line.rpartition(" ")
             assert prefix == "Server listening on port"

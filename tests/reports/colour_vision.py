@@ -34,7 +34,7 @@ _WHITE = _XYZ.sum(axis=1)
 
 def lab(colour: object, vision: str) -> NDArray[np.float64]:
     """CIE L*, a*, b* (D65) of a matplotlib colour as somebody of this vision sees it."""
-    value = np.array(to_rgb(colour))  # type: ignore[arg-type]
+    value = np.array(to_rgb(colour))
     linear = np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
     seen = np.clip(VISIONS[vision] @ linear, 0, 1)
     part = _XYZ @ seen / _WHITE

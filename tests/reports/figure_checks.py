@@ -49,11 +49,11 @@ def drawn_texts(figure: Figure) -> list[Box]:
             edges = (corners.real.min(), corners.imag.min(), corners.real.max(), corners.imag.max())
             found.append((s, *(float(edge) for edge in edges)))
 
-        renderer.draw_text = noted  # type: ignore[method-assign]
+        renderer.draw_text = noted
         try:
             figure.draw(renderer)
         finally:
-            renderer.draw_text = draw  # type: ignore[method-assign]
+            renderer.draw_text = draw
     return found
 
 
@@ -105,7 +105,7 @@ def alike(figure: Figure) -> list[str]:
 def _look(artist: Any) -> _Look:
     name = str(artist.get_label())
     if isinstance(artist, Line2D):
-        marks = (artist.get_linestyle(), artist._dash_pattern, str(artist.get_marker()))  # type: ignore[attr-defined]
+        marks = (artist.get_linestyle(), artist._dash_pattern, str(artist.get_marker()))
         return _Look(name, artist.get_color(), ("line", *marks), artist.get_linewidth())
     if isinstance(artist, Patch):
         return _Look(name, artist.get_facecolor(), ("area", artist.get_hatch()), 0.0)

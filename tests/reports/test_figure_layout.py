@@ -109,7 +109,7 @@ def trend_of_four(columns: Any) -> Figure:
     periods = [SimpleNamespace(name="g1", begin=days[0], end=days[-1], metrics=metrics, thresholds=limits)]
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr("haploop.reports.figures.history._active_periods", lambda *_: periods)
-        return figures.trend(SimpleNamespace(looks=[]), columns)  # type: ignore[arg-type]
+        return figures.trend(SimpleNamespace(looks=[]), columns)
 
 
 @pytest.fixture(scope="module")

@@ -27,7 +27,7 @@ def profile(button: str = "latch", **changes: object) -> Profile:
         "bandwidth_hz": 500.0,
         "spread": np.full(2500, 0.1),
     }
-    return Profile(**{**values, **changes})  # type: ignore[arg-type]
+    return Profile(**{**values, **changes})
 
 
 def test_spectral_density_integrates_to_the_mean_square():

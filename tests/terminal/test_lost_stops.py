@@ -68,7 +68,7 @@ def generator(number: int) -> None:
 
 def cycle(number: int) -> None:
     gone = Stops(number)
-    gone.itself = gone  # type: ignore[attr-defined]
+    gone.itself = gone
     del gone
     gc.collect()
 

@@ -33,17 +33,17 @@ SENTENCE = "The button did not switch, and the force was beyond what the sensor 
 
 
 def screen(**more: object) -> Screen:
-    return Screen(file=io.StringIO(), width=80, height=24, **more)  # type: ignore[arg-type]
+    return Screen(file=io.StringIO(), width=80, height=24, **more)
 
 
 def test_a_sentence_stands_above_what_is_shown_and_is_broken_between_words():
     shown = screen(force_terminal=True, color_system=None)
     with progress.shown(shown):
         progress.note(SENTENCE)
-    lines = shown.file.getvalue().splitlines()  # type: ignore[attr-defined]
+    lines = shown.file.getvalue().splitlines()
     assert len(lines) == 2 and " ".join(line.strip() for line in lines) == SENTENCE
     progress.note(SENTENCE)  # elsewhere, once nothing is shown
-    assert len(shown.file.getvalue().splitlines()) == 2  # type: ignore[attr-defined]
+    assert len(shown.file.getvalue().splitlines()) == 2
 
 
 def test_a_meter_counts_measures_and_counts_down(tmp_path):
@@ -58,7 +58,7 @@ def test_a_meter_counts_measures_and_counts_down(tmp_path):
             seen.append(captured.get())
 
         tell = rig.operator.tell
-        rig.operator.tell = lambda request: (tell(request), look())[0]  # type: ignore[assignment, func-returns-value]
+        rig.operator.tell = lambda request: (tell(request), look())[0]
         record(
             rig, "latch", "P01", 2, tmp_path, progress=lambda *p: (meter.progress(*p), look()),
             on_verdict=lambda press: (meter.on_verdict(press), look()),
@@ -87,7 +87,7 @@ def test_a_meter_is_plain_lines_where_there_is_no_terminal(tmp_path):
     shown = screen()
     with open_rig("simulated", simulate="twin") as rig, Meter(rig, shown) as meter:
         record(rig, "push", "P01", 2, tmp_path, progress=meter.progress, on_verdict=meter.on_verdict)
-    said = shown.file.getvalue()  # type: ignore[attr-defined]
+    said = shown.file.getvalue()
     assert said == "Record the push button: 0 of 2 presses.\n1 of 2 presses.\n2 of 2 presses.\n"
 
 
@@ -111,13 +111,13 @@ def test_a_studys_meter_counts_in_all_and_is_away_while_a_question_is_asked(tmp_
             lines.append(captured.get())
             meter.on_study_verdict(participant, button, press)
 
-        rig.operator.confirm = answer  # type: ignore[assignment, method-assign]
+        rig.operator.confirm = answer
         assert run_study(rig, study, progress=meter.progress, on_verdict=verdict, on_request=meter.on_request)
     told = {one for one in asked if one[0] in ("Consent", "Ready", "Verdict")}
     assert told == {("Consent", 0), ("Ready", 0), ("Verdict", 1)}
     assert "P01, push: 1 of 2; 3 of 4 in all. Press 2" in "\n".join(lines)
     assert max(len(line) for one in lines for line in one.splitlines()) <= 80
-    said = shown.file.getvalue()  # type: ignore[attr-defined]
+    said = shown.file.getvalue()
     assert "P01, toggle: 2 of 2 presses." in said and not progress._shown
 
 
@@ -128,7 +128,7 @@ def test_a_question_is_asked_in_a_cell(monkeypatch):
     with pytest.raises(InstrumentError, match="Nobody is at the console"):
         operator.confirm(Consent("P01"))
     shell = SimpleNamespace(kernel=object())
-    monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))  # type: ignore[arg-type]
+    monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))
     monkeypatch.setattr(builtins, "input", lambda prompt: asked.append(prompt) or "n")
     assert not operator.confirm(Consent("P01"))
     assert asked == ["Has P01 read and signed the consent form? [y/n] "]

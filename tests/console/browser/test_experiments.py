@@ -116,7 +116,6 @@ def test_matching_by_touch_and_keyboard_and_a_server_killed_in_between(browser, 
         console.process.kill()
         console.process.wait()
         expect(shown.locator("#connection")).to_contain_text("does not answer", timeout=WAIT)
-        assert console.process.stdout is not None
         console.process.stdout.close()
         console = start(data, "--port", "0", state=tmp_path / "state")
         second = Tab(browser, console)

@@ -159,7 +159,6 @@ def covered(people: int, trials: int, spread: float, rng: np.random.Generator) -
     for _ in range(200):
         p = 1 / (1 + np.exp(-rng.normal(1.2, spread, size=people)))
         interval = clustered_interval(rng.binomial(trials, p), [trials] * people)
-        assert interval is not None
         inside += interval[0] <= truth <= interval[1]
     return inside / 200
 

@@ -24,6 +24,7 @@ from haploop.experiments.contact.area import (
     learn_background,
 )
 from haploop.instruments import Frame
+from tests.raising import raises
 
 SHAPE = (120, 160)
 
@@ -102,8 +103,7 @@ def test_a_target_tells_the_area_of_a_pixel_and_is_sharp():
         ([frame((40, 50, 20, 100.0), (80, 100, 20, 100.0))], "2 bright spots"),
         ([target, frame((40, 50, 21, 100.0))], "more than 1 %"),
         ([taken(np.full((3, 4), 10.0))], "pixels and the background")):  # fmt: skip
-        with pytest.raises(DataError, match=said):
-            calibrate_meter(frames, background, 1e-6)
+        raises(DataError, said, calibrate_meter, frames, background, 1e-6)
     # A straight edge of 28 pixels: 0.25 to 0.75 of it are 14 pixels, of a Gaussian 10.4 of deviation.
     ramp = np.clip(np.minimum(np.arange(160) - 20, 139 - np.arange(160)) / 28, 0, 1)
     soft = np.tile(10.0 + 100 * ramp, (120, 1))
@@ -129,7 +129,7 @@ def test_the_noise_is_that_from_frame_to_frame():
     quiet = learnt(*3 * [np.full(SHAPE, 10.0)])
     assert quiet.noise == 0.3 and quiet.mean.min() == quiet.mean.max() == 10.0
     with pytest.raises(FrozenInstanceError):
-        quiet.noise = 1.0  # type: ignore[misc]
+        quiet.noise = 1.0
 
 
 @pytest.mark.parametrize(
@@ -139,16 +139,14 @@ def test_a_background_is_too_bright_where_a_hundredth_of_it_is(share, level, ref
     image = np.full(SHAPE, 10.0)
     image.flat[: round(share * image.size)] = level
     if refused:
-        with pytest.raises(DataError, match="too bright"):
-            learnt(image, image)
+        raises(DataError, "too bright", learnt, image, image)
     else:
         assert learnt(image, image).noise == 0.3
 
 
 def test_a_black_image_is_a_closed_lens_and_a_dark_one_is_not():
     black, flicker = np.zeros(SHAPE), np.zeros(SHAPE)
-    with pytest.raises(DataError, match="is black"):
-        learnt(black, black)
+    raises(DataError, "is black", learnt, black, black)
     flicker[0, 0] = 1.0
     assert learnt(flicker, flicker).mean.max() == 1.0
 
@@ -158,8 +156,7 @@ def test_what_moves_is_no_background(change, refused):
     still, moved = np.full(SHAPE, 20.0), np.full(SHAPE, 20.0)
     moved[40:60, 50:70] += change
     if refused:
-        with pytest.raises(DataError, match="Something moved"):
-            learnt(still, still, moved)
+        raises(DataError, "Something moved", learnt, still, still, moved)
     else:
         assert learnt(still, still, moved).noise == 0.3
 

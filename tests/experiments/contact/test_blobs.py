@@ -144,13 +144,13 @@ def test_the_background_is_followed(drift):
         nonlocal number, counted
         for light in lights:
             number += 1
-            frames.time += step  # type: ignore[attr-defined]
-            time = frames.time  # type: ignore[attr-defined]
+            frames.time += step
+            time = frames.time
             contact = measured.measure(taken(light + drift * time * LAMP / 28.0, number, time=time))
             counted += activator.see(contact) == "press"
             largest.append(contact.area)
 
-    frames.time = 0.0  # type: ignore[attr-defined]
+    frames.time = 0.0
     for _ in range(6):
         frames([0.0] * 25, 0.25)
         frames(touch(150e-6, 12), 1 / 20)

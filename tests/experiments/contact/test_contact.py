@@ -67,7 +67,7 @@ def rig_with_camera(
 
 def calibrated(rig: Rig, camera: Any) -> SeenSurface:
     background = learn_background(camera, 12)
-    plant = rig.simulation.plant  # type: ignore[union-attr]
+    plant = rig.simulation.plant
     plant.target = TARGET
     drop_old_frames(camera, rig.clock)
     meter = calibrate_meter([camera.read() for _ in range(4)], background, TARGET)
@@ -77,7 +77,7 @@ def calibrated(rig: Rig, camera: Any) -> SeenSurface:
 
 
 def truth_at(rig: Rig, contacts: list[Contact]) -> Any:
-    return rig.simulation.truth.contact_area(np.array([contact.time for contact in contacts]))  # type: ignore[union-attr]
+    return rig.simulation.truth.contact_area(np.array([contact.time for contact in contacts]))
 
 
 @pytest.mark.parametrize(("seed", "way"), [(1, "twin"), (2, "twin"), (2, "wire")])
@@ -86,7 +86,7 @@ def test_area_is_within_three_percent_of_the_truth(tmp_path, seed, way):
     with rig_with_camera(tmp_path, seed=seed, way=way) as (rig, camera):
         seen = calibrated(rig, camera)
         for number, pressure in enumerate(("light", "firm"), 1):
-            rig.operator.tell(Touch(f"P{seed}0", pressure, number, 2))  # type: ignore[arg-type]
+            rig.operator.tell(Touch(f"P{seed}0", pressure, number, 2))
             contacts = watch_touch(seen)
             truth = truth_at(rig, contacts)
             found = np.array([contact.area for contact in contacts])
@@ -102,7 +102,7 @@ def test_a_finger_calibration_shows_its_repeatability(tmp_path):
         told: list[tuple[str, int, float]] = []
         found = calibrate_finger(calibrated(rig, camera), "P01", on_press=lambda *press: told.append(press))
         assert [press[:2] for press in told] == [(p, n) for p in ("light", "firm") for n in range(1, 6)]
-        touches = rig.simulation.truth.touches  # type: ignore[union-attr]
+        touches = rig.simulation.truth.touches
         for touch, (_, _, area) in zip(touches, told, strict=True):
             times = np.linspace(touch.start, touch.stop, 500)
             assert area == pytest.approx(touch.area(times).max(), rel=0.12)
@@ -158,7 +158,7 @@ def test_what_spoils_an_image_is_named(tmp_path, fault, said, way):
         seen = calibrated(rig, camera)
         rig.clock.sleep(2.1 - rig.clock.now())
         calibrate_finger(seen, "P01", presses=1, timeout=1.5)
-    assert rig.simulation is not None and rig.simulation.faults[0].fired  # type: ignore[attr-defined]
+    assert rig.simulation is not None and rig.simulation.faults[0].fired
 
 
 @pytest.mark.parametrize("way", ["twin", "wire"])
@@ -234,7 +234,7 @@ def verified(rig: Rig, drive: Any, date: Callable[[], str] | None = None) -> Ver
 def test_a_button_plays_once_a_press_within_a_frame_of_the_crossing(tmp_path):
     with rig_with_camera(tmp_path) as (rig, camera):
         seen = calibrated(rig, camera)
-        truth = rig.simulation.truth  # type: ignore[union-attr]
+        truth = rig.simulation.truth
         outputs = truth.record()
         area = 90e-6
         found = []
@@ -273,7 +273,7 @@ def test_the_force_at_the_press_chooses_the_drive(tmp_path, sensor):
             rig.operator.tell(Touch("P01", "as a button", 1, 1))
 
         [played] = run_button(seen, Rendering(button), Activator(110e-6, 20e-6), ask=ask)
-        plant = rig.simulation.plant  # type: ignore[union-attr]
+        plant = rig.simulation.plant
         if sensor == "true":
             true = plant.touches[-1].force(np.array(played.contact.time + 0.02))
             assert played.force == pytest.approx(float(true), abs=0.4) and played.made_for == 2.5
@@ -289,7 +289,7 @@ def test_no_drive_outside_the_limits(tmp_path):
         rig.operator.tell(Touch("P01", "as a button", 1, 1))
         with pytest.raises(LimitError):
             run_button(seen, Rendering(verified(rig, burst(80.0))), Activator(90e-6, 20e-6))
-        assert rig.simulation.truth.peak < 1.1  # the volt that proves the gain  # type: ignore[union-attr]
+        assert rig.simulation.truth.peak < 1.1  # the volt that proves the gain
 
 
 def test_only_a_button_that_was_verified_here_today(tmp_path):
@@ -298,7 +298,7 @@ def test_only_a_button_that_was_verified_here_today(tmp_path):
         stale = verified(rig, burst(20.0), lambda: "2020-01-01")
         with pytest.raises(ConfigurationError, match="verify it again on this rig today"):
             run_button(seen, Rendering(stale), Activator(90e-6, 20e-6))
-        other = verified(SimpleNamespace(name="other"), burst(20.0))  # type: ignore[arg-type]
+        other = verified(SimpleNamespace(name="other"), burst(20.0))
         with pytest.raises(ConfigurationError, match="verify it again on this rig today"):
             run_button(seen, Rendering(other), Activator(90e-6, 20e-6))
         with pytest.raises(DataError, match=r"not pressed within 0\.2 s"):

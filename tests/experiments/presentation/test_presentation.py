@@ -140,7 +140,7 @@ def bursts(outputs: Any, since: float) -> int:
 def test_a_session_is_played_interrupted_and_resumed(folder):
     """One activation a trial, within budget and limits; the finger is not calibrated twice."""
     with presented(folder, MATCHING) as (rig, presenter, store):
-        truth = rig.simulation.truth  # type: ignore[union-attr]
+        truth = rig.simulation.truth
         outputs, begun = truth.record(), rig.clock.now()
         with pytest.raises(KeyboardInterrupt), session_of(rig, store) as session:
             run_session(session, Leaves(3), presenter)
@@ -184,13 +184,12 @@ def test_physical_stimuli_are_not_played_and_releases_are(folder):
 @pytest.mark.long
 def test_two_amplitudes_are_played_one_after_the_other(folder):
     with presented(folder, COMPARED) as (rig, presenter, store):
-        outputs = rig.simulation.truth.record()  # type: ignore[union-attr]
+        outputs = rig.simulation.truth.record()
         begun = rig.clock.now()
         with session_of(rig, store) as session:
             run_session(session, SimulatedParticipant(ParticipantModel(), "P01", 1), presenter)
         heard = bursts(outputs, begun)
     stored = store.session("P01", 1)
-    assert stored is not None
     played = [e.values for e in stored.events if e.kind == "activation"]
     steps = [step for step, _, _ in stored.answers if step.kind == "two-interval"]
     assert [one["scale"] for one in played] == [value for step in steps for value in step.values]
@@ -230,8 +229,8 @@ def test_a_finger_at_the_threshold_that_trembles_is_one_press(folder, monkeypatc
     with presented(folder, MATCHING) as (rig, presenter, store), session_of(rig, store) as session:
         with pytest.raises(KeyboardInterrupt):
             run_session(session, Leaves(1), presenter)
-        outputs, begun = rig.simulation.truth.record(), rig.clock.now()  # type: ignore[union-attr]
-        plant = rig.simulation.plant  # type: ignore[union-attr]
+        outputs, begun = rig.simulation.truth.record(), rig.clock.now()
+        plant = rig.simulation.plant
         shake, before = touches.touch_surface, len(plant.touches)
 
         def trembling(request: Any, skin: touches.Skin, start: float, rng: Any) -> touches.SimulatedTouch:
@@ -250,7 +249,7 @@ def test_a_finger_at_the_threshold_that_trembles_is_one_press(folder, monkeypatc
         area = touch.area(np.linspace(touch.start, touch.stop, 5000))
         assert np.sum(np.diff(area > threshold)) >= 6 and len(plant.touches) == before + 1
         assert bursts(outputs, begun) == 1
-        assert rig.simulation.truth.peak <= AMPLIFIER * rig.limits.peak  # type: ignore[union-attr]
+        assert rig.simulation.truth.peak <= AMPLIFIER * rig.limits.peak
 
 
 @pytest.mark.parametrize(

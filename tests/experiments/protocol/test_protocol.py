@@ -23,6 +23,7 @@ from haploop.experiments.protocol import (
     timing_of,
     valid,
 )
+from tests.raising import raises
 
 
 def steps_of(experiment: Experiment, slot: int = 0, session: int = 1, participant: str = "P01") -> list[Step]:
@@ -168,12 +169,10 @@ def test_a_wrong_file_or_an_uneven_latin_square_is_refused(tmp_path, change, sai
     assert change[0] in text
     path = tmp_path / "experiment.toml"
     path.write_text(text.replace(*change), encoding="utf-8")
-    with pytest.raises(ConfigurationError, match=said):
-        load_experiment(tmp_path)
+    raises(ConfigurationError, said, load_experiment, tmp_path)
     path.write_text(text.replace("sessions = 2", "sessions = 1"), encoding="utf-8")
     assert load_experiment(path).file.sessions == 1, "a factor between groups needs one session only"
-    with pytest.raises(ConfigurationError, match="matching, rating"):
-        load_experiment("nothing.toml")
+    raises(ConfigurationError, "matching, rating", load_experiment, "nothing.toml")
 
 
 def test_a_comment_does_not_change_an_experiment(tmp_path):
@@ -188,8 +187,7 @@ def test_a_comment_does_not_change_an_experiment(tmp_path):
 @pytest.mark.parametrize("answer", ["knob", 1, None, True, {"latch": 1.0}])
 def test_an_answer_that_is_none_is_refused(answer):
     step = next(step for step in steps_of(load_experiment("matching")) if step.presented)
-    with pytest.raises(DataError, match="one of latch, toggle, push"):
-        valid(step, answer)
+    raises(DataError, "one of latch, toggle, push", valid, step, answer)
 
 
 @pytest.mark.parametrize(
@@ -207,10 +205,8 @@ def test_a_rating_beyond_the_scale_or_that_was_not_touched_is_refused(one):
     middle: dict[str, object] = {pair: {"value": 51.0, "touched": [1.0, 1.5]} for pair in step.choices}
     assert valid(step, middle) == dict.fromkeys(step.choices, Rated(51.0, (1.0, 1.5)))
     said = r"from 1 to 101, and when .* for Delayed-Quick .a scale has no value until it is touched"
-    with pytest.raises(DataError, match=said):
-        valid(step, middle | {"Delayed-Quick": one})
-    with pytest.raises(DataError, match="from 1 to 101"):
-        valid(step, {"Delayed-Quick": {"value": 51.0, "touched": [1.0]}})
+    raises(DataError, said, valid, step, middle | {"Delayed-Quick": one})
+    raises(DataError, "from 1 to 101", valid, step, {"Delayed-Quick": {"value": 51.0, "touched": [1.0]}})
 
 
 @pytest.mark.parametrize(

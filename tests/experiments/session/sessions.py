@@ -24,7 +24,7 @@ class Stops:
         if not self._left:
             raise KeyboardInterrupt
         self._left -= 1
-        return self._who.answer(step)  # type: ignore[arg-type]
+        return self._who.answer(step)
 
 
 def store(folder: Path, name: str = "matching") -> Store:
@@ -48,5 +48,4 @@ def killed(where: Store, participant: str) -> None:
 
 def answers(where: Store, participant: str, session: int = 1) -> list[object]:
     stored = where.session(participant, session)
-    assert stored is not None
     return [(step.block, step.number, step.presented, answer) for step, answer, _ in stored.answers]

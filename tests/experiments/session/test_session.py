@@ -20,14 +20,14 @@ from haploop.mocks.clock import VirtualClock
 from haploop.mocks.participant import ParticipantModel, SimulatedParticipant
 from tests.experiments.session.sessions import answers, killed, run, store
 from tests.mutating import mutations, refused
+from tests.raising import raises
 
 
 @pytest.mark.parametrize("after", [0, 20, 51])
 def test_an_interrupted_session_continues_at_the_exact_trial(tmp_path, after):
     whole, broken = store(tmp_path / "a"), store(tmp_path / "b")
     run(whole, "P01")
-    with pytest.raises(KeyboardInterrupt):
-        run(broken, "P01", after)
+    raises(KeyboardInterrupt, "", run, broken, "P01", after)
     stored = broken.session("P01", 1)
     assert stored is not None and stored.due is not None and len(stored.answers) == after
     run(broken, "P01")
@@ -40,8 +40,7 @@ def test_an_interrupted_session_continues_at_the_exact_trial(tmp_path, after):
 @pytest.mark.parametrize("cut", [1, 200])
 def test_a_line_that_was_cut_off_is_left_behind(tmp_path, cut):
     where = store(tmp_path)
-    with pytest.raises(KeyboardInterrupt):
-        run(where, "P01", 20)
+    raises(KeyboardInterrupt, "", run, where, "P01", 20)
     path = where.path_of("P01", 1)
     content = path.read_bytes()
     path.write_bytes(content[:-cut])
@@ -126,23 +125,18 @@ def test_what_may_not_begin_is_refused(tmp_path):
     ):
         pass
     for name in ("Ann Smith", "../P01", "p01", "P", ""):
-        with pytest.raises(ConfigurationError):
-            run(where, name)
+        raises(ConfigurationError, "", run, where, name)
     run(where, "P01")
-    with pytest.raises(ConfigurationError, match="completed all 2 sessions"):
-        run(where, "P01")
+    raises(ConfigurationError, "completed all 2 sessions", run, where, "P01")
 
 
 def test_an_answer_needs_a_presentation_and_a_valid_value(tmp_path):
     with open_session(store(tmp_path, "rating"), "P01", VirtualClock(), simulated=True) as session:
-        with pytest.raises(DataError, match="was not presented yet"):
-            session.answer({})
+        raises(DataError, "was not presented yet", session.answer, {})
         session.presented()
-        with pytest.raises(DataError, match="is no answer"):
-            session.answer("clear")
+        raises(DataError, "is no answer", session.answer, "clear")
         assert session.due is not None and session.due.number == 1
-        with pytest.raises(ConfigurationError, match="events of its own"):
-            session.event("answer")
+        raises(ConfigurationError, "events of its own", session.event, "answer")
 
 
 def test_a_withdrawal_deletes_what_belongs_to_one(tmp_path):
@@ -158,14 +152,12 @@ def test_a_withdrawal_deletes_what_belongs_to_one(tmp_path):
     assert [one.participant for one in where.withdrawals()] == ["P02"]
     for path in left:
         assert path.name == "withdrawals.jsonl" or b"P02" not in path.read_bytes()
-    with pytest.raises(ConfigurationError, match="P02 has withdrawn"):
-        run(where, "P02")
+    raises(ConfigurationError, "P02 has withdrawn", run, where, "P02")
     run(where, "P05")
     after = {one.assignment.participant: one.assignment.slot for one in where.sessions()}
     assert after == {"P01": slots["P01"], "P03": 2, "P04": 3, "P05": 1}
     for nobody in ("P09", "..", "", "P01/session-1.jsonl"):
-        with pytest.raises(DataError, match="There is nothing of"):
-            where.withdraw(nobody)
+        raises(DataError, "There is nothing of", where.withdraw, nobody)
 
 
 def test_answers_leave_as_a_tidy_table(tmp_path):
@@ -182,8 +174,7 @@ def test_answers_leave_as_a_tidy_table(tmp_path):
     assert set(rows.columns) <= set(sidecar)
     assert sidecar["presented"]["Levels"] == ["latch", "toggle", "push"]
     assert analyse_identification(rows).pooled.counts.sum() == 120
-    with pytest.raises(DataError, match="already exists"):
-        export_answers(where, out)
+    raises(DataError, "already exists", export_answers, where, out)
     assert export_answers(where, tmp_path / "all.csv", practice=True) == 156
     with pytest.raises(DataError, match="holds no answer"):
         export_answers(store(tmp_path / "empty"), tmp_path / "none.csv")
@@ -213,8 +204,7 @@ def test_a_note_of_a_withdrawal_that_was_cut_off_stops_nobody(tmp_path):
     where.withdraw("P02")
     assert [one.participant for one in where.withdrawals()] == ["P01", "P02"]
     for who in ("P01", "p01", "P02"):
-        with pytest.raises(ConfigurationError, match="has withdrawn"):
-            run(where, who)
+        raises(ConfigurationError, "has withdrawn", run, where, who)
 
 
 def test_a_note_of_a_withdrawal_that_was_changed_lets_nobody_back(tmp_path):
@@ -233,8 +223,7 @@ def test_a_note_of_a_withdrawal_that_was_changed_lets_nobody_back(tmp_path):
 def test_every_changed_byte_of_a_note_is_noticed_and_verify_knows_logs_and_notes(tmp_path):
     where = store(tmp_path)
     for who in ("P01", "P02", "P03"):
-        with pytest.raises(KeyboardInterrupt):
-            run(where, who, 3)
+        raises(KeyboardInterrupt, "", run, where, who, 3)
     for who in ("P01", "P02"):
         where.withdraw(who)
     notes = where.folder / "withdrawals.jsonl"
@@ -254,8 +243,7 @@ def test_every_changed_byte_of_a_note_is_noticed_and_verify_knows_logs_and_notes
 
 def test_a_log_of_another_program_under_a_hash_that_fits_is_refused(tmp_path):
     where = store(tmp_path)
-    with pytest.raises(KeyboardInterrupt):
-        run(where, "P01", 3)
+    raises(KeyboardInterrupt, "", run, where, "P01", 3)
     path = where.path_of("P01", 1)
     entries = [from_text(line) for line in path.read_bytes().splitlines()]
     for number, entry in enumerate(entries):
@@ -327,11 +315,9 @@ def test_a_withdrawal_that_stopped_halfway_is_finished_before_anything_else(tmp_
 
     with monkeypatch.context() as patched:
         patched.setattr("shutil.rmtree", halfway)
-        with pytest.raises(DataError, match="withdraw P01 again"):
-            where.withdraw("P01")
+        raises(DataError, "withdraw P01 again", where.withdraw, "P01")
     for use in (lambda: run(where, "P01"), lambda: run(where, "P03"), where.sessions):
-        with pytest.raises(DataError, match="withdraw P01 again"):
-            use()
+        raises(DataError, "withdraw P01 again", use)
     where.withdraw("P01")
     run(where, "P03")
     assert where.participants() == ("P02", "P03")
@@ -343,8 +329,7 @@ def test_a_folder_that_is_a_link_is_not_noted_as_withdrawn(tmp_path):
     run(where, "P01")
     (where.folder / "P01").rename(tmp_path / "elsewhere")
     (where.folder / "P01").symlink_to(tmp_path / "elsewhere")
-    with pytest.raises(DataError, match="nothing of"):
-        where.withdraw("P01")
+    raises(DataError, "nothing of", where.withdraw, "P01")
     assert not where.withdrawals()
 
 
@@ -361,7 +346,7 @@ class Times:
 
 def test_impossible_times_and_unfinished_sessions_are_kept_marked_and_can_be_left_out(tmp_path):
     where, clock = store(tmp_path), Times()
-    with open_session(where, "P01", clock) as session:  # type: ignore[arg-type]
+    with open_session(where, "P01", clock) as session:
         step = session.due
         while step is not None and not (step.block == "experiment" and step.number == 11):
             session.presented()
@@ -381,16 +366,14 @@ def test_impossible_times_and_unfinished_sessions_are_kept_marked_and_can_be_lef
     chosen = rows.choose("timing", "possible")
     result = analyse_identification(chosen)
     assert result.pooled.counts.sum() == 8 and "the 8 with timing possible" in " ".join(result.notes)
-    with pytest.raises(DataError, match="no line with complete 'true'"):
-        rows.choose("complete", "true")
-    with pytest.raises(DataError, match="no column 'time_mark'"):
-        rows.choose("time_mark", "possible")
+    raises(DataError, "no line with complete 'true'", rows.choose, "complete", "true")
+    raises(DataError, "no column 'time_mark'", rows.choose, "time_mark", "possible")
 
 
 def test_touches_leave_with_the_ratings(tmp_path):
     where, clock = store(tmp_path, "rating"), Times()
     touched = [[0.9, 2.5], *([1.0 + n] for n in range(1, 7))]
-    with open_session(where, "P01", clock) as session:  # type: ignore[arg-type]
+    with open_session(where, "P01", clock) as session:
         for instant in (False, True):
             assert session.due is not None
             session.presented()
@@ -433,7 +416,7 @@ def test_what_is_right_is_told_by_what_was_presented(tmp_path):
 
 def test_a_trial_counts_its_own_presentations(tmp_path):
     where, clock = store(tmp_path), Times()
-    with open_session(where, "P01", clock) as session:  # type: ignore[arg-type]
+    with open_session(where, "P01", clock) as session:
         while session.due is not None and session.due.practice:
             session.presented()
             session.answer(SimulatedParticipant(ParticipantModel(), "P01", 1).answer(session.due))

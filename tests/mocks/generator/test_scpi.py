@@ -220,7 +220,7 @@ def number(box: Box, question: str) -> float:
 
 
 def test_nothing_beyond_a_voltage_limit_is_put_out(each):
-    bench: Bench = each._advance.__self__  # type: ignore[attr-defined]
+    bench: Bench = each._advance.__self__
     ask(each, "OUTP1:LOAD INF;:SOUR1:VOLT:OFFS 0;:SOUR1:VOLT:LIM:HIGH 1.5;LOW -1.5;STAT ON;:SOUR1:VOLT 4")
     assert (ask(each, "SYST:ERR?") or "").startswith("-221")
     assert number(each, "SOUR1:VOLT?") == 3
@@ -232,7 +232,7 @@ def test_nothing_beyond_a_voltage_limit_is_put_out(each):
 
 
 def test_a_burst_begins_at_its_phase_after_its_delay(box):
-    bench: Bench = box._advance.__self__  # type: ignore[attr-defined]
+    bench: Bench = box._advance.__self__
     ask(box, "OUTP:LOAD INF;:VOLT 2;:FREQ 100;:BURS:NCYC 1;PHAS 90;STAT ON;:TRIG:SOUR BUS;DEL 0.01;:OUTP ON")
     ask(box, "*TRG")
     volts = bench.volts(0.03)
@@ -242,7 +242,7 @@ def test_a_burst_begins_at_its_phase_after_its_delay(box):
 
 
 def test_an_abort_ends_a_sweep(box):
-    bench: Bench = box._advance.__self__  # type: ignore[attr-defined]
+    bench: Bench = box._advance.__self__
     ask(
         box,
         "OUTP:LOAD INF;:VOLT 2;:FREQ:STAR 10;STOP 1000;:SWE:TIME 1;:FREQ:MODE SWE;:TRIG:SOUR BUS;:OUTP ON",
@@ -285,7 +285,7 @@ def wired() -> tuple[Box, Bench]:
 
 
 def test_a_pulse_is_as_long_as_is_said(each):
-    bench: Bench = each._advance.__self__  # type: ignore[attr-defined]
+    bench: Bench = each._advance.__self__
     ask(each, "OUTP1:LOAD INF;:SOUR1:VOLT 2;:SOUR1:FUNC PULS;:SOUR1:FUNC:PULS:PER 10 ms;:OUTP1 ON")
     assert number(each, "SOUR1:FREQ?") == pytest.approx(100)
     ask(each, "SOUR1:FUNC:PULS:WIDT 2 ms")
@@ -323,7 +323,7 @@ def test_rigol_plays_what_is_sent_to_its_volatile_memory(wired, line):
 
 
 def test_an_infinite_burst_begins_with_a_trigger_and_does_not_end(each):
-    bench: Bench = each._advance.__self__  # type: ignore[attr-defined]
+    bench: Bench = each._advance.__self__
     ask(each, "OUTP1:LOAD INF;:SOUR1:FREQ 100;:SOUR1:VOLT 2;:OUTP1 ON")
     if each.get("*IDN?").startswith("Rigol"):
         ask(each, "SOUR1:BURS:TRIG:SOUR MAN;:SOUR1:BURS:MODE INFINITY;:SOUR1:BURS ON")
@@ -365,7 +365,7 @@ def modulated(kind: str, amount: float, pace: float, times: np.ndarray = TIMES) 
     ],
 )
 def test_a_modulated_sine_is_what_theory_says(each, commands, right):
-    bench: Bench = each._advance.__self__  # type: ignore[attr-defined]
+    bench: Bench = each._advance.__self__
     ask(each, "OUTP1:LOAD INF;:SOUR1:VOLT 2;:SOUR1:FREQ 500;:OUTP1 ON")
     ask(each, commands)
     assert bench.volts(0.1)[:5000] == pytest.approx(right, abs=1e-4)
@@ -379,7 +379,7 @@ def test_a_modulated_sine_is_what_theory_says(each, commands, right):
 )  # fmt: skip
 def test_what_modulates_has_a_shape(each, wave, right):
     """The largest about the middle of each quarter of a wave of 2 Hz."""
-    bench: Bench = each._advance.__self__  # type: ignore[attr-defined]
+    bench: Bench = each._advance.__self__
     ask(each, "OUTP1:LOAD INF;:SOUR1:VOLT 2;:SOUR1:FREQ 10000;:OUTP1 ON")
     ask(each, f"AM:INT:FREQ 2;FUNC {wave};:AM:STAT ON")
     volts = bench.volts(0.5)
@@ -391,7 +391,7 @@ def test_what_modulates_has_a_shape(each, wave, right):
 
 
 def test_no_modulation_goes_beyond_a_limit(each):
-    bench: Bench = each._advance.__self__  # type: ignore[attr-defined]
+    bench: Bench = each._advance.__self__
     ask(each, "OUTP1:LOAD INF;:SOUR1:VOLT 20;:SOUR1:FREQ 500;:AM:DEPT 120;STAT ON;:OUTP1 ON")
     assert np.abs(bench.volts(0.1)).max() == 10  # DG1000Z guide, 2-117: 10 Vpp at 50 Ohm
     ask(each, "SOUR1:VOLT 2;:SOUR1:VOLT:LIM:HIGH 1;LOW -1;STAT ON")

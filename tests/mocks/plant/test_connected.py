@@ -86,7 +86,7 @@ class Amplifier:
 @pytest.mark.parametrize("scales", [None, [Scale(1, "N")], {"washer": 20.0}])
 def test_scales_of_another_kind_are_one_sentence(scales):
     amplifier = Amplifier()
-    amplifier.scales = scales  # type: ignore[assignment]
+    amplifier.scales = scales
     with pytest.raises(ConfigurationError, match=r"'scales' of the charge .* ask the author"):
         compare_scales("charge", amplifier, SENSORS, "lab")
 

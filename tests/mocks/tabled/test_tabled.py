@@ -19,6 +19,7 @@ from serial import Serial  # before any redirection, as modules under test do
 from haploop.base.errors import ConfigurationError
 from haploop.mocks.tabled import Instrument, Table, read_table
 from haploop.mocks.transport import ReplyFault
+from tests.raising import raises
 
 ANSWERS = {
     "*IDN?": "ACME,PSU,1,1.0",
@@ -46,8 +47,7 @@ def test_a_serial_line(instrument_twin):
     assert pump.received == 2 * ["GET", "SET 4", "SET 1.5"]
     assert pump.state == {"rate": 1.5}
     for other in ("COM4", "/dev/ttyS0"):
-        with pytest.raises(serial.SerialException, match="no simulated instrument"):
-            Serial(other)
+        raises(serial.SerialException, "no simulated instrument", Serial, other)
 
 
 @pytest.mark.parametrize("name", ["GPIB0::5::INSTR", "TCPIP0::192.0.2.10::5025::SOCKET"])
@@ -62,8 +62,7 @@ def test_a_visa_resource(name, instrument_twin):
         assert it.query("VOLT?") == "12.500" and it.query("OUTP?") == "1"
         assert [it.query("MEAS?") for _ in range(3)] == ["1", "2", "2"]
     assert supply.received == ["VOLT 12.5", "OUTP ON", "VOLT?", "OUTP?", "MEAS?", "MEAS?", "MEAS?"]
-    with pytest.raises(pyvisa.VisaIOError, match="no simulated instrument"):
-        manager.open_resource("GPIB0::6::INSTR")
+    raises(pyvisa.VisaIOError, "no simulated instrument", manager.open_resource, "GPIB0::6::INSTR")
     manager.close()
 
 
@@ -84,8 +83,7 @@ def test_http_and_a_socket(instrument_twin):
     with socket.create_connection(("meter.example", 5025), 5) as link:
         link.sendall(b"READ?\n")
         assert link.recv(100) == b""
-    with pytest.raises(urllib.error.HTTPError, match="404"):
-        urllib.request.urlopen("http://192.0.2.20/other", timeout=5)
+    raises(urllib.error.HTTPError, "404", urllib.request.urlopen, "http://192.0.2.20/other", timeout=5)
     hub.unknown.clear()
 
 
@@ -162,8 +160,7 @@ def test_a_name_that_is_taken_or_none_is_refused(instrument_twin):
     instrument_twin("COM3", {"A": "b"})
     for name in ("192.0.2.21:1", "https://192.0.2.20", "ftp://x", "", "a b", "com3", "http://x:99999",
         "x:70000"):  # fmt: skip
-        with pytest.raises(ConfigurationError):
-            instrument_twin(name, {"A": "b"})
+        raises(ConfigurationError, "", instrument_twin, name, {"A": "b"})
 
 
 PROGRAM = """
