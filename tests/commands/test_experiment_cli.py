@@ -19,19 +19,9 @@ name = "short"
 kind = "identification"
 seed = 3
 consent = true
-[[factor]]
-name = "button"
-levels = ["latch", "push"]
-[question]
-text = "Which was it?"
-identify = "button"
-[[block]]
-name = "training"
-practice = true
-feedback = true
-[[block]]
-name = "experiment"
-repetitions = 2
+factor = [{ name = "button", levels = ["latch", "push"] }]
+question = { text = "Which was it?", identify = "button" }
+block = [{ name = "training", practice = true, feedback = true }, { name = "experiment", repetitions = 2 }]
 """
 
 

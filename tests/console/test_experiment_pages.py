@@ -22,42 +22,26 @@ kind = "identification"
 seed = 1
 groups = ["I", "II"]
 sessions = 2
-[[factor]]
-name = "confirmation"
-levels = ["none", "given"]
-varies = "session"
-[[factor]]
-name = "button"
-levels = ["latch", "toggle", "push"]
-[question]
-text = "<b>Which</b> was it?"
-identify = "button"
-[[block]]
-name = "familiarisation"
-kind = "presses"
-[[block]]
-name = "finger calibration"
-kind = "finger"
-[[block]]
-name = "training"
-practice = true
-feedback = { confirmation = "given" }
-[[block]]
-name = "experiment"
-repetitions = 2
+factor = [
+    { name = "confirmation", levels = ["none", "given"], varies = "session" },
+    { name = "button", levels = ["latch", "toggle", "push"] },
+]
+question = { text = "<b>Which</b> was it?", identify = "button" }
+block = [
+    { name = "familiarisation", kind = "presses" },
+    { name = "finger calibration", kind = "finger" },
+    { name = "training", practice = true, feedback = { confirmation = "given" } },
+    { name = "experiment", repetitions = 2 },
+]
 """
 RATING = """
 name = "rated"
 kind = "rating"
 seed = 1
 consent = false
-[[factor]]
-name = "button"
-levels = ["latch", "toggle"]
-[question]
-pairs = [["Rough", "Smooth"], ["Unclear", "Clear"]]
-[[block]]
-name = "ratings"
+factor = [{ name = "button", levels = ["latch", "toggle"] }]
+question = { pairs = [["Rough", "Smooth"], ["Unclear", "Clear"]] }
+block = [{ name = "ratings" }]
 """
 DONE = {"done": True}
 

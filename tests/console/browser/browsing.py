@@ -38,22 +38,13 @@ name = "matching"
 title = "<script>alert(1)</script>"
 kind = "identification"
 seed = 1
-[[factor]]
-name = "button"
-levels = ["latch", "toggle", "push"]
-[question]
-text = "<b>Which</b> one?"
-identify = "button"
-[[block]]
-name = "familiarisation"
-kind = "presses"
-text = "<i>Attend</i> to it."
-[[block]]
-name = "training"
-practice = true
-feedback = true
-[[block]]
-name = "experiment"
+factor = [{ name = "button", levels = ["latch", "toggle", "push"] }]
+question = { text = "<b>Which</b> one?", identify = "button" }
+block = [
+    { name = "familiarisation", kind = "presses", text = "<i>Attend</i> to it." },
+    { name = "training", practice = true, feedback = true },
+    { name = "experiment" },
+]
 """
 
 

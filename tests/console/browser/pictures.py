@@ -53,14 +53,9 @@ title = "Which button was it?"
 kind = "identification"
 seed = 1
 consent = false
-[[factor]]
-name = "button"
-levels = ["latch", "toggle", "push"]
-[question]
-text = "Which physical button was it?"
-identify = "button"
-[[block]]
-name = "experiment"
+factor = [{ name = "button", levels = ["latch", "toggle", "push"] }]
+question = { text = "Which physical button was it?", identify = "button" }
+block = [{ name = "experiment" }]
 """
 
 

@@ -19,29 +19,18 @@ name = "compared"
 kind = "two-interval"
 seed = 1
 consent = false
-[question]
-text = "Which was stronger?"
-[comparison]
-standard = 1.0
-levels = [1.2, 1.6]
-[[block]]
-name = "experiment"
+question = { text = "Which was stronger?" }
+comparison = { standard = 1.0, levels = [1.2, 1.6] }
+block = [{ name = "experiment" }]
 """
 STAIRS = """
 name = "stairs"
 kind = "staircase"
 seed = 1
 consent = false
-[question]
-text = "In which interval?"
-[comparison]
-standard = 0.0
-start = 0.5
-step = 0.1
-highest = 1.0
-reversals = 2
-[[block]]
-name = "experiment"
+question = { text = "In which interval?" }
+comparison = { standard = 0.0, start = 0.5, step = 0.1, highest = 1.0, reversals = 2 }
+block = [{ name = "experiment" }]
 """
 
 

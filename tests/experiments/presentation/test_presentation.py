@@ -44,44 +44,23 @@ name = "rated"
 kind = "rating"
 seed = 3
 consent = false
-[buttons]
-latch = "latch.h5"
-push = "push.h5"
-[surface]
-when = { category = "digital" }
-releases = { push = "latch.h5" }
-[[factor]]
-name = "category"
-levels = ["physical", "digital"]
-[[factor]]
-name = "button"
-levels = ["latch", "push"]
-[question]
-pairs = [["Rough", "Smooth"]]
-[[block]]
-name = "finger calibration"
-kind = "finger"
-repetitions = 2
-[[block]]
-name = "ratings"
+buttons = { latch = "latch.h5", push = "push.h5" }
+surface = { when = { category = "digital" }, releases = { push = "latch.h5" } }
+factor = [
+    { name = "category", levels = ["physical", "digital"] },
+    { name = "button", levels = ["latch", "push"] },
+]
+question = { pairs = [["Rough", "Smooth"]] }
+block = [{ name = "finger calibration", kind = "finger", repetitions = 2 }, { name = "ratings" }]
 """
 COMPARED = """
 name = "compared"
 kind = "two-interval"
 seed = 3
 consent = false
-[buttons]
-push = "push.h5"
-[comparison]
-name = "amplitude"
-standard = 0.5
-levels = [0.0, 0.9]
-[[block]]
-name = "finger calibration"
-kind = "finger"
-repetitions = 2
-[[block]]
-name = "experiment"
+buttons = { push = "push.h5" }
+comparison = { name = "amplitude", standard = 0.5, levels = [0.0, 0.9] }
+block = [{ name = "finger calibration", kind = "finger", repetitions = 2 }, { name = "experiment" }]
 """
 
 

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from haploop.base.line_files import Mark, read_lines, read_marks, write_marks
 from haploop.experiments.protocol import load_experiment
 from haploop.experiments.session import Store, open_session, run_session
 from haploop.mocks.clock import VirtualClock
 from haploop.mocks.participant import ParticipantModel, SimulatedParticipant
 
-__all__ = ["Stops", "answers", "killed", "run", "store"]
+__all__ = ["Stops", "answers", "broken", "killed", "ran", "run", "store"]
 
 
 class Stops:
@@ -37,6 +39,20 @@ def run(
     with open_session(where, participant, VirtualClock(), simulated=True) as session:
         who = SimulatedParticipant(model or ParticipantModel(), participant, session.assignment.session)
         run_session(session, who if after is None else Stops(who, after))
+
+
+def ran(folder: Path, *people: str, name: str = "matching") -> Store:
+    """A store in which sessions of people were run, one after the other."""
+    where = store(folder, name)
+    for who in people:
+        run(where, who)
+    return where
+
+
+def broken(where: Store, participant: str, after: int) -> None:
+    """Run a session that is interrupted."""
+    with pytest.raises(KeyboardInterrupt):
+        run(where, participant, after)
 
 
 def killed(where: Store, participant: str) -> None:

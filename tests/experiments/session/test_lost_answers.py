@@ -16,7 +16,7 @@ from haploop.experiments.protocol import load_experiment
 from haploop.experiments.session import Store, export_answers, open_session
 from haploop.mocks.clock import VirtualClock
 from haploop.mocks.participant import ParticipantModel, SimulatedParticipant
-from tests.experiments.session.sessions import killed, run, store
+from tests.experiments.session.sessions import killed, ran, run, store
 from tests.mutating import refused
 
 
@@ -131,8 +131,7 @@ def test_answers_of_people_are_marked_one_by_one(tmp_path):
 
 
 def test_killed_between_the_last_answer_and_the_seal_is_sealed_by_the_next_run(tmp_path):
-    where = store(tmp_path, "rating")
-    run(where, "P01")
+    where = ran(tmp_path, "P01", name="rating")
     path = where.path_of("P01", 1)
     raw = path.read_bytes()
     path.write_bytes(raw[: raw.rindex(b"\n", 0, -1) + 1])

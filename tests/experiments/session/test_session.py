@@ -18,21 +18,21 @@ from haploop.experiments.protocol import load_experiment
 from haploop.experiments.session import Store, export_answers, open_session, read_log
 from haploop.mocks.clock import VirtualClock
 from haploop.mocks.participant import ParticipantModel, SimulatedParticipant
-from tests.experiments.session.sessions import answers, killed, run, store
+from tests.experiments.session.sessions import answers, broken, killed, ran, run, store
 from tests.mutating import mutations, refused
 from tests.raising import raises
 
 
 @pytest.mark.parametrize("after", [0, 20, 51])
 def test_an_interrupted_session_continues_at_the_exact_trial(tmp_path, after):
-    whole, broken = store(tmp_path / "a"), store(tmp_path / "b")
+    whole, other = store(tmp_path / "a"), store(tmp_path / "b")
     run(whole, "P01")
-    raises(KeyboardInterrupt, "", run, broken, "P01", after)
-    stored = broken.session("P01", 1)
+    broken(other, "P01", after)
+    stored = other.session("P01", 1)
     assert stored is not None and stored.due is not None and len(stored.answers) == after
-    run(broken, "P01")
-    assert answers(broken, "P01") == answers(whole, "P01")
-    kinds = [event.kind for event in read_log(broken.path_of("P01", 1))]
+    run(other, "P01")
+    assert answers(other, "P01") == answers(whole, "P01")
+    kinds = [event.kind for event in read_log(other.path_of("P01", 1))]
     assert kinds.count("resumed") == 1 and kinds[-1] == "complete"
     assert kinds.count("presented") == 53  # the one that was interrupted was presented twice
 
@@ -54,8 +54,7 @@ def test_a_line_that_was_cut_off_is_left_behind(tmp_path, cut):
 
 def test_every_changed_byte_is_noticed(tmp_path):
     """Also at the end: what could be a line that was cut off was whole before."""
-    where = store(tmp_path, "rating")
-    run(where, "P01")
+    where = ran(tmp_path, "P01", name="rating")
     path = where.path_of("P01", 1)
     content = path.read_bytes()
     for place in [*range(0, len(content) - 200, 13), *range(len(content) - 200, len(content))]:
@@ -65,8 +64,7 @@ def test_every_changed_byte_is_noticed(tmp_path):
 
 
 def test_a_line_that_is_missing_is_noticed(tmp_path):
-    where = store(tmp_path, "rating")
-    run(where, "P01")
+    where = ran(tmp_path, "P01", name="rating")
     path = where.path_of("P01", 1)
     lines = path.read_bytes().splitlines(keepends=True)
     for gone in range(len(lines)):
@@ -76,8 +74,7 @@ def test_a_line_that_is_missing_is_noticed(tmp_path):
 
 
 def test_each_event_has_its_time(tmp_path):
-    where = store(tmp_path)
-    run(where, "P01")
+    where = ran(tmp_path, "P01")
     events = read_log(where.path_of("P01", 1))
     assert [event.number for event in events] == list(range(1, 107))  # start, 52 x 2, complete
     assert all(event.time.endswith("+00:00") for event in events)
@@ -140,9 +137,7 @@ def test_an_answer_needs_a_presentation_and_a_valid_value(tmp_path):
 
 
 def test_a_withdrawal_deletes_what_belongs_to_one(tmp_path):
-    where = store(tmp_path)
-    for participant in ("P01", "P02", "P03", "P04"):
-        run(where, participant)
+    where = ran(tmp_path, "P01", "P02", "P03", "P04")
     slots = {one.assignment.participant: one.assignment.slot for one in where.sessions()}
     others = {path: path.read_bytes() for who in ("P01", "P03", "P04") for path in [where.path_of(who, 1)]}
     done = where.withdraw("P02")
@@ -181,8 +176,7 @@ def test_answers_leave_as_a_tidy_table(tmp_path):
 
 
 def test_a_program_that_was_killed_in_its_first_line_leaves_no_damage(tmp_path):
-    where = store(tmp_path)
-    run(where, "P01")
+    where = ran(tmp_path, "P01")
     first = where.path_of("P01", 1).read_bytes().split(b"\n")[0].replace(b"P01", b"P02")
     where.path_of("P02", 1).parent.mkdir()
     where.path_of("P02", 1).write_bytes(first[:80])
@@ -192,9 +186,7 @@ def test_a_program_that_was_killed_in_its_first_line_leaves_no_damage(tmp_path):
 
 
 def test_a_note_of_a_withdrawal_that_was_cut_off_stops_nobody(tmp_path):
-    where = store(tmp_path)
-    for who in ("P01", "P02"):
-        run(where, who)
+    where = ran(tmp_path, "P01", "P02")
     where.withdraw("P01")
     notes = where.folder / "withdrawals.jsonl"
     assert os.name == "nt" or notes.stat().st_mode & 0o077 == 0
@@ -208,8 +200,7 @@ def test_a_note_of_a_withdrawal_that_was_cut_off_stops_nobody(tmp_path):
 
 
 def test_a_note_of_a_withdrawal_that_was_changed_lets_nobody_back(tmp_path):
-    where = store(tmp_path)
-    run(where, "P01")
+    where = ran(tmp_path, "P01")
     where.withdraw("P01")
     notes = where.folder / "withdrawals.jsonl"
     raw = notes.read_bytes()
@@ -304,10 +295,7 @@ def test_a_full_disk_is_one_sentence_and_keeps_what_was_answered(tmp_path):
 
 @pytest.mark.parametrize("left", [1, 2])
 def test_a_withdrawal_that_stopped_halfway_is_finished_before_anything_else(tmp_path, monkeypatch, left):
-    where = store(tmp_path)
-    run(where, "P01")
-    run(where, "P01")
-    run(where, "P02")
+    where = ran(tmp_path, "P01", "P01", "P02")
 
     def halfway(folder: Path) -> None:
         where.path_of("P01", 3 - left).unlink()
@@ -325,8 +313,7 @@ def test_a_withdrawal_that_stopped_halfway_is_finished_before_anything_else(tmp_
 
 @pytest.mark.skipif(os.name == "nt", reason="symbolic links need a right there")
 def test_a_folder_that_is_a_link_is_not_noted_as_withdrawn(tmp_path):
-    where = store(tmp_path)
-    run(where, "P01")
+    where = ran(tmp_path, "P01")
     (where.folder / "P01").rename(tmp_path / "elsewhere")
     (where.folder / "P01").symlink_to(tmp_path / "elsewhere")
     raises(DataError, "nothing of", where.withdraw, "P01")

@@ -15,12 +15,8 @@ from haploop.instruments.rig.opening import compare_scales
 WASHER = """
 base = "simulated"
 name = "washer"
-[daq.channels]
-washer = { terminal = "Dev2/ai6", range = 5, config = "rse" }
-[sensors.extra.washer]
-channel = "washer"
-scale = 20
-unit = "N"
+daq = { channels = { washer = { terminal = "Dev2/ai6", range = 5, config = "rse" } } }
+sensors = { extra = { washer = { channel = "washer", scale = 20, unit = "N" } } }
 """
 
 
