@@ -48,20 +48,11 @@ def make_press(
     shape = sum(a * np.exp(-since / decay) * np.sin(2 * np.pi * f * since) for f, a, decay in partials)
     rest = np.zeros(len(t))
     return Representative(
-        button="push",
-        rate_hz=5000.0,
-        acceleration=np.asarray(shape),
-        force=rest,
-        activation=np.asarray(t > at, dtype=np.float64),
-        activation_index=round(at * 5000),
-        members=1,
-        spread=rest,
-        bandwidth_hz=500.0,
-        sources=(("P01-push.h5", "0" * 64),),
-        left_out=(),
-        method="made for a test",
+        button="push", rate_hz=5000.0, acceleration=np.asarray(shape), force=rest, spread=rest, members=1,
+        activation=np.asarray(t > at, dtype=np.float64), activation_index=round(at * 5000),
+        bandwidth_hz=500.0, sources=(("P01-push.h5", "0" * 64),), left_out=(), method="made for a test",
         simulated=True,
-    )
+    )  # fmt: skip
 
 
 Checked = Callable[..., Check]
@@ -84,10 +75,9 @@ def tamper(rig: Rig, monkeypatch: pytest.MonkeyPatch, **change: Callable[[np.nda
     def changed(excite: Callable[..., Capture], *args: Any, **more: Any) -> Capture:
         capture = excite(*args, **more)
         volts = capture.volts.copy()
-        for name, how in change.items():
-            if name not in capture.channels:
-                continue
-            volts[capture.channels.index(name)] = how(volts[capture.channels.index(name)])
+        for name in change.keys() & set(capture.channels):
+            row = capture.channels.index(name)
+            volts[row] = change[name](volts[row])
         return replace(capture, volts=volts)
 
     for name in ("excite", "excite_each"):

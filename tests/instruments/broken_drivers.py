@@ -18,17 +18,19 @@ import pytest
 from haploop.base.arrays import ComplexArray, FloatArray
 from haploop.base.clock import Clock
 from haploop.base.errors import InstrumentError, LimitError
-from haploop.instruments import Amplifier, Block, Daq, Operator, Relay, Stream, Vibrometer, load_rig_file
-from haploop.instruments.amplifier.e413 import E413
-from haploop.instruments.conformance import (
-    AmplifierConformance,
-    DaqConformance,
-    Fired,
-    GeneratorConformance,
-    OperatorConformance,
-    RelayConformance,
-    VibrometerConformance,
+from haploop.instruments import (
+    Amplifier,
+    Block,
+    Daq,
+    Operator,
+    Relay,
+    Stream,
+    Vibrometer,
+    conformance,
+    load_rig_file,
 )
+from haploop.instruments.amplifier.e413 import E413
+from haploop.instruments.conformance import Fired
 from haploop.instruments.daq import StreamRequest
 from haploop.instruments.daq.ni_daqmx import NiDaq
 from haploop.instruments.generator.role import Generator
@@ -75,7 +77,7 @@ class Board(RelayTwin):
         return other
 
 
-class BrokenRelay(RelayConformance):
+class BrokenRelay(conformance.RelayConformance):
     capabilities = ("reopen", "contacts")
     faults = ("stuck",)
     deadline = 2.0
@@ -241,7 +243,7 @@ class Changed(Stream):
         self._stream.close()
 
 
-class BrokenDaq(DaqConformance):
+class BrokenDaq(conformance.DaqConformance):
     capabilities = ("outputs", "loop")
     channels = ("laser", "force", "drive")
     outputs = ("amplifier",)
@@ -341,7 +343,7 @@ class PassesOverWhatItDoesNotKnow(Cards):
         return super()._stream(replace(request, channels=known))
 
 
-class BrokenVibrometer(VibrometerConformance):
+class BrokenVibrometer(conformance.VibrometerConformance):
     faults = ("unplugged",)
     breaks: ClassVar[set[str]]
 
@@ -379,7 +381,7 @@ class ForgetsItsDelay(Pdv100):
         return 87.0
 
 
-class TestMultipliesByItsGain(AmplifierConformance):
+class TestMultipliesByItsGain(conformance.AmplifierConformance):
     class kind(E413):  # noqa: N801
         def to_input(self, drive: FloatArray) -> FloatArray:
             drive *= 50
@@ -392,7 +394,7 @@ class TestMultipliesByItsGain(AmplifierConformance):
         return self.kind(E413.Settings(input="amplifier"))
 
 
-class TestAnswersInWords(OperatorConformance):
+class TestAnswersInWords(conformance.OperatorConformance):
     class kind(OperatorTwin):  # noqa: N801
         def confirm(self, request: Request) -> bool:
             return "yes"  # type: ignore[return-value]
@@ -404,7 +406,7 @@ class TestAnswersInWords(OperatorConformance):
         return self.kind(Console.Settings(), Plant(load_rig_file("simulated"), VirtualClock()))
 
 
-class TestIsOnWhenArmed(GeneratorConformance):
+class TestIsOnWhenArmed(conformance.GeneratorConformance):
     class kind(Keysight33500):  # noqa: N801
         def arm(self) -> None:
             super().arm()
@@ -446,7 +448,7 @@ class TakesEveryPlayForWhole(SoundCard):
 
 class TestOffersWhatNobodyKnows(TestMultipliesByItsGain):
     capabilities = ("reopne",)
-    breaks: ClassVar = {name for name in dir(AmplifierConformance) if name.startswith("test_")}
+    breaks: ClassVar = {name for name in dir(conformance.AmplifierConformance) if name.startswith("test_")}
 
 
 class TestAFaultThatNeverStrikes(BrokenVibrometer):

@@ -15,18 +15,10 @@ import pytest
 from nidaqmx.error_codes import DAQmxErrors
 
 from haploop.base.clock import Clock
-from haploop.instruments import Amplifier, Daq, Operator, Relay, Vibrometer, load_rig_file
+from haploop.instruments import Amplifier, Daq, Operator, Relay, Vibrometer, conformance, load_rig_file
 from haploop.instruments.amplifier.analog import AnalogAmplifier
 from haploop.instruments.amplifier.e413 import E413
-from haploop.instruments.conformance import (
-    AmplifierConformance,
-    DaqConformance,
-    Fired,
-    GeneratorConformance,
-    OperatorConformance,
-    RelayConformance,
-    VibrometerConformance,
-)
+from haploop.instruments.conformance import Fired
 from haploop.instruments.daq.ni_daqmx import NiDaq
 from haploop.instruments.generator import Arbitrary, Generator
 from haploop.instruments.generator.scpi_generator import Dg1000z, Keysight33500, ScpiGenerator
@@ -70,7 +62,7 @@ def put(fault: Any, faults: list[Any]) -> Iterator[Fired]:
 # Relays
 
 
-class BoxConformance(RelayConformance):
+class BoxConformance(conformance.RelayConformance):
     """A box whose contacts can be looked at, on a plant that is nothing but contacts."""
 
     capabilities: ClassVar[tuple[str, ...]] = ("reopen", "contacts")
@@ -179,7 +171,7 @@ SIMULATED = load_rig_file("simulated")
 CARDS = {"Dev1": "PCI-6034E", "Dev2": "PCIe-6321"}
 
 
-class CardsConformance(DaqConformance):
+class CardsConformance(conformance.DaqConformance):
     """Two cards on one clock; an output of the second is wired to an input of it."""
 
     channels = ("laser", "force", "drive")
@@ -261,7 +253,7 @@ def cards(**more: object) -> NiDaq.Settings:
 # Vibrometers
 
 
-class TestAnalogVibrometer(VibrometerConformance):
+class TestAnalogVibrometer(conformance.VibrometerConformance):
     SHOWS: ClassVar = {
         "velocity": {"scale": 0.005, "range": 0.02, "delay": 1e-3},
         "displacement": {"scale": 5e-6, "range": 2e-5, "delay": 1e-4},
@@ -276,7 +268,7 @@ class TestAnalogVibrometer(VibrometerConformance):
         return AnalogVibrometer.open(AnalogVibrometer.Settings.model_validate(settings), VirtualClock())
 
 
-class TestPdv100(VibrometerConformance):
+class TestPdv100(conformance.VibrometerConformance):
     @pytest.fixture(params=[(0.02, 1000), (0.5, 22000)], ids=str)
     def vibrometer(self, request: pytest.FixtureRequest) -> Vibrometer:
         full_scale, low_pass_hz = request.param
@@ -284,7 +276,7 @@ class TestPdv100(VibrometerConformance):
         return Pdv100.open(settings, VirtualClock())
 
 
-class TestOfv5000(VibrometerConformance):
+class TestOfv5000(conformance.VibrometerConformance):
     capabilities = ("reopen", "level")
     faults = (*LINE_FAULTS, "terminator")
     deadline = 3.0
@@ -304,7 +296,7 @@ class TestOfv5000(VibrometerConformance):
         return put(ReplyFault(kind, delay=0.15), self.server.faults)  # type: ignore[arg-type]
 
 
-class TestOfv5000Twin(VibrometerConformance):
+class TestOfv5000Twin(conformance.VibrometerConformance):
     capabilities = ("reopen", "level")
 
     @pytest.fixture
@@ -329,7 +321,7 @@ def ofv(**more: object) -> Ofv5000.Settings:
 # Generators
 
 
-class FamilyConformance(GeneratorConformance):
+class FamilyConformance(conformance.GeneratorConformance):
     capabilities = ("reopen",)
     faults = LINE_FAULTS
     deadline = 5.0
@@ -378,7 +370,7 @@ class TestSoundCardTwin(OnASoundCard):
 # Amplifier and operators
 
 
-class TestAnalogAmplifier(AmplifierConformance):
+class TestAnalogAmplifier(conformance.AmplifierConformance):
     @pytest.fixture(params=[False, True])
     def amplifier(self, request: pytest.FixtureRequest) -> Amplifier:
         figures = {"gain": 20, "min": -30, "max": 150, "current_peak": 0.3, "current_average": 0.235}
@@ -387,20 +379,20 @@ class TestAnalogAmplifier(AmplifierConformance):
         return AnalogAmplifier.open(settings, VirtualClock())
 
 
-class TestE413(AmplifierConformance):
+class TestE413(conformance.AmplifierConformance):
     @pytest.fixture
     def amplifier(self) -> Amplifier:
         return E413.open(E413.Settings(input="amplifier"), VirtualClock())
 
 
-class TestConsole(OperatorConformance):
+class TestConsole(conformance.OperatorConformance):
     @pytest.fixture
     def operator(self, monkeypatch: pytest.MonkeyPatch) -> Operator:
         monkeypatch.setattr("sys.stdin", io.StringIO("yes\n" * 10))
         return Console()
 
 
-class TestOperatorTwin(OperatorConformance):
+class TestOperatorTwin(conformance.OperatorConformance):
     @pytest.fixture
     def operator(self) -> Operator:
         clock = VirtualClock()

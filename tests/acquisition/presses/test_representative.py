@@ -12,17 +12,8 @@ from dtaidistance import dtw, dtw_barycenter
 from benchmarks.representative import unseen
 from benchmarks.synthetic_presses import FAMILIES, RATE, TIMES, error, shape_error, spectrum_error
 from haploop.acquisition import Recording, Representative, high_pass, record, representative
-from haploop.acquisition.presses import registration
-from haploop.acquisition.presses.averaging import (
-    BARYCENTRE,
-    CENTRED,
-    MEAN,
-    REGISTRATION,
-    _Kept,
-    _score,
-    _Template,
-    average,
-)
+from haploop.acquisition.presses import averaging, registration
+from haploop.acquisition.presses.averaging import average
 from haploop.acquisition.presses.barycentre import barycentre, paths_to
 from haploop.acquisition.presses.registration import WarpModel, register
 from haploop.base.errors import ConfigurationError, DataError
@@ -48,8 +39,8 @@ def test_smoothly_warped_presses_give_their_template_as_well_as_their_true_warps
     for seed in range(100, 110 if full else 101):
         presses = FAMILIES[family].warped(seed, *((12, 10) if full else (4, 5)))
         result = averaged(presses)
-        assert result.method == REGISTRATION
-        assert result.scores[REGISTRATION] < result.scores[CENTRED]
+        assert result.method == averaging.REGISTRATION
+        assert result.scores[averaging.REGISTRATION] < result.scores[averaging.CENTRED]
         errors.append(error(result.template[0], presses.template))
         limits.append(error(presses.limit, presses.template))
         # The template at the mean of the presses' times has the same shape, and is nearer to begin at.
@@ -84,10 +75,10 @@ def test_where_events_jitter_the_method_with_the_smaller_error_is_chosen(family,
     presses = unseen(family, "jittered", number)
     result = averaged(presses)
     errors = {name: error(lead, presses.limit) for name, lead in result.leads.items()}
-    assert errors[CENTRED] < 0.5 * errors[REGISTRATION]
-    assert result.method == CENTRED
-    assert result.scores[CENTRED] < result.scores[REGISTRATION]
-    np.testing.assert_array_equal(result.template[0], result.leads[CENTRED])
+    assert errors[averaging.CENTRED] < 0.5 * errors[averaging.REGISTRATION]
+    assert result.method == averaging.CENTRED
+    assert result.scores[averaging.CENTRED] < result.scores[averaging.REGISTRATION]
+    np.testing.assert_array_equal(result.template[0], result.leads[averaging.CENTRED])
     assert result.members == presses.curves.shape[0] * presses.curves.shape[1]
     assert result.spread.shape == (2000,)
 
@@ -97,8 +88,8 @@ def test_a_press_is_scored_against_a_template_that_does_not_hold_it():
     noise = np.random.default_rng(8).standard_normal((2, 2000))
 
     def score(template, aligned, presses):
-        own = _Kept([presses[:, None]], [np.ones(len(presses), dtype=bool)])
-        return _score(_Template(template[None], [aligned]), own, 10)
+        own = averaging._Kept([presses[:, None]], [np.ones(len(presses), dtype=bool)])
+        return averaging._score(averaging._Template(template[None], [aligned]), own, 10)
 
     held = score(noise.mean(axis=0), noise, noise)
     assert held == pytest.approx(score(noise[1], noise[[1, 1]], noise[[0, 0]]), rel=0.1)
@@ -109,7 +100,11 @@ def test_a_press_is_scored_against_a_template_that_does_not_hold_it():
 def test_a_method_that_is_asked_for_by_name_is_the_only_one_that_is_computed():
     presses = TEMPO.jittered(31_415, 2, 3)
     groups = list(presses.curves[:, :, None])
-    for method, name in (("barycentre", BARYCENTRE), ("registration", REGISTRATION), ("mean", MEAN)):
+    for method, name in (
+        ("barycentre", averaging.BARYCENTRE),
+        ("registration", averaging.REGISTRATION),
+        ("mean", averaging.MEAN),
+    ):
         result = average(groups, RATE, method=method)
         assert (result.method, result.reason, result.scores) == (name, "asked for by name", {})
         assert [*result.leads] == [name]

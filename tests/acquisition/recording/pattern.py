@@ -33,21 +33,11 @@ def header(channels: int = CHANNELS, presses: int = 1) -> Header:
     names = [name for sensor in sensors for name in sensor.channels]
     names += [f"spare{i}" for i in range(len(names), channels)]
     return Header(
-        button="push",
-        participant="P01",
-        presses=presses,
-        rig_name="simulated",
-        simulated=True,
-        rate_hz=float(RATE),
-        channels=tuple(names[:channels]),
-        full_scale=np.full(channels, 10.0),
-        delays=np.zeros(channels),
-        rest=0.5,
-        rig=RIG.model_dump_json(),
-        daq="none",
-        software="test",
+        button="push", participant="P01", presses=presses, rig_name="simulated", simulated=True, rest=0.5,
+        rate_hz=float(RATE), channels=tuple(names[:channels]), full_scale=np.full(channels, 10.0),
+        delays=np.zeros(channels), rig=RIG.model_dump_json(), daq="none", software="test",
         started="2026-01-01T00:00:00+00:00",
-    )
+    )  # fmt: skip
 
 
 def codes_of(first: int, count: int, channels: int = CHANNELS) -> np.ndarray:
@@ -138,12 +128,7 @@ def finish_again(path: Path, tell: Connection) -> None:
 def record_session(path: Path, tell: Connection) -> None:
     """A session of 500 presses."""
     record(
-        world_rig(seed=2),
-        "push",
-        "P01",
-        500,
-        path.parent,
-        progress=lambda _doing, done, _total, _unit: tell.send(("pressed", done)),
+        world_rig(seed=2), "push", "P01", 500, path.parent, progress=lambda *p: tell.send(("pressed", p[1]))
     )
 
 

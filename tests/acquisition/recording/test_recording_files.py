@@ -61,24 +61,13 @@ def test_the_hash_is_the_one_that_the_format_describes(finished):
     """With h5py alone, by the words of docs/reference/format.md."""
     with h5py.File(finished[0].path) as file:
         a = file.attrs
-        essential = {
-            "about": file["about"].asstr()[()],
-            "button": a["button"],
-            "channels": list(a["channels"]),
-            "delays": a["delays"].tolist(),
-            "full_scale": a["full_scale"].tolist(),
-            "notes": file["notes"].asstr()[()],
-            "participant": a["participant"],
-            "presses": int(a["presses"]),
-            "protocol": file["protocol"].asstr()[()],
-            "rate_hz": float(a["rate_hz"]),
-            "rest": float(a["rest"]),
-            "samples": file["codes"].shape[1],
-            "sensors": json.loads(file["rig"].asstr()[()])["sensors"],
-            "session": a["session"],
-            "simulated": bool(a["simulated"]),
-            "study": a["study"],
-        }
+        essential = {name: a[name] for name in ("button", "participant", "session", "study")}
+        essential |= {name: a[name].tolist() for name in ("channels", "delays", "full_scale")}
+        essential |= {name: file[name].asstr()[()] for name in ("about", "notes", "protocol")}
+        essential |= {"rate_hz": float(a["rate_hz"]), "rest": float(a["rest"])}
+        essential |= {"presses": int(a["presses"]), "simulated": bool(a["simulated"])}
+        essential["sensors"] = json.loads(file["rig"].asstr()[()])["sensors"]
+        essential["samples"] = file["codes"].shape[1]
         parts = [json.dumps(essential, sort_keys=True).encode(), file["codes"][:].tobytes()]
         parts += [file["blocks"][column].tobytes() for column in ("first", "count", "overload")]
         parts += [file[name][:].tobytes() for name in ("events", "presses")]

@@ -10,14 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from haploop.acquisition.recording.file_format import (
-    CODES,
-    codes_per_volt,
-    convert,
-    file_name,
-    from_codes,
-    to_codes,
-)
+from haploop.acquisition.recording import file_format
 from haploop.acquisition.recording.rows import (
     BLOCK,
     EVENT,
@@ -113,22 +106,24 @@ def test_a_finished_row_has_the_crc_of_the_filled_samples_only() -> None:
 
 def test_codes_are_the_nearest_and_end_at_full_scale() -> None:
     full = np.array([10.0, 2.0, 1.0])
-    step = full / CODES
+    step = full / file_format.CODES
     volts = np.array([[-10.0, 0.0, 10.0 - step[0]], [0.49 * step[1], 0.51 * step[1], -1.5], [0.0, 0.0, 0.0]])
-    codes, beyond = to_codes(volts, full)
+    codes, beyond = file_format.to_codes(volts, full)
     assert codes.tolist() == [[-32768, 0, 32767], [0, 1, -24576], [0, 0, 0]] and not beyond.any()
-    np.testing.assert_array_equal(from_codes(codes, full), codes * step[:, None])
+    np.testing.assert_array_equal(file_format.from_codes(codes, full), codes * step[:, None])
     for row, value, code in ((0, 10.0, 32767), (1, -2.0002, -32768), (2, np.nan, -32768), (0, 1e300, 32767)):
         changed = volts.copy()
         changed[row, 1] = value
         with np.errstate(over="ignore"):
-            codes, beyond = to_codes(changed, full)
+            codes, beyond = file_format.to_codes(changed, full)
         assert codes[row, 1] == code and beyond.tolist() == [row == k for k in range(3)]
 
 
 _REACH = st.floats(-3.0, 3.0, width=64)
 _ODD = st.sampled_from([0.0, -0.0, 1.0, -1.0, np.nan, np.inf, -np.inf, 1e300, -1e300, 5e-324])
-_HALF = st.integers(-2 * CODES - 5, 2 * CODES + 5).map(lambda half: half / (2 * CODES))
+_HALF = st.integers(-2 * file_format.CODES - 5, 2 * file_format.CODES + 5).map(
+    lambda half: half / (2 * file_format.CODES)
+)
 
 
 @given(arrays(np.float64, (3, 7), elements=st.one_of(_REACH, _ODD, _HALF)), st.integers(0, 7))
@@ -137,12 +132,16 @@ def test_codes_are_the_same_bits_as_the_formula_one_channel_after_the_other(volt
     volts = volts[:, :count] * full[:, None]
     codes, scratch = np.full((3, 7), 99, np.int16), np.empty((3, 7), np.float32)
     with np.errstate(over="ignore"):
-        beyond = convert(volts, codes_per_volt(full), codes[:, :count], scratch[:, :count])
+        beyond = file_format.convert(
+            volts, file_format.codes_per_volt(full), codes[:, :count], scratch[:, :count]
+        )
         for row in range(3):
-            exact = np.rint(volts[row].astype(np.float32) * np.float32(CODES / full[row]))
-            within = (exact >= -CODES) & (exact <= CODES - 1)  # NaN is not
+            exact = np.rint(volts[row].astype(np.float32) * np.float32(file_format.CODES / full[row]))
+            within = (exact >= -file_format.CODES) & (exact <= file_format.CODES - 1)  # NaN is not
             assert beyond[row] == (not within.all())
-            clipped = np.clip(np.nan_to_num(exact, nan=-CODES), -CODES, CODES - 1)
+            clipped = np.clip(
+                np.nan_to_num(exact, nan=-file_format.CODES), -file_format.CODES, file_format.CODES - 1
+            )
             assert codes[row, :count].tolist() == clipped.tolist()
     assert np.all(codes[:, count:] == 99)
 
@@ -158,7 +157,7 @@ def test_codes_are_the_same_bits_as_the_formula_one_channel_after_the_other(volt
 ])  # fmt: skip
 def test_names_of_files(participant: str, button: str, allowed: bool) -> None:
     if allowed:
-        assert file_name(participant, button) == f"{participant}-{button}.h5"
+        assert file_format.file_name(participant, button) == f"{participant}-{button}.h5"
     else:
         with pytest.raises(ConfigurationError, match="is not a valid"):
-            file_name(participant, button)
+            file_format.file_name(participant, button)

@@ -10,16 +10,10 @@ import numpy as np
 import pytest
 
 from haploop.acquisition import Recording, content_hash, recover, verify
+from haploop.acquisition.recording import salvage
 from haploop.acquisition.recording.file_format import from_codes, read_header
 from haploop.acquisition.recording.rows import EVENT, VERDICT, block_dtype
-from haploop.acquisition.recording.salvage import (
-    codes_between,
-    finish,
-    intact_part,
-    later_rows,
-    read_blocks,
-    read_contents,
-)
+from haploop.acquisition.recording.salvage import finish
 from haploop.acquisition.recording.writer import Writer
 from haploop.base.checksum import add_checksum
 from haploop.base.errors import DataError
@@ -59,9 +53,9 @@ def test_of_an_unfinished_recording_the_blocks_before_a_damaged_one_are_kept(num
     spoil(path, places(path)["blocks"] + number * block_dtype(CHANNELS, 250).itemsize + 24)
     with h5py.File(path, "r", locking=False) as file:
         head, _ = read_header(file, path)
-        contents = read_blocks(file, head)
+        contents = salvage.read_blocks(file, head)
         later, kept = BLOCKS - 1 - number, 250 * number
-        assert later_rows(file) == ({"blocks": later} if later else {})
+        assert salvage.later_rows(file) == ({"blocks": later} if later else {})
         np.testing.assert_array_equal(contents.codes, codes_of(0, kept))
     assert contents.blocks["first"].tolist() == list(range(0, kept, 250))
     assert contents.events["sample"].tolist() == [250 * (n + 1) for n in range(number)]
@@ -83,8 +77,8 @@ def test_a_damaged_row_hides_no_other(name: str, size: int, path: Path) -> None:
     spoil(path, places(path)[name] + 3 * size)
     with h5py.File(path, "r", locking=False) as file:
         head, _ = read_header(file, path)
-        contents = read_blocks(file, head)
-        assert later_rows(file) == {name: BLOCKS - 4}
+        contents = salvage.read_blocks(file, head)
+        assert salvage.later_rows(file) == {name: BLOCKS - 4}
     counts = {"events": len(contents.events), "presses": len(contents.presses)}
     assert counts == {"events": BLOCKS, "presses": BLOCKS} | {name: BLOCKS - 1}
     assert contents.codes.shape == (CHANNELS, 250 * 11 + 100)
@@ -99,7 +93,7 @@ def test_of_a_finished_recording_the_blocks_before_a_changed_sample_are_kept(sam
         file["codes"][:] = codes
     with h5py.File(path, "r", locking=False) as file:
         head, state = read_header(file, path)
-        contents, kept = intact_part(file, head), sample // 250 * 250
+        contents, kept = salvage.intact_part(file, head), sample // 250 * 250
         np.testing.assert_array_equal(contents.codes, codes_of(0, kept))
     assert state == "finished"
     assert contents.blocks["count"].sum() == kept and len(contents.events) == len(contents.presses)
@@ -110,7 +104,7 @@ def test_a_finished_recording_that_is_whole_is_kept_whole(path: Path) -> None:
     finish(path)
     with h5py.File(path, "r", locking=False) as file:
         head, _ = read_header(file, path)
-        contents = intact_part(file, head)
+        contents = salvage.intact_part(file, head)
         np.testing.assert_array_equal(contents.codes, codes_of(0, 2850))
     assert len(contents.events) == len(contents.presses) == len(contents.blocks) == BLOCKS
     assert contents.blocks["count"].tolist() == [250] * 11 + [100]
@@ -124,7 +118,9 @@ def test_codes_between_two_samples(state: str, path: Path) -> None:
         head, found = read_header(file, path)
         assert found == state
         for first, end in ((0, 1), (0, 250), (249, 251), (700, 1300), (2500, 2850)):
-            np.testing.assert_array_equal(codes_between(file, head, first, end), codes_of(first, end - first))
+            np.testing.assert_array_equal(
+                salvage.codes_between(file, head, first, end), codes_of(first, end - first)
+            )
 
 
 @pytest.mark.parametrize("change", ["shorter", "longer", "wider", "type", "chunks", "missing"])
@@ -143,12 +139,12 @@ def test_samples_that_do_not_fit_their_blocks_are_not_read(change: str, path: Pa
             codes[:] = 0
     add_checksum(path, "recording")
     with pytest.raises(DataError, match="was not written by haploop"):
-        read_contents(path)
+        salvage.read_contents(path)
 
 
 def test_blocks_of_other_channels_are_not_read(path: Path) -> None:
     with h5py.File(path, "r", locking=False) as file, pytest.raises(ValueError, match="blocks"):
-        read_blocks(file, header(CHANNELS - 1))
+        salvage.read_blocks(file, header(CHANNELS - 1))
 
 
 def test_logs_recordings_in_progress_and_hashes(path: Path, tmp_path: Path) -> None:

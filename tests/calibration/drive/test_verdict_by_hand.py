@@ -12,16 +12,8 @@ from scipy import stats
 
 from haploop.base.errors import DataError
 from haploop.calibration import Check, Drive
-from haploop.calibration.drive.agreement import (
-    SharedPower,
-    error_spectra,
-    lines_inside,
-    odd_play,
-    plays_needed,
-    shared_power,
-    summed,
-    trend,
-)
+from haploop.calibration.drive import agreement
+from haploop.calibration.drive.agreement import SharedPower, error_spectra, shared_power
 from haploop.calibration.drive.check import compare
 from haploop.calibration.drive.checked import Silence
 from haploop.calibration.drive.playing import Played
@@ -65,6 +57,12 @@ def judged(
     )
 
 
+def compared(
+    moved: Any, drive: Drive = DRIVE, peaks: tuple[float, ...] = (40.0,), *more: Any, **above: Any
+) -> Check:
+    return compare(drive, Played(np.asarray(moved), RATE, 1000.0, peaks, None, *more, **above), RIG)
+
+
 # Figures
 
 
@@ -94,11 +92,7 @@ def test_every_figure_is_of_its_part_of_the_motion_and_without_the_noise() -> No
 def test_the_third_octave_error_is_over_the_bands_that_hold_the_target() -> None:
     assert judged(0.9, outside=0.1).octaves.error_db == pytest.approx(-20 * np.log10(0.9), rel=1e-6)
     weak = TARGET + 0.05 * OUTSIDE  # 26 dB below: within 30
-    found = compare(
-        replace(DRIVE, target=weak),
-        Played(np.array([TARGET + 0.1 * OUTSIDE] * 3), RATE, 1000.0, (40.0,), None),
-        RIG,
-    )
+    found = compared([TARGET + 0.1 * OUTSIDE] * 3, replace(DRIVE, target=weak))
     assert found.octaves.error_db == pytest.approx(20 * np.log10(2) / np.sqrt(2), rel=1e-6)
 
 
@@ -118,8 +112,7 @@ def test_noise_within_the_band_drowns_nothing_above_it() -> None:
 @pytest.mark.parametrize(("share", "told"), [(0.04, False), (0.06, True)])
 def test_tones_taken_out_are_told_from_five_percent_of_the_target(share: float, told: bool) -> None:
     rms = share * np.sqrt(2.0)  # of a sine of 2 m/s^2
-    played = Played(np.array([TARGET] * 3), RATE, 1000.0, (40.0,), None, 0.0, np.array([50.0]), rms)
-    found = compare(DRIVE, played, RIG)
+    found = compared([TARGET] * 3, DRIVE, (40.0,), 0.0, np.array([50.0]), rms)
     assert found.tones.share == pytest.approx(share, rel=1e-3)
     said = [note for note in found.notes if "steady tones at 50.0 Hz" in note]
     assert len(said) == told and found.summary()["tones_hz"] == [50.0]
@@ -167,13 +160,9 @@ def test_a_check_that_nobody_can_have_measured_is_refused(wrong: dict[str, Any],
 
 @pytest.mark.parametrize(("given", "verdict", "says"), [
     ({"share": 0.81, "outside": 0.06}, "pass", ""),
-    (
-        {"share": 0.8, "outside": 0.05},
-        "fail",
-        "The motion of the surface up to 1 kHz differs from the target by an rms of 20.6 % (95 % "
-        "confidence: 20.6 to 20.6 %), and 20% is accepted: 20.0 % within 200 to 300 Hz, and 5.0 % "
-        "outside.",
-    ),
+    ({"share": 0.8, "outside": 0.05}, "fail",
+     "The motion of the surface up to 1 kHz differs from the target by an rms of 20.6 % (95 % confidence: "
+     "20.6 to 20.6 %), and 20% is accepted: 20.0 % within 200 to 300 Hz, and 5.0 % outside."),
     ({"overload": "The laser left its range."}, "fail", "The laser left its range."),
     ({"peak": 50.9}, "pass", ""),
     ({"peak": 51.1}, "fail", "The patch got 51.1 V, and the rig's limit is 50.0 V."),
@@ -182,26 +171,16 @@ def test_a_check_that_nobody_can_have_measured_is_refused(wrong: dict[str, Any],
     ({"peak": 52.6, "monitor_noise": 0.3}, "fail", "The patch got 52.6 V, and the rig's limit is 50.0 V."),
     ({"peak": 53.6, "monitor_noise": 5.0}, "fail", "The patch got 53.6 V, and the rig's limit is 50.0 V."),
     ({"peak": 32.01}, "pass", ""),
-    (
-        {"peak": 31.9},
-        "fail",
-        "The patch got 32 V where the drive has 40.0 V: check the amplifier, the relay and the drive "
-        "monitor.",
-    ),
+    ({"peak": 31.9}, "fail",
+     "The patch got 32 V where the drive has 40.0 V: check the amplifier, the relay and the drive monitor."),
     ({"in_band": 0.25}, "pass", ""),
-    (
-        {"in_band": 0.249},
-        "fail",
-        "Only 24.9% of the press's energy lies in the 200 to 300 Hz that were played, and 25% is needed.",
-    ),
+    ({"in_band": 0.249}, "fail",
+     "Only 24.9% of the press's energy lies in the 200 to 300 Hz that were played, and 25% is needed."),
     ({"in_band": float("nan")}, "fail", "Only nan%"),
     ({"share": 0.85, "predicted_error": 0.299}, "pass", ""),
-    (
-        {"share": 0.85, "predicted_error": 0.62},
-        "not shown",
-        "Not shown: 62.0% of error were expected when the drive was computed or learnt, and the plays "
-        "show 15.0 % (15.0 to 15.0 %): the table",
-    ),
+    ({"share": 0.85, "predicted_error": 0.62}, "not shown",
+     "Not shown: 62.0% of error were expected when the drive was computed or learnt, and the plays "
+     "show 15.0 % (15.0 to 15.0 %): the table"),
 ])  # fmt: skip
 def test_a_verdict_and_its_reason(given: dict[str, Any], verdict: str, says: str) -> None:
     found = judged(**given)
@@ -231,7 +210,7 @@ def test_evidence_of_dependence_takes_every_error_away(spread: float, says: str)
     """In the first, the noise in the band hides it in the whole."""
     plays = disturbed(spread)
     assert shared_power(error_spectra(plays, TARGET)).possible == (spread > 0)
-    found = compare(DRIVE, Played(plays, RATE, 1000.0, (40.0,), None), RIG)
+    found = compared(plays)
     assert found.verdict == "not shown" and found.reasons[0].startswith(f"Not shown: {says}")
     assert np.isnan([found.error, *found.interval, found.within.root, found.outside.root]).all()
     assert np.isnan(found.correlation)
@@ -275,7 +254,7 @@ def test_plays_that_do_not_tell_are_no_verdict_and_how_many_would() -> None:
     found = judged(shares)
     low, high = found.interval
     assert found.verdict == "not shown" and not found.passed and low <= 0.2 < high
-    needed = plays_needed(shared_power(error_spectra(found.accelerations, TARGET)), 0.2)
+    needed = agreement.plays_needed(shared_power(error_spectra(found.accelerations, TARGET)), 0.2)
     assert needed is None or needed > 5
     remedy = f"{needed} plays would probably show it." if needed else "More plays would not: use a range"
     (reason,) = found.reasons
@@ -299,11 +278,7 @@ def test_motion_above_what_is_judged_is_no_pass(outside: float, shown: float, sa
     high = 2.0 * np.sin(2 * np.pi * 700 * T)
     above = 0.05 * (rng.standard_normal((5, 200)) + 1j * rng.standard_normal((5, 200))) / np.sqrt(200)
     above[:, 50] += shown * np.sqrt(2.0)
-    played = Played(
-        np.array([TARGET + outside * high] * 5), RATE, 1000.0, (40.0,), None,
-        above_hz=np.linspace(1000, 2400, 200), above=above,
-    )  # fmt: skip
-    found = compare(DRIVE, played, RIG)
+    found = compared([TARGET + outside * high] * 5, above_hz=np.linspace(1000, 2400, 200), above=above)
     assert found.above.octave.root == pytest.approx(outside)
     assert found.above.motion is None or found.above.motion.root == pytest.approx(shown, rel=0.1)
     assert found.passed != bool(says) and " ".join(found.reasons).startswith(says)
@@ -323,7 +298,7 @@ def test_what_cannot_be_negative_has_room_for_what_the_noise_allows(share: float
         rng = np.random.default_rng(seed)
         noise = rng.standard_normal((8, 400)) + 1j * rng.standard_normal((8, 400))
         whole = shared_power(share / np.sqrt(400) + noise * 0.33 * np.sqrt(8 / 800))
-        parts = [whole, summed([whole, whole]), shared_power(noise[:, :30])]
+        parts = [whole, agreement.summed([whole, whole]), shared_power(noise[:, :30])]
         for part in parts:
             lowered = replace(part, value=part.value + in_step * part.deviation)
             low, high = lowered.interval
@@ -342,17 +317,17 @@ def test_a_play_unlike_the_others_is_no_pass_and_is_named() -> None:
     for added, verdict in ((0.15, "pass"), (0.25, "not shown")):
         shaken = moved.copy()
         shaken[3] += added * noise(20)
-        found = compare(DRIVE, Played(shaken, RATE, 1000.0, (40.0,), None), RIG)
+        found = compared(shaken)
         assert found.verdict == verdict and found.notes[0].startswith("Play 4 of 6 differs from all others")
     assert found.reasons == ("Not shown: play 4 is not of the same motion as the others; check again.",)
-    assert compare(DRIVE, Played(moved, RATE, 1000.0, (40.0,), None), RIG).notes == judged(1.0).notes
+    assert compared(moved).notes == judged(1.0).notes
 
 
 def test_a_drift_is_named_by_its_size() -> None:
     shares = 1 + np.linspace(-0.04, 0.04, 6)
     rng = np.random.default_rng(1)
     moved = np.array([s * TARGET + 1e-3 * rng.standard_normal(len(T)) for s in shares])
-    found = compare(DRIVE, Played(moved, RATE, 1000.0, (40.0,), None), RIG)
+    found = compared(moved)
     assert found.drift == pytest.approx(0.08, rel=0.01)
     said = "The motion changed by 8.0% of the target from the first play to the last"
     assert any(note.startswith(said) for note in found.notes)
@@ -363,7 +338,7 @@ def test_noise_that_would_hide_a_tone_above_the_band_is_told(size: float, told: 
     # In the mean of five plays, a tone of 0.45 in each is a fifth of the target.
     high = [np.sin(2 * np.pi * (600 + k) * T) + np.sin(2 * np.pi * (800 + k) * T) for k in range(5)]
     moved = np.array([TARGET + size * 2 * one for one in high])
-    found = compare(DRIVE, Played(moved, RATE, 1000.0, (40.0,), None), RIG)
+    found = compared(moved)
     assert found.verdict == "pass"
     said = "Above 562 Hz, the noise left in the mean of 5 plays exceeds 20% of the target's strongest third"
     assert any(note.startswith(said) for note in found.notes) is told
@@ -381,7 +356,7 @@ def test_the_parts_of_a_spectrum_add_up_to_the_mean_square() -> None:
         np.testing.assert_allclose(
             np.sum(np.abs(spectra) ** 2, axis=1), np.mean((plays - target) ** 2, axis=1) / size
         )
-    inside = lines_inside((200.0, 300.0), 5000, RATE)
+    inside = agreement.lines_inside((200.0, 300.0), 5000, RATE)
     assert np.flatnonzero(inside)[[0, -1]].tolist() == [200, 300] and len(inside) == 2501
 
 
@@ -422,13 +397,13 @@ def test_a_negative_power_has_the_root_zero() -> None:
 def test_the_plays_needed_leave_out_the_limit_first(deviation: float, value: float) -> None:
     reaches = {n: stats.t.ppf(0.975, n - 1) * deviation * np.sqrt(5 / n) for n in range(6, 65)}
     expected = next((n for n, reach in reaches.items() if abs(value - 0.04) > reach), None)
-    assert plays_needed(SharedPower(value, deviation, 0.0, 5), 0.2) == expected
+    assert agreement.plays_needed(SharedPower(value, deviation, 0.0, 5), 0.2) == expected
 
 
 def test_sixty_four_plays_are_the_most() -> None:
     reaches = [stats.t.ppf(0.975, n - 1) * 0.01 * np.sqrt(5 / n) for n in (63, 64, 65)]
     for value, expected in ((np.mean(reaches[:2]), 64), (np.mean(reaches[1:]), None)):
-        assert plays_needed(SharedPower(0.04 + float(value), 0.01, 0.0, 5), 0.2) == expected
+        assert agreement.plays_needed(SharedPower(0.04 + float(value), 0.01, 0.0, 5), 0.2) == expected
 
 
 @pytest.mark.parametrize("lines", [1, 3, 30])
@@ -450,8 +425,8 @@ def test_a_trend_is_significant_by_an_f_test_against_the_other_contrasts(lines: 
     for _ in range(40):
         middle = (low + high) / 2
         low, high = (low, middle) if significant(middle)[0] else (middle, high)
-    assert trend(significant(low * 0.999)[1]) == 0.0
-    assert trend(significant(high * 1.001)[1]) > 0.0
+    assert agreement.trend(significant(low * 0.999)[1]) == 0.0
+    assert agreement.trend(significant(high * 1.001)[1]) > 0.0
 
 
 def test_a_trend_is_the_change_from_first_to_last_and_not_of_noise() -> None:
@@ -462,21 +437,21 @@ def test_a_trend_is_the_change_from_first_to_last_and_not_of_noise() -> None:
         quiet = rng.standard_normal((plays, 40)) + 1j * rng.standard_normal((plays, 40))
         return np.asarray(1e-3 * quiet + slope * along * np.eye(40)[:1])
 
-    assert trend(spectra(0.5)) == pytest.approx(0.5, rel=0.02)
-    assert [trend(spectra(0.0)) for _ in range(50)] == [0.0] * 50
+    assert agreement.trend(spectra(0.5)) == pytest.approx(0.5, rel=0.02)
+    assert [agreement.trend(spectra(0.0)) for _ in range(50)] == [0.0] * 50
 
 
 def test_an_odd_play_is_three_times_as_far_as_the_others() -> None:
     spectra = np.zeros((5, 4), complex)
     spectra[:, 0] = [0.0, 1.0, 2.0, 3.0, 4.0]
-    assert odd_play(spectra) == (0, 0.0)
+    assert agreement.odd_play(spectra) == (0, 0.0)
     spectra[1, 0] = 0.01  # two that are alike by chance make no other one odd
-    assert odd_play(spectra) == (0, 0.0)
+    assert agreement.odd_play(spectra) == (0, 0.0)
     spectra[1, 0] = 1.0
     spectra[1, 1] = 2.8  # its nearest is sqrt(1 + 2.8^2) = 2.97 away, the others' 1 or 2
-    assert odd_play(spectra) == (0, 0.0)
+    assert agreement.odd_play(spectra) == (0, 0.0)
     spectra[1, 1] = 6.1
-    number, apart = odd_play(spectra)
+    number, apart = agreement.odd_play(spectra)
     assert number == 2 and apart == pytest.approx(np.sqrt(1 + 6.1**2))
 
 
@@ -487,13 +462,9 @@ def test_each_patch_has_to_get_its_own_volts() -> None:
     """Without it a channel that is switched off hides behind another that plays as much."""
     volts = np.array([1.0, 0.5])[:, None] * DRIVE.volts
     two = replace(DRIVE, patches=("A", "B"), volts=volts)
-    moved = np.array([1.1 * TARGET] * 3)
-    for peaks, patch in (
-        ((40.0, 20.0), ""),
-        ((40.0, 15.0), "Patch B got 15 V"),
-        ((31.0, 20.0), "Patch A got"),
-    ):
-        found = compare(two, Played(moved, RATE, 1000.0, peaks, None), RIG)
+    some = {(40.0, 20.0): "", (40.0, 15.0): "Patch B got 15 V", (31.0, 20.0): "Patch A got"}
+    for peaks, patch in some.items():
+        found = compared([1.1 * TARGET] * 3, two, peaks)
         assert found.passed == (not patch) and patch in " ".join(found.reasons)
         assert found.drive_measured_peak == max(peaks)
 
@@ -517,9 +488,8 @@ def test_a_silent_point_that_moves_fails_the_check() -> None:
 def test_a_silent_point_that_nobody_saw_is_not_silent() -> None:
     blind = still(0.0, unseen="The laser left its range.")
     assert blind.verdict == "fail" and blind.summary()["silent"] == {"57": None}
-    assert blind.reasons == (
-        "Nothing is known of the 57 point, which is to be silent. The laser left its range.",
-    )
+    said = "Nothing is known of the 57 point, which is to be silent. The laser left its range."
+    assert blind.reasons == (said,)
     hum = still(0.0, noise=1e-9, least=0.1)
     assert hum.verdict == "not shown" and hum.summary()["silent"] == {"57": None}
     assert "in step with the plays" in hum.reasons[0]

@@ -5,7 +5,7 @@ import pytest
 
 from haploop.calibration.perception import Feeling, Pressed, feeling_of, levels_of, thresholds
 
-RATE = 20000.0
+RATE, WHO = 20000.0, " person who presses with 2.0 N"
 
 
 def snap(level: float, at: float = 0.4, hz: float = 264.0) -> np.ndarray:
@@ -25,13 +25,9 @@ def said(feeling: Feeling) -> str:
 
 def test_a_loud_motion_is_felt_and_a_small_one_is_not() -> None:
     for level, answer, words in (
-        (9, "yes", "A person who presses with 2.0 N feels it (9 dB above threshold; "),
-        (
-            -4,
-            "not known",
-            "Not known whether a person who presses with 2.0 N feels it (4 dB below threshold; ",
-        ),
-        (-40, "no", "A person who presses with 2.0 N does not feel it (40 dB below threshold; "),
+        (9, "yes", f"A{WHO} feels it (9 dB above threshold; "),
+        (-4, "not known", f"Not known whether a{WHO} feels it (4 dB below threshold; "),
+        (-40, "no", f"A{WHO} does not feel it (40 dB below threshold; "),
     ):
         feeling = felt(snap(level), snap(level))
         assert feeling.felt == answer
@@ -117,9 +113,8 @@ def test_the_noise_of_the_plays_is_stated_and_named() -> None:
     assert feeling.noise_total == pytest.approx(truth - 10 * np.log10(8), abs=0.7)
     assert feeling.noise is not None and feeling.noise.shape == feeling.octaves_hz.shape
     assert "no larger than the noise of the plays" in said(feeling)
-    assert "noise" not in said(
-        feeling_of(target, 1.4 * target, RATE, plays=1.4 * np.array([target, 1.001 * target]))
-    )
+    quiet = 1.4 * np.array([target, 1.001 * target])
+    assert "noise" not in said(feeling_of(target, 1.4 * target, RATE, plays=quiet))
 
 
 def test_an_estimated_form_of_the_threshold_is_named_where_the_level_depends_on_it() -> None:

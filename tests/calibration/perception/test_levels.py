@@ -7,14 +7,8 @@ import numpy as np
 import pytest
 
 from haploop.base.errors import DataError
-from haploop.calibration.perception import (
-    SHORT,
-    event_levels,
-    levels_of,
-    parse_thresholds,
-    running_level,
-    thresholds,
-)
+from haploop.calibration import perception
+from haploop.calibration.perception import levels_of, thresholds
 from haploop.calibration.perception.levels import OCTAVES, mean_levels, pressing, resting
 
 RATE = 20000.0
@@ -108,7 +102,7 @@ def test_the_mean_level_is_that_of_the_whole_record() -> None:
 
 
 def test_the_running_level_is_centred() -> None:
-    level = running_level(burst(260, 0.01, 0.4, 100), RATE, SHORT)
+    level = perception.running_level(burst(260, 0.01, 0.4, 100), RATE, perception.SHORT)
     loud = np.flatnonzero(level > level.max() - 3)
     assert loud.mean() / RATE == pytest.approx(0.405, abs=0.001)
 
@@ -137,11 +131,11 @@ def test_a_finger_that_presses_is_more_sensitive_than_one_at_rest_where_it_was_f
 )
 def test_a_row_without_a_source_is_refused(gone: str) -> None:
     text = resources.files("haploop.calibration.perception").joinpath("thresholds.toml").read_text("utf-8")
-    parse_thresholds(text)
+    perception.parse_thresholds(text)
     with pytest.raises(DataError, match="names no source"):
-        parse_thresholds(text.replace(gone, 'source = ""', 1))
+        perception.parse_thresholds(text.replace(gone, 'source = ""', 1))
     with pytest.raises(DataError, match="names no source"):
-        parse_thresholds(text.replace(gone, 'source = "somebody"', 1))
+        perception.parse_thresholds(text.replace(gone, 'source = "somebody"', 1))
 
 
 def test_a_row_without_a_mark_is_refused() -> None:
@@ -149,7 +143,7 @@ def test_a_row_without_a_mark_is_refused() -> None:
     assert '"recalled"' not in text
     for mark in ("found", "estimate"):
         with pytest.raises(DataError, match="has no mark"):
-            parse_thresholds(text.replace(f'mark = "{mark}"', 'mark = "known"', 1))
+            perception.parse_thresholds(text.replace(f'mark = "{mark}"', 'mark = "known"', 1))
 
 
 def test_every_source_is_that_of_some_row() -> None:
@@ -186,9 +180,9 @@ def test_the_noise_of_plays_is_not_felt(level: float, noise: float) -> None:
         found = levels_of(plays, RATE)
         low, high = found.interval
         held += low <= level + 0.05 and high >= level - 0.05
-        events = event_levels(plays, RATE, 0.2, 0.03, 17)
-        quiet = event_levels(plays - moved, RATE, 0.2, 0.03, 17)
-        heard = event_levels((plays - moved).mean(axis=0), RATE, 0.2, 0.03, 17)
+        events = perception.event_levels(plays, RATE, 0.2, 0.03, 17)
+        quiet = perception.event_levels(plays - moved, RATE, 0.2, 0.03, 17)
+        heard = perception.event_levels((plays - moved).mean(axis=0), RATE, 0.2, 0.03, 17)
         assert events.shape == quiet.shape == (17,)
         if noise:
             # Four in five windows without motion have none, the others a tenth of the mean's noise.

@@ -9,23 +9,16 @@ import scipy
 from haploop.calibration.perception import Sensation, shares, thresholds
 
 PRESSING = thresholds().act("pressing")
+WHO = "A person who presses with 2.0 N"
 
 
 def test_the_answer_is_known_where_both_ends_of_the_threshold_say_the_same() -> None:
     for level, answer, words in (
-        (PRESSING.higher + 0.1, "yes", "A person who presses with 2.0 N feels it (6 dB above threshold; "),
+        (PRESSING.higher + 0.1, "yes", f"{WHO} feels it (6 dB above threshold; "),
         (PRESSING.higher - 0.1, "not known", "Not known whether a person who presses with 2.0 N feels it ("),
         (-PRESSING.lower + 0.1, "not known", "Not known whether "),
-        (
-            -PRESSING.lower - 0.1,
-            "no",
-            "A person who presses with 2.0 N mostly does not feel it (13 dB below ",
-        ),
-        (
-            -40,
-            "no",
-            "A person who presses with 2.0 N does not feel it (40 dB below threshold; under 1 % of people).",
-        ),
+        (-PRESSING.lower - 0.1, "no", f"{WHO} mostly does not feel it (13 dB below "),
+        (-40, "no", f"{WHO} does not feel it (40 dB below threshold; under 1 % of people)."),
         (-np.inf, "no", "does not feel it: nothing moves between 18 and 1122 Hz."),
     ):
         sensation = Sensation(PRESSING, level)

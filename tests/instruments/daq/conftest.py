@@ -15,14 +15,8 @@ from haploop.nidaqmx_twin import NiServer, inventory_of
 from tests.nidaqmx_twin.ni_client import Bench
 
 CARDS = {"Dev1": "PCI-6034E", "Dev2": "PCIe-6321"}
-WIRING = {
-    "Dev1/ai0": "tone",
-    "Dev1/ai1": "tone",
-    "Dev2/ai0": "tone",
-    "Dev2/ai1": "loop",
-    "Dev2/ai2": "loop",
-    "Dev2/ao0": "out",
-}
+TONES, LOOPS = ("Dev1/ai0", "Dev1/ai1", "Dev2/ai0"), ("Dev2/ai1", "Dev2/ai2")
+WIRING = dict.fromkeys(TONES, "tone") | dict.fromkeys(LOOPS, "loop") | {"Dev2/ao0": "out"}
 LSB = 20 / 2**16
 """Volts per code in a range of +-10 V."""
 

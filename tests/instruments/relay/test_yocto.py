@@ -269,34 +269,19 @@ def test_a_hub_without_a_port_is_on_the_hubs_own_port() -> None:
     assert settings(hub="http://[::1]:81").hub == "http://[::1]:81"
 
 
-REPLIES = st.one_of(
-    st.binary(max_size=200),
-    st.builds(
-        lambda head, body: b"HTTP/1.1 200 OK\r\n" + head + b"\r\n\r\n" + body,
-        st.sampled_from(
-            [b"", b"Content-Length: 5", b"Content-Length: -1", b"Transfer-Encoding: chunked", b"X" * 70_000]
-        ),
-        st.one_of(
-            st.binary(max_size=200),
-            st.sampled_from([b"null", b"[]", b"[" * 100_000, b"9" * 5000, b'{"module": []}', b"\xff\xfe"]),
-            st.dictionaries(
-                st.sampled_from(["module", "services", "relay1"]),
-                st.recursive(
-                    st.none() | st.integers() | st.text(),
-                    lambda x: (
-                        st.lists(x)
-                        | st.dictionaries(
-                            st.sampled_from(
-                                ["whitePages", "serialNumber", "productName", "state", "pulseTimer"]
-                            ),
-                            x,
-                        )
-                    ),
-                    max_leaves=5,
-                ),
-            ).map(lambda tree: json.dumps(tree).encode()),
-        ),
+KEYS = st.sampled_from(["whitePages", "serialNumber", "productName", "state", "pulseTimer"])
+TREES = st.dictionaries(
+    st.sampled_from(["module", "services", "relay1"]),
+    st.recursive(
+        st.none() | st.integers() | st.text(), lambda x: st.lists(x) | st.dictionaries(KEYS, x), max_leaves=5
     ),
+).map(lambda tree: json.dumps(tree).encode())
+HEADS = [b"", b"Content-Length: 5", b"Content-Length: -1", b"Transfer-Encoding: chunked", b"X" * 70_000]
+BODIES = [b"null", b"[]", b"[" * 100_000, b"9" * 5000, b'{"module": []}', b"\xff\xfe"]
+REPLIES = st.binary(max_size=200) | st.builds(
+    lambda head, body: b"HTTP/1.1 200 OK\r\n" + head + b"\r\n\r\n" + body,
+    st.sampled_from(HEADS),
+    st.binary(max_size=200) | st.sampled_from(BODIES) | TREES,
 )
 
 

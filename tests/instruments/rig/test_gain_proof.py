@@ -30,15 +30,10 @@ def sweep(rig: Rig) -> Any:
     return rig.generate(Sweep(10, 300, 0.3, 20), ["A"], ["drive"])
 
 
-SOURCES = pytest.mark.parametrize(
-    ("file", "play"),
-    [
-        (load_rig_file("simulated"), excite),
-        (load_rig_file("four-channel"), excite),
-        (load_rig_file("sound-card"), excite),
-        (generator_rig(), sweep),
-    ],
-)
+SOURCES = pytest.mark.parametrize(("file", "play"), [
+    *((load_rig_file(name), excite) for name in ("simulated", "four-channel", "sound-card")),
+    (generator_rig(), sweep),
+])  # fmt: skip
 
 
 @SOURCES

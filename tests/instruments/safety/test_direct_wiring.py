@@ -57,14 +57,8 @@ def here(tmp_path: Path) -> Iterator[Lab]:
 
 def test_outputs_are_held_from_open_to_close() -> None:
     with open_rig(FILE, simulate="wire") as rig, clients(rig) as (other,):
-        acts = (
-            lambda: None,
-            lambda: rig.excite(TONE, ["A"], ["drive"]),
-            lambda: rig.relay.connect([]),
-            rig.make_safe,
-            rig.daq.zero,
-        )
-        for act in acts:
+        play, open_all = (lambda: rig.excite(TONE, ["A"], ["drive"])), (lambda: rig.relay.connect([]))
+        for act in (lambda: None, play, open_all, rig.make_safe, rig.daq.zero):
             act()
             assert not other.write(), "the output is ours"
             assert stands(rig) < 1e-3

@@ -222,18 +222,11 @@ def run(folder: Path, examples: int, take_out: Any = None, number: int = 0) -> C
     Here.folder, Here.counts = folder, counts
     if take_out is not None:
         Here.take_out = staticmethod(take_out)
-    run_state_machine_as_test(
-        seed(number)(Here),
-        settings=settings(
-            max_examples=examples,
-            stateful_step_count=60,
-            deadline=None,
-            database=None,
-            report_multiple_bugs=False,
-            phases=(Phase.generate,),
-            suppress_health_check=list(HealthCheck),
-        ),
-    )
+    sixty = settings(
+        max_examples=examples, stateful_step_count=60, deadline=None, database=None,
+        report_multiple_bugs=False, phases=(Phase.generate,), suppress_health_check=list(HealthCheck),
+    )  # fmt: skip
+    run_state_machine_as_test(seed(number)(Here), settings=sixty)
     return counts
 
 

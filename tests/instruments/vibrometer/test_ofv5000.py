@@ -11,16 +11,8 @@ from pydantic import ValidationError
 
 from haploop.base.errors import ConfigurationError, InstrumentError
 from haploop.instruments import load_rig_file
-from haploop.instruments.vibrometer.ofv5000 import (
-    Command,
-    Ofv5000,
-    duration_of,
-    frequency_of,
-    level_of,
-    ranges_of,
-    scale_of,
-    scale_text,
-)
+from haploop.instruments.vibrometer import ofv5000
+from haploop.instruments.vibrometer.ofv5000 import Command, Ofv5000
 from haploop.mocks.clock import VirtualClock
 from haploop.mocks.plant import LaserHead, Plant
 from haploop.mocks.transport import DirectLine, LineServer, ReplyFault
@@ -203,29 +195,29 @@ def test_codec() -> None:
         assert str(command) == line
     for line in ("", "Get,VeloDec,0", "Set,VeloDec,0,Range", "Put,VeloDec,0,Range", "Get,VeloDec,x,Range"):
         assert Command.parse(line) is None
-    assert scale_of(scale_text(0.125)) == 0.125
+    assert ofv5000.scale_of(ofv5000.scale_text(0.125)) == 0.125
 
 
 @pytest.mark.parametrize(("parse", "text", "value"), [
-    (scale_of, "5mm/s/V", 0.005),
-    (scale_of, "0.5 m/s/V", 0.5),
-    (scale_of, "100um/s/V", 1e-4),
-    (level_of, "512", 1.0),
-    (duration_of, "12.3 us", 12.3e-6),
-    (duration_of, "12.3", 12.3e-6),
-    (duration_of, "1.1ms", 1.1e-3),
-    (duration_of, "1.23E-05", 12.3e-6),
-    (duration_of, "0", 0.0),
-    (duration_of, "1.23e+1 us", 12.3e-6),
-    (scale_of, "5 mm/s / V", 0.005),
-    (scale_of, "5.0E+00mm/s/V", 0.005),
-    (frequency_of, "20 kHz", 20e3),
-    (frequency_of, "1.5 MHz", 1.5e6),
-    (frequency_of, "20000", 20e3),
-    (frequency_of, "2.0E+04 Hz", 20e3),
-    (frequency_of, "Not Installed", None),
-    (ranges_of, "5mm/s/V,10 mm/s / V; 1m/s/V", (0.005, 0.01, 1.0)),
-    (ranges_of, "Not Available", ()),
+    (ofv5000.scale_of, "5mm/s/V", 0.005),
+    (ofv5000.scale_of, "0.5 m/s/V", 0.5),
+    (ofv5000.scale_of, "100um/s/V", 1e-4),
+    (ofv5000.level_of, "512", 1.0),
+    (ofv5000.duration_of, "12.3 us", 12.3e-6),
+    (ofv5000.duration_of, "12.3", 12.3e-6),
+    (ofv5000.duration_of, "1.1ms", 1.1e-3),
+    (ofv5000.duration_of, "1.23E-05", 12.3e-6),
+    (ofv5000.duration_of, "0", 0.0),
+    (ofv5000.duration_of, "1.23e+1 us", 12.3e-6),
+    (ofv5000.scale_of, "5 mm/s / V", 0.005),
+    (ofv5000.scale_of, "5.0E+00mm/s/V", 0.005),
+    (ofv5000.frequency_of, "20 kHz", 20e3),
+    (ofv5000.frequency_of, "1.5 MHz", 1.5e6),
+    (ofv5000.frequency_of, "20000", 20e3),
+    (ofv5000.frequency_of, "2.0E+04 Hz", 20e3),
+    (ofv5000.frequency_of, "Not Installed", None),
+    (ofv5000.ranges_of, "5mm/s/V,10 mm/s / V; 1m/s/V", (0.005, 0.01, 1.0)),
+    (ofv5000.ranges_of, "Not Available", ()),
 ])  # fmt: skip
 def test_forms_in_which_firmware_may_write(parse, text: str, value) -> None:
     assert parse(text) == (value if value is None else pytest.approx(value))
@@ -272,4 +264,4 @@ def test_names_versions_and_lists_are_told() -> None:
     ):
         assert box.answer(question) == [answer]
     (listed,) = box.answer("GetDevInfo,VeloDec,1,Range")
-    assert ranges_of(listed)[0] == 0.005 and len(ranges_of(listed)) == 8
+    assert ofv5000.ranges_of(listed)[0] == 0.005 and len(ofv5000.ranges_of(listed)) == 8
