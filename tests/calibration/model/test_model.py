@@ -313,11 +313,8 @@ def test_a_matlab_file_holds_all_of_it(fitted: tuple[Response, np.ndarray], tmp_
 
 @pytest.mark.parametrize(("one", "other", "by"), [
     # Patch A at the button, and patch C near a node of three modes (a simulated table: 0.44 % was said).
-    (
-        (68.0, 137.4, 203.1, 242.3, 263.6, 389.3, 432.8, 490.3, 521.5, 611.2),
-        (68.0, 137.4, 242.3, 263.6, 392.8, 521.5, 582.9),
-        0.0,
-    ),
+    ((68.0, 137.4, 203.1, 242.3, 263.6, 389.3, 432.8, 490.3, 521.5, 611.2),
+     (68.0, 137.4, 242.3, 263.6, 392.8, 521.5, 582.9), 0.0),
     ((68.0, 137.4, 203.1, 263.6), (68.68, 138.77, 266.24), 0.01),
 ])  # fmt: skip
 def test_a_patch_near_a_node_is_of_the_same_table(one: Any, other: Any, by: float) -> None:

@@ -116,10 +116,8 @@ def test_a_vibrometers_export_is_velocity(tmp_path: Path, kind: int, unit: str, 
     ({"rsp_dir": 1}, "out of the plane"),
     ({"ordinate_spec_data_type": 13}, "its type is excitation force, and its label says 'm'"),
     ({"ordinate_spec_data_type": 0, "ordinate_axis_units_lab": "dB"}, "'dB'"),
-    (
-        {"orddenom_spec_data_type": 13, "orddenom_axis_units_lab": "N"},
-        "is per N, and a patch is driven by volts",
-    ),
+    ({"orddenom_spec_data_type": 13, "orddenom_axis_units_lab": "N"},
+     "is per N, and a patch is driven by volts"),
 ])  # fmt: skip
 def test_what_is_no_response_per_volt_is_refused(tmp_path: Path, change: dict[str, Any], said: str) -> None:
     with pytest.raises(DataError, match=said):

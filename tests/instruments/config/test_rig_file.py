@@ -55,10 +55,8 @@ DEAD = '[[simulation.faults]]\nkind = "patch-dead"\n'
     ('base = "minimal"\n\n[daq.channels.extra]\nrange = 1\n', "line 3: the key 'daq.channels.extra.term"),
     (HAPTABLE + "[relay]\nsettle = 0.1\ndead_man = 0\n", "line 4: relay.dead_man must be 0.1 or more"),
     (HAPTABLE + "limits.peak_to_peak = -1\n", "rig.toml, line 2: limits.peak_to_peak"),
-    (
-        HAPTABLE + "[sensors.force]\nmatrix = [\n  [1, 2],\n]\n[limits]\npeak_to_peak = 1\n",
-        "rig.toml, line 2: sensors.force: row 1 of matrix has 2 numbers for 6 channels",
-    ),
+    (HAPTABLE + "[sensors.force]\nmatrix = [\n  [1, 2],\n]\n[limits]\npeak_to_peak = 1\n",
+     "rig.toml, line 2: sensors.force: row 1 of matrix has 2 numbers for 6 channels"),
     (DEAD + DEAD + 'pach = "A"\n', "line 5: unknown key 'simulation.faults.1.pach'; did you mean"),
     ('[[simulation.faults]]\nkind = "relay-stick"\n', "line 2: unknown fault kind .*'relay-stuck'"),
     (HAPTABLE + "[table]\npatch_places = { E = [0, 0] }\n", "line 3: table.patch_places.*'E'"),
@@ -77,10 +75,8 @@ DEAD = '[[simulation.faults]]\nkind = "patch-dead"\n'
     (HAPTABLE + "[limits]\nmin = 60\n", "limits.min"),
     (HAPTABLE + "[limits]\npeak_to_peak = inf\n", "limits.peak_to_peak"),
     # Two would be one output of one task, which the card refuses when it is to be set to zero.
-    (
-        HAPTABLE + '[daq.outputs]\nother = { terminal = "dev2/AO0" }\n',
-        "dev2/AO0 has two names, 'amplifier' and 'other'",
-    ),
+    (HAPTABLE + '[daq.outputs]\nother = { terminal = "dev2/AO0" }\n',
+     "dev2/AO0 has two names, 'amplifier' and 'other'"),
     ('base = "rig.toml"\n', "is itself based on this file"),
 ])  # fmt: skip
 def test_what_is_wrong_is_named_in_one_sentence(tmp_path: Path, text: str, says: str) -> None:

@@ -212,14 +212,10 @@ def test_what_cannot_be_played_as_it_is_is_refused(wave: FloatArray, says: str) 
     ({"channels": {}}, "channels must have 1 or more entries"),
     ({"channels": {"a": {"input": 1}}}, "the key 'channels.a.volts_per_full_scale' is missing"),
     ({"channels": {"a": {"input": 0, "volts_per_full_scale": 1}}}, "channels.a.input must be 1 or more"),
-    (
-        {"channels": {n: {"input": 1, "volts_per_full_scale": 1} for n in "ab"}},
-        "input 1 has two names, 'a' and 'b': keep one",
-    ),
-    (
-        {"outputs": {n: {"output": 2, "volts_per_full_scale": 1} for n in "ab"}},
-        "output 2 has two names, 'a' and 'b': keep one",
-    ),
+    ({"channels": {n: {"input": 1, "volts_per_full_scale": 1} for n in "ab"}},
+     "input 1 has two names, 'a' and 'b': keep one"),
+    ({"outputs": {n: {"output": 2, "volts_per_full_scale": 1} for n in "ab"}},
+     "output 2 has two names, 'a' and 'b': keep one"),
     ({"channels": {"a": {"input": 1, "volts_per_full_scale": -1}}}, "must be above 0"),
     ({"channels": {"a": {"terminal": "Dev1/ai0", "range": 1}}}, "unknown key 'channels.a.terminal'"),
     ({"outputs": {"a": {"output": 1, "volts_per_full_scale": 1, "high_pass_hz": 500}}}, "must be 50"),
@@ -236,10 +232,8 @@ def test_a_wrong_table_is_one_sentence(changes: dict[str, Any], says: str) -> No
 @pytest.mark.parametrize(("change", "says"), [
     (("rate_hz = 48000", "rate_hz = 44100"), "rate_hz at the top is 44100: write rate_hz = 48000"),
     (("[table]\nrate_hz = 48000", "[table]\nrate_hz = 50000"), r"rate_hz in \[table\] is 50000: write"),
-    (
-        ("input = 9, volts_per_full_scale = 5, high_pass_hz = 0", "input = 9, volts_per_full_scale = 5"),
-        r"'acceleration_z' is AC-coupled, and \[sensors.acceleration\] needs its voltage at rest",
-    ),
+    (("input = 9, volts_per_full_scale = 5, high_pass_hz = 0", "input = 9, volts_per_full_scale = 5"),
+     r"'acceleration_z' is AC-coupled, and \[sensors.acceleration\] needs its voltage at rest"),
     (
         (
             "input = 1, volts_per_full_scale = 10, high_pass_hz = 0",

@@ -90,26 +90,14 @@ def test_what_a_rig_takes_from_its_base_is_to_look_up(name: str, tmp_path: Path)
     ('"Dev1/ai0"', '"Dev2/ai0"', 11, "force is wired to Dev2, which is none of devices (Dev1)"),
     ('"Dev1/ao0"', '"Dev2/ao0"', 18, "amplifier is wired to Dev2, which is none of devices"),
     ("capacitance = 90e-9", "capacitance = 90", 56, "actuator.capacitance must be 0.001 or less (found 90)"),
-    (
-        "range = 5, config",
-        "range = 5, excitation = 2, config",
-        13,
-        "excitation must be 0.02 or less (found 2)",
-    ),
+    ("range = 5, config", "range = 5, excitation = 2, config", 13,
+     "excitation must be 0.02 or less (found 2)"),
     ('"USB-6211"', '"usb6211"', 9, "NI calls no card 'usb6211': did you mean 'USB-6211'?"),
     ('"USB-6211"', '"NI9234"', 9, "did you mean 'NI 9234'?"),
-    (
-        '["switch"]',
-        '["switch"]\nthreshold = 25',
-        36,
-        "25 V is never crossed, because the channel switch ends at 10 V",
-    ),
-    (
-        "button_point = 20",
-        "button_point = 84",
-        66,
-        "beyond the grid, whose 7 rows of 12 are numbered 0 to 83",
-    ),
+    ('["switch"]', '["switch"]\nthreshold = 25', 36,
+     "25 V is never crossed, because the channel switch ends at 10 V"),
+    ("button_point = 20", "button_point = 84", 66,
+     "beyond the grid, whose 7 rows of 12 are numbered 0 to 83"),
     ('name = "lab"', 'base = "usb-6212"', 4, "there is no rig 'usb-6212': did you mean 'usb-6211'?"),
 ])  # fmt: skip
 def test_an_error_has_a_line(before: str, after: str, line: int, says: str, run: Run, tmp_path: Path) -> None:

@@ -159,12 +159,8 @@ def tone(peak: float, hertz: float = 250.0, seconds: float = 0.2) -> np.ndarray:
 @pytest.mark.parametrize(("limits", "drive", "says", "seen"), [
     ({"max": 20.0}, lambda s: s * tone(19.99), "rises to", lambda b: b.high / 20),
     ({"min": -20.0}, lambda s: s * tone(19.99), "falls to", lambda b: -b.low / 20),
-    (
-        {"peak_to_peak": 40.0},
-        lambda s: s * tone(19.99),
-        "has a peak-to-peak voltage of",
-        lambda b: (b.high - b.low) / 40,
-    ),
+    ({"peak_to_peak": 40.0}, lambda s: s * tone(19.99), "has a peak-to-peak voltage of",
+     lambda b: (b.high - b.low) / 40),
     ({"slew": 6e4}, lambda s: s * tone(38.2), "slews at", lambda b: b.slew / 6e4),
     ({"max_duration": 0.2}, lambda s: tone(20, seconds=0.2 * s), "lasts", lambda b: b.seconds / 0.2),
 ])  # fmt: skip
