@@ -26,14 +26,14 @@ def empty(folder: Path) -> Path:
     return path
 
 
-def test_what_was_written_is_read_back_before_the_file_is_closed(tmp_path: Path) -> None:
+def test_what_was_written_is_read_back_before_the_file_is_closed(tmp_path):
     with created(empty(tmp_path)) as file:
         written = file.create_dataset("x", data=LONG)
         file.flush()
         np.testing.assert_array_equal(written[:], LONG)
 
 
-def test_what_was_not_written_is_zeros(tmp_path: Path) -> None:
+def test_what_was_not_written_is_zeros(tmp_path):
     found = np.full(LONG.shape, 7.0)
     with created(empty(tmp_path)) as file:
         plan = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
@@ -45,13 +45,13 @@ def test_what_was_not_written_is_zeros(tmp_path: Path) -> None:
     assert not found.any()
 
 
-def test_an_error_that_is_not_the_disks_is_raised(tmp_path: Path) -> None:
+def test_an_error_that_is_not_the_disks_is_raised(tmp_path):
     with pytest.raises(ValueError, match="ours"), created(empty(tmp_path)):
         raise ValueError("ours")
 
 
 @pytest.mark.parametrize("moment", range(1, 9))
-def test_no_ctrl_c_within_the_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, moment: int) -> None:
+def test_no_ctrl_c_within_the_library(tmp_path, monkeypatch, moment):
     write, calls = checksum._Disk.write, itertools.count(1)
 
     def interrupted(disk: checksum._Disk, data: object) -> int:
@@ -68,14 +68,14 @@ def test_no_ctrl_c_within_the_library(tmp_path: Path, monkeypatch: pytest.Monkey
         np.testing.assert_array_equal(file["x"], LONG)
 
 
-def test_a_permission_is_named_and_not_the_content() -> None:
+def test_a_permission_is_named_and_not_the_content():
     with pytest.raises(DataError, match=r"no permission to read a\.h5"), unreadable("a.h5", "damaged"):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
     with pytest.raises(DataError, match=r"^damaged$"), unreadable("a.h5", "damaged"):
         raise ValueError
 
 
-def test_a_dataset_is_in_its_file_and_not_larger(tmp_path: Path) -> None:
+def test_a_dataset_is_in_its_file_and_not_larger(tmp_path):
     with h5py.File(tmp_path / "file.h5", "w") as file:
         whole = file.create_dataset("whole", data=np.zeros(100))
         assert bounded(whole, 800) is whole

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -41,7 +38,7 @@ def _channel(file: File, name: str, range_: float) -> File:
 
 @pytest.mark.parametrize("button", ["latch", "toggle", "push"])
 @pytest.mark.parametrize("board", [contact_of_five_volts, dc_accelerometer])
-def test_an_ordinary_board_is_accepted(board: Callable[[File], File], button: str, tmp_path: Path) -> None:
+def test_an_ordinary_board_is_accepted(board, button, tmp_path):
     with haploop.open_rig(board(load_rig_file("simulated"))) as rig:
         with rig.tap() as tap:
             found = haploop.record(rig, button, "P01", 5, out=tmp_path)
@@ -54,7 +51,7 @@ def test_an_ordinary_board_is_accepted(board: Callable[[File], File], button: st
         assert noise["Noise floor of switch"].status == "green"
 
 
-def test_a_sensor_at_the_end_of_its_range_is_named(tmp_path: Path) -> None:
+def test_a_sensor_at_the_end_of_its_range_is_named(tmp_path):
     """Of the latch's 8 N, a gauge shows more than its channel takes."""
     file = _channel(load_rig_file("simulated"), "gauge2", 0.05)
     beyond = pytest.raises(haploop.HaploopError, match="force sensor left its range")
@@ -71,7 +68,7 @@ def test_a_sensor_at_the_end_of_its_range_is_named(tmp_path: Path) -> None:
     ({"struct": "<hh", "sync": "AA55"}, {"scale": 1.0, "range": 5.0}, 1.0),
     ({"struct": "<ff", "sync": "AA55"}, {"scale": 1.0, "range": 5.0}, 1e-4),
 ])  # fmt: skip
-def test_a_board_prints_its_digits(frame: dict[str, object], column: dict[str, float], digit: float) -> None:
+def test_a_board_prints_its_digits(frame, column, digit):
     """The twin's values, as volts, are off by a digit and its noise; no more."""
 
     class Wire:
@@ -98,7 +95,7 @@ def test_a_board_prints_its_digits(frame: dict[str, object], column: dict[str, f
     assert np.abs(printed / digit - np.rint(printed / digit)).max() < 1e-6
 
 
-def test_what_was_accepted_as_it_was_recorded_is_not_judged_again(tmp_path: Path) -> None:
+def test_what_was_accepted_as_it_was_recorded_is_not_judged_again(tmp_path):
     """A fan that stopped behind the session's rest spoils no press: the rest before each one is quiet."""
     rig = world_rig(seed=3)
     volts, began, rng = rig.daq.world.volts, rig.clock.now(), np.random.default_rng(4)

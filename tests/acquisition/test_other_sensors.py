@@ -16,7 +16,6 @@ import scipy
 import haploop
 from haploop.acquisition import high_pass
 from haploop.base.errors import ConfigurationError, DataError
-from tests.command_line import Run
 
 RIG = """
 base = "haptable"
@@ -85,7 +84,7 @@ def assert_timed(recording: haploop.Recording, truth, presses: int, kind: str) -
     for row, kind in enumerate(KINDS)
     for column, button in enumerate(("latch", "toggle", "push"))
 ])  # fmt: skip
-def test_presses_are_found_timed_and_represented(tmp_path: Path, kind: str, button: str) -> None:
+def test_presses_are_found_timed_and_represented(tmp_path, kind, button):
     motion, told_by, _ = TOLD_BY[kind]
     with haploop.open_rig(written(tmp_path, kind, button), simulate="twin") as rig:
         recording = haploop.record(rig, button, "P01", 4, tmp_path / "recordings")
@@ -101,7 +100,7 @@ def test_presses_are_found_timed_and_represented(tmp_path: Path, kind: str, butt
 
 @pytest.mark.long
 @pytest.mark.parametrize("kind", ["one axis each, and a switch", "acceleration alone"])
-def test_the_drivers_record_them_too(tmp_path: Path, kind: str) -> None:
+def test_the_drivers_record_them_too(tmp_path, kind):
     with haploop.open_rig(written(tmp_path, kind), simulate="wire") as rig:
         recording = haploop.record(rig, "push", "P01", 2, tmp_path / "recordings")
         truth = rig.simulation.truth.presses
@@ -126,7 +125,7 @@ def agreement(press: haploop.Representative, truth) -> float:
 @pytest.mark.parametrize(
     "kind", [pytest.param("charge and IEPE, no switch", marks=pytest.mark.long), "travel and a switch"]
 )
-def test_what_is_missing_takes_its_figures_away_and_nothing_else(tmp_path: Path, kind: str, run: Run) -> None:
+def test_what_is_missing_takes_its_figures_away_and_nothing_else(tmp_path, kind, run):
     rig = written(tmp_path, kind)
     out = tmp_path / "recordings"
     words = f"record push -p P01 -n 2 --rig {rig} --simulate twin -o {out}"
@@ -147,7 +146,7 @@ def test_what_is_missing_takes_its_figures_away_and_nothing_else(tmp_path: Path,
     assert run("list", "--in", out).exit_code == 0
 
 
-def test_force_alone_shows_presses_and_makes_no_digital_one(tmp_path: Path) -> None:
+def test_force_alone_shows_presses_and_makes_no_digital_one(tmp_path):
     path = tmp_path / "rig.toml"
     sensors = "acceleration = false\nactivation = false\n" + LOAD_CELL
     path.write_text(RIG.format(seed=8, sensors=sensors), encoding="utf-8")

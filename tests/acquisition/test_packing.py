@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any
-
 import h5py
 import numpy as np
 import pytest
@@ -18,7 +15,7 @@ from haploop.base.hdf5 import write_packed
     (np.linspace(-1, 1, 60_001, dtype=np.float32)[np.newaxis], True),
     (np.array([True, False, True]), True),
 ])  # fmt: skip
-def test_the_library_refuses_a_flipped_bit(tmp_path: Path, values: np.ndarray[Any, Any], chunks: Any) -> None:
+def test_the_library_refuses_a_flipped_bit(tmp_path, values, chunks):
     path = tmp_path / "packed.h5"
     with h5py.File(path, "w") as file:
         write_packed(file, "a/b", values, chunks, fletcher32=True)
@@ -34,7 +31,7 @@ def test_the_library_refuses_a_flipped_bit(tmp_path: Path, values: np.ndarray[An
         file["a/b"][()]
 
 
-def test_the_checksum_is_the_librarys_for_any_bytes(tmp_path: Path) -> None:
+def test_the_checksum_is_the_librarys_for_any_bytes(tmp_path):
     rng = np.random.default_rng(0)
     for size in (1, 2, 359, 720, 721, 5000):
         for values in (rng.integers(0, 256, size).astype(np.uint8), np.full(size, 255, np.uint8)):

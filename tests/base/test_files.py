@@ -39,7 +39,7 @@ def texts(folder: Path) -> dict[str, str]:
 
 
 @pytest.mark.usefixtures("any_disk")
-def test_a_new_file_is_there_whole_and_alone(tmp_path: Path) -> None:
+def test_a_new_file_is_there_whole_and_alone(tmp_path):
     with new_file(tmp_path / "a.txt") as part:
         part.write_text("mine")
         assert part.parent == tmp_path and part.name.startswith(".a.txt.")
@@ -49,7 +49,7 @@ def test_a_new_file_is_there_whole_and_alone(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("any_disk")
 @pytest.mark.parametrize("theirs", ["", "theirs"])
-def test_a_file_that_came_to_be_meanwhile_stays(tmp_path: Path, theirs: str) -> None:
+def test_a_file_that_came_to_be_meanwhile_stays(tmp_path, theirs):
     path = tmp_path / "a.txt"
     with (
         pytest.raises(DataError, match=r"a\.txt already exists and is not overwritten"),
@@ -60,7 +60,7 @@ def test_a_file_that_came_to_be_meanwhile_stays(tmp_path: Path, theirs: str) -> 
     assert texts(tmp_path) == {"a.txt": theirs}
 
 
-def test_a_file_is_replaced_that_somebody_reads(tmp_path: Path) -> None:
+def test_a_file_is_replaced_that_somebody_reads(tmp_path):
     path = tmp_path / "a.txt"
     path.write_text("theirs")
     reader = "import sys, time; file = open(sys.argv[1]); print(flush=True); time.sleep(0.5)"
@@ -72,7 +72,7 @@ def test_a_file_is_replaced_that_somebody_reads(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows needs no claim")
-def test_what_somebody_writes_into_the_claim_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_somebody_writes_into_the_claim_stays(tmp_path, monkeypatch):
     path = tmp_path / "a.txt"
     no_links(monkeypatch)
     empty = publishing._empty
@@ -89,7 +89,7 @@ def test_what_somebody_writes_into_the_claim_stays(tmp_path: Path, monkeypatch: 
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows needs no claim")
-def test_a_rename_that_fails_leaves_no_claim(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_rename_that_fails_leaves_no_claim(tmp_path, monkeypatch):
     no_links(monkeypatch)
 
     def refuse(*_: object) -> None:
@@ -103,7 +103,7 @@ def test_a_rename_that_fails_leaves_no_claim(tmp_path: Path, monkeypatch: pytest
 
 @pytest.mark.skipif(os.name == "nt", reason="a dangling link needs rights on Windows")
 @pytest.mark.usefixtures("any_disk")
-def test_a_name_that_points_nowhere_is_taken(tmp_path: Path) -> None:
+def test_a_name_that_points_nowhere_is_taken(tmp_path):
     (tmp_path / "a.txt").symlink_to(tmp_path / "b.txt")
     with pytest.raises(DataError, match="not overwritten"):
         written(tmp_path / "a.txt")
@@ -115,7 +115,7 @@ def test_a_name_that_points_nowhere_is_taken(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("length", [233, 256, 3000])
-def test_a_name_that_no_disk_takes_is_told_before_anything_is_measured(tmp_path: Path, length: int) -> None:
+def test_a_name_that_no_disk_takes_is_told_before_anything_is_measured(tmp_path, length):
     """233 are too many as well: while it is written, a file has a longer name."""
     with pytest.raises(ConfigurationError, match=rf"^aaa.* has {length} characters, .* choose a shorter one"):
         check_destination(tmp_path / ("a" * (length - 3) + ".h5"))
@@ -124,7 +124,7 @@ def test_a_name_that_no_disk_takes_is_told_before_anything_is_measured(tmp_path:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows renames without links")
-def test_a_link_made_but_not_confirmed_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_link_made_but_not_confirmed_counts(tmp_path, monkeypatch):
     link = os.link
 
     def twice(source: Path, destination: Path) -> None:
@@ -137,7 +137,7 @@ def test_a_link_made_but_not_confirmed_counts(tmp_path: Path, monkeypatch: pytes
 
 
 @pytest.mark.usefixtures("any_disk")
-def test_reserved_files_get_their_names_together(tmp_path: Path) -> None:
+def test_reserved_files_get_their_names_together(tmp_path):
     first, second, other = (tmp_path / name for name in ("a.txt", "b.txt", "c.txt"))
     with reserved(first, second, size=10_000):
         (held,) = tmp_path.iterdir()
@@ -156,7 +156,7 @@ def test_reserved_files_get_their_names_together(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("any_disk")
 @pytest.mark.parametrize("taken", ["a.txt", "b.txt"])
-def test_of_reserved_files_none_or_all_are_there(tmp_path: Path, taken: str) -> None:
+def test_of_reserved_files_none_or_all_are_there(tmp_path, taken):
     first, second = tmp_path / "a.txt", tmp_path / "b.txt"
     with pytest.raises(ZeroDivisionError), reserved(first, second, size=1):
         written(first)
@@ -169,7 +169,7 @@ def test_of_reserved_files_none_or_all_are_there(tmp_path: Path, taken: str) -> 
     assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [(taken, "theirs")]
 
 
-def test_room_is_given_back_as_it_is_used_and_that_of_a_killed_program_by_the_next(tmp_path: Path) -> None:
+def test_room_is_given_back_as_it_is_used_and_that_of_a_killed_program_by_the_next(tmp_path):
     left = tmp_path / f".room.{'0' * 16}.part"
     left.write_bytes(b"killed")
     with room(tmp_path, 1000) as held:
@@ -181,7 +181,7 @@ def test_room_is_given_back_as_it_is_used_and_that_of_a_killed_program_by_the_ne
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_error_leaves_nothing_and_is_one_sentence(tmp_path: Path) -> None:
+def test_an_error_leaves_nothing_and_is_one_sentence(tmp_path):
     with pytest.raises(ZeroDivisionError), new_file(tmp_path / "a.txt") as part:
         part.write_text("mine")
         raise ZeroDivisionError
@@ -195,7 +195,7 @@ def test_an_error_leaves_nothing_and_is_one_sentence(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_replaced_file_is_the_old_or_the_new_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_replaced_file_is_the_old_or_the_new_one(tmp_path, monkeypatch):
     path = tmp_path / "a.txt"
     path.write_text("old")
     with pytest.raises(ZeroDivisionError), whole_file(path, replace=True) as part:
@@ -209,7 +209,7 @@ def test_a_replaced_file_is_the_old_or_the_new_one(tmp_path: Path, monkeypatch: 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no sync of folders")
 @pytest.mark.usefixtures("any_disk")
-def test_a_file_is_synced_before_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_is_synced_before_its_name(tmp_path, monkeypatch):
     synced: list[tuple[str, bool]] = []
     fsync = os.fsync
 
@@ -226,7 +226,7 @@ def test_a_file_is_synced_before_its_name(tmp_path: Path, monkeypatch: pytest.Mo
     assert folder == tmp_path.name and after
 
 
-def test_a_move_never_replaces(tmp_path: Path) -> None:
+def test_a_move_never_replaces(tmp_path):
     (tmp_path / "a").write_text("a")
     (tmp_path / "b").write_text("b")
     with pytest.raises(FileExistsError):
@@ -261,7 +261,7 @@ for number in range(60):
 
 @pytest.mark.long
 @pytest.mark.parametrize("disks", [("links", "links"), ("no links", "no links"), ("links", "no links")])
-def test_of_two_programs_exactly_one_wins_each_name(tmp_path: Path, disks: tuple[str, str]) -> None:
+def test_of_two_programs_exactly_one_wins_each_name(tmp_path, disks):
     commands = [[sys.executable, "-c", RACER, str(tmp_path), *own] for own in zip("ab", disks, strict=True)]
     pipe = subprocess.PIPE
     racers = [subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) for command in commands]

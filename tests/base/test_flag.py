@@ -55,7 +55,7 @@ def within(step: Callable[[], object]) -> object:
     "step", [Flag.set, Flag.clear, lambda flag: flag.wait(0.01)], ids=["set", "clear", "wait"]
 )
 @pytest.mark.parametrize("up", [True, False])
-def test_an_interrupt_anywhere_leaves_a_flag_usable(step: Callable[[Flag], object], up: bool) -> None:
+def test_an_interrupt_anywhere_leaves_a_flag_usable(step, up):
     at = 1
     while True:
         flag = Flag()
@@ -77,7 +77,7 @@ def test_an_interrupt_anywhere_leaves_a_flag_usable(step: Callable[[Flag], objec
     [lambda inbox: inbox.put(0), Inbox.end, lambda inbox: inbox.wait(0.01)],
     ids=["put", "end", "wait"],
 )
-def test_an_interrupt_at_any_instruction_leaves_an_inbox_usable(step: Callable[[Inbox[int]], object]) -> None:
+def test_an_interrupt_at_any_instruction_leaves_an_inbox_usable(step):
     at = 1
     while True:
         inbox: Inbox[int] = Inbox()
@@ -91,7 +91,7 @@ def test_an_interrupt_at_any_instruction_leaves_an_inbox_usable(step: Callable[[
     assert at > 5, "it was interrupted"
 
 
-def test_all_who_wait_go_on_and_a_wait_ends_after_its_time() -> None:
+def test_all_who_wait_go_on_and_a_wait_ends_after_its_time():
     flag, gone_on = Flag(), []
     waiting = [threading.Thread(target=lambda: gone_on.append(flag.wait(LONG))) for _ in range(5)]
     for thread in waiting:

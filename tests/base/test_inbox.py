@@ -10,7 +10,7 @@ import pytest
 from haploop.base.threads import Inbox
 
 
-def test_items_come_in_order_and_the_oldest_gives_way() -> None:
+def test_items_come_in_order_and_the_oldest_gives_way():
     inbox: Inbox[int] = Inbox(3)
     for item in range(5):
         inbox.put(item)
@@ -21,7 +21,7 @@ def test_items_come_in_order_and_the_oldest_gives_way() -> None:
             missing()
 
 
-def test_a_wait_ends_with_an_item_with_the_end_and_after_its_time() -> None:
+def test_a_wait_ends_with_an_item_with_the_end_and_after_its_time():
     inbox: Inbox[None] = Inbox()
     for seconds, longest in ((0.0, 0.05), (0.03, 0.09), (10.0, 0.4)):
         begun = time.monotonic()
@@ -36,7 +36,7 @@ def test_a_wait_ends_with_an_item_with_the_end_and_after_its_time() -> None:
     assert time.monotonic() - begun < 0.05
 
 
-def test_an_item_that_comes_between_two_steps_of_a_wait_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_item_that_comes_between_two_steps_of_a_wait_ends_it(monkeypatch):
     inbox: Inbox[int] = Inbox()
     clear = inbox._changed.clear
     monkeypatch.setattr(inbox._changed, "clear", lambda: (inbox.put(1), clear()))
@@ -45,7 +45,7 @@ def test_an_item_that_comes_between_two_steps_of_a_wait_ends_it(monkeypatch: pyt
     assert time.monotonic() - begun < 0.05
 
 
-def test_nothing_is_lost_between_threads() -> None:
+def test_nothing_is_lost_between_threads():
     inbox: Inbox[int] = Inbox()
     count = 3000
 

@@ -25,7 +25,7 @@ def parted(asked: list[slice]) -> Parted:
 
 
 @pytest.mark.parametrize("within", [(0, 0), (0, 1), (5, PART), (PART - 1, PART + 1), (3, SAMPLES), (7, 5)])
-def test_any_samples_are_those_of_the_whole(within: tuple[int, int], parted: Parted) -> None:
+def test_any_samples_are_those_of_the_whole(within, parted):
     whole, part = np.array([[1], [-1]]) * np.arange(SAMPLES), slice(*within)
     np.testing.assert_array_equal(parted[part], whole[:, part])
     np.testing.assert_array_equal(parted[1, part], whole[1, part])
@@ -35,7 +35,7 @@ def test_any_samples_are_those_of_the_whole(within: tuple[int, int], parted: Par
     assert len(parted) == SAMPLES and parted.shape == whole.shape
 
 
-def test_a_part_is_made_when_it_is_asked_for_and_kept_for_a_while(parted: Parted, asked: list[slice]) -> None:
+def test_a_part_is_made_when_it_is_asked_for_and_kept_for_a_while(parted, asked):
     for _ in range(3):
         assert parted[:, PART : PART + 5].shape == (2, 5)
     assert asked == [slice(PART, 2 * PART)]
@@ -45,14 +45,14 @@ def test_a_part_is_made_when_it_is_asked_for_and_kept_for_a_while(parted: Parted
     ]
 
 
-def test_an_array_in_memory_and_an_empty_one() -> None:
+def test_an_array_in_memory_and_an_empty_one():
     array = np.arange(6).reshape(2, 3)
     found = Parted.of(array)
     assert found[:] is not None and np.array_equal(found[0, 1:], [1, 2]) and not found.until(0)[:].size
     assert Parted((2, 0), np.int16, lambda part: array[:, :0])[:].shape == (2, 0)
 
 
-def test_a_filter_with_a_memory_gives_the_same_in_any_order() -> None:
+def test_a_filter_with_a_memory_gives_the_same_in_any_order():
     class Sum:
         """The sum of all samples so far."""
 

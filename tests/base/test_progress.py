@@ -10,7 +10,7 @@ from haploop.instruments import open_rig
 from haploop.terminal.progress import Steps
 
 
-def test_a_play_is_told_in_seconds_up_to_its_end() -> None:
+def test_a_play_is_told_in_seconds_up_to_its_end():
     told: list[tuple[str, float, float, str]] = []
     with open_rig("simulated") as rig:
         drive = np.zeros(round(0.25 * rig.table.rate_hz))
@@ -21,7 +21,7 @@ def test_a_play_is_told_in_seconds_up_to_its_end() -> None:
     assert done[-1] == pytest.approx(0.35) and {total for _, _, total, _ in told} == {done[-1]}
 
 
-def test_a_nested_step_says_where_it_belongs() -> None:
+def test_a_nested_step_says_where_it_belongs():
     told: list[tuple[object, ...]] = []
 
     def note(*what: object) -> None:
@@ -38,7 +38,7 @@ def test_a_nested_step_says_where_it_belongs() -> None:
     silent("Record", 1, 2, "presses")
 
 
-def test_a_step_is_one_line_where_there_is_no_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_step_is_one_line_where_there_is_no_terminal(capsys):
     with Steps() as steps:
         steps("Check [/x]", 0, 8, "plays")
         steps("Check [/x]", 8, 8, "plays")

@@ -18,9 +18,7 @@ NAN = float("nan")
     (None, (None, None), "not known", "not known"),
     (0.05, (None, None), "5.0 %", "5.0 %"),
 ])  # fmt: skip
-def test_an_error_of_zero_is_a_bound(
-    error: float | None, interval: tuple[float | None, float | None], said: str, brief: str
-) -> None:
+def test_an_error_of_zero_is_a_bound(error, interval, said, brief):
     assert error_said(error, interval) == said
     assert error_said(error, interval, brief=True) == brief
 
@@ -28,5 +26,5 @@ def test_an_error_of_zero_is_a_bound(
 @pytest.mark.parametrize(
     ("text", "begins"), [("", ""), ("263.2 Hz", "263.2 Hz"), ("uSB key, 2 N", "USB key, 2 N")]
 )
-def test_a_capital_changes_nothing_else(text: str, begins: str) -> None:
+def test_a_capital_changes_nothing_else(text, begins):
     assert capital(text) == begins

@@ -8,7 +8,7 @@ from haploop.calibration import background
 RATE = 5000.0
 
 
-def test_rests_are_of_unequal_lengths_and_the_same_for_the_same_names() -> None:
+def test_rests_are_of_unequal_lengths_and_the_same_for_the_same_names():
     found = background.rests(50, 50e3, 10, ["a drive"])
     assert found == background.rests(50, 50e3, 10, ["a drive"]) != background.rests(50, 50e3, 10, ["another"])
     assert len(set(found)) > 40 and not any(samples % 10 for samples in found)
@@ -18,7 +18,7 @@ def test_rests_are_of_unequal_lengths_and_the_same_for_the_same_names() -> None:
     assert abs(phases.mean()) < 0.1
 
 
-def test_white_noise_has_no_tones() -> None:
+def test_white_noise_has_no_tones():
     rng = np.random.default_rng(1)
     for plays in (1, 3, 8):
         for _ in range(100):
@@ -29,7 +29,7 @@ def test_white_noise_has_no_tones() -> None:
 
 
 @pytest.mark.parametrize("hz", [(50.0, 150.0), (49.9, 60.4), (23.7, 47.4, 71.1)])
-def test_tones_are_found_and_go_on_as_they_were(hz: tuple[float, ...]) -> None:
+def test_tones_are_found_and_go_on_as_they_were(hz):
     rng = np.random.default_rng(2)
     t, records, true = np.arange(8000) / RATE, [], []
     for lead in background.rests(8, RATE, 1, ["x"]):
@@ -45,7 +45,7 @@ def test_tones_are_found_and_go_on_as_they_were(hz: tuple[float, ...]) -> None:
         assert np.linalg.norm(left) < 0.05 * np.linalg.norm(whole)
 
 
-def test_a_tone_that_does_not_last_is_not_steady_and_stays() -> None:
+def test_a_tone_that_does_not_last_is_not_steady_and_stays():
     rng = np.random.default_rng(3)
     t = np.arange(20000) / RATE
     records = []

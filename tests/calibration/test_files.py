@@ -21,7 +21,7 @@ def saved(calibrated: Calibrated, tmp_path: Path) -> Path:
     return path
 
 
-def test_a_calibration_comes_back_as_it_was(calibrated: Calibrated, saved: Path) -> None:
+def test_a_calibration_comes_back_as_it_was(calibrated, saved):
     back, before = Calibration.load(saved), calibrated.calibration
     assert back.digest == before.digest
     assert back.response.created == before.response.created
@@ -34,14 +34,14 @@ def test_a_calibration_comes_back_as_it_was(calibrated: Calibrated, saved: Path)
         assert '"name":"simulated"' in file["response"].attrs["rig_file"] or not before.response.simulated
 
 
-def test_what_was_measured_is_never_overwritten(calibrated: Calibrated, saved: Path) -> None:
+def test_what_was_measured_is_never_overwritten(calibrated, saved):
     before = saved.read_bytes()
     with pytest.raises(DataError, match="not overwritten"):
         calibrated.calibration.save(saved)
     assert saved.read_bytes() == before
 
 
-def test_a_newer_file_stays(calibrated: Calibrated, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_newer_file_stays(calibrated, tmp_path, monkeypatch):
     path = tmp_path / "calibration.h5"
     path.write_text("another process")
     monkeypatch.setattr(os.path, "lexists", lambda _path: False)
@@ -51,7 +51,7 @@ def test_a_newer_file_stays(calibrated: Calibrated, tmp_path: Path, monkeypatch:
     assert len(list(tmp_path.iterdir())) == 1
 
 
-def test_files_that_are_none_say_so(saved: Path, calibrated: Calibrated) -> None:
+def test_files_that_are_none_say_so(saved, calibrated):
     text, cut = saved.with_name("text.h5"), saved.with_name("cut.h5")
     text.write_text("hello")
     cut.write_bytes(saved.read_bytes()[:-3000])
@@ -69,7 +69,7 @@ def test_files_that_are_none_say_so(saved: Path, calibrated: Calibrated) -> None
             read()
 
 
-def test_one_changed_number_is_noticed(saved: Path) -> None:
+def test_one_changed_number_is_noticed(saved):
     with h5py.File(saved, "r+") as file:
         file["response/velocity_real"][7] *= 1.0001
     with pytest.raises(DataError, match="does not match its checksum"):
@@ -79,7 +79,7 @@ def test_one_changed_number_is_noticed(saved: Path) -> None:
         Calibration.load(saved)
 
 
-def test_another_format(calibrated: Calibrated, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_format(calibrated, tmp_path, monkeypatch):
     saved = tmp_path / "calibration.h5"
     with monkeypatch.context() as another:
         another.setattr(hdf5, "VERSION", 99)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,8 +18,7 @@ from haploop.calibration.model import calibrate_finger, under_finger
 from haploop.instruments import Rig
 from haploop.instruments.operator import RestFinger
 from haploop.instruments.operator.unattended import Unattended
-from tests.calibration.conftest import Calibrated, make_press
-from tests.conftest import OpenRig
+from tests.calibration.conftest import make_press
 
 pytestmark = [pytest.mark.many_plays, pytest.mark.requires("simulation"), pytest.mark.long]
 
@@ -50,9 +48,7 @@ def finger_of(made: Calibration) -> Finger:
 @pytest.mark.parametrize(
     ("mass", "beside", "most"), [(0.96, "", 0.015), (0.96, "21", 0.03), (0.096, "", 0.03)]
 )
-def test_the_response_under_a_finger_is_the_plant_s(
-    calibrated: Calibrated, open: OpenRig, mass: float, beside: str, most: float
-) -> None:
+def test_the_response_under_a_finger_is_the_plant_s(calibrated, open, mass, beside, most):
     """At the force that was measured, and by the force law at others; the force itself wanders by 6 %."""
     rig, bare = open(pane_mass=mass), calibrated.calibration
     made = calibrate_finger(rig, bare, "P07", beside=beside or ())
@@ -72,7 +68,7 @@ def test_the_response_under_a_finger_is_the_plant_s(
     assert relative(fitted, bare.model.velocity(f) * finger.factor(f)) < 0.01
 
 
-def test_a_fingers_file_keeps_the_bare_carrier(calibrated: Calibrated, open: OpenRig, tmp_path: Path) -> None:
+def test_a_fingers_file_keeps_the_bare_carrier(calibrated, open, tmp_path):
     rig, bare = open(pane_mass=0.1), calibrated.calibration
     made = calibrate_finger(rig, bare, "P07")
     made.save(tmp_path / "P07.h5")
@@ -111,9 +107,7 @@ def under(rig: Rig, drive: Drive, monkeypatch: pytest.MonkeyPatch) -> tuple[Chec
     return result, relative(moved, drive.target)
 
 
-def test_the_check_s_verdict_is_of_the_motion_under_the_finger(
-    calibrated: Calibrated, drive: Drive, open: OpenRig, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_check_s_verdict_is_of_the_motion_under_the_finger(calibrated, drive, open, monkeypatch):
     """The bare drive on a light pane fails under the finger; the one made for the finger passes."""
     rig = open(pane_mass=0.1)
     without, true = under(rig, drive, monkeypatch)
@@ -129,9 +123,7 @@ def test_the_check_s_verdict_is_of_the_motion_under_the_finger(
     assert low - 0.02 < true < high + 0.02
 
 
-def test_nobody_and_wrong_requests_are_told_and_the_finger_leaves(
-    calibrated: Calibrated, drive: Drive, open: OpenRig, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_nobody_and_wrong_requests_are_told_and_the_finger_leaves(calibrated, drive, open, monkeypatch):
     rig, bare = open(), calibrated.calibration
     wrong = [("P07", force, "fingertip rests with") for force in (0.0, 30.0)]
     wrong += [(who, 1.0, "not a valid participant pseudonym") for who in ("", "Jane Doe", "../../etc")]
@@ -164,7 +156,7 @@ def test_nobody_and_wrong_requests_are_told_and_the_finger_leaves(
             asked()
 
 
-def test_a_button_is_not_learned_from_a_finger_s_calibration(calibrated: Calibrated, open: OpenRig) -> None:
+def test_a_button_is_not_learned_from_a_finger_s_calibration(calibrated, open):
     rig = open()
     made = calibrate_finger(rig, calibrated.calibration, "P07")
     with pytest.raises(ConfigurationError, match="checked on the bare table"):

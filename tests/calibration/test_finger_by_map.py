@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,8 +13,6 @@ from haploop.calibration.model import PlateModes, calibrate_finger
 from haploop.instruments import Rig
 from haploop.mocks.plant.touched import touched_velocity
 from haploop.mocks.plant.touches import Fingertip
-from tests.calibration.conftest import Calibrated
-from tests.conftest import OpenRig
 
 pytestmark = [pytest.mark.many_plays, pytest.mark.requires("simulation"), pytest.mark.long]
 
@@ -46,7 +43,7 @@ def true_modes(rig: Rig) -> PlateModes:
 
 
 @pytest.mark.parametrize("mass", [0.96, pytest.param(0.2, marks=pytest.mark.night)])
-def test_neighbours_and_modes_tell_unseen_fingers(calibrated: Calibrated, open: OpenRig, mass: float) -> None:
+def test_neighbours_and_modes_tell_unseen_fingers(calibrated, open, mass):
     rig = open(pane_mass=mass)
     made = calibrate_finger(rig, calibrated.calibration, "P07", plate=true_modes(rig))
     assert made.finger is not None and made.finger.beside == ("19", "21", "8", "32") and made.finger.mapped
@@ -55,7 +52,7 @@ def test_neighbours_and_modes_tell_unseen_fingers(calibrated: Calibrated, open: 
 
 
 @pytest.mark.night
-def test_a_pane_that_drifted_since_its_map_is_the_same_pane(calibrated: Calibrated, open: OpenRig) -> None:
+def test_a_pane_that_drifted_since_its_map_is_the_same_pane(calibrated, open):
     rig = open(pane_mass=0.3)
     plate = true_modes(rig)
     drifted = replace(plate, poles=1.01 * plate.poles)
@@ -66,7 +63,7 @@ def test_a_pane_that_drifted_since_its_map_is_the_same_pane(calibrated: Calibrat
         calibrate_finger(rig, calibrated.calibration, "P07", plate=replace(plate, poles=30 * plate.poles))
 
 
-def test_points_that_are_not_beside_the_finger_are_refused(calibrated: Calibrated, open: OpenRig) -> None:
+def test_points_that_are_not_beside_the_finger_are_refused(calibrated, open):
     rig, bare = open(), calibrated.calibration
     plate = true_modes(rig)
     for wrong, told in (("20", "is the one under the finger"), ("84", "from 0 to 83"), ("x", "no point 'x'")):
@@ -80,7 +77,7 @@ def test_points_that_are_not_beside_the_finger_are_refused(calibrated: Calibrate
 
 
 @pytest.mark.night
-def test_a_map_gives_the_modes_of_its_pane_and_each_once(open: OpenRig, tmp_path: Path) -> None:
+def test_a_map_gives_the_modes_of_its_pane_and_each_once(open, tmp_path):
     """Of a grid of 24 points. A map of too few of them is refused."""
     coarse = tmp_path / "coarse.toml"
     coarse.write_text('base = "simulated"\n[table]\nrows = 4\ncolumns = 6\nbutton_point = 9\n')

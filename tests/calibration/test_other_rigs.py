@@ -64,12 +64,12 @@ def difference(found: np.ndarray, true: np.ndarray) -> float:
 @pytest.mark.parametrize(
     ("name", "within"), [("coil", 0.002), ("displacement", 0.002), ("acceleration", 0.003)]
 )
-def test_the_response_is_the_surfaces_own_velocity(name: str, within: float, tmp_path: Path) -> None:
+def test_the_response_is_the_surfaces_own_velocity(name, within, tmp_path):
     with rig_of(name, tmp_path, hysteresis=0.0) as rig:
         calibration = calibrate(rig)
         response = calibration.response
-        resonance = rig.simulation.truth.resonance_hz  # type: ignore[union-attr]
-        truth = rig.simulation.truth.velocity_response("A", "button", response.frequencies)  # type: ignore[union-attr]
+        resonance = rig.simulation.truth.resonance_hz
+        truth = rig.simulation.truth.velocity_response("A", "button", response.frequencies)
     assert difference(response.velocity, truth) < within
     if BAND[0] < resonance < BAND[1]:  # a carrier lies in the band of drives; the coil's strongest does not
         assert calibration.model.resonance_hz == pytest.approx(resonance, abs=0.05)
@@ -79,7 +79,7 @@ def test_the_response_is_the_surfaces_own_velocity(name: str, within: float, tmp
 @pytest.mark.long
 @pytest.mark.many_plays
 @pytest.mark.parametrize("name", ["coil", *(pytest.param(n, marks=pytest.mark.long) for n in PICKUPS)])
-def test_the_verdict_is_right_of_a_drive(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_verdict_is_right_of_a_drive(name, tmp_path, monkeypatch):
     # Twice differentiated, a displacement's noise up to the corner would leave nothing to be told: see below.
     still = {"highest_hz": FEWEST_HZ} if name == "displacement" else {}
     with rig_of(name, tmp_path, **still) as rig:
@@ -99,7 +99,7 @@ def test_the_verdict_is_right_of_a_drive(name: str, tmp_path: Path, monkeypatch:
 
 
 @pytest.mark.long
-def test_modes_that_noise_hides_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_modes_that_noise_hides_are_bounded(tmp_path, monkeypatch):
     with rig_of("displacement", tmp_path) as rig:
         drive = drive_for(make_press(), calibrate(rig), rig.limits)
         result, error, outside = played_and_true(rig, drive, 12, monkeypatch)
@@ -111,7 +111,7 @@ def test_modes_that_noise_hides_are_bounded(tmp_path: Path, monkeypatch: pytest.
 
 @pytest.mark.long
 @pytest.mark.parametrize(("hz", "push"), [(1800.0, 0.1), (2300.0, 0.15), (3400.0, 0.3), (7000.0, 0.6)])
-def test_a_hidden_mode(hz: float, push: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_hidden_mode(hz, push, tmp_path, monkeypatch):
     """Above the judged band, within the sensor's or beyond it: the calibration saw what the plays do not."""
     plate = make_plate(np.random.default_rng(1), highest_hz=FEWEST_HZ)
     ringing = {
@@ -131,17 +131,17 @@ def test_a_hidden_mode(hz: float, push: float, tmp_path: Path, monkeypatch: pyte
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["coil", "displacement", "acceleration"])
-def test_each_is_measured_through_its_wire(name: str, tmp_path: Path) -> None:
+def test_each_is_measured_through_its_wire(name, tmp_path):
     with rig_of(name, tmp_path, "wire", hysteresis=0.0) as rig:
         response = quick_response(rig)
-        truth = rig.simulation.truth.velocity_response("A", "button", response.frequencies)  # type: ignore[union-attr]
+        truth = rig.simulation.truth.velocity_response("A", "button", response.frequencies)
         assert difference(response.velocity, truth) < 0.01
 
 
-def test_a_glued_accelerometer_lowers_the_resonance_by_its_mass(tmp_path: Path) -> None:
+def test_a_glued_accelerometer_lowers_the_resonance_by_its_mass(tmp_path):
     """2 g at the button, on modes of 240 g: by half of its share, where the mode has its antinode."""
     with rig_of("acceleration", tmp_path) as rig, open_rig("simulated") as free:
-        loaded, unloaded = (one.simulation.truth for one in (rig, free))  # type: ignore[union-attr]
+        loaded, unloaded = (one.simulation.truth for one in (rig, free))
         place = loaded._scene.place("button")
         shape = unloaded.surface.modes(0.0).shape(place)[unloaded.surface.modes(0.0).main]
         expected = unloaded.resonance_hz / np.sqrt(1 + 0.002 / 0.24 * shape**2)
@@ -150,7 +150,7 @@ def test_a_glued_accelerometer_lowers_the_resonance_by_its_mass(tmp_path: Path) 
 
 
 @pytest.mark.long
-def test_a_drive_stays_within_the_range_of_what_is_shown(tmp_path: Path) -> None:
+def test_a_drive_stays_within_the_range_of_what_is_shown(tmp_path):
     """The displacement that a drive makes is within the share of the range that a drive may use."""
     with rig_of("displacement", tmp_path) as rig:
         calibration = calibrate(rig, excitation=Multisine())
@@ -163,7 +163,7 @@ def test_a_drive_stays_within_the_range_of_what_is_shown(tmp_path: Path) -> None
         assert 0.05e-6 < np.abs(rig.vibrometer.to_si(capture.volts[0])).max() < 0.1e-6
 
 
-def test_a_pickup_at_the_end_of_its_range_is_told_in_its_unit(tmp_path: Path) -> None:
+def test_a_pickup_at_the_end_of_its_range_is_told_in_its_unit(tmp_path):
     path = tmp_path / "small.toml"
     text = PICKUPS["displacement"].replace("2e-5", "2e-7").replace("5e-6", "5e-8")
     head = 'driver = "analog-vibrometer"\nname = "x"\nsource = "a test"\nchannel = "laser"'
@@ -173,7 +173,7 @@ def test_a_pickup_at_the_end_of_its_range_is_told_in_its_unit(tmp_path: Path) ->
 
 
 @pytest.mark.long
-def test_a_coil_is_planned_within_its_heat(tmp_path: Path) -> None:
+def test_a_coil_is_planned_within_its_heat(tmp_path):
     """With a tenth of the power, calibration and check lower their levels, and nothing is refused."""
     file = load_rig_file("voice-coil")
     assert file.actuator is not None
@@ -185,7 +185,7 @@ def test_a_coil_is_planned_within_its_heat(tmp_path: Path) -> None:
         rig.excite_each(drive.by_patch, ("laser",))
 
 
-def test_doctor_says_that_a_glued_accelerometer_loads_the_table(tmp_path: Path) -> None:
+def test_doctor_says_that_a_glued_accelerometer_loads_the_table(tmp_path):
     with rig_of("acceleration", tmp_path) as rig:
         findings = examine(rig)
     (shown,) = [f for f in findings if f.name == "Mass"]

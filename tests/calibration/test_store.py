@@ -84,7 +84,7 @@ def same(one: hdf5.Flat, other: hdf5.Flat) -> bool:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_comes_back_was_written(kind: str, values: dict[str, Any], saved: Callable[[str], Path]) -> None:
+def test_what_comes_back_was_written(kind, values, saved):
     path = saved(kind)
     assert same(load(kind, path), hdf5.flatten(values[kind]))
     assert hdf5.kind_of(path) == kind and verify(path) == ()
@@ -93,7 +93,7 @@ def test_what_comes_back_was_written(kind: str, values: dict[str, Any], saved: C
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.timeout(3600)
-def test_a_changed_byte(kind: str, saved: Callable[[str], Path], tmp_path: Path, full: bool) -> None:
+def test_a_changed_byte(kind, saved, tmp_path, full):
     raw, before = saved(kind).read_bytes(), load(kind, saved(kind))
     path, number = tmp_path / "changed.h5", 0
     for changed in mutations(raw, 500 if full else 100, seed=len(kind)):
@@ -110,7 +110,7 @@ def test_a_changed_byte(kind: str, saved: Callable[[str], Path], tmp_path: Path,
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.timeout(3600)
-def test_another_structure(kind: str, saved: Callable[[str], Path], tmp_path: Path, full: bool) -> None:
+def test_another_structure(kind, saved, tmp_path, full):
     raw, before = saved(kind).read_bytes(), load(kind, saved(kind))
     path = tmp_path / "changed.h5"
     for seed in range(500 if full else 20):
@@ -122,7 +122,7 @@ def test_another_structure(kind: str, saved: Callable[[str], Path], tmp_path: Pa
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_another_programs_file_is_no_crash(seed: int, values: dict[str, Any], tmp_path: Path) -> None:
+def test_another_programs_file_is_no_crash(seed, values, tmp_path):
     """A field gone, or of another type: also where all hashes are right."""
     random = np.random.default_rng(seed)
     for kind, value in values.items():
@@ -145,9 +145,7 @@ def test_another_programs_file_is_no_crash(seed: int, values: dict[str, Any], tm
     ({"volts": np.zeros(2)}, "not a signal for each patch"),
     ({"rate_hz": np.inf}, "has inf samples/s"),
 ])  # fmt: skip
-def test_a_drive_without_sense_is_refused_before_anybody_plots_or_plays_it(
-    change: dict[str, Any], told: str, values: dict[str, Any], tmp_path: Path
-) -> None:
+def test_a_drive_without_sense_is_refused_before_anybody_plots_or_plays_it(change, told, values, tmp_path):
     flat = hdf5.flatten(values["drive"]) | {"volts": np.zeros((1, 2)), "target": np.zeros(2)} | change
     path = tmp_path / "drive.h5"
     hdf5.write(path, "drive", flat)
@@ -156,7 +154,7 @@ def test_a_drive_without_sense_is_refused_before_anybody_plots_or_plays_it(
         Drive.load(path)
 
 
-def test_a_changed_type_order_or_shape_is_another_content() -> None:
+def test_a_changed_type_order_or_shape_is_another_content():
     numbers = np.arange(6, dtype="<i8")
     one = hdf5.digest({"a": numbers})
     for other in (numbers.view("<u8"), numbers.view(">i8"), numbers.view("<f8"), numbers.reshape(2, 3)):
@@ -166,7 +164,7 @@ def test_a_changed_type_order_or_shape_is_another_content() -> None:
     assert hdf5.digest({"a": "b", "c": "d"}) != hdf5.digest({"a": "b\0c", "": "d"})
 
 
-def test_a_flipped_type_bit_in_a_file_is_seen(saved: Callable[[str], Path], tmp_path: Path) -> None:
+def test_a_flipped_type_bit_in_a_file_is_seen(saved, tmp_path):
     path = tmp_path / "press.h5"
     path.write_bytes(saved("representative").read_bytes())
     with h5py.File(path, "r+") as file:

@@ -187,7 +187,7 @@ class ClosesOnce(Board):
 class HasNoDeadMan(Board):
     def __init__(self) -> None:
         super().__init__()
-        self.box.pulse = lambda channel, length, delay=0.0: self.box.set_state(channel, True)  # type: ignore[method-assign]
+        self.box.pulse = lambda channel, length, delay=0.0: self.box.set_state(channel, True)
 
     def _connect(self, patches: Collection[str]) -> None:
         dead_man, self.dead_man = self.dead_man, np.inf
@@ -397,7 +397,7 @@ class TestMultipliesByItsGain(conformance.AmplifierConformance):
 class TestAnswersInWords(conformance.OperatorConformance):
     class kind(OperatorTwin):  # noqa: N801
         def confirm(self, request: Request) -> bool:
-            return "yes"  # type: ignore[return-value]
+            return "yes"
 
     breaks: ClassVar = {"test_answers_yes_or_no"}
 

@@ -81,8 +81,8 @@ class BoxConformance(conformance.RelayConformance):
 
     def fault(self, kind: str) -> AbstractContextManager[Fired]:
         if kind in BOX_FAULTS:
-            return put(BoxFault(kind, channel=self.patches["B"]), self.box.faults)  # type: ignore[arg-type]
-        return put(ReplyFault(kind, delay=0.15), self.far.faults)  # type: ignore[arg-type]
+            return put(BoxFault(kind, channel=self.patches["B"]), self.box.faults)
+        return put(ReplyFault(kind, delay=0.15), self.far.faults)
 
 
 class OverALine(BoxConformance):
@@ -293,7 +293,7 @@ class TestOfv5000(conformance.VibrometerConformance):
         return laser
 
     def fault(self, kind: str) -> AbstractContextManager[Fired]:
-        return put(ReplyFault(kind, delay=0.15), self.server.faults)  # type: ignore[arg-type]
+        return put(ReplyFault(kind, delay=0.15), self.server.faults)
 
 
 class TestOfv5000Twin(conformance.VibrometerConformance):
@@ -346,7 +346,7 @@ class FamilyConformance(conformance.GeneratorConformance):
         return generator
 
     def fault(self, kind: str) -> AbstractContextManager[Fired]:
-        return put(ReplyFault(kind, delay=0.15), self.server.faults)  # type: ignore[arg-type]
+        return put(ReplyFault(kind, delay=0.15), self.server.faults)
 
 
 class TestKeysight33500(FamilyConformance):
@@ -415,5 +415,5 @@ def verdicts() -> dict[str, set[str]]:
 
 
 @pytest.mark.parametrize("name", broken_drivers.broken())
-def test_a_broken_driver_fails_exactly_what_it_breaks(name: str, verdicts: dict[str, set[str]]) -> None:
+def test_a_broken_driver_fails_exactly_what_it_breaks(name, verdicts):
     assert verdicts[name] == broken_drivers.broken()[name]

@@ -116,12 +116,12 @@ def connected(lamp: Any, tmp_path: Path) -> Iterator[Rig]:
     rig.close()
 
 
-def test_haploops_own_roles_are_entry_points_in_the_order_of_opening() -> None:
+def test_haploops_own_roles_are_entry_points_in_the_order_of_opening():
     own = ("daq", "amplifier", "relay", "vibrometer", "generator", "player", "operator")
     assert [role for role in roles() if role in own] == list(own)
 
 
-def test_a_role_from_outside_is_validated_opened_made_safe_and_closed(lamp: Any, tmp_path: Path) -> None:
+def test_a_role_from_outside_is_validated_opened_made_safe_and_closed(lamp, tmp_path):
     path = rig_file(tmp_path)
     with open_rig(path) as rig:
         assert list(rig.instruments)[-1] == "lamp"
@@ -131,7 +131,7 @@ def test_a_role_from_outside_is_validated_opened_made_safe_and_closed(lamp: Any,
 
 @pytest.mark.parametrize("mode", ["twin", "wire"])
 @pytest.mark.parametrize("says", ["", "    arithmetic = False", "    arithmetic = 'no'"])
-def test_a_simulation_opens_only_twins(package: Package, tmp_path: Path, mode: Any, says: str) -> None:
+def test_a_simulation_opens_only_twins(package, tmp_path, mode, says):
     """It used to be opened as it is, and its outputs written, while everything was said to be simulated."""
     lamp = acme(package, LAMP.replace("    arithmetic = True", says))
     path = rig_file(tmp_path)
@@ -140,7 +140,7 @@ def test_a_simulation_opens_only_twins(package: Package, tmp_path: Path, mode: A
     assert lamp.LOG == []
 
 
-def test_a_simulation_opens_no_driver_whose_wire_says_no_address(package: Package, tmp_path: Path) -> None:
+def test_a_simulation_opens_no_driver_whose_wire_says_no_address(package, tmp_path):
     code = LAMP.replace("    arithmetic = True", "") + (
         "\nfrom contextlib import nullcontext\ndef wire(settings, plant):\n    return nullcontext({})\n"
     )
@@ -180,9 +180,7 @@ def test_whatever_a_safe_state_from_outside_does_the_relay_opens(
 
 
 @pytest.mark.parametrize("volts", [False, True])
-def test_only_what_puts_out_volts_is_made_safe_before_the_relay_opens(
-    lamp: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, volts: bool
-) -> None:
+def test_only_what_puts_out_volts_is_made_safe_before_the_relay_opens(lamp, tmp_path, monkeypatch, volts):
     kind = type("Source", (Interlocked, lamp.AcmeLamp), {}) if volts else lamp.AcmeLamp
     monkeypatch.setattr(lamp.AcmeLamp, "open", lambda _settings, _clock: kind())
     rig = open_rig(rig_file(tmp_path))
@@ -194,16 +192,14 @@ def test_only_what_puts_out_volts_is_made_safe_before_the_relay_opens(
     rig.close()
 
 
-def test_an_identity_may_hang_later(connected: Rig, lamp: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_identity_may_hang_later(connected, lamp, monkeypatch):
     monkeypatch.setattr(lamp.AcmeLamp, "identity", property(dead))
     connected.make_safe()
     assert connected.relay.connected() == frozenset()
 
 
 @pytest.mark.parametrize("error", [ValueError("two\nlines"), SystemExit("bye")])
-def test_a_driver_from_outside_that_cannot_be_opened_or_closed_is_named(
-    lamp: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: BaseException
-) -> None:
+def test_a_driver_from_outside_that_cannot_be_opened_or_closed_is_named(lamp, tmp_path, monkeypatch, error):
     def fail(*_: object) -> None:
         raise error
 
@@ -217,25 +213,25 @@ def test_a_driver_from_outside_that_cannot_be_opened_or_closed_is_named(
         open_rig(path)
 
 
-def test_a_rig_without_the_role_says_so(lamp: Any) -> None:
+def test_a_rig_without_the_role_says_so(lamp):
     with open_rig("simulated") as rig, pytest.raises(ConfigurationError, match=r"has no \[lamp\]"):
         rig.role(lamp.Lamp)
 
 
-def test_a_role_need_not_be_called_like_its_class(package: Package, tmp_path: Path) -> None:
+def test_a_role_need_not_be_called_like_its_class(package, tmp_path):
     lamp = acme(package, roles={"beam": "Lamp"})
     with open_rig(rig_file(tmp_path, '[beam]\ndriver = "acme-lamp"\nport = "COM9"\n')) as rig:
         assert rig.role(lamp.Lamp) is rig.instruments["beam"]
 
 
-def test_roles_with_unfortunate_names_stop_no_other_rig(package: Package) -> None:
+def test_roles_with_unfortunate_names_stop_no_other_rig(package):
     roles = dict.fromkeys(("table", "name", "devices", "digest", "model_dump"), "Lamp")
     acme(package, roles=roles)
     with open_rig("simulated") as rig:
         assert not set(roles) & set(rig.instruments)
 
 
-def test_the_schema_has_its_table(lamp: Any) -> None:
+def test_the_schema_has_its_table(lamp):
     schema = rig_schema()
     assert schema["properties"]["lamp"]["properties"]["driver"]["enum"] == ["acme-lamp"]
     assert schema["additionalProperties"] is False
@@ -256,7 +252,7 @@ BROKEN = {
 
 
 @pytest.mark.parametrize("how", BROKEN)
-def test_a_broken_driver_is_one_sentence_for_its_rig(package: Package, tmp_path: Path, how: str) -> None:
+def test_a_broken_driver_is_one_sentence_for_its_rig(package, tmp_path, how):
     code, named, says = BROKEN[how]
     package("acme-broken", code, drivers={"broken": named})
     with pytest.raises(ConfigurationError, match="the package acme-broken") as caught:
@@ -266,14 +262,14 @@ def test_a_broken_driver_is_one_sentence_for_its_rig(package: Package, tmp_path:
 
 
 @pytest.mark.parametrize("named", ["Nobody", "an_instance", "wrong_twin"])
-def test_a_broken_role_is_one_sentence_for_its_rig(package: Package, tmp_path: Path, named: str) -> None:
+def test_a_broken_role_is_one_sentence_for_its_rig(package, tmp_path, named):
     acme(package, roles={"lamp": named})
     says = "cannot be loaded" if named == "Nobody" else "must be a class"
     with pytest.raises(ConfigurationError, match=f"The role 'lamp' of the package acme-lamp .*{says}"):
         load_rig_file(rig_file(tmp_path))
 
 
-def test_what_is_broken_stops_no_other_rig(package: Package) -> None:
+def test_what_is_broken_stops_no_other_rig(package):
     for number, (code, named, _) in enumerate(BROKEN.values()):
         package(f"acme-{number}", code, drivers={f"broken-{number}": named})
     package("acme-role", LAMP, roles={"lamp": "Nobody"})
@@ -285,7 +281,7 @@ def test_what_is_broken_stops_no_other_rig(package: Package) -> None:
     assert all(f"acme-{which}" in schema["$comment"] for which in (*range(len(BROKEN)), "role"))
 
 
-def test_ctrl_c_leaves_no_half_of_a_package(package: Package, tmp_path: Path) -> None:
+def test_ctrl_c_leaves_no_half_of_a_package(package, tmp_path):
     """Half of a module stays when its import is interrupted; of some, the rest cannot be imported then."""
     stop = "import signal\nsignal.raise_signal(signal.SIGINT)\n"
     module = package("acme-lamp", stop + LAMP, roles={"lamp": "Lamp"}, drivers={"acme-lamp": "AcmeLamp"})
@@ -308,26 +304,26 @@ def test_ctrl_c_leaves_no_half_of_a_package(package: Package, tmp_path: Path) ->
     ('lamp = "acme-lamp"\n', "line 2: lamp must be a table"),
     ('[lamp]\nport = "COM9"\n', r"line 2: the key 'lamp\.driver' is missing"),
 ])  # fmt: skip
-def test_what_is_wrong_with_a_table_is_one_sentence(lamp: Any, tmp_path: Path, text: str, says: str) -> None:
+def test_what_is_wrong_with_a_table_is_one_sentence(lamp, tmp_path, text, says):
     with pytest.raises(ConfigurationError, match=says) as caught:
         load_rig_file(rig_file(tmp_path, text))
     assert "\n" not in str(caught.value)
 
 
-def test_two_packages_with_one_name_are_both_named(package: Package, tmp_path: Path) -> None:
+def test_two_packages_with_one_name_are_both_named(package, tmp_path):
     for name in ("acme-one", "acme-two"):
         package(name, LAMP, drivers={"twice": "AcmeLamp"})
     with pytest.raises(ConfigurationError, match="acme-one and acme-two is added more than once"):
         load_rig_file(rig_file(tmp_path, '[relay]\ndriver = "twice"\n'))
 
 
-def test_a_twin_that_is_none_is_named(package: Package, tmp_path: Path) -> None:
+def test_a_twin_that_is_none_is_named(package, tmp_path):
     acme(package, twins={"acme-lamp": "wrong_twin"})
     with pytest.raises(ConfigurationError, match="'acme-lamp' opened is no lamp, but an object of str"):
         open_rig(rig_file(tmp_path))
 
 
-def test_the_command_line_ends_with_2_and_a_sentence(package: Package, tmp_path: Path) -> None:
+def test_the_command_line_ends_with_2_and_a_sentence(package, tmp_path):
     package("acme-broken", "import no_such_library\n", drivers={"broken": "AcmeLamp"})
     path = rig_file(tmp_path, '[relay]\ndriver = "broken"\n')
     run = [sys.executable, "-m", "haploop"]

@@ -118,7 +118,7 @@ OFV = (
 
 
 @pytest.mark.parametrize(("parse", "form", "good", "low", "high"), OFV)
-def test_a_vibrometers_reply(parse: Any, form: str, good: Any, low: float, high: float, full: bool) -> None:
+def test_a_vibrometers_reply(parse, form, good, low, high, full):
     taken = 0
     for reply in islice(replies(good, SEED), 100_000 if full else 4000):
         found = outcome(reply, parse)
@@ -131,7 +131,7 @@ def test_a_vibrometers_reply(parse: Any, form: str, good: Any, low: float, high:
     assert taken > 100, "whole replies among them are taken"
 
 
-def test_a_generators_numbers(full: bool) -> None:
+def test_a_generators_numbers(full):
     good = (b"+1.000000000000000E+00\n", b"1.600000\n", b"625\n", b"+9.900000000000000E+37\n", b"INFINITY\n")
     for reply in islice(replies(good, SEED), 100_000 if full else 6000):
         found = outcome(reply, number_of)
@@ -147,7 +147,7 @@ def test_a_generators_numbers(full: bool) -> None:
         assert value == float(text) or (value == math.inf and float(text) > 9e37)
 
 
-def test_a_generators_other_words(full: bool) -> None:
+def test_a_generators_other_words(full):
     errors = b'-113,"Undefined header"\n', b'+0,"No error"\n'
     good = (b"1\n", b"OFF\n", *errors, b"Rigol,DG1062Z,DG1,03.01.12\n")
     for reply in islice(replies(good, SEED), 100_000 if full else 6000):
@@ -184,7 +184,7 @@ class Wire:
         pass
 
 
-def test_a_relay_boards_reply(monkeypatch: pytest.MonkeyPatch, full: bool) -> None:
+def test_a_relay_boards_reply(monkeypatch, full):
     """Whether a channel is closed is believed of the board's own words only."""
     said: list[bytes] = []
     monkeypatch.setattr("serial.serial_for_url", lambda *_, **__: Wire(said))
@@ -225,7 +225,7 @@ class Link:
         return self._left.readinto(buffer)
 
 
-def test_a_hubs_reply(monkeypatch: pytest.MonkeyPatch, full: bool) -> None:
+def test_a_hubs_reply(monkeypatch, full):
     """Each channel that comes out stands so in an answer that is whole JSON under a status of success."""
     relay = {"state": 1, "pulseTimer": 1500, "maxTimeOnStateB": 120000}
     module = {"serialNumber": "MXCOUPL1-1", "productName": "Yocto-MaxiCoupler-V2"}

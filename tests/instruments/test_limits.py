@@ -21,7 +21,7 @@ def tone(peak: float, frequency: float = 263.5, duration: float = 0.2) -> np.nda
     return peak * np.sin(2 * np.pi * frequency * t) * np.sin(np.pi * t / duration) ** 2
 
 
-def test_a_drive_within_every_limit_passes() -> None:
+def test_a_drive_within_every_limit_passes():
     LIMITS.check(tone(44), RATE_HZ)
 
 
@@ -33,12 +33,12 @@ def test_a_drive_within_every_limit_passes() -> None:
     (np.zeros(5, dtype=complex), "real numbers"),
     (np.zeros(5, dtype=bool), "real numbers"),
 ])  # fmt: skip
-def test_each_limit_refuses_and_says_which(drive: np.ndarray, says: str) -> None:
+def test_each_limit_refuses_and_says_which(drive, says):
     with pytest.raises(LimitError, match=says):
         LIMITS.check(drive, RATE_HZ)
 
 
-def test_current_limits_follow_the_capacitance() -> None:
+def test_current_limits_follow_the_capacitance():
     ramp = np.concatenate([np.linspace(0, 40, 20), np.linspace(40, 0, 20)])
     Limits(current_peak=0.03, capacitance=90e-9).check(ramp, RATE_HZ)
     for says, limit in (
@@ -49,13 +49,13 @@ def test_current_limits_follow_the_capacitance() -> None:
             Limits(capacitance=360e-9, **limit).check(ramp, RATE_HZ)
 
 
-def test_peak_is_half_of_peak_to_peak_or_the_nearer_limit() -> None:
+def test_peak_is_half_of_peak_to_peak_or_the_nearer_limit():
     assert LIMITS.peak == 45
     assert Limits(min=-30, max=100).peak == 30
 
 
 @given(low=st.floats(-200, -1), high=st.floats(1, 200), width=st.floats(1, 300), peak=st.floats(0, 300))
-def test_two_limits_are_met_by_their_union(low: float, high: float, width: float, peak: float) -> None:
+def test_two_limits_are_met_by_their_union(low, high, width, peak):
     a, b, drive = Limits(min=low, max=high), Limits(peak_to_peak=width), tone(peak)
 
     def passes(limits: Limits) -> bool:
@@ -71,7 +71,7 @@ def test_two_limits_are_met_by_their_union(low: float, high: float, width: float
 @pytest.mark.parametrize(
     "limit", ["min", "max", "peak_to_peak", "slew", "max_offset", "max_end", "max_duration"]
 )
-def test_a_nan_limit_refuses_every_drive(limit: str) -> None:
+def test_a_nan_limit_refuses_every_drive(limit):
     with pytest.raises(LimitError):
         Limits(**{limit: float("nan")}).check(tone(1), RATE_HZ)
 
@@ -90,7 +90,7 @@ SMALL = np.array([0.0, 0.0, 0.0, 1.0, 3.0, -2.0, 1.0, 0.0, 0.0])
     ("max_duration", 0.4, 0.3, "lasts 0.4 s at sample 6, 0.1 s beyond the 0.3 s"),
     ("max_offset", 0.75, 0.5, "has an offset of 0.75 V at sample 3, 0.25 V beyond the 0.5 V"),
 ])  # fmt: skip
-def test_each_limit_is_exact_and_says_how_much_where(limit: str, at: float, below: float, says: str) -> None:
+def test_each_limit_is_exact_and_says_how_much_where(limit, at, below, says):
     exact = Limits(**{"capacitance": 1.0, limit: at})
     exact.check(SMALL, 10.0)
     exact.check(SMALL + 0.0, 10.0)
@@ -99,7 +99,7 @@ def test_each_limit_is_exact_and_says_how_much_where(limit: str, at: float, belo
     assert str(refused.value) == f"The drive {says} of a patch."
 
 
-def test_an_end_is_where_it_is_and_rounding_is_allowed_and_no_more() -> None:
+def test_an_end_is_where_it_is_and_rounding_is_allowed_and_no_more():
     for ends, sample, most in (([0.5, 1.0, -0.25], 0, 0.5), ([0.5, 1.0, -0.7], 2, 0.7)):
         drive = np.array(ends)
         Limits(max_end=most).check(drive, 10.0)
@@ -120,7 +120,7 @@ def test_an_end_is_where_it_is_and_rounding_is_allowed_and_no_more() -> None:
     drive=st.lists(st.integers(-9, 9), min_size=1, max_size=40).map(lambda v: np.array(v, float)),
     rate_hz=st.sampled_from((1.0, 4.0, 10.0, 100.0)),
 )
-def test_the_current_is_that_of_the_worst_second(drive: np.ndarray, rate_hz: float) -> None:
+def test_the_current_is_that_of_the_worst_second(drive, rate_hz):
     sounds = np.trim_zeros(drive) if drive.any() else drive
     current = np.abs(np.diff([0.0, *sounds, 0.0])) * rate_hz * 2.0
     window = min(round(rate_hz), len(current))
@@ -138,7 +138,7 @@ def test_the_current_is_that_of_the_worst_second(drive: np.ndarray, rate_hz: flo
     (Limits(current_average=3.0, capacitance=1.0), 0.25, "3 A on average into the patch"),
     (Limits(max=30.0, slew=100.0), 2.0, "100 V/s at the patch"),
 ])  # fmt: skip
-def test_headroom_is_the_factor_up_to_the_first_limit(limits: Limits, factor: float, binding: str) -> None:
+def test_headroom_is_the_factor_up_to_the_first_limit(limits, factor, binding):
     found, what = limits.headroom(SMALL[3:7], 10.0)
     assert found == pytest.approx(factor, rel=1e-12) and what == binding
     limits.check(SMALL * found, 10.0)
@@ -146,11 +146,11 @@ def test_headroom_is_the_factor_up_to_the_first_limit(limits: Limits, factor: fl
         limits.check(SMALL * found * 1.001, 10.0)
 
 
-def test_zeros_have_any_headroom() -> None:
+def test_zeros_have_any_headroom():
     assert Limits(max=30.0, slew=100.0).headroom(np.zeros(5), 10.0) == (np.inf, "")
 
 
-def test_measured_volts_at_a_limit_are_within_it() -> None:
+def test_measured_volts_at_a_limit_are_within_it():
     limits = Limits(min=-2.0, max=3.0, peak_to_peak=5.0)
     limits.check_measured(np.array([-4.0, 6.0]), 2.0)
     for beyond in ([-4.001, 5.0], [-3.0, 6.001], [np.nan, 0.0]):
@@ -160,7 +160,7 @@ def test_measured_volts_at_a_limit_are_within_it() -> None:
         Limits(peak_to_peak=5.0).check_measured(np.array([-5.0, 5.001]), 2.0)
 
 
-def test_the_stricter_of_each_limit_is_taken() -> None:
+def test_the_stricter_of_each_limit_is_taken():
     loose, strict = Limits(min=-5.0, max=5.0, capacitance=1.0), Limits(min=-4.0, max=6.0, capacitance=2.0)
     for both in (loose.within(strict), strict.within(loose)):
         assert (both.min, both.max, both.capacitance) == (-4.0, 5.0, 2.0)

@@ -30,7 +30,6 @@ from haploop.mocks.clock import VirtualClock
 from haploop.mocks.simulation import Simulation
 from tests.acquisition.session.test_other_daqs import ALONG
 from tests.acquisition.session.test_other_daqs import SERIAL as SERIAL_ADC
-from tests.command_line import Run
 from tests.instruments.camera.test_camera import Feed
 from tests.mutating import within_memory
 
@@ -90,9 +89,7 @@ def day(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, int]:
 
 
 @pytest.mark.long
-def test_a_recording_over_the_wire_is_played_again_bit_by_bit(
-    day: tuple[Path, Path, int], tmp_path: Path, nothing_is_opened: Callable[[], None]
-) -> None:
+def test_a_recording_over_the_wire_is_played_again_bit_by_bit(day, tmp_path, nothing_is_opened):
     tape, first, calls = day
     nothing_is_opened()
     with haploop.played(tape) as player, haploop.open_rig(simulate=f"tape:{tape}") as rig:
@@ -118,7 +115,7 @@ RIGS = {
 @pytest.mark.long
 @pytest.mark.usefixtures("few_callbacks")
 @pytest.mark.parametrize("rig", [pytest.param(n, marks=[pytest.mark.night] * (n != "bench")) for n in RIGS])
-def test_doctor_of_a_tape(rig: str, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_doctor_of_a_tape(rig, run, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("lab.toml").write_text(RIGS[rig])
     words = ["doctor", "--json"]
@@ -133,7 +130,7 @@ def test_doctor_of_a_tape(rig: str, run: Run, tmp_path: Path, monkeypatch: pytes
     assert held and f"{held[1]} of the tape's {held[1]} calls were asked for" in tape.stderr
 
 
-def test_the_first_call_that_differs_is_told(day: tuple[Path, Path, int], tmp_path: Path) -> None:
+def test_the_first_call_that_differs_is_told(day, tmp_path):
     tape, _, _ = day
     other = tmp_path / "rig.toml"
     other.write_text('base = "simulated"\n[daq.channels]\ngauge0 = { terminal = "Dev1/ai9", range = 10 }\n')
@@ -144,7 +141,7 @@ def test_the_first_call_that_differs_is_told(day: tuple[Path, Path, int], tmp_pa
     assert re.search(r"On the tape \(call \d+, at \d+\.\d+ s\): daq create_ai_voltage", str(told.value))
 
 
-def test_an_error_on_the_wire_is_the_same_error_on_tape(tmp_path: Path) -> None:
+def test_an_error_on_the_wire_is_the_same_error_on_tape(tmp_path):
     rig = tmp_path / "rig.toml"
     rig.write_text(
         'base = "simulated"\n[[simulation.faults]]\nkind = "reply"\ninstrument = "relay"\nhow = "silence"\n'
@@ -170,7 +167,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tape
 
 
-def test_a_tape_that_was_cut_off_is_found_wherever_it_was_cut(whole: Path, tmp_path: Path) -> None:
+def test_a_tape_that_was_cut_off_is_found_wherever_it_was_cut(whole, tmp_path):
     data, cut = whole.read_bytes(), tmp_path / "cut.tape"
     calls = Player(whole).calls
     for length in range(1, len(data), max(1, len(data) // 97)):
@@ -188,7 +185,7 @@ def test_a_tape_that_was_cut_off_is_found_wherever_it_was_cut(whole: Path, tmp_p
     assert not Player(cut).whole and Player(cut).calls == calls
 
 
-def test_a_tape_that_was_changed_in_any_place_is_refused(whole: Path, tmp_path: Path) -> None:
+def test_a_tape_that_was_changed_in_any_place_is_refused(whole, tmp_path):
     data, changed = whole.read_bytes(), tmp_path / "changed.tape"
     for place in range(0, len(data), max(1, len(data) // 200)):
         # Bytes 4 to 9 of gzip's head say nothing of the content.
@@ -216,14 +213,14 @@ def test_a_tape_that_was_changed_in_any_place_is_refused(whole: Path, tmp_path: 
 
 
 @pytest.mark.parametrize("text", [b"", b"no tape", gzip.compress(b"{}\n", mtime=0), b"\x1f\x8b"])
-def test_another_file_is_no_tape(text: bytes, tmp_path: Path) -> None:
+def test_another_file_is_no_tape(text, tmp_path):
     path = tmp_path / "x.tape"
     path.write_bytes(text)
     with pytest.raises(HaploopError, match="tape"):
         haploop.open_rig(simulate=f"tape:{path}")
 
 
-def test_a_tape_that_unpacks_to_more_than_any_session_is_refused(tmp_path: Path) -> None:
+def test_a_tape_that_unpacks_to_more_than_any_session_is_refused(tmp_path):
     path = tmp_path / "large.tape"
     with gzip.open(path, "wb") as file:
         for _ in range(80):
@@ -232,7 +229,7 @@ def test_a_tape_that_unpacks_to_more_than_any_session_is_refused(tmp_path: Path)
         read_tape(path)
 
 
-def test_a_twin_and_a_driver_without_a_line_are_refused(tmp_path: Path) -> None:
+def test_a_twin_and_a_driver_without_a_line_are_refused(tmp_path):
     with (
         pytest.warns(UserWarning, match="Nothing was recorded"),
         haploop.recorded(tmp_path / "a.tape"),
@@ -241,7 +238,7 @@ def test_a_twin_and_a_driver_without_a_line_are_refused(tmp_path: Path) -> None:
         haploop.open_rig("simulated", simulate="twin")
 
 
-def test_threads_keep_their_own_order_and_no_other(tmp_path: Path) -> None:
+def test_threads_keep_their_own_order_and_no_other(tmp_path):
     tape = tmp_path / "threads.tape"
     turn = threading.Barrier(2)
 
@@ -274,7 +271,7 @@ def test_threads_keep_their_own_order_and_no_other(tmp_path: Path) -> None:
     assert both(player, "two") == first and player.answered == 10
 
 
-def test_arrays_and_numbers_come_back_as_they_were(tmp_path: Path) -> None:
+def test_arrays_and_numbers_come_back_as_they_were(tmp_path):
     tape = tmp_path / "values.tape"
     values = [
         np.arange(12.0).reshape(3, 4).T, np.array([np.nan, np.inf, -0.0]), np.zeros((2, 0)), b"\xff\n",
@@ -308,7 +305,7 @@ def open_port() -> None:
 
 
 @pytest.mark.long
-def test_a_masked_tape_has_no_serial_number_and_plays_the_same(tmp_path: Path) -> None:
+def test_a_masked_tape_has_no_serial_number_and_plays_the_same(tmp_path):
     tape, masked = tmp_path / "day.tape", tmp_path / "mail.tape"
     with haploop.recorded(tape), haploop.open_rig("bench", simulate="wire") as rig:
         identities = [i.identity for i in rig.instruments.values() if hasattr(i, "identity")]
@@ -325,7 +322,7 @@ def test_a_masked_tape_has_no_serial_number_and_plays_the_same(tmp_path: Path) -
     assert content(Path(other.path))["codes"] == content(same)["codes"]
 
 
-def test_a_program_that_is_killed_leaves_a_tape_that_plays(tmp_path: Path) -> None:
+def test_a_program_that_is_killed_leaves_a_tape_that_plays(tmp_path):
     tape = tmp_path / "killed.tape"
     recorder = Recorder(tape)
     recorder.__enter__()
@@ -349,7 +346,7 @@ def test_a_program_that_is_killed_leaves_a_tape_that_plays(tmp_path: Path) -> No
     assert Player(tape).whole
 
 
-def test_a_play_in_real_time_with_the_relay_s_renewals_is_played_again(tmp_path: Path) -> None:
+def test_a_play_in_real_time_with_the_relay_s_renewals_is_played_again(tmp_path):
     """As on hardware: a rig that is not simulated, on devices that are served; threads of their own renew."""
     file = haploop.load_rig_file("simulated")
     world = Simulation(file, RealClock())
@@ -383,7 +380,7 @@ def test_a_play_in_real_time_with_the_relay_s_renewals_is_played_again(tmp_path:
 
 @pytest.mark.long
 @pytest.mark.parametrize("text", [SERIAL_ADC, ALONG], ids=["only DAQ", "along"])
-def test_a_board_that_sends_by_itself_is_played_again_bit_by_bit(text: str, tmp_path: Path) -> None:
+def test_a_board_that_sends_by_itself_is_played_again_bit_by_bit(text, tmp_path):
     tape, file = tmp_path / "day.tape", tmp_path / "rig.toml"
     file.write_text(text)
     with haploop.recorded(tape), haploop.open_rig(file, simulate="wire") as rig:
@@ -409,7 +406,7 @@ class Video(Feed):
         return (True, np.full((240, 320), self._left, np.uint8)) if self._left >= 0 else (False, None)
 
 
-def test_a_camera_is_on_the_tape_with_its_frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_camera_is_on_the_tape_with_its_frames(tmp_path, monkeypatch):
     settings = OpenCvCamera.Settings(source=0)
 
     def frames(deck: Any) -> tuple[str, list[tuple[int, float, int]], str]:
@@ -433,7 +430,7 @@ def test_a_camera_is_on_the_tape_with_its_frames(tmp_path: Path, monkeypatch: py
     assert [pixels for _, _, pixels in first[1]] == [76_800 * n for n in (4, 3, 2, 1, 0)]
 
 
-def test_commands_of_a_tape(run: Run, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_commands_of_a_tape(run, whole, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     calls = [str(line) for line in lines(whole) if line.get("is") == "call"]
     assert socket.gethostname() not in "".join(calls)
@@ -461,7 +458,7 @@ def test_commands_of_a_tape(run: Run, whole: Path, tmp_path: Path, monkeypatch: 
         assert ran.exit_code == 2 and sentence.lower() in ran.stderr.lower(), (words, ran.stderr)
 
 
-def test_a_full_disk_ends_the_tape_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_ends_the_tape_only(tmp_path, monkeypatch):
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
@@ -483,7 +480,7 @@ def test_a_full_disk_ends_the_tape_only(tmp_path: Path, monkeypatch: pytest.Monk
     {"error": 3},
     {},
 ])  # fmt: skip
-def test_an_answer_that_cannot_be_read_is_one_sentence(answer: dict[str, Any], tmp_path: Path) -> None:
+def test_an_answer_that_cannot_be_read_is_one_sentence(answer, tmp_path):
     """Of a tape whose hashes are right: somebody else's."""
     tape = tmp_path / "odd.tape"
     writer = TapeWriter(tape)
@@ -500,7 +497,7 @@ def test_an_answer_that_cannot_be_read_is_one_sentence(answer: dict[str, Any], t
 
 
 @pytest.mark.night
-def test_a_demo_leaves_a_tape(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_demo_leaves_a_tape(run, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     ran = run("demo", "--out", "out", "--simulate", "wire", "--tape", "day.tape", "--json")
     assert json.loads(ran.stdout)["mode"] == "wire"

@@ -52,7 +52,7 @@ def recording(
 
 
 @pytest.mark.parametrize("block", [1, 3, 5, 7, 100, 5000])
-def test_a_detector_finds_the_same_in_blocks_of_any_size(block: int) -> None:
+def test_a_detector_finds_the_same_in_blocks_of_any_size(block):
     force = np.zeros(4000)
     for first, stop, newton in ((1000, 1400, 2.0), (1900, 2300, 0.5), (2380, 2400, 1.0), (2900, 3000, 0.49)):
         force[first:stop] = newton
@@ -70,7 +70,7 @@ def test_a_detector_finds_the_same_in_blocks_of_any_size(block: int) -> None:
         ]  # fmt: skip
 
 
-def test_a_press_ends_with_the_signal_and_a_touch_does_not_begin_one() -> None:
+def test_a_press_ends_with_the_signal_and_a_touch_does_not_begin_one():
     for newton, spans in ((0.31, []), (0.5, [Span(500, 600, 0.0)])):
         detector = Detector(RATE)
         detector.feed(np.concatenate([np.zeros(500), np.full(100, newton)]))
@@ -87,7 +87,7 @@ def test_a_press_ends_with_the_signal_and_a_touch_does_not_begin_one() -> None:
 
 
 @pytest.mark.parametrize(("newton", "share"), [(0.10, 1.0), (-0.4, 1.0), (0.20, 1 / 3)])
-def test_the_rest_is_followed_and_a_resting_hand_more_slowly(newton: float, share: float) -> None:
+def test_the_rest_is_followed_and_a_resting_hand_more_slowly(newton, share):
     detector = Detector(RATE)
     detector.feed(np.full(50, newton))  # ten bins of 5 samples
     expected = 0.0
@@ -102,7 +102,7 @@ def test_the_rest_is_followed_and_a_resting_hand_more_slowly(newton: float, shar
 # Whole recordings
 
 
-def test_every_index_of_two_presses() -> None:
+def test_every_index_of_two_presses():
     force = trapezoid(4000, 1000, 100, 300, 2.0) + trapezoid(4000, 2000, 200, 200, 4.0)
     found = find_presses(recording(force, (1060, 1440, 2150, 2450)), Segmentation(least_peak=1.0))
     one, two = found
@@ -121,7 +121,7 @@ def test_every_index_of_two_presses() -> None:
     assert find_presses(recording(np.zeros(0))) == () == find_presses(recording(np.zeros(500)))
 
 
-def test_close_neighbours_share_the_time_between_them() -> None:
+def test_close_neighbours_share_the_time_between_them():
     force = trapezoid(2500, 500, 50, 300, 2.0) + trapezoid(2500, 1100, 50, 300, 2.0)
     one, two = find_presses(recording(force))
     # For the detector, the first ends at 895 and the second begins at 1110: bins of five samples.
@@ -132,7 +132,7 @@ def test_close_neighbours_share_the_time_between_them() -> None:
     assert (edge.start, edge.stop) == (0, 520)
 
 
-def test_the_delays_of_the_channels_are_taken_into_account() -> None:
+def test_the_delays_of_the_channels_are_taken_into_account():
     force = trapezoid(2000, 500, 100, 300, 2.0)
     found = find_presses(recording(force, (560,), delays={"activation": 0.002, "force": 0.010}))[0]
     assert found.activation == pytest.approx(561.5) and found.opened is None
@@ -142,7 +142,7 @@ def test_the_delays_of_the_channels_are_taken_into_account() -> None:
     assert find_presses(recording(force))[0].force_at_activation is None
 
 
-def test_a_press_without_a_beginning_or_an_end() -> None:
+def test_a_press_without_a_beginning_or_an_end():
     pressed = np.full(1000, 2.0)
     for changes, activation in (((1,), 0.5), ((0, 1), 0.5), ((500,), 499.5), ((0, 500), 499.5)):
         (press,) = find_presses(recording(pressed, changes))
@@ -150,7 +150,7 @@ def test_a_press_without_a_beginning_or_an_end() -> None:
         assert press.activation == activation
 
 
-def test_a_contact_that_is_closed_at_rest_and_bounces_switches_once() -> None:
+def test_a_contact_that_is_closed_at_rest_and_bounces_switches_once():
     force = trapezoid(2000, 500, 100, 300, 2.0)
     # Closed at rest; open from 560 on, with bounces of two samples; closed again at 850.
     bounced = recording(force, (0, 556, 558, 560, 850))
@@ -160,7 +160,7 @@ def test_a_contact_that_is_closed_at_rest_and_bounces_switches_once() -> None:
     assert find_presses(recording(force, (560, 562)))[0].activation is None
 
 
-def test_a_saturated_sample_counts_within_the_press_only() -> None:
+def test_a_saturated_sample_counts_within_the_press_only():
     force = trapezoid(2000, 500, 100, 300, 2.0)
     press = find_presses(recording(force))[0]
     first, last = press.onset, press.release
@@ -180,7 +180,7 @@ def test_a_saturated_sample_counts_within_the_press_only() -> None:
     ({700: 10.0, 640: 4.0, 400: 30.0}, None),  # as it moves at rest
     ({640: 4.0}, 639.5),
 ])  # fmt: skip
-def test_a_first_click_is_found_where_it_begins(clicks: dict[int, float], expected: float | None) -> None:
+def test_a_first_click_is_found_where_it_begins(clicks, expected):
     force = trapezoid(2000, 500, 200, 300, 4.0)
     found = find_presses(recording(force, (700,), clicks))[0]
     assert found.activation == 699.5 and found.first_stage == expected
@@ -188,7 +188,7 @@ def test_a_first_click_is_found_where_it_begins(clicks: dict[int, float], expect
     assert late.first_stage == (None if expected is None else pytest.approx(expected + 3))
 
 
-def test_a_first_click_is_looked_for_from_the_first_sample_with_enough_force_above_the_rest() -> None:
+def test_a_first_click_is_looked_for_from_the_first_sample_with_enough_force_above_the_rest():
     """0.02 N a sample from 500 on: a quarter of the 2.79 N at 640 is exceeded at 535, from any rest."""
     for rest in (0.0, 0.2):
         force = rest + trapezoid(2000, 500, 200, 300, 4.0)
@@ -197,7 +197,7 @@ def test_a_first_click_is_looked_for_from_the_first_sample_with_enough_force_abo
             assert press.first_stage == found
 
 
-def test_what_the_hand_does_is_removed_by_a_butterworth_filter_of_60_hz() -> None:
+def test_what_the_hand_does_is_removed_by_a_butterworth_filter_of_60_hz():
     rng = np.random.default_rng(0)
     moved = recording(np.zeros(500), clicks={n: float(rng.normal()) for n in range(1, 500)})
     sections = scipy.signal.butter(2, 60.0, "high", fs=RATE, output="sos")
@@ -207,7 +207,7 @@ def test_what_the_hand_does_is_removed_by_a_butterworth_filter_of_60_hz() -> Non
 
 
 @pytest.mark.parametrize(("change", "samples"), [(560, range(558, 562)), (2, range(4))])
-def test_the_force_at_an_instant_is_of_every_sample_within_reach(change: int, samples: range) -> None:
+def test_the_force_at_an_instant_is_of_every_sample_within_reach(change, samples):
     """Two lines that meet at the instant, through samples that lie on no line."""
     force = trapezoid(2000, 500, 100, 300, 2.0) if change > 500 else np.full(500, 2.0)
     force[samples] += (0.01, 0.0, 0.0, 0.02)
@@ -226,11 +226,11 @@ def test_the_force_at_an_instant_is_of_every_sample_within_reach(change: int, sa
     ("00000001", 7),
     ("0101011", 1),
 ])  # fmt: skip
-def test_a_state_lasts_when_it_holds_for_most_of_five_samples(state: str, first: int | None) -> None:
+def test_a_state_lasts_when_it_holds_for_most_of_five_samples(state, first):
     assert _first_lasting(np.array([c == "1" for c in state]), 0, 5) == first
 
 
-def test_a_force_is_above_the_rest_just_before_its_press() -> None:
+def test_a_force_is_above_the_rest_just_before_its_press():
     # Between two presses the rest has risen by 0.1 N, which the detector follows in a second.
     force = trapezoid(3000, 500, 100, 300, 2.0) + trapezoid(3000, 1500, 100, 300, 2.0)
     force[1000:] += 0.1
@@ -266,5 +266,5 @@ def spans_of(force: np.ndarray) -> list[Span]:
     ([0, 10, 3.6, 10, 0], 1),  # the finger has not left it, at more than 0.35
     ([0, 10, 0, 10, 0, 10], 3),
 ])  # fmt: skip
-def test_a_second_press_has_a_third_of_the_force_and_a_fall_before_it(force: list[float], times: int) -> None:
+def test_a_second_press_has_a_third_of_the_force_and_a_fall_before_it(force, times):
     assert _times(np.array(force, dtype=float)) == times

@@ -15,7 +15,6 @@ from haploop.acquisition.presses.segmentation import _first_lasting
 from haploop.acquisition.presses.segmentation_settings import LEAST_RATES, Segmentation
 from haploop.instruments import Press, load_rig_file
 from haploop.mocks.plant.buttons import Finger, button_named, press_button
-from tests.command_line import Run
 from tests.exchange.lab_files import Written, german
 
 FIT = Segmentation().fit
@@ -30,7 +29,7 @@ def rig_at(rate_hz: float) -> haploop.RigFile:
 
 @pytest.mark.parametrize("button", ["latch", "toggle", "push"])
 @pytest.mark.parametrize("rate_hz", [500, 800, 999, 1000, 2000, 5000, 48_000])
-def test_force_at_activation_is_within_its_bound(rate_hz: float, button: str, tmp_path: Path) -> None:
+def test_force_at_activation_is_within_its_bound(rate_hz, button, tmp_path):
     """Of a live recording; the truth is the plant's. What is stated is no more than the rate makes it."""
     with haploop.open_rig(rig_at(rate_hz)) as rig:
         found = find_presses(haploop.record(rig, button, "P01", 4, out=tmp_path))
@@ -42,7 +41,7 @@ def test_force_at_activation_is_within_its_bound(rate_hz: float, button: str, tm
 
 
 @pytest.mark.parametrize("rate_hz", [200, 333, 490])
-def test_a_rate_that_is_too_low_is_refused_before_anyone_presses(rate_hz: float, tmp_path: Path) -> None:
+def test_a_rate_that_is_too_low_is_refused_before_anyone_presses(rate_hz, tmp_path):
     few = pytest.raises(haploop.ConfigurationError, match=f"{rate_hz} samples/s, and a recording needs 500")
     with haploop.open_rig(rig_at(rate_hz)) as rig, few:
         haploop.record(rig, "push", "P01", 1, out=tmp_path)
@@ -50,7 +49,7 @@ def test_a_rate_that_is_too_low_is_refused_before_anyone_presses(rate_hz: float,
 
 
 @pytest.mark.parametrize("rate_hz", [80, 200, 300, 334, 400, 500, 666, 800, 999, 1000, 2000, 5000, 48_000])
-def test_a_constant_and_a_ramp_read_as_they_are(rate_hz: float) -> None:
+def test_a_constant_and_a_ramp_read_as_they_are(rate_hz):
     """At whatever rate and place between two samples; at the ends of a signal there is nothing to say."""
     ramp = 40.0 * np.arange(400) / rate_hz
     for at in (100.0, 100.3, 100.5, 100.99):
@@ -62,7 +61,7 @@ def test_a_constant_and_a_ramp_read_as_they_are(rate_hz: float) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("rate_hz", [500, 800, 999, 2000, 5000, 48_000])
-def test_the_stated_uncertainty_holds_for_presses_that_nobody_chose(rate_hz: float) -> None:
+def test_the_stated_uncertainty_holds_for_presses_that_nobody_chose(rate_hz):
     """Of 100 presses of any button, finger and phase of the clock, 98 are within what is stated."""
     rng = np.random.default_rng(20_26)
     within = []
@@ -83,7 +82,7 @@ def test_the_stated_uncertainty_holds_for_presses_that_nobody_chose(rate_hz: flo
     ("every", "force", "bandwidth"),
     [(1, True, 2500), (2, True, 1250), (10, True, 250), pytest.param(15, False, 0, marks=pytest.mark.long)],
 )
-def test_an_imports_rate(every: int, force: bool, bandwidth: float, run: Run, tmp_path: Path) -> None:
+def test_an_imports_rate(every, force, bandwidth, run, tmp_path):
     """Resampling adds nothing: neither certainty of the force, nor bandwidth."""
     with haploop.open_rig("simulated") as rig:
         live = haploop.record(rig, "push", "P01", 2, out=tmp_path / "live")
@@ -112,7 +111,7 @@ def test_an_imports_rate(every: int, force: bool, bandwidth: float, run: Run, tm
     assert f"{bandwidth} Hz, " in run("show", tmp_path / "press.h5").stdout
 
 
-def test_the_document_shows_the_table() -> None:
+def test_the_document_shows_the_table():
     text = Path("docs/how-to/recording.md").read_text(encoding="utf-8")
     section = text.split("## Sample rates")[1].split("\n## ")[0]
     rows = re.findall(r"^\| ([a-z ]+) \| (\d+) \|$", section, re.MULTILINE)

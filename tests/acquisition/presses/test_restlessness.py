@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -11,7 +9,6 @@ from haploop.acquisition import record
 from haploop.acquisition.presses.sensor_faults import crept, restlessness
 from haploop.base.errors import DataError
 from haploop.instruments.mains import mains_hum
-from tests.conftest import OpenRig
 
 GAUGES = [f"gauge{k}" for k in range(6)]
 RATE_HZ = 5000.0
@@ -22,7 +19,7 @@ def noise(seconds: float, seed: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("seed", "mains_hz"), [(4077, 50), (91823, 60)])
-def test_hum_is_found_and_noise_and_a_slow_hand_are_none(seed: int, mains_hz: int) -> None:
+def test_hum_is_found_and_noise_and_a_slow_hand_are_none(seed, mains_hz):
     force = noise(0.5, seed)
     t = np.arange(len(force)) / RATE_HZ
     hum = 0.3 * np.sin(2 * np.pi * 1.001 * mains_hz * t + seed)
@@ -37,7 +34,7 @@ def test_hum_is_found_and_noise_and_a_slow_hand_are_none(seed: int, mains_hz: in
 
 
 @pytest.mark.parametrize("seed", [5, 88172])
-def test_creep_fades_and_a_finger_leaves(seed: int) -> None:
+def test_creep_fades_and_a_finger_leaves(seed):
     force = noise(0.6, seed)
     t = np.arange(len(force)) / RATE_HZ
     faded = 0.35 * np.exp(-t / 0.5)
@@ -48,7 +45,7 @@ def test_creep_fades_and_a_finger_leaves(seed: int) -> None:
 
 
 @pytest.mark.requires("simulation")
-def test_hum_of_the_gauges_is_not_a_hand(open: OpenRig, tmp_path: Path) -> None:
+def test_hum_of_the_gauges_is_not_a_hand(open, tmp_path):
     """At 0.04 V it would begin a press that never ends, at 0.004 V it is harmless."""
     rig = open(seed=77123, faults=[{"kind": "mains-hum", "channel": GAUGES, "volts": 0.04}])
     with pytest.raises(DataError, match=r"has mains hum, .* N rms at 50 Hz; check the grounding") as error:
@@ -59,7 +56,7 @@ def test_hum_of_the_gauges_is_not_a_hand(open: OpenRig, tmp_path: Path) -> None:
 
 
 @pytest.mark.requires("simulation")
-def test_creep_of_the_gauges_is_not_a_finger_that_rests(open: OpenRig, tmp_path: Path) -> None:
+def test_creep_of_the_gauges_is_not_a_finger_that_rests(open, tmp_path):
     rig = open(
         seed=77123, faults=[{"kind": "sensor-creep", "channel": GAUGES, "share": 0.15, "longest": 0.5}]
     )

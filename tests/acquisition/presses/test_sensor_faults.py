@@ -79,9 +79,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize(("fault", "said", "seed"), WRONG.values(), ids=WRONG)
-def test_a_wrong_sensor_is_told_at_the_first_press(
-    tmp_path: Path, fault: dict[str, Any], said: str, seed: int, full: bool
-) -> None:
+def test_a_wrong_sensor_is_told_at_the_first_press(tmp_path, fault, said, seed, full):
     for number in (2001, 2002, 2003) if full else (seed,):
         verdicts: list[PressVerdict] = []
         (folder := tmp_path / str(number)).mkdir()
@@ -97,7 +95,7 @@ def test_a_wrong_sensor_is_told_at_the_first_press(
     (machine(0.01), "The accelerometer shows 0.25 m/s² rms at rest, 2"),
     ({"kind": "sensor-creep", "channel": GAUGES, "share": 0.3}, "The force sensor creeps: "),
 ], ids=["3 mV", "fan", "creep"])  # fmt: skip
-def test_what_is_doubtful_is_told_once_and_counts(tmp_path: Path, fault: dict[str, Any], said: str) -> None:
+def test_what_is_doubtful_is_told_once_and_counts(tmp_path, fault, said):
     verdicts: list[PressVerdict] = []
     recorded(tmp_path, 2001, fault, verdicts=verdicts)
     assert all(verdict.accepted and verdict.flags == () for verdict in verdicts)
@@ -105,7 +103,7 @@ def test_what_is_doubtful_is_told_once_and_counts(tmp_path: Path, fault: dict[st
     assert told.startswith(said)
 
 
-def test_a_motor_that_starts_between_presses_is_seen_in_the_rest_of_the_next(tmp_path: Path) -> None:
+def test_a_motor_that_starts_between_presses_is_seen_in_the_rest_of_the_next(tmp_path):
     """The representative press was at r = 0.87, and nothing was said."""
     verdicts: list[PressVerdict] = []
     with pytest.raises(DataError, match=r"m/s² rms at rest, .* look for a fan or a motor"):
@@ -113,7 +111,7 @@ def test_a_motor_that_starts_between_presses_is_seen_in_the_rest_of_the_next(tmp
     assert verdicts[0].accepted and not verdicts[-1].accepted
 
 
-def test_good_recordings_are_neither_refused_nor_doubted(tmp_path: Path, full: bool) -> None:
+def test_good_recordings_are_neither_refused_nor_doubted(tmp_path, full):
     """`--full`: a hundred seeds, with every button and participant."""
     for seed in range(4000, 4100 if full else 4002):
         verdicts: list[PressVerdict] = []
@@ -125,7 +123,7 @@ def test_good_recordings_are_neither_refused_nor_doubted(tmp_path: Path, full: b
 
 
 @pytest.mark.usefixtures("unlooked")
-def test_the_sign_of_an_accelerometer_upside_down_is_corrected(tmp_path: Path) -> None:
+def test_the_sign_of_an_accelerometer_upside_down_is_corrected(tmp_path):
     (tmp_path / "right").mkdir()
     right = representative([recorded(tmp_path / "right", 2000)])
     found = representative([recorded(tmp_path, 2000, INVERTED)])
@@ -137,9 +135,7 @@ def test_the_sign_of_an_accelerometer_upside_down_is_corrected(tmp_path: Path) -
 
 @pytest.mark.usefixtures("unlooked")
 @pytest.mark.parametrize("fault", [hum(0.05), off("gauge0")], ids=["hum", "gauge"])
-def test_presses_with_wrong_signals_are_not_averaged(
-    tmp_path: Path, fault: dict[str, Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_presses_with_wrong_signals_are_not_averaged(tmp_path, fault, monkeypatch):
     """Of a recording whose presses were never judged."""
     unjudged = SimpleNamespace(from_json=lambda text: None)
     monkeypatch.setattr("haploop.acquisition.presses.choice.Protocol", unjudged)
@@ -148,7 +144,7 @@ def test_presses_with_wrong_signals_are_not_averaged(
     assert "\n" not in str(told.value)
 
 
-def test_a_spike_is_told_in_a_press_and_a_click_is_none(tmp_path: Path) -> None:
+def test_a_spike_is_told_in_a_press_and_a_click_is_none(tmp_path):
     recording = recorded(tmp_path, 2000)
     verdict = recording.verdicts[0]
     press, rest = slice(verdict.first, verdict.end), recording.rest
@@ -161,7 +157,7 @@ def test_a_spike_is_told_in_a_press_and_a_click_is_none(tmp_path: Path) -> None:
         assert said.startswith("the accelerometer's signal has 1 spike;") == bool(count), (height, wide, said)
 
 
-def test_a_clicks_ringing_that_is_sampled_eight_times_a_period_is_no_spike(tmp_path: Path) -> None:
+def test_a_clicks_ringing_that_is_sampled_eight_times_a_period_is_no_spike(tmp_path):
     """One right press in 25 was refused for a spike at 2 kS/s."""
     (tmp_path / "rig.toml").write_text('base = "minimal"\nrate_hz = 2000', encoding="utf-8")
     with haploop.open_rig(tmp_path / "rig.toml", simulate="twin") as rig:
@@ -184,7 +180,7 @@ def doubled(curves: np.ndarray, which: list[int], lag: float) -> np.ndarray:
 
 @pytest.mark.parametrize("family", ["tempo", "hands", "crowded"])
 @pytest.mark.parametrize("lag", [0.06, 0.1])
-def test_double_clicks_are_found_and_spoil_no_average(family: str, lag: float, full: bool) -> None:
+def test_double_clicks_are_found_and_spoil_no_average(family, lag, full):
     for seed in range(700, 703 if full else 701):
         presses = FAMILIES[family].warped(seed, 1, 8).curves[0]
         twice = doubled(presses, [1, 6], lag)
@@ -197,7 +193,7 @@ def test_double_clicks_are_found_and_spoil_no_average(family: str, lag: float, f
 
 
 @pytest.mark.parametrize("family", ["tempo", "hands", "crowded"])
-def test_presses_that_only_differ_in_tempo_have_clicked_once(family: str, full: bool) -> None:
+def test_presses_that_only_differ_in_tempo_have_clicked_once(family, full):
     for seed in range(800, 820 if full else 802):
         for presses in FAMILIES[family].warped(seed, 2, 10).curves:
             assert np.isnan(double_clicks(presses, RATE)).all()

@@ -54,7 +54,7 @@ def written(
     return Recording.open(path)
 
 
-def test_every_quantity_is_the_sensors_own_of_the_volts(tmp_path: Path, codes: np.ndarray) -> None:
+def test_every_quantity_is_the_sensors_own_of_the_volts(tmp_path, codes):
     found = written(tmp_path, codes, events=((REST_END, "rest"), (700, "pressed")))
     volts = codes * (FULL / 32768)[:, None]
     np.testing.assert_array_equal(found.volts, volts)
@@ -71,14 +71,14 @@ def test_every_quantity_is_the_sensors_own_of_the_volts(tmp_path: Path, codes: n
     assert found.content_hash == content_hash(found.path)
 
 
-def test_an_extra_channel_is_in_its_own_unit(tmp_path: Path, codes: np.ndarray) -> None:
+def test_an_extra_channel_is_in_its_own_unit(tmp_path, codes):
     one = AnalogChannel(channel=header().channels[12], unit="mm", scale=0.5)
     found = written(tmp_path, codes, rig=changed(RIG, sensors={"extra": {"depth": one}}).model_dump_json())
     np.testing.assert_allclose(found.extra["depth"], codes[12] * (10.0 / 32768) / 2.0)
     assert list(found.extra) == ["depth"] and found.delay("depth") == pytest.approx(12e-5)
 
 
-def test_what_was_forgotten_is_read_again(tmp_path: Path, codes: np.ndarray) -> None:
+def test_what_was_forgotten_is_read_again(tmp_path, codes):
     found = written(tmp_path, codes)
     before, sha256 = found.volts, found.content_hash
     assert found.volts is before
@@ -89,7 +89,7 @@ def test_what_was_forgotten_is_read_again(tmp_path: Path, codes: np.ndarray) -> 
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows replaces no file that is open")
-def test_a_recording_that_ends_meanwhile_is_finished(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_recording_that_ends_meanwhile_is_finished(tmp_path, monkeypatch):
     path = unfinished(tmp_path / "P01-push.h5")
 
     def marked(_path: Path) -> bool:
@@ -107,16 +107,14 @@ def test_a_recording_that_ends_meanwhile_is_finished(tmp_path: Path, monkeypatch
     (((400, "note"), (300, "rest"), (500, "rest")), 0.01, slice(250, 300)),
     (((300, "rest"),), 0.0, slice(299, 300)),
 ])  # fmt: skip
-def test_the_force_is_relative_to_the_rest(
-    events: tuple[tuple[int, str], ...], rest: float, taken: slice, tmp_path: Path, codes: np.ndarray
-) -> None:
+def test_the_force_is_relative_to_the_rest(events, rest, taken, tmp_path, codes):
     found = written(tmp_path, codes, rest, events)
     gauges = codes[:6] * (10.0 / 32768)
     expected = np.asarray(SENSORS.force.matrix)[2] @ (gauges - gauges[:, taken].mean(axis=1, keepdims=True))
     np.testing.assert_allclose(found.force, expected, atol=1e-12)
 
 
-def test_delays_are_of_the_channels_that_make_a_quantity(tmp_path: Path, codes: np.ndarray) -> None:
+def test_delays_are_of_the_channels_that_make_a_quantity(tmp_path, codes):
     found = written(tmp_path, codes)
     weights = np.abs(np.asarray(SENSORS.force.matrix)[2])
     assert found.delay("force") == pytest.approx(weights @ (np.arange(6) * 1e-5) / weights.sum())
@@ -130,14 +128,14 @@ def test_delays_are_of_the_channels_that_make_a_quantity(tmp_path: Path, codes: 
     (12, 32767, False),  # of no sensor
     (8, round((1.65 + 0.33 * 3.1) / 5 * 32768), True), (8, round((1.65 + 0.33 * 2.9) / 5 * 32768), False),
 ])  # fmt: skip
-def test_a_sample_is_clipped(row: int, code: int, said: bool, tmp_path: Path, codes: np.ndarray) -> None:
+def test_a_sample_is_clipped(row, code, said, tmp_path, codes):
     changed = codes.copy()
     changed[row, 777] = code
     found = written(tmp_path, changed).saturated
     assert np.flatnonzero(found).tolist() == ([777] if said else [])
 
 
-def test_what_a_rig_did_not_have_is_said(tmp_path: Path, codes: np.ndarray) -> None:
+def test_what_a_rig_did_not_have_is_said(tmp_path, codes):
     found = written(tmp_path, codes, rig=changed(RIG, sensors={"activation": None}).model_dump_json())
     with pytest.raises(DataError, match="was recorded without a sensor for activation"):
         _ = found.activation

@@ -17,7 +17,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     return record(world_rig(seed=4), "push", "P01", 1, tmp_path_factory.mktemp("export"))
 
 
-def test_xarray_has_every_quantity_with_its_unit_and_its_source(recording: Recording):
+def test_xarray_has_every_quantity_with_its_unit_and_its_source(recording):
     pytest.importorskip("xarray")
     data = recording.to_xarray()
     assert data.acceleration.dims == ("axis", "time")
@@ -29,7 +29,7 @@ def test_xarray_has_every_quantity_with_its_unit_and_its_source(recording: Recor
     assert data.attrs["content_hash"] == recording.content_hash
 
 
-def test_pandas_has_a_column_for_each_quantity(recording: Recording):
+def test_pandas_has_a_column_for_each_quantity(recording):
     pytest.importorskip("pandas")
     table = recording.to_pandas()
     assert list(table) == ["force", *(f"acceleration_{axis}" for axis in "xyz"), "activation", "saturated"]
@@ -41,7 +41,7 @@ def test_pandas_has_a_column_for_each_quantity(recording: Recording):
 
 
 @pytest.mark.parametrize("name", ["xarray", "pandas"])
-def test_what_is_not_installed_is_named(recording: Recording, monkeypatch, name):
+def test_what_is_not_installed_is_named(recording, monkeypatch, name):
     monkeypatch.setitem(sys.modules, name, None)
     with pytest.raises(
         ConfigurationError, match=f"{name} is not installed: install it with `pip install {name}`"
@@ -49,7 +49,7 @@ def test_what_is_not_installed_is_named(recording: Recording, monkeypatch, name)
         {"xarray": recording.to_xarray, "pandas": recording.to_pandas}[name]()
 
 
-def test_lengths_and_shapes_say_what_they_are_and_a_figure_is_at_hand(recording: Recording) -> None:
+def test_lengths_and_shapes_say_what_they_are_and_a_figure_is_at_hand(recording):
     channels, samples = recording.shape
     assert (channels, samples) == recording.volts.shape
     assert len(recording) == samples == len(recording.force) == len(recording.to_pandas())

@@ -68,7 +68,7 @@ def same(found: dict[str, Any], whole: dict[str, Any]) -> bool:
 
 @pytest.mark.parametrize("state", ["finished", "unfinished"])
 @pytest.mark.timeout(3600)
-def test_a_changed_recording(files: dict[str, Path], state: str, tmp_path: Path, full: bool) -> None:
+def test_a_changed_recording(files, state, tmp_path, full):
     raw, whole = files[state].read_bytes(), content(files[state])
     path, number = tmp_path / "P09-push.h5", 0
     for changed in mutations(raw, 500 if full else 60, seed=1):
@@ -85,7 +85,7 @@ def test_a_changed_recording(files: dict[str, Path], state: str, tmp_path: Path,
 
 @pytest.mark.parametrize("state", ["finished", "unfinished"])
 @pytest.mark.timeout(3600)
-def test_another_structure(files: dict[str, Path], state: str, tmp_path: Path, full: bool) -> None:
+def test_another_structure(files, state, tmp_path, full):
     """Also with a checksum that fits: what another program writes is no reason to fail."""
     raw, whole = files[state].read_bytes(), content(files[state])
     path = tmp_path / "P09-push.h5"
@@ -98,7 +98,7 @@ def test_another_structure(files: dict[str, Path], state: str, tmp_path: Path, f
 
 
 @pytest.mark.timeout(3600)
-def test_what_is_recovered_was_recorded(files: dict[str, Path], tmp_path: Path, full: bool) -> None:
+def test_what_is_recovered_was_recorded(files, tmp_path, full):
     """Within this process, as far as the HDF5 library survives it; `recover` uses a process of its own."""
     raw, whole = files["finished"].read_bytes(), content(files["finished"])
     path, recovered, saved = tmp_path / "P09-push.h5", tmp_path / "P09-push.recovered.h5", 0

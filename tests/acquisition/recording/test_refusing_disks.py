@@ -61,9 +61,7 @@ def one_sentence(error: BaseException, number: int) -> None:
     ("call", "after"),
     [(call, after) for call in ("open", "posix_fallocate", "fsync") for after in (0, 1)] + [("link", 0)],
 )
-def test_while_a_file_is_laid_out(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: str, after: int, number: int
-) -> None:
+def test_while_a_file_is_laid_out(tmp_path, monkeypatch, call, after, number):
     path = tmp_path / "P01-push.h5"
     with (
         refused(monkeypatch, call, number, after) as fired,
@@ -78,7 +76,7 @@ def test_while_a_file_is_laid_out(
 @pytest.mark.long
 @pytest.mark.parametrize("number", NUMBERS, ids=errno.errorcode.get)
 @pytest.mark.parametrize("call", ["pwrite", "fdatasync", "fsync", "close"])
-def test_while_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: str, number: int) -> None:
+def test_while_recording(tmp_path, monkeypatch, call, number):
     path = tmp_path / "P01-push.h5"
     writer = Writer(path, header(), 250, 5000)
     for i in range(4):
@@ -102,9 +100,7 @@ def test_while_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: 
 
 @pytest.mark.parametrize("number", NUMBERS, ids=errno.errorcode.get)
 @pytest.mark.parametrize(("call", "after"), [("open", 0), ("fsync", 0), ("fsync", 1), ("replace", 0)])
-def test_while_a_file_is_finished(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: str, after: int, number: int
-) -> None:
+def test_while_a_file_is_finished(tmp_path, monkeypatch, call, after, number):
     path = unfinished(tmp_path / "P01-push.h5")
     with refused(monkeypatch, call, number, after) as fired, pytest.raises(InstrumentError) as told:
         finish(path)
@@ -132,7 +128,7 @@ def largest_file(size: int) -> Iterator[None]:
 
 
 @pytest.mark.parametrize("size", [0, 512, 1000, 8000, 12_000, 100_000])
-def test_a_quota_is_a_full_disk(tmp_path: Path, size: int, capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_quota_is_a_full_disk(tmp_path, size, capfd):
     path = unfinished(tmp_path / "P02-push.h5")
     values = {"a": np.arange(20_000.0), "b": 1.5}
     attempts: dict[type[HaploopError], list[Callable[[], object]]] = {
@@ -153,7 +149,7 @@ def test_a_quota_is_a_full_disk(tmp_path: Path, size: int, capfd: pytest.Capture
     assert capfd.readouterr().err == ""  # the HDF5 library tells nothing of its own
 
 
-def test_a_session_under_a_quota_is_refused_before_the_first_sample(tmp_path: Path) -> None:
+def test_a_session_under_a_quota_is_refused_before_the_first_sample(tmp_path):
     rig = world_rig()
     with largest_file(200_000), pytest.raises(ConfigurationError, match="File too large"):
         record(rig, "push", "P01", 10, tmp_path)

@@ -33,12 +33,12 @@ from haploop.base.errors import ConfigurationError, DataError
 PRESS = PressVerdict(2, 3, 100, 250, 112.5, 2.25, True, (), "")
 
 
-def test_the_sizes_of_rows_are_those_of_the_format() -> None:
+def test_the_sizes_of_rows_are_those_of_the_format():
     assert (EVENT.itemsize, VERDICT.itemsize, BLOCK.itemsize) == (256, 256, 32)
     assert block_dtype(3, 50).itemsize == 8 + 4 + 4 + 8 + 2 * 3 * 50 + 4
 
 
-def test_an_event_comes_back_and_a_long_text_is_cut_between_characters() -> None:
+def test_an_event_comes_back_and_a_long_text_is_cut_between_characters():
     raw = event_row(Event(-5, "note", "µ" * 200))
     (row,) = np.frombuffer(raw, EVENT)
     assert whole(row) and int(row["crc"]) == zlib.crc32(raw[:-4])
@@ -49,7 +49,7 @@ def test_an_event_comes_back_and_a_long_text_is_cut_between_characters() -> None
     assert cut.kind == "x" * 15
 
 
-def test_a_verdict_comes_back_with_every_flag() -> None:
+def test_a_verdict_comes_back_with_every_flag():
     for number in range(len(FLAGS)):
         press = PRESS._replace(flags=FLAGS[: number + 1], accepted=False, reason="€" * 80)
         (found,) = verdicts_in(np.frombuffer(verdict_row(press), VERDICT))
@@ -60,7 +60,7 @@ def test_a_verdict_comes_back_with_every_flag() -> None:
     assert verdicts_in(np.frombuffer(verdict_row(twice), VERDICT))[0].flags == ("double",)
 
 
-def test_the_last_verdict_on_an_attempt_counts_and_they_are_sorted() -> None:
+def test_the_last_verdict_on_an_attempt_counts_and_they_are_sorted():
     presses = [
         PRESS._replace(number=2, attempt=1, reason="first"),
         PRESS._replace(number=1, attempt=2),
@@ -75,16 +75,16 @@ def test_the_last_verdict_on_an_attempt_counts_and_they_are_sorted() -> None:
     "change",
     [{"number": 0}, {"attempt": 0}, {"first": -1}, {"first": 251}, {"flags": ("nothing",)}],
 )
-def test_a_verdict_without_sense_is_refused(change: dict[str, object]) -> None:
+def test_a_verdict_without_sense_is_refused(change):
     with pytest.raises(DataError):
-        verdict_row(PRESS._replace(**change))  # type: ignore[arg-type]
+        verdict_row(PRESS._replace(**change))
     with pytest.raises(DataError, match="no press flag 'nothing'"):
         verdict_row(PRESS._replace(flags=("double", "nothing", "never")))
     verdict_row(PRESS._replace(number=1, attempt=1, first=0, end=0))
     verdict_row(PRESS._replace(first=250))
 
 
-def test_a_row_that_was_not_written_is_none() -> None:
+def test_a_row_that_was_not_written_is_none():
     assert not whole(np.zeros(1, EVENT)[0])
     raw = bytearray(event_row(Event(1, "note", "text")))
     for place in (0, 100, 255):
@@ -93,7 +93,7 @@ def test_a_row_that_was_not_written_is_none() -> None:
         raw[place] ^= 1
 
 
-def test_a_finished_row_has_the_crc_of_the_filled_samples_only() -> None:
+def test_a_finished_row_has_the_crc_of_the_filled_samples_only():
     record = np.zeros(1, block_dtype(2, 5))[0]
     record["first"], record["count"], record["overload"], record["time"] = 7, 3, 2, 0.25
     record["samples"] = np.arange(10).reshape(2, 5)
@@ -104,7 +104,7 @@ def test_a_finished_row_has_the_crc_of_the_filled_samples_only() -> None:
     assert sealed(row) == row.tobytes()
 
 
-def test_codes_are_the_nearest_and_end_at_full_scale() -> None:
+def test_codes_are_the_nearest_and_end_at_full_scale():
     full = np.array([10.0, 2.0, 1.0])
     step = full / file_format.CODES
     volts = np.array([[-10.0, 0.0, 10.0 - step[0]], [0.49 * step[1], 0.51 * step[1], -1.5], [0.0, 0.0, 0.0]])
@@ -127,7 +127,7 @@ _HALF = st.integers(-2 * file_format.CODES - 5, 2 * file_format.CODES + 5).map(
 
 
 @given(arrays(np.float64, (3, 7), elements=st.one_of(_REACH, _ODD, _HALF)), st.integers(0, 7))
-def test_codes_are_the_same_bits_as_the_formula_one_channel_after_the_other(volts, count) -> None:
+def test_codes_are_the_same_bits_as_the_formula_one_channel_after_the_other(volts, count):
     full = np.array([10.0, 5.0, 0.2])
     volts = volts[:, :count] * full[:, None]
     codes, scratch = np.full((3, 7), 99, np.int16), np.empty((3, 7), np.float32)
@@ -155,7 +155,7 @@ def test_codes_are_the_same_bits_as_the_formula_one_channel_after_the_other(volt
     ("P01", "..", False), ("P01", "a\\b", False), ("P01", "a b", False), ("P01", "push\n", False),
     ("P01", "C:", False), ("01P", "latch", False),
 ])  # fmt: skip
-def test_names_of_files(participant: str, button: str, allowed: bool) -> None:
+def test_names_of_files(participant, button, allowed):
     if allowed:
         assert file_format.file_name(participant, button) == f"{participant}-{button}.h5"
     else:

@@ -49,7 +49,7 @@ def spoil(path: Path, place: int) -> None:
 
 
 @pytest.mark.parametrize("number", [0, 1, 6, BLOCKS - 1])
-def test_of_an_unfinished_recording_the_blocks_before_a_damaged_one_are_kept(number: int, path: Path) -> None:
+def test_of_an_unfinished_recording_the_blocks_before_a_damaged_one_are_kept(number, path):
     spoil(path, places(path)["blocks"] + number * block_dtype(CHANNELS, 250).itemsize + 24)
     with h5py.File(path, "r", locking=False) as file:
         head, _ = read_header(file, path)
@@ -73,7 +73,7 @@ def test_of_an_unfinished_recording_the_blocks_before_a_damaged_one_are_kept(num
 
 
 @pytest.mark.parametrize(("name", "size"), [("events", EVENT.itemsize), ("presses", VERDICT.itemsize)])
-def test_a_damaged_row_hides_no_other(name: str, size: int, path: Path) -> None:
+def test_a_damaged_row_hides_no_other(name, size, path):
     spoil(path, places(path)[name] + 3 * size)
     with h5py.File(path, "r", locking=False) as file:
         head, _ = read_header(file, path)
@@ -85,7 +85,7 @@ def test_a_damaged_row_hides_no_other(name: str, size: int, path: Path) -> None:
 
 
 @pytest.mark.parametrize("sample", [0, 249, 250, 1700, 2849])
-def test_of_a_finished_recording_the_blocks_before_a_changed_sample_are_kept(sample: int, path: Path) -> None:
+def test_of_a_finished_recording_the_blocks_before_a_changed_sample_are_kept(sample, path):
     finish(path)
     with h5py.File(path, "r+", locking=False) as file:
         codes = file["codes"][:]
@@ -100,7 +100,7 @@ def test_of_a_finished_recording_the_blocks_before_a_changed_sample_are_kept(sam
     assert contents.events["sample"].tolist() == list(range(250, kept + 1, 250))
 
 
-def test_a_finished_recording_that_is_whole_is_kept_whole(path: Path) -> None:
+def test_a_finished_recording_that_is_whole_is_kept_whole(path):
     finish(path)
     with h5py.File(path, "r", locking=False) as file:
         head, _ = read_header(file, path)
@@ -111,7 +111,7 @@ def test_a_finished_recording_that_is_whole_is_kept_whole(path: Path) -> None:
 
 
 @pytest.mark.parametrize("state", ["recording", "finished"])
-def test_codes_between_two_samples(state: str, path: Path) -> None:
+def test_codes_between_two_samples(state, path):
     if state == "finished":
         finish(path)
     with h5py.File(path, "r", locking=False) as file:
@@ -124,7 +124,7 @@ def test_codes_between_two_samples(state: str, path: Path) -> None:
 
 
 @pytest.mark.parametrize("change", ["shorter", "longer", "wider", "type", "chunks", "missing"])
-def test_samples_that_do_not_fit_their_blocks_are_not_read(change: str, path: Path) -> None:
+def test_samples_that_do_not_fit_their_blocks_are_not_read(change, path):
     finish(path)
     with h5py.File(path, "r+", locking=False) as file:
         shape, dtype = [CHANNELS, 2850], "<i4" if change == "type" else "<i2"
@@ -142,12 +142,12 @@ def test_samples_that_do_not_fit_their_blocks_are_not_read(change: str, path: Pa
         salvage.read_contents(path)
 
 
-def test_blocks_of_other_channels_are_not_read(path: Path) -> None:
+def test_blocks_of_other_channels_are_not_read(path):
     with h5py.File(path, "r", locking=False) as file, pytest.raises(ValueError, match="blocks"):
         salvage.read_blocks(file, header(CHANNELS - 1))
 
 
-def test_logs_recordings_in_progress_and_hashes(path: Path, tmp_path: Path) -> None:
+def test_logs_recordings_in_progress_and_hashes(path, tmp_path):
     log = tmp_path / "session-1.jsonl"
     line = as_line({"number": 1, "previous": ""})
     log.write_text(line, encoding="utf-8")

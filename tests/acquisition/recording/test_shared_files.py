@@ -43,7 +43,7 @@ for number in range(30):
 """
 
 
-def test_two_programs_lose_none_of_each_others_rejections(tmp_path: Path) -> None:
+def test_two_programs_lose_none_of_each_others_rejections(tmp_path):
     """With another TMPDIR each: the lock is beside the file."""
     writers = []
     for name in "ab":
@@ -64,7 +64,7 @@ def test_two_programs_lose_none_of_each_others_rejections(tmp_path: Path) -> Non
     assert not list(tmp_path.glob(".*"))
 
 
-def test_threads_of_one_program_wait_for_each_other_too(tmp_path: Path) -> None:
+def test_threads_of_one_program_wait_for_each_other_too(tmp_path):
     path = tmp_path / "a.json"
     threads = [
         threading.Thread(target=lambda: [append_json(path, "looks", [{}]) for _ in range(10)])
@@ -77,14 +77,14 @@ def test_threads_of_one_program_wait_for_each_other_too(tmp_path: Path) -> None:
     assert len(read_json(path, "looks", list)) == 40
 
 
-def test_a_program_that_never_ends_its_change(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_program_that_never_ends_its_change(tmp_path, monkeypatch):
     monkeypatch.setattr("haploop.base.json_files._PATIENCE", 0.05)
     with changing(tmp_path / "a.json"), pytest.raises(DataError, match="is being changed by another program"):
         append_json(tmp_path / "a.json", "looks", [{}])
 
 
 @posix
-def test_recordings_of_people_can_be_read_by_their_owner_only(tmp_path: Path) -> None:
+def test_recordings_of_people_can_be_read_by_their_owner_only(tmp_path):
     folder = tmp_path / "study" / "recordings"
     recording = record(world_rig(seed=4), "push", "P01", 1, folder)
     add_rejections(folder, [Rejection("P01-push.h5", recording.content_hash, 1, 1, "why", "now")])
@@ -112,7 +112,7 @@ with whole_file(Path(sys.argv[1])) as part:
 
 
 @posix
-def test_what_a_killed_program_left_is_removed_by_the_next_and_nothing_else(tmp_path: Path) -> None:
+def test_what_a_killed_program_left_is_removed_by_the_next_and_nothing_else(tmp_path):
     path = tmp_path / "P01-push.h5"
     killed, alive = (begun(KILLED, path, how) for how in ("killed", "alive"))
     assert alive.stdout is not None and killed.stdout is not None

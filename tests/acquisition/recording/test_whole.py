@@ -11,7 +11,7 @@ from haploop.base.errors import ConfigurationError
 from tests.acquisition.recording.pattern import block_of, header
 
 
-def test_a_file_that_appears_meanwhile_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_that_appears_meanwhile_is_kept(tmp_path, monkeypatch):
     path = tmp_path / "P01-latch.h5"
 
     def quicker(_path: Path) -> None:
@@ -23,12 +23,12 @@ def test_a_file_that_appears_meanwhile_is_kept(tmp_path: Path, monkeypatch: pyte
     assert path.read_text() == "another program's"
 
 
-def test_what_cannot_be_judged_leaves_no_file(tmp_path: Path) -> None:
+def test_what_cannot_be_judged_leaves_no_file(tmp_path):
     path = tmp_path / "P01-latch.h5"
 
     def judge(_: object) -> list[object]:
         raise RuntimeError("judged wrongly")
 
     with pytest.raises(RuntimeError):
-        write_recording(path, header(), block_of(0).volts, [], judge)  # type: ignore[arg-type]
+        write_recording(path, header(), block_of(0).volts, [], judge)
     assert list(tmp_path.iterdir()) == []

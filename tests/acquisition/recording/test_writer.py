@@ -41,7 +41,7 @@ from tests.acquisition.recording.pattern import (
 Usage = namedtuple("Usage", "total used free")
 
 
-def test_a_recording_needs_twice_its_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_recording_needs_twice_its_size(tmp_path, monkeypatch):
     needed = 2 * 2000 * block_dtype(CHANNELS, 250).itemsize + (1 << 20)
     monkeypatch.setattr(shutil, "disk_usage", lambda _path: Usage(0, 0, needed - 1))
     with pytest.raises(ConfigurationError, match=f"but this recording needs {needed / 1e6:.0f} MB: free"):
@@ -51,7 +51,7 @@ def test_a_recording_needs_twice_its_size(tmp_path: Path, monkeypatch: pytest.Mo
     Writer(tmp_path / "P01-push.h5", header(), 250, 2000).close()
 
 
-def test_events_and_verdicts_have_room_for_so_many_and_the_last_event_says_so(tmp_path: Path) -> None:
+def test_events_and_verdicts_have_room_for_so_many_and_the_last_event_says_so(tmp_path):
     presses = header().presses
     path = tmp_path / "P01-push.h5"
     with Writer(path, header(), 250, 4, along=3) as writer:
@@ -77,7 +77,7 @@ def test_events_and_verdicts_have_room_for_so_many_and_the_last_event_says_so(tm
 
 
 @pytest.mark.parametrize("length", [1, 1 << 20, (5 << 19) + 3])
-def test_room_is_taken_in_zeros(length: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_room_is_taken_in_zeros(length, tmp_path, monkeypatch):
     monkeypatch.delattr(os, "posix_fallocate", raising=False)
     path = tmp_path / "room"
     path.write_bytes(b"x" * 100)
@@ -86,7 +86,7 @@ def test_room_is_taken_in_zeros(length: int, tmp_path: Path, monkeypatch: pytest
     assert path.read_bytes() == b"x" * 90 + bytes(length) + b"x" * max(0, 10 - length)
 
 
-def test_a_disk_that_takes_nothing_is_full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_disk_that_takes_nothing_is_full(tmp_path, monkeypatch):
     if not hasattr(os, "pwrite"):
         pytest.skip("a disk's refusal is simulated at this call")
     writer = Writer(tmp_path / "P01-push.h5", header(), 250, 4)
@@ -99,7 +99,7 @@ def test_a_disk_that_takes_nothing_is_full(tmp_path: Path, monkeypatch: pytest.M
     writer.close()
 
 
-def test_eight_megabytes_are_synced_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_eight_megabytes_are_synced_at_once(tmp_path, monkeypatch):
     monkeypatch.setattr("haploop.acquisition.recording.writer._COMMIT_PERIOD", 1000.0)
     blocks = -(-(8 << 20) // block_dtype(CHANNELS, 250).itemsize)
     with Writer(tmp_path / "P01-push.h5", header(), 250, blocks) as writer:
@@ -113,7 +113,7 @@ def test_eight_megabytes_are_synced_at_once(tmp_path: Path, monkeypatch: pytest.
         assert writer.committed
 
 
-def test_what_comes_during_a_sync_is_not_safe(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_comes_during_a_sync_is_not_safe(tmp_path, monkeypatch):
     monkeypatch.setattr("haploop.acquisition.recording.writer._COMMIT_PERIOD", 0.01)
     syncing, go_on = threading.Event(), threading.Event()
 
@@ -135,7 +135,7 @@ def test_what_comes_during_a_sync_is_not_safe(tmp_path: Path, monkeypatch: pytes
             assert writer.committed == samples
 
 
-def test_behind_a_short_block_stand_no_samples_of_the_one_before(tmp_path: Path) -> None:
+def test_behind_a_short_block_stand_no_samples_of_the_one_before(tmp_path):
     path = tmp_path / "P01-push.h5"
     with Writer(path, header(), 250, 4) as writer:
         writer.write(block_of(0), 0.0)
@@ -151,7 +151,7 @@ def test_behind_a_short_block_stand_no_samples_of_the_one_before(tmp_path: Path)
 
 
 @pytest.mark.parametrize(("first", "count"), [(251, 250), (250, 251)])
-def test_a_gap_of_one_sample_and_a_long_block_are_refused(tmp_path: Path, first: int, count: int) -> None:
+def test_a_gap_of_one_sample_and_a_long_block_are_refused(tmp_path, first, count):
     with Writer(tmp_path / "P01-push.h5", header(), 250, 4) as writer:
         writer.write(block_of(0), 0.0)
         with pytest.raises(InstrumentError, match=f"of {count} samples begins at sample {first}, but 250 is"):
@@ -159,7 +159,7 @@ def test_a_gap_of_one_sample_and_a_long_block_are_refused(tmp_path: Path, first:
         assert writer.written == 250
 
 
-def test_a_file_of_somebody_else_is_not_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_of_somebody_else_is_not_removed(tmp_path, monkeypatch):
     """One that took the name between the file's own naming and its opening."""
     path, real = tmp_path / "P01-push.h5", os.open
 
@@ -169,7 +169,7 @@ def test_a_file_of_somebody_else_is_not_removed(tmp_path: Path, monkeypatch: pyt
                 (tmp_path / "theirs").write_text("theirs")
                 (tmp_path / "theirs").replace(path)
             raise OSError(errno.EIO, "Input/output error")
-        return real(name, *more)  # type: ignore[arg-type]
+        return real(name, *more)
 
     for theirs in (True, False):
         with monkeypatch.context() as patch:
@@ -180,7 +180,7 @@ def test_a_file_of_somebody_else_is_not_removed(tmp_path: Path, monkeypatch: pyt
         path.unlink(missing_ok=True)
 
 
-def test_what_holds_no_press_is_set_aside_and_nothing_else(tmp_path: Path) -> None:
+def test_what_holds_no_press_is_set_aside_and_nothing_else(tmp_path):
     path = tmp_path / "P01-push.h5"
 
     def recorded(kind: str = "", verdict: bool = False) -> None:
@@ -205,7 +205,7 @@ def test_what_holds_no_press_is_set_aside_and_nothing_else(tmp_path: Path) -> No
     assert set_aside(path) is None and path.exists()
 
 
-def test_what_cannot_be_renamed_or_is_recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_cannot_be_renamed_or_is_recorded(tmp_path, monkeypatch):
     with pytest.raises(DataError, match="There is no file"):
         recover(tmp_path / "none.h5")
     path = written(tmp_path / "P01-push.h5")
@@ -239,7 +239,7 @@ recovery._in_child()
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is limited on Linux only")
-def test_a_damaged_file_is_recovered_in_a_process_with_limited_memory(tmp_path: Path) -> None:
+def test_a_damaged_file_is_recovered_in_a_process_with_limited_memory(tmp_path):
     child = subprocess.run(
         [sys.executable, "-c", LIMITED, "a", "b"], capture_output=True, text=True, check=True
     )
@@ -250,7 +250,7 @@ def test_a_damaged_file_is_recovered_in_a_process_with_limited_memory(tmp_path: 
     assert child.stdout == '{"error": "", "text": ""}'
 
 
-def test_a_recovery_has_time_by_its_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_recovery_has_time_by_its_size(tmp_path, monkeypatch):
     path, waited = tmp_path / "P01-push.h5", []
 
     def run(*_: object, timeout: float, **_more: object) -> None:
@@ -266,7 +266,7 @@ def test_a_recovery_has_time_by_its_size(tmp_path: Path, monkeypatch: pytest.Mon
     assert waited == [pytest.approx(60 * (1 + 1 / 256)), 60 * 5]
 
 
-def test_a_recovered_file_replaces_none_that_came_meanwhile(tmp_path: Path) -> None:
+def test_a_recovered_file_replaces_none_that_came_meanwhile(tmp_path):
     path, theirs = tmp_path / "P01-push.h5", tmp_path / "P01-push.recovered.h5"
     with Writer(path, header(), 250, 4) as writer:
         assert (writer.written, writer.committed) == (0, 0)
@@ -280,7 +280,7 @@ def test_a_recovered_file_replaces_none_that_came_meanwhile(tmp_path: Path) -> N
     assert theirs.read_text() == "theirs"
 
 
-def test_an_overload_is_a_bit_of_its_channel_and_the_last_bit_is_of_all_others(tmp_path: Path) -> None:
+def test_an_overload_is_a_bit_of_its_channel_and_the_last_bit_is_of_all_others(tmp_path):
     head = replace(header(), channels=tuple(f"c{n}" for n in range(40)), full_scale=np.full(40, 10.0),
                    delays=np.zeros(40))  # fmt: skip
     flags = np.zeros((5, 40), bool)

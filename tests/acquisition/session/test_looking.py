@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 import haploop
@@ -11,7 +9,7 @@ from haploop.base.errors import ConfigurationError
 from haploop.instruments import levels
 
 
-def test_every_sensor_and_the_laser_are_live(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_sensor_and_the_laser_are_live(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with haploop.open_rig("simulated") as rig, rig.tap(100) as tap:
         haploop.look(rig, iter([True] * 20 + [False]).__next__)
@@ -25,7 +23,7 @@ def test_every_sensor_and_the_laser_are_live(tmp_path: Path, monkeypatch: pytest
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_rig_without_sensors_is_told_to_describe_them(tmp_path: Path) -> None:
+def test_a_rig_without_sensors_is_told_to_describe_them(tmp_path):
     bare = tmp_path / "bare.toml"
     bare.write_text(
         'name = "bare"\nsimulate = "twin"\n[daq]\ndriver = "ni-daqmx"\ndevices = { Dev1 = "PCIe-6321" }\n'

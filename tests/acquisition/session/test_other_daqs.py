@@ -71,7 +71,7 @@ def rig_file(folder: Path, text: str) -> Path:
 
 @pytest.mark.long
 @pytest.mark.parametrize("mode", ["twin", "wire"])
-def test_a_board_on_a_serial_port_is_a_rigs_only_daq(tmp_path: Path, mode: str) -> None:
+def test_a_board_on_a_serial_port_is_a_rigs_only_daq(tmp_path, mode):
     with haploop.open_rig(rig_file(tmp_path, SERIAL), simulate=mode) as rig:
         recording = haploop.record(rig, "latch", "P01", 2, tmp_path)
         assert rig.daq.identity.startswith("Serial ADC at ")
@@ -84,9 +84,9 @@ def test_a_board_on_a_serial_port_is_a_rigs_only_daq(tmp_path: Path, mode: str) 
 
 @pytest.mark.long
 @pytest.mark.parametrize("mode", ["twin", "wire"])
-def test_a_load_cell_is_recorded_along_on_its_own_clock(tmp_path: Path, mode: str) -> None:
+def test_a_load_cell_is_recorded_along_on_its_own_clock(tmp_path, mode):
     with haploop.open_rig(rig_file(tmp_path, ALONG), simulate=mode) as rig:
-        plant = rig.simulation.plant  # type: ignore[union-attr]
+        plant = rig.simulation.plant
         plant.connect("load", lambda times: plant.force(times) / 10_000)
         names = ("first", "second")
         recordings = [haploop.record(rig, "latch", "P01", 2, tmp_path, name=name) for name in names]
@@ -110,7 +110,7 @@ def behind(load: FloatArray, force: FloatArray, rate_hz: float) -> float:
     return float(lags[int(np.argmax(alike))] / rate_hz)
 
 
-def test_what_a_file_says_twice_is_one_sentence(tmp_path: Path) -> None:
+def test_what_a_file_says_twice_is_one_sentence(tmp_path):
     for text, says in (
         (SERIAL.replace("rate_hz = 2000", "rate_hz = 1000", 1), "write rate_hz = 2000 at the top"),
         (ALONG.replace("load = {", "switch = {"), "'switch' is also a channel of \\[daq\\]"),
@@ -123,7 +123,7 @@ def test_what_a_file_says_twice_is_one_sentence(tmp_path: Path) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("file", ["card", "board"])
-def test_what_is_lost_while_recording_ends_it_and_stands_in_the_file(tmp_path: Path, file: str) -> None:
+def test_what_is_lost_while_recording_ends_it_and_stands_in_the_file(tmp_path, file):
     path = CARD if file == "card" else rig_file(tmp_path, SERIAL)
     faults = [{"kind": "daq-overrun", "after": 6.0}]
     lost = pytest.raises(InstrumentError, match=r"an overrun|lost or damaged")
@@ -138,7 +138,7 @@ def test_what_is_lost_while_recording_ends_it_and_stands_in_the_file(tmp_path: P
 
 @pytest.mark.long
 @pytest.mark.usefixtures("few_callbacks")
-def test_the_papers_rig_on_a_sound_card_is_green_and_records(tmp_path: Path) -> None:
+def test_the_papers_rig_on_a_sound_card_is_green_and_records(tmp_path):
     """As on NI's cards. All the way to a recalibration goes the rig no-ni, in test_shipped_rigs.py."""
     with haploop.open_rig(CARD, simulate="twin") as rig:
         assert {finding.status for finding in haploop.examine(rig)} == {"green"}

@@ -63,7 +63,7 @@ def later(recording: Recording, stream: Any, inside: np.ndarray, delays: np.ndar
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_samples_lie_where_the_sender_saw_the_finger(tmp_path: Path, seed: int) -> None:
+def test_samples_lie_where_the_sender_saw_the_finger(tmp_path, seed):
     """The sender's clock is a day away and runs faster, and its force is the one that the rig recorded."""
     pytest.importorskip("pyxdf")
     recording = recorded(tmp_path, 8, seed=seed)
@@ -88,13 +88,13 @@ def test_samples_lie_where_the_sender_saw_the_finger(tmp_path: Path, seed: int) 
     assert errors(recording) == [] and haploop.verify(recording.path) == ()
 
 
-def test_the_same_world_gives_the_same_streams(tmp_path: Path) -> None:
+def test_the_same_world_gives_the_same_streams(tmp_path):
     (tmp_path / "a").mkdir()
     (tmp_path / "b").mkdir()
     assert recorded(tmp_path / "a").content_hash == recorded(tmp_path / "b").content_hash
 
 
-def test_a_stream_that_is_lost_is_told_once_and_comes_back_on_its_own_clock(tmp_path: Path) -> None:
+def test_a_stream_that_is_lost_is_told_once_and_comes_back_on_its_own_clock(tmp_path):
     pytest.importorskip("pyxdf")
     recording = recorded(tmp_path, 6, fault("stream-lost", 2.0, 1.5))
     (told,) = errors(recording)
@@ -106,7 +106,7 @@ def test_a_stream_that_is_lost_is_told_once_and_comes_back_on_its_own_clock(tmp_
     assert np.abs(eeg.times - (eeg.stamps - OFFSET) / (1 + DRIFT)).max() < 5e-4
 
 
-def test_samples_that_do_not_come_are_told(tmp_path: Path) -> None:
+def test_samples_that_do_not_come_are_told(tmp_path):
     recording = recorded(tmp_path, 6, fault("samples-lost", 2.0, 0.3))
     (gap,) = (reading for reading in recording.readings if reading.name == "eeg gap")
     assert gap.value == pytest.approx(0.304, abs=2e-3)
@@ -117,7 +117,7 @@ def test_samples_that_do_not_come_are_told(tmp_path: Path) -> None:
     assert "sends nothing" in told and silent.complete
 
 
-def test_a_stream_that_is_not_there_is_one_sentence_and_nothing_is_recorded(tmp_path: Path) -> None:
+def test_a_stream_that_is_not_there_is_one_sentence_and_nothing_is_recorded(tmp_path):
     says = "There is no LSL stream with the type 'EEG' of eeg in \\[streams\\]; LSL finds 'cues'"
     with pytest.raises(InstrumentError, match=says):
         recorded(tmp_path, 1, fault("stream-lost", 0.0))
@@ -128,7 +128,7 @@ def test_a_stream_that_is_not_there_is_one_sentence_and_nothing_is_recorded(tmp_
     assert found["Stream marks"].status == "green" and "1 channel of string" in found["Stream marks"].sentence
 
 
-def test_two_streams_that_fit_are_told_apart_by_a_person(tmp_path: Path) -> None:
+def test_two_streams_that_fit_are_told_apart_by_a_person(tmp_path):
     text = RIG.replace('type = "Markers"\n', 'type = "EEG"\n')
     with (
         haploop.open_rig(rig_file(tmp_path, text=text), simulate="twin") as rig,
@@ -143,22 +143,22 @@ def test_two_streams_that_fit_are_told_apart_by_a_person(tmp_path: Path) -> None
     (RIG.replace('type = "EEG"', 'typ = "EEG"'), "did you mean 'type'"),
     ('base = "minimal"\nname = "streams"\n[streams]\ndriver = "lsl"\n', "inlets' is missing"),
 ])  # fmt: skip
-def test_what_is_wrong_in_a_rig_file_is_one_sentence(tmp_path: Path, text: str, says: str) -> None:
+def test_what_is_wrong_in_a_rig_file_is_one_sentence(tmp_path, text, says):
     with pytest.raises(ConfigurationError, match=says) as error:
         load_rig_file(rig_file(tmp_path, text=text))
     assert "\n" not in str(error.value)
 
 
-def test_a_missing_pylsl_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_pylsl_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pylsl", None)
     from haploop.instruments.streams import LslStreams
 
     settings = LslStreams.Settings.model_validate({"inlets": {"eeg": {"type": "EEG"}}})
     with pytest.raises(ConfigurationError, match=r'pip install "haploop\[lsl\]"'):
-        LslStreams.open(settings, None)  # type: ignore[arg-type]
+        LslStreams.open(settings, None)
 
 
-def test_a_file_that_was_changed_is_refused(tmp_path: Path) -> None:
+def test_a_file_that_was_changed_is_refused(tmp_path):
     pytest.importorskip("pyxdf")
     recording, path = recorded(tmp_path), tmp_path / "P01-latch-eeg.xdf"
     data = bytearray(path.read_bytes())
@@ -173,7 +173,7 @@ def test_a_file_that_was_changed_is_refused(tmp_path: Path) -> None:
         Recording.open(recording.path).streams  # noqa: B018
 
 
-def test_recording_and_streams_are_exported_on_one_time(tmp_path: Path) -> None:
+def test_recording_and_streams_are_exported_on_one_time(tmp_path):
     pyxdf = pytest.importorskip("pyxdf")
     recording = recorded(tmp_path)
     haploop.export_file(recording.path, "xdf", tmp_path / "all.xdf")
@@ -195,7 +195,7 @@ def test_recording_and_streams_are_exported_on_one_time(tmp_path: Path) -> None:
     np.testing.assert_array_equal(found["cues"]["time_stamps"], recording.streams["marks"].times)
 
 
-def test_single_corrections_that_are_far_off_move_no_stamp() -> None:
+def test_single_corrections_that_are_far_off_move_no_stamp():
     rng = np.random.default_rng(1)
     times = np.arange(0, 600, 2.0)
     measured = 1e5 + 4e-5 * times + rng.normal(0, 1e-4, len(times))
@@ -204,7 +204,7 @@ def test_single_corrections_that_are_far_off_move_no_stamp() -> None:
     assert np.abs(line(times) - (1e5 + 4e-5 * times)).max() < 1e-4
 
 
-def test_late_blocks_tilt_no_line_and_another_rate_is_found() -> None:
+def test_late_blocks_tilt_no_line_and_another_rate_is_found():
     """Arrivals on a busy computer: the first blocks come late, which a line through the earliest follows."""
     rng = np.random.default_rng(2)
     for rate_hz, seconds, drift in ((1000.0, 11, 0.0), (1000.0, 60, 0.0), (5000.0, 300, 50e-6)):
@@ -220,7 +220,7 @@ def test_late_blocks_tilt_no_line_and_another_rate_is_found() -> None:
         np.testing.assert_allclose(begin + period * at, 7.0 + at * (1 + drift) / rate_hz, atol=2e-3)
 
 
-def test_a_day_of_clock_readings_needs_no_memory_for_all_their_pairs() -> None:
+def test_a_day_of_clock_readings_needs_no_memory_for_all_their_pairs():
     """Two readings a second: all pairs would take 240 GB."""
     at = np.arange(0.0, 86_400.0, 0.5)
     line, spread = _line(at, 3.0 + 40e-6 * at + np.random.default_rng(1).normal(0, 1e-5, len(at)))
@@ -278,7 +278,7 @@ print(json.dumps(said), flush=True)
 """
 
 
-def test_real_streams_are_received_with_their_clock_and_lost_ones_told(tmp_path: Path) -> None:
+def test_real_streams_are_received_with_their_clock_and_lost_ones_told(tmp_path):
     pytest.importorskip("pylsl", reason='pylsl is not installed: python -m pip install -e ".[lsl]"')
     environment = loopback(tmp_path)
     processes = []
@@ -298,9 +298,9 @@ def test_real_streams_are_received_with_their_clock_and_lost_ones_told(tmp_path:
             said = 0
             for _ in range(count):
                 time.sleep(0.25)
-                receiver.stdin.write(line + "\n")  # type: ignore[union-attr]
-                receiver.stdin.flush()  # type: ignore[union-attr]
-                said = int(receiver.stdout.readline())  # type: ignore[union-attr]
+                receiver.stdin.write(line + "\n")
+                receiver.stdin.flush()
+                said = int(receiver.stdout.readline())
             return said
 
         assert read(12) == 0
@@ -380,7 +380,7 @@ for number in range(100000):
 """
 
 
-def test_a_board_and_an_amplifier_agree_on_the_time_of_a_press(tmp_path: Path) -> None:
+def test_a_board_and_an_amplifier_agree_on_the_time_of_a_press(tmp_path):
     """Nothing of haploop is simulated: a board on a socket, LSL, real clocks. Both feel one finger."""
     pytest.importorskip("pylsl", reason='pylsl is not installed: python -m pip install -e ".[lsl]"')
     environment, pipe = loopback(tmp_path), subprocess.PIPE

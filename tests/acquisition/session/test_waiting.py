@@ -48,7 +48,7 @@ def elsewhere(tmp_path):
     process.join()
 
 
-def test_a_session_is_in_progress_while_its_program_lives(elsewhere, tmp_path: Path) -> None:
+def test_a_session_is_in_progress_while_its_program_lives(elsewhere, tmp_path):
     process, _ = elsewhere
     study, path = load_study(tmp_path), tmp_path / "recordings" / "P01-push.h5"
     (entry,) = study.progress()
@@ -68,7 +68,7 @@ def test_a_session_is_in_progress_while_its_program_lives(elsewhere, tmp_path: P
         assert Recording.open(path).state == "interrupted"
 
 
-def test_a_session_that_ends_leaves_no_mark(elsewhere, tmp_path: Path) -> None:
+def test_a_session_that_ends_leaves_no_mark(elsewhere, tmp_path):
     process, here = elsewhere
     here.send("go on")
     process.join(60)
@@ -77,7 +77,7 @@ def test_a_session_that_ends_leaves_no_mark(elsewhere, tmp_path: Path) -> None:
     assert [path.name for path in (tmp_path / "recordings").iterdir()] == ["P01-push.h5"]
 
 
-def test_no_program_finishes_what_another_one_records(elsewhere, tmp_path: Path, monkeypatch) -> None:
+def test_no_program_finishes_what_another_one_records(elsewhere, tmp_path, monkeypatch):
     process, here = elsewhere
     # The study's own lock is this computer's; the other program may run on another one.
     monkeypatch.setattr("haploop.instruments.safety.machine._place", lambda: tmp_path / "elsewhere")
@@ -90,7 +90,7 @@ def test_no_program_finishes_what_another_one_records(elsewhere, tmp_path: Path,
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows removes no file that is open")
-def test_a_mark_that_is_removed_meanwhile_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_mark_that_is_removed_meanwhile_is_none(tmp_path, monkeypatch):
     path, taken = tmp_path / "file.h5", marks.taken
 
     def after_its_holder(descriptor: int) -> bool:
@@ -102,7 +102,7 @@ def test_a_mark_that_is_removed_meanwhile_is_none(tmp_path: Path, monkeypatch: p
         pytest.fail("Marked, and nobody else can see it.")
 
 
-def test_a_mark_can_be_looked_at_and_is_had_by_one(tmp_path: Path) -> None:
+def test_a_mark_can_be_looked_at_and_is_had_by_one(tmp_path):
     path = tmp_path / "file.h5"
     assert not is_marked(path)
     with marked(path):
@@ -118,7 +118,7 @@ def test_a_mark_can_be_looked_at_and_is_had_by_one(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_session_waits_for_somebody_who_is_away_and_asks_again(tmp_path: Path) -> None:
+def test_a_session_waits_for_somebody_who_is_away_and_asks_again(tmp_path):
     rig = world_rig(seed=1)
     away(rig, prompts=4)
     recording = record(rig, "push", "P01", 2, tmp_path, protocol=Protocol(wait=600))
@@ -134,7 +134,7 @@ def test_a_session_waits_for_somebody_who_is_away_and_asks_again(tmp_path: Path)
 
 
 @pytest.mark.long
-def test_a_wait_is_for_the_whole_session_and_ends(tmp_path: Path) -> None:
+def test_a_wait_is_for_the_whole_session_and_ends(tmp_path):
     rig = world_rig(seed=1)
     away(rig, prompts=2)  # comes at 15 s, and uses nothing of the wait but the time to press
 
@@ -151,12 +151,12 @@ def test_a_wait_is_for_the_whole_session_and_ends(tmp_path: Path) -> None:
     assert not Recording.open(tmp_path / "P01-push.h5").complete
 
 
-def test_hands_off_are_waited_for_too(tmp_path: Path) -> None:
+def test_hands_off_are_waited_for_too(tmp_path):
     with pytest.raises(DataError, match="did not come to rest within 45 s"):
         record(world_rig(drift=1.0), "push", "P01", 1, tmp_path, protocol=Protocol(wait=30))
 
 
-def test_an_empty_recording_does_not_refuse_the_next_and_is_kept(tmp_path: Path) -> None:
+def test_an_empty_recording_does_not_refuse_the_next_and_is_kept(tmp_path):
     path = tmp_path / "P01-push.h5"
     contents = []
     for _ in range(2):
@@ -170,7 +170,7 @@ def test_an_empty_recording_does_not_refuse_the_next_and_is_kept(tmp_path: Path)
         record(world_rig(), "push", "P01", 1, tmp_path)
 
 
-def test_what_cannot_be_set_aside_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_cannot_be_set_aside_stays(tmp_path, monkeypatch):
     with pytest.raises(DataError, match="No press 1 of 1"):
         record(world_rig(answers=False), "push", "P01", 1, tmp_path)
 
@@ -186,7 +186,7 @@ def test_what_cannot_be_set_aside_stays(tmp_path: Path, monkeypatch: pytest.Monk
     assert [one.name for one in tmp_path.iterdir()] == ["P01-push.h5"]
 
 
-def test_what_holds_a_press_or_cannot_be_read_is_not_set_aside(tmp_path: Path) -> None:
+def test_what_holds_a_press_or_cannot_be_read_is_not_set_aside(tmp_path):
     rig = world_rig()
     rig.daq.fails_at = 80
     with pytest.raises(InstrumentError):

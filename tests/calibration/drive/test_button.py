@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,7 +20,7 @@ def button(calibrated: Calibrated) -> DigitalButton:
 
 
 @pytest.mark.long
-def test_a_button_holds_all_that_made_it(calibrated: Calibrated, button: DigitalButton) -> None:
+def test_a_button_holds_all_that_made_it(calibrated, button):
     assert button.passed and button.simulated == calibrated.rig.simulated
     assert button.drive.calibration == button.calibrations[0].digest
     assert button.drive.sources == button.press.sources
@@ -30,7 +29,7 @@ def test_a_button_holds_all_that_made_it(calibrated: Calibrated, button: Digital
     assert button.calibrations[0].response.rig_file
 
 
-def test_a_button_comes_back_from_disk(button: DigitalButton, tmp_path: Path) -> None:
+def test_a_button_comes_back_from_disk(button, tmp_path):
     path = tmp_path / "push.h5"
     button.save(path)
     back = DigitalButton.load(path)
@@ -41,7 +40,7 @@ def test_a_button_comes_back_from_disk(button: DigitalButton, tmp_path: Path) ->
         button.save(path)
 
 
-def test_a_damaged_button_is_refused(button: DigitalButton, tmp_path: Path) -> None:
+def test_a_damaged_button_is_refused(button, tmp_path):
     path = tmp_path / "push.h5"
     button.save(path)
     content = bytearray(path.read_bytes())
@@ -53,15 +52,13 @@ def test_a_damaged_button_is_refused(button: DigitalButton, tmp_path: Path) -> N
 
 
 @pytest.mark.long
-def test_playing_it_verifies_it(
-    calibrated: Calibrated, button: DigitalButton, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_playing_it_verifies_it(calibrated, button, monkeypatch):
     assert play_button(calibrated.rig, button, plays=8).passed
     tamper(calibrated.rig, monkeypatch, laser=lambda v: 0.7 * v)
     assert not play_button(calibrated.rig, button, plays=8).passed
 
 
-def test_a_button_of_another_world_is_refused(calibrated: Calibrated, button: DigitalButton) -> None:
+def test_a_button_of_another_world_is_refused(calibrated, button):
     response = replace(button.calibrations[0].response, simulated=not calibrated.rig.simulated)
     other = replace(button, calibrations=(replace(button.calibrations[0], response=response),))
     with pytest.raises(ConfigurationError, match="calibrate that rig first"):

@@ -2,17 +2,14 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from haploop.acquisition import Representative
 from haploop.base.errors import ConfigurationError, InstrumentError
 from haploop.calibration import (
     Check,
-    Drive,
     Multisine,
     calibrate,
     drive_for,
@@ -25,12 +22,11 @@ from haploop.calibration.background import rests
 from haploop.calibration.drive import check, playing
 from haploop.calibration.spectra import third_octaves
 from haploop.instruments import Capture, load_rig_file, open_rig
-from tests.calibration.conftest import Calibrated, Checked, make_press, tamper
-from tests.conftest import OpenRig
+from tests.calibration.conftest import make_press, tamper
 from tests.rig_files import changed
 
 
-def test_a_fresh_drive_passes_by_what_was_expected(calibrated: Calibrated, drive: Drive) -> None:
+def test_a_fresh_drive_passes_by_what_was_expected(calibrated, drive):
     seen: list[tuple[object, ...]] = []
     result = check(calibrated.rig, drive, progress=lambda *told: seen.append(told))
     assert result.passed and result.reasons == ()
@@ -56,7 +52,7 @@ def test_a_fresh_drive_passes_by_what_was_expected(calibrated: Calibrated, drive
         assert low <= value <= high
 
 
-def test_all_figures_follow_from_the_plays(calibrated: Calibrated, drive: Drive, tmp_path: Path) -> None:
+def test_all_figures_follow_from_the_plays(calibrated, drive, tmp_path):
     """With nothing but numpy and the file; docs/explanation/check.md shows the same script."""
     check(calibrated.rig, drive).save(tmp_path / "check.h5")
     stored = Check.load(tmp_path / "check.h5")
@@ -75,7 +71,7 @@ def test_all_figures_follow_from_the_plays(calibrated: Calibrated, drive: Drive,
 
 
 @pytest.mark.long
-def test_third_octaves_are_levels(calibrated: Calibrated, drive: Drive) -> None:
+def test_third_octaves_are_levels(calibrated, drive):
     """A tone of 1 m/s^2 rms stands at 0 dB in its own band, and nowhere else."""
     t = np.arange(50000) / 50000
     centres, levels = third_octaves(np.sqrt(2) * np.sin(2 * np.pi * 260 * t), 50e3, 100, 600)
@@ -100,14 +96,14 @@ def test_third_octaves_are_levels(calibrated: Calibrated, drive: Drive) -> None:
     (lambda v: 1000 * v, "range of 20 mm/s"),
     (lambda v: np.full(len(v), np.nan), "differs from the target"),
 ])  # fmt: skip
-def test_what_did_not_follow_never_passes(checked: Checked, how: object, says: str) -> None:
+def test_what_did_not_follow_never_passes(checked, how, says):
     """A blocked laser, noise, 3 dB too little, 1 ms late, upside down, clipped, overloaded, NaN."""
     result = checked(laser=how)
     assert not result.passed
     assert says in " ".join(result.reasons)
 
 
-def test_noise_that_hides_the_motion_is_no_verdict(checked: Checked) -> None:
+def test_noise_that_hides_the_motion_is_no_verdict(checked):
     """The tolerance does not grow with the noise: neither pass nor fail, and it says what would show it."""
     noise = np.random.default_rng(0)
     result = checked(laser=lambda v: v + 0.3 * noise.standard_normal(len(v)))
@@ -117,7 +113,7 @@ def test_noise_that_hides_the_motion_is_no_verdict(checked: Checked) -> None:
     assert any("single tones there would not be seen" in note for note in result.notes)
 
 
-def test_a_few_plays_are_told_how_many_would_show_it(checked: Checked, drive: Drive) -> None:
+def test_a_few_plays_are_told_how_many_would_show_it(checked, drive):
     noise = np.random.default_rng(0)
     # As much as noise hides is bounded by so much that no number of plays would do.
     unbounded = replace(drive, above=np.zeros((2, 0)), hidden=(0.0, 0.0, 0.0))
@@ -127,7 +123,7 @@ def test_a_few_plays_are_told_how_many_would_show_it(checked: Checked, drive: Dr
 
 
 @pytest.mark.long
-def test_few_plays_are_not_told_that_more_are_of_no_use(calibrated: Calibrated, drive: Drive) -> None:
+def test_few_plays_are_not_told_that_more_are_of_no_use(calibrated, drive):
     """Three plays are judged to less than the corner of the laser's filter, eight to the corner."""
     above = np.where(drive.above[:1] < 5000, 0.61, 0.0)
     ringing = replace(drive, above=np.concatenate([drive.above[:1], above]))
@@ -142,9 +138,7 @@ def test_few_plays_are_not_told_that_more_are_of_no_use(calibrated: Calibrated, 
     ((0.0, 0.3, 5040.0), ""),
     ((0.25, 0.0, 6350.0), "More plays would not: measure with a vibrometer"),
 ], ids=["hidden by noise", "shown"])  # fmt: skip
-def test_what_the_calibration_left_open_above_the_laser_more_plays_tell(
-    calibrated: Calibrated, drive: Drive, hidden: tuple[float, float, float], says: str
-) -> None:
+def test_what_the_calibration_left_open_above_the_laser_more_plays_tell(calibrated, drive, hidden, says):
     found = check(calibrated.rig, replace(drive, hidden=hidden), plays=4 if not says else 8)
     if not says:
         assert found.passed and found.plays > 4 and found.hidden < 0.2
@@ -155,7 +149,7 @@ def test_what_the_calibration_left_open_above_the_laser_more_plays_tell(
 
 
 @pytest.mark.long
-def test_motion_out_of_band(calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_motion_out_of_band(calibrated, drive, monkeypatch):
     """A tone at 800 Hz, where nothing was planned: within the band everything is as it was."""
     size = float(np.sqrt(np.mean(drive.target**2)))
     rig = calibrated.rig
@@ -179,14 +173,14 @@ def test_motion_out_of_band(calibrated: Calibrated, drive: Drive, monkeypatch: p
     assert "outside" in result.reasons[0]
 
 
-def test_plays_that_drift_are_named(checked: Checked) -> None:
+def test_plays_that_drift_are_named(checked):
     played = iter(range(100))
     result = checked(plays=6, laser=lambda v: (1 + 0.01 * next(played)) * v if len(v) > 45_000 else v)
     assert result.drift == pytest.approx(0.01 * (result.plays - 1), rel=0.3)
     assert any("from the first play to the last" in note for note in result.notes)
 
 
-def test_a_play_unlike_the_others_is_no_pass(checked: Checked) -> None:
+def test_a_play_unlike_the_others_is_no_pass(checked):
     """The error without noise would not show it: one odd play is noise to products of different plays."""
     played = iter(range(100))
 
@@ -200,7 +194,7 @@ def test_a_play_unlike_the_others_is_no_pass(checked: Checked) -> None:
 
 
 @pytest.mark.long
-def test_what_was_played_before_does_not_change_the_verdict(open: OpenRig, drive: Drive) -> None:
+def test_what_was_played_before_does_not_change_the_verdict(open, drive):
     """A patch remembers: right after an excitation a play was 42 to 60 % wrong."""
     rig = open()
     measure_response(rig, excitation=Multisine())
@@ -210,7 +204,7 @@ def test_what_was_played_before_does_not_change_the_verdict(open: OpenRig, drive
     assert first.within.root == pytest.approx(again.within.root, abs=0.015)
 
 
-def test_a_patch_without_volts(calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_patch_without_volts(calibrated, drive, monkeypatch):
     tamper(calibrated.rig, monkeypatch, drive=lambda v: 0 * v, laser=lambda v: 0 * v)
     with pytest.raises(InstrumentError, match="the relay"):
         check(calibrated.rig, drive, plays=3)
@@ -220,19 +214,19 @@ def test_a_patch_without_volts(calibrated: Calibrated, drive: Drive, monkeypatch
     assert "relay" in " ".join(result.reasons)
 
 
-def test_too_much_voltage_at_the_patch_fails(checked: Checked) -> None:
+def test_too_much_voltage_at_the_patch_fails(checked):
     assert "the rig's limit" in checked(drive=lambda v: 1.1 * v).reasons[0]
 
 
 @pytest.mark.long
-def test_the_floor_is_the_standard_error_of_the_mean(checked: Checked) -> None:
+def test_the_floor_is_the_standard_error_of_the_mean(checked):
     noise = np.random.default_rng(3)
     few = checked(plays=3, most=3, laser=lambda v: v + 0.02 * noise.standard_normal(len(v)))
     many = checked(plays=12, most=12)
     assert few.within.floor / many.within.floor == pytest.approx(2, rel=0.2)
 
 
-def test_yesterdays_drive_fails_on_a_table_that_drifted(open: OpenRig, drive: Drive) -> None:
+def test_yesterdays_drive_fails_on_a_table_that_drifted(open, drive):
     result = check(open(mode_drift=0.03), drive, plays=3)
     assert not result.passed
     assert result.within.root > 0.5
@@ -241,7 +235,7 @@ def test_yesterdays_drive_fails_on_a_table_that_drifted(open: OpenRig, drive: Dr
 @pytest.mark.parametrize(
     "plant", [{"seed": 12, "damping_scale": 3.0, "vibrometer_noise_scale": 3.16, "hysteresis": 0.15}]
 )
-def test_other_tables(open: OpenRig, press: Representative, plant: dict[str, float], full: bool) -> None:
+def test_other_tables(open, press, plant, full):
     if not full:
         pytest.skip("calibrates another table: runs with --full")
     rig = open(**plant)
@@ -252,7 +246,7 @@ def test_other_tables(open: OpenRig, press: Representative, plant: dict[str, flo
     assert result.error == pytest.approx(result.drive.predicted_error, abs=0.05)
 
 
-def test_a_check_needs_plays_and_its_own_sample_rate(calibrated: Calibrated, drive: Drive) -> None:
+def test_a_check_needs_plays_and_its_own_sample_rate(calibrated, drive):
     another = replace(make_press(), sources=(("P02-push.h5", "1" * 64),))
     for says, drive_, press, plays in (
         ("3 plays", drive, None, 2),
@@ -264,14 +258,14 @@ def test_a_check_needs_plays_and_its_own_sample_rate(calibrated: Calibrated, dri
             check(calibrated.rig, drive_, press, plays=plays)
 
 
-def test_a_drive_that_holds_little_of_its_press_does_not_pass(calibrated: Calibrated) -> None:
+def test_a_drive_that_holds_little_of_its_press_does_not_pass(calibrated):
     drive = drive_for(make_press(), calibrated.calibration, calibrated.rig.limits, band=(240.0, 290.0))
     result = check(calibrated.rig, drive, make_press(), plays=3)
     assert not result.passed
     assert "of the press's energy lies in" in str(result)
 
 
-def test_a_check_comes_back_from_disk(checked: Checked, drive: Drive, tmp_path: Path) -> None:
+def test_a_check_comes_back_from_disk(checked, drive, tmp_path):
     result = checked()
     result.save(tmp_path / "check.h5")
     back = Check.load(tmp_path / "check.h5")
@@ -286,7 +280,7 @@ def test_a_check_comes_back_from_disk(checked: Checked, drive: Drive, tmp_path: 
     lambda rig, *_: quick_response(rig, "A", "button"),
     lambda rig, _, __, folder: measure_map(rig, folder / "map"),
 ], ids=["check", "learn", "calibrate", "quick response", "map"])  # fmt: skip
-def test_without_a_drive_monitor(calibrated: Calibrated, drive: Drive, tmp_path: Path, play: Any) -> None:
+def test_without_a_drive_monitor(calibrated, drive, tmp_path, play):
     """Nothing would show there that the amplifier's gain is five times what the rig file says."""
     faults = {"faults": ({"kind": "amplifier-gain", "gain": 250.0},)}
     file = changed(load_rig_file("simulated"), name=drive.rig, sensors={"drive": None}, simulation=faults)
@@ -296,7 +290,7 @@ def test_without_a_drive_monitor(calibrated: Calibrated, drive: Drive, tmp_path:
         assert rig.simulation.truth.peak == 0 and rig.lockout is None
 
 
-def test_last_bits_are_nothing(calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_last_bits_are_nothing(calibrated, drive, monkeypatch):
     """What is drawn at random comes from names, not from computed volts, which no two machines share."""
     drawn: list[list[int]] = []
 

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -26,7 +25,7 @@ def result(calibrated: Calibrated, drive: Drive) -> Check:
 
 
 @pytest.mark.long
-def test_the_level_is_that_of_the_surface_itself(calibrated: Calibrated, drive: Drive, result: Check) -> None:
+def test_the_level_is_that_of_the_surface_itself(calibrated, drive, result):
     """The plant's own motion, without laser and without anything that the check computes."""
     rig = calibrated.rig
     if rig.simulation is None:
@@ -44,7 +43,7 @@ def test_the_level_is_that_of_the_surface_itself(calibrated: Calibrated, drive: 
 
 
 @pytest.mark.long
-def test_the_press_is_compared_at_its_own_size_on_the_drives_clock(drive: Drive, result: Check) -> None:
+def test_the_press_is_compared_at_its_own_size_on_the_drives_clock(drive, result):
     press = make_press()
     feeling = check_feeling(result, press)
     assert feeling.recorded is not None
@@ -62,21 +61,21 @@ def test_the_press_is_compared_at_its_own_size_on_the_drives_clock(drive: Drive,
     assert again.recorded.pressing == pytest.approx(own.pressing, abs=0.05)
 
 
-def test_without_a_press_nothing_is_said_of_one(result: Check) -> None:
+def test_without_a_press_nothing_is_said_of_one(result):
     feeling = check_feeling(result)
     assert feeling.recorded is None and not feeling.recorded_spans and np.isnan(feeling.loudness_db)
     assert not any("recorded" in note for note in feeling.notes)
     assert feeling.noise is not None and feeling.noise_total < feeling.measured.pressing
 
 
-def test_the_sentence_names_the_force_of_the_press(result: Check) -> None:
+def test_the_sentence_names_the_force_of_the_press(result):
     press = make_press()
     feeling = check_feeling(result, replace(press, force=np.full(len(press.acceleration), 2.04)))
     assert "a person who presses with 2.0 N feels it" in feeling.sentence
     assert "who presses feels it" in check_feeling(result, replace(press, force=None)).sentence
 
 
-def test_a_button_that_nobody_can_feel_is_not_verified(result: Check) -> None:
+def test_a_button_that_nobody_can_feel_is_not_verified(result):
     signs = Signs((1.0, 0.0), (0, 0.0), "", None, 50.0)
     fine = judged(replace(result, verdict="pass", reasons=(), notes=()), signs)
     assert fine.verdict != "fail"
@@ -92,7 +91,7 @@ def with_people(rig: Rig, **more: Any) -> RigFile:
 
 
 @pytest.mark.long
-def test_a_labs_own_threshold(calibrated: Calibrated, drive: Drive, result: Check, tmp_path: Path) -> None:
+def test_a_labs_own_threshold(calibrated, drive, result, tmp_path):
     assert check_feeling(result).felt == "not known"
     with open_rig(with_people(calibrated.rig), simulate="twin") as rig:
         known = check(rig, drive, plays=3)
@@ -106,7 +105,7 @@ def test_a_labs_own_threshold(calibrated: Calibrated, drive: Drive, result: Chec
     np.testing.assert_allclose(feeling.pressing_db, before.pressing_db - 9)
 
 
-def test_simulated_people_say_nothing_of_a_real_rig(calibrated: Calibrated) -> None:
+def test_simulated_people_say_nothing_of_a_real_rig(calibrated):
     rig: Any = SimpleNamespace(name="lab", file=with_people(calibrated.rig, simulated=True), simulated=True)
     assert lab_threshold(rig) is not None
     rig.simulated = False

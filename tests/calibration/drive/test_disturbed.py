@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from benchmarks.disturbed import NOISE, PLANTS, Row, checked, table, true_error
-from haploop.calibration import Calibration, Drive, calibrate, drive_for, learn
+from haploop.calibration import Calibration, calibrate, drive_for, learn
 from haploop.calibration.drive import playing
 from haploop.calibration.drive.agreement import dependence, shared_power
 from haploop.calibration.drive.check import check
-from tests.calibration.conftest import Calibrated, make_press
-from tests.conftest import OpenRig
+from tests.calibration.conftest import make_press
 
 pytestmark = [pytest.mark.requires("simulation"), pytest.mark.many_plays]
 
@@ -24,7 +23,7 @@ def hum(volts: float, frequency: float) -> dict[str, Any]:
 
 @pytest.mark.long
 @pytest.mark.parametrize(("volts", "frequency"), [(0.02, 50.0), (0.02, 60.0), (0.003, 49.9)])
-def test_hum_changes_no_verdict(open: OpenRig, drive: Drive, volts: float, frequency: float) -> None:
+def test_hum_changes_no_verdict(open, drive, volts, frequency):
     """With 20 mV, 50 Hz used to pass with error 0.0000 (0.0000 to 0.0000), and 60 Hz to fail with 59 %."""
     result, _, truth = true_error(open(**hum(volts, frequency)), drive, 8)
     low, high = result.interval
@@ -35,7 +34,7 @@ def test_hum_changes_no_verdict(open: OpenRig, drive: Drive, volts: float, frequ
 
 
 @pytest.mark.long
-def test_a_wrong_drive_fails_under_hum_as_without(open: OpenRig, drive: Drive) -> None:
+def test_a_wrong_drive_fails_under_hum_as_without(open, drive):
     world = {"mode_drift": 0.01}
     quiet, _, truth = true_error(open(**world), drive, 8)
     assert quiet.verdict == "fail" and truth > 0.2
@@ -51,7 +50,7 @@ def in_step(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("in_step")
-def test_plays_that_contradict_their_assumption_show_nothing(open: OpenRig, drive: Drive) -> None:
+def test_plays_that_contradict_their_assumption_show_nothing(open, drive):
     result = check(open(**hum(0.02, 50.0)), drive)
     assert result.verdict == "not shown" and not result.passed
     assert "not shown" in str(result) and "in step with the plays" in result.reasons[0]
@@ -60,7 +59,7 @@ def test_plays_that_contradict_their_assumption_show_nothing(open: OpenRig, driv
 
 
 @pytest.mark.usefixtures("in_step")
-def test_plays_that_contradict_it_teach_nothing(calibrated: Calibrated, open: OpenRig, drive: Drive) -> None:
+def test_plays_that_contradict_it_teach_nothing(calibrated, open, drive):
     learning = learn(open(**hum(0.02, 50.0)), drive, calibrated.calibration, iterations=2)
     assert learning.best == 0 and learning.drive is drive and len(learning.iterations) == 1
     assert "Nothing can be learnt" in learning.stopped
@@ -68,7 +67,7 @@ def test_plays_that_contradict_it_teach_nothing(calibrated: Calibrated, open: Op
 
 @pytest.mark.long
 @pytest.mark.parametrize("scale", [0.8, 0.9])
-def test_a_laser_askew_is_named_by_its_factor(open: OpenRig, drive: Drive, scale: float) -> None:
+def test_a_laser_askew_is_named_by_its_factor(open, drive, scale):
     """It failed tables that were right, and said nothing of the laser."""
     result = check(open(faults=[{"kind": "laser-askew", "scale": scale}]), drive)
     (told,) = [note for note in result.notes if note.startswith("The laser shows")]
@@ -77,7 +76,7 @@ def test_a_laser_askew_is_named_by_its_factor(open: OpenRig, drive: Drive, scale
 
 
 @pytest.mark.night
-def test_learning_is_as_good_under_hum(calibrated: Calibrated, open: OpenRig, drive: Drive) -> None:
+def test_learning_is_as_good_under_hum(calibrated, open, drive):
     """It used to say 0.000 for a drive that was 7 % off."""
     world = {"mode_drift": 0.002}
     _, before, _ = true_error(open(**world), drive, 3)
@@ -91,7 +90,7 @@ def test_learning_is_as_good_under_hum(calibrated: Calibrated, open: OpenRig, dr
 
 @pytest.mark.long
 @pytest.mark.parametrize("scale", [0.8, 1.2])
-def test_an_askew_laser_is_no_use(calibrated: Calibrated, open: OpenRig, drive: Drive, scale: float) -> None:
+def test_an_askew_laser_is_no_use(calibrated, open, drive, scale):
     """Learning made the drive louder by the laser's factor, and its check passed: it was 20 % wrong."""
     rig = open(faults=[{"kind": "laser-askew", "scale": scale}])
     learning = learn(rig, drive, calibrated.calibration, iterations=2)
@@ -101,7 +100,7 @@ def test_an_askew_laser_is_no_use(calibrated: Calibrated, open: OpenRig, drive: 
 
 
 @pytest.mark.long
-def test_noise_is_no_dead_patch(calibrated: Calibrated, open: OpenRig, drive: Drive) -> None:
+def test_noise_is_no_dead_patch(calibrated, open, drive):
     """It used to say that the patch is not connected, or that the laser does not see the surface."""
     rig = open(faults=[{"kind": "flicker-noise", "channel": "laser", "volts": 0.05}])
     learning = learn(rig, drive, calibrated.calibration, iterations=1)
@@ -111,7 +110,7 @@ def test_noise_is_no_dead_patch(calibrated: Calibrated, open: OpenRig, drive: Dr
     assert learning.drive is drive and learning.stopped.startswith("The surface did not follow the drive")
 
 
-def test_evidence_is_a_negative_power_or_an_interval_of_no_width() -> None:
+def test_evidence_is_a_negative_power_or_an_interval_of_no_width():
     rng = np.random.default_rng(1)
     lines = np.arange(40)
     inside = (lines > 5) & (lines < 20)
@@ -134,7 +133,7 @@ def test_evidence_is_a_negative_power_or_an_interval_of_no_width() -> None:
 
 @pytest.mark.long
 @pytest.mark.timeout(7200)
-def test_no_verdict_is_wrong_under_any_disturbance(full: bool) -> None:
+def test_no_verdict_is_wrong_under_any_disturbance(full):
     """20 plants that nobody chose: four kinds of noise, even orders, long ringing, drifts; three of each."""
     levels = {**NOISE, **{kind: PLANTS[kind] for kind in ("quiet", "even", "ringing")}}
     rows: list[Row] = []
@@ -151,7 +150,7 @@ def test_no_verdict_is_wrong_under_any_disturbance(full: bool) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("seed", [7, 8, 9])
-def test_a_table_that_rings_long_rests_before_it_is_played(open: OpenRig, full: bool, seed: int) -> None:
+def test_a_table_that_rings_long_rests_before_it_is_played(open, full, seed):
     """A run-down left 1.3 times the target ringing, and the first play was 75 % off."""
     if seed != 7 and not full:
         pytest.skip("calibrates another table: runs with --full")

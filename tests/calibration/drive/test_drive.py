@@ -1,25 +1,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.fft import rfft, rfftfreq
 
-from haploop.acquisition import Representative
 from haploop.base.errors import DataError
 from haploop.calibration import Calibration, Drive, Response, drive_for, modulate
-from tests.calibration.conftest import Calibrated, make_press
+from tests.calibration.conftest import make_press
 
 
-def test_modulation_is_equation_1() -> None:
+def test_modulation_is_equation_1():
     t = np.arange(1000) / 5000
     a = np.exp(-t)
     assert modulate(a, 5000.0, 263.5) == pytest.approx(a * np.sin(2 * np.pi * 263.5 * t))
 
 
-def test_a_drive_uses_the_limits_and_keeps_them(calibrated: Calibrated, drive: Drive) -> None:
+def test_a_drive_uses_the_limits_and_keeps_them(calibrated, drive):
     limits = calibrated.rig.limits
     limits.check(drive.volts[0], drive.rate_hz)
     assert 0.95 * limits.peak < drive.peak <= limits.peak
@@ -33,7 +31,7 @@ def test_a_drive_uses_the_limits_and_keeps_them(calibrated: Calibrated, drive: D
     assert drive.simulated and drive.calibration == calibrated.calibration.digest
 
 
-def test_a_drive_has_no_power_where_the_response_was_not_measured(drive: Drive) -> None:
+def test_a_drive_has_no_power_where_the_response_was_not_measured(drive):
     """What is left is of fades and of the hysteresis that is compensated."""
     low, high = drive.known
     f, power = rfftfreq(len(drive.target), 1 / drive.rate_hz), np.abs(rfft(drive.volts[0])) ** 2
@@ -41,7 +39,7 @@ def test_a_drive_has_no_power_where_the_response_was_not_measured(drive: Drive) 
     assert below < -20 and above < -45
 
 
-def test_the_target_is_the_press_in_band(calibrated: Calibrated, drive: Drive, press: Representative) -> None:
+def test_the_target_is_the_press_in_band(calibrated, drive, press):
     assert drive.carrier_hz == calibrated.calibration.model.resonance_hz
     low, high = drive.band
     assert low < drive.carrier_hz < high
@@ -61,7 +59,7 @@ def test_the_target_is_the_press_in_band(calibrated: Calibrated, drive: Drive, p
     assert drive.in_band == pytest.approx(share, abs=0.02)
 
 
-def test_broadband_is_the_press_itself(calibrated: Calibrated, press: Representative) -> None:
+def test_broadband_is_the_press_itself(calibrated, press):
     drive = drive_for(press, calibrated.calibration, calibrated.rig.limits, method="broadband")
     assert drive.carrier_hz == 0 and drive.method == "broadband"
     begin = 1500 * 10
@@ -72,7 +70,7 @@ def test_broadband_is_the_press_itself(calibrated: Calibrated, press: Representa
     assert drive.in_band > 0.85
 
 
-def test_what_is_not_reached_is_said(calibrated: Calibrated, drive: Drive, press: Representative) -> None:
+def test_what_is_not_reached_is_said(calibrated, drive, press):
     assert f"at {drive.scale:.1%} of the recorded acceleration" in drive.unreached
     assert "48.0 V at the patch" in drive.unreached
     assert f"{1 - drive.in_band:.0%} of the energy lies outside 75 to 600 Hz" in drive.unreached
@@ -81,7 +79,7 @@ def test_what_is_not_reached_is_said(calibrated: Calibrated, drive: Drive, press
     assert "of the recorded acceleration" not in loud.unreached
 
 
-def test_half_the_limit_halves_the_scale(calibrated: Calibrated, drive: Drive, press: Representative) -> None:
+def test_half_the_limit_halves_the_scale(calibrated, drive, press):
     limits = replace(calibrated.rig.limits, peak_to_peak=calibrated.rig.limits.peak)
     softer = drive_for(press, calibrated.calibration, limits)
     limits.check(softer.volts[0], softer.rate_hz)
@@ -92,7 +90,7 @@ def test_half_the_limit_halves_the_scale(calibrated: Calibrated, drive: Drive, p
     assert "5e+03 V/s" in slower.unreached
 
 
-def test_the_vibrometers_range_is_a_limit_too(calibrated: Calibrated, press: Representative) -> None:
+def test_the_vibrometers_range_is_a_limit_too(calibrated, press):
     own = calibrated.calibration
     narrow = replace(own, response=replace(own.response, pickup_range=0.1e-3))
     drive = drive_for(press, narrow, calibrated.rig.limits)
@@ -101,21 +99,21 @@ def test_the_vibrometers_range_is_a_limit_too(calibrated: Calibrated, press: Rep
 
 
 @pytest.mark.parametrize("acceleration", [np.zeros(3000), np.full(3000, np.nan), np.ones(3)])
-def test_a_press_that_cannot_be_driven_is_refused(calibrated: Calibrated, acceleration: np.ndarray) -> None:
+def test_a_press_that_cannot_be_driven_is_refused(calibrated, acceleration):
     with pytest.raises(DataError, match="no acceleration"):
         drive_for(
             replace(make_press(), acceleration=acceleration), calibrated.calibration, calibrated.rig.limits
         )
 
 
-def test_a_response_that_is_noise_is_refused(calibrated: Calibrated, press: Representative) -> None:
+def test_a_response_that_is_noise_is_refused(calibrated, press):
     response = calibrated.calibration.response
     useless = replace(calibrated.calibration, response=replace(response, coherence=0.1 * response.coherence))
     with pytest.raises(DataError, match="too noisy"):
         drive_for(press, useless, calibrated.rig.limits)
 
 
-def test_a_drive_comes_back_from_disk(drive: Drive, tmp_path: Path) -> None:
+def test_a_drive_comes_back_from_disk(drive, tmp_path):
     drive.save(tmp_path / "push.h5")
     back = Drive.load(tmp_path / "push.h5")
     arrays = {name: getattr(drive, name) for name in ("volts", "target", "above")}
@@ -123,7 +121,7 @@ def test_a_drive_comes_back_from_disk(drive: Drive, tmp_path: Path) -> None:
     assert replace(back, **arrays).__dict__ == drive.__dict__
 
 
-def test_a_response_is_fitted(calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_response_is_fitted(calibrated, drive, monkeypatch):
     fitted: list[Response] = []
     monkeypatch.setattr(Calibration, "of", lambda one: (fitted.append(one), calibrated.calibration)[1])
     response = calibrated.calibration.response

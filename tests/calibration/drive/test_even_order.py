@@ -54,7 +54,7 @@ def without_noise(open: OpenRig, name: str, drive: Drive) -> Check:
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", PLATES)
-def test_an_even_order_is_identified_and_taken_out_of_the_drive(open: OpenRig, full: bool, name: str) -> None:
+def test_an_even_order_is_identified_and_taken_out_of_the_drive(open, full, name):
     if not full and name not in ("30 modes, square 12 %", "table, kink 7 %"):
         pytest.skip("another plate: with --full only")
     calibration, drive = made(open, name)
@@ -70,13 +70,13 @@ def test_an_even_order_is_identified_and_taken_out_of_the_drive(open: OpenRig, f
 
 
 @pytest.mark.long
-def test_a_patch_without_an_even_order_has_none(open: OpenRig) -> None:
+def test_a_patch_without_an_even_order_has_none(open):
     calibration, _ = made(open, "table, square 4 %", share=-0.02)
     np.testing.assert_allclose(calibration.hysteresis.even, 0.0, atol=3e-4)
 
 
 @pytest.mark.night
-def test_learning_knows_an_even_order_that_came_after_the_calibration(open: OpenRig) -> None:
+def test_learning_knows_an_even_order_that_came_after_the_calibration(open):
     """Taken for an error of the response it cost three corrections, of which the first made it worse."""
     name = "30 modes, square 12 %"
     calibration, drive = made(open, name, share=0.0)

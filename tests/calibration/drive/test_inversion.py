@@ -32,7 +32,7 @@ def plan() -> Plan:
     return Plan(target[None], gain[None, None], known, uncertain, window, typical, np.ones(1))
 
 
-def test_the_inverse_begins_before_the_press(plan: Plan) -> None:
+def test_the_inverse_begins_before_the_press(plan):
     drive, error = min_peak(plan, 0.01)
     assert error < 0.01
     before = drive[0, :1400]
@@ -42,7 +42,7 @@ def test_the_inverse_begins_before_the_press(plan: Plan) -> None:
 
 
 @pytest.mark.parametrize("budget", [0.05, 0.15])
-def test_a_limit_is_met_better_by_planning_than_by_regularising(plan: Plan, budget: float) -> None:
+def test_a_limit_is_met_better_by_planning_than_by_regularising(plan, budget):
     plain, _ = min_peak(plan, budget)
     planned, error = max_output(plan, budget)
     assert error <= budget
@@ -53,7 +53,7 @@ def test_a_limit_is_met_better_by_planning_than_by_regularising(plan: Plan, budg
     assert plan.error(clipped) > error
 
 
-def test_steps_are_limited_by_planning_too(plan: Plan) -> None:
+def test_steps_are_limited_by_planning_too(plan):
     free, _ = max_output(plan, 0.1)
     slew = 0.5 * float(np.abs(np.diff(free)).max() / np.abs(free).max())
     planned, error = max_output(replace(plan, slew=slew), 0.1)
@@ -65,19 +65,19 @@ def test_steps_are_limited_by_planning_too(plan: Plan) -> None:
     assert peak < 1.9 * np.abs(free).max()
 
 
-def test_a_known_drive_is_left_where_nothing_is_to_gain(plan: Plan) -> None:
+def test_a_known_drive_is_left_where_nothing_is_to_gain(plan):
     drive, _ = min_peak(plan, 0.01)
     known = replace(plan, target=plan.moved(rfft(drive)), operating_point=rfft(drive), ridge=1e-4)
     again, _ = within(known, 2 * float(np.abs(drive).max()))
     assert np.linalg.norm(again - drive) < 0.05 * np.linalg.norm(drive)
 
 
-def test_uncertainty_is_part_of_the_expected_error(plan: Plan) -> None:
+def test_uncertainty_is_part_of_the_expected_error(plan):
     drive, error = min_peak(plan, 0.05)
     assert replace(plan, covariance=1e4 * plan.covariance).error(drive) > 1.5 * error
 
 
-def test_the_uncertainty_counts_from_the_drive_whose_outcome_was_measured(plan: Plan) -> None:
+def test_the_uncertainty_counts_from_the_drive_whose_outcome_was_measured(plan):
     drive, _ = min_peak(plan, 0.1)
     unsure = replace(plan, covariance=1e6 * plan.covariance)
     known = replace(unsure, operating_point=rfft(drive))
@@ -87,7 +87,7 @@ def test_the_uncertainty_counts_from_the_drive_whose_outcome_was_measured(plan: 
     assert known.error(0.5 * drive) > exact.error(0.5 * drive)
 
 
-def test_an_impossible_budget_gives_the_best_there_is(plan: Plan) -> None:
+def test_an_impossible_budget_gives_the_best_there_is(plan):
     hopeless = replace(plan, covariance=np.abs(plan.gain[None]) ** 2)
     drive, error = max_output(hopeless, 0.05)
     assert error > 0.05
@@ -95,7 +95,7 @@ def test_an_impossible_budget_gives_the_best_there_is(plan: Plan) -> None:
     assert np.all(np.isfinite(drive))
 
 
-def test_nothing_is_played_where_nothing_is_known(plan: Plan) -> None:
+def test_nothing_is_played_where_nothing_is_known(plan):
     """The drive's power beyond what was measured is 40 dB down; where it was, motion is an error."""
     f = rfftfreq(len(plan.window), 1 / 5000)
     drive, _ = max_output(plan, 0.05)
@@ -137,7 +137,7 @@ def after(plan: Plan, drive: np.ndarray, shift: float) -> float:
     return float(np.linalg.norm(missed) / np.linalg.norm(plan.target))
 
 
-def test_several_patches_are_planned_against_a_drift(several: Plan) -> None:
+def test_several_patches_are_planned_against_a_drift(several):
     changes = [table(shift)[0] - table()[0] for shift in (0.01, -0.01)]
     drift = sum(np.einsum("pl,rl->prl", c.conj(), c) for c in changes)[None] / 2
     plain, _ = max_output(several, 0.02)
@@ -152,7 +152,7 @@ def test_several_patches_are_planned_against_a_drift(several: Plan) -> None:
     assert replace(several, drift=drift).error(plain) > 0.08
 
 
-def test_the_reach_of_each_patch_is_kept(several: Plan) -> None:
+def test_the_reach_of_each_patch_is_kept(several):
     free, _ = within(several, 0.2)
     reach = np.array([1.0, 0.5 * np.abs(free[1]).max() / 0.2, 1.0])
     drive, _ = within(replace(several, reach=reach), 0.2)
@@ -160,7 +160,7 @@ def test_the_reach_of_each_patch_is_kept(several: Plan) -> None:
     assert np.abs(drive[1]).max() > 0.8 * 0.2 * reach[1]
 
 
-def test_a_point_is_kept_silent_beside_one_that_moves(several: Plan) -> None:
+def test_a_point_is_kept_silent_beside_one_that_moves(several):
     """Two points and three patches: the second point has a target of zero."""
     both = at_both(several, 0 * several.target[0])
     drive, _ = within(both, 1.0)
@@ -173,7 +173,7 @@ def test_a_point_is_kept_silent_beside_one_that_moves(several: Plan) -> None:
     assert loud(alone)[1] > 0.2 * loud(alone)[0]
 
 
-def test_two_points_have_presses_of_their_own(several: Plan) -> None:
+def test_two_points_have_presses_of_their_own(several):
     """The second is weak: its error counts over its own target, as the first's over its."""
     later = 0.05 * np.exp(-2j * np.pi * rfftfreq(6000, 1 / 5000.0) * 0.1) * several.target[0]
     both = at_both(several, later)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -48,7 +47,7 @@ def learnt(calibrated: Calibrated, rigs: Rigs, request: pytest.FixtureRequest, d
 
 @pytest.mark.long
 @pytest.mark.requires("simulation")
-def test_two_iterations_bring_a_fresh_drive_near_the_floor(learnt: Learning) -> None:
+def test_two_iterations_bring_a_fresh_drive_near_the_floor(learnt):
     near_the_floor(learnt, "modulated")
 
 
@@ -64,7 +63,7 @@ def near_the_floor(learning: Learning, method: Method) -> None:
 @pytest.mark.long
 @pytest.mark.requires("simulation")
 @pytest.mark.parametrize("number", range(50))
-def test_learning_is_never_worse(calibrated: Calibrated, open: OpenRig, full: bool, number: int) -> None:
+def test_learning_is_never_worse(calibrated, open, full, number):
     if not full and number != 1:
         pytest.skip("calibrates another table: runs with --full")
     world = dict(WORLDS[number % len(WORLDS)])
@@ -92,9 +91,7 @@ def test_learning_is_never_worse(calibrated: Calibrated, open: OpenRig, full: bo
 
 @pytest.mark.requires("simulation")
 @pytest.mark.parametrize("seed", range(160, 168))
-def test_a_noisy_vibrometer_does_not_write_its_noise_into_the_drive(
-    calibrated: Calibrated, open: OpenRig, drive: Drive, full: bool, seed: int
-) -> None:
+def test_a_noisy_vibrometer_does_not_write_its_noise_into_the_drive(calibrated, open, drive, full, seed):
     if not full and seed != 160:
         pytest.skip("calibrates another table: runs with --full")
     rig = open(vibrometer_noise_scale=8.0, **({"seed": seed} if full else {}))
@@ -113,9 +110,7 @@ def quieter(_estimate: ResponseEstimate, volts: FloatArray, *_rest: object) -> t
 
 @pytest.mark.long
 @pytest.mark.requires("simulation")
-def test_a_correction_that_makes_it_worse_is_not_kept(
-    calibrated: Calibrated, open: OpenRig, drive: Drive, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_correction_that_makes_it_worse_is_not_kept(calibrated, open, drive, monkeypatch):
     """Whatever a model that is wrong promises: what was measured decides."""
 
     monkeypatch.setattr(ResponseEstimate, "correction", quieter)
@@ -128,9 +123,7 @@ def test_a_correction_that_makes_it_worse_is_not_kept(
 
 @pytest.mark.long
 @pytest.mark.requires("simulation")
-def test_what_was_better_by_chance_is_not_taken(
-    calibrated: Calibrated, open: OpenRig, drive: Drive, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_was_better_by_chance_is_not_taken(calibrated, open, drive, monkeypatch):
     """The plays that chose the best say that it is; those after them do not."""
     rig = open(vibrometer_noise_scale=QUIET)
     monkeypatch.setattr(ResponseEstimate, "correction", quieter)
@@ -144,7 +137,7 @@ def test_what_was_better_by_chance_is_not_taken(
 
 @pytest.mark.long
 @pytest.mark.requires("simulation")
-def test_every_iteration_is_kept_on_disk(learnt: Learning, tmp_path: Path) -> None:
+def test_every_iteration_is_kept_on_disk(learnt, tmp_path):
     learnt.save(tmp_path / "learning.h5")
     back = Learning.load(tmp_path / "learning.h5")
     assert len(back.iterations) == len(learnt.iterations) > 1
@@ -155,21 +148,19 @@ def test_every_iteration_is_kept_on_disk(learnt: Learning, tmp_path: Path) -> No
     assert np.array_equal(back.drive.volts, learnt.iterations[learnt.best].volts)
 
 
-def test_no_iterations_is_one_measurement(calibrated: Calibrated, drive: Drive) -> None:
+def test_no_iterations_is_one_measurement(calibrated, drive):
     learning = learn(calibrated.rig, drive, calibrated.calibration, iterations=0, plays=3)
     assert len(learning.iterations) == 1 and learning.drive is drive
 
 
-def test_clipping_is_no_lesson(calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_clipping_is_no_lesson(calibrated, drive, monkeypatch):
     tamper(calibrated.rig, monkeypatch, laser=lambda v: 1000 * v)
     learning = learn(calibrated.rig, drive, calibrated.calibration, iterations=1, plays=3)
     assert len(learning.iterations) == 1 and "left its range" in learning.stopped
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-2])
-def test_a_blocked_laser_teaches_nothing(
-    calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch, noise: float
-) -> None:
+def test_a_blocked_laser_teaches_nothing(calibrated, drive, monkeypatch, noise):
     """Whatever it shows instead: nothing, or a noise that a step might seem to lessen."""
     rng = np.random.default_rng(4)
     tamper(calibrated.rig, monkeypatch, laser=lambda v: noise * rng.standard_normal(len(v)))
@@ -178,7 +169,7 @@ def test_a_blocked_laser_teaches_nothing(
     assert "does not see the surface" in learning.stopped
 
 
-def test_what_does_not_belong_together_is_refused(calibrated: Calibrated, drive: Drive) -> None:
+def test_what_does_not_belong_together_is_refused(calibrated, drive):
     for says, given, plays in (
         ("another calibration", replace(drive, calibration="0" * 64), 8),
         ("3 plays", drive, 2),
@@ -188,7 +179,7 @@ def test_what_does_not_belong_together_is_refused(calibrated: Calibrated, drive:
             learn(calibrated.rig, given, calibrated.calibration, plays=plays)
 
 
-def test_the_error_without_noise_is_neither_above_nor_below_the_truth() -> None:
+def test_the_error_without_noise_is_neither_above_nor_below_the_truth():
     rng = np.random.default_rng(1)
     truth = 0.05 * np.sin(np.arange(2000) / 7) / np.sqrt(2000)
     noise = 0.2 / np.sqrt(2000)

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -39,7 +38,7 @@ def make_drive(error: float, level: float) -> SimpleNamespace:
 
 
 @pytest.mark.long
-def test_louder_is_less_like_and_a_curve_says_by_how_much(plan: ButtonPlan) -> None:
+def test_louder_is_less_like_and_a_curve_says_by_how_much(plan):
     assert [curve.method for curve in plan.curves] == ["modulated", "broadband"]
     for curve in plan.curves:
         errors, levels = np.array([(one.error, one.level) for one in curve.offers]).T
@@ -48,7 +47,7 @@ def test_louder_is_less_like_and_a_curve_says_by_how_much(plan: ButtonPlan) -> N
         assert levels[-1] > levels[0] + 2 and 0.16 < errors[-1] <= 0.2
 
 
-def test_no_trade_is_worse_or_intolerable(calibrated: Calibrated, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_trade_is_worse_or_intolerable(calibrated, monkeypatch):
     """On a pane with modes to 10 kHz a distortion alone was 15 % of error, at every budget."""
     had = zip((0.149, 0.147, 0.148, 0.154, 0.234), (-4.8, -3.9, -3.9, -2.0, 2.3), strict=True)
     drives = iter([make_drive(*one) for one in had])
@@ -59,14 +58,14 @@ def test_no_trade_is_worse_or_intolerable(calibrated: Calibrated, monkeypatch: p
 
 
 @pytest.mark.long
-def test_an_offer_is_the_drive_that_is_then_made(calibrated: Calibrated, plan: ButtonPlan) -> None:
+def test_an_offer_is_the_drive_that_is_then_made(calibrated, plan):
     offer = plan.curves[0].offers[2]
     found = level(calibrated, Loudness(error=offer.error))
     assert found == pytest.approx((offer.error, offer.level), abs=0.5)
     assert found[0] <= offer.error
 
 
-def test_a_louder_drive_may_err_least(calibrated: Calibrated, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_louder_drive_may_err_least(calibrated, monkeypatch):
     """A plan offered a latch 13.0 % of error, and the command for it said that 13.6 % was the least."""
 
     def drive(*_: object, trade: TradeOff, **__: object) -> SimpleNamespace:
@@ -83,14 +82,14 @@ def test_a_louder_drive_may_err_least(calibrated: Calibrated, monkeypatch: pytes
 
 
 @pytest.mark.long
-def test_as_loud_as_an_error_allows(calibrated: Calibrated) -> None:
+def test_as_loud_as_an_error_allows(calibrated):
     quiet, loud = (level(calibrated, Loudness(error=error)) for error in (0.12, 0.16))
     assert 0.108 < quiet[0] <= 0.12 and 0.148 < loud[0] <= 0.16
     assert loud[1] > quiet[1] + 1
 
 
 @pytest.mark.long
-def test_at_least_a_level_at_the_least_error(calibrated: Calibrated) -> None:
+def test_at_least_a_level_at_the_least_error(calibrated):
     loudest = level(calibrated, Loudness(error=TOLERANCE))[1]
     wanted = loudest - 3
     error, reached = level(calibrated, Loudness(level=wanted))
@@ -101,14 +100,14 @@ def test_at_least_a_level_at_the_least_error(calibrated: Calibrated) -> None:
     assert level(calibrated, Loudness(level=-40)) == level(calibrated, Loudness(level=-50))
 
 
-def test_without_a_choice_it_is_as_like_as_it_can_be(calibrated: Calibrated) -> None:
+def test_without_a_choice_it_is_as_like_as_it_can_be(calibrated):
     for drift in (None, Drift.usual(0.002)):
         wanted = trade_for(make_press(), calibrated.calibration, calibrated.rig, Loudness(drift=drift))
         assert wanted == TradeOff(drift=drift)
     assert Drift.usual(0.002).common == 0.002 and Drift.usual(Drift().common) == Drift()
 
 
-def test_what_the_limits_do_not_allow_is_refused_with_what_they_do(calibrated: Calibrated) -> None:
+def test_what_the_limits_do_not_allow_is_refused_with_what_they_do(calibrated):
     press, rig, table = make_press(), calibrated.rig, calibrated.calibration
     with pytest.raises(ConfigurationError, match=r"with at most 20% of error, -?\d+\.\d dB is the most"):
         trade_for(press, table, rig, Loudness(level=60))
@@ -118,7 +117,7 @@ def test_what_the_limits_do_not_allow_is_refused_with_what_they_do(calibrated: C
         Loudness(error=0.3)
 
 
-def test_a_level_takes_few_drives(calibrated: Calibrated, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_level_takes_few_drives(calibrated, monkeypatch):
     """Errors come in stairs, of which the highest is below what a check tolerates."""
     stairs, planned = 0.05 * 1.3 ** np.arange(9), []
 
@@ -137,7 +136,7 @@ def test_a_level_takes_few_drives(calibrated: Calibrated, monkeypatch: pytest.Mo
 
 
 @pytest.mark.long
-def test_a_stronger_amplifier_moves_the_curve_to_the_right(calibrated: Calibrated, plan: ButtonPlan) -> None:
+def test_a_stronger_amplifier_moves_the_curve_to_the_right(calibrated, plan):
     limits = calibrated.rig.limits
     half = replace(limits, min=limits.min / 2, max=limits.max / 2, peak_to_peak=limits.peak_to_peak / 2)
     rig: Any = SimpleNamespace(limits=half, file=calibrated.rig.file, simulated=True)
@@ -149,7 +148,7 @@ def test_a_stronger_amplifier_moves_the_curve_to_the_right(calibrated: Calibrate
 
 
 @pytest.mark.long
-def test_a_plan_is_kept_shown_and_drawn(plan: ButtonPlan, tmp_path: Path) -> None:
+def test_a_plan_is_kept_shown_and_drawn(plan, tmp_path):
     plan.save(tmp_path / "plan.h5")
     again = ButtonPlan.load(tmp_path / "plan.h5")
     assert again.curves == plan.curves and again.simulated

@@ -4,16 +4,15 @@ import numpy as np
 import pytest
 
 from benchmarks.paper_drive import ORDERS, paper_drive
-from haploop.calibration import Drive, calibrate
+from haploop.calibration import calibrate
 from haploop.calibration.drive import check
-from tests.calibration.conftest import Calibrated, make_press
-from tests.conftest import OpenRig
+from tests.calibration.conftest import make_press
 
 pytestmark = pytest.mark.many_plays
 
 
 @pytest.mark.long
-def test_where_patch_and_point_differ_no_order_inverts(calibrated: Calibrated, drive: Drive) -> None:
+def test_where_patch_and_point_differ_no_order_inverts(calibrated, drive):
     """The stable inverse of a response with zeros in the right half plane does not exist."""
     limits = calibrated.rig.limits
     drives = [paper_drive(make_press(), calibrated.calibration, limits, order) for order in (8, 16, 24)]
@@ -29,7 +28,7 @@ def test_where_patch_and_point_differ_no_order_inverts(calibrated: Calibrated, d
 
 
 @pytest.mark.requires("simulation")
-def test_where_they_coincide_it_can(open: OpenRig, full: bool) -> None:
+def test_where_they_coincide_it_can(open, full):
     if not full:
         pytest.skip("calibrates another table: runs with --full")
     rig = open(collocated=True, hysteresis=0.0)

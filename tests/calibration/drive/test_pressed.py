@@ -66,9 +66,7 @@ def of_rig(check: Check, name: str) -> Check:
     return replace(check, drive=replace(check.drive, rig=name))
 
 
-def test_the_drive_is_that_of_the_force_which_the_sensor_reads(
-    finger: Calibration, weighed: str, open: OpenRig, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_drive_is_that_of_the_force_which_the_sensor_reads(finger, weighed, open, monkeypatch):
     """A finger that presses with 4 N instead of 1 N gets the firm drive, which has less error there."""
     rig = open(weighed, pane_mass=0.2)
     made = pressed_drives(make_press(), finger, rig.limits)
@@ -84,7 +82,7 @@ def test_the_drive_is_that_of_the_force_which_the_sensor_reads(
 
 
 @pytest.mark.night
-def test_without_a_force_sensor_the_nominal_is_played(finger: Calibration, open: OpenRig) -> None:
+def test_without_a_force_sensor_the_nominal_is_played(finger, open):
     rig = open(pane_mass=0.2)
     made = pressed_drives(make_press(), finger, rig.limits)
     result = check_under_finger(rig, made, "P08", force=4.0, plays=3)
@@ -95,9 +93,7 @@ def test_without_a_force_sensor_the_nominal_is_played(finger: Calibration, open:
     assert result.notes[2] == "The drive was made for P07's finger."
 
 
-def test_a_finger_s_calibration_states_the_force_that_the_sensor_read(
-    calibrated: Calibrated, weighed: str, open: OpenRig, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_finger_s_calibration_states_the_force_that_the_sensor_read(calibrated, weighed, open, monkeypatch):
     rig = open(weighed, pane_mass=0.3)
     pressing(rig, monkeypatch, 3.0)
     made = calibrate_finger(rig, calibrated.calibration, "P07")
@@ -118,9 +114,7 @@ def test_a_finger_s_calibration_states_the_force_that_the_sensor_read(
 
 @pytest.mark.night
 @pytest.mark.parametrize("sensor", [True, False])
-def test_nobody_there_and_a_finger_that_leaves_are_told(
-    calibrated: Calibrated, weighed: str, open: OpenRig, monkeypatch: pytest.MonkeyPatch, sensor: bool
-) -> None:
+def test_nobody_there_and_a_finger_that_leaves_are_told(calibrated, weighed, open, monkeypatch, sensor):
     rig, bare = open(*([weighed] if sensor else [])), calibrated.calibration
     drive = drive_for(make_press(), bare, rig.limits)
     confirm = rig.operator.confirm
@@ -144,7 +138,7 @@ def test_nobody_there_and_a_finger_that_leaves_are_told(
         check_under_finger(rig, drive, "P07", plays=3)
 
 
-def test_fingers_rest_with_force(finger: Calibration, open: OpenRig, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_fingers_rest_with_force(finger, open, monkeypatch):
     """Of a calibration with 10 N three times that was asked for, after two checks had been played."""
     rig = open(pane_mass=0.2)
     monkeypatch.setattr(pressed, "drive_for", lambda *_args, **_more: DRIVE)
@@ -156,7 +150,7 @@ def test_fingers_rest_with_force(finger: Calibration, open: OpenRig, monkeypatch
         made.refuse_nonsense()
 
 
-def test_a_finger_that_lifts(calibrated: Calibrated, open: OpenRig, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_finger_that_lifts(calibrated, open, monkeypatch):
     rig = open(pane_mass=0.3)
     excite = rig.excite
 
@@ -170,7 +164,7 @@ def test_a_finger_that_lifts(calibrated: Calibrated, open: OpenRig, monkeypatch:
         calibrate_finger(rig, calibrated.calibration, "P07")
 
 
-def test_a_force_sensor_that_cannot_feel_a_finger_is_refused_in_the_rig_file(tmp_path: Path) -> None:
+def test_a_force_sensor_that_cannot_feel_a_finger_is_refused_in_the_rig_file(tmp_path):
     for lines in ("[sensors]\nforce = false", "[sensors.force]\nhigh_pass_hz = 0.5"):
         path = tmp_path / "rig.toml"
         path.write_text(f'base = "simulated"\n[table]\nforce = true\n{lines}\n')
@@ -178,7 +172,7 @@ def test_a_force_sensor_that_cannot_feel_a_finger_is_refused_in_the_rig_file(tmp
             load_rig_file(path)
 
 
-def test_a_button_holds_all(calibrated: Calibrated, weighed: str, open: OpenRig, tmp_path: Path) -> None:
+def test_a_button_holds_all(calibrated, weighed, open, tmp_path):
     rig, bare = open(weighed), calibrated.calibration
     button = build_button(rig, make_press(), bare, iterations=0, plays=3)
     with pytest.raises(ConfigurationError, match="made for the bare table"):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -38,7 +37,7 @@ from haploop.mocks.plant.hysteresis import Hysteresis
 from haploop.mocks.plant.table import FEWEST_HZ, HIGHEST_HZ, TouchTable
 from haploop.reports.contents.check import button_contents
 from haploop.reports.contents.plan import plan_contents
-from tests.calibration.conftest import Calibrated, make_press, tamper
+from tests.calibration.conftest import make_press, tamper
 from tests.calibration.drive.test_truth import played_and_true
 
 pytestmark = pytest.mark.long
@@ -83,7 +82,7 @@ def button(four: Four) -> DigitalButton:
 
 
 @pytest.mark.night
-def test_twice_as_loud_and_steady_where_one_patch_is_lost(four: Four, button: DigitalButton) -> None:
+def test_twice_as_loud_and_steady_where_one_patch_is_lost(four, button):
     """The table drifts by 1 %: with hysteresis that differs from patch to patch, noise and quantisation."""
     alone = drive_for(make_press(), four.calibrations[0], four.rig.limits)
     assert button.passed and button.check.error < 0.05
@@ -97,7 +96,7 @@ def test_twice_as_loud_and_steady_where_one_patch_is_lost(four: Four, button: Di
     assert 0.5 * drifted.error < button.drive.drifted_error < 0.1
 
 
-def test_no_patch_gets_too_much_and_each_is_measured(four: Four, button: DigitalButton) -> None:
+def test_no_patch_gets_too_much_and_each_is_measured(four, button):
     limits, rig = four.rig.limits, four.rig
     for volts in button.drive.volts:
         limits.check(volts, button.drive.rate_hz)
@@ -109,7 +108,7 @@ def test_no_patch_gets_too_much_and_each_is_measured(four: Four, button: Digital
     assert rig.simulation is not None and rig.simulation.truth.closed == frozenset()
 
 
-def test_a_button_of_several_patches_is_kept_whole(button: DigitalButton, tmp_path: Path) -> None:
+def test_a_button_of_several_patches_is_kept_whole(button, tmp_path):
     button.save(tmp_path / "button.h5")
     back = DigitalButton.load(tmp_path / "button.h5")
     assert back.digest == button.digest
@@ -118,19 +117,19 @@ def test_a_button_of_several_patches_is_kept_whole(button: DigitalButton, tmp_pa
     assert back.drive.calibration == Actuation.of(back.calibrations).digest
 
 
-def test_one_patch_is_not_planned_against_a_drift(four: Four) -> None:
+def test_one_patch_is_not_planned_against_a_drift(four):
     alone = drive_for(make_press(), four.calibrations[0], four.rig.limits)
     assert alone.drift == Drift(0, 0, 0, 0, 0) and alone.expected_error == alone.predicted_error
     assert alone.drifted_error > 0.2
     assert 0.2 < drift_change(four.calibrations[:1], Drift()) < 1
 
 
-def test_the_order_of_the_patches_is_that_of_the_calibrations(four: Four) -> None:
+def test_the_order_of_the_patches_is_that_of_the_calibrations(four):
     turned = drive_for(make_press(), four.calibrations[1::-1], four.rig.limits)
     assert turned.patches == ("B", "A") and list(turned.by_patch) == ["B", "A"]
 
 
-def test_what_cannot_be_is_said_before_anything_is_played(four: Four, button: DigitalButton) -> None:
+def test_what_cannot_be_is_said_before_anything_is_played(four, button):
     a, b, *_ = four.calibrations
     number = str(four.rig.table.button_point)
     elsewhere, foreign = (
@@ -164,7 +163,7 @@ def beside(four: Four) -> tuple[Calibration, ...]:
     return tuple(calibrate(four.rig, patch, "57", excitation=Multisine()) for patch in "ABCD")
 
 
-def test_a_point_is_kept_silent_and_the_laser_visits_it(four: Four, beside: tuple[Calibration, ...]) -> None:
+def test_a_point_is_kept_silent_and_the_laser_visits_it(four, beside):
     rig, press = four.rig, make_press()
     alone = drive_for(press, four.calibrations[0], rig.limits)
     trade, every = TradeOff(scale=alone.scale), [*four.calibrations, *beside]
@@ -187,9 +186,7 @@ def test_a_point_is_kept_silent_and_the_laser_visits_it(four: Four, beside: tupl
     assert spoilt.verdict == "fail" and "The 57 point, which is to be silent, moves" in spoilt.reasons[0]
 
 
-def test_a_laser_that_sees_nothing_shows_no_silence(
-    four: Four, beside: tuple[Calibration, ...], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_laser_that_sees_nothing_shows_no_silence(four, beside, monkeypatch):
     """Somebody stands in the beam while it is aimed at the silent point."""
     rig, every = four.rig, [*four.calibrations, *beside]
     alone = drive_for(make_press(), four.calibrations[0], rig.limits)
@@ -218,7 +215,7 @@ def late(press: Representative, by: float = 0.02) -> Representative:
     return replace(press, button="toggle", acceleration=shifted, sources=(("P01-toggle.h5", "1" * 64),))
 
 
-def test_two_buttons_are_played_at_once(four: Four, beside: tuple[Calibration, ...], tmp_path: Path) -> None:
+def test_two_buttons_are_played_at_once(four, beside, tmp_path):
     press, wanted = make_press(), {"57": (late(make_press()), 0.9)}
     alone = drive_for(press, four.calibrations[0], four.rig.limits)
     trade = TradeOff(scale=alone.scale, drift=Drift(0, 0, 0, 0, 0))
@@ -238,7 +235,7 @@ def test_two_buttons_are_played_at_once(four: Four, beside: tuple[Calibration, .
     made.save(tmp_path / "both.h5")
     back = DigitalButton.load(tmp_path / "both.h5")
     assert back.digest == made.digest and list(back.elsewhere) == ["57"]
-    kept, size = back.elsewhere["57"]  # type: ignore[misc]
+    kept, size = back.elsewhere["57"]
     assert kept.button == "toggle" and size == pytest.approx(0.9)
     assert toggle.drive.scale == pytest.approx(0.9 * made.drive.scale)
     said = button_contents(back)
@@ -256,7 +253,7 @@ def test_two_buttons_are_played_at_once(four: Four, beside: tuple[Calibration, .
 
 
 @pytest.mark.night
-def test_what_two_buttons_move_above_their_band_is_not_called_right() -> None:
+def test_what_two_buttons_move_above_their_band_is_not_called_right():
     """With modes to 10 kHz: the weaker one's error is an eighth between 2.5 and 5 kHz, and unknown above."""
     rig = opened(highest_hz=HIGHEST_HZ)
     every = [calibrate(rig, patch) for patch in "ABCD"]
@@ -273,9 +270,7 @@ def test_what_two_buttons_move_above_their_band_is_not_called_right() -> None:
 @pytest.mark.many_plays
 @pytest.mark.night
 @pytest.mark.parametrize("there", ["toggle", "silence"])
-def test_corrections_are_of_every_point(
-    four: Four, beside: tuple[Calibration, ...], monkeypatch: pytest.MonkeyPatch, there: str
-) -> None:
+def test_corrections_are_of_every_point(four, beside, monkeypatch, there):
     """On a table that has drifted since, by the surface's own motion before and after."""
     press, every = make_press(), [*four.calibrations, *beside]
     alone = drive_for(press, four.calibrations[0], four.rig.limits)
@@ -303,7 +298,7 @@ def test_corrections_are_of_every_point(
 
 
 @pytest.mark.night
-def test_a_button_that_fails_elsewhere_fails_the_check(four: Four, beside: tuple[Calibration, ...]) -> None:
+def test_a_button_that_fails_elsewhere_fails_the_check(four, beside):
     """The first is as planned, and the other has volts that are not its own."""
     press = make_press()
     loud = drive_for(press, four.calibrations, four.rig.limits)
@@ -314,7 +309,7 @@ def test_a_button_that_fails_elsewhere_fails_the_check(four: Four, beside: tuple
     assert any("The toggle button at the 57 point" in reason for reason in result.reasons)
 
 
-def test_more_points_than_patches_are_refused(four: Four, beside: tuple[Calibration, ...]) -> None:
+def test_more_points_than_patches_are_refused(four, beside):
     press, ours, every = make_press(), [four.calibrations[0], beside[0]], [*four.calibrations, *beside]
     two, both = [*four.calibrations[:2], *beside[:2]], {"57": late(press), "58": None}
     too_large = r"point 57 cannot be .* times the size"
@@ -329,7 +324,7 @@ def test_more_points_than_patches_are_refused(four: Four, beside: tuple[Calibrat
             drive_for(press, given, four.rig.limits, elsewhere=points)
 
 
-def test_one_amplifier_for_all_is_told_before_a_play(calibrated: Calibrated, button: DigitalButton) -> None:
+def test_one_amplifier_for_all_is_told_before_a_play(calibrated, button):
     rig = calibrated.rig
     drive = replace(button.drive, rig=rig.name, rate_hz=rig.table.rate_hz)
     with rig.captures() as captures, pytest.raises(ConfigurationError, match="no channel of its own"):
@@ -337,7 +332,7 @@ def test_one_amplifier_for_all_is_told_before_a_play(calibrated: Calibrated, but
     assert not captures
 
 
-def test_calibrations_of_several_patches_are_found_by_one_name(four: Four, tmp_path: Path) -> None:
+def test_calibrations_of_several_patches_are_found_by_one_name(four, tmp_path):
     path = tmp_path / "table.h5"
     for one in four.calibrations[:3]:
         one.save(calibration_of(path, one.response.patch))
@@ -354,7 +349,7 @@ def test_calibrations_of_several_patches_are_found_by_one_name(four: Four, tmp_p
         load_calibrations([path])
 
 
-def test_calibrations_that_do_not_belong_together_are_refused_in_a_sentence(four: Four) -> None:
+def test_calibrations_that_do_not_belong_together_are_refused_in_a_sentence(four):
     """Of another table, or of another day; their order does not matter."""
     a, b, c, d = four.calibrations
     press, limits = make_press(), four.rig.limits
@@ -372,7 +367,7 @@ def test_calibrations_that_do_not_belong_together_are_refused_in_a_sentence(four
 
 
 @pytest.mark.night
-def test_a_plan_compares_one_patch_and_four_as_calibrated_and_after_a_drift(four: Four) -> None:
+def test_a_plan_compares_one_patch_and_four_as_calibrated_and_after_a_drift(four):
     plan = plan_button(make_press(), four.calibrations, four.rig, methods=("modulated",))
     alone, every = plan.curves
     assert (alone.patch, every.patch) == ("A", "A, B, C, D")
@@ -388,12 +383,7 @@ def test_a_plan_compares_one_patch_and_four_as_calibrated_and_after_a_drift(four
 
 
 @pytest.mark.night
-def test_a_plan_counts_what_other_points_do(
-    four: Four,
-    beside: tuple[Calibration, ...],
-    calibrated: Calibrated,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_plan_counts_what_other_points_do(four, beside, calibrated, monkeypatch):
     """Errors are those of the worst button, and levels those of the weakest."""
     press, every, rig = make_press(), [*four.calibrations, *beside], four.rig
     monkeypatch.setattr(loudness, "_DRIVES", 1)
@@ -415,7 +405,7 @@ def test_a_plan_counts_what_other_points_do(
 
 
 @pytest.mark.night
-def test_a_smaller_drift_that_is_planned_against_is_louder(four: Four) -> None:
+def test_a_smaller_drift_that_is_planned_against_is_louder(four):
     press, drives = make_press(), []
     for drift in (Drift(), Drift().times(0.1)):
         wanted = Loudness(error=0.08, drift=drift)

@@ -32,7 +32,7 @@ def at(rate_hz: float) -> object:
     (2000, 50_000, 5000),
     (1000, 48_000, 48_000 / 9),
 ])  # fmt: skip
-def test_any_rates_drive_a_press_as_recorded(pressed_hz: float, driven_hz: float, grid_hz: float) -> None:
+def test_any_rates_drive_a_press_as_recorded(pressed_hz, driven_hz, grid_hz):
     """It moves as it did, at the same time; nothing is added that was not recorded."""
     table = SimpleNamespace(rate_hz=float(driven_hz), ringing=0.1, carriers=(0.0,))
     grid = target_grid([at(pressed_hz)], table, "broadband")
@@ -51,7 +51,7 @@ def test_any_rates_drive_a_press_as_recorded(pressed_hz: float, driven_hz: float
     assert power[f > 0.52 * min(pressed_hz, 5000)].sum() < 1e-3 * power.sum()
 
 
-def test_presses_of_two_rates_are_played_at_once() -> None:
+def test_presses_of_two_rates_are_played_at_once():
     table = SimpleNamespace(rate_hz=51_200.0, ringing=0.1, carriers=(0.0, 0.0, 0.0))
     grid = target_grid([at(5000), None, at(10_000)], table, "broadband")
     one, silent, other = grid.acceleration
@@ -62,7 +62,7 @@ def test_presses_of_two_rates_are_played_at_once() -> None:
 @pytest.mark.parametrize(
     "acceleration", [np.zeros(3000), np.full(3000, np.nan), np.ones(100), np.ones((2, 9))]
 )
-def test_what_holds_no_motion_is_refused(acceleration: np.ndarray) -> None:
+def test_what_holds_no_motion_is_refused(acceleration):
     table = SimpleNamespace(rate_hz=50_000.0, ringing=0.1, carriers=(0.0,))
     with pytest.raises(DataError, match="holds no acceleration that could be driven"):
         target_grid([replace(PRESS, acceleration=acceleration)], table, "broadband")

@@ -18,8 +18,7 @@ from haploop.calibration.drive.checked import Check, hertz
 from haploop.calibration.drive.playing import play
 from haploop.instruments import Capture, Rig
 from haploop.mocks.plant.table import FEWEST_HZ, make_plate
-from tests.calibration.conftest import Calibrated, make_press
-from tests.conftest import OpenRig
+from tests.calibration.conftest import make_press
 
 pytestmark = pytest.mark.requires("simulation")
 
@@ -41,7 +40,7 @@ def played_and_true(
     excite, seen = rig.excite_each, []
 
     def watched(drives: dict[str, FloatArray], *args: Any, **more: Any) -> Capture:
-        truth = rig.simulation.truth  # type: ignore[union-attr]
+        truth = rig.simulation.truth
         record = truth.record()
         capture = excite(drives, *args, **more)
         first = drive.patches[0]
@@ -68,9 +67,7 @@ def played_and_true(
 
 @pytest.mark.many_plays
 @pytest.mark.parametrize("inversion", ["optimised", "regularised"])
-def test_the_stated_interval_holds_the_surfaces_own_error(
-    calibrated: Calibrated, open: OpenRig, monkeypatch: pytest.MonkeyPatch, inversion: Any
-) -> None:
+def test_the_stated_interval_holds_the_surfaces_own_error(calibrated, open, monkeypatch, inversion):
     rig = open()
     drive = drive_for(make_press(), calibrated.calibration, rig.limits, inversion=inversion)
     result, error, outside = played_and_true(rig, drive, 6, monkeypatch)
@@ -93,9 +90,7 @@ def test_the_stated_interval_holds_the_surfaces_own_error(
         marks=pytest.mark.long,
     ),
 ])  # fmt: skip
-def test_a_pane_that_rings_far_above_the_drive_does_not_pass(
-    open: OpenRig, monkeypatch: pytest.MonkeyPatch, hz: float, push: float, foreseen: bool, says: str
-) -> None:
+def test_a_pane_that_rings_far_above_the_drive_does_not_pass(open, monkeypatch, hz, push, foreseen, says):
     """Both passed as long as the check ended at half of the laser's corner: a patch's harmonics drive it.
 
     What the laser passes is planned with as well.
@@ -122,9 +117,7 @@ def test_a_pane_that_rings_far_above_the_drive_does_not_pass(
 @pytest.mark.parametrize(
     ("world", "hz", "most"), [(75, "6.35 kHz", (0.2, 0.32)), (127, "5.04 kHz", (0.15, 0.3))]
 )
-def test_what_only_the_calibration_may_show_above_the_laser_is_no_pass(
-    open: OpenRig, monkeypatch: pytest.MonkeyPatch, world: int, hz: str, most: tuple[float, float]
-) -> None:
+def test_what_only_the_calibration_may_show_above_the_laser_is_no_pass(open, monkeypatch, world, hz, most):
     """Modes at 6.2 and 6.5 kHz, and at 5.6 and 5.8 in its noise, passed.
 
     Two seconds of multisine show, or bound, what eight plays do not.
@@ -142,7 +135,7 @@ def test_what_only_the_calibration_may_show_above_the_laser_is_no_pass(
 
 @pytest.mark.long
 @pytest.mark.many_plays
-def test_the_bound_above_the_band_holds_for_drives(open: OpenRig, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_bound_above_the_band_holds_for_drives(open, monkeypatch):
     """Hysteresis counts more in a quiet drive: one of 9 of 48 V moved 0.24 above, of a bound of 0.19."""
     rig = open(seed=77, hysteresis=0.3)
     calibration, click = calibrate(rig), make_press(((400, 40, 0.0007),))
@@ -159,7 +152,7 @@ def test_the_bound_above_the_band_holds_for_drives(open: OpenRig, monkeypatch: p
 
 
 @pytest.mark.timeout(7200)
-def test_a_pass_moves_nothing_else(open: OpenRig, full: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_pass_moves_nothing_else(open, full, monkeypatch):
     """20 tables that nobody chose, three buttons, every way to compute a drive."""
     if not full:
         pytest.skip("calibrates 20 tables: runs with --full")

@@ -66,7 +66,7 @@ def compared(
 # Figures
 
 
-def test_every_figure_is_of_its_part_of_the_motion_and_without_the_noise() -> None:
+def test_every_figure_is_of_its_part_of_the_motion_and_without_the_noise():
     found = judged(0.9, outside=0.05, spread=0.3)
     assert found.error == pytest.approx(np.hypot(0.1, 0.05), rel=1e-9)
     assert found.interval == pytest.approx((found.error,) * 2, rel=1e-6)
@@ -89,28 +89,28 @@ def test_every_figure_is_of_its_part_of_the_motion_and_without_the_noise() -> No
     assert found.octaves.floor_db[at] == pytest.approx(level + 20 * np.log10(0.3 / np.sqrt(5)), abs=1e-6)
 
 
-def test_the_third_octave_error_is_over_the_bands_that_hold_the_target() -> None:
+def test_the_third_octave_error_is_over_the_bands_that_hold_the_target():
     assert judged(0.9, outside=0.1).octaves.error_db == pytest.approx(-20 * np.log10(0.9), rel=1e-6)
     weak = TARGET + 0.05 * OUTSIDE  # 26 dB below: within 30
     found = compared([TARGET + 0.1 * OUTSIDE] * 3, replace(DRIVE, target=weak))
     assert found.octaves.error_db == pytest.approx(20 * np.log10(2) / np.sqrt(2), rel=1e-6)
 
 
-def test_what_does_not_move_correlates_with_nothing() -> None:
+def test_what_does_not_move_correlates_with_nothing():
     found = judged(0.0)
     assert found.correlation == 0.0 == found.envelope_correlation
     assert judged(-1.0).correlation == pytest.approx(-1.0)
     assert np.all(np.isfinite(list(found.interval)))
 
 
-def test_noise_within_the_band_drowns_nothing_above_it() -> None:
+def test_noise_within_the_band_drowns_nothing_above_it():
     found = judged(spread=1.0)  # 7 dB below the target in the mean of five plays; 14 dB are the tolerance
     assert found.octaves.floor_db.max() > found.octaves.target_db.max() - 14
     assert not any(note.startswith("Above ") for note in found.notes)
 
 
 @pytest.mark.parametrize(("share", "told"), [(0.04, False), (0.06, True)])
-def test_tones_taken_out_are_told_from_five_percent_of_the_target(share: float, told: bool) -> None:
+def test_tones_taken_out_are_told_from_five_percent_of_the_target(share, told):
     rms = share * np.sqrt(2.0)  # of a sine of 2 m/s^2
     found = compared([TARGET] * 3, DRIVE, (40.0,), 0.0, np.array([50.0]), rms)
     assert found.tones.share == pytest.approx(share, rel=1e-3)
@@ -118,7 +118,7 @@ def test_tones_taken_out_are_told_from_five_percent_of_the_target(share: float, 
     assert len(said) == told and found.summary()["tones_hz"] == [50.0]
 
 
-def test_a_check_in_words_and_as_plain_values() -> None:
+def test_a_check_in_words_and_as_plain_values():
     found = judged(0.9, outside=0.05, spread=0.3)
     assert repr(found) == "<Check push: pass, error 11.2 % (11.2 to 11.2 %), 5 plays, simulated>"
     assert str(found) == "error up to 1 kHz 11.2 % (11.2 to 11.2 %), in band 10.0 %, outside 5.0 %: pass"
@@ -144,7 +144,7 @@ def test_a_check_in_words_and_as_plain_values() -> None:
     ({"accelerations": np.zeros((5, 3))}, "as long as its target"),
     ({"verdict": "perhaps"}, "there is no such"),
 ])  # fmt: skip
-def test_a_check_that_nobody_can_have_measured_is_refused(wrong: dict[str, Any], says: str) -> None:
+def test_a_check_that_nobody_can_have_measured_is_refused(wrong, says):
     found = judged(0.9)
     found.refuse_nonsense()
     with pytest.raises(DataError, match=says):
@@ -182,7 +182,7 @@ def test_a_check_that_nobody_can_have_measured_is_refused(wrong: dict[str, Any],
      "Not shown: 62.0% of error were expected when the drive was computed or learnt, and the plays "
      "show 15.0 % (15.0 to 15.0 %): the table"),
 ])  # fmt: skip
-def test_a_verdict_and_its_reason(given: dict[str, Any], verdict: str, says: str) -> None:
+def test_a_verdict_and_its_reason(given, verdict, says):
     found = judged(**given)
     assert found.verdict == verdict and found.passed == (verdict == "pass")
     assert (found.reasons == ()) if not says else found.reasons[0].startswith(says)
@@ -206,7 +206,7 @@ def disturbed(spread: float) -> np.ndarray:
     (0.2, "the squared error of the part outside came out negative, -12% of the noise of a play, which"),
     (0.0, "the error of the whole came out with an interval of no width, in noise of 5.7%, which"),
 ])  # fmt: skip
-def test_evidence_of_dependence_takes_every_error_away(spread: float, says: str) -> None:
+def test_evidence_of_dependence_takes_every_error_away(spread, says):
     """In the first, the noise in the band hides it in the whole."""
     plays = disturbed(spread)
     assert shared_power(error_spectra(plays, TARGET)).possible == (spread > 0)
@@ -216,7 +216,7 @@ def test_evidence_of_dependence_takes_every_error_away(spread: float, says: str)
     assert np.isnan(found.correlation)
 
 
-def test_plays_without_numbers_fail() -> None:
+def test_plays_without_numbers_fail():
     found = judged(share=[0.9, float("nan"), 0.9, 0.9, 0.9])
     assert found.verdict == "fail" and not found.passed
     assert "differs from the target by an rms that is not known, and 20% is accepted" in found.reasons[0]
@@ -233,13 +233,13 @@ def test_plays_without_numbers_fail() -> None:
     ({"share": 0.29}, ""),  # it does not follow
     ({"share": -1.0}, ""),
 ])  # fmt: skip
-def test_one_factor_over_the_whole_motion_is_named(given: dict[str, Any], says: str) -> None:
+def test_one_factor_over_the_whole_motion_is_named(given, says):
     """A laser aimed askew, or a patch that came unglued: a check cannot tell which, nor is it silent."""
     notes = [note for note in judged(**given).notes if note.startswith("The laser shows")]
     assert len(notes) == bool(says) and all(note.startswith(says) for note in notes)
 
 
-def test_a_failure_says_why_it_probably_is() -> None:
+def test_a_failure_says_why_it_probably_is():
     unseen = "The surface followed 29.0% of the target motion: the patch is not connected, or the laser"
     assert judged(0.29, predicted_error=0.5).reasons[1].startswith(unseen)
     assert len(judged(0.31).reasons) == 1
@@ -249,7 +249,7 @@ def test_a_failure_says_why_it_probably_is() -> None:
     assert len(judged(0.29, in_band=0.1, peak=60.0).reasons) == 4
 
 
-def test_plays_that_do_not_tell_are_no_verdict_and_how_many_would() -> None:
+def test_plays_that_do_not_tell_are_no_verdict_and_how_many_would():
     shares = 1 - np.array([0.05, 0.35, 0.15, 0.25, 0.10])
     found = judged(shares)
     low, high = found.interval
@@ -272,7 +272,7 @@ def test_plays_that_do_not_tell_are_no_verdict_and_how_many_would() -> None:
     (0.1, 0.19, "Not shown: the laser shows motion near 1.41 kHz, above the 1 kHz that it passes (or"),
     (0.15, 0.0, "Not shown: 15.0% of error lie between 500 Hz and 1 kHz, and if as much lies in the octave"),
 ])  # fmt: skip
-def test_motion_above_what_is_judged_is_no_pass(outside: float, shown: float, says: str) -> None:
+def test_motion_above_what_is_judged_is_no_pass(outside, shown, says):
     """As much in the next octave as in the last, or a third octave that the laser's filter weakens."""
     rng = np.random.default_rng(0)
     high = 2.0 * np.sin(2 * np.pi * 700 * T)
@@ -287,7 +287,7 @@ def test_motion_above_what_is_judged_is_no_pass(outside: float, shown: float, sa
 
 @pytest.mark.parametrize("share", [0.0, 0.034, 0.3])
 @pytest.mark.parametrize("in_step", [0.0, -0.6, -2.0, -4.0])
-def test_what_cannot_be_negative_has_room_for_what_the_noise_allows(share: float, in_step: float) -> None:
+def test_what_cannot_be_negative_has_room_for_what_the_noise_allows(share, in_step):
     """Every such quantity of a check, of noise as it was drawn and as something in step lowers it.
 
     `in_step` is that lowering, over the estimate's deviation. Between 2.4 and 7 deviations below zero an
@@ -312,7 +312,7 @@ def test_what_cannot_be_negative_has_room_for_what_the_noise_allows(share: float
     assert held >= (37 if share < 0.1 or not in_step else 0)
 
 
-def test_a_play_unlike_the_others_is_no_pass_and_is_named() -> None:
+def test_a_play_unlike_the_others_is_no_pass_and_is_named():
     moved = np.array([TARGET + 0.02 * noise(k) for k in range(6)])
     for added, verdict in ((0.15, "pass"), (0.25, "not shown")):
         shaken = moved.copy()
@@ -323,7 +323,7 @@ def test_a_play_unlike_the_others_is_no_pass_and_is_named() -> None:
     assert compared(moved).notes == judged(1.0).notes
 
 
-def test_a_drift_is_named_by_its_size() -> None:
+def test_a_drift_is_named_by_its_size():
     shares = 1 + np.linspace(-0.04, 0.04, 6)
     rng = np.random.default_rng(1)
     moved = np.array([s * TARGET + 1e-3 * rng.standard_normal(len(T)) for s in shares])
@@ -334,7 +334,7 @@ def test_a_drift_is_named_by_its_size() -> None:
 
 
 @pytest.mark.parametrize(("size", "told"), [(0.4, False), (0.5, True)])
-def test_noise_that_would_hide_a_tone_above_the_band_is_told(size: float, told: bool) -> None:
+def test_noise_that_would_hide_a_tone_above_the_band_is_told(size, told):
     # In the mean of five plays, a tone of 0.45 in each is a fifth of the target.
     high = [np.sin(2 * np.pi * (600 + k) * T) + np.sin(2 * np.pi * (800 + k) * T) for k in range(5)]
     moved = np.array([TARGET + size * 2 * one for one in high])
@@ -347,7 +347,7 @@ def test_noise_that_would_hide_a_tone_above_the_band_is_told(size: float, told: 
 # Agreement
 
 
-def test_the_parts_of_a_spectrum_add_up_to_the_mean_square() -> None:
+def test_the_parts_of_a_spectrum_add_up_to_the_mean_square():
     rng = np.random.default_rng(2)
     for samples in (100, 101):
         target, plays = rng.standard_normal(samples), rng.standard_normal((3, samples))
@@ -361,7 +361,7 @@ def test_the_parts_of_a_spectrum_add_up_to_the_mean_square() -> None:
 
 
 @pytest.mark.parametrize("plays", [3, 4, 8])
-def test_shared_power_is_that_of_all_pairs_and_its_deviation_the_jackknife(plays: int) -> None:
+def test_shared_power_is_that_of_all_pairs_and_its_deviation_the_jackknife(plays):
     rng = np.random.default_rng(plays)
     spectra = rng.standard_normal((plays, 6)) + 1j * rng.standard_normal((plays, 6)) + 0.7
 
@@ -385,7 +385,7 @@ def test_shared_power_is_that_of_all_pairs_and_its_deviation_the_jackknife(plays
         shared_power(spectra[:2])
 
 
-def test_a_negative_power_has_the_root_zero() -> None:
+def test_a_negative_power_has_the_root_zero():
     found = SharedPower(-0.01, 0.001, -1e-9, 4)
     assert (found.root, found.floor) == (0.0, 0.0) and found.interval == (0.0, 0.1)
     assert SharedPower(0.04, 0.0, 0.01, 4).root == 0.2 and SharedPower(0.04, 0.0, 0.01, 4).floor == 0.1
@@ -394,20 +394,20 @@ def test_a_negative_power_has_the_root_zero() -> None:
 @pytest.mark.parametrize(
     ("deviation", "value"), [(0.02, 0.06), (0.004, 0.045), (0.01, 0.03), (1e-5, 0.03), (0.5, 0.041)]
 )
-def test_the_plays_needed_leave_out_the_limit_first(deviation: float, value: float) -> None:
+def test_the_plays_needed_leave_out_the_limit_first(deviation, value):
     reaches = {n: stats.t.ppf(0.975, n - 1) * deviation * np.sqrt(5 / n) for n in range(6, 65)}
     expected = next((n for n, reach in reaches.items() if abs(value - 0.04) > reach), None)
     assert agreement.plays_needed(SharedPower(value, deviation, 0.0, 5), 0.2) == expected
 
 
-def test_sixty_four_plays_are_the_most() -> None:
+def test_sixty_four_plays_are_the_most():
     reaches = [stats.t.ppf(0.975, n - 1) * 0.01 * np.sqrt(5 / n) for n in (63, 64, 65)]
     for value, expected in ((np.mean(reaches[:2]), 64), (np.mean(reaches[1:]), None)):
         assert agreement.plays_needed(SharedPower(0.04 + float(value), 0.01, 0.0, 5), 0.2) == expected
 
 
 @pytest.mark.parametrize("lines", [1, 3, 30])
-def test_a_trend_is_significant_by_an_f_test_against_the_other_contrasts(lines: int) -> None:
+def test_a_trend_is_significant_by_an_f_test_against_the_other_contrasts(lines):
     rng = np.random.default_rng(lines)
     plays, along = 6, np.arange(6) - 2.5
     quiet = (rng.standard_normal((plays, lines)) + 1j * rng.standard_normal((plays, lines))) * 1e-3
@@ -429,7 +429,7 @@ def test_a_trend_is_significant_by_an_f_test_against_the_other_contrasts(lines: 
     assert agreement.trend(significant(high * 1.001)[1]) > 0.0
 
 
-def test_a_trend_is_the_change_from_first_to_last_and_not_of_noise() -> None:
+def test_a_trend_is_the_change_from_first_to_last_and_not_of_noise():
     rng = np.random.default_rng(3)
 
     def spectra(slope: float, plays: int = 7) -> np.ndarray:
@@ -441,7 +441,7 @@ def test_a_trend_is_the_change_from_first_to_last_and_not_of_noise() -> None:
     assert [agreement.trend(spectra(0.0)) for _ in range(50)] == [0.0] * 50
 
 
-def test_an_odd_play_is_three_times_as_far_as_the_others() -> None:
+def test_an_odd_play_is_three_times_as_far_as_the_others():
     spectra = np.zeros((5, 4), complex)
     spectra[:, 0] = [0.0, 1.0, 2.0, 3.0, 4.0]
     assert agreement.odd_play(spectra) == (0, 0.0)
@@ -458,7 +458,7 @@ def test_an_odd_play_is_three_times_as_far_as_the_others() -> None:
 # Several patches and silent points
 
 
-def test_each_patch_has_to_get_its_own_volts() -> None:
+def test_each_patch_has_to_get_its_own_volts():
     """Without it a channel that is switched off hides behind another that plays as much."""
     volts = np.array([1.0, 0.5])[:, None] * DRIVE.volts
     two = replace(DRIVE, patches=("A", "B"), volts=volts)
@@ -475,7 +475,7 @@ def still(share: float, noise: float = 0.0, **more: Any) -> Check:
     return all_judged(replace(judged(1.05), silent=(Silence("57", power, **more),)))
 
 
-def test_a_silent_point_that_moves_fails_the_check() -> None:
+def test_a_silent_point_that_moves_fails_the_check():
     quiet, loud = still(0.19), still(0.21)
     assert quiet.passed and quiet.silent[0].contrast_db == pytest.approx(14.4, abs=0.1)
     assert loud.verdict == "fail" and loud.error == quiet.error
@@ -485,7 +485,7 @@ def test_a_silent_point_that_moves_fails_the_check() -> None:
     assert unsure.verdict == "not shown" and "on which side of the accepted 20% it lies" in unsure.reasons[0]
 
 
-def test_a_silent_point_that_nobody_saw_is_not_silent() -> None:
+def test_a_silent_point_that_nobody_saw_is_not_silent():
     blind = still(0.0, unseen="The laser left its range.")
     assert blind.verdict == "fail" and blind.summary()["silent"] == {"57": None}
     said = "Nothing is known of the 57 point, which is to be silent. The laser left its range."

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -69,7 +68,7 @@ def apart(taken: Sequence[Calibration], measured: Sequence[Calibration]) -> tupl
     return float(np.linalg.norm(gain - truth)) / size, float(np.sqrt(np.sum(stated))) / size
 
 
-def test_a_point_of_the_map_is_known_as_well_as_is_said(mapped: Mapped) -> None:
+def test_a_point_of_the_map_is_known_as_well_as_is_said(mapped):
     taken = with_map(mapped.own, mapped.map, ["57"])
     assert taken[:4] == mapped.own and [one.response.patch for one in taken[4:]] == list("ABCD")
     assert all("map" in one.response.source and one.response.point == "57" for one in taken[4:])
@@ -78,7 +77,7 @@ def test_a_point_of_the_map_is_known_as_well_as_is_said(mapped: Mapped) -> None:
 
 
 @pytest.mark.night
-def test_a_map_of_before_the_drift_is_used_with_the_modes_of_now(mapped: Mapped) -> None:
+def test_a_map_of_before_the_drift_is_used_with_the_modes_of_now(mapped):
     with opened(mode_drift=0.005) as rig:
         own, there = quickly(rig, "button"), quickly(rig, "57")
     difference, stated = apart(with_map(own, mapped.map, ["57"])[4:], there)
@@ -90,7 +89,7 @@ def test_a_map_of_before_the_drift_is_used_with_the_modes_of_now(mapped: Mapped)
     assert stated > 1.5 * fresh[1]
 
 
-def test_one_point_plays_and_one_is_silent_that_nobody_calibrated(mapped: Mapped, tmp_path: Path) -> None:
+def test_one_point_plays_and_one_is_silent_that_nobody_calibrated(mapped, tmp_path):
     press, rig = make_press(), mapped.rig
     alone = drive_for(press, mapped.own[0], rig.limits)
     every = with_map(mapped.own, mapped.map, ["57", "75"])
@@ -113,14 +112,14 @@ def test_one_point_plays_and_one_is_silent_that_nobody_calibrated(mapped: Mapped
     assert DigitalButton.load(tmp_path / "quiet.h5").digest == made.digest
 
 
-def test_what_nobody_measured_above_a_map_is_said_to_be_unknown(mapped: Mapped) -> None:
+def test_what_nobody_measured_above_a_map_is_said_to_be_unknown(mapped):
     nothing = tuple(replace(one, beyond=np.zeros((3, 0)), above=None) for one in mapped.own)
     every, press = with_map(nothing, mapped.map, ["57"]), make_press()
     drive = drive_for(press, every, mapped.rig.limits, elsewhere={"57": press})
     assert drive.elsewhere[0].known_from.endswith("there, and is not expected: it is not known")
 
 
-def test_a_map_that_does_not_fit_is_refused_in_a_sentence(mapped: Mapped, tmp_path: Path) -> None:
+def test_a_map_that_does_not_fit_is_refused_in_a_sentence(mapped, tmp_path):
     assert with_map(mapped.own, mapped.map, []) == mapped.own
     foreign, fewer = (
         replace(mapped.map, plan=replace(mapped.map.plan, **new))

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from haploop.calibration.map.map import VibrationMap
 from haploop.calibration.map.measuring import map_plan, measure_map
-from haploop.pytest_plugin import Rigs
 from tests.calibration.map.test_map import Mapped, error, simulated
 from tests.calibration.response.test_generated import GENERATOR
-from tests.conftest import OpenRig
 
 pytestmark = pytest.mark.many_plays
 
 
 @pytest.mark.long
-def test_a_map_by_the_generator_is_the_plates_own(rigs: Rigs, open: OpenRig, tmp_path: Path) -> None:
+def test_a_map_by_the_generator_is_the_plates_own(rigs, open, tmp_path):
     """Of a pane with modes far above the sweep: a pole of what it does not ring made 17 % between lines."""
     simulated(rigs)
     file = tmp_path / "generator.toml"

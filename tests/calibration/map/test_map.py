@@ -3,7 +3,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +15,6 @@ from haploop.calibration.map.measuring import map_plan, measure_map
 from haploop.instruments import Rig
 from haploop.mocks.plant.hysteresis import Hysteresis
 from haploop.pytest_plugin import Rigs
-from tests.conftest import OpenRig
 
 pytestmark = pytest.mark.many_plays
 
@@ -76,7 +74,7 @@ def mapped(
 
 
 @pytest.mark.long
-def test_a_map_is_the_plates_own(mapped: Mapped) -> None:
+def test_a_map_is_the_plates_own(mapped):
     assert error(mapped) < 0.013
     assert mapped.found.configurations == ("A", "B", "all")
     assert mapped.found.table_seconds < 12 * 1.4
@@ -84,21 +82,21 @@ def test_a_map_is_the_plates_own(mapped: Mapped) -> None:
     assert np.abs(mapped.found.drift).max() < 2e-4
 
 
-def test_superposition_is_tested_where_it_is_used(mapped: Mapped) -> None:
+def test_superposition_is_tested_where_it_is_used(mapped):
     tested = dict(mapped.found.superposition)
     assert len(tested) == 3
     # Hysteresis in parallel is each patch's own, so that nothing but noise and the fit are left.
     assert max(tested.values()) < 0.02
 
 
-def test_the_best_place_is_the_plates(mapped: Mapped) -> None:
+def test_the_best_place_is_the_plates(mapped):
     best = mapped.found.best()
     assert mapped.rig.simulation is not None
     assert best.patch == "A"
     assert best.frequency_hz == pytest.approx(mapped.rig.simulation.truth.resonance_hz, abs=1.0)
 
 
-def test_what_was_fitted_is_kept(mapped: Mapped, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_was_fitted_is_kept(mapped, monkeypatch):
     monkeypatch.setattr("haploop.calibration.map.map.fit_modes", None)
     again = VibrationMap.load(mapped.folder)
     f = np.array([100.0, 263.5])
@@ -111,7 +109,7 @@ def short(rig: Rig, points: tuple[int, ...] = (3, 17, 30)) -> tuple[object, ...]
     return (map_plan(rig, points=points, patches=("A",), period=0.25),)
 
 
-def test_an_interrupted_map_is_gone_on_with(open: OpenRig, tmp_path: Path) -> None:
+def test_an_interrupted_map_is_gone_on_with(open, tmp_path):
     rig = open()
     (plan,) = short(rig)
 
@@ -129,7 +127,7 @@ def test_an_interrupted_map_is_gone_on_with(open: OpenRig, tmp_path: Path) -> No
     assert digest(flatten(folder.read(plan.steps[0]))) == before
 
 
-def test_a_damaged_point_is_measured_again_and_kept_aside(open: OpenRig, tmp_path: Path) -> None:
+def test_a_damaged_point_is_measured_again_and_kept_aside(open, tmp_path):
     rig = open()
     (plan,) = short(rig, (3,))
     folder = measure_map(rig, tmp_path / "map", plan)
@@ -142,7 +140,7 @@ def test_a_damaged_point_is_measured_again_and_kept_aside(open: OpenRig, tmp_pat
     assert len(list((tmp_path / "map" / "damaged").iterdir())) == 1
 
 
-def test_another_plan_is_refused(open: OpenRig, tmp_path: Path) -> None:
+def test_another_plan_is_refused(open, tmp_path):
     rig = open()
     (plan,) = short(rig, (3,))
     MapFolder.create(tmp_path / "map", replace(plan, level=2.0))
@@ -163,7 +161,7 @@ def test_another_plan_is_refused(open: OpenRig, tmp_path: Path) -> None:
         MapFolder.open(tmp_path / "map")
 
 
-def test_no_light_leaves_a_point_out(open: OpenRig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_light_leaves_a_point_out(open, tmp_path, monkeypatch):
     rig = open()
     (plan,) = short(rig)
     aimed: list[str] = []
@@ -171,7 +169,7 @@ def test_no_light_leaves_a_point_out(open: OpenRig, tmp_path: Path, monkeypatch:
 
     def seen(request: object) -> bool:
         aimed.append(str(getattr(request, "point", "")))
-        return confirm(request)  # type: ignore[arg-type]
+        return confirm(request)
 
     monkeypatch.setattr(rig.operator, "confirm", seen)
     monkeypatch.setattr(rig.vibrometer, "signal_level", lambda: 0.02 if aimed[-1] == "17" else 0.9)
@@ -183,7 +181,7 @@ def test_no_light_leaves_a_point_out(open: OpenRig, tmp_path: Path, monkeypatch:
     assert measure_map(rig, tmp_path / "map", plan).skipped() == {}
 
 
-def test_a_blocked_laser_follows_no_patch(open: OpenRig, tmp_path: Path) -> None:
+def test_a_blocked_laser_follows_no_patch(open, tmp_path):
     rig = open(faults=[{"kind": "laser-blocked", "after": 0.0, "within": 1e-6}])
     (plan,) = short(rig, (3,))
     folder = measure_map(rig, tmp_path / "map", plan)
@@ -192,7 +190,7 @@ def test_a_blocked_laser_follows_no_patch(open: OpenRig, tmp_path: Path) -> None
         VibrationMap.load(tmp_path / "map")
 
 
-def test_what_a_map_needs_is_asked_for(open: OpenRig) -> None:
+def test_what_a_map_needs_is_asked_for(open):
     rig = open()
     no_numbers = [(key, value) for key in ("level", "period", "every") for value in (np.nan, np.inf, 0, -1)]
     for says, asked in (
@@ -207,7 +205,7 @@ def test_what_a_map_needs_is_asked_for(open: OpenRig) -> None:
 
 
 @pytest.mark.long
-def test_all_patches_at_once(rigs: Rigs, request: pytest.FixtureRequest, tmp_path: Path) -> None:
+def test_all_patches_at_once(rigs, request, tmp_path):
     simulated(rigs)
     with rigs.open(request.node, "four-channel", {}) as rig:
         plan = map_plan(rig, points=POINTS, patches=("A", "B"), period=PERIOD)
@@ -218,9 +216,7 @@ def test_all_patches_at_once(rigs: Rigs, request: pytest.FixtureRequest, tmp_pat
 
 @pytest.mark.timeout(3600)
 @pytest.mark.parametrize(("name", "most", "minutes"), [("simulated", 0.013, 21), ("four-channel", 0.0035, 5)])
-def test_whole_maps(
-    name: str, most: float, minutes: float, full: bool, rigs: Rigs, request: Any, tmp_path: Path
-) -> None:
+def test_whole_maps(name, most, minutes, full, rigs, request, tmp_path):
     """84 points x 5 configurations on tables that nothing was tuned on."""
     simulated(rigs)
     if not full:
@@ -233,7 +229,7 @@ def test_whole_maps(
             assert mapped.found.table_seconds < 60 * minutes
 
 
-def test_a_file_put_aside_replaces_no_other(open: OpenRig, tmp_path: Path) -> None:
+def test_a_file_put_aside_replaces_no_other(open, tmp_path):
     (plan,) = short(open(), (3,))
     folder = MapFolder.create(tmp_path / "map", plan)
     aside = folder.path / "damaged"

@@ -6,7 +6,6 @@ import os
 import random
 import shutil
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -50,7 +49,7 @@ def measured(folder: MapFolder) -> dict[str, np.ndarray]:
 @pytest.mark.long
 @pytest.mark.timeout(3600)
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no fork, which makes many kills cheap")
-def test_killed_anywhere_and_gone_on_with_it_is_the_same_map(tmp_path: Path, mode: str, full: bool) -> None:
+def test_killed_anywhere_and_gone_on_with_it_is_the_same_map(tmp_path, mode, full):
     """What was measured before the kill is the same to the last bit, and is not measured again.
 
     What comes after is measured on a table that has come to rest, by a plant whose noise begins anew: there

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,8 +11,6 @@ import pytest
 from haploop.base.errors import ConfigurationError
 from haploop.calibration import Calibration, calibrate
 from haploop.reports.contents import calibration_contents
-from tests.command_line import Run
-from tests.conftest import OpenRig
 
 pytestmark = [pytest.mark.requires("simulation"), pytest.mark.many_plays]
 
@@ -34,7 +31,7 @@ def said(calibration: Calibration, label: str) -> str:
     # In one play alone, and not of the full level: only what the levels say of each other shows it.
     pytest.param({"volts": 0.4, "after": 46.0, "frequency": 182.2}, "", marks=pytest.mark.long),
 ], ids=["steady", "wandering", "starts", "starts in the last play"])  # fmt: skip
-def test_a_machine_is_no_resonance(open: OpenRig, machine: dict[str, Any], background: str) -> None:
+def test_a_machine_is_no_resonance(open, machine, background):
     fault = {"kind": "rotating-machine", "channel": "laser", "frequency": 50.0, **machine}
     rig = open(seed=1, faults=[fault])
     calibration = calibrate(rig)
@@ -55,7 +52,7 @@ def coil(tmp_path_factory: pytest.TempPathFactory) -> Calibration:
 
 
 @pytest.mark.long
-def test_a_carrier_lies_in_the_band_of_drives_and_says_what_it_costs(coil: Calibration) -> None:
+def test_a_carrier_lies_in_the_band_of_drives_and_says_what_it_costs(coil):
     """A coil moves the table most at 64.58 Hz, below the band: of a press on it a drive holds little."""
     assert coil.carrier_hz == pytest.approx(127.45, abs=0.05)
     assert said(coil, "Resonance") == "127.45 Hz (the strongest of 11, in the band of drives)"
@@ -67,7 +64,7 @@ def test_a_carrier_lies_in_the_band_of_drives_and_says_what_it_costs(coil: Calib
 
 
 @pytest.mark.long
-def test_another_carrier_can_be_chosen_and_says_what_it_costs(coil: Calibration) -> None:
+def test_another_carrier_can_be_chosen_and_says_what_it_costs(coil):
     chosen = coil.carried_by(263.34)
     assert chosen.carrier_hz == 263.34 and chosen.digest != coil.digest
     assert "263.34 Hz, as asked; the strongest resonance is 64.58 Hz: at the same volts" in said(
@@ -79,7 +76,7 @@ def test_another_carrier_can_be_chosen_and_says_what_it_costs(coil: Calibration)
 
 
 @pytest.mark.long
-def test_the_command_takes_a_carrier_and_the_drive_plays_it(run: Run, tmp_path: Path) -> None:
+def test_the_command_takes_a_carrier_and_the_drive_plays_it(run, tmp_path):
     out = tmp_path / "c.h5"
     made = run("calibrate", "--carrier", 196, "--no-waveforms", "-o", out, "--json")
     assert made.exit_code == 0

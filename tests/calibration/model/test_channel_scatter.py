@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -70,7 +69,7 @@ def before() -> Calibration:
 
 
 @pytest.mark.parametrize("drift", [{}, {"common": 0.005}, {"own": 0.002}, {"damping_scale": 1.05}], ids=str)
-def test_gain_and_delay_are_told_from_a_drift(before: Calibration, drift: dict[str, float]) -> None:
+def test_gain_and_delay_are_told_from_a_drift(before, drift):
     for gain, delay in ((0.0, 0.0), (0.006, 1.5e-6)):
         found = channel_change(before, measured(gain=gain, delay=1e-5 + delay, **drift))
         assert found.gain == pytest.approx(gain, abs=0.001)
@@ -86,7 +85,7 @@ def shifted(calibration: Calibration, gain: float, delay: float, rng: np.random.
     return replace(calibration, response=replace(response, velocity=velocity))
 
 
-def test_a_stated_scatter_is_right_about_the_next_change(before: Calibration) -> None:
+def test_a_stated_scatter_is_right_about_the_next_change(before):
     """Mean square of the next change over the stated variance, of channels whose scatter is known: one."""
     rng, gain, delay, ratios = np.random.default_rng(4402), 0.004, 1e-6, []
 
@@ -103,7 +102,7 @@ def test_a_stated_scatter_is_right_about_the_next_change(before: Calibration) ->
     assert np.all((ours > 0.6) & (ours < 1.6)), ours
 
 
-def test_what_is_no_change_of_a_channel_is_refused(before: Calibration) -> None:
+def test_what_is_no_change_of_a_channel_is_refused(before):
     rng = np.random.default_rng(1)
     again = [shifted(before, 0.0, 0.0, rng) for _ in range(2)]
     with pytest.raises(ConfigurationError, match="There are 2 earlier calibrations"):
@@ -116,7 +115,7 @@ def test_what_is_no_change_of_a_channel_is_refused(before: Calibration) -> None:
         channel_change(backwards, before)
 
 
-def test_a_plan_counts_the_scatter_that_calibrations_state(before: Calibration) -> None:
+def test_a_plan_counts_the_scatter_that_calibrations_state(before):
     other = replace(before, response=replace(before.response, patch="B"))
     f = np.linspace(100.0, 500.0, 50)
     only = Drift(common=0.0, own=0.0, damping=0.0)
@@ -133,7 +132,7 @@ def test_a_plan_counts_the_scatter_that_calibrations_state(before: Calibration) 
     assert variance(ChannelScatter(), replace(only, gain=0.03, delay=0.0)) == pytest.approx(np.full(50, 9e-4))
 
 
-def test_a_calibration_keeps_and_says_its_scatter(before: Calibration, tmp_path: Path) -> None:
+def test_a_calibration_keeps_and_says_its_scatter(before, tmp_path):
     rng = np.random.default_rng(2)
     [stated] = with_scatter([before], [shifted(before, g, 0.0, rng) for g in (0.002, -0.002, 0.004)])
     stated.save(tmp_path / "table.h5")

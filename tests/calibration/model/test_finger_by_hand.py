@@ -93,7 +93,7 @@ def tip(force: float = 1.0, place: str = "button") -> tuple[Contact, ...]:
     return Fingertip().at("a finger", PLACES[place], force)
 
 
-def test_a_finger_is_found_and_follows_its_law_to_other_forces(light: Pane) -> None:
+def test_a_finger_is_found_and_follows_its_law_to_other_forces(light):
     found = light.found(tip())
     for force in (0.25, 1.0, 4.0):
         assert relative(found.factor(F[BAND], force), light.factor(force)) < 0.01, force
@@ -104,7 +104,7 @@ def test_a_finger_is_found_and_follows_its_law_to_other_forces(light: Pane) -> N
     assert found.changed == pytest.approx(relative(light.factor(1.0) * bare, bare), rel=0.02)
 
 
-def test_what_no_fingertip_explains_is_refused_beyond_its_limit(light: Pane, heavy: Pane) -> None:
+def test_what_no_fingertip_explains_is_refused_beyond_its_limit(light, heavy):
     """3 % of what the finger changed, and 0.4 % of the response for noise."""
     for one, force, least, most in ((light, 1.0, 0.02, 0.025), (heavy, 0.1, 0.06, 0.08)):
         kept = one.found(tip(force), least)
@@ -114,7 +114,7 @@ def test_what_no_fingertip_explains_is_refused_beyond_its_limit(light: Pane, hea
             one.found(tip(force), most)
 
 
-def test_a_palm_and_two_fingers_are_refused_on_a_light_pane(light: Pane) -> None:
+def test_a_palm_and_two_fingers_are_refused_on_a_light_pane(light):
     two = (*tip(), *Fingertip().at("another", (0.62, 0.55), 1.0))
     for hands in (Palm().at("a palm", PLACES["button"], 5.0), two):
         with pytest.raises(DataError, match="unexplained"):
@@ -122,7 +122,7 @@ def test_a_palm_and_two_fingers_are_refused_on_a_light_pane(light: Pane) -> None
 
 
 @pytest.mark.long
-def test_a_palm_is_too_heavy_for_a_fingertip_where_it_looks_like_one(heavy: Pane) -> None:
+def test_a_palm_is_too_heavy_for_a_fingertip_where_it_looks_like_one(heavy):
     rng = np.random.default_rng(zlib.crc32(b"larch button"))
     for force in (0.5, 5.0):
         palm = Palm.of(rng).at("a palm", PLACES["button"], force)
@@ -132,7 +132,7 @@ def test_a_palm_is_too_heavy_for_a_fingertip_where_it_looks_like_one(heavy: Pane
             assert heavy.found(Fingertip.of(rng).at("a finger", PLACES["button"], force)).misfit < 0.01
 
 
-def test_nothing_is_no_finger_and_the_lightest_is_one(heavy: Pane) -> None:
+def test_nothing_is_no_finger_and_the_lightest_is_one(heavy):
     with pytest.raises(DataError, match=r"Nothing seems to rest .* P07 rests a fingertip"):
         heavy.found(Fingertip(13.0, 0.018, 6e-5).at("a crumb", PLACES["button"], 1.0))
     crumb = Fingertip(65.0, 0.09, 3e-4).at("five of them", PLACES["button"], 1.0)
@@ -140,7 +140,7 @@ def test_nothing_is_no_finger_and_the_lightest_is_one(heavy: Pane) -> None:
 
 
 @pytest.mark.long
-def test_the_uncertainty_is_that_of_a_hand_that_wanders(light: Pane, heavy: Pane) -> None:
+def test_the_uncertainty_is_that_of_a_hand_that_wanders(light, heavy):
     """With an exact response nothing else is left: 3 % of the force that was held for two seconds."""
     for one, force in ((light, 1.0), (light, 5.0), (heavy, 1.0)):
         found, bare = one.found(tip(force)), one.bare.response.velocity[BAND]
@@ -152,7 +152,7 @@ def test_the_uncertainty_is_that_of_a_hand_that_wanders(light: Pane, heavy: Pane
 
 
 @pytest.mark.night
-def test_people_s_fingers_are_as_far_off_as_is_stated() -> None:
+def test_people_s_fingers_are_as_far_off_as_is_stated():
     """Each holds a force that wanders; the truth is the pane's at the force that was asked for."""
     seed, over = zlib.crc32(b"alder thimble"), []
     for number, mass in enumerate((0.24, 0.1, 0.03)):
@@ -171,7 +171,7 @@ def test_people_s_fingers_are_as_far_off_as_is_stated() -> None:
 
 
 @pytest.mark.parametrize("mapped", [False, True])
-def test_what_is_seen_beside_tells_of_the_finger_s_own_point(light: Pane, mapped: bool) -> None:
+def test_what_is_seen_beside_tells_of_the_finger_s_own_point(light, mapped):
     points = tuple(PLACES)
     poles = (
         2 * np.pi * light.modes.natural_hz * (-light.modes.damping + 1j * np.sqrt(1 - light.modes.damping**2))
@@ -194,7 +194,7 @@ def test_what_is_seen_beside_tells_of_the_finger_s_own_point(light: Pane, mapped
     assert told > 2 * found.uncertainty
 
 
-def test_beside_the_finger_a_tenth_may_be_left(light: Pane) -> None:
+def test_beside_the_finger_a_tenth_may_be_left(light):
     rng = np.random.default_rng(2)
 
     def looked(unlike: float) -> Finger:
@@ -212,7 +212,7 @@ def test_beside_the_finger_a_tenth_may_be_left(light: Pane) -> None:
 
 
 @pytest.mark.long
-def test_a_force_that_no_fingertip_rests_with_has_no_response(light: Pane) -> None:
+def test_a_force_that_no_fingertip_rests_with_has_no_response(light):
     made = under_finger(light.bare, light.found(tip()))
     for force in (0.0, -1.0, float("nan"), 30.0):
         with pytest.raises(ConfigurationError, match=r"rests with 0\.1 to 20 N"):
@@ -221,7 +221,7 @@ def test_a_force_that_no_fingertip_rests_with_has_no_response(light: Pane) -> No
 
 
 @pytest.mark.long
-def test_a_calibration_at_another_force_is_of_one_finger_and_can_be_taken_back(light: Pane) -> None:
+def test_a_calibration_at_another_force_is_of_one_finger_and_can_be_taken_back(light):
     made = under_finger(light.bare, light.found(tip()))
     firm = at_force(made, 4.0)
     assert made.finger is not None and firm.finger is not None and firm.finger.force == 4.0
@@ -231,7 +231,7 @@ def test_a_calibration_at_another_force_is_of_one_finger_and_can_be_taken_back(l
     assert np.allclose(at_force(firm, 1.0).response.velocity, made.response.velocity, rtol=1e-9)
 
 
-def test_a_real_pole_is_no_mode_that_a_finger_loads(light: Pane) -> None:
+def test_a_real_pole_is_no_mode_that_a_finger_loads(light):
     found = light.found(tip())
     more = replace(found, poles=np.append(found.poles, -600.0), load=np.append(found.load, 1e3))
     assert np.array_equal(more.factor(F), found.factor(F))

@@ -45,7 +45,7 @@ def plate(
     return response_of(f, truth + noise, sigma), np.asarray(truth), float(natural[4])
 
 
-def test_the_carrier_is_a_peak_of_the_response_whatever_two_poles_cancel() -> None:
+def test_the_carrier_is_a_peak_of_the_response_whatever_two_poles_cancel():
     """Two pole pairs at 63.68 Hz whose residues nearly cancel are no strong resonance."""
     model = fit(plate(101)[0])
     double = 2 * np.pi * 63.68 * (-0.006 + 1j)
@@ -60,7 +60,7 @@ def test_the_carrier_is_a_peak_of_the_response_whatever_two_poles_cancel() -> No
     assert cancelling.resonance_hz == pytest.approx(model.resonance_hz)
 
 
-def test_poles_that_coincide_become_one() -> None:
+def test_poles_that_coincide_become_one():
     """Also when another pole pair, which is weak but real, is the one whose absence leaves least."""
     response = plate(101, snr_db=60)[0]
     noise = float(np.sqrt(np.mean(response.deviation**2)))
@@ -81,7 +81,7 @@ def test_poles_that_coincide_become_one() -> None:
 
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize(("damping_scale", "snr_db", "most"), [(1, 37, 1.4), (3, 37, 1.7), (1, 27, 1.5)])
-def test_the_fit_is_efficient(full: bool, damping_scale: float, snr_db: float, most: float) -> None:
+def test_the_fit_is_efficient(full, damping_scale, snr_db, most):
     """Within 1.4 of the bound of 12 pole pairs, a constant and a slope: 50 parameters; always stable.
 
     The bound is of the mean square; a fit that is told the order strays to 1.13 of it. Where modes overlap
@@ -105,7 +105,7 @@ def test_the_fit_is_efficient(full: bool, damping_scale: float, snr_db: float, m
     assert rms < 1.2 and max(errors) < most
 
 
-def test_resonances_are_the_modes() -> None:
+def test_resonances_are_the_modes():
     response, _, strongest = plate(3)
     resonance = max(fit(response).resonances, key=lambda r: r.strength)
     assert resonance.frequency_hz == pytest.approx(strongest, abs=0.05)
@@ -116,7 +116,7 @@ def test_resonances_are_the_modes() -> None:
     assert resonance.strength == pytest.approx(1.5 * 5e-5, rel=0.03)
 
 
-def test_noise_alone_is_stable_or_refused() -> None:
+def test_noise_alone_is_stable_or_refused():
     response, _, _ = plate(0, snr_db=-40)
     try:
         model = fit(response)
@@ -128,7 +128,7 @@ def test_noise_alone_is_stable_or_refused() -> None:
 
 
 @pytest.mark.parametrize("velocity", [np.zeros(50, complex), np.full(50, np.nan + 0j)])
-def test_what_is_no_response_is_refused(velocity: np.ndarray) -> None:
+def test_what_is_no_response_is_refused(velocity):
     with pytest.raises(DataError, match="zero, NaN or infinite"):
         fit(response_of(np.linspace(20, 600, 50), velocity))
 
@@ -150,7 +150,7 @@ def assert_six(model: Model) -> None:
 
 @pytest.mark.parametrize("lowest", [5, 10, 20])
 @pytest.mark.parametrize("quantity", ["velocity", "accelerance"])
-def test_six_resonances_of_a_real_beam_are_six(lowest: int, quantity: str) -> None:
+def test_six_resonances_of_a_real_beam_are_six(lowest, quantity):
     """All are far narrower than the lines of 1 Hz, and no simulator of ours made them."""
     f, accelerance = measured_beam(lowest)
     H = accelerance if quantity == "accelerance" else accelerance / (2j * np.pi * f)
@@ -164,33 +164,33 @@ def test_six_resonances_of_a_real_beam_are_six(lowest: int, quantity: str) -> No
 
 
 @pytest.mark.parametrize("quantity", ["velocity", "accelerance"])
-def test_a_real_beam_is_fitted_no_worse_than_by_scikit_rf(quantity: str) -> None:
+def test_a_real_beam_is_fitted_no_worse_than_by_scikit_rf(quantity):
     f, accelerance = measured_beam(10)
     H = accelerance if quantity == "accelerance" else accelerance / (2j * np.pi * f)
     case = Case(response_of(f, H), H, np.empty(0))
     assert fit(case.response).error <= np.linalg.norm(auto_fit(case) - H) / np.linalg.norm(H)
 
 
-def test_modes_of_synthetic_beams_are_named_and_nothing_else(full: bool) -> None:
+def test_modes_of_synthetic_beams_are_named_and_nothing_else(full):
     for number in range(200 if full else 8):
         case = beam(number)
         hits, extra = found(fit(case.response), case.natural)
         assert (hits, extra) == (len(case.natural), 0), number
 
 
-def test_a_plate_of_twelve_modes_names_no_thirteenth(full: bool) -> None:
+def test_a_plate_of_twelve_modes_names_no_thirteenth(full):
     for number in range(200 if full else 4):
         case = plate_of(number)
         assert found(fit(case.response), case.natural)[1] == 0, number
 
 
-def test_thirty_modes_are_fitted_to_the_noise(full: bool) -> None:
+def test_thirty_modes_are_fitted_to_the_noise(full):
     """Peaks show about two thirds of them, and on plate 2 no missing one is worth it without the others."""
     for number in range(200) if full else (2, 3):
         assert fit(plate_of(number, modes=30).response).error < 0.016, number
 
 
-def test_damping_lies_in_its_interval_or_is_said_to_be_a_bound(full: bool) -> None:
+def test_damping_lies_in_its_interval_or_is_said_to_be_a_bound(full):
     """The line spacing is 0.49 Hz: a mode of 0.1 % at 100 Hz is narrower, one of 1 % is not."""
     count, inside = (100, 0) if full else (8, 0)
     f = np.linspace(20, 620, 1228)
@@ -209,7 +209,7 @@ def test_damping_lies_in_its_interval_or_is_said_to_be_a_bound(full: bool) -> No
 
 
 @pytest.mark.parametrize(("second", "named"), [(0.95, 2), (0.8, 1)])
-def test_a_carrier_that_another_measurement_may_not_find_is_ambiguous(second: float, named: int) -> None:
+def test_a_carrier_that_another_measurement_may_not_find_is_ambiguous(second, named):
     f = np.linspace(20, 620, 1228)
     s, w, damping = 2j * np.pi * f[:, None], 2 * np.pi * np.array([150.0, 400.0]), 0.01
     H = (np.array([1.0, second]) * 2 * damping * w * s / (s**2 + 2 * damping * w * s + w**2)).sum(axis=1)
@@ -222,7 +222,7 @@ def test_a_carrier_that_another_measurement_may_not_find_is_ambiguous(second: fl
 
 
 @pytest.mark.timeout(3600)
-def test_the_carrier_is_the_plants_on_tables_that_nobody_chose(full: bool) -> None:
+def test_the_carrier_is_the_plants_on_tables_that_nobody_chose(full):
     if not full:
         pytest.skip("200 calibrations: --full")
     for number in range(200):
@@ -240,13 +240,13 @@ def test_the_carrier_is_the_plants_on_tables_that_nobody_chose(full: bool) -> No
     (np.linspace(600, 20, 50), "ascending"),
     (np.linspace(0, 600, 50), "above 0 Hz"),
 ])  # fmt: skip
-def test_lines_that_no_fit_can_use_are_refused(f: np.ndarray, of: str) -> None:
+def test_lines_that_no_fit_can_use_are_refused(f, of):
     with pytest.raises(DataError, match=of):
         fit(response_of(f, np.ones(len(f), complex)))
 
 
 @pytest.mark.parametrize("shape", ["real pole", "constant", "slope", "delay"])
-def test_a_response_without_a_resonance_is_refused(shape: str) -> None:
+def test_a_response_without_a_resonance_is_refused(shape):
     f = np.linspace(20, 620, 600)
     s = 2j * np.pi * f
     H = {
@@ -260,7 +260,7 @@ def test_a_response_without_a_resonance_is_refused(shape: str) -> None:
 
 
 @pytest.mark.parametrize(("modes", "damping", "lines"), [(1, 0.1, 9), (1, 0.01, 1228), (30, 0.002, 1228)])
-def test_a_response_without_noise_is_fitted_exactly(modes: int, damping: float, lines: int) -> None:
+def test_a_response_without_noise_is_fitted_exactly(modes, damping, lines):
     rng, f = generator("exact", modes), np.linspace(20, 620, lines)
     s, w = (
         2j * np.pi * f[:, None],
@@ -277,7 +277,7 @@ def fitted() -> tuple[Response, np.ndarray]:
     return response, response.frequencies
 
 
-def test_state_space_is_the_model(fitted: tuple[Response, np.ndarray]) -> None:
+def test_state_space_is_the_model(fitted):
     response, f = fitted
     model = fit(response)
     A, B, C, D = model.state_space()
@@ -287,7 +287,7 @@ def test_state_space_is_the_model(fitted: tuple[Response, np.ndarray]) -> None:
 
 
 @pytest.mark.parametrize(("rate_hz", "within"), [(5e3, 1e-3), (50e3, 1e-3)])
-def test_sections_are_the_model(fitted: tuple[Response, np.ndarray], rate_hz: float, within: float) -> None:
+def test_sections_are_the_model(fitted, rate_hz, within):
     response, f = fitted
     model = fit(response)
     sections = model.sos(rate_hz)
@@ -298,7 +298,7 @@ def test_sections_are_the_model(fitted: tuple[Response, np.ndarray], rate_hz: fl
         model.sos(2000.0)
 
 
-def test_a_matlab_file_holds_all_of_it(fitted: tuple[Response, np.ndarray], tmp_path: Path) -> None:
+def test_a_matlab_file_holds_all_of_it(fitted, tmp_path):
     response, f = fitted
     model, path = fit(response), tmp_path / "model.mat"
     savemat(path, model.variables(50e3))
@@ -317,7 +317,7 @@ def test_a_matlab_file_holds_all_of_it(fitted: tuple[Response, np.ndarray], tmp_
      (68.0, 137.4, 242.3, 263.6, 392.8, 521.5, 582.9), 0.0),
     ((68.0, 137.4, 203.1, 263.6), (68.68, 138.77, 266.24), 0.01),
 ])  # fmt: skip
-def test_a_patch_near_a_node_is_of_the_same_table(one: Any, other: Any, by: float) -> None:
+def test_a_patch_near_a_node_is_of_the_same_table(one, other, by):
     models: Any = [
         SimpleNamespace(resonances=[SimpleNamespace(frequency_hz=hz) for hz in each]) for each in (one, other)
     ]

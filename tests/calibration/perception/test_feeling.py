@@ -23,7 +23,7 @@ def said(feeling: Feeling) -> str:
     return " ".join((feeling.sentence, *feeling.notes))
 
 
-def test_a_loud_motion_is_felt_and_a_small_one_is_not() -> None:
+def test_a_loud_motion_is_felt_and_a_small_one_is_not():
     for level, answer, words in (
         (9, "yes", f"A{WHO} feels it (9 dB above threshold; "),
         (-4, "not known", f"Not known whether a{WHO} feels it (4 dB below threshold; "),
@@ -35,7 +35,7 @@ def test_a_loud_motion_is_felt_and_a_small_one_is_not() -> None:
         assert feeling.sentence.startswith(words)
 
 
-def test_each_act_has_its_own_level() -> None:
+def test_each_act_has_its_own_level():
     pressing, resting, sliding = felt(snap(9), snap(9)).acts
     assert [one.act.name for one in (pressing, resting, sliding)] == ["pressing", "resting", "sliding"]
     # At 264 Hz the curve of the grip lies 17 dB below that of a finger at rest.
@@ -43,14 +43,14 @@ def test_each_act_has_its_own_level() -> None:
     assert (pressing.answer, resting.answer) == ("yes", "not known")
 
 
-def test_a_motion_outside_the_table_is_not_called_felt() -> None:
+def test_a_motion_outside_the_table_is_not_called_felt():
     fast = 50 * np.sin(2 * np.pi * 3000 * np.arange(round(0.9 * RATE)) / RATE) * np.hanning(round(0.9 * RATE))
     assert felt(fast, fast).felt == "no"
     nothing = np.zeros(len(fast))
     assert "nothing moves between 18 and 1122 Hz" in felt(nothing, nothing).sentence
 
 
-def test_an_error_is_judged_by_the_just_noticeable_difference_where_it_was_measured() -> None:
+def test_an_error_is_judged_by_the_just_noticeable_difference_where_it_was_measured():
     target = snap(20)
     small, large = felt(target, 1.1 * target), felt(target, 1.4 * target)
     assert small.comparable and small.difference == "no" and "within the least just noticeable" in said(small)
@@ -59,7 +59,7 @@ def test_an_error_is_judged_by_the_just_noticeable_difference_where_it_was_measu
 
 
 @pytest.mark.parametrize("level", [9.9, 4, 0])
-def test_near_threshold_nothing_is_claimed_by_the_just_noticeable_difference(level: float) -> None:
+def test_near_threshold_nothing_is_claimed_by_the_just_noticeable_difference(level):
     target = snap(level)
     feeling = felt(target, 1.4 * target)
     assert not feeling.comparable and feeling.difference == "not known"
@@ -69,18 +69,18 @@ def test_near_threshold_nothing_is_claimed_by_the_just_noticeable_difference(lev
     assert small.difference == "not known" and "within the least" not in said(small)
 
 
-def test_a_difference_that_nobody_feels_is_not_felt_however_large_it_is() -> None:
+def test_a_difference_that_nobody_feels_is_not_felt_however_large_it_is():
     target = snap(-62)
     feeling = felt(target, 2 * target)
     assert feeling.difference == "no" and "too weak to be felt by itself" in said(feeling)
 
 
-def test_a_motion_where_there_should_be_none_is_felt_by_itself() -> None:
+def test_a_motion_where_there_should_be_none_is_felt_by_itself():
     feeling = felt(snap(-60), snap(8))
     assert feeling.difference == "yes" and "is felt by itself: the target is not" in said(feeling)
 
 
-def test_the_parts_of_the_press_that_are_lost_are_named() -> None:
+def test_the_parts_of_the_press_that_are_lost_are_named():
     first, second = snap(15, at=0.3), snap(9, at=0.6)
     feeling = felt(first, first, recorded=first + second)
     ((begin, end),) = feeling.lost
@@ -95,7 +95,7 @@ def test_the_parts_of_the_press_that_are_lost_are_named() -> None:
     assert quiet.lost == quiet.recorded_spans and "above it for 0 ms" in said(quiet)
 
 
-def test_loudness_is_relative_to_the_recorded_press_and_independent_of_both_sizes() -> None:
+def test_loudness_is_relative_to_the_recorded_press_and_independent_of_both_sizes():
     press = snap(18) + snap(12, at=0.5, hz=60)
     for size in (0.01, 1.0, 30.0):
         feeling = felt(0.1 * size * press, 0.1 * size * press, recorded=size * press)
@@ -104,7 +104,7 @@ def test_loudness_is_relative_to_the_recorded_press_and_independent_of_both_size
     assert np.isnan(felt(press, press).loudness_db)
 
 
-def test_the_noise_of_the_plays_is_stated_and_named() -> None:
+def test_the_noise_of_the_plays_is_stated_and_named():
     rng = np.random.default_rng(61151)
     target = snap(5)
     plays = target + rng.normal(scale=0.5, size=(8, len(target)))
@@ -117,11 +117,11 @@ def test_the_noise_of_the_plays_is_stated_and_named() -> None:
     assert "noise" not in said(feeling_of(target, 1.4 * target, RATE, plays=quiet))
 
 
-def test_an_estimated_form_of_the_threshold_is_named_where_the_level_depends_on_it() -> None:
+def test_an_estimated_form_of_the_threshold_is_named_where_the_level_depends_on_it():
     assert "the form of the threshold is estimated" in said(felt(snap(5, hz=550), snap(5, hz=550)))
     assert "the form" not in said(felt(snap(5), snap(5)))
 
 
-def test_the_figures_in_the_sentences_are_those_of_the_table() -> None:
+def test_the_figures_in_the_sentences_are_those_of_the_table():
     least = min(thresholds().differences, key=lambda d: d.fraction)
     assert (least.fraction, least.sensation, least.mark) == (0.20, 10.0, "found")

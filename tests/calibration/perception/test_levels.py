@@ -39,27 +39,27 @@ def burst(hz: float, seconds: float, at: float, times: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("hz", [50, 70, 90, 130, 170, 260, 310, 390, 450, 550, 710, 830])
-def test_a_second_of_a_sine_at_threshold_is_at_0_db(hz: float) -> None:
+def test_a_second_of_a_sine_at_threshold_is_at_0_db(hz):
     assert levels_of(tone(hz), RATE).pressing == pytest.approx(0, abs=0.1)
     lower = resting(np.array([hz])) - pressing(np.array([hz]))
     assert levels_of(tone(hz), RATE).resting == pytest.approx(-float(lower[0]), abs=0.1)
 
 
-def test_the_window_is_as_long_as_the_bursts_of_the_thresholds() -> None:
+def test_the_window_is_as_long_as_the_bursts_of_the_thresholds():
     assert thresholds().burst == 1.0
     snap = burst(260, 0.016, 0.4, 100)
     # A short burst is broad, and the threshold is not flat: some tenths of a dB.
     assert levels_of(snap, RATE).pressing == pytest.approx(20 + 10 * np.log10(0.016 / 1.0), abs=0.5)
 
 
-def test_a_second_burst_adds_its_energy_within_the_window_only() -> None:
+def test_a_second_burst_adds_its_energy_within_the_window_only():
     one = burst(260, 0.03, 0.2, 50)
     near, far = one + burst(260, 0.03, 0.6, 50), one + burst(260, 0.03, 1.5, 40)
     assert levels_of(near, RATE).pressing - levels_of(one, RATE).pressing == pytest.approx(3.01, abs=0.01)
     assert levels_of(far, RATE).pressing == pytest.approx(levels_of(one, RATE).pressing, abs=0.01)
 
 
-def test_twice_the_amplitude_is_6_db_everywhere() -> None:
+def test_twice_the_amplitude_is_6_db_everywhere():
     signal = burst(170, 0.05, 0.3, 7) + burst(420, 0.03, 0.33, 3)
     one, two = levels_of(signal, RATE), levels_of(2 * signal, RATE)
     six = 20 * np.log10(2)
@@ -69,7 +69,7 @@ def test_twice_the_amplitude_is_6_db_everywhere() -> None:
     assert two.estimated == pytest.approx(one.estimated)
 
 
-def test_the_level_depends_neither_on_the_rate_nor_on_where_the_signal_stands() -> None:
+def test_the_level_depends_neither_on_the_rate_nor_on_where_the_signal_stands():
     reference = levels_of(tone(130), RATE).pressing
     assert levels_of(tone(130, rate=50000.0), 50000.0).pressing == pytest.approx(reference, abs=0.01)
     assert levels_of(tone(130, at=0.25), RATE).pressing == pytest.approx(reference, abs=0.01)
@@ -77,7 +77,7 @@ def test_the_level_depends_neither_on_the_rate_nor_on_where_the_signal_stands() 
     assert np.isfinite(levels_of(tone(130)[: round(0.02 * RATE)], RATE).pressing)
 
 
-def test_nothing_is_counted_outside_the_table() -> None:
+def test_nothing_is_counted_outside_the_table():
     for hz in (3.0, 1500.0, 4000.0):
         t = np.arange(round(0.9 * RATE)) / RATE
         loud = 0.5 * np.sin(np.pi * t / 0.9) ** 2 * np.sin(2 * np.pi * hz * t)
@@ -85,13 +85,13 @@ def test_nothing_is_counted_outside_the_table() -> None:
     assert levels_of(np.zeros(1000), RATE).pressing == -np.inf
 
 
-def test_the_bands_show_the_tone() -> None:
+def test_the_bands_show_the_tone():
     bands = levels_of(tone(100), RATE).bands
     assert OCTAVES[np.argmax(bands)] == pytest.approx(100)
     assert np.max(bands) == pytest.approx(float(pressing(np.array([100.0]))[0]), abs=0.1)
 
 
-def test_the_mean_level_is_that_of_the_whole_record() -> None:
+def test_the_mean_level_is_that_of_the_whole_record():
     rng = np.random.default_rng(7793)
     noise = rng.normal(scale=0.3, size=round(4 * RATE))
     bands, total = mean_levels(noise, RATE)
@@ -101,13 +101,13 @@ def test_the_mean_level_is_that_of_the_whole_record() -> None:
     assert total == pytest.approx(levels_of(noise, RATE).pressing, abs=0.7)
 
 
-def test_the_running_level_is_centred() -> None:
+def test_the_running_level_is_centred():
     level = perception.running_level(burst(260, 0.01, 0.4, 100), RATE, perception.SHORT)
     loud = np.flatnonzero(level > level.max() - 3)
     assert loud.mean() / RATE == pytest.approx(0.405, abs=0.001)
 
 
-def test_the_table_agrees_with_what_the_literature_says_of_it() -> None:
+def test_the_table_agrees_with_what_the_literature_says_of_it():
     """Flat in displacement at low frequencies, then -12 dB an octave (Gescheider and Verrillo)."""
     hz = np.array([60.0, 200.0])
     displacement = resting(hz) - 40 * np.log10(hz)
@@ -119,7 +119,7 @@ def test_the_table_agrees_with_what_the_literature_says_of_it() -> None:
     assert 1e-7 < peak < 2e-7
 
 
-def test_a_finger_that_presses_is_more_sensitive_than_one_at_rest_where_it_was_found_so() -> None:
+def test_a_finger_that_presses_is_more_sensitive_than_one_at_rest_where_it_was_found_so():
     fast = OCTAVES[OCTAVES > 100]
     assert np.all(pressing(fast) < resting(fast) - 6)
     assert not np.isfinite(resting(np.array([5.0, 1200.0]))).any()
@@ -129,7 +129,7 @@ def test_a_finger_that_presses_is_more_sensitive_than_one_at_rest_where_it_was_f
     "gone",
     ['source = "aosp"', 'source = "forta"', 'source = "assumed"', 'source = "hif"', 'source = "bursts"'],
 )
-def test_a_row_without_a_source_is_refused(gone: str) -> None:
+def test_a_row_without_a_source_is_refused(gone):
     text = resources.files("haploop.calibration.perception").joinpath("thresholds.toml").read_text("utf-8")
     perception.parse_thresholds(text)
     with pytest.raises(DataError, match="names no source"):
@@ -138,7 +138,7 @@ def test_a_row_without_a_source_is_refused(gone: str) -> None:
         perception.parse_thresholds(text.replace(gone, 'source = "somebody"', 1))
 
 
-def test_a_row_without_a_mark_is_refused() -> None:
+def test_a_row_without_a_mark_is_refused():
     text = resources.files("haploop.calibration.perception").joinpath("thresholds.toml").read_text("utf-8")
     assert '"recalled"' not in text
     for mark in ("found", "estimate"):
@@ -146,13 +146,13 @@ def test_a_row_without_a_mark_is_refused() -> None:
             perception.parse_thresholds(text.replace(f'mark = "{mark}"', 'mark = "known"', 1))
 
 
-def test_every_source_is_that_of_some_row() -> None:
+def test_every_source_is_that_of_some_row():
     text = resources.files("haploop.calibration.perception").joinpath("thresholds.toml").read_text("utf-8")
     for source in tomllib.loads(text)["sources"]:
         assert f'source = "{source}"' in text
 
 
-def test_estimates_are_said_to_be_estimates() -> None:
+def test_estimates_are_said_to_be_estimates():
     assert thresholds().act("pressing").curve.found_to_hz == 315
     assert levels_of(tone(260), RATE).estimated < 0.01
     assert levels_of(tone(550), RATE).estimated > 0.99
@@ -161,7 +161,7 @@ def test_estimates_are_said_to_be_estimates() -> None:
     )
 
 
-def test_the_most_sensitive_people_found_lie_within_what_pressing_may_be() -> None:
+def test_the_most_sensitive_people_found_lie_within_what_pressing_may_be():
     """0.01 micrometres between 150 and 200 Hz (Brisben et al.), 9 dB below the curve."""
     rms = 0.01e-6 * (2 * np.pi * 175) ** 2 / np.sqrt(2)
     act = thresholds().act("pressing")
@@ -171,7 +171,7 @@ def test_the_most_sensitive_people_found_lie_within_what_pressing_may_be() -> No
 
 @pytest.mark.parametrize("level", [-25.0, -15.0, 0.0, 20.0])
 @pytest.mark.parametrize("noise", [0.0, 0.01, 0.1])
-def test_the_noise_of_plays_is_not_felt(level: float, noise: float) -> None:
+def test_the_noise_of_plays_is_not_felt(level, noise):
     """Of a motion 25 dB below threshold a laser's noise made one of 9 to 21 below."""
     rng = np.random.default_rng(5)
     moved, held = tone(260) * 10 ** (level / 20), 0
@@ -192,7 +192,7 @@ def test_the_noise_of_plays_is_not_felt(level: float, noise: float) -> None:
         assert levels_of(plays.mean(axis=0), RATE).pressing > -22 and not np.isfinite(low)
 
 
-def test_a_level_of_a_finer_signal_is_the_same() -> None:
+def test_a_level_of_a_finer_signal_is_the_same():
     for hz in (90, 260, 830):
         fine = levels_of(tone(hz, rate=50e3)[: round(2 * 50e3)], 50e3)
         assert fine.pressing == pytest.approx(0, abs=0.1)

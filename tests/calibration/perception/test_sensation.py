@@ -12,7 +12,7 @@ PRESSING = thresholds().act("pressing")
 WHO = "A person who presses with 2.0 N"
 
 
-def test_the_answer_is_known_where_both_ends_of_the_threshold_say_the_same() -> None:
+def test_the_answer_is_known_where_both_ends_of_the_threshold_say_the_same():
     for level, answer, words in (
         (PRESSING.higher + 0.1, "yes", f"{WHO} feels it (6 dB above threshold; "),
         (PRESSING.higher - 0.1, "not known", "Not known whether a person who presses with 2.0 N feels it ("),
@@ -26,7 +26,7 @@ def test_the_answer_is_known_where_both_ends_of_the_threshold_say_the_same() -> 
         assert words in sensation.sentence(2.0)
 
 
-def test_the_share_of_people_is_that_of_a_crowd_with_its_own_thresholds() -> None:
+def test_the_share_of_people_is_that_of_a_crowd_with_its_own_thresholds():
     rng = np.random.default_rng(4711)
     for level in (-8.0, 2.0, 11.0):
         least, most = Sensation(PRESSING, level).people
@@ -35,7 +35,7 @@ def test_the_share_of_people_is_that_of_a_crowd_with_its_own_thresholds() -> Non
             assert edge == pytest.approx(np.mean(level > crowd), abs=0.005)
 
 
-def test_a_known_threshold_narrows_the_share_and_decides() -> None:
+def test_a_known_threshold_narrows_the_share_and_decides():
     known = replace(PRESSING, higher=1.0, lower=1.0, mark="measured", basis="that of 12 people of this lab")
     assert Sensation(PRESSING, 3.0).answer == "not known"
     assert Sensation(known, 3.0).answer == "yes"
@@ -44,18 +44,18 @@ def test_a_known_threshold_narrows_the_share_and_decides() -> None:
     assert "12 people of this lab, known to 1 dB" in Sensation(known, 3.0).reservation
 
 
-def test_what_hardly_anybody_feels_is_told_from_what_some_do() -> None:
+def test_what_hardly_anybody_feels_is_told_from_what_some_do():
     at = -PRESSING.lower + PRESSING.spread * scipy.stats.norm.ppf(0.05)
     assert Sensation(PRESSING, at - 0.1).nobody and not Sensation(PRESSING, at + 0.1).nobody
 
 
-def test_shares_are_ranges_in_whole_percent() -> None:
+def test_shares_are_ranges_in_whole_percent():
     assert shares(0.631, 0.9987) == "63 to over 99 %"
     assert shares(0.001, 0.002) == "under 1 %"
     assert shares(0.5, 0.502) == "50 %"
 
 
-def test_the_estimate_is_marked_with_what_it_changes_and_what_settles_it() -> None:
+def test_the_estimate_is_marked_with_what_it_changes_and_what_settles_it():
     said = Sensation(PRESSING, 0.0).reservation
     for words in ("an estimate", "6 dB higher or 13 dB lower", "people differ by 6 dB", "settles it"):
         assert words in said

@@ -14,8 +14,6 @@ from haploop.calibration.recalibration.common_factor import common_factors, fact
 from haploop.calibration.recalibration.drift import PlaceMetrics, Verdict
 from haploop.calibration.recalibration.history import Generation, History
 from haploop.calibration.recalibration.look import look_at
-from tests.calibration.conftest import Calibrated
-from tests.conftest import OpenRig
 
 METRICS = PlaceMetrics(263.5, 0.01, 1.0, 0.99, 0.01, 0.1)
 
@@ -32,17 +30,17 @@ def seen(patch: str, factor: float, path: float = 1.0, point: str = "button") ->
     ([seen("A", 0.85), seen("B", 1.0, point="37")], ["The other patches do not tell which"]),
     ([seen("A", 1 / 0.85, 0.85)], ["drive monitor shows 0.85 times", "the monitor's divider"]),
 ])  # fmt: skip
-def test_what_can_have_made_a_factor_is_named(verdicts: list[Verdict], says: list[str]) -> None:
+def test_what_can_have_made_a_factor_is_named(verdicts, says):
     told = " ".join(common_factors(verdicts, {}, 0.05))
     assert all(part in told for part in says), told
     assert ("°" in told) == any(v.factor < 0.95 for v in verdicts)
 
 
-def test_a_small_factor_is_accepted_and_an_amplifier_is_none() -> None:
+def test_a_small_factor_is_accepted_and_an_amplifier_is_none():
     assert common_factors([seen("A", 0.97), seen("B", 1.0, path=0.8)], {}, 0.05) == ()
 
 
-def test_small_factors_of_several_nights_add_up_until_a_person_adopts() -> None:
+def test_small_factors_of_several_nights_add_up_until_a_person_adopts():
     def generation(name: str, parent: str, factor: float | None, content: str) -> Any:
         places = [{"patch": "A", "point": "button", "factor": factor}] if factor else None
         files = {"calibrations/A-button.h5": content, "buttons/push.h5": content}
@@ -70,7 +68,7 @@ def test_small_factors_of_several_nights_add_up_until_a_person_adopts() -> None:
 @pytest.mark.requires("simulation")
 @pytest.mark.many_plays
 @pytest.mark.night
-def test_another_patch_speaks_for_the_laser_or_for_the_patch(calibrated: Calibrated, open: OpenRig) -> None:
+def test_another_patch_speaks_for_the_laser_or_for_the_patch(calibrated, open):
     both = calibrated.calibration, calibrate(open(), "B")
     for fault, says in (
         ({"kind": "laser-askew", "scale": 0.85}, ["patch A", "patch B", "speaks for the laser"]),

@@ -10,12 +10,11 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from haploop.calibration import Calibration, Drive, Response
+from haploop.calibration import Calibration, Response
 from haploop.calibration.recalibration import drift
 from haploop.calibration.recalibration.drift import compare
 from haploop.calibration.recalibration.overlay import lay_over
 from haploop.instruments.config.rig_file import Recalibration
-from tests.calibration.conftest import Calibrated
 
 pytestmark = pytest.mark.many_plays
 
@@ -45,7 +44,7 @@ def moved(
     ({"gain": 0.5}, "broken", "0.50 times what it was"),
     ({"shift": 0.118}, "broken", "more than 10% is no drift"),
 ])  # fmt: skip
-def test_a_response_laid_over(calibrated: Calibrated, change: dict[str, float], kind: str, says: str) -> None:
+def test_a_response_laid_over(calibrated, change, kind, says):
     active = calibrated.calibration
     verdict = compare(active, moved(active, **change), {})
     assert verdict.kind == kind
@@ -56,7 +55,7 @@ def test_a_response_laid_over(calibrated: Calibrated, change: dict[str, float], 
     assert re.search(says, verdict.sentences[0])
 
 
-def test_what_is_not_the_same_place_is_broken(calibrated: Calibrated) -> None:
+def test_what_is_not_the_same_place_is_broken(calibrated):
     active = calibrated.calibration
     response = active.response
     mirrored = replace(response, velocity=response.velocity * np.exp(0.02j * response.frequencies))
@@ -70,7 +69,7 @@ SEEDS = [int.from_bytes(hashlib.sha256(f"drift {k}".encode()).digest()[:4], "big
 
 @pytest.mark.long
 @pytest.mark.parametrize("seed", SEEDS)
-def test_each_mode_may_move_by_its_own_amount(calibrated: Calibrated, drive: Drive, seed: int) -> None:
+def test_each_mode_may_move_by_its_own_amount(calibrated, drive, seed):
     active = calibrated.calibration
     model, response = active.model, active.response
     rng = np.random.default_rng(seed)
@@ -87,7 +86,7 @@ def test_each_mode_may_move_by_its_own_amount(calibrated: Calibrated, drive: Dri
 
 @pytest.mark.long
 @pytest.mark.parametrize("change", [0.02, -0.02])
-def test_a_single_mode_that_moved_is_a_drift(calibrated: Calibrated, drive: Drive, change: float) -> None:
+def test_a_single_mode_that_moved_is_a_drift(calibrated, drive, change):
     active = calibrated.calibration
     model, response = active.model, active.response
     for hz in (model.resonance_hz, 200):
@@ -99,7 +98,7 @@ def test_a_single_mode_that_moved_is_a_drift(calibrated: Calibrated, drive: Driv
         assert "moved each on its own" in " ".join(verdict.sentences)
 
 
-def test_a_pole_far_above_the_band_is_no_mode_that_moved(calibrated: Calibrated) -> None:
+def test_a_pole_far_above_the_band_is_no_mode_that_moved(calibrated):
     """It stands for what is far away, and no line shows where it is; its peak would be the highest of all."""
     active = calibrated.calibration
     model = active.model
@@ -123,7 +122,7 @@ def test_a_pole_far_above_the_band_is_no_mode_that_moved(calibrated: Calibrated)
     ("patch", "point"),
     [("A", "19"), *(pytest.param(*at, marks=pytest.mark.long) for at in (("A", "32"), ("B", "button")))],
 )
-def test_the_next_point_and_another_patch_are_broken(calibrated: Calibrated, patch: str, point: str) -> None:
+def test_the_next_point_and_another_patch_are_broken(calibrated, patch, point):
     """The true responses, with the lag that the active calibration's hysteresis has at its level."""
     active = calibrated.calibration
     lag = active.hysteresis.gain(active.response.level)
@@ -133,9 +132,7 @@ def test_the_next_point_and_another_patch_are_broken(calibrated: Calibrated, pat
 
 
 @pytest.mark.parametrize(("weight", "kind"), [(0.1, "broken"), (0.01, "drifted")])
-def test_a_mode_that_moved_further_than_any_drift_is_another_point(
-    calibrated: Calibrated, monkeypatch: pytest.MonkeyPatch, weight: float, kind: str
-) -> None:
+def test_a_mode_that_moved_further_than_any_drift_is_another_point(calibrated, monkeypatch, weight, kind):
     """As a table's next grid point looked: the modes moved by -2 to +10.5 %, and nearly a drift was left."""
     active = calibrated.calibration
     laid = lay_over(active.model, active.response.frequencies, active.response.velocity)
@@ -153,7 +150,7 @@ def test_a_mode_that_moved_further_than_any_drift_is_another_point(
     assert ("the laser still looks at the point" in verdict.sentences[0]) == (kind == "broken")
 
 
-def test_coherence_is_judged_first(calibrated: Calibrated) -> None:
+def test_coherence_is_judged_first(calibrated):
     active = calibrated.calibration
     weak = replace(moved(active), coherence=np.full(len(active.response.frequencies), 0.7))
     assert compare(active, weak, {}).kind == "broken"

@@ -43,7 +43,7 @@ def history(tmp_path: Path) -> History:
     return History(tmp_path / "calibrations")
 
 
-def test_nothing_is_made_before_anything_is_kept(history: History) -> None:
+def test_nothing_is_made_before_anything_is_kept(history):
     assert history.generations == history.activations == history.looks == ()
     assert not history.folder.exists()
     with pytest.raises(DataError, match=r"no active calibration.*adopt"):
@@ -52,7 +52,7 @@ def test_nothing_is_made_before_anything_is_kept(history: History) -> None:
         history.find("3")
 
 
-def test_a_generation_is_published_whole_and_then_activated(history: History) -> None:
+def test_a_generation_is_published_whole_and_then_activated(history):
     first = publish(history)
     assert first.name == "0001-20260731T021500Z"
     assert [p.name for p in first.paths("buttons")] == ["latch-A-button.h5"]
@@ -74,7 +74,7 @@ def test_a_generation_is_published_whole_and_then_activated(history: History) ->
     assert history.generations == (first, second)
 
 
-def test_numbers_go_on_past_four_digits(history: History) -> None:
+def test_numbers_go_on_past_four_digits(history):
     publish(history).folder.rename(history.folder / "9999-20260731T021500Z")
     assert [publish(history).name[:5] for _ in range(2)] == ["10000", "10001"]
     assert [g.name.partition("-")[0] for g in history.generations] == ["9999", "10000", "10001"]
@@ -82,7 +82,7 @@ def test_numbers_go_on_past_four_digits(history: History) -> None:
 
 @pytest.mark.parametrize("name", ["calibrations/A-button.h5", "buttons/latch-A-button.h5", "generation.json"])
 @pytest.mark.parametrize("how", ["changed", "gone"])
-def test_what_is_not_whole_is_never_active(history: History, name: str, how: str) -> None:
+def test_what_is_not_whole_is_never_active(history, name, how):
     generation = publish(history)
     history.activate(generation, when=WHEN, actor="", reason="")
     path = generation.folder / name
@@ -98,7 +98,7 @@ def test_what_is_not_whole_is_never_active(history: History, name: str, how: str
         assert len(history.activations) == 1
 
 
-def test_a_list_that_was_cut_or_changed_is_said_and_not_added_to(history: History) -> None:
+def test_a_list_that_was_cut_or_changed_is_said_and_not_added_to(history):
     generation = publish(history)
     for _ in range(2):
         history.activate(generation, when=WHEN, actor="a", reason="b")
@@ -116,14 +116,14 @@ def test_a_list_that_was_cut_or_changed_is_said_and_not_added_to(history: Histor
 
 
 @pytest.mark.parametrize("content", [{"a": 1}, [1], [{"generation": "0001"}], "no list"])
-def test_another_content_is_said(history: History, content: object) -> None:
+def test_another_content_is_said(history, content):
     history.folder.mkdir(parents=True)
     write_json(history.folder / "activations.json", "activations", content)
     with pytest.raises(DataError, match=r"activations\.json holds"):
         history.active()
 
 
-def test_a_manifest_of_a_later_version_is_said(history: History, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_manifest_of_a_later_version_is_said(history, monkeypatch):
     with monkeypatch.context() as later:
         later.setattr(json_files, "VERSION", 2)
         folder = publish(history).folder
@@ -131,7 +131,7 @@ def test_a_manifest_of_a_later_version_is_said(history: History, monkeypatch: py
         Generation.open(folder)
 
 
-def test_what_cannot_be_written_leaves_nothing(history: History) -> None:
+def test_what_cannot_be_written_leaves_nothing(history):
     kept = publish(history)
     with pytest.raises(DataError, match="no room"):
         history.add(
@@ -140,13 +140,13 @@ def test_what_cannot_be_written_leaves_nothing(history: History) -> None:
     assert [p.name for p in history.folder.iterdir()] == [kept.name]
 
 
-def test_looks_are_kept(history: History) -> None:
+def test_looks_are_kept(history):
     history.note({"outcome": "unchanged"})
     history.note({"outcome": "drifted", "places": [1]})
     assert history.looks == ({"outcome": "unchanged"}, {"outcome": "drifted", "places": [1]})
 
 
-def test_one_writer_at_a_time_and_what_a_dead_one_left_goes(history: History) -> None:
+def test_one_writer_at_a_time_and_what_a_dead_one_left_goes(history):
     publish(history)
     left = history.folder / ".0002-20260731T021500Z.part"
     left.mkdir()
@@ -190,7 +190,7 @@ serve(write)
 @pytest.mark.long
 @pytest.mark.timeout(1800)
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no fork, which makes many kills cheap")
-def test_a_kill_leaves_exactly_one_active_and_it_is_whole(history: History, full: bool) -> None:
+def test_a_kill_leaves_exactly_one_active_and_it_is_whole(history, full):
     """The writer does nothing but publish and activate, so that every kill falls into the middle of it."""
     rng = random.Random(7)
     history.activate(publish(history), when=WHEN, actor="", reason="")

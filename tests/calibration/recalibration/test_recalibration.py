@@ -11,7 +11,6 @@ import time
 from collections.abc import Mapping
 from dataclasses import replace
 from datetime import timedelta
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -29,10 +28,8 @@ from haploop.calibration.recalibration.history import History
 from haploop.calibration.recalibration.recalibration import Outcome, recalibrate
 from haploop.instruments import Rig, load_rig_file, log_entries
 from haploop.instruments.operator.unattended import Unattended
-from tests.calibration.conftest import Calibrated
 from tests.calibration.map.killing import Victims
 from tests.calibration.recalibration.conftest import WHEN
-from tests.conftest import OpenRig
 
 pytestmark = pytest.mark.many_plays
 
@@ -83,7 +80,7 @@ def failed(button: DigitalButton, why: str) -> DigitalButton:
     return replace(button, check=replace(button.check, verdict="fail", reasons=(why,)))
 
 
-def test_the_table_as_it_was_is_unchanged(calibrated: Calibrated, history: History) -> None:
+def test_the_table_as_it_was_is_unchanged(calibrated, history):
     before = content(history)
     outcome = recalibrate(calibrated.rig, history)
     assert changed_nothing(history, outcome, before, "unchanged")
@@ -93,7 +90,7 @@ def test_the_table_as_it_was_is_unchanged(calibrated: Calibrated, history: Histo
 
 @pytest.mark.long
 @pytest.mark.requires("simulation")
-def test_a_tenth_of_a_percent_is_unchanged(open: OpenRig, history: History) -> None:
+def test_a_tenth_of_a_percent_is_unchanged(open, history):
     before = content(history)
     rig = left_alone(open(mode_drift=0.001))
     outcome = recalibrate(rig, history, when=WHEN)
@@ -101,12 +98,12 @@ def test_a_tenth_of_a_percent_is_unchanged(open: OpenRig, history: History) -> N
     (verdict,) = outcome.verdicts
     assert verdict.now is not None
     assert verdict.now.resonance_hz == pytest.approx(rig.simulation.truth.resonance_hz, rel=3e-4)
-    assert "Aim the laser at the button point." in rig.operator.assumed  # type: ignore[attr-defined]
+    assert "Aim the laser at the button point." in rig.operator.assumed
 
 
 @pytest.mark.long
 @pytest.mark.requires("simulation")
-def test_three_percent_are_brought_back(open: OpenRig, history: History) -> None:
+def test_three_percent_are_brought_back(open, history):
     parent = history.active()
     rig = left_alone(open(mode_drift=0.03))
     outcome = recalibrate(rig, history, when=WHEN + timedelta(days=1), iterations=0)
@@ -145,7 +142,7 @@ def test_three_percent_are_brought_back(open: OpenRig, history: History) -> None
     ({"kind": "relay-swapped"}, "check that the laser still looks at the point"),
     ({"kind": "daq-overrun", "times": 9}, "lost"),
 ], ids=lambda value: value if isinstance(value, str) else "")  # fmt: skip
-def test_what_is_broken_is_named(open: OpenRig, history: History, fault: dict[str, Any], says: str) -> None:
+def test_what_is_broken_is_named(open, history, fault, says):
     """Drifted by 3 % as well: broken comes first."""
     before = content(history)
     rig = left_alone(open(mode_drift=0.03, faults=[fault]))
@@ -159,7 +156,7 @@ def test_what_is_broken_is_named(open: OpenRig, history: History, fault: dict[st
 @pytest.mark.requires("simulation")
 @pytest.mark.long
 @pytest.mark.parametrize("width", [0.2, 0.0])
-def test_another_hysteresis_is_a_drift(open: OpenRig, history: History, full: bool, width: float) -> None:
+def test_another_hysteresis_is_a_drift(open, history, full, width):
     """The response at the level of the measurement is as it was, and the old drive is 17 to 26 % off."""
     if width == 0.0 and not full:
         pytest.skip("the same with no hysteresis left: with --full only")
@@ -178,7 +175,7 @@ def kept(rig: Rig, calibration: Calibration) -> tuple[Calibration, Waveforms]:
     return calibration, Waveforms.of(rig, (), calibration.digest, "A", "button")
 
 
-def test_a_channel_is_kept(calibrated: Calibrated, history: History, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_channel_is_kept(calibrated, history, monkeypatch):
     (button,) = buttons_of(history.active()).values()
     scatter = ChannelScatter(gain=0.002, delay=1e-7, changes=8, seconds=86_400.0)
     pressed: Any = SimpleNamespace(participant="P07")
@@ -197,7 +194,7 @@ def test_a_channel_is_kept(calibrated: Calibrated, history: History, monkeypatch
 @pytest.mark.long
 @pytest.mark.usefixtures("looked_once")
 @pytest.mark.requires("simulation")
-def test_a_play_shows_more(calibrated: Calibrated, history: History, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_play_shows_more(calibrated, history, monkeypatch):
     """A button that fails on a table that seems unchanged is made anew; nothing else would tell."""
     (button,) = buttons_of(history.active()).values()
     off = failed(button, "It is off.")
@@ -214,7 +211,7 @@ def test_a_play_shows_more(calibrated: Calibrated, history: History, monkeypatch
 
 @pytest.mark.long
 @pytest.mark.usefixtures("looked_once")
-def test_the_least_first(calibrated: Calibrated, history: History, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_least_first(calibrated, history, monkeypatch):
     (push,) = buttons_of(history.active()).values()
 
     def like(name: str, error: float) -> DigitalButton:
@@ -235,7 +232,7 @@ def test_the_least_first(calibrated: Calibrated, history: History, monkeypatch: 
 
 @pytest.mark.long
 @pytest.mark.requires("simulation")
-def test_spikes_of_the_laser_are_filled_and_counted_and_named(open: OpenRig, history: History) -> None:
+def test_spikes_of_the_laser_are_filled_and_counted_and_named(open, history):
     before = content(history)
     rig = left_alone(open(faults=[{"kind": "laser-spikes", "rate": 20.0, "height": 5e-3}]))
     outcome = recalibrate(rig, history)
@@ -249,7 +246,7 @@ def test_spikes_of_the_laser_are_filled_and_counted_and_named(open: OpenRig, his
 
 @pytest.mark.long
 @pytest.mark.requires("simulation")
-def test_hum_of_the_laser_is_named(open: OpenRig, history: History) -> None:
+def test_hum_of_the_laser_is_named(open, history):
     before = content(history)
     rig = left_alone(
         open(faults=[{"kind": "mains-hum", "channel": "laser", "volts": 0.0005, "frequency": 60.0}])
@@ -260,13 +257,13 @@ def test_hum_of_the_laser_is_named(open: OpenRig, history: History) -> None:
     assert history.looks[-1]["laser_hum"]["mains_hz"] == 60.0
 
 
-def test_a_point_that_nobody_aims_at_is_not_measured(calibrated: Calibrated, history: History) -> None:
+def test_a_point_that_nobody_aims_at_is_not_measured(calibrated, history):
     before = content(history)
     calibrated.rig.adopt("operator", _Elsewhere(calibrated.rig.operator))
     try:
         outcome = recalibrate(calibrated.rig, history)
     finally:
-        calibrated.rig.adopt("operator", calibrated.rig.operator.inner)  # type: ignore[attr-defined]
+        calibrated.rig.adopt("operator", calibrated.rig.operator.inner)
     assert changed_nothing(history, outcome, before, "broken")
     assert outcome.verdicts == ()
     assert outcome.sentences == (
@@ -275,7 +272,7 @@ def test_a_point_that_nobody_aims_at_is_not_measured(calibrated: Calibrated, his
 
 
 @pytest.mark.long
-def test_a_button_that_nobody_aims_at_is_not_played(open: OpenRig, history: History, tmp_path: Path) -> None:
+def test_a_button_that_nobody_aims_at_is_not_played(open, history, tmp_path):
     """A night with two-button files alone ended in an internal error."""
     (push,) = buttons_of(history.active()).values()
     (here,) = push.calibrations
@@ -300,7 +297,7 @@ class _Elsewhere(Unattended):
 
 @pytest.mark.usefixtures("looked_once")
 @pytest.mark.requires("simulation")
-def test_all_or_nothing(open: OpenRig, history: History, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_all_or_nothing(open, history, monkeypatch):
     """One button of two fails: neither is activated."""
     (push,) = buttons_of(history.active()).values()
     latch = replace(push, press=replace(push.press, button="latch"))
@@ -338,7 +335,7 @@ def test_all_or_nothing(open: OpenRig, history: History, monkeypatch: pytest.Mon
         assert str(error) in " ".join(outcome.sentences)
 
 
-def test_another_rig_s_history_is_refused(calibrated: Calibrated, history: History, tmp_path: Path) -> None:
+def test_another_rig_s_history_is_refused(calibrated, history, tmp_path):
     generation = history.active()
     (calibration,) = calibrations_of(generation)
     foreign = replace(calibration, response=replace(calibration.response, rig="another"))
@@ -351,7 +348,7 @@ def test_another_rig_s_history_is_refused(calibrated: Calibrated, history: Histo
         recalibrate(calibrated.rig, History(tmp_path / "none"))
 
 
-def test_what_did_not_pass_or_was_disturbed_is_not_adopted(history: History) -> None:
+def test_what_did_not_pass_or_was_disturbed_is_not_adopted(history):
     before = content(history)
     good = buttons_of(history.active())["push-A-button"]
     bad = failed(good, "No.")
@@ -416,9 +413,7 @@ serve(run)
 @pytest.mark.timeout(7200)
 @pytest.mark.requires("simulation")
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no fork, which makes many kills cheap")
-def test_killed_at_any_moment_exactly_one_is_active_and_whole(
-    calibrated: Calibrated, first: Path, tmp_path: Path, mode: str, full: bool
-) -> None:
+def test_killed_at_any_moment_exactly_one_is_active_and_whole(calibrated, first, tmp_path, mode, full):
     """Moments over the whole run, and every second one while the new generation is being written."""
     if mode != "twin":
         pytest.skip("kills a twin")
@@ -455,9 +450,7 @@ def test_killed_at_any_moment_exactly_one_is_active_and_whole(
     assert ends["parent"] and (ends["new"] or not full)
 
 
-def test_what_becomes_active_is_logged_and_what_is_refused_is_not(
-    history: History, calibrated: Calibrated, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_becomes_active_is_logged_and_what_is_refused_is_not(history, calibrated, tmp_path, monkeypatch):
     monkeypatch.setenv("HAPLOOP_STATE", str(tmp_path / "state"))
     rig = calibrated.rig
     first = history.active()
@@ -476,7 +469,7 @@ def test_what_becomes_active_is_logged_and_what_is_refused_is_not(
     assert logged == [("adopted", second.name, "once more"), ("activated", first.name, "was better")]
 
 
-def test_unlogged_is_not_active(history: History, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unlogged_is_not_active(history, tmp_path, monkeypatch):
     (tmp_path / "file").write_text("in the way", encoding="utf-8")
     monkeypatch.setenv("HAPLOOP_STATE", str(tmp_path / "file"))
     first, activations = history.active(), history.activations
@@ -495,7 +488,7 @@ def test_unlogged_is_not_active(history: History, tmp_path: Path, monkeypatch: p
         marks=pytest.mark.night,
     ),
 ], ids=["hum", "a motor that starts meanwhile"])  # fmt: skip
-def test_a_disturbed_measurement_is_no_use(open: OpenRig, history: History, fault: dict[str, Any]) -> None:
+def test_a_disturbed_measurement_is_no_use(open, history, fault):
     """Seven of ten buttons were "restored" under hum and 23 to 37 % wrong."""
     before = content(history)
     rig = left_alone(open(mode_drift=0.02, faults=[{"channel": "laser", **fault}]))
@@ -509,7 +502,7 @@ def test_a_disturbed_measurement_is_no_use(open: OpenRig, history: History, faul
 @pytest.mark.requires("simulation")
 @pytest.mark.parametrize("scale", [0.7, 0.85, 0.93, 1.07, 1.3])
 @pytest.mark.parametrize("drifted", [False, True])
-def test_a_laser_askew(open: OpenRig, history: History, full: bool, scale: float, drifted: bool) -> None:
+def test_a_laser_askew(open, history, full, scale, drifted):
     """A factor within the accepted gain is told on a table as it was, and stops what a drift would begin."""
     if not full and (scale, drifted) not in {(0.85, False), (1.3, True), (0.93, True)}:
         pytest.skip("the same with other scales: with --full only")
@@ -529,7 +522,7 @@ def test_a_laser_askew(open: OpenRig, history: History, full: bool, scale: float
 
 
 @pytest.mark.requires("simulation")
-def test_the_untold_is_no_drift(open: OpenRig, history: History, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_untold_is_no_drift(open, history, monkeypatch):
     """The plays do not tell whether the button is right, and nothing has changed: that was "drifted"."""
     monkeypatch.setattr(sizes, "MORE_PLAYS", 1)
     # Else it would be judged up to a lower frequency, and pass.

@@ -11,7 +11,6 @@ import pytest
 from haploop.calibration.model.model import fit
 from haploop.calibration.recalibration import recalibration
 from haploop.calibration.recalibration.drift import compare
-from haploop.calibration.recalibration.history import History
 from haploop.calibration.recalibration.recalibration import Outcome, recalibrate
 from haploop.calibration.response import Response
 from haploop.mocks.plant import Fingertip, Hand
@@ -19,7 +18,6 @@ from haploop.mocks.plant.touched import touched_velocity
 from tests.calibration.conftest import Calibrated
 from tests.calibration.recalibration.conftest import WHEN
 from tests.calibration.recalibration.test_recalibration import changed_nothing, content, left_alone
-from tests.conftest import OpenRig
 
 pytestmark = [pytest.mark.many_plays, pytest.mark.requires("simulation"), pytest.mark.long]
 
@@ -35,7 +33,7 @@ def found(outcome: Outcome) -> str:
 @pytest.mark.parametrize(
     ("mass", "force", "palm"), [(0.96, 5.0, True), (0.32, 5.0, False), (0.096, 0.25, False)]
 )
-def test_a_hand_is_named(open: OpenRig, history: History, mass: float, force: float, palm: bool) -> None:
+def test_a_hand_is_named(open, history, mass, force, palm):
     before = content(history)
     rig = left_alone(open(pane_mass=mass, faults=[hand(force=force, palm=palm, point="31")]))
     rig.clock.sleep(1.0)
@@ -45,7 +43,7 @@ def test_a_hand_is_named(open: OpenRig, history: History, mass: float, force: fl
     assert not outcome.after
 
 
-def test_somebody_who_is_asked_takes_the_hand_away(open: OpenRig, history: History) -> None:
+def test_somebody_who_is_asked_takes_the_hand_away(open, history):
     before = content(history)
     rig = open(pane_mass=0.2, faults=[hand(point="31")])
     rig.clock.sleep(1.0)
@@ -55,7 +53,7 @@ def test_somebody_who_is_asked_takes_the_hand_away(open: OpenRig, history: Histo
 
 
 @pytest.mark.night
-def test_dampings_that_somebody_confirms_are_a_drift(open: OpenRig, history: History) -> None:
+def test_dampings_that_somebody_confirms_are_a_drift(open, history):
     """A boundary that damps one mode more looks like a hand; whoever sees that there is none decides."""
     changed = {"kind": "mode-drift", "damping": 1.0, "near": 263.5}
     outcome = recalibrate(left_alone(open(faults=[changed])), history, when=WHEN)
@@ -65,9 +63,7 @@ def test_dampings_that_somebody_confirms_are_a_drift(open: OpenRig, history: His
 
 
 @pytest.mark.parametrize("when", ["before the calibration", "after the calibration"])
-def test_a_hand_that_comes_while_buttons_are_made_is_not_adopted(
-    open: OpenRig, history: History, monkeypatch: pytest.MonkeyPatch, when: str
-) -> None:
+def test_a_hand_that_comes_while_buttons_are_made_is_not_adopted(open, history, monkeypatch, when):
     """The look found a drift alone, and the hand comes then."""
     before = content(history)
     rig = left_alone(open(pane_mass=0.3, mode_drift=0.01))
@@ -85,7 +81,7 @@ def test_a_hand_that_comes_while_buttons_are_made_is_not_adopted(
 
 
 @pytest.mark.night
-def test_a_hand_that_leaves(open: OpenRig, history: History, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_hand_that_leaves(open, history, monkeypatch):
     """Somebody confirmed that nothing rests on the table, and was wrong about it."""
     before = content(history)
     rig = open(pane_mass=0.3, mode_drift=0.01, faults=[hand(point="31")])
@@ -109,7 +105,7 @@ def modes(calibrated: Calibrated) -> Any:
 
 
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.night) for seed in range(1, 4))])
-def test_drift_is_no_hand_but_a_hand_on_a_drifted_table_is(calibrated: Calibrated, seed: int) -> None:
+def test_drift_is_no_hand_but_a_hand_on_a_drifted_table_is(calibrated, seed):
     """Against the plant's own response, with noise as in a look: frequencies, dampings alike, both."""
     rng, active = np.random.default_rng(seed), calibrated.calibration
     whole, f = modes(calibrated), active.response.frequencies
@@ -135,7 +131,7 @@ def test_drift_is_no_hand_but_a_hand_on_a_drifted_table_is(calibrated: Calibrate
 
 
 @pytest.mark.parametrize("patch", ["A", *(pytest.param(one, marks=pytest.mark.night) for one in "BCD")])
-def test_no_patch_takes_a_drift_for_a_hand(calibrated: Calibrated, patch: str, full: bool) -> None:
+def test_no_patch_takes_a_drift_for_a_hand(calibrated, patch, full):
     """It sees some modes weakly, beside others or at the band's edge: no response tells their dampings."""
     rng, active = np.random.default_rng(7), calibrated.calibration
     whole, f = modes(calibrated), active.response.frequencies

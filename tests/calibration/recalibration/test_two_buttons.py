@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from datetime import timedelta
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -31,7 +30,7 @@ def opened(mode_drift: float = 0.0) -> Rig:
 
 
 @pytest.mark.night
-def test_two_buttons_are_made_anew_together_on_a_table_that_has_drifted(tmp_path: Path) -> None:
+def test_two_buttons_are_made_anew_together_on_a_table_that_has_drifted(tmp_path):
     press = make_press()
     acceleration = 0.6 * np.roll(press.acceleration, round(0.02 * press.rate_hz))
     tick = replace(press, button="tick", acceleration=acceleration)

@@ -26,7 +26,7 @@ def measured(laser_hz: float, drive_hz: float) -> haploop.Response:
 
 
 @pytest.mark.long
-def test_a_response_does_not_depend_on_the_couplings() -> None:
+def test_a_response_does_not_depend_on_the_couplings():
     direct = measured(0.0, 0.0)
     for laser_hz, drive_hz in ((20.0, 0.0), (0.0, 5.0)):
         response = measured(laser_hz, drive_hz)

@@ -8,14 +8,13 @@ import pytest
 from haploop.calibration import quick_response
 from haploop.calibration.response import beyond, distortion, measure_above, measure_both_signs
 from haploop.calibration.response.response import LINEAR
-from tests.conftest import OpenRig
 
 pytestmark = pytest.mark.requires("simulation")
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("noise", [1.0, 5.0, 20.0])
-def test_noise_is_not_taken_for_distortion(open: OpenRig, noise: float) -> None:
+def test_noise_is_not_taken_for_distortion(open, noise):
     """A patch without hysteresis distorts nothing: what one play leaves on silent lines is noise."""
     rig = open(hysteresis=0.0, vibrometer_noise_scale=noise)
     one = quick_response(rig, hysteresis=LINEAR)
@@ -24,7 +23,7 @@ def test_noise_is_not_taken_for_distortion(open: OpenRig, noise: float) -> None:
 
 
 @pytest.mark.parametrize("noise", [1.0, 10.0])
-def test_a_distortion_is_found_in_noise(open: OpenRig, noise: float) -> None:
+def test_a_distortion_is_found_in_noise(open, noise):
     """Without its law, the loop of 12 % moves the table on lines that were not played."""
     found = [
         distortion(measure_both_signs(open(seed=41, vibrometer_noise_scale=scale), "A", "button"), LINEAR)
@@ -36,7 +35,7 @@ def test_a_distortion_is_found_in_noise(open: OpenRig, noise: float) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("noise", [1.0, 10.0])
-def test_noise_is_not_taken_for_motion_above_what_was_played(open: OpenRig, noise: float) -> None:
+def test_noise_is_not_taken_for_motion_above_what_was_played(open, noise):
     """A patch without hysteresis moves nothing there, one with it does."""
     for hysteresis in (0.0, 0.12):
         each = []

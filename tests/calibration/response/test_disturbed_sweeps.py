@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 
 from haploop.calibration import calibrate
-from tests.conftest import OpenRig
 
 pytestmark = [pytest.mark.requires("simulation"), pytest.mark.many_plays]
 
@@ -18,7 +15,7 @@ pytestmark = [pytest.mark.requires("simulation"), pytest.mark.many_plays]
     {"kind": "mains-hum", "volts": 0.02, "frequency": 49.9},
     {"kind": "rotating-machine", "volts": 0.02, "frequency": 117.3},
 ], ids=["hum", "fan"])  # fmt: skip
-def test_a_steady_tone_is_no_mode_and_no_error(open: OpenRig, fault: dict[str, Any]) -> None:
+def test_a_steady_tone_is_no_mode_and_no_error(open, fault):
     """Sweeps 410 periods of 50 Hz apart showed no scatter by hum: a mode at 49.99 Hz was named."""
     rig = open(seed=7, faults=[{"channel": "laser", **fault}])
     calibration = calibrate(rig)
@@ -37,7 +34,7 @@ def test_a_steady_tone_is_no_mode_and_no_error(open: OpenRig, fault: dict[str, A
 
 
 @pytest.mark.long
-def test_a_tone_that_is_not_steady_is_in_the_stated_deviation(open: OpenRig) -> None:
+def test_a_tone_that_is_not_steady_is_in_the_stated_deviation(open):
     fan = {"kind": "rotating-machine", "channel": "laser", "volts": 0.02, "frequency": 117.3, "wander": 1e-3}
     response = (rig := open(seed=7, faults=[fan])) and calibrate(rig).response
     inside = (response.frequencies > 30) & (response.frequencies < 600)

@@ -14,8 +14,6 @@ from haploop.calibration.response import QUICK, Spot, measure_response, play_swe
 from haploop.calibration.response.excitation import LinearSweep
 from haploop.calibration.self_test.patch_test import check_patches
 from haploop.instruments import Rig
-from tests.command_line import Run
-from tests.conftest import OpenRig
 from tests.instruments.rig.test_rig import assert_safe
 
 GENERATOR = """
@@ -48,7 +46,7 @@ def shape_error(rig: Rig, found: Any) -> float:
 @pytest.mark.long
 @pytest.mark.requires("simulation")
 @pytest.mark.many_plays
-def test_a_calibration_by_generator_is_as_near_the_truth_as_by_daq(open: OpenRig, file: str) -> None:
+def test_a_calibration_by_generator_is_as_near_the_truth_as_by_daq(open, file):
     rig = open(file, seed=23)
     found = calibrate(rig)
     error = shape_error(rig, found.response)
@@ -64,7 +62,7 @@ def test_a_calibration_by_generator_is_as_near_the_truth_as_by_daq(open: OpenRig
 
 
 @pytest.mark.requires("simulation")
-def test_one_sweep_is_found_in_what_the_monitor_shows(open: OpenRig, file: str) -> None:
+def test_one_sweep_is_found_in_what_the_monitor_shows(open, file):
     """On twin and wire."""
     rig = open(file)
     swept = play_sweep(Spot(rig, "A", "button"), LinearSweep(seconds=1.0, tail=0.2), 30.0)
@@ -76,9 +74,7 @@ def test_one_sweep_is_found_in_what_the_monitor_shows(open: OpenRig, file: str) 
 
 
 @pytest.mark.requires("simulation")
-def test_another_sweep_than_asked_is_refused(
-    open: OpenRig, file: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_another_sweep_than_asked_is_refused(open, file, monkeypatch):
     rig = open(file)
     other = LinearSweep(seconds=0.5, tail=0.2)
     monkeypatch.setattr(
@@ -90,7 +86,7 @@ def test_another_sweep_than_asked_is_refused(
     assert_safe(rig)
 
 
-def test_a_generator_plays_no_multisine_and_no_drive(open: OpenRig, file: str) -> None:
+def test_a_generator_plays_no_multisine_and_no_drive(open, file):
     rig = open(file)
     with pytest.raises(ConfigurationError, match="plays sweeps only"):
         measure_response(rig, excitation=QUICK)
@@ -98,7 +94,7 @@ def test_a_generator_plays_no_multisine_and_no_drive(open: OpenRig, file: str) -
         rig.excite(np.zeros(10), ["A"], ["drive"])
 
 
-def test_an_output_of_the_daq_plays_drives_on_the_generators_wire(open: OpenRig, tmp_path: Path) -> None:
+def test_an_output_of_the_daq_plays_drives_on_the_generators_wire(open, tmp_path):
     path = tmp_path / "both.toml"
     path.write_text(GENERATOR.replace('"generator"', '"amplifier"'))
     rig = open(str(path))
@@ -109,7 +105,7 @@ def test_an_output_of_the_daq_plays_drives_on_the_generators_wire(open: OpenRig,
 
 
 @pytest.mark.long
-def test_the_command_calibrates_by_the_generator(run: Run, file: str, tmp_path: Path) -> None:
+def test_the_command_calibrates_by_the_generator(run, file, tmp_path):
     out = tmp_path / "c.h5"
     assert run("calibrate", "--rig", file, "-o", out).exit_code == 0
     (made,) = load_calibrations([out])
@@ -119,7 +115,7 @@ def test_the_command_calibrates_by_the_generator(run: Run, file: str, tmp_path: 
 @pytest.mark.long
 @pytest.mark.requires("simulation")
 @pytest.mark.many_plays
-def test_doctor_tests_the_patches_by_the_generator(open: OpenRig, file: str) -> None:
+def test_doctor_tests_the_patches_by_the_generator(open, file):
     rig = open(file)
     found = {one.name: one for one in check_patches(rig)}
     assert {found[f"Patch {patch}"].status for patch in "ABCD"} == {"green"}

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from haploop.calibration.response.hysteresis import Hysteresis
-from tests.calibration.conftest import Calibrated
 
 
 @pytest.fixture
@@ -14,7 +13,7 @@ def patch() -> Hysteresis:
     return Hysteresis(np.array([0, 3, 8, 20.0]), np.array([0.6, 0.2, 0.1, 0.15]), 50.0)
 
 
-def test_the_inverse_undoes_the_loop(patch: Hysteresis) -> None:
+def test_the_inverse_undoes_the_loop(patch):
     walk = np.random.default_rng(0).standard_normal(5000).cumsum()
     linear_volts = patch.to_linear_volts(walk)
     assert np.abs(linear_volts - walk).max() > 3
@@ -24,7 +23,7 @@ def test_the_inverse_undoes_the_loop(patch: Hysteresis) -> None:
 
 
 @pytest.mark.parametrize("even", [(0.04, 0.0), (0.0, 0.07), (-0.03, 0.05), (0.05, -0.1)])
-def test_the_inverse_undoes_the_even_order_too(patch: Hysteresis, even: tuple[float, float]) -> None:
+def test_the_inverse_undoes_the_even_order_too(patch, even):
     bent = replace(patch, even=np.array(even))
     volts = 48 * np.sin(np.random.default_rng(1).standard_normal(5000).cumsum() / 5)
     linear_volts = bent.to_linear_volts(volts)
@@ -36,14 +35,14 @@ def test_the_inverse_undoes_the_even_order_too(patch: Hysteresis, even: tuple[fl
 
 
 @pytest.mark.parametrize("amplitude", [2, 10, 30, 50])
-def test_the_gain_is_the_first_harmonic(patch: Hysteresis, amplitude: float) -> None:
+def test_the_gain_is_the_first_harmonic(patch, amplitude):
     turn = 2 * np.pi * np.arange(20000) / 10000
     linear_volts = patch.to_linear_volts(amplitude * np.sin(turn))[10000:]
     measured = 2j * np.mean(linear_volts * np.exp(-1j * turn[10000:])) / amplitude
     assert patch.gain(amplitude) == pytest.approx(measured, abs=1e-4)
 
 
-def test_what_was_fitted_is_what_was_measured(calibrated: Calibrated) -> None:
+def test_what_was_fitted_is_what_was_measured(calibrated):
     hysteresis, response = calibrated.calibration.hysteresis, calibrated.calibration.response
     at_full = hysteresis.gain(response.level)
     assert abs(at_full) == pytest.approx(1)

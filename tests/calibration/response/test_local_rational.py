@@ -5,7 +5,6 @@ import pytest
 
 from haploop.calibration import Multisine, fit, quick_response
 from haploop.calibration.response.from_multisine import local_rational
-from tests.conftest import OpenRig
 
 RATE = 5000.0
 
@@ -32,8 +31,8 @@ def from_rest(multisine: Multisine, noise: float = 0.0, cubic: float = 0.0) -> t
 
 
 @pytest.mark.parametrize("lines", ["odd", "all"])
-def test_the_start_from_rest_is_told_from_the_response(lines: str) -> None:
-    numbers, drive, output, truth = from_rest(Multisine(lines=lines, high=500.0))  # type: ignore[arg-type]
+def test_the_start_from_rest_is_told_from_the_response(lines):
+    numbers, drive, output, truth = from_rest(Multisine(lines=lines, high=500.0))
     found = local_rational(drive, output, numbers)
     inside = numbers > 60 * 2.05
     truth = truth[numbers]
@@ -42,7 +41,7 @@ def test_the_start_from_rest_is_told_from_the_response(lines: str) -> None:
     assert np.linalg.norm((found.response - truth)[inside]) < 0.001 * np.linalg.norm(truth[inside])
 
 
-def test_it_knows_its_own_spread() -> None:
+def test_it_knows_its_own_spread():
     errors, claimed = [], []
     for seed in range(6):
         numbers, drive, output, truth = from_rest(Multisine(seed=seed, high=500.0), noise=0.02)
@@ -53,7 +52,7 @@ def test_it_knows_its_own_spread() -> None:
     assert np.sqrt(np.mean(errors)) == pytest.approx(np.sqrt(np.mean(claimed)), rel=0.25)
 
 
-def test_a_cubic_shows_on_the_odd_lines_that_were_left_out_and_not_on_the_even() -> None:
+def test_a_cubic_shows_on_the_odd_lines_that_were_left_out_and_not_on_the_even():
     multisine = Multisine(high=500.0)
     even, odd = multisine.silent()
     size = {}
@@ -69,7 +68,7 @@ def test_a_cubic_shows_on_the_odd_lines_that_were_left_out_and_not_on_the_even()
 
 
 @pytest.mark.long
-def test_two_seconds_are_enough_at_37_db(open: OpenRig, full: bool) -> None:
+def test_two_seconds_are_enough_at_37_db(open, full):
     """Lines within 0.5 % and the fit within 0.2 % of the plate's own response, from 2.05 s of measuring.
 
     The resonance is then known to 5 mHz and its damping to 0.5 %. 37 dB are velocity over noise, both

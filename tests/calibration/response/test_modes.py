@@ -41,7 +41,7 @@ def made(own: int, of: int, points: int, noise: float, rng: np.random.Generator)
 
 
 @pytest.mark.parametrize("together", [False, True])
-def test_modes_are_found_though_the_table_still_rings(together: bool) -> None:
+def test_modes_are_found_though_the_table_still_rings(together):
     rng = np.random.default_rng(1)
     groups = [made(0, 3, 10, 0.01, rng)] if together else [made(k, 1, 10, 0.01, rng) for k in range(3)]
     modes = fit_modes([plays for plays, _ in groups], 3)
@@ -54,7 +54,7 @@ def test_modes_are_found_though_the_table_still_rings(together: bool) -> None:
         assert np.all(left < 0.04)
 
 
-def test_no_pole_is_unstable() -> None:
+def test_no_pole_is_unstable():
     plays, _ = made(0, 1, 4, 0.3, np.random.default_rng(2))
     modes = fit_modes([plays], 1)
     assert isinstance(modes, Modes) and np.all(modes.poles.real < 0)

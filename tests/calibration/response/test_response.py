@@ -3,7 +3,6 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,8 +13,7 @@ from haploop.calibration import LinearSweep, Multisine, fit, measure_response, q
 from haploop.calibration.response import settle
 from haploop.calibration.response.spot import Channels
 from haploop.instruments import Aim, Rig
-from tests.calibration.conftest import Calibrated, tamper
-from tests.conftest import OpenRig
+from tests.calibration.conftest import tamper
 from tests.rig_files import changed
 
 SHORT = LinearSweep(repeats=2, seconds=1.5, tail=0.3, shares=())
@@ -32,7 +30,7 @@ def true_velocity(rig: Rig, frequencies: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.long
-def test_the_response_is_the_plates_own(open: OpenRig) -> None:
+def test_the_response_is_the_plates_own(open):
     """In gain and phase up to the band's end: a delay or a skew of 14 us that was left in would show."""
     rig = open(hysteresis=0)
     seen: list[tuple[float, float]] = []
@@ -51,7 +49,7 @@ def test_the_response_is_the_plates_own(open: OpenRig) -> None:
     assert response.simulated and response.rig == "simulated" and '"seed"' in response.rig_file
 
 
-def test_hysteresis_changes_the_gain_and_adds_no_harmonics(calibrated: Calibrated) -> None:
+def test_hysteresis_changes_the_gain_and_adds_no_harmonics(calibrated):
     response = calibrated.calibration.response
     truth = true_velocity(calibrated.rig, response.frequencies)
     gain = np.vdot(truth, response.velocity) / np.vdot(truth, truth)
@@ -60,7 +58,7 @@ def test_hysteresis_changes_the_gain_and_adds_no_harmonics(calibrated: Calibrate
     assert np.angle(gain) < -0.05
 
 
-def test_noise_coherence_and_path_are_what_the_rig_has(calibrated: Calibrated) -> None:
+def test_noise_coherence_and_path_are_what_the_rig_has(calibrated):
     response = calibrated.calibration.response
     assert np.all((response.coherence >= 0) & (response.coherence <= 1))
     near = (response.frequencies >= 255) & (response.frequencies <= 272)
@@ -82,7 +80,7 @@ def test_noise_coherence_and_path_are_what_the_rig_has(calibrated: Calibrated) -
     Multisine(lines=(1, 4), settle=1.0),
     LinearSweep(seconds=3.0, shares=()),
 ], ids=["from rest", "settled", "all lines", "interleaved", "sweep"])  # fmt: skip
-def test_the_truth_is_within_the_confidence_band(open: OpenRig, excitation: Multisine | LinearSweep) -> None:
+def test_the_truth_is_within_the_confidence_band(open, excitation):
     rig = open(hysteresis=0, vibrometer_noise_scale=20, seed=12)
     response = measure_response(rig, excitation=excitation)
     inside = response.frequencies > 30
@@ -97,7 +95,7 @@ def test_the_truth_is_within_the_confidence_band(open: OpenRig, excitation: Mult
     )
 
 
-def test_two_seconds_from_rest_are_a_response(open: OpenRig, full: bool) -> None:
+def test_two_seconds_from_rest_are_a_response(open, full):
     """On a plant with hysteresis, whose law is found in the same two seconds; within one complex number."""
     seen: list[tuple[float, float]] = []
     for seed in range(180, 200) if full else (41,):
@@ -109,7 +107,7 @@ def test_two_seconds_from_rest_are_a_response(open: OpenRig, full: bool) -> None
         gain = np.vdot(truth, response.velocity) / np.vdot(truth, truth)
         assert abs(gain) == pytest.approx(1, abs=0.02) and np.angle(gain) < -0.05
         lines = difference(response.velocity[inside] / gain, truth[inside])
-        model, known = fit(response), rig.simulation.truth  # type: ignore[union-attr]
+        model, known = fit(response), rig.simulation.truth
         fitted = difference(model.velocity(response.frequencies)[inside] / gain, truth[inside])
         plate = known.surface.modes(rig.clock.now())
         main = int(np.argmin(np.abs(plate.natural_hz - known.resonance_hz)))
@@ -121,7 +119,7 @@ def test_two_seconds_from_rest_are_a_response(open: OpenRig, full: bool) -> None
 
 
 @pytest.mark.long
-def test_a_known_law_takes_distortion_and_level_out(calibrated: Calibrated) -> None:
+def test_a_known_law_takes_distortion_and_level_out(calibrated):
     rig, law, sweep = calibrated.rig, calibrated.calibration.hysteresis, calibrated.calibration.response
     for level in (None, 12.0):
         response = quick_response(rig, level=level, hysteresis=law)
@@ -135,7 +133,7 @@ def test_a_known_law_takes_distortion_and_level_out(calibrated: Calibrated) -> N
         measure_response(rig, hysteresis=law)
 
 
-def test_the_monitors_images_are_taken_out_where_the_path_is_known() -> None:
+def test_the_monitors_images_are_taken_out_where_the_path_is_known():
     """A staircase through a pole, as sampled, is not what it is at its own frequency: 4 mrad at 600 Hz."""
     rate_hz, corner = 50e3, 5000.0
     f = np.linspace(20, 620, 300)
@@ -166,9 +164,7 @@ def test_the_monitors_images_are_taken_out_where_the_path_is_known() -> None:
     (lambda rig, patch: patch.setattr(rig.vibrometer, "signal_level", lambda: 0.02), InstrumentError,
      "2% of its light"),
 ], ids=["blind", "no drive", "out of range", "not confirmed", "dark"])  # fmt: skip
-def test_what_cannot_be_measured_is_no_response(
-    open: OpenRig, monkeypatch: pytest.MonkeyPatch, spoil: Any, error: type[Exception], says: str
-) -> None:
+def test_what_cannot_be_measured_is_no_response(open, monkeypatch, spoil, error, says):
     rig = open()
     spoil(rig, monkeypatch)
     with pytest.raises(error, match=says):
@@ -183,7 +179,7 @@ def unaimed(request: object) -> bool:
     return not isinstance(request, Aim)
 
 
-def test_what_a_response_needs_is_asked_for(open: OpenRig) -> None:
+def test_what_a_response_needs_is_asked_for(open):
     rig = open()
     with pytest.raises(ConfigurationError, match="2 repeats"):
         measure_response(rig, excitation=LinearSweep(repeats=1))
@@ -192,20 +188,20 @@ def test_what_a_response_needs_is_asked_for(open: OpenRig) -> None:
         measure_response(rig, excitation=SHORT)
 
 
-def test_estimators_see_only_what_a_lab_would_see() -> None:
+def test_estimators_see_only_what_a_lab_would_see():
     for source in Path(calibration.__file__).parent.glob("*.py"):
         text = source.read_text(encoding="utf-8")
         assert not re.search(r"\.simulation\b|\btruth\b|\bmocks\b", text), source
 
 
-def test_a_response_is_a_value(calibrated: Calibrated) -> None:
+def test_a_response_is_a_value(calibrated):
     with pytest.raises(AttributeError):
-        calibrated.calibration.response.patch = "B"  # type: ignore[misc]
+        calibrated.calibration.response.patch = "B"
     assert replace(calibrated.calibration.response, patch="B").patch == "B"
 
 
 @pytest.mark.usefixtures("unproved")
-def test_a_contact_that_fails_once_is_noticed_before_anything_is_measured(open: OpenRig) -> None:
+def test_a_contact_that_fails_once_is_noticed_before_anything_is_measured(open):
     """The first play erases the patch's memory; without it, the next one's motion is another."""
     rig = open(faults=[{"kind": "relay-welded", "times": 1}])
     with pytest.raises(InstrumentError, match=r"drive monitor shows 0\.?\d* V for each volt that patch A"):

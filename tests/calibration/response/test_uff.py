@@ -16,7 +16,6 @@ from haploop.calibration import Calibration, Response, read_uff, write_uff
 from haploop.commands.cli import cli
 from haploop.instruments import load_rig_file
 from haploop.terminal.exits import CommandState
-from tests.calibration.conftest import Calibrated
 from tests.calibration.model.test_model import plate
 
 
@@ -35,9 +34,7 @@ def response() -> Response:
     )
 
 
-def test_a_full_disk_leaves_nothing(
-    tmp_path: Path, response: Response, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_leaves_nothing(tmp_path, response, monkeypatch):
     def full(*_arguments: Any, **_settings: Any) -> None:
         error = Exception("Error writing data-set #58")
         error.__context__ = OSError(errno.ENOSPC, "No space left on device")
@@ -49,7 +46,7 @@ def test_a_full_disk_leaves_nothing(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_is_written_is_read(response: Response, tmp_path: Path) -> None:
+def test_what_is_written_is_read(response, tmp_path):
     other = replace(
         response, patch="B", point="button", velocity=2j * response.velocity, coherence=np.zeros(0)
     )
@@ -72,7 +69,7 @@ def test_what_is_written_is_read(response: Response, tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.iterdir()] == ["two.uff"]
 
 
-def test_another_reader_finds_units_and_places(response: Response, tmp_path: Path) -> None:
+def test_another_reader_finds_units_and_places(response, tmp_path):
     path = tmp_path / "one.uff"
     write_uff(path, [response])
     sets = pyuff.UFF(str(path)).read_sets()
@@ -99,7 +96,7 @@ def exported(path: Path, **change: Any) -> Path:
 
 
 @pytest.mark.parametrize(("kind", "unit", "power"), [(8, "m", 1), (11, "m/s", 0), (12, "m/s^2", -1)])
-def test_a_vibrometers_export_is_velocity(tmp_path: Path, kind: int, unit: str, power: int) -> None:
+def test_a_vibrometers_export_is_velocity(tmp_path, kind, unit, power):
     told = {"ordinate_spec_data_type": kind, "ordinate_axis_units_lab": unit}
     (one,) = read_uff(exported(tmp_path / "scan.uff", **told), patch="A")
     f = one.frequencies
@@ -119,12 +116,12 @@ def test_a_vibrometers_export_is_velocity(tmp_path: Path, kind: int, unit: str, 
     ({"orddenom_spec_data_type": 13, "orddenom_axis_units_lab": "N"},
      "is per N, and a patch is driven by volts"),
 ])  # fmt: skip
-def test_what_is_no_response_per_volt_is_refused(tmp_path: Path, change: dict[str, Any], said: str) -> None:
+def test_what_is_no_response_per_volt_is_refused(tmp_path, change, said):
     with pytest.raises(DataError, match=said):
         read_uff(exported(tmp_path / "scan.uff", **change))
 
 
-def test_files_that_are_none_say_so(response: Response, tmp_path: Path) -> None:
+def test_files_that_are_none_say_so(response, tmp_path):
     with pytest.raises(DataError, match="cannot be read"):
         read_uff(tmp_path / "missing.uff")
     text = tmp_path / "text.uff"
@@ -143,7 +140,7 @@ def test_files_that_are_none_say_so(response: Response, tmp_path: Path) -> None:
             read_uff(cut)
 
 
-def test_an_imported_response_is_fitted_and_needs_a_rig(response: Response, tmp_path: Path) -> None:
+def test_an_imported_response_is_fitted_and_needs_a_rig(response, tmp_path):
     path = tmp_path / "scan.uff"
     write_uff(path, [response])
     (alone,) = read_uff(path)
@@ -156,7 +153,7 @@ def test_an_imported_response_is_fitted_and_needs_a_rig(response: Response, tmp_
     assert Calibration.load(tmp_path / "calibration.h5").digest == calibration.digest
 
 
-def test_a_calibration_is_exported_by_a_command(calibrated: Calibrated, tmp_path: Path) -> None:
+def test_a_calibration_is_exported_by_a_command(calibrated, tmp_path):
     file = tmp_path / "calibration.h5"
     calibrated.calibration.save(file)
     for name in ("a.uff", "a.mat"):

@@ -21,9 +21,8 @@ from haploop.calibration.response import Hysteresis
 from haploop.calibration.response.from_multisine import from_multisine
 from haploop.calibration.response.from_sweeps import from_sweeps
 from haploop.mocks.plant import random_modal
-from tests.calibration.conftest import Calibrated, make_press
+from tests.calibration.conftest import make_press
 from tests.calibration.response.synthetic import AS_SAMPLED, RATE, Plant, swept
-from tests.conftest import OpenRig
 
 
 def within(error: np.ndarray, deviation: np.ndarray, n: float) -> float:
@@ -38,7 +37,7 @@ NARROW = Plant(
 
 
 @pytest.mark.parametrize("noise", [3e-6, 3e-5])
-def test_two_seconds_resolve_resonances_narrower_than_their_lines(noise: float) -> None:
+def test_two_seconds_resolve_resonances_narrower_than_their_lines(noise):
     """Close pairs and damping of 0.2 %, where lines are 0.49 Hz apart and resonances 0.24 Hz wide."""
     multisine = Multisine()
     drive = multisine.volts(RATE, 50.0)
@@ -52,7 +51,7 @@ def test_two_seconds_resolve_resonances_narrower_than_their_lines(noise: float) 
     assert np.linalg.norm(found.deviation) < 4 * np.linalg.norm(error)
 
 
-def test_a_tone_from_elsewhere_is_no_resonance() -> None:
+def test_a_tone_from_elsewhere_is_no_resonance():
     multisine = Multisine()
     drive = multisine.volts(RATE, 50.0)
     t = np.arange(len(drive)) / RATE
@@ -64,7 +63,7 @@ def test_a_tone_from_elsewhere_is_no_resonance() -> None:
     assert within(found.velocity - true, found.deviation, 2) > 0.9
 
 
-def test_a_drift_between_sweeps_is_in_their_deviation() -> None:
+def test_a_drift_between_sweeps_is_in_their_deviation():
     sweep = LinearSweep(seconds=3.5, tail=1.0)
     for drift in (0.0, 1e-3):
         drives, velocities = swept(NARROW, sweep, drift, noise=3e-6)
@@ -79,7 +78,7 @@ def test_a_drift_between_sweeps_is_in_their_deviation() -> None:
 
 
 @pytest.mark.long
-def test_modes_that_soften_are_in_the_deviation() -> None:
+def test_modes_that_soften_are_in_the_deviation():
     """Sweeps at two levels show it, and a multisine on the lines that it leaves out."""
     surface = random_modal(np.random.default_rng(60481), modes=6, damping=(0.006, 0.01), close_pairs=0)
     soft = surface.model_copy(update={"softening": 0.001})
@@ -90,12 +89,12 @@ def test_modes_that_soften_are_in_the_deviation() -> None:
             assert np.mean(row.ratios < 1) > 0.5 and np.mean(row.ratios < 2) > 0.9, (excitation, row)
 
 
-def test_a_law_that_does_not_hold_is_in_the_deviation(open: OpenRig) -> None:
+def test_a_law_that_does_not_hold_is_in_the_deviation(open):
     """The loop of 12 % distorts, on odd lines alone, and a response computed without its law says so."""
     rig = open(seed=41)
     none = Hysteresis(np.zeros(1), np.ones(1), 50.0)
     response = measure_response(rig, excitation=Multisine(settle=0.5), hysteresis=none, within=1.0)
-    truth = rig.simulation.truth.velocity_response("A", "button", response.frequencies)  # type: ignore[union-attr]
+    truth = rig.simulation.truth.velocity_response("A", "button", response.frequencies)
     gain = np.vdot(truth, response.velocity) / np.vdot(truth, truth)
     left = np.linalg.norm(response.velocity / gain - truth) / np.linalg.norm(truth)
     assert 0.01 < left < 0.06
@@ -104,7 +103,7 @@ def test_a_law_that_does_not_hold_is_in_the_deviation(open: OpenRig) -> None:
     assert 0.01 < odd < 0.06 and even < 0.5 * odd
 
 
-def test_a_response_that_is_not_known_is_measured_for_longer(open: OpenRig) -> None:
+def test_a_response_that_is_not_known_is_measured_for_longer(open):
     rig = open(seed=52, hysteresis=0, vibrometer_noise_scale=60)
     multisine = Multisine(low=200.0, high=320.0)
     once = measure_response(rig, excitation=multisine, within=1.0)
@@ -116,7 +115,7 @@ def test_a_response_that_is_not_known_is_measured_for_longer(open: OpenRig) -> N
     assert f"standard deviation {response.uncertainty:.2%}" in response.excitation
 
 
-def test_a_multisines_law_is_kept(open: OpenRig, calibrated: Calibrated) -> None:
+def test_a_multisines_law_is_kept(open, calibrated):
     """What 2.05 s found serves drives as what 49 s of sweeps found does."""
     rig = open()
     response = measure_response(rig, excitation=Multisine())
@@ -127,7 +126,7 @@ def test_a_multisines_law_is_kept(open: OpenRig, calibrated: Calibrated) -> None
         assert law.gain(volts) == pytest.approx(swept_law.gain(volts), abs=0.03)
 
 
-def test_what_a_multisine_calibrates_passes_its_check(open: OpenRig, full: bool) -> None:
+def test_what_a_multisine_calibrates_passes_its_check(open, full):
     """Without its law the check failed at 22 to 24 %."""
     if not full:
         pytest.skip("a calibration, a drive and a check: with --full only")
@@ -138,7 +137,7 @@ def test_what_a_multisine_calibrates_passes_its_check(open: OpenRig, full: bool)
         assert found.passed and found.within.root < 0.1
 
 
-def test_random_plants_are_within_what_is_stated(full: bool) -> None:
+def test_random_plants_are_within_what_is_stated(full):
     """Shares of lines within one and two standard deviations; Gaussian noise would have 63 and 98 %."""
     shares = []
     for number in range(200) if full else (0, 3):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import h5py
 import numpy as np
 import pytest
@@ -11,13 +9,12 @@ import pytest
 from haploop.acquisition import verify
 from haploop.calibration import LinearSweep, Waveforms, measure_response
 from haploop.reports.contents import file_contents
-from tests.conftest import OpenRig
 
 pytestmark = pytest.mark.rig
 SHORT = LinearSweep(repeats=2, seconds=1.5, tail=1.0, shares=())
 
 
-def test_the_response_is_computed_again_from_the_file(open: OpenRig, tmp_path: Path) -> None:
+def test_the_response_is_computed_again_from_the_file(open, tmp_path):
     """With nothing but numpy and h5py; docs/explanation/check.md shows the same script."""
     path = tmp_path / "c-waveforms.h5"
     rig = open(hysteresis=0)

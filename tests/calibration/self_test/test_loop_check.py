@@ -16,8 +16,6 @@ from haploop.calibration.self_test import loop_test
 from haploop.instruments import Rig, load_rig_file
 from haploop.instruments.config import Device, RigFile
 from haploop.mocks.daq.sound_card import DuplexCard
-from tests.command_line import Run
-from tests.conftest import OpenRig
 
 pytestmark = [pytest.mark.requires("simulation"), pytest.mark.usefixtures("few_callbacks")]
 
@@ -35,7 +33,7 @@ def with_daq(**changes: Any) -> RigFile:
 
 
 def card_of(rig: Rig) -> DuplexCard:
-    card = rig.daq.audio  # type: ignore[attr-defined]
+    card = rig.daq.audio
     assert isinstance(card, DuplexCard)
     return card
 
@@ -46,11 +44,11 @@ def looped(
     with haploop.open_rig(with_daq(**daq), simulate="twin") as rig:
         change(card_of(rig))
         findings = haploop.examine_loop(rig, "drive", volts)
-        assert not rig.simulation.plant.cables and rig.simulation.truth.peak == 0  # type: ignore[union-attr]
+        assert not rig.simulation.plant.cables and rig.simulation.truth.peak == 0
     return {finding.name: (finding.status, finding.sentence) for finding in findings}
 
 
-def test_a_card_as_the_file_says_is_green_but_for_the_voltmeter() -> None:
+def test_a_card_as_the_file_says_is_green_but_for_the_voltmeter():
     found = looped()
     assert {name: status for name, (status, _) in found.items()} == {
         "Volts of amplifier": "yellow",
@@ -62,7 +60,7 @@ def test_a_card_as_the_file_says_is_green_but_for_the_voltmeter() -> None:
 
 
 @pytest.mark.long
-def test_the_latency_is_told() -> None:
+def test_the_latency_is_told():
     assert looped(latency=0)["Latency"] == (
         "red",
         "The input is late by 1152 samples in each of 3 plays: write latency = 1152 in [daq].",
@@ -74,7 +72,7 @@ def test_the_latency_is_told() -> None:
     assert "write latency = 2000 in [daq]" in looped(slower)["Latency"][1]
 
 
-def test_another_latency_each_time_is_no_latency(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_latency_each_time_is_no_latency(monkeypatch):
     opened = DuplexCard.Stream
 
     def later(card: DuplexCard, **settings: Any) -> Any:
@@ -87,7 +85,7 @@ def test_another_latency_each_time_is_no_latency(monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.long
-def test_volts_are_told_with_and_without_a_voltmeter() -> None:
+def test_volts_are_told_with_and_without_a_voltmeter():
     """The card puts out 1.1 V where the file says 1.4, and its input takes 1.5 V as the file says."""
 
     def quieter(card: DuplexCard) -> None:
@@ -101,7 +99,7 @@ def test_volts_are_told_with_and_without_a_voltmeter() -> None:
     assert told["Volts of drive"][0] in ("green", "yellow")
 
 
-def test_the_corner_is_told() -> None:
+def test_the_corner_is_told():
     def other(card: DuplexCard) -> None:
         card.named["amplifier"].high_pass_hz = card.high_pass_hz["drive"] = 12.0
 
@@ -110,7 +108,7 @@ def test_the_corner_is_told() -> None:
     assert float(sentence.partition("high_pass_hz = ")[2].split()[0]) == pytest.approx(12, rel=0.05)
 
 
-def test_wires_that_are_swapped_or_missing_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_wires_that_are_swapped_or_missing_are_told(monkeypatch):
     def turned(card: DuplexCard) -> None:
         card.full_scale["drive"] *= -1
 
@@ -119,7 +117,7 @@ def test_wires_that_are_swapped_or_missing_are_told(monkeypatch: pytest.MonkeyPa
     assert "drive hears nothing of 0.48 V at amplifier" in looped()["Loop"][1]
 
 
-def test_the_command_says_the_same(run: Run) -> None:
+def test_the_command_says_the_same(run):
     file = str(Path(__file__).with_name("card.toml"))
     ran = run("doctor", "--rig", file, "--simulate", "twin", "--loop", "drive", "--json")
     assert ran.exit_code == 0 and '"Latency"' in ran.stdout
@@ -135,21 +133,21 @@ def cabled(mode: str) -> None:
 
 
 @pytest.mark.usefixtures("cabled")
-def test_ni_cards_are_measured_as_well(open: OpenRig) -> None:
+def test_ni_cards_are_measured_as_well(open):
     rig = open("haptable")
     found = {f.name: f for f in haploop.examine_loop(rig, "drive")}
     assert {found[name].status for name in ("Volts of drive", "Latency", "AC coupling")} == {"green"}
 
 
 @pytest.mark.parametrize("name", ["voice-coil", "no-ni"])
-def test_without_a_relay_nothing_is_played_into_a_cable(name: str, open: OpenRig) -> None:
+def test_without_a_relay_nothing_is_played_into_a_cable(name, open):
     rig = open(name)
     with pytest.raises(ConfigurationError, match=r"has no relay, so a loop's plays may reach its actuator"):
         haploop.examine_loop(rig, "drive")
-    assert rig.simulation.truth.peak == 0 and not rig.simulation.plant.cables  # type: ignore[union-attr]
+    assert rig.simulation.truth.peak == 0 and not rig.simulation.plant.cables
 
 
-def test_without_a_relay_the_monitor_tells_the_latency() -> None:
+def test_without_a_relay_the_monitor_tells_the_latency():
     """As docs/how-to/sound-card.md says: the card is late by 1152 frames, its amplifier by one."""
     # Doctor's sweep: the proof of the gain is too short to tell.
     file = load_rig_file("no-ni")
@@ -165,7 +163,7 @@ def test_without_a_relay_the_monitor_tells_the_latency() -> None:
         rig.excite(sweep, ["A"], ["drive"])
 
 
-def test_what_cannot_be_measured_so_is_refused(open: OpenRig) -> None:
+def test_what_cannot_be_measured_so_is_refused(open):
     with pytest.raises(ConfigurationError, match="is not fed by one output of the DAQ"):
         haploop.examine_loop(open("sound-card"), "drive")
     with pytest.raises(ConfigurationError, match="nan V is no reading of a voltmeter"):

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import pytest
 
 from haploop.calibration.self_test.sensor_test import check_noise
-from tests.conftest import OpenRig
 
 pytestmark = pytest.mark.requires("simulation")
 
@@ -16,7 +13,7 @@ FAN = {"kind": "rotating-machine", "channel": "laser", "volts": 0.01, "frequency
 
 
 @pytest.mark.parametrize("faults", [[], [HUM], [HUM, FAN]], ids=["quiet", "hum", "hum and a fan"])
-def test_tones_are_named_where_they_are_and_nowhere_else(open: OpenRig, faults: list[dict[str, Any]]) -> None:
+def test_tones_are_named_where_they_are_and_nowhere_else(open, faults):
     found = {finding.name: finding for finding in check_noise(open(faults=faults))}
     told = {name: finding for name, finding in found.items() if "steady tones" in finding.sentence}
     assert set(told) == {f"Noise floor of {fault['channel']}" for fault in faults}

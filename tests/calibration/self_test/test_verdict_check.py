@@ -7,15 +7,14 @@ import re
 import numpy as np
 import pytest
 
-from haploop.calibration import Drive, check
+from haploop.calibration import check
 from haploop.calibration.self_test.verdict_test import check_verdicts
-from tests.conftest import OpenRig
 
 pytestmark = [pytest.mark.requires("simulation"), pytest.mark.many_plays]
 
 
 @pytest.mark.long
-def test_doctor_says_beforehand_what_a_check_will_tell(open: OpenRig, drive: Drive) -> None:
+def test_doctor_says_beforehand_what_a_check_will_tell(open, drive):
     rig = open()
     _, of_it = check_verdicts(rig, {"push": drive})
     (told,) = re.findall(r"8 plays tell ([\d.]+)% of error", of_it.sentence)
@@ -23,7 +22,7 @@ def test_doctor_says_beforehand_what_a_check_will_tell(open: OpenRig, drive: Dri
     assert of_it.status == "green" and float(told) / 100 == pytest.approx(np.mean(ends), rel=0.4)
 
 
-def test_a_laser_that_cannot_tell_is_said_before_anything_is_played(open: OpenRig, drive: Drive) -> None:
+def test_a_laser_that_cannot_tell_is_said_before_anything_is_played(open, drive):
     rig = open(vibrometer_noise_scale=200.0)
     general, of_it = check_verdicts(rig, {"push": drive})
     assert general.sentence.startswith("Up to 5000 Hz, 8 plays tell 20% of error of a target of")

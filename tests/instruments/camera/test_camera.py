@@ -91,7 +91,7 @@ def opened(source: Path, **settings: Any) -> OpenCvCamera:
     return OpenCvCamera.open(asked, VirtualClock())
 
 
-def test_a_video_is_read_frame_by_frame_to_its_end(tmp_path: Path) -> None:
+def test_a_video_is_read_frame_by_frame_to_its_end(tmp_path):
     camera = opened(video(tmp_path / "finger.avi"))
     camera.start()
     frames = [camera.read() for _ in range(20)]
@@ -102,7 +102,7 @@ def test_a_video_is_read_frame_by_frame_to_its_end(tmp_path: Path) -> None:
         camera.read()
 
 
-def test_what_is_no_camera_is_refused_in_one_sentence(tmp_path: Path) -> None:
+def test_what_is_no_camera_is_refused_in_one_sentence(tmp_path):
     pytest.importorskip("cv2")
     (tmp_path / "text.avi").write_text("no video", encoding="utf-8")
     for says, use in (
@@ -115,7 +115,7 @@ def test_what_is_no_camera_is_refused_in_one_sentence(tmp_path: Path) -> None:
             use()
 
 
-def test_without_opencv_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_opencv_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "cv2", None)
     with pytest.raises(ConfigurationError, match=r'pip install "haploop\[camera\]"'):
         OpenCvCamera.open(SETTINGS, VirtualClock())
@@ -148,7 +148,7 @@ class Feed:
         return True, np.zeros((48, 64), dtype=np.uint8)
 
 
-def test_a_camera_s_lost_frame_is_told_by_the_time_between_two() -> None:
+def test_a_camera_s_lost_frame_is_told_by_the_time_between_two():
     clock = VirtualClock()
     period = 1 / 60
     feed = Feed(clock, [period, period, 3.1 * period, 0.9 * period, 2 * period])

@@ -49,7 +49,7 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "FT99999.cal"
 
 
-def test_reads_the_user_axes_in_si(path: Path) -> None:
+def test_reads_the_user_axes_in_si(path):
     path.write_text(cal(), encoding="utf-8")
     sensor = load_ati_cal(path, CHANNELS)
     assert sensor.channels == CHANNELS
@@ -65,14 +65,14 @@ def test_reads_the_user_axes_in_si(path: Path) -> None:
 @pytest.mark.parametrize(
     ("torque", "scale"), [("N-m", 1.0), ("N-mm", 1e-3), ("lbf-in", 0.1129848), ("in-lb", 0.1129848)]
 )
-def test_torque_units(path: Path, torque: str, scale: float) -> None:
+def test_torque_units(path, torque, scale):
     path.write_text(cal(torque=torque), encoding="utf-8")
     matrix = np.array(load_ati_cal(path, CHANNELS).matrix)
     np.testing.assert_allclose(matrix[3:], MATRIX[3:] * scale, rtol=1e-6)
     np.testing.assert_allclose(matrix[:3], MATRIX[:3])
 
 
-def test_force_units_and_a_unipolar_output(path: Path) -> None:
+def test_force_units_and_a_unipolar_output(path):
     path.write_text(cal(force="lbf", bipolar="False"), encoding="utf-8")
     sensor = load_ati_cal(path, CHANNELS)
     assert sensor.range is not None and sensor.range[0] == pytest.approx(177.929)
@@ -93,14 +93,14 @@ def test_force_units_and_a_unipolar_output(path: Path) -> None:
     ("<html/>", r"holds 0 calibrations"),
     (cal(head='<!DOCTYPE FTSensor [<!ENTITY x SYSTEM "file:///etc/hostname">]>'), r"document type"),
 ])  # fmt: skip
-def test_what_is_wrong_is_one_sentence(path: Path, text: str, sentence: str) -> None:
+def test_what_is_wrong_is_one_sentence(path, text, sentence):
     path.write_text(text, encoding="utf-8")
     with pytest.raises(ConfigurationError, match=rf"FT99999.cal cannot be used: .*{sentence}") as caught:
         load_ati_cal(path, CHANNELS)
     assert "\n" not in str(caught.value)
 
 
-def test_a_missing_file_and_too_few_channels(path: Path) -> None:
+def test_a_missing_file_and_too_few_channels(path):
     with pytest.raises(ConfigurationError, match=r"No such file or directory; correct the path"):
         load_ati_cal(path, CHANNELS)
     path.write_text(cal(), encoding="utf-8")
@@ -108,7 +108,7 @@ def test_a_missing_file_and_too_few_channels(path: Path) -> None:
         load_ati_cal(path, CHANNELS[:2])
 
 
-def test_a_rig_file_names_the_sensors_own_file(path: Path) -> None:
+def test_a_rig_file_names_the_sensors_own_file(path):
     path.write_text(cal(), encoding="utf-8")
     rig = path.parent / "rig.toml"
     gauges = ", ".join(f'"{name}"' for name in CHANNELS)

@@ -77,7 +77,7 @@ def written(folder: Path, *changes: tuple[str, str]) -> Path:
     return file
 
 
-def test_the_right_description_is_taken(tmp_path: Path) -> None:
+def test_the_right_description_is_taken(tmp_path):
     rig = load_rig_file(written(tmp_path))
     assert rig.relay is None and rig.sensors.drive is not None
     assert (rig.sensors.drive.channels, rig.sensors.drive.ratio) == (("drive",), 2.0)
@@ -138,14 +138,14 @@ SPEED = 'scale = 0.005\nquantity = "speed"\n'
     ([("scale = 0.005\n", SPEED)], r"quantity must be 'velocity', 'displ"),
     ([("scale = 0.005\n", "scale = 0.005\ndelay = 1.1\n")], r"vibrometer\.delay must be below 1"),
 ])  # fmt: skip
-def test_a_wrong_one_is_one_sentence(tmp_path: Path, changes: list[tuple[str, str]], says: str) -> None:
+def test_a_wrong_one_is_one_sentence(tmp_path, changes, says):
     with pytest.raises(ConfigurationError, match=says) as caught:
         load_rig_file(written(tmp_path, *changes))
     told = str(caught.value)
     assert "\n" not in told and told.startswith(str(tmp_path / "rig.toml")) and told.endswith((".", ")"))
 
 
-def test_what_a_rig_lacks_is_told(tmp_path: Path) -> None:
+def test_what_a_rig_lacks_is_told(tmp_path):
     file = tmp_path / "rig.toml"
     file.write_text('base = "simulated"\nrelay = false\n', encoding="utf-8")
     needs = pytest.raises(ConfigurationError, match=r'needs one, or wiring = "direct" \(')
@@ -177,7 +177,7 @@ def test_what_a_rig_lacks_is_told(tmp_path: Path) -> None:
     ('"push"', '"a\\u0007bell"'),
     ('"push"', f'"{"x" * 81}"'),
 ])  # fmt: skip
-def test_people_that_no_lab_can_have_measured_are_refused(tmp_path: Path, before: str, after: str) -> None:
+def test_people_that_no_lab_can_have_measured_are_refused(tmp_path, before, after):
     path = tmp_path / "people.toml"
     path.write_text(PEOPLE, encoding="utf-8")
     assert load_rig_file(path).people is not None
@@ -187,7 +187,7 @@ def test_people_that_no_lab_can_have_measured_are_refused(tmp_path: Path, before
 
 
 @pytest.mark.parametrize("uncertainty", [2.74, 2.6])
-def test_a_mean_is_known_no_better_than_so_many_people_tell_it(tmp_path: Path, uncertainty: float) -> None:
+def test_a_mean_is_known_no_better_than_so_many_people_tell_it(tmp_path, uncertainty):
     """12 who differ by 5 dB tell it to 2.8 dB at best; 0.1 dB are lost by rounding."""
     path = tmp_path / "people.toml"
     path.write_text(PEOPLE.replace("uncertainty = 3.5", f"uncertainty = {uncertainty}"), encoding="utf-8")

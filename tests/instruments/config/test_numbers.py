@@ -5,7 +5,6 @@ from __future__ import annotations
 import types
 from collections.abc import Iterator
 from importlib import metadata
-from pathlib import Path
 from typing import Annotated, Any, Union, get_args, get_origin
 
 import numpy as np
@@ -65,14 +64,14 @@ EVERY = [found for model in models() for found in numbers(model, SEEN)]
 
 
 @pytest.mark.parametrize(("key", "kind"), EVERY, ids=[key for key, _ in EVERY])
-def test_every_number_of_a_rig_file_has_bounds(key: str, kind: Any) -> None:
+def test_every_number_of_a_rig_file_has_bounds(key, kind):
     adapter = TypeAdapter(kind)
     for value in NO_NUMBERS:
         with pytest.raises(ValidationError):
             print(key, "takes", adapter.validate_python(value))
 
 
-def test_the_list_is_whole() -> None:
+def test_the_list_is_whole():
     assert len(EVERY) > 300
     assert {
         "instruments.config.rig_file.AbortLimits.drive",
@@ -90,9 +89,7 @@ def test_the_list_is_whole() -> None:
     ("0", "must be above 0"),
     ("1e-30", "smaller than anything"),
 ])  # fmt: skip
-def test_a_trip_level_that_switches_the_monitor_off_is_refused(
-    tmp_path: Path, drive: str, says: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_trip_level_that_switches_the_monitor_off_is_refused(tmp_path, drive, says, capsys):
     path = tmp_path / "loose.toml"
     path.write_text(f'base = "simulated"\n[abort]\ndrive = {drive}\n')
     with pytest.raises(ConfigurationError, match=says):
@@ -103,7 +100,7 @@ def test_a_trip_level_that_switches_the_monitor_off_is_refused(
     assert "drive" in capsys.readouterr().err
 
 
-def test_with_its_source_it_is_taken_and_doctor_says_so(tmp_path: Path) -> None:
+def test_with_its_source_it_is_taken_and_doctor_says_so(tmp_path):
     path = tmp_path / "loose.toml"
     why = "The divider reads 1.6 times too much, measured by K. L."
     path.write_text(f'base = "simulated"\n[abort]\ndrive = 80\ndrive_source = "{why}"\n')
@@ -112,7 +109,7 @@ def test_with_its_source_it_is_taken_and_doctor_says_so(tmp_path: Path) -> None:
     assert found.status == "yellow" and "80 V" in found.sentence and why in found.sentence
 
 
-def test_what_a_part_takes_less_than_the_limits_counts_before_a_play() -> None:
+def test_what_a_part_takes_less_than_the_limits_counts_before_a_play():
     """The amplifier's own rails are known once it is open."""
     file = load_rig_file("simulated")
     file = file.model_copy(update={"abort": AbortLimits(drive=80.0)})

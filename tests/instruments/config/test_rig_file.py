@@ -22,7 +22,7 @@ def written(folder: Path, text: str) -> Path:
     return file
 
 
-def test_every_shipped_rig_loads_and_only_those_that_say_so_are_simulated() -> None:
+def test_every_shipped_rig_loads_and_only_those_that_say_so_are_simulated():
     assert load_rig_file("simulated") == load_rig_file(SHIPPED)
     for file in SHIPPED.parent.glob("*.toml"):
         # The simulated rig with a camera is the same rig: what was calibrated there is played here.
@@ -31,7 +31,7 @@ def test_every_shipped_rig_loads_and_only_those_that_say_so_are_simulated() -> N
     assert load_rig_file("haptable").simulate is load_rig_file("minimal").simulate is None
 
 
-def test_a_file_with_nothing_but_a_simulation_is_the_simulated_rig_on_another_plant(tmp_path: Path) -> None:
+def test_a_file_with_nothing_but_a_simulation_is_the_simulated_rig_on_another_plant(tmp_path):
     rig = load_rig_file(written(tmp_path, "[simulation]\nseed = 7\nmode_drift = 0.03\n"))
     assert rig == load_rig_file("simulated").model_copy(update={"simulation": rig.simulation})
     assert (rig.simulation.seed, rig.simulation.mode_drift) == (7, 0.03)
@@ -79,13 +79,13 @@ DEAD = '[[simulation.faults]]\nkind = "patch-dead"\n'
      "dev2/AO0 has two names, 'amplifier' and 'other'"),
     ('base = "rig.toml"\n', "is itself based on this file"),
 ])  # fmt: skip
-def test_what_is_wrong_is_named_in_one_sentence(tmp_path: Path, text: str, says: str) -> None:
+def test_what_is_wrong_is_named_in_one_sentence(tmp_path, text, says):
     with pytest.raises(ConfigurationError, match=says) as caught:
         load_rig_file(written(tmp_path, text))
     assert "\n" not in str(caught.value)
 
 
-def test_a_key_is_looked_for_in_the_file_where_it_stands(tmp_path: Path) -> None:
+def test_a_key_is_looked_for_in_the_file_where_it_stands(tmp_path):
     written(tmp_path, '# mine\nbase = "haptable"\nname = "mine"\n[amplifier]\ngian = 50\n')
     variant = tmp_path / "variant.toml"
     for more, place in (("", r"rig\.toml, line 5"), ("gian = 20\n", r"variant\.toml, line 4")):
@@ -94,7 +94,7 @@ def test_a_key_is_looked_for_in_the_file_where_it_stands(tmp_path: Path) -> None
             load_rig_file(variant)
 
 
-def test_what_looks_like_a_key_within_a_value_is_none() -> None:
+def test_what_looks_like_a_key_within_a_value_is_none():
     text = (
         '[a]\nlist = [\n  "x = 1", # [b]\n]\nlong = """\n[c]\nkey = 2\n"""\n'
         '"d e".f = 3\n[[g]]\n[[g]]\n[g.h]\ni = 4\n'
@@ -111,7 +111,7 @@ def chosen(table: dict[str, Any], key: str, name: str) -> dict[str, Any]:
     return rule
 
 
-def test_the_schema_knows_every_driver_and_every_fault() -> None:
+def test_the_schema_knows_every_driver_and_every_fault():
     schema = rig_schema()
     relay = schema["properties"]["relay"]
     assert {"yocto-maxicoupler", "serial-relay"} <= set(relay["properties"]["driver"]["enum"])
@@ -126,7 +126,7 @@ def test_the_schema_knows_every_driver_and_every_fault() -> None:
     assert references <= set(schema["$defs"])
 
 
-def test_the_schema_has_every_key_of_the_shipped_rigs() -> None:
+def test_the_schema_has_every_key_of_the_shipped_rigs():
     schema = rig_schema()
     for file in SHIPPED.parent.glob("*.toml"):
         for role, table in tomllib.loads(file.read_text(encoding="utf-8")).items():
@@ -136,13 +136,13 @@ def test_the_schema_has_every_key_of_the_shipped_rigs() -> None:
                 assert set(table) <= set(rule["properties"])
 
 
-def test_a_missing_file_says_what_there_is(tmp_path: Path) -> None:
+def test_a_missing_file_says_what_there_is(tmp_path):
     for missing in (tmp_path / "none.toml", "zzz"):
         with pytest.raises(ConfigurationError, match="simulated"):
             load_rig_file(missing)
 
 
-def test_a_base_is_merged_table_by_table(tmp_path: Path) -> None:
+def test_a_base_is_merged_table_by_table(tmp_path):
     stock = load_rig_file("stock-accelerometer")
     assert stock.sensors.acceleration is not None
     assert stock.sensors.acceleration.bandwidth_hz == 50
@@ -153,14 +153,14 @@ def test_a_base_is_merged_table_by_table(tmp_path: Path) -> None:
     assert (load_rig_file(variant).name, load_rig_file(variant).rate_hz) == ("mine", 10_000)
 
 
-def test_another_driver_takes_nothing_over_from_the_bases(tmp_path: Path) -> None:
+def test_another_driver_takes_nothing_over_from_the_bases(tmp_path):
     ofv = 'driver = "ofv-5000"\nport = "COM3"\nchannel = "laser"\nscale = 0.005\n'
     vibrometer = load_rig_file(written(tmp_path, f"{HAPTABLE}[vibrometer]\n{ofv}")).vibrometer
     assert vibrometer is not None
     assert set(vibrometer.settings) == {"port", "channel", "scale"}
 
 
-def test_a_file_of_notepad_begins_with_a_mark(tmp_path: Path) -> None:
+def test_a_file_of_notepad_begins_with_a_mark(tmp_path):
     file = tmp_path / "rig.toml"
     file.write_bytes(b"\xef\xbb\xbf" + b'base = "haptable"\nname = "lab"\n')
     assert load_rig_file(file).name == "lab"
@@ -176,7 +176,7 @@ def test_a_file_of_notepad_begins_with_a_mark(tmp_path: Path) -> None:
     "x = {" + "'a'." * 200 + "b = 1}\n",
     "x = " + "[" * 9999,
 ])  # fmt: skip
-def test_a_key_of_very_many_parts_takes_no_memory(tmp_path: Path, text: str) -> None:
+def test_a_key_of_very_many_parts_takes_no_memory(tmp_path, text):
     """Python's parser takes 1.6 GB for 40 kB of them."""
     path = tmp_path / "deep.toml"
     path.write_text(text)
@@ -197,7 +197,7 @@ def test_a_key_of_very_many_parts_takes_no_memory(tmp_path: Path, text: str) -> 
     ("amplifier", "current_peak = 0.2", "current_peak = 0.2 is not"),
     ("amplifier", "current_average = 0.06", "current_average = 0.06 is not"),
 ])  # fmt: skip
-def test_a_figure_not_the_products_own_states_source(table: str, line: str, own: str, tmp_path: Path) -> None:
+def test_a_figure_not_the_products_own_states_source(table, line, own, tmp_path):
     """With rating = 400 for a box of 48 V, 150 V were played whole."""
     text = f'base = "haptable"\n[{table}]\n{line}\n'
     with pytest.raises(ConfigurationError, match=f"{own}.*say where it is from in rating_source"):
@@ -207,5 +207,5 @@ def test_a_figure_not_the_products_own_states_source(table: str, line: str, own:
 
 
 @pytest.mark.parametrize("line", ["rating = 42", "[amplifier]\nmax = 300\nmin = -20\ncurrent_peak = 0.01"])
-def test_a_stricter_figure_needs_no_source(line: str, tmp_path: Path) -> None:
+def test_a_stricter_figure_needs_no_source(line, tmp_path):
     load_rig_file(written(tmp_path, f'base = "haptable"\n[relay]\n{line}\n'))

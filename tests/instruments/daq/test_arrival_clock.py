@@ -19,7 +19,7 @@ def arrivals(rate_hz: float, seconds: float, wait: float, rng: np.random.Generat
 @pytest.mark.parametrize(
     ("rate_hz", "drift"), [(80.0, -0.08), (80.0, 0.03), (1000.0, 50e-6), (2000.0, -2e-4)]
 )
-def test_the_earliest_arrivals_tell_begin_and_rate(rate_hz: float, drift: float, full: bool) -> None:
+def test_the_earliest_arrivals_tell_begin_and_rate(rate_hz, drift, full):
     own, wait = rate_hz * (1 + drift), 0.01
     for seed in range(20 if full else 2):
         clock = ArrivalClock(rate_hz)
@@ -35,7 +35,7 @@ def test_the_earliest_arrivals_tell_begin_and_rate(rate_hz: float, drift: float,
         assert clock.slip == 0
 
 
-def test_stalls_of_the_host_move_nothing() -> None:
+def test_stalls_of_the_host_move_nothing():
     """Half a second in which nothing was read, every five: what comes then comes at once."""
     clock, own = ArrivalClock(80.0), 79.0
     for index in range(3000):
@@ -45,7 +45,7 @@ def test_stalls_of_the_host_move_nothing() -> None:
     assert np.abs(error).max() < 2e-3 and clock.slip == 0
 
 
-def test_samples_that_are_lost_without_a_trace_are_told() -> None:
+def test_samples_that_are_lost_without_a_trace_are_told():
     clock, rng = ArrivalClock(80.0), np.random.default_rng(1)
     slips = []
     for number in range(4000):
@@ -59,7 +59,7 @@ def test_samples_that_are_lost_without_a_trace_are_told() -> None:
     assert slips == [pytest.approx(6 / 80.0, abs=0.004)]
 
 
-def test_before_anything_is_known_the_nominal_rate_holds() -> None:
+def test_before_anything_is_known_the_nominal_rate_holds():
     clock = ArrivalClock(100.0)
     assert not clock.ready and clock.rate_hz == 100.0 and clock.jitter == 0.0
     clock.note(0, 5.0)

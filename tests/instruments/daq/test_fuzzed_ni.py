@@ -104,7 +104,7 @@ def readings() -> tuple[bytes, ...]:
     )
 
 
-def test_what_a_read_says(full: bool) -> None:
+def test_what_a_read_says(full):
     """From a reply's bytes to a block, by the driver and NI's library, without the network between."""
     reply = b""
     chance = random.Random(SEED)
@@ -127,7 +127,7 @@ def test_what_a_read_says(full: bool) -> None:
         opened(server, bench) as daq,
         daq.stream(CHANNELS, 5000, COUNT) as stream,
     ):
-        (task,) = stream._inputs  # type: ignore[attr-defined]
+        (task,) = stream._inputs
         task._interpreter._client.ReadAnalogF64 = read
         for reply in islice(replies(readings(), SEED), 100_000 if full else 1000):
             try:
@@ -149,7 +149,7 @@ def play_and_record(daq: NiDaq) -> Capture:
         return stream.capture()
 
 
-def test_whole_calls_through_the_wire(full: bool) -> None:
+def test_whole_calls_through_the_wire(full):
     """One reply of a session is corrupted, or several, or all; the next session finds all as it should be."""
     calls: list[str] = []
     sent: dict[str, list[np.ndarray]] = {}

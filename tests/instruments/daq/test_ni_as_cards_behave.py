@@ -40,7 +40,7 @@ def _streamed(rig: Path, simulate: haploop.Mode, name: str, rate_hz: float) -> I
 @pytest.mark.parametrize(
     ("product", "delay"), [("NI 9234", -(40 + 5 / 512) / 5120 - 2.6e-6), ("NI 9215", 0.0)]
 )
-def test_a_delta_sigma_input(tmp_path: Path, simulate: haploop.Mode, product: str, delay: float) -> None:
+def test_a_delta_sigma_input(tmp_path, simulate, product, delay):
     rig = _rig(tmp_path, f'cDAQ1Mod1 = "{product}"', 'force = { terminal = "cDAQ1Mod1/ai0", range = 5 }')
     with _streamed(rig, simulate, "force", 5000) as (_, stream):
         assert stream.rate_hz == (5120 if delay else 5000)
@@ -50,7 +50,7 @@ def test_a_delta_sigma_input(tmp_path: Path, simulate: haploop.Mode, product: st
 
 @BOTH
 @pytest.mark.parametrize("product", ["PCI-6052E", "PCIe-6321"])
-def test_an_old_card_plays_whole_on_its_inputs(tmp_path: Path, simulate: haploop.Mode, product: str) -> None:
+def test_an_old_card_plays_whole_on_its_inputs(tmp_path, simulate, product):
     """An E Series output is done one pulse after its last sample, which the inputs' clock never gives."""
     monitor = 'monitor = { terminal = "Dev1/ai0", range = 10 }'
     rig = _rig(tmp_path, f'Dev1 = "{product}"', monitor, 'out = { terminal = "Dev1/ao0" }')
@@ -61,7 +61,7 @@ def test_an_old_card_plays_whole_on_its_inputs(tmp_path: Path, simulate: haploop
             assert stream.capture().volts.shape == (1, 500)
 
 
-def test_such_an_output_is_never_done_on_another_clock_of_as_many_pulses() -> None:
+def test_such_an_output_is_never_done_on_another_clock_of_as_many_pulses():
     import nidaqmx
 
     from haploop.nidaqmx_twin import NiTwin
@@ -88,7 +88,7 @@ def test_such_an_output_is_never_done_on_another_clock_of_as_many_pulses() -> No
 @pytest.mark.parametrize(
     "kind", ['coupling = "ac"', "excitation = 0.002", 'bridge = "full"', 'config = "pseudodiff"']
 )
-def test_a_supply_the_product_has_not_is_refused(tmp_path: Path, simulate: haploop.Mode, kind: str) -> None:
+def test_a_supply_the_product_has_not_is_refused(tmp_path, simulate, kind):
     channel = f'force = {{ terminal = "Dev1/ai0", range = 5, {kind} }}'
     rig = _rig(tmp_path, 'Dev1 = "PCIe-6321"', channel)
     with pytest.raises(ConfigurationError, match="-200077"), _streamed(rig, simulate, "force", 1000):
@@ -96,7 +96,7 @@ def test_a_supply_the_product_has_not_is_refused(tmp_path: Path, simulate: haplo
 
 
 @BOTH
-def test_iepe_and_bridges_are_read_in_volts_at_the_terminal(tmp_path: Path, simulate: haploop.Mode) -> None:
+def test_iepe_and_bridges_are_read_in_volts_at_the_terminal(tmp_path, simulate):
     rig = _rig(
         tmp_path,
         'cDAQ1Mod1 = "NI 9234", cDAQ1Mod2 = "NI 9237"',
@@ -113,7 +113,7 @@ def test_iepe_and_bridges_are_read_in_volts_at_the_terminal(tmp_path: Path, simu
 
 
 @BOTH
-def test_a_current_is_what_the_sensor_requires(tmp_path: Path, simulate: haploop.Mode) -> None:
+def test_a_current_is_what_the_sensor_requires(tmp_path, simulate):
     """The card supplies what it has: 2.1 mA."""
     channel = 'cap = { terminal = "Dev1/ai0", range = 5, coupling = "ac", excitation = 0.002 }'
     rig = _rig(tmp_path, 'Dev1 = "USB-4431"', channel)
@@ -122,7 +122,7 @@ def test_a_current_is_what_the_sensor_requires(tmp_path: Path, simulate: haploop
 
 
 @BOTH
-def test_a_play_is_refused_at_a_rate_that_the_inputs_have_not(tmp_path: Path, simulate: haploop.Mode) -> None:
+def test_a_play_is_refused_at_a_rate_that_the_inputs_have_not(tmp_path, simulate):
     rig = _rig(
         tmp_path,
         'cDAQ1Mod1 = "NI 9234", cDAQ1Mod2 = "NI 9263"',
@@ -138,7 +138,7 @@ def test_a_play_is_refused_at_a_rate_that_the_inputs_have_not(tmp_path: Path, si
 
 
 @BOTH
-def test_an_output_without_a_clock_is_refused(tmp_path: Path, simulate: haploop.Mode) -> None:
+def test_an_output_without_a_clock_is_refused(tmp_path, simulate):
     monitor = 'monitor = { terminal = "Dev1/ai0", range = 5 }'
     rig = _rig(tmp_path, 'Dev1 = "USB-6009"', monitor, 'out = { terminal = "Dev1/ao0", range = 5 }')
     with haploop.open_rig(rig, simulate=simulate) as opened:
@@ -148,7 +148,7 @@ def test_an_output_without_a_clock_is_refused(tmp_path: Path, simulate: haploop.
 
 
 @BOTH
-def test_a_product_described_in_the_rig_file_is_simulated(tmp_path: Path, simulate: haploop.Mode) -> None:
+def test_a_product_described_in_the_rig_file_is_simulated(tmp_path, simulate):
     described = '[daq.products."USB-9999"]\nlike = "USB-6211"\nai_ranges = [3.0]\nsource = "its label"'
     rig = _rig(tmp_path, 'Dev1 = "USB-9999"', 'force = { terminal = "Dev1/ai0", range = 2 }', more=described)
     with _streamed(rig, simulate, "force", 1000) as (daq, stream):
@@ -171,7 +171,7 @@ range = 0.01
 
 
 @BOTH
-def test_a_cap_at_rest_stays_and_doctor_takes_an_encoder(tmp_path: Path, simulate: haploop.Mode) -> None:
+def test_a_cap_at_rest_stays_and_doctor_takes_an_encoder(tmp_path, simulate):
     (tmp_path / "rig.toml").write_text(ENCODER)
     with haploop.open_rig(tmp_path / "rig.toml", simulate=simulate) as opened:
         with opened.daq.stream(["travel", "force"], 5000, 100, 2000) as stream:
@@ -192,12 +192,12 @@ def test_a_cap_at_rest_stays_and_doctor_takes_an_encoder(tmp_path: Path, simulat
     ('x = { terminal = "Dev1/ai0", range = 10, counter = "edges" }', "is no counter"),
     ('x = { terminal = "Dev1/ai0", range = 1, bridge = "full", excitation = 0.002 }', "keep one"),
 ])  # fmt: skip
-def test_a_channel_is_of_one_kind(tmp_path: Path, channel: str, sentence: str) -> None:
+def test_a_channel_is_of_one_kind(tmp_path, channel, sentence):
     with pytest.raises(ConfigurationError, match=sentence):
         haploop.open_rig(_rig(tmp_path, 'Dev1 = "PCIe-6321"', channel), simulate="twin")
 
 
-def test_a_call_that_waits_has_that_time_and_the_usual_one() -> None:
+def test_a_call_that_waits_has_that_time_and_the_usual_one():
     from collections import namedtuple
 
     asked = []

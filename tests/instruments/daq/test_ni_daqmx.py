@@ -26,17 +26,17 @@ from tests.instruments.daq.conftest import CARDS, LSB, WIRING, opened, settings,
 from tests.nidaqmx_twin.ni_client import Bench, connected
 
 
-def test_every_sentence_is_of_a_number_that_the_library_knows_and_says_it() -> None:
+def test_every_sentence_is_of_a_number_that_the_library_knows_and_says_it():
     for code, sentence in {**SENTENCES, **CONFIGURATION}.items():
         assert DAQmxErrors(code) and f"({code})" in sentence
 
 
-def test_identity(daq: NiDaq, server: NiServer) -> None:
+def test_identity(daq, server):
     first = 0x1000000 + 256 * server.port
     assert daq.identity == f"PCI-6034E (Dev1, serial {first:X}) + PCIe-6321 (Dev2, serial {first + 1:X})"
 
 
-def test_a_card_is_one_piece_under_every_address(server: NiServer, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_card_is_one_piece_under_every_address(server, monkeypatch):
     first = 0x1000000 + 256 * server.port
     cards = {f"PCI-6034E {first:X}", f"PCIe-6321 {first + 1:X}"}
     for address in (server.address, f"localhost:{server.port}", f"ipv4:{server.address}"):
@@ -53,7 +53,7 @@ def test_a_card_is_one_piece_under_every_address(server: NiServer, monkeypatch: 
         assert set(NiDaq.hardware(asked)) == cards
 
 
-def test_a_module_is_locked_with_its_chassis() -> None:
+def test_a_module_is_locked_with_its_chassis():
     chassis = NiDevice("cDAQ1", PRODUCTS["cDAQ-9178"], 0x1A2B)
     modules = [
         NiDevice(f"cDAQ1Mod{slot}", PRODUCTS["NI 9215"], 0x3C00 + slot, chassis="cDAQ1", slot=slot)
@@ -66,7 +66,7 @@ def test_a_module_is_locked_with_its_chassis() -> None:
     assert pieces == [{"cDAQ-9178 1A2B", "NI 9215 3C01"}, {"cDAQ-9178 1A2B", "NI 9215 3C02"}]
 
 
-def test_a_card_without_a_number_is_known_by_its_name_and_server(server: NiServer) -> None:
+def test_a_card_without_a_number_is_known_by_its_name_and_server(server):
     """As one that NI's driver simulates may be, one that is not there, and all while nobody answers."""
     with NiServer([NiDevice("Dev1", PRODUCTS["PCI-6034E"], 0)]) as other:
         asked = settings(server=other.address)
@@ -78,7 +78,7 @@ def test_a_card_without_a_number_is_known_by_its_name_and_server(server: NiServe
     assert set(NiDaq.hardware(settings(server=at))) == {f"{at} dev1", f"{at} dev2"}
 
 
-def test_rows_come_in_the_order_asked_for_with_their_delays(daq: NiDaq, bench: Bench) -> None:
+def test_rows_come_in_the_order_asked_for_with_their_delays(daq, bench):
     start = bench.clock.now()
     with daq.stream(["laser", "torque", "drive", "force"], 5000, 500, 1800) as stream:
         capture = stream.capture()
@@ -95,9 +95,7 @@ def test_rows_come_in_the_order_asked_for_with_their_delays(daq: NiDaq, bench: B
 
 
 @pytest.mark.parametrize(("reach", "unipolar"), [(3.5, False), (5.0, True)])
-def test_a_card_with_a_range_of_its_own_goes_to_zero_and_plays(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch, reach: float, unipolar: bool
-) -> None:
+def test_a_card_with_a_range_of_its_own_goes_to_zero_and_plays(bench, monkeypatch, reach, unipolar):
     """In the library's default of +-10 V it would refuse, as would one whose outputs begin at 0 V."""
     changed = replace(PRODUCTS["PCIe-6321"], ao_range=reach, ao_unipolar=unipolar)
     monkeypatch.setitem(PRODUCTS, "PCIe-6321", changed)
@@ -121,7 +119,7 @@ def test_a_card_with_a_range_of_its_own_goes_to_zero_and_plays(
 @pytest.mark.parametrize(
     ("master", "other"), [("PCIe-6321", "PCI-6034E"), ("PCIe-6363", "PCIe-6321"), ("PCIe-6321", "PCIe-6363")]
 )
-def test_awkward_rates_on_every_pair_of_products(master: str, other: str, bench: Bench) -> None:
+def test_awkward_rates_on_every_pair_of_products(master, other, bench):
     """Outputs too run on the master's clock: what is played is read sample by sample."""
     cards = {"Dev1": other, "Dev2": master}
     wave = np.random.default_rng(1).uniform(-3, 3, 300)
@@ -141,9 +139,7 @@ def test_awkward_rates_on_every_pair_of_products(master: str, other: str, bench:
             assert np.abs(volts[0, 300:] - wave[-1]).max() < 7 * LSB
 
 
-def test_a_card_with_another_rate_of_one_clock_is_refused(
-    daq: NiDaq, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_card_with_another_rate_of_one_clock_is_refused(daq, monkeypatch):
     made = Task.rate_hz.fget
     assert made is not None
 
@@ -155,7 +151,7 @@ def test_a_card_with_another_rate_of_one_clock_is_refused(
         daq.stream(["drive", "force"], 5000, 100, 200)
 
 
-def test_a_play_that_somebody_stops_is_an_error(daq: NiDaq, server: NiServer) -> None:
+def test_a_play_that_somebody_stops_is_an_error(daq, server):
     """Another client of the server stops the task of the outputs, between two blocks and before the last."""
     wave = np.full(50_000, 3.0)
     for at in (20_000, 49_000):
@@ -170,7 +166,7 @@ def test_a_play_that_somebody_stops_is_an_error(daq: NiDaq, server: NiServer) ->
                         system.stop(next(t for n, t in system.tasks.items() if n.endswith("Dev2 output")))
 
 
-def test_counts_are_compared_once_a_second(daq: NiDaq, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_counts_are_compared_once_a_second(daq, monkeypatch):
     asked = []
     real = nidaqmx.task.InStream.total_samp_per_chan_acquired.fget
     more = {"by": 0}
@@ -192,7 +188,7 @@ def test_counts_are_compared_once_a_second(daq: NiDaq, monkeypatch: pytest.Monke
                 next(blocks)
 
 
-def test_waveform_on_the_clock_of_another_card(daq: NiDaq) -> None:
+def test_waveform_on_the_clock_of_another_card(daq):
     """No input on the card of the output: its outputs then run on the other card's sample clock."""
     wave = np.linspace(0, 1, 200)
 
@@ -200,7 +196,7 @@ def test_waveform_on_the_clock_of_another_card(daq: NiDaq) -> None:
         assert stream.capture().volts.shape == (1, 300)
 
 
-def test_same_seed_gives_the_same_samples_however_they_are_cut() -> None:
+def test_same_seed_gives_the_same_samples_however_they_are_cut():
     captures = []
     for block in (50, 333):
         bench = Bench()
@@ -214,7 +210,7 @@ def test_same_seed_gives_the_same_samples_however_they_are_cut() -> None:
     assert np.array_equal(*captures)
 
 
-def test_overload_is_told_per_channel(daq: NiDaq) -> None:
+def test_overload_is_told_per_channel(daq):
     wave = np.full(400, 7.0)
 
     with daq.stream(["drive", "echo"], 5000, 100, 300, {"amplifier": wave}) as stream:
@@ -222,12 +218,12 @@ def test_overload_is_told_per_channel(daq: NiDaq) -> None:
         assert stream.capture().overload.tolist() == [False, True]
 
 
-def test_the_version_is_asked_once(server: NiServer, bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_version_is_asked_once(server, bench, monkeypatch):
     """nidaqmx asks for each task, which makes a drive late that begins with a press."""
     asked: Counter[str] = Counter()
     connect = grpc.insecure_channel
 
-    class Asked(grpc.UnaryUnaryClientInterceptor):  # type: ignore[misc]
+    class Asked(grpc.UnaryUnaryClientInterceptor):
         def intercept_unary_unary(self, continuation: Any, details: Any, request: Any) -> Any:
             asked[details.method.rpartition("/")[2]] += 1
             return continuation(details, request)
@@ -249,7 +245,7 @@ def test_the_version_is_asked_once(server: NiServer, bench: Bench, monkeypatch: 
     (DAQmxErrors.SAMPLES_NOT_YET_AVAILABLE, "Dev2 did not deliver"),
     (DAQmxErrors.INVALID_TASK, "ended by somebody else"),
 ])  # fmt: skip
-def test_lost_samples_are_an_error(daq: NiDaq, server: NiServer, fault: DAQmxErrors, sentence: str) -> None:
+def test_lost_samples_are_an_error(daq, server, fault, sentence):
     with daq.stream(["laser"], 5000, 100, 1000) as stream:
         blocks = iter(stream)
         next(blocks)
@@ -258,7 +254,7 @@ def test_lost_samples_are_an_error(daq: NiDaq, server: NiServer, fault: DAQmxErr
             next(blocks)
 
 
-def test_reader_that_comes_too_late(server: NiServer, bench: Bench) -> None:
+def test_reader_that_comes_too_late(server, bench):
     too_late = pytest.raises(InstrumentError, match=r"make buffer_s in \[daq\] larger")
     for buffer_s, end in ((0.1, too_late), (1, nullcontext())):
         with opened(server, bench, buffer_s=buffer_s) as daq, daq.stream(["laser"], 5000, 100) as stream:
@@ -271,7 +267,7 @@ def test_reader_that_comes_too_late(server: NiServer, bench: Bench) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("inputs", ["NI 9215", "NI 9205", "NI 9775"])
-def test_modules_of_one_chassis(bench: Bench, inputs: str) -> None:
+def test_modules_of_one_chassis(bench, inputs):
     """Inputs in one slot, outputs in another: the chassis has the clock, at awkward rates too."""
     chassis = {"Frame": "cDAQ-9178", "In": inputs, "Out": "NI 9263"}
     plain = inventory_of(chassis).devices

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import signal
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import grpc
@@ -23,7 +22,7 @@ from tests.instruments.daq.conftest import CARDS, WIRING, opened, settings
 from tests.nidaqmx_twin.ni_client import Bench, connected
 
 
-def test_cards_without_a_cable(bench: Bench) -> None:
+def test_cards_without_a_cable(bench):
     with NiServer(inventory_of(CARDS), bench, WIRING) as server, opened(server, bench) as daq:
         with pytest.raises(InstrumentError, match="connect a RTSI cable, and declare it"):
             daq.stream(["laser", "force"], 5000, 100)
@@ -32,7 +31,7 @@ def test_cards_without_a_cable(bench: Bench) -> None:
             stream.capture()
 
 
-def test_card_in_use(server: NiServer, daq: NiDaq) -> None:
+def test_card_in_use(server, daq):
     with connected(server) as options, nidaqmx.Task(grpc_options=options) as task:
         task.ai_channels.add_ai_voltage_chan("Dev2/ai7")
         task.timing.cfg_samp_clk_timing(1000)
@@ -41,7 +40,7 @@ def test_card_in_use(server: NiServer, daq: NiDaq) -> None:
             daq.stream(["laser"], 5000, 100)
 
 
-def test_server_that_dies(bench: Bench) -> None:
+def test_server_that_dies(bench):
     server = NiServer(inventory_of(CARDS), bench, WIRING, rtsi=True)
     daq = NiDaq.open(settings(server=server.address), bench.clock)
     bypass_interlock(daq)
@@ -59,13 +58,13 @@ def test_server_that_dies(bench: Bench) -> None:
     daq.close()
 
 
-def test_no_server(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_server(monkeypatch):
     monkeypatch.setattr("haploop.instruments.daq.ni_sessions._CONNECT", 0.2)
     with pytest.raises(InstrumentError, match=r"No NI device server answers at 127\.0\.0\.1:9"):
         NiDaq.open(settings(server="127.0.0.1:9"), RealClock())
 
 
-def test_ctrl_c_comes_after_a_call_and_within_a_slice_of_connecting(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ctrl_c_comes_after_a_call_and_within_a_slice_of_connecting(monkeypatch):
     """Within a call of grpc it left a lock locked, for which the safe state then waited in vain."""
     whole: list[str] = []
 
@@ -97,7 +96,7 @@ def test_ctrl_c_comes_after_a_call_and_within_a_slice_of_connecting(monkeypatch:
         signal.signal(signal.SIGINT, before)
 
 
-def test_a_connection_for_which_no_thread_can_be_started(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_connection_for_which_no_thread_can_be_started(monkeypatch):
     def refused(*_: object) -> None:
         raise RuntimeError("can't start new thread")
 
@@ -106,7 +105,7 @@ def test_a_connection_for_which_no_thread_can_be_started(monkeypatch: pytest.Mon
         NiDaq.open(settings(server="127.0.0.1:9"), RealClock())
 
 
-def test_no_driver() -> None:
+def test_no_driver():
     if _driver_is_installed():
         pytest.skip("an NI driver is installed here")
     with pytest.raises(InstrumentError, match="driver is not installed"):
@@ -125,7 +124,7 @@ def channel(terminal: str, range: float = 10, config: str = "rse") -> dict[str, 
     return {"channels": {"a": {"terminal": terminal, "range": range, "config": config}}}
 
 
-def test_another_card_than_the_rig_file_says(server: NiServer, bench: Bench) -> None:
+def test_another_card_than_the_rig_file_says(server, bench):
     for devices, sentence in (
         ({"Dev1": "PCIe-6321"}, "Dev1 is a PCI-6034E, and the rig"),
         ({"Dev9": "PCIe-6321"}, "no NI device 'Dev9'; the system lists Dev1"),
@@ -146,13 +145,7 @@ def test_another_card_than_the_rig_file_says(server: NiServer, bench: Bench) -> 
     ({}, lambda d: d.stream(["laser"], 5e3, 9, 9, {"x": np.ones(9)}), "no channel 'x'"),
     ({}, lambda d: d.stream(["laser"], 5e3, 9, 9, {"amplifier": np.full(9, 9.0)}), "reaches 9 V"),
 ])  # fmt: skip
-def test_what_no_card_can_do_is_one_sentence(
-    server: NiServer,
-    bench: Bench,
-    changes: dict[str, Any],
-    request_: Callable[[NiDaq], object],
-    says: str,
-) -> None:
+def test_what_no_card_can_do_is_one_sentence(server, bench, changes, request_, says):
     with opened(server, bench, **changes) as daq, pytest.raises((ConfigurationError, LimitError), match=says):
         request_(daq)
 
@@ -177,8 +170,8 @@ acceleration = {{ terminal = "cDAQ1Mod1/ai1", range = 5 }}
     ("PCIe-6321", 5120, ("acceleration", "force"), ""),  # the converter's clock is the other card's too
 ])  # fmt: skip
 def test_two_cards_have_one_rate_or_a_sentence_with_those_they_have(
-    card: str, rate: int, order: tuple[str, ...], says: str, simulate: str, tmp_path: Path
-) -> None:
+    card, rate, order, says, simulate, tmp_path
+):
     path = tmp_path / "two.toml"
     path.write_text(TWO_CARDS.format(card=card, rate=rate), encoding="utf-8")
     with open_rig(path, simulate=simulate) as rig:

@@ -61,7 +61,7 @@ def plant(*faults: dict[str, Any]) -> Plant:
 
 
 def board_of(daq: SerialAdc) -> Board:
-    return daq._line.board  # type: ignore[attr-defined,no-any-return]
+    return daq._line.board
 
 
 # As the only DAQ
@@ -110,12 +110,12 @@ class TestWire(_OnlyDaq):
             yield daq
 
 
-def test_a_port_that_is_not_there_is_one_sentence() -> None:
+def test_a_port_that_is_not_there_is_one_sentence():
     with pytest.raises(InstrumentError, match="serial ADC at /dev/ttyNONE cannot be opened"):
         SerialAdc.open(settings(port="/dev/ttyNONE"), VirtualClock())
 
 
-def test_a_board_that_is_unplugged_is_one_sentence() -> None:
+def test_a_board_that_is_unplugged_is_one_sentence():
     board = Board(settings(), plant())
     with BoardServer(board) as server:
         daq = SerialAdc.open(settings(port=f"socket://{server.address}"), board.plant.clock)
@@ -128,7 +128,7 @@ def test_a_board_that_is_unplugged_is_one_sentence() -> None:
         daq.close()
 
 
-def test_its_volts_are_those_at_its_terminals() -> None:
+def test_its_volts_are_those_at_its_terminals():
     world = plant()
     world.connect("gauge0", lambda times: 3 * np.sin(2 * np.pi * 10 * times))
     daq = twin(settings(), world)
@@ -140,7 +140,7 @@ def test_its_volts_are_those_at_its_terminals() -> None:
     assert np.abs(volts - 3 * np.sin(2 * np.pi * 10 * times)).max() < 4 * 10 / 2**15
 
 
-def test_a_rate_that_is_not_the_boards_is_told() -> None:
+def test_a_rate_that_is_not_the_boards_is_told():
     daq = twin(hx711(), plant())
     with pytest.raises(ConfigurationError, match=r"sends 80 frames a second, and 100 were.*rate_hz = 80"):
         daq.stream(["load"], 100, 10)
@@ -149,7 +149,7 @@ def test_a_rate_that_is_not_the_boards_is_told() -> None:
         list(stream)
 
 
-def test_lines_that_are_lost_without_a_counter_are_noticed_later() -> None:
+def test_lines_that_are_lost_without_a_counter_are_noticed_later():
     daq = twin(hx711(), plant())
     board = board_of(daq)
     board.drift = 1e-6
@@ -159,11 +159,11 @@ def test_lines_that_are_lost_without_a_counter_are_noticed_later() -> None:
         list(stream)
 
 
-def test_a_board_that_says_other_things_is_one_sentence() -> None:
+def test_a_board_that_says_other_things_is_one_sentence():
     world = plant()
     board = Board(hx711(frame={"separator": ";", "columns": 2}), world)
     daq = SerialAdc(hx711(), world.clock, twin(hx711(), world)._line)
-    daq._line.board = board  # type: ignore[attr-defined]
+    daq._line.board = board
     with daq.stream(["load"], 80, 8) as stream, pytest.raises(InstrumentError, match="lost or damaged"):
         list(stream)
     daq = SerialAdc(hx711(), world.clock, daq._line)
@@ -232,7 +232,7 @@ class TestAlongside(DaqConformance):
 
 
 @pytest.mark.parametrize(("drift", "seed"), [(-0.08, 0), (-0.013, 1), (0.02, 2)])
-def test_its_samples_are_placed_within_what_is_stated(drift: float, seed: int, full: bool) -> None:
+def test_its_samples_are_placed_within_what_is_stated(drift, seed, full):
     for number in range(5) if full else (seed,):
         both = Both(slow())
         both.board._rng = np.random.default_rng(number)
@@ -257,7 +257,7 @@ def lateness(volts: np.ndarray, begin: float) -> float:
 
 @pytest.mark.long
 @pytest.mark.parametrize("latency", [0.002, 0.030])
-def test_an_edge_that_both_see_measures_the_latency(latency: float) -> None:
+def test_an_edge_that_both_see_measures_the_latency(latency):
     """The board is later, or earlier, than the rig file says."""
     frame = {"struct": "<HhB", "sync": "AA55", "checksum": "crc16"}
     both = Both(slow(frame=frame, latency=0.015, edge={"channel": "switch", "column": 3}))
@@ -272,7 +272,7 @@ def test_an_edge_that_both_see_measures_the_latency(latency: float) -> None:
     assert abs(errors[1]) < both.adc.uncertainty
 
 
-def test_a_few_lost_frames_are_bridged_and_told() -> None:
+def test_a_few_lost_frames_are_bridged_and_told():
     both = Both(slow())
     both.adc.settle()
     ahead = both.board._sent
@@ -287,7 +287,7 @@ def test_a_few_lost_frames_are_bridged_and_told() -> None:
     assert (told.name, told.value, told.unit) == ("frames lost", 4, "frames")
 
 
-def test_a_gap_is_an_error_and_no_straight_line() -> None:
+def test_a_gap_is_an_error_and_no_straight_line():
     both = Both(slow())
     both.adc.settle()
     both.board.loses = frozenset(range(both.board._sent + 200, both.board._sent + 206))
@@ -296,7 +296,7 @@ def test_a_gap_is_an_error_and_no_straight_line() -> None:
         stream.capture()
 
 
-def test_the_daqs_own_channels_need_no_board() -> None:
+def test_the_daqs_own_channels_need_no_board():
     both = Both(slow())
     both.board.silent_from = 0
     with both.daq.stream(["laser"], 5000, 500, 1000, {"amplifier": np.zeros(1000)}) as stream:
@@ -306,7 +306,7 @@ def test_the_daqs_own_channels_need_no_board() -> None:
     assert both.daq.cards(["laser", "gauge0"]) == {"Dev2": ["laser", "gauge0"]}
 
 
-def test_a_silent_board_is_waited_for_once_as_long_as_its_program_may_take_to_start() -> None:
+def test_a_silent_board_is_waited_for_once_as_long_as_its_program_may_take_to_start():
     both, waited = Both(slow()), []
     both.board.silent_from = 0
     for _ in range(2):
@@ -334,7 +334,7 @@ def test_a_silent_board_is_waited_for_once_as_long_as_its_program_may_take_to_st
     ({"terminal": "Dev1/ai0"}, "unknown key 'terminal'"),
     ({"latency": -1}, "latency must be 0 or more"),
 ])  # fmt: skip
-def test_a_wrong_table_is_one_sentence(changes: dict[str, Any], says: str) -> None:
+def test_a_wrong_table_is_one_sentence(changes, says):
     given = settings().model_dump() | {"frame": BINARY} | changes
     with pytest.raises(ConfigurationError, match=says) as refused:
         validate(SerialAdc.Settings, given, "[adc] of lab.toml")

@@ -36,7 +36,7 @@ def cut(data: bytes, sizes: list[int]) -> list[bytes]:
     rows=st.lists(st.tuples(st.integers(-9000, 9000), st.integers(0, 9000), st.integers(0, 200)), min_size=2),
     sizes=st.lists(st.integers(0, 9), max_size=40),
 )
-def test_what_is_sent_is_received(name: str, rows: list[tuple[int, int, int]], sizes: list[int]) -> None:
+def test_what_is_sent_is_received(name, rows, sizes):
     framing = Framing.model_validate(FRAMINGS[name])
     decoder = Decoder(framing)
     # The first line may have lost its beginning: it belongs to no frame.
@@ -55,7 +55,7 @@ def test_what_is_sent_is_received(name: str, rows: list[tuple[int, int, int]], s
     at=st.integers(0, 30),
     sizes=st.lists(st.integers(1, 9), max_size=60),
 )
-def test_a_damaged_frame_costs_itself(name: str, which: int, flip: int, at: int, sizes: list[int]) -> None:
+def test_a_damaged_frame_costs_itself(name, which, flip, at, sizes):
     """Any byte of any frame: at most two frames are damaged, and none is another number than was sent."""
     framing = Framing.model_validate(FRAMINGS[name])
     rows = [(11 * k, 7 * k, k) for k in range(1, 21)]
@@ -77,7 +77,7 @@ def test_a_damaged_frame_costs_itself(name: str, which: int, flip: int, at: int,
     assert abs(len(frames) - len(expected)) <= 1
 
 
-def test_noise_is_no_sample_and_comments_are_none() -> None:
+def test_noise_is_no_sample_and_comments_are_none():
     text = Decoder(Framing(separator=",", columns=2))
     begun = text.feed(b"boot 3.1\n# gain 128\n1,2\n\n3,4\r\n# zeroed\n5,6\n")
     assert begun == [(1.0, 2.0), (3.0, 4.0), (5.0, 6.0)]
@@ -105,7 +105,7 @@ def test_noise_is_no_sample_and_comments_are_none() -> None:
     ({"struct": "<hh", "sync": "AA", "checksum": "md5"}, "checksum must be 'none', 'sum8'"),
     ({"seperator": ","}, "unknown key 'seperator'; did you mean 'separator'"),
 ])  # fmt: skip
-def test_a_wrong_framing_is_one_sentence(table: dict[str, Any], says: str) -> None:
+def test_a_wrong_framing_is_one_sentence(table, says):
     with pytest.raises(ConfigurationError, match=says) as refused:
         validate(Framing, table, "[adc] of lab.toml")
     assert "\n" not in str(refused.value) and str(refused.value)[-1] in ".?"

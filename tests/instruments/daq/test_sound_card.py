@@ -118,7 +118,7 @@ class TestAcCoupled(_OnACard):
     faults = ("overrun", "device gone", "daq-overrun")
 
 
-def test_a_waveform_is_heard_at_sample_0_at_its_volts() -> None:
+def test_a_waveform_is_heard_at_sample_0_at_its_volts():
     bench = Bench()
     wave = burst()
     heard = bench.play(wave, "spare")[0]
@@ -128,7 +128,7 @@ def test_a_waveform_is_heard_at_sample_0_at_its_volts() -> None:
         assert np.abs(direct.play(wave, "spare")[0] - wave).max() < 2e-3
 
 
-def test_reading_the_plant_changes_nothing_of_what_is_heard(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_reading_the_plant_changes_nothing_of_what_is_heard(monkeypatch):
     """A board on the wire reads in a thread of its own, and may come first after each wait."""
     alone, read = Bench(), Bench()
     sleep = read.plant.clock.sleep
@@ -142,7 +142,7 @@ def test_reading_the_plant_changes_nothing_of_what_is_heard(monkeypatch: pytest.
     np.testing.assert_array_equal(*heard)
 
 
-def test_it_takes_the_rigs_time_at_its_own_pace() -> None:
+def test_it_takes_the_rigs_time_at_its_own_pace():
     bench = Bench()
     before = bench.plant.clock.now()
     with bench.daq.stream(["laser"], RATE, 4800, 480_000) as stream:
@@ -152,7 +152,7 @@ def test_it_takes_the_rigs_time_at_its_own_pace() -> None:
 
 
 @pytest.mark.parametrize("frame", [0, 4000, 9000, 12_000])
-def test_an_underrun_anywhere_in_a_play_is_an_error(frame: int) -> None:
+def test_an_underrun_anywhere_in_a_play_is_an_error(frame):
     bench = Bench()
     bench.card.starves_at = frame
     with pytest.raises(InstrumentError, match=r"ran out of samples to play \(an underrun\).*not used"):
@@ -160,7 +160,7 @@ def test_an_underrun_anywhere_in_a_play_is_an_error(frame: int) -> None:
     bench.play(burst(), "spare")  # the next one is a new trial
 
 
-def test_an_overrun_in_the_silence_before_a_recording_is_none() -> None:
+def test_an_overrun_in_the_silence_before_a_recording_is_none():
     bench = Bench()
     bench.card.overflows_at = 480
     with bench.daq.stream(["laser"], RATE, 480, 4800) as stream:
@@ -172,7 +172,7 @@ def test_an_overrun_in_the_silence_before_a_recording_is_none() -> None:
         stream.capture()
 
 
-def test_a_play_of_another_latency_is_no_play_where_a_monitor_hears_it() -> None:
+def test_a_play_of_another_latency_is_no_play_where_a_monitor_hears_it():
     bench = Bench(monitor="spare")
     for wave in (burst(), burst(hz=2000.0)):
         bench.play(wave, "laser")
@@ -183,7 +183,7 @@ def test_a_play_of_another_latency_is_no_play_where_a_monitor_hears_it() -> None
     bench.play(burst(), "laser")
 
 
-def test_the_couplings_are_stated_as_responses() -> None:
+def test_the_couplings_are_stated_as_responses():
     bench = Bench()
     wave = burst(0.5, 2.0, 20.0)
     heard = bench.play(wave, "spare", samples=len(wave) + 48_000)[0]
@@ -199,7 +199,7 @@ def test_the_couplings_are_stated_as_responses() -> None:
     (burst(0.5) + 0.02, "AC-coupled, so take the mean off"),
     (np.append(burst(0.5), np.nan), "is not finite"),
 ])  # fmt: skip
-def test_what_cannot_be_played_as_it_is_is_refused(wave: FloatArray, says: str) -> None:
+def test_what_cannot_be_played_as_it_is_is_refused(wave, says):
     bench = Bench()
     with pytest.raises(LimitError, match=says):
         bench.play(wave, "spare")
@@ -222,7 +222,7 @@ def test_what_cannot_be_played_as_it_is_is_refused(wave: FloatArray, says: str) 
     ({"buffer": "tiny"}, "buffer must be 'high' or 'low'"),
     ({"rate_hz": float("nan")}, "rate_hz must be"),
 ])  # fmt: skip
-def test_a_wrong_table_is_one_sentence(changes: dict[str, Any], says: str) -> None:
+def test_a_wrong_table_is_one_sentence(changes, says):
     given = settings().model_dump() | changes
     with pytest.raises(ConfigurationError, match=says) as refused:
         validate(SoundCardDaq.Settings, given, "[daq] of lab.toml")
@@ -242,7 +242,7 @@ def test_a_wrong_table_is_one_sentence(changes: dict[str, Any], says: str) -> No
         r"'gauge0' is AC-coupled, and \[sensors.force\] needs its voltage at rest: write high_pass",
     ),
 ])  # fmt: skip
-def test_what_a_file_says_twice_is_one_sentence(change: tuple[str, str], says: str, tmp_path: Path) -> None:
+def test_what_a_file_says_twice_is_one_sentence(change, says, tmp_path):
     text = (Path(__file__).parents[2] / "calibration/self_test/card.toml").read_text()
     assert change[0] in text
     (tmp_path / "rig.toml").write_text(text.replace(*change, 1))
@@ -250,7 +250,7 @@ def test_what_a_file_says_twice_is_one_sentence(change: tuple[str, str], says: s
         load_rig_file(tmp_path / "rig.toml")
 
 
-def test_what_the_device_has_not_is_one_sentence() -> None:
+def test_what_the_device_has_not_is_one_sentence():
     bench = Bench()
     more = settings(channels={"far": {"input": 9, "volts_per_full_scale": 1.0}})
     with pytest.raises(ConfigurationError, match=r"has 4 inputs, and \[daq\] names input 9"):
@@ -262,7 +262,7 @@ def test_what_the_device_has_not_is_one_sentence() -> None:
         bench.daq.stream(["laser"], RATE, 480)
 
 
-def test_zero_ends_no_recording() -> None:
+def test_zero_ends_no_recording():
     bench = Bench()
     with bench.daq.stream(["spare"], RATE, 480, 9600) as stream:
         blocks = iter(stream)
@@ -271,7 +271,7 @@ def test_zero_ends_no_recording() -> None:
         assert next(blocks).first == 480
 
 
-def test_a_cable_carries_what_stood_on_the_output_at_each_time() -> None:
+def test_a_cable_carries_what_stood_on_the_output_at_each_time():
     """Three periods of 4 ms with a hole between the second and the third: nothing before, the last held."""
     line = Line(2.0, 0.0)
     for number, start in enumerate((1.0, 1.004, 1.012)):

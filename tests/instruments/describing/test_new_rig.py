@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -12,7 +11,6 @@ import haploop
 from haploop.base.validation import _FORMS
 from haploop.instruments.config import shipped_rigs
 from haploop.instruments.describing import LOOK_UP, Found, FoundCard, rig_problems, to_look_up
-from tests.command_line import Run
 
 LABS = {
     "arduino": ("arduino", Found(ports=(("COM7", "Arduino Uno"),)), ['port = "COM7"'], {}),
@@ -39,7 +37,7 @@ LABS = {
 
 
 @pytest.mark.parametrize("lab", LABS)
-def test_a_lab_has_a_rig_file(lab: str, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_lab_has_a_rig_file(lab, run, tmp_path, monkeypatch):
     like, found, filled, edits = LABS[lab]
     path = tmp_path / "lab.toml"
     monkeypatch.setattr(haploop, "look_for_hardware", lambda: found, raising=False)
@@ -61,7 +59,7 @@ def test_a_lab_has_a_rig_file(lab: str, run: Run, tmp_path: Path, monkeypatch: p
 
 
 @pytest.mark.parametrize("name", shipped_rigs())
-def test_every_shipped_rig_can_be_begun_with(name: str, tmp_path: Path) -> None:
+def test_every_shipped_rig_can_be_begun_with(name, tmp_path):
     """Marks are comments: what is read is the shipped rig, with another name."""
     made = haploop.new_rig(tmp_path / "mine.toml", name, Found())
     shipped = haploop.load_rig_file(name)
@@ -70,7 +68,7 @@ def test_every_shipped_rig_can_be_begun_with(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["sound-card", "voice-coil"])
-def test_what_a_rig_takes_from_its_base_is_to_look_up(name: str, tmp_path: Path) -> None:
+def test_what_a_rig_takes_from_its_base_is_to_look_up(name, tmp_path):
     """These state a few lines of their own; cards, gauges and limits are of another example."""
     haploop.new_rig(tmp_path / "mine.toml", name, Found())
     assert any(": base = " in line for line in to_look_up(tmp_path / "mine.toml"))
@@ -100,7 +98,7 @@ def test_what_a_rig_takes_from_its_base_is_to_look_up(name: str, tmp_path: Path)
      "beyond the grid, whose 7 rows of 12 are numbered 0 to 83"),
     ('name = "lab"', 'base = "usb-6212"', 4, "there is no rig 'usb-6212': did you mean 'usb-6211'?"),
 ])  # fmt: skip
-def test_an_error_has_a_line(before: str, after: str, line: int, says: str, run: Run, tmp_path: Path) -> None:
+def test_an_error_has_a_line(before, after, line, says, run, tmp_path):
     path = tmp_path / "lab.toml"
     run("rig", "new", path, "--like", "usb-6211")
     text = path.read_text(encoding="utf-8").partition("# A USB-6211")[2]
@@ -112,7 +110,7 @@ def test_an_error_has_a_line(before: str, after: str, line: int, says: str, run:
     assert f"line {line}" in result.stderr, (result.stderr, text)
 
 
-def test_all_errors_are_told_at_once(run: Run, tmp_path: Path) -> None:
+def test_all_errors_are_told_at_once(run, tmp_path):
     path = tmp_path / "lab.toml"
     run("rig", "new", path, "--like", "usb-6211")
     text = path.read_text(encoding="utf-8")
@@ -128,19 +126,19 @@ def test_all_errors_are_told_at_once(run: Run, tmp_path: Path) -> None:
     ("name", "near"),
     [("usb6211", "usb-6211"), ("USB", "usb-6211"), ("compact", "compactdaq-iepe"), ("hapttable", "haptable")],
 )
-def test_a_rig_that_is_nearly_named(name: str, near: str, run: Run, tmp_path: Path) -> None:
+def test_a_rig_that_is_nearly_named(name, near, run, tmp_path):
     for command in (("rig", "new", tmp_path / "x.toml", "--like", name), ("doctor", "--rig", name)):
         result = run(*command)
         assert result.exit_code == 2 and f"did you mean {near!r}?" in result.stderr
     assert not (tmp_path / "x.toml").exists()
 
 
-def test_without_a_name_the_shipped_rigs_are_listed(run: Run, tmp_path: Path) -> None:
+def test_without_a_name_the_shipped_rigs_are_listed(run, tmp_path):
     result = run("rig", "new", tmp_path / "x.toml")
     assert result.exit_code == 2 and all(name in result.stderr for name in shipped_rigs())
 
 
-def test_no_pattern_of_a_field_is_shown_to_a_person() -> None:
+def test_no_pattern_of_a_field_is_shown_to_a_person():
     def patterns(schema: Any) -> set[str]:
         if isinstance(schema, list):
             return set().union(*map(patterns, schema))
@@ -153,7 +151,7 @@ def test_no_pattern_of_a_field_is_shown_to_a_person() -> None:
     assert found and found <= set(_FORMS), found - set(_FORMS)
 
 
-def test_a_library_that_is_missing_or_fails_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_library_that_is_missing_or_fails_is_one_sentence(monkeypatch):
     def broken() -> list[FoundCard]:
         raise RuntimeError("Could not find an installation of NI-DAQmx. More words.")
 

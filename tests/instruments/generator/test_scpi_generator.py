@@ -7,7 +7,6 @@ import math
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pytest
@@ -83,7 +82,7 @@ def setup(request: pytest.FixtureRequest) -> Setup:
     return Setup(bench, box, opened)
 
 
-def test_opening_changes_nothing(setup: Setup) -> None:
+def test_opening_changes_nothing(setup):
     setup.tell("OUTP ON", "FREQ 263.5", "VOLT 1")
     generator = setup.open()
     assert generator.is_on
@@ -98,7 +97,7 @@ BURST = Burst(263.5, 20, 0.5)
 PULSES = Arbitrary([0, 0, 0.2, 0.8, 0.4, 0, -0.4, -0.8, -0.2, 0], 5000)
 
 
-def test_each_waveform_is_played_once_with_its_trigger_whatever_was_played_before(setup: Setup) -> None:
+def test_each_waveform_is_played_once_with_its_trigger_whatever_was_played_before(setup):
     generator, bench = setup.open(), setup.bench
     kinds: list[Waveform] = [SWEEP, BURST, BURST, SWEEP]
     if isinstance(generator, Keysight33500):
@@ -137,7 +136,7 @@ def test_each_waveform_is_played_once_with_its_trigger_whatever_was_played_befor
     assert generator.errors() == ()
 
 
-def test_the_load_halves_or_doubles_the_volts(setup: Setup) -> None:
+def test_the_load_halves_or_doubles_the_volts(setup):
     generator = setup.open(load=50)
     generator.configure(SWEEP)
     assert generator.load == 50
@@ -150,7 +149,7 @@ def test_the_load_halves_or_doubles_the_volts(setup: Setup) -> None:
 
 
 @pytest.mark.parametrize("mode", ["BURS", "SWE", "AM", "FM"])
-def test_configuring_switches_the_output_off_first(setup: Setup, mode: str) -> None:
+def test_configuring_switches_the_output_off_first(setup, mode):
     setup.tell("OUTP1 ON", "VOLT:OFFS 4", f"{mode}:STAT ON")
     generator = setup.open()
     generator.configure(SWEEP)
@@ -159,7 +158,7 @@ def test_configuring_switches_the_output_off_first(setup: Setup, mode: str) -> N
     assert setup.tell(f"FUNC?;:{mode}:STAT?") in ("SIN;0", "SIN;OFF")
 
 
-def test_more_volts_than_the_rig_allows_are_refused_before_anything_is_sent(setup: Setup) -> None:
+def test_more_volts_than_the_rig_allows_are_refused_before_anything_is_sent(setup):
     generator = setup.open()
     setup.tell("OUTP ON")
     with pytest.raises(LimitError, match=r"1.2 V peak was refused: 'highest' in \[generator\] is 1 V"):
@@ -167,7 +166,7 @@ def test_more_volts_than_the_rig_allows_are_refused_before_anything_is_sent(setu
     assert generator.is_on
 
 
-def test_the_instruments_own_words_for_what_it_refuses(setup: Setup) -> None:
+def test_the_instruments_own_words_for_what_it_refuses(setup):
     generator = setup.open(highest=50)
     with pytest.raises(
         InstrumentError, match=r"refused a setting: -222 Data out of range; value clipped to upper"
@@ -179,7 +178,7 @@ def test_the_instruments_own_words_for_what_it_refuses(setup: Setup) -> None:
         generator.configure(Sweep(1, 625, 1000, 0.5))
 
 
-def test_errors_of_somebody_else_are_not_blamed_on_the_sweep(setup: Setup) -> None:
+def test_errors_of_somebody_else_are_not_blamed_on_the_sweep(setup):
     setup.tell("NONSENSE 1")
     generator = setup.open()
     generator.configure(SWEEP)
@@ -192,9 +191,7 @@ def test_errors_of_somebody_else_are_not_blamed_on_the_sweep(setup: Setup) -> No
     (lambda _, generator: generator.off(), ConfigurationError, r"not armed|no waveform to play"),
     (lambda setup, _: setup.tell("SWE:STAT OFF"), InstrumentError, "its waveform: -211 Trigger ignored"),
 ], ids=["switched off", "trigger ignored"])  # fmt: skip
-def test_a_sweep_that_does_not_start_leaves_the_output_off(
-    setup: Setup, act: Callable[..., object], error: type[Exception], says: str
-) -> None:
+def test_a_sweep_that_does_not_start_leaves_the_output_off(setup, act, error, says):
     generator = setup.open()
     generator.configure(SWEEP)
     generator.arm()
@@ -231,18 +228,18 @@ def deaf_to(words: str, family: str, *said: str) -> ScpiGenerator:
     ("FREQ:STOP", r"given 625 for stop_hz but reads 1000"),
     ("SWE:TIME", r"given 0.5 for duration but reads 1"),
 ])  # fmt: skip
-def test_a_setting_that_was_not_taken_is_read_back(family: str, deaf: str, sentence: str) -> None:
+def test_a_setting_that_was_not_taken_is_read_back(family, deaf, sentence):
     with pytest.raises(InstrumentError, match=sentence):
         deaf_to(deaf, family).configure(SWEEP)
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-def test_an_output_that_stays_on_is_said(family: str) -> None:
+def test_an_output_that_stays_on_is_said(family):
     with pytest.raises(InstrumentError, match="switch its output off but reads on: switch it off by hand"):
         deaf_to("OFF", family, "OUTP1 ON").off()
 
 
-def test_another_instrument_is_refused() -> None:
+def test_another_instrument_is_refused():
     bench = Bench()
     box = Box(DG1000Z, bench, "amplifier")
     with pytest.raises(InstrumentError, match=r"Rigol Technologies DG1062Z.* not for: correct 'driver'"):
@@ -266,9 +263,9 @@ def served() -> Iterator[tuple[LineServer, Keysight33500]]:
     ("truncated", r"'OUTP1\?'"),
     ("disconnect", r"'OUTP1\?'"),
 ])  # fmt: skip
-def test_a_fault_of_the_line_passes(served: tuple[LineServer, Keysight33500], kind: str, says: str) -> None:
+def test_a_fault_of_the_line_passes(served, kind, says):
     server, generator = served
-    fault = ReplyFault(kind, asked="OUTP1?", times=1)  # type: ignore[arg-type]
+    fault = ReplyFault(kind, asked="OUTP1?", times=1)
     server.faults.append(fault)
     with pytest.raises(InstrumentError, match=rf"^The generator at TCPIP::\S+ .*{says}"):
         assert generator.is_on
@@ -276,7 +273,7 @@ def test_a_fault_of_the_line_passes(served: tuple[LineServer, Keysight33500], ki
     assert not generator.is_on, "the next question opens a new connection"
 
 
-def test_a_late_answer_is_not_taken_for_the_next_one(served: tuple[LineServer, Keysight33500]) -> None:
+def test_a_late_answer_is_not_taken_for_the_next_one(served):
     server, generator = served
     server.faults.append(ReplyFault("delay", asked="VOLT?", times=1, delay=0.25))
     with pytest.raises(InstrumentError, match="did not answer"):
@@ -291,7 +288,7 @@ def test_a_late_answer_is_not_taken_for_the_next_one(served: tuple[LineServer, K
 @pytest.mark.parametrize(
     "resource", ["TCPIP::127.0.0.1::1::SOCKET", "nonsense", "TCPIP::no.such.host.invalid::5025::SOCKET"]
 )
-def test_no_such_resource_is_one_sentence(resource: str) -> None:
+def test_no_such_resource_is_one_sentence(resource):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ResourceWarning)  # pyvisa-py forgets its socket then
         with pytest.raises(InstrumentError, match=rf"^The generator at {resource} cannot be "):
@@ -322,12 +319,12 @@ def test_no_such_resource_is_one_sentence(resource: str) -> None:
     (Arbitrary, ([0, 1, -1], 1000), "this one at 0 and -1 V"),
     (Arbitrary, ([0, 1, 0], 1e-6), "too long to be judged"),
 ])  # fmt: skip
-def test_what_no_generator_plays(kind: Callable[..., Waveform], figures: tuple[Any, ...], told: str) -> None:
+def test_what_no_generator_plays(kind, figures, told):
     with pytest.raises(ConfigurationError, match=told):
         kind(*figures)
 
 
-def test_a_waveform_states_its_volts_duration_and_duty() -> None:
+def test_a_waveform_states_its_volts_duration_and_duty():
     assert (SWEEP.amplitude, SWEEP.duration, SWEEP.duty) == (0.8, 0.5, 1)
     burst = Burst(200, 10, 3)
     assert (burst.amplitude, burst.duration, burst.duty) == (3, 0.05, 1)

@@ -26,7 +26,6 @@ from haploop.instruments import Block, load_rig_file, watch_live
 from haploop.instruments.live import Feed, LiveBlock, Publisher, Run, Tap, levels
 from haploop.instruments.live.publisher import PREFIX, frame_of, header_of, lengths_of, volts_of
 from haploop.instruments.sensors import Sensors
-from tests.conftest import OpenRig
 from tests.rig_files import changed
 
 FILE = load_rig_file("simulated")
@@ -92,7 +91,7 @@ def _watched(feed: Feed) -> bool:
     return bool(feed._taps)
 
 
-def test_the_newest_win_and_the_others_are_counted(feed: Feed) -> None:
+def test_the_newest_win_and_the_others_are_counted(feed):
     tap, publish = feed.tap(3), feed.begin(RUN)
     for number in range(10):
         publish(_block(10 * number))
@@ -104,7 +103,7 @@ def test_the_newest_win_and_the_others_are_counted(feed: Feed) -> None:
     assert tap.dropped == 8 and tap.latest() is None and tap.take(0) is None
 
 
-def test_viewers_cannot_change_what_the_writer_has(feed: Feed) -> None:
+def test_viewers_cannot_change_what_the_writer_has(feed):
     tap, block = feed.tap(), _block(0)
     feed.begin(RUN)(block)
     taken = tap.take(0)
@@ -115,7 +114,7 @@ def test_viewers_cannot_change_what_the_writer_has(feed: Feed) -> None:
     block.volts[0, 0] = 0.0  # its owner still can
 
 
-def test_waiting_ends_by_the_clock_by_a_block_and_by_the_end(feed: Feed) -> None:
+def test_waiting_ends_by_the_clock_by_a_block_and_by_the_end(feed):
     clock = _Steps()
     assert Tap(1, clock).take(5.0) is None
     assert clock.seconds <= 8.0
@@ -127,7 +126,7 @@ def test_waiting_ends_by_the_clock_by_a_block_and_by_the_end(feed: Feed) -> None
     assert feed.tap().closed
 
 
-def test_a_closed_tap_is_forgotten(feed: Feed) -> None:
+def test_a_closed_tap_is_forgotten(feed):
     with feed.tap() as tap:
         pass
     feed.begin(RUN)(_block(0))
@@ -135,12 +134,12 @@ def test_a_closed_tap_is_forgotten(feed: Feed) -> None:
     assert not feed._taps
 
 
-def test_a_tap_without_room_is_refused(feed: Feed) -> None:
+def test_a_tap_without_room_is_refused(feed):
     with pytest.raises(ValueError, match="1 block"):
         feed.tap(0)
 
 
-def test_a_recording_and_a_play_are_tapped_and_not_changed(open_rig: OpenRig, tmp_path: Path) -> None:
+def test_a_recording_and_a_play_are_tapped_and_not_changed(open_rig, tmp_path):
     with open_rig() as rig:
         plain = record(rig, "latch", "P01", 1, tmp_path / "plain")
     rig = open_rig()
@@ -172,7 +171,7 @@ def test_a_recording_and_a_play_are_tapped_and_not_changed(open_rig: OpenRig, tm
 
 
 @pytest.mark.requires("simulation")
-def test_levels_are_in_si(open_rig: OpenRig, tmp_path: Path) -> None:
+def test_levels_are_in_si(open_rig, tmp_path):
     rig = open_rig()
     tap = rig.tap(100_000)
     recording = record(rig, "latch", "P01", 1, tmp_path)
@@ -184,14 +183,14 @@ def test_levels_are_in_si(open_rig: OpenRig, tmp_path: Path) -> None:
     assert {each["activation"].mean for each in found} >= {0.0, 1.0}
 
 
-def test_a_closed_rig_ends_its_views(open_rig: OpenRig) -> None:
+def test_a_closed_rig_ends_its_views(open_rig):
     rig = open_rig()
     tap = rig.tap()
     rig.close()
     assert tap.take() is None
 
 
-def test_another_program_gets_the_blocks(feed: Feed, publisher: Publisher) -> None:
+def test_another_program_gets_the_blocks(feed, publisher):
     with watch_live(FILE, address=publisher.path) as tap:
         _until(lambda: _watched(feed))
         publish = feed.begin(RUN)
@@ -208,7 +207,7 @@ def test_another_program_gets_the_blocks(feed: Feed, publisher: Publisher) -> No
         assert tap.dropped == 0
 
 
-def test_a_client_that_does_not_read_is_told_what_it_missed(feed: Feed, publisher: Publisher) -> None:
+def test_a_client_that_does_not_read_is_told_what_it_missed(feed, publisher):
     link = _link(publisher, _token(publisher))
     with link, watch_live(FILE, address=publisher.path, capacity=1000) as other:
         _until(lambda: len(feed._taps) == 2)
@@ -249,7 +248,7 @@ def _exactly(link: socket.socket, count: int) -> bytes:
 
 
 @pytest.mark.parametrize("kind", ["nothing", "noise", "half", "another token", "token and noise"])
-def test_a_client_that_talks_nonsense_gets_nothing(feed: Feed, publisher: Publisher, kind: str) -> None:
+def test_a_client_that_talks_nonsense_gets_nothing(feed, publisher, kind):
     token = _token(publisher)
     greeting = {
         "nothing": b"",
@@ -271,7 +270,7 @@ def test_a_client_that_talks_nonsense_gets_nothing(feed: Feed, publisher: Publis
         assert tap.take(10) is not None
 
 
-def test_many_clients_do_not_pile_up(feed: Feed, publisher: Publisher) -> None:
+def test_many_clients_do_not_pile_up(feed, publisher):
     links = [_link(publisher, _token(publisher)) for _ in range(20)]
     try:
         _until(lambda: len(feed._taps) == 8)
@@ -285,7 +284,7 @@ def test_many_clients_do_not_pile_up(feed: Feed, publisher: Publisher) -> None:
         _until(lambda: _watched(feed))
 
 
-def test_only_the_owner_can_read_the_token(publisher: Publisher) -> None:
+def test_only_the_owner_can_read_the_token(publisher):
     assert publisher._listener.getsockname()[0] == "127.0.0.1"
     if os.name != "nt":
         assert stat.S_IMODE(publisher.path.stat().st_mode) == 0o600
@@ -295,7 +294,7 @@ def test_only_the_owner_can_read_the_token(publisher: Publisher) -> None:
     publisher.close()
 
 
-def test_closing_ends_clients_that_do_not_read(feed: Feed, publisher: Publisher) -> None:
+def test_closing_ends_clients_that_do_not_read(feed, publisher):
     with _link(publisher, _token(publisher)):
         _until(lambda: _watched(feed))
         publish = feed.begin(RUN)
@@ -307,7 +306,7 @@ def test_closing_ends_clients_that_do_not_read(feed: Feed, publisher: Publisher)
         _until(lambda: not feed._taps)
 
 
-def test_where_nobody_listens_is_said(tmp_path: Path, feed: Feed, publisher: Publisher) -> None:
+def test_where_nobody_listens_is_said(tmp_path, feed, publisher):
     with pytest.raises(ConfigurationError, match="No running program publishes the rig 'simulated'"):
         watch_live(FILE)
     # Left by a program that was killed: it is removed.
@@ -321,7 +320,7 @@ def test_where_nobody_listens_is_said(tmp_path: Path, feed: Feed, publisher: Pub
         assert text != killed or not left.exists()
 
 
-def test_the_running_program_is_found_by_the_rig_name(open_rig: OpenRig) -> None:
+def test_the_running_program_is_found_by_the_rig_name(open_rig):
     rig = open_rig()
     with rig.publish_live(), watch_live(rig.file, rig.mode) as tap:
         _until(lambda: _watched(rig._feed))
@@ -332,7 +331,7 @@ def test_the_running_program_is_found_by_the_rig_name(open_rig: OpenRig) -> None
             watch_live(changed(rig.file, name="another"), rig.mode)
 
 
-def test_what_cannot_be_published_is_one_error(feed: Feed, tmp_path: Path) -> None:
+def test_what_cannot_be_published_is_one_error(feed, tmp_path):
     with pytest.raises(InstrumentError, match="No live view"):
         Publisher(feed, "simulated", tmp_path / "missing")
 
@@ -347,7 +346,7 @@ with watch_live("simulated", address=sys.argv[1]) as tap:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no signal that stops a process")
-def test_a_recording_does_not_wait_for_a_stopped_viewer(open_rig: OpenRig, tmp_path: Path) -> None:
+def test_a_recording_does_not_wait_for_a_stopped_viewer(open_rig, tmp_path):
     rig = open_rig()
     with rig.publish_live() as publisher:
         command = [sys.executable, "-c", STOPPED, str(publisher.path)]
@@ -364,7 +363,7 @@ def test_a_recording_does_not_wait_for_a_stopped_viewer(open_rig: OpenRig, tmp_p
 
 
 @given(st.binary(max_size=300))
-def test_noise_is_refused_as_no_block(noise: bytes) -> None:
+def test_noise_is_refused_as_no_block(noise):
     with pytest.raises(DataError, match="no block"):
         header_of(noise)
     if len(noise) >= PREFIX:
@@ -373,7 +372,7 @@ def test_noise_is_refused_as_no_block(noise: bytes) -> None:
 
 
 @given(st.data())
-def test_a_header_with_something_else_in_it_is_a_data_error_or_a_block(data: st.DataObject) -> None:
+def test_a_header_with_something_else_in_it_is_a_data_error_or_a_block(data):
     frame, volts = frame_of(LiveBlock(RUN, 0, _block(0).volts, _block(0).overload), 3)
     header = json.loads(frame[PREFIX:])
     key = data.draw(st.sampled_from(sorted(header)))
@@ -387,7 +386,7 @@ def test_a_header_with_something_else_in_it_is_a_data_error_or_a_block(data: st.
     assert block.volts.shape == (2, 10)
 
 
-def test_a_frame_is_read_as_it_was_written() -> None:
+def test_a_frame_is_read_as_it_was_written():
     run = Run("r", False, "play", "patch A", ("a", "b"), 50e3, FILE.sensors, ("a", 0.005, "velocity"), 7)
     block = LiveBlock(run, 5, np.random.default_rng(0).normal(size=(2, 9)), np.array([True, False]))
     frame, volts = frame_of(block, 3)
@@ -400,7 +399,7 @@ def test_a_frame_is_read_as_it_was_written() -> None:
         volts_of(header, again, bytes(volts)[:-8])
 
 
-def test_a_publisher_that_talks_nonsense_is_a_data_error(tmp_path: Path) -> None:
+def test_a_publisher_that_talks_nonsense_is_a_data_error(tmp_path):
     with socket.create_server(("127.0.0.1", 0)) as server:
         path = tmp_path / "live-1-evil.json"
         content = {"rig": "simulated", "port": server.getsockname()[1], "token": "0" * 64}

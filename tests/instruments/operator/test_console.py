@@ -29,27 +29,27 @@ CONSENT = "Has P01 read and signed the consent form? [y/n] "
     ("\n\nYes\n", Consent("P01"), True, 3 * CONSENT),
     ("what?\nn\n", Consent("P01"), False, 2 * CONSENT),
 ])  # fmt: skip
-def test_an_answer(console: Console, monkeypatch, capsys, typed, asked, answer: bool, said: str) -> None:
+def test_an_answer(console, monkeypatch, capsys, typed, asked, answer, said):
     monkeypatch.setattr(sys, "stdin", io.StringIO(typed))
     assert console.confirm(asked) is answer
     told = capsys.readouterr().err
     assert told == said if isinstance(asked, Consent) else told.endswith(said)
 
 
-def test_nobody_there(console: Console, monkeypatch) -> None:
+def test_nobody_there(console, monkeypatch):
     monkeypatch.setattr(sys, "stdin", io.StringIO(""))
     with pytest.raises(InstrumentError, match="Nobody is at the console"):
         console.confirm(Consent("P01"))
 
 
-def test_what_comes_from_a_pipe_is_kept_for_a_question(console: Console, monkeypatch) -> None:
+def test_what_comes_from_a_pipe_is_kept_for_a_question(console, monkeypatch):
     monkeypatch.setattr(sys, "stdin", io.StringIO("r\n"))
     assert console.rejects() is False
     assert sys.stdin.readline() == "r\n"
 
 
 @pytest.mark.skipif(not hasattr(os, "openpty"), reason="needs a terminal that a test can type at")
-def test_r_and_enter_reject_the_press_before(console: Console, monkeypatch, capsys) -> None:
+def test_r_and_enter_reject_the_press_before(console, monkeypatch, capsys):
     keyboard, terminal = os.openpty()
     with os.fdopen(terminal, "r") as stdin:
         monkeypatch.setattr(sys, "stdin", stdin)

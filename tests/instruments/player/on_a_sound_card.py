@@ -35,7 +35,7 @@ class OnASoundCard(PlayerConformance):
         return self.kind(settings, self.plant.clock, self.card)
 
     def clock(self) -> Clock:
-        return SimpleNamespace(sleep=self._pass)  # type: ignore[return-value]
+        return SimpleNamespace(sleep=self._pass)
 
     def playing(self) -> bool:
         # What it is about to put out, the tail that its capacitor leaves aside.
@@ -55,7 +55,7 @@ class OnASoundCard(PlayerConformance):
                 counted.fired += 1
                 raise self.card.PortAudioError("Device unavailable [PaErrorCode -9985]")
 
-            self.card.OutputStream = gone  # type: ignore[method-assign]
+            self.card.OutputStream = gone
             yield counted
 
     def _pass(self, duration: float) -> None:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,7 +21,6 @@ from haploop.mocks.clock import VirtualClock
 from haploop.mocks.plant import Plant
 from haploop.mocks.player.sound_card import DRIFT, Card, Jack, twin
 from tests.calibration.conftest import make_press
-from tests.conftest import OpenRig
 
 pytestmark = pytest.mark.requires("simulation")
 
@@ -68,7 +65,7 @@ class Bench:
             self.steps += [(run.start, run.values) for run in runs]
             return list(runs)
 
-        self.card.jack.take = remember  # type: ignore[assignment,method-assign]
+        self.card.jack.take = remember
 
     def wait(self, duration: float) -> None:
         self.plant.clock.sleep(duration)
@@ -79,7 +76,7 @@ class Bench:
         return np.concatenate([values for _, values in self.steps]) if self.steps else np.zeros(1)
 
 
-def test_a_waveform_comes_out_whole_at_the_cards_rate() -> None:
+def test_a_waveform_comes_out_whole_at_the_cards_rate():
     bench = Bench()
     wave = burst(0.9)
     with bench.driver.play(wave, RATE):
@@ -92,7 +89,7 @@ def test_a_waveform_comes_out_whole_at_the_cards_rate() -> None:
     assert np.abs(out[:first]).max() < 1e-4 and np.abs(out[first + len(wanted) :]).max() < 1e-4
 
 
-def test_resampling_is_exact_for_what_is_band_limited() -> None:
+def test_resampling_is_exact_for_what_is_band_limited():
     wave = burst(1.0)
     there = at_rate(wave, RATE, 48_000)
     assert len(there) == round(0.42 * 48_000)
@@ -109,7 +106,7 @@ def test_resampling_is_exact_for_what_is_band_limited() -> None:
     (burst(1.5), {"highest": 2.0}, r"1.5 V peak was refused.*1.4 V"),
     (burst(0.5) + 0.02, {}, "AC-coupled, so take the mean off"),
 ])  # fmt: skip
-def test_what_cannot_be_played_is_refused(wave: FloatArray, changes: dict[str, object], says: str) -> None:
+def test_what_cannot_be_played_is_refused(wave, changes, says):
     bench = Bench(**changes)
     with pytest.raises(LimitError, match=says), bench.driver.play(wave, RATE):
         pass
@@ -117,7 +114,7 @@ def test_what_cannot_be_played_is_refused(wave: FloatArray, changes: dict[str, o
     assert not bench.card.jack.begun and np.abs(bench.volts).max() == 0
 
 
-def test_a_busy_device_is_one_sentence() -> None:
+def test_a_busy_device_is_one_sentence():
     bench = Bench()
     other = SoundCard(settings(), bench.plant.clock, bench.card)
     bypass_interlock(other)
@@ -132,7 +129,7 @@ def test_a_busy_device_is_one_sentence() -> None:
     (ImportError("No module"), r"pip install \"haploop\[sound\]\""),
     (OSError("PortAudio library not found"), "install the distribution's PortAudio"),
 ])  # fmt: skip
-def test_without_sounddevice(error: Exception, says: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_sounddevice(error, says, monkeypatch):
     def load(name: str) -> object:
         assert name == "sounddevice"
         raise error
@@ -142,7 +139,7 @@ def test_without_sounddevice(error: Exception, says: str, monkeypatch: pytest.Mo
         SoundCard.open(settings(), RealClock())
 
 
-def test_no_such_device_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_such_device_is_one_sentence(monkeypatch):
     bench = Bench()
 
     def query(device: object, kind: str) -> object:
@@ -162,7 +159,7 @@ def played(rig: Rig) -> Jack:
 
 
 @pytest.mark.long
-def test_a_capture_is_on_the_drives_clock(open: OpenRig, tmp_path: Path) -> None:
+def test_a_capture_is_on_the_drives_clock(open, tmp_path):
     """As with the DAQ's own output, whenever a play begins and however fast the card's clock is."""
     # Without coupling, so that both give the same.
     (tmp_path / "direct.toml").write_text('base = "sound-card"\n[player]\nhigh_pass_hz = 0\n')
@@ -191,9 +188,7 @@ def test_a_capture_is_on_the_drives_clock(open: OpenRig, tmp_path: Path) -> None
     ("made", "corner"),
     [(burst, 5.0), (burst, 2.0), (burst, 10.0), (lambda peak: linear_sweep(RATE, 2.0, 625.0, peak), 2.0)],
 )
-def test_the_begin_does_not_depend_on_what_the_coupling_is_believed_to_be(
-    open: OpenRig, made: Callable[[float], FloatArray], corner: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_begin_does_not_depend_on_what_the_coupling_is_believed_to_be(open, made, corner, monkeypatch):
     """Declared as 5 Hz: a wrong corner must not pass for a delay."""
     rig = open("sound-card")
     jack, begun = played(rig), []
@@ -207,7 +202,7 @@ def test_the_begin_does_not_depend_on_what_the_coupling_is_believed_to_be(
     assert capture.timing.begin - truth == pytest.approx(42.2e-6, abs=2e-6 if corner == 5 else 15e-6)
 
 
-def test_the_operator_confirms_what_cannot_be_read(open: OpenRig, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_operator_confirms_what_cannot_be_read(open, monkeypatch):
     rig = open("sound-card")
     asked: list[str] = []
 
@@ -227,7 +222,7 @@ def test_the_operator_confirms_what_cannot_be_read(open: OpenRig, monkeypatch: p
     (0.0, "monitor shows 0.* V for each volt"),
     (-1.4, "upside down"),  # a tone, whose neighbouring half waves are nearly as good
 ])  # fmt: skip
-def test_a_wrong_volume_is_found_in_what_is_measured(open: OpenRig, full_scale: float, says: str) -> None:
+def test_a_wrong_volume_is_found_in_what_is_measured(open, full_scale, says):
     rig = open("sound-card")
     played(rig).full_scale = full_scale
     with pytest.raises(InstrumentError, match=says):
@@ -235,7 +230,7 @@ def test_a_wrong_volume_is_found_in_what_is_measured(open: OpenRig, full_scale: 
     assert_off(rig)
 
 
-def test_an_underflow_on_the_rig_is_an_error_and_leaves_it_safe(open: OpenRig) -> None:
+def test_an_underflow_on_the_rig_is_an_error_and_leaves_it_safe(open):
     rig = open("sound-card")
     played(rig).starves_at = 9600
     with pytest.raises(InstrumentError, match="ran out of samples"):
@@ -246,7 +241,7 @@ def test_an_underflow_on_the_rig_is_an_error_and_leaves_it_safe(open: OpenRig) -
     assert capture.delays.shape == capture.overload.shape == (1,)
 
 
-def test_a_play_stops_before_the_relay_opens(open: OpenRig, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_play_stops_before_the_relay_opens(open, monkeypatch):
     rig = open("sound-card")
     bypass_interlock(rig.player)
     truth, connect, seen = rig.simulation.truth, rig.relay.connect, []
@@ -272,7 +267,7 @@ def test_a_play_stops_before_the_relay_opens(open: OpenRig, monkeypatch: pytest.
         assert truth.closed == frozenset() and max(map(abs, truth.patch_voltages.values())) < 0.02
 
 
-def test_an_interrupted_play_leaves_the_rig_safe(open: OpenRig) -> None:
+def test_an_interrupted_play_leaves_the_rig_safe(open):
     rig = open("sound-card")
 
     def interrupt(*_: object) -> None:
@@ -285,7 +280,7 @@ def test_an_interrupted_play_leaves_the_rig_safe(open: OpenRig) -> None:
 
 
 @pytest.mark.usefixtures("unproved")
-def test_a_long_tone_is_not_taken_for_its_neighbour(open: OpenRig) -> None:
+def test_a_long_tone_is_not_taken_for_its_neighbour(open):
     rig = open("sound-card")
     plays = [rig.excite(burst(40, 2.0), ["A"], ["drive"]) for _ in range(3)]
     waves = [capture.volts[0] for capture in plays]
@@ -301,7 +296,7 @@ def measured(drive: FloatArray, begin: float, drift: float, sign: float = 1.0) -
     return np.asarray(sign * seen + 1e-3 * np.random.default_rng(0).standard_normal(len(t)))
 
 
-def test_a_clock_that_is_no_crystals_is_refused() -> None:
+def test_a_clock_that_is_no_crystals_is_refused():
     sweep = linear_sweep(RATE, 3.0, 625.0, 40.0)
 
     def flat(f: FloatArray) -> np.ndarray:
@@ -322,7 +317,7 @@ def test_a_clock_that_is_no_crystals_is_refused() -> None:
 @pytest.mark.night
 @pytest.mark.many_plays
 @pytest.mark.usefixtures("few_callbacks")
-def test_a_drive_made_through_the_sound_card_passes_its_check(open: OpenRig) -> None:
+def test_a_drive_made_through_the_sound_card_passes_its_check(open):
     rig = open("sound-card")
     calibration = calibrate(rig)
     result = check(rig, drive_for(make_press(), calibration, rig.limits))

@@ -27,7 +27,7 @@ PATCHES = {"A": 0, "B": 1, "D": 7}
     (b"relay read 3\r\noff\r\n>", "relay read 3", "off"),
     (b"\n\rver\n\r00000008\n\r>", "ver", "00000008"),
 ])  # fmt: skip
-def test_answers_of_real_boards(received: bytes, command: str, answer: str) -> None:
+def test_answers_of_real_boards(received, command, answer):
     assert answer_in(received, command) == answer
 
 
@@ -39,7 +39,7 @@ def test_answers_of_real_boards(received: bytes, command: str, answer: str) -> N
     b"relay read 3\n\r\xff\n\r>",
     b"relay read 3\n\ron\n\r",
 ])  # fmt: skip
-def test_what_is_no_answer_to_this_command_is_refused(received: bytes) -> None:
+def test_what_is_no_answer_to_this_command_is_refused(received):
     with pytest.raises(ValueError, match="'"):
         answer_in(received, "relay read 3")
 
@@ -68,7 +68,7 @@ def wired() -> Iterator[Setup]:
         relay.close()
 
 
-def test_says_that_it_cannot_open_by_itself(wired: Setup) -> None:
+def test_says_that_it_cannot_open_by_itself(wired):
     assert wired.relay.dead_man == math.inf
     wired.relay.connect(["A"])
     wired.bench.clock.sleep(1000)
@@ -76,7 +76,7 @@ def test_says_that_it_cannot_open_by_itself(wired: Setup) -> None:
     assert wired.bench.closed() == {"A"}
 
 
-def test_close_frees_the_port(wired: Setup) -> None:
+def test_close_frees_the_port(wired):
     wired.relay.close()
     with pytest.raises(InstrumentError, match="open the rig again"):
         wired.relay.connected()
@@ -93,7 +93,7 @@ def test_close_frees_the_port(wired: Setup) -> None:
     (ReplyFault("terminator"), "and no prompt, which no such board does"),
     (ReplyFault("drip", delay=0.15), "no such board does"),
 ], ids=lambda value: value.kind if isinstance(value, ReplyFault) else "")  # fmt: skip
-def test_every_bad_answer_is_one_sentence_and_passes(wired: Setup, fault: ReplyFault, sentence: str) -> None:
+def test_every_bad_answer_is_one_sentence_and_passes(wired, fault, sentence):
     wired.wire.faults.append(fault)
     with pytest.raises(InstrumentError, match=sentence):
         wired.relay.connected()
@@ -103,7 +103,7 @@ def test_every_bad_answer_is_one_sentence_and_passes(wired: Setup, fault: ReplyF
     assert wired.relay.connected() == {"A"}
 
 
-def test_a_late_answer_is_not_taken_for_the_next_ones(wired: Setup) -> None:
+def test_a_late_answer_is_not_taken_for_the_next_ones(wired):
     """The command that timed out is answered after the next has been sent."""
     wired.relay.connect(["A"])
     wired.wire.faults.append(ReplyFault("delay", asked="relay read 0", delay=0.25, times=1))
@@ -113,7 +113,7 @@ def test_a_late_answer_is_not_taken_for_the_next_ones(wired: Setup) -> None:
     assert wired.relay.connected() == set()
 
 
-def test_what_a_board_says_unasked_is_not_taken_for_an_answer() -> None:
+def test_what_a_board_says_unasked_is_not_taken_for_an_answer():
     box = box_in(Contacts(PATCHES), PATCHES, range(8))
     with SerialRelayWire(box) as board:
 
@@ -132,7 +132,7 @@ def test_what_a_board_says_unasked_is_not_taken_for_an_answer() -> None:
             relay.close()
 
 
-def test_a_channel_that_the_board_has_not_and_a_board_that_is_unplugged_are_told(wired: Setup) -> None:
+def test_a_channel_that_the_board_has_not_and_a_board_that_is_unplugged_are_told(wired):
     with pytest.raises(InstrumentError, match=r"'relay read C' with '', which no such board does"):
         SerialRelay.open(settings(port=wired.wire.url, patches={"A": 12}), wired.bench.clock)
     wired.relay.connect(["A"])
@@ -142,7 +142,7 @@ def test_a_channel_that_the_board_has_not_and_a_board_that_is_unplugged_are_told
             action()
 
 
-def test_nobody_at_the_port() -> None:
+def test_nobody_at_the_port():
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         taken = f"socket://127.0.0.1:{free.getsockname()[1]}"
@@ -155,7 +155,7 @@ def test_nobody_at_the_port() -> None:
                 SerialRelay.open(settings(port=port), VirtualClock())
 
 
-def test_the_other_commands_of_a_board() -> None:
+def test_the_other_commands_of_a_board():
     """As public programs for these modules send them, also those that the driver has no use for."""
     bench = Contacts(PATCHES)
     with (

@@ -56,7 +56,7 @@ def wired() -> Iterator[Wired]:
         yield Wired(bench, box, Yocto.open(settings(hub=hub.url), bench.clock), hub)
 
 
-def test_breaks_before_it_makes(setup: Setup) -> None:
+def test_breaks_before_it_makes(setup):
     setup.relay.connect(["A"])
     setup.relay.connect(["B"])
     assert setup.bench.closed() == {"B"}
@@ -65,7 +65,7 @@ def test_breaks_before_it_makes(setup: Setup) -> None:
     assert events[2][0] - events[1][0] > 0.01
 
 
-def test_a_box_opens_by_itself_in_time_unless_it_is_renewed(setup: Setup) -> None:
+def test_a_box_opens_by_itself_in_time_unless_it_is_renewed(setup):
     setup.relay.connect(["A", "B"])
     for _ in range(20):
         setup.bench.clock.sleep(1.9)
@@ -80,7 +80,7 @@ def test_a_box_opens_by_itself_in_time_unless_it_is_renewed(setup: Setup) -> Non
     assert all(1.95 < at - renewed < 2.02 for at in opened)
 
 
-def test_renewing_does_not_close_again_what_opened_by_itself(setup: Setup) -> None:
+def test_renewing_does_not_close_again_what_opened_by_itself(setup):
     setup.relay.connect(["A"])
     setup.bench.clock.sleep(2.5)
     with pytest.raises(InstrumentError, match=r"channel 1 \(patch A\) reads open .*renewed for 2 s"):
@@ -90,7 +90,7 @@ def test_renewing_does_not_close_again_what_opened_by_itself(setup: Setup) -> No
     assert setup.bench.closed() == set()
 
 
-def test_renewing_notices_a_channel_that_somebody_else_closed(setup: Setup) -> None:
+def test_renewing_notices_a_channel_that_somebody_else_closed(setup):
     setup.relay.connect(["A"])
     setup.box.set_state(2, True)
     setup.bench.clock.sleep(0.1)
@@ -98,7 +98,7 @@ def test_renewing_notices_a_channel_that_somebody_else_closed(setup: Setup) -> N
         setup.relay.renew()
 
 
-def test_no_renewal_outlasts_the_longest_time(setup: Setup) -> None:
+def test_no_renewal_outlasts_the_longest_time(setup):
     setup.relay.connect(["A"])
     start = setup.bench.clock.now()
     with pytest.raises(InstrumentError, match="channel 1"):
@@ -115,8 +115,8 @@ def test_no_renewal_outlasts_the_longest_time(setup: Setup) -> None:
     (["A"], ["B"], 1, r"channel 1 \(patch A\) was told to open but reads closed", {"A"}),
 ], ids=["close", "open"])  # fmt: skip
 def test_a_channel_that_does_not_follow_is_an_error_before_any_other_closes(
-    setup: Setup, kind: Any, first: list[str], then: list[str], channel: int, says: str, left: set[str]
-) -> None:
+    setup, kind, first, then, channel, says, left
+):
     setup.relay.connect(first)
     fault = BoxFault(kind, channel=channel)
     setup.box.faults.append(fault)
@@ -127,7 +127,7 @@ def test_a_channel_that_does_not_follow_is_an_error_before_any_other_closes(
     assert setup.bench.closed() == left
 
 
-def test_one_lost_renewal_does_no_harm(setup: Setup) -> None:
+def test_one_lost_renewal_does_no_harm(setup):
     setup.relay.connect(["A"])
     setup.box.faults.append(BoxFault("lost", channel=1, times=1))
     for _ in range(10):
@@ -137,7 +137,7 @@ def test_one_lost_renewal_does_no_harm(setup: Setup) -> None:
     assert setup.box.faults[0].fired == 1
 
 
-def test_a_welded_contact_is_hidden_from_the_read_back(setup: Setup) -> None:
+def test_a_welded_contact_is_hidden_from_the_read_back(setup):
     """Why the rig measures the drive at the patches: the box has no auxiliary contact to ask."""
     setup.relay.connect(["A"])
     setup.box.faults.append(BoxFault("welded", channel=1))
@@ -155,7 +155,7 @@ def test_a_welded_contact_is_hidden_from_the_read_back(setup: Setup) -> None:
     (ReplyFault("garbled", asked="api.json"), "something else than whole JSON"),
     (ReplyFault("truncated", asked="api.json"), "something else than whole JSON"),
 ], ids=lambda value: value.kind if isinstance(value, ReplyFault) else "")  # fmt: skip
-def test_every_bad_reply_is_one_sentence_in_time(wired: Wired, fault: ReplyFault, sentence: str) -> None:
+def test_every_bad_reply_is_one_sentence_in_time(wired, fault, sentence):
     wired.hub.faults.append(fault)
     clock = RealClock()
     for action in (wired.relay.connected, lambda: wired.relay.connect(["A"])):
@@ -169,7 +169,7 @@ def test_every_bad_reply_is_one_sentence_in_time(wired: Wired, fault: ReplyFault
     assert wired.relay.connected() == {"A"}, "the driver recovers with the hub"
 
 
-def test_one_refused_command_does_not_keep_the_others_closed(wired: Wired) -> None:
+def test_one_refused_command_does_not_keep_the_others_closed(wired):
     wired.relay.connect(["A", "B", "C"])
     wired.hub.faults.append(ReplyFault("not found", asked="ctx=relay1"))
     with pytest.raises(InstrumentError, match="404"):
@@ -178,7 +178,7 @@ def test_one_refused_command_does_not_keep_the_others_closed(wired: Wired) -> No
     assert wired.bench.closed() == {"A"}
 
 
-def test_a_killed_hub_is_noticed_and_the_box_opens_by_itself(wired: Wired) -> None:
+def test_a_killed_hub_is_noticed_and_the_box_opens_by_itself(wired):
     wired.relay.connect(["A"])
     wired.hub.close()
     for action in (wired.relay.renew, lambda: wired.relay.connect([])):
@@ -188,7 +188,7 @@ def test_a_killed_hub_is_noticed_and_the_box_opens_by_itself(wired: Wired) -> No
     assert wired.bench.closed() == set()
 
 
-def test_nobody_at_the_address() -> None:
+def test_nobody_at_the_address():
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         hub = f"http://127.0.0.1:{free.getsockname()[1]}"
@@ -196,7 +196,7 @@ def test_nobody_at_the_address() -> None:
             Yocto.open(settings(hub=hub), VirtualClock())
 
 
-def test_opening_fails_when_the_time_limit_did_not_arrive() -> None:
+def test_opening_fails_when_the_time_limit_did_not_arrive():
     bench = Contacts(PATCHES)
     box = box_in(bench, PATCHES)
     box.faults.append(BoxFault("lost", channel=3))
@@ -207,7 +207,7 @@ def test_opening_fails_when_the_time_limit_did_not_arrive() -> None:
         Yocto.open(settings(hub=hub.url), bench.clock)
 
 
-def test_finds_the_only_box_or_says_what_there_is(wired: Wired, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_finds_the_only_box_or_says_what_there_is(wired, monkeypatch):
     hub = wired.hub
     assert wired.relay.identity == f"Yocto-MaxiCoupler {hub.serial}"
     other = settings(hub=hub.url, serial="MXCOUPL1-FFFFF")
@@ -237,9 +237,7 @@ def test_finds_the_only_box_or_says_what_there_is(wired: Wired, monkeypatch: pyt
     ({"pulseTimer": 0, "state": 1}, "dead-man"),
     ({"pulseTimer": 3_600_000, "state": 1}, "dead-man"),
 ], ids=str)  # fmt: skip
-def test_no_value_is_believed_beyond_what_it_can_be(
-    wired: Wired, monkeypatch: pytest.MonkeyPatch, channel: dict[str, object], found: str
-) -> None:
+def test_no_value_is_believed_beyond_what_it_can_be(wired, monkeypatch, channel, found):
     tree = wired.hub._tree
     monkeypatch.setattr(wired.hub, "_tree", lambda: {**(t := tree()), "relay1": {**t["relay1"], **channel}})
     with pytest.raises(InstrumentError, match=found):
@@ -259,12 +257,12 @@ def test_no_value_is_believed_beyond_what_it_can_be(
     ({"rating": float("nan")}, "rating"),
     ({"pathces": {}}, "pathces"),
 ], ids=str)  # fmt: skip
-def test_settings_that_cannot_be_right_are_refused(change: dict[str, object], message: str) -> None:
+def test_settings_that_cannot_be_right_are_refused(change, message):
     with pytest.raises(ValidationError, match=message):
         settings(**change)
 
 
-def test_a_hub_without_a_port_is_on_the_hubs_own_port() -> None:
+def test_a_hub_without_a_port_is_on_the_hubs_own_port():
     assert settings(hub="http://lab").hub == "http://lab:4444"
     assert settings(hub="http://[::1]:81").hub == "http://[::1]:81"
 
@@ -289,7 +287,7 @@ REPLIES = st.binary(max_size=200) | st.builds(
 @hypothesis.given(reply=REPLIES)
 @hypothesis.example(b"HTTP/1.1 200 OK\r\n\r\n" + b"[" * 100_000)
 @hypothesis.example(b"HTTP/1.1 200 OK\r\n\r\n" + b"9" * 5000)
-def test_whatever_answers_at_the_address_is_one_clear_error(reply: bytes) -> None:
+def test_whatever_answers_at_the_address_is_one_clear_error(reply):
     """Nothing that is not a hub is taken for one, and nothing but our own errors comes out."""
 
     def serve(link: socket.socket) -> None:
@@ -301,7 +299,7 @@ def test_whatever_answers_at_the_address_is_one_clear_error(reply: bytes) -> Non
     assert somebody.address in str(caught.value)
 
 
-def test_a_channel_that_closes_or_opens_by_itself_is_told(wired: Wired) -> None:
+def test_a_channel_that_closes_or_opens_by_itself_is_told(wired):
     for state, closes in ((0, True), (1, False), (2, True)):
         wired.hub.at_power_on[8] = state
         told = wired.relay.power_on_complaint()

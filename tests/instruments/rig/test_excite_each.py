@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from haploop.base.errors import ConfigurationError, LimitError
 from haploop.instruments import open_rig
-from tests.conftest import OpenRig
 
 RATE_HZ = 50_000
 
@@ -19,26 +16,26 @@ def burst(hz: float, peak: float = 20.0) -> np.ndarray:
     return np.asarray(peak * np.sin(np.pi * t / t[-1]) ** 2 * np.sin(2 * np.pi * hz * t))
 
 
-def test_each_patch_gets_its_own_drive(open: OpenRig) -> None:
+def test_each_patch_gets_its_own_drive(open):
     rig = open("four-channel")
     drives = {"A": burst(100), "C": burst(250, 10.0)}
     channels = [rig.monitor(patch) for patch in "ABCD"]
     capture = rig.excite_each(drives, channels)
-    volts = np.abs(rig.sensors.drive.to_si(capture.volts)).max(axis=1)  # type: ignore[union-attr]
+    volts = np.abs(rig.sensors.drive.to_si(capture.volts)).max(axis=1)
     assert volts == pytest.approx([20, 0, 10, 0], abs=0.5)
     if rig.simulation:
         assert rig.simulation.truth.closed == frozenset()
 
 
-def test_one_drive_reaches_all_patches_that_are_named(open: OpenRig) -> None:
+def test_one_drive_reaches_all_patches_that_are_named(open):
     rig = open("four-channel")
     capture = rig.excite(burst(100), ("A", "B"), [rig.monitor(patch) for patch in "ABCD"])
-    volts = np.abs(rig.sensors.drive.to_si(capture.volts)).max(axis=1)  # type: ignore[union-attr]
+    volts = np.abs(rig.sensors.drive.to_si(capture.volts)).max(axis=1)
     assert volts == pytest.approx([20, 20, 0, 0], abs=0.5)
 
 
 @pytest.mark.usefixtures("unproved")
-def test_every_drive_is_held_to_the_limits(open: OpenRig) -> None:
+def test_every_drive_is_held_to_the_limits(open):
     rig = open("four-channel")
     with pytest.raises(LimitError, match="of the relay"):
         rig.excite_each({"A": burst(100), "B": burst(100, 60.0)}, [rig.monitor("A")])
@@ -48,7 +45,7 @@ def test_every_drive_is_held_to_the_limits(open: OpenRig) -> None:
         assert rig.simulation.truth.peak == 0
 
 
-def test_one_channel_for_all_patches_plays_one_drive(open: OpenRig) -> None:
+def test_one_channel_for_all_patches_plays_one_drive(open):
     rig = open()
     with pytest.raises(ConfigurationError, match="no channel of its own for patch A, B"):
         rig.excite_each({"A": burst(100), "B": burst(100)}, ["drive"])
@@ -56,7 +53,7 @@ def test_one_channel_for_all_patches_plays_one_drive(open: OpenRig) -> None:
         assert rig.simulation.truth.peak == 0
     assert rig.monitor("B") == "drive"
     capture = rig.excite_each({"B": burst(100)}, ["drive"])
-    volts = np.abs(rig.sensors.drive.to_si(capture.volts)).max()  # type: ignore[union-attr]
+    volts = np.abs(rig.sensors.drive.to_si(capture.volts)).max()
     assert volts == pytest.approx(20, abs=0.5)
 
 
@@ -71,7 +68,7 @@ D = "amplifier_d"
 
 
 @pytest.mark.usefixtures("unproved")
-def test_patches_that_share_a_channel_are_one_load_and_get_one_drive(tmp_path: Path) -> None:
+def test_patches_that_share_a_channel_are_one_load_and_get_one_drive(tmp_path):
     """What three patches draw together counts, although the play has several drives."""
     path = tmp_path / "shared.toml"
     path.write_text(SHARED)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
@@ -10,8 +9,7 @@ import numpy as np
 import pytest
 
 from haploop.base.errors import InstrumentError, LimitError
-from haploop.instruments import Rig, RigFile, Sweep, load_rig_file, open_rig
-from haploop.instruments.driver import Mode
+from haploop.instruments import Rig, Sweep, load_rig_file, open_rig
 from haploop.instruments.limits import Limits
 from haploop.instruments.rig.monitoring import TOO_MUCH, UnshownError, level_of, loudest, tone
 from haploop.instruments.safety.audit import entries
@@ -37,10 +35,10 @@ SOURCES = pytest.mark.parametrize(("file", "play"), [
 
 
 @SOURCES
-def test_a_gain_above_the_files_is_found_at_a_volt(file: RigFile, play: Callable[[Rig], Any]) -> None:
+def test_a_gain_above_the_files_is_found_at_a_volt(file, play):
     """A tenth of the true gain of 50 in the file once put 168 V on the patch for 0.2 s."""
     stated = 25.0
-    amplifier = file.amplifier.model_copy()  # type: ignore[union-attr]
+    amplifier = file.amplifier.model_copy()
     amplifier.__pydantic_extra__ = dict(amplifier.settings) | {"gain": stated, "rating_source": "a test"}
     with open_rig(file.model_copy(update={"amplifier": amplifier}), simulate="twin") as rig:
         record = rig.simulation.truth.record()
@@ -55,7 +53,7 @@ def test_a_gain_above_the_files_is_found_at_a_volt(file: RigFile, play: Callable
 
 
 @SOURCES
-def test_a_gain_is_proved_once_in_a_session(file: RigFile, play: Callable[[Rig], Any]) -> None:
+def test_a_gain_is_proved_once_in_a_session(file, play):
     with open_rig(file, simulate="twin") as rig:
         record = rig.simulation.truth.record()
         play(rig)
@@ -67,7 +65,7 @@ def test_a_gain_is_proved_once_in_a_session(file: RigFile, play: Callable[[Rig],
         assert len(bursts(record)) == count + len(others)
 
 
-def test_each_channel_of_an_amplifier_is_proved() -> None:
+def test_each_channel_of_an_amplifier_is_proved():
     with open_rig("four-channel", simulate="twin") as rig:
         for patches in ({"A": TONE, "C": TONE}, {"A": TONE, "B": TONE}):
             rig.excite_each(patches, ["drive"])
@@ -76,7 +74,7 @@ def test_each_channel_of_an_amplifier_is_proved() -> None:
 
 
 @pytest.mark.parametrize("mode", ["twin", "wire"])
-def test_a_gain_that_is_wrong_on_one_channel_is_found_at_a_volt(mode: Mode) -> None:
+def test_a_gain_that_is_wrong_on_one_channel_is_found_at_a_volt(mode):
     wrong = {"faults": [{"kind": "amplifier-gain", "patch": "C", "gain": 250.0}]}
     with open_rig("four-channel", simulate=mode, simulation=wrong) as rig:
         rig.excite_each({"A": TONE, "B": TONE}, ["drive"])
@@ -98,7 +96,7 @@ def blind(file: str) -> tuple[str, str, str, list[dict[str, Any]]]:
 
 
 @pytest.mark.parametrize(("mode", "file"), [("twin", "four-channel"), ("wire", "simulated")])
-def test_nothing_is_played_while_a_patchs_monitor_is_dead(mode: Mode, file: str) -> None:
+def test_nothing_is_played_while_a_patchs_monitor_is_dead(mode, file):
     """With a monitor that shows nothing, neither the proof nor the abort monitor looks after the patch."""
     _, patch, patches, faults = blind(file)
     with open_rig(file, simulate=mode, simulation={"faults": faults}) as rig:
@@ -108,7 +106,7 @@ def test_nothing_is_played_while_a_patchs_monitor_is_dead(mode: Mode, file: str)
         assert rig.simulation.truth.peak < 5.5 and not rig.simulation.truth.closed
 
 
-def test_a_volt_that_shows_on_another_patchs_monitor_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_volt_that_shows_on_another_patchs_monitor_is_said(monkeypatch):
     with open_rig("four-channel", simulate="twin") as rig:
         right = rig.monitor
         monkeypatch.setattr(rig, "monitor", lambda p: right({"B": "C", "C": "B"}.get(p, p)))
@@ -117,7 +115,7 @@ def test_a_volt_that_shows_on_another_patchs_monitor_is_said(monkeypatch: pytest
         assert rig.simulation.truth.peak < 1.1
 
 
-def test_what_is_refused_of_several_drives_is_refused_before_the_first_is_proved() -> None:
+def test_what_is_refused_of_several_drives_is_refused_before_the_first_is_proved():
     with open_rig("four-channel", simulate="twin") as rig:
         broken, high = TONE.copy(), 6 * TONE
         broken[100] = np.nan
@@ -127,7 +125,7 @@ def test_what_is_refused_of_several_drives_is_refused_before_the_first_is_proved
         assert rig.simulation.truth.peak == 0
 
 
-def test_nothing_is_proved_for_a_drive_that_is_refused_or_silent() -> None:
+def test_nothing_is_proved_for_a_drive_that_is_refused_or_silent():
     with open_rig("simulated") as rig:
         with pytest.raises(LimitError, match="falls to"):
             rig.excite(10 * TONE, ["A"], ["drive"])
@@ -138,7 +136,7 @@ def test_nothing_is_proved_for_a_drive_that_is_refused_or_silent() -> None:
 
 @pytest.mark.parametrize("mains_hz", [50.0, 60.0])
 @pytest.mark.parametrize("hum", [0.0, 1.0])
-def test_the_amplitude_is_the_tones(mains_hz: float, hum: float) -> None:
+def test_the_amplitude_is_the_tones(mains_hz, hum):
     """Wherever it is, on an offset, in the noise of a monitor and with hum as large: no lockout for these."""
     rng = np.random.default_rng(3)
     for noise in (0.0, 0.03, 0.3):
@@ -152,7 +150,7 @@ def test_the_amplitude_is_the_tones(mains_hz: float, hum: float) -> None:
                 assert abs(loudest(volts, 50_000.0) - 1) < 0.03 + 0.12 * hum < TOO_MUCH - 1
 
 
-def test_a_gain_that_cannot_be_proved_is_logged_once() -> None:
+def test_a_gain_that_cannot_be_proved_is_logged_once():
     file = changed(load_rig_file("simulated"), sensors={"drive": None})
     with open_rig(file, simulate="twin") as rig:
         rig.excite(TONE, [], ["laser"])
@@ -170,7 +168,7 @@ def test_a_gain_that_cannot_be_proved_is_logged_once() -> None:
     ("twin", "four-channel", 0.0),
     ("wire", "simulated", 0.0),
 ])  # fmt: skip
-def test_a_monitor_dies_later(mode: Mode, file: str, stands: float, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_monitor_dies_later(mode, file, stands, monkeypatch):
     """And the one after that is not played: a gain that is wrong by then reaches no patch.
 
     A dead monitor may show volts that stand (`stands`, at its terminal), as many as the play had.
@@ -200,13 +198,13 @@ def test_a_monitor_dies_later(mode: Mode, file: str, stands: float, monkeypatch:
 
 
 @pytest.mark.parametrize(("limit", "level"), [(40.0, 1.0), (2.0, 0.5)])
-def test_the_proof_is_a_quarter_of_a_small_limit(limit: float, level: float) -> None:
+def test_the_proof_is_a_quarter_of_a_small_limit(limit, level):
     """A gain four times too large would still be within it."""
     assert level_of(Limits(max=limit, min=-limit)) == level
 
 
 @pytest.mark.parametrize(("gain", "refused"), [(1.2, False), (1.3, True)])
-def test_a_quarter_more_than_was_asked_for_locks_the_rig_out(gain: float, refused: bool) -> None:
+def test_a_quarter_more_than_was_asked_for_locks_the_rig_out(gain, refused):
     fault = {"kind": "amplifier-gain", "gain": 50 * gain, "patch": "A"}
     with open_rig("simulated", simulation={"faults": [fault]}) as rig:
         with suppress(InstrumentError):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
@@ -36,7 +35,7 @@ def at_block(number: int, act: Callable[[Rig], object], rig: Rig) -> Progress:
 @pytest.mark.parametrize(
     ("mode", "way"), [("twin", "zero"), ("twin", "open"), ("wire", "open"), ("wire", "safe")]
 )
-def test_a_play_that_is_cut_short_is_an_error(mode: Any, way: str) -> None:
+def test_a_play_that_is_cut_short_is_an_error(mode, way):
     act, says = WAYS[way]
     with open_rig("simulated", simulate=mode) as rig:
         for block in (1, 5):
@@ -50,12 +49,12 @@ def test_a_play_that_is_cut_short_is_an_error(mode: Any, way: str) -> None:
     (lambda rig: rig.generator.off(), "was switched off while its waveform was played"),
     (lambda rig: rig.relay.connect([]), "disconnected patch A"),
 ])  # fmt: skip
-def test_so_is_a_sweep(act: Callable[[Rig], object], says: str) -> None:
+def test_so_is_a_sweep(act, says):
     with open_rig(generator_rig()) as rig, pytest.raises(InstrumentError, match=says):
         rig.generate(Sweep(10, 300, 0.5, 20), ["A"], ["drive"], progress=at_block(3, act, rig))
 
 
-def test_and_what_a_player_plays() -> None:
+def test_and_what_a_player_plays():
     with open_rig("sound-card", simulate="twin") as rig:
         for act, says in ((WAYS["open"]), (lambda rig: rig.player.stop(), "had not played to the end")):
             with pytest.raises(InstrumentError, match=says):

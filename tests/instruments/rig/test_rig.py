@@ -13,7 +13,7 @@ import pytest
 from haploop.acquisition import record
 from haploop.base.errors import ConfigurationError, InstrumentError, LimitError
 from haploop.base.signals import uninterrupted
-from haploop.instruments import Arbitrary, Burst, Rig, Sweep, Waveform, open_rig
+from haploop.instruments import Arbitrary, Burst, Rig, Sweep, open_rig
 from haploop.instruments.conformance import bypass_interlock
 from tests.conftest import OpenRig
 
@@ -31,7 +31,7 @@ def assert_safe(rig: Rig) -> None:
     assert max(map(abs, truth.patch_voltages.values())) < 0.02
 
 
-def test_the_relay_opens_a_while_after_zero(open: OpenRig, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_relay_opens_a_while_after_zero(open, monkeypatch):
     """Several time constants of the amplifier: no contact switches under voltage."""
     rig = open()
     rig.relay.connect(["A"])
@@ -43,7 +43,7 @@ def test_the_relay_opens_a_while_after_zero(open: OpenRig, monkeypatch: pytest.M
     assert opened[0] - held[0] > 0.04
 
 
-def test_a_drive_reaches_the_patch_and_moves_the_table(open: OpenRig) -> None:
+def test_a_drive_reaches_the_patch_and_moves_the_table(open):
     rig = open()
     capture = rig.excite(tone(rig), ["A"], ["drive", "laser"], tail=0.1)
     assert capture.volts.shape == (2, round(0.5 * rig.table.rate_hz))
@@ -54,7 +54,7 @@ def test_a_drive_reaches_the_patch_and_moves_the_table(open: OpenRig) -> None:
     assert_safe(rig)
 
 
-def test_connecting_and_leaving_changes_no_output(mode: str) -> None:
+def test_connecting_and_leaving_changes_no_output(mode):
     if mode not in ("twin", "wire"):
         pytest.skip("the plant is asked")
     with open_rig("simulated", simulate="wire" if mode == "wire" else "twin") as rig:
@@ -62,7 +62,7 @@ def test_connecting_and_leaving_changes_no_output(mode: str) -> None:
     assert rig.simulation.truth.peak == 0
 
 
-def test_an_interrupted_drive_leaves_the_rig_safe(open: OpenRig) -> None:
+def test_an_interrupted_drive_leaves_the_rig_safe(open):
     rig = open()
     for error in (KeyboardInterrupt, ValueError):
 
@@ -75,7 +75,7 @@ def test_an_interrupted_drive_leaves_the_rig_safe(open: OpenRig) -> None:
         assert_safe(rig)
 
 
-def test_a_drive_beyond_a_limit_is_refused_before_anything_is_written(open: OpenRig) -> None:
+def test_a_drive_beyond_a_limit_is_refused_before_anything_is_written(open):
     rig = open()
     for sample, says in ((60.0, "rises to"), (np.nan, "nan at sample 5"), (np.inf, "inf at sample 5")):
         drive = tone(rig)
@@ -85,13 +85,13 @@ def test_a_drive_beyond_a_limit_is_refused_before_anything_is_written(open: Open
     assert rig.simulation.truth.peak == 0
 
 
-def test_the_strictest_rating_is_the_limit(open: OpenRig) -> None:
+def test_the_strictest_rating_is_the_limit(open):
     rig = open()
     assert rig.limits.peak == 48  # the relay's, below the paper's 50 V
     assert rig.limits_for(4).capacitance == pytest.approx(4 * 90e-9)
 
 
-def test_what_cannot_be_recorded_is_named_and_nothing_else_is(open: OpenRig) -> None:
+def test_what_cannot_be_recorded_is_named_and_nothing_else_is(open):
     rig = open()
     for says, patch, channel, tail in (
         ("E", "E", "drive", 0.0),
@@ -106,7 +106,7 @@ def test_what_cannot_be_recorded_is_named_and_nothing_else_is(open: OpenRig) -> 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of another process are POSIX")
 @pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM])
-def test_signals_during_clean_up_do_not_cut_it_short(tmp_path: Path, kind: signal.Signals) -> None:
+def test_signals_during_clean_up_do_not_cut_it_short(tmp_path, kind):
     script = tmp_path / "script.py"
     script.write_text(
         textwrap.dedent(f"""
@@ -157,7 +157,7 @@ def swept(open: OpenRig, tmp_path: Path) -> Rig:
 
 
 @pytest.mark.requires("simulation")
-def test_a_generator_sweeps_a_patch_while_the_daq_records(swept: Rig) -> None:
+def test_a_generator_sweeps_a_patch_while_the_daq_records(swept):
     capture = swept.generate(SWEEP, ["A"], ["drive", "laser"], tail=0.2)
     assert capture.volts.shape == (2, round(1.7 * swept.table.rate_hz))
     drive = capture.volts[0] * 100
@@ -178,7 +178,7 @@ def test_a_generator_sweeps_a_patch_while_the_daq_records(swept: Rig) -> None:
     [Burst(263.5, 40, 30), Arbitrary(30 * np.sin(np.arange(2001) * np.pi / 50) * np.hanning(2001), 20_000)],
     ids=str,
 )
-def test_a_generator_plays_other_waveforms_too(swept: Rig, waveform: Waveform) -> None:
+def test_a_generator_plays_other_waveforms_too(swept, waveform):
     record = swept.simulation.truth.record()
     capture = swept.generate(waveform, ["A"], ["drive", "laser"], tail=0.1)
     assert np.abs(capture.volts[0] * 100).max() == pytest.approx(30, rel=0.02)
@@ -191,7 +191,7 @@ def test_a_generator_plays_other_waveforms_too(swept: Rig, waveform: Waveform) -
 
 
 @pytest.mark.requires("simulation")
-def test_an_interrupted_sweep_leaves_the_rig_safe(swept: Rig) -> None:
+def test_an_interrupted_sweep_leaves_the_rig_safe(swept):
     def interrupt(*_: object) -> None:
         if swept.generator.is_on:
             assert swept.simulation.truth.closed == {"A"}
@@ -204,7 +204,7 @@ def test_an_interrupted_sweep_leaves_the_rig_safe(swept: Rig) -> None:
 
 
 @pytest.mark.requires("simulation")
-def test_a_sweep_beyond_a_limit_is_refused_before_anything_is_set(swept: Rig) -> None:
+def test_a_sweep_beyond_a_limit_is_refused_before_anything_is_set(swept):
     with pytest.raises(LimitError, match="falls to -60"):
         swept.generate(replace(SWEEP, amplitude=60), ["A"], ["drive"])
     with pytest.raises(LimitError, match="slews at"):
@@ -213,7 +213,7 @@ def test_a_sweep_beyond_a_limit_is_refused_before_anything_is_set(swept: Rig) ->
 
 
 @pytest.mark.requires("simulation")
-def test_the_generator_is_off_before_the_relay_opens(swept: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_generator_is_off_before_the_relay_opens(swept, monkeypatch):
     order: list[str] = []
     off, connect = swept.generator.off, swept.relay.connect
     swept.relay.connect(["A"])
@@ -236,7 +236,7 @@ def test_the_generator_is_off_before_the_relay_opens(swept: Rig, monkeypatch: py
 
 
 @pytest.mark.requires("simulation")
-def test_a_sweep_needs_a_generator_at_the_amplifiers_input(open: OpenRig, tmp_path: Path) -> None:
+def test_a_sweep_needs_a_generator_at_the_amplifiers_input(open, tmp_path):
     with pytest.raises(ConfigurationError, match=r"no \[generator\]"):
         open().generate(SWEEP, ["A"], ["drive"])
     (tmp_path / "apart.toml").write_text(
@@ -250,7 +250,7 @@ def test_a_sweep_needs_a_generator_at_the_amplifiers_input(open: OpenRig, tmp_pa
     assert np.abs(rig.excite(tone(rig), ["A"], ["drive"]).volts).max() == pytest.approx(0.4, rel=0.02)
 
 
-def test_that_the_safe_state_failed_matters_more_than_a_second_ctrl_c() -> None:
+def test_that_the_safe_state_failed_matters_more_than_a_second_ctrl_c():
     before = signal.getsignal(signal.SIGINT)
     with pytest.raises(InstrumentError, match="not confirmed"), uninterrupted():
         signal.raise_signal(signal.SIGINT)
@@ -261,7 +261,7 @@ def test_that_the_safe_state_failed_matters_more_than_a_second_ctrl_c() -> None:
 
 
 @pytest.mark.requires("simulation")
-def test_a_closed_rig_neither_plays_nor_records(open: OpenRig, tmp_path: Path) -> None:
+def test_a_closed_rig_neither_plays_nor_records(open, tmp_path):
     """It has given up its lock: another program may hold the same hardware by now."""
     rig = open()
     simulated = rig.simulated

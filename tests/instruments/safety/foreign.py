@@ -21,7 +21,7 @@ def leave(rig: Rig, output: str, volts: float) -> None:
         # Its own way to the plant: it asks nobody of ours.
         now = rig.clock.now()
         rig.simulation.plant.advance(now)
-        rig.daq._outputs[output].play(Run(now, np.inf, np.array([volts])))  # type: ignore[attr-defined]
+        rig.daq._outputs[output].play(Run(now, np.inf, np.array([volts])))
         return
     with _foreign_task(rig, output) as task:
         task.write(volts, auto_start=True)
@@ -37,9 +37,9 @@ def held(rig: Rig, output: str, volts: float) -> Iterator[None]:
         def refused() -> None:
             raise InstrumentError("Dev2 is in use by another program or task (-50103): close it.")
 
-        rig.daq.zero = refused  # type: ignore[method-assign]
+        rig.daq.zero = refused
         yield
-        rig.daq.zero = zero  # type: ignore[method-assign]
+        rig.daq.zero = zero
         return
     with _foreign_task(rig, output) as task:
         task.write(volts, auto_start=True)
@@ -49,7 +49,7 @@ def held(rig: Rig, output: str, volts: float) -> Iterator[None]:
 
 @contextmanager
 def _foreign_task(rig: Rig, output: str) -> Iterator[nidaqmx.Task]:
-    settings = rig.daq.settings  # type: ignore[attr-defined]
+    settings = rig.daq.settings
     with grpc.insecure_channel(settings.server) as channel:
         name = f"somebody's {output}"
         with nidaqmx.Task(name, grpc_options=GrpcSessionOptions(channel, name)) as task:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -45,7 +44,7 @@ def kinds(rig: Rig) -> list[str]:
 
 
 @pytest.mark.parametrize("allowed", [None, 45.0])
-def test_more_volts_on_one_channel_stop_the_plays_of_all(allowed: float | None) -> None:
+def test_more_volts_on_one_channel_stop_the_plays_of_all(allowed):
     fault = {"kind": "amplifier-gain", "patch": "C", "gain": 100.0}
     with open_rig(file("four-channel", faults=[fault], drive=allowed)) as rig:
         record = rig.simulation.truth.record()
@@ -58,7 +57,7 @@ def test_more_volts_on_one_channel_stop_the_plays_of_all(allowed: float | None) 
     assert last - beyond < TWO_BLOCKS
 
 
-def test_more_volts_than_are_allowed_stop_the_play_within_two_blocks() -> None:
+def test_more_volts_than_are_allowed_stop_the_play_within_two_blocks():
     with open_rig(DOUBLED) as rig:
         record = rig.simulation.truth.record()
         with pytest.raises(InstrumentError, match=r"The patch got .* The play was stopped.*haploop reset"):
@@ -77,7 +76,7 @@ def test_more_volts_than_are_allowed_stop_the_play_within_two_blocks() -> None:
     ({"drive": 30.0}, r"The patch got .* V, and \[abort\] allows 30 V"),
     ({"velocity": 2e-3}, r"The surface moved at .* m/s, and \[abort\] allows 0\.002 m/s"),
 ])  # fmt: skip
-def test_every_abort_limit_is_tested_whatever_is_recorded(abort: dict[str, float], says: str) -> None:
+def test_every_abort_limit_is_tested_whatever_is_recorded(abort, says):
     with open_rig(file(**abort)) as rig:
         record = rig.simulation.truth.record()
         with pytest.raises(InstrumentError, match=says):
@@ -91,7 +90,7 @@ def test_every_abort_limit_is_tested_whatever_is_recorded(abort: dict[str, float
     assert burst.seconds < SECONDS - TWO_BLOCKS
 
 
-def test_a_finger_that_presses_too_hard_stops_the_play() -> None:
+def test_a_finger_that_presses_too_hard_stops_the_play():
     with open_rig(file(rate_hz=20_000.0, force=20.0)) as rig:
         put: list[float] = []
 
@@ -109,14 +108,14 @@ def test_a_finger_that_presses_too_hard_stops_the_play() -> None:
         assert 0 < burst.stop - put[0] < TWO_BLOCKS
 
 
-def test_the_weight_that_rests_on_the_sensor_is_no_finger() -> None:
+def test_the_weight_that_rests_on_the_sensor_is_no_finger():
     with open_rig(file(rate_hz=20_000.0, force=20.0)) as rig:
         rig.simulation.plant.put(5.0)
         rig.excite(tone(rig, 10), ["A"], ["laser"])
         assert rig.lockout is None
 
 
-def test_a_monitored_channel_in_overload_stops_the_play() -> None:
+def test_a_monitored_channel_in_overload_stops_the_play():
     saturated = [{"kind": "sensor-saturated", "channel": "laser", "after": 0.3, "duration": 0.1}]
     says = r"The velocity stood at the end of its channel's range"
     with open_rig(file(faults=saturated, velocity=1.0)) as rig, pytest.raises(InstrumentError, match=says):
@@ -126,7 +125,7 @@ def test_a_monitored_channel_in_overload_stops_the_play() -> None:
 # The lockout
 
 
-def test_a_locked_out_rig_records_but_plays_nothing_until_a_reset() -> None:
+def test_a_locked_out_rig_records_but_plays_nothing_until_a_reset():
     with open_rig(DOUBLED) as rig, pytest.raises(InstrumentError):
         rig.excite(tone(rig), ["A"], ["laser"])
     with open_rig(DOUBLED) as rig:
@@ -141,7 +140,7 @@ def test_a_locked_out_rig_records_but_plays_nothing_until_a_reset() -> None:
         rig.excite(tone(rig, 1), ["A"], ["laser"])
 
 
-def test_a_simulated_lockout_holds_whatever_the_plant_is_like() -> None:
+def test_a_simulated_lockout_holds_whatever_the_plant_is_like():
     """As on a real rig: only a person clears it, and `haploop reset` needs no seed to do so."""
     with open_rig(DOUBLED) as rig, pytest.raises(InstrumentError):
         rig.excite(tone(rig), ["A"], ["laser"])
@@ -151,7 +150,7 @@ def test_a_simulated_lockout_holds_whatever_the_plant_is_like() -> None:
         assert rig.lockout is None
 
 
-def test_a_lockout_that_cannot_be_saved_holds_the_open_rig(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_lockout_that_cannot_be_saved_holds_the_open_rig(monkeypatch):
     def full(*_: object, **__: object) -> None:
         raise OSError(28, "No space left on device")
 
@@ -165,7 +164,7 @@ def test_a_lockout_that_cannot_be_saved_holds_the_open_rig(monkeypatch: pytest.M
 
 
 @pytest.mark.parametrize("content", ["", "{", "[]", "null", json.dumps({"when": "now"}), "\xff", "[" * 9000])
-def test_a_lockout_that_cannot_be_read_is_a_lockout(tmp_path: Path, content: str) -> None:
+def test_a_lockout_that_cannot_be_read_is_a_lockout(tmp_path, content):
     set_lockout(tmp_path, {"relay"}, Lockout("now", "why", "who", ""))
     (path,) = tmp_path.glob("*.lockout")
     path.write_text(content, encoding="latin-1")
@@ -173,7 +172,7 @@ def test_a_lockout_that_cannot_be_read_is_a_lockout(tmp_path: Path, content: str
     assert found is not None and f"its lockout file {path} is damaged" in found.sentence
 
 
-def test_the_samples_of_each_trip_are_kept_with_their_index() -> None:
+def test_the_samples_of_each_trip_are_kept_with_their_index():
     limited = file(drive=30.0)
     seen = []
     for _ in range(2):
@@ -199,7 +198,7 @@ def monitor(limits: Limits, drive: float | None) -> AbortMonitor:
 
 @pytest.mark.parametrize("row", [0, 1])
 @pytest.mark.parametrize("drive", [50.0, None])
-def test_each_of_several_drive_monitors_is_tested(row: int, drive: float | None) -> None:
+def test_each_of_several_drive_monitors_is_tested(row, drive):
     watched = monitor(Limits(min=-50 / 1.1, max=50 / 1.1), drive)
     volts = np.zeros((3, 100))
     volts[2] = 5.0  # a channel that is no drive monitor
@@ -216,7 +215,7 @@ def test_each_of_several_drive_monitors_is_tested(row: int, drive: float | None)
             watched.check(block, ("one", "two", "other"))
 
 
-def test_ten_blocks_are_kept() -> None:
+def test_ten_blocks_are_kept():
     watched = monitor(Limits(), 50.0)
     for number in range(25):
         watched.check(Block(7 * number, np.full((2, 7), number / 100), np.zeros(2, bool)), ("one", "two"))

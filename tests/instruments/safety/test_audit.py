@@ -33,7 +33,7 @@ def kinds(folder: Path) -> list[Any]:
     return [entry["kind"] for entry in entries(folder)]
 
 
-def test_what_a_rig_did_is_in_the_log() -> None:
+def test_what_a_rig_did_is_in_the_log():
     with open_rig("simulated") as rig:
         rig.excite(DRIVE, ["B", "A"], ["drive"])
         with pytest.raises(LimitError):
@@ -60,14 +60,14 @@ def test_what_a_rig_did_is_in_the_log() -> None:
         assert datetime.fromisoformat(entry["time"]).tzinfo is not None
 
 
-def test_of_several_drives_the_largest_is_in_the_log() -> None:
+def test_of_several_drives_the_largest_is_in_the_log():
     with open_rig("four-channel") as rig:
         rig.excite_each({"A": 0.5 * DRIVE, "B": DRIVE}, ["drive"])
     played = [entry for entry in entries(rig.audit.folder) if entry["kind"] == "played"]
     assert played[-1]["peak"] == float(np.abs(DRIVE).max())
 
 
-def test_a_play_is_in_the_log_before_it_sounds() -> None:
+def test_a_play_is_in_the_log_before_it_sounds():
     seen: list[str] = []
 
     def look(*_: object) -> None:
@@ -78,7 +78,7 @@ def test_a_play_is_in_the_log_before_it_sounds() -> None:
     assert seen[:3] == ["opened", "played", "connected"]
 
 
-def test_without_a_log_nothing_is_played(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_log_nothing_is_played(monkeypatch):
     with open_rig("simulated") as rig:
         write = os.write
 
@@ -98,7 +98,7 @@ def test_without_a_log_nothing_is_played(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows limits no file")
-def test_a_line_of_which_the_disk_took_a_part_is_not_logged_and_spoils_no_other(tmp_path: Path) -> None:
+def test_a_line_of_which_the_disk_took_a_part_is_not_logged_and_spoils_no_other(tmp_path):
     import resource
 
     log = Audit(FILE, tmp_path, True)
@@ -115,7 +115,7 @@ def test_a_line_of_which_the_disk_took_a_part_is_not_logged_and_spoils_no_other(
     assert kinds(tmp_path) == ["one", "damaged", "two"]
 
 
-def test_a_month_has_a_file_and_nothing_is_ever_rewritten(tmp_path: Path) -> None:
+def test_a_month_has_a_file_and_nothing_is_ever_rewritten(tmp_path):
     now = datetime(2026, 1, 31, 23, 59, tzinfo=UTC)
     log = Audit(FILE, tmp_path, True, lambda: now)
     log.note("one")
@@ -127,7 +127,7 @@ def test_a_month_has_a_file_and_nothing_is_ever_rewritten(tmp_path: Path) -> Non
     assert len(before) < 600
 
 
-def test_a_torn_or_changed_line_hides_no_other_and_is_told(tmp_path: Path) -> None:
+def test_a_torn_or_changed_line_hides_no_other_and_is_told(tmp_path):
     log = Audit(FILE, tmp_path, True)
     log.note("one")
     (path,) = tmp_path.glob("log-*.jsonl")
@@ -144,7 +144,7 @@ def test_a_torn_or_changed_line_hides_no_other_and_is_told(tmp_path: Path) -> No
     assert [entry["kind"] for entry in log_entries(FILE)] == ["one", *4 * ["damaged"]]
 
 
-def test_no_changed_line_is_taken_for_another(tmp_path: Path, full: bool) -> None:
+def test_no_changed_line_is_taken_for_another(tmp_path, full):
     log = Audit(FILE, tmp_path, True)
     for kind in ("one", "two", "three"):
         log.note(kind, peak=39.8, patches=["A"])
@@ -160,7 +160,7 @@ def test_no_changed_line_is_taken_for_another(tmp_path: Path, full: bool) -> Non
     assert damaged > (400 if full else 80)
 
 
-def test_what_json_does_not_have_is_not_logged(tmp_path: Path) -> None:
+def test_what_json_does_not_have_is_not_logged(tmp_path):
     log = Audit(FILE, tmp_path, True)
     for value in (float("nan"), float("inf"), Path("a"), {1, 2}):
         with pytest.raises(DataError, match="'one' cannot be logged"):
@@ -169,7 +169,7 @@ def test_what_json_does_not_have_is_not_logged(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-def test_two_programs_write_one_log_line_by_line(tmp_path: Path, full: bool) -> None:
+def test_two_programs_write_one_log_line_by_line(tmp_path, full):
     lines = 2000 if full else 200
     script = (
         "import sys; from pathlib import Path; from haploop.instruments import load_rig_file\n"
@@ -189,7 +189,7 @@ def test_two_programs_write_one_log_line_by_line(tmp_path: Path, full: bool) -> 
         assert [entry["k"] for entry in found if entry["pid"] == pid] == list(range(count))
 
 
-def test_where_the_log_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_where_the_log_is(tmp_path, monkeypatch):
     own = FILE.model_copy(update={"state": str(tmp_path / "lab")})
     assert state_folder(own, True).parent == Path(os.environ["HAPLOOP_STATE"])
     monkeypatch.delenv("HAPLOOP_STATE")
@@ -199,14 +199,14 @@ def test_where_the_log_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
     assert state_folder(FILE, True) == tmp_path / "user" / "simulated"
 
 
-def test_a_labs_folder_is_one_place_wherever_a_program_starts() -> None:
+def test_a_labs_folder_is_one_place_wherever_a_program_starts():
     with pytest.raises(ConfigurationError, match=r"state: .*absolute path"):
         validate(RigFile, FILE.model_dump() | {"state": "logs"}, "lab.toml")
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows' folders hand their rights on")
 @pytest.mark.parametrize("rights", [0o700, 0o755, 0o1777, 0o2770])
-def test_logs_have_the_folders_rights(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rights: int) -> None:
+def test_logs_have_the_folders_rights(tmp_path, monkeypatch, rights):
     monkeypatch.delenv("HAPLOOP_STATE")
     place = tmp_path / "lab"
     place.mkdir()
@@ -221,7 +221,7 @@ def test_logs_have_the_folders_rights(tmp_path: Path, monkeypatch: pytest.Monkey
     assert log.stat().st_mode & 0o777 == rights & 0o666
 
 
-def test_a_folder_that_cannot_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_that_cannot_be_written(tmp_path, monkeypatch):
     (tmp_path / "file").touch()
     monkeypatch.setenv("HAPLOOP_STATE", str(tmp_path / "file"))
     for simulated in (True, False):
@@ -230,7 +230,7 @@ def test_a_folder_that_cannot_be_written(tmp_path: Path, monkeypatch: pytest.Mon
         assert "\n" not in str(refused.value)
 
 
-def test_a_simulation_needs_no_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_simulation_needs_no_home(tmp_path, monkeypatch):
     def homeless(_: str) -> Path:
         raise RuntimeError("Could not determine home directory.")
 

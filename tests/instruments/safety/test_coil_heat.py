@@ -53,9 +53,7 @@ def shaped(peak: float, seconds: float, hz: float) -> FloatArray:
     share=st.floats(1.05, 2.5),
     thermal_time=st.floats(0.5, 4.0),
 )
-def test_no_coil_is_warmed_beyond_its_watts(
-    drive: FloatArray, often: int, rest: float, share: float, thermal_time: float
-) -> None:
+def test_no_coil_is_warmed_beyond_its_watts(drive, often, rest, share, thermal_time):
     """The same play again and again, each by a command of its own; one alone warms it by 1 / `share`."""
     watts = share * float(Coil(8.0, 0.5e-3, thermal_time).heat(drive, RATE).max())
     file = changed(FILE, actuator={"watts": watts, "thermal_time": thermal_time}, simulate=None)
@@ -72,7 +70,7 @@ def test_no_coil_is_warmed_beyond_its_watts(
         assert found <= watts * (1 + AMPLIFIER_GAIN_ERROR) ** 2 * 1.1  # the inductance is left out of `found`
 
 
-def test_volts_that_are_not_what_was_asked_for_stop_a_play_by_the_coils_heat() -> None:
+def test_volts_that_are_not_what_was_asked_for_stop_a_play_by_the_coils_heat():
     """An amplifier whose output drifts warms a coil within the limits of its volts."""
     limits = Limits(min=-4, max=4, coil=Coil(8.0, 0.5e-3, 1.0), power=0.1, current_peak=0.3)
     sensors: Any = SimpleNamespace(

@@ -45,7 +45,7 @@ def tone(seconds: float, before: float = 0.0) -> FloatArray:
     return np.concatenate([np.zeros(round(before * RATE)), drive])
 
 
-def test_zeros_before_a_drive_are_no_rest_after_it(here: Lab) -> None:
+def test_zeros_before_a_drive_are_no_rest_after_it(here):
     record = here.truth.record()
     told = []
     for drive in (tone(2.0, before=8.0), tone(2.0)):
@@ -58,7 +58,7 @@ def test_zeros_before_a_drive_are_no_rest_after_it(here: Lab) -> None:
     assert len(told) == 1 and "earlier plays have left 0.0" in told[0]
 
 
-def test_volts_that_stood_when_the_rig_was_opened_have_warmed_the_coil(here: Lab) -> None:
+def test_volts_that_stood_when_the_rig_was_opened_have_warmed_the_coil(here):
     with open_rig(hardware()) as rig:
         rig.prove_gain("A")
     here.leave("amplifier", 0.25)  # 0.03 W for ever
@@ -72,7 +72,7 @@ def test_volts_that_stood_when_the_rig_was_opened_have_warmed_the_coil(here: Lab
     assert warmest(record, 8.0, TAU) < 1.1 * WATTS
 
 
-def test_a_coil_that_was_overheated_before_the_rig_was_opened_cools_first(here: Lab) -> None:
+def test_a_coil_that_was_overheated_before_the_rig_was_opened_cools_first(here):
     open_rig(hardware()).close()
     here.leave("amplifier", 1.0)  # 0.5 W for ever
     here.clock.sleep(20)
@@ -88,7 +88,7 @@ def test_a_coil_that_was_overheated_before_the_rig_was_opened_cools_first(here: 
 
 
 @pytest.mark.usefixtures("place")
-def test_a_taken_output_locks_out_whoever_finds_it(tmp_path: Path) -> None:
+def test_a_taken_output_locks_out_whoever_finds_it(tmp_path):
     """Between two looks, a play or a safe state comes first."""
     for number in range(2):
         folder = tmp_path / str(number)
@@ -109,10 +109,10 @@ def test_a_taken_output_locks_out_whoever_finds_it(tmp_path: Path) -> None:
 
 @pytest.mark.long
 @pytest.mark.usefixtures("place")
-def test_who_takes_the_output_gets_zero_each_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_who_takes_the_output_gets_zero_each_time(tmp_path, monkeypatch):
     path, world = served(tmp_path)
     with open_rig(path) as rig, clients(rig) as (other,):
-        server = rig.daq.settings.server  # type: ignore[attr-defined]
+        server = rig.daq.settings.server
         watch, looks, waits = rig._limiter._watch, 0, []
         look, wait = watch._look, rig.clock.wait
 
@@ -157,7 +157,7 @@ def test_who_takes_the_output_gets_zero_each_time(tmp_path: Path, monkeypatch: p
     world.close()
 
 
-def test_a_generator_that_somebody_switches_on_is_switched_off(tmp_path: Path) -> None:
+def test_a_generator_that_somebody_switches_on_is_switched_off(tmp_path):
     text = (Path(haploop.__file__).parent / "rigs" / "voice-coil.toml").read_text(encoding="utf-8")
     path = tmp_path / "lab.toml"
     path.write_text(
@@ -167,7 +167,7 @@ def test_a_generator_that_somebody_switches_on_is_switched_off(tmp_path: Path) -
         encoding="utf-8",
     )
     with open_rig(path, simulate="wire") as rig:
-        rig.generator._line.send("OUTP1 ON")  # type: ignore[attr-defined]
+        rig.generator._line.send("OUTP1 ON")
         assert rig.generator.is_on
         with pytest.raises(InstrumentError, match="is on, and this rig has not started it"):
             rig._limiter.authorise_renewal()

@@ -55,7 +55,7 @@ def here(tmp_path: Path) -> Iterator[Lab]:
 # From open to close
 
 
-def test_outputs_are_held_from_open_to_close() -> None:
+def test_outputs_are_held_from_open_to_close():
     with open_rig(FILE, simulate="wire") as rig, clients(rig) as (other,):
         play, open_all = (lambda: rig.excite(TONE, ["A"], ["drive"])), (lambda: rig.relay.connect([]))
         for act in (lambda: None, play, open_all, rig.make_safe, rig.daq.zero):
@@ -65,7 +65,7 @@ def test_outputs_are_held_from_open_to_close() -> None:
 
 
 @MODES
-def test_what_another_program_left_is_at_zero_once_the_rig_is_open(mode: Any) -> None:
+def test_what_another_program_left_is_at_zero_once_the_rig_is_open(mode):
     with open_rig(FILE, simulate=mode) as rig:
         rig.daq._let_go()
         leave(rig, "amplifier", 1.5)
@@ -77,7 +77,7 @@ def test_what_another_program_left_is_at_zero_once_the_rig_is_open(mode: Any) ->
 
 
 @MODES
-def test_a_rig_whose_output_another_program_holds_is_not_opened(mode: Any) -> None:
+def test_a_rig_whose_output_another_program_holds_is_not_opened(mode):
     with open_rig(FILE, simulate=mode) as rig:
         rig.daq._let_go()
         with (
@@ -87,7 +87,7 @@ def test_a_rig_whose_output_another_program_holds_is_not_opened(mode: Any) -> No
             rig._limiter.begin()
 
 
-def test_one_actuator_on_one_amplifier() -> None:
+def test_one_actuator_on_one_amplifier():
     with pytest.raises(ConfigurationError, match=r"\[table\] names 2 patches: name one, or use a relay"):
         open_rig(changed(FILE, table={"patches": ("A", "B")}))
 
@@ -95,7 +95,7 @@ def test_one_actuator_on_one_amplifier() -> None:
 # Plays
 
 
-def test_volts_for_no_patch_are_refused_because_the_actuator_would_get_them() -> None:
+def test_volts_for_no_patch_are_refused_because_the_actuator_would_get_them():
     with open_rig(FILE) as rig:
         for patches in ((), ("B",)):
             with pytest.raises(LimitError, match="reaches A in any case"):
@@ -110,7 +110,7 @@ def test_volts_for_no_patch_are_refused_because_the_actuator_would_get_them() ->
 
 
 @pytest.mark.usefixtures("unproved")
-def test_a_trip_puts_zero_out_within_two_blocks_and_locks_out() -> None:
+def test_a_trip_puts_zero_out_within_two_blocks_and_locks_out():
     with open_rig(changed(FILE, abort=AbortLimits(drive=0.3))) as rig:
         record = rig.simulation.truth.record()
         with pytest.raises(InstrumentError, match=r"allows 0\.3 V"):
@@ -126,7 +126,7 @@ def test_a_trip_puts_zero_out_within_two_blocks_and_locks_out() -> None:
         assert not rig.daq.outputs_read()["amplifier"] > 2e-3
 
 
-def test_a_gain_that_is_not_what_the_file_says_is_found_at_a_quarter_of_the_limit() -> None:
+def test_a_gain_that_is_not_what_the_file_says_is_found_at_a_quarter_of_the_limit():
     with open_rig(FILE, simulation={"faults": [{"kind": "amplifier-gain", "gain": 8.0}]}) as rig:
         with pytest.raises(InstrumentError, match=r"when 0\.25 V were played to prove the gain"):
             rig.excite(TONE, ["A"], ["drive"])
@@ -147,7 +147,7 @@ def warming(seconds: float) -> np.ndarray:
     return drive
 
 
-def test_a_coil_stays_warm_from_one_program_to_the_next(here: Lab) -> None:
+def test_a_coil_stays_warm_from_one_program_to_the_next(here):
     """A play that a cold coil takes is refused to a warm one, and taken again once it has cooled."""
     drive, file = warming(2.0), warm(0.012)
     plays = 0
@@ -165,7 +165,7 @@ def test_a_coil_stays_warm_from_one_program_to_the_next(here: Lab) -> None:
         rig.excite(drive, ["A"], ["drive"])
 
 
-def test_an_unreadable_record_of_heat_counts_as_all_that_a_coil_takes(here: Lab, tmp_path: Path) -> None:
+def test_an_unreadable_record_of_heat_counts_as_all_that_a_coil_takes(here, tmp_path):
     drive = warming(1.0)
     with open_rig(warm(0.012)) as rig:
         rig.excite(drive, ["A"], ["drive"])
@@ -175,7 +175,7 @@ def test_an_unreadable_record_of_heat_counts_as_all_that_a_coil_takes(here: Lab,
         rig.excite(drive, ["A"], ["drive"])
 
 
-def test_a_play_heats_before_it_begins_as_a_killed_program_leaves_it(here: Lab, tmp_path: Path) -> None:
+def test_a_play_heats_before_it_begins_as_a_killed_program_leaves_it(here, tmp_path):
     seen: list[bytes] = []
 
     def look(*_: object) -> None:
@@ -189,7 +189,7 @@ def test_a_play_heats_before_it_begins_as_a_killed_program_leaves_it(here: Lab, 
 # What is lost
 
 
-def test_doctor_and_the_log_say_once_what_is_lost() -> None:
+def test_doctor_and_the_log_say_once_what_is_lost():
     with open_rig(changed(FILE, actuator={"watts": 0.1})) as rig:
         findings = examine(rig)
         logged = [e for e in entries(rig.audit.folder) if e.get("why") == LOST]
@@ -208,7 +208,7 @@ def test_doctor_and_the_log_say_once_what_is_lost() -> None:
     assert load_rig_file("minimal").at_rest == "the output is zero"
 
 
-def test_a_killed_program_leaves_at_most_its_drive_until_the_rig_is_opened_again(here: Lab) -> None:
+def test_a_killed_program_leaves_at_most_its_drive_until_the_rig_is_opened_again(here):
     """Its card holds its last value: a volt that stays, here from the middle of a play."""
 
     def kill(_doing: str, seconds: float, *_: object) -> None:
@@ -222,7 +222,7 @@ def test_a_killed_program_leaves_at_most_its_drive_until_the_rig_is_opened_again
     with pytest.raises(KeyboardInterrupt):
         rig.excite(TONE, ["A"], ["drive"], progress=kill)
     here.forget(rig)
-    rig._safe.reach = safe  # type: ignore[method-assign]
+    rig._safe.reach = safe
     here.leave("amplifier", 0.4)
     here.clock.sleep(5)
     assert abs(here.truth.patch_voltages["A"]) == pytest.approx(0.8, rel=0.02)
@@ -231,7 +231,7 @@ def test_a_killed_program_leaves_at_most_its_drive_until_the_rig_is_opened_again
         assert abs(here.truth.patch_voltages["A"]) < 1e-3
 
 
-def test_outputs_stay_reserved_after_a_play_too(here: Lab) -> None:
+def test_outputs_stay_reserved_after_a_play_too(here):
     with open_rig(hardware()) as rig:
         rig.prove_gain("A")
         rig.excite(TONE, ["A"], ["drive"])
@@ -258,7 +258,7 @@ def served(folder: Path) -> tuple[Path, Simulation]:
     world = Simulation(hardware(), RealClock())
     card = world.serve("ni-daqmx", NiDaq.Settings.model_validate(FILE.daq.settings))
     pdv: Any = driver_class("pdv-100", "vibrometer")
-    world.instrument("vibrometer", FILE.vibrometer, pdv, "twin")  # type: ignore[arg-type]
+    world.instrument("vibrometer", FILE.vibrometer, pdv, "twin")
     path = folder / "lab.toml"
     text = (Path(haploop.__file__).parent / "rigs" / "voice-coil.toml").read_text(encoding="utf-8")
     text = text.replace('base = "simulated"', 'base = "haptable"').replace(
@@ -270,7 +270,7 @@ def served(folder: Path) -> tuple[Path, Simulation]:
 
 @pytest.mark.long
 @POSIX
-def test_kill_9_in_a_play_leaves_what_the_server_plays_to_its_end(tmp_path: Path) -> None:
+def test_kill_9_in_a_play_leaves_what_the_server_plays_to_its_end(tmp_path):
     """A device server outlives the program: a finite waveform ends at zero."""
     path, world = served(tmp_path)
     with subprocess.Popen(

@@ -37,7 +37,7 @@ def here(tmp_path: Path) -> Iterator[Lab]:
         yield here
 
 
-def test_a_rig_that_is_opened_again_remembers_what_was_played(here: Lab) -> None:
+def test_a_rig_that_is_opened_again_remembers_what_was_played(here):
     """Each as a command of its own, under any name; 5 % of a minute are two of these plays."""
     record = here.truth.record()
     refused = 0
@@ -55,7 +55,7 @@ def test_a_rig_that_is_opened_again_remembers_what_was_played(here: Lab) -> None
         rig.excite(TONE, ["A"], ["drive"])
 
 
-def test_a_rig_without_a_duty_counts_for_one_that_has_it(here: Lab) -> None:
+def test_a_rig_without_a_duty_counts_for_one_that_has_it(here):
     with open_rig(allowed(1.0)) as rig:
         for _ in range(2):
             rig.excite(TONE, ["A"], ["drive"])
@@ -63,7 +63,7 @@ def test_a_rig_without_a_duty_counts_for_one_that_has_it(here: Lab) -> None:
         rig.excite(TONE, ["A"], ["drive"])
 
 
-def test_a_play_is_counted_before_it_begins(here: Lab, tmp_path: Path) -> None:
+def test_a_play_is_counted_before_it_begins(here, tmp_path):
     """What `kill -9` leaves behind: the files as they are at any block of the play."""
     seen: list[float] = []
 
@@ -78,7 +78,7 @@ def test_a_play_is_counted_before_it_begins(here: Lab, tmp_path: Path) -> None:
     assert seen and min(seen) > 1.49
 
 
-def test_a_count_that_cannot_be_read_is_a_full_minute(here: Lab, tmp_path: Path) -> None:
+def test_a_count_that_cannot_be_read_is_a_full_minute(here, tmp_path):
     with open_rig(allowed(0.05)) as rig:
         rig.excite(TONE, ["A"], ["drive"])
     for path in tmp_path.glob("*.duty"):
@@ -93,7 +93,7 @@ def test_a_count_that_cannot_be_read_is_a_full_minute(here: Lab, tmp_path: Path)
         rig.excite(TONE, ["A"], ["drive"])
 
 
-def test_a_computer_started_again_remembers_each_play_once(here: Lab, tmp_path: Path) -> None:
+def test_a_computer_started_again_remembers_each_play_once(here, tmp_path):
     """The clock began anew: what was played counts as just ended, and is a minute old a minute later."""
     with open_rig(allowed(0.05)) as rig:
         rig.excite(TONE, ["A"], ["drive"])
@@ -102,7 +102,7 @@ def test_a_computer_started_again_remembers_each_play_once(here: Lab, tmp_path: 
     assert plays_of(tmp_path, rig.hardware, 60.4) and not plays_of(tmp_path, rig.hardware, 60.6)
 
 
-def test_a_calendar_that_is_set_forward_forgets_nothing(here: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_calendar_that_is_set_forward_forgets_nothing(here, monkeypatch):
     """By a minute, and by two days: 5.75 s were played where 3 were allowed."""
     record = here.truth.record()
     for ahead in (0, 120, 200_000):
@@ -114,7 +114,7 @@ def test_a_calendar_that_is_set_forward_forgets_nothing(here: Lab, monkeypatch: 
     assert busiest_minute(bursts(record)) < 3.01
 
 
-def test_what_cannot_be_counted(here: Lab, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_cannot_be_counted(here, tmp_path, monkeypatch):
     def full(*_: Any) -> None:
         raise OSError(28, "No space left on device")
 
@@ -126,7 +126,7 @@ def test_what_cannot_be_counted(here: Lab, tmp_path: Path, monkeypatch: pytest.M
         monkeypatch.undo()
 
 
-def test_what_is_kept_stays_small(here: Lab, tmp_path: Path) -> None:
+def test_what_is_kept_stays_small(here, tmp_path):
     with open_rig(allowed(1.0)) as rig:
         for _ in range(12):
             rig.excite(TONE[::100] * 0, ["A"], ["drive"])
@@ -135,7 +135,7 @@ def test_what_is_kept_stays_small(here: Lab, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("ago", "left"), [((90_000.0, 10.0), True), ((90_000.0, 90_000.0), False)])
-def test_a_day_after_the_last_play_its_file_goes(tmp_path: Path, ago: tuple[float, ...], left: bool) -> None:
+def test_a_day_after_the_last_play_its_file_goes(tmp_path, ago, left):
     now = 1e9
     count_plays(tmp_path, ["a card"], [(now - past - 1.0, now - past) for past in ago])
     clear_old(tmp_path, now)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
@@ -28,7 +27,7 @@ def reached(rig: Rig) -> float:
 
 
 @MODES
-def test_volts_left_on_any_output_are_gone_before_a_contact_closes(mode: Any) -> None:
+def test_volts_left_on_any_output_are_gone_before_a_contact_closes(mode):
     with open_rig("four-channel", simulate=mode) as rig:
         for output, volts in zip(OUTPUTS, (8.0, -8.0, 2.5, 10.0), strict=True):
             leave(rig, output, volts)
@@ -41,7 +40,7 @@ def test_volts_left_on_any_output_are_gone_before_a_contact_closes(mode: Any) ->
 @pytest.mark.parametrize(
     ("mode", "output"), [("twin", OUTPUTS[3]), ("wire", OUTPUTS[0]), ("wire", OUTPUTS[3])]
 )
-def test_an_output_that_another_program_holds_keeps_every_contact_open(mode: Any, output: str) -> None:
+def test_an_output_that_another_program_holds_keeps_every_contact_open(mode, output):
     with open_rig("four-channel", simulate=mode) as rig:
         with held(rig, output, 8.0):
             with pytest.raises(InstrumentError, match=r"relay stays open.*not known to be at zero.*-50103"):
@@ -55,7 +54,7 @@ def test_an_output_that_another_program_holds_keeps_every_contact_open(mode: Any
 
 
 @MODES
-def test_an_output_that_does_not_take_its_zero_keeps_the_contacts_open(mode: Any, monkeypatch: Any) -> None:
+def test_an_output_that_does_not_take_its_zero_keeps_the_contacts_open(mode, monkeypatch):
     with open_rig("simulated", simulate=mode) as rig:
         leave(rig, "amplifier", 8.0)
         with monkeypatch.context() as patch:
@@ -67,7 +66,7 @@ def test_an_output_that_does_not_take_its_zero_keeps_the_contacts_open(mode: Any
 
 @pytest.mark.usefixtures("unproved")
 @MODES
-def test_plays_begin_from_zero_whatever_was_left(mode: Any) -> None:
+def test_plays_begin_from_zero_whatever_was_left(mode):
     with open_rig("simulated", simulate=mode) as rig:
         record = rig.simulation.truth.record()
         leave(rig, "amplifier", 8.0)
@@ -78,7 +77,7 @@ def test_plays_begin_from_zero_whatever_was_left(mode: Any) -> None:
 
 def on(rig: Rig) -> None:
     """A person has switched the generator's output on, at its front panel."""
-    line = rig.generator._line  # type: ignore[attr-defined]
+    line = rig.generator._line
     line.send("FUNC SIN;:FREQ 100;:VOLT 16;:OUTP ON")
     assert rig.generator.is_on
 
@@ -87,7 +86,7 @@ def on(rig: Rig) -> None:
     lambda rig: rig.relay.connect(["A"]),
     lambda rig: rig.generate(Sweep(10, 300, 0.1, 20), ["A"], ["drive"]),
 ])  # fmt: skip
-def test_a_generator_that_was_left_on_keeps_the_contacts_open(way: Callable[[Rig], object]) -> None:
+def test_a_generator_that_was_left_on_keeps_the_contacts_open(way):
     with open_rig(generator_rig()) as rig:
         on(rig)
         with pytest.raises(InstrumentError, match=r"is on, and this rig has not started it"):
@@ -98,29 +97,29 @@ def test_a_generator_that_was_left_on_keeps_the_contacts_open(way: Callable[[Rig
         assert reached(rig) == pytest.approx(20, rel=0.05)
 
 
-def test_a_player_starts_from_outputs_at_zero() -> None:
+def test_a_player_starts_from_outputs_at_zero():
     with open_rig("sound-card", simulate="twin") as rig:
         stopped = []
         stop = rig.player.stop
-        rig.player.stop = lambda: (stopped.append(rig.relay.connected()), stop())  # type: ignore[method-assign]
+        rig.player.stop = lambda: (stopped.append(rig.relay.connected()), stop())
         leave(rig, "amplifier", 8.0)
         rig.excite(np.pad(TONE, 100), ["A"], ["drive"])
         assert stopped[0] == frozenset()
 
 
-def test_the_outputs_that_are_set_to_zero_are_not_forgotten() -> None:
+def test_the_outputs_that_are_set_to_zero_are_not_forgotten():
     """The settings of an open DAQ name its outputs, and say where they are."""
     with open_rig("simulated", simulate="wire") as rig:
         leave(rig, "amplifier", 8.0)
-        outputs = rig.daq.settings.outputs  # type: ignore[attr-defined]
-        for change in (outputs.clear, lambda: outputs.pop("amplifier"), rig.daq.settings.channels.clear):  # type: ignore[attr-defined]
+        outputs = rig.daq.settings.outputs
+        for change in (outputs.clear, lambda: outputs.pop("amplifier"), rig.daq.settings.channels.clear):
             with pytest.raises(ConfigurationError, match="cannot be changed in the program"):
                 change()
         rig.relay.connect(["A"])
         assert reached(rig) < 0.1
 
 
-def test_a_stream_keeps_its_card_until_its_tasks_are_closed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_stream_keeps_its_card_until_its_tasks_are_closed(monkeypatch):
     """Outputs were read of a card whose inputs were still reserved, and the rig said "in use" (-50103)."""
     with open_rig("haptable", simulate="wire") as rig:
         stream = rig.daq.stream(["laser"], 50_000, 500, samples=5_000)

@@ -124,7 +124,7 @@ def ctrl_c_twice(process: subprocess.Popen[str]) -> None:
 
 
 @pytest.mark.long
-def test_a_program_that_ends_in_the_middle_of_a_play_leaves_all_four_patches_off(lab: Lab) -> None:
+def test_a_program_that_ends_in_the_middle_of_a_play_leaves_all_four_patches_off(lab):
     """One after the other, and each plays, although volts stood on one output before the first."""
     client = Client(lab.server, "somebody's")
     assert client.write(8.0, "Dev2/ao2")
@@ -149,7 +149,7 @@ def test_a_program_that_ends_in_the_middle_of_a_play_leaves_all_four_patches_off
 
 
 @pytest.mark.long
-def test_another_program_that_writes_one_channel_in_a_loop_gets_nothing_through(lab: Lab) -> None:
+def test_another_program_that_writes_one_channel_in_a_loop_gets_nothing_through(lab):
     client, ended = Client(lab.server, "somebody's"), threading.Event()
 
     def loop() -> None:
@@ -172,7 +172,7 @@ def test_another_program_that_writes_one_channel_in_a_loop_gets_nothing_through(
 
 
 @pytest.mark.long
-def test_a_card_that_is_reset_and_written_to_in_a_play_is_noticed(lab: Lab) -> None:
+def test_a_card_that_is_reset_and_written_to_in_a_play_is_noticed(lab):
     client = Client(lab.server, "somebody's")
     with lab.program() as process:
         until_it_plays(process)
@@ -185,7 +185,7 @@ def test_a_card_that_is_reset_and_written_to_in_a_play_is_noticed(lab: Lab) -> N
 
 
 @pytest.mark.long
-def test_what_one_program_played_into_a_patch_counts_for_another_patch_in_the_next(tmp_path: Path) -> None:
+def test_what_one_program_played_into_a_patch_counts_for_another_patch_in_the_next(tmp_path):
     with a_lab(tmp_path, duty=0.02) as lab:  # 1.2 s of a minute
         with lab.program("A", plays=1, seconds=0.8) as process:
             assert lab.ended(process) == (0, "")
@@ -196,7 +196,7 @@ def test_what_one_program_played_into_a_patch_counts_for_another_patch_in_the_ne
         lab.safe_within(0.1)
 
 
-def test_a_drive_has_one_signal_for_each_patch() -> None:
+def test_a_drive_has_one_signal_for_each_patch():
     drive = make_drive()
     twice = np.concatenate([drive.volts, drive.volts])
     with pytest.raises(DataError, match=r"two signals for one patch \(A, A\)"):

@@ -20,7 +20,7 @@ def path_of(folder: Path, piece: str) -> Path:
 
 
 @pytest.mark.parametrize("piece", PIECES)
-def test_a_lockout_of_one_piece_locks_out_every_rig_with_it_and_no_other(tmp_path: Path, piece: str) -> None:
+def test_a_lockout_of_one_piece_locks_out_every_rig_with_it_and_no_other(tmp_path, piece):
     folder = tmp_path / "state" / "rigs"
     assert lockout_of(folder, PIECES) is None
     set_lockout(folder, {piece}, FIRST)
@@ -35,14 +35,14 @@ def test_a_lockout_of_one_piece_locks_out_every_rig_with_it_and_no_other(tmp_pat
 
 
 @pytest.mark.parametrize("piece", PIECES)
-def test_clearing_reaches_every_piece_and_makes_no_file(tmp_path: Path, piece: str) -> None:
+def test_clearing_reaches_every_piece_and_makes_no_file(tmp_path, piece):
     set_lockout(tmp_path, {piece}, FIRST)
     clear_lockout(tmp_path, PIECES)
     assert lockout_of(tmp_path, PIECES) is None
     assert list(tmp_path.iterdir()) == [path_of(tmp_path, piece)]
 
 
-def test_an_unreadable_lockout_locks_out_and_an_unclearable_one_is_said(tmp_path: Path) -> None:
+def test_an_unreadable_lockout_locks_out_and_an_unclearable_one_is_said(tmp_path):
     path_of(tmp_path, PIECES[1]).write_bytes(b"{}")
     found = lockout_of(tmp_path, PIECES)
     assert found is not None and "is damaged or was changed by hand" in found.why
@@ -55,7 +55,7 @@ def test_an_unreadable_lockout_locks_out_and_an_unclearable_one_is_said(tmp_path
         clear_lockout(tmp_path, PIECES)
 
 
-def test_what_a_lockout_says_is_not_changed() -> None:
+def test_what_a_lockout_says_is_not_changed():
     with pytest.raises(FrozenInstanceError):
-        FIRST.why = "nothing"  # type: ignore[misc]
+        FIRST.why = "nothing"
     assert "(A force)." in FIRST.sentence

@@ -53,7 +53,7 @@ def another(*arguments: str, **more: object) -> Iterator[str]:
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
-        **more,  # type: ignore[call-overload]
+        **more,
     ) as process:
         try:
             yield process.stdout.readline().strip()
@@ -61,7 +61,7 @@ def another(*arguments: str, **more: object) -> Iterator[str]:
             process.kill()
 
 
-def test_programs_of_different_environments_exclude_each_other(tmp_path: Path) -> None:
+def test_programs_of_different_environments_exclude_each_other(tmp_path):
     names = ("TMPDIR", "TEMP", "TMP", "HOME", "HAPLOOP_STATE", "XDG_STATE_HOME", "XDG_RUNTIME_DIR")
     elsewhere = {**os.environ, **dict.fromkeys(names, str(tmp_path))}
     elsewhere |= {"PROGRAMDATA": str(tmp_path), "WIN_PD_OVERRIDE_COMMON_APPDATA": str(tmp_path)}
@@ -80,7 +80,7 @@ def test_programs_of_different_environments_exclude_each_other(tmp_path: Path) -
 
 @POSIX
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root can be another user")
-def test_users_of_one_computer_exclude_each_other_and_clear_each_others_lockouts(place: Path) -> None:
+def test_users_of_one_computer_exclude_each_other_and_clear_each_others_lockouts(place):
     for folder in (place.parent, *place.parents):
         folder.chmod(folder.stat().st_mode | 0o055)
     before = os.umask(0o077)
@@ -104,7 +104,7 @@ def test_users_of_one_computer_exclude_each_other_and_clear_each_others_lockouts
 
 @POSIX
 @pytest.mark.parametrize("make", ["link", "dangling link", "hard link", "pipe", "folder"])
-def test_what_lies_under_the_name_of_a_lock_is_not_opened(place: Path, tmp_path: Path, make: str) -> None:
+def test_what_lies_under_the_name_of_a_lock_is_not_opened(place, tmp_path, make):
     victim = tmp_path / "victim"
     if make != "dangling link":
         victim.write_text("somebody's work")
@@ -129,7 +129,7 @@ def test_what_lies_under_the_name_of_a_lock_is_not_opened(place: Path, tmp_path:
 
 @POSIX
 @pytest.mark.parametrize("make", ["link", "file"])
-def test_a_place_that_is_not_a_folder_is_refused(place: Path, tmp_path: Path, make: str) -> None:
+def test_a_place_that_is_not_a_folder_is_refused(place, tmp_path, make):
     (tmp_path / "other").mkdir()
     if make == "link":
         place.symlink_to(tmp_path / "other", target_is_directory=True)
@@ -140,7 +140,7 @@ def test_a_place_that_is_not_a_folder_is_refused(place: Path, tmp_path: Path, ma
 
 
 @POSIX
-def test_everybody_may_write_there_and_nobody_removes_what_is_not_theirs(place: Path) -> None:
+def test_everybody_may_write_there_and_nobody_removes_what_is_not_theirs(place):
     before = os.umask(0o077)
     try:
         assert stat.S_IMODE(machine.folder().stat().st_mode) == 0o1777
@@ -150,20 +150,20 @@ def test_everybody_may_write_there_and_nobody_removes_what_is_not_theirs(place: 
         os.umask(before)
 
 
-def test_a_place_that_may_not_be_written_is_refused(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_place_that_may_not_be_written_is_refused(place, monkeypatch):
     machine.folder()
     monkeypatch.setattr(os, "access", lambda _path, mode: not mode & os.W_OK)  # as for a user who is not root
     with pytest.raises(InstrumentError, match=r"cannot be used \(permission denied\): make it a folder"):
         machine.folder()
 
 
-def test_the_name_of_a_piece_s_file_is_the_same_in_every_version() -> None:
+def test_the_name_of_a_piece_s_file_is_the_same_in_every_version():
     """Programs of two versions on one computer find each other's locks."""
     assert machine.file_for("card Dev1", "lock") == "b895f5b9c803046c.lock"
 
 
 @POSIX
-def test_a_file_for_all_users_is_read_to_a_mebibyte_and_replaced_whole(place: Path) -> None:
+def test_a_file_for_all_users_is_read_to_a_mebibyte_and_replaced_whole(place):
     path = machine.folder() / "a.duty"
     machine.write(path, b"long" * (1 << 19))
     assert stat.S_IMODE(path.stat().st_mode) == 0o1666
@@ -176,7 +176,7 @@ def test_a_file_for_all_users_is_read_to_a_mebibyte_and_replaced_whole(place: Pa
 
 
 @pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="open files are counted on Linux")
-def test_what_is_refused_is_not_left_open(place: Path) -> None:
+def test_what_is_refused_is_not_left_open(place):
     path = machine.folder() / "a.lock"
     path.touch()
     path.with_name("b.lock").hardlink_to(path)
@@ -188,7 +188,7 @@ def test_what_is_refused_is_not_left_open(place: Path) -> None:
 
 
 @POSIX
-def test_what_is_synced_is_the_whole_content(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_synced_is_the_whole_content(place, monkeypatch):
     synced: list[bytes] = []
     monkeypatch.setattr(os, "fsync", lambda number: synced.append(os.pread(number, 100, 0)))
     machine.write(machine.folder() / "a.duty", b"content")
@@ -196,7 +196,7 @@ def test_what_is_synced_is_the_whole_content(place: Path, monkeypatch: pytest.Mo
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="mount namespaces are Linux's")
-def test_a_program_that_sees_another_folder_there_excludes_others_too(place: Path) -> None:
+def test_a_program_that_sees_another_folder_there_excludes_others_too(place):
     """A service with a private /var/tmp has the same path, and finds no lock of ours in it."""
     theirs = f"""
 import sys

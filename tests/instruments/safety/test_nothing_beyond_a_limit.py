@@ -248,7 +248,7 @@ def attempts(draw: Callable[..., Any], source: str) -> Attempt:
 
 @pytest.mark.timeout(3600)
 @pytest.mark.parametrize("source", WIRED)
-def test_nothing_beyond_a_limit_reaches_a_patch(source: str, full: bool) -> None:
+def test_nothing_beyond_a_limit_reaches_a_patch(source, full):
     outcomes: Counter[str] = Counter()
 
     @settings(
@@ -266,7 +266,7 @@ def test_nothing_beyond_a_limit_reaches_a_patch(source: str, full: bool) -> None
             record = rig.simulation.truth.record()
             if source == "player":
                 # As the file says. A coupling capacitor would go on emptying after every drive.
-                rig.player.audio.jack.high_pass_hz = 0.0  # type: ignore[attr-defined]
+                rig.player.audio.jack.high_pass_hz = 0.0
             for attempt in tries:
                 try:
                     attempt.at(rig)

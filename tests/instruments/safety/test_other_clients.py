@@ -9,7 +9,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from pathlib import Path
 from typing import Any
 
 import grpc
@@ -25,7 +24,6 @@ from haploop.instruments import Rig, open_rig
 from haploop.instruments.relay.board import ChannelRelay
 from haploop.instruments.safety import lockout_of
 from haploop.instruments.safety.audit import entries
-from haploop.mocks.simulation import Simulation
 from tests.instruments.safety.test_limiter import TONE
 
 REFUSED = -50103
@@ -60,7 +58,7 @@ class Client:
 @contextmanager
 def clients(rig: Rig, count: int = 1) -> Iterator[list[Client]]:
     """Clients of the rig's device server."""
-    server = rig.daq.settings.server  # type: ignore[attr-defined]
+    server = rig.daq.settings.server
     made = [Client(server, f"somebody's {number}") for number in range(count)]
     yield made
     for client in made:
@@ -95,7 +93,7 @@ def peak(rig: Rig) -> float:
 
 
 @pytest.mark.long
-def test_clients_that_write_in_a_loop_get_nothing_through(full: bool) -> None:
+def test_clients_that_write_in_a_loop_get_nothing_through(full):
     with open_rig("simulated", simulate="wire") as rig:
         played = 0
         with writing(rig, 3) as others:
@@ -121,7 +119,7 @@ def test_clients_that_write_in_a_loop_get_nothing_through(full: bool) -> None:
 
 
 @pytest.mark.long
-def test_at_no_moment_of_a_play_is_an_output_free(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_at_no_moment_of_a_play_is_an_output_free(monkeypatch):
     """From before the contact closes until it reads open again, step by step of the rig's own."""
     said: dict[str, list[bool]] = {}
     with open_rig("simulated", simulate="wire") as rig, clients(rig) as (other,):
@@ -155,7 +153,7 @@ def test_at_no_moment_of_a_play_is_an_output_free(monkeypatch: pytest.MonkeyPatc
     assert not free, said
 
 
-def test_who_takes_an_output_under_a_closed_contact_trips(lab: tuple[Path, Simulation], place: Path) -> None:
+def test_who_takes_an_output_under_a_closed_contact_trips(lab, place):
     """By a reset of the card, which no reservation withstands. In real time, without any renewal."""
     path, world = lab
     path.write_text(path.read_text().replace("dead_man = 1.0", "dead_man = 30.0"))
@@ -178,7 +176,7 @@ def test_who_takes_an_output_under_a_closed_contact_trips(lab: tuple[Path, Simul
     assert lockout_of(place, rig.hardware) is not None
 
 
-def test_a_renewal_looks_at_what_stands_on_the_output() -> None:
+def test_a_renewal_looks_at_what_stands_on_the_output():
     with open_rig("simulated", simulate="wire") as rig, clients(rig) as (other,):
         rig.relay.connect(["A"])
         rig.relay.renew()
@@ -191,7 +189,7 @@ def test_a_renewal_looks_at_what_stands_on_the_output() -> None:
         assert rig.simulation.truth.closed == frozenset() and rig.lockout is not None
 
 
-def test_an_output_that_was_taken_and_reads_zero_is_noticed_too() -> None:
+def test_an_output_that_was_taken_and_reads_zero_is_noticed_too():
     """A card that cannot read its outputs back would show nothing else."""
     with open_rig("simulated", simulate="wire") as rig, clients(rig) as (other,):
         rig.relay.connect(["A"])
@@ -201,7 +199,7 @@ def test_an_output_that_was_taken_and_reads_zero_is_noticed_too() -> None:
         assert rig.simulation.truth.closed == frozenset() and rig.lockout is not None
 
 
-def test_what_stands_on_an_output_after_a_play_locks_the_rig_out(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_stands_on_an_output_after_a_play_locks_the_rig_out(monkeypatch):
     """The outputs are read back once the relay reads open: not zero is an error, a lockout and a line."""
     with open_rig("simulated", simulate="wire") as rig, clients(rig) as (other,):
         connect = ChannelRelay._connect
@@ -222,7 +220,7 @@ def test_what_stands_on_an_output_after_a_play_locks_the_rig_out(monkeypatch: py
             rig.excite(TONE, ["A"], ["drive"])
 
 
-def test_after_a_rig_the_outputs_are_free() -> None:
+def test_after_a_rig_the_outputs_are_free():
     with open_rig("simulated", simulate="wire") as rig, clients(rig) as (other,):
         for act in (
             lambda: rig.excite(TONE, ["A"], ["drive"]),
@@ -241,7 +239,7 @@ def test_after_a_rig_the_outputs_are_free() -> None:
     [("stop", 1), ("start", 2), ("stop", 2), ("write", 3)],
     ids=["before its stop", "before it starts", "before it is stopped", "before zero"],
 )
-def test_a_reset_between_two_calls_locks_out(name: str, place: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_reset_between_two_calls_locks_out(name, place, monkeypatch):
     """The task that has lost its outputs reserves them again by itself, as if nothing had been."""
     with open_rig("simulated", simulate="wire") as rig, clients(rig) as (other,):
         rig.prove_gain("A")

@@ -7,7 +7,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 from types import FrameType
 from typing import Any
 
@@ -24,7 +23,6 @@ from haploop.instruments.rig.opening import hardware
 from haploop.instruments.safety.duty import plays_of
 from haploop.instruments.safety.lockout import lockout_of
 from haploop.instruments.safety.machine import hold, reserve
-from haploop.mocks.simulation import Simulation
 
 DRIVE = 20 * np.sin(2 * np.pi * 250 * np.arange(50_000) / 50_000) * np.hanning(50_000)
 TraceFunction = Callable[[FrameType, str, Any], Any]
@@ -44,7 +42,7 @@ with open_rig(sys.argv[1]) as rig:
 
 
 @POSIX
-def test_a_killed_program_leaves_an_open_relay(lab: tuple[Path, Simulation], tmp_path: Path) -> None:
+def test_a_killed_program_leaves_an_open_relay(lab, tmp_path):
     path, world = lab
     with subprocess.Popen(
         [sys.executable, "-c", CHILD, str(path)], stdout=subprocess.PIPE, text=True
@@ -83,7 +81,7 @@ def test_a_killed_program_leaves_an_open_relay(lab: tuple[Path, Simulation], tmp
 
 
 @pytest.mark.usefixtures("unproved")
-def test_a_card_is_one_under_every_name(lab: tuple[Path, Simulation], tmp_path: Path, place: Path) -> None:
+def test_a_card_is_one_under_every_name(lab, tmp_path, place):
     """What one rig holds, trips and plays is held, locked out and counted for a rig with another name."""
     path, _ = lab
     path.write_text(path.read_text() + "[abort]\ndrive = 15.0\n")
@@ -106,9 +104,7 @@ def test_a_card_is_one_under_every_name(lab: tuple[Path, Simulation], tmp_path: 
 
 
 @pytest.mark.parametrize("role", ["daq", "relay"])
-def test_hardware_that_answered_too_late_is_not_used_under_another_name(
-    lab: tuple[Path, Simulation], role: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_hardware_that_answered_too_late_is_not_used_under_another_name(lab, role, monkeypatch):
     """Under its address it would have neither the lock nor the lockout that its number has."""
     path, _ = lab
     if role == "daq":
@@ -121,9 +117,7 @@ def test_hardware_that_answered_too_late_is_not_used_under_another_name(
     open_rig(path).close()
 
 
-def test_a_lock_and_a_mark_hold_on_a_full_disk(
-    tmp_path: Path, place: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_lock_and_a_mark_hold_on_a_full_disk(tmp_path, place, monkeypatch):
     """The holder's name is missing then, and no more; a network disk may refuse as late as on closing."""
     close = os.close
 
@@ -145,7 +139,7 @@ def test_a_lock_and_a_mark_hold_on_a_full_disk(
     assert not is_marked(tmp_path / "one")
 
 
-def test_a_reservation_is_for_this_programs_rigs() -> None:
+def test_a_reservation_is_for_this_programs_rigs():
     with reserve({"card"}, "The rig 'one'"):
         for _ in range(2):
             with hold({"card"}, "The rig 'one'"):

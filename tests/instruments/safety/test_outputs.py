@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -35,7 +34,7 @@ class Rig(dict[str, Any]):
         self[role] = SimpleNamespace(output=output, is_on=on, identity=f"The {role}", stop=stop)
 
 
-def test_outputs_are_set_to_zero_and_read_back() -> None:
+def test_outputs_are_set_to_zero_and_read_back():
     for volts in (0.0, 0.02, -0.02):
         rig = Rig(one=0.0, two=volts)
         Outputs(rig).rest()
@@ -47,7 +46,7 @@ def test_outputs_are_set_to_zero_and_read_back() -> None:
         assert rig.done == ["zero", "let go"]
 
 
-def test_an_output_that_cannot_be_set_keeps_the_relay_open() -> None:
+def test_an_output_that_cannot_be_set_keeps_the_relay_open():
     rig = Rig()
 
     def held() -> None:
@@ -59,7 +58,7 @@ def test_an_output_that_cannot_be_set_keeps_the_relay_open() -> None:
 
 
 @pytest.mark.parametrize("fed", ["one", {"A": "zero", "B": "one"}])
-def test_what_feeds_the_amplifier_is_looked_at_and_stopped(fed: Any) -> None:
+def test_what_feeds_the_amplifier_is_looked_at_and_stopped(fed):
     for output, wired in (("one", True), ("elsewhere", False)):
         rig = Rig(fed)
         rig.add("generator", output, on=True)
@@ -75,7 +74,7 @@ def test_what_feeds_the_amplifier_is_looked_at_and_stopped(fed: Any) -> None:
         assert rig.done == ["player stopped"] * wired + ["zero"]
 
 
-def test_without_an_amplifier_every_output_counts() -> None:
+def test_without_an_amplifier_every_output_counts():
     rig = Rig()
     del rig["amplifier"]
     rig.add("generator", "elsewhere", on=True)
@@ -86,7 +85,7 @@ def test_without_an_amplifier_every_output_counts() -> None:
 # What was played
 
 
-def test_plays_are_of_the_last_minute_and_of_any_piece_in_order(tmp_path: Path) -> None:
+def test_plays_are_of_the_last_minute_and_of_any_piece_in_order(tmp_path):
     now = 1000.0
     count_plays(tmp_path, {"a"}, [(930.0, 940.0), (938.0, 940.5), (980.0, 990.0)])
     count_plays(tmp_path, {"b"}, [(937.0, 951.0), (980.0, 990.0)])
@@ -101,26 +100,26 @@ def test_plays_are_of_the_last_minute_and_of_any_piece_in_order(tmp_path: Path) 
     [[5.0, 4.0]], [[1.0]], [[1.0, 2.0, 3.0]], [["1", 2.0]], [[True, 2.0]], [None], {}, "x", 1.0, None,
     [[1.0, 2.0], 3], b"", b"[[1", b"{}", b"[[NaN, NaN]]", b"[" * 9999, b"\xff",
 ])  # fmt: skip
-def test_a_count_without_sense_is_a_full_minute_and_replaced_by_that(content: Any, tmp_path: Path) -> None:
+def test_a_count_without_sense_is_a_full_minute_and_replaced_by_that(content, tmp_path):
     path = tmp_path / machine.file_for("a", "duty")
     path.write_bytes(content if isinstance(content, bytes) else as_file("duty", content)[0].encode())
     assert plays_of(tmp_path, {"a"}, 1000.0) == [(940.0, 1000.0)]
     assert plays_of(tmp_path, {"a"}, 1030.0) == [(940.0, 1000.0)]
 
 
-def test_another_kind_of_file_is_no_count(tmp_path: Path) -> None:
+def test_another_kind_of_file_is_no_count(tmp_path):
     path = tmp_path / machine.file_for("a", "duty")
     path.write_text(as_file("lockout", [[1.0, 2.0]])[0], encoding="utf-8")
     assert plays_of(tmp_path, {"a"}, 1000.0) == [(940.0, 1000.0)]
 
 
-def test_what_cannot_be_counted_is_said(tmp_path: Path) -> None:
+def test_what_cannot_be_counted_is_said(tmp_path):
     (tmp_path / machine.file_for("a", "duty")).mkdir()
     with pytest.raises(DataError, match="What is played cannot be counted in"):
         count_plays(tmp_path, {"a"}, [(1.0, 2.0)])
 
 
-def test_counts_of_pieces_that_were_not_used_for_a_day_are_removed(tmp_path: Path) -> None:
+def test_counts_of_pieces_that_were_not_used_for_a_day_are_removed(tmp_path):
     now = 10.0**6
     for piece, age in (("old", 86_401), ("new", 86_399), ("of a longer uptime", -(10**5))):
         count_plays(tmp_path, {piece}, [(now - age - 1, now - age)])

@@ -78,7 +78,7 @@ def not_permitted(permit: Any, says: str) -> None:
         pass
 
 
-def test_a_permitted_drive_starts_once_and_no_other(world: World) -> None:
+def test_a_permitted_drive_starts_once_and_no_other(world):
     with world.permit() as volts:
         at_output = volts["one"]
         np.testing.assert_array_equal(at_output, DRIVE / 50)
@@ -100,7 +100,7 @@ def test_a_permitted_drive_starts_once_and_no_other(world: World) -> None:
         world.limiter.authorise("one", padded, RATE)
 
 
-def test_what_was_judged_is_a_copy_whatever_the_amplifier_returns(world: World) -> None:
+def test_what_was_judged_is_a_copy_whatever_the_amplifier_returns(world):
     drive = DRIVE.copy()
     amplifier: Any = SimpleNamespace(to_input=lambda volts: volts, sharing=len)
     with world.limiter.permit({"one": drive}, RATE, ("A",), amplifier, rated(LIMITS)) as volts:
@@ -110,7 +110,7 @@ def test_what_was_judged_is_a_copy_whatever_the_amplifier_returns(world: World) 
             world.limiter.authorise("one", drive, RATE)
 
 
-def test_one_drive_is_held_to_the_limits_of_all_its_patches_and_several_to_those_of_one(world: World) -> None:
+def test_one_drive_is_held_to_the_limits_of_all_its_patches_and_several_to_those_of_one(world):
     def ratings(count: int) -> Ratings:
         return {"the rig": replace(LIMITS, max=25.0 / count)}
 
@@ -124,7 +124,7 @@ def test_one_drive_is_held_to_the_limits_of_all_its_patches_and_several_to_those
         assert set(volts) == {"one", "two"}
 
 
-def test_several_outputs_start_once_each(world: World) -> None:
+def test_several_outputs_start_once_each(world):
     drives = {"one": DRIVE, "two": DRIVE / 2}
     with world.permit(drives, ("A", "B")) as volts:
         world.limiter.authorise("one", volts["one"], RATE)
@@ -136,7 +136,7 @@ def test_several_outputs_start_once_each(world: World) -> None:
     not_permitted(world.permit({"one": DRIVE, "two": DRIVE[:3]}), "must be of one length")
 
 
-def test_a_generator_that_is_switched_on_after_the_permit_keeps_the_drive_from_starting(world: World) -> None:
+def test_a_generator_that_is_switched_on_after_the_permit_keeps_the_drive_from_starting(world):
     with world.permit() as volts:
         world.limiter.authorise_patches(frozenset({"A"}))
         world.generator.is_on = True
@@ -145,7 +145,7 @@ def test_a_generator_that_is_switched_on_after_the_permit_keeps_the_drive_from_s
     assert world.kinds == ["played", "connected", "refused"]
 
 
-def test_the_relay_closes_for_a_permit_s_patches_until_it_plays(world: World) -> None:
+def test_the_relay_closes_for_a_permit_s_patches_until_it_plays(world):
     world.limiter.authorise_patches(frozenset({"A", "B"}))  # with nothing permitted, any
     with world.permit(patches=("A", "C")) as volts:
         with pytest.raises(LimitError, match="not switched to A, B: a drive is being played into A, C"):
@@ -164,7 +164,7 @@ def test_the_relay_closes_for_a_permit_s_patches_until_it_plays(world: World) ->
     world.limiter.authorise_patches(frozenset({"A"}))
 
 
-def test_a_sweep_starts_once_and_is_set_as_often_as_needed(world: World) -> None:
+def test_a_sweep_starts_once_and_is_set_as_often_as_needed(world):
     with world.permit_waveform() as at_output:
         assert at_output == replace(SWEEP, amplitude=0.2)
         with refused("has authorised"):
@@ -184,7 +184,7 @@ def test_a_sweep_starts_once_and_is_set_as_often_as_needed(world: World) -> None
             world.limiter.authorise("one", DRIVE / 50, 0.0)
 
 
-def test_one_permit_at_a_time(world: World) -> None:
+def test_one_permit_at_a_time(world):
     with world.permit():
         for second in (world.permit(), world.permit_waveform()):
             not_permitted(second, "A drive is being played: wait")
@@ -228,7 +228,7 @@ STAIRS = Arbitrary(np.array([0.0, 0.0, 2.0, 6.0, 10.0, 5.0, -3.0, -8.0, 0.0, 0.0
     # It goes on at its start frequency after its end, until it is switched off.
     (Sweep(1.0, 2.0, 0.1, 80.0), Limits(max=79.8), "rises to"),
 ], ids=str)  # fmt: skip
-def test_a_waveform_is_held_to_limits(world: World, waveform: Waveform, limits: Limits, told: str) -> None:
+def test_a_waveform_is_held_to_limits(world, waveform, limits, told):
     permit = world.permit_waveform(waveform, limits=limits)
     if told:
         not_permitted(permit, told)
@@ -256,7 +256,7 @@ class Foreign:
         return replace(self, amplitude=factor * self.amplitude)
 
 
-def test_a_waveform_of_another_package_is_judged_too(world: World) -> None:
+def test_a_waveform_of_another_package_is_judged_too(world):
     with world.permit_waveform(Foreign()) as at_output:
         world.limiter.authorise_waveform("one", at_output, True)
     not_permitted(world.permit_waveform(Foreign(), Limits(max=9.9)), "rises to 10 V")
@@ -265,19 +265,19 @@ def test_a_waveform_of_another_package_is_judged_too(world: World) -> None:
 @pytest.mark.parametrize(
     "lying", [Foreign(truly=1.1), Foreign(duration=0.05), Foreign(duty=0.5), Foreign(truly=np.nan)]
 )
-def test_a_waveform_that_states_less_than_it_plays_is_refused(world: World, lying: Foreign) -> None:
+def test_a_waveform_that_states_less_than_it_plays_is_refused(world, lying):
     not_permitted(world.permit_waveform(lying), r"it states .* Ask the author of Foreign")
     assert world.kinds == ["refused"]
 
 
 @pytest.mark.parametrize("samples", [(np.zeros(0), 1000.0), (np.ones(5), 0.0), (["volts"], 1.0), None])
-def test_a_waveform_that_is_not_judged(world: World, samples: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_waveform_that_is_not_judged(world, samples, monkeypatch):
     monkeypatch.setattr(Foreign, "sampled", lambda *_: samples)
     not_permitted(world.permit_waveform(Foreign()), r"A Foreign was refused, because it cannot be judged \(")
     assert world.kinds == ["refused"]
 
 
-def test_what_is_played_is_counted_before_it_begins_and_as_it_was(world: World) -> None:
+def test_what_is_played_is_counted_before_it_begins_and_as_it_was(world):
     def counted() -> list[float]:
         now = world.clock.now()
         return [round(stop - start, 3) for start, stop in plays_of(world.counted, {"card"}, now + 0.5)]
@@ -304,7 +304,7 @@ def test_what_is_played_is_counted_before_it_begins_and_as_it_was(world: World) 
         pass
 
 
-def test_a_play_that_was_stopped_is_logged_only_if_it_had_begun(world: World) -> None:
+def test_a_play_that_was_stopped_is_logged_only_if_it_had_begun(world):
     with pytest.raises(ZeroDivisionError), world.permit():
         _ = 1 // 0
     assert world.kinds == ["played"]
@@ -314,7 +314,7 @@ def test_a_play_that_was_stopped_is_logged_only_if_it_had_begun(world: World) ->
     assert world.kinds == ["played", "played", "stopped"]
 
 
-def test_what_a_player_makes_of_it_is_held_to_its_volts_and_not_to_its_ends(world: World) -> None:
+def test_what_a_player_makes_of_it_is_held_to_its_volts_and_not_to_its_ends(world):
     def permit(factor: float, longest: float) -> Any:
         limits = Limits(max=25.0, max_end=0.01, max_duration=longest, max_offset=100.0)
 
@@ -328,7 +328,7 @@ def test_what_a_player_makes_of_it_is_held_to_its_volts_and_not_to_its_ends(worl
     not_permitted(permit(1.25, 0.006), r"rises to 25.5 V")
 
 
-def test_a_long_play_is_counted_until_a_minute_after_its_end(world: World) -> None:
+def test_a_long_play_is_counted_until_a_minute_after_its_end(world):
     long = np.sin(np.arange(65_000) / 3)
     with world.permit({"one": long}):
         world.clock.sleep(65.0)
@@ -340,7 +340,7 @@ def test_a_long_play_is_counted_until_a_minute_after_its_end(world: World) -> No
         pass
 
 
-def test_without_a_rig_nothing_is_authorised_but_to_open() -> None:
+def test_without_a_rig_nothing_is_authorised_but_to_open():
     nobody, nothing = Interlocked._interlock, "Nothing is played on 'one' without a rig's limits"
     with refused(nothing):
         nobody.authorise("one", DRIVE, RATE)

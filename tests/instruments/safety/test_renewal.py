@@ -32,7 +32,7 @@ class Box:
         self.renewed.append(time.monotonic())
 
 
-def test_a_block_that_is_late_ends_no_play_and_one_that_never_comes_ends_it() -> None:
+def test_a_block_that_is_late_ends_no_play_and_one_that_never_comes_ends_it():
     box: Any = Box()
     renewal = Renewal(box, RealClock())
     with renewal.running():
@@ -52,18 +52,18 @@ def test_a_block_that_is_late_ends_no_play_and_one_that_never_comes_ends_it() ->
     assert len(box.renewed) == count, "nor is anything renewed after it"
 
 
-def test_what_a_renewal_finds_ends_the_play() -> None:
+def test_what_a_renewal_finds_ends_the_play():
     def opened() -> None:
         raise InstrumentError("channel 1 reads open")
 
-    renewal = Renewal(SimpleNamespace(dead_man=0.05, renew=opened), RealClock())  # type: ignore[arg-type]
+    renewal = Renewal(SimpleNamespace(dead_man=0.05, renew=opened), RealClock())
     with renewal.running(), pytest.raises(InstrumentError, match="reads open"):
         for _ in range(200):
             time.sleep(0.01)
             renewal.alive()
 
 
-def test_in_virtual_time_each_block_renews() -> None:
+def test_in_virtual_time_each_block_renews():
     box: Any = Box()
     renewal = Renewal(box, VirtualClock())
     with renewal.running():
@@ -72,7 +72,7 @@ def test_in_virtual_time_each_block_renews() -> None:
     assert len(box.renewed) == 4 and box.threads == {threading.get_ident()}
 
 
-def test_a_closed_contact_is_looked_at_until_the_end_whatever_is_found() -> None:
+def test_a_closed_contact_is_looked_at_until_the_end_whatever_is_found():
     """A contact that was told to open may be welded: who takes its output again is found again."""
     looks: list[float] = []
 

@@ -20,14 +20,14 @@ def with_relay(**settings: Any) -> RigFile:
     return file.model_copy(update={"relay": Device(**settings)})
 
 
-def test_doctor_shows_a_box_without_a_timer_in_yellow() -> None:
+def test_doctor_shows_a_box_without_a_timer_in_yellow():
     patches = {"A": 0, "B": 1, "C": 2, "D": 3}
     with open_rig(with_relay(driver="serial-relay", port="COM9", patches=patches, rating=48.0)) as rig:
         (shown,) = [finding for finding in examine(rig) if finding.name == "Dead-man"]
     assert shown.status == "yellow" and "no dead-man timer" in shown.sentence
 
 
-def test_doctor_shows_a_box_that_may_close_at_power_on_in_red(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_doctor_shows_a_box_that_may_close_at_power_on_in_red(monkeypatch):
     with open_rig("simulated") as rig:
         complaint = "The channel of patch B may close by itself when the box gets power."
         monkeypatch.setattr(rig.relay, "power_on_complaint", lambda: complaint)
@@ -35,7 +35,7 @@ def test_doctor_shows_a_box_that_may_close_at_power_on_in_red(monkeypatch: pytes
     assert (shown.status, shown.sentence) == ("red", complaint)
 
 
-def test_a_card_without_a_number_is_known_by_name_and_server(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_card_without_a_number_is_known_by_name_and_server(monkeypatch):
     # Of the modules that have been imported: another test may have imported them anew.
     cards = importlib.import_module("haploop.instruments.daq.ni_cards")
     monkeypatch.setattr(cards, "numbers_of", lambda *_: {"Dev1": ("PCI-6034E 1A",)})
@@ -45,7 +45,7 @@ def test_a_card_without_a_number_is_known_by_name_and_server(monkeypatch: pytest
         assert named == ("PCI-6034E 1A", f"{here} dev2")
 
 
-def test_a_force_limit_that_a_card_cannot_test_is_an_error_before_anything_is_played() -> None:
+def test_a_force_limit_that_a_card_cannot_test_is_an_error_before_anything_is_played():
     file = load_rig_file("simulated").model_copy(update={"abort": AbortLimits(force=20.0)})
     with open_rig(file) as rig:
         with pytest.raises(ConfigurationError, match=r"Dev1 \(PCI-6034E\) converts 200000 samples"):

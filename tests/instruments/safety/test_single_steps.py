@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,7 @@ from tests.instruments.safety.test_permit import RATE, World, rated
 
 
 @pytest.mark.parametrize("larger", ["one", "two"])
-def test_the_warmest_of_several_coils_is_what_is_remembered(tmp_path: Path, larger: str) -> None:
+def test_the_warmest_of_several_coils_is_what_is_remembered(tmp_path, larger):
     world, coil = World(tmp_path), Coil(8.0, 0.5e-3, 30.0)
     limits = Limits(min=-50.0, max=50.0, coil=coil, power=1e3)
     amplifier = E413.open(E413.Settings(input={"A": "one", "B": "two"}, gain=50), world.clock)
@@ -34,7 +33,7 @@ def test_the_warmest_of_several_coils_is_what_is_remembered(tmp_path: Path, larg
     assert left == pytest.approx(limits.heat(large, RATE), rel=0.1)
 
 
-def test_volts_that_stand_again_soon_after_a_reset_lock_out_again() -> None:
+def test_volts_that_stand_again_soon_after_a_reset_lock_out_again():
     """What is found again while it is locked out is logged seldom; after a reset it is found anew."""
     with open_rig("simulated", simulate="wire") as rig, clients(rig) as (other,):
         for _ in range(4):
@@ -48,7 +47,7 @@ def test_volts_that_stand_again_soon_after_a_reset_lock_out_again() -> None:
             assert rig.lockout is None
 
 
-def test_the_output_rests_at_zero_before_the_relay_opens(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_output_rests_at_zero_before_the_relay_opens(monkeypatch):
     """For several time constants of the amplifier: a patch that is switched under volts clicks."""
     with open_rig("simulated") as rig:
         at: list[tuple[str, float]] = []
@@ -73,6 +72,6 @@ def test_the_output_rests_at_zero_before_the_relay_opens(monkeypatch: pytest.Mon
 
 @pytest.mark.parametrize("rate_hz", [12_345.0, 50_000.0, 2_777.0])
 @pytest.mark.parametrize("offset", [-200.0, 0.0, 200.0])
-def test_an_offset_of_the_monitor_is_no_volt_of_the_proof(rate_hz: float, offset: float) -> None:
+def test_an_offset_of_the_monitor_is_no_volt_of_the_proof(rate_hz, offset):
     assert loudest(tone(1.0, rate_hz) + offset, rate_hz) == pytest.approx(1.0, abs=0.02)
     assert loudest(np.full(round(0.07 * rate_hz), offset), rate_hz) < 1e-6

@@ -6,7 +6,6 @@ import random
 import threading
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 
@@ -47,7 +46,7 @@ def assert_locked_out(rig: Rig) -> None:
 @PATCHES
 @pytest.mark.parametrize("block", [1, 3, 6, 7], ids=["begin", "middle", "end", "tail"])
 @pytest.mark.parametrize("writes", [True, False], ids=["writes", "only resets"])
-def test_a_reset_of_the_card_in_a_play_locks_out(patches: list[str], block: int, writes: bool) -> None:
+def test_a_reset_of_the_card_in_a_play_locks_out(patches, block, writes):
     with open_rig("simulated", simulate="wire") as rig, clients(rig) as (other,):
         if patches:
             rig.prove_gain("A")
@@ -60,7 +59,7 @@ def test_a_reset_of_the_card_in_a_play_locks_out(patches: list[str], block: int,
         assert_locked_out(rig)
 
 
-def test_so_does_one_with_a_welded_contact(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_so_does_one_with_a_welded_contact(monkeypatch):
     """The box reads open: volts reach the patch that is welded, whichever is played into."""
     with open_rig("simulated", simulate="wire") as rig, clients(rig) as (other,):
 
@@ -76,7 +75,7 @@ def test_so_does_one_with_a_welded_contact(monkeypatch: pytest.MonkeyPatch) -> N
 
 @pytest.mark.long
 @pytest.mark.parametrize("output", range(4))
-def test_so_does_one_at_any_channel_of_four(tmp_path: Path, output: int) -> None:
+def test_so_does_one_at_any_channel_of_four(tmp_path, output):
     path = tmp_path / "four.toml"
     path.write_text(FOUR)
     with open_rig(path, simulate="wire") as rig, clients(rig) as (other,):
@@ -89,7 +88,7 @@ def test_so_does_one_at_any_channel_of_four(tmp_path: Path, output: int) -> None
 
 
 @PATCHES
-def test_a_program_cannot_free_the_outputs_in_its_own_play(patches: list[str]) -> None:
+def test_a_program_cannot_free_the_outputs_in_its_own_play(patches):
     with open_rig("simulated", simulate="wire") as rig, clients(rig) as (other,):
         taken: list[bool] = []
 
@@ -111,7 +110,7 @@ def test_a_program_cannot_free_the_outputs_in_its_own_play(patches: list[str]) -
         other.write(0.0)
 
 
-def test_what_takes_an_output_after_the_last_block_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_takes_an_output_after_the_last_block_is_noticed(monkeypatch):
     """Between the last look at the samples and zero nothing else would show it."""
     with open_rig("simulated", simulate="wire") as rig, clients(rig) as (other,):
         rest = NiOutputs.rest
@@ -130,7 +129,7 @@ def test_what_takes_an_output_after_the_last_block_is_noticed(monkeypatch: pytes
 
 
 @pytest.mark.parametrize("at", ["before it plays", "while it rests"])
-def test_so_is_what_takes_one_round_a_play(monkeypatch: pytest.MonkeyPatch, at: str) -> None:
+def test_so_is_what_takes_one_round_a_play(monkeypatch, at):
     """While a contact closes, and while zero volts wait for it to open: also where no output reads back."""
     with open_rig("simulated", simulate="wire") as rig, clients(rig) as (other,):
         rig.prove_gain("A")
@@ -150,14 +149,12 @@ def test_so_is_what_takes_one_round_a_play(monkeypatch: pytest.MonkeyPatch, at: 
 
 
 @pytest.mark.usefixtures("place")
-def test_a_contact_that_does_not_open_is_watched_after_the_play(
-    lab: tuple[Path, Simulation], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_contact_that_does_not_open_is_watched_after_the_play(lab, monkeypatch):
     """In real time: who resets the card and writes then trips the rig, again and again."""
     path, world = lab
     path.write_text(path.read_text().replace("dead_man = 1.0", "dead_man = 30.0"))
     with open_rig(path) as rig, clients(rig) as (other,), monkeypatch.context() as patch:
-        patch.setattr(type(rig.relay._board), "open_channel", lambda *_: None)  # type: ignore[attr-defined]
+        patch.setattr(type(rig.relay._board), "open_channel", lambda *_: None)
         with pytest.raises(InstrumentError, match="told to open but reads closed"):
             rig.excite(TONE, ["A"], ["drive"])
         assert world.truth.closed == {"A"} and not other.write()
@@ -179,14 +176,14 @@ def within(seconds: float, condition: Callable[[], bool]) -> None:
 
 
 @pytest.mark.long
-def test_at_random_moments_of_real_plays(lab: tuple[Path, Simulation], place: Path, full: bool) -> None:
+def test_at_random_moments_of_real_plays(lab, place, full):
     path, world = lab
     r = random.Random(46)
     with open_rig(path) as rig, clients(rig) as (other,):
         rig.prove_gain("A")
         for _ in range(20 if full else 3):
             attacker = threading.Timer(r.uniform(0, 0.5), takes(other), (rig,))
-            starts = at_block(1, lambda _, own=attacker: own.start(), rig)  # type: ignore[misc]
+            starts = at_block(1, lambda _, own=attacker: own.start(), rig)
             with pytest.raises(InstrumentError):
                 rig.excite(TONE, ["A"], ["drive"], tail=0.5, progress=starts)
             attacker.join()

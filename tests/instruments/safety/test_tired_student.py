@@ -232,7 +232,7 @@ def run(folder: Path, examples: int, take_out: Any = None, number: int = 0) -> C
 
 @pytest.mark.long
 @pytest.mark.timeout(7200)
-def test_no_limit_is_exceeded_whatever_is_done(tmp_path: Path, full: bool) -> None:
+def test_no_limit_is_exceeded_whatever_is_done(tmp_path, full):
     counts: Counter[str] = Counter()
     for number in range(9 if full else 1):
         counts += run(tmp_path, 200 if full else 8, number=number)
@@ -258,6 +258,6 @@ def not_frozen(patch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("take_out", [no_rest, no_duty, not_frozen], ids=lambda f: f.__name__)
-def test_it_is_noticed_when_an_interlock_is_missing(tmp_path: Path, take_out: Any) -> None:
+def test_it_is_noticed_when_an_interlock_is_missing(tmp_path, take_out):
     with pytest.raises(BaseException, match=r"\d V|s of a minute"):
         run(tmp_path, 60, take_out)

@@ -11,7 +11,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from pathlib import Path
 from types import FrameType, SimpleNamespace
 from typing import Any
 
@@ -53,7 +52,7 @@ def for_ever(*_: object) -> None:
 
 
 @pytest.mark.usefixtures("patient")
-def test_an_instrument_that_hangs_keeps_no_other_from_its_way_out(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_instrument_that_hangs_keeps_no_other_from_its_way_out(monkeypatch):
     begun = time.monotonic()
     with pytest.raises(InstrumentError, match=r"not confirmed: The daq .* hangs: .* 0\.2 s\. .*by hand"):  # noqa: SIM117
         with open_rig("simulated") as rig:
@@ -66,7 +65,7 @@ def test_an_instrument_that_hangs_keeps_no_other_from_its_way_out(monkeypatch: p
 
 
 @pytest.mark.usefixtures("patient")
-def test_a_stream_that_hangs_does_not_keep_the_relay_closed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_stream_that_hangs_does_not_keep_the_relay_closed(monkeypatch):
     with open_rig("simulated") as rig:
         monkeypatch.setattr("haploop.mocks.daq.card_twin._CardStream.close", for_ever)
         with pytest.raises(InstrumentError, match=r"PCIe-6321.* hangs"):
@@ -75,7 +74,7 @@ def test_a_stream_that_hangs_does_not_keep_the_relay_closed(monkeypatch: pytest.
 
 
 @pytest.mark.usefixtures("patient")
-def test_a_relay_that_hangs_leaves_the_output_at_zero(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_relay_that_hangs_leaves_the_output_at_zero(monkeypatch):
     with pytest.raises(InstrumentError, match=r"The relay .* hangs"), open_rig("simulated") as rig:
         relay, connect = rig.relay, rig.relay.connect
         monkeypatch.setattr(relay, "connect", lambda p: connect(p) if p else for_ever())
@@ -84,7 +83,7 @@ def test_a_relay_that_hangs_leaves_the_output_at_zero(monkeypatch: pytest.Monkey
     assert safe(rig)  # by the box's own timer
 
 
-def test_a_relay_that_does_not_open_leaves_the_outputs_held(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_relay_that_does_not_open_leaves_the_outputs_held(monkeypatch):
     """A contact may be closed: another program must not write to what leads to it."""
     let_go: list[bool] = []
     with open_rig("simulated") as rig:
@@ -98,7 +97,7 @@ def test_a_relay_that_does_not_open_leaves_the_outputs_held(monkeypatch: pytest.
     assert safe(rig)
 
 
-def test_a_step_that_fails_without_a_word_is_told_by_its_kind(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_step_that_fails_without_a_word_is_told_by_its_kind(monkeypatch):
     def full() -> None:
         raise MemoryError
 
@@ -111,7 +110,7 @@ def test_a_step_that_fails_without_a_word_is_told_by_its_kind(monkeypatch: pytes
 # Ways out
 
 
-def test_the_safe_state_can_be_asked_for_again_and_again() -> None:
+def test_the_safe_state_can_be_asked_for_again_and_again():
     with open_rig("simulated") as rig:
         record = rig.simulation.truth.record()
         for _ in range(3):
@@ -149,7 +148,7 @@ raise ValueError("nobody closes them")
 
 @pytest.mark.long
 @starts_threads
-def test_rigs_that_nobody_closes_are_closed_when_the_program_ends() -> None:
+def test_rigs_that_nobody_closes_are_closed_when_the_program_ends():
     """While threads still run, and the simulated device server with them; each one, whatever another does."""
     left = ran(LEFT)
     assert left.returncode == 1 and left.stdout == "[]\n[]\n", left
@@ -182,12 +181,12 @@ concurrent.futures.ThreadPoolExecutor().submit(own)
 
 @pytest.mark.long
 @starts_threads
-def test_a_rig_is_open_until_the_last_thread_of_a_program_has_ended() -> None:
+def test_a_rig_is_open_until_the_last_thread_of_a_program_has_ended():
     used = ran(USED)
     assert (used.returncode, used.stdout, used.stderr) == (0, 3 * "whole\n", "")
 
 
-def test_two_threads_that_close_a_rig_wait_for_each_other(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_two_threads_that_close_a_rig_wait_for_each_other(monkeypatch):
     """Otherwise one takes the instruments from the other's safe state, and the relay stays closed."""
     rig = open_rig("haptable", simulate="wire")
     rig.relay.connect(["A"])
@@ -208,9 +207,7 @@ def test_two_threads_that_close_a_rig_wait_for_each_other(monkeypatch: pytest.Mo
     (Rig.make_safe, "haploop.mocks.daq.twin.DaqTwin.zero"),
     (lambda rig: rig.daq.zero(), "haploop.instruments.daq.ni_outputs.NiOutputs._write_zero"),
 ])  # fmt: skip
-def test_two_threads_that_ask_for_the_safe_state_take_turns(
-    asked: Callable[[Rig], None], step: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_two_threads_that_ask_for_the_safe_state_take_turns(asked, step, monkeypatch):
     """At once, they would clear each other's tasks, or read each other's answers."""
     within, most = 0, 0
 
@@ -235,7 +232,7 @@ def test_two_threads_that_ask_for_the_safe_state_take_turns(
 
 
 @pytest.mark.long
-def test_a_play_has_ended_before_its_rig_is_closed_by_another_thread() -> None:
+def test_a_play_has_ended_before_its_rig_is_closed_by_another_thread():
     rig = open_rig("haptable", simulate="wire")
     played, errors = threading.Event(), list[str]()
 
@@ -294,7 +291,7 @@ with machine.hold({"a card"}, "The rig 'one'"), open_rig("simulated") as rig:
 
 
 @POSIX
-def test_a_forked_child_has_no_rig_and_no_lock(place: Path) -> None:
+def test_a_forked_child_has_no_rig_and_no_lock(place):
     place.mkdir()
     program = (
         "from haploop.instruments.safety import machine\n"
@@ -333,7 +330,7 @@ def handled(kind: int, how: Any) -> Iterator[None]:
     "kind", [getattr(signal, n) for n in ("SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, n)]
 )
 @pytest.mark.usefixtures("no_other_rig")
-def test_what_ends_a_program_leaves_a_users_script_in_order(kind: signal.Signals) -> None:
+def test_what_ends_a_program_leaves_a_users_script_in_order(kind):
     with handled(kind, signal.SIG_DFL):
         with pytest.raises(SystemExit) as left, open_rig("simulated") as rig:
             rig.excite(DRIVE, ["A"], ["drive"], progress=lambda *_: signal.raise_signal(kind))
@@ -341,7 +338,7 @@ def test_what_ends_a_program_leaves_a_users_script_in_order(kind: signal.Signals
         assert safe(rig) and signal.getsignal(kind) is signal.SIG_DFL
 
 
-def test_what_a_program_has_arranged_for_a_signal_stays() -> None:
+def test_what_a_program_has_arranged_for_a_signal_stays():
     seen: list[int] = []
     with handled(signal.SIGTERM, lambda number, _: seen.append(number)), ending_in_order(), ending_in_order():
         signal.raise_signal(signal.SIGTERM)
@@ -349,7 +346,7 @@ def test_what_a_program_has_arranged_for_a_signal_stays() -> None:
 
 
 @pytest.mark.usefixtures("no_other_rig")
-def test_two_rigs_may_be_closed_in_any_order() -> None:
+def test_two_rigs_may_be_closed_in_any_order():
     with handled(signal.SIGTERM, signal.SIG_DFL):
         first, second = open_rig("simulated"), open_rig("simulated")
         first.close()
@@ -359,7 +356,7 @@ def test_two_rigs_may_be_closed_in_any_order() -> None:
         assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
 
 
-def test_closing_the_console_on_windows_waits_for_the_safe_state(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_closing_the_console_on_windows_waits_for_the_safe_state(monkeypatch):
     """Windows' part is played by this test; on Windows itself it has not been tried."""
     handlers: list[Any] = []
 
@@ -382,7 +379,7 @@ def test_closing_the_console_on_windows_waits_for_the_safe_state(monkeypatch: py
         assert handlers[0](6) == 0
 
 
-def test_ctrl_c_at_any_line_of_the_way_out_of_a_play(full: bool) -> None:
+def test_ctrl_c_at_any_line_of_the_way_out_of_a_play(full):
     """One stops the play, and one more comes at a random line of what follows: the play leaves no volts."""
     rng = random.Random(4)
     passed = second = 0
@@ -420,7 +417,7 @@ def test_ctrl_c_at_any_line_of_the_way_out_of_a_play(full: bool) -> None:
 
 @POSIX
 @pytest.mark.timeout(1800)
-def test_ctrl_c_at_any_time_and_again_and_again(full: bool) -> None:
+def test_ctrl_c_at_any_time_and_again_and_again(full):
     """Ctrl-C by a clock of its own: while a drive is played, while it is stopped, while it is left."""
     rng, raised = random.Random(0), 0
     me = threading.get_ident()

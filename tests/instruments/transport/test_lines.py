@@ -17,7 +17,7 @@ from haploop.instruments.transport.text_line import Port, TextLine
 from haploop.instruments.vibrometer.ofv5000 import Ofv5000
 
 
-def test_a_port_is_opened_as_the_rig_file_says(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_port_is_opened_as_the_rig_file_says(monkeypatch):
     how = SerialSettings(
         parity="even", data_bits=7, stop_bits=2, handshake="rts-cts", dtr=False, rts=True, open_wait=0.2
     )
@@ -49,12 +49,12 @@ def test_a_port_is_opened_as_the_rig_file_says(monkeypatch: pytest.MonkeyPatch) 
     ("settings", "key"),
     [({"stop_bits": 3}, "stop_bits"), ({"parity": "e"}, "parity"), ({"handshake": "rts"}, "handshake")],
 )
-def test_what_no_port_has_is_refused(settings: dict[str, Any], key: str) -> None:
+def test_what_no_port_has_is_refused(settings, key):
     with pytest.raises(ValidationError, match=key):
         SerialSettings(**settings)
 
 
-def test_each_serial_instrument_takes_them() -> None:
+def test_each_serial_instrument_takes_them():
     laser = Ofv5000.Settings(port="COM3", channel="laser", scale=0.005, parity="odd", terminator="cr")
     board = SerialRelay.Settings(port="COM5", patches={"A": 0}, rating=50, dtr=False, open_wait=2.0)
     assert (laser.parity, board.dtr, board.open_wait) == ("odd", False, 2.0)
@@ -78,7 +78,7 @@ class Far(Port):
 
 
 @pytest.mark.parametrize("end", [b"\n", b"\r", b"\r\n"])
-def test_a_line_ends_as_it_is_told_to(end: bytes) -> None:
+def test_a_line_ends_as_it_is_told_to(end):
     far = Far(b"5mm/s/V" + end)
     line = TextLine("It", lambda: far, "its 'port'", 0.2, end)
     line.send("Get")
@@ -90,13 +90,13 @@ def test_a_line_ends_as_it_is_told_to(end: bytes) -> None:
     (b"\r", b"5\n", "ends in a line feed, not in a carriage return: set its terminator to CR"),
     (b"\r\n", b"5\n", "ends in a line feed, not in a carriage return and a line feed"),
 ])  # fmt: skip
-def test_another_end_is_named(end: bytes, reply: bytes, sentence: str) -> None:
+def test_another_end_is_named(end, reply, sentence):
     line = TextLine("It", lambda: Far(reply), "its 'port'", 0.05, end)
     with pytest.raises(InstrumentError, match=sentence):
         line.receive("Get")
 
 
-def test_a_port_that_is_not_there_is_one_sentence() -> None:
+def test_a_port_that_is_not_there_is_one_sentence():
     line = SerialLine("It", "/dev/no-such-port", 9600, 0.1, how=SerialSettings(parity="even"))
     with pytest.raises(InstrumentError, match="cannot be opened"):
         line.send("Get")
@@ -106,7 +106,7 @@ def test_a_port_that_is_not_there_is_one_sentence() -> None:
     ("USB0::0x0957::0x2C07::MY52::INSTR", "usb", "haploop[usb]"),
     ("GPIB0::10::INSTR", "gpib_ctypes", "haploop[gpib]"),
 ])  # fmt: skip
-def test_a_resource_without_its_library_says_what_to_install(resource: str, module: str, extra: str) -> None:
+def test_a_resource_without_its_library_says_what_to_install(resource, module, extra):
     if importlib.util.find_spec(module) is not None:
         pytest.skip(f"{module} is installed")
     line = VisaLine("The generator", resource, "@py", 0.5)
@@ -122,5 +122,5 @@ def test_a_resource_without_its_library_says_what_to_install(resource: str, modu
     ("http://192.0.2.7", None, 1.0),
     ("http://192.0.2.7", 0.4, 0.4),
 ])  # fmt: skip
-def test_a_hub_in_the_network_has_more_time(hub: str, given: float | None, waits: float) -> None:
+def test_a_hub_in_the_network_has_more_time(hub, given, waits):
     assert Yocto.Settings(patches={"A": 1}, hub=hub, patience=given).waits == waits

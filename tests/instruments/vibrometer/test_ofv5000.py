@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,7 +42,7 @@ class Wired(Setup):
     server: LineServer
 
     def faulty(self, kind: str, **more: object) -> ReplyFault:
-        fault = ReplyFault(kind, **more)  # type: ignore[arg-type]
+        fault = ReplyFault(kind, **more)
         self.server.faults.append(fault)
         return fault
 
@@ -64,7 +64,7 @@ def wired() -> Iterator[Wired]:
         laser.close()
 
 
-def test_reads_what_the_controller_is_set_to(setup: Setup) -> None:
+def test_reads_what_the_controller_is_set_to(setup):
     laser = setup.laser
     assert (laser.identity, laser.channel) == ("OFV-5000 Vibrometer Controller", "laser")
     assert laser.declared is None and laser.scale == 0.005 and laser.bandwidth_hz == 20e3
@@ -72,7 +72,7 @@ def test_reads_what_the_controller_is_set_to(setup: Setup) -> None:
     assert laser.to_si(np.array([2.0]))[0] == pytest.approx(0.01)
 
 
-def test_it_follows_the_controller_and_sets_it(setup: Setup) -> None:
+def test_it_follows_the_controller_and_sets_it(setup):
     for level in (0.25, 0.0):
         setup.controller.head.level = level
         assert setup.laser.signal_level() == level
@@ -87,20 +87,20 @@ def test_it_follows_the_controller_and_sets_it(setup: Setup) -> None:
         assert 2.5 < setup.clock.now() - before < 4
 
 
-def test_a_range_that_the_decoder_has_not_is_noticed(setup: Setup) -> None:
+def test_a_range_that_the_decoder_has_not_is_noticed(setup):
     with pytest.raises(InstrumentError, match=r"given the range 3mm/s/V but reads 5mm/s/V"):
         setup.laser.set_range(0.003)
     assert setup.laser.scale == 0.005
 
 
-def test_a_range_changed_at_the_front_panel_is_found_by_reading_it_again(setup: Setup) -> None:
+def test_a_range_changed_at_the_front_panel_is_found_by_reading_it_again(setup):
     setup.laser.check_range()
     setup.controller.head.scale = 0.05
     with pytest.raises(ConfigurationError, match=r"set to the range 50mm/s/V.* says 5mm/s/V.*\[vibrometer\]"):
         setup.laser.check_range()
 
 
-def test_autofocus_gives_up_at_its_deadline(setup: Setup) -> None:
+def test_autofocus_gives_up_at_its_deadline(setup):
     setup.controller.focusable = False
     before = setup.clock.now()
     with pytest.raises(InstrumentError, match="no focus within 30 s"):
@@ -108,7 +108,7 @@ def test_autofocus_gives_up_at_its_deadline(setup: Setup) -> None:
     assert setup.clock.now() - before < 31
 
 
-def test_opening_refuses_another_range_and_changes_none(wired: Wired) -> None:
+def test_opening_refuses_another_range_and_changes_none(wired):
     wired.controller.head.scale = 0.05
     wanted = settings(port=f"socket://{wired.server.address}")
     with pytest.raises(ConfigurationError, match="is set to the range 50mm/s/V"):
@@ -129,7 +129,7 @@ def test_opening_refuses_another_range_and_changes_none(wired: Wired) -> None:
     ("disconnect", r"was lost after 'Get,VeloDec,0,Range'.*cable"),
     ("truncated", r"was lost after 'Get,VeloDec,0,Range'"),
 ])  # fmt: skip
-def test_a_fault_of_the_line_is_one_sentence_and_passes(wired: Wired, kind: str, sentence: str) -> None:
+def test_a_fault_of_the_line_is_one_sentence_and_passes(wired, kind, sentence):
     fault = wired.faulty(kind, asked=RANGE, times=1)
     with pytest.raises(InstrumentError, match=rf"^OFV-5000 at socket://\S+ .*{sentence}"):
         wired.laser.check_range()
@@ -138,7 +138,7 @@ def test_a_fault_of_the_line_is_one_sentence_and_passes(wired: Wired, kind: str,
     wired.laser.check_range()
 
 
-def test_a_late_answer_is_not_taken_for_the_next_one(wired: Wired) -> None:
+def test_a_late_answer_is_not_taken_for_the_next_one(wired):
     wired.laser.signal_level()
     fault = wired.faulty("delay", asked="SignalLevel", times=1, delay=0.25)
     with pytest.raises(InstrumentError, match="did not answer"):
@@ -154,7 +154,7 @@ def test_a_late_answer_is_not_taken_for_the_next_one(wired: Wired) -> None:
     ("Get,SignalLevel,0,Value", "4.5"),
     ("Get,VeloDec,0,SignalDelay", "soon"),
 ])  # fmt: skip
-def test_an_answer_that_cannot_be_right_is_refused(asked: str, answer: str) -> None:
+def test_an_answer_that_cannot_be_right_is_refused(asked, answer):
     clock = VirtualClock()
     box = controller(clock)
     line = DirectLine(lambda line: [answer] if line == asked else box.answer(line))
@@ -166,17 +166,17 @@ def test_an_answer_that_cannot_be_right_is_refused(asked: str, answer: str) -> N
     (lambda _: ["Arduino"], r"COM3 calls itself 'Arduino'.*correct 'port'"),
     (lambda line: [line] * 20, "loop-back"),
 ], ids=["something else", "a loop-back is no echo"])  # fmt: skip
-def test_what_is_at_the_port_is_named(answer: Callable[[str], list[str]], says: str) -> None:
+def test_what_is_at_the_port_is_named(answer, says):
     with pytest.raises(InstrumentError, match=says):
         Ofv5000(settings(), VirtualClock(), DirectLine(answer))
 
 
-def test_no_such_port_is_one_sentence() -> None:
+def test_no_such_port_is_one_sentence():
     with pytest.raises(InstrumentError, match=r"OFV-5000 at socket://127.0.0.1:1 cannot be opened"):
         Ofv5000.open(settings(port="socket://127.0.0.1:1"), VirtualClock())
 
 
-def test_a_wrong_range_shows_in_the_data() -> None:
+def test_a_wrong_range_shows_in_the_data():
     clock = VirtualClock()
     plant = Plant(load_rig_file("simulated"), clock)
     times = 1.0 + np.arange(5000) / 50_000
@@ -187,7 +187,7 @@ def test_a_wrong_range_shows_in_the_data() -> None:
     assert plant.read(["laser"], times[np.newaxis]).std() == pytest.approx(noise / 10, rel=0.1)
 
 
-def test_codec() -> None:
+def test_codec():
     assert str(Command("Set", "VeloDec,0", "Range", "5mm/s/V")) == "Set,VeloDec,0,Range,5mm/s/V"
     for line in ("Get,VeloDec,1,Range", "GetDevInfo,Controller,0,Name", "Set,SensorHead,0,AutoFocusArea,1,2"):
         command = Command.parse(line + "\r\n")
@@ -219,11 +219,11 @@ def test_codec() -> None:
     (ofv5000.ranges_of, "5mm/s/V,10 mm/s / V; 1m/s/V", (0.005, 0.01, 1.0)),
     (ofv5000.ranges_of, "Not Available", ()),
 ])  # fmt: skip
-def test_forms_in_which_firmware_may_write(parse, text: str, value) -> None:
+def test_forms_in_which_firmware_may_write(parse, text, value):
     assert parse(text) == (value if value is None else pytest.approx(value))
 
 
-def test_what_cannot_be_read_is_declared() -> None:
+def test_what_cannot_be_read_is_declared():
     clock = VirtualClock()
     box = controller(clock)
     lines = {f"Get,VeloDec,0,{name}": ["Not Available"] for name in ("SignalDelay", "MaxFreq", "Range")}
@@ -246,7 +246,7 @@ def test_what_cannot_be_read_is_declared() -> None:
 
 
 @pytest.mark.parametrize("scale", [0.025, 0.125])
-def test_a_range_of_older_decoders_is_refused(scale: float, setup: Setup) -> None:
+def test_a_range_of_older_decoders_is_refused(scale, setup):
     with pytest.raises(InstrumentError, match=r"choose a range that it has. It has 0.2mm/s/V, .*50mm/s/V\."):
         setup.laser.set_range(scale)
     plant = Plant(load_rig_file("bench"), VirtualClock())
@@ -254,7 +254,7 @@ def test_a_range_of_older_decoders_is_refused(scale: float, setup: Setup) -> Non
         twin(settings(scale=scale), plant)
 
 
-def test_names_versions_and_lists_are_told() -> None:
+def test_names_versions_and_lists_are_told():
     box = controller(VirtualClock())
     for question, answer in (
         ("GetDevInfo,VeloDec,0,Name", "VD-08"),
