@@ -14,20 +14,16 @@ import uvicorn
 from starlette.testclient import TestClient
 from starlette.websockets import WebSocketDisconnect
 
-from haploop.console.data_folder import DataFolder
-from haploop.console.server import Access, application, security, serving
-from haploop.console.server.follower import Follower
+from haploop.console.server import Access, security, serving
 from haploop.console.server.serving import ImpatientProtocol
-from tests.console.test_security import SNAPSHOT, Link, Scope
+from tests.console.test_security import Link, served
 
 
 @pytest.fixture
 def page(tmp_path):
     access, link = Access("127.0.0.1", 8735), Link()
-    follower = Follower(link, lambda: link, Scope())
-    follower.snapshot, follower.count = SNAPSHOT, 1
-    app = application(access, follower, Scope(), DataFolder(tmp_path / "data", tmp_path / "history"))
-    found = TestClient(app, base_url="http://127.0.0.1:8735", headers={"X-Haploop-Token": access.token})
+    headers = {"X-Haploop-Token": access.token}
+    found = TestClient(served(access, link, tmp_path), base_url="http://127.0.0.1:8735", headers=headers)
     found.link = link
     return found
 

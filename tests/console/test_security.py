@@ -14,6 +14,7 @@ from starlette.websockets import WebSocketDisconnect
 
 from haploop.console.data_folder import DataFolder
 from haploop.console.server import Access, application
+from haploop.console.server.follower import Follower
 from haploop.console.worker import Address
 
 STATIC = Path(__file__).parents[2] / "console" / "server" / "static"
@@ -83,13 +84,16 @@ def access():
     return Access("127.0.0.1", 8735)
 
 
-@pytest.fixture
-def app(link, access, tmp_path):
-    from haploop.console.server.follower import Follower
-
+def served(access, link, folder):
+    """The application of a console whose worker is `link`, and has told one snapshot."""
     follower = Follower(link, lambda: link, Scope())
     follower.snapshot, follower.count = SNAPSHOT, 1
-    return application(access, follower, Scope(), DataFolder(tmp_path / "data", tmp_path / "history"))
+    return application(access, follower, Scope(), DataFolder(folder / "data", folder / "history"))
+
+
+@pytest.fixture
+def app(link, access, tmp_path):
+    return served(access, link, tmp_path)
 
 
 @pytest.fixture
@@ -258,13 +262,8 @@ def test_another_address_is_said_on_every_page(app):
 
 
 def test_on_every_address_the_console_is_asked_by_number_and_by_this_computers_name(link, tmp_path):
-    from haploop.console.server.follower import Follower
-
     access = Access("0.0.0.0", 8735)
-    app = application(
-        access, Follower(link, lambda: link, Scope()), Scope(), DataFolder(tmp_path, tmp_path / "history")
-    )
-    page = TestClient(app, headers={"X-Haploop-Token": access.token})
+    page = TestClient(served(access, link, tmp_path), headers={"X-Haploop-Token": access.token})
     name = socket.gethostname().lower()
     for host in ("192.168.7.5", "127.0.0.1", "localhost", "[fe80::1]", name, name.upper(), f"{name}.local"):
         answer = page.get("/api/hello", headers={"Host": f"{host}:8735"})

@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -25,7 +26,7 @@ from haploop.console.worker.job import Job
 from haploop.console.worker.listener import Listener
 from haploop.console.worker.page_operator import PageOperator
 from haploop.console.worker.worker import Worker
-from haploop.instruments import load_rig_file
+from haploop.instruments import load_rig_file, open_rig
 from haploop.instruments.operator import ConfirmSettings
 from haploop.mocks.operator import OperatorTwin
 from haploop.reports.contents.recording import recording_contents
@@ -67,6 +68,22 @@ def pages(worker: Worker, do: Callable[[], object]) -> Iterator[None]:
     yield
     if problems:
         raise problems[0]
+
+
+def stopped(
+    worker: Worker, kind: str, when: threading.Event, then: Callable[[], object] = lambda: None
+) -> Any:
+    """What STOP says in a job that has begun when an event is set, and what is done `then`."""
+    told: list[Any] = []
+
+    def operator() -> None:
+        begin(worker, kind)
+        until(when.is_set)
+        told.append(worker.stop())
+        then()
+
+    with pages(worker, operator):
+        return told[0]
 
 
 def ended(worker: Worker) -> bool:
@@ -247,13 +264,11 @@ def test_a_job_that_was_asked_for_before_stop_does_not_begin_after_it(tmp_path, 
 
 
 def test_stop_in_a_job_without_the_rig_reads_the_rig_back_all_the_same(tmp_path, monkeypatch):
-    worker, told, working = made(tmp_path), [], threading.Event()
-    opened: list[object] = []
-    real = workers.open_rig
+    worker, opened, working = made(tmp_path), [], threading.Event()
 
     def counted(*given, **named):
         opened.append(given)
-        return real(*given, **named)
+        return open_rig(*given, **named)
 
     def work(_rig):
         working.set()
@@ -263,24 +278,17 @@ def test_stop_in_a_job_without_the_rig_reads_the_rig_back_all_the_same(tmp_path,
     monkeypatch.setattr(workers, "open_rig", counted)
     job = Job(lambda _tools, _wanted: work, lambda _: "Paper", needs_rig=False)
     monkeypatch.setitem(jobs.JOBS, "paper", job)
-
-    def operator() -> None:
-        begin(worker, "paper")
-        until(working.is_set)
-        told.append(worker.stop())
-
-    with pages(worker, operator):
-        assert told[0]["state"] == "safe" and len(opened) == 1
+    assert stopped(worker, "paper", working)["state"] == "safe" and len(opened) == 1
 
 
-def opening_with(monkeypatch: pytest.MonkeyPatch, open_rig: Callable[..., object]) -> None:
-    """Have the rig opened by `open_rig`, for a job "any" that does nothing with it."""
-    monkeypatch.setattr(workers, "open_rig", open_rig)
+def opening_with(monkeypatch: pytest.MonkeyPatch, opens: Callable[..., object]) -> None:
+    """Have the rig opened by `opens`, for a job "any" that does nothing with it."""
+    monkeypatch.setattr(workers, "open_rig", opens)
     monkeypatch.setitem(jobs.JOBS, "any", Job(lambda _tools, _wanted: lambda _: {}, lambda _: "Any"))
 
 
 def test_stop_says_when_the_rig_could_not_be_opened(tmp_path, monkeypatch):
-    worker, told, opening = made(tmp_path), [], threading.Event()
+    worker, opening = made(tmp_path), threading.Event()
 
     def refuse(*_given, **_named):
         opening.set()
@@ -290,45 +298,29 @@ def test_stop_says_when_the_rig_could_not_be_opened(tmp_path, monkeypatch):
         raise InstrumentError("The rig is in use by another program.")
 
     opening_with(monkeypatch, refuse)
-
-    def operator() -> None:
-        begin(worker, "any")
-        until(opening.is_set)
-        told.append(worker.stop())
-
-    with pages(worker, operator):
-        assert told[0]["state"] == "unconfirmed" and "another program" in told[0]["sentence"]
+    told = stopped(worker, "any", opening)
+    assert told["state"] == "unconfirmed" and "another program" in told["sentence"]
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no signal that breaks a system call")
 def test_stop_breaks_a_system_call_that_opens_the_rig(tmp_path, monkeypatch):
-    worker, told, opening = made(tmp_path), [], threading.Event()
-    real = workers.open_rig
+    worker, opening = made(tmp_path), threading.Event()
 
     def silent(*given, **named):
         if opening.is_set():
-            return real(*given, **named)
+            return open_rig(*given, **named)
         opening.set()
         time.sleep(20)
         raise AssertionError("It was not interrupted.")
 
     opening_with(monkeypatch, silent)
-
-    def operator() -> None:
-        begin(worker, "any")
-        until(opening.is_set)
-        told.append(worker.stop())
-
     began = time.monotonic()
-    with pages(worker, operator):
-        assert told[0]["state"] == "safe" and time.monotonic() - began < 15
+    assert stopped(worker, "any", opening)["state"] == "safe" and time.monotonic() - began < 15
 
 
 def test_stop_before_the_rig_is_open_says_unconfirmed_and_can_be_pressed_again(tmp_path, monkeypatch):
     monkeypatch.setattr(stopping, "_UNOPENED", 0.3)
-    worker, told, opening = made(tmp_path), [], threading.Event()
-    interrupts: list[BaseException] = []
-    real = workers.open_rig
+    worker, opening, told, interrupts = made(tmp_path), threading.Event(), [], []
 
     def slow(*given, **named):
         opening.set()
@@ -337,45 +329,37 @@ def test_stop_before_the_rig_is_open_says_unconfirmed_and_can_be_pressed_again(t
                 time.sleep(0.02)
             except KeyboardInterrupt as one:
                 interrupts.append(one)
-        return real(*given, **named)
+        return open_rig(*given, **named)
 
     opening_with(monkeypatch, slow)
 
-    def operator() -> None:
-        begin(worker, "any")
-        until(opening.is_set)
-        told.append(worker.stop())
+    def again() -> None:
         monkeypatch.setattr(stopping, "_UNOPENED", 30.0)
         told.append(worker.stop())
 
-    with pages(worker, operator):
-        assert [one["state"] for one in told] == ["unconfirmed", "safe"]
-        assert "switch the amplifier off" in told[0]["sentence"]
+    first = stopped(worker, "any", opening, again)
+    assert (first["state"], told[0]["state"]) == ("unconfirmed", "safe")
+    assert "switch the amplifier off" in first["sentence"]
 
 
 def test_an_unconfirmed_stop_is_confirmed_when_the_rig_was_read_back(tmp_path, monkeypatch):
     monkeypatch.setattr(stopping, "_UNOPENED", 0.1)
-    worker, told, opening, free = made(tmp_path), [], threading.Event(), threading.Event()
-    real = workers.open_rig
+    worker, opening, free = made(tmp_path), threading.Event(), threading.Event()
 
     def slow(*given, **named):
         opening.set()
         while not free.is_set():
             with suppress(KeyboardInterrupt):
                 time.sleep(0.02)
-        return real(*given, **named)
+        return open_rig(*given, **named)
 
     opening_with(monkeypatch, slow)
 
-    def operator() -> None:
-        begin(worker, "any")
-        until(opening.is_set)
-        told.append(worker.stop())
+    def read_back() -> None:
         free.set()
         until(lambda: worker.board["stop"]["state"] == "safe")
 
-    with pages(worker, operator):
-        assert told[0]["state"] == "unconfirmed"
+    assert stopped(worker, "any", opening, read_back)["state"] == "unconfirmed"
 
 
 def test_stop_without_a_job_opens_the_rig_and_makes_it_safe(tmp_path):
