@@ -34,44 +34,28 @@ def test_the_guide_shows_every_file():
     }
 
 
-@pytest.mark.parametrize(("name", "block"), BLOCKS)
-def test_a_block_is_in_the_example(name, block):
-    assert block in (EXAMPLE / name).read_text(encoding="utf-8")
+@pytest.mark.parametrize(
+    ("folder", "name", "block"),
+    [*((EXAMPLE, *block) for block in BLOCKS), *((ROLES, *block) for block in shown(ROLE_PART))],
+)
+def test_a_block_is_in_its_example(folder, name, block):
+    assert block in (folder / name).read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize(("name", "block"), shown(ROLE_PART))
-def test_a_block_is_in_the_example_with_roles(name, block):
-    assert block in (ROLES / name).read_text(encoding="utf-8")
+def test_a_driver_with_its_twin_is_short_and_a_role_with_both():
+    role = (ROLES / "haploop_acme_thermometer").glob("*.py")
+    driver = (EXAMPLE / "haploop_acme" / name for name in ("relay.py", "twin.py"))
+    for paths, most in ((role, 200), (driver, 100)):
+        assert sum(len(path.read_text(encoding="utf-8").splitlines()) for path in paths) < most
 
 
-def test_a_role_with_driver_and_twin_is_short():
-    texts = [path.read_text(encoding="utf-8") for path in (ROLES / "haploop_acme_thermometer").glob("*.py")]
-    assert sum(len(text.splitlines()) for text in texts) < 200
-
-
-def test_driver_and_twin_are_short():
-    texts = [
-        (EXAMPLE / "haploop_acme" / name).read_text(encoding="utf-8") for name in ("relay.py", "twin.py")
-    ]
-    assert sum(len(text.splitlines()) for text in texts) < 100
-
-
-def test_the_reference_has_each_name_once():
+def test_the_reference_has_each_name_once_in_use_and_an_example_of_what_tab_completes():
     text = (ROOT / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
-    named = re.findall(r"^::: haploop\.(\w+)$", text, re.MULTILINE)
-    assert sorted(named) == sorted(haploop.__all__)
-
-
-def test_the_reference_shows_each_name_in_use():
-    text = (ROOT / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
-    shown = re.sub(r"^::: .*$", "", text, flags=re.MULTILINE)
-    assert [name for name in haploop.__all__ if not re.search(rf"\b{name}\b", shown)] == []
-
-
-def test_each_name_that_tab_completes_has_an_example():
-    text = (ROOT / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
+    assert sorted(re.findall(r"^::: haploop\.(\w+)$", text, re.MULTILINE)) == sorted(haploop.__all__)
+    used = re.sub(r"^::: .*$", "", text, flags=re.MULTILINE)
     programs = "".join(block.text for block in blocks(text) if block.language == "python")
-    assert [name for name in dir(haploop) if not re.search(rf"\b{name}\b", programs)] == []
+    for names, where in ((haploop.__all__, used), (dir(haploop), programs)):
+        assert [name for name in names if not re.search(rf"\b{name}\b", where)] == []
 
 
 def test_each_page_is_run_once():

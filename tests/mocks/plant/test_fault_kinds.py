@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -27,11 +28,7 @@ Install = Callable[..., None]
 @pytest.fixture
 def install(install_package: Install) -> Install:
     """Install a package of one module that gives one kind of fault."""
-
-    def put(name: str, module: str, source: str, value: str = "", package: str = "acme-faults") -> None:
-        install_package("faults", name, module, source, value, package)
-
-    return put
+    return partial(install_package, "faults", package="acme-faults")
 
 
 @pytest.fixture
@@ -128,7 +125,7 @@ def test_a_broken_kind_is_in_the_way_of_nobody_else(install, source, tmp_path):
 
 def test_a_name_that_two_packages_give_is_refused(install):
     install("acme-hum", "acme_faults", BLOCKS["acme_faults.py"], "MainsHum")
-    install("acme-hum", "acme_more", "Bad = 3", "Bad", "acme-more")
+    install("acme-hum", "acme_more", "Bad = 3", "Bad", package="acme-more")
     with pytest.raises(
         ConfigurationError, match="acme-faults and acme-more is added more than once: uninstall"
     ):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -27,11 +28,7 @@ Install = Callable[..., None]
 @pytest.fixture
 def install(install_package: Install) -> Install:
     """Install a package of one module that gives one plant."""
-
-    def put(name: str, module: str, source: str, value: str, package: str = "acme-plants") -> None:
-        install_package("plants", name, module, source, value, package)
-
-    return put
+    return partial(install_package, "plants", package="acme-plants")
 
 
 @pytest.fixture
