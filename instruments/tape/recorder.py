@@ -16,7 +16,6 @@ from datetime import UTC, datetime
 from functools import partial
 from importlib import metadata
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Protocol, Self
 
 import numpy as np
@@ -227,9 +226,7 @@ class Recorder:
         self._lines.put({"format": KIND, "version": VERSION, "software": software, "started": started})
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, _kind: object, error: object, _trace: object) -> None:
         self._lines.put(None)
         self._thread.join()
         if not self.calls and self._failure is None:
