@@ -16,7 +16,6 @@ from ...instruments.config import RigFile
 from ..plant import (
     AMPLITUDE,
     BoucWen,
-    Fault,
     FaultSettings,
     Fingertip,
     Hand,
@@ -57,7 +56,16 @@ class PatchDead(OnSurface):
         return volts
 
 
-class PatchGain(OnSurface):
+class _Changed(OnSurface):
+    """A surface that is not as it was. The first drive is its first effect."""
+
+    def patches(self, volts: Mapping[str, FloatArray], start: float) -> Mapping[str, FloatArray]:
+        if not self.at and any(v.any() for v in volts.values()):
+            self.mark(start)
+        return volts
+
+
+class PatchGain(_Changed):
     """A patch moves the surface by another amount per volt: part of it is depolarised, cracked or unglued."""
 
     class Settings(FaultSettings):
@@ -72,9 +80,6 @@ class PatchGain(OnSurface):
         s = self.settings
         return law if s.patches is not None and patch not in s.patches else _Weaker(law, s.gain)
 
-    def patches(self, volts: Mapping[str, FloatArray], start: float) -> Mapping[str, FloatArray]:
-        return _noted(self, volts, start)
-
 
 @dataclass(frozen=True, eq=False)
 class _Weaker:
@@ -85,7 +90,7 @@ class _Weaker:
         return np.asarray(self.gain * self.inner.follow(volts))
 
 
-class PatchAsymmetry(OnSurface):
+class PatchAsymmetry(_Changed):
     """Patches expand more at a positive voltage than they shrink at the negative one: an even order."""
 
     class Settings(FaultSettings):
@@ -103,9 +108,6 @@ class PatchAsymmetry(OnSurface):
         s = self.settings
         return law if s.patches is not None and patch not in s.patches else _Uneven(law, s.share, s.shape)
 
-    def patches(self, volts: Mapping[str, FloatArray], start: float) -> Mapping[str, FloatArray]:
-        return _noted(self, volts, start)
-
 
 class _Uneven:
     def __init__(self, inner: PatchLaw, share: float, shape: str) -> None:
@@ -120,7 +122,7 @@ class _Uneven:
         return np.asarray(moved + self._half / AMPLITUDE * base**2)
 
 
-class ModeDrift(OnSurface):
+class ModeDrift(_Changed):
     """The modes of the surface have moved, each by its own amount, as boundaries, weights and glue change."""
 
     class Settings(FaultSettings):
@@ -158,11 +160,8 @@ class ModeDrift(OnSurface):
             damping=np.minimum(modes.damping * np.where(moved, damping, 1.0), 0.9),
         )
 
-    def patches(self, volts: Mapping[str, FloatArray], start: float) -> Mapping[str, FloatArray]:
-        return _noted(self, volts, start)
 
-
-class FrequencyDrift(ScheduledFault, OnSurface):
+class FrequencyDrift(ScheduledFault, _Changed):
     """The frequencies of all modes drift while measurements run, as in a room that warms."""
 
     class Settings(ScheduledFault.Settings):
@@ -184,7 +183,7 @@ class FrequencyDrift(ScheduledFault, OnSurface):
         return replace(modes, natural_hz=modes.natural_hz * (1 + min(max(shift, -limit), limit)))
 
     def patches(self, volts: Mapping[str, FloatArray], start: float) -> Mapping[str, FloatArray]:
-        return _noted(self, volts, start) if start >= self.begin else volts
+        return super().patches(volts, start) if start >= self.begin else volts
 
 
 class HandOnTable(TimedFault, OnSurface):
@@ -228,7 +227,7 @@ class HandOnTable(TimedFault, OnSurface):
         return volts
 
 
-class PatchHysteresis(OnSurface):
+class PatchHysteresis(_Changed):
     """Patches follow another law than the rig file's `hysteresis`."""
 
     class Settings(FaultSettings):
@@ -246,13 +245,3 @@ class PatchHysteresis(OnSurface):
         if s.patches is not None and patch not in s.patches:
             return law
         return BoucWen(s.width) if s.law == "bouc-wen" else Hysteresis(s.width)
-
-    def patches(self, volts: Mapping[str, FloatArray], start: float) -> Mapping[str, FloatArray]:
-        return _noted(self, volts, start)
-
-
-def _noted(fault: Fault, volts: Mapping[str, FloatArray], start: float) -> Mapping[str, FloatArray]:
-    """Record the first drive, which is the first effect of a fault of the surface."""
-    if not fault.at and any(v.any() for v in volts.values()):
-        fault.mark(start)
-    return volts

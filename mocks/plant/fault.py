@@ -39,6 +39,8 @@ class Fault:
     Settings: ClassVar[type[FaultSettings]] = FaultSettings
     """Model that validates the fault's table of the rig file."""
     settings: FaultSettings
+    begin = 0.0
+    """Earliest time at which it is active (s of the plant's clock)."""
 
     def __init__(self, settings: FaultSettings, file: RigFile, rng: np.random.Generator) -> None:
         """Store the settings. `rng` is the fault's own; a subclass draws from it after this constructor."""
@@ -55,11 +57,6 @@ class Fault:
     def fired(self) -> int:
         """Number of effects so far: at most 1 if permanent, else one per active period or event."""
         return len(self.at)
-
-    @property
-    def begin(self) -> float:
-        """Earliest time at which it is active (s of the plant's clock)."""
-        return 0.0
 
     def mark(self, now: float) -> None:
         """Record the first effect of a permanent fault."""
@@ -83,12 +80,7 @@ class ScheduledFault(Fault):
 
     def __init__(self, settings: Settings, file: RigFile, rng: np.random.Generator) -> None:
         super().__init__(settings, file, rng)
-        self._begin = settings.after + settings.within * rng.uniform()
-
-    @property
-    def begin(self) -> float:
-        """See `Fault.begin`."""
-        return self._begin
+        self.begin = settings.after + settings.within * rng.uniform()
 
 
 class TimedFault(ScheduledFault):
@@ -107,7 +99,7 @@ class TimedFault(ScheduledFault):
     def __init__(self, settings: Settings, file: RigFile, rng: np.random.Generator) -> None:
         super().__init__(settings, file, rng)
         gaps = settings.every * rng.uniform(0.5, 1.5, settings.times - 1)
-        self._begins = self._begin + np.concatenate([np.zeros(1), np.cumsum(gaps)])
+        self._begins = self.begin + np.concatenate([np.zeros(1), np.cumsum(gaps)])
 
     def active(self, times: FloatArray) -> BoolArray:
         """Return True where it is active, (times,), for rising `times` (s); record each begin."""
