@@ -15,7 +15,7 @@ from .channel import Channel
 from .channels import refuse_input
 from .counter_calls import COUNTER_FACTS, socket_of
 from .defaults import default_value
-from .errors import DaqmxError, DAQmxErrors
+from .errors import DaqmxError, DAQmxErrors, unserved
 from .facts import CHANNEL_FACTS, DEVICE_FACTS, SYSTEM_FACTS
 from .maintenance import read_kept, write_kept
 from .names import names_in
@@ -228,10 +228,7 @@ def _default(system: NiSystem, kind: str, type_: str, name: str) -> Any:
 
 def _unserved(system: NiSystem, kind: str, name: str) -> DaqmxError:
     system.unserved[f"{kind} {name}"] += 1
-    return DaqmxError(
-        DAQmxErrors.ATTR_NOT_SUPPORTED,
-        f"Specified property is not supported: the twin does not know {name} ({kind}).",
-    )
+    return unserved(f"the twin does not know {name} ({kind}).")
 
 
 def _channels(task: Task, names: str) -> list[Channel]:

@@ -13,7 +13,7 @@ from nidaqmx.constants import CurrentShuntResistorLocation, TerminalConfiguratio
 from ..base.arrays import FloatArray
 from .converter import code_width
 from .devices import NiDevice
-from .errors import DaqmxError, DAQmxErrors
+from .errors import unsupported
 from .measurements import measured_scale
 from .products import TIMEBASE_HZ, Product, input_range
 from .scales import Scale
@@ -150,11 +150,9 @@ class Channel:
             wanted = float(np.abs(self.volts).max())
             low = 0.0 if self.product.ao_unipolar else -self.product.ao_range
             if wanted > self.product.ao_range * (1 + 1e-9) or self.volts[0] < low * (1 + 1e-9):
-                raise DaqmxError(
-                    DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
-                    f"Requested value is not a supported value for this property: {self.name} of "
-                    f"{self.product.name} puts out {low:g} to {self.product.ao_range:g} V, not "
-                    f"{self.volts[0]:g} to {self.volts[1]:g} V.",
+                raise unsupported(
+                    f"{self.name} of {self.product.name} puts out {low:g} to {self.product.ao_range:g} V, "
+                    f"not {self.volts[0]:g} to {self.volts[1]:g} V."
                 )
             return self.product.ao_range
         forced = [abs(self.values[name]) for name in ("AI_RNG_HIGH", "AI_RNG_LOW") if name in self.values]
@@ -171,11 +169,9 @@ class Channel:
         if found is None and proportional and wanted < _SENSORS_MARGIN * self.product.ai_ranges[0]:
             return self.product.ai_ranges[0]
         if found is None:
-            raise DaqmxError(
-                DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
-                f"Requested value is not a supported value for this property: {self.name} of "
-                f"{self.product.name} has no range of +-{wanted:g} V, only "
-                f"+-{', +-'.join(f'{r:g}' for r in self.product.ai_ranges)} V.",
+            raise unsupported(
+                f"{self.name} of {self.product.name} has no range of +-{wanted:g} V, only "
+                f"+-{', +-'.join(f'{r:g}' for r in self.product.ai_ranges)} V."
             )
         return found
 

@@ -22,7 +22,7 @@ from nidaqmx.constants import (
 from .channel import Channel, Kind
 from .counters import COUNTERS
 from .devices import CONFIGURATIONS, NiDevice
-from .errors import DaqmxError, DAQmxErrors
+from .errors import DaqmxError, DAQmxErrors, unsupported
 from .measurements import FIELDS, MEASUREMENTS, Measurement, measures
 from .names import channel_names, field
 from .scales import Scale, scale_named
@@ -100,10 +100,9 @@ def _terminal_config(device: NiDevice, tail: str, asked: int) -> int:
     if asked in (0, -1, TerminalConfiguration.DEFAULT.value):
         return int(CONFIGURATIONS[taken[0]].value)
     if TerminalConfiguration(asked) not in [CONFIGURATIONS[config] for config in taken]:
-        raise DaqmxError(
-            DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
-            "Requested value is not a supported value for this property: terminal configuration "
-            f"{TerminalConfiguration(asked).name} on {device.name}/{tail} of {device.product.name}.",
+        raise unsupported(
+            f"terminal configuration {TerminalConfiguration(asked).name} on {device.name}/{tail} of "
+            f"{device.product.name}."
         )
     return asked
 
@@ -223,11 +222,7 @@ def refuse_input(device: NiDevice, tail: str, values: dict[str, Any]) -> None:
     elif values.get("AI_COUPLING") not in (None, 0, *couplings):
         wrong = f"{Coupling(values['AI_COUPLING']).name} coupling"
     if wrong:
-        raise DaqmxError(
-            DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
-            f"Requested value is not a supported value for this property: {device.name}/{tail} of a "
-            f"{product.name}: {wrong}.",
-        )
+        raise unsupported(f"{device.name}/{tail} of a {product.name}: {wrong}.")
 
 
 def _analog_output(usage: UsageTypeAO, units: str) -> Callable[[NiSystem, Any], None]:

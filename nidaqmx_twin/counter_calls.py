@@ -12,7 +12,7 @@ from nidaqmx.constants import Level
 from ..base.arrays import FloatArray
 from .channel import Channel, counter_timebase, default_terminal, timebase_of
 from .counters import INPUTS
-from .errors import DaqmxError, DAQmxErrors
+from .errors import DaqmxError, DAQmxErrors, unsupported
 from .names import flattened, is_by_scan
 from .reading import Alive, Call, Taken, take, take_one
 from .signalling import change_pulses, pulse_terminal
@@ -163,10 +163,7 @@ def _put(system: NiSystem, task: Task, name: str, rows: list[FloatArray], auto_s
     spans = [_spans(name, channel, *pair) for channel, *pair in zip(task.channels, *rows, strict=True)]
     high, low = (np.array([pair[place] for pair in spans]) for place in (0, 1))
     if not (np.isfinite(high + low).all() and (high > 0).all() and (low > 0).all()):
-        raise DaqmxError(
-            DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
-            "Requested value is not a supported value for this property: a pulse has a high and a low part.",
-        )
+        raise unsupported("a pulse has a high and a low part.")
     task.written += high.shape[1]
     if task.running:
         change_pulses(system.terminals, task, system.clock.now(), (high, low))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from nidaqmx.constants import Edge, SampleTimingType, UsageTypeCI
 
 from .channel import Channel, counter_timebase
-from .errors import DaqmxError, DAQmxErrors
+from .errors import DaqmxError, DAQmxErrors, unsupported
 from .tasks import Task
 
 _FALLING_ONLY = ("USB-6008", "USB-6009")
@@ -42,10 +42,8 @@ def verify_counters(task: Task) -> None:
         clocked = task.timed and not task.implicit and first.values["CI_MEAS_TYPE"] not in _CLOCKED
         if clocked and product.family in _ONE_COUNTER:
             # Inferred: times by a sample clock are new with the X Series.
-            raise DaqmxError(
-                DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
-                "Requested value is not a supported value for this property: sample timing type of "
-                f"{task.name!r}: a {product.name} measures times by implicit timing.",
+            raise unsupported(
+                f"sample timing type of {task.name!r}: a {product.name} measures times by implicit timing."
             )
         unclocked = task.timed and not task.implicit and task.on_own_clock
         if unclocked and first.values["CI_MEAS_TYPE"] in _CLOCKED and product.name not in _OWN_CLOCK:
@@ -66,17 +64,13 @@ def verify_counters(task: Task) -> None:
 def _refuse_input(channel: Channel) -> None:
     values, product = channel.values, channel.product
     if values.get("CI_COUNT_EDGES_ACTIVE_EDGE") == Edge.RISING.value and product.name in _FALLING_ONLY:
-        raise DaqmxError(
-            DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
-            "Requested value is not a supported value for this property: CI_COUNT_EDGES_ACTIVE_EDGE of "
-            f"{channel.name!r}, a {product.name}, is falling only.",
+        raise unsupported(
+            f"CI_COUNT_EDGES_ACTIVE_EDGE of {channel.name!r}, a {product.name}, is falling only."
         )
     steps = [values.get(name, 1) for name in _STEPS]
     if not all(steps):
-        raise DaqmxError(
-            DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
-            "Requested value is not a supported value for this property: the pulses per revolution, or the "
-            f"distance per pulse, of {channel.name!r} are not 0.",
+        raise unsupported(
+            f"the pulses per revolution, or the distance per pulse, of {channel.name!r} are not 0."
         )
     low, high = values.get("CI_MIN"), values.get("CI_MAX")
     if low is not None and high is not None and not low < high:
@@ -97,10 +91,8 @@ def _refuse_pulses(channel: Channel) -> None:
         values.get(f"CO_PULSE_{level}_{unit}", 1) for level in ("HIGH", "LOW") for unit in ("TIME", "TICKS")
     ]
     if (hz is not None and not hz > 0) or not 0 < duty < 1 or not min(spans) > 0:
-        raise DaqmxError(
-            DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
-            f"Requested value is not a supported value for this property: pulses of {channel.name!r} need a "
-            "frequency or times above 0, and a duty cycle between 0 and 1.",
+        raise unsupported(
+            f"pulses of {channel.name!r} need a frequency or times above 0, and a duty cycle between 0 and 1."
         )
     most = counter_timebase(channel.product.family) / 4
     least = _SLOWEST_HZ / 2.0**channel.product.counter_bits
@@ -138,10 +130,9 @@ def refuse_timing(task: Task) -> None:
         own -= {T.SAMPLE_CLOCK}
     asked = T(task.setting("Timing", "SAMP_TIMING_TYPE", T.ON_DEMAND.value))
     if asked not in own:
-        raise DaqmxError(
-            DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
-            f"Requested value is not a supported value for this property: sample timing type {asked.name} of "
-            f"task {task.name!r}; a {product.name} has {', '.join(sorted(one.name for one in own))}.",
+        raise unsupported(
+            f"sample timing type {asked.name} of task {task.name!r}; a {product.name} has "
+            f"{', '.join(sorted(one.name for one in own))}."
         )
     if task.single_point and product.name.startswith("USB"):
         raise DaqmxError(

@@ -26,7 +26,7 @@ from nidaqmx.constants import (
 from ..base.arrays import FloatArray
 from .channel import Channel, default_terminal, timebase_of
 from .counters import INPUTS
-from .errors import DaqmxError, DAQmxErrors
+from .errors import unserved
 from .pulses import Transitions
 
 U = UsageTypeCI
@@ -123,10 +123,9 @@ class Meter:
         asked = self._channel.values.get(name)
         found = self._channel.device.full(str(asked)) if asked else default_terminal(self._channel, socket)
         if found is None and self._signals.wired(self._channel.device.name):
-            raise DaqmxError(
-                DAQmxErrors.ATTR_NOT_SUPPORTED,
-                f"Specified property is not supported: the twin does not know at which terminal "
-                f"{self._channel.name!r} of a {self._channel.product.name} measures by default: set {name}.",
+            raise unserved(
+                f"the twin does not know at which terminal {self._channel.name!r} of a "
+                f"{self._channel.product.name} measures by default: set {name}."
             )
         return found or ""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from nidaqmx._grpc_interpreter import _ERROR_MESSAGES
 from nidaqmx.error_codes import DAQmxErrors, DAQmxWarnings
 
-__all__ = ["AlreadyExistsError", "DAQmxErrors", "DAQmxWarnings", "DaqmxError", "error_string"]
+__all__ = ["DAQmxErrors", "DAQmxWarnings", "DaqmxError", "error_string", "unserved", "unsupported"]
 
 
 class DaqmxError(Exception):
@@ -20,6 +20,19 @@ class DaqmxError(Exception):
         """Samples per channel delivered by a failed read; None for other calls."""
         self.written = written
         """Samples per channel stored by a failed write; None for other calls."""
+
+
+def unsupported(what: str) -> DaqmxError:
+    """The error of a value that a property does not take; `what` says which."""
+    return DaqmxError(
+        DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
+        f"Requested value is not a supported value for this property: {what}",
+    )
+
+
+def unserved(what: str) -> DaqmxError:
+    """The error of a property that is not simulated, or not there; `what` says which."""
+    return DaqmxError(DAQmxErrors.ATTR_NOT_SUPPORTED, f"Specified property is not supported: {what}")
 
 
 class AlreadyExistsError(Exception):

@@ -12,7 +12,7 @@ from typing import Any
 from nidaqmx import constants as c
 
 from .devices import Inventory, NiDevice
-from .errors import DaqmxError, DAQmxErrors
+from .errors import unserved
 from .system import NiSystem
 
 _BUS_OF_NAME = {
@@ -224,10 +224,7 @@ def _term_configs(device: NiDevice, tail: str) -> int:
 
 def _port_width(device: NiDevice, tail: str) -> int:
     if not tail.startswith("port"):
-        raise DaqmxError(
-            DAQmxErrors.ATTR_NOT_SUPPORTED,
-            f"Specified property is not supported: {device.name}/{tail} is not a digital port.",
-        )
+        raise unserved(f"{device.name}/{tail} is not a digital port.")
     return int(device.product.ports[int(tail.partition("/")[0].removeprefix("port"))])
 
 

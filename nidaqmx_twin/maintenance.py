@@ -9,7 +9,7 @@ from typing import Any
 from nidaqmx._stubs import nidaqmx_pb2 as pb
 from nidaqmx.constants import LogicFamily, PowerUpChannelType, PowerUpStates, WDTTaskAction
 
-from .errors import DaqmxError, DAQmxErrors
+from .errors import DaqmxError, DAQmxErrors, unsupported
 from .names import field, names_in
 from .reading import Alive, Call
 from .scales import Scale, linear, mapped, polynomial, reverse_coefficients, scale_named, tabulated
@@ -43,10 +43,7 @@ def write_calibration(system: NiSystem, name: str, request: Any, value: Any) -> 
     """Set property `name` of the calibration of the request's device. Raises DaqmxError."""
     device = system.inventory.device(request.device_name)
     if isinstance(value, str) and len(value) > _CALIBRATION["CAL_USER_DEFINED_INFO_MAX_SIZE"]:
-        raise DaqmxError(
-            DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
-            f"Requested value is not a supported value for this property: {value!r} is longer than 4.",
-        )
+        raise unsupported(f"{value!r} is longer than 4.")
     system.upkeep[device.name, name] = value
 
 
@@ -119,10 +116,7 @@ def _set_output(system: NiSystem, name: str, volts: float, kind: int) -> None:
     ((device, tail),) = system.inventory.resolve(name)
     low = 0.0 if device.product.ao_unipolar else -device.product.ao_range
     if f"{device.name}/{tail}" not in device.ao or not low <= volts <= device.product.ao_range:
-        raise DaqmxError(
-            DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
-            f"Requested value is not a supported value for this property: {volts:g} V at {name}.",
-        )
+        raise unsupported(f"{volts:g} V at {name}.")
     system.upkeep[f"{device.name}/{tail}", "power-up"] = (volts, kind)
 
 

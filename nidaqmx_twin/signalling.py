@@ -14,7 +14,7 @@ from .channel import Channel, counter_timebase, filter_width
 from .counting import Meter
 from .devices import Inventory, NiDevice
 from .edges import Bursts, Edges, Terminals
-from .errors import DaqmxError, DAQmxErrors
+from .errors import DaqmxError, DAQmxErrors, unserved
 from .pulses import PulseTrain, TriggeredTrain
 from .tasks import Task
 
@@ -207,11 +207,7 @@ def _changes(inventory: Inventory, terminals: Terminals, task: Task, now: float)
 def _edges_of_clock(terminals: Terminals, task: Task, terminal: str, now: float) -> Edges:
     """Return the edges of a clock that does not tick evenly. Raises DaqmxError for outputs."""
     if task.kind in ("ao", "do"):
-        raise DaqmxError(
-            DAQmxErrors.ATTR_NOT_SUPPORTED,
-            "Specified property is not supported: the twin does not clock outputs by the signal at "
-            f"{terminal}.",
-        )
+        raise unserved(f"the twin does not clock outputs by the signal at {terminal}.")
     rising = task.setting("Timing", "SAMP_CLK_ACTIVE_EDGE", Edge.RISING.value) == Edge.RISING.value
     before = float(np.nextafter(now, -np.inf))
     return Edges(terminals, [(terminal, rising)], before, _filter(task, "Timing", "SAMP_CLK_SRC"))
@@ -234,11 +230,7 @@ def outside_clock(inventory: Inventory, terminals: Terminals, task: Task) -> str
     if not (terminals.signalled(terminal) or terminal.endswith("ChangeDetectionEvent")):
         return ""
     if task.kind in ("ao", "do"):
-        raise DaqmxError(
-            DAQmxErrors.ATTR_NOT_SUPPORTED,
-            "Specified property is not supported: the twin does not clock outputs by the signal at "
-            f"{terminal}.",
-        )
+        raise unserved(f"the twin does not clock outputs by the signal at {terminal}.")
     return terminal
 
 

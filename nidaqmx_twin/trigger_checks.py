@@ -10,7 +10,7 @@ from nidaqmx.constants import AcquisitionType, DigitalWidthUnits, TriggerType
 
 from .channel import M_SERIES_FILTERS, default_terminal, filter_of
 from .defaults import default_value
-from .errors import DaqmxError, DAQmxErrors
+from .errors import DaqmxError, DAQmxErrors, unserved, unsupported
 from .names import names_in
 from .tasks import Task
 
@@ -75,10 +75,9 @@ def _refuse_filter(task: Task, name: str, value: Callable[[str], object]) -> Non
             f"Digital filter and digital synchronization cannot both be enabled: {name} of {task.name!r}.",
         )
     if product.family == "M Series" and float(str(width)) > M_SERIES_FILTERS[-1] * (1 + 1e-9):
-        raise DaqmxError(
-            DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
-            f"Requested value is not a supported value for this property: {name}_MIN_PULSE_WIDTH of "
-            f"{float(str(width)):g} s; a {product.name} has 125 ns, 6.425 us and 2.56 ms.",
+        raise unsupported(
+            f"{name}_MIN_PULSE_WIDTH of {float(str(width)):g} s; a {product.name} has 125 ns, 6.425 us and "
+            "2.56 ms."
         )
 
 
@@ -218,8 +217,4 @@ def _terminal(task: Task, source: str) -> str:
 
 
 def _not_followed(task: Task, name: str, where: str) -> DaqmxError:
-    return DaqmxError(
-        DAQmxErrors.ATTR_NOT_SUPPORTED,
-        f"Specified property is not supported: the twin does not follow {name} ({where}) of task "
-        f"{task.name!r}.",
-    )
+    return unserved(f"the twin does not follow {name} ({where}) of task {task.name!r}.")

@@ -10,7 +10,7 @@ from nidaqmx.constants import CJCSource, LoggingMode, TemperatureUnits, Thermoco
 from .channel import Channel
 from .counter_checks import refuse_changes, refuse_repeated, refuse_timing, verify_counters
 from .devices import Inventory
-from .errors import DaqmxError, DAQmxErrors, DAQmxWarnings
+from .errors import DaqmxError, DAQmxErrors, DAQmxWarnings, unserved, unsupported
 from .tasks import Task
 from .trigger_checks import refuse_unfollowed, verify_triggers
 
@@ -100,11 +100,7 @@ def verify(task: Task) -> None:
         _refuse_clocked_lines(task)
         _refuse_fast_lines(task)
     if task.total is not None and task.timed and kind not in ("ci", "co") and task.samples_asked < 2:
-        raise DaqmxError(
-            DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
-            "Requested value is not a supported value for this property: "
-            "a finite task needs at least 2 samples per channel.",
-        )
+        raise unsupported("a finite task needs at least 2 samples per channel.")
 
 
 def refuse_unsimulated(task: Task, wired: Container[str], driven: Callable[[str], bool]) -> None:
@@ -120,10 +116,9 @@ def _refuse_rate(task: Task) -> None:
     if task.kind == "ao":
         most = settled = product.ao_rate_hz
         if not most:
-            raise DaqmxError(
-                DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
-                "Requested value is not a supported value for this property: sample timing type of "
-                f"{task.device.name}: the outputs of a {product.name} have no sample clock.",
+            raise unsupported(
+                f"sample timing type of {task.device.name}: the outputs of a {product.name} have no sample "
+                "clock."
             )
     elif product.ai_simultaneous or channels == 1:
         most = settled = product.ai_rate_single_hz
@@ -181,10 +176,9 @@ def _refuse_clocked_lines(task: Task) -> None:
         static |= product.name in _STATIC_PRODUCTS
         static |= product.family in _PORT_0_ONLY and not task.detects_changes and _beyond_port_0(channel)
         if static:
-            raise DaqmxError(
-                DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
-                "Requested value is not a supported value for this property: sample timing type of "
-                f"{channel.name!r}: the digital lines of a {product.name} are timed on demand.",
+            raise unsupported(
+                f"sample timing type of {channel.name!r}: the digital lines of a {product.name} are timed on "
+                "demand."
             )
         if product.family == "M Series" and not task.detects_changes and task.on_own_clock:
             raise DaqmxError(
@@ -241,10 +235,9 @@ def _refuse_thermocouple(channel: Channel) -> None:
     low, high = _THERMOCOUPLES[kind]
     asked = [_CELSIUS[units](limit) for limit in (channel.low, channel.high)]
     if not low <= min(asked) <= max(asked) <= high:
-        raise DaqmxError(
-            DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
-            f"Requested value is not a supported value for this property: {min(asked):g} to {max(asked):g} "
-            f"°C of {channel.name!r}; type {ThermocoupleType(kind).name} measures {low:g} to {high:g} °C.",
+        raise unsupported(
+            f"{min(asked):g} to {max(asked):g} °C of {channel.name!r}; type {ThermocoupleType(kind).name} "
+            f"measures {low:g} to {high:g} °C."
         )
 
 
@@ -313,10 +306,9 @@ def _refuse_unscaled(task: Task, wired: Container[str]) -> None:
             and channel.scale is None
             and f"{channel.device.name}/{channel.physical[0]}" in wired
         ):
-            raise DaqmxError(
-                DAQmxErrors.ATTR_NOT_SUPPORTED,
-                f"Specified property is not supported: the twin does not turn volts at {channel.name!r} into "
-                f"what a channel of the kind {usage} shows. Leave its input undriven, or measure voltage.",
+            raise unserved(
+                f"the twin does not turn volts at {channel.name!r} into what a channel of the kind {usage} "
+                "shows. Leave its input undriven, or measure voltage."
             )
 
 
