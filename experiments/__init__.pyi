@@ -24,7 +24,6 @@ from .analysis import compare_levels as compare_levels
 from .analysis import confusion_of as confusion_of
 from .analysis import confusions_by as confusions_by
 from .analysis import eta_squared_interval as eta_squared_interval
-from .analysis import eta_squared_of_f as eta_squared_of_f
 from .analysis import lab_threshold_of as lab_threshold_of
 from .analysis import load_power_plan as load_power_plan
 from .analysis import manova_independent as manova_independent

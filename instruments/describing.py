@@ -21,12 +21,10 @@ from .config import RigFile, load_rig_file, problems_of, rig_text, shipped_rig
 
 @dataclass(frozen=True)
 class FoundCard:
-    """An NI device that has terminals: its name (Dev1, cDAQ1Mod2), product, and analog terminals."""
+    """An NI device that has analog terminals: its name (Dev1, cDAQ1Mod2) and product."""
 
     name: str
     product: str
-    inputs: int
-    outputs: int
 
 
 @dataclass(frozen=True)
@@ -69,12 +67,11 @@ def look_for_hardware() -> Found:
 def _cards() -> list[FoundCard]:
     from nidaqmx.system import System  # noqa: PLC0415 - slow to load, here as below
 
-    found = []
-    for device in System.local().devices:
-        inputs, outputs = len(device.ai_physical_chans), len(device.ao_physical_chans)
-        if inputs or outputs:
-            found.append(FoundCard(device.name, device.product_type, inputs, outputs))
-    return found
+    return [
+        FoundCard(device.name, device.product_type)
+        for device in System.local().devices
+        if len(device.ai_physical_chans) or len(device.ao_physical_chans)
+    ]
 
 
 def _ports() -> list[tuple[str, str]]:

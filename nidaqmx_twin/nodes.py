@@ -63,7 +63,6 @@ class SamplesLost(Exception):  # noqa: N818  an event, which each maker's driver
 
     def __init__(self, device: str, how: Literal["overrun", "overflow"]) -> None:
         super().__init__(f"Samples of {device} were lost.")
-        self.device = device
         self.how = how
 
 
@@ -72,7 +71,6 @@ class PlayStopped(Exception):  # noqa: N818  an event, as SamplesLost
 
     def __init__(self, device: str, how: Literal["underflow", "fifo", "stopped"]) -> None:
         super().__init__(f"{device} stopped playing.")
-        self.device = device
         self.how = how
 
 

@@ -103,7 +103,6 @@ class Task:
         self.chunks: deque[Chunk] = deque()
         self.made = 0
         self.noise: dict[str, np.random.Generator] = {}
-        self.phase = 0
         self.overloaded: list[str] = []
         self.buffer: FloatArray = np.zeros((0, 0))
         """Samples still to be played, (rows, samples), one row for each terminal."""
@@ -130,7 +129,7 @@ class Task:
         self.state_before, self.state, self.auto_started = before, State.RUNNING, auto
         self.failure = None
         self.starts += 1
-        self.read_position = self.made = self.phase = 0
+        self.read_position = self.made = 0
         self.chunks.clear()
         self.overloaded.clear()
         self.clock, self.offset, self.shares = Timebase(self.rate_hz), 0, shares

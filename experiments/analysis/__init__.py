@@ -28,7 +28,6 @@ from .ratings import MultivariateEffect as MultivariateEffect
 from .ratings import PairRatings as PairRatings
 from .ratings import Ratings as Ratings
 from .ratings import analyse_ratings as analyse_ratings
-from .ratings import eta_squared_of_f as eta_squared_of_f
 from .ratings import manova_independent as manova_independent
 from .ratings import manova_repeated as manova_repeated
 from .ratings import normalise as normalise

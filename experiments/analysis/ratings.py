@@ -86,11 +86,6 @@ def manova_repeated(
     return tuple(effects)
 
 
-def eta_squared_of_f(f: float, df: float, error_df: float) -> float:
-    """Partial eta squared of a published F value: F df / (F df + error_df)."""
-    return f * df / (f * df + error_df)
-
-
 def _pillai(name: str, h: FloatArray, e: FloatArray, rank: int, error_df: int) -> MultivariateEffect | None:
     """Pillai's trace, and its F approximation (Pillai, 1955), exact for one degree of freedom."""
     variables = len(e)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from haploop.experiments import eta_squared_interval, eta_squared_of_f
+from haploop.experiments import eta_squared_interval
 from haploop.experiments.analysis.anova import Effect, anova, compare_levels
 from haploop.experiments.analysis.intervals import cohen_interval, wilson_interval
 from haploop.experiments.analysis.ratings import MultivariateEffect, manova_independent, manova_repeated
@@ -145,15 +145,11 @@ def test_intervals():
     assert cohen_interval(3.1, 19, 20) == pytest.approx((t_low / 20**0.5, t_high / 20**0.5), rel=1e-8)
 
 
-def test_the_paper_s_degrees_of_freedom_and_effect_sizes():
-    """F(7, 108) = 7.46, F(14, 218) = 26.41 and 5.36; eta squared 0.326, 0.63 and 0.26."""
+def test_the_paper_s_degrees_of_freedom():
+    """F(7, 108) = 7.46, F(14, 218) = 26.41 and 5.36."""
     values = np.random.default_rng(1).normal(size=(20, 2, 3, 7))
     effects = manova_independent(values, ("category", "button"))
     assert [(e.df, e.error_df) for e in effects if e] == [(7, 108), (14, 218), (14, 218)]
-    recomputed = [
-        eta_squared_of_f(f, *df) for f, df in ((7.46, (7, 108)), (26.41, (14, 218)), (5.36, (14, 218)))
-    ]
-    assert recomputed == pytest.approx([0.3259, 0.6291, 0.2561], abs=5e-5)
 
 
 @pytest.mark.parametrize("sign", [1, -1])

@@ -16,7 +16,7 @@ LABS = {
     "arduino": ("arduino", Found(ports=(("COM7", "Arduino Uno"),)), ['port = "COM7"'], {}),
     "usb card, iepe module, trek": (
         "compactdaq-iepe",
-        Found(cards=(FoundCard("cDAQ9Mod1", "NI 9234", 4, 0), FoundCard("cDAQ9Mod2", "NI 9263", 0, 4))),
+        Found(cards=(FoundCard("cDAQ9Mod1", "NI 9234"), FoundCard("cDAQ9Mod2", "NI 9263"))),
         ['devices = { cDAQ9Mod1 = "NI 9234", cDAQ9Mod2 = "NI 9263" }', '"cDAQ9Mod1/ai3"', '"cDAQ9Mod2/ao0"'],
         {'name = "PiezoDrive PD200"': 'name = "TREK 2220"', "gain = 20 ": "gain = 200 "},
     ),
@@ -28,7 +28,7 @@ LABS = {
     ),
     "the paper's": (
         "haptable",
-        Found(cards=(FoundCard("Dev1", "PCI-6034E", 16, 0), FoundCard("Dev2", "PCIe-6321", 16, 2))),
+        Found(cards=(FoundCard("Dev1", "PCI-6034E"), FoundCard("Dev2", "PCIe-6321"))),
         ['devices = { Dev1 = "PCI-6034E", Dev2 = "PCIe-6321" }'],
         {},
     ),
