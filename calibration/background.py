@@ -18,6 +18,7 @@ import scipy
 
 from ..base.arrays import BoolArray, ComplexArray, FloatArray
 from ..base.errors import DataError
+from ..base.filters import resample_poly
 
 _SHORTEST, LONGEST_REST = 0.25, 0.5
 """Length of a rest (s). The shortest tells 50 from 60 Hz; between both, a tone of 20 Hz turns five times."""
@@ -166,7 +167,7 @@ def without_tones(records: Sequence[Record], rate_hz: float) -> tuple[list[Float
     factor = max(1, int(rate_hz // _ENOUGH_HZ))
     slow = [
         Record(
-            scipy.signal.resample_poly(record.signal, 1, factor),
+            resample_poly(record.signal, 1, factor),
             tuple(slice(-(-rest.start // factor), rest.stop // factor) for rest in record.rests),
         )
         for record in records

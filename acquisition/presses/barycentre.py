@@ -12,7 +12,6 @@ from itertools import chain
 
 import numpy as np
 import scipy
-from dtaidistance import dtw
 from numpy.typing import NDArray
 
 from ...base.arrays import BoolArray, FloatArray
@@ -128,6 +127,8 @@ def paths_to(
 
     `known` are paths of the curves to a template that may be another: none that is longer is followed.
     """
+    from dtaidistance import dtw  # noqa: PLC0415  what looks at presses does not average them
+
     template = np.ascontiguousarray(template)
     for curve, (to, at) in zip(curves, known or [_diagonal(len(template))] * len(curves), strict=True):
         # Rounding must not exclude the known path itself, as it can by `use_pruning`, which then loses the

@@ -12,7 +12,16 @@ from .loudness import ButtonPlan, Loudness, Offer, Offers, offered, plan_button,
 from .planning import STEADY, TradeOff
 from .playing import judged_to
 from .pressed import PressedDrives, check_under_finger, pressed_drives
-from .targets import BEFORE, NOWHERE, Method, OtherPoint, Wanted, load_elsewhere, modulate
+from .targets import (
+    BEFORE,
+    NOWHERE,
+    Method,
+    OtherPoint,
+    Wanted,
+    activation_time,
+    load_elsewhere,
+    modulate,
+)
 from .verdict import worst
 
 __all__ = [
@@ -36,6 +45,7 @@ __all__ = [
     "SharedPower",
     "TradeOff",
     "Wanted",
+    "activation_time",
     "build_button",
     "button_under_finger",
     "check",

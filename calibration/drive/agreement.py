@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from statistics import NormalDist
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,6 @@ from ...base.arrays import BoolArray, ComplexArray, FloatArray
 from ...base.wording import error_said
 from ..intervals import CONFIDENCE, common, not_negative, quantile, student
 
-_NORMAL = NormalDist().inv_cdf(0.5 + CONFIDENCE / 2)
 _UNLIKELY = 1e-5
 """Probability of calling plays without a trend drifting."""
 _ODD = 3.0
@@ -78,7 +76,9 @@ class SharedPower:
             return float("nan"), float("nan")
         reach = quantile(self.plays) * self.deviation
         # The noise's own deviation is known from all lines, and has no Student's t.
-        low, high = not_negative(self.value, max(reach, _NORMAL * self.least))
+        low, high = not_negative(
+            self.value, max(reach, scipy.special.ndtri(0.5 + CONFIDENCE / 2) * self.least)
+        )
         return float(np.sqrt(low)), float(np.sqrt(high))
 
     @property

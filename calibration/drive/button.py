@@ -15,12 +15,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy
 
 from ...acquisition import Representative
 from ...base import hdf5
 from ...base.arrays import FloatArray
 from ...base.errors import ConfigurationError, DataError
+from ...base.filters import resample_poly
 from ...base.notebook import InNotebook
 from ...base.progress import Progress, silent
 from ...instruments import Rig
@@ -305,9 +305,7 @@ def _pressed(press: Representative, check: Check) -> Pressed:
 def _on_clock(press: Representative, rate_hz: float, samples: int) -> FloatArray:
     """(samples,) m/s^2: a recorded press on the clock of its drive, which begins before it."""
     ratio = Fraction(rate_hz / press.rate_hz).limit_denominator(_RATES)
-    acceleration = scipy.signal.resample_poly(
-        np.asarray(press.acceleration), ratio.numerator, ratio.denominator
-    )
+    acceleration = resample_poly(press.acceleration, ratio.numerator, ratio.denominator)
     start = round(BEFORE * rate_hz)
     out = np.zeros(samples)
     kept = acceleration[: samples - start]

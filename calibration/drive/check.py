@@ -11,6 +11,7 @@ import scipy
 
 from ...base.arrays import ComplexArray, FloatArray
 from ...base.errors import ConfigurationError
+from ...base.filters import envelope
 from ...base.progress import Progress, part_of, silent
 from ...instruments import Rig
 from .. import sizes
@@ -172,9 +173,7 @@ def compare(drive: Drive, played: Played, rig: Rig, most: int = 0) -> Check:
         outside=shared_power(moved[:, ~inside]),
         above=_above(every, f, top, played, drive, float(np.mean(target**2))),
         correlation=_correlation(moved.mean(axis=0), -still[0], shared_power(moved)),
-        envelope_correlation=_pearson(
-            np.abs(scipy.signal.hilbert(band_only)), np.abs(scipy.signal.hilbert(target))
-        ),
+        envelope_correlation=_pearson(envelope(band_only), envelope(target)),
         octaves=_octaves(target, accelerations, rate_hz, top),
         drift=trend(moved[:, inside]),
         tones=Tones(played.tones_hz, played.tones_rms / float(np.sqrt(np.mean(target**2)))),

@@ -17,11 +17,13 @@ import scipy
 from ...acquisition import load_press
 from ...base.arrays import FloatArray
 from ...base.errors import ConfigurationError, DataError
+from ...base.filters import correlate, resample_poly
 from ..spectra import band_window, fade, resample
 from .actuation import Actuation
 
 if TYPE_CHECKING:
     from ...acquisition import AverageMethod, Representative
+    from .drive import Drive
 
 
 Method = Literal["modulated", "broadband"]
@@ -133,13 +135,20 @@ def _rate(presses: Sequence[Representative], drive_hz: float) -> tuple[float, in
     return drive_hz / oversampling, oversampling
 
 
+def activation_time(press: Representative, drive: Drive) -> float:
+    """Time (s) of the activation on the drive's clock, from the best fit of its modulation to the target."""
+    step = round(drive.rate_hz / press.rate_hz)
+    coarse = drive.target[::step]
+    modulated = modulate(press.acceleration, press.rate_hz, drive.carrier_hz)
+    fit = correlate(coarse, modulated)
+    first = int(np.argmax(fit)) - (len(modulated) - 1)
+    return float((first + press.activation_index) / press.rate_hz)
+
+
 def _at_rate(press: Representative, rate_hz: float) -> FloatArray:
     """(samples,) m/s^2 of a press at another rate; what it does not hold is not added."""
     ratio = Fraction(rate_hz / press.rate_hz).limit_denominator(_RATES)
-    own = np.asarray(press.acceleration)
-    return (
-        own if ratio == 1 else np.asarray(scipy.signal.resample_poly(own, ratio.numerator, ratio.denominator))
-    )
+    return resample_poly(press.acceleration, ratio.numerator, ratio.denominator)
 
 
 Wanted: TypeAlias = "Mapping[str, Representative | tuple[Representative, float] | None]"

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from ...base.arrays import BoolArray, ComplexArray, FloatArray
+from ...base.filters import half_width, peaks
 from ..response import Response
 from .projection import Lines, Projection
 
@@ -208,13 +209,11 @@ def _peaks(lines: Lines) -> ComplexArray:
     The real one, below the band, represents what lies there.
     """
     power = np.abs(lines.H) ** 2
-    at = scipy.signal.find_peaks(10 * np.log10(np.maximum(power, 100.0)), prominence=3.0)[0]
-    step, centres = lines.spacing * lines.block, lines.centres
-    width = scipy.signal.peak_widths(power, at, rel_height=0.5)[0] if len(at) else np.ones(1)
-    if not len(at):
-        at = np.array([int(np.argmax(power))])
-    kept = np.argsort(-power[at])[: _MOST_POLES // 2]
-    pairs = -np.pi * step * np.clip(width[kept], 0.3, 30) + 2j * np.pi * centres[at[kept]]
+    at = peaks(10 * np.log10(np.maximum(power, 100.0)), prominence=3.0)
+    width = {top: half_width(power, top) for top in at} or {int(power.argmax()): 1.0}
+    highest = sorted(width, key=lambda top: -power[top])[: _MOST_POLES // 2]
+    decay = np.clip([width[top] for top in highest], 0.3, 30) * lines.spacing * lines.block
+    pairs = -np.pi * decay + 2j * np.pi * lines.centres[highest]
     return np.append(pairs, -2 * np.pi * lines.f[0] / 5)
 
 

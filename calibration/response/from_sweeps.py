@@ -10,6 +10,7 @@ import scipy
 
 from ...base.arrays import ComplexArray, FloatArray
 from ...base.errors import InstrumentError
+from ...base.filters import correlate_within
 from ...base.progress import Progress, part_of, silent
 from ...instruments import Capture, Rig, Sweep
 from ..spectra import fade
@@ -342,7 +343,7 @@ def ordered(sweep: LinearSweep, rate_hz: float) -> FloatArray:
 def _found(volts: FloatArray, wanted: FloatArray) -> tuple[int, float]:
     """Sample at which a sweep begins in a record, -1 where there is none; and its volts over the wanted."""
     calm = volts - np.median(volts)
-    alike = scipy.signal.correlate(calm, wanted, mode="valid", method="fft")
+    alike = correlate_within(calm, wanted)
     start = int(np.argmax(alike))
     gain = float(alike[start] / (wanted @ wanted))
     size = np.linalg.norm(calm[start : start + len(wanted)]) * np.linalg.norm(wanted)

@@ -269,6 +269,7 @@ def _swept(spot: Spot, sweep: LinearSweep, peak: float, progress: Progress) -> R
         drives.append(volts[lead : lead + capture.volts.shape[1] - longest])
         still = lead + len(once) + round(_RINGS * sweep.tail * rate_hz)
         records.append(Record(velocity, (slice(0, lead), slice(still, len(velocity)))))
+        del capture, volts, velocity  # each as large as all that is kept of a sweep
     progress(_doing(spot), sweep.duration, sweep.duration, "s")
     calm, tones = without_tones(records, rate_hz)
     velocities = [row[lead : lead + len(drives[0])] for row, lead in zip(calm, leads, strict=True)]

@@ -20,10 +20,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import scipy
 
 from ...base.arrays import FloatArray
 from ...base.errors import ConfigurationError
+from ...base.filters import correlate
 from ...base.progress import Progress, silent
 from ...instruments import Rig
 from ...instruments.operator import Cable, Uncable
@@ -204,7 +204,7 @@ def _amplitude(volts: FloatArray, hz: float, rate_hz: float) -> float:
 
 def _late(heard: FloatArray, sweep: FloatArray) -> tuple[int, bool]:
     """Samples by which a sweep is late in a record, and True when it is upside down there."""
-    alike = scipy.signal.correlate(heard, sweep, mode="full", method="fft")
+    alike = correlate(heard, sweep)
     best = int(np.abs(alike).argmax())
     return best - (len(sweep) - 1), bool(alike[best] < 0)
 

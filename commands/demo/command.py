@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     metavar="LIST",
     help="Patches to play at once, for example A.  [default: all that have an amplifier channel, or A]",
 )
+@click.option("--figures", is_flag=True, help="Draw the figures into the report, with the true values.")
 @RIG
 @SIMULATE
 @TAPED
@@ -48,6 +49,7 @@ def demo(
     seed: int | None,
     participants: int,
     patches: Sequence[str] | None,
+    figures: bool,
     rig: str,
     simulate: Mode | None,
     tape: Path | None,
@@ -75,6 +77,7 @@ def demo(
             seed=seed,
             participants=participants,
             patches=patches,
+            figures=figures,
             mode=simulate,
             progress=progress,
         )

@@ -17,7 +17,7 @@ from ...acquisition import Recording, Representative
 from ...base.arrays import ComplexArray, FloatArray
 from ...base.wording import capital
 from ...calibration import Calibration, Check, check_feeling, worst
-from ...reports import figures
+from ...reports import figures, html
 from ...reports.contents import (
     Contents,
     Grid,
@@ -33,7 +33,6 @@ from ...reports.contents import (
     plain,
     verdict_cell,
 )
-from ...reports.html import CaptionedFigure, Page
 
 # Results of one run of the demo.
 
@@ -237,7 +236,7 @@ _EXPLAINED = (
 )
 
 
-def report(demo: Demo, summary: Mapping[str, Any]) -> str:
+def report(demo: Demo, summary: Mapping[str, Any], with_figures: bool) -> str:
     """Render the report of a run as HTML."""
     response = demo.calibration.response
     people = counted(summary["participants"], "participant")
@@ -256,7 +255,8 @@ def report(demo: Demo, summary: Mapping[str, Any]) -> str:
     ]
     sources = [(r.path.name, r.content_hash) for b in demo.buttons for r in b.recordings]
     by = f"haploop figures {shlex.quote(str(demo.out))} --out figures"
-    return Page(_TITLE, lead, sections, _captioned_figures(demo), sources, by).html()
+    drawn = _captioned_figures(demo) if with_figures else ()
+    return html.Page(_TITLE, lead, sections, drawn, sources, by).html()
 
 
 def _about(demo: Demo, summary: Mapping[str, Any]) -> Iterator[Contents]:
@@ -300,7 +300,7 @@ _FELT = (
 )
 
 
-def _captioned_figures(demo: Demo) -> Sequence[CaptionedFigure]:
+def _captioned_figures(demo: Demo) -> Sequence[html.CaptionedFigure]:
     """Draw the report's figures, each with a caption that names the corresponding figure of the paper."""
     results = demo.buttons
     response = demo.calibration.response
@@ -339,7 +339,7 @@ def _captioned_figures(demo: Demo) -> Sequence[CaptionedFigure]:
             f"{captions.FEELING} n = {results[0].check.plays} plays of each drive.",
         ),
     )
-    return [CaptionedFigure(*one, simulated=True) for one in drawn]
+    return [html.CaptionedFigure(*one, simulated=True) for one in drawn]
 
 
 def _modulated(results: Sequence[ButtonResult]) -> str:

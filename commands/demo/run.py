@@ -31,7 +31,7 @@ from ...instruments import Rig, load_rig_file, open_rig
 from ...instruments.driver import Mode
 from ...instruments.sensors import loss
 from ...reports.contents import forces_in
-from .report import BUTTONS, PRESSES, ButtonResult, Demo
+from .report import BUTTONS, PRESSES, ButtonResult, Demo, report, summarise
 
 _RESULTS = (
     "recordings",
@@ -60,6 +60,7 @@ def run_demo(
     seed: int | None = None,
     participants: int = 1,
     patches: Sequence[str] | None = None,
+    figures: bool = False,
     mode: Mode | None = None,
     progress: Progress = silent,
     clock: Clock | None = None,
@@ -68,7 +69,8 @@ def run_demo(
 
     A lab's rig file is always simulated, with twins unless `mode` is "wire": no hardware is used.
     `seed` overrides the seed in the file. `patches` play at once; by default all that have an amplifier
-    channel of their own, or else A. Returns the summary, which is also written as `summary.json`
+    channel of their own, or else A. With `figures` the report shows the paper's, with the true values of the
+    simulated plant. Returns the summary, which is also written as `summary.json`
     beside `report.html`, `calibration.h5`, `calibration-waveforms.h5`, `recordings/`, `presses/`, `drives/`
     and `checks/`. Error, floor, verdict and response can be computed again from these files.
 
@@ -86,14 +88,11 @@ def run_demo(
         demo = _loop(opened, folder, participants, played, str(rig), progress, lambda: clock.now() - began)
     step = "Write the report"
     progress(step, 0, 1, "")
-    # Matplotlib is 40 MB, which a calibration needs for its own.
-    from .report import report, summarise  # noqa: PLC0415
-
     summary = summarise(demo)
     with new_file(folder / "summary.json") as part:
         part.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     with new_file(folder / "report.html") as part:
-        part.write_text(report(demo, summary), encoding="utf-8", newline="\n")
+        part.write_text(report(demo, summary, figures), encoding="utf-8", newline="\n")
     progress(step, 1, 1, "")
     return summary
 

@@ -20,6 +20,7 @@ from ...acquisition import Representative
 from ...base.arrays import FloatArray
 from ...base.errors import DataError
 from ...calibration import Check, DigitalButton, Drive, check_feeling
+from ...calibration.drive import activation_time
 from ...calibration.spectra import resample, third_octaves
 from ...experiments import export_answers
 from ...reports.contents import (
@@ -35,7 +36,7 @@ from ...reports.contents import (
     text_of,
     unbroken,
 )
-from ...reports.figures import activation_time, encode, mark_simulated
+from ...reports.figures import encode, mark_simulated
 from ...reports.html import contents_at, report_html
 from ..data_folder import DataFolder, store_of
 

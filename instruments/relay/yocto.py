@@ -15,7 +15,6 @@ import json
 import math
 import socket
 from collections.abc import Collection, Mapping
-from http.client import HTTPException, HTTPResponse
 from io import BufferedReader, RawIOBase
 from typing import Annotated, Any, Self, TypeVar, cast
 from urllib.parse import urlencode, urlsplit
@@ -314,6 +313,9 @@ class _Hub:
 
     def _got(self, path: str) -> tuple[int, bytes]:
         """Status and body. Raises TimeoutError, ConnectionError."""
+        # It loads ssl, which costs every command whose rig file names this driver more than the request.
+        from http.client import HTTPException, HTTPResponse  # noqa: PLC0415
+
         parts = urlsplit(self.url)
         request = f"GET {path} HTTP/1.1\r\nHost: {self._host}\r\nConnection: close\r\n\r\n"
         clock = RealClock()

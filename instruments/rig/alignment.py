@@ -16,6 +16,7 @@ import scipy
 
 from ...base.arrays import ComplexArray, FloatArray
 from ...base.errors import InstrumentError
+from ...base.filters import correlate_within
 from ..daq import Capture
 
 _LEAST = 0.5
@@ -149,7 +150,7 @@ def _refuse(timing: Timing) -> None:
 
 def _place(measured: FloatArray, expected: FloatArray) -> float:
     """Most likely first sample of the drive or of its inverse, with a resolution below one sample."""
-    found = np.abs(scipy.signal.correlate(measured, expected, mode="valid", method="fft"))
+    found = np.abs(correlate_within(measured, expected))
     before, peak, after = found[:-2], found[1:-1], found[2:]
     tops = np.flatnonzero((peak >= before) & (peak > after) & (peak > 0.9 * found.max(initial=0.0)))
     if not len(tops):

@@ -225,7 +225,7 @@ def _motion_drawing(press: Representative, check: Check) -> Drawing:
         "Measured motion of the surface",
         captions.COMPARISON,
         [(press, check)],
-        figures.comparison,
+        lambda some, columns: figures.comparison(some, columns),  # noqa: PLW0108 - loads matplotlib
         lambda some: _plays([one for _, one in some]),
     )
 

@@ -16,7 +16,7 @@ from ...acquisition import Representative
 from ...base.arrays import FloatArray
 from ...base.wording import capital
 from ...calibration import Check, Feeling
-from .. import figures
+from ...calibration.drive import activation_time
 from .parts import Cell, verdict_cell
 from .words import percent
 
@@ -211,7 +211,7 @@ def _motion(check: Check, press: Representative | None) -> Motion:
     clock = np.arange(len(target)) / check.rate_hz
     zero, recorded = 0.0, None
     if press is not None:
-        zero = figures.activation_time(press, check.drive)
+        zero = activation_time(press, check.drive)
         own = (np.arange(len(press.acceleration)) - press.activation_index) / press.rate_hz + zero
         largest = float(np.max(np.abs(press.acceleration))) or 1.0
         recorded = np.interp(time, own, press.acceleration / largest, 0.0, 0.0)

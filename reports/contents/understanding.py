@@ -119,7 +119,7 @@ def curve_contents(curve: Curve) -> Contents:
                 "Force over travel",
                 captions.CURVES,
                 [curve],
-                figures.curves_figure,
+                lambda some, columns: figures.curves_figure(some, columns),  # noqa: PLW0108 - loads matplotlib
                 lambda some: sentence([one.button for one in some]),
                 identity=(curve.source_sha256, curve.button),
                 several=6,

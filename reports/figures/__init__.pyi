@@ -17,7 +17,6 @@ from .history import trend as trend
 from .map import map_figure as map_figure
 from .map import response as response
 from .paper import activation_forces as activation_forces
-from .paper import activation_time as activation_time
 from .paper import comparison as comparison
 from .paper import drives as drives
 from .plan import plan_figure as plan_figure

@@ -10,13 +10,12 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import scipy
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ...base.arrays import FloatArray
 from ...base.wording import capital
-from ...calibration import modulate
+from ...calibration.drive import activation_time
 from .plotting import (
     BLUE,
     GREY,
@@ -213,16 +212,6 @@ def _stretch(axes: Axes, press: Representative, check: Check, with_legend: bool)
     axes.set_ylabel("Acceleration (m/s²)")
     if with_legend:
         legend_under(axes, 2)
-
-
-def activation_time(press: Representative, drive: Drive) -> float:
-    """Time (s) of the activation on the drive's clock, from the best fit of its modulation to the target."""
-    step = round(drive.rate_hz / press.rate_hz)
-    coarse = drive.target[::step]
-    modulated = modulate(press.acceleration, press.rate_hz, drive.carrier_hz)
-    fit = scipy.signal.fftconvolve(coarse, modulated[::-1])
-    first = int(np.argmax(fit)) - (len(modulated) - 1)
-    return float((first + press.activation_index) / press.rate_hz)
 
 
 def _spectra(axes: Axes, press: Representative, check: Check, with_legend: bool) -> None:

@@ -12,13 +12,15 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from matplotlib.figure import Figure
 
+from .. import figures
 from ..contents import Contents, Glance, Grid, Verdict, key_of, text_of, unbroken
-from ..figures import encode, mark_simulated
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 GLANCE_STYLE = Path(__file__).with_name("glance.css")
 """Style of glances: part of a report, and of a notebook's cell; the console serves it to its pages."""
@@ -37,12 +39,12 @@ class CaptionedFigure:
 
     def __post_init__(self) -> None:
         if self.simulated:
-            mark_simulated(self.figure)
+            figures.mark_simulated(self.figure)
 
     @cached_property
     def svg(self) -> bytes:
         """The figure as SVG, encoded once: a page embeds it, and a file beside the page holds it."""
-        return encode(self.figure, "svg")
+        return figures.encode(self.figure, "svg")
 
 
 @dataclass(frozen=True, eq=False)

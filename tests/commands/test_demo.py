@@ -6,6 +6,8 @@ import math
 import re
 import shlex
 import shutil
+import subprocess
+import sys
 from types import SimpleNamespace
 from typing import Any
 
@@ -95,10 +97,30 @@ def test_the_report_stands_alone(demo):
     assert demo.summary["report"] == str(demo.folder / "report.html")
     assert not re.search(r'(?:src|href)="(?!data:)', report)
     assert not re.search(r"https?://|url\(|@import", report)
-    assert report.count('src="data:image/svg+xml;base64,') == 6
+    assert "data:image" not in report  # figures are drawn where somebody asks for them
     assert "Everything here is simulated" in report
     for button in demo.summary["buttons"].values():
         assert button["sources"][0]["sha256"] in report
+
+
+@pytest.mark.long
+def test_figures_are_drawn_with_the_true_values_where_they_are_asked_for(run, tmp_path):
+    assert run("demo", "--out", tmp_path / "drawn", "--figures").exit_code == 0
+    report = (tmp_path / "drawn" / "report.html").read_text(encoding="utf-8")
+    assert report.count('src="data:image/svg+xml;base64,') == 6
+    assert "Dashed: the true response of the plant" in report
+
+
+@pytest.mark.long
+def test_a_demo_loads_nothing_that_draws_and_no_statistics(tmp_path):
+    script = (
+        "import sys; from haploop import run_demo; run_demo(sys.argv[1]);"
+        "print(sorted({'matplotlib', 'scipy.signal', 'scipy.stats'} & set(sys.modules)))"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", script, tmp_path], capture_output=True, text=True, check=False
+    )
+    assert ended.stdout == "[]\n", ended.stderr
 
 
 def test_each_button_says_in_one_sentence_who_feels_it_and_what_would_settle_it(demo):

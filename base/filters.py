@@ -1,0 +1,124 @@
+"""Convolution, correlation, envelope, resampling, peaks, and filters without phase.
+
+scipy.signal has them, too, and loads scipy.stats with all that this needs: 0.5 s in a command of two. These
+give the same numbers (`tests/base/test_filters.py` compares them) from what is loaded anyway. What runs for
+long, or seldom, takes scipy.signal's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import gcd
+
+import numpy as np
+import scipy
+
+from .arrays import ComplexArray, FloatArray
+
+
+def convolve(signal: FloatArray, kernel: FloatArray) -> FloatArray:
+    """Convolution of (samples,) with (taps,): all samples + taps - 1 values."""
+    count = len(signal) + len(kernel) - 1
+    size = scipy.fft.next_fast_len(count, real=True)
+    both = scipy.fft.rfft(signal, size) * scipy.fft.rfft(kernel, size)
+    return np.asarray(scipy.fft.irfft(both, size)[:count])
+
+
+def correlate(signal: FloatArray, wanted: FloatArray) -> FloatArray:
+    """Correlation of (samples,) with (wanted,): value k is of `wanted` from sample k - len(wanted) + 1 on."""
+    return convolve(signal, wanted[::-1])
+
+
+def correlate_within(signal: FloatArray, wanted: FloatArray) -> FloatArray:
+    """Correlation of (samples,) with (wanted,) where it lies within: value k is that from sample k on."""
+    return correlate(signal, wanted)[len(wanted) - 1 : len(signal)]
+
+
+def envelope(signal: FloatArray) -> FloatArray:
+    """Envelope (samples,) of a signal: the magnitude of its analytic signal."""
+    return np.asarray(np.abs(analytic(signal)))
+
+
+def analytic(signal: FloatArray) -> ComplexArray:
+    """(samples,) of the signal without its negative frequencies, whose real part is the signal."""
+    count = len(signal)
+    spectrum = scipy.fft.fft(signal)
+    spectrum[1 : (count + 1) // 2] *= 2
+    spectrum[count // 2 + 1 :] = 0
+    return np.asarray(scipy.fft.ifft(spectrum))
+
+
+def resample_poly(signal: FloatArray, up: int, down: int) -> FloatArray:
+    """(samples,) at up/down times the rate, behind a low-pass of linear phase without delay.
+
+    The filter is a sinc of 20 periods of the lower rate within a Kaiser window (beta 5). Outside, the signal
+    is zero.
+    """
+    up, down = up // gcd(up, down), down // gcd(up, down)
+    if up == down:
+        return np.array(signal)
+    slower = max(up, down)
+    half = 10 * slower
+    taps = np.sinc(np.arange(-half, half + 1) / slower) * np.kaiser(2 * half + 1, 5.0)
+    taps *= up / taps.sum()
+    out = np.empty(-(-len(signal) * up // down))
+    # Each phase takes every up-th tap, and every down-th sample.
+    longest = -(-len(taps) // up)
+    padded = np.pad(np.asarray(signal, np.float64), longest + slower)
+    for phase in range(min(up, len(out))):
+        middle = phase * down + half  # where the output stands among the taps, on the clock of both rates
+        own = taps[middle % up :: up][::-1]
+        windows = np.lib.stride_tricks.sliding_window_view(padded, len(own))
+        first = middle // up - len(own) + 1 + longest + slower
+        count = len(range(phase, len(out), up))
+        out[phase::up] = windows[first::down][:count] @ own
+    return out
+
+
+def without_phase(
+    signal: FloatArray, rate_hz: float, gain: Callable[[FloatArray], FloatArray], seconds: float
+) -> FloatArray:
+    """Filter (..., samples) by a real gain over frequencies (Hz) that dies out within some seconds.
+
+    Both ends are continued for that time (for a signal's own length at most), turned about their last sample,
+    and then held, so that the filter sees no edge.
+    """
+    samples, calm = signal.shape[-1], int(np.ceil(seconds * rate_hz))
+    around = min(samples - 1, calm)
+    beside = [(0, 0)] * (signal.ndim - 1)
+    turned = np.pad(signal, [*beside, (around, around)], mode="reflect", reflect_type="odd")
+    size = scipy.fft.next_fast_len(turned.shape[-1] + 2 * calm, real=True)
+    before = (size - turned.shape[-1]) // 2
+    held = np.pad(turned, [*beside, (before, size - turned.shape[-1] - before)], mode="edge")
+    spectrum = scipy.fft.rfft(held) * gain(np.asarray(scipy.fft.rfftfreq(size, 1 / rate_hz)))
+    return np.asarray(scipy.fft.irfft(spectrum, size)[..., before + around :][..., :samples])
+
+
+def peaks(values: FloatArray, prominence: float) -> list[int]:
+    """Indices of the maxima of (values,) that stand out by `prominence` at least: see `_saddles`."""
+    rising = np.diff(values) > 0
+    tops = np.flatnonzero(rising[:-1] & ~rising[1:]) + 1
+    return [top for top in tops.tolist() if values[top] - max(_saddles(values, top)) >= prominence]
+
+
+def half_width(values: FloatArray, top: int) -> float:
+    """Width (samples) of a maximum of (values,) half way down to the higher of its saddles."""
+    level = (values[top] + max(_saddles(values, top))) / 2
+    return sum(_steps_down(side, level) for side in (values[top::-1], values[top:]))
+
+
+def _saddles(values: FloatArray, top: int) -> tuple[float, float]:
+    """The least values on either side of a maximum, up to where the values exceed it."""
+    left, right = (_until_above(side) for side in (values[top::-1], values[top:]))
+    return float(left.min()), float(right.min())
+
+
+def _until_above(side: FloatArray) -> FloatArray:
+    above = side > side[0]
+    return side[: int(above.argmax())] if above.any() else side
+
+
+def _steps_down(side: FloatArray, level: float) -> float:
+    """Steps from the first of (values,) to where they cross a level, interpolated."""
+    below = int((side <= level).argmax())
+    return below - float((level - side[below]) / (side[below - 1] - side[below]))
