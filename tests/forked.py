@@ -13,12 +13,9 @@ import pytest
 __all__ = ["context"]
 
 _IMPORTED = (
-    "haploop.exchange.processing",
-    "scipy.signal",
-    "pytest",
-    "tests.acquisition.recording.pattern",
+    "haploop.exchange.processing", "scipy.signal", "pytest", "tests.acquisition.recording.pattern",
     "tests.acquisition.session.studying",
-)
+)  # fmt: skip
 
 
 def context() -> BaseContext:

@@ -61,12 +61,9 @@ def history_file(name: str) -> Callable[[Path], tuple[Path, Callable[[], Any]]]:
 
 
 OURS = {
-    "rejections": rejections,
-    "map": map_plan,
-    "activations": history_file("activations.json"),
-    "looks": history_file("looks.json"),
-    "generation": history_file("generation.json"),
-}
+    "rejections": rejections, "map": map_plan, "activations": history_file("activations.json"),
+    "looks": history_file("looks.json"), "generation": history_file("generation.json"),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", OURS)

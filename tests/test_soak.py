@@ -161,14 +161,10 @@ class Week:
         files = Path("/proc/self/fd")
         self.sizes.append(
             Size(
-                threading.active_count(),
-                len(list(files.iterdir())) if files.is_dir() else 0,
-                resident(),
-                sum(log.stat().st_size for log in logs),
-                time.process_time() - began,
-                quiet,
+                threading.active_count(), len(list(files.iterdir())) if files.is_dir() else 0, resident(),
+                sum(log.stat().st_size for log in logs), time.process_time() - began, quiet,
             )
-        )
+        )  # fmt: skip
 
     def look(self, hour: int, trouble: Trouble | None) -> str:
         with self.at(hour * HOUR, trouble) as rig:

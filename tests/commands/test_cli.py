@@ -48,18 +48,8 @@ def test_a_bug_is_one_sentence_and_a_code_of_its_own(monkeypatch):
 )
 def test_a_stopped_recording_is_safe_and_readable(tmp_path, number, code):
     command = [
-        sys.executable,
-        "-m",
-        "haploop",
-        "record",
-        "latch",
-        "-p",
-        "P01",
-        "-n",
-        "60",
-        "-o",
-        str(tmp_path),
-    ]
+        sys.executable, "-m", "haploop", "record", "latch", "-p", "P01", "-n", "60", "-o", str(tmp_path),
+    ]  # fmt: skip
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert "simulated" in process.stderr.readline()
         assert "Record the latch button" in process.stderr.readline()

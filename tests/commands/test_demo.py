@@ -183,13 +183,9 @@ def test_show_knows_every_file_of_a_demo(demo, run, tmp_path, name, kind):
 
 def test_check_finds_what_the_demo_found(demo, run, tmp_path):
     values = run.json(
-        "check",
-        demo.folder / "recordings" / "P01-toggle.h5",
-        "--calibration",
-        demo.folder / "calibration.h5",
-        "--out",
-        tmp_path,
-    )
+        "check", demo.folder / "recordings" / "P01-toggle.h5", "--calibration",
+        demo.folder / "calibration.h5", "--out", tmp_path,
+    )  # fmt: skip
     assert values["button"] == "toggle"
     assert values["passed"] is True
     assert values["drive_peak_v"] == pytest.approx(

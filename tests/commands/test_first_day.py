@@ -236,12 +236,9 @@ def without(module: str) -> Broken:
 
 def camera(opened: bool, frame: Any = None) -> Broken:
     seen = SimpleNamespace(
-        isOpened=lambda: opened,
-        read=lambda: (frame is not None, frame),
-        release=lambda: None,
-        set=lambda *_: True,
-        get=lambda *_: 0.0,
-    )
+        isOpened=lambda: opened, read=lambda: (frame is not None, frame), release=lambda: None,
+        set=lambda *_: True, get=lambda *_: 0.0,
+    )  # fmt: skip
     return doing(cv2, "VideoCapture", lambda *_: seen)
 
 
@@ -258,13 +255,10 @@ _SOUND: dict[str, Broken] = {
     "without permission": card(8, "Stream", _PortAudioError("Unanticipated host error")),
 }
 _SERIAL: dict[str, Broken] = {
-    "missing": port(errno.ENOENT),
-    "busy": port(errno.EBUSY),
-    "wrong": port_answering(b"\xff\xfe?\r\n"),
-    "another": port_answering(b"ACME 5\n"),
-    "silent": port_answering(b""),
+    "missing": port(errno.ENOENT), "busy": port(errno.EBUSY), "wrong": port_answering(b"\xff\xfe?\r\n"),
+    "another": port_answering(b"ACME 5\n"), "silent": port_answering(b""),
     "without permission": port(errno.EACCES),
-}
+}  # fmt: skip
 _VISA: dict[str, Broken] = {
     "missing": visa(pyvisa.VisaIOError(StatusCode.error_resource_not_found)),
     "busy": visa(pyvisa.VisaIOError(StatusCode.error_resource_locked)),
@@ -282,13 +276,8 @@ STATES: dict[str, dict[str, Broken]] = {
         "without library": doing(Sessions, "system", raising(DaqNotFoundError("no NI-DAQmx"))),
         "without permission": doing(Sessions, "system", raising(RpcError(7, "PERMISSION_DENIED"))),
     },
-    "sound-card": _SOUND,
-    "sound-card-output": _SOUND,
-    "serial-adc": _SERIAL,
-    "ofv-5000": _SERIAL,
-    "serial-relay": _SERIAL,
-    "keysight-33500": _VISA,
-    "rigol-dg1000z": _VISA,
+    "sound-card": _SOUND, "sound-card-output": _SOUND, "serial-adc": _SERIAL, "ofv-5000": _SERIAL,
+    "serial-relay": _SERIAL, "keysight-33500": _VISA, "rigol-dg1000z": _VISA,
     "yocto-maxicoupler": {
         "missing": hub(None),
         "busy": hub(http("200 OK", EMPTY)),  # a program that has the box by USB hides it from the hub
@@ -297,12 +286,10 @@ STATES: dict[str, dict[str, Broken]] = {
         "without permission": hub(http("401 Unauthorized")),
     },
     "opencv": {
-        "missing": camera(False),
-        "wrong": camera(True, np.zeros((50, 60), np.uint8)),
-        "silent": camera(True),
+        "missing": camera(False), "wrong": camera(True, np.zeros((50, 60), np.uint8)), "silent": camera(True),
         "without library": without("cv2"),
     },
-}
+}  # fmt: skip
 """What can be wrong with the instrument of a driver, and how to bring it about."""
 _SIX = {"missing", "busy", "wrong", "silent", "without library", "without permission"}
 CANNOT = {
@@ -319,10 +306,7 @@ DESCRIBED: dict[str, tuple[str, dict[str, dict[str, Any]]]] = {
         "bench",
         {
             "relay": {
-                "driver": "serial-relay",
-                "port": "COM9",
-                "patches": dict.fromkeys("A", 0),
-                "rating": 250,
+                "driver": "serial-relay", "port": "COM9", "patches": dict.fromkeys("A", 0), "rating": 250,
             },
             "generator": {
                 "driver": "rigol-dg1000z",
@@ -332,7 +316,7 @@ DESCRIBED: dict[str, tuple[str, dict[str, dict[str, Any]]]] = {
         },
     ),
     "streams": ("minimal", {"streams": {"driver": "lsl", "inlets": {"eeg": {"type": "EEG"}}}}),
-}
+}  # fmt: skip
 """Rigs with the drivers that no shipped one has: one that each is like, and its own tables."""
 
 

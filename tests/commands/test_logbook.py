@@ -35,12 +35,9 @@ def tripped(tmp_path: Path) -> Path:
 
 def test_a_rig_that_was_stopped_plays_again_when_a_person_says_so(run, tripped):
     run(
-        "calibrate --rig",
-        tripped,
-        "--out",
-        tripped.with_name("c.h5"),
+        "calibrate --rig", tripped, "--out", tripped.with_name("c.h5"),
         says=("The rig is locked out", "haploop reset"),
-    )
+    )  # fmt: skip
     run("reset --rig", tripped, ends=2)
     assert "needs a reason" in run("reset --rig", tripped, "--reason", "  ").stderr
     shown = run.json("log --rig", tripped)

@@ -129,27 +129,14 @@ def index(demo: Demo, run: Run, folder: Path) -> Made:
 
 
 KINDS: dict[str, Callable[[Demo, Run, Path], Made]] = {
-    "wav": signals("wav", ".wav"),
-    "csv": signals("csv", ".csv"),
-    "mat": signals("mat", ".mat"),
-    "uff": signals("uff", ".uff"),
-    "sep005": sep005,
-    "sidecar": beside,
-    "responses": responses,
-    "waveforms": waveforms,
-    "plan": mapped("map.json"),
-    "point": mapped("point*.h5"),
-    "modes": mapped("modes*.h5"),
-    "activations": history("activations.json"),
-    "generation": history("generation.json"),
-    "generation's button": history("*.h5"),
-    "rig": rig,
-    "experiment": experiment,
-    "withdrawals": withdrawals,
-    "answers": answers,
-    "part": part_of_a_study,
+    "wav": signals("wav", ".wav"), "csv": signals("csv", ".csv"), "mat": signals("mat", ".mat"),
+    "uff": signals("uff", ".uff"), "sep005": sep005, "sidecar": beside, "responses": responses,
+    "waveforms": waveforms, "plan": mapped("map.json"), "point": mapped("point*.h5"),
+    "modes": mapped("modes*.h5"), "activations": history("activations.json"),
+    "generation": history("generation.json"), "generation's button": history("*.h5"), "rig": rig,
+    "experiment": experiment, "withdrawals": withdrawals, "answers": answers, "part": part_of_a_study,
     "index": index,
-}
+}  # fmt: skip
 NEVER_REFUSED = {"index", "part"}
 """Made again where they are damaged."""
 SLOW = {"mat", "plan", "point", "modes", "activations", "generation", "generation's button", "part"}

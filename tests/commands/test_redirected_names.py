@@ -79,11 +79,8 @@ def said_by_a_program(folder: Path, rig: str, *options: str) -> dict[str, Any]:
             *(sys.executable, "-m", "haploop", "twin", "all", "--rig", rig, "--port", "yocto=0", *options),
             *("--", sys.executable, str(program), visa, ports),
         ],
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=folder,
-    )
+        capture_output=True, text=True, check=False, cwd=folder,
+    )  # fmt: skip
     assert ended.returncode == 0, ended.stderr
     found: dict[str, Any] = json.loads(ended.stdout.splitlines()[-1])
     return found

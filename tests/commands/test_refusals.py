@@ -62,14 +62,9 @@ def test_a_calibration_that_could_not_be_kept_is_not_measured(run):
 def test_a_check_that_could_not_be_kept_is_not_played(demo, run, tmp_path, name):
     (tmp_path / name).write_text("mine")
     result = run(
-        "check",
-        demo.folder / "recordings" / "P01-latch.h5",
-        "--calibration",
-        demo.folder / "calibration.h5",
-        "--out",
-        tmp_path,
-        ends=2,
-    )
+        "check", demo.folder / "recordings" / "P01-latch.h5", "--calibration", demo.folder / "calibration.h5",
+        "--out", tmp_path, ends=2,
+    )  # fmt: skip
     assert name in result.stderr and "participant" not in result.stderr
     assert SIMULATED not in result.stderr
     assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [(name, "mine")]

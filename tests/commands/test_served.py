@@ -231,12 +231,8 @@ def test_a_program_that_knows_nothing_of_haploop_finds_every_instrument_of_a_rig
     command = _command("haploop twin all --rig lab.toml --")
     ran = subprocess.run(
         [*command, sys.executable, "script.py", hub],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
+        cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
     assert ran.returncode == 7, ran.stderr
     cards, volts, laser, name, generator, boxes = json.loads(ran.stdout)
     assert cards == ["Dev1", "Dev2"] and abs(volts) < 10

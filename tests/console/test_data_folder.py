@@ -16,25 +16,12 @@ from haploop.console.server.data_routes import data_routes
 @pytest.mark.parametrize(
     "name",
     [
-        "",
-        "/etc/passwd",
-        "../secret.h5",
-        "recordings/../../secret.h5",
-        "recordings//x.h5",
-        ".hidden",
-        "recordings/.P01.h5.lock",
-        "C:/secret.h5",
-        "recordings\\..\\..\\secret.h5",
-        "a\0b",
-        "<script>",
-        "x" * 256 + ".h5",
-        "é" * 128,
-        "/".join(["folder"] * 900),
-        "\ud800",
-        None,
+        "", "/etc/passwd", "../secret.h5", "recordings/../../secret.h5", "recordings//x.h5", ".hidden",
+        "recordings/.P01.h5.lock", "C:/secret.h5", "recordings\\..\\..\\secret.h5", "a\0b", "<script>",
+        "x" * 256 + ".h5", "é" * 128, "/".join(["folder"] * 900), "\ud800", None,
         ["recordings"],
     ],
-)
+)  # fmt: skip
 def test_a_name_that_leads_elsewhere_is_refused(tmp_path, name):
     with pytest.raises(ConfigurationError, match="no file of the console's data folder"):
         DataFolder(tmp_path / "data", tmp_path / "history").path(name)

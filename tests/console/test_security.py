@@ -19,18 +19,14 @@ from haploop.console.worker import Address
 
 STATIC = Path(__file__).parents[2] / "console" / "server" / "static"
 SNAPSHOT = {
-    "version": 1,
-    "rig": "<script>alert(1)</script>",
-    "simulated": True,
-    "paused": False,
-    "live": None,
+    "version": 1, "rig": "<script>alert(1)</script>", "simulated": True, "paused": False, "live": None,
     "run": {"doing": "record"},
     "session": {
         "participant": "P07",
         "verdicts": [{"number": 1, "attempt": 1, "accepted": True, "force": 3}],
     },
     "request": {"number": 4, "kind": "Press", "text": "Press.", "participant": "P07", "press": 2, "of": 3},
-}
+}  # fmt: skip
 
 
 class Link:

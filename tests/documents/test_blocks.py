@@ -26,12 +26,9 @@ BLOCKS = shown(DRIVER_PART)
 def test_the_guide_shows_every_file():
     files = {name for name, _ in BLOCKS}
     assert files == {
-        "pyproject.toml",
-        "acme.toml",
-        "haploop_acme/relay.py",
-        "haploop_acme/twin.py",
+        "pyproject.toml", "acme.toml", "haploop_acme/relay.py", "haploop_acme/twin.py",
         "tests/test_acme_relay.py",
-    }
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize(

@@ -37,27 +37,13 @@ def velocity() -> np.ndarray:
 def make_response(rig_file: str) -> Response:
     none = np.zeros(0)
     return Response(
-        patch="A",
-        point="button",
-        frequencies=FREQUENCIES,
-        velocity=velocity(),
-        deviation=none,
+        patch="A", point="button", frequencies=FREQUENCIES, velocity=velocity(), deviation=none,
         coherence=np.linspace(0.9, 0.99, len(FREQUENCIES)),
-        path=np.ones(len(FREQUENCIES), dtype=np.complex128),
-        noise=none,
-        distortion=np.zeros((0, 0)),
-        repeats=1,
-        level=10.0,
-        levels=none,
-        level_gain=none.astype(np.complex128),
-        pickup_range=0.02,
-        excitation="made for a test",
-        source="measured",
-        rig="simulated",
-        rig_file=rig_file,
-        simulated=True,
+        path=np.ones(len(FREQUENCIES), dtype=np.complex128), noise=none, distortion=np.zeros((0, 0)),
+        repeats=1, level=10.0, levels=none, level_gain=none.astype(np.complex128), pickup_range=0.02,
+        excitation="made for a test", source="measured", rig="simulated", rig_file=rig_file, simulated=True,
         created="2026-11-22T10:00:00+00:00",
-    )
+    )  # fmt: skip
 
 
 def make_drive() -> Drive:

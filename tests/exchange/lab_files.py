@@ -230,11 +230,8 @@ def npy_named(path: Path, w: Written) -> None:
     kinds = [("time", "f8"), ("force", "f4"), ("acc", "f4"), ("switch", "?")]
     values = np.zeros(len(w.force), dtype=kinds)
     values["time"], values["force"], values["acc"], values["switch"] = (
-        w.time,
-        w.force,
-        w.acceleration,
-        w.switch,
-    )
+        w.time, w.force, w.acceleration, w.switch,
+    )  # fmt: skip
     np.save(path, values)
 
 

@@ -56,24 +56,22 @@ def _uff(
     return write
 
 
-def force(data: np.ndarray = F, kind: int = 13, unit: str = "N", **more: Any) -> dict[str, Any]:
+def channel(name: str, data: np.ndarray, kind: int, unit: str, **more: Any) -> dict[str, Any]:
     return {
-        "id1": "force",
+        "id1": name,
         "data": data,
         "ordinate_spec_data_type": kind,
         "ordinate_axis_units_lab": unit,
         **more,
     }
+
+
+def force(data: np.ndarray = F, kind: int = 13, unit: str = "N", **more: Any) -> dict[str, Any]:
+    return channel("force", data, kind, unit, **more)
 
 
 def acc(data: np.ndarray = A, kind: int = 12, unit: str = "m/s^2", **more: Any) -> dict[str, Any]:
-    return {
-        "id1": "acc",
-        "data": data,
-        "ordinate_spec_data_type": kind,
-        "ordinate_axis_units_lab": unit,
-        **more,
-    }
+    return channel("acc", data, kind, unit, **more)
 
 
 def _tdms(*channels: tuple[str, np.ndarray, dict[str, Any]], **options: Any) -> Callable[[Path], None]:

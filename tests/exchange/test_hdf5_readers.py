@@ -55,11 +55,8 @@ def test_octave_reads_what_the_library_reads(files, kind, tmp_path):
         script.append(f"f = fopen('{tmp_path}/{number}', 'w'); fwrite(f, {place}, 'double'); fclose(f);")
     done = subprocess.run(
         ["octave-cli", "-q", "--eval", "\n".join(script)],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=120,
-    )
+        capture_output=True, text=True, check=False, timeout=120,
+    )  # fmt: skip
     for number, (name, values) in enumerate(wanted.items()):
         assert (tmp_path / str(number)).exists(), (name, done.stderr)
         # Octave's first index runs fastest, as HDF5's last does.

@@ -346,14 +346,9 @@ def test_a_reader_that_dies_is_one_sentence(run, tmp_path, monkeypatch):
     (tmp_path / "sitecustomize.py").write_text(dies, encoding="utf-8")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     result = run(
-        "import",
-        tmp_path / "a.mat",
-        "--acceleration",
-        "acceleration",
-        "-o",
-        tmp_path / "back.h5",
+        "import", tmp_path / "a.mat", "--acceleration", "acceleration", "-o", tmp_path / "back.h5",
         says="is damaged, or larger than the memory",
-    )
+    )  # fmt: skip
     assert result.stderr.count("\n") == 1
 
 

@@ -57,11 +57,8 @@ def test_a_sidecar_that_fits_no_more_is_one_sentence(files, run, tmp_path):
 
 def test_a_model_goes_to_matlab(files, run, tmp_path):
     assert run.json("export", files.calibration, "--to", "mat", "--out", tmp_path / "a.mat") == {
-        "kind": "calibration",
-        "to": "mat",
-        "files": [str(tmp_path / "a.mat")],
-        "simulated": True,
-    }
+        "kind": "calibration", "to": "mat", "files": [str(tmp_path / "a.mat")], "simulated": True,
+    }  # fmt: skip
     found = loadmat(tmp_path / "a.mat", simplify_cells=True)
     assert found["A"].ndim == 2 and found["units"]["velocity"] == "(m/s)/V"
     assert found["about"]["content_hash"] == haploop.content_hash(files.calibration)

@@ -382,13 +382,8 @@ CASES = (
     *(
         Case(f"no start: {line}", table(line))
         for line in (
-            "Exported: 2026-05-01 10:00:00",
-            "Download Time 10:00:00",
-            "Calibration date: 2026-05-01 10:00",
-            "Date of birth: 2000-05-01",
-            "Start: 1000 Hz",
-            "Time step: 10:00",
-            "Saved 2026-05-01 10:00:00",
+            "Exported: 2026-05-01 10:00:00", "Download Time 10:00:00", "Calibration date: 2026-05-01 10:00",
+            "Date of birth: 2000-05-01", "Start: 1000 Hz", "Time step: 10:00", "Saved 2026-05-01 10:00:00",
         )
     ),
     *(

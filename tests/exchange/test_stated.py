@@ -121,16 +121,9 @@ CASES = (
     *(
         asked(f"header {line}", f"{line}\nForce (N),Acc (g)\n{BARE}", "sample rate")
         for line in (
-            "Baud rate,115200",
-            "Bit rate: 5000",
-            "Slew rate 5000 mm/s",
-            "Press rate: 5000",
-            "Heart rate 72",
-            "Recording rate = 0.0002",
-            "Sampling interval: 0.0002",
-            "Max sample rate: 1 MHz",
-            "Sample rate: 5000 Hz\nRecording rate: 1000 Hz",
-            "Sample rate: 100,000 Hz",
+            "Baud rate,115200", "Bit rate: 5000", "Slew rate 5000 mm/s", "Press rate: 5000", "Heart rate 72",
+            "Recording rate = 0.0002", "Sampling interval: 0.0002", "Max sample rate: 1 MHz",
+            "Sample rate: 5000 Hz\nRecording rate: 1000 Hz", "Sample rate: 100,000 Hz",
         )
     ),
     asked("rate against stamps", "Sample rate: 1000 Hz\n" + timed("time (s),Force (N)"),

@@ -366,11 +366,8 @@ def test_a_task_lives_in_its_process(end, late, monkeypatch):
     with NiTwin({"Dev1": "PCIe-6363"}, time="real") as twin:
         program = subprocess.Popen(
             [sys.executable, "-c", _OTHER_PROGRAM],
-            env=twin.environment(),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
+            env=twin.environment(), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+        )  # fmt: skip
         with program, nidaqmx.Task("press") as task:
             assert program.stdout.readline() == "press\n"
             task.ai_channels.add_ai_voltage_chan("Dev1/ai0")

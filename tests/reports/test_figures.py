@@ -18,15 +18,10 @@ def profile(button: str = "latch", **changes: object) -> Profile:
     time = (np.arange(2500) - 750) / RATE
     ring = np.where(time > 0, np.exp(-60 * np.clip(time, 0, None)) * np.sin(2 * np.pi * 200 * time), 0.0)
     values: dict[str, object] = {
-        "button": button,
-        "time": time,
-        "acceleration": 8 * ring,
-        "force": np.clip(time + 0.1, 0, 0.2) * 30,
-        "activation": (time > 0).astype(float),
-        "rate_hz": RATE,
-        "bandwidth_hz": 500.0,
+        "button": button, "time": time, "acceleration": 8 * ring, "force": np.clip(time + 0.1, 0, 0.2) * 30,
+        "activation": (time > 0).astype(float), "rate_hz": RATE, "bandwidth_hz": 500.0,
         "spread": np.full(2500, 0.1),
-    }
+    }  # fmt: skip
     return Profile(**{**values, **changes})
 
 

@@ -20,14 +20,10 @@ def look(day: int, outcome: str, compared_with: str, modes: dict[float, float]) 
     """A night on which the calibrated modes (Hz) were found shifted."""
     found = [{"hz": hz, "shift": shift} for hz, shift in modes.items()]
     return {
-        "when": f"2026-11-{day:02d}T02:15:00+00:00",
-        "outcome": outcome,
-        "compared_with": compared_with,
-        "active": compared_with,
-        "places": [{"patch": "A", "point": "button", "modes": found}],
-        "sentences": [outcome],
-        "buttons": {},
-    }
+        "when": f"2026-11-{day:02d}T02:15:00+00:00", "outcome": outcome, "compared_with": compared_with,
+        "active": compared_with, "places": [{"patch": "A", "point": "button", "modes": found}],
+        "sentences": [outcome], "buttons": {},
+    }  # fmt: skip
 
 
 NIGHTS = [

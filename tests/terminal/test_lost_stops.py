@@ -189,11 +189,8 @@ def test_a_stop_during_the_first_imports_ends_the_command_at_once(tmp_path, numb
         (tmp_path / "haploop").write_text("from haploop.__main__ import main\nmain()")
         ended = subprocess.run(
             [sys.executable, *command, "schema"],
-            env={**os.environ, "PYTHONPATH": path},
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+            env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True, check=False,
+        )  # fmt: skip
         assert (ended.returncode, ended.stderr) == (128 + number, "Error: Stopped.\n"), command
 
 

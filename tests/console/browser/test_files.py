@@ -19,14 +19,9 @@ from tests.console.serving import Served, served
 pytestmark = pytest.mark.timeout(600)
 WIDTHS = (390, 1024, 1400)
 NIGHT = {
-    "when": "2026-11-20T02:15:00+00:00",
-    "outcome": "broken",
-    "compared_with": "0001",
-    "active": "0001",
-    "places": [],
-    "buttons": {},
-    "sentences": ["The laser does not see the surface."],
-}
+    "when": "2026-11-20T02:15:00+00:00", "outcome": "broken", "compared_with": "0001", "active": "0001",
+    "places": [], "buttons": {}, "sentences": ["The laser does not see the surface."],
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")

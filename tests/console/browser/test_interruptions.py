@@ -69,14 +69,11 @@ def a_check(page: Any) -> None:
 
 
 JOBS = {
-    "Preflight": ("preflight", a_preflight),
-    "Record toggle": ("record", a_recording),
-    "Study study": ("study", a_study),
-    "Calibrate patch A": ("table", a_calibration),
-    "Map map": ("table", a_map),
-    "Make a digital button": ("buttons", a_button),
+    "Preflight": ("preflight", a_preflight), "Record toggle": ("record", a_recording),
+    "Study study": ("study", a_study), "Calibrate patch A": ("table", a_calibration),
+    "Map map": ("table", a_map), "Make a digital button": ("buttons", a_button),
     "Play buttons/latch.h5": ("buttons", a_check),
-}
+}  # fmt: skip
 
 
 @pytest.mark.usefixtures("button")

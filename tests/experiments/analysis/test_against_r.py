@@ -52,13 +52,9 @@ def agree(effects: Sequence[Effect], rows: dict[str, list[list[float]]]) -> None
         # A column that does not fit the page follows in a block of its own.
         flat = [*first, *(number for row in later for number in row)]
         found: list[float] = [
-            effect.sum_of_squares,
-            effect.df,
-            effect.error_sum_of_squares,
-            effect.error_df,
-            effect.f,
+            effect.sum_of_squares, effect.df, effect.error_sum_of_squares, effect.error_df, effect.f,
             effect.p,
-        ]
+        ]  # fmt: skip
         if (s := effect.sphericity) is not None:
             found += [s.mauchly_w, s.mauchly_p, s.greenhouse_geisser, s.p_greenhouse_geisser, s.huynh_feldt]
             found += [s.p_huynh_feldt]

@@ -91,14 +91,11 @@ def test_the_deviation_of_ratings_is_that_of_a_sample_of_people():
     values = np.random.default_rng(1).uniform(10, 90, (5, 2, 2)).round()
     lines = [
         {
-            "participant": f"P{who}",
-            "category": f"c{i}",
-            "button": f"b{j}",
-            "pair": "p",
+            "participant": f"P{who}", "category": f"c{i}", "button": f"b{j}", "pair": "p",
             "rating": f"{value:g}",
         }
         for (who, i, j), value in np.ndenumerate(values)
-    ]
+    ]  # fmt: skip
     (pair,) = analyse_ratings(rows(*lines), normalised=False).pairs
     assert pair.mean == pytest.approx(values.mean(axis=0))
     assert pair.deviation == pytest.approx(values.std(axis=0, ddof=1))

@@ -40,11 +40,8 @@ def test_the_paper_s_first_experiment():
     experiment = load_experiment("matching")
     steps = steps_of(experiment)
     assert Counter(step.block for step in steps) == {
-        "familiarisation": 3,
-        "finger calibration": 10,
-        "training": 9,
-        "experiment": 30,
-    }
+        "familiarisation": 3, "finger calibration": 10, "training": 9, "experiment": 30,
+    }  # fmt: skip
     assert all(step.repetitions == 10 for step in steps if step.kind == "presses")
     assert Counter(s.stimulus["press"] for s in steps if s.kind == "finger") == {"light": 5, "firm": 5}
     for block, each in (("training", 3), ("experiment", 10)):

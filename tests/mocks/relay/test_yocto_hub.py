@@ -105,14 +105,11 @@ def test_pulse_toggle_and_limit(bench):
 @pytest.mark.parametrize(
     "path",
     [
-        "/api/relay9/state?state=1&.",
-        "/api/relay1/state?state=7&.",
-        "/api/relay1/pulseTimer?pulseTimer=soon&.",
-        "/api/relay1/beacon?beacon=1&.",
-        "/api/relay1/nothing",
+        "/api/relay9/state?state=1&.", "/api/relay1/state?state=7&.",
+        "/api/relay1/pulseTimer?pulseTimer=soon&.", "/api/relay1/beacon?beacon=1&.", "/api/relay1/nothing",
         "/apis",
     ],
-)
+)  # fmt: skip
 def test_what_the_module_does_not_know_is_refused_and_changes_nothing(bench, path):
     assert b" 404 " in bench.module(path).split(b"\r\n")[0]
     assert bench.box.take(1) == []

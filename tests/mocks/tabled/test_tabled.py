@@ -22,13 +22,9 @@ from haploop.mocks.transport import ReplyFault
 from tests.raising import raises
 
 ANSWERS = {
-    "*IDN?": "ACME,PSU,1,1.0",
-    "VOLT {volt}": "",
-    "VOLT?": "{volt:.3f}",
-    "OUTP {output}": "",
-    "OUTP?": "{output:d}",
-    "MEAS?": ["1", "2"],
-}
+    "*IDN?": "ACME,PSU,1,1.0", "VOLT {volt}": "", "VOLT?": "{volt:.3f}", "OUTP {output}": "",
+    "OUTP?": "{output:d}", "MEAS?": ["1", "2"],
+}  # fmt: skip
 STATE = {"volt": {"value": 0.0, "min": 0, "max": 30}, "output": False}
 Serve = Callable[..., Instrument]
 
