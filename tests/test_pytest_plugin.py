@@ -108,15 +108,12 @@ def test_hardware_that_is_not_there_is_skipped_with_the_reason(pytester):
     assert "the rig lab.toml could not be opened: " in reasons
 
 
-def test_a_mistake_in_a_rig_file_ends_the_run(pytester):
+def test_a_mistake_in_a_rig_file_ends_the_run_and_one_in_what_is_required_is_an_error(pytester):
     pytester.makepyfile(TESTS)
     pytester.makefile(".toml", lab='base = "haptable"\nnmae = "lab"')
     result = run(pytester, "--rig", "lab.toml")
     assert result.ret == pytest.ExitCode.USAGE_ERROR
     result.stderr.fnmatch_lines(["ERROR: *lab.toml*unknown key 'nmae'; did you mean 'name'?*"])
-
-
-def test_requiring_what_no_rig_has_is_a_mistake(pytester):
     pytester.makepyfile(TYPO)
     result = run(pytester)
     result.assert_outcomes(errors=1)

@@ -92,15 +92,11 @@ def test_a_wrong_request_is_one_sentence(run, args, tmp_path, monkeypatch):
     assert not [path for path in tmp_path.rglob("*") if path.is_file()]
 
 
-def test_a_rating_that_is_no_number_is_asked_for_again(monkeypatch):
+def test_a_rating_that_is_no_number_is_asked_for_again_and_enter_is_none(monkeypatch):
     step = Step("rating", "trials", 1, 1, False, False, "How was it?", choices=("soft",), values=(-50, 50))
     monkeypatch.setattr("sys.stdin", io.StringIO("nan\n51\n7.5\n"))
     said = _AtTerminal(None).answer(step)["soft"]
     assert said["value"] == 7.5 and len(said["touched"]) == 1
-
-
-def test_enter_is_no_rating(monkeypatch):
-    step = Step("rating", "trials", 1, 1, False, False, "How was it?", choices=("soft",), values=(-50, 50))
     monkeypatch.setattr("sys.stdin", io.StringIO("\n\n"))
     with pytest.raises(click.Abort):
         _AtTerminal(None).answer(step)

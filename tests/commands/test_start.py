@@ -136,11 +136,8 @@ def leaves() -> list[tuple[str, ...]]:
     return [path for path in every if not any(other[: len(path)] == path for other in every if other != path)]
 
 
-def test_the_help_of_each_command_shows_an_example():
+def test_the_help_of_each_command_shows_an_example_and_of_each_group_a_course():
     assert sorted(EXAMPLES) == sorted(" ".join(path) for path in leaves())
-
-
-def test_the_help_of_each_group_shows_a_course():
     every = {" ".join(path) for path in commands()} - {" ".join(path) for path in leaves()} | {""}
     assert sorted(COURSES) == sorted(every)
 

@@ -17,15 +17,12 @@ def rounded(seconds: float, rate_hz: float = 5000.0, stated: float | None = None
     return time_base(Path("a.csv"), stamps, 1.0, stated)
 
 
-def test_a_rate_is_told_with_its_uncertainty():
+def test_a_rate_is_told_with_its_uncertainty_and_a_stated_one_within_it_believed():
     found = rounded(2.0)
     assert found.rate_hz == 5000.0  # the three digits that are certain
     assert found.said == ("5000 samples/s to 0.05%, evenly: stamps are rounded to 1 ms",)
     # 5003 is further from three digits than a quarter of what is uncertain.
     assert rounded(2.0, 5003.0).rate_hz == pytest.approx(5003.0, rel=1e-4)
-
-
-def test_a_stated_rate_within_the_uncertainty_is_believed():
     assert rounded(2.0, stated=5002.0).rate_hz == 5002.0
     assert "as stated" in rounded(2.0, stated=5002.0).said[0]
     assert rounded(2.0, stated=5003.0).rate_hz == 5000.0

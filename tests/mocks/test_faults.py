@@ -91,25 +91,19 @@ def test_swapped_channels_move_another_patch(open):
     assert fired(rig) == [1]
 
 
-def test_a_tripped_amplifier_is_measured_and_not_believed(open):
-    rig = open(faults=[{"kind": "amplifier-trip", "after": 0.3}])
-    assert np.abs(played(rig)[0, -10_000:]).max() < 0.1
-    with pytest.raises(InstrumentError, match="check the amplifier"):
-        measure_response(rig, excitation=LinearSweep(seconds=2.0))
-    assert fired(rig) == [1]
-
-
-def test_a_laser_that_jumps_is_no_measurement(open):
-    rig = open(faults=[{"kind": "laser-dropout", "after": 1.0, "within": 1.0}])
-    with pytest.raises(InstrumentError, match="left its range"):
-        measure_response(rig, excitation=LinearSweep(seconds=2.0))
-    assert fired(rig) == [1]
-
-
-def test_a_blocked_laser_is_no_measurement(open):
-    rig = open(faults=[{"kind": "laser-blocked"}])
-    with pytest.raises(DataError, match="does not follow"):
-        measure_response(rig, excitation=LinearSweep(seconds=2.0))
+@pytest.mark.parametrize(
+    ("fault", "kind", "says"),
+    [
+        ({"kind": "amplifier-trip", "after": 0.3}, InstrumentError, "check the amplifier"),
+        ({"kind": "laser-dropout", "after": 1.0, "within": 1.0}, InstrumentError, "left its range"),
+        ({"kind": "laser-blocked"}, DataError, "does not follow"),
+    ],
+)
+def test_what_is_no_measurement(open, fault, kind, says):
+    rig = open(faults=[fault])
+    if fault["kind"] == "amplifier-trip":
+        assert np.abs(played(rig)[0, -10_000:]).max() < 0.1
+    raises(kind, says, measure_response, rig, excitation=LinearSweep(seconds=2.0))
     assert fired(rig) == [1]
 
 

@@ -44,15 +44,11 @@ def drawn(looks: list[dict[str, Any]]) -> dict[str, list[float]]:
     return found
 
 
-def test_each_mode_is_followed_through_a_renewal():
-    found = drawn(NIGHTS)
-    assert found == {
+def test_each_mode_is_followed_through_a_renewal_and_nights_without_one_have_no_figure():
+    assert drawn(NIGHTS) == {
         "200 Hz": pytest.approx([0, 2, 2], abs=1e-6),
         "260 Hz": pytest.approx([0.1, -1, -1], abs=1e-6),
     }
-
-
-def test_nights_that_measured_nothing_have_no_figure():
     with pytest.raises(DataError, match="No night has measured a mode"):
         nights_figure([NIGHTS[1]])
 

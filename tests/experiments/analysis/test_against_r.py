@@ -101,16 +101,12 @@ def multivariate(effect: MultivariateEffect | None, row: Sequence[float], rel: f
     assert found == pytest.approx(row[1:6], rel=rel)
 
 
-def test_manova_with_rows_as_independent():
+def test_manova_with_rows_as_independent_and_that_respects_repeated_measures():
     data = cells("balanced.csv", ["confirmation", "button"], [f"v{n}" for n in range(1, 8)], "")
     rows = printed("manova, rows independent")
     for effect in manova_independent(data.values, data.factors):
         first, second = rows[effect.name.replace(" x ", ":")]
         multivariate(effect, [*first, *second])
-
-
-def test_manova_that_respects_repeated_measures():
-    data = cells("balanced.csv", ["confirmation", "button"], [f"v{n}" for n in range(1, 8)], "")
     category, button, _ = manova_repeated(data.values, data.factors)
     r = printed("manova, repeated (doubly multivariate), no between")["(Intercept)"]
     multivariate(category, r[0])

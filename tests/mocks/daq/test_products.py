@@ -14,15 +14,12 @@ from haploop.nidaqmx_twin import products
 from haploop.nidaqmx_twin.products import PRODUCTS
 
 
-def test_a_product_has_a_source_and_what_its_terminals_need():
+def test_a_product_has_a_source_and_what_its_terminals_need_and_the_readme_counts_them():
     known = {item.name for item in dataclasses.fields(next(iter(PRODUCTS.values())))}
     for name, product in PRODUCTS.items():
         assert product.source and set(product.estimates) <= known, name
         assert product.source != "estimate" or not product.estimates, f"{name}: all of it is an estimate"
         assert list(product.ai_ranges) == sorted(product.ai_ranges, reverse=True), name
-
-
-def test_the_packages_readme_counts_them():
     readme = Path(products.__file__).with_name("README.md").read_text(encoding="utf-8")
     assert f"{len(PRODUCTS)} products" in readme
 

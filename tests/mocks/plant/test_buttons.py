@@ -44,14 +44,10 @@ def test_a_press_begins_and_ends_at_rest():
         assert abs(p.acceleration(np.array([p.stop + 0.2]))[0]) < 0.01
 
 
-def test_the_latch_clicks_twice_30_to_100_ms_apart():
+def test_the_latch_clicks_twice_and_stays_and_a_momentary_contact_returns():
     for seed in range(20):
         first, second = (at for at, _, _ in press("latch", seed)._clicks)
         assert 0.03 < second - first < 0.1
-
-
-def test_a_maintained_contact_flips_an_odd_number_of_times_and_a_momentary_one_returns():
-    for seed in range(20):
         assert len(press("latch", seed).flips) % 2 == 1
         assert len(press("push", seed).flips) % 2 == 0
         assert press("push", seed).release_time is not None

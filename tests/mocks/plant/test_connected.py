@@ -50,9 +50,6 @@ def test_a_signal_takes_the_place_of_a_sensor_and_leaves_its_neighbours(rig):
     volts = read(rig, ["acceleration_x", "acceleration_y", "acceleration_z"], 0.2).mean(axis=1)
     assert volts[1] == pytest.approx(0.25, abs=0.01)
     assert volts[0] == pytest.approx(1.65, abs=0.15) and volts[2] == pytest.approx(1.98, abs=0.15)
-
-
-def test_an_unknown_channel_is_refused(rig):
     with pytest.raises(ConfigurationError, match=r"channel 'wascher'.*washer"):
         rig.simulation.plant.connect("wascher", np.zeros_like)
 

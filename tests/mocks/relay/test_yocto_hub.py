@@ -72,15 +72,12 @@ def test_a_request_without_a_version_is_answered_without_a_length(bench):
     ]
 
 
-def test_the_libraries_short_form_sets_and_is_answered_shortly(bench):
+def test_the_libraries_short_form_is_answered_shortly_and_that_of_public_programs_in_http(bench):
     assert bench.module("/api/relay3/state?state=1&.") == b"0K\r\n\r\n"
     assert bench.relay(3)["state"] == 1
     assert bench.relay(3)["advertisedValue"] == "B"
     assert bench.module("/api/relay3/state?state=0&.") == b"0K\r\n\r\n"
     assert [(patch, closed) for patch, closed, _ in bench.box.take(1)] == [("C", True), ("C", False)]
-
-
-def test_the_form_of_public_programs_sets_and_is_answered_in_http(bench):
     assert bench.module("/api?scr=&ctx=relay1&state=1").startswith(b"HTTP/1.1 200")
     assert bench.relay(1)["state"] == 1
     assert bench.module("/api/relay1/state").endswith(b"\r\n\r\nB")
