@@ -23,6 +23,7 @@ from .devices import Inventory
 from .errors import DaqmxError, DAQmxErrors
 from .names import names_in
 from .reading import Alive, Call
+from .scales import scale_named
 from .system import NiSystem
 
 _OVERWRITE, _EDITABLE, _DELETABLE = 1, 2, 4
@@ -166,22 +167,14 @@ def _add_channels(system: NiSystem, request: Any, alive: Alive) -> None:
 
 
 def _save_scale(system: NiSystem, request: Any, alive: Alive) -> None:
-    if request.scale_name not in system.scales:
-        raise DaqmxError(
-            DAQmxErrors.CUSTOM_SCALE_DOES_NOT_EXIST,
-            f"Custom scale specified does not exist: {request.scale_name!r}.",
-        )
-    scale = system.scales[request.scale_name].copy()
+    scale = scale_named(system.scales, request.scale_name).copy()
     scale.values |= _options(request)
     system.scales[request.save_as or request.scale_name] = scale
 
 
 def _delete_scale(system: NiSystem, request: Any, alive: Alive) -> None:
-    if system.scales.pop(request.scale_name, None) is None:
-        raise DaqmxError(
-            DAQmxErrors.CUSTOM_SCALE_DOES_NOT_EXIST,
-            f"Custom scale specified does not exist: {request.scale_name!r}.",
-        )
+    scale_named(system.scales, request.scale_name)
+    del system.scales[request.scale_name]
 
 
 # What NI MAX exports

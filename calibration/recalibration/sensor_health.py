@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -106,7 +105,7 @@ def loose_accelerometer(rig: Rig) -> str | None:
     if sensor is None:
         return None
     rig.operator.tell(Rest(_REST))
-    volts = _captured(rig, sensor.channels, rig.file.rate_hz, _REST).volts
+    volts = rig.daq.captured(sensor.channels, rig.file.rate_hz, _REST).volts
     problem = fault_at_rest(sensor, volts)
     shown = sensor.to_si(volts)
     if problem is None and float(shown.std(axis=1).max()) > _SHAKING:
@@ -127,7 +126,7 @@ def laser_at_rest(rig: Rig) -> LaserAtRest:
     """
     rate_hz = rig.table.rate_hz
     for _ in range(_PATIENCE):
-        capture = _captured(rig, (rig.vibrometer.channel,), rate_hz, _LASER_REST)
+        capture = rig.daq.captured((rig.vibrometer.channel,), rate_hz, _LASER_REST)
         calm, spikes = without_spikes(rig, capture)
         shown = rig.vibrometer.to_si(calm.volts[0])
         if not ringing_of(shown, rate_hz) > _RINGS * rig.vibrometer.range:
@@ -239,8 +238,3 @@ def _in_band(velocity: FloatArray, rate_hz: float) -> float:
     spectrum = scipy.fft.rfft(velocity - velocity.mean()) * 2j * np.pi * f
     spectrum[(f < BAND[0]) | (f > BAND[1])] = 0
     return float(scipy.fft.irfft(spectrum, len(velocity)).std())
-
-
-def _captured(rig: Rig, channels: Sequence[str], rate_hz: float, seconds: float) -> Capture:
-    with rig.daq.stream(channels, rate_hz, round(rate_hz / 10), round(seconds * rate_hz)) as stream:
-        return stream.capture()

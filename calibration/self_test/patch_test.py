@@ -173,10 +173,7 @@ def _play(rig: Rig, sweep: FloatArray, patch: str = "", silent: bool = False) ->
     if not rig.feeds_amplifier("generator"):
         capture = rig.excite(played, into, recorded, _TAIL)
     elif silent:
-        rate_hz = rig.table.rate_hz
-        samples = round((_DURATION + _TAIL) * rate_hz)
-        with rig.daq.stream(recorded, rate_hz, round(rate_hz / 10), samples) as stream:
-            capture = stream.capture()
+        capture = rig.daq.captured(recorded, rig.table.rate_hz, _DURATION + _TAIL)
     else:
         capture, start, _ = capture_sweep(rig, _SWEEP, float(np.abs(sweep).max()), into, recorded)
         capture = replace(capture, volts=capture.volts[:, max(start, 0) :])

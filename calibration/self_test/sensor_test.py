@@ -9,7 +9,7 @@ import scipy
 
 from ...base.arrays import FloatArray
 from ...base.errors import HaploopError
-from ...instruments import Camera, Capture, LinearSensor, Press, Rest, Rig
+from ...instruments import Camera, LinearSensor, Press, Rest, Rig
 from ...instruments.operator import Place, Remove
 from ...instruments.sensors import fault_at_rest
 from ...instruments.streams import LslStreams
@@ -154,11 +154,11 @@ def check_force(rig: Rig, mass: float) -> Iterator[Finding]:
         yield Finding("Known mass", "force", "yellow", sentence)
         return
     rig.operator.tell(Rest(1.0))
-    rest = _captured(rig, sensor.channels, 1.0).volts.mean(axis=1)
+    rest = rig.daq.captured(sensor.channels, rig.file.rate_hz, 1.0).volts.mean(axis=1)
     if not rig.operator.confirm(Place(mass)):
         yield Finding("Known mass", "force", "yellow", "Not tested: no mass was put on the force sensor.")
         return
-    loaded = _captured(rig, sensor.channels, 1.0).volts.mean(axis=1)
+    loaded = rig.daq.captured(sensor.channels, rig.file.rate_hz, 1.0).volts.mean(axis=1)
     rig.operator.confirm(Remove())
     force = sensor.to_si((loaded - rest)[:, np.newaxis])[:, 0]
     weight = mass * _GRAVITY
@@ -190,7 +190,7 @@ def check_gravity(rig: Rig) -> Iterator[Finding]:
     sensor = rig.sensors.acceleration
     assert sensor is not None
     rig.operator.tell(Rest(1.0))
-    volts = _captured(rig, sensor.channels, 1.0).volts
+    volts = rig.daq.captured(sensor.channels, rig.file.rate_hz, 1.0).volts
     shown, axes = sensor.to_si(volts).mean(axis=1), ", ".join(sensor.axes)
     measured = f"At rest it reads {', '.join(f'{one:.1f}' for one in shown)} m/s² along {axes}"
     if not sensor.gravity:
@@ -227,7 +227,7 @@ def check_clock(rig: Rig) -> Iterator[Finding]:
     both = [channels[0] for channels in groups.values()]
     force, acceleration = rig.sensors.force, rig.sensors.acceleration
     if force is None or acceleration is None:
-        _captured(rig, both, 1.0)
+        rig.daq.captured(both, rig.file.rate_hz, 1.0)
         sentence = f"Not tested: {names} have no pair of sensors that both measure a press."
         yield Finding("One clock", "daq", "yellow", sentence)
         return
@@ -292,12 +292,6 @@ def _lag(force: FloatArray, acceleration: FloatArray, rate_hz: float) -> float |
     pair = scipy.fft.irfft(spectra[1] * spectra[0].conj(), size)
     late = int(pair.argmax())
     return (late - size if late >= len(force) else late) / rate_hz
-
-
-def _captured(rig: Rig, channels: Sequence[str], seconds: float) -> Capture:
-    rate_hz = rig.file.rate_hz
-    with rig.daq.stream(channels, rate_hz, round(rate_hz / 10), round(seconds * rate_hz)) as stream:
-        return stream.capture()
 
 
 # Test of the camera that sees the finger: frames arrive, at the stated rate, neither dark nor too bright.

@@ -40,8 +40,7 @@ def check_verdicts(rig: Rig, drives: Mapping[str, Drive]) -> Iterator[Finding]:
     """Tell which error this laser, in this range, decides in 8 and in 64 plays, also of `drives` by name."""
     rig.operator.tell(Rest(_SECONDS))
     rate_hz, channel = rig.table.rate_hz, rig.vibrometer.channel
-    with rig.daq.stream((channel,), rate_hz, round(rate_hz / 10), round(_SECONDS * rate_hz)) as stream:
-        shown = rig.vibrometer.to_si(stream.capture().volts[0])
+    shown = rig.vibrometer.to_si(rig.daq.captured((channel,), rate_hz, _SECONDS).volts[0])
     f, power = _density(shown, rate_hz)
     kept = (f >= _LOWEST_HZ) & (f < judged_to(rig, rate_hz))
     f, power = f[kept], power[kept] * np.abs(2 * np.pi * f[kept] / rig.motion_response(f[kept])) ** 2

@@ -173,6 +173,11 @@ class Daq(Interlocked, ABC):
             self._interlock.authorise(output, volts, rate_hz)
         return self._stream(StreamRequest(tuple(channels), rate_hz, block, samples, dict(play or {})))
 
+    def captured(self, channels: Sequence[str], rate_hz: float, seconds: float) -> Capture:
+        """Acquire `channels` at `rate_hz` for `seconds`, while nothing plays. Raises as `stream`."""
+        with self.stream(channels, rate_hz, round(rate_hz / 10), round(seconds * rate_hz)) as stream:
+            return stream.capture()
+
     @abstractmethod
     def _stream(self, request: StreamRequest) -> Stream:
         """Do the driver's part of `stream`."""
