@@ -25,7 +25,7 @@ import numpy.typing as npt
 
 from ...base.clock import RealClock
 from ...base.errors import DataError, InstrumentError
-from ...base.files import os_error_text
+from ...base.files import os_error_text, private_files, whole_file
 from ...base.threads import Closing, Flag
 from ..sensors import Sensors
 from ..vibrometer import QUANTITIES, Quantity
@@ -161,7 +161,9 @@ class Publisher(Closing):
             ) from None
         self.port: int = self._listener.getsockname()[1]
         try:
-            self._write_address(rig)
+            said = {"rig": rig, "pid": os.getpid(), "port": self.port, "token": self._token}
+            with private_files(), whole_file(self.path) as part:
+                part.write_text(json.dumps(said), encoding="utf-8")
         except OSError as error:
             self._listener.close()
             raise InstrumentError(
@@ -208,17 +210,6 @@ class Publisher(Closing):
             return path.read_text(encoding="utf-8") == self._rig
         except (OSError, ValueError):
             return False
-
-    def _write_address(self, rig: str) -> None:
-        content = {"rig": rig, "pid": os.getpid(), "port": self.port, "token": self._token}
-        draft = self.path.with_suffix(".new")
-        # Readable by the owner only; renamed when complete.
-        descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-        try:
-            os.write(descriptor, json.dumps(content).encode())
-        finally:
-            os.close(descriptor)
-        draft.replace(self.path)
 
     def _accept(self) -> None:
         while not self._closing.is_set():
