@@ -4,7 +4,7 @@ This package re-exports the public names of all subpackages, so that a script ne
 loaded on first use, so that `import haploop` is fast; `__init__.pyi` lists them.
 """
 
-from . import at_once
+from .base import at_once
 
 if at_once.is_the_command():  # before what takes a moment to load
     at_once.end_at_once()

@@ -8,7 +8,7 @@ import os
 import signal
 import sys
 
-from . import at_once
+from .base import at_once
 
 _ALLOCATIONS = 20_000
 """New objects after which Python looks for garbage; its own default is 700."""

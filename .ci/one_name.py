@@ -45,9 +45,7 @@ def compare_files(source: Path, installed: set[Path]) -> None:
             "__init__.py",
             "__init__.pyi",
             "__main__.py",
-            "at_once.py",
             "py.typed",
-            "pytest_plugin.py",
         )
     }
     found = {path for path in installed if path.parts[0] == "haploop"}

@@ -18,7 +18,7 @@ import pytest
 from filelock import FileLock
 
 import haploop
-from haploop.pytest_plugin import OpenRig
+from haploop.mocks.pytest_plugin import OpenRig
 from tests.command_line import demo, no_columns, run
 
 __all__ = ["OpenRig", "demo", "no_columns", "run"]
@@ -182,7 +182,7 @@ def _make_buttons(folder: Path) -> None:
 
 @pytest.fixture
 def open(open_rig: OpenRig) -> OpenRig:
-    """See `haploop.pytest_plugin.open_rig`."""
+    """See `haploop.mocks.pytest_plugin.open_rig`."""
     return open_rig
 
 

@@ -12,7 +12,7 @@ from haploop.acquisition import Representative
 from haploop.calibration import Calibration, Check, Drive, calibrate, drive_for
 from haploop.calibration.drive import check
 from haploop.instruments import Capture, Rig
-from haploop.pytest_plugin import Rigs
+from haploop.mocks.pytest_plugin import Rigs
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,7 @@ from pathlib import Path
 import click
 import pytest
 
-from haploop import at_once
-from haploop.base import signals
+from haploop.base import at_once, signals
 from haploop.base.signals import STOPPING, ending_in_order
 from haploop.terminal.exits import Commands
 

@@ -15,7 +15,7 @@ from haploop.calibration.drive import Method, check
 from haploop.calibration.drive import learning as learning_module
 from haploop.calibration.drive.agreement import shared_power
 from haploop.calibration.drive.correction import ResponseEstimate
-from haploop.pytest_plugin import Rigs
+from haploop.mocks.pytest_plugin import Rigs
 from tests.calibration.conftest import Calibrated, make_press, tamper
 from tests.conftest import OpenRig
 

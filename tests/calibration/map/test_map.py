@@ -14,7 +14,7 @@ from haploop.calibration.map.map import BAND, VibrationMap
 from haploop.calibration.map.measuring import map_plan, measure_map
 from haploop.instruments import Rig
 from haploop.mocks.plant.hysteresis import Hysteresis
-from haploop.pytest_plugin import Rigs
+from haploop.mocks.pytest_plugin import Rigs
 
 pytestmark = pytest.mark.many_plays
 

@@ -1,4 +1,4 @@
-"""How the tests of this folder drive a browser: see CONTRIBUTING.md, "Test"."""
+"""How the tests of this folder drive a browser: see .github/CONTRIBUTING.md, "Test"."""
 
 from __future__ import annotations
 

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import pytest
 
-from . import instruments
-from .base import errors
-from .nidaqmx_twin import pytest_plugin as of_cards
+from .. import instruments
+from ..base import errors
+from ..nidaqmx_twin import pytest_plugin as of_cards
 
 if TYPE_CHECKING:
-    from .instruments import Rig, RigFile
-    from .mocks.tabled import Instrument
+    from ..instruments import Rig, RigFile
+    from .tabled import Instrument
 
 OpenRig = Callable[..., "Rig"]
 OF_CARDS = "nidaqmx_twin"
@@ -228,7 +228,7 @@ def instrument_twin(request: pytest.FixtureRequest) -> Iterator[Callable[..., In
     What came is in order in `received`. A command that the table does not have fails the test, unless it has
     an `error`.
     """
-    from .mocks.tabled import InstrumentTwins  # noqa: PLC0415
+    from .tabled import InstrumentTwins  # noqa: PLC0415
 
     with InstrumentTwins(request.config.rootpath) as bench:
         yield bench.serve
@@ -249,7 +249,7 @@ def _ours(item: pytest.Item) -> bool:
 
 def _has(file: RigFile, needed: str, simulated: bool) -> bool:
     """True when a rig has an instrument, a sensor, a table, or (when simulated) a plant."""
-    from .instruments.config import roles  # noqa: PLC0415
+    from ..instruments.config import roles  # noqa: PLC0415
 
     parts: dict[str, object] = {role: getattr(file, role, None) for role in roles()}
     parts |= {name: sensor or None for name, sensor in file.sensors}
