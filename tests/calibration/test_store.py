@@ -21,39 +21,23 @@ from tests.calibration.conftest import Calibrated, make_press
 from tests.mutating import mutations, refused, restructure
 
 KINDS = {
-    "representative": Representative,
-    "calibration": Calibration,
-    "drive": Drive,
-    "learning": Learning,
-    "check": Check,
-    "button": DigitalButton,
-    "map point": PointMeasurement,
-}
+    "representative": Representative, "calibration": Calibration, "drive": Drive, "learning": Learning,
+    "check": Check, "button": DigitalButton, "map point": PointMeasurement,
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def values(calibrated: Calibrated) -> dict[str, Any]:
-    press = dataclasses.replace(
-        make_press(),
-        left_out=("P01, press 3: why",),
-        scores={"mean": 0.5},
-        parameters={"window": {"before": 0.15}},
-        undone_hz=(20.0, 400.0),
-    )
+    told = {"scores": {"mean": 0.5}, "parameters": {"window": {"before": 0.15}}, "undone_hz": (20.0, 400.0)}
+    press = dataclasses.replace(make_press(), left_out=("P01, press 3: why",), **told)
     button = build_button(calibrated.rig, press, calibrated.calibration, iterations=0, plays=3)
     spectrum = np.exp(1j * np.arange(40.0)).reshape(2, 20)
     point = PointMeasurement(
         "0" * 64, "point-3", "3", ("A", "all"), ((0, "A"), (1, "A")), spectrum, spectrum, 0.5, 2.05, "now"
     )
-    return {
-        "representative": press,
-        "calibration": calibrated.calibration,
-        "drive": button.drive,
-        "learning": button.learning,
-        "check": button.check,
-        "button": button,
-        "map point": point,
-    }
+    parts = {name: getattr(button, name) for name in ("drive", "learning", "check")}
+    others = {"calibration": calibrated.calibration, "button": button, "map point": point}
+    return {"representative": press} | parts | others
 
 
 @pytest.fixture(scope="module")

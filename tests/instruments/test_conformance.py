@@ -236,18 +236,13 @@ class TestDaqTwin(CardsConformance):
 
 
 def cards(**more: object) -> NiDaq.Settings:
-    return NiDaq.Settings.model_validate(
-        {
-            "devices": CARDS,
-            "channels": {
-                "force": {"terminal": "Dev1/ai0", "range": 10, "config": "diff"},
-                "laser": {"terminal": "Dev2/ai0", "range": 5, "config": "rse"},
-                "drive": {"terminal": "Dev2/ai1", "range": 10, "config": "rse"},
-            },
-            "outputs": {"amplifier": {"terminal": "Dev2/ao0", "range": 8}},
-            **more,
-        }
-    )
+    channels = {
+        "force": {"terminal": "Dev1/ai0", "range": 10, "config": "diff"},
+        "laser": {"terminal": "Dev2/ai0", "range": 5, "config": "rse"},
+        "drive": {"terminal": "Dev2/ai1", "range": 10, "config": "rse"},
+    }
+    outputs = {"amplifier": {"terminal": "Dev2/ao0", "range": 8}}
+    return NiDaq.Settings.model_validate({"devices": CARDS, "channels": channels, "outputs": outputs} | more)
 
 
 # Vibrometers

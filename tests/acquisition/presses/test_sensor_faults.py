@@ -60,16 +60,13 @@ def unlooked(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(quality, "signal_fault", lambda *_: "")
 
 
+FAN = machine(0.03)
 WRONG = {
     "inverted": (INVERTED, "it is mounted upside down, z must point up: turn it over", 2001),
     "50 mV": (hum(0.05), r"1\.1 m/s² rms at 50 Hz", 2002),
     "60 Hz": (hum(0.05, 60.0), r"1\.1 m/s² rms at 60 Hz", 2003),
     "10 mV": (hum(0.01), r"0\.2[23] m/s² rms at 50 Hz", 2001),
-    "fan": (
-        machine(0.03),
-        r"shows 0\.7\d? m/s² rms at rest, \d+% of the press's motion; look for a fan",
-        2002,
-    ),
+    "fan": (FAN, r"shows 0\.7\d? m/s² rms at rest, \d+% of the press's motion; look for a fan", 2002),
     "wandering fan": (machine(0.02, frequency=131.0, wander=0.003), r"0\.4\d m/s² rms at rest", 2003),
     "slow noise": (FLICKER, r"0\.\d+ m/s² rms at rest", 2001),
     "z off": (off("acceleration_z"), "z must show 9.8", 2002),

@@ -34,16 +34,10 @@ def content(path: Path) -> dict[str, Any]:
         key: value.tolist() if isinstance(value, np.ndarray) else value
         for key, value in dataclasses.asdict(recording.header).items()
     }
-    return {
-        "header": header,
-        "codes": recording._contents.codes[:],
-        "events": recording.events,
-        "verdicts": recording.verdicts,
-        "force": recording.force,
-        "blocks": recording.blocks[["first", "count", "overload", "time"]].tolist(),
-        "complete": recording.complete,
-        "problems": verify(path),
-    }
+    own = {name: getattr(recording, name) for name in ("events", "verdicts", "force", "complete")}
+    blocks = recording.blocks[["first", "count", "overload", "time"]].tolist()
+    codes = recording._contents.codes[:]
+    return own | {"header": header, "codes": codes, "blocks": blocks, "problems": verify(path)}
 
 
 def part_of(found: dict[str, Any], whole: dict[str, Any]) -> bool:

@@ -22,19 +22,16 @@ LSB = 20 / 2**16
 
 
 def settings(**changes: Any) -> NiDaq.Settings:
+    channels = {
+        "force": {"terminal": "Dev1/ai0", "range": 10, "config": "diff"},
+        "torque": {"terminal": "Dev1/ai1", "range": 5, "config": "diff"},
+        "laser": {"terminal": "Dev2/ai0", "range": 5, "config": "rse"},
+        "drive": {"terminal": "Dev2/ai1", "range": 10, "config": "rse"},
+        "echo": {"terminal": "Dev2/ai2", "range": 4, "config": "nrse"},
+    }
+    outputs = {"amplifier": {"terminal": "Dev2/ao0", "range": 8}}
     return NiDaq.Settings.model_validate(
-        {
-            "devices": CARDS,
-            "channels": {
-                "force": {"terminal": "Dev1/ai0", "range": 10, "config": "diff"},
-                "torque": {"terminal": "Dev1/ai1", "range": 5, "config": "diff"},
-                "laser": {"terminal": "Dev2/ai0", "range": 5, "config": "rse"},
-                "drive": {"terminal": "Dev2/ai1", "range": 10, "config": "rse"},
-                "echo": {"terminal": "Dev2/ai2", "range": 4, "config": "nrse"},
-            },
-            "outputs": {"amplifier": {"terminal": "Dev2/ao0", "range": 8}},
-            **changes,
-        }
+        {"devices": CARDS, "channels": channels, "outputs": outputs} | changes
     )
 
 

@@ -30,20 +30,13 @@ BINARY = {"struct": "<Hhhh", "sync": "AA55", "checksum": "sum8"}
 
 def settings(**changes: Any) -> SerialAdc.Settings:
     """Three channels in binary frames that are counted, 1000 a second."""
-    return SerialAdc.Settings.model_validate(
-        {
-            "port": "COM7",
-            "rate_hz": 1000,
-            "frame": BINARY,
-            "counter": 1,
-            "channels": {
-                "gauge0": {"column": 2, "scale": 10 / 2**15, "range": 10},
-                "laser": {"column": 3, "scale": 5 / 2**15, "range": 5},
-                "load": {"column": 4, "scale": 0.02 / 2**15, "range": 0.02},
-            },
-            **changes,
-        }
-    )
+    channels = {
+        "gauge0": {"column": 2, "scale": 10 / 2**15, "range": 10},
+        "laser": {"column": 3, "scale": 5 / 2**15, "range": 5},
+        "load": {"column": 4, "scale": 0.02 / 2**15, "range": 0.02},
+    }
+    board = {"port": "COM7", "rate_hz": 1000, "frame": BINARY, "counter": 1, "channels": channels}
+    return SerialAdc.Settings.model_validate(board | changes)
 
 
 def hx711(**changes: Any) -> SerialAdc.Settings:

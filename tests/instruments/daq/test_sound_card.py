@@ -28,18 +28,11 @@ RATE = 48_000.0
 
 
 def settings(**changes: Any) -> SoundCardDaq.Settings:
-    return SoundCardDaq.Settings.model_validate(
-        {
-            "channels": {
-                "laser": {"input": 1, "volts_per_full_scale": 5.0},
-                "drive": {"input": 2, "volts_per_full_scale": 2.0},
-                "spare": {"input": 4, "volts_per_full_scale": 1.5},
-            },
-            "outputs": {"amplifier": {"output": 1, "volts_per_full_scale": 1.4}},
-            "latency": LATENCY,
-            **changes,
-        }
-    )
+    inputs = {"laser": (1, 5.0), "drive": (2, 2.0), "spare": (4, 1.5)}
+    channels = {name: {"input": n, "volts_per_full_scale": volts} for name, (n, volts) in inputs.items()}
+    outputs = {"amplifier": {"output": 1, "volts_per_full_scale": 1.4}}
+    card = {"channels": channels, "outputs": outputs, "latency": LATENCY}
+    return SoundCardDaq.Settings.model_validate(card | changes)
 
 
 class Bench:

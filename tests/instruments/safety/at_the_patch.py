@@ -64,21 +64,14 @@ def bursts(record: list[AmplifierOutput]) -> list[Burst]:
         inside = slice(first, after + 1)
         total = np.cumsum(change[inside])
         second_before = np.searchsorted(t[inside], t[inside] - 1.0)
-        found.append(
-            Burst(
-                start=float(t[first]),
-                stop=float(max(t[after], t[last] + step[last])),
-                low=float(v[inside].min()),
-                high=float(v[inside].max()),
-                slew=float((change[inside] / step[inside])[: part[-1] - first + 1].max()),
-                cut=float(change[after] / step[after]),
-                mean=float(v[first : last + 1].mean()),
-                first=abs(float(v[first])),
-                last=abs(float(v[last])),
-                patches=int(n[part].max()),
-                charge=float((total - np.concatenate([[0.0], total])[second_before]).max()),
-            )
-        )
+        found.append(Burst(
+            start=float(t[first]), stop=float(max(t[after], t[last] + step[last])),
+            low=float(v[inside].min()), high=float(v[inside].max()), mean=float(v[first : last + 1].mean()),
+            first=abs(float(v[first])), last=abs(float(v[last])), patches=int(n[part].max()),
+            slew=float((change[inside] / step[inside])[: part[-1] - first + 1].max()),
+            cut=float(change[after] / step[after]),
+            charge=float((total - np.concatenate([[0.0], total])[second_before]).max()),
+        ))  # fmt: skip
     return found
 
 

@@ -116,16 +116,10 @@ def lab(folder: Path, file: RigFile | str = "haptable") -> Iterator[Lab]:
 
     def simulated(rig: RigFile) -> Iterator[Any]:
         for role, device, driver in drivers(rig):
-            yield (
-                role,
-                device,
-                SimpleNamespace(
-                    Settings=driver.Settings,
-                    __module__="haploop.tests",
-                    hardware=getattr(driver, "hardware", lambda _settings: ()),
-                    open=lambda _s, _c, r=role, v=device, d=driver: here.instrument(r, v, d),
-                ),
-            )
+            stand_in = SimpleNamespace(Settings=driver.Settings, __module__="haploop.tests")
+            stand_in.hardware = getattr(driver, "hardware", lambda _settings: ())
+            stand_in.open = lambda _s, _c, r=role, v=device, d=driver: here.instrument(r, v, d)
+            yield role, device, stand_in
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(opening, "_drivers", simulated)
