@@ -15,6 +15,7 @@ import pytest
 from haploop.base import checksum
 from haploop.base.checksum import bounded, created, unreadable
 from haploop.base.errors import DataError
+from tests.raising import raises
 
 LONG = np.arange(200_000.0)
 """More than the library keeps in memory."""
@@ -79,12 +80,10 @@ def test_a_dataset_is_in_its_file_and_not_larger(tmp_path):
     with h5py.File(tmp_path / "file.h5", "w") as file:
         whole = file.create_dataset("whole", data=np.zeros(100))
         assert bounded(whole, 800) is whole
-        with pytest.raises(ValueError, match="larger than its file"):
-            bounded(whole, 799)
+        raises(ValueError, "larger than its file", bounded, whole, 799)
         nothing = file.create_dataset("nothing", data=np.zeros(0))
         assert bounded(nothing, 0) is nothing
         packed = file.create_dataset("packed", data=np.zeros(100), chunks=(10,))
         elsewhere = file.create_dataset("elsewhere", (100,), "f8", external=[(tmp_path / "raw", 0, 800)])
         for one in (packed, elsewhere):
-            with pytest.raises(ValueError, match="not contiguous"):
-                bounded(one, 10_000)
+            raises(ValueError, "not contiguous", bounded, one, 10_000)

@@ -14,6 +14,7 @@ from haploop.base import publishing
 from haploop.base.errors import ConfigurationError, DataError
 from haploop.base.files import check_destination, new_file, reserved, room, whole_file
 from haploop.base.publishing import publish
+from tests.raising import raises
 
 
 def no_links(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -83,8 +84,7 @@ def test_what_somebody_writes_into_the_claim_stays(tmp_path, monkeypatch):
         return empty(claim)
 
     monkeypatch.setattr(publishing, "_empty", late)
-    with pytest.raises(DataError, match="not overwritten"):
-        written(path)
+    raises(DataError, "not overwritten", written, path)
     assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("a.txt", "theirs")]
 
 
@@ -96,8 +96,7 @@ def test_a_rename_that_fails_leaves_no_claim(tmp_path, monkeypatch):
         raise OSError(errno.EIO, "Input/output error")
 
     monkeypatch.setattr(Path, "replace", refuse)
-    with pytest.raises(DataError, match=r"a\.txt cannot be written: Input/output error\.$"):
-        written(tmp_path / "a.txt")
+    raises(DataError, r"a\.txt cannot be written: Input/output error\.$", written, tmp_path / "a.txt")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -105,10 +104,8 @@ def test_a_rename_that_fails_leaves_no_claim(tmp_path, monkeypatch):
 @pytest.mark.usefixtures("any_disk")
 def test_a_name_that_points_nowhere_is_taken(tmp_path):
     (tmp_path / "a.txt").symlink_to(tmp_path / "b.txt")
-    with pytest.raises(DataError, match="not overwritten"):
-        written(tmp_path / "a.txt")
-    with pytest.raises(ConfigurationError, match="not overwritten"):
-        check_destination(tmp_path / "a.txt")
+    raises(DataError, "not overwritten", written, tmp_path / "a.txt")
+    raises(ConfigurationError, "not overwritten", check_destination, tmp_path / "a.txt")
     with pytest.raises(FileExistsError), whole_file(tmp_path / "a.txt") as part:
         part.write_text("mine")
     assert [p.name for p in tmp_path.iterdir()] == ["a.txt"]
@@ -144,8 +141,7 @@ def test_reserved_files_get_their_names_together(tmp_path):
         assert held.stat().st_size == 10_000
         written(first)
         assert held.stat().st_size == 0
-        with pytest.raises(DataError, match="not overwritten"):
-            written(first)
+        raises(DataError, "not overwritten", written, first)
         written(second)
         written(other)
         assert not first.exists() and not second.exists() and other.exists()
@@ -229,8 +225,7 @@ def test_a_file_is_synced_before_its_name(tmp_path, monkeypatch):
 def test_a_move_never_replaces(tmp_path):
     (tmp_path / "a").write_text("a")
     (tmp_path / "b").write_text("b")
-    with pytest.raises(FileExistsError):
-        publish(tmp_path / "a", tmp_path / "b")
+    raises(FileExistsError, "", publish, tmp_path / "a", tmp_path / "b")
     publish(tmp_path / "a", tmp_path / "c")
     assert {p.name: p.read_text() for p in tmp_path.iterdir()} == {"b": "b", "c": "a"}
 

@@ -12,6 +12,7 @@ from haploop.base.checksum import add_checksum
 from haploop.base.errors import DataError
 from haploop.calibration import Calibration, Drive
 from tests.calibration.conftest import Calibrated
+from tests.raising import raises
 
 
 @pytest.fixture
@@ -36,8 +37,7 @@ def test_a_calibration_comes_back_as_it_was(calibrated, saved):
 
 def test_what_was_measured_is_never_overwritten(calibrated, saved):
     before = saved.read_bytes()
-    with pytest.raises(DataError, match="not overwritten"):
-        calibrated.calibration.save(saved)
+    raises(DataError, "not overwritten", calibrated.calibration.save, saved)
     assert saved.read_bytes() == before
 
 
@@ -45,8 +45,7 @@ def test_a_newer_file_stays(calibrated, tmp_path, monkeypatch):
     path = tmp_path / "calibration.h5"
     path.write_text("another process")
     monkeypatch.setattr(os.path, "lexists", lambda _path: False)
-    with pytest.raises(DataError, match="not overwritten"):
-        calibrated.calibration.save(path)
+    raises(DataError, "not overwritten", calibrated.calibration.save, path)
     assert path.read_text() == "another process"
     assert len(list(tmp_path.iterdir())) == 1
 
@@ -65,18 +64,15 @@ def test_files_that_are_none_say_so(saved, calibrated):
             lambda: calibrated.calibration.save(saved.parent / "no" / "such" / "folder.h5"),
         ),
     ):
-        with pytest.raises(DataError, match=says):
-            read()
+        raises(DataError, says, read)
 
 
 def test_one_changed_number_is_noticed(saved):
     with h5py.File(saved, "r+") as file:
         file["response/velocity_real"][7] *= 1.0001
-    with pytest.raises(DataError, match="does not match its checksum"):
-        Calibration.load(saved)
+    raises(DataError, "does not match its checksum", Calibration.load, saved)
     add_checksum(saved, "calibration")
-    with pytest.raises(DataError, match="does not match its hash"):
-        Calibration.load(saved)
+    raises(DataError, "does not match its hash", Calibration.load, saved)
 
 
 def test_another_format(calibrated, tmp_path, monkeypatch):
@@ -84,5 +80,4 @@ def test_another_format(calibrated, tmp_path, monkeypatch):
     with monkeypatch.context() as another:
         another.setattr(hdf5, "VERSION", 99)
         calibrated.calibration.save(saved)
-    with pytest.raises(DataError, match="format 99"):
-        Calibration.load(saved)
+    raises(DataError, "format 99", Calibration.load, saved)

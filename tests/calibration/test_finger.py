@@ -19,6 +19,7 @@ from haploop.instruments import Rig
 from haploop.instruments.operator import RestFinger
 from haploop.instruments.operator.unattended import Unattended
 from tests.calibration.conftest import make_press
+from tests.raising import raises
 
 pytestmark = [pytest.mark.many_plays, pytest.mark.requires("simulation"), pytest.mark.long]
 
@@ -80,8 +81,7 @@ def test_a_fingers_file_keeps_the_bare_carrier(calibrated, open, tmp_path):
     )
     harder = under_finger(bare, finger_of(made), 5.0)
     assert finger_of(harder).force == 5.0 and finger_of(harder).load.sum() > finger_of(made).load.sum()
-    with pytest.raises(ConfigurationError, match="a finger's already"):
-        calibrate_finger(rig, made, "P07")
+    raises(ConfigurationError, "a finger's already", calibrate_finger, rig, made, "P07")
 
 
 def under(rig: Rig, drive: Drive, monkeypatch: pytest.MonkeyPatch) -> tuple[Check, float]:
@@ -128,15 +128,12 @@ def test_nobody_and_wrong_requests_are_told_and_the_finger_leaves(calibrated, dr
     wrong = [("P07", force, "fingertip rests with") for force in (0.0, 30.0)]
     wrong += [(who, 1.0, "not a valid participant pseudonym") for who in ("", "Jane Doe", "../../etc")]
     for who, force, says in wrong:
-        with pytest.raises(ConfigurationError, match=says):
-            calibrate_finger(rig, bare, who, force=force)
-        with pytest.raises(ConfigurationError, match=says):
-            check_under_finger(rig, drive, who, force=force)
+        raises(ConfigurationError, says, calibrate_finger, rig, bare, who, force=force)
+        raises(ConfigurationError, says, check_under_finger, rig, drive, who, force=force)
     with monkeypatch.context() as nobody:
         nobody.setattr(rig.operator, "confirm", lambda _request: pytest.fail("somebody was asked"))
         for given, plays, says in ((drive, 2, "3 plays"), (replace(drive, rig="x"), 8, "of the rig 'x'")):
-            with pytest.raises(ConfigurationError, match=says):
-                check_under_finger(rig, given, "P07", plays=plays)
+            raises(ConfigurationError, says, check_under_finger, rig, given, "P07", plays=plays)
 
     def broken(*_args: object, **_more: object) -> Check:
         raise InstrumentError("it broke")
@@ -148,16 +145,13 @@ def test_nobody_and_wrong_requests_are_told_and_the_finger_leaves(calibrated, dr
     rig.simulation.truth.velocity_response("A", "button", BAND)
     assert not any(rig.simulation.plant.surface._contacts)
     drifted = open(mode_drift=0.01)
-    with pytest.raises(DataError, match="unexplained"):
-        calibrate_finger(drifted, bare, "P07")
+    raises(DataError, "unexplained", calibrate_finger, drifted, bare, "P07")
     rig.adopt("operator", Unattended())
     for asked in (lambda: calibrate_finger(rig, bare, "P07"), lambda: check_under_finger(rig, drive, "P07")):
-        with pytest.raises(InstrumentError, match="Nobody rests a finger"):
-            asked()
+        raises(InstrumentError, "Nobody rests a finger", asked)
 
 
 def test_a_button_is_not_learned_from_a_finger_s_calibration(calibrated, open):
     rig = open()
     made = calibrate_finger(rig, calibrated.calibration, "P07")
-    with pytest.raises(ConfigurationError, match="checked on the bare table"):
-        build_button(rig, make_press(), made)
+    raises(ConfigurationError, "checked on the bare table", build_button, rig, make_press(), made)

@@ -13,6 +13,7 @@ from haploop.calibration.model import PlateModes, calibrate_finger
 from haploop.instruments import Rig
 from haploop.mocks.plant.touched import touched_velocity
 from haploop.mocks.plant.touches import Fingertip
+from tests.raising import raises
 
 pytestmark = [pytest.mark.many_plays, pytest.mark.requires("simulation"), pytest.mark.long]
 
@@ -67,13 +68,10 @@ def test_points_that_are_not_beside_the_finger_are_refused(calibrated, open):
     rig, bare = open(), calibrated.calibration
     plate = true_modes(rig)
     for wrong, told in (("20", "is the one under the finger"), ("84", "from 0 to 83"), ("x", "no point 'x'")):
-        with pytest.raises(ConfigurationError, match=told):
-            calibrate_finger(rig, bare, "P07", beside=wrong)
+        raises(ConfigurationError, told, calibrate_finger, rig, bare, "P07", beside=wrong)
     few = replace(plate, points=("20", "83"), shapes=plate.shapes[:, [20, 83]])
-    with pytest.raises(ConfigurationError, match="no point next to"):
-        calibrate_finger(rig, bare, "P07", plate=few)
-    with pytest.raises(DataError, match="The map has no point 21"):
-        calibrate_finger(rig, bare, "P07", plate=few, beside="21")
+    raises(ConfigurationError, "no point next to", calibrate_finger, rig, bare, "P07", plate=few)
+    raises(DataError, "The map has no point 21", calibrate_finger, rig, bare, "P07", plate=few, beside="21")
 
 
 @pytest.mark.night

@@ -19,6 +19,7 @@ from haploop.calibration import Calibration, Check, DigitalButton, Drive, Learni
 from haploop.calibration.map.folder import PointMeasurement
 from tests.calibration.conftest import Calibrated, make_press
 from tests.mutating import mutations, refused, restructure
+from tests.raising import raises
 
 KINDS = {
     "representative": Representative, "calibration": Calibration, "drive": Drive, "learning": Learning,
@@ -85,8 +86,7 @@ def test_a_changed_byte(kind, saved, tmp_path, full):
         found: list[hdf5.Flat] = []
         if refused(lambda found=found: found.append(load(kind, path))):
             number += 1
-            with pytest.raises(DataError):
-                verify(path)
+            raises(DataError, "", verify, path)
         else:
             assert same(found[0], before)
     assert number > (400 if full else 80)
@@ -134,8 +134,7 @@ def test_a_drive_without_sense_is_refused_before_anybody_plots_or_plays_it(chang
     path = tmp_path / "drive.h5"
     hdf5.write(path, "drive", flat)
     assert verify(path) == ()
-    with pytest.raises(DataError, match=rf"drive\.h5 cannot be used: the drive.* {told}"):
-        Drive.load(path)
+    raises(DataError, rf"drive\.h5 cannot be used: the drive.* {told}", Drive.load, path)
 
 
 def test_a_changed_type_order_or_shape_is_another_content():
@@ -156,9 +155,7 @@ def test_a_flipped_type_bit_in_a_file_is_seen(saved, tmp_path):
         assert not force.any()  # zeros have the same bytes as any type
         del file["force"]
         file["force"] = force.astype("<i8")
-    with pytest.raises(DataError, match="does not match its checksum"):
-        Representative.load(path)
+    raises(DataError, "does not match its checksum", Representative.load, path)
     add_checksum(path, "representative")
     for read in (Representative.load, verify):
-        with pytest.raises(DataError, match="does not match its hash"):
-            read(path)
+        raises(DataError, "does not match its hash", read, path)

@@ -17,6 +17,7 @@ from haploop.instruments import Rig, load_rig_file, open_rig
 from haploop.instruments.config import roles
 from haploop.instruments.interlock import Interlocked
 from haploop.instruments.rig import rig_schema
+from tests.raising import raises
 
 LAMP = """
 from abc import ABC, abstractmethod
@@ -149,8 +150,7 @@ def test_a_simulation_opens_no_driver_whose_wire_says_no_address(package, tmp_pa
         ("twin", r"has no twin, and would open .* or simulate as wire"),
         ("wire", "The wire of 'acme-lamp' replaces no setting"),
     ):
-        with pytest.raises(ConfigurationError, match=says):
-            open_rig(path, simulate=mode)
+        raises(ConfigurationError, says, open_rig, path, simulate=mode)
     assert lamp.LOG == []
 
 
@@ -173,8 +173,7 @@ def test_whatever_a_safe_state_from_outside_does_the_relay_opens(
     connected: Rig, lamp: Any, monkeypatch: pytest.MonkeyPatch, broken: object, says: str
 ) -> None:
     monkeypatch.setattr(lamp.AcmeLamp, "make_safe", broken)
-    with pytest.raises(InstrumentError, match=f"The safe state was not {says}"):
-        connected.make_safe()
+    raises(InstrumentError, f"The safe state was not {says}", connected.make_safe)
     assert connected.relay.connected() == frozenset()
     monkeypatch.undo()
 
@@ -206,11 +205,9 @@ def test_a_driver_from_outside_that_cannot_be_opened_or_closed_is_named(lamp, tm
     path = rig_file(tmp_path)
     monkeypatch.setattr(lamp.AcmeLamp, "close", fail)
     rig = open_rig(path)
-    with pytest.raises(InstrumentError, match=type(error).__name__):
-        rig.close()
+    raises(InstrumentError, type(error).__name__, rig.close)
     monkeypatch.setattr(lamp.AcmeLamp, "open", fail)
-    with pytest.raises(InstrumentError, match=r"'acme-lamp' of the package acme-lamp failed to open"):
-        open_rig(path)
+    raises(InstrumentError, r"'acme-lamp' of the package acme-lamp failed to open", open_rig, path)
 
 
 def test_a_rig_without_the_role_says_so(lamp):
@@ -288,8 +285,7 @@ def test_ctrl_c_leaves_no_half_of_a_package(package, tmp_path):
     path = rig_file(tmp_path)
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        with pytest.raises(KeyboardInterrupt):
-            load_rig_file(path)
+        raises(KeyboardInterrupt, "", load_rig_file, path)
     finally:
         signal.signal(signal.SIGINT, before)
     assert hasattr(sys.modules[module], "raise_when")

@@ -7,7 +7,6 @@ import pickle
 from types import SimpleNamespace
 from typing import Any
 
-import pytest
 from pydantic import BaseModel, ConfigDict
 
 from haploop.base.errors import ConfigurationError
@@ -15,6 +14,7 @@ from haploop.instruments import AnalogChannel, RigFile, load_rig_file, open_rig
 from haploop.instruments.config import Device
 from haploop.instruments.driver import settings_of
 from haploop.instruments.frozen import FrozenDict, frozen
+from tests.raising import raises
 
 
 def test_the_dictionaries_of_an_open_rig_are_frozen():
@@ -30,8 +30,7 @@ def test_the_dictionaries_of_an_open_rig_are_frozen():
             lambda: rig.sensors.extra.setdefault("x", AnalogChannel(channel="x")),
             lambda: table.patch_places.__setitem__("A", (0.0, 0.0)),
         ):
-            with pytest.raises(ConfigurationError, match="cannot be changed in the program"):
-                change()
+            raises(ConfigurationError, "cannot be changed in the program", change)
         daq.settings["channels"] = {}  # a copy
         assert rig.file.digest == digest
 
@@ -74,14 +73,12 @@ def test_every_collection_in_the_settings_of_any_driver_is_frozen():
             lambda one: one.sort(), lambda one: one.reverse(), lambda one: one.__setitem__(0, "c"),
             lambda one: one.__delitem__(0), lambda one: one.__iadd__(["c"]), lambda one: one.__imul__(0),
         ):  # fmt: skip
-            with pytest.raises(ConfigurationError, match="cannot be changed in the program"):
-                change(outputs)
+            raises(ConfigurationError, "cannot be changed in the program", change, outputs)
         assert outputs == before and type(copy.deepcopy(outputs)) is list
     for change in (
         lambda one: one.clear(), lambda one: one.add("b"), lambda one: one.discard("a"),
         lambda one: one.update("b"), lambda one: one.__ior__({"b"}), lambda one: one.__isub__({"a"}),
     ):  # fmt: skip
-        with pytest.raises(ConfigurationError, match="cannot be changed in the program"):
-            change(found.used)
+        raises(ConfigurationError, "cannot be changed in the program", change, found.used)
     assert found.used == {"a"} and type(copy.copy(found.used)) is set
     assert found.model_dump(mode="json") == table

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from haploop.base.errors import LimitError
 from haploop.instruments import Limits
 from haploop.instruments.limits import sounding
+from tests.raising import raises
 
 RATE_HZ = 50_000.0
 LIMITS = Limits(
@@ -34,8 +35,7 @@ def test_a_drive_within_every_limit_passes():
     (np.zeros(5, dtype=bool), "real numbers"),
 ])  # fmt: skip
 def test_each_limit_refuses_and_says_which(drive, says):
-    with pytest.raises(LimitError, match=says):
-        LIMITS.check(drive, RATE_HZ)
+    raises(LimitError, says, LIMITS.check, drive, RATE_HZ)
 
 
 def test_current_limits_follow_the_capacitance():
@@ -110,8 +110,7 @@ def test_an_end_is_where_it_is_and_rounding_is_allowed_and_no_more():
         Limits(max=most).check(np.array([0.0, allowed, 0.0]), 10.0)
         with pytest.raises(LimitError):
             Limits(max=most).check(np.array([0.0, most + 1.1e-9 * max(1.0, most), 0.0]), 10.0)
-    with pytest.raises(LimitError, match="nan at sample 1:"):
-        LIMITS.check(np.array([0.0, np.nan, np.inf]), 10.0)
+    raises(LimitError, "nan at sample 1:", LIMITS.check, np.array([0.0, np.nan, np.inf]), 10.0)
     LIMITS.check(np.zeros(5), 10.0)
     assert sounding(np.zeros(5)) == (0, 5) and sounding(SMALL) == (3, 7)
 
@@ -142,8 +141,7 @@ def test_headroom_is_the_factor_up_to_the_first_limit(limits, factor, binding):
     found, what = limits.headroom(SMALL[3:7], 10.0)
     assert found == pytest.approx(factor, rel=1e-12) and what == binding
     limits.check(SMALL * found, 10.0)
-    with pytest.raises(LimitError):
-        limits.check(SMALL * found * 1.001, 10.0)
+    raises(LimitError, "", limits.check, SMALL * found * 1.001, 10.0)
 
 
 def test_zeros_have_any_headroom():

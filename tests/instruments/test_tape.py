@@ -32,6 +32,7 @@ from tests.acquisition.session.test_other_daqs import ALONG
 from tests.acquisition.session.test_other_daqs import SERIAL as SERIAL_ADC
 from tests.instruments.camera.test_camera import Feed
 from tests.mutating import within_memory
+from tests.raising import raises
 
 
 def lines(tape: Path) -> list[dict[str, Any]]:
@@ -205,19 +206,16 @@ def test_a_tape_that_was_changed_in_any_place_is_refused(whole, tmp_path):
         [texts[0], texts[3].replace(b'"at":0.0', b'"at":0.1'), *texts[4:]],
     ):
         changed.write_bytes(gzip.compress(b"".join(other)))
-        with pytest.raises(DataError, match="was changed"):
-            Player(changed)
+        raises(DataError, "was changed", Player, changed)
     changed.write_bytes(data + data)
-    with pytest.raises(DataError, match="something follows"):
-        Player(changed)
+    raises(DataError, "something follows", Player, changed)
 
 
 @pytest.mark.parametrize("text", [b"", b"no tape", gzip.compress(b"{}\n", mtime=0), b"\x1f\x8b"])
 def test_another_file_is_no_tape(text, tmp_path):
     path = tmp_path / "x.tape"
     path.write_bytes(text)
-    with pytest.raises(HaploopError, match="tape"):
-        haploop.open_rig(simulate=f"tape:{path}")
+    raises(HaploopError, "tape", haploop.open_rig, simulate=f"tape:{path}")
 
 
 def test_a_tape_that_unpacks_to_more_than_any_session_is_refused(tmp_path):
@@ -288,8 +286,7 @@ def test_arrays_and_numbers_come_back_as_they_were(tmp_path):
         line = TapedLine(recorder, "x")
         for value in values:
             line.call("do", lambda v=value: answer(v, filled), value, filled=(filled,))
-        with pytest.raises(ConnectionError):
-            line.call("fail", open_port, failures=(Failure(ConnectionError),))
+        raises(ConnectionError, "", line.call, "fail", open_port, failures=(Failure(ConnectionError),))
     line = TapedLine(begun(tape), "x")
     for value in values:
         filled[...] = 0

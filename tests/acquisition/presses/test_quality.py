@@ -19,6 +19,7 @@ from haploop.acquisition import (
 from haploop.base.errors import DataError
 from haploop.instruments import Press
 from tests.acquisition.presses.pressworld import world_rig
+from tests.raising import raises
 
 FLAGS = {
     "soft": "no-activation",
@@ -141,8 +142,7 @@ def test_more_force_than_the_sensor_should_take_is_told_of(tmp_path):
         return made
 
     rig.daq.world.press = strong
-    with pytest.raises(DataError, match="the sensor allows 96 N"):
-        record(rig, "push", "P01", 1, tmp_path)
+    raises(DataError, "the sensor allows 96 N", record, rig, "push", "P01", 1, tmp_path)
 
 
 def test_the_operator_rejects_the_press_before(tmp_path):
@@ -193,5 +193,4 @@ def test_the_protocol_stands_in_the_recording(tmp_path):
     recording = record(world_rig(), "push", "P01", 1, tmp_path, protocol=protocol)
     assert Protocol.from_json(recording.header.protocol) == protocol
     assert Protocol.from_json("{}") is None
-    with pytest.raises(DataError, match="update haploop"):
-        Protocol.from_json('{"telepathy": true, "segmentation": {}}')
+    raises(DataError, "update haploop", Protocol.from_json, '{"telepathy": true, "segmentation": {}}')

@@ -18,6 +18,7 @@ from haploop.acquisition.presses.barycentre import barycentre, paths_to
 from haploop.acquisition.presses.registration import WarpModel, register
 from haploop.base.errors import ConfigurationError, DataError
 from tests.acquisition.presses.pressworld import SHAPES, SyntheticPress, world_rig
+from tests.raising import raises
 
 TEMPO = FAMILIES["tempo"]
 TEMPLATE = TEMPO.template(TIMES, np.zeros(3))
@@ -189,8 +190,7 @@ def test_the_high_pass_keeps_the_click_and_its_time_and_takes_the_hand_away():
     assert error(filtered[0] - filtered[1], TEMPLATE) < 0.1
     assert np.argmax(filtered[0]) == np.argmax(TEMPLATE)
     assert np.abs(filtered[1]).max() < 0.1 * np.ptp(slow)
-    with pytest.raises(DataError):
-        high_pass(np.zeros(1), RATE)
+    raises(DataError, "", high_pass, np.zeros(1), RATE)
 
 
 @pytest.fixture(scope="module")
@@ -238,8 +238,7 @@ def test_saving_keeps_everything_and_overwrites_nothing(recordings, tmp_path):
         mine, theirs = getattr(result, field.name), getattr(back, field.name)
         assert np.array_equal(mine, theirs), field.name
         assert type(mine) is type(theirs), field.name
-    with pytest.raises(ConfigurationError, match="not overwritten"):
-        result.save(tmp_path / "push.h5")
+    raises(ConfigurationError, "not overwritten", result.save, tmp_path / "push.h5")
     with h5py.File(tmp_path / "cut.h5", "w") as file:
         file.attrs["format"] = "haploop representative"
     for says, read, path in (
@@ -247,8 +246,7 @@ def test_saving_keeps_everything_and_overwrites_nothing(recordings, tmp_path):
         ("not a haploop recording", Recording.open, tmp_path / "push.h5"),
         ("not written by this version", Representative.load, tmp_path / "cut.h5"),
     ):
-        with pytest.raises(DataError, match=says):
-            read(path)
+        raises(DataError, says, read, path)
 
 
 def test_presses_that_were_rejected_are_left_out_and_said_so(tmp_path):
@@ -267,8 +265,7 @@ def test_presses_that_were_rejected_are_left_out_and_said_so(tmp_path):
 
     rig = world_rig(seed=31)
     rig.daq.world.gain = 6.0
-    with pytest.raises(DataError):
-        record(rig, "push", "P02", 2, tmp_path)
+    raises(DataError, "", record, rig, "push", "P02", 2, tmp_path)
     with pytest.raises(DataError, match=r"no usable press of the push button .*left its range"):
         representative([Recording.open(tmp_path / "P02-push.h5")])
 
@@ -300,8 +297,7 @@ def test_recordings_that_do_not_belong_together_are_refused(recordings, tmp_path
         ("given twice", [recordings[0], recordings[0]]),
         ("at least one", []),
     ):
-        with pytest.raises(ConfigurationError, match=says):
-            representative(given)
+        raises(ConfigurationError, says, representative, given)
     assert representative([latch]).members == 1
 
 

@@ -14,6 +14,7 @@ from haploop.acquisition.presses.registration import WarpModel
 from haploop.base.errors import ConfigurationError
 from tests.acquisition.presses import pressworld
 from tests.acquisition.presses.pressworld import world_rig
+from tests.raising import raises
 
 TEMPO, HANDS = FAMILIES["tempo"], FAMILIES["hands"]
 
@@ -108,8 +109,6 @@ def test_a_press_that_is_not_found_again_is_said_to_be_left_out(tmp_path):
     "values", [{"taper": 0.3}, {"longest": 0.0}, {"high_pass_hz": 0.0}, {"before": -1.0}]
 )
 def test_a_window_or_a_model_of_warps_that_cannot_be_is_refused(values):
-    with pytest.raises(ConfigurationError, match="no window of a press"):
-        Window(**values)
+    raises(ConfigurationError, "no window of a press", Window, **values)
     for wrong in ({"knots": 3}, {"stretch": 0.0}, {"reach": 0.0}, {"floor": np.nan}):
-        with pytest.raises(ConfigurationError, match="no model of warps"):
-            WarpModel(**wrong)
+        raises(ConfigurationError, "no model of warps", WarpModel, **wrong)

@@ -25,6 +25,7 @@ from haploop.base.errors import ConfigurationError, InstrumentError
 from haploop.instruments import Stream
 from tests.acquisition.presses.pressworld import world_rig
 from tests.acquisition.recording.pattern import CHANNELS, RATE, block_of, header, kept, written
+from tests.raising import raises
 
 
 @contextmanager
@@ -107,13 +108,11 @@ def test_a_disk_that_promised_room_and_has_none_stops_the_recording_there(tmp_pa
             for i in range(1000):
                 writer.write(block_of(250 * i), 0.0)
         reported = writer.written
-        with pytest.raises(InstrumentError, match="could not be written"):
-            writer.close()
+        raises(InstrumentError, "could not be written", writer.close)
         assert 60 * 250 < reported < 1000 * 250
         assert kept(path) == reported
         for act in (finish, recover):
-            with pytest.raises(InstrumentError, match="the recorded samples are safe"):
-                act(path)
+            raises(InstrumentError, "the recorded samples are safe", act, path)
         assert kept(path) == reported
         assert [file.name for file in small.iterdir()] == [path.name]
         elsewhere = Path(shutil.copy(path, tmp_path))
@@ -139,8 +138,7 @@ def test_a_block_that_a_full_disk_took_in_part_is_no_row(tmp_path, monkeypatch, 
         writer.write(block_of(2500), 0.0)
     monkeypatch.undo()
     for act in (lambda: writer.write(block_of(2500), 0.0), writer.close):  # a block that is missing is a gap
-        with pytest.raises(InstrumentError):
-            act()
+        raises(InstrumentError, "", act)
     assert writer.written == 2500
     assert kept(path) == 2500
     assert verify(recover(path)) == ()

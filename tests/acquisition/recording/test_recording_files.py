@@ -21,6 +21,7 @@ from haploop.base.errors import DataError
 from haploop.instruments import load_rig_file
 from tests.acquisition.presses.pressworld import world_rig
 from tests.acquisition.recording.pattern import header, unfinished
+from tests.raising import raises
 
 
 @pytest.fixture(scope="module")
@@ -168,14 +169,12 @@ def test_a_changed_recording_gives_nothing_and_is_not_verified(finished, tmp_pat
     with h5py.File(copy, "r+") as file:
         change(file)
     for use in (Recording.open, verify):
-        with pytest.raises(DataError, match="its content does not match its checksum"):
-            use(copy)
+        raises(DataError, "its content does not match its checksum", use, copy)
     add_checksum(copy, "recording")
     for what in ("volts", "force", "saturated", "events", "verdicts", "content_hash", "duration"):
         with pytest.raises(DataError, match=says):
             getattr(Recording.open(copy), what)
-    with pytest.raises(DataError, match=says):
-        verify(copy)
+    raises(DataError, says, verify, copy)
 
 
 @pytest.mark.parametrize(("keep", "told"), [
@@ -197,15 +196,12 @@ def test_a_file_that_was_cut_short_is_refused_in_one_plain_sentence(finished, tm
 
 
 def test_other_files_are_refused(tmp_path):
-    with pytest.raises(DataError, match="There is no file"):
-        Recording.open(tmp_path / "nothing.h5")
+    raises(DataError, "There is no file", Recording.open, tmp_path / "nothing.h5")
     other = tmp_path / "other.h5"
     with h5py.File(other, "w") as file:
         file["x"] = 1
-    with pytest.raises(DataError, match="is an HDF5 file, but was not written by"):
-        Recording.open(other)
-    with pytest.raises(DataError):
-        Recording.open(tmp_path)
+    raises(DataError, "is an HDF5 file, but was not written by", Recording.open, other)
+    raises(DataError, "", Recording.open, tmp_path)
 
 
 @pytest.mark.parametrize("change", [
@@ -221,8 +217,7 @@ def test_a_header_without_sense_is_refused_under_a_hash_that_fits(change, tmp_pa
         assert read_header(file, tmp_path)[0].rate_hz == 0.5
     with h5py.File(tmp_path / "bad.h5", "w") as file:
         write_header(file, replace(header(), **change), "recording")
-        with pytest.raises(ValueError, match=r"rig|channels"):
-            read_header(file, tmp_path)
+        raises(ValueError, r"rig|channels", read_header, file, tmp_path)
 
 
 def test_a_recording_goes_to_another_process_as_its_file(finished):

@@ -29,6 +29,7 @@ from haploop.acquisition.recording.rows import (
     whole,
 )
 from haploop.base.errors import ConfigurationError, DataError
+from tests.raising import raises
 
 PRESS = PressVerdict(2, 3, 100, 250, 112.5, 2.25, True, (), "")
 
@@ -76,8 +77,7 @@ def test_the_last_verdict_on_an_attempt_counts_and_they_are_sorted():
     [{"number": 0}, {"attempt": 0}, {"first": -1}, {"first": 251}, {"flags": ("nothing",)}],
 )
 def test_a_verdict_without_sense_is_refused(change):
-    with pytest.raises(DataError):
-        verdict_row(PRESS._replace(**change))
+    raises(DataError, "", verdict_row, PRESS._replace(**change))
     with pytest.raises(DataError, match="no press flag 'nothing'"):
         verdict_row(PRESS._replace(flags=("double", "nothing", "never")))
     verdict_row(PRESS._replace(number=1, attempt=1, first=0, end=0))
@@ -159,5 +159,4 @@ def test_names_of_files(participant, button, allowed):
     if allowed:
         assert file_format.file_name(participant, button) == f"{participant}-{button}.h5"
     else:
-        with pytest.raises(ConfigurationError, match="is not a valid"):
-            file_format.file_name(participant, button)
+        raises(ConfigurationError, "is not a valid", file_format.file_name, participant, button)

@@ -20,6 +20,7 @@ from haploop.base.errors import DataError
 from haploop.base.json_files import as_line
 from haploop.base.marks import marked
 from tests.acquisition.recording.pattern import CHANNELS, FULL_SCALE, PRESS, block_of, codes_of, header
+from tests.raising import raises
 
 BLOCKS = 12
 
@@ -138,8 +139,7 @@ def test_samples_that_do_not_fit_their_blocks_are_not_read(change, path):
         if change != "missing":
             codes[:] = 0
     add_checksum(path, "recording")
-    with pytest.raises(DataError, match="was not written by haploop"):
-        salvage.read_contents(path)
+    raises(DataError, "was not written by haploop", salvage.read_contents, path)
 
 
 def test_blocks_of_other_channels_are_not_read(path):
@@ -153,8 +153,7 @@ def test_logs_recordings_in_progress_and_hashes(path, tmp_path):
     log.write_text(line, encoding="utf-8")
     assert not verify(log) and content_hash(log) == hashlib.sha256(log.read_bytes()).hexdigest()
     log.write_text(line[:-5], encoding="utf-8")
-    with pytest.raises(DataError, match="no line that was written completely"):
-        verify(log)
+    raises(DataError, "no line that was written completely", verify, log)
     with marked(path):
         assert verify(path) == (f"{path} is being recorded now: verify it when the session has ended.",)
     finish(path)

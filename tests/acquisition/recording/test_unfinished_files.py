@@ -30,6 +30,7 @@ from tests.acquisition.recording.pattern import (
     unfinished,
     written,
 )
+from tests.raising import raises
 
 
 def test_an_unfinished_file_is_an_ordinary_hdf5_file_while_it_grows(tmp_path):
@@ -68,13 +69,10 @@ def test_recovering_makes_it_whole_and_leaves_the_original_alone(tmp_path):
     assert recovered.events[-1].text == (
         "Recovered 0.40 s with 1 of 1 presses accepted; samples after the last block are lost."
     )
-    with pytest.raises(ConfigurationError, match="not overwritten"):
-        recover(path)
-    with pytest.raises(ConfigurationError, match="nothing to recover"):
-        recover(whole)
+    raises(ConfigurationError, "not overwritten", recover, path)
+    raises(ConfigurationError, "nothing to recover", recover, whole)
     for folder in (tmp_path, ""):
-        with pytest.raises(DataError, match="is a folder"):
-            recover(folder)
+        raises(DataError, "is a folder", recover, folder)
 
 
 def test_recovering_names_the_files_of_streams_that_a_kill_left(tmp_path):
@@ -124,8 +122,7 @@ def test_of_a_file_that_was_cut_short_everything_before_the_cut_is_saved(tmp_pat
     for keep in (size - 1, size // 2, size // 4):
         broken = cut(path, tmp_path, keep)
         before = broken.read_bytes()
-        with pytest.raises(DataError, match="truncated"):
-            verify(broken)
+        raises(DataError, "truncated", verify, broken)
         whole = Recording.open(saved_of(broken))
         samples = whole.volts.shape[1]
         assert 100_000 * keep / size - 1.2 * CHUNK < samples < 100_000
@@ -157,8 +154,7 @@ def test_what_is_behind_a_damaged_place_is_left_out(tmp_path):
 def test_nothing_is_ever_overwritten(tmp_path):
     path = unfinished(tmp_path / "P01-push.h5")
     before = path.read_bytes()
-    with pytest.raises(ConfigurationError, match="not overwritten"):
-        Writer(path, header(), 250, 20)
+    raises(ConfigurationError, "not overwritten", Writer, path, header(), 250, 20)
     with pytest.raises(ConfigurationError, match=r"P01-push\.h5 already exists and is not overwritten"):
         record(world_rig(), "push", "P01", 1, tmp_path)
     assert path.read_bytes() == before

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
 from haploop.acquisition.recording import write_recording, writer
 from haploop.base.errors import ConfigurationError
 from tests.acquisition.recording.pattern import block_of, header
+from tests.raising import raises
 
 
 def test_a_file_that_appears_meanwhile_is_kept(tmp_path, monkeypatch):
@@ -18,8 +17,7 @@ def test_a_file_that_appears_meanwhile_is_kept(tmp_path, monkeypatch):
         path.write_text("another program's")
 
     monkeypatch.setattr(writer, "check_destination", quicker)
-    with pytest.raises(ConfigurationError, match="exists"):
-        write_recording(path, header(), block_of(0).volts, [], lambda _: [])
+    raises(ConfigurationError, "exists", write_recording, path, header(), block_of(0).volts, [], lambda _: [])
     assert path.read_text() == "another program's"
 
 
@@ -29,6 +27,5 @@ def test_what_cannot_be_judged_leaves_no_file(tmp_path):
     def judge(_: object) -> list[object]:
         raise RuntimeError("judged wrongly")
 
-    with pytest.raises(RuntimeError):
-        write_recording(path, header(), block_of(0).volts, [], judge)
+    raises(RuntimeError, "", write_recording, path, header(), block_of(0).volts, [], judge)
     assert list(tmp_path.iterdir()) == []

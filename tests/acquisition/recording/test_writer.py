@@ -37,6 +37,7 @@ from tests.acquisition.recording.pattern import (
     header,
     written,
 )
+from tests.raising import raises
 
 Usage = namedtuple("Usage", "total used free")
 
@@ -66,10 +67,8 @@ def test_events_and_verdicts_have_room_for_so_many_and_the_last_event_says_so(tm
             writer.write_verdict(PRESS._replace(end=251))
         for block in (0, 1, 2, 3):
             writer.write(block_of(250 * block), 0.0)
-        with pytest.raises(InstrumentError, match="is full after 1000 samples"):
-            writer.write(block_of(1000), 0.0)
-        with pytest.raises(InstrumentError, match="begins at sample 1250, but 1000 is next"):
-            writer.write(block_of(1250), 0.0)
+        raises(InstrumentError, "is full after 1000 samples", writer.write, block_of(1000), 0.0)
+        raises(InstrumentError, "begins at sample 1250, but 1000 is next", writer.write, block_of(1250), 0.0)
     recording = Recording.open(path)
     assert len(recording.events) == 16 * presses + 259
     assert [event.kind for event in recording.events[-2:]] == ["note", "events-full"]
@@ -92,10 +91,8 @@ def test_a_disk_that_takes_nothing_is_full(tmp_path, monkeypatch):
     writer = Writer(tmp_path / "P01-push.h5", header(), 250, 4)
     with monkeypatch.context() as patch:
         patch.setattr(os, "pwrite", lambda *_: 0)
-        with pytest.raises(InstrumentError, match=os.strerror(errno.ENOSPC)):
-            writer.write(block_of(0), 0.0)
-    with pytest.raises(InstrumentError):
-        writer.close()
+        raises(InstrumentError, os.strerror(errno.ENOSPC), writer.write, block_of(0), 0.0)
+    raises(InstrumentError, "", writer.close)
     writer.close()
 
 
@@ -206,8 +203,7 @@ def test_what_holds_no_press_is_set_aside_and_nothing_else(tmp_path):
 
 
 def test_what_cannot_be_renamed_or_is_recorded(tmp_path, monkeypatch):
-    with pytest.raises(DataError, match="There is no file"):
-        recover(tmp_path / "none.h5")
+    raises(DataError, "There is no file", recover, tmp_path / "none.h5")
     path = written(tmp_path / "P01-push.h5")
     with marked(path), pytest.raises(ConfigurationError, match="is being recorded now"):
         recover(path)
@@ -216,8 +212,7 @@ def test_what_cannot_be_renamed_or_is_recorded(tmp_path, monkeypatch):
         raise OSError(errno.EROFS, "")
 
     monkeypatch.setattr("haploop.acquisition.recording.recovery.publish", refuse)
-    with pytest.raises(ConfigurationError, match=r"cannot be renamed \(Read-only file system\)"):
-        set_aside(path)
+    raises(ConfigurationError, r"cannot be renamed \(Read-only file system\)", set_aside, path)
 
 
 LIMITED = """
@@ -261,8 +256,7 @@ def test_a_recovery_has_time_by_its_size(tmp_path, monkeypatch):
     for size in (1 << 20, 1 << 30):
         with path.open("wb") as file:
             file.truncate(size)  # which takes no room on the disk
-        with pytest.raises(DataError, match="is damaged in its metadata"):
-            recover(path)
+        raises(DataError, "is damaged in its metadata", recover, path)
     assert waited == [pytest.approx(60 * (1 + 1 / 256)), 60 * 5]
 
 
@@ -275,8 +269,7 @@ def test_a_recovered_file_replaces_none_that_came_meanwhile(tmp_path):
         assert kinds == ["note"] * (most - 1) + ["events-full"]
         writer.write(block_of(0), 0.0)
     theirs.write_text("theirs")
-    with pytest.raises(ConfigurationError, match="already exists and is not overwritten"):
-        recover_damaged(path, theirs)
+    raises(ConfigurationError, "already exists and is not overwritten", recover_damaged, path, theirs)
     assert theirs.read_text() == "theirs"
 
 

@@ -11,6 +11,7 @@ from haploop.acquisition.session.recorder import MOST_PRESSES
 from haploop.base.errors import ConfigurationError, DataError, InstrumentError
 from haploop.instruments import Press, Rest
 from tests.acquisition.presses.pressworld import world_rig
+from tests.raising import raises
 from tests.rig_files import changed
 
 BLOCK = round(Protocol().block * 5000)
@@ -57,8 +58,7 @@ def test_rest_is_measured_once_the_hands_are_off(tmp_path):
 
 def test_no_press_within_15_seconds_is_an_error_and_the_file_stays(tmp_path):
     rig = world_rig(answers=False)
-    with pytest.raises(DataError, match="No press 1 of 3 arrived within 15 s"):
-        record(rig, "push", "P01", 3, tmp_path)
+    raises(DataError, "No press 1 of 3 arrived within 15 s", record, rig, "push", "P01", 3, tmp_path)
     recording = assert_kept(rig, tmp_path / "P01-push.h5", 15 * 5000)
     assert recording.duration < 16.5
     assert recording.events[-1].kind == "error"
@@ -68,8 +68,7 @@ def test_a_finger_that_never_lets_go_is_an_error(tmp_path):
     rig = world_rig()
     drop = rig.daq.world.volts
     rig.daq.world.volts = lambda c, t: drop(c, t) + (0.3 * (t[-1] > 1) if c in ("gauge0", "gauge2") else 0)
-    with pytest.raises(DataError, match=r"Press 1 of 1 did not end within 15 s"):
-        record(rig, "push", "P01", 1, tmp_path)
+    raises(DataError, r"Press 1 of 1 did not end within 15 s", record, rig, "push", "P01", 1, tmp_path)
 
 
 @pytest.mark.parametrize("number", [1, 3])
@@ -83,8 +82,7 @@ def test_ctrl_c_leaves_a_readable_recording_of_all_that_was_read(tmp_path, numbe
             raise KeyboardInterrupt
 
     rig.operator.tell = interrupted
-    with pytest.raises(KeyboardInterrupt):
-        record(rig, "push", "P01", 4, tmp_path)
+    raises(KeyboardInterrupt, "", record, rig, "push", "P01", 4, tmp_path)
     recording = assert_kept(rig, tmp_path / "P01-push.h5", len(rig.daq.given) * BLOCK)
     assert recording.events[-1].kind == "interrupted"
     assert len(find_presses(recording)) == number - 1
@@ -93,8 +91,7 @@ def test_ctrl_c_leaves_a_readable_recording_of_all_that_was_read(tmp_path, numbe
     # It keeps no room for what was never recorded, and nothing of it is left to recover.
     assert recording.path.stat().st_size < recording.volts.size * 2 + 50_000
     assert verify(recording.path) == ()
-    with pytest.raises(ConfigurationError, match="nothing to recover"):
-        recover(recording.path)
+    raises(ConfigurationError, "nothing to recover", recover, recording.path)
 
 
 def test_where_an_interrupted_file_cannot_be_finished_it_stays_recoverable(tmp_path, monkeypatch):
@@ -103,8 +100,7 @@ def test_where_an_interrupted_file_cannot_be_finished_it_stays_recoverable(tmp_p
 
     monkeypatch.setattr("haploop.acquisition.recording.salvage.write_header", refused)
     rig = world_rig(answers=False)
-    with pytest.raises(DataError, match="No press 1 of 3 arrived"):
-        record(rig, "push", "P01", 3, tmp_path)
+    raises(DataError, "No press 1 of 3 arrived", record, rig, "push", "P01", 3, tmp_path)
     monkeypatch.undo()
     path = tmp_path / "P01-push.h5"
     recording = assert_kept(rig, path, 15 * 5000)
@@ -118,8 +114,7 @@ def test_where_an_interrupted_file_cannot_be_finished_it_stays_recoverable(tmp_p
     (MOST_PRESSES + 1, "presses are too many for one recording"),
 ])  # fmt: skip
 def test_presses_are_counted_in_whole_numbers(tmp_path, presses, says):
-    with pytest.raises(ConfigurationError, match=says):
-        record(world_rig(), "push", "P01", presses, tmp_path)
+    raises(ConfigurationError, says, record, world_rig(), "push", "P01", presses, tmp_path)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -137,8 +132,7 @@ def test_ctrl_c_while_a_block_is_being_written_loses_no_block(tmp_path, monkeypa
 
     monkeypatch.setattr(Writer, "_put", interrupted)
     rig = world_rig()
-    with pytest.raises(KeyboardInterrupt):
-        record(rig, "push", "P01", 4, tmp_path)
+    raises(KeyboardInterrupt, "", record, rig, "push", "P01", 4, tmp_path)
     recording = assert_kept(rig, tmp_path / "P01-push.h5", len(rig.daq.given) * BLOCK)
     assert recording.volts.shape[1] == len(rig.daq.given) * BLOCK
 
@@ -156,8 +150,7 @@ def test_a_gap_is_an_event_in_the_file_and_an_error(tmp_path):
 def test_a_rig_without_a_sensor_is_refused(tmp_path):
     rig = world_rig()
     vars(rig)["file"] = changed(rig.file, sensors={"force": None, "acceleration": None})
-    with pytest.raises(ConfigurationError, match=r"describe one of \[sensors\.force\]"):
-        record(rig, "push", "P01", 1, tmp_path)
+    raises(ConfigurationError, r"describe one of \[sensors\.force\]", record, rig, "push", "P01", 1, tmp_path)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -170,10 +163,8 @@ def test_weight_on_the_sensor_is_not_taken_for_a_force_beyond_its_rating(tmp_pat
 def test_a_recording_that_ended_before_its_first_block_is_empty_and_readable(tmp_path):
     rig = world_rig()
     rig.daq.fails_at = 0
-    with pytest.raises(InstrumentError):
-        record(rig, "push", "P01", 1, tmp_path)
+    raises(InstrumentError, "", record, rig, "push", "P01", 1, tmp_path)
     recording = Recording.open(tmp_path / "P01-push.h5")
     assert recording.duration == 0 and find_presses(recording) == ()
     assert recording.force.shape == recording.saturated.shape == (0,)
-    with pytest.raises(DataError, match="none was found"):
-        representative([recording])
+    raises(DataError, "none was found", representative, [recording])

@@ -21,6 +21,7 @@ from haploop.base.errors import ConfigurationError, DataError, InstrumentError
 from haploop.instruments import load_rig_file
 from haploop.mocks.streams import DRIFT, OFFSET
 from tests.exchange.test_lsl import loopback
+from tests.raising import raises
 
 RIG = """
 base = "minimal"
@@ -119,8 +120,7 @@ def test_samples_that_do_not_come_are_told(tmp_path):
 
 def test_a_stream_that_is_not_there_is_one_sentence_and_nothing_is_recorded(tmp_path):
     says = "There is no LSL stream with the type 'EEG' of eeg in \\[streams\\]; LSL finds 'cues'"
-    with pytest.raises(InstrumentError, match=says):
-        recorded(tmp_path, 1, fault("stream-lost", 0.0))
+    raises(InstrumentError, says, recorded, tmp_path, 1, fault("stream-lost", 0.0))
     assert [path.name for path in tmp_path.iterdir()] == ["rig.toml"]
     with haploop.open_rig(rig_file(tmp_path, fault("stream-lost", 0.0)), simulate="twin") as rig:
         found = {finding.name: finding for finding in haploop.examine(rig)}
@@ -154,8 +154,7 @@ def test_a_missing_pylsl_is_named(tmp_path, monkeypatch):
     from haploop.instruments.streams import LslStreams
 
     settings = LslStreams.Settings.model_validate({"inlets": {"eeg": {"type": "EEG"}}})
-    with pytest.raises(ConfigurationError, match=r'pip install "haploop\[lsl\]"'):
-        LslStreams.open(settings, None)
+    raises(ConfigurationError, r'pip install "haploop\[lsl\]"', LslStreams.open, settings, None)
 
 
 def test_a_file_that_was_changed_is_refused(tmp_path):

@@ -25,6 +25,7 @@ from haploop.base.errors import ConfigurationError, DataError, InstrumentError
 from haploop.instruments import Consent, Press, Ready, open_rig
 from tests import forked
 from tests.acquisition.session import studying
+from tests.raising import raises
 
 
 def study_in(folder: Path, **keys):
@@ -133,8 +134,7 @@ def test_a_rejected_press_is_asked_for_again_and_its_recording_stays(small, tmp_
     entry = study.progress_of("P01", "latch")
     assert (entry.accepted, entry.missing, entry.rejected) == ((1,), ((2, 2),), 1)
     assert entry.verdicts[1].reason == "Rejected: the phone rang"
-    with pytest.raises(ConfigurationError, match="P01 has no accepted press 2 of latch"):
-        study.reject("P01", "latch", [2])
+    raises(ConfigurationError, "P01 has no accepted press 2 of latch", study.reject, "P01", "latch", [2])
     # A participant that was added meanwhile changes nobody's order, and nothing is asked twice.
     study = study_in(tmp_path, participants=["P01", "P02", "P03"])
     with twin(seed=3) as rig:
@@ -162,8 +162,7 @@ def test_no_consent_no_recording(small, tmp_path):
     study = copied(small[0], tmp_path)
     with twin() as rig:
         rig.operator.confirm = lambda request: not isinstance(request, Consent)
-        with pytest.raises(DataError, match="P02 has not consented, so nothing was recorded"):
-            run_study(rig, study)
+        raises(DataError, "P02 has not consented, so nothing was recorded", run_study, rig, study)
         assert not list(study.folder.glob("P02*"))
         rig.operator.confirm = lambda request: not isinstance(request, Ready)
         assert run_study(rig, study) is False
@@ -179,13 +178,11 @@ def test_what_does_not_belong_is_refused(small, tmp_path):
             ("no button 'doorbell'", rig, None, ["doorbell"]),
             ("record a study on one rig only", other, None, None),
         ):
-            with pytest.raises(ConfigurationError, match=says):
-                run_study(of, study, who, which)
+            raises(ConfigurationError, says, run_study, of, study, who, which)
     belongs = r"P02-toggle.h5 belongs to the study 'trial' \(button latch, participant P01\), not to"
     for length, says in ((None, belongs), (5000, "truncated")):
         toggle.write_bytes(latch.read_bytes()[:length])
-        with pytest.raises(DataError, match=says):
-            study.progress()
+        raises(DataError, says, study.progress)
     toggle.unlink()
     study.reject("P01", "latch", [1])
     latch.write_bytes((study.folder / "P01-latch.h5").read_bytes())
@@ -271,8 +268,7 @@ def test_a_study_that_is_interrupted_again_and_again_comes_to_the_same_end(tmp_p
             with monkeypatch.context() as patch, twin(seed=seed, bad_press_rate=0.1) as rig:
                 # The rest takes 10 blocks, and the quickest press 18.
                 interrupted_at(int(rng.integers(1, 10 + 18 * presses)), patch)
-                with pytest.raises(KeyboardInterrupt):
-                    run_study(rig, broken)
+                raises(KeyboardInterrupt, "", run_study, rig, broken)
     with twin(seed=seed, bad_press_rate=0.1) as rig:
         assert run_study(rig, broken)
 

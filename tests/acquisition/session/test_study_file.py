@@ -15,6 +15,7 @@ from haploop.acquisition.presses.segmentation import segmentation_for
 from haploop.acquisition.session.study_file import load_study_file
 from haploop.base.errors import ConfigurationError
 from haploop.commands.study import STUDY_FORM
+from tests.raising import raises
 
 GOOD = """
 name = "trial"
@@ -69,12 +70,10 @@ def test_what_is_wrong_is_said_in_one_sentence_with_its_line(tmp_path, line, exp
 
 
 def test_what_is_no_study_file(tmp_path):
-    with pytest.raises(ConfigurationError, match="There is no study file"):
-        load_study(tmp_path)
+    raises(ConfigurationError, "There is no study file", load_study, tmp_path)
     assert "is not valid TOML" in refused(tmp_path, "name = ")
     (tmp_path / "study.toml").write_bytes(b"\xff\xfe")
-    with pytest.raises(ConfigurationError, match="is not text in UTF-8"):
-        load_study(tmp_path)
+    raises(ConfigurationError, "is not text in UTF-8", load_study, tmp_path)
 
 
 @pytest.mark.parametrize("count", [2, 3, 4, 5, 6])

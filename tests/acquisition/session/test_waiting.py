@@ -17,6 +17,7 @@ from haploop.instruments import Press
 from tests import forked
 from tests.acquisition.presses.pressworld import world_rig
 from tests.acquisition.session.studying import recording_until_told
+from tests.raising import raises
 
 STUDY = 'name = "trial"\nbuttons = ["push"]\nparticipants = ["P01"]\npresses = 3\n'
 
@@ -55,8 +56,7 @@ def test_a_session_is_in_progress_while_its_program_lives(elsewhere, tmp_path):
     assert (entry.in_progress, entry.interrupted, len(entry.accepted)) == (1, 0, 1)
     assert Recording.open(path).in_progress
     assert verify(path)[0].endswith("is being recorded now: verify it when the session has ended.")
-    with pytest.raises(ConfigurationError, match="is being recorded now"):
-        recover(path)
+    raises(ConfigurationError, "is being recorded now", recover, path)
     with pytest.raises(InstrumentError, match="in use"), study.hold():
         pass
     assert set_aside(path) is None
@@ -160,19 +160,16 @@ def test_an_empty_recording_does_not_refuse_the_next_and_is_kept(tmp_path):
     path = tmp_path / "P01-push.h5"
     contents = []
     for _ in range(2):
-        with pytest.raises(DataError, match="No press 1 of 1"):
-            record(world_rig(answers=False), "push", "P01", 1, tmp_path)
+        raises(DataError, "No press 1 of 1", record, world_rig(answers=False), "push", "P01", 1, tmp_path)
         contents.append(path.read_bytes())
     assert record(world_rig(), "push", "P01", 1, tmp_path).complete
     aside = [tmp_path / f"P01-push.empty-{number}.h5" for number in (1, 2)]
     assert [one.read_bytes() for one in aside] == contents
-    with pytest.raises(ConfigurationError, match="already exists"):
-        record(world_rig(), "push", "P01", 1, tmp_path)
+    raises(ConfigurationError, "already exists", record, world_rig(), "push", "P01", 1, tmp_path)
 
 
 def test_what_cannot_be_set_aside_stays(tmp_path, monkeypatch):
-    with pytest.raises(DataError, match="No press 1 of 1"):
-        record(world_rig(answers=False), "push", "P01", 1, tmp_path)
+    raises(DataError, "No press 1 of 1", record, world_rig(answers=False), "push", "P01", 1, tmp_path)
 
     def refuse(*_paths: object) -> None:
         raise OSError(errno.EROFS, "Read-only file system")
@@ -189,13 +186,11 @@ def test_what_cannot_be_set_aside_stays(tmp_path, monkeypatch):
 def test_what_holds_a_press_or_cannot_be_read_is_not_set_aside(tmp_path):
     rig = world_rig()
     rig.daq.fails_at = 80
-    with pytest.raises(InstrumentError):
-        record(rig, "push", "P01", 5, tmp_path)
+    raises(InstrumentError, "", record, rig, "push", "P01", 5, tmp_path)
     assert Recording.open(tmp_path / "P01-push.h5").verdicts
     (tmp_path / "P02-push.h5").write_bytes(b"mine")
     for participant in ("P01", "P02"):
         before = (tmp_path / f"{participant}-push.h5").read_bytes()
-        with pytest.raises(ConfigurationError, match="already exists"):
-            record(world_rig(), "push", participant, 5, tmp_path)
+        raises(ConfigurationError, "already exists", record, world_rig(), "push", participant, 5, tmp_path)
         assert (tmp_path / f"{participant}-push.h5").read_bytes() == before
     assert len(list(tmp_path.iterdir())) == 2

@@ -8,6 +8,7 @@ import pytest
 from haploop.base.errors import ConfigurationError, DataError
 from haploop.calibration import DigitalButton, build_button, play_button
 from tests.calibration.conftest import Calibrated, make_press, tamper
+from tests.raising import raises
 
 
 @pytest.fixture(scope="module")
@@ -36,8 +37,7 @@ def test_a_button_comes_back_from_disk(button, tmp_path):
     assert back.digest == button.digest
     assert np.array_equal(back.drive.volts, button.drive.volts)
     assert back.press.sources == button.press.sources and back.check.reasons == button.check.reasons
-    with pytest.raises(DataError, match="exists"):
-        button.save(path)
+    raises(DataError, "exists", button.save, path)
 
 
 def test_a_damaged_button_is_refused(button, tmp_path):
@@ -47,8 +47,7 @@ def test_a_damaged_button_is_refused(button, tmp_path):
     at = content.find(button.drive.volts.tobytes()[8000:8064])
     content[at] ^= 1
     path.write_bytes(bytes(content))
-    with pytest.raises(DataError, match="damaged"):
-        DigitalButton.load(path)
+    raises(DataError, "damaged", DigitalButton.load, path)
 
 
 @pytest.mark.long
@@ -61,8 +60,6 @@ def test_playing_it_verifies_it(calibrated, button, monkeypatch):
 def test_a_button_of_another_world_is_refused(calibrated, button):
     response = replace(button.calibrations[0].response, simulated=not calibrated.rig.simulated)
     other = replace(button, calibrations=(replace(button.calibrations[0], response=response),))
-    with pytest.raises(ConfigurationError, match="calibrate that rig first"):
-        play_button(calibrated.rig, other)
+    raises(ConfigurationError, "calibrate that rig first", play_button, calibrated.rig, other)
     foreign = replace(button, check=replace(button.check, drive=replace(button.drive, rig="haptable")))
-    with pytest.raises(ConfigurationError, match="'haptable'"):
-        play_button(calibrated.rig, foreign)
+    raises(ConfigurationError, "'haptable'", play_button, calibrated.rig, foreign)

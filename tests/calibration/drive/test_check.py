@@ -23,6 +23,7 @@ from haploop.calibration.drive import check, playing
 from haploop.calibration.spectra import third_octaves
 from haploop.instruments import Capture, load_rig_file, open_rig
 from tests.calibration.conftest import make_press, tamper
+from tests.raising import raises
 from tests.rig_files import changed
 
 
@@ -206,8 +207,7 @@ def test_what_was_played_before_does_not_change_the_verdict(open, drive):
 
 def test_a_patch_without_volts(calibrated, drive, monkeypatch):
     tamper(calibrated.rig, monkeypatch, drive=lambda v: 0 * v, laser=lambda v: 0 * v)
-    with pytest.raises(InstrumentError, match="the relay"):
-        check(calibrated.rig, drive, plays=3)
+    raises(InstrumentError, "the relay", check, calibrated.rig, drive, plays=3)
     monkeypatch.setattr(playing, "settle", lambda *_: 0.0)  # the contact fails after settling
     result = check(calibrated.rig, drive, plays=3)
     assert not result.passed
@@ -254,8 +254,7 @@ def test_a_check_needs_plays_and_its_own_sample_rate(calibrated, drive):
         ("of the rig 'haptable', and this is 'simulated'", replace(drive, rig="haptable"), None, 8),
         ("another press", drive, another, 8),
     ):
-        with pytest.raises(ConfigurationError, match=says):
-            check(calibrated.rig, drive_, press, plays=plays)
+        raises(ConfigurationError, says, check, calibrated.rig, drive_, press, plays=plays)
 
 
 def test_a_drive_that_holds_little_of_its_press_does_not_pass(calibrated):
@@ -301,6 +300,5 @@ def test_last_bits_are_nothing(calibrated, drive, monkeypatch):
     monkeypatch.setattr(playing, "rests", kept)
     monkeypatch.setattr(playing, "settle", lambda *_: None)
     for shift in (0.0, 1e-12):
-        with pytest.raises(StopIteration):
-            playing.play(calibrated.rig, replace(drive, volts=drive.volts + shift), 4)
+        raises(StopIteration, "", playing.play, calibrated.rig, replace(drive, volts=drive.volts + shift), 4)
     assert drawn[0] == drawn[1]

@@ -27,6 +27,7 @@ from haploop.instruments.operator import LiftFinger, RestFinger
 from haploop.reports.contents.check import button_contents
 from tests.calibration.conftest import Calibrated, make_press
 from tests.conftest import OpenRig
+from tests.raising import raises
 
 DRIVE = Drive(
     button="push", patches=("A",), point="button", rate_hz=20_000.0, volts=np.ones((1, 9)), target=np.ones(9),
@@ -108,8 +109,7 @@ def test_a_finger_s_calibration_states_the_force_that_the_sensor_read(calibrated
         calibrated.calibration.response.velocity * made.finger.factor(f, 1.0),
         rtol=1e-9,
     )
-    with pytest.raises(DataError, match="of no force"):
-        at_force(calibrated.calibration, 1.0)
+    raises(DataError, "of no force", at_force, calibrated.calibration, 1.0)
 
 
 @pytest.mark.night
@@ -119,8 +119,7 @@ def test_nobody_there_and_a_finger_that_leaves_are_told(calibrated, weighed, ope
     drive = drive_for(make_press(), bare, rig.limits)
     confirm = rig.operator.confirm
     pressing(rig, monkeypatch, None)
-    with pytest.raises(InstrumentError, match="Nobody rests a finger"):
-        check_under_finger(rig, drive, "P07", plays=3)
+    raises(InstrumentError, "Nobody rests a finger", check_under_finger, rig, drive, "P07", plays=3)
     with pytest.raises((InstrumentError, DataError), match=r"Nobody rests a finger|Nothing seems to rest"):
         calibrate_finger(rig, bare, "P07")
 
@@ -134,8 +133,7 @@ def test_nobody_there_and_a_finger_that_leaves_are_told(calibrated, weighed, ope
         return excite(*args, **more)
 
     monkeypatch.setattr(rig, "excite_each", leaving)
-    with pytest.raises(InstrumentError, match="left the table before"):
-        check_under_finger(rig, drive, "P07", plays=3)
+    raises(InstrumentError, "left the table before", check_under_finger, rig, drive, "P07", plays=3)
 
 
 def test_fingers_rest_with_force(finger, open, monkeypatch):
@@ -160,16 +158,14 @@ def test_a_finger_that_lifts(calibrated, open, monkeypatch):
         return excite(volts, *args, **more)
 
     monkeypatch.setattr(rig, "excite", short)
-    with pytest.raises(DataError, match="unexplained"):
-        calibrate_finger(rig, calibrated.calibration, "P07")
+    raises(DataError, "unexplained", calibrate_finger, rig, calibrated.calibration, "P07")
 
 
 def test_a_force_sensor_that_cannot_feel_a_finger_is_refused_in_the_rig_file(tmp_path):
     for lines in ("[sensors]\nforce = false", "[sensors.force]\nhigh_pass_hz = 0.5"):
         path = tmp_path / "rig.toml"
         path.write_text(f'base = "simulated"\n[table]\nforce = true\n{lines}\n')
-        with pytest.raises(ConfigurationError, match="is felt by a DC-coupled sensor"):
-            load_rig_file(path)
+        raises(ConfigurationError, "is felt by a DC-coupled sensor", load_rig_file, path)
 
 
 def test_a_button_holds_all(calibrated, weighed, open, tmp_path):
@@ -177,14 +173,12 @@ def test_a_button_holds_all(calibrated, weighed, open, tmp_path):
     button = build_button(rig, make_press(), bare, iterations=0, plays=3)
     with pytest.raises(ConfigurationError, match="made for the bare table"):
         play_button(rig, button, finger=RestFinger("P07", "button", 1.0))
-    with pytest.raises(ConfigurationError, match="under one person's finger"):
-        button_under_finger(rig, button, bare)
+    raises(ConfigurationError, "under one person's finger", button_under_finger, rig, button, bare)
     own = calibrate_finger(rig, bare, "P07")
     with pytest.raises(ConfigurationError, match="from a calibration of the rig 'another'"):
         button_under_finger(rig, replace(button, check=of_rig(button.check, "another")), own)
     elsewhere = replace(own, response=replace(own.response, point="31"))
-    with pytest.raises(ConfigurationError, match="with patch A at 31"):
-        button_under_finger(rig, button, elsewhere)
+    raises(ConfigurationError, "with patch A at 31", button_under_finger, rig, button, elsewhere)
     made = button_under_finger(rig, button, own, plays=8)
     assert made.passed and len(made.pressed_checks) == 3 and made.learning is button.learning
     made.save(tmp_path / "push-P07.h5")

@@ -39,6 +39,7 @@ from haploop.reports.contents.check import button_contents
 from haploop.reports.contents.plan import plan_contents
 from tests.calibration.conftest import make_press, tamper
 from tests.calibration.drive.test_truth import played_and_true
+from tests.raising import raises
 
 pytestmark = pytest.mark.long
 
@@ -144,17 +145,14 @@ def test_what_cannot_be_is_said_before_anything_is_played(four, button):
         ("of the bare table and under P07's finger: give", [a, touched], {}),
         (f"Point {number} is the button point: one place", [*four.calibrations, *same], {number: None}),
     ):
-        with pytest.raises(ConfigurationError, match=says):
-            drive_for(make_press(), given, four.rig.limits, elsewhere=points)
+        raises(ConfigurationError, says, drive_for, make_press(), given, four.rig.limits, elsewhere=points)
     for says, make in (
         ("for an error or for a scale", lambda: TradeOff(error=0.1, scale=0.1)),
         (r"A drift cannot be common = -0\.01", lambda: Drift().times(-1)),
         ("scale = -1", lambda: TradeOff(scale=-1)),
     ):
-        with pytest.raises(ConfigurationError, match=says):
-            make()
-    with pytest.raises(DataError, match="a signal for each patch"):
-        replace(button.drive, patches=("A", "B"))
+        raises(ConfigurationError, says, make)
+    raises(DataError, "a signal for each patch", replace, button.drive, patches=("A", "B"))
 
 
 @pytest.fixture(scope="module")
@@ -320,8 +318,7 @@ def test_more_points_than_patches_are_refused(four, beside):
         ("3 points cannot be moved or kept silent at once by 2 pat", two, both),
         *((too_large, every, {"57": (late(press), size)}) for size in (0.0, float("nan"), 1000.0)),
     ):
-        with pytest.raises(ConfigurationError, match=says):
-            drive_for(press, given, four.rig.limits, elsewhere=points)
+        raises(ConfigurationError, says, drive_for, press, given, four.rig.limits, elsewhere=points)
 
 
 def test_one_amplifier_for_all_is_told_before_a_play(calibrated, button):
@@ -342,11 +339,9 @@ def test_calibrations_of_several_patches_are_found_by_one_name(four, tmp_path):
     assert [one.response.patch for one in load_calibrations(files)] == ["A", "B"]
     with pytest.raises(ConfigurationError, match="no calibration of patch C among those given"):
         load_calibrations(files, ("A", "C"))
-    with pytest.raises(DataError, match="table-D"):
-        load_calibrations([path], ("D",))
+    raises(DataError, "table-D", load_calibrations, [path], ("D",))
     (tmp_path / "table-A-waveforms.h5").touch()
-    with pytest.raises(ConfigurationError, match=r"of patches A, B, C: .* \(--patches A,B,C\)"):
-        load_calibrations([path])
+    raises(ConfigurationError, r"of patches A, B, C: .* \(--patches A,B,C\)", load_calibrations, [path])
 
 
 def test_calibrations_that_do_not_belong_together_are_refused_in_a_sentence(four):
@@ -355,8 +350,7 @@ def test_calibrations_that_do_not_belong_together_are_refused_in_a_sentence(four
     press, limits = make_press(), four.rig.limits
     moved = replace(c, model=replace(c.model, poles=1.01 * c.model.poles))
     says = r"patch A at the button point \(.*\) and of patch C at .* differ by 1.0%: they are of two tables"
-    with pytest.raises(ConfigurationError, match=says):
-        drive_for(press, (a, b, moved, d), limits)
+    raises(ConfigurationError, says, drive_for, press, (a, b, moved, d), limits)
     with open_rig("four-channel", simulate="twin", simulation={"seed": SEED + 1}) as rig:
         stranger = calibrate(rig, "C")
     with pytest.raises(ConfigurationError, match=r"patch C .* differ by .* of two tables"):

@@ -15,6 +15,7 @@ from haploop.calibration.map.measuring import map_plan, measure_map
 from haploop.instruments import Rig
 from haploop.mocks.plant.hysteresis import Hysteresis
 from haploop.mocks.pytest_plugin import Rigs
+from tests.raising import raises
 
 pytestmark = pytest.mark.many_plays
 
@@ -101,8 +102,7 @@ def test_what_was_fitted_is_kept(mapped, monkeypatch):
     again = VibrationMap.load(mapped.folder)
     f = np.array([100.0, 263.5])
     np.testing.assert_array_equal(again.velocity("A", f), mapped.found.velocity("A", f))
-    with pytest.raises(DataError, match="no patch 'E'"):
-        again.velocity("E", f)
+    raises(DataError, "no patch 'E'", again.velocity, "E", f)
 
 
 def short(rig: Rig, points: tuple[int, ...] = (3, 17, 30)) -> tuple[object, ...]:
@@ -117,8 +117,7 @@ def test_an_interrupted_map_is_gone_on_with(open, tmp_path):
         if done >= 0.25:
             raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt):
-        measure_map(rig, tmp_path / "map", plan, stop)
+    raises(KeyboardInterrupt, "", measure_map, rig, tmp_path / "map", plan, stop)
     folder = MapFolder.open(tmp_path / "map")
     assert [step.name for step in folder.left()] == ["point-17", "point-30", "again-003"]
     before = digest(flatten(folder.read(plan.steps[0])))
@@ -133,8 +132,7 @@ def test_a_damaged_point_is_measured_again_and_kept_aside(open, tmp_path):
     folder = measure_map(rig, tmp_path / "map", plan)
     path = folder.file(plan.steps[0])
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-    with pytest.raises(DataError, match="damaged"):
-        folder.read(plan.steps[0])
+    raises(DataError, "damaged", folder.read, plan.steps[0])
     measure_map(rig, tmp_path / "map", plan)
     assert folder.read(plan.steps[0]) is not None
     assert len(list((tmp_path / "map" / "damaged").iterdir())) == 1
@@ -148,17 +146,13 @@ def test_another_plan_is_refused(open, tmp_path):
     assert MapFolder.open(tmp_path / "map").plan == plan, "a plan of which nothing was measured gives way"
     folder.skip(plan.steps[0], "no light")
     for says, change in (("level", {"level": 1.0}), ("rig file", {"rig_file": "{}"})):
-        with pytest.raises(ConfigurationError, match=says):
-            MapFolder.create(tmp_path / "map", replace(plan, **change))
+        raises(ConfigurationError, says, MapFolder.create, tmp_path / "map", replace(plan, **change))
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "notes.txt").write_text("mine")
-    with pytest.raises(ConfigurationError, match="holds no map"):
-        MapFolder.create(tmp_path / "other", plan)
-    with pytest.raises(DataError, match="no map"):
-        MapFolder.open(tmp_path / "other")
+    raises(ConfigurationError, "holds no map", MapFolder.create, tmp_path / "other", plan)
+    raises(DataError, "no map", MapFolder.open, tmp_path / "other")
     (tmp_path / "map" / "map.json").write_text("{}")
-    with pytest.raises(DataError, match="damaged"):
-        MapFolder.open(tmp_path / "map")
+    raises(DataError, "damaged", MapFolder.open, tmp_path / "map")
 
 
 def test_no_light_leaves_a_point_out(open, tmp_path, monkeypatch):
@@ -186,8 +180,7 @@ def test_a_blocked_laser_follows_no_patch(open, tmp_path):
     (plan,) = short(rig, (3,))
     folder = measure_map(rig, tmp_path / "map", plan)
     assert "does not follow patch A" in folder.skipped()["3"]
-    with pytest.raises(DataError, match="no measured point"):
-        VibrationMap.load(tmp_path / "map")
+    raises(DataError, "no measured point", VibrationMap.load, tmp_path / "map")
 
 
 def test_what_a_map_needs_is_asked_for(open):
@@ -200,8 +193,7 @@ def test_what_a_map_needs_is_asked_for(open):
         (r"level = 500: the limits .* allow 48 V about zero\.$", {"level": 500}),
         *((f"{key} = ", {key: value}) for key, value in no_numbers),
     ):
-        with pytest.raises(ConfigurationError, match=says):
-            map_plan(rig, **asked)
+        raises(ConfigurationError, says, map_plan, rig, **asked)
 
 
 @pytest.mark.long

@@ -19,6 +19,7 @@ from haploop.mocks.plant.hysteresis import Hysteresis
 from haploop.mocks.plant.modal_surface import ModalSurface
 from haploop.mocks.plant.table import TouchTable, make_plate
 from haploop.reports.contents import contents_of
+from tests.raising import raises
 
 pytestmark = pytest.mark.long
 
@@ -105,14 +106,11 @@ def test_a_stated_scatter_is_right_about_the_next_change(before):
 def test_what_is_no_change_of_a_channel_is_refused(before):
     rng = np.random.default_rng(1)
     again = [shifted(before, 0.0, 0.0, rng) for _ in range(2)]
-    with pytest.raises(ConfigurationError, match="There are 2 earlier calibrations"):
-        with_scatter([before], again)
+    raises(ConfigurationError, "There are 2 earlier calibrations", with_scatter, [before], again)
     elsewhere = replace(before, response=replace(before.response, point="31"))
-    with pytest.raises(ConfigurationError, match="only those of one place"):
-        channel_change(elsewhere, before)
+    raises(ConfigurationError, "only those of one place", channel_change, elsewhere, before)
     backwards = replace(before, response=replace(before.response, velocity=before.response.velocity[::-1]))
-    with pytest.raises(DataError, match="no gain, delay or drift of modes explains"):
-        channel_change(backwards, before)
+    raises(DataError, "no gain, delay or drift of modes explains", channel_change, backwards, before)
 
 
 def test_a_plan_counts_the_scatter_that_calibrations_state(before):

@@ -20,6 +20,7 @@ from haploop.mocks.plant import Fingertip, Modes, Palm
 from haploop.mocks.plant.contact import Contact
 from haploop.mocks.plant.touched import touched_velocity
 from haploop.mocks.plant.touches import Hand
+from tests.raising import raises
 
 F = np.arange(60.0, 640.0, 1.0)
 BAND = (F >= 75) & (F <= 600)
@@ -110,15 +111,13 @@ def test_what_no_fingertip_explains_is_refused_beyond_its_limit(light, heavy):
         kept = one.found(tip(force), least)
         limit = 0.03 * kept.changed + 0.004
         assert 0.8 * limit < kept.misfit < limit
-        with pytest.raises(DataError, match=r"leaves .* of it unexplained"):
-            one.found(tip(force), most)
+        raises(DataError, r"leaves .* of it unexplained", one.found, tip(force), most)
 
 
 def test_a_palm_and_two_fingers_are_refused_on_a_light_pane(light):
     two = (*tip(), *Fingertip().at("another", (0.62, 0.55), 1.0))
     for hands in (Palm().at("a palm", PLACES["button"], 5.0), two):
-        with pytest.raises(DataError, match="unexplained"):
-            light.found(hands)
+        raises(DataError, "unexplained", light.found, hands)
 
 
 @pytest.mark.long
@@ -126,8 +125,7 @@ def test_a_palm_is_too_heavy_for_a_fingertip_where_it_looks_like_one(heavy):
     rng = np.random.default_rng(zlib.crc32(b"larch button"))
     for force in (0.5, 5.0):
         palm = Palm.of(rng).at("a palm", PLACES["button"], force)
-        with pytest.raises(DataError, match="heavier than a fingertip, as a palm is"):
-            heavy.found(palm)
+        raises(DataError, "heavier than a fingertip, as a palm is", heavy.found, palm)
         for _ in range(2):
             assert heavy.found(Fingertip.of(rng).at("a finger", PLACES["button"], force)).misfit < 0.01
 
@@ -207,16 +205,14 @@ def test_beside_the_finger_a_tenth_may_be_left(light):
         return find_finger(light.bare, looks, RestFinger("P07", "button", 1.0))
 
     assert looked(0.055).beside == ("21", "22")
-    with pytest.raises(DataError, match="unexplained"):
-        looked(0.08)
+    raises(DataError, "unexplained", looked, 0.08)
 
 
 @pytest.mark.long
 def test_a_force_that_no_fingertip_rests_with_has_no_response(light):
     made = under_finger(light.bare, light.found(tip()))
     for force in (0.0, -1.0, float("nan"), 30.0):
-        with pytest.raises(ConfigurationError, match=r"rests with 0\.1 to 20 N"):
-            at_force(made, force)
+        raises(ConfigurationError, r"rests with 0\.1 to 20 N", at_force, made, force)
     assert at_force(made, 0.1).finger is not None
 
 

@@ -18,6 +18,7 @@ from haploop.calibration import Model, Response, calibrate, fit
 from haploop.calibration.model import apart, rational
 from haploop.calibration.model.projection import Lines, Projection
 from haploop.instruments import open_rig
+from tests.raising import raises
 
 BEAM = Path(__file__).parents[2] / "data" / "beam_accelerance_point1.txt"
 
@@ -129,8 +130,7 @@ def test_noise_alone_is_stable_or_refused():
 
 @pytest.mark.parametrize("velocity", [np.zeros(50, complex), np.full(50, np.nan + 0j)])
 def test_what_is_no_response_is_refused(velocity):
-    with pytest.raises(DataError, match="zero, NaN or infinite"):
-        fit(response_of(np.linspace(20, 600, 50), velocity))
+    raises(DataError, "zero, NaN or infinite", fit, response_of(np.linspace(20, 600, 50), velocity))
 
 
 def measured_beam(lowest: float) -> tuple[np.ndarray, np.ndarray]:
@@ -241,8 +241,7 @@ def test_the_carrier_is_the_plants_on_tables_that_nobody_chose(full):
     (np.linspace(0, 600, 50), "above 0 Hz"),
 ])  # fmt: skip
 def test_lines_that_no_fit_can_use_are_refused(f, of):
-    with pytest.raises(DataError, match=of):
-        fit(response_of(f, np.ones(len(f), complex)))
+    raises(DataError, of, fit, response_of(f, np.ones(len(f), complex)))
 
 
 @pytest.mark.parametrize("shape", ["real pole", "constant", "slope", "delay"])
@@ -255,8 +254,7 @@ def test_a_response_without_a_resonance_is_refused(shape):
         "slope": s,
         "delay": np.exp(-1e-3 * s),
     }
-    with pytest.raises(DataError, match="No resonance"):
-        fit(response_of(f, H[shape]))
+    raises(DataError, "No resonance", fit, response_of(f, H[shape]))
 
 
 @pytest.mark.parametrize(("modes", "damping", "lines"), [(1, 0.1, 9), (1, 0.01, 1228), (30, 0.002, 1228)])
@@ -294,8 +292,7 @@ def test_sections_are_the_model(fitted, rate_hz, within):
     assert np.abs(np.concatenate([np.roots(row[3:]) for row in sections])).max() < 1
     _, H = sosfreqz(sections, f, fs=rate_hz)
     assert np.linalg.norm(H - model.velocity(f)) < within * np.linalg.norm(H)
-    with pytest.raises(ConfigurationError, match="four times its band"):
-        model.sos(2000.0)
+    raises(ConfigurationError, "four times its band", model.sos, 2000.0)
 
 
 def test_a_matlab_file_holds_all_of_it(fitted, tmp_path):

@@ -16,6 +16,7 @@ from haploop.base.errors import DataError, InstrumentError
 from haploop.base.json_files import write_json
 from haploop.calibration.recalibration.history import Activation, Generation, History
 from tests.calibration.map.killing import Victims
+from tests.raising import raises
 
 WHEN = datetime(2026, 7, 31, 2, 15, tzinfo=UTC)
 
@@ -46,10 +47,8 @@ def history(tmp_path: Path) -> History:
 def test_nothing_is_made_before_anything_is_kept(history):
     assert history.generations == history.activations == history.looks == ()
     assert not history.folder.exists()
-    with pytest.raises(DataError, match=r"no active calibration.*adopt"):
-        history.active()
-    with pytest.raises(DataError, match="no calibration '3'; it has none"):
-        history.find("3")
+    raises(DataError, r"no active calibration.*adopt", history.active)
+    raises(DataError, "no calibration '3'; it has none", history.find, "3")
 
 
 def test_a_generation_is_published_whole_and_then_activated(history):
@@ -57,8 +56,7 @@ def test_a_generation_is_published_whole_and_then_activated(history):
     assert first.name == "0001-20260731T021500Z"
     assert [p.name for p in first.paths("buttons")] == ["latch-A-button.h5"]
     assert (first.reason, first.details, first.parent) == ("because", {"n": 1}, "")
-    with pytest.raises(DataError, match="no active calibration"):
-        history.active()
+    raises(DataError, "no active calibration", history.active)
     line = history.activate(first, when=WHEN, actor="somebody", reason="it begins")
     assert history.active() == first
     second = publish(history, b"other", parent=first.name)
@@ -90,11 +88,9 @@ def test_what_is_not_whole_is_never_active(history, name, how):
     path.unlink()
     if how == "changed":
         path.write_bytes(content.replace(b"e", b"f", 1))
-    with pytest.raises(DataError, match="activate another with `haploop calibrations activate`"):
-        history.active()
+    raises(DataError, "activate another with `haploop calibrations activate`", history.active)
     if name != "generation.json":
-        with pytest.raises(DataError, match=name):
-            history.activate(generation, when=WHEN, actor="", reason="")
+        raises(DataError, name, history.activate, generation, when=WHEN, actor="", reason="")
         assert len(history.activations) == 1
 
 
@@ -106,8 +102,7 @@ def test_a_list_that_was_cut_or_changed_is_said_and_not_added_to(history):
     whole = path.read_bytes()
     for changed in (*(whole[:cut] for cut in range(len(whole) - 1)), whole.replace(b'"b"', b'"c"', 1)):
         path.write_bytes(changed)
-        with pytest.raises(DataError, match=r"activations\.json is damaged"):
-            history.active()
+        raises(DataError, r"activations\.json is damaged", history.active)
     with pytest.raises(DataError, match=r"activations\.json is damaged"):
         history.activate(generation, when=WHEN, actor="a", reason="b")
     path.write_bytes(whole)
@@ -119,16 +114,14 @@ def test_a_list_that_was_cut_or_changed_is_said_and_not_added_to(history):
 def test_another_content_is_said(history, content):
     history.folder.mkdir(parents=True)
     write_json(history.folder / "activations.json", "activations", content)
-    with pytest.raises(DataError, match=r"activations\.json holds"):
-        history.active()
+    raises(DataError, r"activations\.json holds", history.active)
 
 
 def test_a_manifest_of_a_later_version_is_said(history, monkeypatch):
     with monkeypatch.context() as later:
         later.setattr(json_files, "VERSION", 2)
         folder = publish(history).folder
-    with pytest.raises(DataError, match="format 2 and this version reads 1"):
-        Generation.open(folder)
+    raises(DataError, "format 2 and this version reads 1", Generation.open, folder)
 
 
 def test_what_cannot_be_written_leaves_nothing(history):

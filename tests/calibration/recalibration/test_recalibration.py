@@ -30,6 +30,7 @@ from haploop.instruments import Rig, load_rig_file, log_entries
 from haploop.instruments.operator.unattended import Unattended
 from tests.calibration.map.killing import Victims
 from tests.calibration.recalibration.conftest import WHEN
+from tests.raising import raises
 
 pytestmark = pytest.mark.many_plays
 
@@ -344,24 +345,21 @@ def test_another_rig_s_history_is_refused(calibrated, history, tmp_path):
     history.activate(other, when=WHEN, actor="", reason="")
     with pytest.raises(ConfigurationError, match=r"of the \w+ rig 'another', and this is the"):
         recalibrate(calibrated.rig, history)
-    with pytest.raises(DataError, match="no active calibration"):
-        recalibrate(calibrated.rig, History(tmp_path / "none"))
+    raises(DataError, "no active calibration", recalibrate, calibrated.rig, History(tmp_path / "none"))
 
 
 def test_what_did_not_pass_or_was_disturbed_is_not_adopted(history):
     before = content(history)
     good = buttons_of(history.active())["push-A-button"]
     bad = failed(good, "No.")
-    with pytest.raises(DataError, match="push-A-button did not pass"):
-        adopt(history, [bad], actor="", reason="")
+    raises(DataError, "push-A-button did not pass", adopt, history, [bad], actor="", reason="")
     for share in (0.15, float("nan")):
         tones = replace(good.check.tones, share=share)
         hum = replace(good.check, tones=tones)
         for check in (hum, replace(good.check, others=(hum,))):
             with pytest.raises(DataError, match=r"push-A-button: tones of .* disturbed the laser in its ch"):
                 adopt(history, [replace(good, check=check)], actor="", reason="")
-    with pytest.raises(DataError, match="only once"):
-        adopt(history, [good, good], actor="", reason="")
+    raises(DataError, "only once", adopt, history, [good, good], actor="", reason="")
     assert content(history) == before
     audible = replace(good.check, tones=replace(good.check.tones, share=0.1))
     other = replace(good, press=replace(good.press, button="a latch/2"), check=audible)
@@ -474,8 +472,7 @@ def test_unlogged_is_not_active(history, tmp_path, monkeypatch):
     monkeypatch.setenv("HAPLOOP_STATE", str(tmp_path / "file"))
     first, activations = history.active(), history.activations
     for act, what in ((adopt, list(buttons_of(first).values())), (activate, first.name)):
-        with pytest.raises(ConfigurationError, match="HAPLOOP_STATE"):
-            act(history, what, actor="a test", reason="no log")
+        raises(ConfigurationError, "HAPLOOP_STATE", act, history, what, actor="a test", reason="no log")
     assert history.activations == activations
 
 

@@ -6,6 +6,7 @@ import pytest
 from haploop.base.errors import ConfigurationError
 from haploop.calibration import LinearSweep, Multisine, linear_sweep, measure_response, plan_excitation
 from haploop.instruments import Limits
+from tests.raising import raises
 
 RATE = 50e3
 
@@ -23,8 +24,7 @@ def test_a_sweep_may_be_played_and_rises_linearly():
 
 @pytest.mark.parametrize(("duration", "stop"), [(0.1, 625), (7, 25e3), (7, 0)])
 def test_a_sweep_that_cannot_be_sampled_is_refused(duration, stop):
-    with pytest.raises(ConfigurationError, match="sweep"):
-        linear_sweep(50e3, duration, stop, 1.0)
+    raises(ConfigurationError, "sweep", linear_sweep, 50e3, duration, stop, 1.0)
 
 
 @pytest.mark.parametrize("multisine", [
@@ -107,10 +107,8 @@ def test_a_plan_takes_no_longer_than_it_must():
     assert not hard.excitation.from_rest and hard.level == 48
     assert easy.expected_error <= 0.01 and hard.expected_error <= 0.001
     assert plan_excitation(0.01, 45, peak=48, decay=2.0).duration > easy.duration
-    with pytest.raises(ConfigurationError, match="raise the level"):
-        plan_excitation(0.0001, 20, peak=48)
-    with pytest.raises(ConfigurationError, match="target error between"):
-        plan_excitation(0.0, 20, peak=48)
+    raises(ConfigurationError, "raise the level", plan_excitation, 0.0001, 20, peak=48)
+    raises(ConfigurationError, "target error between", plan_excitation, 0.0, 20, peak=48)
 
 
 @pytest.mark.long

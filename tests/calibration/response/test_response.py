@@ -14,6 +14,7 @@ from haploop.calibration.response import settle
 from haploop.calibration.response.spot import Channels
 from haploop.instruments import Aim, Rig
 from tests.calibration.conftest import tamper
+from tests.raising import raises
 from tests.rig_files import changed
 
 SHORT = LinearSweep(repeats=2, seconds=1.5, tail=0.3, shares=())
@@ -129,8 +130,7 @@ def test_a_known_law_takes_distortion_and_level_out(calibrated):
         )
         assert difference(response.velocity, swept) < (0.006 if level is None else 0.02)
         assert response.level == law.level
-    with pytest.raises(ConfigurationError, match="Sweeps measure the hysteresis"):
-        measure_response(rig, hysteresis=law)
+    raises(ConfigurationError, "Sweeps measure the hysteresis", measure_response, rig, hysteresis=law)
 
 
 def test_the_monitors_images_are_taken_out_where_the_path_is_known():
@@ -167,8 +167,7 @@ def test_the_monitors_images_are_taken_out_where_the_path_is_known():
 def test_what_cannot_be_measured_is_no_response(open, monkeypatch, spoil, error, says):
     rig = open()
     spoil(rig, monkeypatch)
-    with pytest.raises(error, match=says):
-        measure_response(rig, excitation=SHORT)
+    raises(error, says, measure_response, rig, excitation=SHORT)
 
 
 def noise(volts: np.ndarray, rng: np.random.Generator = np.random.default_rng(1)) -> np.ndarray:  # noqa: B008
@@ -181,11 +180,9 @@ def unaimed(request: object) -> bool:
 
 def test_what_a_response_needs_is_asked_for(open):
     rig = open()
-    with pytest.raises(ConfigurationError, match="2 repeats"):
-        measure_response(rig, excitation=LinearSweep(repeats=1))
+    raises(ConfigurationError, "2 repeats", measure_response, rig, excitation=LinearSweep(repeats=1))
     vars(rig)["file"] = changed(rig.file, sensors={"drive": None})
-    with pytest.raises(ConfigurationError, match=r"sensors\.drive"):
-        measure_response(rig, excitation=SHORT)
+    raises(ConfigurationError, r"sensors\.drive", measure_response, rig, excitation=SHORT)
 
 
 def test_estimators_see_only_what_a_lab_would_see():
@@ -204,7 +201,6 @@ def test_a_response_is_a_value(calibrated):
 def test_a_contact_that_fails_once_is_noticed_before_anything_is_measured(open):
     """The first play erases the patch's memory; without it, the next one's motion is another."""
     rig = open(faults=[{"kind": "relay-welded", "times": 1}])
-    with pytest.raises(InstrumentError, match=r"drive monitor shows 0\.?\d* V for each volt that patch A"):
-        settle(rig, ["A"])
+    raises(InstrumentError, r"drive monitor shows 0\.?\d* V for each volt that patch A", settle, rig, ["A"])
     rig.make_safe()
     assert settle(rig, ["A"]) < 1.5

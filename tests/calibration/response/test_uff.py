@@ -17,6 +17,7 @@ from haploop.commands.cli import cli
 from haploop.instruments import load_rig_file
 from haploop.terminal.exits import CommandState
 from tests.calibration.model.test_model import plate
+from tests.raising import raises
 
 
 @pytest.fixture
@@ -62,10 +63,8 @@ def test_what_is_written_is_read(response, tmp_path):
         assert after.simulated and after.created == before.created and after.excitation == before.excitation
     assert back[0].coherence == pytest.approx(0.99) and len(back[0].deviation)
     assert not len(back[1].coherence) and not len(back[1].deviation)
-    with pytest.raises(DataError, match="not overwritten"):
-        write_uff(path, [response])
-    with pytest.raises(DataError, match="no response"):
-        write_uff(tmp_path / "none.uff", [])
+    raises(DataError, "not overwritten", write_uff, path, [response])
+    raises(DataError, "no response", write_uff, tmp_path / "none.uff", [])
     assert [p.name for p in tmp_path.iterdir()] == ["two.uff"]
 
 
@@ -117,17 +116,14 @@ def test_a_vibrometers_export_is_velocity(tmp_path, kind, unit, power):
      "is per N, and a patch is driven by volts"),
 ])  # fmt: skip
 def test_what_is_no_response_per_volt_is_refused(tmp_path, change, said):
-    with pytest.raises(DataError, match=said):
-        read_uff(exported(tmp_path / "scan.uff", **change))
+    raises(DataError, said, read_uff, exported(tmp_path / "scan.uff", **change))
 
 
 def test_files_that_are_none_say_so(response, tmp_path):
-    with pytest.raises(DataError, match="cannot be read"):
-        read_uff(tmp_path / "missing.uff")
+    raises(DataError, "cannot be read", read_uff, tmp_path / "missing.uff")
     text = tmp_path / "text.uff"
     text.write_text("hello")
-    with pytest.raises(DataError, match="no data set 58"):
-        read_uff(text)
+    raises(DataError, "no data set 58", read_uff, text)
     write_uff(tmp_path / "whole.uff", [response])
     lines = (tmp_path / "whole.uff").read_text().splitlines(keepends=True)
     for name, kept in (
@@ -136,16 +132,14 @@ def test_files_that_are_none_say_so(response, tmp_path):
     ):
         cut = tmp_path / f"{name}.uff"
         cut.write_text("".join(kept))
-        with pytest.raises(DataError, match=r"damaged|no data set"):
-            read_uff(cut)
+        raises(DataError, r"damaged|no data set", read_uff, cut)
 
 
 def test_an_imported_response_is_fitted_and_needs_a_rig(response, tmp_path):
     path = tmp_path / "scan.uff"
     write_uff(path, [response])
     (alone,) = read_uff(path)
-    with pytest.raises(ConfigurationError, match="which rig"):
-        Calibration.of(alone)
+    raises(ConfigurationError, "which rig", Calibration.of, alone)
     (one,) = read_uff(path, rig=load_rig_file("simulated"))
     calibration = Calibration.of(one)
     assert calibration.rate_hz == 50e3 and calibration.model.stable

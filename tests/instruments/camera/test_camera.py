@@ -17,6 +17,7 @@ from haploop.instruments.conformance import CameraConformance, Fired
 from haploop.mocks.camera import CameraTwin, wire
 from haploop.mocks.clock import VirtualClock
 from haploop.mocks.plant import Faults, OnCamera, Plant
+from tests.raising import raises
 
 SETTINGS = OpenCvCamera.Settings(source=0, rows=48, columns=64)
 
@@ -98,8 +99,7 @@ def test_a_video_is_read_frame_by_frame_to_its_end(tmp_path):
     assert [frame.number for frame in frames] == list(range(20))
     assert [round(float(frame.pixels.mean()) / 5) for frame in frames] == list(range(20))
     assert frames[6].time == pytest.approx(0.1)
-    with pytest.raises(InstrumentError, match="no further frame"):
-        camera.read()
+    raises(InstrumentError, "no further frame", camera.read)
 
 
 def test_what_is_no_camera_is_refused_in_one_sentence(tmp_path):
@@ -111,8 +111,7 @@ def test_what_is_no_camera_is_refused_in_one_sentence(tmp_path):
         ("60 frames/s, not 120", lambda: opened(video(tmp_path / "slow.avi"), rate_hz=120.0)),
         ("32 x 64, not of 48 x 64", opened(video(tmp_path / "small.avi", rows=32)).read),
     ):
-        with pytest.raises(InstrumentError, match=says):
-            use()
+        raises(InstrumentError, says, use)
 
 
 def test_without_opencv_the_extra_is_named(monkeypatch):

@@ -11,6 +11,7 @@ from haploop.base.errors import ConfigurationError
 from haploop.instruments import load_rig_file
 from haploop.instruments.config.ati_cal import read_ati_cal
 from haploop.instruments.sensors import ForceTable, LinearSensor
+from tests.raising import raises
 
 CHANNELS = tuple(f"gauge{i}" for i in range(6))
 MATRIX = np.round(np.eye(6) * [3, 3, 5, 80, 80, 40] + 0.01 * np.arange(36).reshape(6, 6), 4)
@@ -101,11 +102,9 @@ def test_what_is_wrong_is_one_sentence(path, text, sentence):
 
 
 def test_a_missing_file_and_too_few_channels(path):
-    with pytest.raises(ConfigurationError, match=r"No such file or directory; correct the path"):
-        load_ati_cal(path, CHANNELS)
+    raises(ConfigurationError, r"No such file or directory; correct the path", load_ati_cal, path, CHANNELS)
     path.write_text(cal(), encoding="utf-8")
-    with pytest.raises(ValueError, match=r"row 1 of matrix has 6 numbers for 2 channels"):
-        load_ati_cal(path, CHANNELS[:2])
+    raises(ValueError, r"row 1 of matrix has 6 numbers for 2 channels", load_ati_cal, path, CHANNELS[:2])
 
 
 def test_a_rig_file_names_the_sensors_own_file(path):
@@ -120,6 +119,5 @@ def test_a_rig_file_names_the_sensors_own_file(path):
     np.testing.assert_allclose(np.array(force.matrix)[2], MATRIX[2])
     for more, says in (("matrix = []\n", "either matrix or calibration"), ("", "FT99999")):
         rig.write_text(f'base = "haptable"\n{table}{more}', encoding="utf-8")
-        with pytest.raises(ConfigurationError, match=says):
-            load_rig_file(rig)
+        raises(ConfigurationError, says, load_rig_file, rig)
         path.unlink(missing_ok=True)

@@ -10,6 +10,7 @@ import pytest
 
 from haploop.base.errors import ConfigurationError
 from haploop.instruments import load_rig_file, open_rig
+from tests.raising import raises
 
 COIL = """
 base = "haptable"
@@ -157,8 +158,7 @@ def test_what_a_rig_lacks_is_told(tmp_path):
         ("haptable", "actuator", r"table: a rig with a \[table\] needs an \[actuator\]: write kind"),
     ):
         file.write_text(f'base = "{base}"\n{away} = false\n', encoding="utf-8")
-        with pytest.raises(ConfigurationError, match=says):
-            load_rig_file(file)
+        raises(ConfigurationError, says, load_rig_file, file)
 
 
 @pytest.mark.parametrize(("before", "after"), [
@@ -182,8 +182,7 @@ def test_people_that_no_lab_can_have_measured_are_refused(tmp_path, before, afte
     path.write_text(PEOPLE, encoding="utf-8")
     assert load_rig_file(path).people is not None
     path.write_text(PEOPLE.replace(before, after), encoding="utf-8")
-    with pytest.raises(ConfigurationError, match="people"):
-        load_rig_file(path)
+    raises(ConfigurationError, "people", load_rig_file, path)
 
 
 @pytest.mark.parametrize("uncertainty", [2.74, 2.6])

@@ -19,6 +19,7 @@ from haploop.instruments import load_rig_file, open_rig
 from haploop.instruments.config.rig_file import AbortLimits, RigFile
 from haploop.instruments.sensors import Described
 from haploop.mocks.faults import OWN
+from tests.raising import raises
 
 GROUPS = ("haploop.drivers", "haploop.plants")
 NO_NUMBERS = [True, "1", "1e9", 1e308, -1e308, 10**30, -(10**30), float("nan"), float("inf"), float("-inf")]
@@ -92,8 +93,7 @@ def test_the_list_is_whole():
 def test_a_trip_level_that_switches_the_monitor_off_is_refused(tmp_path, drive, says, capsys):
     path = tmp_path / "loose.toml"
     path.write_text(f'base = "simulated"\n[abort]\ndrive = {drive}\n')
-    with pytest.raises(ConfigurationError, match=says):
-        load_rig_file(path)
+    raises(ConfigurationError, says, load_rig_file, path)
     with pytest.raises(SystemExit) as ended:
         cli.main(["doctor", "--rig", str(path)])
     assert ended.value.code == 2

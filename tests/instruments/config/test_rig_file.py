@@ -12,6 +12,7 @@ from haploop.base.errors import ConfigurationError
 from haploop.base.toml_lines import key_lines
 from haploop.instruments import load_rig_file
 from haploop.instruments.rig.json_schema import rig_schema
+from tests.raising import raises
 
 SHIPPED = Path(__file__).parents[3] / "rigs" / "simulated.toml"
 
@@ -90,8 +91,7 @@ def test_a_key_is_looked_for_in_the_file_where_it_stands(tmp_path):
     variant = tmp_path / "variant.toml"
     for more, place in (("", r"rig\.toml, line 5"), ("gian = 20\n", r"variant\.toml, line 4")):
         variant.write_text(f'base = "rig.toml"\n[amplifier]\nmin = -50\n{more}', encoding="utf-8")
-        with pytest.raises(ConfigurationError, match=rf"{place}: unknown key 'amplifier\.gian'"):
-            load_rig_file(variant)
+        raises(ConfigurationError, rf"{place}: unknown key 'amplifier\.gian'", load_rig_file, variant)
 
 
 def test_what_looks_like_a_key_within_a_value_is_none():
@@ -138,8 +138,7 @@ def test_the_schema_has_every_key_of_the_shipped_rigs():
 
 def test_a_missing_file_says_what_there_is(tmp_path):
     for missing in (tmp_path / "none.toml", "zzz"):
-        with pytest.raises(ConfigurationError, match="simulated"):
-            load_rig_file(missing)
+        raises(ConfigurationError, "simulated", load_rig_file, missing)
 
 
 def test_a_base_is_merged_table_by_table(tmp_path):
@@ -166,8 +165,7 @@ def test_a_file_of_notepad_begins_with_a_mark(tmp_path):
     assert load_rig_file(file).name == "lab"
     file.write_bytes(b'name = "l\xe4b"\n')
     for path, says in ((file, "is not text in UTF-8: save it as that"), (tmp_path, "cannot be read")):
-        with pytest.raises(ConfigurationError, match=says):
-            load_rig_file(path)
+        raises(ConfigurationError, says, load_rig_file, path)
 
 
 @pytest.mark.parametrize("text", [
@@ -180,11 +178,9 @@ def test_a_key_of_very_many_parts_takes_no_memory(tmp_path, text):
     """Python's parser takes 1.6 GB for 40 kB of them."""
     path = tmp_path / "deep.toml"
     path.write_text(text)
-    with pytest.raises(ConfigurationError, match="is not valid TOML: it is nested too deeply"):
-        load_rig_file(path)
+    raises(ConfigurationError, "is not valid TOML: it is nested too deeply", load_rig_file, path)
     path.write_text('notes = "a.b.c"\n# ' + "a." * 50 + "\n" + "a." * 90 + "b = 1\n")
-    with pytest.raises(ConfigurationError, match="name"):
-        load_rig_file(path)
+    raises(ConfigurationError, "name", load_rig_file, path)
 
 
 @pytest.mark.parametrize(("table", "line", "own"), [

@@ -20,6 +20,7 @@ from haploop.instruments.daq.ni_daqmx import NiDaq
 from haploop.nidaqmx_twin import NiServer, inventory_of
 from tests.instruments.daq.conftest import CARDS, WIRING, opened, settings
 from tests.nidaqmx_twin.ni_client import Bench, connected
+from tests.raising import raises
 
 
 def test_cards_without_a_cable(bench):
@@ -36,8 +37,7 @@ def test_card_in_use(server, daq):
         task.ai_channels.add_ai_voltage_chan("Dev2/ai7")
         task.timing.cfg_samp_clk_timing(1000)
         task.start()
-        with pytest.raises(InstrumentError, match="Dev2 is in use by another program"):
-            daq.stream(["laser"], 5000, 100)
+        raises(InstrumentError, "Dev2 is in use by another program", daq.stream, ["laser"], 5000, 100)
 
 
 def test_server_that_dies(bench):
@@ -48,12 +48,9 @@ def test_server_that_dies(bench):
     blocks = iter(stream)
     next(blocks)
     server.close()
-    with pytest.raises(InstrumentError, match=r"NI device server at .* failed while Dev2 was used"):
-        next(blocks)
-    with pytest.raises(InstrumentError):
-        stream.close()
-    with pytest.raises(InstrumentError):
-        daq.zero()
+    raises(InstrumentError, r"NI device server at .* failed while Dev2 was used", next, blocks)
+    raises(InstrumentError, "", stream.close)
+    raises(InstrumentError, "", daq.zero)
     daq.close()
     daq.close()
 
@@ -83,14 +80,12 @@ def test_ctrl_c_comes_after_a_call_and_within_a_slice_of_connecting(monkeypatch)
             address = settings(server=server.address)
             with monkeypatch.context() as patch:
                 patch.setattr("grpc._channel._UnaryUnaryMultiCallable.with_call", stopped())
-                with pytest.raises(KeyboardInterrupt):
-                    NiDaq.open(address, RealClock())
+                raises(KeyboardInterrupt, "", NiDaq.open, address, RealClock())
             with monkeypatch.context() as patch:
                 patch.setattr(
                     "grpc._utilities._ChannelReadyFuture.result", stopped(grpc.FutureTimeoutError())
                 )
-                with pytest.raises(KeyboardInterrupt):
-                    NiDaq.open(address, RealClock())
+                raises(KeyboardInterrupt, "", NiDaq.open, address, RealClock())
         assert whole == 2 * ["whole"]
     finally:
         signal.signal(signal.SIGINT, before)
@@ -101,15 +96,13 @@ def test_a_connection_for_which_no_thread_can_be_started(monkeypatch):
         raise RuntimeError("can't start new thread")
 
     monkeypatch.setattr(grpc, "channel_ready_future", refused)
-    with pytest.raises(RuntimeError, match="can't start new thread"):
-        NiDaq.open(settings(server="127.0.0.1:9"), RealClock())
+    raises(RuntimeError, "can't start new thread", NiDaq.open, settings(server="127.0.0.1:9"), RealClock())
 
 
 def test_no_driver():
     if _driver_is_installed():
         pytest.skip("an NI driver is installed here")
-    with pytest.raises(InstrumentError, match="driver is not installed"):
-        NiDaq.open(settings(), RealClock())
+    raises(InstrumentError, "driver is not installed", NiDaq.open, settings(), RealClock())
 
 
 def _driver_is_installed() -> bool:
@@ -179,5 +172,4 @@ def test_two_cards_have_one_rate_or_a_sentence_with_those_they_have(
             with rig.daq.stream(order, rate, 100, 200) as stream:
                 assert stream.rate_hz == pytest.approx(rate, rel=1e-6)
             return
-        with pytest.raises(ConfigurationError, match=re.escape(says)):
-            rig.daq.stream(order, rate, 100, 200)
+        raises(ConfigurationError, re.escape(says), rig.daq.stream, order, rate, 100, 200)

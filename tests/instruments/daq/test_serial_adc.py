@@ -21,6 +21,7 @@ from haploop.mocks.clock import VirtualClock
 from haploop.mocks.daq import Card, CardTwin
 from haploop.mocks.daq.serial_adc import Board, BoardServer, twin
 from haploop.mocks.plant import Faults, Plant
+from tests.raising import raises
 from tests.rig_files import changed
 
 SIMULATED = load_rig_file("simulated")
@@ -116,8 +117,7 @@ def test_a_board_that_is_unplugged_is_one_sentence():
             blocks = iter(stream)
             next(blocks)
             server.close()
-            with pytest.raises(InstrumentError, match=r"is gone|sends nothing"):
-                list(blocks)
+            raises(InstrumentError, r"is gone|sends nothing", list, blocks)
         daq.close()
 
 
@@ -304,8 +304,7 @@ def test_a_silent_board_is_waited_for_once_as_long_as_its_program_may_take_to_st
     both.board.silent_from = 0
     for _ in range(2):
         begin = both.plant.clock.now()
-        with pytest.raises(InstrumentError, match="sends nothing"):
-            both.adc.settle()
+        raises(InstrumentError, "sends nothing", both.adc.settle)
         waited.append(both.plant.clock.now() - begin)
     assert waited == pytest.approx([10.0, 2.0], abs=0.1)
 

@@ -21,6 +21,7 @@ from haploop.mocks.clock import VirtualClock
 from haploop.mocks.daq.sound_card import DRIFT, LATENCY, DuplexCard, Line
 from haploop.mocks.plant import Faults, Plant
 from haploop.nidaqmx_twin.nodes import Run
+from tests.raising import raises
 from tests.rig_files import changed
 
 SIMULATED = load_rig_file("simulated")
@@ -194,8 +195,7 @@ def test_the_couplings_are_stated_as_responses():
 ])  # fmt: skip
 def test_what_cannot_be_played_as_it_is_is_refused(wave, says):
     bench = Bench()
-    with pytest.raises(LimitError, match=says):
-        bench.play(wave, "spare")
+    raises(LimitError, says, bench.play, wave, "spare")
     assert bench.card.open is None
 
 
@@ -239,8 +239,7 @@ def test_what_a_file_says_twice_is_one_sentence(change, says, tmp_path):
     text = (Path(__file__).parents[2] / "calibration/self_test/card.toml").read_text()
     assert change[0] in text
     (tmp_path / "rig.toml").write_text(text.replace(*change, 1))
-    with pytest.raises(ConfigurationError, match=says):
-        load_rig_file(tmp_path / "rig.toml")
+    raises(ConfigurationError, says, load_rig_file, tmp_path / "rig.toml")
 
 
 def test_what_the_device_has_not_is_one_sentence():

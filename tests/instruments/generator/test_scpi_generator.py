@@ -20,6 +20,7 @@ from haploop.mocks.clock import VirtualClock
 from haploop.mocks.generator import DG1000Z, KEYSIGHT_33500, Box, Product
 from haploop.mocks.transport import DirectLine, LineServer, ReplyFault
 from haploop.nidaqmx_twin.nodes import Run, Source
+from tests.raising import raises
 
 FAMILIES = {"keysight": (Keysight33500, KEYSIGHT_33500), "rigol": (Dg1000z, DG1000Z)}
 
@@ -172,10 +173,8 @@ def test_the_instruments_own_words_for_what_it_refuses(setup):
         InstrumentError, match=r"refused a setting: -222 Data out of range; value clipped to upper"
     ):
         generator.configure(Sweep(1, 625, 2, 20))
-    with pytest.raises(ConfigurationError, match="no waveform to arm"):
-        generator.arm()
-    with pytest.raises(InstrumentError, match="-222"):
-        generator.configure(Sweep(1, 625, 1000, 0.5))
+    raises(ConfigurationError, "no waveform to arm", generator.arm)
+    raises(InstrumentError, "-222", generator.configure, Sweep(1, 625, 1000, 0.5))
 
 
 def test_errors_of_somebody_else_are_not_blamed_on_the_sweep(setup):
@@ -196,8 +195,7 @@ def test_a_sweep_that_does_not_start_leaves_the_output_off(setup, act, error, sa
     generator.configure(SWEEP)
     generator.arm()
     act(setup, generator)
-    with pytest.raises(error, match=says):
-        generator.trigger()
+    raises(error, says, generator.trigger)
     assert not generator.is_on
 
 
@@ -281,8 +279,7 @@ def test_a_late_answer_is_not_taken_for_the_next_one(served):
     assert generator.load == 50
     server.close()
     for _ in range(2):
-        with pytest.raises(InstrumentError, match=r"^The generator at TCPIP::"):
-            generator.off()
+        raises(InstrumentError, r"^The generator at TCPIP::", generator.off)
 
 
 @pytest.mark.parametrize(
@@ -320,8 +317,7 @@ def test_no_such_resource_is_one_sentence(resource):
     (Arbitrary, ([0, 1, 0], 1e-6), "too long to be judged"),
 ])  # fmt: skip
 def test_what_no_generator_plays(kind, figures, told):
-    with pytest.raises(ConfigurationError, match=told):
-        kind(*figures)
+    raises(ConfigurationError, told, kind, *figures)
 
 
 def test_a_waveform_states_its_volts_duration_and_duty():

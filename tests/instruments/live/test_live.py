@@ -26,6 +26,7 @@ from haploop.instruments import Block, load_rig_file, watch_live
 from haploop.instruments.live import Feed, LiveBlock, Publisher, Run, Tap, levels
 from haploop.instruments.live.publisher import PREFIX, frame_of, header_of, lengths_of, volts_of
 from haploop.instruments.sensors import Sensors
+from tests.raising import raises
 from tests.rig_files import changed
 
 FILE = load_rig_file("simulated")
@@ -135,8 +136,7 @@ def test_a_closed_tap_is_forgotten(feed):
 
 
 def test_a_tap_without_room_is_refused(feed):
-    with pytest.raises(ValueError, match="1 block"):
-        feed.tap(0)
+    raises(ValueError, "1 block", feed.tap, 0)
 
 
 def test_a_recording_and_a_play_are_tapped_and_not_changed(open_rig, tmp_path):
@@ -307,16 +307,14 @@ def test_closing_ends_clients_that_do_not_read(feed, publisher):
 
 
 def test_where_nobody_listens_is_said(tmp_path, feed, publisher):
-    with pytest.raises(ConfigurationError, match="No running program publishes the rig 'simulated'"):
-        watch_live(FILE)
+    raises(ConfigurationError, "No running program publishes the rig 'simulated'", watch_live, FILE)
     # Left by a program that was killed: it is removed.
     left = tmp_path / "live-1-dead.json"
     with socket.create_server(("127.0.0.1", 0)) as free:
         killed = json.dumps({"rig": "simulated", "port": free.getsockname()[1], "token": "0" * 64})
     for text in (killed, "", "[]", "{}", '{"rig": "simulated", "port": 99999, "token": "x"}', "\x00"):
         left.write_text(text, encoding="utf-8")
-        with pytest.raises(ConfigurationError, match="No running program"):
-            watch_live(FILE, address=left)
+        raises(ConfigurationError, "No running program", watch_live, FILE, address=left)
         assert text != killed or not left.exists()
 
 
@@ -327,13 +325,11 @@ def test_the_running_program_is_found_by_the_rig_name(open_rig):
         rig.live_run("record", "here", ["a", "b"], 10.0)(_block(0))
         block = tap.take(10)
         assert block is not None and block.run.about == "here"
-        with pytest.raises(ConfigurationError, match="'another'"):
-            watch_live(changed(rig.file, name="another"), rig.mode)
+        raises(ConfigurationError, "'another'", watch_live, changed(rig.file, name="another"), rig.mode)
 
 
 def test_what_cannot_be_published_is_one_error(feed, tmp_path):
-    with pytest.raises(InstrumentError, match="No live view"):
-        Publisher(feed, "simulated", tmp_path / "missing")
+    raises(InstrumentError, "No live view", Publisher, feed, "simulated", tmp_path / "missing")
 
 
 STOPPED = """
@@ -364,11 +360,9 @@ def test_a_recording_does_not_wait_for_a_stopped_viewer(open_rig, tmp_path):
 
 @given(st.binary(max_size=300))
 def test_noise_is_refused_as_no_block(noise):
-    with pytest.raises(DataError, match="no block"):
-        header_of(noise)
+    raises(DataError, "no block", header_of, noise)
     if len(noise) >= PREFIX:
-        with pytest.raises(DataError, match="no block"):
-            lengths_of(noise[:PREFIX])
+        raises(DataError, "no block", lengths_of, noise[:PREFIX])
 
 
 @given(st.data())
@@ -395,8 +389,7 @@ def test_a_frame_is_read_as_it_was_written():
     header, again = header_of(frame[PREFIX:])
     assert (again, header["dropped"]) == (run, 3)
     np.testing.assert_array_equal(volts_of(header, again, bytes(volts)).volts, block.volts)
-    with pytest.raises(DataError, match="no block"):
-        volts_of(header, again, bytes(volts)[:-8])
+    raises(DataError, "no block", volts_of, header, again, bytes(volts)[:-8])
 
 
 def test_a_publisher_that_talks_nonsense_is_a_data_error(tmp_path):
@@ -408,5 +401,4 @@ def test_a_publisher_that_talks_nonsense_is_a_data_error(tmp_path):
             link, _ = server.accept()
             with link:
                 link.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n")
-                with pytest.raises(DataError, match="no block"):
-                    tap.take(10)
+                raises(DataError, "no block", tap.take, 10)

@@ -21,6 +21,7 @@ from haploop.mocks.clock import VirtualClock
 from haploop.mocks.plant import Plant
 from haploop.mocks.player.sound_card import DRIFT, Card, Jack, twin
 from tests.calibration.conftest import make_press
+from tests.raising import raises
 
 pytestmark = pytest.mark.requires("simulation")
 
@@ -135,8 +136,7 @@ def test_without_sounddevice(error, says, monkeypatch):
         raise error
 
     monkeypatch.setattr(importlib, "import_module", load)
-    with pytest.raises(ConfigurationError, match=says):
-        SoundCard.open(settings(), RealClock())
+    raises(ConfigurationError, says, SoundCard.open, settings(), RealClock())
 
 
 def test_no_such_device_is_one_sentence(monkeypatch):
@@ -211,8 +211,7 @@ def test_the_operator_confirms_what_cannot_be_read(open, monkeypatch):
         return "volume" not in str(request)
 
     monkeypatch.setattr(rig.operator, "confirm", answer)
-    with pytest.raises(InstrumentError, match="did not confirm the settings of the Sound card"):
-        rig.confirm_settings()
+    raises(InstrumentError, "did not confirm the settings of the Sound card", rig.confirm_settings)
     assert len(asked) == 2 and "1.4 V peak" in asked[1]
 
 
@@ -233,8 +232,7 @@ def test_a_wrong_volume_is_found_in_what_is_measured(open, full_scale, says):
 def test_an_underflow_on_the_rig_is_an_error_and_leaves_it_safe(open):
     rig = open("sound-card")
     played(rig).starves_at = 9600
-    with pytest.raises(InstrumentError, match="ran out of samples"):
-        rig.excite(burst(40), ["A"], ["drive", "laser"])
+    raises(InstrumentError, "ran out of samples", rig.excite, burst(40), ["A"], ["drive", "laser"])
     assert rig.simulation.truth.closed == frozenset()
     capture = rig.excite(burst(40), ["A"], ["laser"], tail=0.1)  # the next one is a new trial
     assert capture.channels == ("laser",) and capture.volts.shape == (1, 25_000)
@@ -274,8 +272,7 @@ def test_an_interrupted_play_leaves_the_rig_safe(open):
         if rig.simulation.truth.peak > 1:
             raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt):
-        rig.excite(burst(40, 2.0), ["A"], ["drive", "laser"], progress=interrupt)
+    raises(KeyboardInterrupt, "", rig.excite, burst(40, 2.0), ["A"], ["drive", "laser"], progress=interrupt)
     assert_off(rig)
 
 
@@ -310,8 +307,7 @@ def test_a_clock_that_is_no_crystals_is_refused():
         ("upside down", measured(sweep, 0.1234, 0.0, -1.0)),
         ("does not show the drive", np.random.default_rng(0).standard_normal(170_000)),
     ):
-        with pytest.raises(InstrumentError, match=says):
-            find(seen, sweep, RATE, 0.0, flat)
+        raises(InstrumentError, says, find, seen, sweep, RATE, 0.0, flat)
 
 
 @pytest.mark.night

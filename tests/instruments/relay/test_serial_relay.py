@@ -17,6 +17,7 @@ from haploop.mocks.relay import SimulatedBox, box_in
 from haploop.mocks.relay.serial_relay import SerialRelayWire
 from haploop.mocks.transport import Loopback, ReplyFault
 from tests.instruments.relay.contacts import Contacts
+from tests.raising import raises
 
 PATCHES = {"A": 0, "B": 1, "D": 7}
 
@@ -40,8 +41,7 @@ def test_answers_of_real_boards(received, command, answer):
     b"relay read 3\n\ron\n\r",
 ])  # fmt: skip
 def test_what_is_no_answer_to_this_command_is_refused(received):
-    with pytest.raises(ValueError, match="'"):
-        answer_in(received, "relay read 3")
+    raises(ValueError, "'", answer_in, received, "relay read 3")
 
 
 @dataclass
@@ -78,8 +78,7 @@ def test_says_that_it_cannot_open_by_itself(wired):
 
 def test_close_frees_the_port(wired):
     wired.relay.close()
-    with pytest.raises(InstrumentError, match="open the rig again"):
-        wired.relay.connected()
+    raises(InstrumentError, "open the rig again", wired.relay.connected)
     again = SerialRelay.open(settings(port=wired.wire.url), wired.bench.clock)
     assert again.identity == f"The relay board at {wired.wire.url} (firmware 00000008)"
     again.close()
@@ -95,8 +94,7 @@ def test_close_frees_the_port(wired):
 ], ids=lambda value: value.kind if isinstance(value, ReplyFault) else "")  # fmt: skip
 def test_every_bad_answer_is_one_sentence_and_passes(wired, fault, sentence):
     wired.wire.faults.append(fault)
-    with pytest.raises(InstrumentError, match=sentence):
-        wired.relay.connected()
+    raises(InstrumentError, sentence, wired.relay.connected)
     assert fault.fired
     wired.wire.faults.clear()
     wired.relay.connect(["A"])
@@ -107,8 +105,7 @@ def test_a_late_answer_is_not_taken_for_the_next_ones(wired):
     """The command that timed out is answered after the next has been sent."""
     wired.relay.connect(["A"])
     wired.wire.faults.append(ReplyFault("delay", asked="relay read 0", delay=0.25, times=1))
-    with pytest.raises(InstrumentError, match="did not answer 'relay read 0'"):
-        wired.relay.connected()
+    raises(InstrumentError, "did not answer 'relay read 0'", wired.relay.connected)
     wired.relay.connect([])
     assert wired.relay.connected() == set()
 
@@ -138,8 +135,7 @@ def test_a_channel_that_the_board_has_not_and_a_board_that_is_unplugged_are_told
     wired.relay.connect(["A"])
     wired.wire.close()
     for action in (wired.relay.renew, lambda: wired.relay.connect([])):
-        with pytest.raises(InstrumentError, match="cannot be talked to"):
-            action()
+        raises(InstrumentError, "cannot be talked to", action)
 
 
 def test_nobody_at_the_port():
@@ -151,8 +147,7 @@ def test_nobody_at_the_port():
             ("no such port", InstrumentError, r"cannot be talked to \(no such file or directory\): "),
             ("nonsense://x", ConfigurationError, r"'port' in .* 'nonsense://x': it is no name"),
         ):
-            with pytest.raises(error, match=says):
-                SerialRelay.open(settings(port=port), VirtualClock())
+            raises(error, says, SerialRelay.open, settings(port=port), VirtualClock())
 
 
 def test_the_other_commands_of_a_board():

@@ -21,6 +21,7 @@ from haploop.mocks.relay import BoxFault, RelayTwin, SimulatedBox, box_in
 from haploop.mocks.relay.yocto_hub import YoctoHub
 from haploop.mocks.transport import Loopback, ReplyFault
 from tests.instruments.relay.contacts import Contacts
+from tests.raising import raises
 
 PATCHES = {"A": 1, "B": 2, "C": 3, "D": 8}
 
@@ -83,8 +84,7 @@ def test_a_box_opens_by_itself_in_time_unless_it_is_renewed(setup):
 def test_renewing_does_not_close_again_what_opened_by_itself(setup):
     setup.relay.connect(["A"])
     setup.bench.clock.sleep(2.5)
-    with pytest.raises(InstrumentError, match=r"channel 1 \(patch A\) reads open .*renewed for 2 s"):
-        setup.relay.renew()
+    raises(InstrumentError, r"channel 1 \(patch A\) reads open .*renewed for 2 s", setup.relay.renew)
     setup.relay.renew()
     setup.bench.clock.sleep(1)
     assert setup.bench.closed() == set()
@@ -94,8 +94,7 @@ def test_renewing_notices_a_channel_that_somebody_else_closed(setup):
     setup.relay.connect(["A"])
     setup.box.set_state(2, True)
     setup.bench.clock.sleep(0.1)
-    with pytest.raises(InstrumentError, match=r"channel 2 \(patch B\) reads closed .*another program"):
-        setup.relay.renew()
+    raises(InstrumentError, r"channel 2 \(patch B\) reads closed .*another program", setup.relay.renew)
 
 
 def test_no_renewal_outlasts_the_longest_time(setup):
@@ -120,8 +119,7 @@ def test_a_channel_that_does_not_follow_is_an_error_before_any_other_closes(
     setup.relay.connect(first)
     fault = BoxFault(kind, channel=channel)
     setup.box.faults.append(fault)
-    with pytest.raises(InstrumentError, match=says):
-        setup.relay.connect(then)
+    raises(InstrumentError, says, setup.relay.connect, then)
     assert fault.fired
     setup.bench.clock.sleep(0 if left else 3)
     assert setup.bench.closed() == left
@@ -160,8 +158,7 @@ def test_every_bad_reply_is_one_sentence_in_time(wired, fault, sentence):
     clock = RealClock()
     for action in (wired.relay.connected, lambda: wired.relay.connect(["A"])):
         start = clock.now()
-        with pytest.raises(InstrumentError, match=sentence):
-            action()
+        raises(InstrumentError, sentence, action)
         assert clock.now() - start < 3
     assert fault.fired >= 2
     wired.hub.faults.clear()
@@ -172,8 +169,7 @@ def test_every_bad_reply_is_one_sentence_in_time(wired, fault, sentence):
 def test_one_refused_command_does_not_keep_the_others_closed(wired):
     wired.relay.connect(["A", "B", "C"])
     wired.hub.faults.append(ReplyFault("not found", asked="ctx=relay1"))
-    with pytest.raises(InstrumentError, match="404"):
-        wired.relay.connect([])
+    raises(InstrumentError, "404", wired.relay.connect, [])
     wired.bench.clock.sleep(0.1)
     assert wired.bench.closed() == {"A"}
 
@@ -182,8 +178,7 @@ def test_a_killed_hub_is_noticed_and_the_box_opens_by_itself(wired):
     wired.relay.connect(["A"])
     wired.hub.close()
     for action in (wired.relay.renew, lambda: wired.relay.connect([])):
-        with pytest.raises(InstrumentError, match="cannot be talked to"):
-            action()
+        raises(InstrumentError, "cannot be talked to", action)
     wired.bench.clock.sleep(2.5)
     assert wired.bench.closed() == set()
 
@@ -192,8 +187,7 @@ def test_nobody_at_the_address():
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         hub = f"http://127.0.0.1:{free.getsockname()[1]}"
-        with pytest.raises(InstrumentError, match=f"{hub} .*start VirtualHub"):
-            Yocto.open(settings(hub=hub), VirtualClock())
+        raises(InstrumentError, f"{hub} .*start VirtualHub", Yocto.open, settings(hub=hub), VirtualClock())
 
 
 def test_opening_fails_when_the_time_limit_did_not_arrive():
@@ -211,8 +205,7 @@ def test_finds_the_only_box_or_says_what_there_is(wired, monkeypatch):
     hub = wired.hub
     assert wired.relay.identity == f"Yocto-MaxiCoupler {hub.serial}"
     other = settings(hub=hub.url, serial="MXCOUPL1-FFFFF")
-    with pytest.raises(InstrumentError, match=r"MXCOUPL1-FFFFF.* with status 404"):
-        Yocto.open(other, wired.bench.clock)
+    raises(InstrumentError, r"MXCOUPL1-FFFFF.* with status 404", Yocto.open, other, wired.bench.clock)
     listing = hub._listing()
     modules = listing["services"]["whitePages"]
     monkeypatch.setattr(hub, "_listing", lambda: listing)
@@ -240,8 +233,7 @@ def test_finds_the_only_box_or_says_what_there_is(wired, monkeypatch):
 def test_no_value_is_believed_beyond_what_it_can_be(wired, monkeypatch, channel, found):
     tree = wired.hub._tree
     monkeypatch.setattr(wired.hub, "_tree", lambda: {**(t := tree()), "relay1": {**t["relay1"], **channel}})
-    with pytest.raises(InstrumentError, match=found):
-        wired.relay.connect(["A"])
+    raises(InstrumentError, found, wired.relay.connect, ["A"])
 
 
 @pytest.mark.parametrize(("change", "message"), [
@@ -258,8 +250,7 @@ def test_no_value_is_believed_beyond_what_it_can_be(wired, monkeypatch, channel,
     ({"pathces": {}}, "pathces"),
 ], ids=str)  # fmt: skip
 def test_settings_that_cannot_be_right_are_refused(change, message):
-    with pytest.raises(ValidationError, match=message):
-        settings(**change)
+    raises(ValidationError, message, settings, **change)
 
 
 def test_a_hub_without_a_port_is_on_the_hubs_own_port():

@@ -17,6 +17,7 @@ from haploop.mocks.faults.relay import AmplifierGain
 from haploop.mocks.faults.sensors import SensorDisconnected
 from tests.instruments.safety.at_the_patch import bursts
 from tests.instruments.safety.test_limiter import TONE, generator_rig
+from tests.raising import raises
 from tests.rig_files import changed
 
 
@@ -42,14 +43,12 @@ def test_a_gain_above_the_files_is_found_at_a_volt(file, play):
     amplifier.__pydantic_extra__ = dict(amplifier.settings) | {"gain": stated, "rating_source": "a test"}
     with open_rig(file.model_copy(update={"amplifier": amplifier}), simulate="twin") as rig:
         record = rig.simulation.truth.record()
-        with pytest.raises(InstrumentError, match=r"played to prove the gain: correct gain in \[amplifier\]"):
-            play(rig)
+        raises(InstrumentError, r"played to prove the gain: correct gain in \[amplifier\]", play, rig)
         assert rig.simulation.truth.peak < 1.1 * 50 / stated
         assert sum(burst.seconds for burst in bursts(record)) < 0.3
         assert rig.lockout is not None and "prove the gain" in rig.lockout.why
         assert [e["kind"] for e in entries(rig.audit.folder)].count("tripped") == 1
-        with pytest.raises(LimitError, match="locked out"):
-            play(rig)
+        raises(LimitError, "locked out", play, rig)
 
 
 @SOURCES
@@ -83,8 +82,7 @@ def test_a_gain_that_is_wrong_on_one_channel_is_found_at_a_volt(mode):
             rig.excite_each(dict.fromkeys("ABCD", TONE), ["drive"])
         assert max(burst.high for burst in bursts(record)) < 5.5
         assert rig.lockout is not None and "Patch C" in rig.lockout.why
-        with pytest.raises(LimitError, match="locked out"):
-            rig.excite_each({"A": TONE}, ["drive"])
+        raises(LimitError, "locked out", rig.excite_each, {"A": TONE}, ["drive"])
         assert not rig.simulation.truth.closed
 
 
@@ -120,15 +118,13 @@ def test_what_is_refused_of_several_drives_is_refused_before_the_first_is_proved
         broken, high = TONE.copy(), 6 * TONE
         broken[100] = np.nan
         for bad, says in ((broken, "is nan at sample 100"), (high, "falls to"), (TONE[:-1], "of one length")):
-            with pytest.raises(LimitError, match=says):
-                rig.excite_each({"A": TONE, "B": TONE, "C": bad, "D": TONE}, ["drive"])
+            raises(LimitError, says, rig.excite_each, {"A": TONE, "B": TONE, "C": bad, "D": TONE}, ["drive"])
         assert rig.simulation.truth.peak == 0
 
 
 def test_nothing_is_proved_for_a_drive_that_is_refused_or_silent():
     with open_rig("simulated") as rig:
-        with pytest.raises(LimitError, match="falls to"):
-            rig.excite(10 * TONE, ["A"], ["drive"])
+        raises(LimitError, "falls to", rig.excite, 10 * TONE, ["A"], ["drive"])
         rig.excite(0 * TONE, ["A"], ["drive"])
         rig.excite(TONE, [], ["drive"])
         assert rig.simulation.truth.peak == 0

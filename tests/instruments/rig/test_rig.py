@@ -16,6 +16,7 @@ from haploop.base.signals import uninterrupted
 from haploop.instruments import Arbitrary, Burst, Rig, Sweep, open_rig
 from haploop.instruments.conformance import bypass_interlock
 from tests.conftest import OpenRig
+from tests.raising import raises
 
 
 def tone(rig: Rig, peak: float = 40, duration: float = 0.4) -> np.ndarray:
@@ -70,8 +71,7 @@ def test_an_interrupted_drive_leaves_the_rig_safe(open):
             assert rig.simulation.truth.closed == {"A"}
             raise error
 
-        with pytest.raises(error):
-            rig.excite(tone(rig), ["A"], ["drive", "laser"], progress=interrupt)
+        raises(error, "", rig.excite, tone(rig), ["A"], ["drive", "laser"], progress=interrupt)
         assert_safe(rig)
 
 
@@ -80,8 +80,7 @@ def test_a_drive_beyond_a_limit_is_refused_before_anything_is_written(open):
     for sample, says in ((60.0, "rises to"), (np.nan, "nan at sample 5"), (np.inf, "inf at sample 5")):
         drive = tone(rig)
         drive[5] = sample
-        with pytest.raises(LimitError, match=says):
-            rig.excite(drive, ["A"], ["drive", "laser"])
+        raises(LimitError, says, rig.excite, drive, ["A"], ["drive", "laser"])
     assert rig.simulation.truth.peak == 0
 
 
@@ -98,8 +97,7 @@ def test_what_cannot_be_recorded_is_named_and_nothing_else_is(open):
         ("lasr", "A", "lasr", 0.0),
         *(("Recording can go on", "A", "laser", tail) for tail in (-1.0, np.nan, np.inf)),
     ):
-        with pytest.raises(ConfigurationError, match=says):
-            rig.excite(tone(rig), [patch], [channel], tail=tail)
+        raises(ConfigurationError, says, rig.excite, tone(rig), [patch], [channel], tail=tail)
     assert_safe(rig)
     assert rig.excite(tone(rig), ["A"], ["laser"]).channels == ("laser",)
 
@@ -197,16 +195,14 @@ def test_an_interrupted_sweep_leaves_the_rig_safe(swept):
             assert swept.simulation.truth.closed == {"A"}
             raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt):
-        swept.generate(SWEEP, ["A"], ["drive"], progress=interrupt)
+    raises(KeyboardInterrupt, "", swept.generate, SWEEP, ["A"], ["drive"], progress=interrupt)
     assert not swept.generator.is_on
     assert_safe(swept)
 
 
 @pytest.mark.requires("simulation")
 def test_a_sweep_beyond_a_limit_is_refused_before_anything_is_set(swept):
-    with pytest.raises(LimitError, match="falls to -60"):
-        swept.generate(replace(SWEEP, amplitude=60), ["A"], ["drive"])
+    raises(LimitError, "falls to -60", swept.generate, replace(SWEEP, amplitude=60), ["A"], ["drive"])
     with pytest.raises(LimitError, match="slews at"):
         swept.generate(replace(SWEEP, stop_hz=10_000), ["A", "B", "C", "D"], ["drive"])
     assert swept.simulation.truth.peak == 0 and not swept.generator.is_on
@@ -229,8 +225,7 @@ def test_the_generator_is_off_before_the_relay_opens(swept, monkeypatch):
         patch.setattr(swept.daq, "hold", dead)
         patch.setattr(swept.generator, "off", lambda: (order.append("off"), off())[1])
         patch.setattr(swept.relay, "connect", lambda p: (order.append("open"), connect(p))[1])
-        with pytest.raises(InstrumentError, match="safe state was not confirmed: the card is gone"):
-            swept.make_safe()
+        raises(InstrumentError, "safe state was not confirmed: the card is gone", swept.make_safe)
     assert order == ["off", "open"] and not swept.generator.is_on
     assert_safe(swept)
 
@@ -266,10 +261,8 @@ def test_a_closed_rig_neither_plays_nor_records(open, tmp_path):
     rig = open()
     simulated = rig.simulated
     rig.close()
-    with pytest.raises(ConfigurationError, match="was closed: open it again"):
-        rig.excite(np.zeros(100), ["A"], ["laser"])
-    with pytest.raises(ConfigurationError, match="was closed: open it again"):
-        record(rig, "latch", "P01", 1, tmp_path)
+    raises(ConfigurationError, "was closed: open it again", rig.excite, np.zeros(100), ["A"], ["laser"])
+    raises(ConfigurationError, "was closed: open it again", record, rig, "latch", "P01", 1, tmp_path)
     assert not list(tmp_path.iterdir())
     assert rig.simulated == simulated
     rig.close()

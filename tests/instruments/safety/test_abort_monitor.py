@@ -16,6 +16,7 @@ from haploop.instruments.safety.abort_monitor import AbortMonitor
 from haploop.instruments.safety.audit import entries
 from haploop.instruments.safety.lockout import Lockout, clear_lockout, lockout_of, set_lockout
 from tests.instruments.safety.at_the_patch import bursts
+from tests.raising import raises
 from tests.rig_files import changed
 
 pytestmark = pytest.mark.usefixtures("unproved")
@@ -79,8 +80,7 @@ def test_more_volts_than_are_allowed_stop_the_play_within_two_blocks():
 def test_every_abort_limit_is_tested_whatever_is_recorded(abort, says):
     with open_rig(file(**abort)) as rig:
         record = rig.simulation.truth.record()
-        with pytest.raises(InstrumentError, match=says):
-            rig.excite(tone(rig), ["A"], ["switch"])
+        raises(InstrumentError, says, rig.excite, tone(rig), ["A"], ["switch"])
         assert rig.simulation.truth.closed == frozenset()
         assert rig.lockout is not None
         kept = np.load(rig.lockout.samples)
@@ -157,10 +157,8 @@ def test_a_lockout_that_cannot_be_saved_holds_the_open_rig(monkeypatch):
     with open_rig(DOUBLED) as rig:
         monkeypatch.setattr("haploop.instruments.safety.lockout.set_lockout", full)
         monkeypatch.setattr("numpy.savez", full)
-        with pytest.raises(InstrumentError, match="The play was stopped"):
-            rig.excite(tone(rig), ["A"], ["laser"])
-        with pytest.raises(LimitError, match="The rig is locked out"):
-            rig.excite(tone(rig, 1), ["A"], ["laser"])
+        raises(InstrumentError, "The play was stopped", rig.excite, tone(rig), ["A"], ["laser"])
+        raises(LimitError, "The rig is locked out", rig.excite, tone(rig, 1), ["A"], ["laser"])
 
 
 @pytest.mark.parametrize("content", ["", "{", "[]", "null", json.dumps({"when": "now"}), "\xff", "[" * 9000])
@@ -178,8 +176,7 @@ def test_the_samples_of_each_trip_are_kept_with_their_index():
     for _ in range(2):
         with open_rig(limited) as rig:
             drive = tone(rig)
-            with pytest.raises(InstrumentError, match="The patch got"):
-                rig.excite(drive, ["A"], ["switch"])
+            raises(InstrumentError, "The patch got", rig.excite, drive, ["A"], ["switch"])
             assert rig.lockout is not None
             kept = np.load(rig.lockout.samples)
             clear_lockout(rig.audit.folder, rig.hardware)

@@ -22,6 +22,7 @@ from haploop.instruments import load_rig_file, log_entries, open_rig
 from haploop.instruments.config.rig_file import AbortLimits, RigFile
 from haploop.instruments.safety.audit import Audit, entries, state_folder
 from tests.mutating import mutations
+from tests.raising import raises
 
 pytestmark = pytest.mark.usefixtures("unproved")
 
@@ -36,10 +37,8 @@ def kinds(folder: Path) -> list[Any]:
 def test_what_a_rig_did_is_in_the_log():
     with open_rig("simulated") as rig:
         rig.excite(DRIVE, ["B", "A"], ["drive"])
-        with pytest.raises(LimitError):
-            rig.excite(DRIVE * 10, ["A"], ["drive"])
-        with pytest.raises(ZeroDivisionError):
-            rig.excite(DRIVE, ["A"], ["drive"], progress=lambda *_: 1 // 0)
+        raises(LimitError, "", rig.excite, DRIVE * 10, ["A"], ["drive"])
+        raises(ZeroDivisionError, "", rig.excite, DRIVE, ["A"], ["drive"], progress=lambda *_: 1 // 0)
         rig.audit.note("activated", calibration="0007", reason="drift")
     found = list(entries(rig.audit.folder))
     assert [entry["kind"] for entry in found] == [
@@ -107,8 +106,7 @@ def test_a_line_of_which_the_disk_took_a_part_is_not_logged_and_spoils_no_other(
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size + 20, hard))
     try:
-        with pytest.raises(DataError, match=r"cannot be written \(File too large\), and nothing is played"):
-            log.note("played")
+        raises(DataError, r"cannot be written \(File too large\), and nothing is played", log.note, "played")
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     log.note("two")
@@ -163,8 +161,7 @@ def test_no_changed_line_is_taken_for_another(tmp_path, full):
 def test_what_json_does_not_have_is_not_logged(tmp_path):
     log = Audit(FILE, tmp_path, True)
     for value in (float("nan"), float("inf"), Path("a"), {1, 2}):
-        with pytest.raises(DataError, match="'one' cannot be logged"):
-            log.note("one", value=value)
+        raises(DataError, "'one' cannot be logged", log.note, "one", value=value)
     assert not list(entries(tmp_path))
 
 
@@ -239,5 +236,4 @@ def test_a_simulation_needs_no_home(tmp_path, monkeypatch):
     with open_rig("simulated") as rig:
         rig.excite(DRIVE, ["A"], ["drive"])
     assert [entry["kind"] for entry in entries(rig.audit.folder)][-1] == "closed"
-    with pytest.raises(ConfigurationError, match="HAPLOOP_STATE"):
-        state_folder(FILE, False)
+    raises(ConfigurationError, "HAPLOOP_STATE", state_folder, FILE, False)

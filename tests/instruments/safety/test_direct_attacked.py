@@ -21,6 +21,7 @@ from tests.instruments.safety.lab import lab as a_lab
 from tests.instruments.safety.test_coil_heat import warmest
 from tests.instruments.safety.test_direct_wiring import TONE, served
 from tests.instruments.safety.test_other_clients import Client, clients
+from tests.raising import raises
 from tests.rig_files import changed
 
 RATE = 50_000
@@ -65,8 +66,7 @@ def test_volts_that_stood_when_the_rig_was_opened_have_warmed_the_coil(here):
     here.clock.sleep(20)
     record = here.truth.record()
     with open_rig(hardware()) as rig:
-        with pytest.raises(LimitError, match=r"heats the coil by .* wait"):
-            rig.excite(tone(2.0), ["A"], ["drive"])
+        raises(LimitError, r"heats the coil by .* wait", rig.excite, tone(2.0), ["A"], ["drive"])
         here.clock.sleep(6 * TAU)
         rig.excite(tone(2.0), ["A"], ["drive"])
     assert warmest(record, 8.0, TAU) < 1.1 * WATTS
@@ -100,8 +100,7 @@ def test_a_taken_output_locks_out_whoever_finds_it(tmp_path):
             other.reset()
             assert other.write(1.5)
             act = (lambda r=rig: r.excite(TONE, ["A"], ["drive"]), rig.make_safe)[number]
-            with pytest.raises(InstrumentError, match="has taken the outputs"):
-                act()
+            raises(InstrumentError, "has taken the outputs", act)
             assert rig.lockout is not None
             haploop.reset_lockout(path, "it was a test, and the other program is gone")
         world.close()
@@ -169,6 +168,5 @@ def test_a_generator_that_somebody_switches_on_is_switched_off(tmp_path):
     with open_rig(path, simulate="wire") as rig:
         rig.generator._line.send("OUTP1 ON")
         assert rig.generator.is_on
-        with pytest.raises(InstrumentError, match="is on, and this rig has not started it"):
-            rig._limiter.authorise_renewal()
+        raises(InstrumentError, "is on, and this rig has not started it", rig._limiter.authorise_renewal)
         assert not rig.generator.is_on and rig.lockout is not None

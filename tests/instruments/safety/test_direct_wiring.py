@@ -27,6 +27,7 @@ from tests.instruments.safety.foreign import held, leave
 from tests.instruments.safety.lab import Lab
 from tests.instruments.safety.lab import lab as a_lab
 from tests.instruments.safety.test_other_clients import clients
+from tests.raising import raises
 from tests.rig_files import changed
 
 RATE = 50_000
@@ -98,10 +99,8 @@ def test_one_actuator_on_one_amplifier():
 def test_volts_for_no_patch_are_refused_because_the_actuator_would_get_them():
     with open_rig(FILE) as rig:
         for patches in ((), ("B",)):
-            with pytest.raises(LimitError, match="reaches A in any case"):
-                rig.excite(TONE, patches, ["drive"])
-        with pytest.raises(ConfigurationError, match="no patch 'B'"):
-            rig.relay.connect(["B"])
+            raises(LimitError, "reaches A in any case", rig.excite, TONE, patches, ["drive"])
+        raises(ConfigurationError, "no patch 'B'", rig.relay.connect, ["B"])
         assert rig.simulation.truth.peak == 0
         rig.excite(0 * TONE, (), ["drive"])
         capture = rig.excite(TONE, ["A"], ["drive"])
@@ -113,16 +112,14 @@ def test_volts_for_no_patch_are_refused_because_the_actuator_would_get_them():
 def test_a_trip_puts_zero_out_within_two_blocks_and_locks_out():
     with open_rig(changed(FILE, abort=AbortLimits(drive=0.3))) as rig:
         record = rig.simulation.truth.record()
-        with pytest.raises(InstrumentError, match=r"allows 0\.3 V"):
-            rig.excite(np.tile(TONE, 4), ["A"], ["drive"])
+        raises(InstrumentError, r"allows 0\.3 V", rig.excite, np.tile(TONE, 4), ["A"], ["drive"])
         assert stands(rig) < 1e-3
         sound = [r for r in record if len(r.volts) > 1]
         times = np.concatenate([r.start + r.period * np.arange(len(r.volts)) for r in sound])
         volts = np.concatenate([r.volts for r in sound])
         first = times[np.flatnonzero(np.abs(volts) > 0.3)[0]]
         assert times[np.flatnonzero(np.abs(volts) > 1e-3)[-1]] < first + 0.2
-        with pytest.raises(LimitError, match="locked out"):
-            rig.excite(TONE, ["A"], ["drive"])
+        raises(LimitError, "locked out", rig.excite, TONE, ["A"], ["drive"])
         assert not rig.daq.outputs_read()["amplifier"] > 2e-3
 
 
@@ -219,8 +216,7 @@ def test_a_killed_program_leaves_at_most_its_drive_until_the_rig_is_opened_again
     rig.prove_gain("A")
     safe = rig._safe.reach
     rig._safe.reach = lambda: None  # type: ignore[method-assign]  it never gets there
-    with pytest.raises(KeyboardInterrupt):
-        rig.excite(TONE, ["A"], ["drive"], progress=kill)
+    raises(KeyboardInterrupt, "", rig.excite, TONE, ["A"], ["drive"], progress=kill)
     here.forget(rig)
     rig._safe.reach = safe
     here.leave("amplifier", 0.4)
@@ -236,8 +232,7 @@ def test_outputs_stay_reserved_after_a_play_too(here):
         rig.prove_gain("A")
         rig.excite(TONE, ["A"], ["drive"])
         rig.relay.connect([])
-        with pytest.raises(LimitError, match="The outputs stay reserved"):
-            rig.daq.let_go()
+        raises(LimitError, "The outputs stay reserved", rig.daq.let_go)
 
 
 CHILD = """

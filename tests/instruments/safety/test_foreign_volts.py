@@ -14,6 +14,7 @@ from haploop.instruments.safety.audit import entries
 from tests.instruments.safety.at_the_patch import bursts
 from tests.instruments.safety.foreign import held, leave
 from tests.instruments.safety.test_limiter import TONE, generator_rig
+from tests.raising import raises
 
 OUTPUTS = ("amplifier", "amplifier_b", "amplifier_c", "amplifier_d")
 MODES = pytest.mark.parametrize("mode", ["twin", "wire"])
@@ -59,8 +60,7 @@ def test_an_output_that_does_not_take_its_zero_keeps_the_contacts_open(mode, mon
         leave(rig, "amplifier", 8.0)
         with monkeypatch.context() as patch:
             patch.setattr(rig.daq, "hold", lambda: None)  # it says that it did
-            with pytest.raises(InstrumentError, match=r"'amplifier' was set to zero and reads 8 V"):
-                rig.relay.connect(["A"])
+            raises(InstrumentError, r"'amplifier' was set to zero and reads 8 V", rig.relay.connect, ["A"])
         assert not rig.simulation.truth.closed and reached(rig) == 0
 
 
@@ -89,8 +89,7 @@ def on(rig: Rig) -> None:
 def test_a_generator_that_was_left_on_keeps_the_contacts_open(way):
     with open_rig(generator_rig()) as rig:
         on(rig)
-        with pytest.raises(InstrumentError, match=r"is on, and this rig has not started it"):
-            way(rig)
+        raises(InstrumentError, r"is on, and this rig has not started it", way, rig)
         assert reached(rig) == 0
         rig.make_safe()
         rig.generate(Sweep(10, 300, 0.1, 20), ["A"], ["drive"])
@@ -113,8 +112,7 @@ def test_the_outputs_that_are_set_to_zero_are_not_forgotten():
         leave(rig, "amplifier", 8.0)
         outputs = rig.daq.settings.outputs
         for change in (outputs.clear, lambda: outputs.pop("amplifier"), rig.daq.settings.channels.clear):
-            with pytest.raises(ConfigurationError, match="cannot be changed in the program"):
-                change()
+            raises(ConfigurationError, "cannot be changed in the program", change)
         rig.relay.connect(["A"])
         assert reached(rig) < 0.1
 

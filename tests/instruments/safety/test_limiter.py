@@ -21,6 +21,7 @@ from haploop.instruments.relay.role import Relay
 from haploop.instruments.safety.audit import entries
 from haploop.mocks.daq.twin import DaqTwin
 from tests.instruments.safety.at_the_patch import Burst, bursts
+from tests.raising import raises
 from tests.rig_files import changed
 
 pytestmark = pytest.mark.usefixtures("unproved")
@@ -62,8 +63,7 @@ def generator_rig() -> RigFile:
 def test_an_instrument_of_a_rig_plays_nothing_by_itself(file, way):
     with open_rig(file, simulate="twin") as rig:
         rig.relay.connect(["A"])
-        with pytest.raises(LimitError, match=r"a rig plays only what its limiter has authorised"):
-            way(rig)
+        raises(LimitError, r"a rig plays only what its limiter has authorised", way, rig)
         rig.clock.sleep(0.5)
         assert [e["kind"] for e in entries(rig.audit.folder)].count("refused") == 1
     assert rig.simulation.truth.peak == 0
@@ -73,8 +73,7 @@ def test_a_generator_is_not_started_again_after_its_sweep():
     with open_rig(generator_rig()) as rig:
         rig.generate(Sweep(10, 300, 0.5, 20), ["A"], ["drive"])
         rig.generator.arm()
-        with pytest.raises(LimitError):
-            rig.generator.trigger()
+        raises(LimitError, "", rig.generator.trigger)
         assert not rig.generator.is_on
 
 
@@ -111,8 +110,7 @@ def test_only_the_authorised_drive_is_played(rig, monkeypatch):
             return stream(channels, change(rate, 0)[0], block, samples, change(rate, play["amplifier"])[1])
 
         monkeypatch.setattr(rig.daq, "stream", sly)
-        with pytest.raises(LimitError):
-            rig.excite(TONE, ["A"], ["drive"])
+        raises(LimitError, "", rig.excite, TONE, ["A"], ["drive"])
     assert rig.simulation.truth.peak == 0
 
 
@@ -168,8 +166,7 @@ def test_a_limit_is_met_and_not_passed(limits, drive, says, seen):
     file = held(**limits)
     (burst,) = played(file, drive(0.995))
     assert 0.97 < seen(burst) < 1.011  # the amplifier's own gain is off by 1 %
-    with pytest.raises(LimitError, match=rf"The drive {says} .* at sample \d+, .* of the rig file's"):
-        played(file, drive(1.02))
+    raises(LimitError, rf"The drive {says} .* at sample \d+, .* of the rig file's", played, file, drive(1.02))
 
 
 def test_a_refusal_says_whose_limit_by_how_much_and_where(rig):
@@ -182,8 +179,7 @@ def test_a_refusal_says_whose_limit_by_how_much_and_where(rig):
     assert found and float(found[1]) - float(found[3]) == pytest.approx(30, abs=0.02)
     assert tone(33)[int(found[2])] == pytest.approx(-float(found[1]), abs=0.01)
     with open_rig("simulated") as wide:
-        with pytest.raises(LimitError, match=r"48 V of the relay\.$"):
-            wide.excite(tone(49), ["A"], ["drive"])
+        raises(LimitError, r"48 V of the relay\.$", wide.excite, tone(49), ["A"], ["drive"])
         with pytest.raises(LimitError, match=r"0\.1 A of the amplifier\.$"):
             wide.excite(tone(40, 1800), ["A", "B", "C", "D"], ["drive"])
 
@@ -194,8 +190,7 @@ def test_silence_elsewhere_does_not_make_a_current_harmless():
     with open_rig(changed(file, amplifier=amplifier(file, current_average=0.8e-3))) as rig:
         rig.excite(loud * 0.5, ["A"], ["drive"])
         for drive in (loud, np.pad(loud, (0, 100_000)), np.concatenate([tone(1), np.zeros(100_000), loud])):
-            with pytest.raises(LimitError, match="draws on average"):
-                rig.excite(drive, ["A"], ["drive"])
+            raises(LimitError, "draws on average", rig.excite, drive, ["A"], ["drive"])
 
 
 def test_what_a_player_makes_of_a_drive_is_held_to_the_limits():
@@ -206,8 +201,7 @@ def test_what_a_player_makes_of_a_drive_is_held_to_the_limits():
     strict = changed(load_rig_file("sound-card"), limits=DriveLimits(min=-5, max=5, peak_to_peak=11))
     with open_rig(strict, simulate="twin") as rig:
         assert np.abs(edges).max() < 5
-        with pytest.raises(LimitError, match=r"rises to|falls to|peak-to-peak"):
-            rig.excite(edges, ["A"], ["drive"])
+        raises(LimitError, r"rises to|falls to|peak-to-peak", rig.excite, edges, ["A"], ["drive"])
     assert rig.simulation.truth.peak == 0
 
 
@@ -229,8 +223,7 @@ def test_what_the_limiter_asks_is_not_assigned_to(rig):
         before = getattr(owner, name)
         with pytest.raises(ConfigurationError, match=rf"'{name}' of an open rig's \w+ cannot be assigned to"):
             setattr(owner, name, before)
-        with pytest.raises(ConfigurationError):
-            delattr(owner, name)
+        raises(ConfigurationError, "", delattr, owner, name)
         assert getattr(owner, name) is before
 
 
@@ -238,12 +231,10 @@ def test_no_value_in_what_was_opened_can_be_changed(rig):
     file = rig.file
     for part in (file, file.limits, file.abort, file.table, file.sensors.drive, rig.limits):
         for name in getattr(type(part), "model_fields", None) or vars(part):
-            with pytest.raises((ValidationError, FrozenInstanceError)):
-                setattr(part, name, None)
+            raises((ValidationError, FrozenInstanceError), "", setattr, part, name, None)
     file.relay.settings["rating"] = 500.0  # type: ignore[union-attr]  a copy, or else of no effect
     file.amplifier.settings["gain"] = 1.0
-    with pytest.raises(LimitError):
-        rig.excite(9 * TONE, ["A"], ["drive"])
+    raises(LimitError, "", rig.excite, 9 * TONE, ["A"], ["drive"])
 
 
 # What a notebook writes past the freezing

@@ -17,6 +17,7 @@ from haploop.base.marks import InUse
 from haploop.instruments.safety import machine
 from haploop.instruments.safety.lockout import Lockout, lockout_of, set_lockout
 from haploop.instruments.safety.machine import hold
+from tests.raising import raises
 
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="links, pipes and users of POSIX")
 PIECE = f"a card of test {os.getpid()}"
@@ -135,8 +136,7 @@ def test_a_place_that_is_not_a_folder_is_refused(place, tmp_path, make):
         place.symlink_to(tmp_path / "other", target_is_directory=True)
     else:
         place.write_text("")
-    with pytest.raises(InstrumentError, match=r"which cannot be used \(it is not a folder of its own\)"):
-        machine.folder()
+    raises(InstrumentError, r"which cannot be used \(it is not a folder of its own\)", machine.folder)
 
 
 @POSIX
@@ -153,8 +153,7 @@ def test_everybody_may_write_there_and_nobody_removes_what_is_not_theirs(place):
 def test_a_place_that_may_not_be_written_is_refused(place, monkeypatch):
     machine.folder()
     monkeypatch.setattr(os, "access", lambda _path, mode: not mode & os.W_OK)  # as for a user who is not root
-    with pytest.raises(InstrumentError, match=r"cannot be used \(permission denied\): make it a folder"):
-        machine.folder()
+    raises(InstrumentError, r"cannot be used \(permission denied\): make it a folder", machine.folder)
 
 
 def test_the_name_of_a_piece_s_file_is_the_same_in_every_version():
@@ -170,8 +169,7 @@ def test_a_file_for_all_users_is_read_to_a_mebibyte_and_replaced_whole(place):
     assert len(machine.read(path)) == 1 << 20
     machine.write(path, b"short")
     assert machine.read(path) == path.read_bytes() == b"short"
-    with pytest.raises(FileNotFoundError):
-        machine.read(place / "b.duty")
+    raises(FileNotFoundError, "", machine.read, place / "b.duty")
     assert not (place / "b.duty").exists()
 
 
@@ -182,8 +180,7 @@ def test_what_is_refused_is_not_left_open(place):
     path.with_name("b.lock").hardlink_to(path)
     before = len(list(Path("/proc/self/fd").iterdir()))
     for _ in range(3):
-        with pytest.raises(OSError, match="not a file of its own"):
-            machine.read(path)
+        raises(OSError, "not a file of its own", machine.read, path)
     assert len(list(Path("/proc/self/fd").iterdir())) == before
 
 

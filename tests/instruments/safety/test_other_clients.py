@@ -25,6 +25,7 @@ from haploop.instruments.relay.board import ChannelRelay
 from haploop.instruments.safety import lockout_of
 from haploop.instruments.safety.audit import entries
 from tests.instruments.safety.test_limiter import TONE
+from tests.raising import raises
 
 REFUSED = -50103
 
@@ -171,8 +172,7 @@ def test_who_takes_an_output_under_a_closed_contact_trips(lab, place):
         assert rig.daq.outputs_read()["amplifier"] == pytest.approx(0, abs=0.01)
         assert rig.lockout is not None and "A patch was connected, and may have got volts" in rig.lockout.why
         assert not world.truth.closed and "may have got volts" in str(tripped[0]["why"])
-        with pytest.raises(LimitError, match="locked out"):
-            rig.excite(TONE, ["A"], ["drive"])
+        raises(LimitError, "locked out", rig.excite, TONE, ["A"], ["drive"])
     assert lockout_of(place, rig.hardware) is not None
 
 
@@ -194,8 +194,7 @@ def test_an_output_that_was_taken_and_reads_zero_is_noticed_too():
     with open_rig("simulated", simulate="wire") as rig, clients(rig) as (other,):
         rig.relay.connect(["A"])
         other.reset()
-        with pytest.raises(InstrumentError, match="Another program has taken the outputs of Dev2"):
-            rig.relay.renew()
+        raises(InstrumentError, "Another program has taken the outputs of Dev2", rig.relay.renew)
         assert rig.simulation.truth.closed == frozenset() and rig.lockout is not None
 
 
@@ -216,8 +215,7 @@ def test_what_stands_on_an_output_after_a_play_locks_the_rig_out(monkeypatch):
         monkeypatch.undo()
         assert rig.lockout is not None and "read 8 V" in rig.lockout.why
         assert [e["kind"] for e in entries(rig.audit.folder)].count("tripped") == 1
-        with pytest.raises(LimitError, match="locked out"):
-            rig.excite(TONE, ["A"], ["drive"])
+        raises(LimitError, "locked out", rig.excite, TONE, ["A"], ["drive"])
 
 
 def test_after_a_rig_the_outputs_are_free():

@@ -23,6 +23,7 @@ from haploop.instruments.rig.opening import hardware
 from haploop.instruments.safety.duty import plays_of
 from haploop.instruments.safety.lockout import lockout_of
 from haploop.instruments.safety.machine import hold, reserve
+from tests.raising import raises
 
 DRIVE = 20 * np.sin(2 * np.pi * 250 * np.arange(50_000) / 50_000) * np.hanning(50_000)
 TraceFunction = Callable[[FrameType, str, Any], Any]
@@ -54,16 +55,14 @@ def test_a_killed_program_leaves_an_open_relay(lab, tmp_path):
             other = tmp_path / "other.toml"
             other.write_text(path.read_text().replace('name = "lab"', 'name = "other"'))
             owner = rf"The rig 'other' is in use \(.*\) by process {child.pid} \(-c .*\) of .* on .*: wait"
-            with pytest.raises(InstrumentError, match=owner):
-                open_rig(other)
+            raises(InstrumentError, owner, open_rig, other)
             # One names the box by its number, and the other does not; their cards are others.
             (box,) = (piece for piece in hardware(load_rig_file(path), None) if "MXCOUPL" in piece)
             named = f'[relay]\nserial = "{box.split()[-1].lower()}"\n'
             elsewhere = '[daq]\nserver = "127.0.0.1:1"\n'
             hub = path.read_text().partition("[relay]\n")[2]
             other.write_text(f'base = "haptable"\nname = "other"\n{elsewhere}{named}{hub}')
-            with pytest.raises(InstrumentError, match=rf"in use \({box}\) by process {child.pid} "):
-                open_rig(other)
+            raises(InstrumentError, rf"in use \({box}\) by process {child.pid} ", open_rig, other)
             other.write_text(path.read_text().replace('name = "lab"', 'name = "other"'))
             time.sleep(1.5)
             assert world.truth.closed == {"A"}  # renewed while the program is healthy
@@ -76,8 +75,7 @@ def test_a_killed_program_leaves_an_open_relay(lab, tmp_path):
         time.sleep(0.02)
     with open_rig(path) as rig:
         assert rig.relay.connected() == frozenset()
-        with pytest.raises(InstrumentError, match="is open in this program already"):
-            open_rig(other)
+        raises(InstrumentError, "is open in this program already", open_rig, other)
 
 
 @pytest.mark.usefixtures("unproved")
@@ -90,10 +88,8 @@ def test_a_card_is_one_under_every_name(lab, tmp_path, place):
     card = 'devices = { Dev1 = "PCI-6034E" }'
     other.write_text(f'base = "minimal"\nname = "other"\n[daq]\nserver = "ipv4:{address}"\n{card}\n')
     with open_rig(path) as rig:
-        with pytest.raises(InstrumentError, match=r"open in this program already \(PCI-6034E 1[0-9A-F]{6}\)"):
-            open_rig(other)
-        with pytest.raises(InstrumentError, match=r"allows 15 V"):
-            rig.excite(DRIVE[::10], ["A"], ["drive"])
+        raises(InstrumentError, r"open in this program already \(PCI-6034E 1[0-9A-F]{6}\)", open_rig, other)
+        raises(InstrumentError, r"allows 15 V", rig.excite, DRIVE[::10], ["A"], ["drive"])
     with open_rig(other) as rig:
         assert rig.lockout is not None and "allows 15 V" in rig.lockout.why
         now = RealClock().now()
@@ -111,8 +107,7 @@ def test_hardware_that_answered_too_late_is_not_used_under_another_name(lab, rol
         monkeypatch.setattr("haploop.instruments.daq.ni_cards.numbers_of", lambda *_: {})
     else:
         monkeypatch.setattr(Yocto, "hardware", staticmethod(lambda settings: (settings.hub,)))
-    with pytest.raises(InstrumentError, match=f"The {role} of the rig 'lab' is another one .* or answers on"):
-        open_rig(path)
+    raises(InstrumentError, f"The {role} of the rig 'lab' is another one .* or answers on", open_rig, path)
     monkeypatch.undo()
     open_rig(path).close()
 

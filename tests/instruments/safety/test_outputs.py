@@ -12,6 +12,7 @@ from haploop.base.errors import DataError, InstrumentError
 from haploop.base.json_files import as_file
 from haploop.instruments.safety import Outputs, machine
 from haploop.instruments.safety.duty import clear_old, count_plays, plays_of
+from tests.raising import raises
 
 
 class Rig(dict[str, Any]):
@@ -65,8 +66,7 @@ def test_what_feeds_the_amplifier_is_looked_at_and_stopped(fed):
         rig.add("player", output)
         if wired:
             for look in (Outputs(rig).no_sweep, Outputs(rig).rest):
-                with pytest.raises(InstrumentError, match="The generator is on, and this rig has not"):
-                    look()
+                raises(InstrumentError, "The generator is on, and this rig has not", look)
             rig["generator"].is_on = False
         Outputs(rig).no_sweep()
         assert not rig.done
@@ -115,8 +115,7 @@ def test_another_kind_of_file_is_no_count(tmp_path):
 
 def test_what_cannot_be_counted_is_said(tmp_path):
     (tmp_path / machine.file_for("a", "duty")).mkdir()
-    with pytest.raises(DataError, match="What is played cannot be counted in"):
-        count_plays(tmp_path, {"a"}, [(1.0, 2.0)])
+    raises(DataError, "What is played cannot be counted in", count_plays, tmp_path, {"a"}, [(1.0, 2.0)])
 
 
 def test_counts_of_pieces_that_were_not_used_for_a_day_are_removed(tmp_path):

@@ -19,6 +19,7 @@ from haploop.instruments.safety import Audit, Limiter, Lockouts, Outputs, entrie
 from haploop.instruments.safety.duty import plays_of
 from haploop.instruments.safety.judge import Ratings
 from haploop.mocks.clock import VirtualClock
+from tests.raising import raises
 
 RATE = 1000.0
 LIMITS = Limits(min=-50.0, max=50.0, slew=1e5)
@@ -153,13 +154,11 @@ def test_the_relay_closes_for_a_permit_s_patches_until_it_plays(world):
         world.limiter.authorise_patches(frozenset({"A", "C"}))
         world.limiter.authorise_patches(frozenset({"A"}))
         world.limiter.authorise("one", volts["one"], RATE)
-        with pytest.raises(LimitError, match="the relay only opens"):
-            world.limiter.authorise_patches(frozenset({"A"}))
+        raises(LimitError, "the relay only opens", world.limiter.authorise_patches, frozenset({"A"}))
         world.limiter.authorise_patches(frozenset())
     world.limiter.authorise_patches(frozenset({"A"}))
     world.standing["one"] = 0.03
-    with pytest.raises(InstrumentError, match=r"reads 0\.03 V"):
-        world.limiter.authorise_patches(frozenset({"A"}))
+    raises(InstrumentError, r"reads 0\.03 V", world.limiter.authorise_patches, frozenset({"A"}))
     world.standing["one"] = -0.02
     world.limiter.authorise_patches(frozenset({"A"}))
 
@@ -170,16 +169,14 @@ def test_a_sweep_starts_once_and_is_set_as_often_as_needed(world):
         with refused("has authorised"):
             world.limiter.authorise_waveform("one", SWEEP, False)
         world.generator.is_on = True
-        with pytest.raises(InstrumentError, match="is on"):
-            world.limiter.authorise_waveform("one", at_output, False)
+        raises(InstrumentError, "is on", world.limiter.authorise_waveform, "one", at_output, False)
         world.generator.is_on = False
         for starts in (False, False, True):
             world.limiter.authorise_waveform("one", at_output, starts)
         for starts in (False, True):
             with refused("has authorised"):
                 world.limiter.authorise_waveform("one", at_output, starts)
-        with pytest.raises(LimitError, match="the relay only opens"):
-            world.limiter.authorise_patches(frozenset({"A"}))
+        raises(LimitError, "the relay only opens", world.limiter.authorise_patches, frozenset({"A"}))
         with refused("has authorised"):
             world.limiter.authorise("one", DRIVE / 50, 0.0)
 

@@ -19,6 +19,7 @@ from haploop.mocks.simulation import Simulation
 from tests.instruments.rig.test_played_whole import TONE, at_block
 from tests.instruments.safety.lab import FOUR_CHANNELS
 from tests.instruments.safety.test_other_clients import Client, clients, peak
+from tests.raising import raises
 
 FOUR = f'base = "simulated"\nname = "four"\n[daq]\ndevices = {{ Dev2 = "PCIe-6363" }}{FOUR_CHANNELS}'
 
@@ -39,8 +40,7 @@ def assert_locked_out(rig: Rig) -> None:
     assert rig.simulation.truth.closed <= {"B"}, "B is welded where it is closed"
     assert rig.daq.outputs_read()["amplifier"] == pytest.approx(0, abs=0.01)
     assert rig.lockout is not None and "another program" in rig.lockout.why.lower()
-    with pytest.raises(LimitError, match="locked out"):
-        rig.excite(TONE, ["A"], ["drive"])
+    raises(LimitError, "locked out", rig.excite, TONE, ["A"], ["drive"])
 
 
 @PATCHES
@@ -68,8 +68,7 @@ def test_so_does_one_with_a_welded_contact(monkeypatch):
 
         rig.excite(TONE, ["B"], ["drive"], progress=at_block(3, weld, rig))
         assert rig.simulation.truth.closed == {"B"}
-        with pytest.raises(TakenError):
-            rig.excite(TONE, [], ["drive"], progress=at_block(2, takes(other), rig))
+        raises(TakenError, "", rig.excite, TONE, [], ["drive"], progress=at_block(2, takes(other), rig))
         assert_locked_out(rig)
 
 
@@ -82,8 +81,7 @@ def test_so_does_one_at_any_channel_of_four(tmp_path, output):
         monitors = [rig.monitor(patch) for patch in "ABCD"]
         drives, taken = dict.fromkeys("ABCD", TONE), at_block(2, takes(other, output=output), rig)
         rig.excite_each(drives, monitors)
-        with pytest.raises(TakenError, match=" read 8 V then"):
-            rig.excite_each(drives, monitors, progress=taken)
+        raises(TakenError, " read 8 V then", rig.excite_each, drives, monitors, progress=taken)
         assert_locked_out(rig)
 
 
@@ -102,8 +100,7 @@ def test_a_program_cannot_free_the_outputs_in_its_own_play(patches):
             rig.excite(TONE, patches, ["drive"], progress=at_block(2, free, rig))
         assert taken == [False] and peak(rig) < 10.5
         rig.relay.connect(["A"])
-        with pytest.raises(LimitError, match="The outputs stay reserved"):
-            rig.daq.let_go()
+        raises(LimitError, "The outputs stay reserved", rig.daq.let_go)
         rig.relay.connect([])
         rig.daq.let_go()
         assert other.write()
@@ -122,8 +119,7 @@ def test_what_takes_an_output_after_the_last_block_is_noticed(monkeypatch):
 
         rig.prove_gain("A")
         monkeypatch.setattr(NiOutputs, "rest", first)
-        with pytest.raises(TakenError):
-            rig.excite(TONE, ["A"], ["drive"])
+        raises(TakenError, "", rig.excite, TONE, ["A"], ["drive"])
         monkeypatch.undo()
         assert_locked_out(rig)
 
@@ -142,8 +138,7 @@ def test_so_is_what_takes_one_round_a_play(monkeypatch, at):
                 other.reset()
 
         monkeypatch.setattr(ChannelRelay, "_connect", around)
-        with pytest.raises(InstrumentError, match="Another program has taken the outputs"):
-            rig.excite(TONE, ["A"], ["drive"])
+        raises(InstrumentError, "Another program has taken the outputs", rig.excite, TONE, ["A"], ["drive"])
         monkeypatch.undo()
         assert_locked_out(rig)
 
@@ -155,8 +150,7 @@ def test_a_contact_that_does_not_open_is_watched_after_the_play(lab, monkeypatch
     path.write_text(path.read_text().replace("dead_man = 1.0", "dead_man = 30.0"))
     with open_rig(path) as rig, clients(rig) as (other,), monkeypatch.context() as patch:
         patch.setattr(type(rig.relay._board), "open_channel", lambda *_: None)
-        with pytest.raises(InstrumentError, match="told to open but reads closed"):
-            rig.excite(TONE, ["A"], ["drive"])
+        raises(InstrumentError, "told to open but reads closed", rig.excite, TONE, ["A"], ["drive"])
         assert world.truth.closed == {"A"} and not other.write()
         for _ in range(2):
             other.reset()
@@ -184,8 +178,7 @@ def test_at_random_moments_of_real_plays(lab, place, full):
         for _ in range(20 if full else 3):
             attacker = threading.Timer(r.uniform(0, 0.5), takes(other), (rig,))
             starts = at_block(1, lambda _, own=attacker: own.start(), rig)
-            with pytest.raises(InstrumentError):
-                rig.excite(TONE, ["A"], ["drive"], tail=0.5, progress=starts)
+            raises(InstrumentError, "", rig.excite, TONE, ["A"], ["drive"], tail=0.5, progress=starts)
             attacker.join()
             assert not world.truth.closed and rig.lockout is not None
             clear_lockout(place, rig.hardware)

@@ -23,6 +23,7 @@ from haploop.instruments import Rig, open_rig
 from haploop.instruments.safety.audit import entries
 from haploop.instruments.safety.machine import hold
 from tests.instruments.safety.at_the_patch import bursts
+from tests.raising import raises
 
 DRIVE = 20 * np.sin(2 * np.pi * 250 * np.arange(50_000) / 50_000) * np.hanning(50_000)
 TraceFunction = Callable[[FrameType, str, Any], Any]
@@ -68,8 +69,7 @@ def test_an_instrument_that_hangs_keeps_no_other_from_its_way_out(monkeypatch):
 def test_a_stream_that_hangs_does_not_keep_the_relay_closed(monkeypatch):
     with open_rig("simulated") as rig:
         monkeypatch.setattr("haploop.mocks.daq.card_twin._CardStream.close", for_ever)
-        with pytest.raises(InstrumentError, match=r"PCIe-6321.* hangs"):
-            rig.excite(DRIVE, ["A"], ["drive"])
+        raises(InstrumentError, r"PCIe-6321.* hangs", rig.excite, DRIVE, ["A"], ["drive"])
         assert safe(rig)
 
 
@@ -91,8 +91,7 @@ def test_a_relay_that_does_not_open_leaves_the_outputs_held(monkeypatch):
         with monkeypatch.context() as patch:
             patch.setattr(rig.relay, "connect", lambda _patches: fail("The box is gone."))
             patch.setattr(rig.daq, "_let_go", lambda: let_go.append(True))
-            with pytest.raises(InstrumentError, match=r"not confirmed: The box is gone\. Switch"):
-                rig.make_safe()
+            raises(InstrumentError, r"not confirmed: The box is gone\. Switch", rig.make_safe)
         assert not let_go
     assert safe(rig)
 
@@ -103,8 +102,7 @@ def test_a_step_that_fails_without_a_word_is_told_by_its_kind(monkeypatch):
 
     with open_rig("simulated") as rig, monkeypatch.context() as patch:
         patch.setattr(rig.daq, "zero", full)
-        with pytest.raises(InstrumentError, match=r"not confirmed: MemoryError\."):
-            rig.make_safe()
+        raises(InstrumentError, r"not confirmed: MemoryError\.", rig.make_safe)
 
 
 # Ways out
@@ -350,8 +348,7 @@ def test_two_rigs_may_be_closed_in_any_order():
     with handled(signal.SIGTERM, signal.SIG_DFL):
         first, second = open_rig("simulated"), open_rig("simulated")
         first.close()
-        with pytest.raises(SystemExit):
-            signal.raise_signal(signal.SIGTERM)
+        raises(SystemExit, "", signal.raise_signal, signal.SIGTERM)
         second.close()
         assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
 

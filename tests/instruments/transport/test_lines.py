@@ -15,6 +15,7 @@ from haploop.instruments.relay.yocto import Yocto
 from haploop.instruments.transport import SerialLine, SerialSettings, VisaLine, serial_line
 from haploop.instruments.transport.text_line import Port, TextLine
 from haploop.instruments.vibrometer.ofv5000 import Ofv5000
+from tests.raising import raises
 
 
 def test_a_port_is_opened_as_the_rig_file_says(monkeypatch):
@@ -50,8 +51,7 @@ def test_a_port_is_opened_as_the_rig_file_says(monkeypatch):
     [({"stop_bits": 3}, "stop_bits"), ({"parity": "e"}, "parity"), ({"handshake": "rts"}, "handshake")],
 )
 def test_what_no_port_has_is_refused(settings, key):
-    with pytest.raises(ValidationError, match=key):
-        SerialSettings(**settings)
+    raises(ValidationError, key, SerialSettings, **settings)
 
 
 def test_each_serial_instrument_takes_them():
@@ -92,14 +92,12 @@ def test_a_line_ends_as_it_is_told_to(end):
 ])  # fmt: skip
 def test_another_end_is_named(end, reply, sentence):
     line = TextLine("It", lambda: Far(reply), "its 'port'", 0.05, end)
-    with pytest.raises(InstrumentError, match=sentence):
-        line.receive("Get")
+    raises(InstrumentError, sentence, line.receive, "Get")
 
 
 def test_a_port_that_is_not_there_is_one_sentence():
     line = SerialLine("It", "/dev/no-such-port", 9600, 0.1, how=SerialSettings(parity="even"))
-    with pytest.raises(InstrumentError, match="cannot be opened"):
-        line.send("Get")
+    raises(InstrumentError, "cannot be opened", line.send, "Get")
 
 
 @pytest.mark.parametrize(("resource", "module", "extra"), [

@@ -17,6 +17,7 @@ from haploop.mocks.clock import VirtualClock
 from haploop.mocks.plant import LaserHead, Plant
 from haploop.mocks.transport import DirectLine, LineServer, ReplyFault
 from haploop.mocks.vibrometer.ofv5000 import Controller, twin
+from tests.raising import raises
 
 RANGE = "Get,VeloDec,0,Range"
 
@@ -88,8 +89,7 @@ def test_it_follows_the_controller_and_sets_it(setup):
 
 
 def test_a_range_that_the_decoder_has_not_is_noticed(setup):
-    with pytest.raises(InstrumentError, match=r"given the range 3mm/s/V but reads 5mm/s/V"):
-        setup.laser.set_range(0.003)
+    raises(InstrumentError, r"given the range 3mm/s/V but reads 5mm/s/V", setup.laser.set_range, 0.003)
     assert setup.laser.scale == 0.005
 
 
@@ -103,16 +103,14 @@ def test_a_range_changed_at_the_front_panel_is_found_by_reading_it_again(setup):
 def test_autofocus_gives_up_at_its_deadline(setup):
     setup.controller.focusable = False
     before = setup.clock.now()
-    with pytest.raises(InstrumentError, match="no focus within 30 s"):
-        setup.laser.autofocus()
+    raises(InstrumentError, "no focus within 30 s", setup.laser.autofocus)
     assert setup.clock.now() - before < 31
 
 
 def test_opening_refuses_another_range_and_changes_none(wired):
     wired.controller.head.scale = 0.05
     wanted = settings(port=f"socket://{wired.server.address}")
-    with pytest.raises(ConfigurationError, match="is set to the range 50mm/s/V"):
-        Ofv5000.open(wanted, wired.clock)
+    raises(ConfigurationError, "is set to the range 50mm/s/V", Ofv5000.open, wanted, wired.clock)
     assert wired.controller.head.scale == 0.05
     laser = Ofv5000.connect(wanted, wired.clock)
     assert laser.scale == 0.05, "what is measured is scaled by what is set"
@@ -131,8 +129,7 @@ def test_opening_refuses_another_range_and_changes_none(wired):
 ])  # fmt: skip
 def test_a_fault_of_the_line_is_one_sentence_and_passes(wired, kind, sentence):
     fault = wired.faulty(kind, asked=RANGE, times=1)
-    with pytest.raises(InstrumentError, match=rf"^OFV-5000 at socket://\S+ .*{sentence}"):
-        wired.laser.check_range()
+    raises(InstrumentError, rf"^OFV-5000 at socket://\S+ .*{sentence}", wired.laser.check_range)
     assert fault.fired == 1
     assert wired.laser.scale == 0.005, "nothing was taken for data"
     wired.laser.check_range()
@@ -141,8 +138,7 @@ def test_a_fault_of_the_line_is_one_sentence_and_passes(wired, kind, sentence):
 def test_a_late_answer_is_not_taken_for_the_next_one(wired):
     wired.laser.signal_level()
     fault = wired.faulty("delay", asked="SignalLevel", times=1, delay=0.25)
-    with pytest.raises(InstrumentError, match="did not answer"):
-        wired.laser.signal_level()
+    raises(InstrumentError, "did not answer", wired.laser.signal_level)
     assert fault.fired == 1
     wired.laser.check_range()
 
@@ -167,8 +163,7 @@ def test_an_answer_that_cannot_be_right_is_refused(asked, answer):
     (lambda line: [line] * 20, "loop-back"),
 ], ids=["something else", "a loop-back is no echo"])  # fmt: skip
 def test_what_is_at_the_port_is_named(answer, says):
-    with pytest.raises(InstrumentError, match=says):
-        Ofv5000(settings(), VirtualClock(), DirectLine(answer))
+    raises(InstrumentError, says, Ofv5000, settings(), VirtualClock(), DirectLine(answer))
 
 
 def test_no_such_port_is_one_sentence():
@@ -241,8 +236,7 @@ def test_what_cannot_be_read_is_declared():
     # A person confirms it, as for a laser without an interface.
     assert laser.declared is not None and "VeloDec,0 set to 5mm/s/V?" in laser.declared
     laser.check_range()
-    with pytest.raises(ValidationError, match="decoder"):
-        settings(decoder="DisplDec,0")
+    raises(ValidationError, "decoder", settings, decoder="DisplDec,0")
 
 
 @pytest.mark.parametrize("scale", [0.025, 0.125])
@@ -250,8 +244,7 @@ def test_a_range_of_older_decoders_is_refused(scale, setup):
     with pytest.raises(InstrumentError, match=r"choose a range that it has. It has 0.2mm/s/V, .*50mm/s/V\."):
         setup.laser.set_range(scale)
     plant = Plant(load_rig_file("bench"), VirtualClock())
-    with pytest.raises(ConfigurationError, match="Correct 'scale' or 'decoder'"):
-        twin(settings(scale=scale), plant)
+    raises(ConfigurationError, "Correct 'scale' or 'decoder'", twin, settings(scale=scale), plant)
 
 
 def test_names_versions_and_lists_are_told():
