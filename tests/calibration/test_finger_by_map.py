@@ -24,7 +24,6 @@ def missed(rig: Rig, made: Calibration, who: str = "P07") -> float:
     """Error of the response under the finger at exactly the force that the calibration states, from the
     plant."""
     plant, finger = rig.simulation.plant, made.finger
-    assert finger is not None
     modes, place = plant.surface.modes(rig.clock.now()), plant.place("button")
     tip = Fingertip.of(plant.rng(f"fingertip of {who}")).at("a finger", place, finger.force)
     bare, under = (touched_velocity(modes, bodies, place, BAND)["A"] for bodies in ((), tip))

@@ -176,7 +176,6 @@ def test_a_pickup_at_the_end_of_its_range_is_told_in_its_unit(tmp_path):
 def test_a_coil_is_planned_within_its_heat(tmp_path):
     """With a tenth of the power, calibration and check lower their levels, and nothing is refused."""
     file = load_rig_file("voice-coil")
-    assert file.actuator is not None
     actuator = file.actuator.model_copy(update={"watts": 0.004})
     with open_rig(file.model_copy(update={"actuator": actuator})) as rig:
         calibration = calibrate(rig, excitation=Multisine())

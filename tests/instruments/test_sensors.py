@@ -15,7 +15,6 @@ def accelerometer(rig: str) -> LinearSensor:
 
 def test_a_stock_board_says_what_it_costs():
     said = loss(accelerometer("stock-accelerometer"), 263.5)
-    assert said is not None
     assert "passes 50 Hz" in said and "19%" in said and "-14.6 dB" in said and "79 degrees" in said
     assert loss(accelerometer("simulated"), 263.5) is None
 
@@ -46,7 +45,6 @@ def test_volts_become_metres_per_second_squared():
 
 def test_the_matrix_gives_newtons_and_saturation():
     force = load_rig_file("simulated").sensors.force
-    assert force is not None
     wanted = np.array([1.0, -2.0, 10.0, 0.1, 0.2, -0.1])
     volts = np.linalg.solve(np.array(force.matrix), wanted)[:, None]
     assert force.to_si(volts)[:, 0] == pytest.approx(wanted)

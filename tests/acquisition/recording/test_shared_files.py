@@ -53,7 +53,6 @@ def test_two_programs_lose_none_of_each_others_rejections(tmp_path):
     for writer in writers:
         assert writer.stdout is not None and writer.stdout.readline() == "ready\n"
     for writer in writers:
-        assert writer.stdin is not None
         writer.stdin.write("go\n")
         writer.stdin.flush()
     for writer in writers:
@@ -115,7 +114,6 @@ with whole_file(Path(sys.argv[1])) as part:
 def test_what_a_killed_program_left_is_removed_by_the_next_and_nothing_else(tmp_path):
     path = tmp_path / "P01-push.h5"
     killed, alive = (begun(KILLED, path, how) for how in ("killed", "alive"))
-    assert alive.stdout is not None and killed.stdout is not None
     kept, left = Path(alive.stdout.readline().strip()), Path(killed.stdout.readline().strip())
     assert killed.wait(60) == -signal.SIGKILL
     killed.communicate()

@@ -290,7 +290,6 @@ def test_real_streams_are_received_with_their_clock_and_lost_ones_told(tmp_path)
     try:
         sender = start("-c", SENDER)
         receiver = start("-c", RECEIVER, str(tmp_path / "P01-latch"))
-        assert receiver.stdin is not None and receiver.stdout is not None
         assert receiver.stdout.readline() == "connected\n"
 
         def read(count: int, line: str = "read") -> int:
@@ -388,7 +387,6 @@ def test_a_board_and_an_amplifier_agree_on_the_time_of_a_press(tmp_path):
         for text in (BOARD, AMPLIFIER)
     ]
     try:
-        assert processes[0].stdout is not None
         port = int(processes[0].stdout.readline())
         streams = '[streams]\ndriver = "lsl"\n[streams.inlets.eeg]\ntype = "EEG"\n'
         daq = f'[daq]\nport = "socket://127.0.0.1:{port}"\n'

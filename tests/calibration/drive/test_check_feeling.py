@@ -46,7 +46,6 @@ def test_the_level_is_that_of_the_surface_itself(calibrated, drive, result):
 def test_the_press_is_compared_at_its_own_size_on_the_drives_clock(drive, result):
     press = make_press()
     feeling = check_feeling(result, press)
-    assert feeling.recorded is not None
     own = levels_of(press.acceleration, press.rate_hz)
     assert feeling.recorded.pressing == pytest.approx(own.pressing, abs=0.05)
     assert feeling.recorded_level is not None
@@ -57,7 +56,6 @@ def test_the_press_is_compared_at_its_own_size_on_the_drives_clock(drive, result
     assert feeling.loudness_db == pytest.approx(20 * np.log10(drive.scale), abs=12)
     faster = replace(press, rate_hz=2.5 * press.rate_hz, acceleration=resample_poly(press.acceleration, 5, 2))
     again = check_feeling(result, faster)
-    assert again.recorded is not None
     assert again.recorded.pressing == pytest.approx(own.pressing, abs=0.05)
 
 

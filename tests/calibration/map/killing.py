@@ -41,7 +41,6 @@ class Victims:
 
     def begin(self, word: str) -> int:
         """Begin, and return the number of the process."""
-        assert self._server.stdin is not None
         self._server.stdin.write(word + "\n")
         self._server.stdin.flush()
         return int(self._line())
@@ -62,11 +61,9 @@ class Victims:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        assert self._server.stdin is not None and self._server.stdout is not None
         self._server.stdin.close()
         self._server.stdout.close()
         self._server.wait(60)
 
     def _line(self) -> str:
-        assert self._server.stdout is not None
         return self._server.stdout.readline()

@@ -45,7 +45,6 @@ def lag(rig: Rig, level: float) -> complex:
 def error(mapped: Mapped) -> float:
     """Relative rms over points, configurations and 30 to 600 Hz, gain and lag included."""
     found, truth = mapped.found, mapped.rig.simulation
-    assert truth is not None
     f = np.arange(*BAND, 0.5)
     expected, got = [], []
     for name in found.configurations:
@@ -92,7 +91,6 @@ def test_superposition_is_tested_where_it_is_used(mapped):
 
 def test_the_best_place_is_the_plates(mapped):
     best = mapped.found.best()
-    assert mapped.rig.simulation is not None
     assert best.patch == "A"
     assert best.frequency_hz == pytest.approx(mapped.rig.simulation.truth.resonance_hz, abs=1.0)
 

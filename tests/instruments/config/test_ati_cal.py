@@ -114,7 +114,6 @@ def test_a_rig_file_names_the_sensors_own_file(path):
     table = f'[sensors.force]\nchannels = [{gauges}]\ncalibration = "FT99999.cal"\n'
     rig.write_text(f'base = "haptable"\nname = "mine"\n{table}', encoding="utf-8")
     force = load_rig_file(rig).sensors.force
-    assert force is not None
     assert (force.stated["serial"], force.stated["calibration"]) == ("FT99999", "FT99999.cal")
     np.testing.assert_allclose(np.array(force.matrix)[2], MATRIX[2])
     for more, says in (("matrix = []\n", "either matrix or calibration"), ("", "FT99999")):

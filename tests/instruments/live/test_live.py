@@ -108,7 +108,6 @@ def test_viewers_cannot_change_what_the_writer_has(feed):
     tap, block = feed.tap(), _block(0)
     feed.begin(RUN)(block)
     taken = tap.take(0)
-    assert taken is not None
     for array in (taken.volts, taken.overload):
         with pytest.raises(ValueError, match="read-only"):
             array[..., 0] = 1
@@ -162,7 +161,6 @@ def test_a_recording_and_a_play_are_tapped_and_not_changed(open_rig, tmp_path):
 
     capture = rig.excite(np.zeros(500), ["A"], ["laser"])
     played = tap.take(0)
-    assert played is not None
     assert (played.run.doing, played.run.about, played.run.number) == ("play", "patch A", 2)
     row = played.run.channels.index("laser")
     np.testing.assert_array_equal(played.volts[row], capture.volts[0, : played.end])

@@ -45,7 +45,6 @@ ratio = 100
 
 def serve(file: RigFile, dead_man: float) -> tuple[Simulation, dict[str, Any]]:
     """A plant in real time, with its card and relay served, and where."""
-    assert file.relay is not None
     world = Simulation(file, RealClock())
     at = world.serve("ni-daqmx", NiDaq.Settings.model_validate(file.daq.settings))
     relay = Yocto.Settings.model_validate(file.relay.settings | {"dead_man": dead_man})

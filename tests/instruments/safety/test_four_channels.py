@@ -110,7 +110,6 @@ def lab(tmp_path: Path) -> Iterator[Lab]:
 
 def until_it_plays(process: subprocess.Popen[str]) -> None:
     """Wait for a block of a play of all drives: the proofs before it take one each."""
-    assert process.stdout is not None
     while process.stdout.readline() != "played\n":
         assert process.poll() is None, process.communicate()
     for _ in range(3):

@@ -41,7 +41,6 @@ def held(**limits: float) -> RigFile:
 
 
 def amplifier(file: RigFile, **settings: object) -> Device:
-    assert file.amplifier is not None
     return Device(driver="e413-d2", **(file.amplifier.settings | settings))
 
 

@@ -42,7 +42,6 @@ class Held:
 
     def by(self, found: list[Burst]) -> list[str]:
         own, patch, file = self.file.limits, self.file.actuator, self.file
-        assert patch is not None and file.amplifier is not None and file.relay is not None
         assert patch.min is not None and patch.max is not None and patch.capacitance is not None
         amplifier, relay = file.amplifier.settings, file.relay.settings["rating"]
         low = max(own.min, patch.min, -relay)

@@ -49,7 +49,6 @@ SHOUT = "FUNC SIN;:FREQ 100;:VOLT 6;:OUTP ON"
 def rig_file(name: str) -> RigFile:
     """A rig whose DAQ output and generator meet at the amplifier's one input."""
     file = _read("haptable")
-    assert file.relay is not None
     box = {"resource": "TCPIP::127.0.0.1::5025::SOCKET", "output": "amplifier", "highest": 5.0}
     return changed(
         file,

@@ -297,7 +297,6 @@ def test_a_forked_child_has_no_rig_and_no_lock(place):
     )
     pipe = subprocess.PIPE
     with subprocess.Popen([sys.executable, "-c", program], stdin=pipe, stdout=pipe, text=True) as forked:
-        assert forked.stdout is not None
         used, connected, parent = forked.stdout.read().splitlines()
         assert (
             f"'simulated' is open in process {forked.pid}, of which this one is a fork: use it there" in used
