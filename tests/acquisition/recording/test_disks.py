@@ -134,8 +134,7 @@ def test_a_block_that_a_full_disk_took_in_part_is_no_row(tmp_path, monkeypatch, 
         return real(file, data[:taken], place)
 
     monkeypatch.setattr(os, "pwrite", full)
-    with pytest.raises(InstrumentError, match="No space left on device"):
-        writer.write(block_of(2500), 0.0)
+    raises(InstrumentError, "No space left on device", writer.write, block_of(2500), 0.0)
     monkeypatch.undo()
     for act in (lambda: writer.write(block_of(2500), 0.0), writer.close):  # a block that is missing is a gap
         raises(InstrumentError, "", act)

@@ -16,6 +16,7 @@ from haploop.base.clock import RealClock
 from haploop.base.errors import ConfigurationError, InstrumentError
 from haploop.instruments import AnalogChannel, Block, NewFile, Reading, load_rig_file
 from tests.acquisition.presses.pressworld import FULL_SCALE, world_rig
+from tests.raising import raises
 from tests.rig_files import changed
 
 BLOCK = round(Protocol().block * 5000)
@@ -54,7 +55,7 @@ def rig_with(meter, **settings):
     return rig
 
 
-def raises(error):
+def fails_with(error):
     def call(*_arguments):
         raise error
 
@@ -90,8 +91,8 @@ def test_the_same_world_gives_the_same_recording_and_a_reading_is_in_its_hash(tm
 
 
 @pytest.mark.parametrize(("read", "says"), [
-    (raises(InstrumentError("The meter lost its cable.")), "The meter lost its cable."),
-    (raises(ZeroDivisionError("nothing\nat all")), "ZeroDivisionError: nothing at all."),
+    (fails_with(InstrumentError("The meter lost its cable.")), "The meter lost its cable."),
+    (fails_with(ZeroDivisionError("nothing\nat all")), "ZeroDivisionError: nothing at all."),
     (lambda: [Reading("level", float("nan"), "m")], "was nan"),
     (lambda: [Reading("level", "high", "m")], "could not convert"),
     (lambda: [Reading("n" * 300, 1.0, "m")], "too long for an event"),
@@ -124,18 +125,17 @@ def test_one_that_recovers_is_read_again_and_its_next_failure_is_told(tmp_path):
 
 
 def test_one_that_does_not_start_is_refused_before_anything_is_recorded(tmp_path):
-    meter = Meter(start=raises(InstrumentError("The meter is out of paper.")))
-    with pytest.raises(InstrumentError, match="out of paper"):
-        record(rig_with(meter), "push", "P01", 1, tmp_path)
+    meter = Meter(start=fails_with(InstrumentError("The meter is out of paper.")))
+    raises(InstrumentError, "out of paper", record, rig_with(meter), "push", "P01", 1, tmp_path)
     assert list(tmp_path.iterdir()) == []
     assert meter.calls == ["stop"]
 
 
 def test_one_that_ends_the_program_when_it_starts_or_stops_does_not(tmp_path):
     with pytest.raises(InstrumentError, match="SystemExit"):
-        record(rig_with(Meter(start=raises(SystemExit(3)))), "push", "P01", 1, tmp_path)
+        record(rig_with(Meter(start=fails_with(SystemExit(3)))), "push", "P01", 1, tmp_path)
     for number, error in enumerate((SystemExit(3), InstrumentError("The meter does not stop."))):
-        recording = record(rig_with(Meter(stop=raises(error))), "push", f"P0{number}", 1, tmp_path)
+        recording = record(rig_with(Meter(stop=fails_with(error))), "push", f"P0{number}", 1, tmp_path)
         assert recording.complete
         assert ("SystemExit", "does not stop")[number] in errors(recording)[0]
 
@@ -179,8 +179,7 @@ def test_it_is_stopped_when_the_recording_is_interrupted(tmp_path):
     meter = Meter()
     rig = rig_with(meter)
     rig.daq.fails_at = 30
-    with pytest.raises(InstrumentError, match="lost samples"):
-        record(rig, "push", "P01", 4, tmp_path)
+    raises(InstrumentError, "lost samples", record, rig, "push", "P01", 4, tmp_path)
     assert meter.calls[-1] == "stop" and meter.calls.count("stop") == 1
     assert len(Recording.open(tmp_path / "P01-push.h5").readings) == meter.calls.count("read")
 
@@ -296,5 +295,4 @@ def test_extra_channels_and_readings_are_exported(tmp_path, monkeypatch):
 def test_what_is_wrong_with_an_extra_channel_is_one_sentence(tmp_path, text, says):
     path = tmp_path / "rig.toml"
     path.write_text(f'base = "simulated"\n[sensors.extra]\n{text}\n', encoding="utf-8")
-    with pytest.raises(ConfigurationError, match=says):
-        load_rig_file(path)
+    raises(ConfigurationError, says, load_rig_file, path)

@@ -224,8 +224,7 @@ def test_the_operator_confirms_what_cannot_be_read(open, monkeypatch):
 def test_a_wrong_volume_is_found_in_what_is_measured(open, full_scale, says):
     rig = open("sound-card")
     played(rig).full_scale = full_scale
-    with pytest.raises(InstrumentError, match=says):
-        rig.excite(burst(40, 2.0), ["A"], ["drive", "laser"])
+    raises(InstrumentError, says, rig.excite, burst(40, 2.0), ["A"], ["drive", "laser"])
     assert_off(rig)
 
 

@@ -70,12 +70,12 @@ def world(tmp_path: Path) -> World:
     return World(tmp_path)
 
 
-def refused(says: str) -> Any:
-    return pytest.raises(LimitError, match=says)
+def refused(says: str, call: Any, *args: Any) -> None:
+    raises(LimitError, says, call, *args)
 
 
 def not_permitted(permit: Any, says: str) -> None:
-    with refused(says), permit:
+    with pytest.raises(LimitError, match=says), permit:
         pass
 
 
@@ -85,18 +85,13 @@ def test_a_permitted_drive_starts_once_and_no_other(world):
         np.testing.assert_array_equal(at_output, DRIVE / 50)
         padded = np.pad(at_output, (0, 7))
         for wrong in (at_output * 1.001, at_output[:-1], at_output[1:], np.append(padded, 1e-9)):
-            with refused("has authorised"):
-                world.limiter.authorise("one", wrong, RATE)
+            refused("has authorised", world.limiter.authorise, "one", wrong, RATE)
         for output, rate_hz in (("two", RATE), ("one", RATE * 2)):
-            with refused("has authorised"):
-                world.limiter.authorise(output, at_output, rate_hz)
-        with refused("has authorised"):
-            world.limiter.authorise_waveform("one", SWEEP, False)
+            refused("has authorised", world.limiter.authorise, output, at_output, rate_hz)
+        refused("has authorised", world.limiter.authorise_waveform, "one", SWEEP, False)
         world.limiter.authorise("one", padded, RATE)
-        with refused("has authorised"):  # a restart would cut it off
-            world.limiter.authorise("one", padded, RATE)
-    with refused("has authorised"):
-        world.limiter.authorise("one", padded, RATE)
+        refused("has authorised", world.limiter.authorise, "one", padded, RATE)  # a restart would cut it off
+    refused("has authorised", world.limiter.authorise, "one", padded, RATE)
     with world.permit():  # and again for the next
         world.limiter.authorise("one", padded, RATE)
 
@@ -107,8 +102,7 @@ def test_what_was_judged_is_a_copy_whatever_the_amplifier_returns(world):
     with world.limiter.permit({"one": drive}, RATE, ("A",), amplifier, rated(LIMITS)) as volts:
         drive[:] = 400.0
         np.testing.assert_array_equal(volts["one"], DRIVE)
-        with refused("has authorised"):
-            world.limiter.authorise("one", drive, RATE)
+        refused("has authorised", world.limiter.authorise, "one", drive, RATE)
 
 
 def test_one_drive_is_held_to_the_limits_of_all_its_patches_and_several_to_those_of_one(world):
@@ -132,8 +126,7 @@ def test_several_outputs_start_once_each(world):
         world.generator.is_on = True  # asked before the first of them only: the others must keep up
         world.limiter.authorise("two", volts["two"], RATE)
         for output in drives:
-            with refused("has authorised"):
-                world.limiter.authorise(output, volts[output], RATE)
+            refused("has authorised", world.limiter.authorise, output, volts[output], RATE)
     not_permitted(world.permit({"one": DRIVE, "two": DRIVE[:3]}), "must be of one length")
 
 
@@ -154,7 +147,7 @@ def test_the_relay_closes_for_a_permit_s_patches_until_it_plays(world):
         world.limiter.authorise_patches(frozenset({"A", "C"}))
         world.limiter.authorise_patches(frozenset({"A"}))
         world.limiter.authorise("one", volts["one"], RATE)
-        raises(LimitError, "the relay only opens", world.limiter.authorise_patches, frozenset({"A"}))
+        refused("the relay only opens", world.limiter.authorise_patches, frozenset({"A"}))
         world.limiter.authorise_patches(frozenset())
     world.limiter.authorise_patches(frozenset({"A"}))
     world.standing["one"] = 0.03
@@ -166,19 +159,16 @@ def test_the_relay_closes_for_a_permit_s_patches_until_it_plays(world):
 def test_a_sweep_starts_once_and_is_set_as_often_as_needed(world):
     with world.permit_waveform() as at_output:
         assert at_output == replace(SWEEP, amplitude=0.2)
-        with refused("has authorised"):
-            world.limiter.authorise_waveform("one", SWEEP, False)
+        refused("has authorised", world.limiter.authorise_waveform, "one", SWEEP, False)
         world.generator.is_on = True
         raises(InstrumentError, "is on", world.limiter.authorise_waveform, "one", at_output, False)
         world.generator.is_on = False
         for starts in (False, False, True):
             world.limiter.authorise_waveform("one", at_output, starts)
         for starts in (False, True):
-            with refused("has authorised"):
-                world.limiter.authorise_waveform("one", at_output, starts)
-        raises(LimitError, "the relay only opens", world.limiter.authorise_patches, frozenset({"A"}))
-        with refused("has authorised"):
-            world.limiter.authorise("one", DRIVE / 50, 0.0)
+            refused("has authorised", world.limiter.authorise_waveform, "one", at_output, starts)
+        refused("the relay only opens", world.limiter.authorise_patches, frozenset({"A"}))
+        refused("has authorised", world.limiter.authorise, "one", DRIVE / 50, 0.0)
 
 
 def test_one_permit_at_a_time(world):
@@ -339,11 +329,8 @@ def test_a_long_play_is_counted_until_a_minute_after_its_end(world):
 
 def test_without_a_rig_nothing_is_authorised_but_to_open():
     nobody, nothing = Interlocked._interlock, "Nothing is played on 'one' without a rig's limits"
-    with refused(nothing):
-        nobody.authorise("one", DRIVE, RATE)
+    refused(nothing, nobody.authorise, "one", DRIVE, RATE)
     for starts in (False, True):
-        with refused(nothing):
-            nobody.authorise_waveform("one", SWEEP, starts)
-    with refused("Patch A, B is not connected without a rig"):
-        nobody.authorise_patches(frozenset({"B", "A"}))
+        refused(nothing, nobody.authorise_waveform, "one", SWEEP, starts)
+    refused("Patch A, B is not connected without a rig", nobody.authorise_patches, frozenset({"B", "A"}))
     nobody.authorise_patches(frozenset())
