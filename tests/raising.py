@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 
 
-def raises(kind: Any, says: str, call: Any, *args: Any, **words: Any) -> None:
-    """Call what raises an error of a kind; `says` is a pattern in its words, or empty."""
-    with pytest.raises(kind, match=says or None):
+def raises(kind: Any, says: str, call: Any, *args: Any, **words: Any) -> str:
+    """The words of an error of a kind, which the call raises; `says` is a pattern in them, or empty."""
+    with pytest.raises(kind, match=says or None) as raised:
         call(*args, **words)
+    return str(raised.value)

@@ -45,8 +45,7 @@ def test_current_limits_follow_the_capacitance():
         ("draws a peak of", {"current_peak": 0.03}),
         ("on average", {"current_average": 1e-3}),
     ):
-        with pytest.raises(LimitError, match=says):
-            Limits(capacitance=360e-9, **limit).check(ramp, RATE_HZ)
+        raises(LimitError, says, Limits(capacitance=360e-9, **limit).check, ramp, RATE_HZ)
 
 
 def test_peak_is_half_of_peak_to_peak_or_the_nearer_limit():
@@ -72,8 +71,7 @@ def test_two_limits_are_met_by_their_union(low, high, width, peak):
     "limit", ["min", "max", "peak_to_peak", "slew", "max_offset", "max_end", "max_duration"]
 )
 def test_a_nan_limit_refuses_every_drive(limit):
-    with pytest.raises(LimitError):
-        Limits(**{limit: float("nan")}).check(tone(1), RATE_HZ)
+    raises(LimitError, "", Limits(**{limit: float("nan")}).check, tone(1), RATE_HZ)
 
 
 # By hand: 10 samples/s, 1 F; the drive begins at sample 3 with a step of 1 V and ends with one.
@@ -154,8 +152,7 @@ def test_measured_volts_at_a_limit_are_within_it():
     for beyond in ([-4.001, 5.0], [-3.0, 6.001], [np.nan, 0.0]):
         with pytest.raises(LimitError, match="-2 to 3 V and 5 V from peak to peak"):
             limits.check_measured(np.array(beyond), 2.0)
-    with pytest.raises(LimitError):
-        Limits(peak_to_peak=5.0).check_measured(np.array([-5.0, 5.001]), 2.0)
+    raises(LimitError, "", Limits(peak_to_peak=5.0).check_measured, np.array([-5.0, 5.001]), 2.0)
 
 
 def test_the_stricter_of_each_limit_is_taken():

@@ -26,9 +26,7 @@ participants = ["P01", "P02", "P03"]
 
 def refused(folder, text: str) -> str:
     (folder / "study.toml").write_text(text, encoding="utf-8")
-    with pytest.raises(ConfigurationError) as caught:
-        load_study(folder)
-    sentence = str(caught.value)
+    sentence = raises(ConfigurationError, "", load_study, folder)
     assert sentence.count("\n") == 0
     return sentence
 

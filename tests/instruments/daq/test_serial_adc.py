@@ -328,6 +328,5 @@ def test_a_silent_board_is_waited_for_once_as_long_as_its_program_may_take_to_st
 ])  # fmt: skip
 def test_a_wrong_table_is_one_sentence(changes, says):
     given = settings().model_dump() | {"frame": BINARY} | changes
-    with pytest.raises(ConfigurationError, match=says) as refused:
-        validate(SerialAdc.Settings, given, "[adc] of lab.toml")
-    assert "\n" not in str(refused.value) and str(refused.value)[-1] in ".?"
+    refused = raises(ConfigurationError, says, validate, SerialAdc.Settings, given, "[adc] of lab.toml")
+    assert "\n" not in refused and refused[-1] in ".?"

@@ -227,8 +227,7 @@ def deaf_to(words: str, family: str, *said: str) -> ScpiGenerator:
     ("SWE:TIME", r"given 0.5 for duration but reads 1"),
 ])  # fmt: skip
 def test_a_setting_that_was_not_taken_is_read_back(family, deaf, sentence):
-    with pytest.raises(InstrumentError, match=sentence):
-        deaf_to(deaf, family).configure(SWEEP)
+    raises(InstrumentError, sentence, deaf_to(deaf, family).configure, SWEEP)
 
 
 @pytest.mark.parametrize("family", FAMILIES)

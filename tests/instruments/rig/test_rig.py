@@ -232,8 +232,7 @@ def test_the_generator_is_off_before_the_relay_opens(swept, monkeypatch):
 
 @pytest.mark.requires("simulation")
 def test_a_sweep_needs_a_generator_at_the_amplifiers_input(open, tmp_path):
-    with pytest.raises(ConfigurationError, match=r"no \[generator\]"):
-        open().generate(SWEEP, ["A"], ["drive"])
+    raises(ConfigurationError, r"no \[generator\]", open().generate, SWEEP, ["A"], ["drive"])
     (tmp_path / "apart.toml").write_text(
         'base = "simulated"\n[generator]\ndriver = "rigol-dg1000z"\n'
         'resource = "TCPIP::127.0.0.1::5555::SOCKET"\noutput = "elsewhere"\n'

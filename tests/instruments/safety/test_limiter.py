@@ -129,9 +129,7 @@ def test_while_a_drive_is_played_the_relay_only_opens_and_no_other_is(rig):
             lambda: rig.relay.connect(["A"]),
             lambda: rig.excite(TONE, ["A"], ["drive"]),
         ):
-            with pytest.raises(LimitError, match="being played") as refused:
-                step()
-            seen.append(str(refused.value))
+            seen.append(raises(LimitError, "being played", step))
         assert rig.simulation.truth.closed == {"A"}
 
     rig.excite(TONE, ["A"], ["drive"], progress=meddle)
@@ -169,11 +167,10 @@ def test_a_limit_is_met_and_not_passed(limits, drive, says, seen):
 
 
 def test_a_refusal_says_whose_limit_by_how_much_and_where(rig):
-    with pytest.raises(LimitError) as refused:
-        rig.excite(tone(33), ["A"], ["drive"])
+    refused = raises(LimitError, "", rig.excite, tone(33), ["A"], ["drive"])
     found = re.fullmatch(
         r"The drive falls to -(.*) V at sample (\d+), (.*) V beyond the -30 V of the rig file's \[limits\]\.",
-        str(refused.value),
+        refused,
     )
     assert found and float(found[1]) - float(found[3]) == pytest.approx(30, abs=0.02)
     assert tone(33)[int(found[2])] == pytest.approx(-float(found[1]), abs=0.01)

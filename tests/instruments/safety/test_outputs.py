@@ -42,8 +42,7 @@ def test_outputs_are_set_to_zero_and_read_back():
         assert rig.done == ["zero"]
     for volts in (0.021, -0.021, float("nan"), 10.0):
         rig = Rig(one=0.0, two=volts)
-        with pytest.raises(InstrumentError, match="the output 'two' was set to zero and reads"):
-            Outputs(rig).rest()
+        raises(InstrumentError, "the output 'two' was set to zero and reads", Outputs(rig).rest)
         assert rig.done == ["zero", "let go"]
 
 
@@ -54,8 +53,7 @@ def test_an_output_that_cannot_be_set_keeps_the_relay_open():
         raise InstrumentError("Dev2 is in use.")
 
     rig["daq"].hold = held
-    with pytest.raises(InstrumentError, match=r"not known to be at zero volts: Dev2 is in use\."):
-        Outputs(rig).rest()
+    raises(InstrumentError, r"not known to be at zero volts: Dev2 is in use\.", Outputs(rig).rest)
 
 
 @pytest.mark.parametrize("fed", ["one", {"A": "zero", "B": "one"}])
@@ -78,8 +76,7 @@ def test_without_an_amplifier_every_output_counts():
     rig = Rig()
     del rig["amplifier"]
     rig.add("generator", "elsewhere", on=True)
-    with pytest.raises(InstrumentError, match="is on"):
-        Outputs(rig).no_sweep()
+    raises(InstrumentError, "is on", Outputs(rig).no_sweep)
 
 
 # What was played

@@ -108,10 +108,9 @@ def test_a_resource_without_its_library_says_what_to_install(resource, module, e
     if importlib.util.find_spec(module) is not None:
         pytest.skip(f"{module} is installed")
     line = VisaLine("The generator", resource, "@py", 0.5)
-    with pytest.raises(InstrumentError) as error:
-        line.send("*IDN?")
-    assert extra in str(error.value) and "NI-VISA" in str(error.value)
-    assert len(str(error.value).splitlines()) == 1
+    error = raises(InstrumentError, "", line.send, "*IDN?")
+    assert extra in error and "NI-VISA" in error
+    assert len(error.splitlines()) == 1
 
 
 @pytest.mark.parametrize(("hub", "given", "waits"), [
