@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cached_property, partial
+from itertools import chain
 from pathlib import Path
 
 from ...base.errors import ConfigurationError, DataError, InstrumentError
@@ -192,16 +193,14 @@ class Study:
         Raises InstrumentError, which names the process with the lock, and DataError.
         """
         with hold({f"study {os.path.normcase(self.path.resolve())}"}, self.file.name):
-            for participant in self.file.participants:
-                for button in self.file.buttons:
-                    for path in self._parts(participant, button):
-                        recording = Recording.open(path)
-                        if recording.in_progress:
-                            raise InstrumentError(
-                                f"{path} is being recorded by another program: wait until it has ended."
-                            )
-                        if recording.state == "recording":
-                            finish(path, "interrupted")
+            for path in chain.from_iterable(self.parts().values()):
+                recording = Recording.open(path)
+                if recording.in_progress:
+                    raise InstrumentError(
+                        f"{path} is being recorded by another program: wait until it has ended."
+                    )
+                if recording.state == "recording":
+                    finish(path, "interrupted")
             yield
 
     def next_file(self, participant: str, button: str) -> tuple[Path, int]:
