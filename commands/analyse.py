@@ -31,13 +31,7 @@ def analyse() -> None:
 @click.option("--between", metavar="COLUMN", default="", help="Between factor.  [default: group]")
 @ONLY
 @showing
-def confusion(
-    file: Path,
-    within: str,
-    between: str,
-    only: Sequence[tuple[str, str]],
-    shown: Shown,
-) -> int:
+def confusion(file: Path, within: str, between: str, only: Sequence[tuple[str, str]], shown: Shown) -> int:
     """Confusion matrices, and how well each class was told.
 
     For each class accuracy, precision and sensitivity. FILE is a CSV with the columns presented, answered and

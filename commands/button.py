@@ -209,13 +209,7 @@ def under(
 @on_plays
 @on_rig()
 @JSON
-def check(
-    file: Path,
-    out: Path | None,
-    played: AskedPlays,
-    rig: ChosenRig,
-    as_json: bool,
-) -> int:
+def check(file: Path, out: Path | None, played: AskedPlays, rig: ChosenRig, as_json: bool) -> int:
     """Play a digital button, measure it, and compare.
 
     The rig must be the one that FILE was made on. FILE is not changed; every play is kept in a check's file.
@@ -231,11 +225,7 @@ def check(
         nominal = loaded.pressed.nominal if loaded.pressed else 1.0
         resting = RestFinger(played.finger, loaded.drive.point, played.force or nominal)
     out = out or outputs.dated_check(file.stem)
-    with (
-        reserved(out, size=sizes.of_check(played.plays)),
-        rig.opened() as opened,
-        Steps() as steps,
-    ):
+    with reserved(out, size=sizes.of_check(played.plays)), rig.opened() as opened, Steps() as steps:
         result = haploop.play_button(opened, loaded, finger=resting, plays=played.plays, progress=steps)
         result.save(out)
     show.print_made(contents.check_contents(result, loaded.press, out), out, as_json)

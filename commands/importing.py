@@ -90,9 +90,7 @@ _FLIPPED = ("force", "acceleration", "displacement", "activation")
 @click.option("--button", help="Name of the button that was pressed.  [default: as the file states]")
 @click.option("--participant", "-p", help="Pseudonym of the participant, for a recording: P01.")
 @click.option(
-    "--names",
-    metavar="PATTERN",
-    help="Where both stand in the files' names: '{participant}_{button}_*'.",
+    "--names", metavar="PATTERN", help="Where both stand in the files' names: '{participant}_{button}_*'."
 )
 @click.option(
     "--at",
@@ -107,10 +105,7 @@ _FLIPPED = ("force", "acceleration", "displacement", "activation")
     help="Response: measured point, button or a grid point's number.  [default: as the file states]",
 )
 @click.option(
-    "--plot",
-    type=PICTURE,
-    metavar="OUT.png",
-    help="Also draw what was understood (PNG, PDF, SVG, CSV).",
+    "--plot", type=PICTURE, metavar="OUT.png", help="Also draw what was understood (PNG, PDF, SVG, CSV)."
 )
 @RIG
 @JSON

@@ -211,13 +211,7 @@ def _calibrate_finger(asked: RestFinger, looked: _Looked, out: Path, rig: Chosen
 @on_plays
 @on_rig()
 @JSON
-def check(
-    asked: AskedPress,
-    out: Path | None,
-    played: AskedPlays,
-    rig: ChosenRig,
-    as_json: bool,
-) -> int:
+def check(asked: AskedPress, out: Path | None, played: AskedPlays, rig: ChosenRig, as_json: bool) -> int:
     """Play a recorded press on the table and compare.
 
     PRESS is a recording (or several), or the file of a representative press (`haploop represent`, `haploop
@@ -240,11 +234,7 @@ def check(
     press = asked.load_press()
     kept = outputs.dated_check(press.button) if out is None else None
     files = (kept,) if kept else outputs.check_files(out or Path(), press.button)
-    with (
-        reserved(*files, size=sizes.of_check(played.plays)),
-        rig.opened() as opened,
-        Steps() as steps,
-    ):
+    with reserved(*files, size=sizes.of_check(played.plays)), rig.opened() as opened, Steps() as steps:
         for one in loaded:
             if one.response.simulated != opened.simulated:
                 raise haploop.ConfigurationError(

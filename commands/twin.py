@@ -275,9 +275,7 @@ def _options(served: Callable[..., Any]) -> Callable[..., Any]:
         ),
         _allow,
         click.option(
-            "--port",
-            metavar="KIND=N,...",
-            help="TCP ports: ni=50051,yocto=4444. Others are free ones.",
+            "--port", metavar="KIND=N,...", help="TCP ports: ni=50051,yocto=4444. Others are free ones."
         ),
     ):
         served = option(served)

@@ -17,15 +17,7 @@ from ..base import hdf5
 from ..base.errors import ConfigurationError, DataError
 from ..base.files import check_destination, private_files
 from ..calibration import Calibration
-from . import (
-    csv_file,
-    haptic_files,
-    mat_file,
-    reading,
-    uff_file,
-    wav_file,
-    xdf_file,
-)
+from . import csv_file, haptic_files, mat_file, reading, uff_file, wav_file, xdf_file
 from .views import About, Envelope, PressTable, Responses, Signals, sidecar, write_json
 
 View = TypeVar("View", Signals, Responses, PressTable, Envelope)
@@ -86,10 +78,7 @@ def _table() -> dict[tuple[str, str], Export]:
         table |= {(kind, name): _via(signals, write) for name, write in _SIGNALS.items()}
         if envelope is not None:
             table |= {(kind, name): _via(envelope, write) for name, write in _HAPTIC.items()}
-    for kind, responses in (
-        ("calibration", reading.calibration_responses),
-        ("map", reading.map_responses),
-    ):
+    for kind, responses in (("calibration", reading.calibration_responses), ("map", reading.map_responses)):
         table |= {(kind, name): _via(responses, write) for name, write in _RESPONSES.items()}
     table["study", "csv"] = _via(lambda path: reading.study_presses(load_study(path)), csv_file.write_presses)
     table["curve", "csv"] = _curve

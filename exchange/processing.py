@@ -55,13 +55,7 @@ _RESTARTS = 3
 """Times that killed worker processes are replaced without a finished part in between."""
 _CONNECT = 10
 """Seconds in which a Dask scheduler must answer."""
-_MEASURES = (
-    "force_at_activation_n",
-    "peak_force_n",
-    "peak_acceleration",
-    "rms_acceleration",
-    "centroid_hz",
-)
+_MEASURES = ("force_at_activation_n", "peak_force_n", "peak_acceleration", "rms_acceleration", "centroid_hz")
 _Result = tuple[list[dict[str, Any]], Representative | None, str]
 
 

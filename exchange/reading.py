@@ -117,11 +117,7 @@ def button_signals(path: Path) -> Signals:
     drive, check = button.drive, button.check
     time = np.arange(len(drive.target)) / drive.rate_hz
     measured = np.interp(time, np.arange(len(check.measured)) / check.rate_hz, check.measured, right=0.0)
-    channels = (
-        *_volts(drive),
-        *_targets(drive),
-        Channel("measured", "m/s^2", measured),
-    )
+    channels = (*_volts(drive), *_targets(drive), Channel("measured", "m/s^2", measured))
     about = _about(path, button.simulated, _check_about(check))
     return Signals(f"Digital button {drive.button}", drive.rate_hz, channels, channels[0].name, about)
 

@@ -21,12 +21,7 @@ def _parser() -> argparse.ArgumentParser:
         "--device", action="append", default=[], metavar="NAME=PRODUCT", help="a card: Dev1=PCIe-6363"
     )
     parser.add_argument("--devices", type=Path, metavar="FILE.ini", help="cards of an NI MAX text export")
-    parser.add_argument(
-        "--bench",
-        type=Path,
-        metavar="FILE.toml",
-        help="cards, inputs, wires and failures",
-    )
+    parser.add_argument("--bench", type=Path, metavar="FILE.toml", help="cards, inputs, wires and failures")
     parser.add_argument("--port", type=_port, default=0, help="TCP port; 0, the default, for a free one")
     parser.add_argument("--products", action="store_true", help="list the products that can be simulated")
     return parser

@@ -306,9 +306,7 @@ def _check_way(device: NiDevice, tail: str, way: str) -> None:
 
 
 def _digital_names(
-    assigned: str,
-    groups: list[tuple[NiDevice, tuple[str, ...], bool]],
-    resolved: list[tuple[NiDevice, str]],
+    assigned: str, groups: list[tuple[NiDevice, tuple[str, ...], bool]], resolved: list[tuple[NiDevice, str]]
 ) -> list[str]:
     names = channel_names(assigned, len(groups))
     if names:

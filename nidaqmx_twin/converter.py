@@ -9,15 +9,9 @@ import numpy as np
 
 from ..base.arrays import BoolArray, FloatArray
 
-LOST = {
-    "overrun": -200279,
-    "overflow": -200010,
-}
+LOST = {"overrun": -200279, "overflow": -200010}
 """NI's error for each `how` of `nodes.SamplesLost`."""
-STOPPED = {
-    "underflow": -200290,
-    "fifo": -200621,
-}
+STOPPED = {"underflow": -200290, "fifo": -200621}
 """NI's error for each `how` of `nodes.PlayStopped`; "stopped" is none."""
 
 

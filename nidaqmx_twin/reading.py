@@ -135,9 +135,7 @@ def take(system: NiSystem, request: Any, alive: Alive, room: int | None = None) 
     lines = sum(channel.rows for channel in task.channels)
     rows = inputs.samples(system, task, first, count) if count else np.zeros((lines, 0))
     result = Taken(
-        *_wanted(task, rows),
-        first,
-        began if reached else DAQmxErrors.SAMPLES_NOT_YET_AVAILABLE.value,
+        *_wanted(task, rows), first, began if reached else DAQmxErrors.SAMPLES_NOT_YET_AVAILABLE.value
     )
     task.read_position = first + count
     if not count:

@@ -48,11 +48,7 @@ class SavedChannel:
 
 
 def _values(author: str, editable: bool, deletable: bool) -> dict[str, Any]:
-    return {
-        "AUTHOR": author,
-        "ALLOW_INTERACTIVE_EDITING": editable,
-        "ALLOW_INTERACTIVE_DELETION": deletable,
-    }
+    return {"AUTHOR": author, "ALLOW_INTERACTIVE_EDITING": editable, "ALLOW_INTERACTIVE_DELETION": deletable}
 
 
 def _options(request: Any) -> dict[str, Any]:

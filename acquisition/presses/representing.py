@@ -198,10 +198,7 @@ class _Gathered:
 
 
 def _gather(
-    recordings: Sequence[Recording],
-    w: Window,
-    undo_low_pass: tuple[float, float] | None,
-    progress: Progress,
+    recordings: Sequence[Recording], w: Window, undo_low_pass: tuple[float, float] | None, progress: Progress
 ) -> _Gathered:
     """Read the signals of each recording that has usable presses. Raises DataError when none has."""
     got = _Gathered([], Spool(), np.inf, [], [])

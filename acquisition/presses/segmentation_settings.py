@@ -76,11 +76,7 @@ class Segmentation:
 
 
 SEGMENTATIONS: Mapping[str, Segmentation] = MappingProxyType(
-    {
-        "latch": Segmentation(least_peak=1.0),
-        "toggle": Segmentation(least_peak=0.4),
-        "push": Segmentation(),
-    }
+    {"latch": Segmentation(least_peak=1.0), "toggle": Segmentation(least_peak=0.4), "push": Segmentation()}
 )
 """The parameters of the paper's buttons. A latch takes 5 to 10 N, a toggle 1 to 4 N and a push button 2 to
 5 N to switch (docs/hardware.md, "Buttons and people"): a peak below about a quarter of that is a touch."""

@@ -99,10 +99,7 @@ def _recorded(rig: Rig, session: Session, p: Protocol, told: Listeners) -> Recor
     longest = 2 * p.patience * (len(session.pending) + p.attempts) + p.wait + p.pause + p.trail
     created = False
     try:
-        with (
-            SideRecording(rig, path) as along,
-            rig.daq.stream(channels, rate_hz, samples) as stream,
-        ):
+        with SideRecording(rig, path) as along, rig.daq.stream(channels, rate_hz, samples) as stream:
             header = _header(rig, stream, session, p)
             with (
                 Writer(

@@ -55,11 +55,7 @@ class Prompts(_Section):
     @field_validator("consent", "ready", "press")
     @classmethod
     def _can_be_said(cls, words: str, info: ValidationInfo) -> str:
-        known = {
-            "consent": ("participant",),
-            "ready": ("participant", "button", "presses"),
-            "press": _PRESS,
-        }
+        known = {"consent": ("participant",), "ready": ("participant", "button", "presses"), "press": _PRESS}
         return _fillable(words, known[info.field_name or ""])
 
 

@@ -12,16 +12,7 @@ from .loudness import ButtonPlan, Loudness, Offer, Offers, offered, plan_button,
 from .planning import STEADY, TradeOff
 from .playing import judged_to
 from .pressed import PressedDrives, check_under_finger, pressed_drives
-from .targets import (
-    BEFORE,
-    NOWHERE,
-    Method,
-    OtherPoint,
-    Wanted,
-    activation_time,
-    load_elsewhere,
-    modulate,
-)
+from .targets import BEFORE, NOWHERE, Method, OtherPoint, Wanted, activation_time, load_elsewhere, modulate
 from .verdict import worst
 
 __all__ = [

@@ -328,10 +328,7 @@ def _acceleration(calibration: Calibration, f: FloatArray) -> ComplexArray:
 def _channel(calibration: Calibration, drift: Drift) -> tuple[float, float]:
     """Standard deviations of the channel's gain and delay (s): those of the drift, or as it states them."""
     own = calibration.scatter
-    return (
-        own.gain if drift.gain is None else drift.gain,
-        own.delay if drift.delay is None else drift.delay,
-    )
+    return (own.gain if drift.gain is None else drift.gain, own.delay if drift.delay is None else drift.delay)
 
 
 def _velocity(calibration: Calibration, f: FloatArray) -> ComplexArray:

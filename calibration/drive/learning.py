@@ -25,15 +25,7 @@ from ...instruments import Rig
 from ..model import Calibration, even_order
 from ..response import measure_both_signs, prepare
 from .actuation import Actuation
-from .agreement import (
-    SharedPower,
-    dependence,
-    error_spectra,
-    followed,
-    lines_inside,
-    shared_power,
-    summed,
-)
+from .agreement import SharedPower, dependence, error_spectra, followed, lines_inside, shared_power, summed
 from .correction import ResponseEstimate
 from .drive import Drive
 from .playing import Played, play_by_turns, refuse_foreign, targets_of

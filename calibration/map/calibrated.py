@@ -60,10 +60,7 @@ def with_map(
                 f"The map is of the rig {plan.rig!r}{', simulated' if plan.simulated else ''}, and the "
                 f"calibration of {calibration.response.rig!r}: measure a map of this rig."
             )
-    for kind, names, known in (
-        ("point", needed, vibration_map.points),
-        ("patch", by_patch, plan.patches),
-    ):
+    for kind, names, known in (("point", needed, vibration_map.points), ("patch", by_patch, plan.patches)):
         if missing := [name for name in names if name not in known]:
             raise ConfigurationError(
                 f"The map has no {kind} {missing[0]}: measure it (haploop map), or calibrate there."

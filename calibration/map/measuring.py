@@ -183,12 +183,7 @@ def map_plan(
     )
 
 
-def measure_map(
-    rig: Rig,
-    out: Path,
-    plan: MapPlan | None = None,
-    progress: Progress = silent,
-) -> MapFolder:
+def measure_map(rig: Rig, out: Path, plan: MapPlan | None = None, progress: Progress = silent) -> MapFolder:
     """Measure a map into the folder `out`, or continue the one there.
 
     Before each point the operator is asked to aim the laser, and the light is checked. A point without

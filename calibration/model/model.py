@@ -288,12 +288,7 @@ def _noise(response: Response) -> float:
     return max(float(np.sqrt(np.median(rough) / 1.5 / np.log(2))), _UNKNOWN * size)
 
 
-def _cascade(
-    poles: ComplexArray,
-    z: ComplexArray,
-    r: ComplexArray,
-    direct: FloatArray,
-) -> FloatArray:
+def _cascade(poles: ComplexArray, z: ComplexArray, r: ComplexArray, direct: FloatArray) -> FloatArray:
     """Second-order sections of a sum r / (1 - z back) + conj + direct[0] + direct[1] back.
 
     Polynomials of this order lose all precision near z = 1; so the zeros are computed as the generalised

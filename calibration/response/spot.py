@@ -169,11 +169,7 @@ def signals_of(
         return np.asarray(rig.motion_response(f) / rig.monitor_response(patch, f))
 
     channels = Channels(
-        capture.rate_hz,
-        float(capture.delays[drive]),
-        float(capture.delays[laser]),
-        laser_response,
-        staircase,
+        capture.rate_hz, float(capture.delays[drive]), float(capture.delays[laser]), laser_response, staircase
     )
     volts = divider.to_si(capture.volts[[drive]])[0]
     return volts, rig.vibrometer.to_si(capture.volts[laser]), channels

@@ -105,10 +105,7 @@ def _noise_floor(
     if rms == 0:
         return "red", f"The signal is constant ({measured}): check the converter and the cable."
     if name in never_zero and abs(mean) < 10 * converter and rms < 2 * converter:
-        return (
-            "yellow",
-            f"The signal is only the card's own noise ({measured}): is the sensor connected?",
-        )
+        return ("yellow", f"The signal is only the card's own noise ({measured}): is the sensor connected?")
     tones, heard = _tones(volts - mean, rig.file.rate_hz)
     if heard > _TONES * converter and heard > _SHARE * rms:
         told = ", ".join(f"{hz:.1f}" for hz in tones[:6])

@@ -26,11 +26,7 @@ from ...acquisition.recording import PartReader
 from ...base.arrays import FloatArray
 from ...base.errors import DataError, HaploopError
 from ...base.hdf5 import kind_of
-from ...calibration import (
-    Calibration,
-    VibrationMap,
-    Waveforms,
-)
+from ...calibration import Calibration, VibrationMap, Waveforms
 from ...calibration.map import MapFolder
 from ...exchange.catalogue import Member, lineage, list_files
 from ...reports.contents import experiment_contents, night

@@ -242,12 +242,7 @@ def experiment_routes(conductor: Conductor, follower: Follower) -> list[Route]:
 
 def queue_routes(queue: RunQueue, follower: Follower) -> list[Route]:
     """Return the routes of the recordings that are lined up; after each request all pages are told."""
-    acts: dict[str, Act] = {
-        "add": queue.add,
-        "move": queue.move,
-        "drop": queue.drop,
-        "start": queue.start,
-    }
+    acts: dict[str, Act] = {"add": queue.add, "move": queue.move, "drop": queue.drop, "start": queue.start}
     return [_route(f"/api/queue/{name}", act, follower) for name, act in acts.items()]
 
 

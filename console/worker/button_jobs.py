@@ -123,8 +123,6 @@ def adopt_button(tools: Tools, wanted: Mapping[str, Any]) -> Work:
 
     def work(_: Rig) -> dict[str, Any]:
         history = tools.data.history
-        return {
-            "generation": adopt(history, [button], actor=ACTOR, reason=reason, rig=tools.file).name,
-        }
+        return {"generation": adopt(history, [button], actor=ACTOR, reason=reason, rig=tools.file).name}
 
     return work

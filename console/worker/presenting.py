@@ -12,14 +12,7 @@ from typing import Any
 
 from ...base.errors import ConfigurationError, DataError
 from ...base.threads import Flag, Inbox
-from ...experiments import (
-    Assignment,
-    Event,
-    Experiment,
-    Presenter,
-    Store,
-    prepare_surface,
-)
+from ...experiments import Assignment, Event, Experiment, Presenter, Store, prepare_surface
 from ...instruments import Rig
 from .board import Board
 

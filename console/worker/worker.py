@@ -388,8 +388,4 @@ def _busy(title: str) -> str:
 
 def _table(file: RigFile) -> dict[str, Any]:
     assert file.table is not None
-    return {
-        "rows": file.table.rows,
-        "columns": file.table.columns,
-        "patches": list(file.table.patches),
-    }
+    return {"rows": file.table.rows, "columns": file.table.columns, "patches": list(file.table.patches)}

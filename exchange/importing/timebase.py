@@ -138,8 +138,7 @@ def _even(
     nearest = float(f"{found:.3g}")
     rate = nearest if abs(found / nearest - 1) < uncertain / 4 else float(f"{found:.6g}")
     return TimeBase(
-        rate,
-        (f"{rate:g} samples/s to {uncertain:.2%}, evenly: stamps are rounded to {_s(digit * unit)}",),
+        rate, (f"{rate:g} samples/s to {uncertain:.2%}, evenly: stamps are rounded to {_s(digit * unit)}",)
     )
 
 

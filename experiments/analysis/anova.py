@@ -275,16 +275,7 @@ def paired(first: str, second: str, differences: FloatArray, groups: Sequence[in
     half = float(scipy.stats.t.ppf(0.975, df)) * error
     p = float(2 * scipy.stats.t.sf(abs(t), df))
     return Comparison(
-        first,
-        second,
-        mean,
-        (mean - half, mean + half),
-        t,
-        df,
-        p,
-        p,
-        t / math.sqrt(weight),
-        weight,
+        first, second, mean, (mean - half, mean + half), t, df, p, p, t / math.sqrt(weight), weight
     )
 
 

@@ -138,10 +138,7 @@ class Ratings:
 
 
 def analyse_ratings(
-    rows: Rows,
-    factors: tuple[str, str] = ("category", "button"),
-    between: str = "",
-    normalised: bool = True,
+    rows: Rows, factors: tuple[str, str] = ("category", "button"), between: str = "", normalised: bool = True
 ) -> Ratings:
     """Analyse lines of `participant`, two within factors, `pair` (of adjectives) and `rating`.
 

@@ -351,8 +351,7 @@ class ArrivalClock:
         middle = (points[0][0] + points[-1][0]) / 2
         # Of the edges below all points, the one over the middle is nearest to all of them.
         (x, y), (x2, y2) = next(
-            ((a, b) for a, b in pairwise(hull) if a[0] <= middle <= b[0]),
-            (hull[0], hull[-1]),
+            ((a, b) for a, b in pairwise(hull) if a[0] <= middle <= b[0]), (hull[0], hull[-1])
         )
         slope = (y2 - y) / (x2 - x) if x2 > x else 0.0
         return y - slope * x, slope

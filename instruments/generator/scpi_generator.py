@@ -66,11 +66,7 @@ _LEVEL = (
     "SOUR{n}:VOLT:OFFS 0",
     "SOUR{n}:VOLT {peak_to_peak:.6g}",
 )
-_READ_LEVEL = {
-    "load": "OUTP{n}:LOAD?",
-    "peak_to_peak": "SOUR{n}:VOLT?",
-    "offset": "SOUR{n}:VOLT:OFFS?",
-}
+_READ_LEVEL = {"load": "OUTP{n}:LOAD?", "peak_to_peak": "SOUR{n}:VOLT?", "offset": "SOUR{n}:VOLT:OFFS?"}
 
 _SWEEP = Program(
     values=lambda sweep: {

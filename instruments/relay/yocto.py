@@ -169,8 +169,7 @@ class _Board:
     def states(self) -> Mapping[int, ChannelState]:
         return {
             channel: ChannelState(
-                closed=relay.state == 1,
-                remaining=relay.pulse / 1000 if relay.pulse else math.inf,
+                closed=relay.state == 1, remaining=relay.pulse / 1000 if relay.pulse else math.inf
             )
             for channel, relay in self._relays().items()
         }

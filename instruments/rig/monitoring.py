@@ -92,12 +92,7 @@ class Monitoring:
         if clause := rig.file.abort.too_high(max(limits.max, -limits.min)):
             raise ConfigurationError(f"The rig {rig.name!r} plays nothing: [abort] {clause}.")
         abort_monitor = AbortMonitor(
-            rig.file.abort,
-            rig.sensors,
-            laser,
-            limits,
-            rate_hz=rig.table.rate_hz,
-            warm=self._limiter.warm,
+            rig.file.abort, rig.sensors, laser, limits, rate_hz=rig.table.rate_hz, warm=self._limiter.warm
         )
         recorded = tuple(dict.fromkeys([*take.channels, *abort_monitor.channels]))
         into, total = f"patch {', '.join(sorted(take.patches))}", samples / rig.table.rate_hz

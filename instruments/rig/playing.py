@@ -281,10 +281,7 @@ class Playing:
         ended = False
         total = round((waveform.duration + take.tail + _SLACK) * rig.table.rate_hz)
         rig.generator.configure(waveform)
-        with (
-            self._monitoring.monitored(take, total) as (recorded, each),
-            self._connected(take.patches),
-        ):
+        with self._monitoring.monitored(take, total) as (recorded, each), self._connected(take.patches):
 
             def follow(block: Block) -> None:
                 nonlocal ended

@@ -51,13 +51,7 @@ class Limiter:
     a closed rig in memory.
     """
 
-    def __init__(
-        self,
-        clock: Clock,
-        lockouts: Lockouts,
-        outputs: Outputs,
-        counted: Path | None,
-    ) -> None:
+    def __init__(self, clock: Clock, lockouts: Lockouts, outputs: Outputs, counted: Path | None) -> None:
         """`counted` is the folder of what was played; None to forget it.
 
         With it, `clock` is the one that all programs of the computer share.

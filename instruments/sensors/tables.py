@@ -7,13 +7,7 @@ from collections.abc import Callable, Iterator
 from typing import Annotated, Any, Self
 
 import numpy as np
-from pydantic import (
-    BeforeValidator,
-    Field,
-    GetJsonSchemaHandler,
-    field_validator,
-    model_validator,
-)
+from pydantic import BeforeValidator, Field, GetJsonSchemaHandler, field_validator, model_validator
 from pydantic_core import core_schema
 
 from ...base.bounded import Finite, Positive, Strict

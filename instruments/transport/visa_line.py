@@ -43,10 +43,7 @@ def _remedy(reason: str) -> str:
     return "correct 'resource', switch it on, or install a VISA library (NI-VISA, Keysight's IO Libraries)"
 
 
-_NEEDS = {
-    "usb": "PyUSB and the system's libusb",
-    "gpib": "gpib-ctypes and the card's own driver",
-}
+_NEEDS = {"usb": "PyUSB and the system's libusb", "gpib": "gpib-ctypes and the card's own driver"}
 
 
 class _Session(Port):

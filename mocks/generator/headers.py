@@ -146,18 +146,12 @@ TRIGGERS: dict[bool, dict[str, tuple[str, ...]]] = {
     | {
         f"[:SOURce#]:{mode}:TRIGger:{what}": words
         for mode in ("SWEep", "BURSt")
-        for what, words in (
-            ("SLOPe", ("POSitive", "NEGative")),
-            ("TRIGOut", ("OFF", "POSitive", "NEGative")),
-        )
+        for what, words in (("SLOPe", ("POSitive", "NEGative")), ("TRIGOut", ("OFF", "POSitive", "NEGative")))
     },
 }
 """Sources of the trigger: of a sweep first, and of a burst last."""
 OWN_WORDS: dict[bool, dict[str, tuple[str, ...]]] = {
-    True: {
-        BURST_MODE: ("TRIGgered", "GATed"),
-        HOLD: ("WIDTh", "DCYCle"),
-    },
+    True: {BURST_MODE: ("TRIGgered", "GATed"), HOLD: ("WIDTh", "DCYCle")},
     False: {
         BURST_MODE: ("TRIGgered", "INFinity", "GATed"),
         HOLD: ("WIDTh", "DUTY"),

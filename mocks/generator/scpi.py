@@ -262,11 +262,7 @@ def _keyword(word: str) -> str:
 def _pattern(header: str) -> re.Pattern[str]:
     groups = header.replace("[", "(?:").replace("]", ")?")
     return re.compile(
-        re.sub(
-            r"([A-Z]+[a-z]*)(#?)",
-            lambda m: _keyword(m[1]) + (r"(\d*)" if m[2] else ""),
-            groups,
-        )
+        re.sub(r"([A-Z]+[a-z]*)(#?)", lambda m: _keyword(m[1]) + (r"(\d*)" if m[2] else ""), groups)
     )
 
 

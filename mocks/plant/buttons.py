@@ -272,12 +272,7 @@ class SimulatedPress:
 
 
 def press_button(
-    button: Button,
-    finger: Finger,
-    request: Press,
-    start: float,
-    rng: np.random.Generator,
-    flaw: Flaw = "",
+    button: Button, finger: Finger, request: Press, start: float, rng: np.random.Generator, flaw: Flaw = ""
 ) -> SimulatedPress:
     """Create a press that begins at `start` (s of the plant's clock), with the finger's random scatter.
 

@@ -196,11 +196,7 @@ class SofteningSurface(ModalSurface):
     _forced = True
 
     def __init__(
-        self,
-        modes: Modes | Callable[[float], Modes],
-        shift: float,
-        amplitude: float,
-        every: float = np.inf,
+        self, modes: Modes | Callable[[float], Modes], shift: float, amplitude: float, every: float = np.inf
     ) -> None:
         super().__init__(modes, every)
         # The describing function of x^3 / (1 + x^2) at an amplitude of 1 is sqrt(2) - 1; a frequency falls by

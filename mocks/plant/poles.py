@@ -288,11 +288,7 @@ class Course(Generic[Owner]):
     """
 
     def __init__(
-        self,
-        owner: Owner,
-        poles: Poles,
-        remembered: float,
-        rest: Callable[[Owner], None] | None = None,
+        self, owner: Owner, poles: Poles, remembered: float, rest: Callable[[Owner], None] | None = None
     ) -> None:
         self._rest = rest
         still = np.zeros((poles.inputs.shape[1], 1))

@@ -53,10 +53,7 @@ def check_contents(check: Check, press: Representative | None = None, file: Path
 
 
 def _glances(
-    check: Check,
-    feeling: Feeling,
-    press: Representative | None,
-    others: Sequence[Representative] = (),
+    check: Check, feeling: Feeling, press: Representative | None, others: Sequence[Representative] = ()
 ) -> list[Callable[[], Glance]]:
     """Of the button, and of each that another point plays at the same time; `others` are their presses."""
     beside = [(one, check_feeling(one, own), own) for one, own in zip_longest(check.others, others)]

@@ -276,10 +276,7 @@ def prediction_contents(found: Prediction) -> Contents:
         ],
         kind="prediction",
         tables=tables,
-        notes=[
-            Sensation(found.act, 0.0).reservation,
-            _NOT_KNOWN,
-        ],
+        notes=[Sensation(found.act, 0.0).reservation, _NOT_KNOWN],
         simulated=found.simulated or None,
         undrawn="There is no figure of a prediction.",
     )

@@ -214,10 +214,7 @@ def difference_contents(one: Generation, other: Generation) -> Contents:
         for name, label, factor in _METRICS
     ]
     rows += [
-        _change(
-            f"{name}: error (%)",
-            [None if c is None else 100 * c.error for c in both],
-        )
+        _change(f"{name}: error (%)", [None if c is None else 100 * c.error for c in both])
         for name, both in buttons.items()
     ]
     values = fact(

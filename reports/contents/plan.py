@@ -46,13 +46,7 @@ def plan_contents(plan: ButtonPlan) -> Contents:
     first = plan.sensation(plan.curves[0].offers[0])
     return Contents(
         f"Plan of the {plan.button} button",
-        [
-            fact(
-                button=plan.button,
-                offers=plain(values),
-                elsewhere=dict(plan.elsewhere),
-            )
-        ],
+        [fact(button=plan.button, offers=plain(values), elsewhere=dict(plan.elsewhere))],
         kind="plan",
         tables=[Grid("", _HEADINGS, rows, below=_EXPLAINED + _chosen(plan))],
         notes=[*_at_other_points(plan), first.reservation],

@@ -49,11 +49,7 @@ def press_contents(press: Representative) -> Contents:
             activation_travel_m=travel,
         ),
         fact("Activation", told_by(press.activated_by), activated_by=press.activated_by),
-        fact(
-            "Bandwidth",
-            _bandwidth(press),
-            bandwidth_hz=press.bandwidth_hz,
-        ),
+        fact("Bandwidth", _bandwidth(press), bandwidth_hz=press.bandwidth_hz),
         fact("Undone", undone, undone_hz=press.undone_hz, noise_gain=press.noise_gain),
         fact(
             "Method",

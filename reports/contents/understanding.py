@@ -58,11 +58,7 @@ def understanding_contents(found: Understanding) -> Contents:
             presses_s=presses,
             duration_s=None if open_ else found.duration,
         ),
-        fact(
-            "Becomes",
-            what and f"a {what} ({count} in {found.duration:.3g} s)",
-            becomes=what,
-        ),
+        fact("Becomes", what and f"a {what} ({count} in {found.duration:.3g} s)", becomes=what),
         fact(
             "Not said",
             [Cell(f"{one.what}: {one.option}", "doubtful") for one in open_],
