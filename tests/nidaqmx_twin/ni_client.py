@@ -10,12 +10,14 @@ import grpc
 import nidaqmx
 import numpy as np
 import pytest
+from nidaqmx.constants import AcquisitionType
 
 from haploop.base.arrays import FloatArray
 from haploop.base.clock import VirtualClock
 from haploop.nidaqmx_twin import NiServer
 from haploop.nidaqmx_twin.nodes import Source
 
+CONTINUOUS, FINITE = AcquisitionType.CONTINUOUS, AcquisitionType.FINITE
 EXPORT = """
 [DAQmx]
 MajorVersion = 21

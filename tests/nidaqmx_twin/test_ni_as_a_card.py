@@ -23,7 +23,6 @@ import numpy as np
 import pytest
 from nidaqmx.constants import (
     READ_ALL_AVAILABLE,
-    AcquisitionType,
     CJCSource,
     CounterFrequencyMethod,
     Edge,
@@ -40,14 +39,13 @@ from nidaqmx.utils import unflatten_channel_string
 from haploop.base.errors import ConfigurationError
 from haploop.nidaqmx_twin import NiTwin
 from haploop.nidaqmx_twin.threads import Threads
-from tests.nidaqmx_twin.ni_client import clocked, code, on
+from tests.nidaqmx_twin.ni_client import CONTINUOUS, FINITE, clocked, code, on
 
 CARDS = {
     "Dev1": "PCIe-6363", "M": "PCI-6221", "Old": "PCI-6034E", "cDAQ1": "cDAQ-9178", "Dsa": "PXIe-4466",
     "Bus": "USB-6211", "Low": "USB-6009", "Usb": "USB-6001",
     "Hs": "PCIe-6535", "Sup": "TS-15200", "Ieee": "NI 9234", "Eight": "PXIe-4353",
 }  # fmt: skip
-CONTINUOUS = AcquisitionType.CONTINUOUS
 ACQUIRED = "register_every_n_samples_acquired_into_buffer_event"
 
 
@@ -393,8 +391,8 @@ from contextlib import nullcontext
 from haploop.base.errors import ConfigurationError
 from haploop.nidaqmx_twin import NiTwin
 from haploop.nidaqmx_twin.threads import Threads
-from tests.nidaqmx_twin.ni_client import clocked, code, on
-from tests.nidaqmx_twin.ni_client import clocked, code, on
+from tests.nidaqmx_twin.ni_client import CONTINUOUS, FINITE, clocked, code, on
+from tests.nidaqmx_twin.ni_client import CONTINUOUS, FINITE, clocked, code, on
 
 _, where, end = sys.argv
 
@@ -632,7 +630,7 @@ def test_a_counter_puts_out_where_it_is_told_and_can_be_looked_at(twin):
         channel = pulses.co_channels.add_co_pulse_chan_freq("Dev1/ctr0", freq=1000.0)
         assert channel.co_pulse_term == "/Dev1/PFI12"
         channel.co_pulse_term = "/Dev1/PFI5"
-        pulses.timing.cfg_implicit_timing(AcquisitionType.FINITE, 50)
+        pulses.timing.cfg_implicit_timing(FINITE, 50)
         edges = count.ci_channels.add_ci_count_edges_chan("Dev1/ctr1")
         edges.ci_count_edges_term = "/Dev1/PFI5"
         count.start()

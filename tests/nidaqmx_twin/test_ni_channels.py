@@ -27,7 +27,7 @@ from nidaqmx.constants import (
     UsageTypeAI,
     WaitMode,
 )
-from nidaqmx.error_codes import DAQmxErrors
+from nidaqmx.error_codes import DAQmxErrors as Error
 from nidaqmx.task.collections import AIChannelCollection, CIChannelCollection, COChannelCollection
 
 from haploop.nidaqmx_twin import NiServer, NiTwin, inventory_of
@@ -158,7 +158,7 @@ def test_a_product_refuses_a_terminal_configuration_and_a_supply_that_it_has_not
             ("Low/ai0", TerminalConfiguration.NRSE), ("Low/ai4", TerminalConfiguration.DIFF)):  # fmt: skip
             with nidaqmx.Task() as task, pytest.raises(nidaqmx.DaqError) as caught:
                 task.ai_channels.add_ai_voltage_chan(terminal, terminal_config=config)
-            assert caught.value.error_type is DAQmxErrors.INVALID_ATTRIBUTE_VALUE
+            assert caught.value.error_type is Error.INVALID_ATTRIBUTE_VALUE
         with nidaqmx.Task() as task, pytest.raises(nidaqmx.DaqError, match="does not supply"):
             task.ai_channels.add_ai_accel_chan("X/ai0", current_excit_source=ExcitationSource.INTERNAL)
 

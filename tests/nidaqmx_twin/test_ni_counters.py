@@ -7,22 +7,14 @@ from collections.abc import Iterator
 import nidaqmx
 import numpy as np
 import pytest
-from nidaqmx.constants import (
-    AcquisitionType,
-    CountDirection,
-    CounterFrequencyMethod,
-    Edge,
-    FrequencyUnits,
-    Level,
-    TimeUnits,
-)
-from nidaqmx.error_codes import DAQmxErrors
+from nidaqmx.constants import CountDirection, CounterFrequencyMethod, Edge, FrequencyUnits, Level, TimeUnits
+from nidaqmx.error_codes import DAQmxErrors as Error
 from nidaqmx.stream_writers import CounterWriter
 from nidaqmx.types import CtrFreq, CtrTick, CtrTime
 
 from haploop.nidaqmx_twin import NiTwin
 from haploop.nidaqmx_twin.pulses import PulseTrain
-from tests.nidaqmx_twin.ni_client import clocked
+from tests.nidaqmx_twin.ni_client import CONTINUOUS, clocked
 
 OUT = "/Dev1/Ctr0InternalOutput"
 
@@ -44,7 +36,7 @@ def pulses(twin: NiTwin) -> Iterator[nidaqmx.Task]:
     """Pulses of 1 kHz, a quarter of the time high, on counter 0."""
     with nidaqmx.Task() as task:
         task.co_channels.add_co_pulse_chan_freq("Dev1/ctr0", freq=1000.0, duty_cycle=0.25)
-        task.timing.cfg_implicit_timing(sample_mode=AcquisitionType.CONTINUOUS)
+        task.timing.cfg_implicit_timing(sample_mode=CONTINUOUS)
         yield task
 
 
@@ -164,7 +156,7 @@ def test_written_pulses_follow_one_another_and_are_measured_so(twin, meter):
 def test_a_clocked_count_is_taken_at_each_edge_of_the_clock(twin, pulses):
     """A count on the sample clock of analog inputs: ten pulses of 1 kHz in each sample of 100 Hz."""
     with nidaqmx.Task() as analog, nidaqmx.Task() as meter:
-        clocked(analog, "Dev1/ai0", 100, sample_mode=AcquisitionType.CONTINUOUS)
+        clocked(analog, "Dev1/ai0", 100, sample_mode=CONTINUOUS)
         meter.ci_channels.add_ci_count_edges_chan("Dev1/ctr1").ci_count_edges_term = OUT
         meter.timing.cfg_samp_clk_timing(100, "/Dev1/ai/SampleClock", samps_per_chan=6)
         pulses.start()
@@ -181,7 +173,7 @@ def test_a_measurement_that_gets_no_edges_ends_at_its_time_out(twin, meter):
     began = twin.now
     with pytest.raises(nidaqmx.DaqError) as caught:
         meter.read(timeout=2.0)
-    assert caught.value.error_type is DAQmxErrors.SAMPLES_NOT_YET_AVAILABLE
+    assert caught.value.error_type is Error.SAMPLES_NOT_YET_AVAILABLE
     assert 2.0 <= twin.now - began < 2.1
 
 
@@ -199,7 +191,7 @@ def test_a_reference_trigger_is_waited_for(twin, task):
     twin.set("Dev1/PFI0", 0.0)
     with pytest.raises(nidaqmx.DaqError) as caught:
         task.read(30, timeout=1.0)
-    assert caught.value.error_type is DAQmxErrors.SAMPLES_NOT_YET_AVAILABLE
+    assert caught.value.error_type is Error.SAMPLES_NOT_YET_AVAILABLE
 
 
 @pytest.mark.parametrize("idle", [False, True])

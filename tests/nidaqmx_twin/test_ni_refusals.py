@@ -25,7 +25,7 @@ from nidaqmx.system import System
 from nidaqmx.types import CtrFreq
 
 from haploop.nidaqmx_twin import NiTwin
-from tests.nidaqmx_twin.ni_client import Make, clocked, code, on
+from tests.nidaqmx_twin.ni_client import CONTINUOUS, FINITE, Make, clocked, code, on
 
 CARDS = {
     "Dev1": "PCIe-6363", "M": "PCI-6221", "Ao": "PCI-6713", "Old": "PCI-6034E", "Bus": "USB-6211",
@@ -112,7 +112,6 @@ def test_what_is_not_followed_is_refused_where_something_is_connected(twin):
         assert code(task.start) == -200197
 
 
-FINITE, CONTINUOUS = AcquisitionType.FINITE, AcquisitionType.CONTINUOUS
 ONE_BY_ONE = AcquisitionType.HW_TIMED_SINGLE_POINT
 
 

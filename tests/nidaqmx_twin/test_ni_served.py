@@ -7,10 +7,10 @@ import warnings
 import nidaqmx
 import pytest
 from nidaqmx._stubs import nidaqmx_pb2 as pb
-from nidaqmx.constants import AcquisitionType, CJCSource, Signal
+from nidaqmx.constants import CJCSource, Signal
 from nidaqmx.errors import DaqError, DaqFunctionNotSupportedError
 
-from tests.nidaqmx_twin.ni_client import clocked
+from tests.nidaqmx_twin.ni_client import FINITE, clocked
 from tests.nidaqmx_twin.served_list import PAGE, REFUSED, call_status, calls, page
 
 
@@ -59,7 +59,7 @@ def test_volts_are_not_shown_as_degrees(nidaqmx_twin):
 
 def test_an_exported_clock_stands_at_its_terminal(nidaqmx_twin):
     with nidaqmx.Task() as source, nidaqmx.Task() as count:
-        clocked(source, "Dev1/ai0", 1000, sample_mode=AcquisitionType.FINITE, samps_per_chan=100)
+        clocked(source, "Dev1/ai0", 1000, sample_mode=FINITE, samps_per_chan=100)
         source.export_signals.export_signal(Signal.SAMPLE_CLOCK, "/Dev1/PFI5")
         count.ci_channels.add_ci_count_edges_chan("Dev1/ctr1").ci_count_edges_term = "/Dev1/PFI5"
         count.start()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from nidaqmx._stubs import nidaqmx_pb2 as pb
 from nidaqmx.constants import READ_ALL_AVAILABLE, PowerUpChannelType, TEDSUnits, UsageTypeAI, VoltageUnits
-from nidaqmx.error_codes import DAQmxErrors
+from nidaqmx.error_codes import DAQmxErrors as Error
 from nidaqmx.stream_readers import PowerBinaryReader, PowerSingleChannelReader
 from nidaqmx.system import System
 from nidaqmx.system.storage import PersistedChannel, PersistedTask
@@ -73,7 +73,7 @@ def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
         yield System.local()
 
 
-def _fails(code: DAQmxErrors, *calls: object) -> None:
+def _fails(code: Error, *calls: object) -> None:
     for call in calls:
         assert callable(call)
         with pytest.raises(nidaqmx.DaqError) as caught:
@@ -86,9 +86,7 @@ def test_a_sensor_describes_itself(system, tmp_path):
     file = tmp_path / "sensor.ted"
     file.write_bytes(bytes(40) + bytes(octet >> place & 1 for octet in SENSOR for place in range(8)))
     channel = system.devices["Dev1"].ai_physical_chans["ai2"]
-    _fails(
-        DAQmxErrors.TEDS_SENSOR_NOT_DETECTED, lambda: channel.teds_mfg_id, lambda: channel.configure_teds("")
-    )
+    _fails(Error.TEDS_SENSOR_NOT_DETECTED, lambda: channel.teds_mfg_id, lambda: channel.configure_teds(""))
     channel.configure_teds(str(file))
     assert (channel.teds_mfg_id, channel.teds_model_num, channel.teds_serial_num) == (17, 1, 12345)
     assert (channel.teds_version_letter, channel.teds_version_num) == ("A", 1)
@@ -103,10 +101,10 @@ def test_a_sensor_describes_itself(system, tmp_path):
         assert made.ai_voltage_units is VoltageUnits.FROM_TEDS
         assert (made.ai_min, made.ai_max) == (-300, 100)
     channel.clear_teds()
-    _fails(DAQmxErrors.TEDS_SENSOR_NOT_DETECTED, lambda: channel.teds_bit_stream)
-    _fails(DAQmxErrors.TEDS_SENSOR_DATA_ERROR, lambda: channel.write_to_teds_from_array([1, 2, 3]))
+    _fails(Error.TEDS_SENSOR_NOT_DETECTED, lambda: channel.teds_bit_stream)
+    _fails(Error.TEDS_SENSOR_DATA_ERROR, lambda: channel.write_to_teds_from_array([1, 2, 3]))
     file.write_bytes(b"no sensor at all")
-    _fails(DAQmxErrors.VIRTUAL_TEDS_DATA_FILE_ERROR, lambda: channel.configure_teds(str(file)))
+    _fails(Error.VIRTUAL_TEDS_DATA_FILE_ERROR, lambda: channel.configure_teds(str(file)))
 
 
 def test_what_max_has_saved_is_there_and_more_is_saved_and_deleted(system):
@@ -125,12 +123,12 @@ def test_what_max_has_saved_is_there_and_more_is_saved_and_deleted(system):
     with nidaqmx.Task() as task:
         own = task.ai_channels.add_ai_voltage_chan("Dev1/ai0", "own")
         own.save(save_as="Kept", author="B")
-        _fails(DAQmxErrors.CANT_SAVE_CHAN_WITHOUT_REPLACE, lambda: own.save("Kept", author="C"))
+        _fails(Error.CANT_SAVE_CHAN_WITHOUT_REPLACE, lambda: own.save("Kept", author="C"))
         own.save("Kept", author="C", overwrite_existing_channel=True)
     kept = PersistedChannel("Kept")
     assert kept.author == "C"
     kept.delete()
-    _fails(DAQmxErrors.INVALID_GLOBAL_CHAN, lambda: kept.author)
+    _fails(Error.INVALID_GLOBAL_CHAN, lambda: kept.author)
 
 
 def test_states_after_power_on_are_kept_within_the_range(system):
@@ -143,10 +141,7 @@ def test_states_after_power_on_are_kept_within_the_range(system):
     read = system.get_analog_power_up_states_with_output_type(names)
     assert [(s.power_up_state, s.channel_type) for s in read] == [(-1.0, kind), (0.0, high)]
     beyond = [AOPowerUpState(names[0], 20.0, kind)]
-    _fails(
-        DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
-        lambda: system.set_analog_power_up_states_with_output_type(beyond),
-    )
+    _fails(Error.INVALID_ATTRIBUTE_VALUE, lambda: system.set_analog_power_up_states_with_output_type(beyond))
 
 
 def test_a_supply_gives_what_it_is_set_to(system):
@@ -169,8 +164,7 @@ def test_calibration_is_told_and_a_users_words_are_kept(system):
     asked.set_cal_info_attribute_string("Dev1", words, "mine")
     assert asked.get_cal_info_attribute_string("Dev1", words) == "mine"
     _fails(
-        DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
-        lambda: asked.set_cal_info_attribute_string("Dev1", words, "too long"),
+        Error.INVALID_ATTRIBUTE_VALUE, lambda: asked.set_cal_info_attribute_string("Dev1", words, "too long")
     )
     year, month, *_ = asked.get_self_cal_last_date_and_time("Dev1")
     assert year >= 2024

@@ -9,9 +9,10 @@ from contextlib import contextmanager
 
 import nidaqmx
 import pytest
-from nidaqmx.constants import READ_ALL_AVAILABLE, AcquisitionType
+from nidaqmx.constants import READ_ALL_AVAILABLE
 
 from haploop.nidaqmx_twin import NiTwin
+from tests.nidaqmx_twin.ni_client import CONTINUOUS, FINITE
 
 ACQUIRED = "register_every_n_samples_acquired_into_buffer_event"
 
@@ -21,7 +22,7 @@ def running(samples: int | None = None, size: int | None = None) -> Iterator[nid
     """A task of 1 kHz, finite or not."""
     with nidaqmx.Task() as task:
         task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
-        mode = AcquisitionType.FINITE if samples else AcquisitionType.CONTINUOUS
+        mode = FINITE if samples else CONTINUOUS
         task.timing.cfg_samp_clk_timing(1000, sample_mode=mode, samps_per_chan=samples or 1000)
         if size:
             task.in_stream.input_buf_size = size

@@ -22,9 +22,8 @@ from nidaqmx.system.watchdog import DOExpirationState, WatchdogTask
 
 from haploop.base.arrays import FloatArray
 from haploop.nidaqmx_twin import NiTwin
-from tests.nidaqmx_twin.ni_client import Make, clocked, code
+from tests.nidaqmx_twin.ni_client import CONTINUOUS, FINITE, Make, clocked, code
 
-FINITE, CONTINUOUS = AcquisitionType.FINITE, AcquisitionType.CONTINUOUS
 CARDS = {"Dev1": "PCIe-6363", "Dev2": "PCIe-6363", "M": "PCI-6221", "E": "PCI-6034E", "Dsa": "USB-4431"}
 
 

@@ -14,14 +14,13 @@ import nidaqmx
 import numpy as np
 import pytest
 from nidaqmx._lib import lib_importer
-from nidaqmx.constants import AcquisitionType
 from nidaqmx.errors import DaqError, DaqNotFoundError, DaqReadError
 from nidaqmx.system import System
 
 from haploop.base.errors import ConfigurationError
 from haploop.nidaqmx_twin import NiServer, NiTwin
 from haploop.nidaqmx_twin.__main__ import main
-from tests.nidaqmx_twin.ni_client import clocked
+from tests.nidaqmx_twin.ni_client import CONTINUOUS, FINITE, clocked
 
 RATE = 1000.0
 
@@ -29,7 +28,7 @@ RATE = 1000.0
 def acquire(channel: str, samples: int = 500, rate: float = RATE) -> np.ndarray:
     """A script as people write it."""
     with nidaqmx.Task() as task:
-        clocked(task, channel, rate, sample_mode=AcquisitionType.FINITE, samps_per_chan=samples)
+        clocked(task, channel, rate, sample_mode=FINITE, samps_per_chan=samples)
         return np.array(task.read(samples, timeout=samples / rate + 10))
 
 
@@ -120,7 +119,7 @@ def test_an_hour_with_callbacks_is_seconds(nidaqmx_twin, full):
     minutes = 60 if full else 2
     blocks: list[list[float]] = []
     with nidaqmx.Task() as task:
-        clocked(task, "Dev1/ai0", 100, sample_mode=AcquisitionType.CONTINUOUS)
+        clocked(task, "Dev1/ai0", 100, sample_mode=CONTINUOUS)
         task.register_every_n_samples_acquired_into_buffer_event(
             1000, lambda _task, _event, count, _data: blocks.append(task.read(count)) or 0
         )
@@ -148,7 +147,7 @@ def test_a_card_fails_as_asked(nidaqmx_twin):
         acquire("Dev1/ai0")
     got = 0
     with nidaqmx.Task() as task:
-        clocked(task, "Dev1/ai0", RATE, sample_mode=AcquisitionType.CONTINUOUS)
+        clocked(task, "Dev1/ai0", RATE, sample_mode=CONTINUOUS)
         task.start()
         while got < 100:  # polling comes to an end
             got += len(task.read(nidaqmx.constants.READ_ALL_AVAILABLE))
@@ -328,7 +327,7 @@ def _seen() -> list[object]:
             seen += [refused.value.error_code, str(refused.value)]
         with nidaqmx.Task("mine") as task:
             task.ai_channels.add_ai_voltage_chan("Dev1/ai0:1", "a,b")
-            task.timing.cfg_samp_clk_timing(RATE, sample_mode=AcquisitionType.CONTINUOUS, samps_per_chan=1000)
+            task.timing.cfg_samp_clk_timing(RATE, sample_mode=CONTINUOUS, samps_per_chan=1000)
             task.register_every_n_samples_acquired_into_buffer_event(
                 100, lambda _task, _event, count, _data: seen.append(len(task.read(count)[0])) or 0
             )
