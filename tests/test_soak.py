@@ -195,9 +195,7 @@ class Week:
         with self.at(hour * HOUR + RECORDED, trouble) as rig:
 
             def now() -> Recording:
-                return record(
-                    rig, button, "P01", 2, out, on_verdict=lambda press: reasons.append(press.reason)
-                )
+                return record(rig, button, "P01", 2, out, on_verdict=lambda one: reasons.append(one.reason))
 
             if trouble:
                 with pytest.raises((InstrumentError, DataError), match=trouble.says):

@@ -39,11 +39,7 @@ def test_figures_are_new_files(run, tmp_path):
     result = run("analyse ratings", tmp_path / "ratings.csv", "--plot", tmp_path / "14.png", "--json")
     assert result.exit_code == 0 and (tmp_path / "14.png").is_file()
     values = json.loads(result.stdout)
-    assert [one["effect"] for one in values["manova"]["by_person"]] == [
-        "category",
-        "button",
-        "category x button",
-    ]
+    assert [e["effect"] for e in values["manova"]["by_person"]] == ["category", "button", "category x button"]
 
 
 def test_power(run, tmp_path):
@@ -64,9 +60,7 @@ def test_thresholds_of_simulated_participants(run, tmp_path):
     assert one["standard"] == 0.5 and one["difference"] == pytest.approx(one["threshold"] - 0.5)
     rows = list(csv.DictReader(table.read_text(encoding="utf-8").splitlines()))
     for row in rows:
-        row.update(
-            {name: str(1 - float(row[name])) for name in ("first_value", "second_value", "comparison")}
-        )
+        row.update({n: str(1 - float(row[n])) for n in ("first_value", "second_value", "comparison")})
     below = table.with_name("below.csv")
     with below.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, rows[0])

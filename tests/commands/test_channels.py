@@ -24,9 +24,8 @@ def test_earlier_calibrations_tell_how_a_channel_scatters(demo, run, tmp_path, m
         replace(first, response=response).save(tmp_path / f"{number}.h5")
     out = tmp_path / "table.h5"
     channel, again = run.json("calibrate", *earlier, "--out", out)["channel"], Calibration.load(out)
-    assert channel["changes"] == 3 and again.scatter.gain == channel["gain"] == pytest.approx(
-        0.0036, abs=0.0005
-    )
+    assert channel["changes"] == 3 and again.scatter.gain == channel["gain"]
+    assert channel["gain"] == pytest.approx(0.0036, abs=0.0005)
     assert Waveforms.load(Waveforms.beside(out)).calibration == again.digest
 
     # What was measured is kept when nothing can be said of its channel.

@@ -104,9 +104,7 @@ def test_a_rating_that_is_no_number_is_asked_for_again_and_enter_is_none(monkeyp
 
 def test_a_design_that_is_not_filled_is_said(run, tmp_path):
     for people, said in ((3, True), (6, False)):
-        result = run(
-            "experiment simulate matching -n", people, "--session", 1, "--data", tmp_path / "a", ends=0
-        )
+        result = run("experiment simulate matching --session 1 -n", people, "-d", tmp_path / "a", ends=0)
         words = " ".join(result.stdout.split())
         assert ("not balanced with 3 participants" in words and "at a multiple of 6." in words) is said
     values = run.json("experiment status matching --data", tmp_path / "a")

@@ -10,11 +10,8 @@ pytestmark = pytest.mark.long
 
 
 def test_a_table_is_calibrated_and_a_press_checked_under_a_finger(demo, run, tmp_path):
-    table, press, out = (
-        demo.folder / "calibration.h5",
-        demo.folder / "presses" / "push.h5",
-        tmp_path / "P01.h5",
-    )
+    table, press = demo.folder / "calibration.h5", demo.folder / "presses" / "push.h5"
+    out = tmp_path / "P01.h5"
     made = run("calibrate --finger P01 --bare", table, "--force", 2, "-o", out, "--json")
     values = json.loads(made.stdout)
     assert made.exit_code == 0

@@ -57,9 +57,7 @@ def test_each_command_of_its_readme_is_one_with_its_options(lab):
 
 def test_its_page_has_the_commands_of_its_readme(lab):
     page = html.unescape((lab / "start.html").read_text(encoding="utf-8")).replace("\N{NO-BREAK SPACE}", " ")
-    listed = re.findall(
-        r"^\d+\. `(.*)`: (.*)$", (lab / "README.md").read_text(encoding="utf-8"), re.MULTILINE
-    )
+    listed = re.findall(r"^\d+\. `(.*)`: (.*)$", (lab / "README.md").read_text(encoding="utf-8"), re.M)
     assert len(listed) == 10
     cells = re.sub(r' data-of="[^"]*"', "", page)
     assert all(f"<td>{command}</td><td>{told}</td>" in cells for command, told in listed)

@@ -177,9 +177,7 @@ def test_the_trend_shows_every_look_and_what_was_active(folder, run, tmp_path):
 
 def test_nobody_is_there():
     nobody = Unattended("37")
-    assert (
-        nobody.confirm(Aim("37")) and nobody.confirm(ConfirmSettings("20 mm/s?")) and nobody.confirm(Rest(1))
-    )
+    assert all(map(nobody.confirm, (Aim("37"), ConfirmSettings("20 mm/s?"), Rest(1))))
     assert not nobody.confirm(Aim("button"))
     assert not nobody.confirm(Place(0.5)) and not nobody.confirm(Press("latch", "P01", 1, 1))
     assert list(nobody.assumed) == [

@@ -70,10 +70,8 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="serial lines ar
 def said_by_a_program(folder: Path, rig: str, *options: str) -> dict[str, Any]:
     program = folder / "program.py"
     program.write_text(PROGRAM)
-    visa, ports = (
-        json.dumps([*GENERATOR, *LASER, *OTHERS]),
-        json.dumps(["COM3", "com3", "COM4", "/dev/ttyS0"]),
-    )
+    visa = json.dumps([*GENERATOR, *LASER, *OTHERS])
+    ports = json.dumps(["COM3", "com3", "COM4", "/dev/ttyS0"])
     ended = subprocess.run(
         [
             *(sys.executable, "-m", "haploop", "twin", "all", "--rig", rig, "--port", "yocto=0", *options),

@@ -134,10 +134,8 @@ def test_a_new_button_in_one_go_on_any_rig(run, tmp_path, rig):
 def test_a_bad_press_is_told_of_while_recording_and_in_the_file(run, tmp_path):
     rig = tmp_path / "bad-presses.toml"
     rig.write_text("[simulation]\nbad_press_rate = 0.9\nseed = 2\n", encoding="utf-8")
-    recorded = run(
-        "record push -p P01 -n 1 --rig", rig, "--out", tmp_path, ends=0, says="Press 1, attempt 1: "
-    )
+    told = run("record push -p P01 -n 1 --rig", rig, "--out", tmp_path, ends=0, says="Press 1, attempt 1: ")
     values = run.json("show", tmp_path / "P01-push.h5")
     assert values["presses_accepted"] == 1
     assert values["bad_presses"][0]["flags"]
-    assert values["bad_presses"][0]["reason"] in recorded.stderr
+    assert values["bad_presses"][0]["reason"] in told.stderr

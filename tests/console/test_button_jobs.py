@@ -148,10 +148,7 @@ def test_two_buttons_at_once_from_a_map_and_what_came_of_both(data):
     ):
         assert row["verdict"] == check.verdict
         assert f"error {100 * check.error:.1f} %" in row["said"] and row["said"].endswith(felt)
-    assert [row["label"] for row in rows[2:]] == [
-        "Crosstalk at the button point",
-        "Crosstalk at the 57 point",
-    ]
+    assert [r["label"] for r in rows[2:]] == ["Crosstalk at the button point", "Crosstalk at the 57 point"]
     with pytest.raises(DataError, match="plays no button at the '58' point"):
         shown(data, "58")
 
@@ -168,7 +165,4 @@ def test_a_silent_point_is_shown_with_its_contrast(data):
 
 def shown(data: DataFolder, point: str, name: str = "both") -> dict[str, Any]:
     """What the page is sent."""
-    found: dict[str, Any] = json.loads(
-        _json(button_shown(data, {"file": f"buttons/{name}.h5", "point": point}))
-    )
-    return found
+    return json.loads(_json(button_shown(data, {"file": f"buttons/{name}.h5", "point": point})))

@@ -193,9 +193,7 @@ def test_an_answer_is_taken_once_and_only_to_what_is_asked(console):
     kinds = [event.kind for event in console.stored.session("P01", 1).events][-5:]
     console.present()
     for other in (turn, "", 1, "é"):
-        assert "asked no more" in console.answer("push", other)["error"], (
-            "a late tap is no answer to the next"
-        )
+        assert "asked no more" in console.answer("push", other)["error"], "a late tap is no answer"
     assert kinds == ["presented", "presented", "pause", "continue", "answer"]
 
 

@@ -13,11 +13,7 @@ NOT_OURS = {"haploop: command not found"}
 
 def test_each_sentence_that_is_quoted_is_said_by_the_code():
     page = (ROOT / "docs" / "how-to" / "when-it-does-not-work.md").read_text(encoding="utf-8")
-    quoted = {
-        said
-        for row in re.findall(r"^\| (.*?) \|", page, re.MULTILINE)
-        for said in re.findall(r"`(.+?)`", row)
-    }
+    quoted = {one for row in re.findall(r"^\| (.*?) \|", page, re.M) for one in re.findall(r"`(.+?)`", row)}
     source = "\n".join(
         path.read_text(encoding="utf-8")
         for room in ROOMS

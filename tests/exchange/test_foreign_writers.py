@@ -92,9 +92,7 @@ def by_pandas(path: Path, made: Made) -> None:
     import pandas
 
     table = {"time (s)": made.stamps} if made.states_rate else {}
-    table |= {
-        heading(name, unit): values for name, (unit, values) in made.written(gap=made.states_rate).items()
-    }
+    table |= {heading(name, unit): v for name, (unit, v) in made.written(gap=made.states_rate).items()}
     pandas.DataFrame(table).to_csv(path, index=False)
 
 
@@ -103,9 +101,7 @@ def by_parquet(path: Path, made: Made) -> None:
 
     pytest.importorskip("pyarrow")
     table = {"time (ms)": 1e3 * made.stamps} if made.states_rate else {}
-    table |= {
-        heading(name, unit): values for name, (unit, values) in made.written(gap=made.states_rate).items()
-    }
+    table |= {heading(name, unit): v for name, (unit, v) in made.written(gap=made.states_rate).items()}
     pandas.DataFrame(table).to_parquet(path)
 
 
@@ -187,10 +183,8 @@ def by_pynwb(path: Path, made: Made) -> None:
         said = {"rate": made.rate, "starting_time": made.late / made.rate if name == "acceleration" else 0.0}
         if not made.states_rate:
             said = {"timestamps": made.stamps}
-        series = pynwb.TimeSeries(
-            name=name, data=counts, unit=unit or "unknown", conversion=made.step, **said
-        )
-        file.add_acquisition(series)
+        one = pynwb.TimeSeries(name=name, data=counts, unit=unit or "unknown", conversion=made.step, **said)
+        file.add_acquisition(one)
     with pynwb.NWBHDF5IO(path, "w") as out:
         out.write(file)
 

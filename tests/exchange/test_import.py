@@ -374,9 +374,7 @@ def test_what_was_not_measured_is_absent(run, tmp_path, columns, told, by):
     }
     names = columns.split(",")
     text = ",".join(of[name][0] for name in names) + "\n"
-    text += "\n".join(
-        ",".join(f"{v:.6f}" for v in row) for row in zip(*(of[n][1] for n in names), strict=True)
-    )
+    text += "\n".join(",".join(f"{v:.6f}" for v in r) for r in zip(*(of[n][1] for n in names), strict=True))
     source, out, page = tmp_path / "a.csv", tmp_path / "a.h5", tmp_path / "a.html"
     source.write_text(text)
     run("import", source, "--as", "press", "-o", out, *(f"--{k}={v}" for k, v in told.items()), ends=0)
@@ -393,9 +391,7 @@ def test_what_was_not_measured_is_absent(run, tmp_path, columns, told, by):
         assert (name in shown.stdout) is measured and (name in page.read_text("utf-8")) is measured
         assert (said[key] is not None) is measured
         word = name.split()[0].lower()
-        heading = next(
-            line for line in table.read_text().splitlines() if "acceleration" in line and "," in line
-        )
+        heading = next(one for one in table.read_text().splitlines() if "acceleration" in one and "," in one)
         assert (word in heading) is measured, heading
     assert found.activated_by == by
     assert ("by the contact" in shown.stdout) is (by == "activation")

@@ -53,9 +53,7 @@ def test_columns_without_names_are_called_by_number_and_unit(tmp_path):
 @pytest.mark.parametrize(("every", "taken"), [(12, True), (8, False)])
 def test_of_a_signal_at_most_a_tenth_is_missing(every, taken, tmp_path):
     force = 5 * np.sin(np.arange(1200) / 40) ** 2
-    rows = [
-        f"{n / 1000:.3f},{'' if n % every == 5 else f'{one:.4f}'},{n % 7:.1f}" for n, one in enumerate(force)
-    ]
+    rows = [f"{n / 1000:.3f},{'' if n % every == 5 else f'{f:.4f}'},{n % 7:.1f}" for n, f in enumerate(force)]
     path = tmp_path / "gaps.csv"
     path.write_text("time (s),force (N),acceleration (m/s^2)\n" + "\n".join(rows) + "\n", encoding="utf-8")
     if taken:

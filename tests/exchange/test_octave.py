@@ -75,9 +75,8 @@ def test_octave_opens_every_kind(files, measured_map, tmp_path):
             assert said(kind)[name] == unit
     calibration = Calibration.load(files.calibration)
     np.testing.assert_array_equal(read("calibration", "frequency"), FREQUENCIES)
-    np.testing.assert_array_equal(
-        read("calibration", "velocity"), np.concatenate([velocity().real, velocity().imag])
-    )
+    parts = np.concatenate([velocity().real, velocity().imag])
+    np.testing.assert_array_equal(read("calibration", "velocity"), parts)
     np.testing.assert_array_equal(read("calibration", "coherence"), calibration.response.coherence)
     A, *_ = calibration.model.state_space()
     np.testing.assert_array_equal(read("calibration", "A"), A.ravel(order="F"))

@@ -226,11 +226,7 @@ def test_a_cluster_that_loses_every_worker_ends_it(folder, tmp_path, cluster, mo
     # By value: the workers have no module of tests.
     monkeypatch.setattr(processing, "_work", lambda *_: os.kill(os.getpid(), signal.SIGKILL))
     with pytest.raises(haploop.InstrumentError, match=r"lost its work \(KilledWorker\).*same command again"):
-        haploop.process_study(
-            haploop.load_study(folder),
-            tmp_path / "out",
-            dask=cluster.scheduler_address,
-        )
+        haploop.process_study(haploop.load_study(folder), tmp_path / "out", dask=cluster.scheduler_address)
 
 
 @pytest.mark.filterwarnings("default")

@@ -95,11 +95,8 @@ def test_a_map_in_pyuff(measured_map, tmp_path):
     for one, (patch, point, *_), values in zip(sets, PLACES, own(measured_map, sets[0]["x"]), strict=True):
         assert (one["rsp_ent_name"].strip(), one["ref_ent_name"].strip()) == (point, patch)
         assert (one["rsp_node"], one["ref_node"]) == (int(point) + 1, " AB".index(patch))
-        assert (one["func_type"], one["ordinate_spec_data_type"], one["orddenom_spec_data_type"]) == (
-            4,
-            11,
-            1,
-        )
+        kinds = ("func_type", "ordinate_spec_data_type", "orddenom_spec_data_type")
+        assert [one[kind] for kind in kinds] == [4, 11, 1]
         np.testing.assert_allclose(one["data"], values, rtol=1e-4)
 
 

@@ -23,9 +23,7 @@ def expected(files: Files, kind: str) -> dict[str, tuple[np.ndarray, str]]:
     """Some channels of a kind's file, as haploop itself reads it: values and unit."""
     if kind == "recording":
         r = files.presses
-        names = {
-            f"acceleration_{axis}": (row, "m/s^2") for axis, row in zip("xyz", r.acceleration, strict=True)
-        }
+        names = {f"acceleration_{x}": (row, "m/s^2") for x, row in zip("xyz", r.acceleration, strict=True)}
         return names | {"force": (r.force, "N"), "activation": (r.activation, "1")}
     if kind == "representative":
         return {"acceleration": (files.press.acceleration, "m/s^2"), "force": (files.press.force, "N")}

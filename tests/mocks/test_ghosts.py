@@ -17,9 +17,8 @@ def test_the_doctor_finds_a_source_that_does_not_settle(open, farad, shown):
     assert finding.status == "yellow"
     assert finding.name == "Ghost in acceleration_x"
     assert "ai_conv_rate" in finding.sentence
-    assert float(finding.sentence.partition(" shows ")[2].partition("%")[0]) / 100 == pytest.approx(
-        shown, rel=0.15
-    )
+    percent = float(finding.sentence.partition(" shows ")[2].partition("%")[0])
+    assert percent / 100 == pytest.approx(shown, rel=0.15)
     assert [fault.fired for fault in rig.simulation.faults] == [1]
 
 

@@ -257,9 +257,8 @@ def test_output_sample_by_sample_into_input(options):
         out.ao_channels.add_ao_voltage_chan("Card/ao0:1")
         into.ai_channels.add_ai_voltage_chan("Card/_ao0_vs_aognd, Card/_ao1_vs_aognd")
         for task, edge in ((out, Edge.RISING), (into, Edge.FALLING)):
-            task.timing.cfg_samp_clk_timing(
-                5000, "/Card/Ctr0InternalOutput", active_edge=edge, samps_per_chan=50
-            )
+            edges = ("/Card/Ctr0InternalOutput", edge)
+            task.timing.cfg_samp_clk_timing(5000, *edges, samps_per_chan=50)
         ramp = np.array([np.linspace(-4, 4, 50), np.linspace(1, 0, 50)])
         AnalogMultiChannelWriter(out.out_stream).write_many_sample(ramp)
         out.start()

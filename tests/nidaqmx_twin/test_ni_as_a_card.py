@@ -466,9 +466,7 @@ def test_a_forked_child_closes_no_task_of_its_parent(where, end, told):
 
 @pytest.mark.parametrize("register", [ACQUIRED, "register_done_event", "register_signal_event"])
 def test_events_are_registered_before_the_start(task, register):
-    first: tuple[Any, ...] = {ACQUIRED: (100,), "register_signal_event": (Signal.SAMPLE_CLOCK,)}.get(
-        register, ()
-    )
+    first = {ACQUIRED: (100,), "register_signal_event": (Signal.SAMPLE_CLOCK,)}.get(register, ())
     clocked(task, "Dev1/ai0", 1000, sample_mode=CONTINUOUS)
     task.start()
     assert code(lambda: getattr(task, register)(*first, lambda *_: 0)) == -200960

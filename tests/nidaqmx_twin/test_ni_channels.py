@@ -96,9 +96,7 @@ def test_each_kind_of_analog_input_has_what_its_call_gives(options, name):
                 continue
             shown = getattr(channel, told.lower(), None)
             if shown is not None and parameter.default is not CurrentShuntResistorLocation.LET_DRIVER_CHOOSE:
-                assert shown == {**_GIVEN.get(name, {})}.get(parameter.name, parameter.default), (
-                    parameter.name
-                )
+                assert shown == _GIVEN.get(name, {}).get(parameter.name, parameter.default), parameter.name
 
 
 @pytest.mark.parametrize(
@@ -150,10 +148,8 @@ def test_a_sensor_on_a_wired_input_is_scaled_to_its_own_units():
 def test_a_product_refuses_a_terminal_configuration_and_a_supply_that_it_has_not():
     with NiTwin({"Low": "USB-6009", "Dsa": "USB-4431", "X": "PCIe-6321"}):
         with nidaqmx.Task() as task:
-            assert (
-                task.ai_channels.add_ai_voltage_chan("Dsa/ai0").ai_term_cfg
-                is TerminalConfiguration.PSEUDO_DIFF
-            )
+            made = task.ai_channels.add_ai_voltage_chan("Dsa/ai0")
+            assert made.ai_term_cfg is TerminalConfiguration.PSEUDO_DIFF
         for terminal, config in (("Dsa/ai0", TerminalConfiguration.RSE),
             ("Low/ai0", TerminalConfiguration.NRSE), ("Low/ai4", TerminalConfiguration.DIFF)):  # fmt: skip
             with nidaqmx.Task() as task, pytest.raises(nidaqmx.DaqError) as caught:

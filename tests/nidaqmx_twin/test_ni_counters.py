@@ -110,9 +110,8 @@ def test_periods_widths_and_halves_come_one_after_the_other(twin, pulses):
 def test_two_edges_are_timed_from_the_first_to_the_second(twin, meter):
     twin.set("Dev1/PFI0", lambda times: (times % 0.01 < 0.005).astype(float))
     twin.set("Dev1/PFI1", lambda times: ((times - 0.002) % 0.01 < 0.005).astype(float))
-    channel = meter.ci_channels.add_ci_two_edge_sep_chan(
-        "Dev1/ctr0", first_edge=Edge.RISING, second_edge=Edge.RISING
-    )
+    edges = {"first_edge": Edge.RISING, "second_edge": Edge.RISING}
+    channel = meter.ci_channels.add_ci_two_edge_sep_chan("Dev1/ctr0", **edges)
     channel.ci_two_edge_sep_first_term, channel.ci_two_edge_sep_second_term = "/Dev1/PFI0", "/Dev1/PFI1"
     meter.timing.cfg_implicit_timing(samps_per_chan=3)
     assert meter.read(3) == pytest.approx([0.002] * 3, abs=3e-5)
@@ -136,13 +135,11 @@ def test_pulses_are_read_as_frequency_time_and_ticks(twin, pulses):
 
 
 def test_written_pulses_follow_one_another_and_are_measured_so(twin, meter):
-    frequencies, duties = np.array([500.0, 1000.0, 2000.0]), np.array([0.5, 0.25, 0.75])
+    hertz, duties = np.array([500.0, 1000.0, 2000.0]), np.array([0.5, 0.25, 0.75])
     with nidaqmx.Task() as train:
         train.co_channels.add_co_pulse_chan_freq("Dev1/ctr0")
         train.timing.cfg_implicit_timing(samps_per_chan=3)
-        CounterWriter(train.out_stream, auto_start=False).write_many_sample_pulse_frequency(
-            frequencies, duties
-        )
+        CounterWriter(train.out_stream, auto_start=False).write_many_sample_pulse_frequency(hertz, duties)
         channel = meter.ci_channels.add_ci_pulse_chan_freq("Dev1/ctr1")
         channel.ci_pulse_freq_term = OUT
         meter.timing.cfg_implicit_timing(samps_per_chan=2)

@@ -127,9 +127,7 @@ def gallery(demo: Demo) -> Mapping[str, Draw]:
         SimpleNamespace(within=SimpleNamespace(root=error, floor=0.01), kept=kept)
         for error, kept in ((0.05, True), (0.03, True), (0.04, False))
     ]
-    button: Any = SimpleNamespace(
-        press=presses[2], check=checks[2], learning=SimpleNamespace(iterations=tried)
-    )
+    button = SimpleNamespace(press=presses[2], check=checks[2], learning=SimpleNamespace(iterations=tried))
     felt = [(p.button, check_feeling(c, p)) for p, c in zip(presses, checks, strict=True)]
     truth = table.model.velocity(table.response.frequencies) * 1.05
     rows = list(zip(presses, checks, strict=True))

@@ -80,9 +80,8 @@ def test_forces_show_every_press_and_the_mean(participants):
     together = figure.axes[1]
     assert together.get_title(loc="left").endswith("All together")
     points = np.concatenate([np.asarray(line.get_ydata()) for line in together.lines if line.get_alpha()])
-    assert sorted(points) == pytest.approx(
-        sorted(np.concatenate([v for b in forces.values() for v in b.values()]))
-    )
+    all_of_them = np.concatenate([v for b in forces.values() for v in b.values()])
+    assert sorted(points) == pytest.approx(sorted(all_of_them))
 
 
 def test_one_press_alone_and_a_silent_one_can_be_drawn():

@@ -96,10 +96,7 @@ def test_what_several_files_show_alike_is_one_figure_and_drawn_once(demo, tmp_pa
     again = Path(shutil.copy(demo.folder / "calibration.h5", tmp_path / "again.h5"))
     presses = [demo.folder / "presses" / f"{name}.h5" for name in ("latch", "push")]
     made = write_report([demo.folder / "calibration.h5", again, *presses, presses[0]], tmp_path / "a.html")
-    assert [path.name for path in made.figures if path.suffix == ".svg"] == [
-        "01-presses.svg",
-        "02-response.svg",
-    ]
+    assert [p.name for p in made.figures if p.suffix == ".svg"] == ["01-presses.svg", "02-response.svg"]
     page = (tmp_path / "a.html").read_text(encoding="utf-8")
     caption = page.split("<figcaption>")[1]
     assert caption.count("n = 10 presses") == 2 and "latch.h5" in caption and "push.h5" in caption

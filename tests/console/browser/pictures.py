@@ -271,11 +271,8 @@ def two_buttons(album: Album) -> None:
 def widths(album: Album) -> None:
     """The first screen of each page on a desk, a tablet and a phone, on one sheet."""
     files = ("buttons/latch.h5", "recordings/P01-latch.h5")
-    pages = [
-        *(name for name in PAGES if name != "catalogue"),
-        "catalogue",
-        *(f"file?file={one}" for one in files),
-    ]
+    pages = [*(name for name in PAGES if name != "catalogue"), "catalogue"]
+    pages += [f"file?file={one}" for one in files]
     rows = []
     for name in pages:
         page, row = album.visit(name), []

@@ -90,10 +90,7 @@ def test_many_files_with_the_same_neighbours_are_one_box():
     found = lineage([*recordings, press], press.file)
     assert [len(node.members) for node in found.nodes] == [12, 1] and found.edges == ((0, 1),)
     alone = lineage([*recordings, press], recordings[3].file)
-    assert [(node.kind, node.here) for node in alone.nodes] == [
-        ("recording", True),
-        ("representative", False),
-    ]
+    assert [(n.kind, n.here) for n in alone.nodes] == [("recording", True), ("representative", False)]
     assert lineage([press], "/d/other.h5").nodes == ()
 
 

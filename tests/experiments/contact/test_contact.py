@@ -214,9 +214,8 @@ def test_areas_in_the_wrong_order_are_refused(areas):
 def burst(peak: float, rate_hz: float = 50_000.0) -> Any:
     """A drive of 0.1 s that begins with 0.05 s of nearly nothing."""
     times = np.arange(round(0.1 * rate_hz)) / rate_hz
-    shape = np.where(
-        times > 0.05, np.sin(np.pi * (times - 0.05) / 0.05) ** 2, 1e-4 * np.sin(np.pi * times / 0.05)
-    )
+    turns = np.pi * times / 0.05
+    shape = np.where(times > 0.05, np.sin(turns - np.pi) ** 2, 1e-4 * np.sin(turns))
     volts = peak * shape * np.sin(2 * np.pi * 260 * times)
     return SimpleNamespace(
         volts=volts[np.newaxis], target=volts, rate_hz=rate_hz, patches=("A",), by_patch={"A": volts}

@@ -60,10 +60,8 @@ def of(name: str) -> Rig:
         lines += [_channel(n, inputs, i, reads, spans[n]) for i, n in enumerate(names)]
     first = len(names) if presses and _volts(reads) >= len(names) + 2 else 0
     if table and not (presses and first == 0):
-        lines += [
-            _channel("drive", inputs, first, reads, 1.0),
-            _channel("laser", inputs, first + 1, reads, 5.0),
-        ]
+        lines.append(_channel("drive", inputs, first, reads, 1.0))
+        lines.append(_channel("laser", inputs, first + 1, reads, 5.0))
     elif not presses and volts:
         lines.append(_channel("signal", inputs, 0, reads, min(5.0, reads.ai_ranges[0])))
     table = table and not (presses and first == 0)
