@@ -61,8 +61,11 @@ def _names() -> Iterator[str]:
         one = getattr(haploop, name)
         yield f"python haploop.{name}{_signature(one)}"
         if inspect.isclass(one):
+            own = {
+                name for base in one.__mro__ if base.__module__.startswith("haploop.") for name in vars(base)
+            }
             for member, value in inspect.getmembers(one):
-                if not member.startswith("_") and member in vars(one):
+                if not member.startswith("_") and member in own:
                     yield f"python haploop.{name}.{member}{_signature(value)}"
 
 
