@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -12,3 +13,12 @@ def raises(kind: Any, says: str, call: Any, *args: Any, **words: Any) -> str:
     with pytest.raises(kind, match=says or None) as raised:
         call(*args, **words)
     return str(raised.value)
+
+
+def raising(error: BaseException) -> Callable[..., Any]:
+    """A function that raises the error, whatever it is called with."""
+
+    def call(*_: object, **__: object) -> Any:
+        raise error
+
+    return call

@@ -14,14 +14,11 @@ from haploop.base import publishing
 from haploop.base.errors import ConfigurationError, DataError
 from haploop.base.files import check_destination, new_file, reserved, room, whole_file
 from haploop.base.publishing import publish
-from tests.raising import raises
+from tests.raising import raises, raising
 
 
 def no_links(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*_: object, **__: object) -> None:
-        raise OSError(errno.EPERM, "Operation not permitted")
-
-    monkeypatch.setattr(os, "link", refuse)
+    monkeypatch.setattr(os, "link", raising(OSError(errno.EPERM, "Operation not permitted")))
 
 
 @pytest.fixture(params=["links", "no links"])
@@ -91,11 +88,7 @@ def test_what_somebody_writes_into_the_claim_stays(tmp_path, monkeypatch):
 @pytest.mark.skipif(os.name == "nt", reason="Windows needs no claim")
 def test_a_rename_that_fails_leaves_no_claim(tmp_path, monkeypatch):
     no_links(monkeypatch)
-
-    def refuse(*_: object) -> None:
-        raise OSError(errno.EIO, "Input/output error")
-
-    monkeypatch.setattr(Path, "replace", refuse)
+    monkeypatch.setattr(Path, "replace", raising(OSError(errno.EIO, "Input/output error")))
     raises(DataError, r"a\.txt cannot be written: Input/output error\.$", written, tmp_path / "a.txt")
     assert list(tmp_path.iterdir()) == []
 

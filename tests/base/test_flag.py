@@ -72,11 +72,9 @@ def test_an_interrupt_anywhere_leaves_a_flag_usable(step, up):
     assert at > 5, "it was interrupted"
 
 
-@pytest.mark.parametrize(
-    "step",
-    [lambda inbox: inbox.put(0), Inbox.end, lambda inbox: inbox.wait(0.01)],
-    ids=["put", "end", "wait"],
-)
+@pytest.mark.parametrize("step", [
+    lambda inbox: inbox.put(0), Inbox.end, lambda inbox: inbox.wait(0.01),
+], ids=["put", "end", "wait"])  # fmt: skip
 def test_an_interrupt_at_any_instruction_leaves_an_inbox_usable(step):
     at = 1
     while True:

@@ -19,7 +19,7 @@ from haploop.instruments import Rig
 from haploop.instruments.operator import RestFinger
 from haploop.instruments.operator.unattended import Unattended
 from tests.calibration.conftest import make_press
-from tests.raising import raises
+from tests.raising import raises, raising
 
 pytestmark = [pytest.mark.many_plays, pytest.mark.requires("simulation"), pytest.mark.long]
 
@@ -134,12 +134,8 @@ def test_nobody_and_wrong_requests_are_told_and_the_finger_leaves(calibrated, dr
         nobody.setattr(rig.operator, "confirm", lambda _request: pytest.fail("somebody was asked"))
         for given, plays, says in ((drive, 2, "3 plays"), (replace(drive, rig="x"), 8, "of the rig 'x'")):
             raises(ConfigurationError, says, check_under_finger, rig, given, "P07", plays=plays)
-
-    def broken(*_args: object, **_more: object) -> Check:
-        raise InstrumentError("it broke")
-
     with monkeypatch.context() as failing, pytest.raises(InstrumentError, match="it broke"):
-        failing.setattr(pressed, "check", broken)
+        failing.setattr(pressed, "check", raising(InstrumentError("it broke")))
         check_under_finger(rig, drive, "P07")
     rig.clock.sleep(1.0)
     rig.simulation.truth.velocity_response("A", "button", BAND)

@@ -17,7 +17,7 @@ from haploop.instruments import Rig, load_rig_file, open_rig
 from haploop.instruments.config import roles
 from haploop.instruments.interlock import Interlocked
 from haploop.instruments.rig import rig_schema
-from tests.raising import raises
+from tests.raising import raises, raising
 
 LAMP = """
 from abc import ABC, abstractmethod
@@ -154,24 +154,15 @@ def test_a_simulation_opens_no_driver_whose_wire_says_no_address(package, tmp_pa
     assert lamp.LOG == []
 
 
-def stuck(_self: object) -> None:
-    raise InstrumentError("The lamp is stuck.")
-
-
-def dead(_self: object) -> None:
-    raise RuntimeError("The line is dead.")
-
-
-def leaving(_self: object) -> None:
-    sys.exit("The vendor's library ends the program.")
+stuck = raising(InstrumentError("The lamp is stuck."))
+dead = raising(RuntimeError("The line is dead."))
+leaving = raising(SystemExit("The vendor's library ends the program."))
 
 
 @pytest.mark.parametrize(("broken", "says"), [
     (stuck, "confirmed: The lamp is stuck"), (property(dead), "confirmed"), (leaving, "confirmed"),
 ])  # fmt: skip
-def test_whatever_a_safe_state_from_outside_does_the_relay_opens(
-    connected: Rig, lamp: Any, monkeypatch: pytest.MonkeyPatch, broken: object, says: str
-) -> None:
+def test_whatever_a_safe_state_from_outside_does_the_relay_opens(connected, lamp, monkeypatch, broken, says):
     monkeypatch.setattr(lamp.AcmeLamp, "make_safe", broken)
     raises(InstrumentError, f"The safe state was not {says}", connected.make_safe)
     assert connected.relay.connected() == frozenset()
@@ -199,9 +190,7 @@ def test_an_identity_may_hang_later(connected, lamp, monkeypatch):
 
 @pytest.mark.parametrize("error", [ValueError("two\nlines"), SystemExit("bye")])
 def test_a_driver_from_outside_that_cannot_be_opened_or_closed_is_named(lamp, tmp_path, monkeypatch, error):
-    def fail(*_: object) -> None:
-        raise error
-
+    fail = raising(error)
     path = rig_file(tmp_path)
     monkeypatch.setattr(lamp.AcmeLamp, "close", fail)
     rig = open_rig(path)

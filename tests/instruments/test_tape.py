@@ -32,7 +32,7 @@ from tests.acquisition.session.test_other_daqs import ALONG
 from tests.acquisition.session.test_other_daqs import SERIAL as SERIAL_ADC
 from tests.instruments.camera.test_camera import Feed
 from tests.mutating import within_memory
-from tests.raising import raises
+from tests.raising import raises, raising
 
 
 def lines(tape: Path) -> list[dict[str, Any]]:
@@ -48,9 +48,7 @@ def nothing_is_opened(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
     """Call it, and no socket is opened any more, and no NI library chosen."""
 
     def close() -> None:
-        def refuse(*_: object, **__: object) -> Any:
-            raise AssertionError("a tape opens nothing")
-
+        refuse = raising(AssertionError("a tape opens nothing"))
         monkeypatch.setattr(socket.socket, "connect", refuse)
         monkeypatch.setattr(grpc, "insecure_channel", refuse)
         monkeypatch.setattr("nidaqmx._library_interpreter.LibraryInterpreter", refuse)
@@ -297,8 +295,7 @@ def test_arrays_and_numbers_come_back_as_they_were(tmp_path):
         line.call("fail", lambda: None, failures=(Failure(ConnectionError),))
 
 
-def open_port() -> None:
-    raise ConnectionError("no such port")
+open_port = raising(ConnectionError("no such port"))
 
 
 @pytest.mark.long
@@ -455,15 +452,12 @@ def test_commands_of_a_tape(run, whole, tmp_path, monkeypatch):
 
 
 def test_a_full_disk_ends_the_tape_only(tmp_path, monkeypatch):
-    def full(*_: object) -> None:
-        raise OSError(28, "No space left on device")
-
     recorder = Recorder(tmp_path / "full.tape")
     recorder.begin("{}", None, VirtualClock())
     with pytest.raises(DataError, match=r"ends early .no space left.*everything else was done"), recorder:
         line = TapedLine(recorder, "x")
         assert line.call("do", lambda: 1) == 1
-        monkeypatch.setattr(recorder._writer, "write", full)
+        monkeypatch.setattr(recorder._writer, "write", raising(OSError(28, "No space left on device")))
         assert line.call("do", lambda: 2) == 2
 
 

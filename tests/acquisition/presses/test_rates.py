@@ -78,10 +78,9 @@ def test_the_stated_uncertainty_holds_for_presses_that_nobody_chose(rate_hz):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(
-    ("every", "force", "bandwidth"),
-    [(1, True, 2500), (2, True, 1250), (10, True, 250), pytest.param(15, False, 0, marks=pytest.mark.long)],
-)
+@pytest.mark.parametrize(("every", "force", "bandwidth"), [
+    (1, True, 2500), (2, True, 1250), (10, True, 250), pytest.param(15, False, 0, marks=pytest.mark.long),
+])  # fmt: skip
 def test_an_imports_rate(every, force, bandwidth, run, tmp_path):
     """Resampling adds nothing: neither certainty of the force, nor bandwidth."""
     with haploop.open_rig("simulated") as rig:

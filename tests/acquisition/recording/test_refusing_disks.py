@@ -57,10 +57,9 @@ def one_sentence(error: BaseException, number: int) -> None:
 
 
 @pytest.mark.parametrize("number", NUMBERS, ids=errno.errorcode.get)
-@pytest.mark.parametrize(
-    ("call", "after"),
-    [(call, after) for call in ("open", "posix_fallocate", "fsync") for after in (0, 1)] + [("link", 0)],
-)
+@pytest.mark.parametrize(("call", "after"), [
+    (call, after) for call in ("open", "posix_fallocate", "fsync") for after in (0, 1)] + [("link", 0),
+])  # fmt: skip
 def test_while_a_file_is_laid_out(tmp_path, monkeypatch, call, after, number):
     path = tmp_path / "P01-push.h5"
     with (

@@ -72,10 +72,9 @@ def test_the_last_verdict_on_an_attempt_counts_and_they_are_sorted():
     assert verdicts_in(rows) == (presses[2], presses[1], presses[3])
 
 
-@pytest.mark.parametrize(
-    "change",
-    [{"number": 0}, {"attempt": 0}, {"first": -1}, {"first": 251}, {"flags": ("nothing",)}],
-)
+@pytest.mark.parametrize("change", [
+    {"number": 0}, {"attempt": 0}, {"first": -1}, {"first": 251}, {"flags": ("nothing",)},
+])  # fmt: skip
 def test_a_verdict_without_sense_is_refused(change):
     raises(DataError, "", verdict_row, PRESS._replace(**change))
     with pytest.raises(DataError, match="no press flag 'nothing'"):

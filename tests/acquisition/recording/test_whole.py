@@ -7,7 +7,7 @@ from pathlib import Path
 from haploop.acquisition.recording import write_recording, writer
 from haploop.base.errors import ConfigurationError
 from tests.acquisition.recording.pattern import block_of, header
-from tests.raising import raises
+from tests.raising import raises, raising
 
 
 def test_a_file_that_appears_meanwhile_is_kept(tmp_path, monkeypatch):
@@ -23,9 +23,6 @@ def test_a_file_that_appears_meanwhile_is_kept(tmp_path, monkeypatch):
 
 def test_what_cannot_be_judged_leaves_no_file(tmp_path):
     path = tmp_path / "P01-latch.h5"
-
-    def judge(_: object) -> list[object]:
-        raise RuntimeError("judged wrongly")
-
+    judge = raising(RuntimeError("judged wrongly"))
     raises(RuntimeError, "", write_recording, path, header(), block_of(0).volts, [], judge)
     assert list(tmp_path.iterdir()) == []

@@ -11,7 +11,6 @@ import threading
 import time
 from collections import namedtuple
 from dataclasses import replace
-from pathlib import Path
 
 import h5py
 import numpy as np
@@ -37,7 +36,7 @@ from tests.acquisition.recording.pattern import (
     header,
     written,
 )
-from tests.raising import raises
+from tests.raising import raises, raising
 
 Usage = namedtuple("Usage", "total used free")
 
@@ -207,11 +206,7 @@ def test_what_cannot_be_renamed_or_is_recorded(tmp_path, monkeypatch):
     path = written(tmp_path / "P01-push.h5")
     with marked(path), pytest.raises(ConfigurationError, match="is being recorded now"):
         recover(path)
-
-    def refuse(*_: Path) -> None:
-        raise OSError(errno.EROFS, "")
-
-    monkeypatch.setattr("haploop.acquisition.recording.recovery.publish", refuse)
+    monkeypatch.setattr("haploop.acquisition.recording.recovery.publish", raising(OSError(errno.EROFS, "")))
     raises(ConfigurationError, r"cannot be renamed \(Read-only file system\)", set_aside, path)
 
 

@@ -16,7 +16,7 @@ from haploop.base.clock import RealClock
 from haploop.base.errors import ConfigurationError, InstrumentError
 from haploop.instruments import AnalogChannel, Block, NewFile, Reading, load_rig_file
 from tests.acquisition.presses.pressworld import FULL_SCALE, world_rig
-from tests.raising import raises
+from tests.raising import raises, raising
 from tests.rig_files import changed
 
 BLOCK = round(Protocol().block * 5000)
@@ -55,13 +55,6 @@ def rig_with(meter, **settings):
     return rig
 
 
-def fails_with(error):
-    def call(*_arguments):
-        raise error
-
-    return call
-
-
 def errors(recording):
     return [event.text for event in recording.events if event.kind == "along-error"]
 
@@ -91,8 +84,8 @@ def test_the_same_world_gives_the_same_recording_and_a_reading_is_in_its_hash(tm
 
 
 @pytest.mark.parametrize(("read", "says"), [
-    (fails_with(InstrumentError("The meter lost its cable.")), "The meter lost its cable."),
-    (fails_with(ZeroDivisionError("nothing\nat all")), "ZeroDivisionError: nothing at all."),
+    (raising(InstrumentError("The meter lost its cable.")), "The meter lost its cable."),
+    (raising(ZeroDivisionError("nothing\nat all")), "ZeroDivisionError: nothing at all."),
     (lambda: [Reading("level", float("nan"), "m")], "was nan"),
     (lambda: [Reading("level", "high", "m")], "could not convert"),
     (lambda: [Reading("n" * 300, 1.0, "m")], "too long for an event"),
@@ -125,7 +118,7 @@ def test_one_that_recovers_is_read_again_and_its_next_failure_is_told(tmp_path):
 
 
 def test_one_that_does_not_start_is_refused_before_anything_is_recorded(tmp_path):
-    meter = Meter(start=fails_with(InstrumentError("The meter is out of paper.")))
+    meter = Meter(start=raising(InstrumentError("The meter is out of paper.")))
     raises(InstrumentError, "out of paper", record, rig_with(meter), "push", "P01", 1, tmp_path)
     assert list(tmp_path.iterdir()) == []
     assert meter.calls == ["stop"]
@@ -133,9 +126,9 @@ def test_one_that_does_not_start_is_refused_before_anything_is_recorded(tmp_path
 
 def test_one_that_ends_the_program_when_it_starts_or_stops_does_not(tmp_path):
     with pytest.raises(InstrumentError, match="SystemExit"):
-        record(rig_with(Meter(start=fails_with(SystemExit(3)))), "push", "P01", 1, tmp_path)
+        record(rig_with(Meter(start=raising(SystemExit(3)))), "push", "P01", 1, tmp_path)
     for number, error in enumerate((SystemExit(3), InstrumentError("The meter does not stop."))):
-        recording = record(rig_with(Meter(stop=fails_with(error))), "push", f"P0{number}", 1, tmp_path)
+        recording = record(rig_with(Meter(stop=raising(error))), "push", f"P0{number}", 1, tmp_path)
         assert recording.complete
         assert ("SystemExit", "does not stop")[number] in errors(recording)[0]
 

@@ -11,7 +11,7 @@ from haploop.acquisition.session.recorder import MOST_PRESSES
 from haploop.base.errors import ConfigurationError, DataError, InstrumentError
 from haploop.instruments import Press, Rest
 from tests.acquisition.presses.pressworld import world_rig
-from tests.raising import raises
+from tests.raising import raises, raising
 from tests.rig_files import changed
 
 BLOCK = round(Protocol().block * 5000)
@@ -95,9 +95,7 @@ def test_ctrl_c_leaves_a_readable_recording_of_all_that_was_read(tmp_path, numbe
 
 
 def test_where_an_interrupted_file_cannot_be_finished_it_stays_recoverable(tmp_path, monkeypatch):
-    def refused(*_arguments, **_settings):
-        raise OSError(errno.ENOSPC, "No space left on device")
-
+    refused = raising(OSError(errno.ENOSPC, "No space left on device"))
     monkeypatch.setattr("haploop.acquisition.recording.salvage.write_header", refused)
     rig = world_rig(answers=False)
     raises(DataError, "No press 1 of 3 arrived", record, rig, "push", "P01", 3, tmp_path)

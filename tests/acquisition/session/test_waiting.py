@@ -17,7 +17,7 @@ from haploop.instruments import Press
 from tests import forked
 from tests.acquisition.presses.pressworld import world_rig
 from tests.acquisition.session.studying import recording_until_told
-from tests.raising import raises
+from tests.raising import raises, raising
 
 STUDY = 'name = "trial"\nbuttons = ["push"]\nparticipants = ["P01"]\npresses = 3\n'
 
@@ -170,10 +170,7 @@ def test_an_empty_recording_does_not_refuse_the_next_and_is_kept(tmp_path):
 
 def test_what_cannot_be_set_aside_stays(tmp_path, monkeypatch):
     raises(DataError, "No press 1 of 1", record, world_rig(answers=False), "push", "P01", 1, tmp_path)
-
-    def refuse(*_paths: object) -> None:
-        raise OSError(errno.EROFS, "Read-only file system")
-
+    refuse = raising(OSError(errno.EROFS, "Read-only file system"))
     monkeypatch.setattr(os, "link", refuse)
     monkeypatch.setattr(os, "open", refuse)
     monkeypatch.setattr(Path, "rename", refuse)

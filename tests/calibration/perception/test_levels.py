@@ -125,10 +125,9 @@ def test_a_finger_that_presses_is_more_sensitive_than_one_at_rest_where_it_was_f
     assert not np.isfinite(resting(np.array([5.0, 1200.0]))).any()
 
 
-@pytest.mark.parametrize(
-    "gone",
-    ['source = "aosp"', 'source = "forta"', 'source = "assumed"', 'source = "hif"', 'source = "bursts"'],
-)
+@pytest.mark.parametrize("gone", [
+    'source = "aosp"', 'source = "forta"', 'source = "assumed"', 'source = "hif"', 'source = "bursts"',
+])  # fmt: skip
 def test_a_row_without_a_source_is_refused(gone):
     text = resources.files("haploop.calibration.perception").joinpath("thresholds.toml").read_text("utf-8")
     perception.parse_thresholds(text)

@@ -117,10 +117,9 @@ def test_a_pole_far_above_the_band_is_no_mode_that_moved(calibrated):
 
 
 @pytest.mark.requires("simulation")
-@pytest.mark.parametrize(
-    ("patch", "point"),
-    [("A", "19"), *(pytest.param(*at, marks=pytest.mark.long) for at in (("A", "32"), ("B", "button")))],
-)
+@pytest.mark.parametrize(("patch", "point"), [
+    ("A", "19"), *(pytest.param(*at, marks=pytest.mark.long) for at in (("A", "32"), ("B", "button"))),
+])  # fmt: skip
 def test_the_next_point_and_another_patch_are_broken(calibrated, patch, point):
     """The true responses, with the lag that the active calibration's hysteresis has at its level."""
     active = calibrated.calibration

@@ -30,7 +30,7 @@ from haploop.instruments import Rig, load_rig_file, log_entries
 from haploop.instruments.operator.unattended import Unattended
 from tests.calibration.map.killing import Victims
 from tests.calibration.recalibration.conftest import WHEN
-from tests.raising import raises
+from tests.raising import raises, raising
 
 pytestmark = pytest.mark.many_plays
 
@@ -325,11 +325,7 @@ def test_all_or_nothing(open, history, monkeypatch):
     )
 
     for error, kind in ((LimitError("no headroom."), "drifted"), (InstrumentError("it died."), "broken")):
-
-        def fail(*_args: Any, error: Exception = error, **_more: Any) -> DigitalButton:
-            raise error
-
-        monkeypatch.setattr(recalibration, "build_button", fail)
+        monkeypatch.setattr(recalibration, "build_button", raising(error))
         outcome = recalibrate(rig, history)
         assert changed_nothing(history, outcome, before, kind)
         assert str(error) in " ".join(outcome.sentences)

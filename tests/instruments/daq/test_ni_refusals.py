@@ -20,7 +20,7 @@ from haploop.instruments.daq.ni_daqmx import NiDaq
 from haploop.nidaqmx_twin import NiServer, inventory_of
 from tests.instruments.daq.conftest import CARDS, WIRING, opened, settings
 from tests.nidaqmx_twin.ni_client import Bench, connected
-from tests.raising import raises
+from tests.raising import raises, raising
 
 
 def test_cards_without_a_cable(bench):
@@ -92,10 +92,7 @@ def test_ctrl_c_comes_after_a_call_and_within_a_slice_of_connecting(monkeypatch)
 
 
 def test_a_connection_for_which_no_thread_can_be_started(monkeypatch):
-    def refused(*_: object) -> None:
-        raise RuntimeError("can't start new thread")
-
-    monkeypatch.setattr(grpc, "channel_ready_future", refused)
+    monkeypatch.setattr(grpc, "channel_ready_future", raising(RuntimeError("can't start new thread")))
     raises(RuntimeError, "can't start new thread", NiDaq.open, settings(server="127.0.0.1:9"), RealClock())
 
 
@@ -162,9 +159,7 @@ acceleration = {{ terminal = "cDAQ1Mod1/ai1", range = 5 }}
     ("PCIe-6321", 6400, ("force", "acceleration"), ""),
     ("PCIe-6321", 5120, ("acceleration", "force"), ""),  # the converter's clock is the other card's too
 ])  # fmt: skip
-def test_two_cards_have_one_rate_or_a_sentence_with_those_they_have(
-    card, rate, order, says, simulate, tmp_path
-):
+def test_two_cards_have_one_rate_or_a_sentence_with_theirs(card, rate, order, says, simulate, tmp_path):
     path = tmp_path / "two.toml"
     path.write_text(TWO_CARDS.format(card=card, rate=rate), encoding="utf-8")
     with open_rig(path, simulate=simulate) as rig:

@@ -11,6 +11,7 @@ import haploop
 from haploop.base.validation import _FORMS
 from haploop.instruments.config import shipped_rigs
 from haploop.instruments.describing import LOOK_UP, Found, FoundCard, rig_problems, to_look_up
+from tests.raising import raising
 
 LABS = {
     "arduino": ("arduino", Found(ports=(("COM7", "Arduino Uno"),)), ['port = "COM7"'], {}),
@@ -122,10 +123,9 @@ def test_all_errors_are_told_at_once(run, tmp_path):
     assert all(one in said for one in ("amplifier.gain", "daq.channels.force.terminal", "table.rows")), said
 
 
-@pytest.mark.parametrize(
-    ("name", "near"),
-    [("usb6211", "usb-6211"), ("USB", "usb-6211"), ("compact", "compactdaq-iepe"), ("hapttable", "haptable")],
-)
+@pytest.mark.parametrize(("name", "near"), [
+    ("usb6211", "usb-6211"), ("USB", "usb-6211"), ("compact", "compactdaq-iepe"), ("hapttable", "haptable"),
+])  # fmt: skip
 def test_a_rig_that_is_nearly_named(name, near, run, tmp_path):
     for command in (("rig", "new", tmp_path / "x.toml", "--like", name), ("doctor", "--rig", name)):
         result = run(*command)
@@ -152,9 +152,7 @@ def test_no_pattern_of_a_field_is_shown_to_a_person():
 
 
 def test_a_library_that_is_missing_or_fails_is_one_sentence(monkeypatch):
-    def broken() -> list[FoundCard]:
-        raise RuntimeError("Could not find an installation of NI-DAQmx. More words.")
-
+    broken = raising(RuntimeError("Could not find an installation of NI-DAQmx. More words."))
     monkeypatch.setattr("haploop.instruments.describing._cards", broken)
     found = haploop.look_for_hardware()
     assert found.cards == ()

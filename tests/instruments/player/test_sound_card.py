@@ -21,7 +21,7 @@ from haploop.mocks.clock import VirtualClock
 from haploop.mocks.plant import Plant
 from haploop.mocks.player.sound_card import DRIFT, Card, Jack, twin
 from tests.calibration.conftest import make_press
-from tests.raising import raises
+from tests.raising import raises, raising
 
 pytestmark = pytest.mark.requires("simulation")
 
@@ -141,11 +141,7 @@ def test_without_sounddevice(error, says, monkeypatch):
 
 def test_no_such_device_is_one_sentence(monkeypatch):
     bench = Bench()
-
-    def query(device: object, kind: str) -> object:
-        raise ValueError(f"No output device matching {device!r}")
-
-    monkeypatch.setattr(bench.card, "query_devices", query)
+    monkeypatch.setattr(bench.card, "query_devices", raising(ValueError("No output device matching 'USB'")))
     with pytest.raises(InstrumentError, match="no sound output 'USB'"):
         SoundCard(settings(device="USB"), RealClock(), bench.card)
 
@@ -184,10 +180,9 @@ def test_a_capture_is_on_the_drives_clock(open, tmp_path):
     assert rig.simulation.truth.closed == frozenset()
 
 
-@pytest.mark.parametrize(
-    ("made", "corner"),
-    [(burst, 5.0), (burst, 2.0), (burst, 10.0), (lambda peak: linear_sweep(RATE, 2.0, 625.0, peak), 2.0)],
-)
+@pytest.mark.parametrize(("made", "corner"), [
+    (burst, 5.0), (burst, 2.0), (burst, 10.0), (lambda peak: linear_sweep(RATE, 2.0, 625.0, peak), 2.0),
+])  # fmt: skip
 def test_the_begin_does_not_depend_on_what_the_coupling_is_believed_to_be(open, made, corner, monkeypatch):
     """Declared as 5 Hz: a wrong corner must not pass for a delay."""
     rig = open("sound-card")

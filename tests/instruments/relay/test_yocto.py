@@ -113,7 +113,7 @@ def test_no_renewal_outlasts_the_longest_time(setup):
     ([], ["A", "B"], 2, r"channel 2 \(patch B\) was told to close but reads open", set()),
     (["A"], ["B"], 1, r"channel 1 \(patch A\) was told to open but reads closed", {"A"}),
 ], ids=["close", "open"])  # fmt: skip
-def test_a_channel_that_does_not_follow_is_an_error_before_any_other_closes(
+def test_a_channel_that_does_not_follow_is_told_before_another_closes(
     setup, kind, first, then, channel, says, left
 ):
     setup.relay.connect(first)

@@ -16,7 +16,7 @@ from haploop.base.signals import uninterrupted
 from haploop.instruments import Arbitrary, Burst, Rig, Sweep, open_rig
 from haploop.instruments.conformance import bypass_interlock
 from tests.conftest import OpenRig
-from tests.raising import raises
+from tests.raising import raises, raising
 
 
 def tone(rig: Rig, peak: float = 40, duration: float = 0.4) -> np.ndarray:
@@ -171,11 +171,9 @@ def test_a_generator_sweeps_a_patch_while_the_daq_records(swept):
 
 @pytest.mark.usefixtures("unproved")
 @pytest.mark.requires("simulation")
-@pytest.mark.parametrize(
-    "waveform",
-    [Burst(263.5, 40, 30), Arbitrary(30 * np.sin(np.arange(2001) * np.pi / 50) * np.hanning(2001), 20_000)],
-    ids=str,
-)
+@pytest.mark.parametrize("waveform", [
+    Burst(263.5, 40, 30), Arbitrary(30 * np.sin(np.arange(2001) * np.pi / 50) * np.hanning(2001), 20_000),
+], ids=str)  # fmt: skip
 def test_a_generator_plays_other_waveforms_too(swept, waveform):
     record = swept.simulation.truth.record()
     capture = swept.generate(waveform, ["A"], ["drive", "laser"], tail=0.1)
@@ -217,12 +215,8 @@ def test_the_generator_is_off_before_the_relay_opens(swept, monkeypatch):
     swept.generator.configure(replace(SWEEP, amplitude=0.8))
     swept.generator.arm()
     swept.generator.trigger()
-
-    def dead() -> None:
-        raise InstrumentError("the card is gone.")
-
     with monkeypatch.context() as patch:
-        patch.setattr(swept.daq, "hold", dead)
+        patch.setattr(swept.daq, "hold", raising(InstrumentError("the card is gone.")))
         patch.setattr(swept.generator, "off", lambda: (order.append("off"), off())[1])
         patch.setattr(swept.relay, "connect", lambda p: (order.append("open"), connect(p))[1])
         raises(InstrumentError, "safe state was not confirmed: the card is gone", swept.make_safe)

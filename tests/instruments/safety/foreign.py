@@ -13,6 +13,7 @@ from nidaqmx import GrpcSessionOptions
 from haploop.base.errors import InstrumentError
 from haploop.instruments import Rig
 from haploop.nidaqmx_twin.nodes import Run
+from tests.raising import raising
 
 
 def leave(rig: Rig, output: str, volts: float) -> None:
@@ -33,11 +34,9 @@ def held(rig: Rig, output: str, volts: float) -> Iterator[None]:
     if rig.mode == "twin":
         leave(rig, output, volts)
         zero = rig.daq.zero
-
-        def refused() -> None:
-            raise InstrumentError("Dev2 is in use by another program or task (-50103): close it.")
-
-        rig.daq.zero = refused
+        rig.daq.zero = raising(
+            InstrumentError("Dev2 is in use by another program or task (-50103): close it.")
+        )
         yield
         rig.daq.zero = zero
         return

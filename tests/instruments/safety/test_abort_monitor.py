@@ -16,7 +16,7 @@ from haploop.instruments.safety.abort_monitor import AbortMonitor
 from haploop.instruments.safety.audit import entries
 from haploop.instruments.safety.lockout import Lockout, clear_lockout, lockout_of, set_lockout
 from tests.instruments.safety.at_the_patch import bursts
-from tests.raising import raises
+from tests.raising import raises, raising
 from tests.rig_files import changed
 
 pytestmark = pytest.mark.usefixtures("unproved")
@@ -150,9 +150,7 @@ def test_a_simulated_lockout_holds_whatever_the_plant_is_like():
 
 
 def test_a_lockout_that_cannot_be_saved_holds_the_open_rig(monkeypatch):
-    def full(*_: object, **__: object) -> None:
-        raise OSError(28, "No space left on device")
-
+    full = raising(OSError(28, "No space left on device"))
     with open_rig(DOUBLED) as rig:
         monkeypatch.setattr("haploop.instruments.safety.lockout.set_lockout", full)
         monkeypatch.setattr("numpy.savez", full)

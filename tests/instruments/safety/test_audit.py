@@ -22,7 +22,7 @@ from haploop.instruments import load_rig_file, log_entries, open_rig
 from haploop.instruments.config.rig_file import AbortLimits, RigFile
 from haploop.instruments.safety.audit import Audit, entries, state_folder
 from tests.mutating import mutations
-from tests.raising import raises
+from tests.raising import raises, raising
 
 pytestmark = pytest.mark.usefixtures("unproved")
 
@@ -228,11 +228,10 @@ def test_a_folder_that_cannot_be_written(tmp_path, monkeypatch):
 
 
 def test_a_simulation_needs_no_home(tmp_path, monkeypatch):
-    def homeless(_: str) -> Path:
-        raise RuntimeError("Could not determine home directory.")
-
     monkeypatch.delenv("HAPLOOP_STATE")
-    monkeypatch.setattr("platformdirs.user_state_path", homeless)
+    monkeypatch.setattr(
+        "platformdirs.user_state_path", raising(RuntimeError("Could not determine home directory."))
+    )
     with open_rig("simulated") as rig:
         rig.excite(DRIVE, ["A"], ["drive"])
     assert [entry["kind"] for entry in entries(rig.audit.folder)][-1] == "closed"

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -18,6 +17,7 @@ from haploop.instruments.config.rig_file import DriveLimits
 from haploop.instruments.safety.duty import clear_old, count_plays, plays_of
 from tests.instruments.safety.at_the_patch import bursts, busiest_minute
 from tests.instruments.safety.lab import Lab, lab
+from tests.raising import raising
 from tests.rig_files import changed
 
 pytestmark = pytest.mark.usefixtures("unproved")
@@ -115,9 +115,7 @@ def test_a_calendar_that_is_set_forward_forgets_nothing(here, monkeypatch):
 
 
 def test_what_cannot_be_counted(here, tmp_path, monkeypatch):
-    def full(*_: Any) -> None:
-        raise OSError(28, "No space left on device")
-
+    full = raising(OSError(28, "No space left on device"))
     with open_rig(allowed(0.05)) as rig:
         monkeypatch.setattr("haploop.instruments.safety.machine.write", full)
         with pytest.raises(DataError, match=r"cannot be counted .* \(No space left on device\)"):

@@ -232,11 +232,9 @@ def test_after_a_rig_the_outputs_are_free():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(
-    ("name", "place"),
-    [("stop", 1), ("start", 2), ("stop", 2), ("write", 3)],
-    ids=["before its stop", "before it starts", "before it is stopped", "before zero"],
-)
+@pytest.mark.parametrize(("name", "place"), [
+    ("stop", 1), ("start", 2), ("stop", 2), ("write", 3),
+], ids=["before its stop", "before it starts", "before it is stopped", "before zero"])  # fmt: skip
 def test_a_reset_between_two_calls_locks_out(name, place, monkeypatch):
     """The task that has lost its outputs reserves them again by itself, as if nothing had been."""
     with open_rig("simulated", simulate="wire") as rig, clients(rig) as (other,):

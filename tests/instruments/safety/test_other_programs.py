@@ -23,7 +23,7 @@ from haploop.instruments.rig.opening import hardware
 from haploop.instruments.safety.duty import plays_of
 from haploop.instruments.safety.lockout import lockout_of
 from haploop.instruments.safety.machine import hold, reserve
-from tests.raising import raises
+from tests.raising import raises, raising
 
 DRIVE = 20 * np.sin(2 * np.pi * 250 * np.arange(50_000) / 50_000) * np.hanning(50_000)
 TraceFunction = Callable[[FrameType, str, Any], Any]
@@ -114,14 +114,11 @@ def test_hardware_that_answered_too_late_is_not_used_under_another_name(lab, rol
 
 def test_a_lock_and_a_mark_hold_on_a_full_disk(tmp_path, place, monkeypatch):
     """The holder's name is missing then, and no more; a network disk may refuse as late as on closing."""
-    close = os.close
+    close, full = os.close, raising(OSError(28, "No space left on device"))
 
     def closed(descriptor: int) -> None:
         close(descriptor)
         full()
-
-    def full(*_: object) -> None:
-        raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patch:
         patch.setattr("os.write", full)

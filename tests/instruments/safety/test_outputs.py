@@ -12,7 +12,7 @@ from haploop.base.errors import DataError, InstrumentError
 from haploop.base.json_files import as_file
 from haploop.instruments.safety import Outputs, machine
 from haploop.instruments.safety.duty import clear_old, count_plays, plays_of
-from tests.raising import raises
+from tests.raising import raises, raising
 
 
 class Rig(dict[str, Any]):
@@ -48,11 +48,7 @@ def test_outputs_are_set_to_zero_and_read_back():
 
 def test_an_output_that_cannot_be_set_keeps_the_relay_open():
     rig = Rig()
-
-    def held() -> None:
-        raise InstrumentError("Dev2 is in use.")
-
-    rig["daq"].hold = held
+    rig["daq"].hold = raising(InstrumentError("Dev2 is in use."))
     raises(InstrumentError, r"not known to be at zero volts: Dev2 is in use\.", Outputs(rig).rest)
 
 

@@ -14,6 +14,7 @@ from haploop.base.errors import InstrumentError
 from haploop.instruments.safety import Renewal
 from haploop.instruments.safety.deadline import Watch
 from haploop.mocks.clock import VirtualClock
+from tests.raising import raising
 
 DEAD_MAN = 0.4
 
@@ -53,9 +54,7 @@ def test_a_block_that_is_late_ends_no_play_and_one_that_never_comes_ends_it():
 
 
 def test_what_a_renewal_finds_ends_the_play():
-    def opened() -> None:
-        raise InstrumentError("channel 1 reads open")
-
+    opened = raising(InstrumentError("channel 1 reads open"))
     renewal = Renewal(SimpleNamespace(dead_man=0.05, renew=opened), RealClock())
     with renewal.running(), pytest.raises(InstrumentError, match="reads open"):
         for _ in range(200):

@@ -23,15 +23,11 @@ from haploop.instruments import Rig, open_rig
 from haploop.instruments.safety.audit import entries
 from haploop.instruments.safety.machine import hold
 from tests.instruments.safety.at_the_patch import bursts
-from tests.raising import raises
+from tests.raising import raises, raising
 
 DRIVE = 20 * np.sin(2 * np.pi * 250 * np.arange(50_000) / 50_000) * np.hanning(50_000)
 TraceFunction = Callable[[FrameType, str, Any], Any]
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="signals to another program are POSIX")
-
-
-def fail(why: str) -> None:
-    raise InstrumentError(why)
 
 
 def safe(rig: Rig) -> bool:
@@ -89,7 +85,7 @@ def test_a_relay_that_does_not_open_leaves_the_outputs_held(monkeypatch):
     with open_rig("simulated") as rig:
         rig.relay.connect(["A"])
         with monkeypatch.context() as patch:
-            patch.setattr(rig.relay, "connect", lambda _patches: fail("The box is gone."))
+            patch.setattr(rig.relay, "connect", raising(InstrumentError("The box is gone.")))
             patch.setattr(rig.daq, "_let_go", lambda: let_go.append(True))
             raises(InstrumentError, r"not confirmed: The box is gone\. Switch", rig.make_safe)
         assert not let_go
@@ -97,11 +93,8 @@ def test_a_relay_that_does_not_open_leaves_the_outputs_held(monkeypatch):
 
 
 def test_a_step_that_fails_without_a_word_is_told_by_its_kind(monkeypatch):
-    def full() -> None:
-        raise MemoryError
-
     with open_rig("simulated") as rig, monkeypatch.context() as patch:
-        patch.setattr(rig.daq, "zero", full)
+        patch.setattr(rig.daq, "zero", raising(MemoryError()))
         raises(InstrumentError, r"not confirmed: MemoryError\.", rig.make_safe)
 
 

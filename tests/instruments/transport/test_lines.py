@@ -46,10 +46,9 @@ def test_a_port_is_opened_as_the_rig_file_says(monkeypatch):
     port.close()
 
 
-@pytest.mark.parametrize(
-    ("settings", "key"),
-    [({"stop_bits": 3}, "stop_bits"), ({"parity": "e"}, "parity"), ({"handshake": "rts"}, "handshake")],
-)
+@pytest.mark.parametrize(("settings", "key"), [
+    ({"stop_bits": 3}, "stop_bits"), ({"parity": "e"}, "parity"), ({"handshake": "rts"}, "handshake"),
+])  # fmt: skip
 def test_what_no_port_has_is_refused(settings, key):
     raises(ValidationError, key, SerialSettings, **settings)
 
