@@ -10,8 +10,10 @@ from haploop.base.errors import DataError
 from haploop.calibration import perception
 from haploop.calibration.perception import levels_of, thresholds
 from haploop.calibration.perception.levels import OCTAVES, mean_levels, pressing, resting
+from tests.raising import raises
 
 RATE = 20000.0
+TABLE = resources.files("haploop.calibration.perception").joinpath("thresholds.toml").read_text("utf-8")
 
 
 def tone(hz: float, seconds: float = 1.4, rate: float = RATE, at: float = 0.0) -> np.ndarray:
@@ -125,30 +127,20 @@ def test_a_finger_that_presses_is_more_sensitive_than_one_at_rest_where_it_was_f
     assert not np.isfinite(resting(np.array([5.0, 1200.0]))).any()
 
 
-@pytest.mark.parametrize("gone", [
-    'source = "aosp"', 'source = "forta"', 'source = "assumed"', 'source = "hif"', 'source = "bursts"',
+@pytest.mark.parametrize(("was", "other", "says"), [
+    *((f'source = "{source}"', f'source = "{other}"', "names no source")
+      for source in ("aosp", "forta", "assumed", "hif", "bursts") for other in ("", "somebody")),
+    *((f'mark = "{mark}"', 'mark = "known"', "has no mark") for mark in ("found", "estimate")),
 ])  # fmt: skip
-def test_a_row_without_a_source_is_refused(gone):
-    text = resources.files("haploop.calibration.perception").joinpath("thresholds.toml").read_text("utf-8")
-    perception.parse_thresholds(text)
-    with pytest.raises(DataError, match="names no source"):
-        perception.parse_thresholds(text.replace(gone, 'source = ""', 1))
-    with pytest.raises(DataError, match="names no source"):
-        perception.parse_thresholds(text.replace(gone, 'source = "somebody"', 1))
+def test_a_row_without_a_source_or_a_mark_is_refused(was, other, says):
+    perception.parse_thresholds(TABLE)
+    raises(DataError, says, perception.parse_thresholds, TABLE.replace(was, other, 1))
 
 
-def test_a_row_without_a_mark_is_refused():
-    text = resources.files("haploop.calibration.perception").joinpath("thresholds.toml").read_text("utf-8")
-    assert '"recalled"' not in text
-    for mark in ("found", "estimate"):
-        with pytest.raises(DataError, match="has no mark"):
-            perception.parse_thresholds(text.replace(f'mark = "{mark}"', 'mark = "known"', 1))
-
-
-def test_every_source_is_that_of_some_row():
-    text = resources.files("haploop.calibration.perception").joinpath("thresholds.toml").read_text("utf-8")
-    for source in tomllib.loads(text)["sources"]:
-        assert f'source = "{source}"' in text
+def test_every_source_is_that_of_some_row_and_none_was_recalled():
+    assert '"recalled"' not in TABLE
+    for source in tomllib.loads(TABLE)["sources"]:
+        assert f'source = "{source}"' in TABLE
 
 
 def test_estimates_are_said_to_be_estimates():

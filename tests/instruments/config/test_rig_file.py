@@ -81,9 +81,7 @@ DEAD = '[[simulation.faults]]\nkind = "patch-dead"\n'
     ('base = "rig.toml"\n', "is itself based on this file"),
 ])  # fmt: skip
 def test_what_is_wrong_is_named_in_one_sentence(tmp_path, text, says):
-    with pytest.raises(ConfigurationError, match=says) as caught:
-        load_rig_file(written(tmp_path, text))
-    assert "\n" not in str(caught.value)
+    assert "\n" not in raises(ConfigurationError, says, load_rig_file, written(tmp_path, text))
 
 
 def test_a_key_is_looked_for_in_the_file_where_it_stands(tmp_path):
