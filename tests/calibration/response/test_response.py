@@ -180,7 +180,7 @@ def unaimed(request: object) -> bool:
 
 def test_what_a_response_needs_is_asked_for(open):
     rig = open()
-    raises(ConfigurationError, "2 repeats", measure_response, rig, excitation=LinearSweep(repeats=1))
+    raises(ConfigurationError, "2 repeats", LinearSweep, repeats=1)
     vars(rig)["file"] = changed(rig.file, sensors={"drive": None})
     raises(ConfigurationError, r"sensors\.drive", measure_response, rig, excitation=SHORT)
 
