@@ -25,15 +25,15 @@ def test_listeners_are_on_loopback_only(monkeypatch):
     bound: list[str] = []
     bind, serve = socket.socket.bind, grpc.server
 
-    def noted(self: socket.socket, address: tuple[str, int]) -> None:
+    def noted(self, address):
         bound.append(address[0])
         bind(self, address)
 
-    def watched(*args: object, **more: object) -> grpc.Server:
+    def watched(*args, **more):
         server = serve(*args, **more)
         add = server.add_insecure_port
 
-        def add_noted(address: str) -> int:
+        def add_noted(address):
             bound.append(address.rsplit(":", 1)[0])
             return int(add(address))
 

@@ -33,7 +33,7 @@ def test_record_then_show(run, tmp_path):
 def test_a_bug_is_one_sentence_and_a_code_of_its_own(monkeypatch):
     from haploop.reports import contents
 
-    def broken(*_args: object) -> None:
+    def broken(*_args):
         raise ZeroDivisionError("a bug")
 
     monkeypatch.setattr(contents, "file_contents", broken)

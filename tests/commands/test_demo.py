@@ -231,7 +231,7 @@ def test_the_patches_that_play_are_those_with_a_channel_of_their_own():
 def test_several_patches_play_on_the_carrier_unless_only_the_press_itself_is_felt(
     monkeypatch, levels, method
 ):
-    def offer(drives: list[Any], lab: object) -> Offers:
+    def offer(drives, lab):
         [made] = drives
         return Offers(made.method, "A, B", 0.6, (Offer(0.07, 0.07, levels[made.method], 0.4, 48.0),))
 

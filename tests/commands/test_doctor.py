@@ -215,7 +215,7 @@ class TestCommand:
         assert set(report["findings"][0]) == {"name", "instrument", "status", "sentence"}
 
     def test_a_safe_state_that_is_not_confirmed_leaves_the_table(self, run, monkeypatch):
-        def busy(_rig: Rig) -> None:
+        def busy(_rig):
             raise InstrumentError("The safe state was not confirmed: Dev2 is in use. Switch it off by hand.")
 
         monkeypatch.setattr(Rig, "make_safe", busy)
@@ -269,7 +269,7 @@ def test_what_nobody_could_be_asked_is_not_tested_and_not_red(open):
     """Without a terminal the console's questions have no answer, which is no difference of the settings."""
     rig = open("haptable")
 
-    def nobody(request: object) -> bool:
+    def nobody(request):
         raise UnansweredError(f"Nobody is at the console to answer: {request}")
 
     rig.operator.confirm = nobody

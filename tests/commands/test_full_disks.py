@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 
 from haploop.calibration import DigitalButton, sizes
-from haploop.calibration.response import Waveforms
 from haploop.mocks.daq.card_twin import Terminal
 from tests.acquisition.recording.test_disks import disk
 from tests.command_line import Demo, Run
@@ -139,7 +138,7 @@ def test_a_disk_that_others_fill_meanwhile_takes_the_result(tmp_path, run, plays
 
 @pytest.mark.long
 def test_a_disk_that_takes_the_calibration_only_keeps_neither(tmp_path, run, monkeypatch):
-    def full(_self: Waveforms, _path: Path) -> None:
+    def full(_self, _path):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     with monkeypatch.context() as patch:

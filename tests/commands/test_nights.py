@@ -45,7 +45,7 @@ def test_a_drift_is_brought_back_and_nothing_else_changes_anything(seed, full, r
             build_button(rig, press, calibration, iterations=3).save(paths[-1])
     run("calibrations adopt", *paths, "--reason", "it begins", "--calibrations", folder, ends=0)
 
-    def night(expected: int, drift: float = 0.0, fault: str = "") -> dict[str, Any]:
+    def night(expected, drift=0.0, fault=""):
         rig = rig_file(tmp_path, seed, drift, fault)
         said: dict[str, Any] = run.json("recalibrate --rig", rig, "--calibrations", folder, ends=expected)
         return said

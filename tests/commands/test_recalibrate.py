@@ -128,7 +128,7 @@ def test_what_is_broken_ends_with_three(history, run, tmp_path):
 
 
 def test_a_rig_that_does_not_open_is_a_broken_night(history, run, monkeypatch):
-    def opened(*_: object) -> None:
+    def opened(*_):
         raise InstrumentError("The card Dev1 does not answer.")
 
     monkeypatch.setattr(ChosenRig, "opened", opened)

@@ -73,7 +73,7 @@ def test_a_check_that_could_not_be_kept_is_not_played(demo, run, tmp_path, name)
 def test_a_check_of_what_is_simulated_says_so(demo, run, tmp_path, monkeypatch):
     drawn: list[Figure] = []
 
-    def encode(figure: Figure, kind: str) -> bytes:
+    def encode(figure, kind):
         drawn.append(figure)
         return b"PNG"
 

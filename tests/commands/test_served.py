@@ -145,7 +145,7 @@ def test_commands_publish_unless_they_are_told_not_to(run, tmp_path, monkeypatch
     made: list[Path] = []
     write = publisher.Publisher._write_address
 
-    def noted(self: publisher.Publisher, rig: str) -> None:
+    def noted(self, rig):
         write(self, rig)
         made.append(self.path)
 
@@ -159,7 +159,7 @@ def test_commands_publish_unless_they_are_told_not_to(run, tmp_path, monkeypatch
 def test_a_command_that_cannot_publish_works_without(run, tmp_path, monkeypatch):
     from haploop.instruments.live import publisher
 
-    def refuse(*_args: object, **_more: object) -> None:
+    def refuse(*_args, **_more):
         raise OSError(24, "Too many open files")
 
     monkeypatch.setattr(publisher.socket, "create_server", refuse)
@@ -183,7 +183,7 @@ def test_the_meter_shows_names_as_they_are():
     publish = feed.begin(Run("odd[/x]", True, "record", "[red]a.h5", ("a[/b]",), 100.0, Sensors(), None))
     publish(Block(0, np.ones((1, 10)), np.array([True])))
 
-    def end() -> None:
+    def end():
         time.sleep(0.2)
         feed.close()
 

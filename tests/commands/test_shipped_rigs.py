@@ -59,7 +59,7 @@ def test_from_doctor_to_recalibration(name, mode, run, tmp_path, monkeypatch):
         tmp_path / one for one in ("P01-push.h5", "press.h5", "calibration.h5", "push.h5")
     )
 
-    def done(*args: object) -> str:
+    def done(*args):
         result = run(*args, ends=0)
         return result.output
 

@@ -7,7 +7,6 @@ import contextlib
 import socket
 import threading
 import time
-from collections.abc import Iterator
 
 import pytest
 import uvicorn
@@ -39,7 +38,7 @@ def test_a_body_that_is_no_object_is_refused_in_a_sentence(page, body):
 def test_no_more_of_a_body_is_read_than_a_request_may_have(page):
     read = 0
 
-    def endless() -> Iterator[bytes]:
+    def endless():
         nonlocal read
         for _ in range(10_000):
             read += 1 << 16

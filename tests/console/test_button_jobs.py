@@ -9,7 +9,7 @@ import pytest
 
 import haploop
 from haploop.base.errors import ConfigurationError, DataError
-from haploop.calibration import DigitalButton, Drift, Loudness, Multisine, TradeOff
+from haploop.calibration import DigitalButton, Drift, Loudness, Multisine
 from haploop.console.data_folder import DataFolder
 from haploop.console.server.data_routes import _json
 from haploop.console.server.shown_routes import button_shown
@@ -114,9 +114,7 @@ def test_what_the_files_do_not_allow_is_said_and_nothing_is_played(data, wanted,
 def test_how_loud_is_what_the_command_would_be_told(data, monkeypatch):
     told: list[Loudness] = []
 
-    def traded(
-        _press: object, _calibrations: object, _rig: object, loudness: Loudness, **_more: object
-    ) -> TradeOff:
+    def traded(_press, _calibrations, _rig, loudness, **_more):
         told.append(loudness)
         raise ConfigurationError("That is enough.")
 

@@ -41,7 +41,7 @@ def test_an_experiment_does_not_begin_in_a_recording_that_is_paused(data):
     worker = made(data, real_time=True)
     conductor = conductor_of(worker)
 
-    def operator() -> None:
+    def operator():
         worker.command("override", {"reason": "a test"})
         begin(worker, "record", button="toggle", participant="P02", presses=2)
         with pytest.raises(ConfigurationError, match=r"busy \(Record toggle by P02\)"):

@@ -79,7 +79,7 @@ def test_a_session_on_the_pages_is_played_by_the_worker(made, tmp_path):
     console = Console(made, tmp_path)
     conductor = console.conductor
 
-    def script() -> None:
+    def script():
         conductor.begin({"experiment": "played", "participant": "P01"}, {})
         raises(ConfigurationError, "prepare it first", conductor.present, {"turn": ""})
         console.hear(lambda _, snapshot: snapshot["surface"] is not None)

@@ -167,7 +167,7 @@ def test_only_one_server_starts_a_recording(queue, other, worker):
     first = {"id": queue.items[0]["id"]}
     refused = []
 
-    def start(one: RunQueue) -> None:
+    def start(one):
         try:
             one.start(first)
         except ConfigurationError as error:

@@ -98,7 +98,7 @@ def test_a_session_with_a_rejection_a_note_and_a_pause(tmp_path):
     worker = made(tmp_path, real_time=True)
     board = worker.board
 
-    def operator() -> None:
+    def operator():
         with pytest.raises(ConfigurationError, match="preflight is not green"):
             begin(worker, "record", button="toggle", participant="P01", presses=3)
         worker.command("override", {"reason": "a test"})
@@ -144,7 +144,7 @@ def test_each_press_waits_for_next_the_first_too_and_the_setting_holds_for_one_s
     worker = made(tmp_path, real_time=True)
     board = worker.board
 
-    def operator() -> None:
+    def operator():
         worker.command("override", {"reason": "a test"})
         worker.command("step", {"on": True})
         begin(worker, "record", button="toggle", participant="P01", presses=2)
@@ -173,7 +173,7 @@ def test_each_press_waits_for_next_the_first_too_and_the_setting_holds_for_one_s
 def test_stop_in_the_middle_reaches_the_safe_state_and_keeps_the_recording(tmp_path):
     worker, told = made(tmp_path), []
 
-    def operator() -> None:
+    def operator():
         worker.command("override", {"reason": "a test"})
         begin(worker, "record", button="push", participant="P01", presses=150)
         until(lambda: worker.board["session"] and len(worker.board["session"]["verdicts"]) >= 3)
@@ -195,7 +195,7 @@ def test_stop_reaches_the_safe_state_from_its_own_thread_when_the_job_hangs(tmp_
     def hang(rig):
         safe = rig.make_safe
 
-        def make_safe() -> None:
+        def make_safe():
             safe()
             made_safe.set()
 
@@ -208,7 +208,7 @@ def test_stop_reaches_the_safe_state_from_its_own_thread_when_the_job_hangs(tmp_
 
     monkeypatch.setitem(jobs.JOBS, "hang", Job(lambda _tools, _wanted: hang, lambda _: "Hang"))
 
-    def operator() -> None:
+    def operator():
         begin(worker, "hang")
         until(hanging.is_set)
         told.append(worker.stop())
@@ -233,13 +233,13 @@ def test_a_job_that_was_asked_for_before_stop_does_not_begin_after_it(tmp_path, 
     monkeypatch.setitem(jobs.JOBS, "slow", Job(slow, lambda _: "Slow"))
     monkeypatch.setitem(jobs.JOBS, "quick", Job(lambda _tools, _wanted: begun.append, lambda _: "Quick"))
 
-    def start() -> None:
+    def start():
         try:
             begin(worker, "slow")
         except ConfigurationError as error:
             refused.append(str(error))
 
-    def operator() -> None:
+    def operator():
         asking = threading.Thread(target=start)
         asking.start()
         until(reading.is_set)
@@ -253,7 +253,7 @@ def test_a_job_that_was_asked_for_before_stop_does_not_begin_after_it(tmp_path, 
     worker = made(tmp_path)
     begin(worker, "quick")  # nobody takes it yet
 
-    def stop() -> None:
+    def stop():
         assert worker.stop()["state"] == "safe"
 
     stopping = threading.Thread(target=stop)
@@ -333,7 +333,7 @@ def test_stop_before_the_rig_is_open_says_unconfirmed_and_can_be_pressed_again(t
 
     opening_with(monkeypatch, slow)
 
-    def again() -> None:
+    def again():
         monkeypatch.setattr(stopping, "_UNOPENED", 30.0)
         told.append(worker.stop())
 
@@ -355,7 +355,7 @@ def test_an_unconfirmed_stop_is_confirmed_when_the_rig_was_read_back(tmp_path, m
 
     opening_with(monkeypatch, slow)
 
-    def read_back() -> None:
+    def read_back():
         free.set()
         until(lambda: worker.board["stop"]["state"] == "safe")
 
@@ -376,7 +376,7 @@ def test_a_safe_state_that_was_not_confirmed_is_said_so(tmp_path, monkeypatch):
 
     worker, told = made(tmp_path), []
 
-    def operator() -> None:
+    def operator():
         worker.command("override", {"reason": "a test"})
         begin(worker, "record", button="push", participant="P01", presses=100)
         until(lambda: worker.board["run"] is not None)
@@ -489,7 +489,7 @@ def test_who_looks_gives_way_and_keeps_nothing(tmp_path):
     worker = made(tmp_path, real_time=True)
     board = worker.board
 
-    def operator() -> None:
+    def operator():
         worker.command("override", {"reason": "a test"})
         begin(worker, "look")
         until(lambda: board["run"] and board["run"]["doing"] == "look")

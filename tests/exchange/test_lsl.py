@@ -127,7 +127,7 @@ def test_a_viewer_that_waits_misses_nothing(tmp_path):
     """Even of a simulated rig, which measures faster than a viewer connects."""
     file, blocks = haploop.load_rig_file("simulated"), []
 
-    def view() -> None:
+    def view():
         with find(file, None, 60, 4096) as tap:
             blocks.extend(tap)
             blocks.append(tap.dropped)

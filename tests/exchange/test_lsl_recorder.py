@@ -74,16 +74,16 @@ def test_a_recorder_keeps_it_beside_an_eeg_and_over_a_restart(tmp_path):
     processes, recordings = [], list[Recording]()
     session = tmp_path / "session.xdf"
 
-    def start(*command: str) -> subprocess.Popen[str]:
+    def start(*command):
         command = (sys.executable, *command)
         processes.append(subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True))
         return processes[-1]
 
-    def count() -> tuple[int, int]:
+    def count():
         samples, offsets = session.with_suffix(".xdf.count").read_text().split()
         return int(samples), int(offsets)
 
-    def record() -> int:
+    def record():
         """Record, and return how many samples came in, when no more come."""
         with haploop.open_rig("simulated", real_time=True) as rig, rig.publish_live():
             recordings.append(haploop.record(rig, "latch", f"P{len(recordings) + 1:02d}", 1, tmp_path))

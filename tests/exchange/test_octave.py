@@ -60,11 +60,11 @@ def test_octave_opens_every_kind(files, measured_map, tmp_path):
     listed = ", ".join(f"'{kind}'" for kind in kinds)
     octave(f"files = {{{listed}}};{READ}", tmp_path)
 
-    def said(kind: str) -> dict[str, str]:
+    def said(kind):
         lines = (tmp_path / f"{kind}.txt").read_text(encoding="utf-8").splitlines()
         return dict(line.split(" = ", 1) for line in lines)
 
-    def read(kind: str, name: str) -> np.ndarray:
+    def read(kind, name):
         return np.fromfile(tmp_path / f"{kind}.{name}")
 
     for kind, path in kinds.items():

@@ -98,7 +98,7 @@ def _hash(press: haploop.Representative, folder: Path) -> str:
 def test_a_killed_process_costs_time_only(folder, alone, tmp_path):
     killed = []
 
-    def kill() -> None:
+    def kill():
         child = multiprocessing.active_children()[0]
         killed.append(child.pid)
         child.kill()
@@ -112,7 +112,7 @@ def test_a_killed_process_costs_time_only(folder, alone, tmp_path):
 def test_two_runs_do_not_write_into_one_folder(folder, alone, tmp_path, run):
     second = []
 
-    def start_another() -> None:
+    def start_another():
         second.append(run("study process --study", folder, "--out", tmp_path, "--workers", 1))
 
     haploop.process_study(haploop.load_study(folder), tmp_path, workers=1, progress=once(start_another))
@@ -125,7 +125,7 @@ def test_two_runs_do_not_write_into_one_folder(folder, alone, tmp_path, run):
 def test_what_is_done_is_not_done_again_and_what_was_changed_or_is_gone_is(folder, alone, tmp_path):
     study, parts = haploop.load_study(folder), tmp_path / "parts"
 
-    def stop() -> None:
+    def stop():
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -206,7 +206,7 @@ def cluster(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[object]
 def test_a_dask_cluster_writes_the_same_bytes_when_a_worker_is_killed(folder, alone, tmp_path, cluster, run):
     killed = []
 
-    def kill() -> None:
+    def kill():
         worker = cluster.workers[0]
         killed.append(worker.pid)
         os.kill(worker.pid, signal.SIGKILL)

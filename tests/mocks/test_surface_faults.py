@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import scipy
 
-from haploop.base.arrays import FloatArray
 from haploop.instruments import Rig, open_rig
 from haploop.instruments.operator.role import Place, Remove
 from tests.conftest import OpenRig
@@ -185,7 +184,7 @@ def test_the_same_seed_drifts_in_the_same_way():
 def test_a_machine_turns_at_its_frequency_after_its_run_up_and_flicker_falls_with_frequency():
     rate = 10_000.0
 
-    def heard(**fault: Any) -> FloatArray:
+    def heard(**fault):
         with (
             open_rig("simulated", simulation={"faults": [{"channel": "laser", **fault}]}) as rig,
             rig.daq.stream(("laser",), rate, 1000, round(8 * rate)) as stream,

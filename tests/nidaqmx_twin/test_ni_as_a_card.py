@@ -13,10 +13,8 @@ import sys
 import threading
 import time
 import warnings
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import nidaqmx
 import numpy as np
@@ -356,7 +354,7 @@ def test_a_task_lives_in_its_process(end, late, monkeypatch):
     """
     first, submit = iter([late]), Threads.submit
 
-    def submit_late(pool: Threads, call: Callable[..., Any], *args: Any) -> Future[Any]:
+    def submit_late(pool, call, *args):
         delay = next(first, 0.0)
         return submit(pool, lambda: (time.sleep(delay), call(*args)))
 
@@ -484,9 +482,7 @@ def test_a_task_is_stopped_and_closed_in_its_callback(twin):
         task = nidaqmx.Task()
         clocked(task, "Dev1/ai0", 1000, samps_per_chan=100)
 
-        def close(
-            *_: Any, task: nidaqmx.Task = task, done: threading.Event = done, told: list[Any] = told
-        ) -> int:
+        def close(*_, task=task, done=done, told=told):
             try:
                 task.stop()
                 task.close()
@@ -507,7 +503,7 @@ def test_a_task_is_stopped_and_closed_in_its_callback(twin):
 def test_the_end_waits_for_a_callback_in_flight(twin):
     began, read = threading.Event(), []
 
-    def slow(*_: Any) -> int:
+    def slow(*_):
         began.set()
         threading.Event().wait(0.2)
         read.append(len(task.read(100)))
@@ -705,7 +701,7 @@ def test_no_more_than_the_buffer_holds(twin, task):
 def test_a_new_task_takes_new_samples(twin):
     twin.set("Dev1/ai0", 1.0)
 
-    def poll(terminal: str) -> float:
+    def poll(terminal):
         with nidaqmx.Task() as task:
             task.ai_channels.add_ai_voltage_chan(terminal)
             return float(task.read())

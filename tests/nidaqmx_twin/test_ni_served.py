@@ -45,7 +45,7 @@ def test_a_kept_property_is_told_of_at_the_start(nidaqmx_twin):
 
 
 def test_volts_are_not_shown_as_degrees(nidaqmx_twin):
-    def read() -> float:
+    def read():
         with nidaqmx.Task() as task:
             task.ai_channels.add_ai_thrmcpl_chan("Dev1/ai0", cjc_source=CJCSource.CONSTANT_USER_VALUE)
             return float(task.read())

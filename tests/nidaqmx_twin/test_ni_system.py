@@ -100,7 +100,7 @@ def test_a_committed_task_keeps_its_outputs_when_it_stops_and_changes(options):
         for one in (task, other):
             one.ao_channels.add_ao_voltage_chan("Card/ao0")
 
-        def taken() -> bool:
+        def taken():
             try:
                 other.write(1.0, auto_start=True)
             except nidaqmx.DaqError as error:

@@ -289,7 +289,7 @@ def test_counter_outputs_have_no_reference_trigger_and_inputs_that_nothing_drive
     ):
         pulses.co_channels.add_co_pulse_chan_freq("A/ctr0")
 
-        def set_reference() -> None:
+        def set_reference():
             pulses.triggers.reference_trigger.trig_type = TriggerType.NONE
 
         assert code(set_reference) == Error.ATTRIBUTE_NOT_SUPPORTED_IN_TASK_CONTEXT

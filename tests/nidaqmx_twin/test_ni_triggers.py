@@ -442,7 +442,7 @@ def test_outputs_of_an_expired_watchdog(twin):
     ],
 )  # fmt: skip
 def test_time_outs_of_watchdogs(twin, device, timeout, right):
-    def expires() -> None:
+    def expires():
         with WatchdogTask(device, timeout=timeout) as watchdog:
             watchdog.start()
             twin.sleep(33.0)

@@ -74,11 +74,11 @@ def test_a_question_is_asked_below_the_cell(tmp_path):
     asked: list[str] = []
     said: list[str] = []
 
-    def answer(message: Any) -> None:
+    def answer(message):
         asked.append(message["content"]["prompt"])
         client.input("n")
 
-    def heard(message: Any) -> None:
+    def heard(message):
         said.append(message["content"].get("text", ""))
 
     manager, client = start_new_kernel(cwd=str(tmp_path))

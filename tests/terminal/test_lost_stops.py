@@ -141,7 +141,7 @@ def test_a_stop_that_comes_while_another_is_dropped_is_not_lost(number, monkeypa
     """On a busy computer a signal was sent again just when the one before it was heard, and dropped."""
     number_of = signals._number_of
 
-    def meanwhile(stop: BaseException | None) -> int | None:
+    def meanwhile(stop):
         monkeypatch.setattr(signals, "_number_of", number_of)
         signal.raise_signal(number)
         return number_of(stop)

@@ -14,7 +14,6 @@ import pytest
 from rich.console import Console as Screen
 
 from haploop.acquisition import (
-    PressVerdict,
     Protocol,
     Recording,
     Representative,
@@ -24,7 +23,7 @@ from haploop.acquisition import (
 )
 from haploop.base.errors import InstrumentError
 from haploop.calibration import Calibration, Check, Drive
-from haploop.instruments import Consent, Request, Rest, open_rig
+from haploop.instruments import Consent, Rest, open_rig
 from haploop.instruments.operator import console
 from haploop.reports.show import Meter, StudyMeter
 from haploop.terminal import progress
@@ -52,7 +51,7 @@ def test_a_meter_counts_measures_and_counts_down(tmp_path):
     with open_rig("simulated", simulate="twin") as rig:
         meter = Meter(rig, shown)
 
-        def look(*_told: object) -> None:
+        def look(*_told):
             with shown.capture() as captured:
                 shown.print(meter.lines())
             seen.append(captured.get())
@@ -100,11 +99,11 @@ def test_a_studys_meter_counts_in_all_and_is_away_while_a_question_is_asked(tmp_
     with open_rig("simulated", simulate="twin") as rig, StudyMeter(rig, study.progress(), shown) as meter:
         confirm = rig.operator.confirm
 
-        def answer(request: Request) -> bool:
+        def answer(request):
             asked.append((type(request).__name__, len(progress._shown)))
             return confirm(request)
 
-        def verdict(participant: str, button: str, press: PressVerdict) -> None:
+        def verdict(participant, button, press):
             asked.append(("Verdict", len(progress._shown)))
             with shown.capture() as captured:
                 shown.print(meter.lines())

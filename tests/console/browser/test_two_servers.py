@@ -68,7 +68,7 @@ def test_both_activate_at_once_and_each_entry_is_whole(both):
     history = History.of_rig("simulated", both[0].data)
     before, (first, second) = len(history.activations), names(both[0])
 
-    def activate(console: Served, generation: str, account: str) -> bool:
+    def activate(console, generation, account):
         address = Address.read(next((console.data.parent / account / "simulated").glob("console-*.json")))
         assert address is not None
         worker = WorkerLink(address)

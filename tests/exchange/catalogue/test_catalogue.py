@@ -176,7 +176,7 @@ def test_an_index_that_cannot_be_used_is_made_again_or_done_without(folder, inde
 def test_what_was_read_before_an_interruption_is_kept(folder, index, monkeypatch):
     monkeypatch.setattr(catalogue_index, "_KEPT", 1)
 
-    def interrupt(_step: str, done: int, *_: object) -> None:
+    def interrupt(_step, done, *_):
         if done == 3:
             raise KeyboardInterrupt
 

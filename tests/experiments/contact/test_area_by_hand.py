@@ -169,7 +169,7 @@ def test_frames_are_dropped_until_two_in_a_row_take_their_time(kept, slow, took,
     """`took` is in times between two frames, an eighth of a second, also of those kept that are `slow`."""
     times, now = [], 0.0
 
-    def one() -> None:
+    def one():
         nonlocal now
         now += 0.0 if len(times) < kept and len(times) not in slow else took * 0.125
         times.append(now)

@@ -140,7 +140,7 @@ def test_the_background_is_followed(drift):
     measured, activator, number = meter(), Activator(90e-6, 20e-6), 0
     counted, largest = 0, []
 
-    def frames(lights: Iterable[FloatArray | float], step: float) -> None:
+    def frames(lights, step):
         nonlocal number, counted
         for light in lights:
             number += 1

@@ -268,7 +268,7 @@ def test_the_force_at_the_press_chooses_the_drive(tmp_path, sensor):
         pressed = PressedDrives("P01", 0.4, (0.4, 2.5, 9.0), drives)
         button = replace(verified(rig, burst(5.0)), pressed=pressed)
 
-        def ask() -> None:
+        def ask():
             rig.operator.tell(Touch("P01", "as a button", 1, 1))
 
         [played] = run_button(seen, Rendering(button), Activator(110e-6, 20e-6), ask=ask)

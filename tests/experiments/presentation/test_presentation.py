@@ -212,7 +212,7 @@ def test_a_finger_at_the_threshold_that_trembles_is_one_press(folder, monkeypatc
         plant = rig.simulation.plant
         shake, before = touches.touch_surface, len(plant.touches)
 
-        def trembling(request: Any, skin: touches.Skin, start: float, rng: Any) -> touches.SimulatedTouch:
+        def trembling(request, skin, start, rng):
             touch = shake(request, skin, start, rng)
             peak = (threshold / skin.area) ** 1.5
             return replace(touch, hold=1.5, peak=peak, skin=replace(skin, tremor=0.35))

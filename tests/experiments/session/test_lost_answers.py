@@ -163,7 +163,7 @@ def test_each_event_of_a_person_is_on_the_disk_before_the_next(tmp_path, monkeyp
     synced: list[int] = []
     fsync = os.fsync
 
-    def noted(file: int) -> None:
+    def noted(file):
         synced.append(os.fstat(file).st_size)
         fsync(file)
 
@@ -183,7 +183,7 @@ def test_an_answer_that_may_be_lost_is_not_written_twice(tmp_path, monkeypatch, 
     where = store(tmp_path)
     who = SimulatedParticipant(ParticipantModel(), "P01", 1)
 
-    def refuses(*_: object) -> None:
+    def refuses(*_):
         if what == "fsync":
             raise OSError(28, "No space left on device")
         raise DataError("marks.json cannot be written: No space left on device.")

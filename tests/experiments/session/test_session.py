@@ -6,7 +6,6 @@ import json
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -297,7 +296,7 @@ def test_a_full_disk_is_one_sentence_and_keeps_what_was_answered(tmp_path):
 def test_a_withdrawal_that_stopped_halfway_is_finished_before_anything_else(tmp_path, monkeypatch, left):
     where = ran(tmp_path, "P01", "P01", "P02")
 
-    def halfway(folder: Path) -> None:
+    def halfway(folder):
         where.path_of("P01", 3 - left).unlink()
         raise PermissionError(13, "Permission denied", str(where.path_of("P01", left)))
 

@@ -40,7 +40,7 @@ def hum(install: Install) -> None:
 
 @pytest.mark.usefixtures("hum")
 def test_the_guides_kind_acts_on_schedule_and_says_so(open):
-    def listened(faults: list[dict[str, object]], begin: float) -> np.ndarray:
+    def listened(faults, begin):
         rig = open("haptable", faults=faults)
         rig.clock.sleep(begin - rig.clock.now())
         with rig.daq.stream(("gauge0", "gauge1"), 5000, 500, 1000) as stream:
@@ -158,7 +158,7 @@ def test_a_fault_without_hooks_changes_nothing(install, open):
     # Its setting `device` is no name of a card, and is none of haploop's business.
     install("acme-none", "acme_none", IDLE, "Idle")
 
-    def listened(faults: list[dict[str, object]]) -> np.ndarray:
+    def listened(faults):
         with open("haptable", faults=faults).daq.stream(("gauge0", "laser"), 5000, 500, 1000) as stream:
             return stream.capture().volts
 

@@ -49,7 +49,7 @@ def test_the_mean_finger_changes_the_paper_s_pane_as_the_prototype_did(open):
 
 @pytest.mark.long
 def test_a_finger_is_more_to_a_light_pane_and_a_palm_more_than_a_finger(open):
-    def change(**settings: Any) -> float:
+    def change(**settings):
         bare, under = changed(open, **settings)
         return float(np.linalg.norm(under - bare) / np.linalg.norm(bare))
 
@@ -61,7 +61,7 @@ def test_a_finger_is_more_to_a_light_pane_and_a_palm_more_than_a_finger(open):
 
 @pytest.mark.long
 def test_people_differ_and_the_same_seed_is_the_same_person(open):
-    def under(participant: str, **settings: Any) -> np.ndarray:
+    def under(participant, **settings):
         return changed(open, participant=participant, **settings)[1]
 
     assert np.all(under("P01") == under("P01"))

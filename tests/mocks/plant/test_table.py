@@ -128,7 +128,7 @@ def test_patch_a_drives_the_main_mode_best_whatever_the_seed():
 def test_patch_and_point_apart_give_zeros_in_the_right_half_plane():
     """So that inverting the response as a stable filter fails, as it does on real tables."""
 
-    def zeros(plate: Modes, place: tuple[float, float]) -> np.ndarray:
+    def zeros(plate, place):
         w, zeta = plate.natural_hz / 1e3, plate.damping
         modes = [np.array([1, 2 * z * x, x * x]) for z, x in zip(zeta, w, strict=True)]
         strength = plate.shape(place) * plate.coupling["A"]
