@@ -122,6 +122,7 @@ def on(add: str, channel: str, *timing: Any, then: str = "start", **words: Any) 
             task.timing.cfg_samp_clk_timing(*timing, samps_per_chan=10)
         getattr(task, then)()
 
+    make.__name__ = " ".join(map(str, (add, channel, *timing, *words.values())))  # which pytest shows
     return make
 
 
