@@ -4,8 +4,9 @@
 
 16 channels of two cards at 5000 samples a second, in blocks of 10 and of 50 ms, read by haploop's driver and
 by plain nidaqmx on the same server (two tasks, no check of clocks), one after the other in each round; and
-the same into a file: haploop's recording, and h5py to which each block is appended and flushed. The server
-simulates the plant as well. "Behind" is how much later the last block came than its last sample was due.
+the same into a file: haploop's recording, and h5py to which each block is appended and flushed. The client's
+part of a core counts from the start of the acquisition on; making tasks and checking the rig is "start". The
+server simulates the plant as well. "Behind" is how much later the last block came than its last sample was due.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from statistics import median
 
@@ -61,19 +62,19 @@ def main(words: Sequence[str] | None = None) -> list[Row]:
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--seconds", type=float, default=8.0)
     asked = parser.parse_args(words)
-    found: dict[tuple[int, str], list[tuple[float, float, float]]] = {}
+    found: dict[tuple[int, str], list[tuple[float, float, float, float]]] = {}
     with tempfile.TemporaryDirectory() as name:
         file = rig(Path(name))
         for _ in range(asked.rounds):
             for size in (50, 250):
                 for way, read in WAYS.items():
                     found.setdefault((size, way), []).append(measured(file, asked.seconds, size, read))
-    print("| blocks | client | client: part of a core | server: part of a core | behind, s |")
-    print("|---|---|---|---|---|")
+    print("| blocks | client | client: part of a core | server: part of a core | behind, s | start, CPU s |")
+    print("|---|---|---|---|---|---|")
     for (size, way), figures in found.items():
-        own, its, behind = zip(*figures, strict=True)
-        shares = " | ".join(f"{100 * median(each):.0f} %" for each in (own, its))
-        print(f"| {1e3 * size / RATE:.0f} ms | {way} | {shares} | {spread(behind)} |")
+        own, its, behind, start = zip(*figures, strict=True)
+        shares = " | ".join(f"{100 * median(each):.1f} %" for each in (own, its))
+        print(f"| {1e3 * size / RATE:.0f} ms | {way} | {shares} | {spread(behind)} | {median(start):.2f} |")
     rows = []
     for size in (50, 250):
         blocks = f"{1e3 * size / RATE:.0f} ms blocks x 16 channels"
@@ -110,19 +111,33 @@ def used(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def measured(
-    file: Path, seconds: float, size: int, read: Callable[[int, Path, float, int], float]
-) -> tuple[float, float, float]:
-    """Parts of a core of client and server, and the lag (s) at the end, of one acquisition."""
+@dataclass(frozen=True)
+class Reading:
+    """What an acquisition has used up so far, from its first sample on (s)."""
+
+    began: float = field(default_factory=time.perf_counter)
+    used: float = field(default_factory=time.process_time)
+
+    def after(self, samples: int) -> tuple[float, float]:
+        """Part of a core, and how much later than due these samples are there (s)."""
+        took = time.perf_counter() - self.began
+        return (time.process_time() - self.used) / took, took - samples / RATE
+
+
+Read = Callable[[int, Path, float, int], tuple[float, float]]
+
+
+def measured(file: Path, seconds: float, size: int, read: Read) -> tuple[float, float, float, float]:
+    """Parts of a core of client and server, the lag (s) at the end, and the client's start (s of CPU)."""
     command = [sys.executable, "-m", "haploop", "twin", "ni", "--rig", str(file)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
         try:
             assert server.stdout is not None
             port = int(re.findall(r"\d+", server.stdout.readline())[-1])
             before, own, began = used(server.pid), time.process_time(), time.perf_counter()
-            behind = read(port, file, seconds, size)
-            took = time.perf_counter() - began
-            return (time.process_time() - own) / took, (used(server.pid) - before) / took, behind
+            share, behind = read(port, file, seconds, size)
+            start = time.process_time() - own - share * (seconds + behind)
+            return share, (used(server.pid) - before) / (time.perf_counter() - began), behind, start
         finally:
             server.terminate()
 
@@ -145,17 +160,17 @@ def driver(port: int, file: Path, size: int) -> Iterator[Stream]:
         daq.close()
 
 
-def ours(port: int, file: Path, seconds: float, size: int) -> float:
+def ours(port: int, file: Path, seconds: float, size: int) -> tuple[float, float]:
     """Read with haploop's driver."""
     with driver(port, file, size) as stream:
-        began = time.perf_counter()
+        reading = Reading()
         for block in stream:
             if block.end >= seconds * RATE:
                 break
-        return time.perf_counter() - began - block.end / RATE
+        return reading.after(block.end)
 
 
-def ours_kept(port: int, file: Path, seconds: float, size: int) -> float:
+def ours_kept(port: int, file: Path, seconds: float, size: int) -> tuple[float, float]:
     """The same into a recording's file, by a thread that reads and one that writes, as `record` does."""
     with tempfile.TemporaryDirectory(dir=file.parent) as folder, driver(port, file, size) as stream:
         about = replace(
@@ -166,12 +181,12 @@ def ours_kept(port: int, file: Path, seconds: float, size: int) -> float:
             Writer(Path(folder) / "P01-push.h5", about, size, blocks) as writer,
             StreamReader(stream, RealClock()) as reader,
         ):
-            began = time.perf_counter()
+            reading = Reading()
             for block in reader:
                 writer.write(block, 0.0)
                 if writer.written >= blocks * size:
                     break
-            return time.perf_counter() - began - writer.written / RATE
+            return reading.after(writer.written)
 
 
 def plain(
@@ -180,7 +195,7 @@ def plain(
     seconds: float,
     size: int,
     keep: Callable[[list[FloatArray]], object] = len,
-) -> float:
+) -> tuple[float, float]:
     """Read the same channels with nidaqmx alone."""
     channels = haploop.load_rig_file(file).daq.settings["channels"]
     terminals = sorted(channels[name]["terminal"] for name in recorded(file))
@@ -197,19 +212,19 @@ def plain(
             tasks.append((task, AnalogMultiChannelReader(task.in_stream), np.empty((len(mine), size))))
         for task, _, _ in tasks:
             task.start()
-        began, done = time.perf_counter(), 0
+        reading, done = Reading(), 0
         while done < seconds * RATE:
             for _, reader, into in tasks:
                 reader.read_many_sample(into, size, 10.0)
             keep([into for _, _, into in tasks])
             done += size
-        behind = time.perf_counter() - began - done / RATE
+        found = reading.after(done)
         for task, _, _ in tasks:
             task.close()
-    return behind
+    return found
 
 
-def plain_kept(port: int, file: Path, seconds: float, size: int) -> float:
+def plain_kept(port: int, file: Path, seconds: float, size: int) -> tuple[float, float]:
     """The same into an h5py data set that grows, flushed after each block so that a kill loses little."""
     with tempfile.TemporaryDirectory(dir=file.parent) as folder, h5py.File(f"{folder}/volts.h5", "w") as kept:
         data = kept.create_dataset("volts", (16, 0), "f8", maxshape=(16, None), chunks=(16, size))
