@@ -5,8 +5,9 @@
 16 channels of two cards at 5000 samples a second, in blocks of 10 and of 50 ms, read by haploop's driver and
 by plain nidaqmx on the same server (two tasks, no check of clocks), one after the other in each round; and
 the same into a file: haploop's recording, and h5py to which each block is appended and flushed. The client's
-part of a core counts from the start of the acquisition on; making tasks and checking the rig is "start". The
-server simulates the plant as well. "Behind" is how much later the last block came than its last sample was due.
+part of a core counts from the start of the acquisition on; making tasks and checking the rig is "start".
+The server simulates the plant as well. "Behind" is how much later the last block came than its last sample
+was due.
 """
 
 from __future__ import annotations

@@ -74,6 +74,11 @@ class Header:
     about: str = "{}"
     """What the study file says of the participant (age, sex, ...): columns and values, JSON."""
 
+    @property
+    def identity(self) -> tuple[str, ...]:
+        """What tells a recording from others, also from those that began in the same second."""
+        return self.started, self.participant, self.button, self.study, self.session
+
 
 @dataclass(frozen=True, eq=False)
 class Contents:

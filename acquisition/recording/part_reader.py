@@ -60,7 +60,7 @@ class PartReader:
                 return
             with opened(self.path) as file:
                 header, state = read_header(file, self.path)
-                if self._hash or header.started != self.header.started:
+                if self._hash or header.identity != self.header.identity:
                     self._begin()  # another recording has the name now
                 self.state = state
                 if state == "recording":

@@ -58,14 +58,9 @@ def reopened(path: Path, header: Header, mark: tuple[int, ...]) -> Iterator[h5py
             yield file
         return
     with opened(path) as file:
-        if _identity(read_header(file, path)[0]) != _identity(header):
+        if read_header(file, path)[0].identity != header.identity:
             raise DataError(f"{path} is another recording now: open it again.")
         yield file
-
-
-def _identity(header: Header) -> tuple[str, ...]:
-    """What tells a recording from others, also from those that began in the same second."""
-    return header.started, header.participant, header.button, header.study, header.session
 
 
 def _contents(file: h5py.File, header: Header, state: str, again: Again | None = None) -> Contents:

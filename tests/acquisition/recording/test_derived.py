@@ -13,7 +13,7 @@ import pytest
 from haploop.acquisition import Recording, content_hash
 from haploop.acquisition.recording import recording as recording_module
 from haploop.acquisition.recording.file_format import Header, from_codes
-from haploop.acquisition.recording.salvage import finish
+from haploop.acquisition.recording.salvage import finish, reopened
 from haploop.acquisition.recording.writer import Writer
 from haploop.base.errors import DataError
 from haploop.instruments import AnalogChannel, Block
@@ -86,6 +86,17 @@ def test_what_was_forgotten_is_read_again(tmp_path, codes):
     assert "volts" not in vars(found) and "_checked" not in vars(found)
     assert vars(found)["content_hash"] == sha256 and found.path.name == "P01-push.h5"
     np.testing.assert_array_equal(found.volts, before)
+
+
+@pytest.mark.parametrize("changed", ["participant", "button", "study", "session", "started"])
+def test_a_recording_that_has_taken_a_file_s_place_is_another_one(changed, tmp_path, codes):
+    found = written(tmp_path, codes)
+    (tmp_path / "other").mkdir()
+    other = written(tmp_path / "other", codes, **{changed: "2026-11-20T10:00:00+00:00"})
+    with pytest.raises(DataError, match="is another recording now"), reopened(other.path, found.header, ()):
+        pass
+    with reopened(found.path, found.header, ()):
+        pass
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows replaces no file that is open")
