@@ -21,13 +21,14 @@ class Run:
     """The command line in this process; nothing may escape as an exception."""
 
     def __call__(
-        self, command: object = "", *args: object, ends: int | None = None, says: Says = ()
+        self, command: object = "", *args: object, ends: int | None = None, says: Says = (), typed: str = ""
     ) -> Result:
         """Run `command`, which is split at its spaces, with more arguments, which are taken as they are.
 
         It ends with the exit code `ends`, which is 2 where its errors are to say something.
         """
-        result = CliRunner().invoke(cli, [*str(command).split(), *(str(arg) for arg in args)])
+        words = [*str(command).split(), *(str(arg) for arg in args)]
+        result = CliRunner().invoke(cli, words, input=typed or None)
         assert result.exception is None or isinstance(result.exception, SystemExit)
         assert "Traceback" not in result.output
         if says and ends is None:

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import io
-import json
 from pathlib import Path
 
 import click
 import pytest
-from click.testing import CliRunner
 
-from haploop.commands.cli import cli
 from haploop.commands.experiment import _AtTerminal
 from haploop.experiments.protocol.steps import Step
 
@@ -32,34 +29,26 @@ def short(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_person_at_the_terminal(short):
+def test_a_person_at_the_terminal(run, short):
     """Interrupted after three answers, by the end of standard input; then continued."""
-    first = CliRunner().invoke(
-        cli, ["experiment", "run", str(short), "-p", "P01"], input="y\nlatch\nlatch\npush\n"
-    )
-    assert first.exit_code == 130
+    first = run("experiment run", short, "-p", "P01", ends=130, typed="y\nlatch\nlatch\npush\n")
     assert first.stderr.count("Right.") == 1 and "No, it was push." in first.stderr
-    told = CliRunner().invoke(cli, ["experiment", "status", str(short), "--json"])
-    due = json.loads(told.stdout)["sessions"][0]["due"]
+    due = run.json("experiment status", short)["sessions"][0]["due"]
     assert due == {"block": "experiment", "trial": 2}
-    second = CliRunner().invoke(
-        cli, ["experiment", "run", str(short), "-p", "P01"], input="knob\npush\npush\nlatch\n"
-    )
-    assert second.exit_code == 0 and "consent" not in second.stderr
-    assert "complete" in second.stdout
+    second = run("experiment run", short, "-p", "P01", ends=0, typed="knob\npush\npush\nlatch\n")
+    assert "consent" not in second.stderr and "complete" in second.stdout
 
 
-def test_without_consent(short):
-    result = CliRunner().invoke(cli, ["experiment", "run", str(short), "-p", "P01"], input="n\n")
-    assert result.exit_code == 2 and "has not consented" in result.stderr
+def test_without_consent(run, short):
+    run("experiment run", short, "-p", "P01", says="has not consented", typed="n\n")
     assert not (short.parent / "answers").exists()
 
 
 def test_a_withdrawal_is_asked_and_told(run, short):
     run("experiment run", short, "-p", "P01", "--simulated", ends=0)
     run("experiment run", short, "-p", "P02", "--simulated", ends=0)
-    kept = CliRunner().invoke(cli, ["experiment", "withdraw", str(short), "P01"], input="n\n")
-    assert kept.exit_code == 130 and (short.parent / "answers" / "P01").exists()
+    run("experiment withdraw", short, "P01", ends=130, typed="n\n")
+    assert (short.parent / "answers" / "P01").exists()
     assert run.json("experiment withdraw", short, "P01", "--yes")["deleted"] == ["P01/session-1.jsonl"]
     assert not (short.parent / "answers" / "P01").exists()
     assert "P01 withdrew" in run("experiment status", short).stdout

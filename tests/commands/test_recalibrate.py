@@ -31,10 +31,6 @@ def button(made: Path) -> Path:
 @pytest.fixture(scope="session")
 def folder(button: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A history of two nights: one without a drift, one with."""
-    from click.testing import CliRunner
-
-    from haploop.commands.cli import cli
-
     place = tmp_path_factory.mktemp("history")
     folder = place / "calibrations"
     drifted = _drifted(place)
@@ -44,8 +40,7 @@ def folder(button: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
         ["recalibrate", "--rig", drifted],
     ]
     for command in commands:
-        result = CliRunner().invoke(cli, [str(arg) for arg in (*command, "--calibrations", folder)])
-        assert result.exit_code == 0, result.output
+        Run()(*command, "--calibrations", folder, ends=0)
     return folder
 
 

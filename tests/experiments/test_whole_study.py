@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections import Counter
 from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import CliRunner
 from scipy import stats
 
-from haploop.commands.cli import cli
 from haploop.experiments.analysis import analyse_identification, analyse_ratings, read_rows
 from haploop.experiments.protocol import (
     Answer,
@@ -34,31 +31,23 @@ NOTHING: dict[str, Any] = {
 """A model in which no factor has an effect."""
 
 
-def shell(*args: object) -> Any:
-    result = CliRunner().invoke(cli, [str(arg) for arg in args])
-    assert result.exit_code == 0, result.output
-    return json.loads(result.stdout)
-
-
 @pytest.mark.long
-def test_a_study_from_start_to_report(tmp_path):
+def test_a_study_from_start_to_report(run, tmp_path):
     """The built-in model has effects of confirmation and the latch, and of digital on two pairs."""
     for name in ("matching", "rating"):
         data = tmp_path / name
-        status = shell("experiment", "simulate", name, "-n", PEOPLE, "-d", data, "--json")
+        status = run.json("experiment simulate", name, "-n", PEOPLE, "-d", data)
         assert status["simulated"] and all(one["complete"] for one in status["sessions"])
         assert len(status["sessions"]) == PEOPLE * (2 if name == "matching" else 1)
-        shell("experiment", "export", name, tmp_path / f"{name}.csv", "-d", data, "--json")
-    matching = shell(
-        "analyse", "confusion", tmp_path / "matching.csv", "--plot", tmp_path / "13.png", "--json"
-    )
+        run.json("experiment export", name, tmp_path / f"{name}.csv", "-d", data)
+    matching = run.json("analyse confusion", tmp_path / "matching.csv", "--plot", tmp_path / "13.png")
     assert matching["simulated"] and len(matching["matrices"]) == 4 and matching["trials"] == 1200
     p = {one["effect"]: one["reported_p"] for one in matching["performance"][0]["effects"]}
     assert p["confirmation"] < 0.01 and p["class"] < 0.01
     assert p["group"] > 0.05 and p["group x confirmation"] > 0.05
     latch = [one for one in matching["performance"][0]["comparisons"]["class"] if "latch" in one.values()]
     assert all(one["p_bonferroni"] < 0.05 for one in latch)
-    ratings = shell("analyse", "ratings", tmp_path / "rating.csv", "--plot", tmp_path / "14.png", "--json")
+    ratings = run.json("analyse ratings", tmp_path / "rating.csv", "--plot", tmp_path / "14.png")
     together = {one["effect"]: one["p"] for one in ratings["manova"]["by_person"]}
     assert together["category"] < 0.001 and together["button"] > 0.01 and together["category x button"] > 0.01
     for pair in ratings["pairs"]:
@@ -68,7 +57,7 @@ def test_a_study_from_start_to_report(tmp_path):
             assert effect["p"] < 0.001
     assert (tmp_path / "13.png").stat().st_size > 10_000 < (tmp_path / "14.png").stat().st_size
     tables = [tmp_path / "matching.csv", tmp_path / "rating.csv"]
-    report = shell("report", *tables, "-o", tmp_path / "report.html", "--json")
+    report = run.json("report", *tables, "-o", tmp_path / "report.html")
     assert report["simulated"] and len(report["figures"]) == 6
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     confirmed = next(one for one in matching["performance"][0]["effects"] if one["effect"] == "confirmation")
@@ -76,8 +65,7 @@ def test_a_study_from_start_to_report(tmp_path):
     assert row is not None and row[1] == f"{confirmed['f']:.2f}" and "Simulated participants" in page
     assert f"{100 * matching['overall']:.2f}\N{NO-BREAK SPACE}%" in page
     (tmp_path / "other.csv").write_text("participant,rating\nP01,3\n", encoding="utf-8")
-    refused = CliRunner().invoke(cli, ["report", str(tmp_path / "other.csv"), "-o", str(tmp_path / "x.html")])
-    assert refused.exit_code == 2 and "none of the columns" in refused.stderr
+    run("report", tmp_path / "other.csv", "-o", tmp_path / "x.html", says="none of the columns")
 
 
 def simulated(experiment: Experiment, model: ParticipantModel) -> list[str]:

@@ -13,11 +13,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 from haploop.base.errors import ConfigurationError, DataError, HaploopError, LimitError
 from haploop.calibration import DigitalButton
-from haploop.commands.cli import cli
 from haploop.experiments import (
     BUDGET,
     Experiment,
@@ -267,14 +265,10 @@ def test_what_is_missing_is_one_sentence(folder, rig, text, said):
 
 
 @pytest.mark.long
-def test_the_command_plays_for_a_person_and_once_more(folder):
+def test_the_command_plays_for_a_person_and_once_more(run, folder):
     experiment_of(folder, MATCHING)
-    result = CliRunner().invoke(
-        cli,
-        ["experiment", "run", str(folder), "-p", "P01", "--json"],
-        input="latch\nagain\npush\nknob\npush\nlatch\n",
-    )
-    assert result.exit_code == 0, result.output
+    typed = "latch\nagain\npush\nknob\npush\nlatch\n"
+    result = run("experiment run", folder, "-p", "P01", "--json", ends=0, typed=typed)
     # The runner of click before 8.4 shows there what was typed.
     said = result.stdout[result.stdout.index("{") :]
     assert json.loads(said)["sessions"][0]["complete"]
@@ -283,14 +277,8 @@ def test_the_command_plays_for_a_person_and_once_more(folder):
     assert "simulated" in result.stderr
 
 
-def shell(*args: object) -> Any:
-    result = CliRunner().invoke(cli, [str(arg) for arg in args])
-    assert result.exit_code == 0, result.output
-    return json.loads(result.stdout)
-
-
 @pytest.mark.night
-def test_the_paper_s_experiments_on_a_rig_over_two_days_from_the_command_line(made, tmp_path):
+def test_the_paper_s_experiments_on_a_rig_over_two_days_from_the_command_line(run, made, tmp_path):
     """Of the examples, shortened and without the toggle: two simulated people, exported and reported."""
     buttons = [part for name in ("latch", "push") for part in ("--button", str(made / f"{name}.h5"))]
     for name in ("matching", "rating"):
@@ -299,38 +287,35 @@ def test_the_paper_s_experiments_on_a_rig_over_two_days_from_the_command_line(ma
         text = re.sub(r"^(#: )?repetitions = 5", r"\1repetitions = 2", text, flags=re.M)
         example = tmp_path / f"{name}.toml"
         example.write_text(re.sub(r"^repetitions = (3|10)", "repetitions = 1", text, flags=re.M), "utf-8")
-        command = ["experiment", "new", str(tmp_path / name), "--from", str(example), *buttons]
-        result = CliRunner().invoke(cli, command)
-        assert result.exit_code == 0, result.output
-    first = shell("experiment", "simulate", tmp_path / "matching", "-n", 2, "--session", 1, "--json")
+        run("experiment new", tmp_path / name, "--from", example, *buttons, ends=0)
+    first = run.json("experiment simulate", tmp_path / "matching", "-n", 2, "--session", 1)
     assert [one["session"] for one in first["sessions"]] == [1, 1]
-    both = shell("experiment", "simulate", tmp_path / "matching", "-n", 2, "--json")
+    both = run.json("experiment simulate", tmp_path / "matching", "-n", 2)
     assert sorted(one["session"] for one in both["sessions"]) == [1, 1, 2, 2]
     # Of each person, training and a trial of two buttons on two days.
     assert all(one["complete"] for one in both["sessions"]) and both["latency"]["count"] == 2 * 2 * (2 + 2)
-    rated = shell("experiment", "simulate", tmp_path / "rating", "-n", 2, "--json")
+    rated = run.json("experiment simulate", tmp_path / "rating", "-n", 2)
     assert rated["latency"]["count"] == 2 * 2, "the physical buttons are not the rig's to play"
     tables = [tmp_path / "matching.csv", tmp_path / "rating.csv"]
     for table in tables:
-        shell("experiment", "export", table.with_suffix(""), table, "--json")
-    report = shell("report", *tables, "-o", tmp_path / "report.html", "--json")
+        run.json("experiment export", table.with_suffix(""), table)
+    report = run.json("report", *tables, "-o", tmp_path / "report.html")
     assert report["simulated"] and len(report["figures"]) == 6
 
 
-def test_simulated_fingers_need_a_simulated_rig(folder):
+def test_simulated_fingers_need_a_simulated_rig(run, folder):
     experiment_of(folder, MATCHING)
-    refused = CliRunner().invoke(cli, ["experiment", "simulate", str(folder), "--rig", "haptable"])
-    assert refused.exit_code == 2 and "has no finger" in refused.stderr
+    run("experiment simulate", folder, "--rig", "haptable", says="has no finger")
 
 
 @pytest.mark.parametrize(
     ("names", "said"),
     [(["push"], "one file of each of latch, toggle, push"), (["push", "push"], "than push")],
 )
-def test_a_new_experiment_of_other_buttons_is_refused(made, tmp_path, names, said):
+def test_a_new_experiment_of_other_buttons_is_refused(run, made, tmp_path, names, said):
     named = [part for name in names for part in ("--button", str(made / f"{name}.h5"))]
-    refused = CliRunner().invoke(cli, ["experiment", "new", str(tmp_path / "new"), *named])
-    assert refused.exit_code == 2 and said in refused.stderr and not (tmp_path / "new").exists()
+    run("experiment new", tmp_path / "new", *named, says=said)
+    assert not (tmp_path / "new").exists()
 
 
 @pytest.mark.parametrize("example", ["staircase", "two-interval"])
