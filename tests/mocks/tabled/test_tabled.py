@@ -9,7 +9,6 @@ import sys
 import textwrap
 import urllib.error
 import urllib.request
-from collections.abc import Callable
 
 import pytest
 import pyvisa
@@ -26,7 +25,6 @@ ANSWERS = {
     "OUTP?": "{output:d}", "MEAS?": ["1", "2"],
 }  # fmt: skip
 STATE = {"volt": {"value": 0.0, "min": 0, "max": 30}, "output": False}
-Serve = Callable[..., Instrument]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="serial lines are device files")
