@@ -15,7 +15,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from ..acquisition import look
+from .. import acquisition
 from ..base.arrays import FloatArray
 from ..base.clock import RealClock
 from ..base.entry_points import optional
@@ -76,7 +76,7 @@ def looking(rig: Rig) -> Iterator[Tap]:
 
     def work() -> None:
         try:
-            look(rig, wanted.is_set)
+            acquisition.look(rig, wanted.is_set)
         except HaploopError as error:
             tap.close(error)
         else:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 import numpy as np
 import scipy
 
-from ...acquisition import load_press
+from ... import acquisition
 from ...base.arrays import FloatArray
 from ...base.errors import ConfigurationError, DataError
 from ...base.filters import correlate, resample_poly
@@ -195,8 +195,8 @@ def load_elsewhere(
         raise ConfigurationError(f"Point {both[0]} cannot be silent and play a press: leave one out.")
     if nowhere := sorted(sizes.keys() - files.keys()):
         raise ConfigurationError(f"A size is given for point {nowhere[0]}, and no press to play there.")
-    presses = {point: (load_press(paths, method), sizes.get(point, 1.0)) for point, paths in files.items()}
-    return {**presses, **silent}
+    own = {point: acquisition.load_press(paths, method) for point, paths in files.items()}
+    return {**{point: (press, sizes.get(point, 1.0)) for point, press in own.items()}, **silent}
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,8 @@ import scipy
 
 from ...base.arrays import ComplexArray, FloatArray
 from ...instruments.config import Recalibration
-from ..drive import BAND, Drive
+from ..band import BAND
+from ..drive import Drive
 from ..model import Calibration, Model
 from ..response import Hysteresis, Response
 from .overlay import Overlay, lay_over

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..drive import BAND
+from ..band import BAND
 from ..model import Model
 from .overlay import Overlay
 

@@ -13,7 +13,8 @@ from ...instruments.mains import Hum, mains_hum
 from ...instruments.sensors import fault_at_rest
 from ...instruments.vibrometer import Vibrometer
 from ..background import Record, steady, tones_in, tones_of
-from ..drive import BAND, Drive
+from ..band import BAND
+from ..drive import Drive
 from ..response import RESOLVED, ringing_of
 from ..spectra import fade
 
