@@ -99,6 +99,17 @@ def test_a_gain_that_cannot_be_proved_is_said():
     assert "cannot be proved on this rig" in said.sentence
 
 
+FOUR = [
+    ({"kind": "amplifier-gain", "patch": "C", "gain": 40}, "amplifier", "0.797 V arrive at patch C"),
+    ({"kind": "amplifier-gain", "patch": "C", "gain": 200}, "table", "Patch C got 4.0"),
+    ({"kind": "sensor-disconnected", "channel": "drive_c"}, "relay", "no voltage reaches it"),
+    ({"kind": "relay-welded", "patch": "D"}, "relay", "no voltage reaches it"),
+    ({"kind": "relay-welded", "patch": "D", "after": 50.69}, "relay", "a contact is welded closed"),
+    ({"kind": "patch-dead", "patch": "B"}, "table", "the patch is dead"),
+]
+"""On one of four channels."""
+
+
 @pytest.mark.many_plays
 @pytest.mark.parametrize(
     ("fault", "instrument", "says"),
@@ -123,12 +134,14 @@ def test_a_gain_that_cannot_be_proved_is_said():
         ({"kind": "relay-lost", "patch": "B", "after": 40}, "relay", "channel 2 (patch B) was told to close"),
         ({"kind": "relay-welded", "patch": "D"}, "relay", "the contact does not close"),
         ({"kind": "relay-welded", "after": 50.1}, "relay", "welded closed"),
+        *FOUR,
     ],
-    ids=lambda value: value["kind"] if isinstance(value, dict) else "",
+    ids=lambda value: "-".join(map(str, value.values())) if isinstance(value, dict) else "",
 )  # fmt: skip
 def test_one_thing_that_is_wrong_is_one_red_sentence(open, mode, fault, instrument, says):
-    of_one_card = fault["kind"].startswith(("sensor", "daq"))
-    rig = open("minimal" if of_one_card else "haptable", faults=[fault])
+    four = (fault, instrument, says) in FOUR
+    of_one_card = fault["kind"].startswith(("sensor", "daq")) and not four
+    rig = open("four-channel" if four else "minimal" if of_one_card else "haptable", faults=[fault])
     red = of_status(examine(rig), "red")
     assert [finding.instrument for finding in red] == [instrument], red
     assert says in red[0].sentence
@@ -136,28 +149,6 @@ def test_one_thing_that_is_wrong_is_one_red_sentence(open, mode, fault, instrume
     (asked,) = rig.simulation.faults
     assert asked.fired
     if "relay-" not in fault["kind"] and not of_one_card:
-        assert_safe(rig)
-
-
-@pytest.mark.many_plays
-@pytest.mark.parametrize(
-    ("fault", "instrument", "says"),
-    [
-        ({"kind": "amplifier-gain", "patch": "C", "gain": 40}, "amplifier", "0.797 V arrive at patch C"),
-        ({"kind": "amplifier-gain", "patch": "C", "gain": 200}, "table", "Patch C got 4.0"),
-        ({"kind": "sensor-disconnected", "channel": "drive_c"}, "relay", "no voltage reaches it"),
-        ({"kind": "relay-welded", "patch": "D"}, "relay", "no voltage reaches it"),
-        ({"kind": "relay-welded", "patch": "D", "after": 50.69}, "relay", "a contact is welded closed"),
-        ({"kind": "patch-dead", "patch": "B"}, "table", "the patch is dead"),
-    ],
-    ids=lambda value: "-".join(map(str, value.values())) if isinstance(value, dict) else "",
-)
-def test_one_thing_that_is_wrong_on_one_of_four_channels_is_one_red_sentence(open, fault, instrument, says):
-    rig = open("four-channel", faults=[fault])
-    red = of_status(examine(rig), "red")
-    assert [finding.instrument for finding in red] == [instrument], red
-    assert says in red[0].sentence
-    if fault["kind"] != "relay-welded":
         assert_safe(rig)
 
 
