@@ -34,6 +34,7 @@ from haploop.instruments.safety.lockout import Lockout, lockout_of, set_lockout
 from tests.calibration.recalibration.test_history import publish
 from tests.instruments.config.test_ati_cal import cal
 from tests.mutating import mutations, refused
+from tests.raising import raises
 
 PLAN = MapPlan("rig", "{}", True, 2, 2, ("0", "1"), ("A",), False, 1.5, 5000.0, 15.0, 600.0, 2.0, ("0",), 5)
 
@@ -165,10 +166,8 @@ def test_a_list_and_a_value_come_back_and_another_kind_is_said(tmp_path):
     assert read_json(path, "numbers", list) == [{"n": 0}, {"n": 1}, {"n": 2}]
     assert len(path.read_text(encoding="utf-8").splitlines()) == 6  # one entry a line
     assert json.loads(path.read_bytes())["content"] == [{"n": 0}, {"n": 1}, {"n": 2}]
-    with pytest.raises(Exception, match="is not a haploop map"):
-        read_json(path, "map", dict)
-    with pytest.raises(Exception, match="already exists and is not overwritten"):
-        write_json(path, "numbers", [])
+    raises(Exception, "is not a haploop map", read_json, path, "map", dict)
+    raises(Exception, "already exists and is not overwritten", write_json, path, "numbers", [])
 
 
 def test_a_changed_lockout_locks_and_a_changed_count_of_plays_is_a_full_minute(tmp_path, full):

@@ -15,6 +15,7 @@ from haploop.base.line_files import Mark, check_marked, write_marks
 from haploop.calibration.recalibration.history import Generation
 from haploop.experiments import load_experiment
 from haploop.instruments import load_rig_file
+from tests.raising import raises
 
 OUT = ["../out", "sub/../../out", "/out", "C:/out", "C:out", "//host/out", r"..\out", "link/out", "loop", "",
     ".."]  # fmt: skip
@@ -93,11 +94,9 @@ def of_a_recording(folder: Path, _key: str, place: str) -> None:
     ],
 )
 def test_every_path_in_a_file_is_looked_at(folder, reads, key, place):
-    with pytest.raises(HaploopError, match="leads out of its folder"):
-        reads(folder, key, place)
+    raises(HaploopError, "leads out of its folder", reads, folder, key, place)
 
 
 def test_a_base_is_a_rig_file_and_no_device(folder):
     (folder / "rig.toml").write_text('base = "/dev/zero"\n')
-    with pytest.raises(ConfigurationError, match=r"line 1: there is no rig '/dev/zero'"):
-        load_rig_file(folder / "rig.toml")
+    raises(ConfigurationError, r"line 1: there is no rig '/dev/zero'", load_rig_file, folder / "rig.toml")

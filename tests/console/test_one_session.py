@@ -14,6 +14,7 @@ from haploop.console.server.conductor import Conductor
 from tests.console.serving import served
 from tests.console.test_experiment_pages import RATING
 from tests.console.test_worker import begin, ended, made, pages, until
+from tests.raising import raises
 
 BEGIN = {"experiment": "rated", "participant": "P01"}
 
@@ -44,12 +45,10 @@ def test_an_experiment_does_not_begin_in_a_recording_that_is_paused(data):
     def operator():
         worker.command("override", {"reason": "a test"})
         begin(worker, "record", button="toggle", participant="P02", presses=2)
-        with pytest.raises(ConfigurationError, match=r"busy \(Record toggle by P02\)"):
-            conductor.begin(BEGIN, {})
+        raises(ConfigurationError, r"busy \(Record toggle by P02\)", conductor.begin, BEGIN, {})
         until(lambda: worker.board["request"] and worker.board["request"].get("press") == 1)
         worker.command("pause", {"on": True})
-        with pytest.raises(ConfigurationError, match=r"busy \(Record toggle by P02\)"):
-            conductor.begin(BEGIN, {})
+        raises(ConfigurationError, r"busy \(Record toggle by P02\)", conductor.begin, BEGIN, {})
         assert conductor.participant is None and worker.board["held"] is None
         assert not (data / "rated" / "answers" / "P01").exists(), "a refusal leaves nothing"
         worker.stop()

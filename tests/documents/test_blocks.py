@@ -8,6 +8,7 @@ import pytest
 
 import haploop
 from tests.documents.pages import ROOT, SHARES, Page, blocks, name_of, pages_of
+from tests.raising import raises
 
 EXAMPLE = ROOT / "examples" / "haploop-acme-relay"
 ROLES = ROOT / "examples" / "haploop-acme-thermometer"
@@ -82,7 +83,5 @@ def test_a_block_that_fails_is_noticed(tmp_path, monkeypatch):
     text = "```sh\nfalse\n```\n<!-- not run: x -->\n```sh\nfalse\n```\n```python\nraise KeyError\n```\n"
     first, excused, last = blocks(text)
     assert (first.excuse, excused.excuse, last.line) == ("", "x", 8)
-    with pytest.raises(AssertionError, match="page:1"):
-        Page(tmp_path / "page").run(first, "page:1")
-    with pytest.raises(KeyError):
-        Page(tmp_path / "page").run(last, "page:8")
+    raises(AssertionError, "page:1", Page(tmp_path / "page").run, first, "page:1")
+    raises(KeyError, "", Page(tmp_path / "page").run, last, "page:8")

@@ -8,6 +8,7 @@ import pytest
 import haploop
 from haploop.exchange.importing import presses_in
 from tests.exchange.lab_files import KINDS, Written, german, no_header
+from tests.raising import raises
 
 SAVED = ("none.csv", "pico.csv", "struct.mat", "plain.tdms", "millivolts.csv", "three.wav")
 
@@ -32,8 +33,7 @@ def test_what_was_written_is_understood(kind, written, tmp_path):
     kind.write(path, written)
     bare = haploop.understand(path)
     for option in kind.lacks:
-        with pytest.raises(haploop.ConfigurationError, match=option):
-            bare.require()
+        raises(haploop.ConfigurationError, option, bare.require)
     if not kind.lacks:
         bare.require()
     found = haploop.understand(path, haploop.FileMapping(**kind.told))
@@ -162,8 +162,7 @@ def test_a_sign_that_must_be_wrong_is_asked_for(written, tmp_path):
     np.savez(path, fs=5000, force_N=-written.force, acc=-written.acceleration)
     units = {"acceleration": "m/s^2"}
     found = haploop.understand(path, haploop.FileMapping(units=units))
-    with pytest.raises(haploop.ConfigurationError, match="--flip force and --flip acceleration"):
-        found.require()
+    raises(haploop.ConfigurationError, "--flip force and --flip acceleration", found.require)
     flipped = haploop.understand(path, haploop.FileMapping(units=units, flip=("force", "acceleration")))
     flipped.require()
     np.testing.assert_allclose(flipped.signals["force"].values, written.force)

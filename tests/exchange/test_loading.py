@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import pytest
-
 import haploop
 from haploop.exchange.catalogue import index as catalogue_index
+from tests.raising import raises
 
 
 def test_every_file_of_a_demo_is_loaded_as_what_it_holds(demo):
@@ -27,10 +26,8 @@ def test_folders_are_loaded_by_what_stands_in_them(tmp_path):
         assert isinstance(haploop.load(named), haploop.Study)
     for named in (experiment, experiment / "experiment.toml"):
         assert haploop.load(named) == haploop.load_experiment(experiment)
-    with pytest.raises(haploop.DataError, match="a folder without"):
-        haploop.load(tmp_path)
-    with pytest.raises(haploop.DataError, match="no file"):
-        haploop.load(tmp_path / "nothing.h5")
+    raises(haploop.DataError, "a folder without", haploop.load, tmp_path)
+    raises(haploop.DataError, "no file", haploop.load, tmp_path / "nothing.h5")
 
 
 def test_a_string_is_a_path_and_not_its_letters(demo, tmp_path, monkeypatch):

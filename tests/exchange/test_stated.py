@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import haploop
+from tests.raising import raises
 
 T = np.arange(2500) / 5000
 F = 2 * np.exp(-(((T - 0.25) / 0.05) ** 2))
@@ -537,8 +538,7 @@ def test_a_damaged_row_is_a_gap_in_the_recording(tmp_path):
     path.write_text(
         "Sample rate: 5000 Hz\nForce (N)\n" + "\n".join(lines).replace("\n1.0", "\nx1.0", 1) + "\n"
     )
-    with pytest.raises(haploop.DataError, match=r"stops being a table in row .*--skip-damaged"):
-        haploop.understand(path)
+    raises(haploop.DataError, r"stops being a table in row .*--skip-damaged", haploop.understand, path)
     found = haploop.understand(path, haploop.FileMapping(skip_damaged=True))
     assert len(found.signals["force"].values) == 2500 and len(found.holes) == 1
     assert found.holes[0].end - found.holes[0].first == 1
@@ -547,8 +547,7 @@ def test_a_damaged_row_is_a_gap_in_the_recording(tmp_path):
 def test_a_table_that_is_far_too_wide_is_refused_at_once(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text(",".join(["1"] * 300_000) + "\n")
-    with pytest.raises(haploop.DataError, match="more than 4096 cells"):
-        haploop.understand(path)
+    raises(haploop.DataError, "more than 4096 cells", haploop.understand, path)
 
 
 def test_each_measurement_of_a_table_becomes_a_file_of_its_own(run, tmp_path):

@@ -10,6 +10,7 @@ from haploop.reports.figures import Profile, activation_forces, profiles
 from haploop.reports.figures.encoding import png
 from haploop.reports.figures.plotting import active, continuous_phase, smoothed, spectrum
 from haploop.reports.html import Page
+from tests.raising import raises
 
 RATE = 5000.0
 
@@ -123,10 +124,8 @@ def test_values_are_json_and_lines_are_text():
     found = Contents("A", [fact("Error", ["1", "", "2"], error=np.float64("nan"), of=np.arange(2))], kind="k")
     assert found.values == {"kind": "k", "error": None, "of": [0, 1]}
     assert found.rows == [("Error", "1"), ("", "2")]
-    with pytest.raises(DataError, match="no plot"):
-        found.draw()
-    with pytest.raises(TypeError, match="object has no form"):
-        plain(object())
+    raises(DataError, "no plot", found.draw)
+    raises(TypeError, "object has no form", plain, object())
 
 
 def test_presses_that_agree_lie_within_the_panel_of_all_buttons():

@@ -11,6 +11,7 @@ from haploop import open_rig, record
 from haploop.base.errors import ConfigurationError, DataError
 from haploop.reports.html import contents_at, write_figures
 from tests.command_line import Run
+from tests.raising import raises
 
 
 @pytest.fixture
@@ -35,8 +36,7 @@ def test_a_button_has_its_figures_in_a_journal_s_width(columns, millimetres, mad
     points = re.search(r'width="([\d.]+)pt"', (out / "figure-8-drives.svg").read_text("utf-8"))
     assert points and float(points[1]) / 72 * 25.4 == pytest.approx(millimetres, abs=0.6)
     assert "Voltage (V)" in (out / "figure-8-drives.csv").read_text("utf-8")
-    with pytest.raises(ConfigurationError, match="figures already exists"):
-        write_figures(made / "latch.h5", out, paper=True)
+    raises(ConfigurationError, "figures already exists", write_figures, made / "latch.h5", out, paper=True)
 
 
 @pytest.mark.long
@@ -90,6 +90,5 @@ def test_few_answers_say_why_there_are_no_scores(run, tmp_path):
 
 def test_data_without_a_figure_are_refused(run, tmp_path):
     run("experiment new", tmp_path / "rating", "--from", "rating")
-    with pytest.raises(DataError, match="no such figure"):
-        write_figures(tmp_path / "rating", tmp_path / "figures", paper=True)
+    raises(DataError, "no such figure", write_figures, tmp_path / "rating", tmp_path / "figures", paper=True)
     assert not (tmp_path / "figures").exists()

@@ -8,6 +8,7 @@ import pytest
 
 from haploop.base.errors import ConfigurationError, DataError
 from haploop.experiments.analysis.power import load_power_plan, power_of
+from tests.raising import raises
 
 PLAN = """
 people = [{people}]
@@ -66,12 +67,9 @@ def test_power_rises_with_people(tmp_path):
 def test_a_wrong_plan_is_refused(tmp_path, change, said):
     path = plan(tmp_path)
     path.write_text(path.read_text(encoding="utf-8").replace(*change), encoding="utf-8")
-    with pytest.raises(ConfigurationError, match=said):
-        load_power_plan(path)
-    with pytest.raises(ConfigurationError, match="no file"):
-        load_power_plan(tmp_path / "none.toml")
+    raises(ConfigurationError, said, load_power_plan, path)
+    raises(ConfigurationError, "no file", load_power_plan, tmp_path / "none.toml")
 
 
 def test_too_few_people_are_refused(tmp_path):
-    with pytest.raises(DataError, match="too few"):
-        power_of(load_power_plan(plan(tmp_path, "3")), runs=10)
+    raises(DataError, "too few", power_of, load_power_plan(plan(tmp_path, "3")), runs=10)

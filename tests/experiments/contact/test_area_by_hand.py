@@ -108,8 +108,7 @@ def test_a_target_tells_the_area_of_a_pixel_and_is_sharp():
     ramp = np.clip(np.minimum(np.arange(160) - 20, 139 - np.arange(160)) / 28, 0, 1)
     soft = np.tile(10.0 + 100 * ramp, (120, 1))
     soft[:20] = soft[100:] = 10.0
-    with pytest.raises(DataError, match="blurred over"):
-        calibrate_meter([taken(soft)] * 2, background, 1e-6)
+    raises(DataError, "blurred over", calibrate_meter, [taken(soft)] * 2, background, 1e-6)
 
 
 # What a camera sees without a finger

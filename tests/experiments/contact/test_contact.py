@@ -35,6 +35,7 @@ from haploop.experiments.contact import (
 from haploop.experiments.contact.button import without_lead_in
 from haploop.instruments import Camera, Rig, Touch, open_rig
 from haploop.instruments.driver import Mode
+from tests.raising import raises
 
 TARGET = 100e-6
 RIG = """
@@ -132,8 +133,7 @@ def test_activation_areas_follow_the_recorded_forces():
     assert found.a_min < areas["toggle"] < areas["push"] < areas["latch"] < found.a_max
     assert areas["toggle"] == pytest.approx(70e-6) and areas["latch"] == pytest.approx(130e-6)
     for forces in ({}, {"latch": 0.0}, {"latch": float("nan")}):
-        with pytest.raises(DataError, match="positive mean force"):
-            activation_areas(found, forces)
+        raises(DataError, "positive mean force", activation_areas, found, forces)
 
 
 SPOILT = (
@@ -207,8 +207,7 @@ def test_a_frame_that_is_not_to_be_trusted_activates_nothing():
 
 @pytest.mark.parametrize("areas", [(1.0, 0.0, None), (1.0, 1.0, None), (1.0, 0.4, 0.3), (1.0, 0.4, 1.0)])
 def test_areas_in_the_wrong_order_are_refused(areas):
-    with pytest.raises(ConfigurationError, match="lifted <= release < activation"):
-        Activator(*areas)
+    raises(ConfigurationError, "lifted <= release < activation", Activator, *areas)
 
 
 def burst(peak: float, rate_hz: float = 50_000.0) -> Any:
@@ -306,5 +305,4 @@ def test_only_a_button_that_was_verified_here_today(tmp_path):
 
 @pytest.mark.parametrize("share", [-0.1, 0.02, float("nan")])
 def test_no_more_than_a_lead_in_is_left_out(share):
-    with pytest.raises(ConfigurationError, match=r"use 0 to 0\.01"):
-        without_lead_in(burst(1.0), share)
+    raises(ConfigurationError, r"use 0 to 0\.01", without_lead_in, burst(1.0), share)

@@ -35,6 +35,7 @@ from haploop.instruments import Rig, open_rig
 from haploop.mocks.participant import ParticipantModel, SimulatedParticipant
 from haploop.mocks.plant import touches
 from tests.experiments.played import PLAYED, played
+from tests.raising import raises
 
 MATCHING = PLAYED.replace("repetitions = 1\n", "repetitions = 2\n")
 RATING = """
@@ -204,8 +205,7 @@ def test_a_finger_that_cannot_be_calibrated_is_refused(folder, monkeypatch):
 def test_a_finger_at_the_threshold_that_trembles_is_one_press(folder, monkeypatch):
     """With a tremor of a third, at 9 Hz, the area crosses the threshold again and again."""
     with presented(folder, MATCHING) as (rig, presenter, store), session_of(rig, store) as session:
-        with pytest.raises(KeyboardInterrupt):
-            run_session(session, Leaves(1), presenter)
+        raises(KeyboardInterrupt, "", run_session, session, Leaves(1), presenter)
         outputs, begun = rig.simulation.truth.record(), rig.clock.now()
         plant = rig.simulation.plant
         shake, before = touches.touch_surface, len(plant.touches)
@@ -242,8 +242,7 @@ def test_a_finger_at_the_threshold_that_trembles_is_one_press(folder, monkeypatc
 )
 def test_a_file_that_names_buttons_wrongly(tmp_path, old, new, said):
     assert old in MATCHING
-    with pytest.raises(ConfigurationError, match=said):
-        experiment_of(tmp_path, MATCHING.replace(old, new))
+    raises(ConfigurationError, said, experiment_of, tmp_path, MATCHING.replace(old, new))
 
 
 def test_only_an_amplitude_can_be_compared(tmp_path):

@@ -18,6 +18,7 @@ from haploop.mocks.clock import VirtualClock
 from haploop.mocks.participant import ParticipantModel, SimulatedParticipant
 from tests.experiments.session.sessions import killed, ran, run, store
 from tests.mutating import refused
+from tests.raising import raises
 
 
 def whole(folder: Path) -> Store:
@@ -102,15 +103,13 @@ def test_a_person_whose_folder_vanished_is_missed(tmp_path):
     run(where, "P03")
     assert where.participants() == ("P02", "P03")
     (where.folder / "withdrawals.jsonl").unlink()
-    with pytest.raises(DataError, match=r"withdrawals.jsonl is missing"):
-        run(where, "P01")
+    raises(DataError, r"withdrawals.jsonl is missing", run, where, "P01")
 
 
 def test_without_its_marks_a_log_with_answers_is_refused(tmp_path):
     where = whole(tmp_path)
     (where.folder / "marks.json").unlink()
-    with pytest.raises(DataError, match=r"marks.json does not know .*session-1.jsonl"):
-        where.sessions()
+    raises(DataError, r"marks.json does not know .*session-1.jsonl", where.sessions)
     assert refused(lambda: exported(where)) and refused(lambda: run(where, "P01"))
 
 
@@ -198,11 +197,9 @@ def test_an_answer_that_may_be_lost_is_not_written_twice(tmp_path, monkeypatch, 
             patched.setattr(
                 "os.fsync" if what == "fsync" else "haploop.experiments.session.store.write_marks", refuses
             )
-            with pytest.raises(DataError, match="No space left"):
-                session.answer(who.answer(session.due))
+            raises(DataError, "No space left", session.answer, who.answer(session.due))
         for _ in range(2):
-            with pytest.raises(DataError, match="cannot be written"):
-                session.answer(who.answer(session.due))
+            raises(DataError, "cannot be written", session.answer, who.answer(session.due))
     stored = where.session("P01", 1)
     assert stored is not None and len(stored.answers) == 8 and stored.due is not None
     assert verify(where.path_of("P01", 1))[0].endswith("its end is missing.")

@@ -88,11 +88,9 @@ def test_a_changed_experiment_does_not_continue(tmp_path):
     text = load_experiment("matching").path.read_text(encoding="utf-8")
     path = tmp_path / "experiment.toml"
     path.write_text(text, encoding="utf-8")
-    with pytest.raises(KeyboardInterrupt):
-        run(Store(load_experiment(path), tmp_path / "answers"), "P01", 20)
+    raises(KeyboardInterrupt, "", run, Store(load_experiment(path), tmp_path / "answers"), "P01", 20)
     path.write_text(text.replace("seed = 2020", "seed = 1"), encoding="utf-8")
-    with pytest.raises(DataError, match="another version"):
-        run(Store(load_experiment(path), tmp_path / "answers"), "P01")
+    raises(DataError, "another version", run, Store(load_experiment(path), tmp_path / "answers"), "P01")
 
 
 def test_what_may_not_begin_is_refused(tmp_path):
@@ -170,8 +168,7 @@ def test_answers_leave_as_a_tidy_table(tmp_path):
     assert analyse_identification(rows).pooled.counts.sum() == 120
     raises(DataError, "already exists", export_answers, where, out)
     assert export_answers(where, tmp_path / "all.csv", practice=True) == 156
-    with pytest.raises(DataError, match="holds no answer"):
-        export_answers(store(tmp_path / "empty"), tmp_path / "none.csv")
+    raises(DataError, "holds no answer", export_answers, store(tmp_path / "empty"), tmp_path / "none.csv")
 
 
 def test_a_program_that_was_killed_in_its_first_line_leaves_no_damage(tmp_path):

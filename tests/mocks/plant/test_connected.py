@@ -11,6 +11,7 @@ import pytest
 from haploop.base.errors import ConfigurationError, InstrumentError
 from haploop.instruments import Press, Rig, Scale, Sensors, open_rig
 from haploop.instruments.rig.opening import compare_scales
+from tests.raising import raises
 
 WASHER = """
 base = "simulated"
@@ -67,8 +68,7 @@ def test_a_signal_that_fails_is_one_sentence(tmp_path, signal, told):
     path.write_text(WASHER)
     with open_rig(path) as rig:
         rig.simulation.plant.connect("washer", signal)
-        with pytest.raises(InstrumentError, match=f"signal.*failed.*{told}.*ask its author"):
-            read(rig, ["washer"], 0.1)
+        raises(InstrumentError, f"signal.*failed.*{told}.*ask its author", read, rig, ["washer"], 0.1)
 
 
 class Amplifier:
@@ -114,5 +114,4 @@ def test_scales_as_filed_are_accepted():
     ],
 )
 def test_a_scale_unlike_the_rig_files_is_refused(scales, told):
-    with pytest.raises(ConfigurationError, match=told):
-        compare_scales("charge", Amplifier(**scales), SENSORS, "lab")
+    raises(ConfigurationError, told, compare_scales, "charge", Amplifier(**scales), SENSORS, "lab")

@@ -12,6 +12,7 @@ from haploop.instruments import Rig
 from haploop.instruments.operator import LiftFinger, RestFinger
 from haploop.mocks.plant import Fingertip, random_modal
 from tests.conftest import OpenRig
+from tests.raising import raises
 
 BAND = np.arange(75.0, 600.0, 0.25)
 
@@ -104,9 +105,7 @@ def test_a_simulated_operator_rests_and_lifts_a_finger(open):
 
 
 def test_what_cannot_carry_a_hand_refuses_it_when_the_rig_is_opened(open):
-    with pytest.raises(ConfigurationError, match="Nothing can rest"):
-        open(faults=[hand(after=5.0)], softening=0.02)
+    raises(ConfigurationError, "Nothing can rest", open, faults=[hand(after=5.0)], softening=0.02)
     with pytest.raises(ConfigurationError, match="tells no masses"):
         open(plant=random_modal(np.random.default_rng(1)), faults=[hand()])
-    with pytest.raises(ConfigurationError, match=r'give "button" or the number'):
-        open(faults=[hand(point="somewhere")])
+    raises(ConfigurationError, r'give "button" or the number', open, faults=[hand(point="somewhere")])

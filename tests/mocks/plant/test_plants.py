@@ -18,6 +18,7 @@ from haploop.instruments import load_rig_file, open_rig
 from haploop.instruments.config import RigFile
 from haploop.instruments.rig.json_schema import rig_schema
 from haploop.mocks.plant import Modal, ModalSurface, Modes, PlantSource, Surface, random_modal
+from tests.raising import raises
 
 GUIDE = (Path(__file__).parents[3] / "docs" / "how-to" / "adding-a-plant.md").read_text(encoding="utf-8")
 BLOCKS = dict(re.findall(r"^```\w+\n# (\S+)\n(.*?)^```$", GUIDE, re.MULTILINE | re.DOTALL))
@@ -67,8 +68,7 @@ def test_the_guides_plant_is_what_the_laser_sees(tmp_path):
 def test_its_settings_are_checked_like_any_others(table, says, tmp_path):
     path = tmp_path / "rig.toml"
     path.write_text(f'base = "simulated"\n[simulation]\n{table}\n', encoding="utf-8")
-    with pytest.raises(ConfigurationError, match=says):
-        open_rig(path)
+    raises(ConfigurationError, says, open_rig, path)
 
 
 @pytest.mark.usefixtures("string")
@@ -105,8 +105,7 @@ def test_a_broken_plant_is_one_sentence(install, source, says, tmp_path):
     install("acme-bad", "acme_bad", source, "Bad")
     path = tmp_path / "rig.toml"
     path.write_text('base = "simulated"\n[simulation]\nplant = "acme-bad"\n')
-    with pytest.raises((ConfigurationError, InstrumentError), match=says):
-        open_rig(path)
+    raises((ConfigurationError, InstrumentError), says, open_rig, path)
     if source in ("def (", BROKEN[-2][0]):  # found when it is loaded, and when it is made
         done = CliRunner().invoke(cli, ["calibrate", "--rig", str(path)])
         assert done.exit_code in (2, 3) and "acme-" in done.output and "Traceback" not in done.output
