@@ -82,7 +82,8 @@ def test_every_abort_limit_is_tested_whatever_is_recorded(abort, says):
         record = rig.simulation.truth.record()
         raises(InstrumentError, says, rig.excite, tone(rig), ["A"], ["switch"])
         assert rig.simulation.truth.closed == frozenset()
-        kept = np.load(rig.lockout.samples)
+        with np.load(rig.lockout.samples) as file_of_trip:
+            kept = dict(file_of_trip)
         assert kept["volts"].shape[0] == len(kept["channels"]) and kept["volts"].shape[1] > 4000
         assert str(kept["why"]) == rig.lockout.why and {"drive", "switch"} <= set(kept["channels"].tolist())
     (burst,) = bursts(record)
@@ -174,7 +175,8 @@ def test_the_samples_of_each_trip_are_kept_with_their_index():
         with open_rig(limited) as rig:
             drive = tone(rig)
             raises(InstrumentError, "The patch got", rig.excite, drive, ["A"], ["switch"])
-            kept = np.load(rig.lockout.samples)
+            with np.load(rig.lockout.samples) as file_of_trip:
+                kept = dict(file_of_trip)
             clear_lockout(rig.audit.folder, rig.hardware)
         seen.append(rig.lockout)
         first, volts = int(kept["first"]), kept["volts"][list(kept["channels"]).index("drive")]
