@@ -26,6 +26,8 @@ _SCALES = (
 )  # fmt: skip
 """Of DAQmx, those that the library for TDMS applies."""
 _SECOND = np.timedelta64(1, "s")
+_JITTER = 5e-3
+"""Most that a piece's start may be off (s): programs that write as they read take the system's clock."""
 _LEAD = 28
 """Bytes before a TDMS segment's metadata; the last eight are the metadata's length."""
 
@@ -52,7 +54,9 @@ def tdms(path: Path) -> Iterator[Column]:
                 raise ValueError(f"{channel.name} is over frequency")
             step = float(said.get("wf_increment", 0.0))
             own = channel.properties
-            at = starts[channel.path]
+            at, last = starts[channel.path], _begun(own)
+            if step > 0 and at is not None and last is not None and at != last:
+                _refuse_gap(channel, float((last - at) / _SECOND) / step, step)
             start, since = None, at
             if step > 0 and (origin is None or at is not None):
                 later = 0.0 if origin is None or at is None else float((at - origin) / _SECOND)
@@ -89,6 +93,16 @@ def _of_first_segment(nptdms: Any, path: Path) -> dict[str, Any]:
         head = io.BytesIO(lead + file.read(size - _LEAD))
     found = nptdms.TdmsFile.read_metadata(head)
     return {one.path: one.properties for group in found.groups() for one in group.channels()}
+
+
+def _refuse_gap(channel: Any, begun: float, step: float) -> None:
+    """Compare at which sample the last piece of a waveform begins, by its start, with where it lies."""
+    lies = min((int(piece.offset) for piece in channel.data_chunks()), key=lambda at: abs(at - begun))
+    if abs(begun - lies) > max(2, _JITTER / step):
+        raise ValueError(
+            f"{channel.name} was written in pieces that do not adjoin: by its wf_start_time the last one "
+            f"begins at {begun * step:.6g} s, and the samples before it end at {lies * step:.6g} s"
+        )
 
 
 def _begun(own: Any) -> Any:

@@ -74,8 +74,8 @@ def stamped(first: str, *, zone: str = "", form: str = "%Y-%m-%d %H:%M:%S.%f", h
     return f"{heading},Force (N)\n" + rows([t.strftime(form) + zone for t in times], F)
 
 
-def tdms(segments: int = 1, **said: Any) -> Callable[[Path], None]:
-    """A waveform that is written piece by piece, with the start of each."""
+def tdms(segments: int = 1, gap_ms: int = 0, **said: Any) -> Callable[[Path], None]:
+    """A waveform written piece by piece, with the start of each, `gap_ms` after the end of the one before."""
 
     def write(path: Path) -> None:
         nptdms = pytest.importorskip("nptdms")
@@ -84,7 +84,7 @@ def tdms(segments: int = 1, **said: Any) -> Callable[[Path], None]:
             for part in np.split(F, segments):
                 file.write_segment([nptdms.ChannelObject("group", "Force", part, properties=own)])
                 if segments > 1:
-                    own["wf_start_time"] += np.timedelta64(200 * len(part), "us")
+                    own["wf_start_time"] += np.timedelta64(200 * len(part) + 1000 * gap_ms, "us")
 
     return write
 
@@ -217,6 +217,8 @@ CASES = (
         "2026-05-01T10:00:00.250000+00:00", suffix="tdms"),
     Case("TDMS in pieces", tdms(5, wf_start_time=np.datetime64(AT, "us")), "wf_start_time", UTC,
         suffix="tdms"),
+    Case("TDMS in pieces, by the system's clock", tdms(5, 1, wf_start_time=np.datetime64(AT, "us")),
+         "wf_start_time", UTC, suffix="tdms"),
     Case("TDMS's zero", tdms(wf_start_time=np.datetime64("1904-01-01", "us")), suffix="tdms"),
     Case("NWB", nwb, f"{AT}+02:00", "2026-05-01T08:00:01.500000+00:00", suffix="nwb"),
     Case("XDF", xdf, f"{AT}+0200", EIGHT, suffix="xdf"),
@@ -431,6 +433,9 @@ def test_the_start_that_a_file_states(case, tmp_path):
         (sep005(UTC, AT), "sep005", {}, "channels that begin at different times"),
         (table("Date: 2026-10-25 02:30:00"), "csv", {"zone": "Europe/Berlin"},
          "which Europe/Berlin has twice or never"),
+        *((tdms(5, gap, wf_start_time=np.datetime64(AT, "us")), "tdms", {},
+           f"last one begins at {0.4 + 4e-3 * gap:g} s, and the samples before it end at 0.4 s")
+          for gap in (-10, 2, 25, 1000)),
     ],
 )  # fmt: skip
 def test_what_is_refused(text, suffix, told, asked, tmp_path):
