@@ -143,13 +143,14 @@ def test_commands_publish_unless_they_are_told_not_to(run, tmp_path, monkeypatch
     from haploop.instruments.live import publisher
 
     made: list[Path] = []
-    write = publisher.Publisher._write_address
+    begin = publisher.Publisher.__init__
 
-    def noted(self, rig):
-        write(self, rig)
+    def noted(self, *args, **more):
+        begin(self, *args, **more)
+        assert self.path.stat().st_mode & 0o77 == 0 or os.name == "nt"
         made.append(self.path)
 
-    monkeypatch.setattr(publisher.Publisher, "_write_address", noted)
+    monkeypatch.setattr(publisher.Publisher, "__init__", noted)
     monkeypatch.setenv("HAPLOOP_LIVE", live)
     run("record latch -p P01 -n 1 --out", tmp_path, ends=0)
     assert len(made) == (live == "on")
