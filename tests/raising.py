@@ -12,7 +12,11 @@ def raises(kind: Any, says: str, call: Any, *args: Any, **words: Any) -> str:
     """The words of an error of a kind, which the call raises; `says` is a pattern in them, or empty."""
     with pytest.raises(kind, match=says or None) as raised:
         call(*args, **words)
-    return str(raised.value)
+    try:
+        return str(raised.value)
+    finally:
+        # Its traceback holds this frame: so it would live, with what it holds open, until a collection.
+        del raised
 
 
 def raising(error: BaseException) -> Callable[..., Any]:

@@ -77,7 +77,9 @@ def test_http_and_a_socket(instrument_twin):
     with socket.create_connection(("meter.example", 5025), 5) as link:
         link.sendall(b"READ?\n")
         assert link.recv(100) == b""
-    raises(urllib.error.HTTPError, "404", urllib.request.urlopen, "http://192.0.2.20/other", timeout=5)
+    with pytest.raises(urllib.error.HTTPError, match="404") as refused:
+        urllib.request.urlopen("http://192.0.2.20/other", timeout=5)
+    refused.value.close()
     hub.unknown.clear()
 
 
