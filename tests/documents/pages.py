@@ -37,7 +37,7 @@ ROOT = Path(__file__).parents[2]
 SHARES = {
     "how-to a-l": ("docs/how-to/[a-l]*.md",),
     "how-to m-z": ("docs/how-to/[m-z]*.md",),
-    "others": ("README.md", "docs/*.md", "docs/[!h]*/*.md"),
+    "others": ("README.md", "docs/*.md", "docs/[!h]*/*.md", "docs/reference/python/*.md"),
 }
 """Pages of each test module, as patterns from the repository's root."""
 _LONGEST = 240.0

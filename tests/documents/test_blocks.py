@@ -48,11 +48,12 @@ def test_a_driver_with_its_twin_is_short_and_a_role_with_both():
 
 
 def test_the_reference_has_each_name_once_in_use_and_an_example_of_what_tab_completes():
-    text = (ROOT / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
-    assert sorted(re.findall(r"^::: haploop\.(\w+)$", text, re.MULTILINE)) == sorted(haploop.__all__)
-    used = re.sub(r"^::: .*$", "", text, flags=re.MULTILINE)
+    folder = ROOT / "docs" / "reference"
+    listed = "".join(page.read_text(encoding="utf-8") for page in sorted((folder / "python").glob("*.md")))
+    assert sorted(re.findall(r"^::: haploop\.(\w+)$", listed, re.MULTILINE)) == sorted(haploop.__all__)
+    text = (folder / "python.md").read_text(encoding="utf-8")
     programs = "".join(block.text for block in blocks(text) if block.language == "python")
-    for names, where in ((haploop.__all__, used), (dir(haploop), programs)):
+    for names, where in ((haploop.__all__, text), (dir(haploop), programs)):
         assert [name for name in names if not re.search(rf"\b{name}\b", where)] == []
 
 
