@@ -78,5 +78,5 @@ def test_the_command_names_who_has_none_and_says_so_by_its_exit_code(run, tmp_pa
     said = run("analyse thresholds", path, ends=1)
     assert "No threshold of P1: the answers are no better than chance" in said.stdout
     assert "No threshold of P2: the answers become wrong towards 0.8" in said.stdout
-    found = run.json("analyse thresholds", path)
+    found = run.json("analyse thresholds", path, ends=1)
     assert [one["threshold"] for one in found["thresholds"]] == [None, None]
