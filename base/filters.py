@@ -14,6 +14,7 @@ import numpy as np
 import scipy
 
 from .arrays import ComplexArray, FloatArray
+from .parts import PART
 
 
 def convolve(signal: FloatArray, kernel: FloatArray) -> FloatArray:
@@ -76,22 +77,33 @@ def resample_poly(signal: FloatArray, up: int, down: int) -> FloatArray:
 
 
 def without_phase(
-    signal: FloatArray, rate_hz: float, gain: Callable[[FloatArray], FloatArray], seconds: float
+    signal: FloatArray,
+    rate_hz: float,
+    gain: Callable[[FloatArray], FloatArray],
+    turned: float,
+    dies_out: float,
 ) -> FloatArray:
-    """Filter (..., samples) by a real gain over frequencies (Hz) that dies out within some seconds.
+    """Filter (..., samples) by a real gain over frequencies (Hz) whose response `dies_out` within seconds.
 
-    Both ends are continued for that time (for a signal's own length at most), turned about their last sample,
-    and then held, so that the filter sees no edge.
+    Both ends are continued for `turned` seconds (for the signal's own length at most), turned about their
+    last sample, and then held, so that the filter sees no edge. It is computed in parts, in the memory of two
+    signals more.
     """
-    samples, calm = signal.shape[-1], int(np.ceil(seconds * rate_hz))
-    around = min(samples - 1, calm)
+    samples, margin = signal.shape[-1], int(np.ceil(dies_out * rate_hz))
+    around = min(samples - 1, int(np.ceil(turned * rate_hz)))
     beside = [(0, 0)] * (signal.ndim - 1)
-    turned = np.pad(signal, [*beside, (around, around)], mode="reflect", reflect_type="odd")
-    size = scipy.fft.next_fast_len(turned.shape[-1] + 2 * calm, real=True)
-    before = (size - turned.shape[-1]) // 2
-    held = np.pad(turned, [*beside, (before, size - turned.shape[-1] - before)], mode="edge")
-    spectrum = scipy.fft.rfft(held) * gain(np.asarray(scipy.fft.rfftfreq(size, 1 / rate_hz)))
-    return np.asarray(scipy.fft.irfft(spectrum, size)[..., before + around :][..., :samples])
+    long = np.pad(signal, [*beside, (around, around)], mode="reflect", reflect_type="odd")
+    long = np.pad(long, [*beside, (margin, margin)], mode="edge")
+    size = scipy.fft.next_fast_len(min(samples, max(PART, margin)) + 2 * margin, real=True)
+    gains = gain(np.asarray(scipy.fft.rfftfreq(size, 1 / rate_hz)))
+    found = np.empty(signal.shape)
+    # Part by part; what lies beyond a margin before and after a part is not seen in it.
+    for first in range(0, samples, size - 2 * margin):
+        piece = long[..., around + first : around + first + size]
+        filtered = scipy.fft.irfft(scipy.fft.rfft(piece, size) * gains, size)
+        part = found[..., first : first + size - 2 * margin]
+        part[...] = filtered[..., margin : margin + part.shape[-1]]
+    return found
 
 
 def peaks(values: FloatArray, prominence: float) -> list[int]:

@@ -14,6 +14,8 @@ from ...base.parts import Parted
 from ...instruments import LinearSensor
 from ..recording import Recording
 
+_PERIODS = 5.0
+"""Periods of a cut-off after which a Butterworth filter of second order has died out, to 1e-9."""
 _RIPPLE = 1e-4
 """Added to the power response before division: limits the gain to 50, and makes a gain of 10 come out 1 %
 low."""
@@ -60,7 +62,8 @@ def high_pass(acceleration: FloatArray, rate_hz: float, cutoff_hz: float = 10.0)
     """High-pass (..., samples) at `cutoff_hz` with zero phase.
 
     A second-order Butterworth filter (bilinear transform), forwards and backwards: -6 dB at the cut-off. The
-    signal is extended by 0.5 s at both ends; without that, 2 % of it remains there (measured).
+    signal is extended by 0.5 s at both ends; without that, 2 % of it remains there (measured). Raises
+    DataError for a single sample, and for a cut-off of half the rate or more.
     """
     if acceleration.shape[-1] < 2:
         raise DataError(f"A signal of {acceleration.shape[-1]} samples cannot be filtered.")
@@ -71,7 +74,7 @@ def high_pass(acceleration: FloatArray, rate_hz: float, cutoff_hz: float = 10.0)
         passed = np.tan(np.pi * np.minimum(f / rate_hz, 0.4999)) ** 4
         return np.asarray(passed / (passed + np.tan(np.pi * cutoff_hz / rate_hz) ** 4))
 
-    return without_phase(acceleration, rate_hz, gain, 0.5)
+    return without_phase(acceleration, rate_hz, gain, 0.5, _PERIODS / cutoff_hz)
 
 
 def _restoring(recording: Recording, band: tuple[float, float], frequencies: FloatArray) -> ComplexArray:

@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 import scipy.signal
 
+from haploop.acquisition.presses.filtering import high_pass
 from haploop.base import filters
+from haploop.base.parts import PART
 
+RATE = 5000.0
 RATIOS = [(1, 5), (5, 1), (2, 4), (3, 3), (3, 7), (48, 125), (125, 48), (441, 480)]
 
 
@@ -34,6 +37,26 @@ def test_correlation():
     assert filters.correlate(long, short) == pytest.approx(scipy.signal.correlate(long, short), abs=1e-12)
     within = scipy.signal.correlate(long, short, "valid")
     assert filters.correlate_within(long, short) == pytest.approx(within, abs=1e-12)
+
+
+@pytest.mark.parametrize("cutoff_hz", [1.0, 10.0, 60.0])
+@pytest.mark.parametrize("samples", [PART // 8, PART + 5, 3 * PART])
+def test_a_high_pass_without_phase(samples, cutoff_hz):
+    """As forwards and backwards, at any cut-off, across parts, and with a large value at rest."""
+    signal = np.cumsum(noise(samples)) / 30 + [[9.81], [-300.0]]
+    sections = scipy.signal.butter(2, cutoff_hz, "highpass", fs=RATE, output="sos")
+    wanted = scipy.signal.sosfiltfilt(sections, signal, padlen=round(RATE / 2))
+    found = high_pass(signal, RATE, cutoff_hz)
+    apart = np.abs(found - wanted)
+    inner = round(2.5 * RATE)
+    assert apart[:, inner:-inner].max() < 1e-5
+    assert cutoff_hz < 10 or apart.max() < 1e-6
+
+
+def test_a_slow_high_pass_does_not_see_the_other_end():
+    """Of a signal that ends far from where it began, whose spectrum has the two side by side."""
+    signal = np.where(np.arange(20_000) < 10_000, 0.0, 1000.0)
+    assert np.abs(high_pass(signal, RATE, 1.0)[:100]).max() < 0.1  # the step, two periods away, leaves 0.06
 
 
 @pytest.mark.parametrize("samples", [20, 3000])
