@@ -83,10 +83,8 @@ def report_html(path: Path, drawing: AbstractContextManager[object]) -> bytes:
             figure = captioned(some, one)
             figure.svg  # noqa: B018 (encoded here, and kept)
         drawn.append(figure)
-    page = replace(
-        _page(sections, drawn), figures_by=f"haploop figures {shlex.quote(path.name)} --out figures"
-    )
-    return page.html().encode("utf-8")
+    by = f"haploop figures {shlex.quote(path.name)} --out figures" if drawn else ""
+    return replace(_page(sections, drawn), figures_by=by).html().encode("utf-8")
 
 
 def _page(sections: Sequence[Section], drawn: Sequence[CaptionedFigure]) -> Page:

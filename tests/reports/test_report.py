@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 import shutil
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
 
 from haploop.reports.contents import unbroken
-from haploop.reports.html import write_report
+from haploop.reports.html import report_html, write_report
 from tests.command_line import Demo
 
 
@@ -171,3 +172,8 @@ def test_numbers_stay_with_their_units_and_nothing_else_is_joined():
     nb = "\N{NO-BREAK SPACE}"
     assert unbroken("20% at 263.5 Hz, 3 of 4 V") == f"20{nb}% at 263.5{nb}Hz, 3 of 4{nb}V"
     assert unbroken("press 3 is good; 5 Ships, 2 stays") == "press 3 is good; 5 Ships, 2 stays"
+
+
+def test_a_result_without_a_figure_names_no_command_that_would_draw_it(demo):
+    page = report_html(demo.folder / "calibration-waveforms.h5", nullcontext()).decode("utf-8")
+    assert "haploop figures" not in page and "<summary>Figures" not in page
