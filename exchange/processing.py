@@ -49,6 +49,8 @@ _ALONE = 8
 """Tasks up to which one process computes them: starting others takes as long."""
 _PART = "part of a study"
 """Kind of the file that says that a part was computed."""
+_NEEDED = ("dtaidistance.dtw", "scipy.fft", "scipy.interpolate", "scipy.ndimage", "scipy.optimize")
+"""What a part loads when it is computed: once for all workers, where they are forked."""
 _AHEAD = 4
 """Tasks in the pool for each worker."""
 _RESTARTS = 3
@@ -226,7 +228,7 @@ def _computed(tasks: Sequence[_Task], workers: int | None, dask: str | None) -> 
     left, broken = list(tasks), 0
     while left:
         before = len(left)
-        with worker_pool(count, __name__, "scipy.signal") as pool:
+        with worker_pool(count, __name__, *_NEEDED) as pool:
             try:
                 for task in _through(pool, left.copy(), _AHEAD * count):
                     left.remove(task)
