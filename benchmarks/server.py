@@ -5,9 +5,9 @@
 16 channels of two cards at 5000 samples a second, in blocks of 10 and of 50 ms, read by haploop's driver and
 by plain nidaqmx on the same server (two tasks, no check of clocks), one after the other in each round; and
 the same into a file: haploop's recording, and h5py to which each block is appended and flushed. The client's
-part of a core counts from the start of the acquisition on; making tasks and checking the rig is "start".
-The server simulates the plant as well. "Behind" is how much later the last block came than its last sample
-was due.
+part of a core counts from the start of the acquisition to its last block; making tasks, checking the rig and
+closing it are "beside". The server simulates the plant as well. "Behind" is how much later the last block
+came than its last sample was due.
 """
 
 from __future__ import annotations
@@ -70,12 +70,12 @@ def main(words: Sequence[str] | None = None) -> list[Row]:
             for size in (50, 250):
                 for way, read in WAYS.items():
                     found.setdefault((size, way), []).append(measured(file, asked.seconds, size, read))
-    print("| blocks | client | client: part of a core | server: part of a core | behind, s | start, CPU s |")
+    print("| blocks | client | client: part of a core | server: part of a core | behind, s | beside, CPU s |")
     print("|---|---|---|---|---|---|")
     for (size, way), figures in found.items():
-        own, its, behind, start = zip(*figures, strict=True)
+        own, its, behind, beside = zip(*figures, strict=True)
         shares = " | ".join(f"{100 * median(each):.1f} %" for each in (own, its))
-        print(f"| {1e3 * size / RATE:.0f} ms | {way} | {shares} | {spread(behind)} | {median(start):.2f} |")
+        print(f"| {1e3 * size / RATE:.0f} ms | {way} | {shares} | {spread(behind)} | {median(beside):.2f} |")
     rows = []
     for size in (50, 250):
         blocks = f"{1e3 * size / RATE:.0f} ms blocks x 16 channels"
@@ -129,7 +129,7 @@ Read = Callable[[int, Path, float, int], tuple[float, float]]
 
 
 def measured(file: Path, seconds: float, size: int, read: Read) -> tuple[float, float, float, float]:
-    """Parts of a core of client and server, the lag (s) at the end, and the client's start (s of CPU)."""
+    """Parts of a core of client and server, the lag (s) at the end, and the client's CPU beside it (s)."""
     command = [sys.executable, "-m", "haploop", "twin", "ni", "--rig", str(file)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
         try:
@@ -137,8 +137,8 @@ def measured(file: Path, seconds: float, size: int, read: Read) -> tuple[float, 
             port = int(re.findall(r"\d+", server.stdout.readline())[-1])
             before, own, began = used(server.pid), time.process_time(), time.perf_counter()
             share, behind = read(port, file, seconds, size)
-            start = time.process_time() - own - share * (seconds + behind)
-            return share, (used(server.pid) - before) / (time.perf_counter() - began), behind, start
+            beside = time.process_time() - own - share * (seconds + behind)
+            return share, (used(server.pid) - before) / (time.perf_counter() - began), behind, beside
         finally:
             server.terminate()
 

@@ -33,7 +33,10 @@ _LEAD = 28
 
 
 def tdms(path: Path) -> Iterator[Column]:
-    """Channels with rate, start and unit as LabVIEW's waveforms state them. Raises ValueError for spectra."""
+    """Channels with rate, start and unit as LabVIEW's waveforms state them.
+
+    Raises ValueError for spectra, and for pieces that do not adjoin.
+    """
     nptdms = optional("nptdms", "files", "A TDMS file")
     # Opened here: by its name the library would trust an index file beside it, which may be of an older one.
     with path.open("rb") as opened, nptdms.TdmsFile.open(opened) as file:
@@ -96,7 +99,7 @@ def _of_first_segment(nptdms: Any, path: Path) -> dict[str, Any]:
 
 
 def _refuse_gap(channel: Any, begun: float, step: float) -> None:
-    """Compare at which sample the last piece of a waveform begins, by its start, with where it lies."""
+    """Raise ValueError where the last piece of a waveform, which begins at a sample, lies at another one."""
     lies = min((int(piece.offset) for piece in channel.data_chunks()), key=lambda at: abs(at - begun))
     if abs(begun - lies) > max(2, _JITTER / step):
         raise ValueError(
