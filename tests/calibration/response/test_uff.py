@@ -37,9 +37,10 @@ def response() -> Response:
 
 def test_a_full_disk_leaves_nothing(tmp_path, response, monkeypatch):
     def full(*_arguments: Any, **_settings: Any) -> None:
-        error = Exception("Error writing data-set #58")
-        error.__context__ = OSError(errno.ENOSPC, "No space left on device")
-        raise error from None
+        try:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        except OSError:
+            raise Exception("Error writing data-set #58") from None
 
     monkeypatch.setattr("pyuff.UFF.write_sets", full)
     with pytest.raises(DataError, match=r"full\.uff cannot be written: No space left on device"):
