@@ -21,15 +21,15 @@ from haploop.nidaqmx_twin.state_facts import CHANNEL_STATE, TASK_STATE
 PAGE = Path(__file__).parents[2] / "docs" / "reference" / "nidaqmx-served.md"
 _HEAD = """# What the NI twin serves of nidaqmx
 
-Every property and call of nidaqmx 1.7, generated; a test compares this page with the installed nidaqmx.
+The properties and calls of nidaqmx 1.7, generated; a test compares this page with the installed nidaqmx.
 
-*Served*: the twin computes it, or acts on it. *Kept*: a program can set it and read it back, and nothing
-follows from it; a task that starts with one at another value than its default warns (`TwinWarning`).
-*Refused*: a property is -200197 until a program sets it (and is then kept), a call is
-`DaqFunctionNotSupportedError`. Names are those of NI's C interface.
+*Served*: the twin computes it, or acts on it. *Refused*: a property is -200197 until a program sets it (and
+is then kept), a call is `DaqFunctionNotSupportedError`. *Kept*: all that is not named here; a program can set
+it and read it back, and nothing follows from it; a task that starts with one at another value than its default
+warns and names it (`TwinWarning`). Names are those of NI's C interface.
 """
 SERVED, KEPT, REFUSED = "served", "kept", "refused"
-_TITLES = {SERVED: "Served", KEPT: "Kept", REFUSED: "Refused"}
+_TITLES = {SERVED: "Served", REFUSED: "Refused", KEPT: "Kept"}
 _FACTS: dict[str, Any] = {
     "Chan": {**CHANNEL_STATE, **COUNTER_FACTS},
     "Device": DEVICE_FACTS,
@@ -89,7 +89,8 @@ def page() -> str:
         for status, title in _TITLES.items():
             names = [name for _, of, name in listed if of == status]
             if names:
-                told = f"{title} ({len(names)}): {', '.join(names)}."
+                others = status == KEPT and kind != "Calls"
+                told = f"{title} ({len(names)}): {'all others' if others else ', '.join(names)}."
                 parts.append(
                     "\n" + textwrap.fill(told, 120, break_long_words=False, break_on_hyphens=False) + "\n"
                 )

@@ -15,7 +15,7 @@ from tests.nidaqmx_twin.served_list import PAGE, REFUSED, call_status, calls, pa
 
 
 @pytest.mark.skipif(not PAGE.is_file(), reason="the page is one of haploop's")
-def test_the_page_names_every_property_and_call_of_the_installed_nidaqmx():
+def test_the_page_is_that_of_the_installed_nidaqmx():
     """After a new nidaqmx: `python -m tests.nidaqmx_twin.served_list`, and look at what is new."""
     assert PAGE.read_text(encoding="utf-8") == page()
 
