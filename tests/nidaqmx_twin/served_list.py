@@ -25,8 +25,8 @@ The properties and calls of nidaqmx 1.7, generated; a test compares this page wi
 
 *Served*: the twin computes it, or acts on it. *Refused*: a property is -200197 until a program sets it (and
 is then kept), a call is `DaqFunctionNotSupportedError`. *Kept*: all that is not named here; a program can set
-it and read it back, and nothing follows from it; a task that starts with one at another value than its default
-warns and names it (`TwinWarning`). Names are those of NI's C interface.
+it and read it back, and nothing follows from it; a task that starts with one at another value than its
+default warns and names it (`TwinWarning`). Names are those of NI's C interface.
 """
 SERVED, KEPT, REFUSED = "served", "kept", "refused"
 _TITLES = {SERVED: "Served", REFUSED: "Refused", KEPT: "Kept"}
