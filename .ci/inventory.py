@@ -56,10 +56,12 @@ def _commands(command: click.Command, name: str) -> Iterator[str]:
 
 def _names() -> Iterator[str]:
     for name in dir(haploop):
-        if name.startswith("_"):
-            continue
         one = getattr(haploop, name)
-        yield f"python haploop.{name}{_signature(one)}"
+        if inspect.ismodule(one):
+            public = ((each, getattr(one, each)) for each in dir(one) if not each.startswith("_"))
+            yield from (f"python haploop.{name}.{each}{_signature(value)}" for each, value in public)
+        else:
+            yield f"python haploop.{name}{_signature(one)}"
         if inspect.isclass(one):
             own = {
                 name for base in one.__mro__ if base.__module__.startswith("haploop.") for name in vars(base)

@@ -26,8 +26,8 @@ import numpy as np
 
 from benchmarks.disturbed import TOLERANCE, errors_of, press_of
 from benchmarks.synthetic_responses import generator
-from haploop import Check, open_rig
-from haploop.calibration import Drive
+from haploop import open_rig
+from haploop.calibration import Check, Drive
 from haploop.calibration.response import settle
 from haploop.instruments import Rig
 from haploop.mocks.plant import random_modal

@@ -96,7 +96,7 @@ def study(seed: int, people: Sequence[str], press: Representative, found: Found,
     with haploop.open_rig(file, simulation={"seed": seed, "highest_hz": FEWEST_HZ}) as rig:
         bare = haploop.calibrate(rig, "A", "button")
         haploop.measure_map(rig, folder / str(seed), haploop.map_plan(rig, patches=["A", "B"]))
-        plate = haploop.VibrationMap.load(folder / str(seed)).plate_modes()
+        plate = haploop.calibration.VibrationMap.load(folder / str(seed)).plate_modes()
         at_rest = haploop.drive_for(press, bare, rig.limits)
     others: dict[float, Drive] = {}
     for number, person in enumerate(people):
@@ -105,11 +105,11 @@ def study(seed: int, people: Sequence[str], press: Representative, found: Found,
                 file, simulation={"seed": seed, "pane_mass": mass, "highest_hz": FEWEST_HZ}
             ) as rig:
                 if mass not in others:
-                    other = haploop.calibrate_finger(rig, bare, "P99")
+                    other = haploop.calibration.calibrate_finger(rig, bare, "P99")
                     others[mass] = haploop.drive_for(press, other, rig.limits)
                 try:
-                    own = haploop.calibrate_finger(rig, bare, person)
-                    seen = haploop.calibrate_finger(rig, bare, person, plate=plate)
+                    own = haploop.calibration.calibrate_finger(rig, bare, person)
+                    seen = haploop.calibration.calibrate_finger(rig, bare, person, plate=plate)
                 except haploop.DataError as error:
                     found.checks.append(f"{mass:g} kg, {person}: not calibrated: {error}")
                     print(found.checks[-1], flush=True)
@@ -120,7 +120,9 @@ def study(seed: int, people: Sequence[str], press: Representative, found: Found,
                     found.stated[mass, way].append(pair)
                     told = f"{mass:g} kg, {person}, {way}: {pair[0]:.4f}, stated {pair[1]:.4f}"
                     print(f"{seed}, {told}", flush=True)
-                pressed = [haploop.pressed_drives(press, made, rig.limits) for made in (own, seen)]
+                pressed = [
+                    haploop.calibration.pressed_drives(press, made, rig.limits) for made in (own, seen)
+                ]
                 for force in FORCES:
                     ways = {
                         "the bare table": at_rest,
@@ -140,7 +142,7 @@ def study(seed: int, people: Sequence[str], press: Representative, found: Found,
 
 def checked(rig: Rig, drive: Drive | PressedDrives, person: str, force: float) -> str:
     """What a check under a finger says, beside the truth."""
-    result = haploop.check_under_finger(rig, drive, person, force=force, plays=4)
+    result = haploop.calibration.check_under_finger(rig, drive, person, force=force, plays=4)
     true = true_error(rig, result.drive, person, force)
     low, high = result.interval
     right = {"pass": true <= result.tolerance, "fail": true > result.tolerance}

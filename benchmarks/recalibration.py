@@ -164,7 +164,7 @@ def calibrated(seed: int, folder: Path, iterations: int) -> Path:
             if not button.passed:
                 print(f"seed {seed}: {button.press.button} did not pass and is left out: {button.check}")
         adopt(history, [button for button in buttons if button.passed], actor="benchmark", reason="it begins")
-        rig.adopt("operator", haploop.Unattended("button"))
+        rig.adopt("operator", haploop.instruments.Unattended("button"))
         first = recalibrate(rig, history)
         print(
             f"seed {seed}: {len(buttons)} buttons; the look at the calibrated table: {first.kind}", flush=True
@@ -280,7 +280,7 @@ def tried(
     began = time.process_time()
     with haploop.open_rig("simulated", simulation=simulation) as rig:
         rig.simulation.plant.aim(condition.aim)
-        rig.adopt("operator", haploop.Unattended("button"))
+        rig.adopt("operator", haploop.instruments.Unattended("button"))
         try:
             outcome = recalibrate(rig, history, iterations=iterations or 0, progress=leaving)
             kind = str(outcome.kind)

@@ -39,7 +39,7 @@ def confusion(file: Path, within: str, between: str, only: Sequence[tuple[str, s
     participant, effects are tested by a mixed analysis of variance, and intervals are over participants.
     """
     rows = _rows(file, only)
-    result = haploop.analyse_identification(rows, within, between)
+    result = haploop.experiments.analyse_identification(rows, within, between)
     shown.print(contents.identification_contents(result, rows.simulated))
     return 0
 
@@ -71,7 +71,7 @@ def ratings(
     FILE is a CSV with the columns participant, category, button, pair and rating (and group).
     """
     rows = _rows(file, only)
-    result = haploop.analyse_ratings(rows, factors, between, normalised=not as_rated)
+    result = haploop.experiments.analyse_ratings(rows, factors, between, normalised=not as_rated)
     shown.print(contents.ratings_contents(result, rows.simulated))
     return 0
 
@@ -106,11 +106,11 @@ def thresholds(
     """
     rows = _rows(file, only)
     played = None if button is None else haploop.DigitalButton.load(button)
-    found = haploop.analyse_thresholds(rows, tuple(by))
+    found = haploop.experiments.analyse_thresholds(rows, tuple(by))
     columns = [column for column in ("participant", *by) if column in rows.columns]
     lab = None
     if played is not None:
-        lab = haploop.lab_threshold_of(found, played, simulated=rows.simulated)
+        lab = haploop.experiments.lab_threshold_of(found, played, simulated=rows.simulated)
     show.print_contents(contents.thresholds_contents(found, columns, rows, lab), as_json)
     return 1 if any(one.why_none for one in found) else 0
 
@@ -133,15 +133,15 @@ def power(plan: Path, runs: int, seed: int, as_json: bool) -> int:
 
     PLAN is a TOML file: numbers of participants, trials, and expected fractions of right answers.
     """
-    loaded = haploop.load_power_plan(plan)
+    loaded = haploop.experiments.load_power_plan(plan)
     with Steps() as steps:
-        found = haploop.power_of(loaded, runs, seed, progress=steps)
+        found = haploop.experiments.power_of(loaded, runs, seed, progress=steps)
     show.print_contents(contents.power_contents(found), as_json)
     return 0
 
 
 def _rows(file: Path, only: Sequence[tuple[str, str]]) -> Rows:
-    rows = haploop.read_rows(file)
+    rows = haploop.experiments.read_rows(file)
     for column, value in only:
         rows = rows.choose(column, value)
     return rows

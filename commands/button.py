@@ -109,7 +109,9 @@ def make(
 
     Exit codes: 0 the check passed, 1 it failed, 4 the plays do not tell (the file is written and states why).
     """
-    loudness = haploop.Loudness(error, level, None if drift is None else haploop.Drift.usual(drift))
+    loudness = haploop.calibration.Loudness(
+        error, level, None if drift is None else haploop.calibration.Drift.usual(drift)
+    )
     loaded, press = asked.load_calibrations(), asked.load_press()
     there = elsewhere.load_wanted(asked.average)
     loaded = elsewhere.load_calibrations(loaded, there)
@@ -123,7 +125,7 @@ def make(
             press,
             loaded,
             method=method,
-            trade=haploop.trade_for(press, loaded, opened, loudness, method, there),
+            trade=haploop.calibration.trade_for(press, loaded, opened, loudness, method, there),
             elsewhere=there,
             iterations=iterations,
             progress=steps,
@@ -150,7 +152,7 @@ def plan(asked: AskedPress, elsewhere: AskedElsewhere, out: Path | None, rig: Ch
     there = elsewhere.load_wanted(asked.average)
     loaded = elsewhere.load_calibrations(loaded, there)
     with rig.opened() as opened, Steps() as steps:
-        planned = haploop.plan_button(press, loaded, opened, progress=steps, elsewhere=there)
+        planned = haploop.calibration.plan_button(press, loaded, opened, progress=steps, elsewhere=there)
     if out is not None:
         planned.save(out)
     shown.print(contents.plan_contents(planned))
@@ -191,7 +193,7 @@ def under(
         rig.opened() as opened,
         Steps() as steps,
     ):
-        made = haploop.button_under_finger(opened, loaded, fingers, plays=plays, progress=steps)
+        made = haploop.calibration.button_under_finger(opened, loaded, fingers, plays=plays, progress=steps)
         made.save(out)
     show.print_made(contents.file_contents(out), out, as_json)
     return EXITS[made.verdict]

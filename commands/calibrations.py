@@ -74,7 +74,7 @@ def adopt(buttons: Sequence[Path], reason: str, calibrations: Path | None, rig: 
     history = _history(rig, calibrations)
     loaded = [haploop.DigitalButton.load(path) for path in buttons]
     file = haploop.load_rig_file(rig)
-    generation = haploop.adopt(history, loaded, actor=_actor(), reason=reason, rig=file)
+    generation = haploop.calibration.adopt(history, loaded, actor=_actor(), reason=reason, rig=file)
     _show(history, generation.name, as_json)
     return 0
 
@@ -123,7 +123,7 @@ def activate(name: str, reason: str, calibrations: Path | None, rig: str, as_jso
     """Activate an earlier calibration by its NAME or number. Nothing is played."""
     history = _history(rig, calibrations)
     file = haploop.load_rig_file(rig)
-    generation = haploop.activate(history, name, actor=_actor(), reason=reason, rig=file)
+    generation = haploop.calibration.activate(history, name, actor=_actor(), reason=reason, rig=file)
     _show(history, generation.name, as_json)
     return 0
 
@@ -140,7 +140,7 @@ def plot(out: Path, columns: Literal[1, 2], calibrations: Path | None, rig: str,
     OUT ends with .png, .pdf, .svg, or .csv for its numbers.
     """
     history = _history(rig, calibrations)
-    figure = haploop.trend(history, columns)
+    figure = haploop.reports.trend(history, columns)
     simulated = contents.simulated(history)
     outputs.save_picture(figure, out, simulated)
     values = {"plot": str(out), "simulated": simulated, "looks": len(history.looks)}
@@ -180,7 +180,7 @@ def recalibrate(
     history.active()
     from ..calibration.recalibration import note_unopened  # noqa: PLC0415
 
-    nobody = None if attended else haploop.Unattended(laser_at)
+    nobody = None if attended else haploop.instruments.Unattended(laser_at)
     with ExitStack() as stack:
         try:
             opened = stack.enter_context(rig.opened())
@@ -192,7 +192,7 @@ def recalibrate(
                 opened.adopt("operator", nobody)
             steps = stack.enter_context(Steps())
             outcome = haploop.recalibrate(opened, history, actor=_actor(), progress=steps)
-    written = haploop.write_recalibration(history, outcome)
+    written = haploop.reports.write_recalibration(history, outcome)
     assumed = tuple(nobody.assumed) if nobody else ()
     display.print_contents(contents.outcome_contents(history, outcome, assumed, written), as_json)
     return _EXITS[outcome.kind]

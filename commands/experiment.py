@@ -73,7 +73,7 @@ def new(folder: Path, example: str, buttons: Sequence[Path]) -> int:
 
     With --button the rig plays the digital buttons, of which each must be named as a level of the example.
     """
-    haploop.new_experiment(folder, example, buttons)
+    haploop.experiments.new_experiment(folder, example, buttons)
     path = folder / "experiment.toml"
     print_line(f"Change {path}, then: haploop experiment run {folder} --participant P01")
     return 0
@@ -111,7 +111,7 @@ def run(
     hours = store.soon_after(participant, due) if due else None
     with (
         _rig_of(store, rig, simulated) as surface,
-        haploop.open_session(
+        haploop.experiments.open_session(
             store, participant, _clock(surface), session, simulated=simulated, consent=ask
         ) as opened,
     ):
@@ -125,8 +125,8 @@ def run(
             )
         presenter = _presenter(store, surface)
         person = _AtTerminal(presenter)
-        answers = haploop.SimulatedParticipant(loaded, participant, number) if simulated else person
-        haploop.run_session(opened, answers, presenter)
+        answers = haploop.mocks.SimulatedParticipant(loaded, participant, number) if simulated else person
+        haploop.experiments.run_session(opened, answers, presenter)
     show.print_contents(contents.experiment_contents(store), as_json)
     return 0
 
@@ -168,9 +168,11 @@ def simulate(
         with Steps() as steps:
             for done, name in enumerate(names):
                 while (number := store.next_session(name)) is not None and number <= last:
-                    who = haploop.SimulatedParticipant(loaded, name, number)
-                    with haploop.open_session(store, name, clock, number, simulated=True) as opened:
-                        haploop.run_session(opened, who, presenter)
+                    who = haploop.mocks.SimulatedParticipant(loaded, name, number)
+                    with haploop.experiments.open_session(
+                        store, name, clock, number, simulated=True
+                    ) as opened:
+                        haploop.experiments.run_session(opened, who, presenter)
                 steps("Simulated participants", done + 1, len(names), "")
     show.print_contents(contents.experiment_contents(store), as_json)
     return 0
@@ -192,10 +194,10 @@ def predict(buttons: Sequence[Path], out: Path | None, as_json: bool) -> int:
     Each BUTTON.h5 is a digital button (`haploop button make`) of another physical one. The prediction is a
     range: what nobody knows is drawn at random many times. It stands beside the paper's tables III and IV.
     """
-    found = haploop.predict_answers([haploop.DigitalButton.load(one) for one in buttons])
+    found = haploop.experiments.predict_answers([haploop.DigitalButton.load(one) for one in buttons])
     if out is not None:
         with new_file(out) as part:
-            part.write_text(haploop.participant_model(found), encoding="utf-8", newline="\n")
+            part.write_text(haploop.experiments.participant_model(found), encoding="utf-8", newline="\n")
     show.print_contents(contents.prediction_contents(found), as_json)
     return 0
 
@@ -230,7 +232,7 @@ def export(file: str, out: Path, practice: bool, data: Path | None, as_json: boo
     if out.suffix == ".json":
         raise click.UsageError(f"{out} is the name of the description: use a name that ends with .csv.")
     store = _store(file, data)
-    lines = haploop.export_answers(store, out, practice)
+    lines = haploop.experiments.export_answers(store, out, practice)
     unfinished = [f"{one.path.parent.name}/{one.path.name}" for one in store.unfinished()]
     description = str(out.with_suffix(".json"))
     said = [f"{out} has {lines} lines; {description} describes its columns."]
@@ -279,7 +281,11 @@ class _AtTerminal:
             self._block = step.block
             note(f"--- {capital(step.block)}")
         head = f"{step.number} of {step.of}. " if step.kind != "staircase" else f"{step.number}. "
-        again = [] if self._presenter is None or not self._presenter.presents(step) else [haploop.AGAIN]
+        again = (
+            []
+            if self._presenter is None or not self._presenter.presents(step)
+            else [haploop.experiments.AGAIN]
+        )
         match step.kind:
             case "presses":
                 name = next(iter(step.stimulus.values()), "")
@@ -290,7 +296,7 @@ class _AtTerminal:
             case "rating":
                 note(f"{head}{step.text} ({', '.join(step.stimulus.values())})")
                 if again and click.confirm("Feel it once more?", default=False, err=True):
-                    return haploop.AGAIN
+                    return haploop.experiments.AGAIN
                 return _rated(step)
             case "identification":
                 return click.prompt(
@@ -298,7 +304,7 @@ class _AtTerminal:
                 )
             case _:
                 answer = click.prompt(f"{head}{step.text}", type=click.Choice(["1", "2", *again]), err=True)
-                return answer if answer == haploop.AGAIN else int(answer)
+                return answer if answer == haploop.experiments.AGAIN else int(answer)
 
     def told(self, step: Step, right: bool) -> None:
         """See `haploop.experiments.Answerer`."""
@@ -321,15 +327,15 @@ def _rated(step: Step) -> dict[str, Any]:
     return answer
 
 
-def _store(file: str, data: Path | None) -> haploop.Store:
-    loaded = haploop.load_experiment(file)
-    if data is None and file in haploop.example_names() and not Path(file).exists():
+def _store(file: str, data: Path | None) -> haploop.experiments.Store:
+    loaded = haploop.experiments.load_experiment(file)
+    if data is None and file in haploop.experiments.example_names() and not Path(file).exists():
         data = Path(f"{file}-answers")  # an example lies in the installed package, where nothing is written
-    return haploop.Store(loaded, data or loaded.path.parent / "answers")
+    return haploop.experiments.Store(loaded, data or loaded.path.parent / "answers")
 
 
 @contextmanager
-def _rig_of(store: haploop.Store, rig: ChosenRig, simulated: bool) -> Iterator[Rig | None]:
+def _rig_of(store: haploop.experiments.Store, rig: ChosenRig, simulated: bool) -> Iterator[Rig | None]:
     """Open the rig for an experiment with digital buttons; None for one without."""
     if not store.experiment.file.buttons:
         yield None
@@ -347,12 +353,12 @@ def _clock(rig: Rig | None) -> Clock:
     return haploop.RealClock() if rig is None else rig.clock
 
 
-def _presenter(store: haploop.Store, rig: Rig | None) -> Presenter | None:
+def _presenter(store: haploop.experiments.Store, rig: Rig | None) -> Presenter | None:
     if rig is None:
         return None
     with Steps() as steps:
-        surface = haploop.prepare_surface(rig, store.experiment, steps)
-    return haploop.Presenter(surface, store.experiment.file)
+        surface = haploop.experiments.prepare_surface(rig, store.experiment, steps)
+    return haploop.experiments.Presenter(surface, store.experiment.file)
 
 
 def _consent(participant: str, simulated: bool) -> bool:
@@ -361,5 +367,5 @@ def _consent(participant: str, simulated: bool) -> bool:
     )
 
 
-def _model(path: Path | None) -> haploop.ParticipantModel:
-    return haploop.load_participant_model(path) if path else haploop.ParticipantModel()
+def _model(path: Path | None) -> haploop.mocks.ParticipantModel:
+    return haploop.mocks.load_participant_model(path) if path else haploop.mocks.ParticipantModel()

@@ -98,7 +98,7 @@ def figures(paths: Sequence[Path], paper: bool, out: Path, columns: Literal[1, 2
     digital buttons, vibration maps and experiments, and what a missing figure takes is said.
     """
     with Steps() as steps:
-        made = haploop.write_figures(paths, out, paper=paper, columns=columns, progress=steps)
+        made = haploop.reports.write_figures(paths, out, paper=paper, columns=columns, progress=steps)
     values = {
         "figures": [str(path) for path in made.files],
         "missing": {str(number): takes for number, takes in made.missing.items()},

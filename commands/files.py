@@ -111,7 +111,7 @@ def recover(file: Path, as_json: bool) -> int:
     FILE was interrupted, truncated or damaged. The intact part is written beside it, into a new file with
     the suffix .recovered.h5; FILE is not changed.
     """
-    saved = haploop.recover(file)
+    saved = haploop.acquisition.recover(file)
     note(haploop.Recording.open(saved).events[-1].text)
     display.print_contents(contents.file_contents(saved), as_json)
     return 0
@@ -137,7 +137,7 @@ def verify(files: Sequence[Path], as_json: bool) -> int:
             problems = haploop.verify(file)
             status = "damaged" if problems else "intact"
             if not problems:
-                digest = haploop.content_hash(file)
+                digest = haploop.acquisition.content_hash(file)
         except haploop.DataError as error:
             problems, status = (str(error),), "unreadable"
         worst = max(worst, {"intact": 0, "damaged": 1, "unreadable": 2}[status])

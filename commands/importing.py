@@ -138,7 +138,7 @@ def import_(
     said = _mapping(mapping, told)
     for new in filter(None, (save_mapping, None if out is None or _into_folder(files, out) else out)):
         outputs.check_new_file(new, ())
-    if haploop.is_response_file(files[0], said.format):
+    if haploop.exchange.is_response_file(files[0], said.format):
         return _response(files, out, rig, (patch, point, said.units.get("response")), as_json)
     wanted = _Wanted(out, at, plot, as_json)
     if each is not None or len(files) > 1:
@@ -151,7 +151,7 @@ def import_(
     if out is None:
         show.print_contents(contents.understanding_contents(found), as_json, plot)
         return 0
-    path = haploop.destination(files[0].stem, out) if _into_folder(files, out) else out
+    path = haploop.exchange.destination(files[0].stem, out) if _into_folder(files, out) else out
     with _patience("Importing", files[0]):
         haploop.import_file(found, path, at)
     if plot is not None:
@@ -182,8 +182,10 @@ def _mapping(file: Path | None, told: dict[str, Any]) -> FileMapping:
     said = {key: value for key, value in told.items() if value not in (None, (), {}, False)}
     if "rate" in said:
         said["rate_hz"] = said.pop("rate")
-    mapping = haploop.FileMapping.told({**said, **({"units": units} if units else {})}, "the options")
-    return mapping if file is None else haploop.FileMapping.load(file).but(mapping)
+    mapping = haploop.exchange.FileMapping.told(
+        {**said, **({"units": units} if units else {})}, "the options"
+    )
+    return mapping if file is None else haploop.exchange.FileMapping.load(file).but(mapping)
 
 
 def _by_name(option: str, example: str, given: Sequence[str]) -> dict[str, str]:
@@ -202,12 +204,14 @@ def _by_name(option: str, example: str, given: Sequence[str]) -> dict[str, str]:
 def _asked(path: Path, mapping: FileMapping) -> Understanding:
     """What is understood of a file, with what a person at a terminal says when asked."""
     with _patience("Reading", path):
-        found = haploop.understand(path, haploop.named(path, mapping))
+        found = haploop.exchange.understand(path, haploop.exchange.named(path, mapping))
     if not (_at_a_terminal() and found.questions):
         return found
     show.print_contents(contents.understanding_contents(found), False)
     while found.questions:
-        found = haploop.understand(path, found.answered(found.questions[0], _ask(found.questions[0])))
+        found = haploop.exchange.understand(
+            path, found.answered(found.questions[0], _ask(found.questions[0]))
+        )
     return found
 
 
@@ -239,14 +243,18 @@ def _several(files: Sequence[Path], mapping: FileMapping, each: str | None, want
     if each is None:
         parts = [(file, file.stem, mapping) for file in files]
     else:
-        parts = [(file, *one) for file in files for one in haploop.each_of(file, mapping, each, note).items()]
+        parts = [
+            (file, *one)
+            for file in files
+            for one in haploop.exchange.each_of(file, mapping, each, note).items()
+        ]
     told: list[dict[str, Any]] = []
     failed = 0
     for file, name, own in parts:
-        path = haploop.destination(name, wanted.out)
+        path = haploop.exchange.destination(name, wanted.out)
         try:
             with _patience("Importing", file):
-                found = haploop.understand(file, haploop.named(file, own))
+                found = haploop.exchange.understand(file, haploop.exchange.named(file, own))
                 haploop.import_file(found, path, wanted.at)
         except (haploop.ConfigurationError, haploop.DataError) as error:
             failed += 1
@@ -279,7 +287,7 @@ def _response(
         raise haploop.ConfigurationError(
             f"{files[0]} holds frequency responses: import one file at a time, into a file (--out FILE.h5)."
         )
-    response = haploop.import_response(files[0], haploop.load_rig_file(rig), *which)
+    response = haploop.exchange.import_response(files[0], haploop.load_rig_file(rig), *which)
     haploop.Calibration.of(response).save(out)
     show.print_contents(contents.file_contents(out), as_json)
     return 0

@@ -190,7 +190,7 @@ def _study(name: str, said: Mapping[str, Any]) -> str:
 
 
 def _experiment(buttons: Sequence[str]) -> str:
-    text = haploop.load_experiment("matching").path.read_text(encoding="utf-8")
+    text = haploop.experiments.load_experiment("matching").path.read_text(encoding="utf-8")
     levels = f"levels = {json.dumps(list(buttons))}"
     return re.sub(r"^levels = \[.*\"latch\".*\]$", levels, text, count=1, flags=re.MULTILINE)
 

@@ -117,7 +117,7 @@ class AskedElsewhere:
 
     def load_wanted(self, average: AverageMethod) -> Wanted:
         """Read the press of each point that plays one, and its size; None where it is silent."""
-        return haploop.load_elsewhere(self.also, self.quiet_at, self.times, average)
+        return haploop.calibration.load_elsewhere(self.also, self.quiet_at, self.times, average)
 
     def load_calibrations(
         self, calibrations: Sequence[Calibration], points: Collection[str]
@@ -127,7 +127,9 @@ class AskedElsewhere:
             return tuple(calibrations)
         if not points:
             raise click.UsageError("--map belongs to --quiet-at and --also: it has what other points need.")
-        return haploop.with_map(calibrations, haploop.VibrationMap.load(self.map_folder), points)
+        return haploop.calibration.with_map(
+            calibrations, haploop.calibration.VibrationMap.load(self.map_folder), points
+        )
 
 
 on_elsewhere = grouped(

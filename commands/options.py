@@ -219,7 +219,7 @@ class ChosenRig:
     def load(self) -> RigFile:
         """Read the rig file."""
         if self.name is None:
-            return haploop.tape_rig(str(self.simulate).removeprefix(TAPE))
+            return haploop.instruments.tape_rig(str(self.simulate).removeprefix(TAPE))
         return haploop.load_rig_file(self.name)
 
     @contextmanager
@@ -283,7 +283,7 @@ def tape_session(simulate: Mode | None, tape: Path | None) -> Iterator[Player | 
     if simulate is not None and simulate.startswith(TAPE):
         if tape is not None:
             raise click.UsageError("A session that is played back is on a tape already: leave out --tape.")
-        with haploop.played(simulate.removeprefix(TAPE)) as player:
+        with haploop.instruments.played(simulate.removeprefix(TAPE)) as player:
             if not player.whole:
                 note(f"{player.path} was cut off: it holds its first {player.calls} calls.")
             yield player

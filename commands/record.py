@@ -55,8 +55,8 @@ def record(
     """
     with rig.opened() as opened, show.Meter(opened) as meter:
         rig.state.recordings = out
-        path = out / haploop.file_name(participant, button, name)
-        aside = haploop.set_aside(path)
+        path = out / haploop.acquisition.file_name(participant, button, name)
+        aside = haploop.acquisition.set_aside(path)
         if aside is not None:
             note(f"An interrupted recording without a press was renamed to {aside}.")
         if path.exists():
@@ -64,7 +64,9 @@ def record(
                 f"{path} already exists and is not overwritten: give this recording a name of its own with "
                 f"--name, such as {path.stem}-2."
             )
-        protocol = haploop.Protocol(wait=600.0, segmentation=haploop.segmentation_for(button))
+        protocol = haploop.acquisition.Protocol(
+            wait=600.0, segmentation=haploop.acquisition.segmentation_for(button)
+        )
         recording = haploop.record(
             opened,
             button,

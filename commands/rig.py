@@ -40,7 +40,7 @@ def new(file: Path, like: str, as_json: bool) -> int:
         raise haploop.ConfigurationError(
             f"Say which rig yours is like: --like {', '.join(config.shipped_rigs())}."
         )
-    made = haploop.new_rig(file, like, haploop.look_for_hardware())
+    made = haploop.instruments.new_rig(file, like, haploop.instruments.look_for_hardware())
     left = len(describing.to_look_up(file))
     print_either(
         as_json,
@@ -119,7 +119,7 @@ def doctor(mass: float, loop: str | None, volts: float | None, rig: ChosenRig, a
             with rig.open(file) as opened, Steps() as steps:
                 simulated = opened.simulated
                 if loop is not None:
-                    findings = haploop.examine_loop(opened, loop, volts, steps)
+                    findings = haploop.calibration.examine_loop(opened, loop, volts, steps)
                 else:
                     findings = haploop.examine(opened, mass, steps, drives)
         except haploop.HaploopError as error:
@@ -128,7 +128,7 @@ def doctor(mass: float, loop: str | None, volts: float | None, rig: ChosenRig, a
                 if findings:
                     show.print_contents(contents.findings_contents(findings, file.name, simulated), as_json)
                 raise
-            findings, missing = haploop.examine_each(file, rig.simulate, error), True
+            findings, missing = haploop.calibration.examine_each(file, rig.simulate, error), True
     show.print_contents(contents.findings_contents(findings, file.name, simulated), as_json)
     if missing:
         return 3
@@ -162,11 +162,11 @@ def reset(reason: str, rig: ChosenRig) -> None:
     Do so once someone has inspected the rig: it plays again.
     """
     file = rig.load()
-    haploop.reset_lockout(file, reason, rig.simulate)
+    haploop.instruments.reset_lockout(file, reason, rig.simulate)
     note(f"The rig {file.name} plays again.")
 
 
 @click.command()
 def schema() -> None:
     """Print the JSON schema of rig files, for use in editors."""
-    print_json(haploop.rig_schema())
+    print_json(haploop.instruments.rig_schema())

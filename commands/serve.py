@@ -97,7 +97,7 @@ def serve(
     return 0
 
 
-def _refuse_running(file: haploop.RigFile, simulate: Mode | None) -> None:
+def _refuse_running(file: haploop.instruments.RigFile, simulate: Mode | None) -> None:
     """Raise ConfigurationError when the rig's console runs already: its calls are on no tape."""
     from ..console.worker import find_worker  # noqa: PLC0415
 
@@ -108,7 +108,7 @@ def _refuse_running(file: haploop.RigFile, simulate: Mode | None) -> None:
         )
 
 
-def _stop(file: haploop.RigFile, simulate: Mode | None, as_json: bool) -> int:
+def _stop(file: haploop.instruments.RigFile, simulate: Mode | None, as_json: bool) -> int:
     from ..console.worker import WorkerHangsError, find_worker  # noqa: PLC0415
 
     try:

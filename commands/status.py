@@ -117,7 +117,7 @@ def _sessions(entries: Sequence[Entry], here: Path) -> Iterator[tuple[str, str]]
     for folder in (Path(entry.file).parent for entry in entries if entry.kind == "experiment"):
         name = folder.relative_to(here).as_posix()
         try:
-            store = haploop.Store(haploop.load_experiment(folder), folder / "answers")
+            store = haploop.experiments.Store(haploop.experiments.load_experiment(folder), folder / "answers")
             if not store.participants():
                 yield name, ""
             yield from ((name, one.assignment.participant) for one in store.unfinished())

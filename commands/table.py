@@ -117,8 +117,10 @@ def calibrate(
         return _calibrate_finger(RestFinger(finger, "", force or 1.0), looked, out, rig, as_json)
     if bare or beside or mapped or force:
         raise click.UsageError("--bare, --beside, --map and --force belong to --finger PARTICIPANT.")
-    made = [out] if len(patches) == 1 else [haploop.calibration_of(out, patch) for patch in patches]
-    measured = [haploop.Waveforms.beside(path) for path in made]
+    made = (
+        [out] if len(patches) == 1 else [haploop.calibration.calibration_of(out, patch) for patch in patches]
+    )
+    measured = [haploop.calibration.Waveforms.beside(path) for path in made]
     files = (*made, *measured) if waveforms else tuple(made)
     earlier = [one for path in dict.fromkeys(since) for one in haploop.load_calibrations([path], patches)]
     if since and len([one for one in earlier if one.response.point == point]) < _FEWEST:
@@ -134,13 +136,13 @@ def calibrate(
         Steps() as steps,
     ):
         on_table(opened, point)
-        found = [haploop.calibrate_keeping(opened, patch, point, steps) for patch in patches]
+        found = [haploop.calibration.calibrate_keeping(opened, patch, point, steps) for patch in patches]
         stated, unsaid = [calibration for calibration, _ in found], ""
         if carrier is not None:
             stated = [one.carried_by(carrier) for one in stated]
         if earlier:
             try:
-                stated = haploop.with_scatter(stated, earlier)
+                stated = haploop.calibration.with_scatter(stated, earlier)
             except DataError as error:
                 unsaid = f"{error} The estimates of it stay."
         for calibration, (_, kept), path, kept_in in zip(stated, found, made, measured, strict=True):
@@ -181,12 +183,12 @@ def _calibrate_finger(asked: RestFinger, looked: _Looked, out: Path, rig: Chosen
     if looked.bare is None:
         raise click.UsageError("--finger needs --bare FILE.h5, the calibration of the bare table.")
     loaded = haploop.Calibration.load(looked.bare)
-    plate = haploop.VibrationMap.load(looked.mapped).plate_modes() if looked.mapped else None
+    plate = haploop.calibration.VibrationMap.load(looked.mapped).plate_modes() if looked.mapped else None
     outputs.check_new_file(out)
     with reserved(out, size=sizes.CALIBRATION), rig.opened() as opened, Steps() as steps:
         for point in looked.beside or (loaded.response.point,):
             on_table(opened, point)
-        haploop.calibrate_finger(
+        haploop.calibration.calibrate_finger(
             opened,
             loaded,
             asked.participant,
@@ -246,9 +248,11 @@ def check(asked: AskedPress, out: Path | None, played: AskedPlays, rig: ChosenRi
             result = haploop.check(opened, drive, plays=played.plays, progress=steps)
         else:
             by_force = held is not None and opened.table.force
-            result = haploop.check_under_finger(
+            result = haploop.calibration.check_under_finger(
                 opened,
-                (haploop.pressed_drives if by_force else haploop.drive_for)(press, loaded, opened.limits),
+                (haploop.calibration.pressed_drives if by_force else haploop.drive_for)(
+                    press, loaded, opened.limits
+                ),
                 played.finger,
                 force=played.force or (held.force if held else 1.0),
                 plays=played.plays,

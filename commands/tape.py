@@ -67,7 +67,7 @@ def mask(file: Path, out: Path, hide: tuple[str, ...]) -> None:
     Serial numbers and names that were given to devices are replaced by others of the same form wherever they
     stand; the copy plays as the tape does. Look at it with `zcat` before you send it.
     """
-    count = haploop.mask(file, out, hide)
+    count = haploop.instruments.mask(file, out, hide)
     note(f"{out}: {count} texts were replaced.")
 
 

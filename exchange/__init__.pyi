@@ -1,3 +1,5 @@
+from .catalogue import Entry as Entry
+from .catalogue import list_files as list_files
 from .csv_file import write_rows as write_rows
 from .curve import Curve as Curve
 from .formats import FORMATS as FORMATS
@@ -18,3 +20,5 @@ from .importing import understand as understand
 from .loading import load as load
 from .press_rows import COLUMNS as COLUMNS
 from .press_rows import press_table as press_table
+from .processing import Processed as Processed
+from .processing import process_study as process_study

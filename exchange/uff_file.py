@@ -16,7 +16,7 @@ _LINE = 80
 
 
 def write_responses(found: Responses, path: Path) -> None:
-    """As `haploop.write_uff`."""
+    """As `haploop.calibration.write_uff`."""
     write_uff(path, found.responses)
 
 

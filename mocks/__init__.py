@@ -1,1 +1,8 @@
-"""The simulated part of haploop: the plant, the instruments' twins and wires, and faults."""
+"""The simulated part of haploop: the plant, the instruments' twins and wires, and faults.
+
+Names are loaded when they are first used; `__init__.pyi` lists them.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

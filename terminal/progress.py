@@ -68,7 +68,7 @@ class Steps(Bars):
         self._tasks: dict[str, TaskID] = {}
 
     def __call__(self, doing: str, done: float, total: float, unit: str) -> None:
-        """Show the progress of a step, and add it when it is new. See `haploop.Progress`."""
+        """Show the progress of a step, and add it when it is new. See `haploop.base.progress.Progress`."""
         if doing not in self._tasks:
             self._tasks[doing] = self._progress.add_task(doing, total=total, amount="")
             if self._progress.disable:

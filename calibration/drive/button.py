@@ -279,7 +279,7 @@ def check_feeling(check: Check, press: Representative | None = None) -> Feeling:
 
     For example:
 
-        >>> feeling = haploop.check_feeling(haploop.load("check.h5"), haploop.load("press.h5"))
+        >>> feeling = haploop.calibration.check_feeling(haploop.load("check.h5"), haploop.load("press.h5"))
         >>> "of people" in feeling.sentence
         True
     """

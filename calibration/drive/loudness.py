@@ -160,7 +160,7 @@ def plan_button(
     For example:
 
         >>> press, calibration = haploop.load("press.h5"), haploop.load("calibration.h5")
-        >>> plan = haploop.plan_button(press, calibration, rig, methods=["modulated"])
+        >>> plan = haploop.calibration.plan_button(press, calibration, rig, methods=["modulated"])
         >>> plan
         <ButtonPlan latch on simulated: 1 curve>
     """

@@ -76,7 +76,7 @@ class VibrationMap(InNotebook):
 
     For example:
 
-        >>> haploop.VibrationMap.load("map").points
+        >>> haploop.calibration.VibrationMap.load("map").points
         ('0',)
     """
 

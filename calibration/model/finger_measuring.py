@@ -48,7 +48,7 @@ def calibrate_finger(
     For example:
 
         >>> calibration = haploop.Calibration.load("calibration.h5")
-        >>> under = haploop.calibrate_finger(rig, calibration, "P01")
+        >>> under = haploop.calibration.calibrate_finger(rig, calibration, "P01")
         >>> len(under.model.resonances) > 0
         True
     """

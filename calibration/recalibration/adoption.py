@@ -42,7 +42,8 @@ def adopt(
     For example:
 
         >>> history = haploop.History("lab-calibrations")
-        >>> first = haploop.adopt(history, [haploop.load("latch.h5")], actor="me", reason="installed")
+        >>> latch = haploop.load("latch.h5")
+        >>> first = haploop.calibration.adopt(history, [latch], actor="me", reason="installed")
         >>> history.active() == first
         True
     """
@@ -97,7 +98,8 @@ def activate(
     For example:
 
         >>> history = haploop.History("lab-calibrations")
-        >>> haploop.activate(history, "1", actor="me", reason="back to the first") == history.active()
+        >>> again = haploop.calibration.activate(history, "1", actor="me", reason="back to the first")
+        >>> again == history.active()
         True
     """
     when = when or datetime.now(UTC)

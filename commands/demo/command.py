@@ -63,7 +63,9 @@ def demo(
     file = haploop.load_rig_file(rig)
     if tape is not None:
         instruments.check_recordable(file, simulate or "twin")
-    folder = haploop.claim_folder(out)
+    from .run import claim_folder, run_demo  # noqa: PLC0415
+
+    folder = claim_folder(out)
     state.recordings = folder / "recordings"
     with tape_session(None, tape), Steps() as steps:
 
@@ -71,7 +73,7 @@ def demo(
             state.rig_opened = True
             steps(doing, done, total, unit)
 
-        summary = haploop.run_demo(
+        summary = run_demo(
             folder,
             rig,
             seed=seed,

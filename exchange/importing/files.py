@@ -49,7 +49,7 @@ def import_file(found: Understanding, out: str | Path, activation: float | None 
     For example:
 
         >>> done = haploop.export_file("press.h5", "csv", "theirs.csv")
-        >>> haploop.import_file(haploop.understand("theirs.csv"), "mine.h5")
+        >>> haploop.import_file(haploop.exchange.understand("theirs.csv"), "mine.h5")
         >>> haploop.load("mine.h5").button
         'latch'
     """

@@ -52,7 +52,8 @@ def analyse_identification(rows: Rows, within: str = "", between: str = "") -> I
 
     For example:
 
-        >>> result = haploop.analyse_identification(haploop.read_rows("matching.csv"))
+        >>> from haploop import experiments
+        >>> result = experiments.analyse_identification(experiments.read_rows("matching.csv"))
         >>> result.pooled.counts.shape  # presented by answered
         (3, 3)
     """

@@ -147,15 +147,16 @@ def analyse_ratings(
 
     For example:
 
-        >>> path = haploop.new_experiment("rating", "rating")
-        >>> store = haploop.Store(haploop.load_experiment("rating"), "rating/answers")
+        >>> from haploop import experiments
+        >>> path = experiments.new_experiment("rating", "rating")
+        >>> store = experiments.Store(experiments.load_experiment("rating"), "rating/answers")
         >>> for name in ("P01", "P02"):
-        ...     somebody = haploop.SimulatedParticipant(haploop.ParticipantModel(), name, 1)
-        ...     with haploop.open_session(store, name, haploop.RealClock(), simulated=True) as session:
-        ...         haploop.run_session(session, somebody)
-        >>> haploop.export_answers(store, "rating.csv")  # how many answers
+        ...     somebody = haploop.mocks.SimulatedParticipant(haploop.mocks.ParticipantModel(), name, 1)
+        ...     with experiments.open_session(store, name, haploop.RealClock(), simulated=True) as session:
+        ...         experiments.run_session(session, somebody)
+        >>> experiments.export_answers(store, "rating.csv")  # how many answers
         84
-        >>> haploop.analyse_ratings(haploop.read_rows("rating.csv")).pairs[0].pair
+        >>> experiments.analyse_ratings(experiments.read_rows("rating.csv")).pairs[0].pair
         'Unpleasant-Pleasant'
     """
     between = between or ("group" if "group" in rows.columns else "")

@@ -144,7 +144,8 @@ def read_rows(path: str | Path) -> Rows:
 
     For example:
 
-        >>> rows = haploop.read_rows("matching.csv")
+        >>> from haploop import experiments
+        >>> rows = experiments.read_rows("matching.csv")
         >>> rows.simulated, "answered" in rows.columns
         (True, True)
     """

@@ -69,13 +69,14 @@ def analyse_thresholds(rows: Rows, by: tuple[str, ...] = ()) -> tuple[Threshold,
 
     For example:
 
-        >>> path = haploop.new_experiment("two-interval", "two-interval")
-        >>> store = haploop.Store(haploop.load_experiment("two-interval"), "two-interval/answers")
-        >>> somebody = haploop.SimulatedParticipant(haploop.ParticipantModel(), "P01", 1)
-        >>> with haploop.open_session(store, "P01", haploop.RealClock(), simulated=True) as session:
-        ...     haploop.run_session(session, somebody)
-        >>> answers = haploop.export_answers(store, "two-interval.csv")
-        >>> (threshold,) = haploop.analyse_thresholds(haploop.read_rows("two-interval.csv"))
+        >>> from haploop import experiments
+        >>> path = experiments.new_experiment("two-interval", "two-interval")
+        >>> store = experiments.Store(experiments.load_experiment("two-interval"), "two-interval/answers")
+        >>> somebody = haploop.mocks.SimulatedParticipant(haploop.mocks.ParticipantModel(), "P01", 1)
+        >>> with experiments.open_session(store, "P01", haploop.RealClock(), simulated=True) as session:
+        ...     experiments.run_session(session, somebody)
+        >>> answers = experiments.export_answers(store, "two-interval.csv")
+        >>> (threshold,) = experiments.analyse_thresholds(experiments.read_rows("two-interval.csv"))
     """
     rows.require("comparison", "correct")
     columns = tuple(name for name in ("participant", *by) if name in rows.columns)

@@ -306,8 +306,9 @@ def load_experiment(path: str | Path) -> Experiment:
 
     For example:
 
-        >>> path = haploop.new_experiment("matching", "matching")
-        >>> haploop.load_experiment("matching").path.name
+        >>> from haploop import experiments
+        >>> path = experiments.new_experiment("matching", "matching")
+        >>> experiments.load_experiment("matching").path.name
         'experiment.toml'
     """
     shipped = str(path) in example_names() and not Path(path).exists()

@@ -132,8 +132,9 @@ def open_session(
 
     For example:
 
-        >>> store = haploop.Store(haploop.load_experiment("matching"), "matching/answers")
-        >>> with haploop.open_session(store, "P09", haploop.RealClock(), simulated=True) as session:
+        >>> from haploop import experiments
+        >>> store = experiments.Store(experiments.load_experiment("matching"), "matching/answers")
+        >>> with experiments.open_session(store, "P09", haploop.RealClock(), simulated=True) as session:
         ...     session.due.number  # of the trial that comes next
         1
     """
@@ -181,11 +182,12 @@ def run_session(session: Session, who: Answerer, rig: Presents | None = None) ->
 
     For example:
 
-        >>> store = haploop.Store(haploop.load_experiment("matching"), "matching/answers")
-        >>> somebody = haploop.SimulatedParticipant(haploop.ParticipantModel(), "P01", 1)
-        >>> with haploop.open_session(store, "P01", haploop.RealClock(), simulated=True) as session:
-        ...     haploop.run_session(session, somebody)
-        >>> haploop.export_answers(store, "matching.csv")  # how many answers
+        >>> from haploop import experiments
+        >>> store = experiments.Store(experiments.load_experiment("matching"), "matching/answers")
+        >>> somebody = haploop.mocks.SimulatedParticipant(haploop.mocks.ParticipantModel(), "P01", 1)
+        >>> with experiments.open_session(store, "P01", haploop.RealClock(), simulated=True) as session:
+        ...     experiments.run_session(session, somebody)
+        >>> experiments.export_answers(store, "matching.csv")  # how many answers
         30
     """
     while (step := session.due) is not None:

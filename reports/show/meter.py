@@ -77,7 +77,7 @@ class Meter:
         self._display.close()
 
     def progress(self, doing: str, done: float, of: float, unit: str, /) -> None:
-        """Show the number of accepted presses; see `haploop.Progress`."""
+        """Show the number of accepted presses; see `haploop.base.progress.Progress`."""
         if not self._console.is_terminal:
             if doing != self._doing:
                 say(self._console, f"{doing}: {done:g} of {of:g} {unit}.")

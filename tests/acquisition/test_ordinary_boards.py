@@ -15,7 +15,7 @@ from haploop.mocks.clock import VirtualClock
 from haploop.mocks.daq.serial_adc import Board
 from tests.acquisition.presses.pressworld import world_rig
 
-File = haploop.RigFile
+File = haploop.instruments.RigFile
 
 
 def contact_of_five_volts(file: File) -> File:

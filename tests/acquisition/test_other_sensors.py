@@ -14,7 +14,7 @@ import pytest
 import scipy
 
 import haploop
-from haploop.acquisition import high_pass
+from haploop.acquisition import find_presses, high_pass
 from haploop.base.errors import ConfigurationError, DataError
 
 RIG = """
@@ -72,7 +72,7 @@ def written(folder: Path, kind: str, button: str = "") -> Path:
 
 def assert_timed(recording: haploop.Recording, truth, presses: int, kind: str) -> None:
     _, told_by, near = TOLD_BY[kind]
-    found = haploop.find_presses(recording)
+    found = find_presses(recording)
     assert len(found) == len(truth) == presses
     for press, true in zip(found, truth, strict=True):
         assert press.activation is not None and press.activated_by == told_by
@@ -152,6 +152,6 @@ def test_force_alone_shows_presses_and_makes_no_digital_one(tmp_path):
     path.write_text(RIG.format(seed=8, sensors=sensors), encoding="utf-8")
     with haploop.open_rig(path, simulate="twin") as rig:
         recording = haploop.record(rig, "latch", "P01", 2, tmp_path)
-    assert len(haploop.find_presses(recording)) == 2
+    assert len(find_presses(recording)) == 2
     with pytest.raises((DataError, ConfigurationError), match="acceleration"):
         haploop.representative([recording])

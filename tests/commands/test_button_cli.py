@@ -34,7 +34,7 @@ def test_a_button_is_made_shown_and_verified(demo, made, run, tmp_path, monkeypa
     again = run("button check", made, "--json")
     values = json.loads(again.stdout)
     assert again.exit_code == 0 and values["passed"]
-    kept = haploop.Check.load(tmp_path / values["file"])
+    kept = haploop.calibration.Check.load(tmp_path / values["file"])
     assert len(kept.accelerations) == 8 and kept.error == values["whole"]["error"]
     run("button check", made, "--plays", 2, ends=2)
     assert "exists" in run("button check", made, "-o", values["file"]).output

@@ -114,7 +114,7 @@ def test_figures_are_drawn_with_the_true_values_where_they_are_asked_for(run, tm
 @pytest.mark.long
 def test_a_demo_loads_nothing_that_draws_and_no_statistics(tmp_path):
     script = (
-        "import sys; from haploop import run_demo; run_demo(sys.argv[1]);"
+        "import sys; from haploop.commands.demo.run import run_demo; run_demo(sys.argv[1]);"
         "print(sorted({'matplotlib', 'scipy.signal', 'scipy.stats'} & set(sys.modules)))"
     )
     ended = subprocess.run(

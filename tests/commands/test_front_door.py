@@ -6,6 +6,7 @@ import json
 import re
 import subprocess
 import sys
+from operator import attrgetter
 from pathlib import Path
 
 import pytest
@@ -16,86 +17,108 @@ from tests.commands.test_start import commands
 
 ROOT = Path(__file__).parents[2]
 WORK = {
-    "demo": ["run_demo", "claim_folder"],
     "record": ["load_rig_file", "open_rig", "record"],
     "study run": ["load_study", "open_rig", "run_study"],
-    "study represent": ["load_study", "Study", "Representative"],
+    "study represent": ["load_study", "acquisition.Study", "Representative"],
     "represent": ["Recording", "representative", "Representative"],
-    "study process": ["load_study", "process_study", "Processed"],
-    "study status": ["load_study", "Study"],
-    "study reject": ["load_study", "Study"],
-    "study repeat": ["load_study", "Study"],
-    "recover": ["recover", "Recording"],
+    "study process": ["load_study", "exchange.process_study", "exchange.Processed"],
+    "study status": ["load_study", "acquisition.Study"],
+    "study reject": ["load_study", "acquisition.Study"],
+    "study repeat": ["load_study", "acquisition.Study"],
+    "recover": ["acquisition.recover", "Recording"],
     "verify": ["verify", "Recording"],
-    "show": ["file_contents", "load_study"],
+    "show": ["reports.file_contents", "load_study"],
     "report": ["write_report"],
-    "figures": ["write_figures", "PaperFigures"],
-    "list": ["list_files", "Entry"],
+    "figures": ["reports.write_figures", "reports.PaperFigures"],
+    "list": ["list_files", "exchange.Entry"],
     "calibrate": [
         "open_rig",
         "calibrate",
-        "calibrate_finger",
+        "calibration.calibrate_finger",
         "Calibration",
-        "calibration_of",
+        "calibration.calibration_of",
         "load_calibrations",
-        "VibrationMap",
+        "calibration.VibrationMap",
     ],
-    "check": ["Recording", "representative", "drive_for", "pressed_drives", "check", "check_under_finger"],
-    "map": ["open_rig", "map_plan", "measure_map", "VibrationMap"],
+    "check": [
+        "Recording",
+        "representative",
+        "drive_for",
+        "calibration.pressed_drives",
+        "check",
+        "calibration.check_under_finger",
+    ],
+    "map": ["open_rig", "map_plan", "measure_map", "calibration.VibrationMap"],
     "button make": [
         "load_calibrations",
         "representative",
-        "Loudness",
-        "trade_for",
-        "load_elsewhere",
+        "calibration.Loudness",
+        "calibration.trade_for",
+        "calibration.load_elsewhere",
         "build_button",
         "DigitalButton",
     ],
-    "button plan": ["load_press", "load_calibrations", "plan_button", "ButtonPlan"],
-    "button under": ["DigitalButton", "load_calibrations", "button_under_finger"],
+    "button plan": ["load_press", "load_calibrations", "calibration.plan_button", "calibration.ButtonPlan"],
+    "button under": ["DigitalButton", "load_calibrations", "calibration.button_under_finger"],
     "button check": ["DigitalButton", "play_button"],
-    "experiment new": ["load_experiment", "example_names"],
-    "experiment run": ["load_experiment", "Store", "open_session", "run_session", "Session"],
-    "experiment simulate": ["ParticipantModel", "SimulatedParticipant", "load_participant_model"],
-    "experiment predict": ["predict_answers", "Prediction", "participant_model", "DigitalButton"],
-    "experiment status": ["Store"],
-    "experiment export": ["export_answers"],
-    "experiment withdraw": ["Store"],
-    "analyse confusion": ["read_rows", "analyse_identification"],
-    "analyse ratings": ["read_rows", "analyse_ratings"],
-    "analyse thresholds": ["read_rows", "analyse_thresholds"],
-    "analyse power": ["load_power_plan", "power_of"],
-    "recalibrate": ["History", "recalibrate", "Unattended", "write_recalibration"],
-    "calibrations adopt": ["History", "DigitalButton", "adopt"],
+    "experiment new": ["experiments.load_experiment", "experiments.example_names"],
+    "experiment run": [
+        "experiments.load_experiment",
+        "experiments.Store",
+        "experiments.open_session",
+        "experiments.run_session",
+        "experiments.Session",
+    ],
+    "experiment simulate": [
+        "mocks.ParticipantModel",
+        "mocks.SimulatedParticipant",
+        "mocks.load_participant_model",
+    ],
+    "experiment predict": [
+        "experiments.predict_answers",
+        "experiments.Prediction",
+        "experiments.participant_model",
+        "DigitalButton",
+    ],
+    "experiment status": ["experiments.Store"],
+    "experiment export": ["experiments.export_answers"],
+    "experiment withdraw": ["experiments.Store"],
+    "analyse confusion": ["experiments.read_rows", "experiments.analyse_identification"],
+    "analyse ratings": ["experiments.read_rows", "experiments.analyse_ratings"],
+    "analyse thresholds": ["experiments.read_rows", "experiments.analyse_thresholds"],
+    "analyse power": ["experiments.load_power_plan", "experiments.power_of"],
+    "recalibrate": ["History", "recalibrate", "instruments.Unattended", "reports.write_recalibration"],
+    "calibrations adopt": ["History", "DigitalButton", "calibration.adopt"],
     "calibrations list": ["History"],
-    "calibrations show": ["History", "Generation", "calibrations_of"],
-    "calibrations diff": ["History", "calibrations_of"],
-    "calibrations activate": ["History", "activate"],
-    "calibrations plot": ["History", "trend"],
-    "export": ["export_file", "Exported"],
+    "calibrations show": ["History", "calibration.Generation", "calibration.calibrations_of"],
+    "calibrations diff": ["History", "calibration.calibrations_of"],
+    "calibrations activate": ["History", "calibration.activate"],
+    "calibrations plot": ["History", "reports.trend"],
+    "export": ["export_file", "exchange.Exported"],
     "import": [
-        "FileMapping",
-        "understand",
-        "named",
+        "exchange.FileMapping",
+        "exchange.understand",
+        "exchange.named",
         "import_file",
-        "destination",
-        "is_response_file",
-        "import_response",
+        "exchange.destination",
+        "exchange.is_response_file",
+        "exchange.import_response",
         "Calibration",
     ],
-    "doctor": ["examine", "examine_each", "examine_loop", "Finding"],
-    "live": ["load_rig_file", "watch_live", "look", "levels"],
-    "log": ["log_entries"],
-    "reset": ["reset_lockout"],
-    "schema": ["rig_schema"],
-    "rig new": ["look_for_hardware", "new_rig"],
+    "doctor": ["examine", "calibration.examine_each", "calibration.examine_loop", "calibration.Finding"],
+    "live": ["load_rig_file", "watch_live", "acquisition.look", "instruments.levels"],
+    "log": ["instruments.log_entries"],
+    "reset": ["instruments.reset_lockout"],
+    "schema": ["instruments.rig_schema"],
+    "rig new": ["instruments.look_for_hardware", "instruments.new_rig"],
     "rig check": ["load_rig_file"],
-    "tape show": ["played", "recorded", "tape_rig"],
-    "tape mask": ["mask"],
+    "tape show": ["instruments.played", "instruments.recorded", "instruments.tape_rig"],
+    "tape mask": ["instruments.mask"],
 }
 """The functions and classes that do the work of each command."""
 
 NO_WORK_FOR_A_SCRIPT = {
+    "demo": "all of the loop at once, simulated",
     "serve": "a server for a browser",
     "new": "writes forms, to be filled in with an editor",
     "study new": "writes a form, to be filled in with an editor",
@@ -110,25 +133,16 @@ def test_each_command_has_its_functions_in_the_front_door():
     assert each == WORK.keys() | NO_WORK_FOR_A_SCRIPT.keys()
     for command, names in WORK.items():
         assert names, command
-        assert set(names) <= set(haploop.__all__), command
-
-
-@pytest.mark.parametrize("name", haploop.__all__)
-def test_each_name_of_the_front_door_is_there(name):
-    assert getattr(haploop, name) is not None
+        assert all(attrgetter(name)(haploop) is not None for name in names), command
 
 
 @pytest.mark.parametrize("name", dir(haploop))
 def test_what_the_tab_key_finds_has_an_example(name):
-    assert name in haploop.__all__ and len(dir(haploop)) < 60
+    assert len(dir(haploop)) < 50 and getattr(haploop, name) is not None
     pages = [*ROOT.glob("docs/**/*.md"), *ROOT.glob("examples/*.ipynb"), ROOT / "README.md"]
     assert any(
         re.search(rf"(?<!::: )haploop\.{name}\b(?!`)|`{name}\(", page.read_text("utf-8")) for page in pages
     ), name
-
-
-def test_a_person_and_a_clock_are_in_the_front_door():
-    assert {"Operator", "Clock", "RealClock"} <= set(haploop.__all__)
 
 
 SCRIPT = """
@@ -141,15 +155,15 @@ with haploop.open_rig("simulated") as rig:
     button = haploop.build_button(rig, press, haploop.calibrate(rig, "A", "button"), iterations=0)
     history = haploop.History("calibrations")
     try:
-        haploop.adopt(history, [button], actor="a script", reason="it begins")
+        haploop.calibration.adopt(history, [button], actor="a script", reason="it begins")
         outcome = haploop.recalibrate(rig, history)
         print(outcome.kind)
-        haploop.activate(history, "1", actor="a script", reason="again")
+        haploop.calibration.activate(history, "1", actor="a script", reason="again")
     except haploop.DataError as error:
         print(error)
-print(*[entry["kind"] for entry in haploop.log_entries("simulated")])
+print(*[entry["kind"] for entry in haploop.instruments.log_entries("simulated")])
 print(haploop.verify(recording.path))
-print(haploop.file_contents(str(recording.path)).values["presses_accepted"])
+print(haploop.reports.file_contents(str(recording.path)).values["presses_accepted"])
 """
 
 
@@ -166,4 +180,4 @@ def test_a_script_does_a_day_of_work_with_one_import(tmp_path):
 
 
 def test_the_schema_is_the_one_that_the_command_prints():
-    assert json.loads(json.dumps(haploop.rig_schema()))["title"] == "A rig of haploop"
+    assert json.loads(json.dumps(haploop.instruments.rig_schema()))["title"] == "A rig of haploop"

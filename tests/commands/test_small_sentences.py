@@ -38,7 +38,7 @@ def test_one_recording_and_a_folder_are_represented(recorded, run, tmp_path):
 def test_a_second_operator_and_a_second_day_get_their_own_words(run, tmp_path):
     folder = tmp_path / "matching"
     new_experiment(folder, "matching")
-    store = Store(haploop.load_experiment(folder), folder / "answers")
+    store = Store(haploop.experiments.load_experiment(folder), folder / "answers")
     with store.hold("The experiment"):
         result = run("experiment run", folder, "-p", "P01", "--simulated")
     assert result.exit_code == 2 and "is open in this program already" in result.stderr, result.stderr

@@ -19,6 +19,7 @@ import pytest
 import scipy
 
 import haploop
+from haploop.exchange import FileMapping, understand
 
 pytestmark = pytest.mark.usefixtures("read_here")
 
@@ -463,7 +464,7 @@ def test_it_means_what_the_file_says(tmp_path, name, write, right):
     told: dict[str, Any] = {"oscilloscope.mat": {"units": {"force": "N"}}}.get(name, {})
     told |= {"decimal": ","} if name.startswith("told") else {}
     try:
-        found = haploop.understand(tmp_path / name, haploop.FileMapping(**told))
+        found = understand(tmp_path / name, FileMapping(**told))
     except haploop.HaploopError as refused:
         assert isinstance(right, str) and right in str(refused)
         return

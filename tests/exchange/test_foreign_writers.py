@@ -19,6 +19,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import haploop
+from haploop.exchange import understand
 
 settings.register_profile("foreign", max_examples=2000)
 
@@ -233,7 +234,7 @@ def test_it_comes_in_as_it_went_out_or_is_asked_about(name, made):
         path = Path(folder) / name
         WRITERS[name](path, made)
         try:
-            found = haploop.understand(path)
+            found = understand(path)
         except haploop.HaploopError:
             return
     if found.questions:
@@ -261,6 +262,6 @@ def test_what_states_everything_is_not_asked_about(name, tmp_path):
     WRITERS[name](tmp_path / name, made)
     if name == "a.uff":  # in which mN and g contradict a data set 164 of SI units
         with pytest.raises(haploop.ConfigurationError, match="data set 164"):
-            haploop.understand(tmp_path / name).require()
+            understand(tmp_path / name).require()
         return
-    haploop.understand(tmp_path / name).require()
+    understand(tmp_path / name).require()

@@ -15,18 +15,19 @@ import pytest
 from scipy.io import savemat, wavfile
 
 import haploop
-from haploop.acquisition import Recording, Representative
+from haploop.acquisition import Recording, Representative, high_pass
+from haploop.exchange import FileMapping, understand
 from tests.raising import raises
 
 
 def press(path: Path, button: str | None = None, at: float | None = None, **told: Any) -> Representative:
-    return haploop.import_press(path, haploop.FileMapping(button=button, **told), activation=at)
+    return haploop.exchange.import_press(path, FileMapping(button=button, **told), activation=at)
 
 
 def like(found: Representative, press: Representative, most: float = 0.02) -> None:
     # The contact of this press closes one sample after its activation.
     assert found.rate_hz == 5000 and 0 <= found.activation_index - press.activation_index <= 1
-    own = haploop.high_pass(press.acceleration, 5000)  # the press made for tests is not high-passed
+    own = high_pass(press.acceleration, 5000)  # the press made for tests is not high-passed
     error = np.linalg.norm(found.acceleration - own) / np.linalg.norm(own)
     assert len(found.acceleration) == len(own) and error < most
 
@@ -74,9 +75,9 @@ def test_a_recording_by_pandas_or_xarray_says_what_it_is(files, tmp_path, write,
     write(files.presses, tmp_path / name)
     three = name == "a.nc"  # axes, of which the file does not say that z is vertical
     if three:
-        assert "acceleration z" in str(haploop.understand(tmp_path / name).questions)
-    told = haploop.FileMapping(acceleration="acceleration z") if three else None
-    haploop.import_file(haploop.understand(tmp_path / name, told), tmp_path / "back.h5")
+        assert "acceleration z" in str(understand(tmp_path / name).questions)
+    told = FileMapping(acceleration="acceleration z") if three else None
+    haploop.import_file(understand(tmp_path / name, told), tmp_path / "back.h5")
     found = Recording.open(tmp_path / "back.h5")
     assert (found.button, found.participant, found.simulated) == ("push", "P01", True)
     np.testing.assert_allclose(found.force, files.presses.force, atol=2e-3)  # from the file's own rest
@@ -161,7 +162,7 @@ def test_a_file_that_another_library_wrote_alone(tmp_path, write, name, scale):
     found = press(tmp_path / name, "latch", units={} if scale is None else {"acceleration": f"{scale} m/s^2"})
     assert not found.simulated and found.button == "latch" and len(found.acceleration) == 2500
     assert found.activation_index == pytest.approx(750, abs=6)
-    own = haploop.high_pass(values[::2], 5000)  # what is below 1 kHz needs no other filter
+    own = high_pass(values[::2], 5000)  # what is below 1 kHz needs no other filter
     assert np.linalg.norm(found.acceleration - own) < 0.05 * np.linalg.norm(own)
 
 

@@ -12,6 +12,7 @@ import pytest
 
 import haploop
 from haploop.acquisition import Recording
+from haploop.exchange import FileMapping, import_recording, understand
 from tests.exchange.lab_files import Kind, Written, german, jitter, old_tektronix
 
 pytestmark = pytest.mark.usefixtures("read_here")
@@ -29,7 +30,7 @@ def presses(own: Recording) -> Written:
     return Written(own.rate_hz, own.force, own.acceleration[2], own.activation, 5)
 
 
-TOLD = haploop.FileMapping(participant="P02", button="push")
+TOLD = FileMapping(participant="P02", button="push")
 KINDS = (Kind("a.csv", german), Kind("b.csv", jitter, error=0.02))
 
 
@@ -39,7 +40,7 @@ def test_presses_are_the_same_presses(kind, own, presses, tmp_path):
     path, out = tmp_path / kind.name, tmp_path / "out.h5"
     kind.write(path, presses)
     os.utime(path, (1.6e9, 1.6e9))
-    found = haploop.import_recording(path, TOLD, out)
+    found = import_recording(path, TOLD, out)
     assert found.complete and not found.simulated and haploop.verify(out) == ()
     assert (found.participant, found.button, found.rate_hz) == ("P02", "push", 5000)
     assert len(found.accepted) == len(own.accepted) == 5
@@ -75,8 +76,8 @@ def test_a_file_without_a_switch_or_an_accelerometer(presses, tmp_path):
     """Its force alone: the presses and their snaps are found, and there is no press to feel."""
     old_tektronix(tmp_path / "a.csv", presses)
     units = {"time": "s", "force": "0.1 V/N"}
-    told = haploop.FileMapping(participant="P02", button="push", time=0, force=1, units=units)
-    found = haploop.import_recording(tmp_path / "a.csv", told, tmp_path / "out.h5")
+    told = FileMapping(participant="P02", button="push", time=0, force=1, units=units)
+    found = import_recording(tmp_path / "a.csv", told, tmp_path / "out.h5")
     assert len(found.accepted) == 5
     with pytest.raises(haploop.ConfigurationError, match="motion"):
         haploop.representative([found])
@@ -89,7 +90,7 @@ def test_a_press_that_was_filled_is_not_accepted(presses, tmp_path):
     values = np.delete(presses.columns(), slice(third - 50, third + 50), axis=0)
     np.savetxt(tmp_path / "a.csv", values, delimiter=",", comments="", fmt="%.9g",
                header="time [s],force [N],acceleration [m/s^2],switch")  # fmt: skip
-    found = haploop.import_recording(tmp_path / "a.csv", TOLD, tmp_path / "out.h5")
+    found = import_recording(tmp_path / "a.csv", TOLD, tmp_path / "out.h5")
     assert [p.number for p in found.verdicts if not p.accepted] == [3]
     bad = found.verdicts[2]
     assert "sensor" in bad.flags and "20 ms of all signals are missing" in bad.reason
@@ -100,8 +101,8 @@ def test_a_press_that_was_filled_is_not_accepted(presses, tmp_path):
 def test_a_clipped_signal_is_saturated(presses, tmp_path):
     acceleration = np.clip(presses.acceleration, None, 12.0)
     np.savez(tmp_path / "a.npz", fs=5000, force_N=presses.force, acceleration=acceleration, sw=presses.switch)
-    told = haploop.FileMapping(participant="P02", button="push", units={"acceleration": "m/s^2"})
-    found = haploop.import_recording(tmp_path / "a.npz", told, tmp_path / "out.h5")
+    told = FileMapping(participant="P02", button="push", units={"acceleration": "m/s^2"})
+    found = import_recording(tmp_path / "a.npz", told, tmp_path / "out.h5")
     assert all("saturated" in p.flags for p in found.verdicts)
 
 
@@ -113,8 +114,8 @@ def test_other_rates_become_ours(presses, tmp_path, rate_hz):
         resample_poly(v - v[0], rate_hz // 100, 50) + v[0] for v in (presses.force, presses.acceleration)
     )
     np.savez(tmp_path / "a.npz", fs=rate_hz, force_N=force, acceleration=acceleration)
-    told = haploop.FileMapping(participant="P02", button="push", units={"acceleration": "m/s^2"})
-    found = haploop.import_recording(tmp_path / "a.npz", told, tmp_path / "out.h5")
+    told = FileMapping(participant="P02", button="push", units={"acceleration": "m/s^2"})
+    found = import_recording(tmp_path / "a.npz", told, tmp_path / "out.h5")
     assert found.rate_hz == 5000 and len(found.accepted) == 5
     assert any(f"Resampled from {rate_hz:g}" in one for one in found.imported["notes"])
 
@@ -146,7 +147,7 @@ def test_a_file_without_a_press_is_no_recording(tmp_path):
     np.savez(tmp_path / "a.npz", fs=5000, force_N=rest)
     told = TOLD.model_copy(update={"make": "recording"})
     with pytest.raises(haploop.DataError, match="shows no press in 1 s"):
-        haploop.import_recording(tmp_path / "a.npz", told, tmp_path / "out.h5")
+        import_recording(tmp_path / "a.npz", told, tmp_path / "out.h5")
     assert not (tmp_path / "out.h5").exists()
 
 
@@ -158,7 +159,7 @@ def test_a_saved_mapping_does_not_say_who_pressed_who_is_asked_for(presses, tmp_
     assert refused.stderr.count("\n") == 1 and not out.exists()
     told = ("-p", "P07", "--button", "push", "--save-mapping", saved)
     run("import", tmp_path / "a.csv", *told, ends=0)
-    mapping = haploop.FileMapping.load(saved)
+    mapping = FileMapping.load(saved)
     assert mapping.force == "Kraft [N]" and mapping.participant is None and mapping.button is None
 
 
@@ -166,4 +167,4 @@ def test_a_file_of_haploop_needs_no_import(tmp_path):
     with haploop.open_rig("simulated") as rig:
         haploop.record(rig, "push", "P01", 1, tmp_path)
     with pytest.raises(haploop.ConfigurationError, match="is a recording of haploop already"):
-        haploop.understand(tmp_path / "P01-push.h5")
+        understand(tmp_path / "P01-push.h5")

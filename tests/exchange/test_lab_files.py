@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import haploop
+from haploop.exchange import FileMapping, understand
 from haploop.exchange.importing import presses_in
 from tests.exchange.lab_files import KINDS, Written, german, no_header
 from tests.raising import raises
@@ -31,12 +32,12 @@ def test_what_was_written_is_understood(kind, written, tmp_path):
         pytest.importorskip("nptdms")
     path = tmp_path / kind.name
     kind.write(path, written)
-    bare = haploop.understand(path)
+    bare = understand(path)
     for option in kind.lacks:
         raises(haploop.ConfigurationError, option, bare.require)
     if not kind.lacks:
         bare.require()
-    found = haploop.understand(path, haploop.FileMapping(**kind.told))
+    found = understand(path, FileMapping(**kind.told))
     assert not found.questions, found.questions
     assert found.rate_hz == pytest.approx(written.rate_hz, rel=kind.rate_error)
     whole = len(next(iter(s for r, s in found.signals.items() if r != "time")).values)
@@ -65,9 +66,9 @@ def test_a_mapping_is_saved_and_says_it_all(kind, written, tmp_path):
     if kind.name.endswith(".tdms"):
         pytest.importorskip("nptdms")
     kind.write(path, written)
-    found = haploop.understand(path, haploop.FileMapping(**kind.told))
+    found = understand(path, FileMapping(**kind.told))
     found.mapping.save(saved)
-    again = haploop.understand(path, haploop.FileMapping.load(saved))
+    again = understand(path, FileMapping.load(saved))
     assert not again.questions and again.rate_hz == found.rate_hz
     for role, signal in found.signals.items():
         assert again.signals[role].why == "told"
@@ -107,7 +108,7 @@ def test_a_person_at_a_terminal_is_asked(run, written, tmp_path, monkeypatch):
     saved = tmp_path / "lab.toml"
     shown = run("import", path, "--save-mapping", saved)
     assert shown.exit_code == 0 and len(asked) == 3, asked
-    mapping = haploop.FileMapping.load(saved)
+    mapping = FileMapping.load(saved)
     assert mapping.rate_hz == 5000 and mapping.force == 1 and mapping.units["force"] == "N"
 
 
@@ -143,7 +144,7 @@ def test_what_cannot_be_understood_is_one_sentence(tmp_path, content, told, sent
     path = tmp_path / "a.csv"
     path.write_text(content)
     with pytest.raises((haploop.ConfigurationError, haploop.DataError)) as error:
-        haploop.understand(path, haploop.FileMapping(**told)).require()
+        understand(path, FileMapping(**told)).require()
     assert sentence in str(error.value) and "\n" not in str(error.value), str(error.value)
 
 
@@ -161,9 +162,9 @@ def test_a_sign_that_must_be_wrong_is_asked_for(written, tmp_path):
     path = tmp_path / "a.npz"
     np.savez(path, fs=5000, force_N=-written.force, acc=-written.acceleration)
     units = {"acceleration": "m/s^2"}
-    found = haploop.understand(path, haploop.FileMapping(units=units))
+    found = understand(path, FileMapping(units=units))
     raises(haploop.ConfigurationError, "--flip force and --flip acceleration", found.require)
-    flipped = haploop.understand(path, haploop.FileMapping(units=units, flip=("force", "acceleration")))
+    flipped = understand(path, FileMapping(units=units, flip=("force", "acceleration")))
     flipped.require()
     np.testing.assert_allclose(flipped.signals["force"].values, written.force)
 
@@ -198,7 +199,7 @@ def test_rest_is_before_and_after_the_press(tmp_path, force, told, asked, rest, 
     """However long a button is held; only ends that disagree on the direction are a question."""
     path = tmp_path / "a.csv"
     path.write_text("t [s],F [N]\n" + "".join(f"{k / 1000:.4f},{f:.5f}\n" for k, f in enumerate(force)))
-    found = haploop.understand(path, haploop.FileMapping(**told))
+    found = understand(path, FileMapping(**told))
     assert [q.option.partition(" or")[0] for q in found.questions] == ([asked] if asked else [])
     (said,) = (note for note in found.notes if note.startswith("Force at rest"))
     assert rest in said
@@ -213,7 +214,7 @@ def test_a_recording_that_is_mostly_held_rests_before_its_press(run, tmp_path):
     path.write_text("t [s],F [N]\n" + "".join(f"{k / 1000:.4f},{f:.5f}\n" for k, f in enumerate(force)))
     run("import", path, "-o", tmp_path / "a.h5", "--as", "recording", "-p", "P01", "--button", "push",
         "--rest", "force=start", "--save-mapping", saved, ends=0)  # fmt: skip
-    assert haploop.FileMapping.load(saved).rest == {"force": "start"}
+    assert FileMapping.load(saved).rest == {"force": "start"}
     found = haploop.Recording.open(tmp_path / "a.h5").force
     assert np.median(found) == pytest.approx(2, abs=0.05)
     run("import", path, "--rest", "force", ends=2)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import haploop
+from haploop.exchange import understand
 from haploop.exchange.importing.roles import is_switching
 from haploop.exchange.importing.understood import Rest
 
@@ -46,7 +47,7 @@ def test_columns_without_names_are_called_by_number_and_unit(tmp_path):
         file["time"].attrs["units"] = "s"
         file["acc"] = np.random.default_rng(1).normal(size=(3, 2000))
         file["acc"].attrs["units"] = "m/s^2"
-    asked = str(haploop.understand(tmp_path / "a.h5").questions)
+    asked = str(understand(tmp_path / "a.h5").questions)
     assert all(f"column {number} [m/s^2]" in asked for number in range(3)), asked
 
 
@@ -57,8 +58,8 @@ def test_of_a_signal_at_most_a_tenth_is_missing(every, taken, tmp_path):
     path = tmp_path / "gaps.csv"
     path.write_text("time (s),force (N),acceleration (m/s^2)\n" + "\n".join(rows) + "\n", encoding="utf-8")
     if taken:
-        notes = haploop.understand(path).notes
+        notes = understand(path).notes
         assert any("100 values are missing" in one for one in notes), notes
     else:
         with pytest.raises(haploop.DataError, match="lacks 150 of 1200 values"):
-            haploop.understand(path)
+            understand(path)

@@ -21,11 +21,11 @@ def test_folders_are_loaded_by_what_stands_in_them(tmp_path):
     (study / "study.toml").write_text(
         'name = "pilot"\nbuttons = ["latch"]\nparticipants = ["P01"]\n', encoding="utf-8"
     )
-    haploop.new_experiment(experiment, "matching")
+    haploop.experiments.new_experiment(experiment, "matching")
     for named in (study, study / "study.toml"):
-        assert isinstance(haploop.load(named), haploop.Study)
+        assert isinstance(haploop.load(named), haploop.acquisition.Study)
     for named in (experiment, experiment / "experiment.toml"):
-        assert haploop.load(named) == haploop.load_experiment(experiment)
+        assert haploop.load(named) == haploop.experiments.load_experiment(experiment)
     raises(haploop.DataError, "a folder without", haploop.load, tmp_path)
     raises(haploop.DataError, "no file", haploop.load, tmp_path / "nothing.h5")
 

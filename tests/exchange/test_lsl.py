@@ -66,8 +66,8 @@ def loopback(folder: Path) -> dict[str, str]:
     return os.environ | {"LSLAPICFG": str(file)}
 
 
-def block(run: Run, first: int, samples: int = 50) -> haploop.LiveBlock:
-    return haploop.LiveBlock(run, first, np.zeros((1, samples)), np.zeros(1, dtype=np.bool_))
+def block(run: Run, first: int, samples: int = 50) -> haploop.instruments.LiveBlock:
+    return haploop.instruments.LiveBlock(run, first, np.zeros((1, samples)), np.zeros(1, dtype=np.bool_))
 
 
 def run_number(number: int) -> Run:

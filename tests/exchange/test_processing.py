@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 
 import haploop
-from haploop.exchange import processing
+from haploop.acquisition import content_hash
+from haploop.exchange import process_study, processing
 from tests import forked
 
 STUDY = """
@@ -45,7 +46,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def alone(folder: Path) -> dict[str, bytes]:
     """What one process writes."""
-    haploop.process_study(haploop.load_study(folder), folder / "alone", workers=1)
+    process_study(haploop.load_study(folder), folder / "alone", workers=1)
     return content(folder / "alone")
 
 
@@ -53,7 +54,7 @@ def content(path: Path) -> dict[str, bytes]:
     return {str(p.relative_to(path)): p.read_bytes() for p in path.rglob("*") if p.is_file()}
 
 
-def once(act: Callable[[], None]) -> haploop.Progress:
+def once(act: Callable[[], None]) -> haploop.base.progress.Progress:
     """Progress that acts after the first part."""
 
     def progress(step: str, done: int, of: int, unit: str) -> None:
@@ -75,7 +76,7 @@ def test_what_is_written(folder, alone):
     study = haploop.load_study(folder)
     haploop.export_file(folder, "csv", folder / "exported.csv")
     assert alone["presses.csv"] == (folder / "exported.csv").read_bytes()
-    assert haploop.content_hash(folder / "alone" / "latch.h5") == _hash(study.representative("latch"), folder)
+    assert content_hash(folder / "alone" / "latch.h5") == _hash(study.representative("latch"), folder)
     with (folder / "alone" / "statistics.csv").open(encoding="utf-8", newline="") as file:
         rows = [row for row in csv.DictReader(file) if row["measure"] == "force_at_activation_n"]
     (whole,) = (row for row in rows if (row["participant"], row["button"]) == ("", "latch"))
@@ -91,7 +92,7 @@ def test_what_is_written(folder, alone):
 def _hash(press: haploop.Representative, folder: Path) -> str:
     path = folder / "own.h5"
     press.save(path)
-    return haploop.content_hash(path)
+    return content_hash(path)
 
 
 @pytest.mark.long
@@ -103,7 +104,7 @@ def test_a_killed_process_costs_time_only(folder, alone, tmp_path):
         killed.append(child.pid)
         child.kill()
 
-    found = haploop.process_study(haploop.load_study(folder), tmp_path, workers=2, progress=once(kill))
+    found = process_study(haploop.load_study(folder), tmp_path, workers=2, progress=once(kill))
     assert killed and (found.computed, found.parts, found.presses) == (8, 8, 12)
     assert content(tmp_path) == alone
 
@@ -115,7 +116,7 @@ def test_two_runs_do_not_write_into_one_folder(folder, alone, tmp_path, run):
     def start_another():
         second.append(run("study process --study", folder, "--out", tmp_path, "--workers", 1))
 
-    haploop.process_study(haploop.load_study(folder), tmp_path, workers=1, progress=once(start_another))
+    process_study(haploop.load_study(folder), tmp_path, workers=1, progress=once(start_another))
     assert second[0].exit_code == 3
     assert second[0].stderr.count("presses.csv is being written by another program: wait") == 1
     assert content(tmp_path) == alone
@@ -129,16 +130,16 @@ def test_what_is_done_is_not_done_again_and_what_was_changed_or_is_gone_is(folde
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        haploop.process_study(study, tmp_path, workers=1, progress=once(stop))
-    assert haploop.process_study(study, tmp_path, workers=1).computed == 7
+        process_study(study, tmp_path, workers=1, progress=once(stop))
+    assert process_study(study, tmp_path, workers=1).computed == 7
     (parts / "P02-push.json").write_bytes(alone["parts/P02-push.json"][:100])
-    assert haploop.process_study(study, tmp_path, workers=1).computed == 1
+    assert process_study(study, tmp_path, workers=1).computed == 1
     rows, press = parts / "P02-push.json", parts / "P03-latch-press.h5"
     assert haploop.verify(rows) == ()
     rows.write_bytes(rows.read_bytes().replace(b'"peak_force_n": ', b'"peak_force_n": 1'))
     (tmp_path / "push.h5").unlink()
     press.write_bytes(press.read_bytes()[:-100] + bytes(100))
-    assert haploop.process_study(study, tmp_path, workers=1).computed == 3
+    assert process_study(study, tmp_path, workers=1).computed == 3
     assert content(tmp_path) == alone
 
 
@@ -150,9 +151,9 @@ def test_a_rejection_is_a_change(folder, tmp_path):
     for path in (folder / "recordings").glob("P0*.h5"):
         (copy / "recordings" / path.name).write_bytes(path.read_bytes())
     study = haploop.load_study(copy)
-    haploop.process_study(study, tmp_path / "out", workers=1)
+    process_study(study, tmp_path / "out", workers=1)
     study.reject("P01", "latch")
-    assert haploop.process_study(study, tmp_path / "out", workers=1).computed == 8
+    assert process_study(study, tmp_path / "out", workers=1).computed == 8
     with (tmp_path / "out" / "presses.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["flags"] for row in rows[:2]] == ["rejected", "rejected"]
@@ -162,7 +163,7 @@ def test_a_rejection_is_a_change(folder, tmp_path):
 def test_workers_that_are_always_killed_end_it(folder, tmp_path, monkeypatch):
     monkeypatch.setattr(processing, "_work", suicide)
     with pytest.raises(haploop.InstrumentError, match="enough memory"):
-        haploop.process_study(haploop.load_study(folder), tmp_path, workers=2)
+        process_study(haploop.load_study(folder), tmp_path, workers=2)
 
 
 def suicide(*args: object) -> None:
@@ -176,7 +177,7 @@ def progress(step, done, of, unit):
     if done == 1:
         os.kill(os.getpid(), signal.SIGKILL)
 
-haploop.process_study(haploop.load_study(sys.argv[1]), sys.argv[2], workers=2, progress=progress)
+haploop.exchange.process_study(haploop.load_study(sys.argv[1]), sys.argv[2], workers=2, progress=progress)
 """
 
 
@@ -213,7 +214,7 @@ def test_a_dask_cluster_writes_the_same_bytes_when_a_worker_is_killed(folder, al
 
     address = cluster.scheduler_address
     study = haploop.load_study(folder)
-    found = haploop.process_study(study, tmp_path / "out", dask=address, progress=once(kill))
+    found = process_study(study, tmp_path / "out", dask=address, progress=once(kill))
     assert killed and found.computed == 8
     assert content(tmp_path / "out") == alone
     result = run("study process --study", folder, "--out", tmp_path / "out", "--dask", address)
@@ -226,7 +227,7 @@ def test_a_cluster_that_loses_every_worker_ends_it(folder, tmp_path, cluster, mo
     # By value: the workers have no module of tests.
     monkeypatch.setattr(processing, "_work", lambda *_: os.kill(os.getpid(), signal.SIGKILL))
     with pytest.raises(haploop.InstrumentError, match=r"lost its work \(KilledWorker\).*same command again"):
-        haploop.process_study(haploop.load_study(folder), tmp_path / "out", dask=cluster.scheduler_address)
+        process_study(haploop.load_study(folder), tmp_path / "out", dask=cluster.scheduler_address)
 
 
 @pytest.mark.filterwarnings("default")
@@ -235,7 +236,7 @@ def test_no_scheduler_is_an_error_of_one_sentence(folder, tmp_path, monkeypatch)
     monkeypatch.setattr(processing, "_CONNECT", 0.5)
     for address in ("tcp://127.0.0.1:9", "nonsense://x"):
         with pytest.raises(haploop.InstrumentError, match="No Dask scheduler answers"):
-            haploop.process_study(haploop.load_study(folder), tmp_path / "out", dask=address)
+            process_study(haploop.load_study(folder), tmp_path / "out", dask=address)
 
 
 def test_a_study_without_recordings_is_refused(tmp_path, run):
@@ -250,11 +251,11 @@ def test_a_recording_of_another_study_is_refused(folder, tmp_path, workers):
     for name, source in (("P01-latch.h5", "P01-latch.h5"), ("P02-push.h5", "P01-push.h5")):
         (tmp_path / "recordings" / name).write_bytes((folder / "recordings" / source).read_bytes())
     with pytest.raises(haploop.DataError, match=r"P02-push.h5 belongs to .*participant P01"):
-        haploop.process_study(haploop.load_study(tmp_path), tmp_path / "out", workers=workers)
+        process_study(haploop.load_study(tmp_path), tmp_path / "out", workers=workers)
 
 
 def test_files_of_others_are_not_replaced(folder, tmp_path):
     (tmp_path / "latch.h5").write_text("a digital button")
     with pytest.raises(haploop.ConfigurationError, match=r"latch.h5 already exists"):
-        haploop.process_study(haploop.load_study(folder), tmp_path, workers=1)
+        process_study(haploop.load_study(folder), tmp_path, workers=1)
     assert [path.name for path in tmp_path.iterdir()] == ["latch.h5"]

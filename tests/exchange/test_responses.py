@@ -11,7 +11,9 @@ import pytest
 from scipy.io import loadmat, savemat
 
 import haploop
-from haploop.calibration import Calibration, VibrationMap
+from haploop.acquisition import content_hash
+from haploop.calibration import Calibration, VibrationMap, read_uff, write_uff
+from haploop.exchange import import_response, is_response_file
 from tests.exchange.conftest import FREQUENCIES, velocity
 
 
@@ -42,7 +44,7 @@ def test_what_is_exported_of_responses_is_read_back(to, files, measured_map, run
     path = path.with_stem("map")
     run("export", measured_map, "--to", to, "--out", path, ends=0)
     run("import", path, "--out", tmp_path / "c.h5", says="A at 3, A at 17, B at 3, B at 17")
-    found = haploop.import_response(path, haploop.load_rig_file("simulated"), "B", "17")
+    found = import_response(path, haploop.load_rig_file("simulated"), "B", "17")
     np.testing.assert_allclose(found.velocity, own(measured_map, found.frequencies)[3], rtol=1e-8)
 
 
@@ -61,7 +63,7 @@ def test_a_model_goes_to_matlab(files, run, tmp_path):
     }  # fmt: skip
     found = loadmat(tmp_path / "a.mat", simplify_cells=True)
     assert found["A"].ndim == 2 and found["units"]["velocity"] == "(m/s)/V"
-    assert found["about"]["content_hash"] == haploop.content_hash(files.calibration)
+    assert found["about"]["content_hash"] == content_hash(files.calibration)
 
 
 def own(path: Path, f: np.ndarray) -> np.ndarray:
@@ -113,8 +115,8 @@ def test_a_response_as_a_table(files, tmp_path):
 def test_frequencies_in_uff_have_the_digits_that_fit(tmp_path, files):
     """Lines of a period of 0.6 s: 620.0000 Hz is written, and so is 1.6666667."""
     response = replace(Calibration.load(files.calibration).response, frequencies=FREQUENCIES / 1.2)
-    haploop.write_uff(tmp_path / "a.uff", [response])
-    (found,) = haploop.read_uff(tmp_path / "a.uff")
+    write_uff(tmp_path / "a.uff", [response])
+    (found,) = read_uff(tmp_path / "a.uff")
     assert np.abs(found.frequencies / response.frequencies - 1).max() < 1e-6 / 2
     np.testing.assert_allclose(found.velocity, response.velocity, rtol=1e-9)
     np.testing.assert_allclose(found.coherence, response.coherence, rtol=1e-9)
@@ -130,18 +132,18 @@ def test_a_complex_array_over_frequencies_is_a_response(tmp_path, unit, factor, 
     path, rig = tmp_path / "a.mat", haploop.load_rig_file("simulated")
     savemat(path, {"H": own / factor / (2j * np.pi * FREQUENCIES) ** power, "freq": FREQUENCIES})
     with pytest.raises(haploop.ConfigurationError, match="what its frequency response 'H' is in"):
-        haploop.import_response(path, rig, "A", "button")
+        import_response(path, rig, "A", "button")
     with pytest.raises(haploop.ConfigurationError, match="no unit of a response to a patch"):
-        haploop.import_response(path, rig, "A", "button", "m/s^2/N")
-    found = haploop.import_response(path, rig, "A", "button", unit)
-    assert (found.patch, found.point) == ("A", "button") and haploop.is_response_file(path)
+        import_response(path, rig, "A", "button", "m/s^2/N")
+    found = import_response(path, rig, "A", "button", unit)
+    assert (found.patch, found.point) == ("A", "button") and is_response_file(path)
     np.testing.assert_allclose(found.velocity, own, rtol=1e-12)
     savemat(path, {"FRF_laser": own, "FRF_accelerometer": 2 * own, "freq": FREQUENCIES})
     with pytest.raises(haploop.ConfigurationError, match="FRF_laser at 1, FRF_accelerometer at 1"):
-        haploop.import_response(path, rig, unit="(m/s)/V")
-    np.testing.assert_allclose(haploop.import_response(path, rig, "FRF_laser", unit="(m/s)/V").velocity, own)
+        import_response(path, rig, unit="(m/s)/V")
+    np.testing.assert_allclose(import_response(path, rig, "FRF_laser", unit="(m/s)/V").velocity, own)
     savemat(path, {"H": own, "force": np.arange(400.0), "fs": 5000.0})
-    assert not haploop.is_response_file(path)
+    assert not is_response_file(path)
 
 
 @pytest.mark.usefixtures("read_here")
@@ -156,8 +158,8 @@ def test_two_parts_over_frequency_in_netcdf_are_a_response(tmp_path, engine):
         {name: ("frequency", part, unit) for name, part in parts.items()},
         coords={"frequency": ("frequency", FREQUENCIES, {"units": "Hz"})},
     ).to_netcdf(path, engine=engine)
-    found = haploop.import_response(path, haploop.load_rig_file("simulated"), "A", "button")
-    assert haploop.is_response_file(path) and (found.patch, found.point) == ("A", "button")
+    found = import_response(path, haploop.load_rig_file("simulated"), "A", "button")
+    assert is_response_file(path) and (found.patch, found.point) == ("A", "button")
     np.testing.assert_allclose(found.velocity, own, rtol=1e-12)
 
 

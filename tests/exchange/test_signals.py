@@ -11,6 +11,7 @@ import pytest
 from scipy.io import loadmat
 
 import haploop
+from haploop.acquisition import content_hash
 from haploop.calibration import Check, Drive
 from haploop.exchange import csv_file, mat_file
 from haploop.exchange.views import Channel, PressTable, Signals
@@ -47,7 +48,7 @@ def test_a_table_opens_in_pandas(files, tmp_path, kind):
     out = exported(files, kind, "csv", tmp_path, ".csv")
     table = pandas.read_csv(out)
     about = json.loads(out.with_name(out.name + ".json").read_text(encoding="utf-8"))["about"]
-    assert about["simulated"] and about["content_hash"] == haploop.content_hash(getattr(files, kind))
+    assert about["simulated"] and about["content_hash"] == content_hash(getattr(files, kind))
     rate = round(1 / table["time [s]"][1])
     assert rate == (5000 if kind in ("recording", "representative", "check") else 50_000)
     for name, (values, unit) in expected(files, kind).items():

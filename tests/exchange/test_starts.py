@@ -18,6 +18,7 @@ import pytest
 import scipy
 
 import haploop
+from haploop.exchange import FileMapping, understand
 
 T = np.arange(2500) / 5000
 F = np.round(2 * np.exp(-(((T - 0.25) / 0.05) ** 2)), 6)
@@ -415,7 +416,7 @@ def written(case: Case, folder: Path) -> Path:
 @pytest.mark.usefixtures("read_here")
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_the_start_that_a_file_states(case, tmp_path):
-    found = haploop.understand(written(case, tmp_path), haploop.FileMapping(**case.told))
+    found = understand(written(case, tmp_path), FileMapping(**case.told))
     assert not found.questions
     assert found.rate_hz == pytest.approx(case.rate_hz, rel=1e-6)
     assert len(found.signals["force"].values) == 2500
@@ -441,14 +442,14 @@ def test_the_start_that_a_file_states(case, tmp_path):
 def test_what_is_refused(text, suffix, told, asked, tmp_path):
     path = written(Case("", text, suffix=suffix), tmp_path)
     with pytest.raises((haploop.ConfigurationError, haploop.DataError), match=asked):
-        haploop.understand(path, haploop.FileMapping(**told))
+        understand(path, FileMapping(**told))
 
 
 def test_two_samples_that_look_like_a_start_are_kept_in_a_table_with_headings(tmp_path):
     text = "Sample rate: 5000 Hz\nForce (mN)\n" + rows([UNIX, 5000, *np.round(F, 5)])
     path = written(Case("", text), tmp_path)
     with pytest.raises(haploop.ConfigurationError, match="would reach"):
-        haploop.understand(path)
+        understand(path)
 
 
 def test_a_recording_is_dated_by_the_start_that_its_file_states(run, tmp_path):

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import haploop
+from haploop.exchange import FileMapping, understand
 from tests.raising import raises
 
 T = np.arange(2500) / 5000
@@ -513,7 +514,7 @@ def test_what_is_stated(case, tmp_path):
     path = tmp_path / "a.csv"
     path.write_text(case.text, encoding="utf-8")
     try:
-        found = haploop.understand(path, haploop.FileMapping(**case.told))
+        found = understand(path, FileMapping(**case.told))
     except (haploop.ConfigurationError, haploop.DataError) as error:
         asked, found = [str(error)], None
     else:
@@ -538,8 +539,8 @@ def test_a_damaged_row_is_a_gap_in_the_recording(tmp_path):
     path.write_text(
         "Sample rate: 5000 Hz\nForce (N)\n" + "\n".join(lines).replace("\n1.0", "\nx1.0", 1) + "\n"
     )
-    raises(haploop.DataError, r"stops being a table in row .*--skip-damaged", haploop.understand, path)
-    found = haploop.understand(path, haploop.FileMapping(skip_damaged=True))
+    raises(haploop.DataError, r"stops being a table in row .*--skip-damaged", understand, path)
+    found = understand(path, FileMapping(skip_damaged=True))
     assert len(found.signals["force"].values) == 2500 and len(found.holes) == 1
     assert found.holes[0].end - found.holes[0].first == 1
 
@@ -547,7 +548,7 @@ def test_a_damaged_row_is_a_gap_in_the_recording(tmp_path):
 def test_a_table_that_is_far_too_wide_is_refused_at_once(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text(",".join(["1"] * 300_000) + "\n")
-    raises(haploop.DataError, "more than 4096 cells", haploop.understand, path)
+    raises(haploop.DataError, "more than 4096 cells", understand, path)
 
 
 def test_each_measurement_of_a_table_becomes_a_file_of_its_own(run, tmp_path):
@@ -597,7 +598,7 @@ def test_values_that_name_files_name_as_many(run, tmp_path, column, values, file
 def test_a_role_that_no_column_is(tmp_path):
     path, saved = tmp_path / "a.csv", tmp_path / "lab.toml"
     path.write_text(timed("time (s),Force (N),switch", (T < 0.4).astype(int)))
-    found = haploop.understand(path, haploop.FileMapping(activation="none"))
+    found = understand(path, FileMapping(activation="none"))
     assert not found.questions and "activation" not in found.signals
     found.mapping.save(saved)
-    assert haploop.understand(path, haploop.FileMapping.load(saved)).mapping == found.mapping
+    assert understand(path, FileMapping.load(saved)).mapping == found.mapping

@@ -20,7 +20,7 @@ import haploop
 from haploop.base import entry_points
 from haploop.base.clock import RealClock
 from haploop.base.errors import ConfigurationError, DataError, HaploopError, InstrumentError
-from haploop.instruments import Rig
+from haploop.instruments import Rig, played, recorded
 from haploop.instruments.camera import opencv
 from haploop.instruments.camera.opencv import OpenCvCamera
 from haploop.instruments.driver import settings_of
@@ -82,7 +82,10 @@ def day(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, int]:
     """A tape of a recording over the wire, the recording, and how many calls there were."""
     folder = tmp_path_factory.mktemp("day")
     tape = folder / "day.tape"
-    with haploop.recorded(tape) as recorder, haploop.open_rig("simulated", simulate="wire") as rig:
+    with (
+        recorded(tape) as recorder,
+        haploop.open_rig("simulated", simulate="wire") as rig,
+    ):
         recording = press(rig, folder / "wire")
     return tape, recording, recorder.calls
 
@@ -91,7 +94,7 @@ def day(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, int]:
 def test_a_recording_over_the_wire_is_played_again_bit_by_bit(day, tmp_path, nothing_is_opened):
     tape, first, calls = day
     nothing_is_opened()
-    with haploop.played(tape) as player, haploop.open_rig(simulate=f"tape:{tape}") as rig:
+    with played(tape) as player, haploop.open_rig(simulate=f"tape:{tape}") as rig:
         assert rig.simulated
         second = press(rig, tmp_path / "tape")
     assert player.answered == player.calls == calls
@@ -148,7 +151,7 @@ def test_an_error_on_the_wire_is_the_same_error_on_tape(tmp_path):
     )
     tape = tmp_path / "day.tape"
     said = []
-    for session in (haploop.recorded(tape), haploop.played(tape)):
+    for session in (recorded(tape), played(tape)):
         simulate = "wire" if not said else f"tape:{tape}"
         with session, pytest.raises(InstrumentError) as error:  # noqa: SIM117
             with haploop.open_rig(rig if not said else None, simulate=simulate) as opened:
@@ -161,7 +164,7 @@ def test_an_error_on_the_wire_is_the_same_error_on_tape(tmp_path):
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     tape = tmp_path_factory.mktemp("whole") / "day.tape"
-    with haploop.recorded(tape), haploop.open_rig("simulated", simulate="wire"):
+    with recorded(tape), haploop.open_rig("simulated", simulate="wire"):
         pass
     return tape
 
@@ -228,7 +231,7 @@ def test_a_tape_that_unpacks_to_more_than_any_session_is_refused(tmp_path):
 def test_a_twin_and_a_driver_without_a_line_are_refused(tmp_path):
     with (
         pytest.warns(UserWarning, match="Nothing was recorded"),
-        haploop.recorded(tmp_path / "a.tape"),
+        recorded(tmp_path / "a.tape"),
         pytest.raises(ConfigurationError, match="A twin makes no calls"),
     ):
         haploop.open_rig("simulated", simulate="twin")
@@ -301,7 +304,7 @@ open_port = raising(ConnectionError("no such port"))
 @pytest.mark.long
 def test_a_masked_tape_has_no_serial_number_and_plays_the_same(tmp_path):
     tape, masked = tmp_path / "day.tape", tmp_path / "mail.tape"
-    with haploop.recorded(tape), haploop.open_rig("bench", simulate="wire") as rig:
+    with recorded(tape), haploop.open_rig("bench", simulate="wire") as rig:
         identities = [i.identity for i in rig.instruments.values() if hasattr(i, "identity")]
         same = press(rig, tmp_path / "wire")
     serials = re.findall(r"(MXCOUPL1-\d+)|(MY\d+)|serial ([0-9A-F]+)", " ".join(identities))
@@ -360,7 +363,7 @@ def test_a_play_in_real_time_with_the_relay_s_renewals_is_played_again(tmp_path)
             f'base = "haptable"\nname = "served"\n[daq]\nserver = "{found["server"]}"\n'
             f'[relay]\nhub = "{found["hub"]}"\ndead_man = 0.5\n'
         )
-        with haploop.recorded(tape), haploop.open_rig(served) as rig:
+        with recorded(tape), haploop.open_rig(served) as rig:
             first = rig.excite(wave, ["A"], ["drive", "laser"])
     finally:
         world.close()
@@ -377,7 +380,7 @@ def test_a_play_in_real_time_with_the_relay_s_renewals_is_played_again(tmp_path)
 def test_a_board_that_sends_by_itself_is_played_again_bit_by_bit(text, tmp_path):
     tape, file = tmp_path / "day.tape", tmp_path / "rig.toml"
     file.write_text(text)
-    with haploop.recorded(tape), haploop.open_rig(file, simulate="wire") as rig:
+    with recorded(tape), haploop.open_rig(file, simulate="wire") as rig:
         first = press(rig, tmp_path / "wire")
     with haploop.open_rig(simulate=f"tape:{tape}") as rig:
         second = press(rig, tmp_path / "tape")

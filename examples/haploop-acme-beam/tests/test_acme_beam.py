@@ -70,7 +70,7 @@ def test_the_whole_loop(rig: Rig, tmp_path: Path) -> None:
     drive = haploop.drive_for(press, calibration, rig.limits)
     checked = haploop.check(rig, drive)
     assert checked.passed, checked.reasons
-    learned = haploop.learn(rig, drive, calibration, iterations=1)
+    learned = haploop.calibration.learn(rig, drive, calibration, iterations=1)
     assert learned.best_again <= learned.first_again
 
 

@@ -47,7 +47,7 @@ def test_both_are_recorded_along(rig: Rig, tmp_path: Path) -> None:
         assert hashlib.sha256(frame).hexdigest() == file.sha256
     assert verify(recording.path) == ()
     assert recording.extra["humidity"].mean() == pytest.approx(55, abs=0.5)
-    assert haploop.find_presses(recording)
+    assert haploop.acquisition.find_presses(recording)
 
     (tmp_path / files[0].file).write_bytes(b"another frame")
     (problem,) = verify(recording.path)

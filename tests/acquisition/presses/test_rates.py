@@ -20,7 +20,7 @@ from tests.exchange.lab_files import Written, german
 FIT = Segmentation().fit
 
 
-def rig_at(rate_hz: float) -> haploop.RigFile:
+def rig_at(rate_hz: float) -> haploop.instruments.RigFile:
     """The simulated rig at a rate, on cards that reach it."""
     file = load_rig_file("simulated")
     daq = file.daq.model_copy(update={"devices": {"Dev1": "PCIe-6351", "Dev2": "PCIe-6351"}})

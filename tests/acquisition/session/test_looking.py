@@ -12,7 +12,7 @@ from haploop.instruments import levels
 def test_every_sensor_and_the_laser_are_live(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with haploop.open_rig("simulated") as rig, rig.tap(100) as tap:
-        haploop.look(rig, iter([True] * 20 + [False]).__next__)
+        haploop.acquisition.look(rig, iter([True] * 20 + [False]).__next__)
         blocks = [tap.take(0.0) for _ in range(21)]
         assert tap.take(0.0) is None
     assert [block.first for block in blocks if block] == list(range(0, 21 * 200, 200))
@@ -32,4 +32,4 @@ def test_a_rig_without_sensors_is_told_to_describe_them(tmp_path):
     )
     told = pytest.raises(ConfigurationError, match=r"has no sensors: describe them in \[sensors\]")
     with haploop.open_rig(bare) as rig, told:
-        haploop.look(rig)
+        haploop.acquisition.look(rig)

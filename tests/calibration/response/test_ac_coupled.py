@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import haploop
+from haploop.calibration import quick_response
 from haploop.instruments import load_rig_file
 from haploop.instruments.config import Device
 
@@ -16,13 +17,13 @@ pytestmark = pytest.mark.requires("simulation")
 CARD = load_rig_file(Path(__file__).parents[1] / "self_test" / "card.toml")
 
 
-def measured(laser_hz: float, drive_hz: float) -> haploop.Response:
+def measured(laser_hz: float, drive_hz: float) -> haploop.calibration.Response:
     daq = CARD.daq.settings
     channels = {name: dict(table) for name, table in daq["channels"].items()}
     channels["laser"]["high_pass_hz"], channels["drive"]["high_pass_hz"] = laser_hz, drive_hz
     device = Device.model_validate({"driver": "sound-card", **daq, "channels": channels})
     with haploop.open_rig(CARD.model_copy(update={"daq": device}), simulate="twin") as rig:
-        return haploop.quick_response(rig, "A", "button")
+        return quick_response(rig, "A", "button")
 
 
 @pytest.mark.long

@@ -11,6 +11,7 @@ import pytest
 
 import haploop
 from haploop.base.errors import ConfigurationError, InstrumentError
+from haploop.calibration import examine_loop
 from haploop.calibration.response import linear_sweep
 from haploop.calibration.self_test import loop_test
 from haploop.instruments import Rig, load_rig_file
@@ -43,7 +44,7 @@ def looped(
 ) -> dict[str, tuple[str, str]]:
     with haploop.open_rig(with_daq(**daq), simulate="twin") as rig:
         change(card_of(rig))
-        findings = haploop.examine_loop(rig, "drive", volts)
+        findings = examine_loop(rig, "drive", volts)
         assert not rig.simulation.plant.cables and rig.simulation.truth.peak == 0
     return {finding.name: (finding.status, finding.sentence) for finding in findings}
 
@@ -135,7 +136,7 @@ def cabled(mode: str) -> None:
 @pytest.mark.usefixtures("cabled")
 def test_ni_cards_are_measured_as_well(open):
     rig = open("haptable")
-    found = {f.name: f for f in haploop.examine_loop(rig, "drive")}
+    found = {f.name: f for f in examine_loop(rig, "drive")}
     assert {found[name].status for name in ("Volts of drive", "Latency", "AC coupling")} == {"green"}
 
 
@@ -143,7 +144,7 @@ def test_ni_cards_are_measured_as_well(open):
 def test_without_a_relay_nothing_is_played_into_a_cable(name, open):
     rig = open(name)
     with pytest.raises(ConfigurationError, match=r"has no relay, so a loop's plays may reach its actuator"):
-        haploop.examine_loop(rig, "drive")
+        examine_loop(rig, "drive")
     assert rig.simulation.truth.peak == 0 and not rig.simulation.plant.cables
 
 
@@ -165,6 +166,6 @@ def test_without_a_relay_the_monitor_tells_the_latency():
 
 def test_what_cannot_be_measured_so_is_refused(open):
     with pytest.raises(ConfigurationError, match="is not fed by one output of the DAQ"):
-        haploop.examine_loop(open("sound-card"), "drive")
+        examine_loop(open("sound-card"), "drive")
     with pytest.raises(ConfigurationError, match="nan V is no reading of a voltmeter"):
-        haploop.examine_loop(open("haptable"), "drive", float("nan"))
+        examine_loop(open("haptable"), "drive", float("nan"))

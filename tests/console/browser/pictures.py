@@ -86,7 +86,7 @@ def _drift(data: Path, buttons: list[haploop.DigitalButton]) -> None:
     """A history of a table that drifts."""
     history = haploop.History(data / "simulated-calibrations")
     begun = datetime.now(UTC) - timedelta(days=len(_NIGHTS))
-    haploop.adopt(history, buttons, actor="the console", reason="first of this table", when=begun)
+    haploop.calibration.adopt(history, buttons, actor="the console", reason="first of this table", when=begun)
     for night, drift in enumerate(_NIGHTS):
         drifted = data.parent / "drifted.toml"
         drifted.write_text(f'base = "simulated"\n[simulation]\nmode_drift = {drift}\n', encoding="utf-8")
@@ -97,7 +97,7 @@ def _drift(data: Path, buttons: list[haploop.DigitalButton]) -> None:
 
 def _forms(data: Path) -> None:
     """Two experiments and a study, of which nothing is recorded yet."""
-    rating = haploop.load_experiment("rating").path.read_text(encoding="utf-8")
+    rating = haploop.experiments.load_experiment("rating").path.read_text(encoding="utf-8")
     for name, text in (("matching", _MATCHING), ("rating", rating)):
         (data / name).mkdir()
         (data / name / "experiment.toml").write_text(text, encoding="utf-8")

@@ -43,7 +43,7 @@ def index(tmp_path: Path) -> Path:
     return tmp_path / "cache" / "index.sqlite3"
 
 
-def names(entries: tuple[haploop.Entry, ...]) -> list[str]:
+def names(entries: tuple[haploop.exchange.Entry, ...]) -> list[str]:
     return [Path(entry.file).name for entry in entries]
 
 

@@ -62,7 +62,7 @@ def test_a_lab_has_a_rig_file(lab, run, tmp_path, monkeypatch):
 @pytest.mark.parametrize("name", shipped_rigs())
 def test_every_shipped_rig_can_be_begun_with(name, tmp_path):
     """Marks are comments: what is read is the shipped rig, with another name."""
-    made = haploop.new_rig(tmp_path / "mine.toml", name, Found())
+    made = haploop.instruments.new_rig(tmp_path / "mine.toml", name, Found())
     shipped = haploop.load_rig_file(name)
     assert made.model_copy(update={"name": shipped.name}) == shipped
     assert rig_problems(tmp_path / "mine.toml") == []
@@ -71,7 +71,7 @@ def test_every_shipped_rig_can_be_begun_with(name, tmp_path):
 @pytest.mark.parametrize("name", ["sound-card", "voice-coil"])
 def test_what_a_rig_takes_from_its_base_is_to_look_up(name, tmp_path):
     """These state a few lines of their own; cards, gauges and limits are of another example."""
-    haploop.new_rig(tmp_path / "mine.toml", name, Found())
+    haploop.instruments.new_rig(tmp_path / "mine.toml", name, Found())
     assert any(": base = " in line for line in to_look_up(tmp_path / "mine.toml"))
 
 
@@ -147,14 +147,14 @@ def test_no_pattern_of_a_field_is_shown_to_a_person():
         own = {schema["pattern"]} if isinstance(schema.get("pattern"), str) else set()
         return own.union(*map(patterns, schema.values()))
 
-    found = patterns(json.loads(json.dumps(haploop.rig_schema())))
+    found = patterns(json.loads(json.dumps(haploop.instruments.rig_schema())))
     assert found and found <= set(_FORMS), found - set(_FORMS)
 
 
 def test_a_library_that_is_missing_or_fails_is_one_sentence(monkeypatch):
     broken = raising(RuntimeError("Could not find an installation of NI-DAQmx. More words."))
     monkeypatch.setattr("haploop.instruments.describing._cards", broken)
-    found = haploop.look_for_hardware()
+    found = haploop.instruments.look_for_hardware()
     assert found.cards == ()
     why = "Could not find an installation of NI-DAQmx"
     assert found.missing[0] == f"NI cards could not be looked for ({why})."

@@ -102,7 +102,7 @@ def test_a_taken_output_locks_out_whoever_finds_it(tmp_path):
             act = (lambda r=rig: r.excite(TONE, ["A"], ["drive"]), rig.make_safe)[number]
             raises(InstrumentError, "has taken the outputs", act)
             assert rig.lockout is not None
-            haploop.reset_lockout(path, "it was a test, and the other program is gone")
+            haploop.instruments.reset_lockout(path, "it was a test, and the other program is gone")
         world.close()
 
 

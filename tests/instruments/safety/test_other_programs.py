@@ -95,7 +95,7 @@ def test_a_card_is_one_under_every_name(lab, tmp_path, place):
         now = RealClock().now()
         ((start, stop),) = plays_of(place, rig.hardware, now)
         assert stop - start == pytest.approx(0.1, abs=0.01)
-    haploop.reset_lockout(other, "a test")
+    haploop.instruments.reset_lockout(other, "a test")
     assert lockout_of(place, rig.hardware) is None
 
 

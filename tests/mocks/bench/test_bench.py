@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import haploop
 from haploop.base.errors import ConfigurationError
+from haploop.instruments import recorded
 from haploop.instruments.tape import TapeLines
 from haploop.mocks.bench import running
 from haploop.nidaqmx_twin.bench import read_bench
@@ -204,7 +204,7 @@ def test_options_that_do_not_fit_are_refused(options, told, tmp_path, monkeypatc
 def test_a_tape_without_a_call_is_not_passed_over_in_silence(tmp_path):
     with (
         pytest.warns(UserWarning, match="Nothing was recorded.*--tape"),
-        haploop.recorded(tmp_path / "a.tape"),
+        recorded(tmp_path / "a.tape"),
     ):
         pass
     assert not (tmp_path / "a.tape").exists()
