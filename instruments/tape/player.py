@@ -10,6 +10,7 @@ The time is the tape's: that of the newest call that was answered, moved on by w
 from __future__ import annotations
 
 import json
+import math
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -25,8 +26,6 @@ from ...base.threads import Flag
 from .recorder import Call
 from .tape_file import Handles, TapeLines, as_json, from_json
 
-_RARELY = 1.5
-"""What repeats a call by time does so less often than on the tape, and never asks for more than it holds."""
 _LOOK = 0.005
 """Interval of looks at the tape's time (s)."""
 _SHOWN = 160
@@ -40,15 +39,19 @@ class TapeError(InstrumentError):
 class TapeClock(VirtualClock):
     """The time of the tape: it moves on to that of each call, and waits take none."""
 
-    def __init__(self, start: float, real: bool) -> None:
+    def __init__(self, start: float, real: bool, next_call: Callable[[], float]) -> None:
         super().__init__(start)
         self.real = real
+        self._next_call = next_call
 
     def wait(self, event: Flag, duration: float) -> bool:
-        """See `Clock.wait`."""
-        end = self.now() + _RARELY * duration
+        """See `Clock.wait`. Ends when the tape reaches this thread's next call, or by the event.
+
+        What repeats a call by time then asks as often as on the tape, however busy this computer is, or that
+        of the tape was.
+        """
         while not event.wait(_LOOK):
-            if self.now() >= end:
+            if self.now() >= self._next_call():
                 return False
         return True
 
@@ -102,13 +105,13 @@ class Player:
         self._handles = Handles()
         self._lock = threading.Lock()
         self._opened = 0
-        self._clock = TapeClock(0.0, False)
+        self._clock = TapeClock(0.0, False, self._next_of_this_thread)
 
     def begin(self) -> tuple[Opening, TapeClock]:
         """Go on to the next rig of the tape, or stay at its last; return it, and its clock."""
         opening = self.openings[min(self._opened, len(self.openings) - 1)]
         self._opened += 1
-        self._clock = TapeClock(opening.start, opening.real)
+        self._clock = TapeClock(opening.start, opening.real, self._next_of_this_thread)
         return opening, self._clock
 
     def pass_on(self, call: Call, make: Callable[[], Any]) -> Any:
@@ -172,6 +175,16 @@ class Player:
             raise TapeError(self.difference)
         self._mine[order], track.taken = track, True
         return track.calls.popleft()
+
+    def _next_of_this_thread(self) -> float:
+        """When the tape has the next call of the thread that asks (s); infinity for none."""
+        thread = threading.current_thread()
+        with self._lock:
+            track = self._mine.get(thread)
+            if track is None:
+                free = [t for t in self._tracks.values() if not t.taken and t.calls]
+                track = next((t for t in free if t.name == thread.name), None)
+            return float(track.calls[0]["at"]) if track is not None and track.calls else math.inf
 
     def _first(self, asked: str, name: str) -> _Track | None:
         """The unmatched thread of the tape that begins with this call: of the same name, if there is."""

@@ -349,7 +349,7 @@ def test_a_play_in_real_time_with_the_relay_s_renewals_is_played_again(tmp_path)
     world = Simulation(file, RealClock())
     served = tmp_path / "served.toml"
     tape = tmp_path / "day.tape"
-    t = np.arange(4000) / 5000
+    t = np.arange(75_000) / 50_000
     wave = 5 * np.hanning(len(t)) * np.sin(2 * np.pi * 200 * t)
     try:
         found: dict[str, Any] = {}
@@ -361,7 +361,7 @@ def test_a_play_in_real_time_with_the_relay_s_renewals_is_played_again(tmp_path)
                 world.instrument(role, device, driver, "twin")
         served.write_text(
             f'base = "haptable"\nname = "served"\n[daq]\nserver = "{found["server"]}"\n'
-            f'[relay]\nhub = "{found["hub"]}"\ndead_man = 0.5\n'
+            f'[relay]\nhub = "{found["hub"]}"\ndead_man = 2.0\n'
         )
         with recorded(tape), haploop.open_rig(served) as rig:
             first = rig.excite(wave, ["A"], ["drive", "laser"])
