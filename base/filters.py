@@ -11,18 +11,30 @@ from collections.abc import Callable
 from math import gcd
 
 import numpy as np
-import scipy
 
 from .arrays import ComplexArray, FloatArray
 from .parts import PART
 
 
+def fast_length(least: int) -> int:
+    """The shortest length from `least` with no prime factor but 2, 3 and 5: quick to transform."""
+    shortest = 1 << max(least - 1, 0).bit_length()
+    fives = 1
+    while fives < shortest:
+        odd = fives
+        while odd < shortest:
+            shortest = min(shortest, odd << max(-(-least // odd) - 1, 0).bit_length())
+            odd *= 3
+        fives *= 5
+    return shortest
+
+
 def convolve(signal: FloatArray, kernel: FloatArray) -> FloatArray:
     """Convolution of (samples,) with (taps,): all samples + taps - 1 values."""
     count = len(signal) + len(kernel) - 1
-    size = scipy.fft.next_fast_len(count, real=True)
-    both = scipy.fft.rfft(signal, size) * scipy.fft.rfft(kernel, size)
-    return np.asarray(scipy.fft.irfft(both, size)[:count])
+    size = fast_length(count)
+    both = np.fft.rfft(signal, size) * np.fft.rfft(kernel, size)
+    return np.asarray(np.fft.irfft(both, size)[:count])
 
 
 def correlate(signal: FloatArray, wanted: FloatArray) -> FloatArray:
@@ -43,10 +55,10 @@ def envelope(signal: FloatArray) -> FloatArray:
 def analytic(signal: FloatArray) -> ComplexArray:
     """(samples,) of the signal without its negative frequencies, whose real part is the signal."""
     count = len(signal)
-    spectrum = scipy.fft.fft(signal)
+    spectrum = np.fft.fft(signal)
     spectrum[1 : (count + 1) // 2] *= 2
     spectrum[count // 2 + 1 :] = 0
-    return np.asarray(scipy.fft.ifft(spectrum))
+    return np.asarray(np.fft.ifft(spectrum))
 
 
 def resample_poly(signal: FloatArray, up: int, down: int) -> FloatArray:
@@ -94,13 +106,13 @@ def without_phase(
     beside = [(0, 0)] * (signal.ndim - 1)
     long = np.pad(signal, [*beside, (around, around)], mode="reflect", reflect_type="odd")
     long = np.pad(long, [*beside, (margin, margin)], mode="edge")
-    size = scipy.fft.next_fast_len(min(samples, max(PART, margin)) + 2 * margin, real=True)
-    gains = gain(np.asarray(scipy.fft.rfftfreq(size, 1 / rate_hz)))
+    size = fast_length(min(samples, max(PART, margin)) + 2 * margin)
+    gains = gain(np.asarray(np.fft.rfftfreq(size, 1 / rate_hz)))
     found = np.empty(signal.shape)
     # Part by part; what lies beyond a margin before and after a part is not seen in it.
     for first in range(0, samples, size - 2 * margin):
         piece = long[..., around + first : around + first + size]
-        filtered = scipy.fft.irfft(scipy.fft.rfft(piece, size) * gains, size)
+        filtered = np.fft.irfft(np.fft.rfft(piece, size) * gains, size)
         part = found[..., first : first + size - 2 * margin]
         part[...] = filtered[..., margin : margin + part.shape[-1]]
     return found

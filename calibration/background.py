@@ -18,7 +18,7 @@ import scipy
 
 from ..base.arrays import BoolArray, ComplexArray, FloatArray
 from ..base.errors import DataError
-from ..base.filters import resample_poly
+from ..base.filters import fast_length, resample_poly
 
 _SHORTEST, LONGEST_REST = 0.25, 0.5
 """Length of a rest (s). The shortest tells 50 from 60 Hz; between both, a tone of 20 Hz turns five times."""
@@ -90,9 +90,9 @@ def _peaks(rests: Sequence[FloatArray], known: FloatArray, width: float, rate_hz
 
     Weaker ones by more than a window's side lobes are left for when the strong ones are taken out.
     """
-    lines = scipy.fft.next_fast_len(_PADDED * max(map(len, rests)), real=True)
+    lines = fast_length(_PADDED * max(map(len, rests)))
     power = np.mean([np.abs(_spectrum(rest, lines)) ** 2 / len(rest) for rest in rests], axis=0)
-    f = scipy.fft.rfftfreq(lines, 1 / rate_hz)
+    f = np.fft.rfftfreq(lines, 1 / rate_hz)
     floor = scipy.ndimage.median_filter(power, max(3, round(_AROUND_HZ / f[1])), mode="nearest")
     heard = (f >= _LOWEST_HZ) & (f < _HIGHEST * rate_hz)
     heard &= np.all(np.abs(f - known[:, None]) > _APART * width, axis=0)
@@ -221,4 +221,4 @@ def _times(rest: slice, rate_hz: float) -> FloatArray:
 
 
 def _spectrum(rest: FloatArray, lines: int) -> ComplexArray:
-    return np.asarray(scipy.fft.rfft(rest * np.hanning(len(rest)), lines))
+    return np.asarray(np.fft.rfft(rest * np.hanning(len(rest)), lines))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy
 
 from ..base.arrays import FloatArray, IntArray
 
@@ -32,12 +31,12 @@ def band_window(frequencies: FloatArray, low: float, high: float, outside: bool 
 
 def resample(signal: FloatArray, samples: int) -> FloatArray:
     """Resample periodic band-limited signals (..., any) to another number of samples over the same period."""
-    spectrum = scipy.fft.rfft(signal)
+    spectrum = np.fft.rfft(signal)
     lines = samples // 2 + 1
     kept = np.zeros((*signal.shape[:-1], lines), dtype=np.complex128)
     n = min(lines, spectrum.shape[-1])
     kept[..., :n] = spectrum[..., :n]
-    return np.asarray(scipy.fft.irfft(kept, samples) * (samples / signal.shape[-1]))
+    return np.asarray(np.fft.irfft(kept, samples) * (samples / signal.shape[-1]))
 
 
 def third_octave(f: FloatArray) -> IntArray:
@@ -57,7 +56,7 @@ def third_octaves(
     centres = 1000.0 * 10.0 ** (numbers / 10)
     half = 10.0**0.05
     kept = centres[(centres >= low) & (centres <= high)]
-    power = 2 * np.abs(scipy.fft.rfft(signal) / len(signal)) ** 2
-    f = scipy.fft.rfftfreq(len(signal), 1 / rate_hz)
+    power = 2 * np.abs(np.fft.rfft(signal) / len(signal)) ** 2
+    f = np.fft.rfftfreq(len(signal), 1 / rate_hz)
     levels = [power[(f >= c / half) & (f < c * half)].sum() for c in kept]
     return kept, 10 * np.log10(np.maximum(levels, 1e-30))

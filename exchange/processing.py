@@ -49,7 +49,7 @@ _ALONE = 8
 """Tasks up to which one process computes them: starting others takes as long."""
 _PART = "part of a study"
 """Kind of the file that says that a part was computed."""
-_NEEDED = ("dtaidistance.dtw", "scipy.fft", "scipy.interpolate", "scipy.ndimage", "scipy.optimize")
+_NEEDED = ("dtaidistance.dtw", "scipy.interpolate", "scipy.ndimage", "scipy.optimize")
 """What a part loads when it is computed: once for all workers, where they are forked."""
 _AHEAD = 4
 """Tasks in the pool for each worker."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
 from ..base.arrays import FloatArray
 
@@ -41,8 +40,8 @@ def mains_hum(signal: FloatArray, rate_hz: float) -> Hum | None:
     t = np.arange(n)
     still = signal - np.polyval(np.polyfit(t, signal, 2), t)
     window = np.hanning(n + 1)[:-1]
-    power = 2 * np.abs(scipy.fft.rfft(still * window)) ** 2 / (n * (window**2).sum())
-    f = scipy.fft.rfftfreq(n, 1 / rate_hz)
+    power = 2 * np.abs(np.fft.rfft(still * window)) ** 2 / (n * (window**2).sum())
+    f = np.asarray(np.fft.rfftfreq(n, 1 / rate_hz), dtype=np.float64)
     found = [hum for mains_hz in _MAINS if (hum := _lines(power, f, mains_hz))]
     return max(found, key=lambda hum: hum.rms) if found else None
 

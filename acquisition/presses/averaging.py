@@ -21,6 +21,7 @@ from threadpoolctl import threadpool_limits
 
 from ...base.arrays import BoolArray, FloatArray, IntArray
 from ...base.errors import ConfigurationError
+from ...base.filters import fast_length
 from ...base.progress import Progress, silent
 from .barycentre import WarpingPath, alike, along, barycentre, centred, lags_along, read_at
 from .registration import WarpModel, leads, register
@@ -303,9 +304,7 @@ def _misfits(
     pieces, around = _pieces(rows, starts, length), np.pad(others, ((0, 0), (reach, reach)))
     # Not by FFT over the whole row: its rounding would exceed what quiet segments hold.
     there = scipy.ndimage.correlate1d(around**2, taper, axis=1)[:, length // 2 :]
-    size = scipy.fft.next_fast_len(length + 2 * reach, real=True)
-    spectra = scipy.fft.rfft(_pieces(around, starts, length + 2 * reach), size)
-    both = scipy.fft.irfft(spectra * np.conj(scipy.fft.rfft(pieces * taper, size)), size)[
-        ..., : 2 * reach + 1
-    ]
+    size = fast_length(length + 2 * reach)
+    spectra = np.fft.rfft(_pieces(around, starts, length + 2 * reach), size)
+    both = np.fft.irfft(spectra * np.conj(np.fft.rfft(pieces * taper, size)), size)[..., : 2 * reach + 1]
     return np.asarray((pieces**2 @ taper)[..., None] - 2 * both + _pieces(there, starts, 2 * reach + 1))

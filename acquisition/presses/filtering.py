@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
 from ...base.arrays import ComplexArray, FloatArray
 from ...base.errors import DataError
-from ...base.filters import without_phase
+from ...base.filters import fast_length, without_phase
 from ...base.parts import Parted
 from ...instruments import LinearSensor
 from ..recording import Recording
@@ -92,10 +91,10 @@ def undone(recording: Recording, acceleration: FloatArray, band: tuple[float, fl
     # FFT filtering is circular: a second of edge padding keeps one end out of the other.
     pad = round(recording.rate_hz)
     padded = np.pad(acceleration, pad, mode="edge")
-    length = scipy.fft.next_fast_len(len(padded), real=True)
-    frequencies = np.asarray(scipy.fft.rfftfreq(length, 1 / recording.rate_hz))
-    spectrum = scipy.fft.rfft(padded, length) * _restoring(recording, band, frequencies)
-    return np.asarray(scipy.fft.irfft(spectrum, length)[pad : pad + len(acceleration)])
+    length = fast_length(len(padded))
+    frequencies = np.asarray(np.fft.rfftfreq(length, 1 / recording.rate_hz))
+    spectrum = np.fft.rfft(padded, length) * _restoring(recording, band, frequencies)
+    return np.asarray(np.fft.irfft(spectrum, length)[pad : pad + len(acceleration)])
 
 
 def noise_gain(recording: Recording, band: tuple[float, float]) -> float:

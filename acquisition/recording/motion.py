@@ -14,6 +14,7 @@ import numpy as np
 import scipy
 
 from ...base.arrays import FloatArray
+from ...base.filters import fast_length
 
 _LEAST_HZ, _SHARE = 100.0, 0.4
 """Lowest upper edge of the band (Hz); highest, over the sample rate."""
@@ -33,11 +34,11 @@ def differentiated(signal: FloatArray, order: int, rate_hz: float, rest: slice) 
     pad = round(0.25 * rate_hz)
     # A straight line between the ends has no derivative within the band, and leaves no jump.
     padded = np.pad(signal - (signal.mean() if len(signal) else 0.0), pad, mode="reflect", reflect_type="odd")
-    length = scipy.fft.next_fast_len(len(padded), real=True)
-    spectrum = scipy.fft.rfft(padded, length)
-    f = np.asarray(scipy.fft.rfftfreq(length, 1 / rate_hz))
+    length = fast_length(len(padded))
+    spectrum = np.fft.rfft(padded, length)
+    f = np.asarray(np.fft.rfftfreq(length, 1 / rate_hz))
     spectrum *= (2j * np.pi * f) ** order * _passed(f, edge)
-    return np.asarray(scipy.fft.irfft(spectrum, length)[pad : pad + len(signal)]), edge
+    return np.asarray(np.fft.irfft(spectrum, length)[pad : pad + len(signal)]), edge
 
 
 def _passed(f: FloatArray, edge: float) -> FloatArray:
@@ -50,7 +51,7 @@ def _edge(signal: FloatArray, order: int, rate_hz: float, rest: slice) -> float:
     segments, quiet = _powers(signal, width), _powers(signal[rest], width)
     if not len(segments) or not len(quiet):
         return most
-    f = np.asarray(scipy.fft.rfftfreq(width, 1 / rate_hz))
+    f = np.asarray(np.fft.rfftfreq(width, 1 / rate_hz))
     # Loudness is that of the acceleration, within what every sensor shows.
     weights = (2 * np.pi * f) ** (2 * order) * ((f > 20) & (f < 4 * _LEAST_HZ))
     loudest = np.argsort(segments @ weights)[-max(1, round(_LOUD * len(segments))) :]
@@ -70,4 +71,4 @@ def _powers(signal: FloatArray, width: int) -> FloatArray:
     segments = signal[: count * width].reshape(count, width)
     line = np.linspace(0, 1, width)
     ends = segments[:, :1] * (1 - line) + segments[:, -1:] * line if count else segments
-    return np.asarray(np.abs(scipy.fft.rfft((segments - ends) * np.hanning(width), axis=1)) ** 2)
+    return np.asarray(np.abs(np.fft.rfft((segments - ends) * np.hanning(width), axis=1)) ** 2)

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
-import scipy
 
 from ...base.arrays import ComplexArray, FloatArray
 from ...base.errors import ConfigurationError, DataError
+from ...base.filters import fast_length
 from ...instruments import Limits, RigFile
 from ..model import Calibration, Drift, apart, mode_deviations, standard_deviation
 from ..response import Response
@@ -372,11 +372,9 @@ def _arriving(calibration: Calibration, volts: FloatArray) -> FloatArray:
     equal amplitudes.
     """
     rate_hz = calibration.rate_hz
-    length = scipy.fft.next_fast_len(len(volts) + round(_SETTLED * rate_hz), real=True)
-    f = scipy.fft.rfftfreq(length, 1 / rate_hz)
-    return np.asarray(
-        scipy.fft.irfft(scipy.fft.rfft(volts, length) * _path(calibration, f), length)[: len(volts)]
-    )
+    length = fast_length(len(volts) + round(_SETTLED * rate_hz))
+    f = np.asarray(np.fft.rfftfreq(length, 1 / rate_hz), dtype=np.float64)
+    return np.asarray(np.fft.irfft(np.fft.rfft(volts, length) * _path(calibration, f), length)[: len(volts)])
 
 
 def _path(calibration: Calibration, f: FloatArray) -> ComplexArray:

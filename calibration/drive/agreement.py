@@ -128,7 +128,7 @@ def followed(missed: ComplexArray, target: FloatArray) -> tuple[float, float]:
 
 def lines_inside(band: tuple[float, float], samples: int, rate_hz: float) -> BoolArray:
     """(lines,) True for those within a band (Hz), its ends included."""
-    f = scipy.fft.rfftfreq(samples, 1 / rate_hz)
+    f = np.fft.rfftfreq(samples, 1 / rate_hz)
     return np.asarray((f >= band[0]) & (f <= band[1]))
 
 
@@ -240,7 +240,7 @@ def odd_play(spectra: ComplexArray) -> tuple[int, float]:
 def _lines(signals: FloatArray) -> ComplexArray:
     """(..., lines) of (..., samples), scaled so that the sum of the squared magnitudes is the mean square."""
     samples = signals.shape[-1]
-    spectra = scipy.fft.rfft(signals) * (np.sqrt(2) / samples)
+    spectra = np.fft.rfft(signals) * (np.sqrt(2) / samples)
     spectra[..., 0] /= np.sqrt(2)
     if samples % 2 == 0:
         spectra[..., -1] /= np.sqrt(2)

@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy
 
 from ...base.arrays import ComplexArray, FloatArray
 from ...base.errors import ConfigurationError
@@ -161,7 +160,7 @@ def compare(drive: Drive, played: Played, rig: Rig, most: int = 0) -> Check:
     still = error_spectra(np.zeros((1, len(target))), target)[:, below]
     moved = missed - still
     mean = accelerations.mean(axis=0)
-    band_only = scipy.fft.irfft(np.where(in_band, scipy.fft.rfft(mean), 0.0), len(mean))
+    band_only = np.fft.irfft(np.where(in_band, np.fft.rfft(mean), 0.0), len(mean))
     result = Check(
         drive=drive,
         rate_hz=rate_hz,

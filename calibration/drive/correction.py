@@ -18,6 +18,7 @@ import numpy as np
 import scipy
 
 from ...base.arrays import ComplexArray, FloatArray
+from ...base.filters import fast_length
 from ...instruments import Limits
 from ..spectra import fade, resample
 from .actuation import Actuation
@@ -123,7 +124,7 @@ class ResponseEstimate:
         _, state = within(plan, limit)
         for _ in range(_TRIES):
             planned, state = within(plan, limit, state)
-            changed = now + step * grid.up(planned - scipy.fft.irfft(linear_volts, grid.samples))
+            changed = now + step * grid.up(planned - np.fft.irfft(linear_volts, grid.samples))
             new = table.commanded(changed, grid.smooth)
             headroom, _ = table.headroom(new, limits)
             if headroom >= 1:
@@ -172,7 +173,7 @@ class ResponseEstimate:
         motions = np.array(
             [
                 [
-                    scipy.fft.rfft(self.grid.sampled(a, self.drive.rate_hz / one.rate_hz))
+                    np.fft.rfft(self.grid.sampled(a, self.drive.rate_hz / one.rate_hz))
                     for a in one.accelerations
                 ]
                 for one in played
@@ -187,7 +188,7 @@ class ResponseEstimate:
         samples = linear_volts.shape[1]
         # The offset that hysteresis leaves at the end is removed slowly, far below the band, without a step.
         linear_volts -= linear_volts[:, -1:] * fade(samples, samples, 0)
-        return np.asarray(scipy.fft.rfft(self.grid.down(linear_volts)))
+        return np.asarray(np.fft.rfft(self.grid.down(linear_volts)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,7 +212,7 @@ class _Grid:
         factor = max(1, int(drive.rate_hz // _PLAN_RATE))
         ringing = table.ringing * drive.rate_hz
         edge = round(FADE * drive.rate_hz)
-        samples = scipy.fft.next_fast_len(int(np.ceil((played + ringing) / factor)), real=True)
+        samples = fast_length(int(np.ceil((played + ringing) / factor)))
         return cls(played, factor, samples, drive.rate_hz / factor, fade(played, edge, edge))
 
     @property

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy
 
 from ...base import hdf5
 from ...base.arrays import FloatArray
@@ -335,8 +334,8 @@ def _scaled(aim: _Aim, limits: Limits, trade: TradeOff, inversion: Inversion) ->
     played = resample(np.pad(linear_volts, ((0, 0), (0, finer - linear_volts.shape[1]))), length)
     response = table.own[0].response
     omega = 2j * np.pi * np.maximum(grid.frequencies, 1.0)
-    shown_by = plan.moved(scipy.fft.rfft(played)) * omega ** (DERIVATIVE[response.pickup] - 1)
-    range_scale = _RANGE_USED * response.pickup_range / float(np.abs(scipy.fft.irfft(shown_by, length)).max())
+    shown_by = plan.moved(np.fft.rfft(played)) * omega ** (DERIVATIVE[response.pickup] - 1)
+    range_scale = _RANGE_USED * response.pickup_range / float(np.abs(np.fft.irfft(shown_by, length)).max())
     wanted = np.inf if trade.scale is None else trade.scale
     reached = float((table.reach(limits) / np.abs(linear_volts).max(axis=1)).min())
     volts, scale = _within(limits, table, linear_volts, smooth, min(reached, range_scale, wanted))

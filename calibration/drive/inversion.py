@@ -30,7 +30,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import scipy
 
 from ...base.arrays import BoolArray, ComplexArray, FloatArray
 
@@ -144,7 +143,7 @@ class Plan:
 
         Of several points it is the root of the sum of their squares: none has more.
         """
-        return float(np.sqrt(self.left(scipy.fft.rfft(drive)) / self.wanted))
+        return float(np.sqrt(self.left(np.fft.rfft(drive)) / self.wanted))
 
 
 def min_peak(plan: Plan, budget: float) -> tuple[FloatArray, float]:
@@ -158,7 +157,7 @@ def min_peak(plan: Plan, budget: float) -> tuple[FloatArray, float]:
     for share in _REGULARISATIONS:
         inverse = np.linalg.inv(plan.power + share * plan.typical * np.eye(len(plan.reach)))
         V = plan.known * np.einsum("lpr,rl->pl", inverse, plan.pull)
-        drive = scipy.fft.irfft(V, len(plan.window)) * (plan.window > 0)
+        drive = np.fft.irfft(V, len(plan.window)) * (plan.window > 0)
         found.append((drive, plan.error(drive)))
     within = [candidate for candidate in found if candidate[1] <= budget]
     if within:
@@ -220,13 +219,13 @@ def within(plan: Plan, limit: float, state: State | None = None) -> tuple[FloatA
     inverse = np.linalg.inv(plan.power + added[:, None, None] * np.eye(len(plan.reach)))
     # Where nothing is known, the drive has no power.
     inverse = np.ascontiguousarray(np.moveaxis(inverse, 0, 2)) * plan.known
-    begin = np.clip(scipy.fft.irfft(constraints * plan.operating_point, n), -bound, bound)
+    begin = np.clip(np.fft.irfft(constraints * plan.operating_point, n), -bound, bound)
     z, u = state or (begin, np.zeros(bound.shape))
     shares, relaxed, low = rho * np.conj(constraints), _RELAXATION * constraints, -bound
     for _ in range(_ITERATIONS):
-        pulled = right_side + (shares * scipy.fft.rfft(z - u)).sum(axis=0)
+        pulled = right_side + (shares * np.fft.rfft(z - u)).sum(axis=0)
         V = (inverse * pulled).sum(axis=1)
-        v = scipy.fft.irfft(relaxed * V, n)
+        v = np.fft.irfft(relaxed * V, n)
         v += (1 - _RELAXATION) * z
         v += u
         z = np.clip(v, low, bound)

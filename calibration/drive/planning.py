@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Literal, Protocol
 
 import numpy as np
-import scipy
 
 from ...base.arrays import ComplexArray, FloatArray
 from ...base.errors import ConfigurationError
@@ -132,14 +131,14 @@ def plan_for(
 
     Motion that is not wanted counts wherever the response was measured, also outside the band.
     """
-    f = scipy.fft.rfftfreq(targets.shape[1], 1 / grid.rate_hz)
+    f = np.asarray(np.fft.rfftfreq(targets.shape[1], 1 / grid.rate_hz), dtype=np.float64)
     low, high = table.known
     known = (f >= low) & (f <= high)
     gain = np.where(known, table.gain(np.clip(f, low, high)), 0.0)
     power = (np.abs(gain[0]) ** 2).mean(axis=0)
     reach = table.reach(limits)
     return Plan(
-        target=scipy.fft.rfft(targets),
+        target=np.fft.rfft(targets),
         gain=gain,
         known=known,
         covariance=table.covariance(f),
@@ -219,7 +218,7 @@ def hidden(
     First what stood out of the noise. Then what the noise may hide in the first third octave, where most is
     to be expected. Last where (Hz) the most of both is.
     """
-    usual = (np.abs(scipy.fft.rfft(linear_volts)) ** 2).sum(axis=1) * _quieter(table, peaks) / plan.wanted
+    usual = (np.abs(np.fft.rfft(linear_volts)) ** 2).sum(axis=1) * _quieter(table, peaks) / plan.wanted
     shown, noise = [(0.0, 0.0)], [(0.0, 0.0)]
     for c, volts in zip(table.own, usual, strict=True):
         hz, power, deviation = c.hidden
@@ -301,8 +300,8 @@ def expected(
     response, and by the most that distortion may move (`_by_distortion`). A third octave in which the
     response does not stand out of its noise counts as still.
     """
-    V = scipy.fft.rfft(linear_volts)
-    f = scipy.fft.rfftfreq(linear_volts.shape[1], 1 / rate_hz)
+    V = np.fft.rfft(linear_volts)
+    f = np.asarray(np.fft.rfftfreq(linear_volts.shape[1], 1 / rate_hz), dtype=np.float64)
     (moved, most, variance), edges = _by_distortion(table, plan, V, f[1], _quieter(table, peaks))
     steady = replace(plan, drift=0.0)
     # Of a silent point motion within the band counts.
@@ -337,8 +336,8 @@ def left_out(scale: float, by: str, in_band: float, band: tuple[float, float]) -
 def given_up(plan: Plan, played: FloatArray, rate_hz: float, band: tuple[float, float]) -> str:
     """What the plan misses on purpose when (patches, grid) V are played; empty for next to nothing."""
     length = played.shape[1]
-    missed = scipy.fft.irfft(plan.missed(scipy.fft.rfft(played))[0] * plan.known, length)
-    error = float(np.linalg.norm(missed) / np.linalg.norm(scipy.fft.irfft(plan.target[0], length)))
+    missed = np.fft.irfft(plan.missed(np.fft.rfft(played))[0] * plan.known, length)
+    error = float(np.linalg.norm(missed) / np.linalg.norm(np.fft.irfft(plan.target[0], length)))
     if error <= BUDGET:
         return ""
     centres, levels = third_octaves(missed, rate_hz, *band)

@@ -10,10 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import scipy
 
 from ...base.arrays import ComplexArray, FloatArray
 from ...base.errors import ConfigurationError
+from ...base.filters import fast_length
 from ...base.progress import Progress, silent
 from ...instruments import Capture, Rig
 from ...instruments.vibrometer import DERIVATIVE
@@ -212,22 +212,22 @@ def _acceleration(
     velocity = rig.vibrometer.to_si(capture.volts[laser])
     velocity = velocity - velocity[:rest].mean()
     edge = round(_EDGE * capture.rate_hz)
-    samples = scipy.fft.next_fast_len(-(-len(velocity) // factor), real=True)
-    f = scipy.fft.rfftfreq(samples * factor, 1 / capture.rate_hz)
+    samples = fast_length(-(-len(velocity) // factor))
+    f = np.asarray(np.fft.rfftfreq(samples * factor, 1 / capture.rate_hz), dtype=np.float64)
     late = np.exp(2j * np.pi * f * capture.delays[laser]) * rig.motion_response(f)
-    spectrum = scipy.fft.rfft(velocity * fade(len(velocity), edge, edge), samples * factor)
+    spectrum = np.fft.rfft(velocity * fade(len(velocity), edge, edge), samples * factor)
     moved = spectrum * 2j * np.pi * f / late
     below = np.where(f < top, moved, 0.0)[: samples // 2 + 1]
     passed = np.abs(late) > _PASSED * (2 * np.pi * np.maximum(f, 1.0)) ** DERIVATIVE[rig.vibrometer.quantity]
     above = np.where((f >= top) & (f < _SHOWN * capture.rate_hz) & passed, moved, 0.0)
-    return np.asarray(scipy.fft.irfft(below, samples) / factor), np.asarray(scipy.fft.irfft(above))
+    return np.asarray(np.fft.irfft(below, samples) / factor), np.asarray(np.fft.irfft(above))
 
 
 def _above(signals: FloatArray, rate_hz: float, top: float) -> tuple[FloatArray, ComplexArray]:
     """Frequencies (lines,) Hz above `top`, and (plays, lines) of signals (plays, samples): see `Played`."""
-    f = scipy.fft.rfftfreq(signals.shape[1], 1 / rate_hz)
+    f = np.asarray(np.fft.rfftfreq(signals.shape[1], 1 / rate_hz), dtype=np.float64)
     kept = (f >= top) & (f < _SHOWN * rate_hz)
-    return f[kept], scipy.fft.rfft(signals)[:, kept] * (np.sqrt(2) / signals.shape[1])
+    return f[kept], np.fft.rfft(signals)[:, kept] * (np.sqrt(2) / signals.shape[1])
 
 
 def _monitored(rig: Rig, capture: Capture, patches: Sequence[str]) -> FloatArray:

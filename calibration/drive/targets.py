@@ -12,12 +12,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
-import scipy
 
 from ... import acquisition
 from ...base.arrays import FloatArray
 from ...base.errors import ConfigurationError, DataError
-from ...base.filters import correlate, resample_poly
+from ...base.filters import correlate, fast_length, resample_poly
 from ..spectra import band_window, fade, resample
 from .actuation import Actuation
 
@@ -70,15 +69,15 @@ class TargetGrid:
     @property
     def frequencies(self) -> FloatArray:
         """Frequencies of its lines (Hz)."""
-        return np.asarray(scipy.fft.rfftfreq(len(self.window), 1 / self.rate_hz))
+        return np.asarray(np.fft.rfftfreq(len(self.window), 1 / self.rate_hz))
 
     def within(self, band: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
         """(points, grid) m/s^2 cut to `band` (Hz), and the shares (points,) of the energy that is left."""
-        spectrum = scipy.fft.rfft(self.acceleration)
+        spectrum = np.fft.rfft(self.acceleration)
         cut = spectrum * band_window(self.frequencies, *band)
         left, whole = ((np.abs(one) ** 2).sum(axis=1) for one in (cut, spectrum))
         shares = np.where(whole > 0, left / np.where(whole > 0, whole, 1.0), 1.0)
-        return np.asarray(scipy.fft.irfft(cut, len(self.window))), shares
+        return np.asarray(np.fft.irfft(cut, len(self.window))), shares
 
     def on_drive(self, signal: FloatArray) -> FloatArray:
         """(..., grid) at the presses' rate to the drive's length and rate."""
@@ -104,7 +103,7 @@ def target_grid(presses: Sequence[Representative | None], table: Actuation, meth
     longest = max(len(own) for own in moved if own is not None)
     drive_length = before + longest + round(_AFTER * rate_hz)
     ringing = round(table.ringing * rate_hz)
-    length = scipy.fft.next_fast_len(drive_length + ringing, real=True)
+    length = fast_length(drive_length + ringing)
     acceleration, window = np.zeros((len(presses), length)), np.zeros(length)
     carriers = table.carriers if method == "modulated" else (0.0,) * len(presses)
     for row, signal, carrier_hz in zip(acceleration, moved, carriers, strict=True):

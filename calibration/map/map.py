@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import scipy
 from threadpoolctl import threadpool_limits
 
 from ...base import hdf5
@@ -328,10 +327,10 @@ def _operators(plan: MapPlan, drive: ComplexArray, lines: IntArray) -> ComplexAr
     coarse = plan.parallel.samples(plan.rate_hz)
     spectrum = np.zeros(count // 2 + 1, dtype=np.complex128)
     spectrum[first : last + 1] = drive
-    volts = scipy.fft.irfft(spectrum, count) * (count / coarse)
+    volts = np.fft.irfft(spectrum, count) * (count / coarse)
     # In the second period the operators start from their state at the end of the first.
     bent = operators(np.tile(volts, 2), plan.level)[:, count:]
-    return np.asarray(scipy.fft.rfft(bent)[:, first : last + 1] * (coarse / count))
+    return np.asarray(np.fft.rfft(bent)[:, first : last + 1] * (coarse / count))
 
 
 def _gains(plan: MapPlan, modes: Modes) -> ComplexArray:

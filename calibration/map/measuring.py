@@ -15,7 +15,6 @@ from math import ceil
 from pathlib import Path
 
 import numpy as np
-import scipy
 
 from ...base.arrays import ComplexArray, FloatArray
 from ...base.errors import ConfigurationError
@@ -45,7 +44,7 @@ class Sweeper:
         lines = np.arange(self._samples // 2 + 1)
         f = lines * plan.rate_hz / self._samples
         self._lines = lines[(f >= plan.low) & (f <= plan.high)]
-        self._chirp = np.asarray(scipy.fft.rfft(chirp)[self._lines])
+        self._chirp = np.asarray(np.fft.rfft(chirp)[self._lines])
 
     def play(self, step: Step, light: float) -> PointMeasurement | str:
         """Play a step: its measurement, or the reason to try it again."""
@@ -88,12 +87,12 @@ class Sweeper:
         f = np.arange(first, last + 1) * plan.rate_hz / length
 
         def spectrum(signal: FloatArray) -> ComplexArray:
-            return np.asarray(scipy.fft.rfft(signal - np.median(signal), length)[first : last + 1])
+            return np.asarray(np.fft.rfft(signal - np.median(signal), length)[first : last + 1])
 
         volts = spectrum(swept.volts)
         volts = volts * swept.channels.drive(volts[None], volts, f)
         H = swept.channels.velocity(spectrum(swept.velocity), f) / volts
-        answer = np.abs(scipy.fft.ifft(H)) ** 2
+        answer = np.abs(np.fft.ifft(H)) ** 2
         step = 1 / (len(H) * (f[1] - f[0]))
         rings, early, late = (round(seconds / step) for seconds in (_RINGS, *_LATER))
         if not answer[:rings].mean() > _ANSWERS * answer[early:late].mean():
@@ -288,13 +287,13 @@ class _Player:
                     seen[monitor] = self._volts(
                         capture.volts, capture.channels, capture.delays, monitor, drive[patch]
                     )
-                    _refuse_silent_drive(seen[monitor], scipy.fft.rfft(drive[patch])[self._lines], patch)
+                    _refuse_silent_drive(seen[monitor], np.fft.rfft(drive[patch])[self._lines], patch)
                 drives.append(seen[monitor])
                 rows.append((number, patch))
             laser = capture.channels.index(rig.vibrometer.channel)
             paths = Channels(capture.rate_hz, 0.0, float(capture.delays[laser]), rig.motion_response)
             speed = rig.vibrometer.to_si(capture.volts[laser])[: len(self._all)]
-            velocity = paths.velocity(scipy.fft.rfft(speed)[self._lines], self._f)
+            velocity = paths.velocity(np.fft.rfft(speed)[self._lines], self._f)
             if not self._follows(velocity, name):
                 source = f"patch {name}" if name in drive else "the patches"
                 return f"Point {step.point} does not follow {source}: check the laser's focus and aim."
@@ -324,8 +323,8 @@ class _Player:
         row, divider = channels.index(monitor), self._rig.sensors.drive
         assert divider is not None
         paths = Channels(self._plan.rate_hz, float(delays[row]), 0.0, self._rig.motion_response)
-        sampled = scipy.fft.rfft(divider.to_si(volts[[row]])[0][: len(commanded)])[self._lines]
-        order = scipy.fft.rfft(commanded)[self._lines]
+        sampled = np.fft.rfft(divider.to_si(volts[[row]])[0][: len(commanded)])[self._lines]
+        order = np.fft.rfft(commanded)[self._lines]
         passed = self._rig.daq.response(monitor, self._f)
         return np.asarray(sampled * paths.drive(sampled[None], order, self._f) / passed)
 

@@ -8,11 +8,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-import scipy
 
 from ...base import hdf5
 from ...base.arrays import ComplexArray, FloatArray
 from ...base.errors import ConfigurationError
+from ...base.filters import fast_length
 from ...base.notebook import InNotebook
 from ...base.progress import Progress, silent
 from ...instruments import Rig, RigFile
@@ -238,20 +238,20 @@ def even_order(calibration: Calibration, both: BothSigns) -> FloatArray:
     """(2,): `Hysteresis.even` of a patch; zeros where the plays show none beyond their noise."""
     law, model, channels = calibration.hysteresis, calibration.model, both.channels
     samples = both.volts.shape[-1]
-    at = scipy.fft.rfftfreq(samples, 1 / channels.rate_hz)
+    at = np.asarray(np.fft.rfftfreq(samples, 1 / channels.rate_hz), dtype=np.float64)
     inside = (at >= model.band[0]) & (at <= model.band[1])
-    long = scipy.fft.next_fast_len(samples + round(_RING * channels.rate_hz), real=True)
-    f = scipy.fft.rfftfreq(long, 1 / channels.rate_hz)
+    long = fast_length(samples + round(_RING * channels.rate_hz))
+    f = np.asarray(np.fft.rfftfreq(long, 1 / channels.rate_hz), dtype=np.float64)
     f = f[f <= model.band[1]]
     lag = law.gain(calibration.response.level)
     path = model.velocity(f) / lag * np.exp(-2j * np.pi * f * channels.drive_delay)
 
     def moved(linear_volts: FloatArray) -> ComplexArray:
         """(..., lines) m/s that linear volts make while they last."""
-        spectra = scipy.fft.rfft(linear_volts, long)[..., : len(f)] * path
-        return np.asarray(scipy.fft.rfft(scipy.fft.irfft(spectra, long)[..., :samples])[..., inside])
+        spectra = np.fft.rfft(linear_volts, long)[..., : len(f)] * path
+        return np.asarray(np.fft.rfft(np.fft.irfft(spectra, long)[..., :samples])[..., inside])
 
-    seen = channels.velocity(scipy.fft.rfft(both.velocity.mean(axis=0))[inside], at[inside])
+    seen = channels.velocity(np.fft.rfft(both.velocity.mean(axis=0))[inside], at[inside])
     odd = np.array([law.odd(one) for one in both.volts])
     # Where the two drives differ by more than their sign, the surface moves by that as well.
     seen = seen - moved(odd.mean(axis=0))

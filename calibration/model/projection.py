@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy
 
 from ...base.arrays import ComplexArray, FloatArray
 
@@ -121,9 +120,7 @@ class Projection:
     def independent(self) -> float:
         """Number of independent rows: the residual of neighbouring lines may be correlated, by smoothing."""
         count, total = len(self.left) // 2, float(self.left @ self.left)
-        alike = scipy.fft.ifft(np.abs(scipy.fft.fft(self.residual, 2 * count)) ** 2)[1:_ALIKE] / max(
-            total, 1e-300
-        )
+        alike = np.fft.ifft(np.abs(np.fft.fft(self.residual, 2 * count)) ** 2)[1:_ALIKE] / max(total, 1e-300)
         return count / float(1 + 2 * (np.abs(alike) ** 2).sum())
 
     @property

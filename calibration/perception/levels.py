@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-import scipy
 
 from ...base.arrays import ComplexArray, FloatArray
+from ...base.filters import fast_length
 from ..intervals import LEAST_PLAYS, common, not_negative, quantile
 from .thresholds import REFERENCE, thresholds
 
@@ -148,10 +148,10 @@ class _Spectrum:
     @classmethod
     def of(cls, signal: FloatArray, rate_hz: float) -> _Spectrum:
         samples = signal.shape[-1]
-        length = scipy.fft.next_fast_len(samples + round(_PAD * rate_hz), real=True)
+        length = fast_length(samples + round(_PAD * rate_hz))
         return cls(
-            np.asarray(scipy.fft.rfft(signal, length)),
-            np.asarray(scipy.fft.rfftfreq(length, 1 / rate_hz)),
+            np.asarray(np.fft.rfft(signal, length)),
+            np.asarray(np.fft.rfftfreq(length, 1 / rate_hz)),
             samples,
             length,
         )
@@ -170,7 +170,7 @@ class _Spectrum:
 
     def filtered(self, gain: FloatArray) -> FloatArray:
         """(..., samples) without delay; `gain` is (lines,)."""
-        return np.asarray(scipy.fft.irfft(self.lines * gain, self.length)[..., : self.samples])
+        return np.asarray(np.fft.irfft(self.lines * gain, self.length)[..., : self.samples])
 
     def energy(self, gain: FloatArray) -> float:
         """Mean square over the signal's own length; `gain` is (lines,)."""

@@ -18,9 +18,9 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
-import scipy
 
 from ...base.arrays import ComplexArray, FloatArray
+from ...base.filters import fast_length
 from ...instruments.config import Recalibration
 from ..band import BAND
 from ..drive import Drive
@@ -51,15 +51,15 @@ def motion_change(
 
 def _acceleration(drive: Drive, linear_volts: FloatArray, model: Model, lag: complex) -> FloatArray:
     """(samples,) m/s^2 within the drive's band."""
-    length = scipy.fft.next_fast_len(len(linear_volts) + round(_RING * drive.rate_hz), real=True)
-    f = scipy.fft.rfftfreq(length, 1 / drive.rate_hz)
+    length = fast_length(len(linear_volts) + round(_RING * drive.rate_hz))
+    f = np.asarray(np.fft.rfftfreq(length, 1 / drive.rate_hz), dtype=np.float64)
     inside = (f >= drive.band[0]) & (f <= drive.band[1])
     spectrum = np.zeros(len(f), dtype=np.complex128)
     # Without the steps at both ends, hysteresis leaves an offset that would leak into the band.
     slope = np.linspace(linear_volts[0], linear_volts[-1], len(linear_volts))
-    driven = scipy.fft.rfft(linear_volts - slope, length)[inside]
+    driven = np.fft.rfft(linear_volts - slope, length)[inside]
     spectrum[inside] = driven * model.velocity(f[inside]) * 2j * np.pi * f[inside] / lag
-    return np.asarray(scipy.fft.irfft(spectrum, length)[: len(linear_volts)])
+    return np.asarray(np.fft.irfft(spectrum, length)[: len(linear_volts)])
 
 
 Kind = Literal["unchanged", "drifted", "broken"]

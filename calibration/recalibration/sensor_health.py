@@ -161,9 +161,9 @@ def _velocity(pickup: Vibrometer, shown: FloatArray, rate_hz: float) -> FloatArr
     """Velocity (m/s) of (samples,) that a pick-up shows: as it is, or above the lowest frequencies only."""
     if pickup.quantity == "velocity":
         return shown
-    f = np.asarray(scipy.fft.rfftfreq(len(shown), 1 / rate_hz))
-    spectrum = scipy.fft.rfft((shown - shown.mean()) * fade(len(shown), *(round(_EDGE * rate_hz),) * 2))
-    return np.asarray(scipy.fft.irfft(np.where(f < _LOWEST, 0.0, spectrum / pickup.response(f)), len(shown)))
+    f = np.asarray(np.fft.rfftfreq(len(shown), 1 / rate_hz))
+    spectrum = np.fft.rfft((shown - shown.mean()) * fade(len(shown), *(round(_EDGE * rate_hz),) * 2))
+    return np.asarray(np.fft.irfft(np.where(f < _LOWEST, 0.0, spectrum / pickup.response(f)), len(shown)))
 
 
 def without_spikes(rig: Rig, capture: Capture) -> tuple[Capture, int]:
@@ -235,7 +235,7 @@ def _filled(signal: FloatArray, hit: BoolArray, groups: IntArray, rate_hz: float
 
 def _in_band(velocity: FloatArray, rate_hz: float) -> float:
     """Acceleration within the band of drives (m/s^2 rms)."""
-    f = scipy.fft.rfftfreq(len(velocity), 1 / rate_hz)
-    spectrum = scipy.fft.rfft(velocity - velocity.mean()) * 2j * np.pi * f
+    f = np.fft.rfftfreq(len(velocity), 1 / rate_hz)
+    spectrum = np.fft.rfft(velocity - velocity.mean()) * 2j * np.pi * f
     spectrum[(f < BAND[0]) | (f > BAND[1])] = 0
-    return float(scipy.fft.irfft(spectrum, len(velocity)).std())
+    return float(np.fft.irfft(spectrum, len(velocity)).std())

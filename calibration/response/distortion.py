@@ -34,11 +34,11 @@ def distortion(both: BothSigns, law: Hysteresis) -> float:
     channels, one = both.channels, both.volts.shape[-1]
     lines, excited, even, odd, inner = looked_at(QUICK)
     f = lines * channels.rate_hz / one
-    order = scipy.fft.rfft(QUICK.volts(channels.rate_hz, 1.0))[lines]
+    order = np.fft.rfft(QUICK.volts(channels.rate_hz, 1.0))[lines]
     linear = np.array([law.to_linear_volts(volts) for volts in both.volts])
-    factor = channels.drive(scipy.fft.rfft(both.volts[:1])[:, lines], order, f)
-    driven = scipy.fft.rfft(linear)[:, lines] * factor / law.gain(law.level)
-    moved = channels.velocity(scipy.fft.rfft(both.velocity)[:, lines], f)
+    factor = channels.drive(np.fft.rfft(both.volts[:1])[:, lines], order, f)
+    driven = np.fft.rfft(linear)[:, lines] * factor / law.gain(law.level)
+    moved = channels.velocity(np.fft.rfft(both.velocity)[:, lines], f)
     first, second = (local_rational(x, y, inner) for x, y in zip(driven, moved, strict=True))
     left = (first.surprise * second.surprise.conj()).real
 
@@ -60,10 +60,10 @@ def beyond(both: BothSigns, law: Hysteresis, above: Response) -> FloatArray:
     channels, one = both.channels, both.volts.shape[-1]
     lines = np.arange(QUICK.excited()[0], int(above.frequencies[-1] * one / channels.rate_hz) + 1)
     f = lines * channels.rate_hz / one
-    order = scipy.fft.rfft(QUICK.volts(channels.rate_hz, 1.0))[lines]
-    linear = scipy.fft.rfft([law.to_linear_volts(volts) for volts in both.volts])[:, lines]
-    factor = channels.drive(scipy.fft.rfft(both.volts[:1])[:, lines], order, f) / law.gain(law.level)
-    moved = channels.velocity(scipy.fft.rfft(both.velocity)[:, lines], f)
+    order = np.fft.rfft(QUICK.volts(channels.rate_hz, 1.0))[lines]
+    linear = np.fft.rfft([law.to_linear_volts(volts) for volts in both.volts])[:, lines]
+    factor = channels.drive(np.fft.rfft(both.volts[:1])[:, lines], order, f) / law.gain(law.level)
+    moved = channels.velocity(np.fft.rfft(both.velocity)[:, lines], f)
     left = moved - linear * factor * np.interp(f, above.frequencies, above.velocity)
     silent = f > f[QUICK.excited()[-1] - lines[0]]
     volts = (np.abs(linear[:, QUICK.excited() - lines[0]]) ** 2).sum() / 2
@@ -81,8 +81,8 @@ def hidden(both: BothSigns, law: Hysteresis, above: Response) -> FloatArray:
     f = lines * channels.rate_hz / one
     passed = np.abs(channels.laser(f))
     kept = passed > _PASSED * passed[0]
-    moved = channels.velocity(scipy.fft.rfft(both.velocity)[:, lines], f)
-    linear = scipy.fft.rfft([law.to_linear_volts(volts) for volts in both.volts])[:, QUICK.excited()]
+    moved = channels.velocity(np.fft.rfft(both.velocity)[:, lines], f)
+    linear = np.fft.rfft([law.to_linear_volts(volts) for volts in both.volts])[:, QUICK.excited()]
     return _by_bands(_rough(moved)[:, kept], lines[kept], f[kept], (np.abs(linear) ** 2).sum() / 2)
 
 

@@ -8,10 +8,10 @@ from math import ceil, exp, log
 from typing import Literal
 
 import numpy as np
-import scipy
 
 from ...base.arrays import FloatArray, IntArray
 from ...base.errors import ConfigurationError
+from ...base.filters import fast_length
 from ..spectra import fade
 
 _FADE_IN, _FADE_OUT = 0.1, 0.03
@@ -274,21 +274,21 @@ def _lines(multisine: Multisine) -> tuple[IntArray, IntArray, IntArray]:
 def _period(multisine: Multisine, samples: int) -> FloatArray:
     """One period (samples,) with a peak of one, starting where the waveform is closest to zero."""
     lines = multisine.excited()
-    coarse = scipy.fft.next_fast_len(8 * int(lines[-1]), real=True)
+    coarse = fast_length(8 * int(lines[-1]))
     rng = np.random.default_rng([multisine.seed, 1])
     phases = np.exp(2j * np.pi * rng.random(len(lines)))
     rounds = _CLIPPINGS * _LINES // max(_LINES, len(lines))
     for step in range(rounds):
         spectrum = np.zeros(coarse // 2 + 1, dtype=np.complex128)
         spectrum[lines] = phases
-        wave = scipy.fft.irfft(spectrum, coarse)
+        wave = np.fft.irfft(spectrum, coarse)
         # Hard clipping at first, later only of the highest peaks.
         ceiling = np.abs(wave).max() * (0.65 + 0.27 * step / rounds)
-        clipped = scipy.fft.rfft(np.clip(wave, -ceiling, ceiling))[lines]
+        clipped = np.fft.rfft(np.clip(wave, -ceiling, ceiling))[lines]
         phases = clipped / np.abs(clipped)
     spectrum = np.zeros(samples // 2 + 1, dtype=np.complex128)
     spectrum[lines] = phases
-    wave = scipy.fft.irfft(spectrum, samples)
+    wave = np.fft.irfft(spectrum, samples)
     ends = np.maximum(np.abs(wave), np.abs(np.roll(wave, 1)))
     one = np.roll(wave, -int(np.argmin(ends))) / np.abs(wave).max()
     one.setflags(write=False)

@@ -147,7 +147,7 @@ def from_multisine(
     def spectra(signals: FloatArray) -> ComplexArray:
         signals = signals[..., start : start + multisine.periods * one]
         periods = signals.reshape(*signals.shape[:-1], multisine.periods, one).mean(axis=-2)
-        return np.asarray(scipy.fft.rfft(periods)[..., lines])
+        return np.asarray(np.fft.rfft(periods)[..., lines])
 
     level = float(np.abs(drive[: len(commanded)]).max()) if hysteresis is None else hysteresis.level
     volts = drive[: len(commanded)]

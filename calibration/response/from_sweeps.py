@@ -10,7 +10,7 @@ import scipy
 
 from ...base.arrays import ComplexArray, FloatArray
 from ...base.errors import InstrumentError
-from ...base.filters import correlate_within
+from ...base.filters import correlate_within, fast_length
 from ...base.progress import Progress, part_of, silent
 from ...instruments import Capture, Rig, Sweep
 from ..spectra import fade
@@ -65,16 +65,16 @@ def from_sweeps(
     """
     rate_hz, repeats = channels.rate_hz, sweep.repeats
     samples = len(drives[0])
-    length = scipy.fft.next_fast_len(samples + round(_ROOM * rate_hz), real=True)
+    length = fast_length(samples + round(_ROOM * rate_hz))
     low, high = _LOWEST, sweep.stop_hz - _END
     first, last = (edge * length / rate_hz for edge in (low - _MORE[0], high + _MORE[1]))
     lines = slice(int(np.ceil(first)), int(np.floor(last)) + 1)
     f = np.arange(lines.start, lines.stop) * rate_hz / length
-    order = scipy.fft.rfft(commanded, length)[lines]
+    order = np.fft.rfft(commanded, length)[lines]
     # Without the mean, zero padding makes no step. One play at a time, of which these lines are kept: memory
     # that is new costs more than the transform.
     X, Y = (
-        np.array([scipy.fft.rfft(signal - signal.mean(), length)[lines].copy() for signal in signals])
+        np.array([np.fft.rfft(signal - signal.mean(), length)[lines].copy() for signal in signals])
         for signals in (drives, velocities)
     )
     X, Y = X * channels.drive(X[:repeats], order, f), channels.velocity(Y, f)
@@ -168,7 +168,7 @@ def _cut_off(
     floor = noise * window / len(velocity)
     smooth = max(1, round(length / window))
     before, last = (
-        scipy.ndimage.uniform_filter1d(np.abs(scipy.fft.rfft(part - part.mean(), length)[lines]) ** 2, smooth)
+        scipy.ndimage.uniform_filter1d(np.abs(np.fft.rfft(part - part.mean(), length)[lines]) ** 2, smooth)
         for part in (velocity[-2 * window : -window], velocity[-window:])
     )
     decay = np.sqrt(last / np.maximum(before, 1e-300))
@@ -238,7 +238,7 @@ def without_harmonics(H: ComplexArray, frequencies: FloatArray, speed: float) ->
         begin = 1 / step - max((centre - _PART) / speed / 4, 0.1)
         end = 1 / step - (centre + _PART) / speed
         gate = np.interp(time, [end - 0.1, end, begin, begin + 0.05], [1, 0, 0, 1])
-        gated += scipy.fft.fft(gate * scipy.fft.ifft(longer * weight))
+        gated += np.fft.fft(gate * np.fft.ifft(longer * weight))
     return gated[more : more + len(H)]
 
 

@@ -116,7 +116,7 @@ def ringing_of(velocity: FloatArray, rate_hz: float) -> float:
     half = len(velocity) // 2
     window = np.hanning(half)
     before, after = (
-        np.abs(scipy.fft.rfft((part - part.mean()) * window))[: round(_HIGHEST * half / rate_hz)]
+        np.abs(np.fft.rfft((part - part.mean()) * window))[: round(_HIGHEST * half / rate_hz)]
         for part in (velocity[:half], velocity[len(velocity) - half :])
     )
     near = max(3, round(_AROUND * half / rate_hz))

@@ -178,7 +178,7 @@ def _play(rig: Rig, sweep: FloatArray, patch: str = "", silent: bool = False) ->
         capture, start, _ = capture_sweep(rig, _SWEEP, float(np.abs(sweep).max()), into, recorded)
         capture = replace(capture, volts=capture.volts[:, max(start, 0) :])
     samples, rate_hz = capture.volts.shape[1], capture.rate_hz
-    f = scipy.fft.rfftfreq(samples, 1 / rate_hz)
+    f = np.asarray(np.fft.rfftfreq(samples, 1 / rate_hz), dtype=np.float64)
     inside = (f > _BAND[0]) & (f < _BAND[1])
     f = np.asarray(f[inside])
     commanded = _spectrum(sweep, samples, inside)
@@ -208,7 +208,7 @@ def _play(rig: Rig, sweep: FloatArray, patch: str = "", silent: bool = False) ->
 
 
 def _spectrum(signal: FloatArray, samples: int, inside: BoolArray) -> ComplexArray:
-    return np.asarray(scipy.fft.rfft(signal - signal.mean(), samples)[inside])
+    return np.asarray(np.fft.rfft(signal - signal.mean(), samples)[inside])
 
 
 def _overload(rig: Rig, capture: Capture) -> str | None:

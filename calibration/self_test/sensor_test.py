@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
-import scipy
 
 from ...base.arrays import FloatArray
 from ...base.errors import HaploopError
@@ -275,18 +274,18 @@ def _lag(force: FloatArray, acceleration: FloatArray, rate_hz: float) -> float |
     """Delay (s) of a press in the acceleration relative to the force; None without a press."""
     low, high = _PRESS_BAND
     size = 2 * len(force)
-    f = scipy.fft.rfftfreq(size, 1 / rate_hz)
+    f = np.fft.rfftfreq(size, 1 / rate_hz)
     # A Butterworth band-pass of second order, forwards and backwards; scipy.signal takes longer to load than
     # all else that is examined.
     aside = np.divide(f**2 - low * high, f * (high - low), out=np.full(len(f), np.inf), where=f > 0)
     spectra = []
     for signal in (force, acceleration):
-        band = scipy.fft.irfft(scipy.fft.rfft(signal - np.median(signal), size) / (1 + aside**4), size)
+        band = np.fft.irfft(np.fft.rfft(signal - np.median(signal), size) / (1 + aside**4), size)
         shape = np.abs(band[: len(force)])
         if shape.max() < 8 * np.median(shape):
             return None
-        spectra.append(scipy.fft.rfft(shape, size))
-    pair = scipy.fft.irfft(spectra[1] * spectra[0].conj(), size)
+        spectra.append(np.fft.rfft(shape, size))
+    pair = np.fft.irfft(spectra[1] * spectra[0].conj(), size)
     late = int(pair.argmax())
     return (late - size if late >= len(force) else late) / rate_hz
 

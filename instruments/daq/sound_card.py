@@ -17,11 +17,11 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Self
 
 import numpy as np
-import scipy
 
 from ...base.arrays import ComplexArray, FloatArray
 from ...base.clock import Clock
 from ...base.errors import ConfigurationError, InstrumentError, LimitError
+from ...base.filters import fast_length
 from ...base.threads import Inbox
 from ..portaudio import LEAD, Audio, AudioStream, found, high_pass, load, on_tape, refuse_mean
 from ..tape import taped_line
@@ -269,9 +269,9 @@ class _Monitor:
     def _compare(self, heard: FloatArray) -> None:
         rate_hz = self._daq.settings.rate_hz
         most = min(round(_MOST_LATE * rate_hz), len(self._wave) // 2)
-        size = scipy.fft.next_fast_len(len(heard) + len(self._wave), real=True)
-        spectra = [scipy.fft.rfft(signal - signal.mean(), size) for signal in (heard, self._wave)]
-        alike = np.abs(scipy.fft.irfft(spectra[0] * np.conj(spectra[1]), size))
+        size = fast_length(len(heard) + len(self._wave))
+        spectra = [np.fft.rfft(signal - signal.mean(), size) for signal in (heard, self._wave)]
+        alike = np.abs(np.fft.irfft(spectra[0] * np.conj(spectra[1]), size))
         scale = float(np.linalg.norm(heard - heard.mean()) * np.linalg.norm(self._wave - self._wave.mean()))
         if not scale:
             return

@@ -13,13 +13,13 @@ from fractions import Fraction
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-import scipy
 from pydantic import Field
 
 from ...base.arrays import ComplexArray, FloatArray
 from ...base.bounded import Number, Positive, Strict
 from ...base.clock import Clock
 from ...base.errors import InstrumentError, LimitError
+from ...base.filters import fast_length
 from ..portaudio import LEAD, Audio, AudioStream, found, high_pass, load, on_tape, refuse_mean
 from ..tape import taped_line
 from .role import Player
@@ -196,8 +196,8 @@ def at_rate(volts: FloatArray, rate_hz: float, wanted_hz: float) -> FloatArray:
     """Resample a waveform ((samples,), at rest at both ends) by FFT; the result is `_GUARD` s longer."""
     ratio = Fraction(wanted_hz / rate_hz).limit_denominator(10_000)
     blocks = -(-(len(volts) + round(_GUARD * rate_hz)) // ratio.denominator)
-    blocks = scipy.fft.next_fast_len(blocks, real=True)
+    blocks = fast_length(blocks)
     before, after = blocks * ratio.denominator, blocks * ratio.numerator
-    spectrum = scipy.fft.rfft(volts, before)[: after // 2 + 1]
-    longer = scipy.fft.irfft(spectrum, after) * (after / before)
+    spectrum = np.fft.rfft(volts, before)[: after // 2 + 1]
+    longer = np.fft.irfft(spectrum, after) * (after / before)
     return np.asarray(longer[: round((len(volts) / rate_hz + _GUARD) * wanted_hz)])

@@ -12,11 +12,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
 from ...base.arrays import ComplexArray, FloatArray
 from ...base.errors import InstrumentError
-from ...base.filters import correlate_within
+from ...base.filters import correlate_within, fast_length
 from ..daq import Capture
 
 _LEAST = 0.5
@@ -75,23 +74,23 @@ def find(
     (at frequencies in Hz), as far as it is known. Raises InstrumentError when the drive is not found,
     is inverted, or the clocks differ by more than crystals do.
     """
-    length = scipy.fft.next_fast_len(len(measured) + len(drive), real=True)
+    length = fast_length(len(measured) + len(drive))
     measured = measured - measured.mean()
-    D = scipy.fft.rfft(drive, length) * response(np.asarray(scipy.fft.rfftfreq(length, 1 / rate_hz)))
-    expected = np.asarray(scipy.fft.irfft(D, length)[: len(drive)])
+    D = np.fft.rfft(drive, length) * response(np.asarray(np.fft.rfftfreq(length, 1 / rate_hz)))
+    expected = np.asarray(np.fft.irfft(D, length)[: len(drive)])
 
     # Fit only the drive's band, with as few samples as represent it.
     power = np.cumsum(np.abs(D) ** 2)
     band = int(np.searchsorted(power, 0.9999 * power[-1]))
-    short = min(scipy.fft.next_fast_len(max(4 * band, 256), real=True), length)
+    short = min(fast_length(max(4 * band, 256)), length)
     rate = short / length * rate_hz
     f = np.arange(short // 2 + 1) * rate_hz / length
     t = np.arange(int(len(drive) / rate_hz * rate)) / rate
 
     def cropped(spectrum: ComplexArray) -> FloatArray:
-        return np.asarray(scipy.fft.irfft(spectrum[: len(f)], short) * (short / length))
+        return np.asarray(np.fft.irfft(spectrum[: len(f)], short) * (short / length))
 
-    heard = cropped(np.asarray(scipy.fft.rfft(measured, length)))
+    heard = cropped(np.asarray(np.fft.rfft(measured, length)))
     d, slope, sag = (
         cropped(D[: len(f)] * factor)[: len(t)] for factor in (1.0, 2j * np.pi * f, -1 / (1j * f + _CORNER))
     )
@@ -169,14 +168,14 @@ def _at(signal: FloatArray, start: float, step: float, count: int) -> FloatArray
     """
     samples = len(signal)
     lines = samples // 2 + 1
-    X = scipy.fft.rfft(signal) * np.exp(2j * np.pi * start / samples * np.arange(lines))
+    X = np.fft.rfft(signal) * np.exp(2j * np.pi * start / samples * np.arange(lines))
     X[1 : (samples + 1) // 2] *= 2
     turn = np.pi * step / samples
     n = np.arange(max(lines, count), dtype=np.float64)
     chirp = np.exp(1j * np.remainder(turn * n**2, 2 * np.pi))
-    length = scipy.fft.next_fast_len(lines + count - 1)
+    length = fast_length(lines + count - 1)
     kernel = np.zeros(length, dtype=np.complex128)
     kernel[:count] = np.conj(chirp[:count])
     kernel[length - lines + 1 :] = np.conj(chirp[1:lines][::-1])
-    summed = scipy.fft.ifft(scipy.fft.fft(X * chirp[:lines], length) * scipy.fft.fft(kernel))[:count]
+    summed = np.fft.ifft(np.fft.fft(X * chirp[:lines], length) * np.fft.fft(kernel))[:count]
     return np.asarray((chirp[:count] * summed).real / samples)

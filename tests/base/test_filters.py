@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy.fft
 import scipy.signal
 
 from haploop.acquisition.presses.filtering import high_pass
@@ -73,3 +74,10 @@ def test_peaks(samples, prominence):
 def test_a_row_without_a_peak_has_none():
     for row in (np.arange(5.0), np.zeros(5), np.zeros(0)):
         assert filters.peaks(row, 0.0) == []
+
+
+def test_lengths_that_are_quick_to_transform():
+    lengths = [*range(1, 3000), 50_001, 1_000_003, 123_456_789]
+    assert [filters.fast_length(n) for n in lengths] == [
+        scipy.fft.next_fast_len(n, real=True) for n in lengths
+    ]
