@@ -98,10 +98,16 @@ def inside(module: str, package: str) -> bool:
     return module == package or module.startswith(f"{package}.")
 
 
+@cache
+def import_statements(path: Path) -> list[ast.Import | ast.ImportFrom]:
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    return [node for node in ast.walk(tree) if isinstance(node, ast.Import | ast.ImportFrom)]
+
+
 def imports(path: Path) -> Iterator[tuple[int, str, str]]:
     """Line, module, and name of every import of haploop's; the name is empty for a module."""
     package = package_of(MODULES[path]).split(".")
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in import_statements(path):
         if isinstance(node, ast.ImportFrom) and node.level:
             above = package[: len(package) + 1 - node.level]
             module = ".".join([*above, *([node.module] if node.module else [])])
@@ -154,7 +160,7 @@ def test_imports_within_the_package_are_relative():
     wrong = [
         f"{path.relative_to(ROOT)}:{node.lineno}"
         for path in sorted(MODULES)
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        for node in import_statements(path)
         if (isinstance(node, ast.Import) and any(inside(alias.name, "haploop") for alias in node.names))
         or (isinstance(node, ast.ImportFrom) and not node.level and inside(node.module or "", "haploop"))
     ]

@@ -20,6 +20,7 @@ from haploop.calibration.map.folder import PointMeasurement
 from tests.calibration.conftest import Calibrated, make_press
 from tests.mutating import mutations, refused, restructure
 from tests.raising import raises
+from tests.rows import thinned
 
 KINDS = {
     "representative": Representative, "calibration": Calibration, "drive": Drive, "learning": Learning,
@@ -92,7 +93,7 @@ def test_a_changed_byte(kind, saved, tmp_path, full):
     assert number > (400 if full else 80)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", thinned(KINDS, 3))
 @pytest.mark.timeout(3600)
 def test_another_structure(kind, saved, tmp_path, full):
     raw, before = saved(kind).read_bytes(), load(kind, saved(kind))
@@ -105,7 +106,7 @@ def test_another_structure(kind, saved, tmp_path, full):
             assert same(found[0], before), seed
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", thinned(range(3), 3))
 def test_another_programs_file_is_no_crash(seed, values, tmp_path):
     """A field gone, or of another type: also where all hashes are right."""
     random = np.random.default_rng(seed)

@@ -101,6 +101,7 @@ print(json.dumps([*sys.modules]), file=sys.stderr)
     assert not loaded_by(script.format(paths=commands())) & HEAVY
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("args", "light"),
     [
@@ -113,14 +114,14 @@ print(json.dumps([*sys.modules]), file=sys.stderr)
         (
             ["record", "push", "-p", "P02", "-n", "1", "--out", "{folder}"],
             # It looks for hum and spikes in what is recorded.
-            (SLOW | {"nidaqmx", "grpc", "pyvisa"}) - FILTERS - {"scipy.fft"},
+            (SLOW | {"nidaqmx", "grpc", "pyvisa"}) - FILTERS,
         ),
         (
             ["report", "{calibration}", "--out", "{folder}/report.html"],
-            (SLOW | {"nidaqmx", "pyvisa"}) - FILTERS - {"matplotlib", "scipy.fft"},
+            (SLOW | {"nidaqmx", "pyvisa"}) - FILTERS - {"matplotlib"},
         ),
         # It finds which patch is where, and steady tones in the noise.
-        (["doctor"], (SLOW | {"nidaqmx", "pyvisa"}) - FILTERS - {"scipy.optimize", "scipy.fft"}),
+        (["doctor"], (SLOW | {"nidaqmx", "pyvisa"}) - FILTERS - {"scipy.optimize"}),
     ],
     ids=lambda value: value[0] if isinstance(value, list) else "",
 )

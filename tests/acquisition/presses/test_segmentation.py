@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import pytest
 from scipy.ndimage import uniform_filter1d
@@ -10,6 +12,7 @@ from haploop.acquisition.presses.filtering import running_mean, smoothed
 from haploop.acquisition.presses.segmentation import Detector
 from haploop.base import parts
 from tests.acquisition.presses.pressworld import world_rig
+from tests.rows import thinned
 
 BUTTONS = ("latch", "toggle", "push")
 
@@ -45,8 +48,7 @@ def test_every_press_is_found_where_it_was(tmp_path, button):
             assert press.first_stage is None
 
 
-@pytest.mark.parametrize("size", [7001, -1])
-@pytest.mark.parametrize("button", BUTTONS)
+@pytest.mark.parametrize(("button", "size"), thinned(product(BUTTONS, [7001, -1]), 3))
 def test_a_long_recording_is_read_in_parts_as_at_once(tmp_path, button, size, monkeypatch):
     recording, _ = recorded(tmp_path, button)
     whole = pressing.shaken(recording.in_parts("vertical"), recording.rate_hz, 40.0)[:]

@@ -137,6 +137,7 @@ def test_what_a_multisine_calibrates_passes_its_check(open, full):
         assert found.passed and found.within.root < 0.1
 
 
+@pytest.mark.long
 def test_random_plants_are_within_what_is_stated(full):
     """Shares of lines within one and two standard deviations; Gaussian noise would have 63 and 98 %."""
     shares = []
