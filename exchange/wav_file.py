@@ -1,10 +1,13 @@
 """WAV: the signals as they are in 32-bit floats, or the main one at 48 kHz for a sound card.
 
-WAV has no units: a sidecar (`OUT.wav.json`) keeps them, and the scale.
+WAV has no units: a sidecar (`OUT.wav.json`) keeps them, and the scale. When it began is stated by a broadcast
+chunk (`bext`, EBU Tech 3285), as field recorders write it.
 """
 
 from __future__ import annotations
 
+import os
+import re
 import struct
 import warnings
 from fractions import Fraction
@@ -17,6 +20,8 @@ from ..base.errors import DataError
 from ..base.files import new_file
 from .views import Channel, Signals, read_sidecar, sidecar, write_sidecar
 
+_BEXT = struct.Struct("<320x10s8sQ")
+"""Date, time, and number of the first sample, after what the recording is of."""
 _SOUND_CARD_HZ = 48_000
 _FULL_SCALE = 32_767
 _HEADROOM = 0.89
@@ -91,4 +96,30 @@ def read_signals(path: Path, rate_hz: float | None) -> Signals:
         Channel(str(label["name"]), str(label["unit"]), scale * column.astype(np.float64))
         for label, scale, column in zip(labels, scales, values.T, strict=True)
     )
-    return Signals(path.stem, float(rate), channels, channels[0].name, beside.get("about", {}))
+    about = dict(beside.get("about", {}))
+    if "start_timestamp" not in about and (start := _broadcast_start(path, rate)):
+        about["start_timestamp"] = start
+    return Signals(path.stem, float(rate), channels, channels[0].name, about)
+
+
+def _broadcast_start(path: Path, rate: int) -> str:
+    """Date and time of the first sample, in the recorder's own time zone; empty where none is stated."""
+    with path.open("rb") as file:
+        file.seek(12)
+        said = b""
+        while not said and len(head := file.read(8)) == 8:
+            name, size = struct.unpack("<4sI", head)
+            if name == b"bext":
+                said = file.read(_BEXT.size)
+            file.seek(size + size % 2, os.SEEK_CUR)
+    if len(said) < _BEXT.size:
+        return ""
+    day, clock, samples = _BEXT.unpack(said)
+    found = [re.fullmatch(rb"(\d+)[-_:. ](\d+)[-_:. ](\d+)", text) for text in (day, clock)]
+    if None in found:
+        return ""
+    date, (hours, minutes, seconds) = (tuple(map(int, one.groups())) for one in found if one)
+    # The sample that it begins with is counted from midnight, unless the recorder counts from elsewhere.
+    finer = samples / rate - 3600 * hours - 60 * minutes
+    finer = finer if 0 <= finer - seconds < 1 else float(seconds)
+    return f"{date[0]:04}-{date[1]:02}-{date[2]:02} {hours:02}:{minutes:02}:{finer:09.6f}"

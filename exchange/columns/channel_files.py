@@ -221,7 +221,7 @@ def netcdf(path: Path) -> tuple[list[Column], dict[str, Any], dict[str, Any]]:
                 raw = np.asarray(
                     unpacked(values.astype(values.dtype.newbyteorder("=")), said), dtype=np.float64
                 )
-                unit, since = since_of(str(said.get("units", "")))
+                unit, since = since_of(str(said.get("units", "")), str(said.get("calendar", "")))
                 doubt = doubt_beside({key: said[key] for key in said if key not in CF})
                 rows = np.atleast_2d(raw if len(raw) != max(lengths) else raw.T)
                 for heading, row in zip(_headings(file, name, len(rows)), rows, strict=True):

@@ -180,10 +180,14 @@ def order_of(rows: Sequence[Sequence[str]]) -> str:
     return next((m["first"].lower() for row in rows if (m := _ORDER.search(" ".join(row)))), "")
 
 
-def since_of(unit: str) -> tuple[str, Start | None]:
+_OUR_CALENDARS = ("", "standard", "gregorian", "proleptic_gregorian")
+
+
+def since_of(unit: str, calendar: str = "") -> tuple[str, Start | None]:
     """Unit and zero of a time that is counted `seconds since 2026-05-01 10:00`.
 
-    Without a time zone that is in UTC (CF conventions 1.11, chapter 4.4).
+    Without a time zone that is in UTC (CF conventions 1.11, chapter 4.4). In another calendar than ours, as
+    of 360 days a year (chapter 4.4.1), the words name no instant.
     """
     plain, _, date_ = unit.partition(" since ")
     match = _SINCE.fullmatch(date_.strip())
@@ -191,7 +195,8 @@ def since_of(unit: str) -> tuple[str, Start | None]:
         return plain, instant(date_) and Start(unit.strip())
     zone = zone_of(match["zone"]) if match["zone"].strip() else UTC
     since = instant(match["at"] if match["clock"] else f"{match['at']} 00:00", zone=zone)
-    return plain, since and Start(unit.strip(), since.at if zone else None)
+    ours = calendar.strip().lower() in _OUR_CALENDARS
+    return plain, since and Start(unit.strip(), since.at if zone and ours else None)
 
 
 def zones_of(rows: Sequence[Sequence[str]]) -> tuple[str, tzinfo | None]:

@@ -124,7 +124,8 @@ def _columns(tree: Tree, name: str) -> Iterator[Column]:
         unit, doubt = _unit(tree, said, name)
         name, unit = _named(title, unit)
         doubt = doubt or ("" if is_time(name.rpartition(".")[2], unit) else factor)
-        since = next((since_of(str(said[key]))[1] for key in _UNITS if key in said), None)
+        calendar = str(said.get("calendar", ""))
+        since = next((since_of(str(said[key]), calendar)[1] for key in _UNITS if key in said), None)
         yield Column(name, unit, values, rate, stamps, start, since, also=(title,), doubt=doubt)
         return
     rows: FloatArray = values if values.shape[0] >= values.shape[1] else values.T

@@ -135,13 +135,41 @@ def xdf(path: Path) -> None:
             file.write(b"\x04" + struct.pack("<IH", len(content) + 2, tag) + content)
 
 
-def netcdf(since: str = "2026-05-01 10:00:00") -> Callable[[Path], None]:
+def netcdf(since: str = "2026-05-01 10:00:00", calendar: str = "") -> Callable[[Path], None]:
     def write(path: Path) -> None:
         with scipy.io.netcdf_file(path, "w") as file:
             file.createDimension("time", 2500)
             for name, unit, values in (("time", f"seconds since {since}", T + 2), ("force", "N", F)):
                 one = file.createVariable(name, "d", ("time",))
                 one[:], one.units = values, unit
+                if calendar and name == "time":
+                    one.calendar = calendar
+
+    return write
+
+
+def broadcast(
+    day: bytes = b"2026-05-01", clock: bytes = b"10:00:00", samples: int = 0
+) -> Callable[[Path], None]:
+    """As a field recorder writes one."""
+
+    def write(path: Path) -> None:
+        scipy.io.wavfile.write(path, 5000, F.astype(np.float32))
+        plain = path.read_bytes()[8:]
+        said = struct.pack("<256s64x10s8sQH", b"a press", day, clock, samples, 1).ljust(602)
+        chunk = b"bext" + struct.pack("<I", len(said)) + said
+        riff = b"RIFF" + struct.pack("<I", len(plain) + len(chunk))
+        path.write_bytes(riff + plain[:4] + chunk + plain[4:])
+
+    return write
+
+
+def counted(calendar: str) -> Callable[[Path], None]:
+    def write(path: Path) -> None:
+        with h5py.File(path, "w") as file:
+            file["force"], file["time"] = F, T + 2
+            file["force"].attrs["units"] = "N"
+            file["time"].attrs.update(units="seconds since 2026-05-01 10:00:00", calendar=calendar)
 
     return write
 
@@ -233,6 +261,29 @@ CASES = (
             ("2026-05-01T10:00:00.5+02:00", "2026-05-01T08:00:02.500000+00:00"),
             ("2026-05-01", "2026-05-01T00:00:02+00:00"),
             ("2026-05-01 10:00:00 CET", ""),
+        )
+    ),
+    *(
+        Case(f"a broadcast WAV of {name}", write, words, local=local, suffix="wav",
+            told={"force": 0, "units": {"force": "N"}})
+        for name, write, words, local in (
+            ("a second", broadcast(), "2026-05-01 10:00:00", AT),
+            ("a sample", broadcast(samples=36_000 * 5000 + 2500), "2026-05-01 10:00:00.5", f"{AT}.500000"),
+            ("another clock's samples", broadcast(samples=12), "2026-05-01 10:00:00", AT),
+            ("other marks", broadcast(b"2026_05_01", b"10.00.00"), "2026-05-01 10:00:00", AT),
+            ("no date", broadcast(bytes(10), bytes(8)), "", ""),
+            ("a clock that was never set", broadcast(b"0000-00-00", b"00:00:00"), "", ""),
+        )
+    ),
+    *(
+        Case(f"{form} in the calendar {name}", write(calendar=name), "seconds since", utc, suffix=suffix)
+        for form, write, suffix in (("netCDF", netcdf, "nc"), ("HDF5", counted, "h5"))
+        for name, utc in (
+            ("standard", "2026-05-01T10:00:02+00:00"),
+            ("Gregorian", "2026-05-01T10:00:02+00:00"),
+            ("360_day", ""),
+            ("julian", ""),
+            ("noleap", ""),
         )
     ),
     Case("Excel", workbook, "2026-05-01 10:00:00", local=AT, suffix="xlsx", rate_hz=1000),
