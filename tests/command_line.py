@@ -1,7 +1,5 @@
 """Fixtures: a command in this process, and one demo for all tests, because it takes half a minute."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from pathlib import Path

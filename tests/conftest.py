@@ -1,7 +1,5 @@
 """The plugin that haploop ships gives the rig; two of its things have shorter names in this suite."""
 
-from __future__ import annotations
-
 import gc
 import importlib
 import os

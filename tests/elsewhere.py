@@ -1,7 +1,5 @@
 """Another program that has a rig's hardware, as far as this one can tell."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager

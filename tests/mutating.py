@@ -1,7 +1,5 @@
 """Random changes of a file's bytes or of its HDF5 structure, and the memory that reading one takes."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Rig files that differ from another one in a few values."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from haploop.instruments import RigFile

@@ -7,8 +7,6 @@ open and every patch without voltage, at the plant, within the dead-man's time; 
 the next program must start.
 """
 
-from __future__ import annotations
-
 import random
 import re
 import signal

@@ -15,8 +15,6 @@
 6. Nothing that haploop writes is committed by accident: recordings lie in `tests/data` only.
 """
 
-from __future__ import annotations
-
 import ast
 import re
 import subprocess

@@ -6,8 +6,6 @@ so that moments spread alike over a command on a busy machine. What the patches 
 plant. (Kill -9, servers that die and lines that are pulled: test_cut_off.py.)
 """
 
-from __future__ import annotations
-
 import random
 import shutil
 import signal

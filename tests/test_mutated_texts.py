@@ -3,8 +3,6 @@
 Those that haploop writes for itself have a content hash, and are never taken as whole with other content.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from datetime import UTC, datetime

@@ -1,7 +1,5 @@
 """What a file from another person may reach by the paths in it: what lies beside it, or below."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

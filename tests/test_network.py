@@ -1,7 +1,5 @@
 """What listens, listens on this computer only; and nothing that arrives is ever run."""
 
-from __future__ import annotations
-
 import ast
 import socket
 from pathlib import Path

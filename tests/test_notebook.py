@@ -1,7 +1,5 @@
 """The notebooks run as Jupyter runs them, show tables and figures, and say what they should."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

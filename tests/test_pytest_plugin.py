@@ -1,7 +1,5 @@
 """The pytest plugin that haploop ships, in runs of their own, as another project would see them."""
 
-from __future__ import annotations
-
 import os
 import warnings
 

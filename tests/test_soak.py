@@ -6,8 +6,6 @@ asked to go wrong must be named by the command that it affects, nothing else may
 Nor may anything grow in two hours of recording.
 """
 
-from __future__ import annotations
-
 import gc
 import os
 import random

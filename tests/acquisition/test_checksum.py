@@ -1,7 +1,5 @@
 """What stands between HDF5's library and a disk, by hand."""
 
-from __future__ import annotations
-
 import errno
 import itertools
 import os

@@ -1,7 +1,5 @@
 """The whole room on whatever rig `--rig` names; the truth is compared where there is one."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

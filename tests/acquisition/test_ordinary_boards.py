@@ -1,7 +1,5 @@
 """Boards as labs have them: what their twins show is recorded, and what is refused is named."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -3,8 +3,6 @@
 Each rig is the paper's with other sensors, on a table and a participant that a hash chooses.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What is packed here, the HDF5 library unpacks and verifies."""
 
-from __future__ import annotations
-
 import h5py
 import numpy as np
 import pytest

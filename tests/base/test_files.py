@@ -1,7 +1,5 @@
 """A file gets its name whole or not at all, and never in place of another: on poor disks and in races too."""
 
-from __future__ import annotations
-
 import errno
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """Each function gives what scipy.signal gives, whose import a command would wait for."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import scipy.fft

@@ -1,7 +1,5 @@
 """A flag between threads works after an interrupt at any instruction of whoever uses it; so does an inbox."""
 
-from __future__ import annotations
-
 import sys
 import threading
 import time

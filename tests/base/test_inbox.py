@@ -1,7 +1,5 @@
 """Items from other threads arrive in order, wake who waits, and keep nobody waiting."""
 
-from __future__ import annotations
-
 import threading
 import time
 

@@ -1,7 +1,5 @@
 """Arrays that are made part by part: the same samples as at once, and few parts at a time."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

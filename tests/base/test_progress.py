@@ -1,7 +1,5 @@
 """One shape of progress: what is being done, how much of it, of how much, and in which unit."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A table calibrated for a finger, and a check under it, against the plant's own motion under the finger."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

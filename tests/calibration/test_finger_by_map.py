@@ -1,7 +1,5 @@
 """What a finger does at its own point, from points beside it and the modes of a map."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A coil without a relay, another laser, a glued accelerometer: each beside the surface's own motion."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Every kind of file of the store: what comes back is what was written, or the file is refused."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`haploop analyse`: tables, JSON, figures, and one sentence for a wrong file."""
 
-from __future__ import annotations
-
 import csv
 import json
 

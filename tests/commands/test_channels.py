@@ -1,7 +1,5 @@
 """`calibrate --since`: how channels scatter."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

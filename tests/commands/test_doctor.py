@@ -1,7 +1,5 @@
 """What the doctor says of a rig that is as its file says, and of one that is not."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

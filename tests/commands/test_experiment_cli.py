@@ -1,7 +1,5 @@
 """`haploop experiment` at a terminal: questions, an interruption, confirmation, withdrawal, refusals."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`haploop verify` and `haploop recover`: one line a file, and an exit code that a script can use."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

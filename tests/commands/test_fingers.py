@@ -1,7 +1,5 @@
 """`calibrate --finger` and `check --finger`."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -6,8 +6,6 @@ leaves haploop: at NI's library, a serial port, VISA, a hub, PortAudio or OpenCV
 are there, as twins.
 """
 
-from __future__ import annotations
-
 import errno
 import json
 import socket

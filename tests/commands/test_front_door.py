@@ -1,7 +1,5 @@
 """What the command line can do, a script can do with `import haploop` alone."""
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """A disk that cannot take a result is found before the patch is driven; room that is held stays held."""
 
-from __future__ import annotations
-
 import errno
 import os
 import shutil

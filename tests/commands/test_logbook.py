@@ -1,7 +1,5 @@
 """`haploop log` and `haploop reset`."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Every further kind of file that a command reads, changed: other programs', and folders of haploop's."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable

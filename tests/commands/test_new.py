@@ -1,7 +1,5 @@
 """`haploop new`: a folder whose files are valid, whose README's commands are, and that replaces nothing."""
 
-from __future__ import annotations
-
 import html
 import re
 import shlex

@@ -1,7 +1,5 @@
 """Nights with nobody there, by the command line, on tables that nothing in this repository was tuned to."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

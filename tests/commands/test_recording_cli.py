@@ -1,7 +1,5 @@
 """`haploop record`: what it refuses, whom it waits for, and what an empty recording does to the next."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A program under `haploop twin` opens simulated instruments by whatever name, and no real one."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """What cannot end well is refused before a rig is opened, or ends in one plain sentence."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

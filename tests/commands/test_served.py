@@ -1,7 +1,5 @@
 """The guides to served twins and live views, literally: served by one program, recorded by another."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -5,8 +5,6 @@ The rigs are those that are shipped, and one with a glued accelerometer for a la
 The verdict of the check is compared with the surface's own motion, which no pick-up saw.
 """
 
-from __future__ import annotations
-
 import tomllib
 from importlib import resources
 from pathlib import Path

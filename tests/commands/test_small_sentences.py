@@ -1,7 +1,5 @@
 """Things that a person does on the first days, and the sentence that each gets."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

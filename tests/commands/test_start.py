@@ -1,7 +1,5 @@
 """Commands start at once: nothing heavy is loaded before a command has work to do."""
 
-from __future__ import annotations
-
 import json
 import os
 import shlex

@@ -1,7 +1,5 @@
 """`haploop` alone says what is in a folder and what comes next, as a person works through it."""
 
-from __future__ import annotations
-
 import pytest
 
 from haploop.commands.status import Found, next_steps

@@ -1,7 +1,5 @@
 """`haploop study`, new buttons in one go, and what many recordings show."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

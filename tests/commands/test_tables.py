@@ -1,7 +1,5 @@
 """Text for people: whatever names hold, and however narrow the terminal is."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What a command refuses: exit code 2 and one sentence, which names what was found and what to do."""
 
-from __future__ import annotations
-
 import shlex
 from pathlib import Path
 from typing import get_args

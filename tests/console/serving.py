@@ -1,7 +1,5 @@
 """A console as its users have it: `haploop serve` in processes of its own."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """What is sent to the console without end, without sense or not at all takes nothing from anybody."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import socket

@@ -1,7 +1,5 @@
 """The scope's buckets: every click is seen, whatever blocks it comes in."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Digital buttons of a page: how loud, other points, a second button; and what is shown of them."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A page names files in one folder, and no others."""
 
-from __future__ import annotations
-
 import os
 
 import pytest

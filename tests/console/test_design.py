@@ -1,7 +1,5 @@
 """An experiment or a study that is made in a form: its file, its preview, and what is refused."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -1,7 +1,5 @@
 """An estimate of the time before Start says whether it was measured, and is what was measured."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """An experiment on the pages, without a browser: who may do what, and what a participant is shown."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -1,7 +1,5 @@
 """The first page's state of the lab: calibration and drift, newest results, what studies still want."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from pathlib import Path

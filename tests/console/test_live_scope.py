@@ -1,7 +1,5 @@
 """The coherence that the page Table shows while something is played."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.signal import chirp, lfilter
 

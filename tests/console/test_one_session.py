@@ -1,7 +1,5 @@
 """One session at a time: a recording or an experiment has the rig, the other is refused by a sentence."""
 
-from __future__ import annotations
-
 import json
 from urllib.error import HTTPError
 

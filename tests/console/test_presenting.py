@@ -1,7 +1,5 @@
 """A session on the pages whose digital buttons the worker's rig plays: without browser and processes."""
 
-from __future__ import annotations
-
 import json
 import threading
 from collections import Counter

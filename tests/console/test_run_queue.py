@@ -1,7 +1,5 @@
 """Recordings that are lined up: each is started by a person, and nothing of the list is lost."""
 
-from __future__ import annotations
-
 import re
 import threading
 from typing import Any

@@ -1,7 +1,5 @@
 """Nothing without the token, nothing from elsewhere, no file of another folder, nothing from outside."""
 
-from __future__ import annotations
-
 import os
 import re
 import socket

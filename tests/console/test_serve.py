@@ -1,7 +1,5 @@
 """`haploop serve` as processes: the server may be killed and come back, and the recording goes on."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """What a page asks for while another one waits for a report."""
 
-from __future__ import annotations
-
 import importlib
 import re
 import shutil

@@ -1,7 +1,5 @@
 """The worker on a simulated rig: what its commands do, and the ways from STOP to the safe state."""
 
-from __future__ import annotations
-
 import http.client
 import json
 import os

@@ -1,7 +1,5 @@
 """Which pages run: README always, all others with `--night`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

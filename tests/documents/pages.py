@@ -12,8 +12,6 @@ that file, and TOML without one is parsed. Comments that the site does not show:
 The pages are shared by several modules, because one worker of pytest-xdist runs a whole module.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import re

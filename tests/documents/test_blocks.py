@@ -1,7 +1,5 @@
 """The documents and what they are about: example packages word by word, the reference's names."""
 
-from __future__ import annotations
-
 import pkgutil
 import re
 

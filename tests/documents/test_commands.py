@@ -1,7 +1,5 @@
 """Each command of haploop that a document names exists, with its options: in blocks that do not run, too."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 

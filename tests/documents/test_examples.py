@@ -1,7 +1,5 @@
 """What a script needs has an example in its docstring; all run, in the order of a day's work."""
 
-from __future__ import annotations
-
 import doctest
 from importlib.util import find_spec
 from operator import attrgetter

@@ -1,7 +1,5 @@
 """How-to guides, a to l: every block runs."""
 
-from __future__ import annotations
-
 import shutil
 
 import pytest

@@ -1,7 +1,5 @@
 """How-to guides, m to z: every block runs."""
 
-from __future__ import annotations
-
 import shutil
 
 import pytest

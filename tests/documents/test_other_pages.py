@@ -1,7 +1,5 @@
 """README, tutorial, reference, explanations and decisions: every block runs."""
 
-from __future__ import annotations
-
 import shutil
 
 import pytest

@@ -1,7 +1,5 @@
 """What the page "When it does not work" quotes is what haploop says."""
 
-from __future__ import annotations
-
 import re
 
 from tests.documents.pages import ROOT

@@ -1,7 +1,5 @@
 """One file of each kind: a recording from the twin, the rest made of known numbers."""
 
-from __future__ import annotations
-
 import io
 import sys
 from dataclasses import dataclass, replace

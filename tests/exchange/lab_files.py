@@ -4,8 +4,6 @@ Each is written by hand or by its own library, never by haploop. The kinds of pr
 programs that they name, shortened.
 """
 
-from __future__ import annotations
-
 import io
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field

@@ -6,8 +6,6 @@ rule. The programs that read these formats (iOS, Android, Meta's SDK) do not run
 reader of them is to be had; docs/how-to/phone.md says which readers were built once from their source.
 """
 
-from __future__ import annotations
-
 import itertools
 from typing import Annotated, Any, Literal, Self
 

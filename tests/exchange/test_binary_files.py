@@ -4,8 +4,6 @@ Each row writes the same press with a library that is not ours, and has what is 
 of the question or the refusal.
 """
 
-from __future__ import annotations
-
 import datetime as dt
 import shutil
 import struct

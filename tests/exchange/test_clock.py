@@ -1,7 +1,5 @@
 """A stated rate and the stamps of a column: they agree within 1 %, or it is asked which is right."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Slow force-travel curves, as key-switch testers write them; the truth of each is known in closed form."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 

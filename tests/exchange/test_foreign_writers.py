@@ -3,8 +3,6 @@
 With HAPLOOP_FOREIGN=1 in the environment 2,000 files are drawn.
 """
 
-from __future__ import annotations
-
 import datetime as dt
 import os
 from collections.abc import Callable

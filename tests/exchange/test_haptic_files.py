@@ -4,8 +4,6 @@ No independent reader of these formats is on PyPI or in Debian: published_rules.
 each field, and the envelope is read back by a few lines that share nothing with the writer.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

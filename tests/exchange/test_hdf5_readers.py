@@ -1,7 +1,5 @@
 """The readers of HDF5 that docs/reference/format.md names, on every kind of haploop's own files."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 from pathlib import Path

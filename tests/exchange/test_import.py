@@ -1,7 +1,5 @@
 """A press that was recorded elsewhere becomes a representative press here."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import struct

@@ -1,7 +1,5 @@
 """A whole recording of another program is a recording like one's own: segmented, judged, represented."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

@@ -1,7 +1,5 @@
 """Files as labs have them: what is understood of each is compared with what was written."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """What a signal's levels say: its rest, and whether it switches."""
 
-from __future__ import annotations
-
 import h5py
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """`haploop.load`: one function for every kind of file, and a string is a path wherever a list is taken."""
 
-from __future__ import annotations
-
 import haploop
 from haploop.exchange.catalogue import index as catalogue_index
 from tests.raising import raises

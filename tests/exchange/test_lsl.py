@@ -1,7 +1,5 @@
 """`haploop live --lsl`, received by a real pylsl inlet in a program of its own. Loopback only."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

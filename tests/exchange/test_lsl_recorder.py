@@ -1,7 +1,5 @@
 """`haploop live --lsl` and another stream, recorded to XDF as LabRecorder does. Loopback only."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import time

@@ -3,8 +3,6 @@
 The bytes, and the structure under a checksum that fits.
 """
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """MATLAB files between GNU Octave and haploop: all kinds in one run of Octave, which is slow to start."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 from pathlib import Path

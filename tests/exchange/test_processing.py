@@ -1,7 +1,5 @@
 """Processing a study: the same bytes, whoever computes them, and whoever is killed meanwhile."""
 
-from __future__ import annotations
-
 import csv
 import multiprocessing
 import os

@@ -1,7 +1,5 @@
 """Responses of calibrations for other programs, and from them."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

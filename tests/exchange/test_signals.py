@@ -1,7 +1,5 @@
 """Signals, read back by programs that are not ours: the same values, in the same units."""
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path

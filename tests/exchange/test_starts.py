@@ -1,7 +1,5 @@
 """What a file states of its start is read: in UTC with its time zone, as it stands there without one."""
 
-from __future__ import annotations
-
 import datetime as dt
 import json
 import os

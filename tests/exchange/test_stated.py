@@ -3,8 +3,6 @@
 One table of inputs in the shape of files that people post, each with what is right.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any

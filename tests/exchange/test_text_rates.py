@@ -1,7 +1,5 @@
 """Sample rates as people write them, and what is none."""
 
-from __future__ import annotations
-
 import pytest
 
 from haploop.exchange.columns.text_rates import stated_by, stated_rates

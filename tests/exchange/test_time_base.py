@@ -1,7 +1,5 @@
 """Stamps that are rounded: what they tell of the rate, and how well."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Processes of a pool end with the program that made it, however it ends."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import time

@@ -1,7 +1,5 @@
 """An experiment whose digital buttons the rig plays, for the tests of each way to run it."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Twenty simulated participants, two days, both experiments: effects are found, and none is invented."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from pathlib import Path

@@ -3,8 +3,6 @@
 Not collected with the suite: test_conformance.py runs this file as a test run of its own.
 """
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager, suppress

@@ -1,7 +1,5 @@
 """Our own instruments run the suites that we ship; and the suites notice drivers that break promises."""
 
-from __future__ import annotations
-
 import io
 import re
 import subprocess

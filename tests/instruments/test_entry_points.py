@@ -1,7 +1,5 @@
 """Roles and drivers of other packages: found by entry point, and broken ones told in one sentence."""
 
-from __future__ import annotations
-
 import json
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """A session on tape: recorded on the wire, played without one, bit by bit; and tapes that were changed."""
 
-from __future__ import annotations
-
 import gzip
 import json
 import re

@@ -1,7 +1,5 @@
 """The clock of a simulated rig with a person in front of it."""
 
-from __future__ import annotations
-
 from pytest import approx, fixture
 
 from haploop.mocks import clock as clocks

@@ -1,7 +1,5 @@
 """Faults fire on schedule, on twin and wire alike, and the product notices each."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A source of high impedance behind a multiplexer shows the channel before it, and the doctor finds it."""
 
-from __future__ import annotations
-
 import pytest
 
 import haploop

@@ -1,7 +1,5 @@
 """Surfaces that are not the calibrated one, and signals that are not the surface's, on twin and wire."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

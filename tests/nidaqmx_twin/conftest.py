@@ -1,7 +1,5 @@
 """The devices of an export behind the wire, and tasks of the real nidaqmx on them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import nidaqmx

@@ -1,7 +1,5 @@
 """The real nidaqmx package, connected to a wire in this process."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any

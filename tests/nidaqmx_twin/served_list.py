@@ -1,7 +1,5 @@
 """The page of what the twin serves of nidaqmx: `python -m tests.nidaqmx_twin.served_list` writes it anew."""
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Iterator
 from itertools import groupby

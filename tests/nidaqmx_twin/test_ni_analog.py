@@ -1,7 +1,5 @@
 """Ordinary nidaqmx programs for analog input and output, on the wire, in real time."""
 
-from __future__ import annotations
-
 import struct
 import time
 

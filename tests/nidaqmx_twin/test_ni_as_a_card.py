@@ -4,8 +4,6 @@ K: NI knowledge base. H: NI-DAQmx help. T: a test of ni/nidaqmx-python's own sui
 request there.
 """
 
-from __future__ import annotations
-
 import operator
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """Every kind of channel that nidaqmx can make exists, and has the properties that its call gives."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Iterator
 from contextlib import suppress

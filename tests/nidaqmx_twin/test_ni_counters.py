@@ -1,7 +1,5 @@
 """Counters on the wire: pulses put out, and what other counters measure of them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import nidaqmx

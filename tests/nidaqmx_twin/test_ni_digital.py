@@ -1,7 +1,5 @@
 """Digital lines and ports on the wire."""
 
-from __future__ import annotations
-
 import nidaqmx
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """What the NI system keeps: custom scales, saved tasks, watchdogs and power-up states."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import nidaqmx

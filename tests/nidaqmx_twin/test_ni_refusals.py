@@ -1,7 +1,5 @@
 """What a card refuses when a task is verified or started: each row names the statement it is from."""
 
-from __future__ import annotations
-
 import operator
 import struct
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """What the twin does not serve is said: the page of all properties and calls, and each way of saying so."""
 
-from __future__ import annotations
-
 import warnings
 
 import nidaqmx

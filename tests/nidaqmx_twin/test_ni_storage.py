@@ -1,7 +1,5 @@
 """What the simulated NI system keeps: sensors, calibration, channels and tasks, states after power-on."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import nidaqmx

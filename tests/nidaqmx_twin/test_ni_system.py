@@ -1,7 +1,5 @@
 """Devices, exports of NI MAX, and the wire as a program of its own."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Virtual time of a program under test: what moves it, and that a busy machine does not."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Iterator

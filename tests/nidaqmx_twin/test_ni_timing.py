@@ -1,7 +1,5 @@
 """Timing, triggers, events, and what several tasks share, on the wire."""
 
-from __future__ import annotations
-
 import threading
 from datetime import UTC, datetime
 from typing import Any

@@ -1,7 +1,5 @@
 """What triggers, filters, clocks between cards and watchdogs do: each row names the statement it is from."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 
 import nidaqmx

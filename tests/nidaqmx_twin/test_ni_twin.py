@@ -1,7 +1,5 @@
 """Code that knows nothing of haploop runs on simulated NI cards."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

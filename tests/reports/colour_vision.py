@@ -1,7 +1,5 @@
 """How far apart two colours are: with three kinds of colour blindness, without, and on a grey printer."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.colors import to_rgb
 from numpy.typing import NDArray

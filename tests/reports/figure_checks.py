@@ -1,7 +1,5 @@
 """What a reader would notice: texts that overlap or leave the canvas, and curves that look alike."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations

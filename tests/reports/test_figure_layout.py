@@ -1,7 +1,5 @@
 """Every figure, one and two columns wide: no text overlaps, and every curve is told apart in grey."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace

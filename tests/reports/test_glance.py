@@ -1,7 +1,5 @@
 """One glance, and what a page, a console, a notebook and a terminal show of it."""
 
-from __future__ import annotations
-
 import io
 import json
 import re

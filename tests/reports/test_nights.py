@@ -1,7 +1,5 @@
 """The nights of a history: each mode's drift is followed through renewals."""
 
-from __future__ import annotations
-
 import csv
 import io
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Figures for a paper from a lab's own files: those whose data are there, and what the others take."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

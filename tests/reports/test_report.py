@@ -1,7 +1,5 @@
 """`haploop report`: what is read, what is said of it, and that nothing changes when it is made again."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from contextlib import nullcontext

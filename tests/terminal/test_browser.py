@@ -1,7 +1,5 @@
 """A report opens for a person at a screen, and for nobody else."""
 
-from __future__ import annotations
-
 import sys
 import webbrowser
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A stop that comes where Python drops exceptions is heeded all the same, once."""
 
-from __future__ import annotations
-
 import ctypes
 import gc
 import os

@@ -1,7 +1,5 @@
 """What an operator sees at a terminal of 80 columns, and in a notebook."""
 
-from __future__ import annotations
-
 import builtins
 import io
 import os

@@ -1,7 +1,5 @@
 """A rig of presses whose truth is known in closed form, on virtual time. Independent of the plant."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Presses of straight lines and steps, whose every index is known by hand: 1000 samples/s, no noise."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What is said of a press as soon as it is over: every bad one is marked, and no good one."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

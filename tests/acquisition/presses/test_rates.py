@@ -1,7 +1,5 @@
 """Sample rates: right within what is stated, or refused with the least rate that the step needs."""
 
-from __future__ import annotations
-
 import re
 from itertools import product
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A force that is not at rest is not always a hand: hum and creep are told as what they are."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

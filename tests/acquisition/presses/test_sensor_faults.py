@@ -1,7 +1,5 @@
 """Signals that are wrong: refused when they are recorded, left out or corrected when they are averaged."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from types import SimpleNamespace

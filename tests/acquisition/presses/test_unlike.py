@@ -1,7 +1,5 @@
 """Presses and participants that are unlike the others, of few and of many, and what becomes of them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

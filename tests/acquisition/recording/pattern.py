@@ -1,7 +1,5 @@
 """A known pattern, files that hold it, and what runs in the processes that are killed while recording it."""
 
-from __future__ import annotations
-
 import contextlib
 import sys
 import time

@@ -1,7 +1,5 @@
 """What a recording derives from its samples, against the same sums in plain numpy."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Disks that are too small, fill up, fail, are slow or may not be written: told in time, and nothing lost."""
 
-from __future__ import annotations
-
 import errno
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Recordings for xarray and pandas, where those are installed, and in one sentence where they are not."""
 
-from __future__ import annotations
-
 import sys
 
 import numpy as np

@@ -1,7 +1,5 @@
 """kill -9 at any moment: what was reported as written is in the file, and the file can be made whole."""
 
-from __future__ import annotations
-
 import time
 from multiprocessing.connection import Connection
 from pathlib import Path

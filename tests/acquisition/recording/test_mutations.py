@@ -1,7 +1,5 @@
 """Recordings with bytes or structure changed: refused in one sentence, or no more than was recorded."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 from typing import Any

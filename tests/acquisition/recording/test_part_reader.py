@@ -1,7 +1,5 @@
 """A recording read part by part, while it is written and afterwards, is what it is as a whole."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

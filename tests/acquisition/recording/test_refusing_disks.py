@@ -1,7 +1,5 @@
 """A disk that refuses any call of writer, committer or finishing: one sentence, and samples kept."""
 
-from __future__ import annotations
-
 import errno
 import os
 import sys

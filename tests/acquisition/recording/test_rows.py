@@ -1,7 +1,5 @@
 """Rows, codes and headers by hand: every byte of them, and what is no row."""
 
-from __future__ import annotations
-
 import zlib
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Which part of a damaged or unfinished recording is kept, block by block and row by row."""
 
-from __future__ import annotations
-
 import hashlib
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Files that several programs write, files of people, and what killed programs left."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

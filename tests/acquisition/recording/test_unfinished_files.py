@@ -1,7 +1,5 @@
 """Files that are being recorded, were interrupted, truncated or damaged: their contents, and recovery."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from dataclasses import replace

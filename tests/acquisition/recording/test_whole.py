@@ -1,7 +1,5 @@
 """Recordings of other programs are written whole, or not at all, and take nobody's place."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from haploop.acquisition.recording import write_recording, writer

@@ -1,7 +1,5 @@
 """The writer's room, to the byte and to the row; and what is set aside, or recovered, and what is not."""
 
-from __future__ import annotations
-
 import errno
 import os
 import shutil

@@ -1,7 +1,5 @@
 """A study in a process of its own, to be killed. Imported by that process, so it has no pytest."""
 
-from __future__ import annotations
-
 from multiprocessing.connection import Connection
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What is recorded besides the presses: instruments that are on no DAQ, and extra channels."""
 
-from __future__ import annotations
-
 import sys
 import threading
 import time

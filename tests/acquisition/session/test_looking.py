@@ -1,7 +1,5 @@
 """Sensors are looked at before anything is recorded: every channel is live, and no file is made."""
 
-from __future__ import annotations
-
 import pytest
 
 import haploop

@@ -1,7 +1,5 @@
 """Presses are recorded on DAQs that are not NI's, and along with one that has its own clock."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Streams of other programs, recorded along: simulated ones on clocks of their own, and real ones."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import subprocess

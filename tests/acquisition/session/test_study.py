@@ -1,7 +1,5 @@
 """A study is recorded, interrupted and gone on with: nothing is lost, or asked for twice."""
 
-from __future__ import annotations
-
 import json
 import time
 from collections import Counter

@@ -1,7 +1,5 @@
 """study.toml: what it may say, what it may not, and where the sentence points."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from dataclasses import replace

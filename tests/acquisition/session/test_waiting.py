@@ -1,7 +1,5 @@
 """A session in progress, one that waits for somebody who is away, and what an empty one leaves."""
 
-from __future__ import annotations
-
 import errno
 import os
 import sys

@@ -1,7 +1,5 @@
 """A check under noise that is correlated, beside the surface's own motion."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

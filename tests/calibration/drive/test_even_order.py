@@ -1,7 +1,5 @@
 """A patch whose up differs from its down: identified from plays, taken out of drives and of corrections."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

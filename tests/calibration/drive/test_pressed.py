@@ -1,7 +1,5 @@
 """Drives by the force of the finger, and who is told when nobody rests one."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Drives of several patches at once, on a rig whose amplifier has a channel for each."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Presses of any rate on the clock of any drive."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """The check beside the surface's own motion, which no laser saw: they share nothing but the target."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

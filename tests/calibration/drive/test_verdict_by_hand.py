@@ -1,7 +1,5 @@
 """Verdicts on plays of a few tones, whose every figure is known by hand: 1 s at 5000 samples/s."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any

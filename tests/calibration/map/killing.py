@@ -1,7 +1,5 @@
 """A process that is ready to begin something again and again, so that each beginning can be killed."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal

@@ -1,7 +1,5 @@
 """Calibrations of grid points that are taken from a map."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 

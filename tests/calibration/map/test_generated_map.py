@@ -1,7 +1,5 @@
 """The paper's way: the generator sweeps the patches, and the DAQ and the laser measure."""
 
-from __future__ import annotations
-
 import pytest
 
 from haploop.calibration.map.map import VibrationMap

@@ -1,7 +1,5 @@
 """A map that is killed anywhere and gone on with is the map that nothing had interrupted."""
 
-from __future__ import annotations
-
 import os
 import random
 import shutil

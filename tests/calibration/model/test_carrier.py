@@ -1,7 +1,5 @@
 """The carrier is a resonance of the table, in the band of drives, whatever turns beside the table."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

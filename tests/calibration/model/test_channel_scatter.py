@@ -1,7 +1,5 @@
 """Scatter of channels: known gains and delays of simulated patches, found beside a table that drifts."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

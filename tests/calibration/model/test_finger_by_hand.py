@@ -1,7 +1,5 @@
 """Fingers on a pane whose modes are known, without a rig: every response is exact, to the last digit."""
 
-from __future__ import annotations
-
 import zlib
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """One factor over a response: who may have made it, and what several nights add up to."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast

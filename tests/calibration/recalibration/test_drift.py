@@ -1,7 +1,5 @@
 """A response is laid over the active one, and what differs is a drift or a broken place."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Unattended recalibration on a rig: unchanged, brought back, or broken; what is active is whole, always."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import random

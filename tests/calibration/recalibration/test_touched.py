@@ -1,7 +1,5 @@
 """Somebody leans on the table while it is recalibrated: it is told from a drift, and never adopted."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

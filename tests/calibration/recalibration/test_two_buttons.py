@@ -1,7 +1,5 @@
 """Recalibration of a history whose button plays another press at a second point at the same time."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from datetime import timedelta
 

@@ -1,7 +1,5 @@
 """Modes in numpy, exactly sampled, so that an estimator can be tried without a rig."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

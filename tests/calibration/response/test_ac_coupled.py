@@ -1,7 +1,5 @@
 """What an AC-coupled input loses of laser and drive is put back: on a sound card a response is what it is."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

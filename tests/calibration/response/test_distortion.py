@@ -1,7 +1,5 @@
 """The distortion that a law leaves is that of the patch, whatever the noise of the laser."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Sweeps while the laser hums: the response, its uncertainty, and the modes that are named."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The generator's sweep, measured by the DAQ and the laser, is a way to calibrate."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

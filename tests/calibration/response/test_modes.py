@@ -1,7 +1,5 @@
 """Shared poles from plays that neither settle nor are told apart, against modes that are known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

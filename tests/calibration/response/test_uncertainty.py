@@ -1,7 +1,5 @@
 """What is stated as a standard deviation is one, on plants that no estimator was made for."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

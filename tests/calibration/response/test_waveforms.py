@@ -1,7 +1,5 @@
 """What a calibration was computed from is kept: anybody can compute it again."""
 
-from __future__ import annotations
-
 import h5py
 import numpy as np
 import pytest

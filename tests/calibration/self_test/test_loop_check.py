@@ -1,7 +1,5 @@
 """A cable from output to input tells volts, latency and coupling, and the findings say what to write."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

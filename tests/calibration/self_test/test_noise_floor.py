@@ -1,7 +1,5 @@
 """The noise floor of each channel, and tones in it, by the test that doctor runs."""
 
-from __future__ import annotations
-
 import pytest
 
 from haploop.calibration.self_test.sensor_test import check_noise

@@ -1,7 +1,5 @@
 """What doctor says beforehand of a check's error, beside the interval of the check."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

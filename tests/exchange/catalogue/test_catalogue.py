@@ -1,7 +1,5 @@
 """The catalogue says what lies in folders, and never what lay there before."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

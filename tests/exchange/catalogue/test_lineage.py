@@ -1,7 +1,5 @@
 """What was made from what is told by content hashes: never by a name that a file happens to have today."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Equal to what R printed: `tests/data/statistics/r_output.txt`, made by `r_session.R` in the same folder."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Tables III and IV of the paper, from the matrices behind them, and what is not defined."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

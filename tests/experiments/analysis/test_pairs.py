@@ -1,7 +1,5 @@
 """Comparisons of pairs, by their definitions: corrected p, d, its interval, and degrees of freedom."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Power by simulation: nominal without an effect, rising with people, and a wrong plan."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Ratings: normalisation, and known effects that are found where they are."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

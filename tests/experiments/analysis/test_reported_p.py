@@ -1,7 +1,5 @@
 """The p that an analysis of variance reports, by its definition."""
 
-from __future__ import annotations
-
 import pytest
 
 from haploop.experiments.analysis.anova import Effect, Sphericity

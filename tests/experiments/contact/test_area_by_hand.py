@@ -4,8 +4,6 @@ The image is averaged over 3 x 3 pixels, so that a square's edge falls to 2/3 an
 its corners to 4/9 and 1/9.
 """
 
-from __future__ import annotations
-
 from dataclasses import FrozenInstanceError
 from types import SimpleNamespace
 from typing import Any

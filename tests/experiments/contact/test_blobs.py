@@ -3,8 +3,6 @@
 Fingers are ellipses whose edge is blurred by the optics, of 130 grey levels, at 5.3 pixels a millimetre.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Contact area against the plant's truth, finger calibration, activation, and what makes them refuse."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """A rig plays an experiment's digital buttons: calibration of the finger, activation, limits."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections import Counter

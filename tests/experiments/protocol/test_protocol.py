@@ -1,7 +1,5 @@
 """Experiments as files: the paper's two, orders, staircases, and files that are wrong."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import pytest

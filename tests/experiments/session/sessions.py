@@ -1,7 +1,5 @@
 """Sessions of simulated participants, also interrupted and killed ones."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

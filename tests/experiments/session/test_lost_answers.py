@@ -1,7 +1,5 @@
 """What is lost of a log is noticed: lines, ends, files; it is never exported as whole, nor asked again."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from contextlib import closing

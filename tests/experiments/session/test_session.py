@@ -1,7 +1,5 @@
 """Sessions: resumed at the exact trial, never mixed, withdrawn, exported, and logs that are damaged."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """ATI `.cal` files, made up here with the structure of a real one and another matrix."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A wrong description of a sensor is one sentence that says what to write instead."""
 
-from __future__ import annotations
-
 import pytest
 
 from haploop.base.errors import ConfigurationError

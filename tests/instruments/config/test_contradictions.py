@@ -1,7 +1,5 @@
 """A wrong description of amplifier, actuator, wiring or pick-up is one sentence that says what to write."""
 
-from __future__ import annotations
-
 from contextlib import nullcontext
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Every number of a rig file has bounds: a list generated from the models, and no key is left out."""
 
-from __future__ import annotations
-
 import types
 from collections.abc import Iterator
 from importlib import metadata

@@ -1,7 +1,5 @@
 """Two NI cards on a simulated device server, with a plant of two nodes behind them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any

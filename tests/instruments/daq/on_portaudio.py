@@ -3,8 +3,6 @@
 A program of its own, because PortAudio looks for devices once. It prints what it measured, as JSON.
 """
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Times of samples from times of arrival: whatever the rate, the delays and the losses."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The NI driver, through the real nidaqmx package, against its wire and a plant of two nodes."""
 
-from __future__ import annotations
-
 from collections import Counter
 from contextlib import nullcontext
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """What the NI driver refuses, and the sentence in which it does: cards, servers, channels and requests."""
 
-from __future__ import annotations
-
 import re
 import signal
 from collections.abc import Callable

@@ -1,8 +1,6 @@
 """Boards that stream samples: as the only DAQ, along with another one, on twin and wire, with what goes
 wrong."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """Frames of a board: whatever way the bytes are cut, and whatever happens to some of them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

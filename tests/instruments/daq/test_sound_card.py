@@ -1,7 +1,5 @@
 """The sound card as a DAQ: its driver on the twin of the library that it plays and records with."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path

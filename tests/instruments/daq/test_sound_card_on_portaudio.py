@@ -1,7 +1,5 @@
 """The sound card's driver on the real sounddevice and PortAudio, where JACK's dummy card can be started."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import os

@@ -1,7 +1,5 @@
 """A rig file like a shipped one, for each of four labs: filled in, marked, edited, checked, rehearsed."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The generator role on both families, reached by calls; and one by VISA through a socket."""
 
-from __future__ import annotations
-
 import gc
 import math
 import warnings

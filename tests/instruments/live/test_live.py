@@ -1,7 +1,5 @@
 """Taps and publishing: whatever a viewer does, a recording has every sample and waits for nobody."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """The operator at a terminal: answers are waited for, a rejection never is."""
 
-from __future__ import annotations
-
 import io
 import os
 import sys

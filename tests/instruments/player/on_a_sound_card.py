@@ -1,7 +1,5 @@
 """The player's conformance suite on a simulated sound card."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import SimpleNamespace

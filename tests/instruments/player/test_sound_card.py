@@ -1,7 +1,5 @@
 """The sound card's driver through the twin's `sounddevice`, and what a rig makes of its plays."""
 
-from __future__ import annotations
-
 import importlib
 
 import numpy as np

@@ -1,7 +1,5 @@
 """These tests are of the drivers themselves, which close no contact without a rig."""
 
-from __future__ import annotations
-
 import pytest
 
 

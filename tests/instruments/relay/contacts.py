@@ -1,7 +1,5 @@
 """A plant that is nothing but contacts, for tests of relay boxes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The serial relay board: its codec, and its lines through a socket."""
 
-from __future__ import annotations
-
 import math
 import socket
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The Yocto-MaxiCoupler: the logic of a box on its twin, and the hub's protocol on the wire."""
 
-from __future__ import annotations
-
 import json
 import socket
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Several drives at once, on a rig whose amplifier has a channel for each patch."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

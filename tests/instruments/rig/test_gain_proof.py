@@ -1,7 +1,5 @@
 """The amplifier's gain is proved at a volt before the first play of a session."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A play that this program itself cuts short, in a callback or a thread, is an error."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What has reached the patches, worked out from the plant's own record and by none of the product's code."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from itertools import groupby
 

@@ -1,7 +1,5 @@
 """Hardware that is served from a plant in real time, and the place where this computer keeps its locks."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What another program does on the same cards, on a rig's twin and through its wire."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 

@@ -1,7 +1,5 @@
 """A lab whose hardware is simulated in virtual time, but opened as hardware: with locks, lockouts, duty."""
 
-from __future__ import annotations
-
 import gc
 from collections.abc import Iterator
 from contextlib import contextmanager

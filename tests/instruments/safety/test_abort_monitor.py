@@ -1,7 +1,5 @@
 """A play that exceeds an abort limit is stopped, logged and locked out; only a person clears the lockout."""
 
-from __future__ import annotations
-
 import json
 from types import SimpleNamespace
 from typing import Any

@@ -1,7 +1,5 @@
 """The audit log: every play, refusal and stop is one line, with who and which rig file."""
 
-from __future__ import annotations
-
 import getpass
 import hashlib
 import json

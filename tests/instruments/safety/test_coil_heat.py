@@ -1,7 +1,5 @@
 """Whatever is played, and whenever: no coil is warmed beyond its watts, at the plant, by another rule."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import SimpleNamespace

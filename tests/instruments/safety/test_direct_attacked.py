@@ -1,7 +1,5 @@
 """A rig without a relay under attack: other programs, and heat that no play has counted."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Iterator

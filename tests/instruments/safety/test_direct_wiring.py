@@ -1,7 +1,5 @@
 """A rig without a relay: one actuator, always connected. Each sentence of safety.md about it has a test."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import time

@@ -1,7 +1,5 @@
 """The duty is the hardware's: no program forgets what another one has played."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta

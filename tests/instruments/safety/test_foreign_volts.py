@@ -1,7 +1,5 @@
 """What somebody else has left on an output does not reach a patch when a contact closes."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from typing import Any
 

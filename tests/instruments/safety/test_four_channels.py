@@ -3,8 +3,6 @@
 A program plays into all patches; then it is killed or stopped, or another program is at the card.
 """
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import sys

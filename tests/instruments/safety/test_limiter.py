@@ -1,7 +1,5 @@
 """Nothing is played past the limiter: each way that a script or a driver has is tried."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import FrozenInstanceError

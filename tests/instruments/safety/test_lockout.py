@@ -1,7 +1,5 @@
 """The lockout of each piece of hardware: found on any of a rig's pieces, kept, and cleared on all."""
 
-from __future__ import annotations
-
 from dataclasses import FrozenInstanceError
 from pathlib import Path
 

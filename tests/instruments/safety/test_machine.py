@@ -1,7 +1,5 @@
 """One place a computer for the locks of its hardware, whatever a program's environment and user are."""
 
-from __future__ import annotations
-
 import os
 import stat
 import subprocess

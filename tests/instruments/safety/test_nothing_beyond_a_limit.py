@@ -1,7 +1,5 @@
 """Nothing outside a limit reaches a patch, whoever plays and however: looked at in the plant."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress

@@ -3,8 +3,6 @@
 They are real nidaqmx clients of the same device server, with connections of their own.
 """
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable, Iterator

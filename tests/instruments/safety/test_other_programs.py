@@ -1,7 +1,5 @@
 """A second program with the same hardware is refused, and one that is killed leaves an open relay."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

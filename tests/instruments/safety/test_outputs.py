@@ -1,7 +1,5 @@
 """What is at zero, and known to be, before a contact closes; and what was played, by hand."""
 
-from __future__ import annotations
-
 import os
 from types import SimpleNamespace
 from typing import Any

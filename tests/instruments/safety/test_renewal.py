@@ -1,7 +1,5 @@
 """A relay is renewed by a thread of its own while a play is alive, and no longer."""
 
-from __future__ import annotations
-
 import threading
 import time
 from types import SimpleNamespace

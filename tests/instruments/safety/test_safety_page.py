@@ -1,7 +1,5 @@
 """Sentences of docs/explanation/safety.md that no other test names."""
 
-from __future__ import annotations
-
 import importlib
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Steps that are a single line or sign each: without it, nothing else would be noticed."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

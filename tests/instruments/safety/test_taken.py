@@ -1,7 +1,5 @@
 """A play that another program cuts off: the rig is locked out, whatever was played and wherever it went."""
 
-from __future__ import annotations
-
 import random
 import threading
 import time

@@ -3,8 +3,6 @@
 Whatever they do in whatever order, no patch gets more than a limit allows: looked at in the plant.
 """
 
-from __future__ import annotations
-
 import os
 from collections import Counter
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Every way out of a rig ends in the safe state, seen in the plant."""
 
-from __future__ import annotations
-
 import ctypes
 import random
 import signal

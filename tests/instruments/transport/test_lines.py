@@ -1,7 +1,5 @@
 """Lines of text: how a serial port is opened, other ends of a line, resources that need another library."""
 
-from __future__ import annotations
-
 import importlib.util
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The OFV-5000: its driver on a simulated controller, its serial line, and the words of its answers."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

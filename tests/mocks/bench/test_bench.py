@@ -1,7 +1,5 @@
 """A bench file sets inputs, connects wires and lets cards fail, and no line of the program changes."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A rig file for each NI product, and what runs on it: doctor, record, calibrate, check, on twin and wire."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path

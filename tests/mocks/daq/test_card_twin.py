@@ -1,7 +1,5 @@
 """The twin that any DAQ gets by naming its channels, ranges and rate."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any

@@ -1,7 +1,5 @@
 """A rig whose DAQ is modules of a cDAQ chassis is green on the twin and on the wire."""
 
-from __future__ import annotations
-
 import pytest
 
 import haploop

@@ -1,7 +1,5 @@
 """What a product has terminals for runs on its generated rig; with --full all products, else a sample."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

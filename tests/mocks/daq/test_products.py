@@ -1,7 +1,5 @@
 """The table of NI products: every row has a source, and one sentence says what a row lacks."""
 
-from __future__ import annotations
-
 import dataclasses
 import tomllib
 from pathlib import Path

@@ -1,7 +1,5 @@
 """SCPI as clients write it, asked of the generators' boxes."""
 
-from __future__ import annotations
-
 import re
 import socket
 from typing import Any

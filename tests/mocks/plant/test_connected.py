@@ -1,7 +1,5 @@
 """A twin from outside puts a signal on a channel of the DAQ."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

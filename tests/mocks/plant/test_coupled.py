@@ -1,7 +1,5 @@
 """Modes that bodies couple, against a full solution of their whole matrix."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

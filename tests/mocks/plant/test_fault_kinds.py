@@ -1,7 +1,5 @@
 """A package from outside adds a kind of fault; a broken one stops nobody who does not ask for it."""
 
-from __future__ import annotations
-
 import re
 import sys
 from collections.abc import Callable

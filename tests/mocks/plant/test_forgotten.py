@@ -1,7 +1,5 @@
 """A simulated world that nobody has any more is gone at once, not when Python next looks for cycles."""
 
-from __future__ import annotations
-
 import gc
 import weakref
 from collections.abc import Iterator

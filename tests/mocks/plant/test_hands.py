@@ -1,7 +1,5 @@
 """Fingers and palms on the simulated table, through a rig."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A node with two outputs, such as a DAQ's and a generator's: they add up, on whatever clocks they play."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

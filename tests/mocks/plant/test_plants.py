@@ -1,7 +1,5 @@
 """Another plant comes from a package or as an object; a broken one stops nobody who does not ask for it."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Mapping
 from functools import partial

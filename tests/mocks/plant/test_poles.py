@@ -1,7 +1,5 @@
 """Against the recursion from step to step, which is slow and plain."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Bodies that come, stay and go while a surface moves, against a numerical integration of the same system."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """What the simulator knows is compared with what a perfect laser shows of it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

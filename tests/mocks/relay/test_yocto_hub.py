@@ -1,7 +1,5 @@
 """The hub as the vendor's two libraries see it: their recorded requests, byte for byte, on a socket."""
 
-from __future__ import annotations
-
 import json
 import socket
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Instruments of tables: unchanged code opens them, and what they received can be asserted."""
 
-from __future__ import annotations
-
 import json
 import socket
 import subprocess
