@@ -1,12 +1,9 @@
 import os
 from pathlib import Path
 
-import h5py
-import numpy as np
 import pytest
 
 from haploop.base import hdf5
-from haploop.base.checksum import add_checksum
 from haploop.base.errors import DataError
 from haploop.calibration import Calibration, Drive
 from tests.calibration.conftest import Calibrated
@@ -18,19 +15,6 @@ def saved(calibrated: Calibrated, tmp_path: Path) -> Path:
     path = tmp_path / "calibration.h5"
     calibrated.calibration.save(path)
     return path
-
-
-def test_a_calibration_comes_back_as_it_was(calibrated, saved):
-    back, before = Calibration.load(saved), calibrated.calibration
-    assert back.digest == before.digest
-    assert back.response.created == before.response.created
-    assert np.array_equal(back.response.velocity, before.response.velocity)
-    assert back.model.resonances == before.model.resonances
-    assert back.model.band == before.model.band
-    assert [p.name for p in saved.parent.iterdir()] == ["calibration.h5"]
-    with h5py.File(saved) as file:
-        assert file.attrs["software"].startswith("haploop ")
-        assert '"name":"simulated"' in file["response"].attrs["rig_file"] or not before.response.simulated
 
 
 def test_what_was_measured_is_never_overwritten(calibrated, saved):
@@ -63,14 +47,6 @@ def test_files_that_are_none_say_so(saved, calibrated):
         ),
     ):
         raises(DataError, says, read)
-
-
-def test_one_changed_number_is_noticed(saved):
-    with h5py.File(saved, "r+") as file:
-        file["response/velocity_real"][7] *= 1.0001
-    raises(DataError, "does not match its checksum", Calibration.load, saved)
-    add_checksum(saved, "calibration")
-    raises(DataError, "does not match its hash", Calibration.load, saved)
 
 
 def test_another_format(calibrated, tmp_path, monkeypatch):

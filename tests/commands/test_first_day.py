@@ -37,6 +37,7 @@ from haploop.instruments.rig import opening
 from haploop.instruments.safety import machine
 from haploop.mocks.simulation import Simulation
 from haploop.nidaqmx_twin import NiTwin
+from tests.raising import raising
 
 try:
     import sounddevice
@@ -50,13 +51,6 @@ except ImportError:
 Broken = Callable[[pytest.MonkeyPatch, dict[str, Any], ExitStack], Mapping[str, Any]]
 """Brings the connection of an instrument with these settings into a state; returns settings to change."""
 QUICK = {"timeout": 0.05}
-
-
-def raising(error: BaseException) -> Callable[..., Any]:
-    def raises(*_: object, **__: object) -> Any:
-        raise error
-
-    return raises
 
 
 def doing(target: Any, name: str, value: Any, **changed: Any) -> Broken:

@@ -110,18 +110,6 @@ def console(data):
     found.do("end")
 
 
-def test_the_participants_token_answers_and_conducts_nothing(console):
-    for name in ("begin", "present", "done", "pause", "end"):
-        assert console.participant.post(f"/api/experiment/{name}", json={}).status_code == 403, name
-    assert console.participant.get("/api/experiment?experiment=small").status_code == 403
-    assert console.participant.post("/api/participant/answer/").status_code == 403
-    assert console.participant.post("/api/stop").status_code == 403
-    other = {"X-Haploop-Token": "", "Origin": console.access.origins[0]}
-    assert console.participant.post("/api/participant/answer", json={}, headers=other).status_code == 403
-    other = {"Origin": "http://evil.example"}
-    assert console.participant.post("/api/participant/answer", json={}, headers=other).status_code == 403
-
-
 def test_a_participant_is_never_shown_what_is_presented_nor_who_they_are(console):
     """Whatever the stimulus is, the page is sent the same: all answers to choose from, in one order."""
     console.begin()

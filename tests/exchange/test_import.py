@@ -164,17 +164,6 @@ def test_a_file_that_another_library_wrote_alone(tmp_path, write, name, scale):
     assert np.linalg.norm(found.acceleration - own) < 0.05 * np.linalg.norm(own)
 
 
-def test_by_the_command(files, run, tmp_path):
-    out, back = tmp_path / "press.uff", tmp_path / "back.h5"
-    run("export", files.representative, "--to", "uff", "-o", out, ends=0)
-    args = ["import", out, "--button", "push", "--acceleration", "acceleration", "--at", "0.3"]
-    run(*args, "-o", back, "--json", ends=0)
-    found = haploop.load_press([back])
-    like(found, files.press)
-    assert found.simulated and "press.uff" in found.reason
-    run(*args, "-o", back, ends=2)
-
-
 def recorded(seconds: float = 3.0, rate: int = 44_100, at: float = 1.7) -> np.ndarray:
     t = np.arange(round(seconds * rate)) / rate
     since = np.maximum(t - at, 0)

@@ -4,8 +4,6 @@ import csv
 import multiprocessing
 import os
 import signal
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -166,26 +164,6 @@ def test_workers_that_are_always_killed_end_it(folder, tmp_path, monkeypatch):
 
 def suicide(*args: object) -> None:
     os.kill(os.getpid(), signal.SIGTERM)
-
-
-KILLED = """
-import os, signal, sys, haploop
-
-def progress(step, done, of, unit):
-    if done == 1:
-        os.kill(os.getpid(), signal.SIGKILL)
-
-haploop.exchange.process_study(haploop.load_study(sys.argv[1]), sys.argv[2], workers=2, progress=progress)
-"""
-
-
-@pytest.mark.skipif(os.name == "nt", reason="no SIGKILL")
-def test_workers_end_with_the_program_that_was_killed(folder, tmp_path):
-    # The pipe of its output is closed when the last process that inherited it has ended.
-    ended = subprocess.run(
-        [sys.executable, "-c", KILLED, folder, tmp_path / "out"], capture_output=True, timeout=60, check=False
-    )
-    assert ended.returncode == -signal.SIGKILL
 
 
 @pytest.fixture

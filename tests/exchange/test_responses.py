@@ -100,16 +100,6 @@ def test_a_map_in_pyuff(measured_map, tmp_path):
         np.testing.assert_allclose(one["data"], values, rtol=1e-4)
 
 
-def test_a_response_as_a_table(files, tmp_path):
-    pandas = pytest.importorskip("pandas")
-    haploop.export_file(files.calibration, "csv", tmp_path / "a.csv")
-    table = pandas.read_csv(tmp_path / "a.csv")
-    np.testing.assert_allclose(table["frequency [Hz]"], FREQUENCIES)
-    name = "patch A point button velocity"
-    found = table[f"{name} real [(m/s)/V]"] + 1j * table[f"{name} imaginary [(m/s)/V]"]
-    np.testing.assert_allclose(found, velocity(), rtol=1e-7)
-
-
 def test_frequencies_in_uff_have_the_digits_that_fit(tmp_path, files):
     """Lines of a period of 0.6 s: 620.0000 Hz is written, and so is 1.6666667."""
     response = replace(Calibration.load(files.calibration).response, frequencies=FREQUENCIES / 1.2)
@@ -159,13 +149,3 @@ def test_two_parts_over_frequency_in_netcdf_are_a_response(tmp_path, engine):
     found = import_response(path, haploop.load_rig_file("simulated"), "A", "button")
     assert is_response_file(path) and (found.patch, found.point) == ("A", "button")
     np.testing.assert_allclose(found.velocity, own, rtol=1e-12)
-
-
-@pytest.mark.usefixtures("read_here")
-def test_a_calibration_in_matlab_s_format_comes_back(files, run, tmp_path):
-    path, back = tmp_path / "a.mat", tmp_path / "b.h5"
-    run("export", files.calibration, "--to", "mat", "--out", path, ends=0)
-    run("import", path, "--out", back, ends=0)
-    found, own = Calibration.load(back).response, Calibration.load(files.calibration).response
-    np.testing.assert_array_equal(found.velocity, own.velocity)
-    assert (found.patch, found.point, found.simulated) == (own.patch, own.point, own.simulated)

@@ -68,12 +68,6 @@ def test_a_disk_that_fails_while_recording_stops_it_and_what_was_written_stays(t
     assert rig.daq.streams[0].closed
 
 
-def test_a_folder_that_cannot_be_written_is_refused(tmp_path):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(ConfigurationError, match="cannot be written"):
-        record(world_rig(), "push", "P01", 1, tmp_path / "file" / "data")
-
-
 def test_a_real_disk_that_is_too_small_is_refused_before_the_first_press(tmp_path):
     rig = world_rig()
     with disk(tmp_path / "small", "size=2m") as small:

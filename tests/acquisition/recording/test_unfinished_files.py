@@ -26,7 +26,6 @@ from tests.acquisition.recording.pattern import (
     codes_of,
     header,
     unfinished,
-    written,
 )
 from tests.raising import raises
 
@@ -136,17 +135,6 @@ def test_of_a_file_that_was_cut_short_everything_before_the_cut_is_saved(tmp_pat
     whole = Recording.open(recover(cut(path, tmp_path, len(unfinished) // 2)))
     assert 47_000 < whole.volts.shape[1] < 50_000
     assert np.array_equal(whole.volts, volts[:, : whole.volts.shape[1]])
-
-
-def test_what_is_behind_a_damaged_place_is_left_out(tmp_path):
-    path = written(tmp_path / "P01-push.h5", 400)
-    finish(path)
-    with h5py.File(path) as file:
-        chunk = file["codes"].id.get_chunk_info(4)
-    raw = bytearray(path.read_bytes())
-    raw[chunk.byte_offset + 50] ^= 0xFF
-    path.write_bytes(raw)
-    assert Recording.open(saved_of(path)).volts.shape[1] == 4 * CHUNK // 250 * 250
 
 
 def test_nothing_is_ever_overwritten(tmp_path):

@@ -149,13 +149,6 @@ def test_a_rejected_press_is_asked_for_again_and_its_recording_stays(small, tmp_
     assert press.left_out == ("P01, press 2, attempt 1: Rejected: the phone rang",)
 
 
-def test_a_button_is_repeated(small, tmp_path):
-    study = copied(small[0], tmp_path)
-    assert len(study.reject("P01", "latch")) == 2
-    assert study.progress_of("P01", "latch").missing == ((1, 2), (2, 2))
-    assert study.progress_of("P01", "toggle").complete
-
-
 def test_no_consent_no_recording(small, tmp_path):
     study = copied(small[0], tmp_path)
     with twin() as rig:

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from haploop.base.errors import ConfigurationError, DataError
+from haploop.base.errors import ConfigurationError
 from haploop.calibration import DigitalButton, build_button, play_button
 from tests.calibration.conftest import Calibrated, make_press, tamper
 from tests.raising import raises
@@ -26,26 +26,6 @@ def test_a_button_holds_all_that_made_it(calibrated, button):
     assert button.drive.rig == calibrated.rig.name
     assert np.array_equal(button.learning.iterations[button.learning.best].volts, button.drive.volts)
     assert button.calibrations[0].response.rig_file
-
-
-def test_a_button_comes_back_from_disk(button, tmp_path):
-    path = tmp_path / "push.h5"
-    button.save(path)
-    back = DigitalButton.load(path)
-    assert back.digest == button.digest
-    assert np.array_equal(back.drive.volts, button.drive.volts)
-    assert back.press.sources == button.press.sources and back.check.reasons == button.check.reasons
-    raises(DataError, "exists", button.save, path)
-
-
-def test_a_damaged_button_is_refused(button, tmp_path):
-    path = tmp_path / "push.h5"
-    button.save(path)
-    content = bytearray(path.read_bytes())
-    at = content.find(button.drive.volts.tobytes()[8000:8064])
-    content[at] ^= 1
-    path.write_bytes(bytes(content))
-    raises(DataError, "damaged", DigitalButton.load, path)
 
 
 @pytest.mark.long

@@ -133,19 +133,6 @@ def test_what_was_better_by_chance_is_not_taken(calibrated, open, drive, monkeyp
     assert not learning.iterations[1].kept and "Played again" in learning.stopped
 
 
-@pytest.mark.long
-@pytest.mark.requires("simulation")
-def test_every_iteration_is_kept_on_disk(learnt, tmp_path):
-    learnt.save(tmp_path / "learning.h5")
-    back = Learning.load(tmp_path / "learning.h5")
-    assert len(back.iterations) == len(learnt.iterations) > 1
-    for mine, theirs in zip(learnt.iterations, back.iterations, strict=True):
-        assert np.array_equal(mine.volts, theirs.volts) and np.array_equal(mine.measured, theirs.measured)
-        assert (mine.kept, mine.reason, mine.within.root) == (theirs.kept, theirs.reason, theirs.within.root)
-    assert back.stopped == learnt.stopped
-    assert np.array_equal(back.drive.volts, learnt.iterations[learnt.best].volts)
-
-
 def test_no_iterations_is_one_measurement(calibrated, drive):
     learning = learn(calibrated.rig, drive, calibrated.calibration, iterations=0, plays=3)
     assert len(learning.iterations) == 1 and learning.drive is drive

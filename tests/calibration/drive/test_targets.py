@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from scipy.signal import resample_poly
 
-from haploop import DataError
 from haploop.calibration.drive.targets import BEFORE, target_grid
 from tests.calibration.conftest import make_press
 
@@ -55,12 +54,3 @@ def test_presses_of_two_rates_are_played_at_once():
     one, silent, other = grid.acceleration
     assert grid.rate_hz == pytest.approx(10_240) and not silent.any()
     assert np.linalg.norm(one - other) < 0.02 * np.linalg.norm(one)
-
-
-@pytest.mark.parametrize(
-    "acceleration", [np.zeros(3000), np.full(3000, np.nan), np.ones(100), np.ones((2, 9))]
-)
-def test_what_holds_no_motion_is_refused(acceleration):
-    table = SimpleNamespace(rate_hz=50_000.0, ringing=0.1, carriers=(0.0,))
-    with pytest.raises(DataError, match="holds no acceleration that could be driven"):
-        target_grid([replace(PRESS, acceleration=acceleration)], table, "broadband")
