@@ -1,15 +1,12 @@
-import dataclasses
-import time
 import tracemalloc
 
-import h5py
 import numpy as np
 import pytest
 from dtaidistance import dtw, dtw_barycenter
 
 from benchmarks.representative import unseen
 from benchmarks.synthetic_presses import FAMILIES, RATE, TIMES, error, shape_error, spectrum_error
-from haploop.acquisition import Recording, Representative, high_pass, record, representative
+from haploop.acquisition import Recording, high_pass, record, representative
 from haploop.acquisition.presses import averaging, registration
 from haploop.acquisition.presses.averaging import average
 from haploop.acquisition.presses.barycentre import barycentre, paths_to
@@ -132,17 +129,6 @@ def test_a_barycentre_is_that_of_dtaidistance_and_the_mean_along_its_paths():
         np.testing.assert_allclose(centre[::100], met, atol=1e-9)
 
 
-def test_120_presses_take_at_most_ten_seconds(full):
-    if not full:
-        pytest.skip("long; run with --full")
-    curves = TEMPO.warped(100).curves
-    begin = time.process_time()
-    average(list(curves[:, :, None]), RATE)
-    taken = time.process_time() - begin
-    print(f"{taken:.1f} s of processor time")
-    assert taken < 10
-
-
 def test_it_does_not_copy_noise_into_steps():
     curves = TEMPO.warped(3, 1).curves[0]
     result = register(curves[:, None], RATE).template[0]
@@ -224,27 +210,6 @@ def test_the_representative_stands_for_all_presses_of_all_participants(recording
     assert result.activation[opening - 10] > 0.95
     assert result.activation[opening + 10] < 0.05
     assert result.spread[near].max() < 0.5 * np.abs(result.acceleration).max()
-
-
-def test_saving_keeps_everything_and_overwrites_nothing(recordings, tmp_path):
-    result = dataclasses.replace(
-        representative(recordings[:1], undo_low_pass=(20, 400)), left_out=("P01, press 3: why",)
-    )
-    result.save(tmp_path / "push.h5")
-    back = Representative.load(tmp_path / "push.h5")
-    for field in dataclasses.fields(result):
-        mine, theirs = getattr(result, field.name), getattr(back, field.name)
-        assert np.array_equal(mine, theirs), field.name
-        assert type(mine) is type(theirs), field.name
-    raises(ConfigurationError, "not overwritten", result.save, tmp_path / "push.h5")
-    with h5py.File(tmp_path / "cut.h5", "w") as file:
-        file.attrs["format"] = "haploop representative"
-    for says, read, path in (
-        ("not a haploop representative", Representative.load, recordings[0].path),
-        ("not a haploop recording", Recording.open, tmp_path / "push.h5"),
-        ("not written by this version", Representative.load, tmp_path / "cut.h5"),
-    ):
-        raises(DataError, says, read, path)
 
 
 def test_presses_that_were_rejected_are_left_out_and_said_so(tmp_path):
