@@ -242,20 +242,6 @@ class Ofv5000(Vibrometer):
                 f"set the range, or correct 'scale' in [vibrometer].{self._known()}"
             )
 
-    def set_range(self, scale: float) -> None:
-        """Switch the decoder to the range of `scale` (m/s per V), and read that back.
-
-        Raises InstrumentError when another range reads back: the decoder lacks this one.
-        """
-        self._send(Command("Set", self._settings.decoder, "Range", scale_text(scale)))
-        self._take(self._range())
-        if not math.isclose(self.scale, scale, rel_tol=1e-3):
-            raise InstrumentError(
-                f"{self.identity}: {self._settings.decoder} was given the range "
-                f"{scale_text(scale)} but reads {scale_text(self.scale)}: "
-                f"choose a range that it has.{self._known()}"
-            )
-
     def signal_level(self) -> float:
         """See `Vibrometer.signal_level`."""
         return self._value(Command("Get", "SignalLevel,0", "Value"), level_of)
