@@ -105,7 +105,9 @@ def read_tape(path: Path) -> tuple[Mapping[str, Any], tuple[Mapping[str, Any], .
 def _unpacked(path: Path) -> Iterator[bytes]:
     """Whole lines of a file; what is cut off at its end is left out."""
     unpacking = zlib.decompressobj(wbits=31)
-    rest, total = bytearray(), 0
+    # Pieces of a line: bytes that grow are copied, and leave a hole each time in the heap of a large process.
+    rest: list[bytes] = []
+    total = 0
     try:
         most = _LEAST + _RATIO * path.stat().st_size
         with path.open("rb") as file:
@@ -118,12 +120,13 @@ def _unpacked(path: Path) -> Iterator[bytes]:
                             f"The tape {path} unpacks to more than {most >> 20} MB, which no session does: "
                             "have it sent again."
                         )
-                    rest += part
-                    if b"\n" in part:
-                        *lines, last = bytes(rest).split(b"\n")
-                        yield from lines
-                        rest = bytearray(last)
-                    if len(rest) > _LONGEST:
+                    *lines, last = part.split(b"\n")
+                    if lines:
+                        yield b"".join([*rest, lines[0]])
+                        yield from lines[1:]
+                        rest = []
+                    rest.append(last)
+                    if sum(map(len, rest)) > _LONGEST:
                         raise DataError(f"The tape {path} was changed: a line has no end.")
                 if unpacking.eof and (unpacking.unused_data or file.read(1)):
                     raise DataError(f"The tape {path} was changed: something follows its end.")
