@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-import haploop
 from haploop.base.errors import ConfigurationError, DataError
 from haploop.base.files import os_error_text
 from haploop.base.hdf5 import write
@@ -148,8 +147,8 @@ def test_a_signal_while_loading_is_no_traceback_and_one_to_be_ignored_is(name, i
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 @pytest.mark.parametrize("ignored", [False, True])
 def test_a_command_that_was_started_with_nohup_outlives_its_terminal(monkeypatch, run, ignored):
+    monkeypatch.setattr("haploop.instruments.rig_schema", lambda: signal.raise_signal(signal.SIGHUP) or {})
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN if ignored else signal.SIG_DFL)
-    monkeypatch.setattr(haploop, "rig_schema", lambda: signal.raise_signal(signal.SIGHUP) or {})
     try:
         run("schema", ends=0 if ignored else 129)
     finally:

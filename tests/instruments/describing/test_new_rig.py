@@ -39,7 +39,7 @@ LABS = {
 def test_a_lab_has_a_rig_file(lab, run, tmp_path, monkeypatch):
     like, found, filled, edits = LABS[lab]
     path = tmp_path / "lab.toml"
-    monkeypatch.setattr(haploop, "look_for_hardware", lambda: found, raising=False)
+    monkeypatch.setattr("haploop.instruments.look_for_hardware", lambda: found)
     made = run("rig", "new", path, "--like", like)
     assert made.exit_code == 0, made.output
     text = path.read_text(encoding="utf-8")
