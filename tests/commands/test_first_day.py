@@ -283,6 +283,19 @@ STATES: dict[str, dict[str, Broken]] = {
     },
 }  # fmt: skip
 """What can be wrong with the instrument of a driver, and how to bring it about."""
+SAYS: dict[tuple[str, str], str] = {
+    ("ni-daqmx", "missing"): "There is no NI device", ("ni-daqmx", "busy"): "is in use by another program",
+    ("ni-daqmx", "wrong"): "is a USB-6009, and the rig file says",
+    ("ni-daqmx", "silent"): "No NI device server answers at 127.0.0.1:",
+    ("ni-daqmx", "without library"): "The NI-DAQmx driver is not installed",
+    ("serial-adc", "missing"): "The serial ADC at COM3 cannot be opened (no such file or directory)",
+    ("ofv-5000", "missing"): "OFV-5000 at COM3 cannot be opened (no such file or directory",
+    ("serial-relay", "missing"): "The relay board at COM9 cannot be talked to (no such file or directory)",
+    ("yocto-maxicoupler", "missing"): "Connection refused): start VirtualHub",
+    ("keysight-33500", "wrong"): "says that it is a ACME 5, which this driver is not for: correct 'driver'",
+    ("rigol-dg1000z", "wrong"): "says that it is a ACME 5, which this driver is not for: correct 'driver'",
+}  # fmt: skip
+"""Words of a driver's sentence on a state."""
 _SIX = {"missing", "busy", "wrong", "silent", "without library", "without permission"}
 CANNOT = {
     # pyserial and the hub's HTTP come with haploop; OpenCV says of a camera that it opened, or not.
@@ -418,6 +431,7 @@ def test_what_is_wrong_with_an_instrument_is_a_table_or_a_sentence(lab, name, ro
     doctor = run("doctor --rig", name, "--json")
     print(doctor.output)
     assert doctor.exit_code in (1, 3), doctor.output
+    assert SAYS.get((rig.devices[role].driver, state), "") in doctor.output
     if doctor.stdout:
         red = [one for one in json.loads(doctor.stdout)["findings"] if one["status"] == "red"]
         assert red and all(one["sentence"].endswith((".", "?")) for one in red), red

@@ -6,7 +6,6 @@ of the question or the refusal.
 
 import datetime as dt
 import shutil
-import struct
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ import scipy
 
 import haploop
 from haploop.exchange import FileMapping, understand
+from tests.exchange.other_programs import function58, write_xdf
 
 pytestmark = pytest.mark.usefixtures("read_here")
 
@@ -39,11 +39,7 @@ def _uff(
                 units_code=9, units_description="", temp_mode=1, length=length, force=force, temp=1.0,
                 temp_offset=273.15))  # fmt: skip
         for number, one in enumerate(functions, 1):
-            sets.append({
-                "type": 58, "binary": 0, "func_type": 1, "rsp_node": number, "rsp_dir": 3, "ref_node": 0,
-                "ref_dir": 0, "abscissa_spacing": 1, "abscissa_spec_data_type": 17,
-                "abscissa_axis_units_lab": "s",
-                "orddenom_spec_data_type": 0, "x": T, **one})  # fmt: skip
+            sets.append(function58(**{"x": T, "rsp_node": number} | one))
         pyuff.UFF(str(path)).write_sets(sets, mode="overwrite")
         if padding:
             lines = path.read_text(encoding="utf-8").splitlines()
@@ -55,22 +51,12 @@ def _uff(
     return write
 
 
-def channel(name: str, data: np.ndarray, kind: int, unit: str, **more: Any) -> dict[str, Any]:
-    return {
-        "id1": name,
-        "data": data,
-        "ordinate_spec_data_type": kind,
-        "ordinate_axis_units_lab": unit,
-        **more,
-    }
-
-
 def force(data: np.ndarray = F, kind: int = 13, unit: str = "N", **more: Any) -> dict[str, Any]:
-    return channel("force", data, kind, unit, **more)
+    return {"name": "force", "data": data, "kind": kind, "unit": unit} | more
 
 
 def acc(data: np.ndarray = A, kind: int = 12, unit: str = "m/s^2", **more: Any) -> dict[str, Any]:
-    return channel("acc", data, kind, unit, **more)
+    return {"name": "acc", "data": data, "kind": kind, "unit": unit} | more
 
 
 def _tdms(*channels: tuple[str, np.ndarray, dict[str, Any]], **options: Any) -> Callable[[Path], None]:
@@ -323,30 +309,7 @@ def _matlab(**values: Any) -> Callable[[Path], None]:
 
 
 def _xdf(path: Path) -> None:
-    """By the specification of XDF 1.0: a header, a stream's header, its samples and its footer."""
-    pytest.importorskip("pyxdf")
-    channels = "".join(
-        f"<channel><label>{name}</label><unit>{unit}</unit></channel>"
-        for name, unit in (("force", "mN"), ("acceleration", "g"))
-    )
-    about = (
-        "<info><name>lab</name><type>Haptics</type><channel_count>2</channel_count>"
-        f"<nominal_srate>{RATE}</nominal_srate><channel_format>double64</channel_format><source_id>a</source_id>"
-        f"<desc><channels>{channels}</channels></desc></info>"
-    )
-    rows = np.stack([1e3 * F, A / 9.80665], axis=1)
-    samples = struct.pack("<BI", 4, N) + b"".join(
-        struct.pack("<Bd", 8, 10 + t) + row.tobytes() for t, row in zip(T, rows, strict=True)
-    )
-    chunks = (
-        (1, b"<info><version>1.0</version></info>"), (2, struct.pack("<I", 1) + about.encode()),
-        (3, struct.pack("<I", 1) + samples),
-        (6, struct.pack("<I", 1) + f"<info><sample_count>{N}</sample_count></info>".encode()),
-    )  # fmt: skip
-    with path.open("wb") as file:
-        file.write(b"XDF:")
-        for tag, content in chunks:
-            file.write(struct.pack("<BIH", 4, len(content) + 2, tag) + content)
+    write_xdf(path, RATE, {"force": ("mN", 1e3 * F), "acceleration": ("g", A / 9.80665)})
 
 
 Right = Mapping[str, np.ndarray] | str

@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 
 import haploop
 from haploop.exchange import understand
+from tests.exchange.other_programs import function58
 
 settings.register_profile("foreign", max_examples=2000)
 
@@ -158,14 +159,9 @@ def by_pyuff(path: Path, made: Made) -> None:
     sets = []
     for name, (unit, values) in made.written(late=True).items():
         begins = made.late if name == "acceleration" else 0
-        turned = -1 if name == "acceleration" else 1
-        sets.append({
-            "type": 58, "binary": 0, "func_type": 1, "id1": name, "rsp_node": 1, "ref_node": 0,
-            "rsp_dir": 3 * (made.sign if turned < 0 else 1), "ref_dir": 0, "abscissa_spacing": 1,
-            "abscissa_spec_data_type": 17, "abscissa_axis_units_lab": "s",
-            "ordinate_spec_data_type": 12 if name == "acceleration" else 13,
-            "ordinate_axis_units_lab": unit or "NONE", "orddenom_spec_data_type": 0,
-            "data": values, "x": (np.arange(len(values)) + begins) / made.rate})  # fmt: skip
+        x = (np.arange(len(values)) + begins) / made.rate
+        kind, turned = (12, made.sign) if name == "acceleration" else (13, 1)
+        sets.append(function58(name, x, values, kind, unit or "NONE", rsp_dir=3 * turned))
     if not made.states_rate:
         sets.insert(0, pyuff.prepare_164(
             units_code=1, units_description="SI", temp_mode=1, length=1.0, force=1.0, temp=1.0,

@@ -15,6 +15,7 @@ from scipy.io import savemat, wavfile
 import haploop
 from haploop.acquisition import Recording, Representative, high_pass
 from haploop.exchange import FileMapping, understand
+from tests.exchange.other_programs import function58
 from tests.raising import raises
 
 
@@ -127,12 +128,8 @@ def by_octave(path: Path, values: np.ndarray) -> None:
 def by_pyuff(path: Path, values: np.ndarray) -> None:
     import pyuff
 
-    one = {
-        "type": 58, "binary": 0, "func_type": 1, "id1": "acc", "rsp_node": 1, "rsp_dir": 3, "ref_node": 0,
-        "ref_dir": 0, "abscissa_spacing": 1, "abscissa_spec_data_type": 17, "ordinate_spec_data_type": 12,
-        "ordinate_axis_units_lab": "m/s^2", "orddenom_spec_data_type": 0,
-        "data": values, "x": np.arange(len(values)) / 10_000,
-    }  # fmt: skip
+    x = np.arange(len(values)) / 10_000
+    one = function58("acc", x, values, 12, "m/s^2", abscissa_axis_units_lab="NONE")
     pyuff.UFF(str(path)).write_sets([one], mode="overwrite")
 
 

@@ -97,6 +97,8 @@ def test_a_map_in_pyuff(measured_map, tmp_path):
         assert (one["rsp_node"], one["ref_node"]) == (int(point) + 1, " AB".index(patch))
         kinds = ("func_type", "ordinate_spec_data_type", "orddenom_spec_data_type")
         assert [one[kind] for kind in kinds] == [4, 11, 1]
+        units = (one["ordinate_axis_units_lab"].strip(), one["orddenom_axis_units_lab"].strip())
+        assert units == ("m/s", "V") and one["abscissa_spec_data_type"] == 18 and one["rsp_dir"] == 3
         np.testing.assert_allclose(one["data"], values, rtol=1e-4)
 
 

@@ -17,6 +17,7 @@ import scipy
 
 import haploop
 from haploop.exchange import FileMapping, understand
+from tests.exchange.other_programs import function58, write_xdf
 
 T = np.arange(2500) / 5000
 F = np.round(2 * np.exp(-(((T - 0.25) / 0.05) ** 2)), 6)
@@ -112,25 +113,7 @@ def hdf5(**said: Any) -> Callable[[Path], None]:
 
 
 def xdf(path: Path) -> None:
-    """As LabRecorder writes one, which dates the file's header."""
-    pytest.importorskip("pyxdf")
-    about = (
-        "<info><name>lab</name><type>Haptics</type><channel_count>1</channel_count>"
-        "<nominal_srate>5000</nominal_srate><channel_format>double64</channel_format><source_id>a</source_id>"
-        "<desc><channels><channel><label>force</label><unit>N</unit></channel></channels></desc></info>"
-    )
-    samples = b"".join(struct.pack("<Bdd", 8, 10 + t, f) for t, f in zip(T.tolist(), F.tolist(), strict=True))
-    first = struct.pack("<I", 1)
-    chunks = (
-        (1, f"<info><version>1.0</version><datetime>{AT}+0200</datetime></info>".encode()),
-        (2, first + about.encode()),
-        (3, first + struct.pack("<BI", 4, 2500) + samples),
-        (6, first + b"<info><sample_count>2500</sample_count></info>"),
-    )
-    with path.open("wb") as file:
-        file.write(b"XDF:")
-        for tag, content in chunks:
-            file.write(b"\x04" + struct.pack("<IH", len(content) + 2, tag) + content)
+    write_xdf(path, 5000, {"force": ("N", F)}, begun=f"{AT}+0200")
 
 
 def netcdf(since: str = "2026-05-01 10:00:00", calendar: str = "") -> Callable[[Path], None]:
@@ -200,15 +183,8 @@ def parquet(zone: str | None) -> Callable[[Path], None]:
 def uff(path: Path) -> None:
     import pyuff
 
-    pyuff.UFF(str(path)).write_sets(
-        [{
-            "type": 58, "binary": 0, "func_type": 1, "id1": "force", "id3": "01-May-2026 10:00:00",
-            "rsp_node": 1, "ref_node": 0, "rsp_dir": 3, "ref_dir": 0, "abscissa_spacing": 1,
-            "abscissa_spec_data_type": 17, "abscissa_axis_units_lab": "s", "ordinate_spec_data_type": 13,
-            "ordinate_axis_units_lab": "N", "orddenom_spec_data_type": 0, "data": F, "x": T,
-        }],
-        mode="overwrite",
-    )  # fmt: skip
+    one = function58("force", T, F, 13, "N", id3="01-May-2026 10:00:00")
+    pyuff.UFF(str(path)).write_sets([one], mode="overwrite")
 
 
 def sep005(*starts: str) -> str:

@@ -386,9 +386,6 @@ from nidaqmx.errors import DaqNotFoundError
 from contextlib import nullcontext
 from haploop.base.errors import ConfigurationError
 from haploop.nidaqmx_twin import NiTwin
-from haploop.nidaqmx_twin.threads import Threads
-from tests.nidaqmx_twin.ni_client import CONTINUOUS, FINITE, clocked, code, on
-from tests.nidaqmx_twin.ni_client import CONTINUOUS, FINITE, clocked, code, on
 
 _, where, end = sys.argv
 

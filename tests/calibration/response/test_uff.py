@@ -6,14 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 import pyuff
-from click.testing import CliRunner
-from scipy.io import loadmat
 
 from haploop.base.errors import ConfigurationError, DataError
 from haploop.calibration import Calibration, Response, read_uff, write_uff
-from haploop.commands.cli import cli
 from haploop.instruments import load_rig_file
-from haploop.terminal.exits import CommandState
 from tests.calibration.model.test_model import plate
 from tests.raising import raises
 
@@ -65,18 +61,6 @@ def test_what_is_written_is_read(response, tmp_path):
     raises(DataError, "not overwritten", write_uff, path, [response])
     raises(DataError, "no response", write_uff, tmp_path / "none.uff", [])
     assert [p.name for p in tmp_path.iterdir()] == ["two.uff"]
-
-
-def test_another_reader_finds_units_and_places(response, tmp_path):
-    path = tmp_path / "one.uff"
-    write_uff(path, [response])
-    sets = pyuff.UFF(str(path)).read_sets()
-    assert [s["type"] for s in sets] == [151, 164, 58, 58]
-    frf = sets[2]
-    assert (frf["func_type"], frf["ordinate_spec_data_type"], frf["abscissa_spec_data_type"]) == (4, 11, 18)
-    assert (frf["rsp_node"], frf["rsp_dir"], frf["ref_node"]) == (21, 3, 1)
-    assert frf["ordinate_axis_units_lab"].strip() == "m/s" and frf["orddenom_axis_units_lab"].strip() == "V"
-    assert "Simulated" in frf["id5"]
 
 
 def exported(path: Path, **change: Any) -> Path:
@@ -144,20 +128,3 @@ def test_an_imported_response_is_fitted_and_needs_a_rig(response, tmp_path):
     assert calibration.rate_hz == 50e3 and calibration.model.stable
     calibration.save(tmp_path / "calibration.h5")
     assert Calibration.load(tmp_path / "calibration.h5").digest == calibration.digest
-
-
-def test_a_calibration_is_exported_by_a_command(calibrated, tmp_path):
-    file = tmp_path / "calibration.h5"
-    calibrated.calibration.save(file)
-    for name in ("a.uff", "a.mat"):
-        arguments = ["export", str(file), "--to", name.partition(".")[2], "--out", str(tmp_path / name)]
-        result = CliRunner().invoke(cli, arguments, obj=CommandState())
-        assert result.exit_code == 0, result.output
-        assert ("Simulated" in result.output) == calibrated.rig.simulated
-    (back,) = read_uff(tmp_path / "a.uff")
-    assert back.velocity == pytest.approx(calibrated.calibration.response.velocity, rel=1e-10)
-    assert np.array_equal(loadmat(tmp_path / "a.mat")["poles"].ravel(), calibrated.calibration.model.poles)
-    for to, said in (("uff", "is not overwritten"), ("wav", "choose csv, mat, uff")):
-        arguments = ["export", str(file), "--to", to, "--out", str(tmp_path / "a.uff")]
-        result = CliRunner().invoke(cli, arguments, obj=CommandState())
-        assert result.exit_code == 2 and said in " ".join(result.output.split())

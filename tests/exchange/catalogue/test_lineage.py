@@ -1,7 +1,6 @@
 """What was made from what is told by content hashes: never by a name that a file happens to have today."""
 
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -10,8 +9,6 @@ import haploop
 from haploop.calibration import Check, DigitalButton
 from haploop.exchange.catalogue import Entry, Lineage, lineage
 from haploop.exchange.catalogue.entry import Source, packed
-
-Change = Callable[[Path], object]
 
 
 @pytest.fixture

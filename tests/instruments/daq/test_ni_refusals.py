@@ -53,12 +53,6 @@ def test_server_that_dies(bench):
     daq.close()
 
 
-def test_no_server(monkeypatch):
-    monkeypatch.setattr("haploop.instruments.daq.ni_sessions._CONNECT", 0.2)
-    with pytest.raises(InstrumentError, match=r"No NI device server answers at 127\.0\.0\.1:9"):
-        NiDaq.open(settings(server="127.0.0.1:9"), RealClock())
-
-
 def test_ctrl_c_comes_after_a_call_and_within_a_slice_of_connecting(monkeypatch):
     """Within a call of grpc it left a lock locked, for which the safe state then waited in vain."""
     whole: list[str] = []
@@ -94,34 +88,8 @@ def test_a_connection_for_which_no_thread_can_be_started(monkeypatch):
     raises(RuntimeError, "can't start new thread", NiDaq.open, settings(server="127.0.0.1:9"), RealClock())
 
 
-def test_no_driver():
-    if _driver_is_installed():
-        pytest.skip("an NI driver is installed here")
-    raises(InstrumentError, "driver is not installed", NiDaq.open, settings(), RealClock())
-
-
-def _driver_is_installed() -> bool:
-    try:
-        _ = nidaqmx.system.System.local().driver_version
-    except nidaqmx.errors.DaqNotFoundError:
-        return False
-    return True
-
-
 def channel(terminal: str, range: float = 10, config: str = "rse") -> dict[str, Any]:
     return {"channels": {"a": {"terminal": terminal, "range": range, "config": config}}}
-
-
-def test_another_card_than_the_rig_file_says(server, bench):
-    for devices, sentence in (
-        ({"Dev1": "PCIe-6321"}, "Dev1 is a PCI-6034E, and the rig"),
-        ({"Dev9": "PCIe-6321"}, "no NI device 'Dev9'; the system lists Dev1"),
-    ):
-        with (
-            pytest.raises((ConfigurationError, InstrumentError), match=sentence),
-            opened(server, bench, devices=devices),
-        ):
-            pass
 
 
 @pytest.mark.parametrize(("changes", "request_", "says"), [

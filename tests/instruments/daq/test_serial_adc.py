@@ -102,11 +102,6 @@ class TestWire(_OnlyDaq):
             yield daq
 
 
-def test_a_port_that_is_not_there_is_one_sentence():
-    with pytest.raises(InstrumentError, match="serial ADC at /dev/ttyNONE cannot be opened"):
-        SerialAdc.open(settings(port="/dev/ttyNONE"), VirtualClock())
-
-
 def test_a_board_that_is_unplugged_is_one_sentence():
     board = Board(settings(), plant())
     with BoardServer(board) as server:

@@ -234,13 +234,6 @@ def test_an_output_that_stays_on_is_said(family):
         deaf_to("OFF", family, "OUTP1 ON").off()
 
 
-def test_another_instrument_is_refused():
-    bench = Bench()
-    box = Box(DG1000Z, bench, "amplifier")
-    with pytest.raises(InstrumentError, match=r"Rigol Technologies DG1062Z.* not for: correct 'driver'"):
-        Keysight33500(settings(), bench.clock, DirectLine(box.answer))
-
-
 @pytest.fixture
 def served() -> Iterator[tuple[LineServer, Keysight33500]]:
     """A generator that pyvisa reaches through a socket."""

@@ -142,7 +142,6 @@ def test_nobody_at_the_port():
         taken = f"socket://127.0.0.1:{free.getsockname()[1]}"
         for port, error, says in (
             (taken, InstrumentError, rf"{taken} cannot be talked to \(connection refused\): plug"),
-            ("no such port", InstrumentError, r"cannot be talked to \(no such file or directory\): "),
             ("nonsense://x", ConfigurationError, r"'port' in .* 'nonsense://x': it is no name"),
         ):
             raises(error, says, SerialRelay.open, settings(port=port), VirtualClock())

@@ -181,13 +181,6 @@ def test_a_killed_hub_is_noticed_and_the_box_opens_by_itself(wired):
     assert wired.bench.closed() == set()
 
 
-def test_nobody_at_the_address():
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        hub = f"http://127.0.0.1:{free.getsockname()[1]}"
-        raises(InstrumentError, f"{hub} .*start VirtualHub", Yocto.open, settings(hub=hub), VirtualClock())
-
-
 def test_opening_fails_when_the_time_limit_did_not_arrive():
     bench = Contacts(PATCHES)
     box = box_in(bench, PATCHES)

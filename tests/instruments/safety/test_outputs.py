@@ -90,18 +90,13 @@ def test_plays_are_of_the_last_minute_and_of_any_piece_in_order(tmp_path):
 @pytest.mark.parametrize("content", [
     [[5.0, 4.0]], [[1.0]], [[1.0, 2.0, 3.0]], [["1", 2.0]], [[True, 2.0]], [None], {}, "x", 1.0, None,
     [[1.0, 2.0], 3], b"", b"[[1", b"{}", b"[[NaN, NaN]]", b"[" * 9999, b"\xff",
+    as_file("lockout", [[1.0, 2.0]])[0].encode(),
 ])  # fmt: skip
 def test_a_count_without_sense_is_a_full_minute_and_replaced_by_that(content, tmp_path):
     path = tmp_path / machine.file_for("a", "duty")
     path.write_bytes(content if isinstance(content, bytes) else as_file("duty", content)[0].encode())
     assert plays_of(tmp_path, {"a"}, 1000.0) == [(940.0, 1000.0)]
     assert plays_of(tmp_path, {"a"}, 1030.0) == [(940.0, 1000.0)]
-
-
-def test_another_kind_of_file_is_no_count(tmp_path):
-    path = tmp_path / machine.file_for("a", "duty")
-    path.write_text(as_file("lockout", [[1.0, 2.0]])[0], encoding="utf-8")
-    assert plays_of(tmp_path, {"a"}, 1000.0) == [(940.0, 1000.0)]
 
 
 def test_what_cannot_be_counted_is_said(tmp_path):

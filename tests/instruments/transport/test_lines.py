@@ -10,7 +10,7 @@ from haploop.base.clock import RealClock
 from haploop.base.errors import InstrumentError
 from haploop.instruments.relay.serial_relay import SerialRelay
 from haploop.instruments.relay.yocto import Yocto
-from haploop.instruments.transport import SerialLine, SerialSettings, VisaLine, serial_line
+from haploop.instruments.transport import SerialSettings, VisaLine, serial_line
 from haploop.instruments.transport.text_line import Port, TextLine
 from haploop.instruments.vibrometer.ofv5000 import Ofv5000
 from tests.raising import raises
@@ -90,11 +90,6 @@ def test_a_line_ends_as_it_is_told_to(end):
 def test_another_end_is_named(end, reply, sentence):
     line = TextLine("It", lambda: Far(reply), "its 'port'", 0.05, end)
     raises(InstrumentError, sentence, line.receive, "Get")
-
-
-def test_a_port_that_is_not_there_is_one_sentence():
-    line = SerialLine("It", "/dev/no-such-port", 9600, 0.1, how=SerialSettings(parity="even"))
-    raises(InstrumentError, "cannot be opened", line.send, "Get")
 
 
 @pytest.mark.parametrize(("resource", "module", "extra"), [

@@ -80,11 +80,7 @@ def test_it_is_known_by_name_and_in_the_editor():
 NO_FAULT = "The fault 'acme-bad' of the package acme-faults is not a fault"
 NO_CLASS = "The fault 'acme-bad' of the package acme-faults must be a class"
 BROKEN = [
-    ("import nothing_of_this_name", "Bad", r"acme-faults cannot be loaded \(ModuleNotFoundError: No"),
-    ("def (", "Bad", r"acme-faults cannot be loaded \(SyntaxError"),
     ("1 / 0", "Bad", r"acme-faults cannot be loaded \(ZeroDivisionError"),
-    ("class Other: ...", "Bad", r"acme-faults cannot be loaded \(AttributeError"),
-    ("Bad = 3", "Bad", NO_CLASS),
     ("class Bad: ...", "Bad", NO_FAULT),
     ("from haploop.mocks.plant import Fault\nBad = Fault.__new__(Fault)", "Bad", NO_CLASS),
     ("from haploop.mocks.plant import Fault\nclass Bad(Fault):\n  Settings = dict", "Bad", NO_FAULT),
@@ -116,15 +112,6 @@ def test_a_broken_kind_is_in_the_way_of_nobody_else(install, source, tmp_path):
         open_rig("haptable", simulate="twin", simulation={"faults": [{"kind": "patch-ded"}]})
     faults = rig_schema()["$defs"]["SimulationSettings"]["properties"]["faults"]
     assert "patch-dead" in faults["items"]["properties"]["kind"]["enum"]
-
-
-def test_a_name_that_two_packages_give_is_refused(install):
-    install("acme-hum", "acme_faults", BLOCKS["acme_faults.py"], "MainsHum")
-    install("acme-hum", "acme_more", "Bad = 3", "Bad", package="acme-more")
-    with pytest.raises(
-        ConfigurationError, match="acme-faults and acme-more is added more than once: uninstall"
-    ):
-        open_rig("haptable", simulate="twin", simulation={"faults": [HUM]})
 
 
 def test_a_name_of_haploops_own_is_refused(install):

@@ -82,10 +82,7 @@ def test_another_plant_takes_no_settings_of_the_one_below(tmp_path):
 HEAD = "from haploop.mocks.plant import PlantSettings\nclass Bad(PlantSettings):\n"
 NO_MODEL = "The plant 'acme-bad' of the package acme-plants must be a pydantic model, with a method make"
 BROKEN = [
-    ("import nothing_of_this_name", r"acme-plants cannot be loaded \(ModuleNotFoundError: No"),
     ("def (", r"acme-plants cannot be loaded \(SyntaxError"),
-    ("raise SystemExit(4)", r"acme-plants cannot be loaded \(SystemExit: 4"),
-    ("Bad = 3", "acme-plants must be a class or a function"),
     ("class Bad: ...", NO_MODEL),
     ("from pydantic import BaseModel\nclass Bad(BaseModel): ...", NO_MODEL),
     (
