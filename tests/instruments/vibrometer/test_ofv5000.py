@@ -159,11 +159,6 @@ def test_what_is_at_the_port_is_named(answer, says):
     raises(InstrumentError, says, Ofv5000, settings(), VirtualClock(), DirectLine(answer))
 
 
-def test_no_such_port_is_one_sentence():
-    with pytest.raises(InstrumentError, match=r"OFV-5000 at socket://127.0.0.1:1 cannot be opened"):
-        Ofv5000.open(settings(port="socket://127.0.0.1:1"), VirtualClock())
-
-
 def test_a_wrong_range_shows_in_the_data():
     clock = VirtualClock()
     plant = Plant(load_rig_file("simulated"), clock)
