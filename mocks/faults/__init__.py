@@ -1,4 +1,4 @@
-"""haploop's own kinds of fault, one module for each place of action, by the names that rig files give them.
+"""haploop's own kinds of fault, one module for each group of places, by the names that rig files give them.
 
 Other packages add kinds by entry points: see `haploop.mocks.plant.kinds`.
 """
@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from ..plant import Fault
-from .background import FlickerNoise, RotatingMachine
 from .daq import ClockDrift, DaqOverflow, DaqOverrun, PlayCutOff, RtsiMissing, SourceImpedance
 from .laser import (
     AmbientLight,
@@ -25,8 +24,10 @@ from .lines import Reply, SamplesLost, StreamLost
 from .relay import AmplifierGain, AmplifierTrip, RelayLost, RelayStuck, RelaySwapped, RelayWelded
 from .sensors import (
     AccelerometerInverted,
+    FlickerNoise,
     ForceCalibration,
     MainsHum,
+    RotatingMachine,
     SensorCreep,
     SensorDisconnected,
     SensorSaturated,

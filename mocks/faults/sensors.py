@@ -1,4 +1,4 @@
-"""Faults of the sensors and of their cables to the cards."""
+"""Faults of the sensors and their cables to the cards, and what machines and slow noise couple into them."""
 
 from __future__ import annotations
 
@@ -158,3 +158,92 @@ class SensorCreep(OnCards):
             states[k] = low[-1]
         self._known[node] = (rest, float(times[-1]), float(volts[-1]), states)
         return np.asarray(volts + s.share * crept)
+
+
+_SLOWEST, _FASTEST = 0.3, 3000.0
+"""Corners (Hz) between which flicker noise falls with the inverse of the frequency (estimate)."""
+_PROCESSES = 8
+_WANDERS = (0.07, 0.19, 0.43)
+"""Frequencies (Hz) at which a machine's speed wanders (estimate)."""
+
+
+class RotatingMachine(TimedFault, OnCards):
+    """A machine turns nearby, a fan or a neighbour's motor: tones at multiples of one frequency.
+
+    It runs up from rest, with an amplitude that rises with the speed, and its speed wanders slowly.
+    """
+
+    class Settings(TimedFault.Settings):
+        channel: str | tuple[str, ...]
+        volts: Positive = 0.01
+        """Amplitude of the fundamental at full speed (V)."""
+        frequency: Positive = 118.0
+        """Blade or pole frequency at full speed (Hz): the fundamental."""
+        harmonics: tuple[NotNegative, ...] = (0.5, 0.3, 0.2)
+        """Amplitudes of the second harmonic and of those after it, relative to the fundamental."""
+        run_up: NotNegative = 0.0
+        """Time from rest to full speed (s)."""
+        wander: NotNegative = 0.0
+        """Standard deviation of the speed, relative."""
+
+    settings: Settings
+
+    def __init__(self, settings: Settings, file: RigFile, rng: np.random.Generator) -> None:
+        super().__init__(settings, file, rng)
+        self._phases = rng.uniform(0, 2 * np.pi, len(settings.harmonics) + 1)
+        self._wandering = rng.uniform(0, 2 * np.pi, len(_WANDERS))
+
+    def channel(self, node: str, volts: FloatArray, times: FloatArray) -> FloatArray:
+        s = self.settings
+        if node not in ((s.channel,) if isinstance(s.channel, str) else s.channel):
+            return volts
+        running = np.maximum(times - self.begin, 0.0)
+        rising = np.minimum(running, s.run_up)
+        speed = rising / s.run_up if s.run_up else np.ones(len(times))
+        turned = running - rising + (rising**2 / (2 * s.run_up) if s.run_up else 0.0)
+        for hz, phase in zip(_WANDERS, self._wandering, strict=True):
+            swing = s.wander * np.sqrt(2 / len(_WANDERS)) / (2 * np.pi * hz)
+            turned = turned + swing * np.sin(2 * np.pi * hz * times + phase)
+        heard = np.zeros(len(times))
+        for k, (share, phase) in enumerate(zip((1.0, *s.harmonics), self._phases, strict=True), start=1):
+            heard += share * np.sin(2 * np.pi * k * s.frequency * turned + phase)
+        return np.asarray(volts + s.volts * self.active(times) * speed * heard)
+
+
+class FlickerNoise(OnCards):
+    """Noise whose power falls with the inverse of the frequency, of a contact, a drift or an old amplifier.
+
+    A sum of first-order processes whose corners lie evenly on a logarithmic scale, of equal power each.
+    """
+
+    class Settings(FaultSettings):
+        channel: str
+        volts: Positive = 0.01
+        """Rms (V), 0.3 Hz to 3 kHz."""
+
+    settings: Settings
+
+    def __init__(self, settings: Settings, file: RigFile, rng: np.random.Generator) -> None:
+        super().__init__(settings, file, rng)
+        self._rng = rng
+        self._decays = 2 * np.pi * np.geomspace(_SLOWEST, _FASTEST, _PROCESSES)
+        self._states = self._rng.standard_normal(_PROCESSES)
+        self._last = 0.0
+        """Time (s) of the states."""
+
+    def channel(self, node: str, volts: FloatArray, times: FloatArray) -> FloatArray:
+        if node != self.settings.channel:
+            return volts
+        self.mark(float(times[-1]))
+        period = float(times[-1] - times[0]) / max(len(times) - 1, 1)
+        # As many samples passed unread as fit between two blocks; a process forgets them exponentially.
+        kept = np.exp(-self._decays * max(float(times[0]) - self._last - period, 0.0))
+        self._states = kept * self._states + np.sqrt(1 - kept**2) * self._rng.standard_normal(_PROCESSES)
+        heard = np.zeros(len(times))
+        for k, decay in enumerate(np.exp(-self._decays * period)):
+            drawn = np.sqrt(1 - decay**2) * self._rng.standard_normal(len(times))
+            process, _ = scipy.signal.lfilter([1.0], [1.0, -decay], drawn, zi=[decay * self._states[k]])
+            heard += process
+            self._states[k] = process[-1]
+        self._last = float(times[-1])
+        return np.asarray(volts + self.settings.volts / np.sqrt(_PROCESSES) * heard)

@@ -16,10 +16,9 @@ from ...base import entry_points
 from ...base.errors import ConfigurationError, HaploopError, InstrumentError
 from ...base.validation import validate, validate_kind
 from ...instruments.config import RigFile, roles
-from .fault import Fault, FaultSettings
 from .hysteresis import PatchLaw
 from .modal_surface import ModalSurface, SofteningSurface
-from .places import PLACES, OnSurface
+from .places import PLACES, Fault, FaultSettings, OnSurface
 from .surface import PlantSettings, PlantSource, Surface, table_of
 
 

@@ -22,10 +22,9 @@ from ...base.errors import ConfigurationError
 from ...instruments.config import RigFile
 from ...nidaqmx_twin.nodes import Called, Run, Signal, Source
 from .places import LaserHead, OnAmplifier, OnCards, OnRelay, OnSurface, Switches
-from .scene import AmplifierOutput, Scene
+from .scene import AmplifierOutput, Scene, Truth
 from .sensed import Output, Quantity, laser, signalled, wired
 from .surface import PlantSource
-from .truth import Truth
 
 AMPLIFIER_GAIN, AMPLIFIER_GAIN_ERROR = 50.0, 0.01
 """Gain of an E-413.D2 (V per V) and its relative tolerance (docs/hardware.md, "Amplifier")."""

@@ -1,11 +1,11 @@
-"""State of a simulated table and of people's actions on it, read by the sensors and by `Truth`."""
+"""State of a simulated table and of what people do to it, which the sensors read, and `Truth` for tests."""
 
 from __future__ import annotations
 
 import threading
 import zlib
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,13 +14,12 @@ from ...base.arrays import ComplexArray, FloatArray
 from ...base.clock import Clock
 from ...instruments.config import RigFile
 from ...instruments.operator import Press, RestFinger, Touch
-from .buttons import FLAWS, Finger, Flaw, Presses, button_named, press_button
-from .contact import Contact
+from .buttons import FLAWS, Finger, Flaw, Presses, SimulatedPress, button_named, press_button
 from .hysteresis import PatchLaw
 from .kinds import Faults, asked, plant_source, surface_and_laws
 from .places import LaserHead, OnLaser, OnSurface
 from .poles import Course, Poles
-from .surface import AMPLIFIER_POLE_HZ, REMEMBERED, PlantSource, place_of, table_of
+from .surface import AMPLIFIER_POLE_HZ, REMEMBERED, Contact, PlantSource, Surface, place_of, table_of
 from .touches import Fingertip, Hand, SimulatedTouch, skin_of, touch_surface
 
 
@@ -256,3 +255,92 @@ class Scene(ABC):
         for fault in self.faults.at(OnLaser):
             fault.inspected(self.clock.now())
         return all((head.range, head.scale) == (filed.range, filed.scale) for head, filed in self._heads)
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """True values known only to the simulator: for tests and reports, never for an estimator."""
+
+    _scene: Scene
+
+    @property
+    def presses(self) -> tuple[SimulatedPress, ...]:
+        """All presses so far, in order."""
+        return tuple(self._scene.presses.all)
+
+    @property
+    def touches(self) -> tuple[SimulatedTouch, ...]:
+        """All presses of the touch surface so far, in order."""
+        return tuple(self._scene.touches)
+
+    def contact_area(self, times: FloatArray) -> FloatArray:
+        """Return the finger's contact area on the touch surface, (times,) m^2."""
+        return self._scene.contact_area(np.asarray(times, dtype=np.float64))
+
+    @property
+    def resonance_hz(self) -> float:
+        """Present resonance of the first patch at the button (Hz): of the table, its mode near 263.5 Hz."""
+        scene = self._scene
+        place = scene.place("button")
+        return scene.surface.resonance_hz(scene.surface.patches[0], place, scene.clock.now())
+
+    @property
+    def surface(self) -> Surface:
+        """The surface itself; of one that has modes, `surface.modes(time)` are these."""
+        return self._scene.surface
+
+    def velocity_response(self, patch: str, point: str, frequencies: FloatArray) -> ComplexArray:
+        """Return the response without hysteresis, (frequencies,) m/s per V at the patch, as it is now."""
+        scene = self._scene
+        scene.advance(scene.clock.now())
+        return scene.surface.response(patch, scene.place(point), frequencies, scene.clock.now())
+
+    def velocity(self, point: str, times: FloatArray) -> FloatArray:
+        """Return the surface's own velocity at a point, (times,) m/s, at rising times (s of the rig's clock).
+
+        No laser is in it: no pole, delay, noise, clipping or fault, so that a judge can be compared with it.
+        Times reach from 30 s before the last output step to the clock's present time, which the first call
+        brings the plant to. Raises ValueError for times outside.
+        """
+        scene, times = self._scene, np.asarray(times, dtype=np.float64)
+        now = scene.clock.now()
+        if len(times) and times[-1] > now:
+            raise ValueError(f"The motion at {times[-1]:.3f} s lies in the future: it is {now:.3f} s.")
+        scene.advance(now)
+        return scene.surface.velocity(scene.place(point), times)
+
+    @property
+    def patch_voltages(self) -> dict[str, float]:
+        """Present voltage across each patch (V)."""
+        scene = self._scene
+        now = np.array([scene.clock.now()])
+        scene.advance(now[0])
+        return {p: float(scene.patches.voltage(p, now)[0]) for p in scene.surface.patches}
+
+    @property
+    def closed(self) -> frozenset[str]:
+        """Patches with closed contacts, now."""
+        self._scene.advance(self._scene.clock.now())
+        return frozenset(self._scene.closed)
+
+    @property
+    def peak(self) -> float:
+        """Largest voltage magnitude applied to any patch so far (V)."""
+        return self._scene.peak
+
+    def record(self) -> list[AmplifierOutput]:
+        """Record the amplifier's output from now on; return the list, which grows with time."""
+        scene = self._scene
+        scene.advance(scene.clock.now())
+        scene.amplifier_record = []
+        return scene.amplifier_record
+
+    def began(self, record: Sequence[AmplifierOutput]) -> float:
+        """Time (s) at which the first waveform of a record began that a closed contact passed.
+
+        Not its first volts: a waveform may begin with zeros. Raises LookupError where none was passed.
+        """
+        for one in record:
+            if one.closed and np.isfinite(one.period):
+                return one.start
+        raise LookupError("no waveform was passed to a patch")

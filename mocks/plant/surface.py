@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import scipy
@@ -18,7 +19,6 @@ from ...base.bounded import Strict
 from ...base.errors import ConfigurationError
 from ...instruments.config import RigFile, TableSettings
 from ...instruments.vibrometer import Quantity
-from .contact import Contact
 from .hysteresis import Hysteresis, PatchLaw
 
 AMPLIFIER_POLE_HZ = 5000.0
@@ -28,6 +28,26 @@ REMEMBERED = 30.0
 """Past for which a surface can be read (s)."""
 _FINE, _SETTLED = 8, 12.0
 """Samples per time constant, and time constants before the first sample, of the laser's low-pass."""
+
+
+@dataclass(frozen=True)
+class Contact:
+    """A body that rests on a surface: a mass behind a spring and a damper, at one place.
+
+    Its force on the surface is stiffness x (u - x) + damping x (u' - x');
+    u is the surface's displacement, x the body's, both from where they rest.
+    """
+
+    name: str
+    """Which body it is: one that stays, with another stiffness, goes on moving as it did."""
+    place: tuple[float, float]
+    """Fractions of the surface's width and height."""
+    stiffness: float
+    """N/m."""
+    damping: float
+    """N s/m."""
+    mass: float
+    """kg."""
 
 
 class Surface(ABC):

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...base.arrays import FloatArray
 from ...instruments.operator import Touch
-from .contact import Contact
+from .surface import Contact
 
 AREA_AT_1_N = 70e-6
 """m^2, of the mean person."""

@@ -35,7 +35,7 @@ from haploop.mocks.relay import BoxFault, RelayTwin, SimulatedBox, box_in
 from haploop.mocks.relay.serial_relay import SerialRelayTwin, SerialRelayWire
 from haploop.mocks.relay.yocto_hub import YoctoHub
 from haploop.mocks.transport import DirectLine, LineServer, ReplyFault
-from haploop.mocks.vibrometer.ofv5000 import Controller
+from haploop.mocks.vibrometer import Controller
 from haploop.nidaqmx_twin import NiServer, inventory_of
 from tests.instruments import broken_drivers
 from tests.instruments.player.on_a_sound_card import OnASoundCard

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 import numpy as np
 
 from haploop.mocks.plant.plant import Plant
-from haploop.mocks.transport.loopback import DirectLine, LineServer
+from haploop.mocks.transport import DirectLine, LineServer
 from haploop_acme_thermometer.microscope import AcmeC1
 from haploop_acme_thermometer.thermometer import AcmeT1
 

@@ -19,7 +19,7 @@ from haploop.acquisition import verify
 from haploop.base.errors import InstrumentError
 from haploop.instruments import RecordedAlong, Rig
 from haploop.instruments.rig import rig_schema
-from haploop.mocks.transport.loopback import DirectLine
+from haploop.mocks.transport import DirectLine
 
 SETTINGS = AcmeT1.Settings(port="COM6")
 RIG = Path(__file__).parents[1] / "acme.toml"

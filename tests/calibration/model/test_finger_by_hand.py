@@ -15,7 +15,7 @@ from haploop.calibration.response import Response
 from haploop.calibration.response.response import LINEAR
 from haploop.instruments.operator import RestFinger
 from haploop.mocks.plant import Fingertip, Modes, Palm
-from haploop.mocks.plant.contact import Contact
+from haploop.mocks.plant.surface import Contact
 from haploop.mocks.plant.touched import touched_velocity
 from haploop.mocks.plant.touches import Hand
 from tests.raising import raises

@@ -14,7 +14,7 @@ from haploop.instruments.conformance import Fired, PlayerConformance
 from haploop.instruments.player.sound_card import SoundCard
 from haploop.mocks.clock import VirtualClock
 from haploop.mocks.plant.plant import Plant
-from haploop.mocks.player.sound_card import Card
+from haploop.mocks.player import Card
 
 
 class OnASoundCard(PlayerConformance):

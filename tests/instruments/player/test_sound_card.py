@@ -17,7 +17,7 @@ from haploop.instruments.player.sound_card import SoundCard, at_rate
 from haploop.instruments.rig.alignment import Aligned, Timing, find
 from haploop.mocks.clock import VirtualClock
 from haploop.mocks.plant import Plant
-from haploop.mocks.player.sound_card import DRIFT, Card, Jack, twin
+from haploop.mocks.player import DRIFT, Card, Jack, twin
 from tests.calibration.conftest import make_press
 from tests.raising import raises, raising
 

@@ -14,7 +14,7 @@ from haploop.instruments.vibrometer.ofv5000 import Command, Ofv5000
 from haploop.mocks.clock import VirtualClock
 from haploop.mocks.plant import LaserHead, Plant
 from haploop.mocks.transport import DirectLine, LineServer, ReplyFault
-from haploop.mocks.vibrometer.ofv5000 import Controller, twin
+from haploop.mocks.vibrometer import Controller, twin
 from tests.raising import raises
 
 RANGE = "Get,VeloDec,0,Range"

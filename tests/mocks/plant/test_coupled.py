@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from haploop.mocks.plant import Contact, Fingertip, Modes
-from haploop.mocks.plant.coupled import Coupled
 from haploop.mocks.plant.table import make_plate
-from haploop.mocks.plant.touched import touched_velocity
+from haploop.mocks.plant.touched import Coupled, touched_velocity
 from haploop.mocks.plant.touches import Palm
 
 LAID = {

@@ -1,16 +1,48 @@
-"""Twin and wire of the OFV-5000: a controller whose range setting scales the laser's output."""
+"""Twins of the vibrometers: each installs its head in the plant; the OFV-5000 has a controller and a wire."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from typing import TypeVar
 
-from ...base.clock import Clock
-from ...base.errors import ConfigurationError
-from ...instruments.vibrometer.ofv5000 import LEVEL_FULL, Command, Ofv5000, scale_of, scale_text
-from ..plant import LaserHead, Plant
-from ..transport import DirectLine, LineServer
+from ..base.clock import Clock
+from ..base.errors import ConfigurationError
+from ..instruments.vibrometer.analog import AnalogVibrometer
+from ..instruments.vibrometer.ofv5000 import LEVEL_FULL, Command, Ofv5000, scale_of, scale_text
+from ..instruments.vibrometer.pdv100 import Pdv100
+from .plant import LaserHead, Plant
+from .transport import DirectLine, LineServer
+
+Driver = TypeVar("Driver", bound=AnalogVibrometer)
+
+
+def analog_vibrometer(settings: AnalogVibrometer.Settings, plant: Plant) -> AnalogVibrometer:
+    """Install a head with the rig file's settings; return the real driver, which is arithmetic only."""
+    return installed(AnalogVibrometer(settings), plant)
+
+
+def installed(driver: Driver, plant: Plant) -> Driver:
+    """Install the head of a driver, and return it."""
+    head = LaserHead(
+        driver.range,
+        driver.scale,
+        driver.bandwidth_hz,
+        driver.delay,
+        quantity=driver.quantity,
+        high_pass_hz=driver.high_pass_hz,
+        zero=driver.zero,
+        mass=driver.mass,
+    )
+    plant.install(driver.channel, head)
+    return driver
+
+
+def pdv100(settings: Pdv100.Settings, plant: Plant) -> Pdv100:
+    """Install a head with the rig file's settings; return the real driver, which is arithmetic only."""
+    return installed(Pdv100(settings), plant)
+
 
 DECODERS = {
     "VeloDec,0": ("VD-08", (0.0002, 0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05)),

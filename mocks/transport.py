@@ -1,10 +1,14 @@
-"""Wires over TCP: the base of all, lines of text, and a proxy that disturbs answers."""
+"""Wires to simulated instruments: servers over TCP, lines of text, and a proxy that disturbs answers.
+
+A program that opens a serial port by its path gets a device file in front of one.
+"""
 
 from __future__ import annotations
 
 import math
 import os
 import re
+import select
 import socket
 import socketserver
 import threading
@@ -14,8 +18,8 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Literal
 
-from ...base.errors import InstrumentError
-from ...base.threads import Closing, Flag
+from ..base.errors import ConfigurationError, InstrumentError
+from ..base.threads import Closing, Flag
 
 HOST = "127.0.0.1"
 """The only address on which simulated instruments listen: see `Loopback`."""
@@ -331,3 +335,47 @@ class _Line:
             return True
         head = answer.find(b"\r\n\r\n") + 4 if answer.startswith(b"HTTP/") else 0
         return fault.send(client, answer, self.closing, spare=head)
+
+
+_COPIES = 0.1
+"""Interval (s) at which a pseudo-terminal looks for its end."""
+
+
+@contextmanager
+def pseudo_terminal(host: str, port: int) -> Iterator[str]:
+    """Serve a wire at a device file; yield its path. Raises ConfigurationError on Windows, which has none."""
+    if os.name == "nt":
+        raise ConfigurationError(
+            "Windows has no pseudo-terminals: open the socket:// address, or run the program by this command."
+        )
+    import tty  # noqa: PLC0415
+
+    ours, theirs = os.openpty()
+    tty.setraw(theirs)
+    ended = Flag()
+    with socket.create_connection((host, port)) as link:
+        thread = threading.Thread(target=_copy, args=(ours, link, ended), daemon=True)
+        thread.start()
+        try:
+            # `theirs` stays open here: without anybody at it, reading `ours` fails.
+            yield os.ttyname(theirs)
+        finally:
+            ended.set()
+            thread.join()
+            os.close(theirs)
+            os.close(ours)
+
+
+def _copy(terminal: int, link: socket.socket, ended: Flag) -> None:
+    """Copy bytes in both directions."""
+    both: list[int | socket.socket] = [terminal, link]
+    with suppress(OSError):
+        while not ended.is_set():
+            ready, _, _ = select.select(both, [], [], _COPIES)
+            if terminal in ready:
+                link.sendall(os.read(terminal, 1 << 16))
+            if link in ready:
+                answer = link.recv(1 << 16)
+                if not answer:
+                    return
+                os.write(terminal, answer)

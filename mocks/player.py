@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from ...base.arrays import FloatArray
-from ...instruments.player.sound_card import SoundCard
-from ...instruments.portaudio import on_tape
-from ...instruments.tape import taped_line
-from ...nidaqmx_twin.nodes import Run
-from ..plant import Plant
-from ..portaudio import FRAMES, CallbackAbort, CallbackStop, Coupling, Flags, PortAudioError
+from ..base.arrays import FloatArray
+from ..instruments.player.sound_card import SoundCard
+from ..instruments.portaudio import on_tape
+from ..instruments.tape import taped_line
+from ..nidaqmx_twin.nodes import Run
+from .plant import Plant
+from .portaudio import FRAMES, CallbackAbort, CallbackStop, Coupling, Flags, PortAudioError
 
 FULL_SCALE = 1.4
 """Output at digital full scale (V peak; estimate, like all constants here; docs/hardware.md, "Sound
