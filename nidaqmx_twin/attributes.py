@@ -14,11 +14,11 @@ from typing import Any
 from .channel import Channel
 from .channels import refuse_input
 from .counter_calls import COUNTER_FACTS, socket_of
-from .defaults import default_value
 from .errors import DaqmxError, DAQmxErrors, unserved
 from .facts import CHANNEL_FACTS, DEVICE_FACTS, SYSTEM_FACTS
 from .maintenance import read_kept, write_kept
 from .names import names_in
+from .properties import default_value
 from .state_facts import CHANNEL_STATE, TASK_STATE
 from .system import NiSystem
 from .tasks import Task, refuse_rate

@@ -1,9 +1,10 @@
-"""Calls that configure and run a task, and calls about devices and the system."""
+"""Calls that configure and run a task, and calls about devices, their sensors and the system."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from datetime import UTC, timedelta
+from pathlib import Path
 from typing import Any
 
 from nidaqmx._stubs import nidaqmx_pb2 as pb
@@ -20,9 +21,38 @@ from .storage import STORAGE
 from .system import NiSystem
 from .tasks import Task, refuse_rate
 from .tdms import log
-from .teds_calls import TEDS
+from .teds import BASIC, not_detected, teds_from_file
 from .transfers import POWER, TRANSFERS
 from .waveform_calls import WAVEFORMS
+
+
+def _configure_teds(system: NiSystem, request: Any, alive: Alive) -> None:
+    for device, tail in system.inventory.resolve(request.physical_channel):
+        if not request.file_path:
+            raise not_detected(f"{device.name}/{tail}")
+        system.teds[f"{device.name}/{tail}"] = teds_from_file(Path(request.file_path))
+
+
+def _clear_teds(system: NiSystem, request: Any, alive: Alive) -> None:
+    for device, tail in system.inventory.resolve(request.physical_channel):
+        system.teds.pop(f"{device.name}/{tail}", None)
+
+
+def _write_teds(of: str) -> Call:
+    """Make a call that writes into a sensor's memory: there is none here that can be written to."""
+
+    def call(system: NiSystem, request: Any, alive: Alive) -> None:
+        ((device, tail), *_) = system.inventory.resolve(request.physical_channel)
+        given = getattr(request, of)
+        if of == "file_path" and given:
+            teds_from_file(Path(given))
+        elif len(given) * 8 < BASIC:
+            raise DaqmxError(
+                DAQmxErrors.TEDS_SENSOR_DATA_ERROR, "TEDS sensor data are not valid: too few bits."
+            )
+        raise not_detected(f"{device.name}/{tail}")
+
+    return call
 
 
 def _properties(kind: str, fixed: dict[str, Any], fields: dict[str, str]) -> Call:
@@ -297,7 +327,10 @@ CALLS: dict[str, Call] = {
     **KEEPING,
     **POWER,
     **STORAGE,
-    **TEDS,
+    "ConfigureTEDS": _configure_teds,
+    "ClearTEDS": _clear_teds,
+    "WriteToTEDSFromArray": _write_teds("bit_stream"),
+    "WriteToTEDSFromFile": _write_teds("file_path"),
     **UPKEEP,
     **WAVEFORMS,
     "CfgChangeDetectionTiming": _change_detection,

@@ -26,8 +26,8 @@ from .devices import Inventory, NiDevice
 from .errors import AlreadyExistsError, DaqmxError, DAQmxErrors
 from .events import Events
 from .nodes import Nodes
+from .properties import ignored
 from .redirect import CREATED, FOLDER, IGNORED, IN_CALLBACK, LIVES, PROCESS
-from .served import ignored
 from .storage import saved_in_export
 from .system import NiSystem
 from .terminals import OutputTerminal

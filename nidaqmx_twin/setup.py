@@ -54,7 +54,7 @@ class Sources(sdist):
 
 setup(
     version=VERSION[1] if VERSION else "0",
-    packages=["nidaqmx_twin", "nidaqmx_twin.redirect", "nidaqmx_twin.bench", "nidaqmx_twin.base"],
+    packages=["nidaqmx_twin", "nidaqmx_twin.redirect", "nidaqmx_twin.base"],
     package_dir={"nidaqmx_twin": ".", "nidaqmx_twin.base": "base" if INSIDE else "../base"},
     cmdclass={"build_py": Modules, "sdist": Sources},
 )

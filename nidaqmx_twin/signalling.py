@@ -13,10 +13,10 @@ from ..base.arrays import FloatArray
 from .channel import Channel, counter_timebase, filter_width
 from .counting import Meter
 from .devices import Inventory, NiDevice
-from .edges import Bursts, Edges, Terminals
 from .errors import DaqmxError, DAQmxErrors, unserved
 from .pulses import PulseTrain, TriggeredTrain
 from .tasks import Task
+from .terminals import Bursts, Edges, Terminals
 
 GLIMPSE = 1e-3
 """Interval at which a signal that somebody waits for is looked at (s)."""

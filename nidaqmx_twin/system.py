@@ -12,7 +12,6 @@ from typing import Any
 from ..base.clock import Clock, VirtualClock
 from .converter import STOPPED, noise_of
 from .devices import Inventory, NiDevice
-from .edges import Terminals
 from .errors import AlreadyExistsError, DaqmxError, DAQmxErrors
 from .failures import Failures
 from .nodes import Nodes, PlayStopped
@@ -32,7 +31,7 @@ from .signalling import (
 )
 from .tasks import State, Task, session_of
 from .teds import Teds
-from .terminals import OutputTerminal
+from .terminals import OutputTerminal, Terminals
 from .verifying import refuse_auto_start, refuse_small_buffer, refuse_terminals, refuse_unsimulated, verify
 
 _LONGEST_WAIT = 86_400.0

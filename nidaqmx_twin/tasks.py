@@ -15,11 +15,10 @@ from ..base.arrays import FloatArray
 from .channel import Channel, Kind
 from .counting import Meter
 from .devices import NiDevice
-from .edges import Edges
 from .errors import DaqmxError, DAQmxErrors
 from .products import convert_interval
 from .pulses import PulseTrain, Train
-from .terminals import Timebase
+from .terminals import Edges, Timebase
 from .watchdog import Watchdog
 
 

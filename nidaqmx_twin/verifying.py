@@ -8,11 +8,17 @@ from collections.abc import Callable, Container
 from nidaqmx.constants import CJCSource, LoggingMode, TemperatureUnits, ThermocoupleType
 
 from .channel import Channel
-from .counter_checks import refuse_changes, refuse_repeated, refuse_timing, verify_counters
+from .checks import (
+    refuse_changes,
+    refuse_repeated,
+    refuse_timing,
+    refuse_unfollowed,
+    verify_counters,
+    verify_triggers,
+)
 from .devices import Inventory
 from .errors import DaqmxError, DAQmxErrors, DAQmxWarnings, unserved, unsupported
 from .tasks import Task
-from .trigger_checks import refuse_unfollowed, verify_triggers
 
 _LEAST_BUFFER = 2
 """Samples per channel of an output buffer (ZhuangLab/storm-control, issue 113: "Minimum Supported Value")."""

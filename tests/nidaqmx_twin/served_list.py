@@ -11,9 +11,8 @@ from nidaqmx._stubs import nidaqmx_pb2 as pb
 from haploop.nidaqmx_twin.attributes import ATTRIBUTE_CALL
 from haploop.nidaqmx_twin.calls import CALLS
 from haploop.nidaqmx_twin.counter_calls import COUNTER_FACTS
-from haploop.nidaqmx_twin.defaults import default_value
 from haploop.nidaqmx_twin.facts import CHANNEL_FACTS, DEVICE_FACTS, SYSTEM_FACTS
-from haploop.nidaqmx_twin.served import acts
+from haploop.nidaqmx_twin.properties import acts, default_value
 from haploop.nidaqmx_twin.state_facts import CHANNEL_STATE, TASK_STATE
 
 PAGE = Path(__file__).parents[2] / "docs" / "reference" / "nidaqmx-served.md"

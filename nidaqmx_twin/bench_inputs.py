@@ -11,12 +11,12 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 from scipy import signal
 
-from ...base.arrays import FloatArray
-from ...base.bounded import Strict
-from ...base.errors import ConfigurationError
-from ...base.validation import validate
-from ...base.wording import did_you_mean
-from ..signals import Signal, signal_of
+from ..base.arrays import FloatArray
+from ..base.bounded import Strict
+from ..base.errors import ConfigurationError
+from ..base.validation import validate
+from ..base.wording import did_you_mean
+from .signals import Signal, signal_of
 
 
 def _number(value: object) -> object:
